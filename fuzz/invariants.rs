@@ -8,7 +8,9 @@ use deflex::cli::held::write;
 use deflex::correct::{self, Options};
 use deflex::measured::Table;
 use deflex::program::cl::{self, ClOptions, Units};
-use deflex::program::{Goal, Language, Program, ReadOptions, RewriteOptions, Target, detect, krl, rapid, read, tp, ur};
+use deflex::program::{
+    Goal, Language, Program, ReadOptions, RewriteOptions, Target, detect, jbi, krl, rapid, read, tp, ur,
+};
 use deflex::robot::BUILTIN;
 use deflex::stock::{ClosedMesh, read_stl};
 use deflex::text::{Diagnostic, Source, apply};
@@ -59,6 +61,11 @@ pub(crate) fn tp(bytes: &[u8]) {
 /// A URScript program: what holds for any program holds for it.
 pub(crate) fn ur(bytes: &[u8]) {
     judge(bytes, ur::read(vec![Source::new("part.script", bytes)], Vec::new()));
+}
+
+/// An INFORM job: what holds for any program holds for it.
+pub(crate) fn jbi(bytes: &[u8]) {
+    judge(bytes, jbi::read(vec![Source::new("part.jbi", bytes)], Vec::new()));
 }
 
 /// A cell file: read, or refused in words.

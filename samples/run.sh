@@ -32,6 +32,11 @@ echo "== ur/contour.script: URScript, with arcs and a feature"
 "$deflex" check out/contour.corrected.script --cell ur/cell.toml --against ur/contour.script --at-targets --max-error 0.001
 
 echo
+echo "== yaskawa/CONTOUR.JBI: INFORM, with circles in a user frame"
+"$deflex" compensate yaskawa/CONTOUR.JBI --cell yaskawa/cell.toml -o out/CONTOUR.corrected.JBI --report out/contour_jbi.report.csv
+"$deflex" check out/CONTOUR.corrected.JBI --cell yaskawa/cell.toml --against yaskawa/CONTOUR.JBI --at-targets --max-error 0.003
+
+echo
 echo "== kuka/ring.src: KRL, with the points of ring.dat"
 "$deflex" compensate kuka/ring.src --cell kuka/cell.toml --out-dir out/kuka --report out/kuka.report.csv
 "$deflex" check out/kuka/ring.src --cell kuka/cell.toml --against kuka/ring.src --at-targets --max-error 0.002

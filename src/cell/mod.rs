@@ -136,22 +136,8 @@ impl Controller {
         if self.harmless.is_empty() {
             return Vec::new();
         }
-        let all = |each: &dyn Fn(&String) -> String| self.harmless.iter().map(each).collect::<String>();
-        let one = |text: String| vec![Source::new("[controller] harmless", text)];
-        match language {
-            Language::Rapid => {
-                one(format!("MODULE deflex_harmless\n{}ENDMODULE\n", all(&|name| format!("PROC {name}()\nENDPROC\n"))))
-            }
-            Language::Krl => one(all(&|name| format!("GLOBAL DEF {name} ( )\nEND\n"))),
-            Language::Ls => {
-                let program =
-                    |name: &String| Source::new(name.clone(), format!("/PROG {name}\n/ATTR\n/MN\n/POS\n/END\n"));
-                self.harmless.iter().map(program).collect()
-            }
-            Language::Ur => one(all(&|name| format!("def {name}():\nend\n"))),
-            // CL data call nothing.
-            Language::Cl => Vec::new(),
-        }
+        let names: Vec<&str> = self.harmless.iter().map(String::as_str).collect();
+        (language.about().declare)(&names).into_iter().map(|(name, text)| Source::new(name, text)).collect()
     }
 }
 

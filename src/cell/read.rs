@@ -172,10 +172,10 @@ fn language(raw: &raw::Cell) -> Option<Language> {
     let names = || raw.tools.keys().chain(raw.wobjs.keys()).map(|name| name.to_ascii_uppercase());
     let begins = |with: [&str; 2]| names().any(|name| with.iter().any(|with| name.starts_with(with)));
     let coupled = raw.robot.kinematics.as_ref().is_some_and(|own| own.coupled_23);
-    if coupled || begins(["UT ", "UF "]) {
+    if coupled {
         return Some(Language::Ls);
     }
-    begins(["TOOL_DATA[", "BASE_DATA["]).then_some(Language::Krl)
+    Language::ALL.into_iter().find(|language| language.about().prefixes.is_some_and(begins))
 }
 
 fn robot(check: &mut Check, raw: &raw::Robot) -> Option<Robot> {

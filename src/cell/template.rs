@@ -139,6 +139,16 @@ const UR: Speech = Speech {
     unit: ["TRACK1", "eax_a", "of the cell"],
 };
 
+const YASKAWA: Speech = Speech {
+    tool: "\"TOOL 1\"",
+    wobj: "\"USER 1\"",
+    upright: "wpr_deg = [0.0, 0.0, 0.0]",
+    places: ["TOOL 1, X Y Z", "TOOL 1, Rx Ry Rz", "TOOL 1, W", "TOOL 1, Xg Yg Zg", "user coordinates 1"],
+    object: "",
+    post: ["CALL JOB:TOOLCHG ({number})", "CALL JOB:SPINDLE ({rpm})"],
+    unit: ["ST1", "eax_a", "the station"],
+};
+
 impl Speech {
     /// That of a language; RAPID's for controllers that deflex does not write for.
     fn of(language: Option<Language>) -> &'static Self {
@@ -146,6 +156,7 @@ impl Speech {
             Some(Language::Krl) => &KUKA,
             Some(Language::Ls) => &FANUC,
             Some(Language::Ur) => &UR,
+            Some(Language::Jbi) => &YASKAWA,
             _ => &RAPID,
         }
     }

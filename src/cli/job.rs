@@ -45,8 +45,8 @@ impl Job {
     /// The one program that several are.
     pub(super) fn one(jobs: Vec<Self>) -> Result<Self, Vec<Diagnostic>> {
         let jobs = grouped(jobs)?;
-        let modules = |language| jobs.iter().all(|job| job.language == language);
-        if jobs.len() > 1 && !modules(Language::Rapid) && !modules(Language::Krl) {
+        let are_modules = |job: &Self| job.language == jobs[0].language && job.language.about().has_modules;
+        if jobs.len() > 1 && !jobs.iter().all(are_modules) {
             let message = "several files that are not all modules of one language are no one program";
             return Err(Diagnostic::error("program.several", &jobs[0].name, message)
                 .help("give them one by one")
@@ -122,7 +122,7 @@ impl Job {
             language,
             listed: false,
         };
-        if let Some(data) = beside(path, "dat").filter(|_| language == Language::Krl) {
+        if let Some(data) = language.about().companion.and_then(|ending| beside(path, ending)) {
             job.texts.push(Text::of(&data)?);
             job.files.push(file_name(&data));
         }
@@ -214,7 +214,7 @@ fn grouped(mut jobs: Vec<Job>) -> Result<Vec<Job>, Vec<Diagnostic>> {
     if jobs.len() <= 1 {
         return Ok(jobs);
     }
-    let is_single = |job: &Job| matches!(job.language, Language::Rapid | Language::Krl) && !job.listed;
+    let is_single = |job: &Job| job.language.about().has_modules && !job.listed;
     let (modules, others): (Vec<_>, Vec<_>) = jobs.into_iter().enumerate().partition(|(_, job)| is_single(job));
     let names = all(modules.par_iter().map(|(_, job)| job.names()).collect::<Vec<_>>())?;
     let mut out = others;
@@ -228,11 +228,12 @@ fn grouped(mut jobs: Vec<Job>) -> Result<Vec<Job>, Vec<Diagnostic>> {
 
 fn unknown_language(head: &Source) -> Vec<Diagnostic> {
     let what = if head.bytes.iter().all(u8::is_ascii_whitespace) {
-        "the file is empty"
+        "the file is empty".to_owned()
     } else {
-        "neither RAPID, CL/APT, KRL, FANUC TP nor URScript was recognised"
+        let names = Language::ALL.map(Language::name);
+        format!("neither {} nor {} was recognised", names[..names.len() - 1].join(", "), names[names.len() - 1])
     };
-    let expected = "expected a RAPID MODULE, GOTO/ records, a KRL DEF or DEFDAT, or /PROG";
+    let expected = "expected a RAPID MODULE, GOTO/ records, a KRL DEF or DEFDAT, /PROG or /JOB";
     let words = Language::ALL.map(Language::word).join(" | ");
     Diagnostic::error("program.language", "", format!("{what}: {expected}"))
         .at(head, Span::new(0, 0))

@@ -5,7 +5,7 @@ use super::input::CellFile;
 use super::output::{Outputs, is_stdout, print};
 use super::{Answer, Outcome, message};
 use deflex::cell::{Cell, examples_left, nearest};
-use deflex::program::orientation::{from_zyx_deg, quaternion, rotation, rotation_vector, xyz_deg, zyx_deg};
+use deflex::program::orientation::{quaternion, rotation, rotation_vector, xyz_deg, zyx_deg};
 use deflex::program::{Confdata, Config, Language, Status};
 use deflex::robot::{
     AxisName, EXTERNAL_AXES, External, Joints, Pose, Robot, Unit, UnitKind, confdata_of, config_of, status_of,
@@ -119,16 +119,14 @@ fn named<'a, T>(
 /// The TCP that was typed, m.
 fn target(numbers: &[f64], language: Option<Language>) -> Result<Pose, Vec<Diagnostic>> {
     let bad = |message: String| {
-        let help = "x,y,z,q1,q2,q3,q4 with the quaternion as RAPID writes it, or x,y,z,A,B,C in mm and degrees (x,y,z,W,P,R for a FANUC). A UR takes x,y,z,rx,ry,rz: mm, and the rotation vector in rad";
+        let help = "x,y,z,q1,q2,q3,q4 with the quaternion as RAPID writes it, or x,y,z,A,B,C in mm and degrees (x,y,z,W,P,R for a FANUC). A Yaskawa takes x,y,z,Rx,Ry,Rz in mm and degrees. A UR takes x,y,z,rx,ry,rz: mm, and the rotation vector in rad";
         vec![Diagnostic::error("pose.target", "", message).help(help)]
     };
     if numbers.iter().any(|number| !number.is_finite()) {
         return Err(bad("--target: a number is not finite".to_owned()));
     }
     let turn = match *numbers {
-        [_, _, _, w, p, r] if language == Some(Language::Ls) => from_zyx_deg([r, p, w]),
-        [_, _, _, rx, ry, rz] if language == Some(Language::Ur) => nalgebra::Rotation3::new([rx, ry, rz].into()),
-        [_, _, _, a, b, c] => from_zyx_deg([a, b, c]),
+        [_, _, _, a, b, c] => (language.unwrap_or(Language::Rapid).about().turn)([a, b, c]),
         [_, _, _, w, x, y, z] => {
             let norm = (w * w + x * x + y * y + z * z).sqrt();
             if (norm - 1.0).abs() > UNIT_NORM {

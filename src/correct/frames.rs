@@ -41,15 +41,6 @@ fn meant(name: &str, declared: &[&str]) -> String {
     nearest(name, declared.iter().copied()).map_or_else(String::new, |near| format!("did you mean `{near}`? "))
 }
 
-/// Where else than in the cell a frame may be declared.
-fn or_context(language: Language) -> &'static str {
-    match language {
-        Language::Rapid => ", or give the module that declares it with --context",
-        Language::Krl => ", or give the file that sets it with --context",
-        Language::Cl | Language::Ls | Language::Ur => "",
-    }
-}
-
 /// A name as a key of TOML: quoted where it is more than a word.
 fn key(name: &str) -> String {
     let bare = name.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '_' | '-'));
@@ -89,7 +80,7 @@ pub(super) fn tools(
                         "{}add [tools.{}] to the cell{}",
                         meant(&tool.name, &cell.names_of(&cell.tools)),
                         key(&tool.name),
-                        or_context(program.language)
+                        program.language.about().or_context
                     ),
                 )
             }));
@@ -156,7 +147,7 @@ pub(super) fn wobjs(program: &Program, cell: &Cell) -> Result<Vec<Option<Declare
                         "{}add [wobjs.{}] to the cell{}",
                         meant(&wobj.name, &cell.names_of(&cell.wobjs)),
                         key(&wobj.name),
-                        or_context(program.language)
+                        program.language.about().or_context
                     ),
                 )
             }));

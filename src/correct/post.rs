@@ -6,8 +6,8 @@ use super::{Corrected, Row, Status, StreamError, frames};
 use crate::cell::{Cell, CutForce, SpinRule};
 use crate::program::cl::{self, CorrectedPoint};
 use crate::program::orientation::rotation;
+use crate::program::post::refuse_names;
 use crate::program::post::{Place, PostedPoint, RapidPlan, RapidPost, Templates, Text};
-use crate::program::post::{krl, refuse_names, tp};
 use crate::program::{
     Action, ActionKind, ChunkReader, Goal, Language, Mark, Next, Program, Role, Tool, ToolData, Wobj, WobjData,
 };
@@ -30,7 +30,7 @@ pub struct PostOptions {
     pub rapid_mm_s: f64,
     /// Speed of moves where the file has no feed at all, mm/s.
     pub feed_mm_s: Option<f64>,
-    /// Language of the program: RAPID, KRL, FANUC TP, URScript, or CL as it was.
+    /// Language of the program: RAPID, KRL, FANUC TP, URScript, INFORM, or CL as it was.
     pub language: Language,
 }
 
@@ -165,21 +165,10 @@ pub fn post(
     outline.points = corrected.posted.len();
     let poster = Poster::new(outline, cell, options)?;
     let points = poster.points(program, corrected);
-    if options.language == Language::Ls {
-        let files = tp::programs(poster.post.plan(), &points, &poster.end(program))?;
+    if let Some(write) = options.language.about().post.write {
+        let axes: Vec<[f64; 6]> = corrected.posted.iter().map(|posted| posted.motor_deg).collect();
+        let files = write(&poster.post, &points, &axes, &poster.end(program))?;
         return Ok(PostedProgram { files, notes: poster.notes });
-    }
-    if options.language == Language::Krl {
-        let axes: Vec<[f64; 6]> = corrected.posted.iter().map(|posted| posted.motor_deg).collect();
-        return Ok(PostedProgram { files: poster.post.krl(&points, &axes, &poster.end(program)), notes: poster.notes });
-    }
-    if options.language == Language::Ur {
-        if options.max_targets.is_some() {
-            let message = "a URScript program is one routine in one file: it is not split";
-            return Err(Diagnostic::error("post.ur", "", message).help("leave out --max-targets").into());
-        }
-        let axes: Vec<[f64; 6]> = corrected.posted.iter().map(|posted| posted.motor_deg).collect();
-        return Ok(PostedProgram { files: poster.post.ur(&points, &axes, &poster.end(program)), notes: poster.notes });
     }
     let body = poster.post.chunk(&Place::default(), &points, Some(&poster.end(program)));
     let mut files: Vec<(String, Vec<u8>)> = Vec::new();
@@ -248,6 +237,10 @@ impl Poster {
     /// No feed is known; names of tools and work objects that the language has no place for.
     pub fn new(mut outline: Outline, cell: &Cell, options: &PostOptions) -> Result<Self, Vec<Diagnostic>> {
         moved(&outline, cell, options.language)?;
+        let statements = options.language.about().post;
+        if let Some(why) = statements.unsplit.filter(|_| options.max_targets.is_some()) {
+            return Err(Diagnostic::error("post.split", "", why).help("leave out --max-targets").into());
+        }
         let first_feed = outline.first_feed.or(options.feed_mm_s);
         let templates = cell.cl.as_ref().map(|cl| cl.post.clone()).unwrap_or_default();
         let mut notes = outline.asked.unwritten(&templates)?;
@@ -272,11 +265,14 @@ impl Poster {
             external: outline.external,
             speeds: outline.feeds,
             points: outline.points,
-            max_points: options.max_targets.or((options.language == Language::Krl).then_some(krl::MOST_POINTS)),
+            max_points: options.max_targets.or(statements.most_points),
             rapid_mm_s: options.rapid_mm_s,
             corner_tolerance_mm: CORNER_TOLERANCE_MM,
         };
         refuse_names(&plan, options.language)?;
+        let help = "compare it with a job that this controller has saved, and run the job slowly first";
+        let warning = |check| Diagnostic::error("post.check", "", check).severity(Severity::Warning).help(help);
+        notes.extend(statements.check.map(warning));
         let no_force = cell.cut.as_ref().is_none_or(|cut| cut.force == CutForce::None);
         Ok(Self {
             post: RapidPost::new(plan),
@@ -374,20 +370,14 @@ fn unit_of<'a>(cell: &'a Cell, name: &str) -> Option<&'a str> {
 
 /// What mechanical units cannot be posted in a language.
 fn moved(outline: &Outline, cell: &Cell, language: Language) -> Result<(), Vec<Diagnostic>> {
-    let message = match language {
-        Language::Ls if outline.external.iter().any(Option::is_some) || are_chosen(cell) => {
-            "FANUC TP is posted without external axes: their motion group is not known".to_owned()
+    let statements = language.about().post;
+    let on_unit = || outline.wobjs.iter().find(|wobj| unit_of(cell, &wobj.name).is_some());
+    let message = match (statements.without_axes, statements.stands_still.then(on_unit).flatten()) {
+        (Some(why), _) if outline.external.iter().any(Option::is_some) || are_chosen(cell) => why.to_owned(),
+        (_, Some(wobj)) => {
+            let (name, wobj) = (language.name(), &wobj.name);
+            format!("{name} is posted with bases that stand still: `{wobj}` is on a mechanical unit")
         }
-        Language::Ur if outline.external.iter().any(Option::is_some) || are_chosen(cell) => {
-            "URScript is posted without external axes: the controller has none".to_owned()
-        }
-        Language::Krl | Language::Ur => match outline.wobjs.iter().find(|wobj| unit_of(cell, &wobj.name).is_some()) {
-            Some(wobj) => {
-                let (name, wobj) = (language.name(), &wobj.name);
-                format!("{name} is posted with bases that stand still: `{wobj}` is on a mechanical unit")
-            }
-            None => return Ok(()),
-        },
         _ => return Ok(()),
     };
     let help = "post RAPID, or put the work object where it is for this program and leave the [[unit]] out";

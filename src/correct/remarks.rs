@@ -22,13 +22,7 @@ fn notes_of_all(Context { program, cell, .. }: Context<'_>, prepared: &Prepared)
     let mut notes = program.diagnostics.clone();
     notes.extend(prepared.notes.iter().cloned());
     if let (StartedFrom::NearestHome, Some(first)) = (prepared.started, program.targets.first()) {
-        let said_by = match program.language {
-            Language::Rapid => "no MoveAbsJ, no `[robot] start_deg` and no fitting confdata say",
-            Language::Krl => "no PTP to axis angles, no `[robot] start_deg` and no fitting S and T say",
-            Language::Ls => "no joint position, no `[robot] start_deg` and no fitting CONFIG say",
-            Language::Ur => "no movej to axis angles, no `[robot] start_deg` and no qnear say",
-            Language::Cl => "CL data cannot say, and no `[robot] start_deg` says",
-        };
+        let said_by = program.language.about().start;
         let how = format!("{said_by} how the arm stands at the first target: the branch nearest home is taken");
         let said = program.error_at(first, "robot.start", how).severity(Severity::Note);
         notes.push(said.help("give `[robot] start_deg` in the cell"));

@@ -7,7 +7,6 @@ use crate::equilibrium::{
     Arm, Batch, Command, Dragged, EquilibriumError, Given, InverseSolution, PredictedPose, Room, Setting, Start,
     WarmStart,
 };
-use crate::program::post::{tp, ur};
 use crate::program::{Editable, Language};
 use crate::robot::{BatchArm, Joints, Place, Pose, Robot, Unreachable, turn_between};
 use crate::text::number;
@@ -309,13 +308,9 @@ fn as_printed(pose: &Pose, position_decimals: usize, quat_decimals: usize) -> ([
 
 /// A pose as the posted program's controller holds it, position mm and orientation scalar first.
 pub(super) fn as_posted(pose: &Pose, post: Option<Language>) -> ([f64; 3], [f64; 4]) {
-    if post == Some(Language::Ls) {
+    if let Some(held) = post.and_then(|post| post.about().post.held) {
         let (position, quat) = frames::millimetres(pose);
-        return tp::held_pose(position, quat);
-    }
-    if post == Some(Language::Ur) {
-        let (position, quat) = frames::millimetres(pose);
-        return ur::held_pose(position, quat);
+        return held(position, quat);
     }
     as_printed(pose, POSTED_DECIMALS.0, POSTED_DECIMALS.1)
 }

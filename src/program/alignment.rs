@@ -3,7 +3,7 @@
 //! A matching keeps the order, and what is not matched lies on the way into the next match. Of all matchings the one of the
 //! least cost is taken, by dynamic programming over the ends of motions; circle points go with their ends.
 
-use super::{Language, Motion, Program, Role};
+use super::{Motion, Program, Role};
 use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::Arc;
@@ -118,7 +118,7 @@ fn ends(program: &Program, same_text: bool) -> Vec<End> {
         let target = &program.targets[i];
         let motion = target.motion;
         let name = match &target.name {
-            Some(name) if program.language == Language::Ls => Named::Point(Arc::clone(name)),
+            Some(name) if program.language.about().are_points_named => Named::Point(Arc::clone(name)),
             Some(_) => Named::Yes,
             None => Named::No,
         };

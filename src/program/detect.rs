@@ -6,7 +6,7 @@ use crate::text::lines;
 /// Finds the language from the content, with the file's ending as a hint for what the content leaves open.
 ///
 /// RAPID has a `MODULE` header (behind `%%%` lines or comments); CL has `GOTO/`-like major words with a slash; KRL begins with
-/// `&` lines or `DEF`, `DEFFCT`, `DEFDAT`; FANUC TP with `/PROG`; URScript has `def name():` or calls like `movel(`.
+/// `&` lines or `DEF`, `DEFFCT`, `DEFDAT`; FANUC TP with `/PROG`; INFORM with `/JOB`; URScript has `def name():` or calls like `movel(`.
 #[must_use]
 pub fn detect(name: &str, bytes: &[u8]) -> Option<Language> {
     // Enough to see a header and the first statements.
@@ -21,6 +21,11 @@ pub fn detect(name: &str, bytes: &[u8]) -> Option<Language> {
     }
     if let Some(language) = first(head, |line| begins(line, b"/PROG").then_some(Language::Ls)) {
         return Some(language);
+    }
+    // Posts write comments before the first line, and some files have CR alone at the ends of lines.
+    let mut rows = head.split(|b| matches!(b, b'\n' | b'\r')).map(<[u8]>::trim_ascii);
+    if rows.find(|row| !row.is_empty() && !row.starts_with(b"'")).is_some_and(|row| row == b"/JOB") {
+        return Some(Language::Jbi);
     }
     if lines(head).any(|line| is_krl(trim(line))) {
         return Some(Language::Krl);
@@ -133,6 +138,9 @@ mod tests {
         assert_eq!(detect("x", b"# by hand\ndef part():\n  sleep(1)\nend\n"), Some(Language::Ur));
         assert_eq!(detect("x", b" movel(p[0.1,0,0,0,0,0])\n"), Some(Language::Ur));
         assert_eq!(detect("x", b"DEF part( )\nEND\n"), Some(Language::Krl));
+        assert_eq!(detect("x", b"'by a post\r\n/JOB\r\n//NAME A\r\n"), Some(Language::Jbi));
+        assert_eq!(detect("x", b"/JOB\r//NAME A\r"), Some(Language::Jbi));
+        assert_eq!(detect("A.JBI", b"NOP\nEND\n"), Some(Language::Jbi));
         assert_eq!(detect("x.script", b"sleep(1)\n"), Some(Language::Ur));
     }
 }

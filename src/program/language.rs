@@ -2,8 +2,10 @@
 
 use super::cl::{self, ClOptions};
 use super::front_end::FrontEnd;
-use super::{Mark, Program, krl, lowered, rapid, tp, ur};
+use super::{Mark, Program, jbi, krl, lowered, post, rapid, tp, ur};
+use crate::program::orientation::from_zyx_deg;
 use crate::text::{Diagnostic, Source};
+use nalgebra::Rotation3;
 
 /// Which language a program is written in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -19,60 +21,83 @@ pub enum Language {
     Ls,
     /// Universal Robots' URScript: `.script`.
     Ur,
+    /// Yaskawa's INFORM: `.JBI`.
+    Jbi,
+}
+
+/// What is said of a language and decided by it where languages differ in no more than a word or a yes.
+#[derive(Debug)]
+pub(crate) struct About {
+    /// As `--input-format` has it.
+    word: &'static str,
+    name: &'static str,
+    /// Endings of its files, lower case.
+    endings: &'static [&'static str],
+    /// Maker of the robots whose controllers run it.
+    pub(crate) maker: &'static str,
+    /// Code and help of what a controller does not load or could not run as its text says.
+    fault: (&'static str, &'static str),
+    /// The character that begins a comment; CL data have a statement for it.
+    comment: Option<u8>,
+    /// A character that ends a statement, and a comment with it.
+    pub(super) comment_end: Option<u8>,
+    /// The name of the work object that is the robot's base, which no cell has to declare.
+    robot_base: Option<&'static str>,
+    /// How names of tools and of work objects begin that only its controllers have.
+    pub(crate) prefixes: Option<[&'static str; 2]>,
+    /// Names of tools and work objects are these prefixes with a number.
+    pub(super) are_names_numbers: bool,
+    /// Where else than in the cell a frame may be declared.
+    pub(crate) or_context: &'static str,
+    /// What does not say how the arm stands at the first target.
+    pub(crate) start: &'static str,
+    /// Whether files use each other's names, and which are one program shows by that.
+    pub(crate) has_modules: bool,
+    /// The ending of a file that belongs to one of the same name.
+    pub(crate) companion: Option<&'static str>,
+    /// Whether all points have a name of their own.
+    pub(super) are_points_named: bool,
+    /// Whether a job can say where external axes are to stand, so that they may be chosen.
+    pub(crate) chooses_external: bool,
+    /// Files with a routine of each of these names that does nothing: their names and texts.
+    pub(crate) declare: fn(&[&str]) -> Vec<(String, String)>,
+    /// The orientation of a pose that is typed as three numbers behind the position.
+    pub(crate) turn: fn([f64; 3]) -> Rotation3<f64>,
+    /// Statements that posted programs need.
+    pub(crate) post: post::Statements,
 }
 
 impl Language {
     /// All of them.
-    pub const ALL: [Self; 5] = [Self::Rapid, Self::Cl, Self::Krl, Self::Ls, Self::Ur];
+    pub const ALL: [Self; 6] = [Self::Rapid, Self::Cl, Self::Krl, Self::Ls, Self::Ur, Self::Jbi];
+
+    pub(crate) fn about(self) -> &'static About {
+        match self {
+            Self::Rapid => &RAPID,
+            Self::Cl => &CL,
+            Self::Krl => &KRL,
+            Self::Ls => &TP,
+            Self::Ur => &UR,
+            Self::Jbi => &JBI,
+        }
+    }
 
     /// Its word, as in `--input-format`.
     #[must_use]
     pub fn word(self) -> &'static str {
-        match self {
-            Self::Rapid => "rapid",
-            Self::Cl => "cl",
-            Self::Krl => "krl",
-            Self::Ls => "ls",
-            Self::Ur => "ur",
-        }
+        self.about().word
     }
 
     /// What people call it.
     #[must_use]
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Rapid => "RAPID",
-            Self::Cl => "CL/APT",
-            Self::Krl => "KRL",
-            Self::Ls => "FANUC TP",
-            Self::Ur => "URScript",
-        }
+        self.about().name
     }
 
     /// Endings of its files, lower case.
     #[must_use]
     pub fn endings(self) -> &'static [&'static str] {
-        match self {
-            Self::Rapid => &["mod", "sys", "prg", "modx", "sysx"],
-            Self::Cl => &[
-                "cl",
-                "cls",
-                "clsf",
-                "cldata",
-                "cld",
-                "apt",
-                "aptsource",
-                "ncl",
-                "clt",
-                "cutloc",
-                "aptcl",
-                "aut",
-                "nci",
-            ],
-            Self::Krl => &["src"],
-            Self::Ls => &["ls"],
-            Self::Ur => &["script", "urscript"],
-        }
+        self.about().endings
     }
 
     /// Whether a corrected program is the same text with other numbers; CL data are posted in another language instead.
@@ -83,13 +108,7 @@ impl Language {
 
     /// Code and help of what a controller does not load or could not run as its text says.
     pub(super) fn fault(self) -> (&'static str, &'static str) {
-        match self {
-            Self::Rapid => ("rapid.motion", "write the numbers of the robtarget; a controller does not load this"),
-            Self::Cl => ("cl.motion", "give motion in numbers, as a CAM system writes it, or take the statement out"),
-            Self::Krl => ("krl.motion", "write the numbers of the position; a controller does not load this"),
-            Self::Ls => ("ls.motion", "write the numbers of the position; a controller does not load this"),
-            Self::Ur => ("ur.motion", "write the numbers of the pose; a controller does not run this"),
-        }
+        self.about().fault
     }
 
     /// The comment that marks a stretch, as this language writes it: `! deflex air`.
@@ -107,22 +126,158 @@ impl Language {
 
     /// The name of the work object that is the robot's base, which no cell has to declare.
     pub(crate) fn robot_base(self) -> Option<&'static str> {
-        match self {
-            Self::Ur => Some(ur::STYLE.frame),
-            Self::Rapid | Self::Cl | Self::Krl | Self::Ls => None,
-        }
+        self.about().robot_base
     }
 
     /// The character that begins a comment; CL data have a statement for it.
-    pub(super) fn comment(self) -> Option<u8> {
-        match self {
-            Self::Rapid | Self::Ls => Some(b'!'),
-            Self::Cl => None,
-            Self::Krl => Some(b';'),
-            Self::Ur => Some(b'#'),
-        }
+    pub(crate) fn comment(self) -> Option<u8> {
+        self.about().comment
     }
 }
+
+/// One file with these lines for each name.
+fn one_file(names: &[&str], each: impl Fn(&str) -> String) -> Vec<(String, String)> {
+    vec![("[controller] harmless".to_owned(), names.iter().map(|name| each(name)).collect())]
+}
+
+static RAPID: About = About {
+    word: "rapid",
+    name: "RAPID",
+    endings: &["mod", "sys", "prg", "modx", "sysx"],
+    maker: "ABB",
+    fault: ("rapid.motion", "write the numbers of the robtarget; a controller does not load this"),
+    comment: Some(b'!'),
+    comment_end: None,
+    robot_base: None,
+    prefixes: None,
+    are_names_numbers: false,
+    or_context: ", or give the module that declares it with --context",
+    start: "no MoveAbsJ, no `[robot] start_deg` and no fitting confdata say",
+    has_modules: true,
+    companion: None,
+    are_points_named: false,
+    chooses_external: true,
+    declare: |names| {
+        let routines: String = names.iter().map(|name| format!("PROC {name}()\nENDPROC\n")).collect();
+        vec![("[controller] harmless".to_owned(), format!("MODULE deflex_harmless\n{routines}ENDMODULE\n"))]
+    },
+    turn: from_zyx_deg,
+    post: post::Statements::RAPID,
+};
+
+static CL: About = About {
+    word: "cl",
+    name: "CL/APT",
+    endings: &["cl", "cls", "clsf", "cldata", "cld", "apt", "aptsource", "ncl", "clt", "cutloc", "aptcl", "aut", "nci"],
+    maker: "",
+    fault: ("cl.motion", "give motion in numbers, as a CAM system writes it, or take the statement out"),
+    comment: None,
+    comment_end: None,
+    robot_base: None,
+    prefixes: None,
+    are_names_numbers: false,
+    or_context: "",
+    start: "CL data cannot say, and no `[robot] start_deg` says",
+    has_modules: false,
+    companion: None,
+    are_points_named: false,
+    chooses_external: true,
+    // CL data call nothing.
+    declare: |_| Vec::new(),
+    turn: from_zyx_deg,
+    post: post::Statements::RAPID,
+};
+
+static KRL: About = About {
+    word: "krl",
+    name: "KRL",
+    endings: &["src"],
+    maker: "KUKA",
+    fault: ("krl.motion", "write the numbers of the position; a controller does not load this"),
+    comment: Some(b';'),
+    comment_end: None,
+    robot_base: None,
+    prefixes: Some(["TOOL_DATA[", "BASE_DATA["]),
+    are_names_numbers: false,
+    or_context: ", or give the file that sets it with --context",
+    start: "no PTP to axis angles, no `[robot] start_deg` and no fitting S and T say",
+    has_modules: true,
+    companion: Some("dat"),
+    are_points_named: false,
+    chooses_external: false,
+    declare: |names| one_file(names, |name| format!("GLOBAL DEF {name} ( )\nEND\n")),
+    turn: from_zyx_deg,
+    post: post::krl::STATEMENTS,
+};
+
+static TP: About = About {
+    word: "ls",
+    name: "FANUC TP",
+    endings: &["ls"],
+    maker: "FANUC",
+    fault: ("ls.motion", "write the numbers of the position; a controller does not load this"),
+    comment: Some(b'!'),
+    comment_end: Some(b';'),
+    robot_base: None,
+    prefixes: Some(["UT ", "UF "]),
+    are_names_numbers: true,
+    or_context: "",
+    start: "no joint position, no `[robot] start_deg` and no fitting CONFIG say",
+    has_modules: false,
+    companion: None,
+    are_points_named: true,
+    chooses_external: false,
+    declare: |names| {
+        let program = |name: &&str| ((*name).to_owned(), format!("/PROG {name}\n/ATTR\n/MN\n/POS\n/END\n"));
+        names.iter().map(program).collect()
+    },
+    turn: |[w, p, r]| from_zyx_deg([r, p, w]),
+    post: post::tp::STATEMENTS,
+};
+
+static UR: About = About {
+    word: "ur",
+    name: "URScript",
+    endings: &["script", "urscript"],
+    maker: "Universal Robots",
+    fault: ("ur.motion", "write the numbers of the pose; a controller does not run this"),
+    comment: Some(b'#'),
+    comment_end: None,
+    robot_base: Some("base"),
+    prefixes: None,
+    are_names_numbers: false,
+    or_context: "",
+    start: "no movej to axis angles, no `[robot] start_deg` and no qnear say",
+    has_modules: false,
+    companion: None,
+    are_points_named: false,
+    chooses_external: false,
+    declare: |names| one_file(names, |name| format!("def {name}():\nend\n")),
+    turn: |[rx, ry, rz]| Rotation3::new([rx, ry, rz].into()),
+    post: post::ur::STATEMENTS,
+};
+
+static JBI: About = About {
+    word: "jbi",
+    name: "INFORM",
+    endings: &["jbi"],
+    maker: "Yaskawa",
+    fault: ("jbi.motion", "write the numbers of the position; a controller does not load this"),
+    comment: Some(b'\''),
+    comment_end: None,
+    robot_base: Some(deflex_lang::inform::ROBOT),
+    prefixes: Some(["TOOL ", "USER "]),
+    are_names_numbers: true,
+    or_context: "",
+    start: "INFORM jobs have pulses for axis angles, and no `[robot] start_deg` says",
+    has_modules: false,
+    companion: None,
+    are_points_named: false,
+    chooses_external: false,
+    declare: |names| one_file(names, |name| format!("/JOB\n//NAME {name}\n//INST\nNOP\nEND\n")),
+    turn: |[rx, ry, rz]| from_zyx_deg([rz, ry, rx]),
+    post: post::jbi::STATEMENTS,
+};
 
 /// How programs are read.
 #[derive(Clone, Copy, Debug)]
@@ -155,6 +310,7 @@ pub fn read(
         Language::Krl => krl::read(sources, context),
         Language::Ls => tp::read(sources, context),
         Language::Ur => ur::read(sources, context),
+        Language::Jbi => jbi::read(sources, context),
     }
 }
 

@@ -87,9 +87,9 @@ impl<'a, T: LongText> LongProgram<'a, T> {
             (Language::Rapid, true) => &[Reading::InOrder, Reading::Indexed, Reading::Executed],
             (Language::Rapid, false) => &[Reading::Executed],
             (Language::Krl | Language::Cl, true) => &[Reading::InOrder],
-            // The positions of a TP program stand behind all its motions: it is held as a whole.
-            // What a URScript motion means depends on all that ran before it.
-            (Language::Ls | Language::Ur, _) | (Language::Krl | Language::Cl, false) => &[],
+            // Others are held as a whole: the positions of a TP program stand behind all its motions, and what a motion of
+            // `deflex-lang` means depends on all that ran before it.
+            _ => &[],
         }
     }
 
@@ -105,9 +105,7 @@ impl<'a, T: LongText> LongProgram<'a, T> {
                 Some(options) => AnyChunks::cl(name, open()?, options),
                 None => Ok(None),
             },
-            (Language::Ls | Language::Ur, _) | (Language::Krl | Language::Cl, Reading::Indexed | Reading::Executed) => {
-                Ok(None)
-            }
+            _ => Ok(None),
         };
         chunks.map_err(|error| cannot_read(name, &error))
     }

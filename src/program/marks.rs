@@ -66,7 +66,7 @@ fn mark(language: Language, row: &[u8]) -> Option<(usize, &[u8])> {
             (start, &row[start + 1..])
         }
     };
-    let ends = |b: &u8| *b == b';' && language == Language::Ls;
+    let ends = |b: &u8| Some(*b) == language.about().comment_end;
     let apart = |b: &u8| b.is_ascii_whitespace() || matches!(b, b'/' | b'\'' | b'"' | b',') || ends(b);
     let mut words = comment.split(apart).filter(|word| !word.is_empty());
     words.next().filter(|word| word.eq_ignore_ascii_case(b"deflex"))?;

@@ -11,6 +11,7 @@ pub(crate) mod chunk;
 pub mod cl;
 mod detect;
 mod front_end;
+pub mod jbi;
 pub mod krl;
 mod language;
 mod long;

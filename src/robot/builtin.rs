@@ -69,13 +69,7 @@ impl Builtin {
     /// What its maker's controllers run, where deflex reads and writes it.
     #[must_use]
     pub fn language(&self) -> Option<Language> {
-        match &self.maker[..] {
-            "ABB" => Some(Language::Rapid),
-            "KUKA" => Some(Language::Krl),
-            "FANUC" => Some(Language::Ls),
-            "Universal Robots" => Some(Language::Ur),
-            _ => None,
-        }
+        Language::ALL.into_iter().find(|language| language.about().maker == self.maker)
     }
 
     /// The robot.

@@ -57,6 +57,11 @@ fn ur() {
 }
 
 #[test]
+fn jbi() {
+    hold("jbi", &["tests/fixtures/jbi"], invariants::jbi);
+}
+
+#[test]
 fn cell() {
     hold("cell", &["tests/fixtures/rapid/invalid"], invariants::cell);
 }
@@ -68,9 +73,8 @@ fn measured() {
 
 #[test]
 fn compensate() {
-    let seeds =
-        ["tests/fixtures/rapid", "tests/fixtures/cl", "tests/fixtures/krl", "tests/fixtures/tp", "tests/fixtures/ur"];
-    hold("compensate", &seeds, invariants::compensate);
+    let seeds = ["rapid", "cl", "krl", "tp", "ur", "jbi"].map(|language| format!("tests/fixtures/{language}"));
+    hold("compensate", &seeds.each_ref().map(String::as_str), invariants::compensate);
 }
 
 /// A function that must hold for any bytes, the seeds that mutations start from, and words that its files are made of.

@@ -64,7 +64,7 @@ fn the_samples_run_what_cargo_built_and_cargo_speaks() {
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success() && said.contains("Compiling"), "{said}");
     let from = copy.path("elsewhere/release/deflex");
-    assert_eq!(called.lines().count(), 21);
+    assert_eq!(called.lines().count(), 23);
     assert!(called.lines().all(|line| line.starts_with(&*from.to_string_lossy())), "{called}");
 }
 

@@ -1,6 +1,6 @@
 //! What a language means where languages differ.
 
-use crate::ir::Slot;
+use crate::ir::{Slot, Switch};
 use crate::store::Store;
 use crate::value::Value;
 use nalgebra::Isometry3;
@@ -18,6 +18,15 @@ pub trait Dialect {
     ///
     /// Tokens that the arguments depend on and the value does not count as used for something else.
     fn call(&self, builtin: u16, arguments: &Arguments<'_>, store: &mut Store) -> Value;
+
+    /// What a routine that is not given is taken to leave as it is (`docs/soundness.md`).
+    fn left_by_foreign(&self) -> &[Switch];
+
+    /// A position that a motion goes to, as what is in force at [`Switch::Shift`](crate::ir::Switch::Shift) moves it aside.
+    fn shifted(&self, position: Value, shift: &Value) -> Value {
+        let _ = shift;
+        position
+    }
 
     /// The variables that a call of the language's own routine may change.
     fn writes(&self, builtin: u16) -> &[Slot];

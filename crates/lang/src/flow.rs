@@ -31,8 +31,8 @@ pub(crate) struct Flow<'a> {
     pub(crate) leads: Vec<bool>,
     /// Where all ways from a node that end the routine meet again.
     pub(crate) meets: Vec<Option<usize>>,
-    /// Nodes that may run more than once in one run of their routine.
-    pub(crate) repeats: Vec<bool>,
+    /// The loop, or the loops within each other, that a node belongs to: it may run more than once in one run of its routine.
+    pub(crate) cycle: Vec<Option<usize>>,
     /// Nodes of a loop that nothing leaves.
     pub(crate) endless: Vec<bool>,
 }
@@ -62,7 +62,7 @@ impl<'a> Flow<'a> {
         let count = flow.nodes.len();
         flow.leads = vec![false; count];
         flow.meets = vec![None; count];
-        (flow.repeats, flow.endless) = (vec![false; count], vec![false; count]);
+        (flow.cycle, flow.endless) = (vec![None; count], vec![false; count]);
         for (first, exit) in flow.routines.clone() {
             flow.lead(first, exit);
             flow.meet(first, exit);
@@ -204,8 +204,9 @@ impl<'a> Flow<'a> {
         let steps = |node: &usize| self.next(*node, exit).collect::<Vec<_>>();
         let repeats = within.len() > 1 || within.iter().any(|node| steps(node).contains(node));
         let endless = repeats && within.iter().flat_map(steps).all(|to| within.contains(&to));
+        let cycle = within.first().copied().filter(|_| repeats);
         for node in within {
-            (self.repeats[node], self.endless[node]) = (repeats, endless);
+            (self.cycle[node], self.endless[node]) = (cycle, endless);
         }
     }
 }

@@ -1,7 +1,8 @@
 //! The intermediate representation that every front end lowers to.
 
 use crate::Span;
-use crate::value::Reason;
+use crate::value::{Given, Reason};
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// A program: functions, and where it begins.
@@ -11,6 +12,8 @@ pub struct Program {
     pub functions: Vec<Function>,
     /// The functions that a run begins with, one after the other. Where there are several, each may run by itself.
     pub entries: Vec<FunctionId>,
+    /// The statements of [`Self::functions`] that stand in no routine say what variables hold when any entry begins, whatever ran before it.
+    pub variables_outlive_runs: bool,
     /// Number literals of the text.
     pub tokens: Vec<Token>,
     /// Names of the global variables, those of [`Switch`] first.
@@ -229,8 +232,8 @@ pub enum ExpressionKind {
     Item(Box<[Expression; 2]>),
     /// A list.
     List(Vec<Expression>),
-    /// A pose, by the numbers that the dialect writes it with.
-    Pose(Vec<Expression>),
+    /// A pose, by the numbers that the dialect writes it with, and what it names besides.
+    Pose(Vec<Expression>, Option<Arc<Given>>),
     /// An operator and its operand.
     Unary(Unary, Box<Expression>),
     /// An operator and its operands.
@@ -303,13 +306,80 @@ pub enum Binary {
     Xor,
 }
 
+impl Program {
+    /// A number literal with its sign, as an expression.
+    pub(crate) fn literal(&mut self, digits: &[u8], place: Place) -> Expression {
+        let value = std::str::from_utf8(digits).ok().and_then(|digits| digits.parse::<f64>().ok());
+        let Some(value) = value.filter(|value| value.is_finite()) else {
+            return Expression { kind: ExpressionKind::Unknown(Reason::NotUnderstood, Vec::new()), place };
+        };
+        let id = TokenId(self.tokens.len() as u32);
+        self.tokens.push(place);
+        Expression { kind: ExpressionKind::Number(value, id), place }
+    }
+
+    /// The literals that each variable may depend on when a run has ended, with what some of them hold before.
+    pub(crate) fn left<'a>(
+        &self,
+        before: impl Iterator<Item = (Slot, &'a Expression)>,
+    ) -> BTreeMap<Slot, BTreeSet<TokenId>> {
+        let mut tokens: BTreeMap<Slot, BTreeSet<TokenId>> = BTreeMap::new();
+        let mut from: BTreeMap<Slot, BTreeSet<Slot>> = BTreeMap::new();
+        let mut flows = |slot: Slot, of: &Expression| {
+            of.each(&mut |part| match part.kind {
+                ExpressionKind::Number(_, token) => drop(tokens.entry(slot).or_default().insert(token)),
+                ExpressionKind::Read(other) => drop(from.entry(slot).or_default().insert(other)),
+                _ => {}
+            });
+        };
+        before.for_each(|(slot, value)| flows(slot, value));
+        for statement in self.functions.iter().flat_map(|function| &function.body) {
+            statement.each(&mut |statement| {
+                let slots: &[Slot] = match &statement.kind {
+                    StatementKind::Assign { slot, .. } => std::slice::from_ref(slot),
+                    StatementKind::Opaque { writes: Some(slots), .. } => slots,
+                    _ => &[],
+                };
+                for slot in slots {
+                    statement.expressions().into_iter().for_each(|part| flows(*slot, part));
+                }
+            });
+        }
+        loop {
+            let mut changed = false;
+            for (slot, others) in &from {
+                let more: Vec<TokenId> =
+                    others.iter().filter_map(|other| tokens.get(other)).flatten().copied().collect();
+                let own = tokens.entry(*slot).or_default();
+                let count = own.len();
+                own.extend(more);
+                changed |= own.len() > count;
+            }
+            if !changed {
+                return tokens;
+            }
+        }
+    }
+}
+
 impl Expression {
+    /// A number without a token.
+    pub(crate) fn constant(value: f64) -> Self {
+        Self { kind: ExpressionKind::Constant(value), place: Place::default() }
+    }
+
+    /// This and a number without a token.
+    pub(crate) fn with(self, operator: Binary, value: f64) -> Self {
+        let place = self.place;
+        Self { kind: ExpressionKind::Binary(operator, Box::new([self, Self::constant(value)])), place }
+    }
+
     /// Calls `of` with this expression and all within it.
     pub fn each<'a>(&'a self, of: &mut impl FnMut(&'a Self)) {
         of(self);
         match &self.kind {
             ExpressionKind::Item(two) | ExpressionKind::Binary(_, two) => two.iter().for_each(|e| e.each(of)),
-            ExpressionKind::List(all) | ExpressionKind::Pose(all) | ExpressionKind::Unknown(_, all) => {
+            ExpressionKind::List(all) | ExpressionKind::Pose(all, _) | ExpressionKind::Unknown(_, all) => {
                 all.iter().for_each(|e| e.each(of));
             }
             ExpressionKind::Unary(_, one) => one.each(of),

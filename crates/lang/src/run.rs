@@ -2,7 +2,7 @@
 //!
 //! Conditions that are known are followed, loops round by round. From a condition that is not known on, all ways are followed to where they
 //! meet again, and what they leave is joined, until it stays; what holds there holds in every run, and each motion on the way counts once,
-//! in the order of the text. A loop that nothing leaves is run so from its beginning.
+//! in the order of the text. A loop that nothing leaves, or leaves by such a condition, is run so from its beginning.
 
 use crate::dialect::{Arguments, Dialect};
 use crate::flow::{Flow, Node};
@@ -152,8 +152,11 @@ impl<'a> Runner<'a> {
         let mut store = fresh.clone();
         let is_routine = |entry: &&FunctionId| !self.program.functions[entry.0 as usize].name.is_empty();
         let several = self.program.entries.iter().filter(is_routine).count() > 1;
+        let mut begins = fresh.clone();
         for entry in &self.program.entries {
-            if is_routine(&entry) && (several || !self.out.motions.is_empty()) {
+            if self.program.variables_outlive_runs && is_routine(&entry) {
+                store = begins.clone();
+            } else if is_routine(&entry) && (several || !self.out.motions.is_empty()) {
                 // Whatever has run before it.
                 store = fresh.clone();
                 (0..globals).for_each(|at| store.lose(Slot::Global(at as u32), Reason::Argument));
@@ -161,6 +164,9 @@ impl<'a> Runner<'a> {
                 store.set(Switch::Mark, Content::Nothing.into());
             }
             self.begin(*entry, &mut store)?;
+            if !is_routine(&entry) {
+                begins = store.clone();
+            }
             if store.globals.len() < globals {
                 store = fresh.clone();
                 if !several {
@@ -239,20 +245,36 @@ impl<'a> Runner<'a> {
     fn walk(&mut self, id: FunctionId, mut store: Store) -> Result<Store, Stop> {
         let (mut node, exit) = self.flow.routine(id);
         let mut rounds: BTreeMap<usize, Rounds> = BTreeMap::new();
+        let mut entered: Option<Entered> = None;
         while node != exit {
             if self.flow.endless[node] {
                 self.region(node, None, exit, store)?;
                 return Err(Stop::Ends);
             }
+            let cycle = self.flow.cycle[node];
+            if entered.as_ref().map(|entered| entered.cycle) != cycle {
+                let (motions, last) = (self.out.motions.len(), self.last);
+                entered = cycle.map(|cycle| Entered { cycle, node, store: store.clone(), motions, last });
+            }
             let goes = self.step(node, exit, &mut store)?;
-            let is_round = self.flow.repeats[node] && matches!(self.flow.nodes[node], Node::Branch { .. });
+            let is_round = cycle.is_some() && matches!(self.flow.nodes[node], Node::Branch { .. });
             node = match goes {
                 // What holds has held before: the rounds repeat forever, and all of their motions are noted.
                 Goes::To(_) if is_round && rounds.entry(node).or_default().repeat(&store) => return Err(Stop::Ends),
                 Goes::To(to) => to,
                 Goes::Either(..) => {
-                    let meets = self.flow.meets[node];
-                    store = self.region(node, meets, exit, store)?.ok_or(Stop::Ends)?;
+                    let (mut from, mut meets) = (node, self.flow.meets[node]);
+                    let within = |meets: Option<usize>| meets.is_some_and(|meets| self.flow.cycle[meets] == cycle);
+                    if let Some(entered) = entered.take().filter(|_| !within(meets)) {
+                        // Whether the loop goes on is not known: all of its rounds are one, from the first on.
+                        (from, store, self.last) = (entered.node, entered.store, entered.last);
+                        self.out.motions.truncate(entered.motions);
+                        meets = self.flow.meets[from];
+                        while within(meets) {
+                            meets = meets.and_then(|meets| self.flow.meets[meets]);
+                        }
+                    }
+                    store = self.region(from, meets, exit, store)?.ok_or(Stop::Ends)?;
                     let Some(meets) = meets else { return Err(Stop::Ends) };
                     meets
                 }
@@ -283,7 +305,7 @@ impl<'a> Runner<'a> {
             Node::Branch { condition, yes, no } => {
                 let value = self.evaluate(condition, store)?;
                 self.use_up(&value.all_reads());
-                match value.truth().filter(|_| self.unrolls || !self.flow.repeats[node]) {
+                match value.truth().filter(|_| self.unrolls || self.flow.cycle[node].is_none()) {
                     Some(true) => yes,
                     Some(false) => no,
                     None => return Ok(Goes::Either(yes, no)),
@@ -404,7 +426,7 @@ impl<'a> Runner<'a> {
                     return lost(Reason::Computed);
                 }
                 numbers[at] = value;
-                let mut changed = Value::pose_of(numbers, self.dialect);
+                let mut changed = Value::pose_of(numbers, pose.given.clone(), self.dialect);
                 changed.reads = changed.reads.with(&whole.reads);
                 changed
             }
@@ -432,6 +454,8 @@ impl<'a> Runner<'a> {
         };
         let (via, to) = (value(&motion.via)?, value(&motion.to)?);
         let (speed, blend) = (value(&motion.speed)?, value(&motion.blend)?);
+        let shift = self.read(Switch::Shift.slot(), store);
+        let [via, to] = [via, to].map(|point| point.map(|point| self.dialect.shifted(point, &shift)));
         for other in &motion.others {
             let value = self.evaluate(other, store)?;
             self.use_up(&value.all_reads());
@@ -482,15 +506,15 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Whatever a routine that is not given may do to the program's variables and to the tool. That it leaves the load, the mark
-    /// and what moves positions aside as they are is assumed (`docs/soundness.md`); of a line that is not understood it is not.
+    /// Whatever a routine that is not given may do to the program's variables and switches, but for what the dialect says that it leaves;
+    /// of a line that is not understood, that is not assumed.
     fn anything(&mut self, reason: Reason, store: &mut Store) {
         for at in 0..self.program.globals.len() as u32 {
             let slot = Slot::Global(at);
             let reads = store.get(slot).all_reads();
             self.use_up(&reads);
-            let is_left = [Switch::Mark, Switch::Frame].map(Switch::slot).contains(&slot)
-                || reason == Reason::Foreign && [Switch::Load, Switch::Shift].map(Switch::slot).contains(&slot);
+            let left = if reason == Reason::Foreign { self.dialect.left_by_foreign() } else { &[] };
+            let is_left = [Switch::Mark, Switch::Frame].iter().chain(left).any(|switch| switch.slot() == slot);
             if !is_left {
                 store.lose(slot, reason);
             }
@@ -581,7 +605,7 @@ impl<'a> Runner<'a> {
             ExpressionKind::Text(text) => Content::Text(Arc::clone(text)).into(),
             ExpressionKind::Read(slot) => self.read(*slot, store),
             ExpressionKind::List(items) => Content::List(self.all(items, store)?.into()).into(),
-            ExpressionKind::Pose(items) => Value::pose_of(self.all(items, store)?, self.dialect),
+            ExpressionKind::Pose(items, given) => Value::pose_of(self.all(items, store)?, given.clone(), self.dialect),
             ExpressionKind::Unknown(reason, parts) => {
                 let value = Value::unknown(*reason).reading(&self.all(parts, store)?);
                 self.use_up(&value.reads);
@@ -681,6 +705,15 @@ impl Rounds {
         }
         false
     }
+}
+
+/// Where a run came into a loop, and what held there.
+struct Entered {
+    cycle: usize,
+    node: usize,
+    store: Store,
+    motions: usize,
+    last: Option<u32>,
 }
 
 /// Where a step goes on.

@@ -57,6 +57,14 @@ pub enum Reason {
     Tangent,
     /// Positions that the program itself holds in a variable of the controller.
     Variable,
+    /// Moved aside by what is known only at run time.
+    Shift,
+    /// Weaves about the path.
+    Weaves,
+    /// A circle that is not three points in a row.
+    Circles,
+    /// Axes that are not the arm's move too.
+    OtherAxes,
 }
 
 impl Reason {
@@ -88,6 +96,10 @@ impl Reason {
             Self::Arc => "other point of an arc that is not edited",
             Self::Tangent => "circle whose orientation follows its tangent",
             Self::Variable => "position that is a variable of the controller",
+            Self::Shift => "shift that is known only at run time",
+            Self::Weaves => "weaves about the path",
+            Self::Circles => "circle that is not three points in a row",
+            Self::OtherAxes => "other axes or another robot move with it",
         }
     }
 }
@@ -202,6 +214,17 @@ pub struct Pose {
     pub own: Isometry3<f64>,
     /// Multiplied on the right.
     pub right: Isometry3<f64>,
+    /// What the position names besides.
+    pub given: Option<Arc<Given>>,
+}
+
+/// What a position names besides its numbers, in languages where a position has a tool and a frame of its own.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Given {
+    /// Name of the tool.
+    pub tool: Arc<str>,
+    /// Name of the frame.
+    pub frame: Arc<str>,
 }
 
 /// Largest whole number up to which single precision has all.
@@ -233,7 +256,7 @@ impl Pose {
     #[must_use]
     pub fn constant(pose: Isometry3<f64>) -> Self {
         let (identity, numbers) = (Isometry3::identity(), Box::default());
-        Self { left: pose, numbers, own: identity, right: identity }
+        Self { left: pose, numbers, own: identity, right: identity, given: None }
     }
 
     /// The pose itself.
@@ -279,7 +302,7 @@ impl Value {
 
     /// The pose of these numbers, as far as they are known.
     #[must_use]
-    pub fn pose_of(numbers: Vec<Self>, dialect: &dyn Dialect) -> Self {
+    pub fn pose_of(numbers: Vec<Self>, given: Option<Arc<Given>>, dialect: &dyn Dialect) -> Self {
         let mut known = Vec::with_capacity(numbers.len());
         for value in &numbers {
             match &value.content {
@@ -290,7 +313,7 @@ impl Value {
         }
         let Some(own) = dialect.pose(&known) else { return Self::unknown(Reason::Computed).reading(&numbers) };
         let identity = Isometry3::identity();
-        Content::Pose(Arc::new(Pose { left: identity, numbers: numbers.into(), own, right: identity })).into()
+        Content::Pose(Arc::new(Pose { left: identity, numbers: numbers.into(), own, right: identity, given })).into()
     }
 
     /// Depending on others too.

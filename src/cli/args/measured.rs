@@ -113,7 +113,7 @@ impl From<AskWhen> for Ask {
 
 /// A language of controllers.
 fn posted(word: &str) -> Result<Language, String> {
-    let known = [Language::Rapid, Language::Krl, Language::Ls, Language::Ur];
-    let found = known.into_iter().find(|language| language.word() == word);
-    found.ok_or_else(|| format!("expected one of {}", known.map(Language::word).join(", ")))
+    let known: Vec<Language> = Language::ALL.into_iter().filter(|language| language.is_edited()).collect();
+    let words = || known.iter().map(|language| language.word()).collect::<Vec<_>>().join(", ");
+    known.iter().copied().find(|language| language.word() == word).ok_or_else(|| format!("expected one of {}", words()))
 }

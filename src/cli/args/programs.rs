@@ -9,7 +9,7 @@ use std::sync::LazyLock;
 
 #[derive(Debug, Args)]
 pub(in crate::cli) struct Compensate {
-    /// Programs: RAPID modules, .pgf lists, KRL, FANUC TP, URScript, CL/APT files; `-` for stdin
+    /// Programs: RAPID modules, .pgf lists, KRL, FANUC TP, URScript, INFORM, CL/APT files; `-` for stdin
     #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) inputs: Vec<PathBuf>,
     #[command(flatten)]
@@ -58,7 +58,7 @@ pub(in crate::cli) struct Compensate {
 
 #[derive(Debug, Args)]
 pub(in crate::cli) struct Predict {
-    /// Programs: RAPID modules, .pgf lists, KRL, FANUC TP, URScript, CL/APT files; `-` for stdin
+    /// Programs: RAPID modules, .pgf lists, KRL, FANUC TP, URScript, INFORM, CL/APT files; `-` for stdin
     #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) inputs: Vec<PathBuf>,
     #[command(flatten)]
@@ -82,7 +82,7 @@ pub(in crate::cli) struct Predict {
 
 #[derive(Debug, Args)]
 pub(in crate::cli) struct Simulate {
-    /// Programs: RAPID modules, .pgf lists, KRL, FANUC TP, URScript, CL/APT files; `-` for stdin
+    /// Programs: RAPID modules, .pgf lists, KRL, FANUC TP, URScript, INFORM, CL/APT files; `-` for stdin
     #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) inputs: Vec<PathBuf>,
     #[command(flatten)]
@@ -156,7 +156,7 @@ impl ValueEnum for CheckFormat {
 
 #[derive(Debug, Args)]
 pub(in crate::cli) struct Check {
-    /// Programs: RAPID modules, .pgf lists, KRL, FANUC TP, URScript, CL/APT files; `-` for stdin
+    /// Programs: RAPID modules, .pgf lists, KRL, FANUC TP, URScript, INFORM, CL/APT files; `-` for stdin
     #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) inputs: Vec<PathBuf>,
     #[command(flatten)]

@@ -55,7 +55,7 @@ pub(super) fn carried(context: Context<'_>) -> Result<Carried<'_>, Vec<Diagnosti
 pub fn has_free_turns(language: Language, cell: &Cell, options: &Options) -> bool {
     match language {
         Language::Cl => cell.cl.as_ref().is_some_and(|cl| cl.spin.rule == SpinRule::Stiffest),
-        Language::Rapid | Language::Krl | Language::Ls | Language::Ur => options.free_spin,
+        _ => options.free_spin,
     }
 }
 
@@ -191,7 +191,7 @@ fn gain(path: &Path<'_>, chosen: &[Chosen]) -> String {
     let chosen_point = |i: &usize| path.chosen_point(*i, &chosen[*i]);
     let written = match path.language {
         Language::Cl => "`spin_deg` throughout",
-        Language::Rapid | Language::Krl | Language::Ls | Language::Ur => "the turn as written",
+        _ => "the turn as written",
     };
     let mut units = String::new();
     for axis in &path.axes {

@@ -437,10 +437,12 @@ impl<'a> Path<'a> {
 /// The external axes that are free along a program, and why others of the cell's are not.
 fn free_axes(program: &Program, cell: &Cell) -> (SmallVec<[FreeAxis; MOST_FREE]>, Vec<String>) {
     let axes = FreeAxis::of(cell);
-    let why = match program.language {
-        Language::Krl | Language::Ls | Language::Ur => "external axes are chosen for RAPID and CL data",
-        Language::Rapid if program.targets.iter().any(has_moved_alone) => "external axes move by themselves (MoveExtJ)",
-        _ => return (axes, Vec::new()),
+    let why = if !program.language.about().chooses_external {
+        "external axes are chosen for RAPID and CL data"
+    } else if program.targets.iter().any(has_moved_alone) {
+        "external axes move by themselves (MoveExtJ)"
+    } else {
+        return (axes, Vec::new());
     };
     let held = axes.iter().map(|axis| format!("unit `{}` is free, and stays as it is written: {why}", axis.name));
     (SmallVec::new(), held.collect())

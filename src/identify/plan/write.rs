@@ -5,7 +5,7 @@ use super::{Ask, PlanProgram, PlannedRow};
 use crate::cell::{Instrument, PlanSection};
 use crate::identify::data::Blocks;
 use crate::program::orientation::quaternion;
-use crate::program::post::{Place, PostedPoint, RapidPlan, RapidPost, Templates, refuse_names, tp};
+use crate::program::post::{Place, PostedPoint, RapidPlan, RapidPost, Templates, refuse_names};
 use crate::program::{ActionKind, Language, Mark, ToolData, WobjData};
 use crate::robot::{Pose, config_of};
 use crate::text::Diagnostic;
@@ -109,17 +109,12 @@ pub(super) fn program(bench: &Bench, sheet: &Sheet, how: &PlanProgram) -> Result
     refuse_names(&plan, how.language)?;
     let post = RapidPost::new(plan);
     let end = between(count);
-    let bytes = match how.language {
-        Language::Krl => {
+    let bytes = match how.language.about().post.write {
+        Some(write) => {
             let axes = sheet.rows.iter().map(|row| robot.axes_deg_from_motor(&bench.spots[row.spot].motor));
-            one(post.krl(&posted, &axes.collect::<Vec<_>>(), &end))
+            one(write(&post, &posted, &axes.collect::<Vec<_>>(), &end)?)
         }
-        Language::Ls => one(tp::programs(post.plan(), &posted, &end)?),
-        Language::Ur => {
-            let axes = sheet.rows.iter().map(|row| robot.axes_deg_from_motor(&bench.spots[row.spot].motor));
-            one(post.ur(&posted, &axes.collect::<Vec<_>>(), &end))
-        }
-        _ => {
+        None => {
             let body = post.chunk(&Place::default(), &posted, Some(&end));
             [&post.head().bytes[..], &body.bytes[..]].concat()
         }
@@ -145,12 +140,7 @@ struct Said {
 
 impl Said {
     fn remark(&self, text: &str) -> String {
-        let sign = match self.language {
-            Language::Krl => ';',
-            Language::Ur => '#',
-            _ => '!',
-        };
-        format!("{sign} {text}")
+        format!("{} {text}", char::from(self.language.comment().unwrap_or(b'!')))
     }
 
     /// The arm stands until the row is read.
@@ -161,18 +151,7 @@ impl Said {
 
     /// A message that the operator has to acknowledge before the program goes on.
     fn asked(&self, text: &str) -> Vec<String> {
-        /// Characters that a TP message has room for.
-        const MESSAGE: usize = 24;
-        match self.language {
-            // A message with an answer needs declarations; the line of a HALT is shown, and the program goes on at Start.
-            Language::Krl => vec![self.remark(text), "HALT".to_owned()],
-            Language::Ls => {
-                let short: String = text.replace(',', "").chars().take(MESSAGE).collect();
-                vec![format!("MESSAGE[{short}]"), "PAUSE".to_owned()]
-            }
-            Language::Ur => vec![format!("popup(\"{text}\", blocking=True)")],
-            _ => vec![format!("UIMsgBox \"{text}\";")],
-        }
+        (self.language.about().post.asks)(text)
     }
 }
 

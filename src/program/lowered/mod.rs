@@ -10,7 +10,7 @@ mod insert;
 mod rewrite;
 mod targets;
 
-pub(super) use targets::{Lowered, build};
+pub(super) use targets::{Lowered, build, refused};
 
 use super::front_end::FrontEnd;
 use super::{Change, Insert, Passing, Program, RewriteOptions, Rewritten};
@@ -26,12 +26,16 @@ pub(super) struct Style {
     pub(super) dialect: &'static (dyn Dialect + Sync),
     /// Millimetres of its unit of length.
     pub(super) mm: f64,
+    /// Decimals of millimetres that controllers hold, where they hold no more; else those that are asked for.
+    pub(super) position_decimals: Option<usize>,
     /// Decimals that its unit of length has more than millimetres have.
     pub(super) more_decimals: usize,
     /// Degrees of its unit of angles.
     pub(super) deg: f64,
     /// Least decimals of a number of an orientation.
     pub(super) turn_decimals: usize,
+    /// What a controller holds of a printed number of a pose, by its place.
+    pub(super) held: fn(usize, f64) -> f64,
     /// What the controller calls the tool that the program does not set, and begins the names of those that it does with.
     pub(super) tool: &'static str,
     /// What the axes of poses are called.
@@ -113,8 +117,8 @@ impl FrontEnd for Layout {
     }
 }
 
-/// The controller's reals are IEEE singles.
+/// Of controllers whose reals are IEEE singles.
 #[allow(clippy::cast_possible_truncation)]
-fn single(value: f64) -> f64 {
+pub(super) fn single(_: usize, value: f64) -> f64 {
     f64::from(value as f32)
 }

@@ -1,6 +1,6 @@
 //! Corrected poses back into the tokens that decide them.
 
-use super::{Layout, Site, single};
+use super::{Layout, Site};
 use crate::program::token::New;
 use crate::program::{Change, Editable, Goal, Program, RewriteOptions, Rewritten};
 use crate::text::{Content, Edit, Token};
@@ -153,7 +153,8 @@ pub(super) fn print(
             tokens.push((affine.token, None));
             continue;
         }
-        let least = if at < 3 { options.position_decimals + style.more_decimals } else { style.turn_decimals };
+        let position = style.position_decimals.unwrap_or(options.position_decimals + style.more_decimals);
+        let least = if at < 3 { position } else { style.turn_decimals };
         // Decimals of the token that leave as little of the number as those of a plain one would.
         #[allow(clippy::cast_possible_truncation)]
         let step = affine.scale.abs().log10().ceil().clamp(-12.0, 12.0) as i64;
@@ -166,7 +167,8 @@ pub(super) fn print(
         }
         tokens.push((affine.token, new.token));
     }
-    let own = style.dialect.pose(&printed.map(single)).unwrap_or(site.own);
+    let held: [f64; 6] = std::array::from_fn(|at| (style.held)(at, printed[at]));
+    let own = style.dialect.pose(&held).unwrap_or(site.own);
     let (position_mm, turn) = layout.millimetres(&(site.left * own * site.right));
     Ok(Print { tokens, written: (position_mm, if quat.is_some() { turn } else { was }) })
 }

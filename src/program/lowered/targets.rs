@@ -6,10 +6,12 @@ use crate::program::{
     UnknownMotion, Wobj,
 };
 use crate::text::{Diagnostic, Severity, Source, Span};
+use deflex_lang::dialect::Dialect;
 use deflex_lang::ir::{self, Path, Place, Switch};
 use deflex_lang::run::{From, Moved, run};
 use deflex_lang::shared::{Edit, editable};
 use deflex_lang::value::{Content, Pose, Reason, Value};
+use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -27,9 +29,6 @@ pub(in crate::program) struct Lowered<'a> {
     /// The files, and how many of them are written.
     pub(in crate::program) sources: Vec<Source>,
     pub(in crate::program) written: usize,
-    pub(in crate::program) literal_targets: usize,
-    /// Motions that make one arc each, of those that run.
-    pub(in crate::program) arcs: fn(&[Moved]) -> Vec<Range<usize>>,
     pub(in crate::program) diagnostics: Vec<Diagnostic>,
 }
 
@@ -49,8 +48,7 @@ pub(in crate::program) fn build(lowered: Lowered<'_>) -> Result<Program, Vec<Dia
             outcome.used.insert(ir::TokenId(at as u32), Reason::Computed);
         }
     }
-    let arcs = (lowered.arcs)(&outcome.motions);
-    let edits = editable(&outcome, &arcs);
+    let edits = editable(&outcome, &[]);
     let mut builder = Builder {
         style,
         sources: &lowered.sources,
@@ -63,29 +61,22 @@ pub(in crate::program) fn build(lowered: Lowered<'_>) -> Result<Program, Vec<Dia
         unknown: Vec::new(),
         kept: Vec::new(),
         arcs: Vec::new(),
-        circles: 0,
         ordinal: 0,
         last: None,
     };
-    let mut together: Vec<Range<usize>> = Vec::new();
-    let mut firsts = Vec::with_capacity(outcome.motions.len() + 1);
     for (i, (motion, edit)) in outcome.motions.iter().zip(edits).enumerate() {
-        firsts.push(builder.targets.len());
         let previous = i.checked_sub(1).filter(|before| builder.last == Some(*before)).is_some();
         if builder.motion(motion, edit, previous) {
             builder.last = Some(i);
         }
     }
-    firsts.push(builder.targets.len());
-    together.extend(arcs.iter().map(|arc| firsts[arc.start]..firsts[arc.end]));
-    together.append(&mut builder.arcs);
     for place in &program.not_understood {
         builder.keep(*place, Reason::NotUnderstood.text());
     }
     let mut diagnostics = lowered.diagnostics;
-    diagnostics.extend(not_given(program, &lowered.sources));
+    diagnostics.extend(not_given(program, &lowered.sources, style.dialect));
     diagnostics.extend(builder.without_mass(lowered.language));
-    let Builder { tools, wobjs, targets, sites, passings, unknown, mut kept, circles, ordinal, .. } = builder;
+    let Builder { tools, wobjs, targets, sites, passings, unknown, mut kept, arcs, ordinal, .. } = builder;
     kept.sort_by_key(|kept| (kept.source, kept.span));
     Ok(Program {
         written: lowered.written,
@@ -97,15 +88,15 @@ pub(in crate::program) fn build(lowered: Lowered<'_>) -> Result<Program, Vec<Dia
         unknown,
         actions: Vec::new(),
         kept,
-        literal_targets: lowered.literal_targets,
-        arcs: circles + arcs.len(),
+        literal_targets: literals(program, lowered.written),
+        arcs: arcs.len(),
         cutter: None,
         diagnostics,
         layout: crate::program::Layout::Lowered(Layout {
             style,
             tokens: program.tokens.clone(),
             sites,
-            arcs: together,
+            arcs,
             passings,
             motions: ordinal as usize,
         }),
@@ -118,8 +109,46 @@ fn may_have_sign(before: &[u8]) -> bool {
     before.trim_ascii_end().last().is_none_or(|b| matches!(b, b'[' | b'(' | b',' | b'=' | b'\n' | b';' | b':'))
 }
 
+/// Why a file as a whole is not read as text of a language.
+pub(in crate::program) fn refused(
+    source: &Source,
+    [too_large, no_text]: [&'static str; 2],
+    expected: &str,
+    help: &str,
+) -> Option<Diagnostic> {
+    let whole = |code, message: &str, at: usize| {
+        let end = (at + 1).min(source.bytes.len());
+        Diagnostic::error(code, &source.name, message).at(source, Span { start: at as u32, end: end as u32 })
+    };
+    if u32::try_from(source.bytes.len()).is_err() {
+        return Some(whole(too_large, "file is larger than 4 GiB", 0).help("split it"));
+    }
+    let at = crate::program::detect::no_text(&source.bytes)?;
+    Some(whole(no_text, &format!("the file is no text: expected {expected}"), at).help(help))
+}
+
+/// Poses in the text all of whose numbers are literals.
+fn literals(program: &ir::Program, written: usize) -> usize {
+    let mut places = BTreeSet::new();
+    for function in &program.functions {
+        for statement in &function.body {
+            statement.each(&mut |statement| {
+                for expression in statement.expressions() {
+                    expression.each(&mut |part| {
+                        if let ir::ExpressionKind::Pose(items, _) = &part.kind {
+                            let literal = items.iter().all(|item| matches!(item.kind, ir::ExpressionKind::Number(..)));
+                            places.extend((literal && usize::from(part.place.source) < written).then_some(part.place));
+                        }
+                    });
+                }
+            });
+        }
+    }
+    places.len()
+}
+
 /// A warning for routines that are called and not given, at the first of them.
-fn not_given(program: &ir::Program, sources: &[Source]) -> Option<Diagnostic> {
+fn not_given(program: &ir::Program, sources: &[Source], dialect: &dyn Dialect) -> Option<Diagnostic> {
     /// Of so many names the rest is only counted.
     const SHOWN: usize = 8;
     let (_, first) = program.foreign.first()?;
@@ -129,8 +158,10 @@ fn not_given(program: &ir::Program, sources: &[Source]) -> Option<Diagnostic> {
         listed.push(&more);
     }
     let source = &sources[usize::from(first.source)];
-    let message = format!("not given, so taken to change the tool and every global variable: {}", listed.join(", "));
-    let help = "give the files that define them with --context; or name those that change neither in `[controller] harmless` of the cell";
+    let is_tool_left = dialect.left_by_foreign().contains(&Switch::Tool);
+    let changed = if is_tool_left { "every variable and shift" } else { "the tool and every global variable" };
+    let message = format!("not given, so taken to change {changed}: {}", listed.join(", "));
+    let help = "give the files that define them with --context; or name those that do not in `[controller] harmless` of the cell";
     let warning = Diagnostic::error("program.called", &source.name, message).at(source, first.span);
     Some(warning.severity(Severity::Warning).help(help))
 }
@@ -149,7 +180,6 @@ struct Builder<'a> {
     kept: Vec<Kept>,
     /// Targets of one circle.
     arcs: Vec<Range<usize>>,
-    circles: usize,
     ordinal: u32,
     /// The last motion that gave a target.
     last: Option<usize>,
@@ -260,7 +290,6 @@ impl Builder<'_> {
         };
         self.put(end, Some(&motion.to), passing);
         if circle {
-            self.circles += 1;
             self.arcs.push(first..self.targets.len());
         }
         if let (Editable::No(why), false) = (editable, path == Motion::AbsoluteJoint) {
@@ -298,6 +327,11 @@ impl Builder<'_> {
 
     /// Indices of tool and work object.
     fn frames(&mut self, motion: &Moved) -> Result<(u16, u16), &'static str> {
+        if let Some(given) = motion.to.pose().and_then(|pose| pose.given.as_ref()) {
+            let tool = intern(&mut self.tools, Tool { name: Arc::clone(&given.tool), data: None });
+            let wobj = Wobj { name: Arc::clone(&given.frame), data: None, unit: None };
+            return Ok((tool, intern(&mut self.wobjs, wobj)));
+        }
         let [tool, load, frame] =
             [Switch::Tool, Switch::Load, Switch::Frame].map(|switch| &motion.switches[switch as usize]);
         let named = |value: &Value| match &value.content {

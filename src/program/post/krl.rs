@@ -1,6 +1,8 @@
 //! The same points as KRL: one `.src`, or parts that the first one calls.
 
 use super::names::identifier;
+use super::statements::Statements;
+use super::template::decimal;
 use super::writer::{Place, PostedPoint, RapidPost};
 use super::zone::radius;
 use crate::program::orientation::{rotation, zyx_deg};
@@ -19,6 +21,17 @@ const SPEED: usize = 6;
 const JOINT_SPEED: u32 = 20;
 /// Names have 24 characters, of which parts take some.
 const SHORTER: usize = 32 - 24 + 8;
+
+/// How KRL says what posted programs need.
+pub(crate) const STATEMENTS: Statements = Statements {
+    dwell: |seconds| format!("WAIT SEC {}", decimal(seconds)),
+    // A message with an answer needs declarations; the line of a HALT is shown, and the program goes on at Start.
+    asks: |text| vec![format!("; {text}"), "HALT".to_owned()],
+    write: Some(|post, points, axes, end| Ok(post.krl(points, axes, end))),
+    most_points: Some(MOST_POINTS),
+    stands_still: true,
+    ..Statements::RAPID
+};
 
 impl RapidPost {
     /// Writes the program: points with the axis angles there (degrees), and the lines of its end; its files by name, the

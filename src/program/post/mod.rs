@@ -10,10 +10,14 @@
 //! | `tp` | FANUC TP programs |
 //! | `krl` | the same points as KRL |
 //! | `ur` | the same points as URScript |
+//! | `jbi` | the same points as INFORM |
+//! | `statements` | what languages write differently in posted programs |
 
 mod data;
+pub(crate) mod jbi;
 pub(crate) mod krl;
 mod names;
+mod statements;
 mod template;
 pub(crate) mod tp;
 pub(crate) mod ur;
@@ -22,6 +26,7 @@ mod zone;
 
 pub use names::identifier;
 pub(crate) use names::refuse as refuse_names;
+pub(crate) use statements::Statements;
 pub(crate) use template::TEMPLATES;
 pub use template::Templates;
 pub use writer::{Place, PostedPoint, RapidPlan, RapidPost, Text, as_written};

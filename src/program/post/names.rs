@@ -97,38 +97,46 @@ pub fn identifier(name: &str, reserve: usize) -> String {
     out
 }
 
-/// Number of a tool (`UT 1`) or a work object (`UF 1`) by which TP programs know it.
+/// Number of a tool (`UT 1`) or a work object (`UF 1`) by which some languages know it.
 pub(super) fn number(name: &str, prefix: &str) -> Option<u32> {
     name.to_ascii_uppercase().strip_prefix(prefix)?.trim().parse().ok()
 }
 
-/// Refuses names that the posted program could not say: RAPID declares tools and work objects under them, TP programs know both
-/// by their numbers. KRL writes the frames themselves where a name is no entry of its tables.
+/// Refuses names that the posted program could not say: RAPID declares tools and work objects under them, TP and INFORM know
+/// both by their numbers. KRL writes the frames themselves where a name is no entry of its tables.
 ///
 /// # Errors
 /// Every tool and work object whose name does not fit.
 pub(crate) fn refuse(plan: &RapidPlan, language: Language) -> Result<(), Vec<Diagnostic>> {
-    let fits = |name: &str, (prefix, predefined): (&str, &str)| match language {
-        Language::Rapid => name.eq_ignore_ascii_case(predefined) || identifier(name, 0) == name,
-        Language::Ls => number(name, prefix).is_some(),
-        Language::Krl | Language::Cl | Language::Ur => true,
+    let about = language.about();
+    let [tool, wobj] = about.prefixes.unwrap_or_default().map(str::trim_end);
+    let fits = |name: &str, prefix: &str, predefined: &str| {
+        let is_predefined = name.eq_ignore_ascii_case(predefined);
+        if about.are_names_numbers {
+            number(name, prefix).is_some() || is_predefined
+        } else {
+            language != Language::Rapid || is_predefined || identifier(name, 0) == name
+        }
     };
-    let expected = |prefix: &str| match language {
-        Language::Ls => format!("a FANUC TP program knows it by its number alone: expected a name like `{prefix} 1`"),
-        _ => format!(
-            "{} cannot declare it: expected a letter, then letters, digits and _, at most {LONGEST}",
-            language.name()
-        ),
+    let expected = |prefix: &str| {
+        let known = language.name();
+        if about.are_names_numbers {
+            format!("a {known} program knows it by its number alone: expected a name like `{prefix} 1`")
+        } else {
+            format!("{known} cannot declare it: expected a letter, then letters, digits and _, at most {LONGEST}")
+        }
     };
     let refused = |what: &str, prefix: &str, name: &str| {
         let help =
             "rename it in the cell and where it is used ([cl], [plan]), or post for the controller that has this name";
         Diagnostic::error("post.name", "", format!("{what} `{name}`: {}", expected(prefix))).help(help)
     };
-    let tools = plan.tools.iter().filter(|(name, _)| !fits(name, ("UT", "tool0")));
-    let wobjs = plan.wobjs.iter().filter(|(name, _)| !fits(name, ("UF", "wobj0")));
-    let tools = tools.map(|(name, _)| refused("tool", "UT", name));
-    let all: Vec<Diagnostic> = tools.chain(wobjs.map(|(name, _)| refused("work object", "UF", name))).collect();
+    let [no_tool, base] =
+        if about.are_names_numbers { ["", language.robot_base().unwrap_or_default()] } else { ["tool0", "wobj0"] };
+    let tools = plan.tools.iter().filter(|(name, _)| !fits(name, tool, no_tool));
+    let wobjs = plan.wobjs.iter().filter(|(name, _)| !fits(name, wobj, base));
+    let tools = tools.map(|(name, _)| refused("tool", tool, name));
+    let all: Vec<Diagnostic> = tools.chain(wobjs.map(|(name, _)| refused("work object", wobj, name))).collect();
     if all.is_empty() { Ok(()) } else { Err(all) }
 }
 

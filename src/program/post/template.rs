@@ -61,15 +61,8 @@ impl Templates {
 
     /// Lines of an action, without their indentation; `None` where it has no template, or lacks what is filled in.
     pub(crate) fn lines(&self, kind: &ActionKind, tool: &str, language: Language) -> Option<String> {
-        if let (ActionKind::Dwell { seconds }, Language::Ls) = (kind, language) {
-            return Some(format!("WAIT {seconds:.2}(sec)"));
-        }
         if let ActionKind::Dwell { seconds } = kind {
-            return Some(match language {
-                Language::Krl => format!("WAIT SEC {}", decimal(*seconds)),
-                Language::Ur => format!("sleep({})", decimal(*seconds)),
-                _ => format!("WaitTime {};", decimal(*seconds)),
-            });
+            return Some((language.about().post.dwell)(*seconds));
         }
         let text = self.0.get(kind.template()?)?;
         Some(match kind {
@@ -90,7 +83,7 @@ fn closes(word: &str) -> bool {
 }
 
 /// A number without digits that say nothing.
-fn decimal(value: f64) -> String {
+pub(super) fn decimal(value: f64) -> String {
     let text = format!("{value:.4}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }

@@ -1,5 +1,6 @@
 //! Points to FANUC TP programs as text.
 
+use super::statements::Statements;
 use super::writer::RapidPlan;
 use super::zone::{FINE, zone};
 use super::{PostedPoint, names};
@@ -16,6 +17,21 @@ const DECIMALS: usize = 3;
 const JOINT_PERCENT: u32 = 20;
 /// Longest program name less `_12`.
 const ENDING: usize = 4;
+
+/// How FANUC TP says what posted programs need.
+pub(crate) const STATEMENTS: Statements = Statements {
+    dwell: |seconds| format!("WAIT {seconds:.2}(sec)"),
+    asks: |text| {
+        /// Characters that a TP message has room for.
+        const MESSAGE: usize = 24;
+        let short: String = text.replace(',', "").chars().take(MESSAGE).collect();
+        vec![format!("MESSAGE[{short}]"), "PAUSE".to_owned()]
+    },
+    write: Some(|post, points, _, end| programs(post.plan(), points, end)),
+    held: Some(held_pose),
+    without_axes: Some("FANUC TP is posted without external axes: their motion group is not known"),
+    ..Statements::RAPID
+};
 
 /// What a controller holds of a pose (mm, scalar first) that is printed as X … R.
 pub(crate) fn held_pose(mm: [f64; 3], quat: [f64; 4]) -> ([f64; 3], [f64; 4]) {

@@ -1,6 +1,8 @@
 //! The same points as URScript: one `.script` with one routine.
 
 use super::names::identifier;
+use super::statements::Statements;
+use super::template::decimal;
 use super::writer::{Place, PostedPoint, RapidPost};
 use super::zone::radius;
 use crate::program::orientation::{quaternion, rotation, rotation_vector};
@@ -18,6 +20,18 @@ const ACCELERATIONS: [&str; 2] = ["1.2", "1.4"];
 const JOINT_SPEED: &str = "0.6";
 /// Longest name less what makes it an identifier.
 const SHORTER: usize = 0;
+
+/// How URScript says what posted programs need.
+pub(crate) const STATEMENTS: Statements = Statements {
+    dwell: |seconds| format!("sleep({})", decimal(seconds)),
+    asks: |text| vec![format!("popup(\"{text}\", blocking=True)")],
+    write: Some(|post, points, axes, end| Ok(post.ur(points, axes, end))),
+    held: Some(held_pose),
+    unsplit: Some("a URScript program is one routine in one file: it is not split"),
+    without_axes: Some("URScript is posted without external axes: the controller has none"),
+    stands_still: true,
+    ..Statements::RAPID
+};
 
 /// What a controller holds of a pose (mm, scalar first) that is printed as `p[…]`.
 pub(crate) fn held_pose(mm: [f64; 3], quat: [f64; 4]) -> ([f64; 3], [f64; 4]) {

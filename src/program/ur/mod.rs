@@ -1,22 +1,25 @@
 //! Universal Robots' URScript (`.script`), read by `deflex-lang`.
 
-use super::lowered::{Lowered, Style, build};
+use super::lowered::{Lowered, Style, build, refused, single};
 use super::{Language, Program};
-use crate::text::{Diagnostic, Source, Span};
-use deflex_lang::ir::{self, ExpressionKind};
+use crate::text::{Diagnostic, Source};
 use deflex_lang::urscript::{self, UrScript};
 use std::f64::consts::PI;
 
 pub(super) static STYLE: Style = Style {
     dialect: &UrScript,
     mm: 1e3,
+    position_decimals: None,
     more_decimals: 3,
     deg: 180.0 / PI,
     // 1e-8 rad are 3e-6 mm at 300 mm.
     turn_decimals: 8,
+    held: single,
     tool: "TCP",
     frame: "base",
 };
+
+const CODES: [&str; 2] = ["ur.too-large", "ur.no-text"];
 
 /// Reads files as one program; `context` files only define routines.
 ///
@@ -25,7 +28,9 @@ pub(super) static STYLE: Style = Style {
 pub fn read(mut sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
     let written = sources.len();
     sources.extend(context);
-    if let Some(error) = sources.iter().find_map(refused) {
+    if let Some(error) =
+        sources.iter().find_map(|source| refused(source, CODES, "URScript", "give the .script file, not the .urp"))
+    {
         return Err(error.into());
     }
     let texts: Vec<&[u8]> = sources.iter().map(|source| &source.bytes[..]).collect();
@@ -34,7 +39,6 @@ pub fn read(mut sources: Vec<Source>, context: Vec<Source>) -> Result<Program, V
         let error = Diagnostic::error("ur.syntax", &source.name, fault.message).at(source, fault.place.span);
         Vec::from(error.help("a controller does not run this; get the file again from its source"))
     })?;
-    let literal_targets = literals(&program, written);
     let made =
         |text: &[u8]| sources[..written].iter().any(|source| memchr::memmem::find(&source.bytes, text).is_some());
     let makers: [(&[u8], &str); 5] = [
@@ -52,40 +56,6 @@ pub fn read(mut sources: Vec<Source>, context: Vec<Source>) -> Result<Program, V
         program: &program,
         sources,
         written,
-        literal_targets,
-        arcs: |_| Vec::new(),
         diagnostics: Vec::new(),
     })
-}
-
-/// Why a file as a whole is not read.
-fn refused(source: &Source) -> Option<Diagnostic> {
-    let whole = |code, message: &str, at: usize| {
-        Diagnostic::error(code, &source.name, message).at(source, Span::new(at, (at + 1).min(source.bytes.len())))
-    };
-    if u32::try_from(source.bytes.len()).is_err() {
-        return Some(whole("ur.too-large", "file is larger than 4 GiB", 0).help("split it"));
-    }
-    let at = super::detect::no_text(&source.bytes)?;
-    Some(whole("ur.no-text", "the file is no text: expected URScript", at).help("give the .script file, not the .urp"))
-}
-
-/// Poses in the text all of whose numbers are literals.
-fn literals(program: &ir::Program, written: usize) -> usize {
-    let mut count = 0;
-    for function in &program.functions {
-        for statement in &function.body {
-            statement.each(&mut |statement| {
-                for expression in statement.expressions() {
-                    expression.each(&mut |part| {
-                        if let ExpressionKind::Pose(items) = &part.kind {
-                            let literal = items.iter().all(|item| matches!(item.kind, ExpressionKind::Number(..)));
-                            count += usize::from(literal && usize::from(part.place.source) < written);
-                        }
-                    });
-                }
-            });
-        }
-    }
-    count
 }

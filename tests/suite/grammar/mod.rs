@@ -24,10 +24,8 @@ struct Known {
 fn known(language: Language) -> Known {
     let (file, first) = match language {
         Language::Rapid => ("rapid", "parse"),
-        Language::Cl => ("cl", "file"),
-        Language::Krl => ("krl", "file"),
-        Language::Ur => ("ur", "file"),
-        _ => ("tp", "sections"),
+        Language::Ls => ("tp", "sections"),
+        _ => (language.word(), "file"),
     };
     let text = fs::read_to_string(root().join(format!("grammars/{file}.ebnf"))).unwrap();
     Known { language, grammar: Grammar::read(&text), first }
@@ -56,6 +54,7 @@ fn rules_are_names_in_the_code() {
         let known = known(language);
         let source = match language {
             Language::Ur => root().join("crates/lang/src/urscript"),
+            Language::Jbi => root().join("crates/lang/src/inform"),
             _ => root().join("src/program").join(folder(language)),
         };
         for (name, rule) in known.grammar.rules.iter().filter(|(_, rule)| !rule.lexical) {
@@ -110,7 +109,8 @@ fn without_card_numbers(text: &[u8]) -> Vec<u8> {
 }
 
 /// Reasons that say that a text is not understood, where one of the grammar is.
-const NOT_UNDERSTOOD: [&str; 10] = [
+const NOT_UNDERSTOOD: [&str; 11] = [
+    "jbi.syntax",
     "ur.syntax",
     "rapid.truncated",
     "rapid.no-module",
@@ -167,6 +167,11 @@ proptest! {
     #[test]
     fn what_the_ur_grammar_derives_is_read(seed in any::<u64>()) {
         reads(&known(Language::Ur), seed)?;
+    }
+
+    #[test]
+    fn what_the_jbi_grammar_derives_is_read(seed in any::<u64>()) {
+        reads(&known(Language::Jbi), seed)?;
     }
 
     #[test]

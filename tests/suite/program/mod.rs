@@ -7,6 +7,7 @@ mod cl_sound;
 mod cl_written;
 
 mod harmless;
+mod jbi;
 mod krl;
 mod krl_insert;
 mod krl_sound;

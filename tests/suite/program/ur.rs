@@ -302,5 +302,5 @@ fn cl_data_are_posted_as_urscript() {
         assert_eq!(target.editable, Editable::Pose);
     }
     let split = PostOptions { max_targets: Some(2), ..options };
-    assert_eq!(post(&program, &cell, &corrected, &split).unwrap_err()[0].code, "post.ur");
+    assert_eq!(post(&program, &cell, &corrected, &split).unwrap_err()[0].code, "post.split");
 }

@@ -135,6 +135,10 @@ impl Dialect for UrScript {
         }
     }
 
+    fn left_by_foreign(&self) -> &[Switch] {
+        &[Switch::Load, Switch::Shift]
+    }
+
     fn writes(&self, builtin: u16) -> &[Slot] {
         const TOOL: [Slot; 1] = [Switch::Tool.slot()];
         const LOAD: [Slot; 1] = [Switch::Load.slot()];

@@ -647,7 +647,7 @@ impl<'a, 'n> Parser<'a, 'n> {
             }
             Kind::Sign if lexeme.text == b"[" => self.items().map(Is::List),
             Kind::Name => match lexeme.text {
-                b"p" if self.take("[") => self.items().map(Is::Pose),
+                b"p" if self.take("[") => self.items().map(|items| Is::Pose(items, None)),
                 b"True" | b"TRUE" | b"true" => Some(Is::Truth(true)),
                 b"False" | b"FALSE" | b"false" => Some(Is::Truth(false)),
                 b"run" => self.thread(),

@@ -1,0 +1,225 @@
+//! What stands before a job's instructions: its name, its groups of axes, and its positions with the tool and frame of each.
+
+use super::lex::lines;
+use super::parse::{given, text};
+use crate::Span;
+use crate::ir::{Expression, ExpressionKind as Is, Fault, Place, Program};
+use crate::value::{Given, Reason};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// What the axes of the robot's own coordinates are called, which base coordinates are too where no base axis carries it.
+pub const ROBOT: &str = "ROBOT";
+/// Base coordinates where a base axis carries the robot.
+pub(super) const BASE: &str = "BASE";
+
+/// What a user frame is called.
+pub(super) fn user(number: &str) -> String {
+    format!("USER {}", whole(number))
+}
+
+/// Without zeros before it.
+fn whole(number: &str) -> String {
+    number.trim().parse::<u32>().map_or_else(|_| number.trim().to_owned(), |number| number.to_string())
+}
+
+/// A job with its head read.
+#[derive(Default)]
+pub(super) struct Header<'a> {
+    pub(super) name: &'a [u8],
+    pub(super) place: Place,
+    pub(super) has_base_axis: bool,
+    pub(super) positions: BTreeMap<u32, Expression>,
+    /// Its instructions, each with where it begins.
+    pub(super) lines: Vec<(usize, &'a [u8])>,
+}
+
+/// A position as it is written, with what holds where it stands.
+struct Written<'a> {
+    is_variable: bool,
+    number: u32,
+    start: usize,
+    numbers: &'a [u8],
+    kind: Kind,
+    tool: &'a [u8],
+    user: &'a [u8],
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    Unsaid,
+    Pulses,
+    Robot,
+    Base,
+    User,
+    /// Relative to a tool.
+    Tool,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Section {
+    Head,
+    Positions,
+    Instructions,
+    /// After `END`.
+    Over,
+}
+
+impl<'a> Header<'a> {
+    /// The jobs of a file; adds the position variables that come with them to `loaded`.
+    pub(super) fn jobs(
+        bytes: &'a [u8],
+        source: u16,
+        program: &mut Program,
+        loaded: &mut BTreeMap<u32, Vec<Expression>>,
+    ) -> Result<Vec<Self>, Fault> {
+        let mut all: Vec<Self> = Vec::new();
+        let (mut section, mut positions) = (Section::Over, Vec::new());
+        let (mut kind, mut tool, mut user): (Kind, &[u8], &[u8]) = (Kind::Unsaid, b"", b"");
+        let place = |start: usize, line: &[u8]| Place { source, span: Span::new(start, start + line.len()) };
+        for (start, line) in lines(bytes) {
+            let directive = line.iter().position(|b| *b != b'/').unwrap_or(line.len());
+            let (word, rest) = split(&line[directive..]);
+            if directive == 1 && word == b"JOB" {
+                finish(&mut all, std::mem::take(&mut positions), source, program, loaded);
+                all.push(Self { place: place(start, line), ..Self::default() });
+                (section, kind, tool, user) = (Section::Head, Kind::Unsaid, b"", b"");
+                continue;
+            }
+            let Some(job) = all.last_mut() else { continue };
+            if section == Section::Over {
+                continue;
+            }
+            if directive > 0 {
+                match word {
+                    b"NAME" => job.name = rest,
+                    b"POS" => section = Section::Positions,
+                    b"INST" => section = Section::Instructions,
+                    b"ARGINFO" => section = Section::Head,
+                    b"TOOL" => tool = rest,
+                    b"USER" => user = rest,
+                    b"POSTYPE" => {
+                        kind = match rest {
+                            b"PULSE" => Kind::Pulses,
+                            b"ROBOT" => Kind::Robot,
+                            b"BASE" => Kind::Base,
+                            b"USER" => Kind::User,
+                            b"TOOL" | b"MTOOL" => Kind::Tool,
+                            _ => Kind::Unsaid,
+                        }
+                    }
+                    _ if word.starts_with(b"GROUP") => {
+                        job.has_base_axis |=
+                            rest.split(|b| *b == b',').any(|axes| axes.trim_ascii().starts_with(b"BS"));
+                    }
+                    _ => {}
+                }
+                continue;
+            }
+            if section == Section::Positions && !line.is_empty() {
+                if let Some((is_variable, number, at)) = position(line) {
+                    let numbers = &line[at..];
+                    positions.push(Written { is_variable, number, start: start + at, numbers, kind, tool, user });
+                    continue;
+                }
+                // Some write no `//INST`.
+                if !line.contains(&b'=') || !line[0].is_ascii_alphabetic() || line.contains(&b' ') {
+                    section = Section::Instructions;
+                }
+            }
+            if section == Section::Instructions {
+                job.lines.push((start, line));
+                if line == b"END" {
+                    section = Section::Over;
+                }
+            }
+        }
+        finish(&mut all, positions, source, program, loaded);
+        let fault = |place, message| Err(Fault { place, message });
+        match all.iter().find(|job| job.name.is_empty()) {
+            Some(job) => fault(job.place, "a job without a name: expected `//NAME`"),
+            None if all.is_empty() => fault(place(0, b""), "no job: expected `/JOB` in the first line"),
+            None => Ok(all),
+        }
+    }
+}
+
+/// A line's first word, and what stands behind it.
+fn split(line: &[u8]) -> (&[u8], &[u8]) {
+    let end = line.iter().position(u8::is_ascii_whitespace).unwrap_or(line.len());
+    (&line[..end], line[end..].trim_ascii())
+}
+
+/// `C00001=` and `P012=`: whether it is a variable, its number, and where what it is begins.
+fn position(line: &[u8]) -> Option<(bool, u32, usize)> {
+    let equals = line.iter().position(|b| *b == b'=')?;
+    let name = line[..equals].trim_ascii();
+    let digits = name.get(1..)?;
+    let number = std::str::from_utf8(digits).ok()?.parse().ok()?;
+    match name[0] {
+        b'C' => Some((false, number, equals + 1)),
+        b'P' => Some((true, number, equals + 1)),
+        _ => None,
+    }
+}
+
+/// Gives the last job its positions.
+fn finish(
+    jobs: &mut [Header<'_>],
+    positions: Vec<Written<'_>>,
+    source: u16,
+    program: &mut Program,
+    loaded: &mut BTreeMap<u32, Vec<Expression>>,
+) {
+    let Some(job) = jobs.last_mut() else { return };
+    let mut names: BTreeMap<(String, String), Arc<Given>> = BTreeMap::new();
+    for written in positions {
+        let frame = match written.kind {
+            Kind::Robot => Ok(ROBOT.to_owned()),
+            Kind::Base => Ok(if job.has_base_axis { BASE } else { ROBOT }.to_owned()),
+            Kind::User if !written.user.is_empty() => Ok(user(&text(written.user))),
+            Kind::User | Kind::Tool => Err(Reason::Frame),
+            Kind::Pulses | Kind::Unsaid => Err(Reason::Pulses),
+        };
+        let place = Place { source, span: Span::new(written.start, written.start + written.numbers.len()) };
+        let unknown = |reason| Expression { kind: Is::Unknown(reason, Vec::new()), place };
+        let expression = match frame {
+            Ok(_) if written.tool.is_empty() => unknown(Reason::Tool),
+            Ok(frame) => {
+                let key = (format!("TOOL {}", whole(&text(written.tool))), frame);
+                let given = names.entry(key).or_insert_with_key(|(tool, frame)| given(tool.clone(), frame.clone()));
+                match numbers(&written, source, program) {
+                    Some(items) => Expression { kind: Is::Pose(items, Some(Arc::clone(given))), place },
+                    None => unknown(Reason::NotUnderstood),
+                }
+            }
+            Err(reason) => unknown(reason),
+        };
+        if written.is_variable {
+            loaded.entry(written.number).or_default().push(expression);
+        } else if let Some(twice) = job.positions.insert(written.number, expression) {
+            let kind = Is::Unknown(Reason::NotUnderstood, vec![twice, job.positions[&written.number].clone()]);
+            job.positions.insert(written.number, Expression { kind, place });
+        }
+    }
+}
+
+/// Six numbers with commas between them.
+fn numbers(written: &Written<'_>, source: u16, program: &mut Program) -> Option<Vec<Expression>> {
+    let plain = |part: &[u8]| {
+        let digits = part.strip_prefix(b"-").or_else(|| part.strip_prefix(b"+")).unwrap_or(part);
+        digits.iter().any(u8::is_ascii_digit) && digits.iter().all(|b| b.is_ascii_digit() || *b == b'.')
+    };
+    let parts: Vec<&[u8]> = written.numbers.split(|b| *b == b',').collect();
+    if parts.len() != 6 || !parts.iter().all(|part| plain(part.trim_ascii())) {
+        return None;
+    }
+    let mut at = written.start;
+    let items = parts.into_iter().map(|part| {
+        let start = at + part.len() - part.trim_ascii_start().len();
+        at += part.len() + 1;
+        let digits = part.trim_ascii();
+        program.literal(digits, Place { source, span: Span::new(start, start + digits.len()) })
+    });
+    Some(items.collect())
+}

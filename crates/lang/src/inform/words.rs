@@ -1,0 +1,50 @@
+//! The instructions of INFORM that have no rule of their own in the parser.
+//!
+//! Source: Yaskawa, *DX100 / DX200 / YRC1000 Options, Instructions: INFORM Language*. An instruction that is not here may change anything.
+
+/// What an instruction does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Does {
+    /// Changes nothing that a motion depends on.
+    Nothing,
+    /// Gives the variable that it names first a value that is known at run time only.
+    Asks,
+    /// Gives the variable that it names first a value that is not computed here.
+    Computes,
+    /// Defines a user frame anew.
+    Frame,
+    /// Defines a tool anew.
+    Tool,
+    /// Moves positions aside from here on.
+    Shifts,
+    /// Ends that.
+    Unshifts,
+}
+
+/// What an instruction does; `None` where the word is none of these.
+pub(super) fn find(word: &[u8]) -> Option<Does> {
+    let word = std::str::from_utf8(word).ok()?;
+    INSTRUCTIONS
+        .iter()
+        .find(|(words, _)| words.split_ascii_whitespace().any(|known| known == word))
+        .map(|(_, does)| *does)
+}
+
+const INSTRUCTIONS: [(&str, Does); 7] = [
+    (
+        "NOP DOUT PULSE AOUT WAIT TIMER MSG CWAIT PAUSE CLS PRINT HAND HSEN SPEED REFP SETREG SETUALM ADVINIT ADVSTOP \
+         LATESTJOB SETTM ARATION ARATIOF ANTOUT ARCON ARCOF ARCSET ARCCTS ARCCTE VWELD AWELD RETRY REPLAY ANTSTK GUNCL \
+         GUNCHG SPOT STROKE STRWAIT TOOLON TOOLOF HTRAJON HTRAJOF HPVELON HPVELOF HPMMVON HPMMVOF SMOOTH NWAIT ENDWAIT
+         WVADJ CLRSENS COMARCOF",
+        Does::Nothing,
+    ),
+    (
+        "DIN INPUT GETREG GETS GETARG GETNAME GETFILE GETTOOL GETPRM DIALOG VAL LEN ASC STRSTR CHR$ MID$ CAT$ VAL2STR",
+        Does::Asks,
+    ),
+    ("CNVRT MULMAT INVMAT MSHIFT SQRT SIN COS TAN ATAN AND OR NOT XOR GETPOS", Does::Computes),
+    ("MFRAME", Does::Frame),
+    ("SETTOOL", Does::Tool),
+    ("SFTON3D COMARCON WVON", Does::Shifts),
+    ("SFTOF SFTOF3D WVOF", Does::Unshifts),
+];
