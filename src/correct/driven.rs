@@ -441,10 +441,11 @@ pub(super) fn driven_ways(
     let mut passed = Vec::new();
     for sample in &path.samples {
         let waypoint = waypoint_of(sample.waypoint);
-        passed.resize(sample.waypoint + 1, None);
-        passed[sample.waypoint] = programmed
-            .offset(&sample.base_from_tcp, waypoint)
-            .map(|offset| prepared.base_from_wobj(course.targets[waypoint]).rotation.inverse() * offset.vector);
+        let off = programmed.offset(&sample.base_from_tcp, waypoint);
+        let off = off.map(|off| prepared.base_from_wobj(course.targets[waypoint]).rotation.inverse() * off.vector);
+        // Motions that end between two samples have the next one's.
+        passed.resize(sample.waypoint + 1, off);
+        passed[sample.waypoint] = off;
     }
     DrivenWays { ways, missed, passed, counts, figures }
 }
