@@ -22,7 +22,7 @@ pub trait Dialect {
     /// What a routine that is not given is taken to leave as it is (`docs/soundness.md`).
     fn left_by_foreign(&self) -> &[Switch];
 
-    /// A position that a motion goes to, as what is in force at [`Switch::Shift`](crate::ir::Switch::Shift) moves it aside.
+    /// A position that a motion goes to, as what is in force at [`Switch::Shift`] moves it aside.
     fn shifted(&self, position: Value, shift: &Value) -> Value {
         let _ = shift;
         position
