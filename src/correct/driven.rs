@@ -1,5 +1,6 @@
 //! The path that the controller drives and the loaded arm takes, sampled over time.
 
+use super::laws::Law;
 use super::load::PointLoad;
 use super::mount::PREDECESSOR_UNKNOWN;
 use super::parallelism::Parallelism;
@@ -20,9 +21,9 @@ use std::sync::Arc;
 
 /// Samples that are solved at once: some ten megabytes.
 const BATCH: usize = 16_384;
-/// Steps of the share of the programmed speed at which the force is known. Half a step is 3 % of the chip load: less than any coefficient
-/// of a material is known to.
-const SPEED_STEPS: usize = 16;
+/// Feeds of a cutter at which the force is known, up to its largest one. Half a step is 3 % of the chip load: less than any coefficient of
+/// a material is known to.
+const FEED_STEPS: usize = 16;
 
 /// A program as a controller is sent along it.
 #[derive(Clone, Debug)]
@@ -324,14 +325,14 @@ pub fn loaded_path(program: &Program, cell: &Cell, options: &Options) -> Result<
     let course = Course::new(program, cell, &prepared)?;
     let law = cell.controller.path.map_or(PathLaw::AS_WRITTEN, |path| path.law);
     let driven = drive(&cell.arm.robot, &law, &course.waypoints).map_err(|error| course.refused(program, error))?;
-    let mut slower = BTreeMap::new();
+    let mut feeds = DrivenFeeds::new(&prepared.shared.laws);
     let mut samples: Vec<LoadedSample> = Vec::with_capacity(driven.len());
     let mut last: Option<(Joints, Joints)> = None;
     let shares = Follow { program, prepared: &prepared, course: &course, arm: &cell.arm }.speeds(&driven);
     for (batch, shares) in driven.chunks(BATCH).zip(shares.chunks(BATCH)) {
         let follow = Follow { program, prepared: &prepared, course: &course, arm: &cell.arm };
         let mut points: Vec<Point> = batch.iter().map(|sample| follow.point(sample, &mut last)).collect();
-        prepared.slow_down(&mut points, shares, &mut slower);
+        feeds.slow_down(&mut prepared, &mut points, shares);
         let batch_of_points = prepared.with_points(points);
         let solver = Solver::new(&cell.arm, &batch_of_points, Parallelism::Threads);
         let landed = solver.forward(|i| batch_of_points.points[i].as_programmed(), |_| WarmStart::default());
@@ -450,22 +451,48 @@ pub(super) fn driven_ways(
     DrivenWays { ways, missed, passed, counts, figures }
 }
 
-impl Prepared {
-    /// Gives points the law of their cut at a share of the programmed speed. `known` has the laws that were made already, by the law at
-    /// the programmed feed and the step of the share.
+/// The laws of the cuts of a program at the feeds that are driven. A cutter has a law for each of [`FEED_STEPS`] feeds below its largest
+/// one, however many feeds the program states.
+struct DrivenFeeds {
+    /// For each law of the program that of the same cutter at its largest feed.
+    fastest: Vec<usize>,
+    /// Laws that were made, by the fastest one and the step.
+    known: BTreeMap<(usize, usize), usize>,
+}
+
+impl DrivenFeeds {
+    fn new(laws: &[Law]) -> Self {
+        let mut cutters: Vec<usize> = Vec::new();
+        for (i, law) in laws.iter().enumerate() {
+            match cutters.iter_mut().find(|other| laws[**other].cuts_like(law)) {
+                Some(fastest) if law.feed_per_tooth() > laws[*fastest].feed_per_tooth() => *fastest = i,
+                Some(_) => {}
+                None => cutters.push(i),
+            }
+        }
+        let of =
+            |(i, law): (usize, &Law)| cutters.iter().copied().find(|other| laws[*other].cuts_like(law)).unwrap_or(i);
+        Self { fastest: laws.iter().enumerate().map(of).collect(), known: BTreeMap::new() }
+    }
+
+    /// Gives points the law of their cut at a share of the programmed speed.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss)]
-    fn slow_down(&mut self, points: &mut [Point], shares: &[f64], known: &mut BTreeMap<(usize, usize), usize>) {
-        let steps = SPEED_STEPS as f64;
+    fn slow_down(&mut self, prepared: &mut Prepared, points: &mut [Point], shares: &[f64]) {
+        let steps = FEED_STEPS as f64;
         for (point, share) in points.iter_mut().zip(shares) {
             let PointLoad::Law { law, .. } = &mut point.load else { continue };
-            let step = (share * steps).round() as usize;
-            if step >= SPEED_STEPS {
+            let laws = &prepared.shared.laws;
+            let fastest = self.fastest[*law];
+            let largest = laws[fastest].feed_per_tooth();
+            let step = (share * laws[*law].feed_per_tooth() / largest * steps).round() as usize;
+            // At the programmed feed the law is the program's own.
+            if (1.0 - share) * steps < 0.5 {
                 continue;
             }
-            let shared = &mut self.shared;
-            *law = *known.entry((*law, step)).or_insert_with(|| {
+            let shared = &mut prepared.shared;
+            *law = *self.known.entry((fastest, step)).or_insert_with(|| {
                 let laws = &mut Arc::make_mut(shared).laws;
-                laws.push(laws[*law].at_share(step as f64 / steps));
+                laws.push(laws[fastest].at_feed(largest * step as f64 / steps));
                 laws.len() - 1
             });
         }

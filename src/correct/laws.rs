@@ -49,10 +49,19 @@ impl Law {
         Self { milling, table, lean, slope, force, height, mirrored }
     }
 
-    /// The law where the tool is fed at a share of the speed that it is made for: each tooth takes that share of its chip.
-    pub(super) fn at_share(&self, share: f64) -> Self {
-        let table = self.table.at_feed(share * self.table.feed_per_tooth());
-        Self::new(Arc::clone(&self.milling), table, self.lean)
+    /// The feed per tooth that it is of, m.
+    pub(super) fn feed_per_tooth(&self) -> f64 {
+        self.table.feed_per_tooth()
+    }
+
+    /// Whether both are of the same cutter in the same engagement.
+    pub(super) fn cuts_like(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.milling, &other.milling)
+    }
+
+    /// The same of another feed per tooth, m.
+    pub(super) fn at_feed(&self, feed_per_tooth: f64) -> Self {
+        Self::new(Arc::clone(&self.milling), self.table.at_feed(feed_per_tooth), self.lean)
     }
 }
 

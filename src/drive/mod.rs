@@ -13,8 +13,8 @@
 //!
 //! The deflection of the arm is no part of it: these are the angles of the motors, as the controller's own signals show them.
 //!
-//! The law describes the joint logs of a real IRB 6640 and of its virtual controller (`hehonglu123/ABB_Primitive_Study`): the
-//! distance from a corner of 30°, passed with z1, z10 and z20 at 50 to 500 mm/s, to 10 %.
+//! The law describes the joint logs of an IRB 6640 and of its virtual controller (`hehonglu123/ABB_Primitive_Study`); docs/driven-path.md
+//! says how well.
 
 mod distance;
 mod envelope;
