@@ -19,6 +19,7 @@ pub mod dialect;
 mod flow;
 pub mod inform;
 pub mod ir;
+mod lexeme;
 pub mod run;
 pub mod shared;
 mod span;

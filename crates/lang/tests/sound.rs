@@ -5,34 +5,16 @@
 //! program is run before and after its correction with the same inputs: every motion has to go where the correction wants it, in
 //! the same order, and all else to where it went. `DEFLEX_LANG_PROGRAMS` sets the number of programs.
 
+mod random;
+
 use deflex_lang::ir::{Switch, TokenId};
 use deflex_lang::run::run;
 use deflex_lang::shared::{Edit, agree, editable};
 use deflex_lang::urscript::{UrScript, read};
 use nalgebra::{Isometry3, Point3, Vector3};
+use random::Random;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
-
-/// Small and the same everywhere (Steele, Lea and Flood 2014, *Fast splittable pseudorandom number generators*).
-#[derive(Clone)]
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-
-    fn below(&mut self, n: usize) -> usize {
-        (self.next() % n as u64) as usize
-    }
-
-    fn one_in(&mut self, n: usize) -> bool {
-        self.below(n) == 0
-    }
-}
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Var {

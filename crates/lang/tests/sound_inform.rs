@@ -7,33 +7,15 @@
 
 #![allow(clippy::unwrap_used)] // the interpreter reads what the generator has written
 
+mod random;
+
 use deflex_lang::inform::{Inform, read};
 use deflex_lang::ir::{Path, TokenId};
 use deflex_lang::run::run;
 use deflex_lang::shared::{Edit, agree, editable};
+use random::Random;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
-
-/// Small and the same everywhere (Steele, Lea and Flood 2014, *Fast splittable pseudorandom number generators*).
-#[derive(Clone)]
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-
-    fn below(&mut self, n: usize) -> usize {
-        (self.next() % n as u64) as usize
-    }
-
-    fn one_in(&mut self, n: usize) -> bool {
-        self.below(n) == 0
-    }
-}
 
 /// Teaching positions of each job, and position variables that come with the first.
 const TAUGHT: usize = 16;

@@ -11,6 +11,7 @@ mod jbi;
 mod krl;
 mod krl_insert;
 mod krl_sound;
+mod listed;
 mod post_limits;
 mod predecessor;
 mod rapid;

@@ -2,6 +2,7 @@
 
 #![allow(clippy::float_cmp)] // the very numbers that were written
 
+use super::listed::refused;
 use deflex::cell::Cell;
 use deflex::correct::{Options, PostOptions, Prepared, compensate, post};
 use deflex::program::orientation::{from_zyx_deg, quaternion};
@@ -178,9 +179,7 @@ fn invalid_fixtures_are_refused_with_a_reason() {
     insta::glob!("../../fixtures/tp/invalid", "*.ls", |path| {
         let source = Source::new("fixture.ls", std::fs::read(path).unwrap());
         let errors = tp::read(vec![source], Vec::new()).unwrap_err();
-        let said: Vec<String> =
-            errors.iter().map(|e| format!("{e}\nhelp: {}", e.help.as_deref().unwrap_or_default())).collect();
-        insta::assert_snapshot!(said.join("\n"));
+        insta::assert_snapshot!(refused(&errors));
     });
 }
 

@@ -2,6 +2,7 @@
 
 #![allow(clippy::float_cmp)] // the very numbers that were written
 
+use super::listed::{listed, refused};
 use deflex::cell::Cell;
 use deflex::correct::{Options, PostOptions, compensate, post, predict};
 use deflex::program::orientation::{quaternion, rotation};
@@ -31,43 +32,6 @@ fn written(program: &Program, changes: &[Option<Change>], inserts: &[Insert]) ->
     (String::from_utf8(out).unwrap(), rewritten.kept)
 }
 
-/// What is known of a program, a line for each target and for each statement that is kept.
-fn listed(program: &Program) -> String {
-    let mut out = String::new();
-    let round = |values: &[f64]| values.iter().map(|v| format!("{v:.3}")).collect::<Vec<_>>().join(" ");
-    for (i, target) in program.targets.iter().enumerate() {
-        let (tool, wobj) =
-            (&program.tools[usize::from(target.tool)].name, &program.wobjs[usize::from(target.wobj)].name);
-        let goal = match target.goal {
-            Goal::Pose { position_mm, quat, conf } => {
-                format!("{} / {}{}", round(&position_mm), round(&quat), if conf.is_some() { " near" } else { "" })
-            }
-            Goal::Joints { deg } => format!("joints {}", round(&deg)),
-            Goal::Axis { .. } => unreachable!("no CL data"),
-        };
-        let _ = writeln!(
-            out,
-            "{} line {} {:?} {:?} {goal}; {tool} in {wobj}; {:?} mm/s, {:?}, {:?}, {:?}, {:?}",
-            target.ordinal,
-            target.line,
-            target.role,
-            target.motion,
-            target.feed_mm_s,
-            program.passing(i),
-            target.mark,
-            target.predecessor,
-            target.editable
-        );
-    }
-    for kept in &program.kept {
-        let _ = writeln!(out, "kept line {}: {}", kept.line, kept.reason);
-    }
-    for said in &program.diagnostics {
-        let _ = writeln!(out, "{said}");
-    }
-    out
-}
-
 #[test]
 fn valid_fixtures_read_as_they_should_and_survive_a_write() {
     insta::glob!("../../fixtures/ur/valid", "*.script", |path| {
@@ -84,9 +48,7 @@ fn invalid_fixtures_are_refused_with_a_reason() {
     insta::glob!("../../fixtures/ur/invalid", "*.script", |path| {
         let source = Source::new("fixture.script", std::fs::read(path).unwrap());
         let errors = ur::read(vec![source], Vec::new()).unwrap_err();
-        let said: Vec<String> =
-            errors.iter().map(|e| format!("{e}\nhelp: {}", e.help.as_deref().unwrap_or_default())).collect();
-        insta::assert_snapshot!(said.join("\n"));
+        insta::assert_snapshot!(refused(&errors));
     });
 }
 

@@ -144,7 +144,7 @@ impl<'a> Header<'a> {
     }
 }
 
-/// A line's first word, and what stands behind it.
+/// A line's first word, and what follows it.
 fn split(line: &[u8]) -> (&[u8], &[u8]) {
     let end = line.iter().position(u8::is_ascii_whitespace).unwrap_or(line.len());
     (&line[..end], line[end..].trim_ascii())

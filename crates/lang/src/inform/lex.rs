@@ -1,38 +1,13 @@
 //! Lines, and the lexemes of an instruction. Every line has lexemes; what belongs to none is one by itself.
 
 use crate::Span;
+use crate::lexeme::{Kind, Lexeme};
 use nom::branch::alt;
 use nom::bytes::complete::{tag, take, take_till, take_while, take_while1};
 use nom::character::complete::{digit0, digit1, one_of};
 use nom::combinator::{opt, recognize, rest};
 use nom::sequence::preceded;
 use nom::{IResult, Parser};
-
-/// What a lexeme is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
-    Word,
-    Number,
-    Text,
-    /// An operator or a bracket; two characters where the language has one of two.
-    Sign,
-    /// Nothing that INFORM has.
-    Other,
-}
-
-/// A lexeme with its place.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Lexeme<'a> {
-    pub(super) kind: Kind,
-    pub(super) text: &'a [u8],
-    pub(super) span: Span,
-}
-
-impl Lexeme<'_> {
-    pub(super) fn is(&self, text: &str) -> bool {
-        matches!(self.kind, Kind::Word | Kind::Sign) && self.text == text.as_bytes()
-    }
-}
 
 /// The lines of a text without the blanks around them, each with where it begins. Some files have CR alone at their ends.
 pub(super) fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, &[u8])> {
@@ -48,9 +23,9 @@ pub(super) fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, &[u8])> {
 pub(super) fn lexemes(line: &[u8], start: usize) -> Vec<Lexeme<'_>> {
     let (mut all, mut left) = (Vec::new(), line);
     while !left.is_empty() {
-        let Ok((behind, (kind, text))) = one(left) else { break };
+        let Ok((after, (kind, text))) = one(left) else { break };
         let at = start + line.len() - left.len();
-        left = behind;
+        left = after;
         if let Some(kind) = kind {
             all.push(Lexeme { kind, text, span: Span::new(at, at + text.len()) });
         }
@@ -76,7 +51,7 @@ fn one(left: &[u8]) -> IResult<&[u8], Found<'_>> {
     alt((
         blank,
         comment,
-        word.map(|text| (Some(Kind::Word), text)),
+        word.map(|text| (Some(Kind::Name), text)),
         number.map(|text| (Some(Kind::Number), text)),
         text.map(|text| (Some(Kind::Text), text)),
         sign.map(|text| (Some(Kind::Sign), text)),

@@ -1,6 +1,6 @@
 //! Jobs to the intermediate representation.
 
-use super::lex::{Kind, Lexeme, lexemes};
+use super::lex::lexemes;
 use super::words::{self, Does};
 use super::{builtin, header};
 use crate::Span;
@@ -8,6 +8,7 @@ use crate::ir::{
     Argument, Binary, Callee, Expression, ExpressionKind as Is, Fault, Function, FunctionId, Motion, Path, Place,
     Program, Slot, Statement, StatementKind, Switch, Unary,
 };
+use crate::lexeme::{Kind, Lexeme};
 use crate::value::{Given, Reason};
 use header::Header;
 use std::collections::{BTreeMap, BTreeSet};
@@ -134,7 +135,7 @@ impl<'a> Line<'a> {
     fn motion(&self) -> Option<&[u8]> {
         let Line::Code(code) = self else { return None };
         code.iter()
-            .find(|lexeme| lexeme.kind == Kind::Word)
+            .find(|lexeme| lexeme.kind == Kind::Name)
             .map(|word| word.text)
             .filter(|word| motion_path(word).is_some())
     }
@@ -435,7 +436,7 @@ impl<'a> Parser<'a> {
             b"SWITCH" => return self.switch(start).map(Some),
             b"END" => Some(vec![StatementKind::Return(None)]),
             b"RET" => {
-                // What it gives is asked for where only the run knows it.
+                // The caller may use what it returns in any way: only the run knows how.
                 let given = StatementKind::Evaluate(Expression {
                     kind: Is::Unknown(Reason::Input, self.named(true)),
                     place: self.since(start),
@@ -746,7 +747,7 @@ impl<'a> Parser<'a> {
 
     /// What an instruction gives a value to.
     fn target(&mut self) -> Option<Target> {
-        let lexeme = self.peek().filter(|lexeme| lexeme.kind == Kind::Word)?;
+        let lexeme = self.peek().filter(|lexeme| lexeme.kind == Kind::Name)?;
         if let Some((local, kind, number)) = variable(lexeme.text) {
             self.at += 1;
             let slot = self.slot(local, kind, number);
@@ -1014,7 +1015,7 @@ impl<'a> Parser<'a> {
 
     /// A position: `C00001`, `P012`, `P[I000]`.
     fn position(&mut self) -> Option<Expression> {
-        let lexeme = self.peek().filter(|lexeme| lexeme.kind == Kind::Word)?;
+        let lexeme = self.peek().filter(|lexeme| lexeme.kind == Kind::Name)?;
         let number =
             lexeme.text.strip_prefix(b"C").and_then(|digits| std::str::from_utf8(digits).ok()?.parse::<u32>().ok());
         if let Some(number) = number {
@@ -1123,8 +1124,8 @@ impl<'a> Parser<'a> {
                 self.at += 1;
                 Some(self.expression_at(Is::Text(lexeme.text.into()), start))
             }
-            Kind::Word => self.word(lexeme),
-            Kind::Sign | Kind::Other => None,
+            Kind::Name => self.word(lexeme),
+            Kind::Sign | Kind::Line | Kind::Mark | Kind::Other => None,
         }
     }
 

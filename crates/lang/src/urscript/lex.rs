@@ -1,6 +1,7 @@
 //! Bytes to lexemes. Every text has lexemes; what belongs to none is one by itself.
 
 use crate::Span;
+use crate::lexeme::{Kind, Lexeme};
 use nom::branch::alt;
 use nom::bytes::complete::{tag, take, take_till, take_while, take_while1};
 use nom::character::complete::{digit0, digit1, one_of};
@@ -8,44 +9,14 @@ use nom::combinator::{opt, recognize};
 use nom::sequence::preceded;
 use nom::{IResult, Parser};
 
-/// What a lexeme is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
-    Name,
-    Number,
-    Text,
-    /// An operator or a bracket; two characters where the language has one of two.
-    Sign,
-    /// The end of a statement, outside brackets.
-    Line,
-    /// A comment `# deflex …`.
-    Mark,
-    /// Nothing that URScript has.
-    Other,
-}
-
-/// A lexeme with its place.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Lexeme<'a> {
-    pub(super) kind: Kind,
-    pub(super) text: &'a [u8],
-    pub(super) span: Span,
-}
-
-impl Lexeme<'_> {
-    pub(super) fn is(&self, text: &str) -> bool {
-        matches!(self.kind, Kind::Name | Kind::Sign) && self.text == text.as_bytes()
-    }
-}
-
 /// All lexemes of a text, its blanks and comments left out.
 pub(super) fn lexemes(bytes: &[u8]) -> Vec<Lexeme<'_>> {
     let (mut all, mut rest, mut depth) = (Vec::new(), bytes, 0_usize);
     let mut begins = true;
     while !rest.is_empty() {
-        let Ok((behind, (kind, text))) = one(rest, begins) else { break };
+        let Ok((after, (kind, text))) = one(rest, begins) else { break };
         let start = bytes.len() - rest.len();
-        rest = behind;
+        rest = after;
         match (kind, text) {
             (Some(Kind::Sign), b"(" | b"[") => depth += 1,
             (Some(Kind::Sign), b")" | b"]") => depth = depth.saturating_sub(1),

@@ -1,12 +1,13 @@
 //! Lexemes to the intermediate representation.
 
 use super::builtins;
-use super::lex::{Kind, Lexeme, lexemes};
+use super::lex::lexemes;
 use crate::Span;
 use crate::ir::{
     Argument, Binary, Callee, Expression, ExpressionKind as Is, Fault, Function, FunctionId, Motion, Parameter, Path,
     Place, Program, Slot, Statement, StatementKind, Switch, TokenId, Unary,
 };
+use crate::lexeme::{Kind, Lexeme};
 use crate::value::Reason;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
