@@ -205,7 +205,7 @@ fn ranking(found: &Identification) -> String {
     table.html()
 }
 
-/// Pairs that are shown: those that follow are told apart better.
+/// Pairs that are shown: those that follow are easier to distinguish.
 const MOST_PAIRS: usize = 10;
 
 /// Pairs of effects that these rows hold close together, closest first.

@@ -9,8 +9,11 @@ use sha2::{Digest, Sha256};
 use std::fmt::{Display, Write};
 
 const STYLE: &str = include_str!("assets/page.css");
-const SCRIPTS: [&str; 5] = [
-    include_str!("assets/data.js"),
+/// What every page with a picture begins with.
+pub(super) const COMMON: [&str; 2] = [include_str!("assets/data.js"), include_str!("assets/draw.js")];
+const SCRIPTS: [&str; 6] = [
+    COMMON[0],
+    COMMON[1],
     include_str!("assets/view.js"),
     include_str!("assets/arm.js"),
     include_str!("assets/charts.js"),

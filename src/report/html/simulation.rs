@@ -1,6 +1,6 @@
 //! The page of `simulate`.
 
-use super::markup::{Document, Table, Tile, decimals, mm, section, tiles};
+use super::markup::{COMMON, Document, Table, Tile, decimals, mm, section, tiles};
 use crate::report::{DeviationMap, MapFigures};
 use serde_json::{Value, json};
 
@@ -75,7 +75,7 @@ pub fn simulation_page(
     let data = data(maps);
     let subtitle = format!("the stock as the loaded arm will leave it, {cell}");
     Document { kicker: "simulate", title: program, subtitle: &subtitle, body: &body, data: &data, origins: &[] }
-        .html_with(SCRIPT)
+        .html_with(&[COMMON[0], COMMON[1], SCRIPT].concat())
 }
 
 /// Thousandths of a millimetre as whole numbers, tenths of a micrometre for deviations.

@@ -383,5 +383,5 @@ const shown = page.kind === "identify" ? new ResidualPage() : new PathPage();
 const repaint = () => shown.repaint();
 for (const query of ["(prefers-color-scheme: dark)", "print"]) matchMedia(query).addEventListener("change", repaint);
 
-// For whoever drives the page from outside.
+// For tests that drive the page from outside.
 window.deflex = shown;

@@ -21,7 +21,6 @@ if (canvases.length && data.points) {
   const size = Math.hypot(...high.map((v, k) => v - low[k])) || 1;
   const VIEWS = { iso: [-0.6, 0.9], top: [0, 0], front: [0, 1.57], side: [-1.57, 1.57] };
   const view = { turn: VIEWS.iso[0], tilt: VIEWS.iso[1], zoom: 1, x: 0, y: 0 };
-  const theme = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   // Where each map deviates most.
   const worst = maps.map((map) => map.values.reduce((best, v, i) => (v !== null && (best < 0 || Math.abs(v) > Math.abs(map.values[best])) ? i : best), -1));
   const seen = new Float64Array(points.length);
@@ -130,35 +129,7 @@ if (canvases.length && data.points) {
     const axes = [[ct, st * cl], [-st, ct * cl], [0, sl]].map(([u, v]) => [u, -v]);
     drawTriad(context, height, axes);
     drawSizes(context, width);
-    if (worst[which] >= 0) ring(context, seen[3 * worst[which]], seen[3 * worst[which] + 1]);
-  };
-  const ring = (context, x, y) => {
-    for (const [colour, line] of [[theme("--stage"), 5], [theme("--chosen"), 2.5]]) {
-      context.beginPath();
-      context.arc(x, y, 9, 0, 2 * Math.PI);
-      context.strokeStyle = colour;
-      context.lineWidth = line;
-      context.stroke();
-    }
-    context.lineWidth = 1;
-  };
-  // The axes of the stock, as they are seen.
-  const drawTriad = (context, height, axes) => {
-    const [x0, y0, length] = [40, height - 40, 24];
-    context.font = `600 12px ${theme("--font")}`;
-    [context.textAlign, context.textBaseline] = ["center", "middle"];
-    ["X", "Y", "Z"].forEach((label, k) => {
-      const [x, y] = axes[k];
-      if (Math.hypot(x, y) < 0.15) return;
-      context.beginPath();
-      context.moveTo(x0, y0);
-      context.lineTo(x0 + x * length, y0 + y * length);
-      context.strokeStyle = theme("--muted");
-      context.stroke();
-      context.fillStyle = theme("--text");
-      context.fillText(label, x0 + x * (length + 9), y0 + y * (length + 9));
-    });
-    [context.textAlign, context.textBaseline] = ["start", "alphabetic"];
+    if (worst[which] >= 0) drawRing(context, seen[3 * worst[which]], seen[3 * worst[which] + 1]);
   };
   const drawSizes = (context, width) => {
     const sizes = high.map((v, k) => `${["X", "Y", "Z"][k]} ${((v - low[k]) / 1e3).toFixed(1)}`);
@@ -213,7 +184,7 @@ if (canvases.length && data.points) {
       soon();
     });
   });
-  // For whoever drives the page from outside.
+  // For tests that drive the page from outside.
   window.deflex = { view, worst, maps };
   limit.addEventListener("input", soon);
   document.querySelectorAll("[data-view]").forEach((button) => button.addEventListener("click", () => {

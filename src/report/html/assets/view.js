@@ -304,35 +304,12 @@ class View {
   }
 
   drawChosen(context) {
-    if (this.chosen < 0) return;
-    const [x, y] = [this.screen[2 * this.chosen], this.screen[2 * this.chosen + 1]];
-    for (const [radius, colour, width] of [[8, theme("--stage"), 5], [8, theme("--chosen"), 2.5]]) {
-      context.beginPath();
-      context.arc(x, y, radius, 0, 2 * Math.PI);
-      context.strokeStyle = colour;
-      context.lineWidth = width;
-      context.stroke();
-    }
+    if (this.chosen >= 0) drawRing(context, ...this.place(this.chosen));
   }
 
   drawTriad(context) {
     const [right, up] = this.axes();
-    const [x0, y0, length] = [40, this.canvas.clientHeight - 40, 24];
-    context.font = `600 12px ${theme("--font")}`;
-    context.textAlign = "center";
-    context.textBaseline = "middle";
-    ["X", "Y", "Z"].forEach((label, i) => {
-      const [x, y] = [right[i], -up[i]];
-      if (Math.hypot(x, y) < 0.15) return;
-      context.beginPath();
-      context.moveTo(x0, y0);
-      context.lineTo(x0 + x * length, y0 + y * length);
-      context.strokeStyle = theme("--muted");
-      context.lineWidth = 1.5;
-      context.stroke();
-      context.fillStyle = theme("--text");
-      context.fillText(label, x0 + x * (length + 9), y0 + y * (length + 9));
-    });
+    drawTriad(context, this.canvas.clientHeight, right.map((x, k) => [x, -up[k]]));
   }
 
   // A bar of a round number of millimetres.
