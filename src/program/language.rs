@@ -61,7 +61,7 @@ pub(crate) struct About {
     pub(crate) chooses_external: bool,
     /// Files with a routine of each of these names that does nothing: their names and texts.
     pub(crate) declare: fn(&[&str]) -> Vec<(String, String)>,
-    /// The orientation of a pose that is typed as three numbers behind the position.
+    /// The orientation of a pose that is typed as three numbers after the position.
     pub(crate) turn: fn([f64; 3]) -> Rotation3<f64>,
     /// Statements that posted programs need.
     pub(crate) post: post::Statements,

@@ -87,7 +87,7 @@ impl<'a, T: LongText> LongProgram<'a, T> {
             (Language::Rapid, true) => &[Reading::InOrder, Reading::Indexed, Reading::Executed],
             (Language::Rapid, false) => &[Reading::Executed],
             (Language::Krl | Language::Cl, true) => &[Reading::InOrder],
-            // Others are held as a whole: the positions of a TP program stand behind all its motions, and what a motion of
+            // Others are held as a whole: the positions of a TP program stand after all its motions, and what a motion of
             // `deflex-lang` means depends on all that ran before it.
             _ => &[],
         }

@@ -99,7 +99,7 @@ const start = async () => {
   }
   listen(status);
   addEventListener("hashchange", show);
-  // A file that is dropped beside a place for it would be opened instead of the window.
+  // A file that is dropped where no place takes it would be opened instead of the window.
   for (const kind of ["dragover", "drop"]) addEventListener(kind, (event) => event.preventDefault());
   follow((error) => {
     document.body.classList.toggle("lost", Boolean(error));

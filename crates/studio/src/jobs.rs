@@ -25,7 +25,7 @@ const MOST_OUTPUT: u64 = 8 << 20;
 const MOST_MESSAGES: usize = 500;
 /// Longest line of stderr, bytes.
 const LONGEST_LINE: u64 = 256 << 10;
-/// Events that a page may fall behind by, before it reads the list anew.
+/// Events that may wait for a slow page; beyond, it reads the list anew.
 const MOST_BEHIND: usize = 1024;
 /// How long a run may take to end after it was interrupted, until it is killed.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -188,7 +188,8 @@ impl Jobs {
             }
         };
         let (stdout, (), (status, was_cancelled)) = tokio::join!(output, lines, ended);
-        self.end(id, started, stdout, (&status, was_cancelled));
+        let code = status.ok().and_then(|status| status.code());
+        self.end(id, Ended { seconds: started.elapsed().as_secs_f64(), stdout, code, was_cancelled });
     }
 
     async fn read_lines(&self, id: u64, mut reader: impl AsyncBufReadExt + Unpin) {
@@ -218,13 +219,13 @@ impl Jobs {
         }
     }
 
-    fn end(&self, id: u64, started: Instant, stdout: String, (status, was_cancelled): (&io::Result<ExitStatus>, bool)) {
+    fn end(&self, id: u64, Ended { seconds, stdout, code, was_cancelled }: Ended) {
         let mut inner = self.inner();
         inner.cancel.retain(|(other, _)| *other != id);
         let Some(job) = inner.jobs.iter_mut().find(|job| job.id == id) else { return };
-        job.seconds = started.elapsed().as_secs_f64();
+        job.seconds = seconds;
         job.stdout = stdout;
-        job.code = status.as_ref().ok().and_then(ExitStatus::code);
+        job.code = code;
         job.state = match job.code {
             // Once its files have their names, a run ends as if it had not been interrupted.
             Some(0 | 1) => State::Done,
@@ -236,6 +237,15 @@ impl Jobs {
         drop(inner);
         self.tell(&event);
     }
+}
+
+/// How a run has ended.
+struct Ended {
+    seconds: f64,
+    stdout: String,
+    /// Exit code; `None` where the process was ended by a signal or could not be waited for.
+    code: Option<i32>,
+    was_cancelled: bool,
 }
 
 /// Ends a run as Ctrl-C does, so that it removes what it has begun; a run that does not end is killed. On Windows it is killed: what

@@ -26,7 +26,7 @@ pub(super) struct Style {
     pub(super) dialect: &'static (dyn Dialect + Sync),
     /// Millimetres of its unit of length.
     pub(super) mm: f64,
-    /// Decimals of millimetres that controllers hold, where they hold no more; else those that are asked for.
+    /// Decimals of millimetres that controllers hold, where they hold no more; otherwise as many as the options say.
     pub(super) position_decimals: Option<usize>,
     /// Decimals that its unit of length has more than millimetres have.
     pub(super) more_decimals: usize,

@@ -11,7 +11,7 @@ use crate::text::Diagnostic;
 use crate::text::number::{printed, write_fixed};
 use std::fmt::Write;
 
-/// Points of a job where none are asked for: a job has at most 9,999 lines (Yaskawa, *DX200 Instructions*), some of which are marks
+/// Points of a job where the options give no number: a job has at most 9,999 lines (Yaskawa, *DX200 Instructions*), some of which are marks
 /// and calls.
 const MOST_POINTS: usize = 9500;
 /// Speed of joint moves, per cent: CL data say nothing of joints.

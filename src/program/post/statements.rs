@@ -24,7 +24,7 @@ pub(crate) struct Statements {
     pub(crate) write: Option<Write>,
     /// What a controller holds of a pose that is printed; RAPID prints quaternions.
     pub(crate) held: Option<Print>,
-    /// Points of a file where none are asked for.
+    /// Points of a file where the options give no number.
     pub(crate) most_points: Option<usize>,
     /// Why a program is not split into several files.
     pub(crate) unsplit: Option<&'static str>,

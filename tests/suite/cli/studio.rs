@@ -6,7 +6,7 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::process::{Command, Stdio};
 
-/// What the window says of the command, asked with the key of its address.
+/// What the window answers about the command to a request with the key of its address.
 fn facts(address: &str) -> Value {
     let (url, key) = address.trim().split_once("/#").unwrap();
     let host = url.strip_prefix("http://").unwrap();
