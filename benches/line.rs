@@ -136,7 +136,7 @@ fn identification(c: &mut Criterion) {
     let cell = Cell::read(&file("samples/closed-loop/cell.toml")).expect("a valid cell");
     let runs = || {
         let program = rapid::read(vec![file("samples/closed-loop/part.mod")], Vec::new()).expect("a valid program");
-        vec![(program, Table::read(&file("samples/closed-loop/measured.csv")).expect("a valid table"))]
+        vec![(program, Table::read(&file("samples/closed-loop/measured.csv")).expect("a valid table")).into()]
     };
     let mut group = c.benchmark_group("identification");
     group.sample_size(10);

@@ -13,7 +13,7 @@
 
 use deflex::cell::{Cell, extended};
 use deflex::correct::{Options, predict};
-use deflex::identify::{Identification, Input, identify};
+use deflex::identify::{Identification, Input, MeasuredRun, identify};
 use deflex::measured::{Table, TargetRef};
 use deflex::program::{Program, rapid};
 use deflex::text::Source;
@@ -95,7 +95,7 @@ impl Case {
 }
 
 /// Programs with their tables: `part*.mod` with `measured*.csv`.
-fn runs(folder: &Path) -> Vec<(Program, Table)> {
+fn runs(folder: &Path) -> Vec<MeasuredRun> {
     let mut stems: Vec<String> = std::fs::read_dir(folder)
         .unwrap()
         .flatten()
@@ -104,7 +104,7 @@ fn runs(folder: &Path) -> Vec<(Program, Table)> {
     stems.sort();
     let of = |stem: &String| {
         let table = Table::read(&source(&folder.join(format!("measured{stem}.csv")))).unwrap();
-        (program(&folder.join(format!("part{stem}.mod"))), table)
+        (program(&folder.join(format!("part{stem}.mod"))), table).into()
     };
     stems.iter().map(of).collect()
 }

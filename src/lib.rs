@@ -61,7 +61,7 @@
 //!     let text = read("cell.toml")?;
 //!     let cell = Cell::read(&text)?;
 //!     let run = (rapid::read(vec![read("part.mod")?], Vec::new())?, Table::read(&read("measured.csv")?)?);
-//!     let found = identify(Input { cell: &cell, runs: vec![run], poses: vec![], tool: None, data_hash: "of the data", written: Written::WholeModel, progress: &|_| true })?;
+//!     let found = identify(Input { cell: &cell, runs: vec![run.into()], poses: vec![], tool: None, data_hash: "of the data", written: Written::WholeModel, progress: &|_| true })?;
 //!     assert_eq!(found.added[0].kind, "backlash");
 //!     assert!(found.after.rms_mm < 0.3 * found.before.rms_mm);
 //!     let cell_file = extended(&String::from_utf8_lossy(&text.bytes), &found.extended)?;

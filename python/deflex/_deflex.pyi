@@ -253,7 +253,7 @@ def compensate(
     progress: Callable[[int, int], object] | None,
 ) -> Done: ...
 def identify(
-    runs: Sequence[tuple[Program, _Table]],
+    runs: Sequence[tuple[Program, Program | None, _Table]],
     poses: Sequence[_Table],
     cell: Cell,
     read_as: tuple[str | None, str | None, float | None],

@@ -150,6 +150,7 @@ def identify(
     poses: Table | list[Table] | tuple[Table, ...] | None = None,
     *,
     cell: Cell | Path,
+    against: AnyProgram | None = None,
     tool: str | None = None,
     columns: Mapping[str, str] | None = None,
     match_mm: float | None = None,
@@ -159,13 +160,15 @@ def identify(
 
     `runs` are programs with what was measured on them, or `poses` measured rows with their own motor angles: paths or tables
     with the columns of a measured file (mm, degrees, N). Errors before and after are those of held-out rows, which no fit has
-    seen. `columns` are names that the tables have for columns, by the name that deflex has: `{"target": "Punkt Nr"}`; others are then
+    seen. `against` is the program that the runs' program was corrected from: `normal_mm` and nominal places are counted from its path.
+    `columns` are names that the tables have for columns, by the name that deflex has: `{"target": "Punkt Nr"}`; others are then
     not looked at. `match_mm` is how far from the path a row with `nominal_x_mm`, … and no target may lie (5).
     `progress(done, total)` is told parts of the work.
 
     Raises `DeflexError` where the command ends with exit code 2.
     """
-    pairs = [(_program(program), given(table, f"<run {i}>")) for i, (program, table) in enumerate(runs, 1)]
+    original = None if against is None else _program(against)
+    pairs = [(_program(program), original, given(table, f"<run {i}>")) for i, (program, table) in enumerate(runs, 1)]
     several = poses if isinstance(poses, (list, tuple)) else [] if poses is None else [poses]
     rows = [given(table, f"<poses {i}>") for i, table in enumerate(several, 1)]
     if bool(pairs) == bool(rows):

@@ -3,7 +3,7 @@ use crate::cell::Cell;
 use crate::errors::{Diagnostic, OrRaise, diagnostics};
 use crate::program::Program;
 use crate::work;
-use deflex::cli::held::{self, CellFile, MeasuredFile, ProgramFiles, Run};
+use deflex::cli::held::{self, CellFile, MeasuredFile, MeasuredRunFiles, ProgramFiles, Run};
 use deflex::correct::{Correct, PostOptions};
 use deflex::identify::{Ask, PlanProgram, Written};
 use deflex::measured::ColumnNames;
@@ -270,21 +270,25 @@ impl Found {
 #[pyfunction]
 pub(crate) fn identify(
     py: Python<'_>,
-    runs: Vec<(PyRef<'_, Program>, Table)>,
+    runs: Vec<(PyRef<'_, Program>, Option<PyRef<'_, Program>>, Table)>,
     poses: Vec<Table>,
     cell: PyRef<'_, Cell>,
     read_as: (Option<String>, Option<String>, Option<f64>),
     progress: Option<Bound<'_, PyAny>>,
 ) -> PyResult<Found> {
     let (tool, columns, match_mm) = read_as;
-    let runs: Vec<(Arc<ProgramFiles>, Table)> =
-        runs.into_iter().map(|(program, table)| (Arc::clone(&program.files), table)).collect();
+    let files = |program: PyRef<'_, Program>| Arc::clone(&program.files);
+    let runs: Vec<(Arc<ProgramFiles>, Option<Arc<ProgramFiles>>, Table)> =
+        runs.into_iter().map(|(program, original, table)| (files(program), original.map(files), table)).collect();
     let cell = Arc::clone(&cell.file);
     let found = work::run(py, (progress.as_ref(), STEPS), move |follow| {
         let names = columns.as_deref().map(ColumnNames::parse).transpose()?;
         let read_as = ReadAs(names, match_mm.unwrap_or(deflex::measured::MATCH_MM));
-        let read =
-            |(program, table): (Arc<ProgramFiles>, Table)| Ok((program.as_ref().clone(), table.measured(&read_as)?));
+        let files = |program: Arc<ProgramFiles>| program.as_ref().clone();
+        let read = |(program, original, table): (Arc<ProgramFiles>, Option<Arc<ProgramFiles>>, Table)| {
+            let measured = table.measured(&read_as)?;
+            Ok(MeasuredRunFiles { program: files(program), original: original.map(files), measured })
+        };
         let runs = runs.into_iter().map(read).collect::<Result<Vec<_>, Vec<deflex::text::Diagnostic>>>()?;
         let poses = poses.into_iter().map(|table| table.measured(&read_as)).collect::<Result<Vec<_>, _>>()?;
         let follow = follow.follow();

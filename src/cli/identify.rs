@@ -1,8 +1,9 @@
 //! `identify`: which effect the cell lacks, and the cell with it.
 
+use super::against::Originals;
 use super::args::Identify;
 use super::files::{all, both};
-use super::held::{self, MeasuredFile, ProgramFiles};
+use super::held::{self, MeasuredFile, MeasuredRunFiles, ProgramFiles};
 use super::input::{CellFile, Context};
 use super::job::Job;
 use super::output::{Outputs, is_stdout, one_thing};
@@ -14,7 +15,7 @@ use deflex::identify::Written;
 use deflex::measured::ColumnNames;
 use deflex::report::{identify_text, path_law_text, residual_csv};
 use deflex::text::Diagnostic;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 pub(super) fn run(args: &Identify) -> Outcome {
     let printed = [&args.output, &args.report, &args.json, &args.html]
@@ -26,9 +27,18 @@ pub(super) fn run(args: &Identify) -> Outcome {
     let (cell, context) = both(CellFile::read(&args.cell), Context::read(&args.reading))?;
     let names = args.columns.as_deref().map(ColumnNames::parse).transpose()?;
     let table = |path: &Path| Ok(MeasuredFile::read(path)?.read_as(names.clone(), args.match_mm));
-    let runs = all(args.run.chunks_exact(2).map(|pair| run_of(args, &context, &pair[0], table(&pair[1]))));
-    let log = |path: &Path| Ok(MeasuredFile::read(path)?.read_as(names.clone(), args.match_mm));
-    let logs = all(args.log.chunks_exact(2).map(|pair| run_of(args, &context, &pair[0], log(&pair[1]))));
+    let program = |path: &Path| Job::of(path, args.reading.format);
+    let programs = all(args.run.chunks_exact(2).map(|pair| program(&pair[0])))?;
+    let originals = Originals::new(args.against.as_deref(), &programs, args.reading.format)?;
+    let files = |job: Job| ProgramFiles::of(job, context.clone());
+    let run = |(job, measured): (Job, &PathBuf)| {
+        let original = originals.job(&job).and_then(|original| original.map(files).transpose());
+        let ((program, original), measured) = both(both(files(job), original), table(measured))?;
+        Ok(MeasuredRunFiles { program, original, measured })
+    };
+    let runs = all(programs.into_iter().zip(args.run.iter().skip(1).step_by(2)).map(run));
+    let log = |pair: &[PathBuf]| both(program(&pair[0]).and_then(files), table(&pair[1]));
+    let logs = all(args.log.chunks_exact(2).map(log));
     let ((runs, logs), poses) = both(both(runs, logs), all(args.poses.iter().map(|path| table(path))))?;
     let path = if logs.is_empty() { None } else { Some(held::identify_path(&cell, &logs, args.tool.as_deref())?) };
     if let Some(path) = path.as_ref().filter(|_| runs.is_empty() && poses.is_empty()) {
@@ -105,15 +115,4 @@ fn path_alone(args: &Identify, cell: &CellFile, path: &FittedLaw) -> Outcome {
     }
     outputs.commit()?;
     Ok(Answer::Yes)
-}
-
-/// A program and what was measured on it.
-fn run_of(
-    args: &Identify,
-    context: &Context,
-    program: &Path,
-    measured: Result<MeasuredFile, Vec<Diagnostic>>,
-) -> Result<(ProgramFiles, MeasuredFile), Vec<Diagnostic>> {
-    let job = Job::of(program, args.reading.format);
-    both(job.and_then(|job| ProgramFiles::of(job, context.clone())), measured)
 }

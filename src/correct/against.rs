@@ -12,7 +12,7 @@ use super::parallelism::Parallelism;
 use super::point::Point;
 use super::segment::{self, Kind, Segment, Start};
 use super::solve::Solver;
-use super::{Prepared, free_turn, path};
+use super::{Options, Prepared, free_turn, path};
 use crate::cell::Cell;
 use crate::equilibrium::{Arm, EquilibriumError, PredictedPose, WarmStart};
 use crate::program::alignment::{Fit, align};
@@ -351,6 +351,19 @@ pub(super) fn other_count(name: &str, targets: usize, original: usize) -> Diagno
 }
 
 impl Prepared {
+    /// As [`Prepared::new`], with errors counted from the program that this one was corrected from.
+    ///
+    /// # Errors
+    /// As [`Prepared::new`], of both programs; targets that are neither the original's nor on its path.
+    pub fn judged_by(
+        original: &Program,
+        program: &Program,
+        cell: &Cell,
+        options: &Options,
+    ) -> Result<Self, Vec<Diagnostic>> {
+        judged(Context::whole(program, cell, options), original).map(|(prepared, _)| prepared)
+    }
+
     /// Counts errors from the targets of `original`, one for each of these: they define depth, force and the wanted poses.
     pub(super) fn judge_against(
         &mut self,

@@ -32,7 +32,7 @@ pub struct Input<'a> {
     /// The declared cell.
     pub cell: &'a Cell,
     /// Programs with what was measured on them.
-    pub runs: Vec<(Program, Table)>,
+    pub runs: Vec<MeasuredRun>,
     /// Measured rows with their own motor angles.
     pub poses: Vec<Table>,
     /// The tool of `poses`, where the cell has several.
@@ -43,6 +43,23 @@ pub struct Input<'a> {
     pub written: Written,
     /// Is told what share of the work is done, as far as rounds tell it; `false` calls the run off.
     pub progress: &'a Progress<'a>,
+}
+
+/// A program with what was measured on it.
+#[derive(Debug)]
+pub struct MeasuredRun {
+    /// The program that ran.
+    pub program: Program,
+    /// The program that it was corrected from, where it was: `normal_mm` and places without a target are counted from its path.
+    pub original: Option<Program>,
+    /// What was measured.
+    pub table: Table,
+}
+
+impl From<(Program, Table)> for MeasuredRun {
+    fn from((program, table): (Program, Table)) -> Self {
+        Self { program, original: None, table }
+    }
 }
 
 /// Which effects of a model go into the cell.
@@ -425,21 +442,25 @@ impl Engine {
         }
         if self.forces_are_wrong() {
             self.withdraw_all(&mut posteriors);
-        } else if whole_arm.is_some() {
-            self.map = self.field_map();
-        } else if self.is_unexplained() {
+        } else if whole_arm.is_none() && self.is_unexplained() {
             self.withdraw(&mut posteriors);
         }
         if !whole && whole_arm.is_none() {
             self.withdraw_faint(&mut posteriors);
         }
         if written == Written::NamedAlone {
-            self.map = None;
             self.withdraw_unless(&mut posteriors, |_, share, _| share >= NAMED);
         }
+        let discrepancy = |engine: &Self| match written {
+            Written::WholeModel if !whole && !engine.forces_are_wrong() => engine.field_map(),
+            _ => None,
+        };
+        self.map = discrepancy(self);
         if self.gains_nothing(before) {
             posteriors.clear();
             device_pose::restore(&mut self.problem, &places);
+            self.map = discrepancy(self);
+            self.gains_nothing(before);
         }
         reached(progress, JUDGED)?;
         let mut elsewhere = self.elsewhere(before);
@@ -449,6 +470,8 @@ impl Engine {
             posteriors.clear();
             self.take_back();
             self.refused = elsewhere.take().map(|there| Refused::Elsewhere(there.extended.rms_mm));
+            self.map = discrepancy(self);
+            self.gains_nothing(before);
             elsewhere = self.elsewhere(before);
         }
         let map = self.map.take();

@@ -206,13 +206,15 @@ impl Engine {
         };
         let effects = added.iter().zip(&shares_mm).map(in_model).collect();
         let mut tables: Vec<NewEffect> = extended.clone();
-        if self.is_whole_arm() {
-            // Of the whole arm those are named that all others cannot stand in for.
-            let named: Vec<bool> = added.iter().map(|added| added.posterior >= NAMED).collect();
-            let mut named = named.iter();
-            tables.retain(|_| *named.next().unwrap_or(&false));
-            added.retain(|added| added.posterior >= NAMED);
-        }
+        // Of the whole arm those are named that all others cannot stand in for. A map in addition to a few effects is a name of nothing.
+        let is_named = |added: &Added| match self.is_whole_arm() {
+            true => added.posterior >= NAMED,
+            false => added.kind != MAP,
+        };
+        let mut named = added.iter().map(is_named);
+        tables.retain(|_| named.next().unwrap_or(false));
+        drop(named);
+        added.retain(is_named);
         ties::add(&mut added, &tables, never_returns(&self.problem));
         let shown: usize = self.problem.rows.iter().map(|row| row.seen.count()).sum();
         let axes = shown as f64 / self.problem.rows.len().max(1) as f64;
@@ -236,7 +238,7 @@ impl Engine {
                 }
             };
             format!(
-                "nothing is added: with the effects that were found, the error on {rows} would be {error_mm:.4} mm instead of \
+                "no effect is added: with those that were found, the error on {rows} would be {error_mm:.4} mm instead of \
                  {declared_mm:.4}. The fitted rows are too few, or unlike the others: measure more rows over the same area"
             )
         }));

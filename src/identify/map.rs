@@ -1,13 +1,15 @@
 //! The discrepancy as an effect: what no law describes is corrected where the data hold it, and only there.
 //!
-//! The whole arm has a Gaussian process over place, posture and force in the covariance of its rows (`whole_arm`). Its mean is written
-//! as an `empirical` effect, if it lowers the error of blocks that its fit has not seen. It is the mean that few centres spread over
-//! the rows can show (subset of regressors; Quiñonero-Candela and Rasmussen 2005, section 4): a cell file is not made of a thousand.
+//! What the effects leave is taken for a Gaussian process over place, posture and force, whose three axes are alike and independent. A row
+//! shows it along the directions that its instrument measures: all three, one axis, or the surface normal of a finished part. The mean
+//! of the process is written as an `empirical` effect, if the rows speak for it and it does not raise the error of blocks that its fit has not seen. It is the mean that
+//! few centres spread over the rows can show (subset of regressors; Quiñonero-Candela and Rasmussen 2005, section 4): a cell file is
+//! not made of a thousand.
 
 use super::data::{Observation, Seen};
 use super::engine::Engine;
 use super::found::Map;
-use super::noise::{self, Field, Over, Places, Series, whiten};
+use super::noise::{self, Field, Over, Places, Sample, Series, whiten};
 use super::pattern::Standing;
 use super::score::in_standard_errors;
 use super::whole_arm::VARIANCES;
@@ -15,7 +17,7 @@ use crate::effects::{Bell, Effect, discrepancy};
 use nalgebra::{Cholesky, DMatrix, Dyn, Vector3};
 use rayon::prelude::*;
 use statrs::function::erf::erf;
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 
 /// Gain on unseen blocks, in standard errors, below which a map is worse than none there. It need not gain: it corrects the places that
 /// were measured, and what is left out may be far from all others.
@@ -28,15 +30,40 @@ const REACHES: [f64; 6] = [0.125, 0.25, 0.5, 1.0, 2.0, 4.0];
 /// Share of the largest number of a matrix that is added to its diagonal, so that centres close to one another can be distinguished.
 const RIDGE: f64 = 1e-9;
 
-/// What is left at a row, base axes, mm.
-struct Left {
+/// What is left of one measured scalar.
+struct Scalar {
     run: usize,
     order: usize,
+    /// Which scalar of its row it is.
+    axis: usize,
     /// What is left out together.
     block: (usize, usize),
     weight: f64,
     places: Places,
-    error: Vector3<f64>,
+    /// Direction that it was measured along, base axes.
+    along: Vector3<f64>,
+    /// mm.
+    error: f64,
+}
+
+/// What is left of some rows.
+struct Left<'a> {
+    scalars: Vec<&'a Scalar>,
+    /// Whether each row has three scalars, along the axes of the base. The axes of the process then part into three problems with the
+    /// same matrices.
+    whole: bool,
+}
+
+impl Left<'_> {
+    /// Scalars that share a row of the matrices.
+    fn together(&self) -> usize {
+        if self.whole { 3 } else { 1 }
+    }
+
+    /// Columns of each centre.
+    fn columns_each(&self) -> usize {
+        if self.whole { 1 } else { 3 }
+    }
 }
 
 /// A process over some of the coordinates, with where its bells stand.
@@ -47,22 +74,22 @@ struct Process {
 }
 
 impl Engine {
-    /// The mean of the discrepancy, unless it is worse than nothing on blocks that its fit has not seen.
+    /// The mean of the discrepancy, if the rows speak for it and it is not worse than nothing on blocks that its fit has not seen.
     pub(super) fn field_map(&self) -> Option<Map> {
-        let left = self.left()?;
-        let rows: Vec<&Left> = left.iter().collect();
-        let (process, products) = self.likeliest(&rows)?;
-        let mut blocks: Vec<(usize, usize)> = left.iter().map(|left| left.block).collect();
+        let (scalars, whole) = self.left()?;
+        let all = Left { scalars: scalars.iter().collect(), whole };
+        let (process, products) = self.likeliest(&all)?;
+        let mut blocks: Vec<(usize, usize)> = scalars.iter().map(|left| left.block).collect();
         blocks.sort_unstable();
         blocks.dedup();
         let gain = |block: &(usize, usize)| {
-            let (own, others): (Vec<&Left>, Vec<&Left>) = left.iter().partition(|left| left.block == *block);
-            let heights = self.products(&others, &process).heights(&process)?;
-            let gain = |left: &&Left| {
+            let (own, others): (Vec<&Scalar>, Vec<&Scalar>) = scalars.iter().partition(|left| left.block == *block);
+            let heights = self.products(&Left { scalars: others, whole }, &process).heights(process.field.share)?;
+            let gain = |left: &&Scalar| {
                 let bells = process.centres.iter().zip(&heights);
                 let there: Vector3<f64> =
                     bells.map(|(at, height)| height * process.field.similarity(at, &left.places)).sum();
-                left.error.norm_squared() - (left.error - there).norm_squared()
+                left.error.powi(2) - (left.error - left.along.dot(&there)).powi(2)
             };
             Some(own.iter().map(gain).sum::<f64>())
         };
@@ -74,73 +101,92 @@ impl Engine {
 
     /// A map that holds, of the rows that are fitted to now.
     pub(super) fn renewed_map(&self, map: Map) -> Option<Map> {
-        let left = self.left()?;
-        let rows: Vec<&Left> = left.iter().collect();
-        let (process, products) = self.likeliest(&rows)?;
+        let (scalars, whole) = self.left()?;
+        let (process, products) = self.likeliest(&Left { scalars: scalars.iter().collect(), whole })?;
         Some(Map { effect: products.mean(&process)?, ..map })
     }
 
-    /// The process of most evidence, with its products: over place, posture and force, or over the place alone.
-    fn likeliest(&self, rows: &[&Left]) -> Option<(Process, Products)> {
-        let Field { over: Over::Everything(spreads), .. } = self.shape.field? else { return None };
+    /// The process of most evidence, with its products: over place, posture and force, or over the place alone; `None` where the rows
+    /// speak for none. That there is none is as likely beforehand as all processes that are tried together.
+    fn likeliest(&self, left: &Left) -> Option<(Process, Products)> {
+        let spreads = self.spreads();
         let tried = [spreads, [spreads[0], 0.0, 0.0]].into_iter().flat_map(|spreads| {
             let field = Field { over: Over::Everything(spreads), share: 1.0, reach: 1.0 };
-            let centres = spread_out(rows, &field);
+            let centres = spread_out(left, &field);
             REACHES.map(|reach| Process { field: Field { reach, ..field }, spreads, centres: centres.clone() })
         });
         let of_size = |process: Process| {
-            let products = self.products(rows, &process);
+            let products = self.products(left, &process);
             let weighed = VARIANCES.into_iter().filter_map(|share| Some((products.evidence(share)?, share)));
             let (evidence, share) = weighed.max_by(|a, b| a.0.total_cmp(&b.0))?;
             Some((evidence, (Process { field: Field { share, ..process.field }, ..process }, products)))
         };
         let tried: Vec<Process> = tried.collect();
+        let price = ((tried.len() * VARIANCES.len()) as f64).ln();
         let weighed: Vec<(f64, (Process, Products))> = tried.into_par_iter().filter_map(of_size).collect();
-        weighed.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, likeliest)| likeliest)
+        let (evidence, likeliest) = weighed.into_iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
+        (evidence - price > likeliest.1.evidence_of_none()).then_some(likeliest)
     }
 
-    /// What the chosen effects leave of the fitted rows; `None` where rows are no positions.
-    fn left(&self) -> Option<Vec<Left>> {
+    /// What the chosen effects leave of the fitted rows, and whether all of them are whole positions; `None` where lengths were measured.
+    fn left(&self) -> Option<(Vec<Scalar>, bool)> {
         let residual = self.residual() - self.shifted_by(|pattern| pattern.standing() != Standing::Unlisted);
         let fitted = |row: &&Observation| !row.held_out && !row.outlier;
         let rows: Vec<&Observation> = self.problem.rows.iter().filter(fitted).collect();
-        let of = |row: &&Observation| {
-            let error = Vector3::from_iterator(residual.rows(row.offset, row.seen.len()).iter().copied());
-            let base_from_wobj = self.problem.runs[row.run].base_from_wobj(row.point);
-            Left {
+        let whole = rows.iter().all(|row| matches!(row.seen, Seen::Position(_)) && row.seen.count() == row.seen.len());
+        let mut scalars = Vec::new();
+        for row in rows {
+            let run = &self.problem.runs[row.run];
+            let turn = run.base_from_wobj(row.point).rotation;
+            let shown = |k: usize| row.seen.shows(k).then(|| residual[row.offset + k]);
+            let lines: Vec<(usize, Vector3<f64>, f64)> = match row.seen {
+                Seen::Distance(_) => return None,
+                Seen::Normal(_) => vec![(0, turn * run.points[row.point].normal, residual[row.offset])],
+                Seen::Position(_) if whole => {
+                    let error = turn * Vector3::from_fn(|k, _| residual[row.offset + k]);
+                    (0..3).map(|k| (k, Vector3::ith(k, 1.0), error[k])).collect()
+                }
+                Seen::Position(_) => (0..3).filter_map(|k| Some((k, turn * Vector3::ith(k, 1.0), shown(k)?))).collect(),
+            };
+            let of = |(axis, along, error)| Scalar {
                 run: row.run,
                 order: row.order,
+                axis,
                 block: self.problem.validation_block(row),
                 weight: row.weight * row.tail,
                 places: self.problem.places(row),
-                error: base_from_wobj.rotation * error,
-            }
-        };
-        let whole = |row: &&Observation| matches!(row.seen, Seen::Position(_)) && row.seen.count() == row.seen.len();
-        rows.iter().all(whole).then(|| rows.iter().map(of).collect())
+                along,
+                error,
+            };
+            scalars.extend(lines.into_iter().map(of));
+        }
+        Some((scalars, whole))
     }
 
     /// Products of the bells with one another and with what is left, under the wander and the noise of the fit.
-    fn products(&self, rows: &[&Left], Process { field, centres, .. }: &Process) -> Products {
-        let count = centres.len();
-        let stacked = DMatrix::from_fn(rows.len(), count + 3, |i, j| match j.checked_sub(count) {
-            None => field.similarity(&rows[i].places, &centres[j]),
-            Some(axis) => rows[i].error[axis],
+    fn products(&self, left: &Left, Process { field, centres, .. }: &Process) -> Products {
+        let (together, each) = (left.together(), left.columns_each());
+        let columns = each * centres.len();
+        let rows: Vec<&[&Scalar]> = left.scalars.chunks_exact(together).collect();
+        let stacked = DMatrix::from_fn(rows.len(), columns + together, |i, j| match j.checked_sub(columns) {
+            None if each == 1 => field.similarity(&rows[i][0].places, &centres[j]),
+            None => field.similarity(&rows[i][0].places, &centres[j / 3]) * rows[i][0].along[j % 3],
+            Some(axis) => rows[i][axis].error,
         });
-        let runs: BTreeSet<usize> = rows.iter().map(|left| left.run).collect();
-        let of_run = |run: usize| {
-            let own = rows.iter().enumerate().filter(|(_, left)| left.run == run);
-            Series { samples: own.map(|(i, left)| (i, left.order, left.weight)).collect(), places: [].into() }
-        };
-        let series: Vec<Series> = runs.into_iter().map(of_run).collect();
+        let mut series: BTreeMap<(usize, usize), Vec<Sample>> = BTreeMap::new();
+        for (i, row) in rows.iter().enumerate() {
+            series.entry((row[0].run, row[0].axis)).or_default().push((i, row[0].order, row[0].weight));
+        }
+        let series: Vec<Series> = series.into_values().map(|samples| Series { samples, places: [].into() }).collect();
         let whitened = whiten(&stacked, &series, noise::Shape { field: None, ..self.shape }).columns;
-        let (bells, errors) = (whitened.columns(0, count), whitened.columns(count, 3));
+        let (bells, errors) = (whitened.columns(0, columns), whitened.columns(columns, together));
+        let alike = |i: usize, j: usize| field.similarity(&centres[i / each], &centres[j / each]);
         Products {
             gram: bells.tr_mul(&bells),
             cross: bells.tr_mul(&errors),
             square: errors.norm_squared(),
-            scalars: 3 * rows.len(),
-            prior: DMatrix::from_fn(count, count, |i, j| field.similarity(&centres[i], &centres[j])),
+            scalars: left.scalars.len(),
+            prior: DMatrix::from_fn(columns, columns, |i, j| if i % each == j % each { alike(i, j) } else { 0.0 }),
         }
     }
 }
@@ -149,7 +195,7 @@ impl Engine {
 struct Products {
     /// Nᵀ N.
     gram: DMatrix<f64>,
-    /// Nᵀ e, an axis a column.
+    /// Nᵀ e: an axis a column where rows are whole positions, else one column.
     cross: DMatrix<f64>,
     /// eᵀ e.
     square: f64,
@@ -170,15 +216,18 @@ impl Products {
     }
 
     /// Heights of the bells, base axes, mm: (K / share + Nᵀ N)⁻¹ Nᵀ e.
-    fn heights(&self, process: &Process) -> Option<Vec<Vector3<f64>>> {
-        let [_, sum] = self.factors(process.field.share)?;
+    fn heights(&self, share: f64) -> Option<Vec<Vector3<f64>>> {
+        let [_, sum] = self.factors(share)?;
         let heights = sum.solve(&self.cross);
-        Some(heights.row_iter().map(|row| Vector3::new(row[0], row[1], row[2])).collect())
+        // A centre's three axes stand side by side, or one below the other.
+        let axes = if heights.ncols() == 1 { heights.data.into() } else { heights.transpose().data.into() };
+        let axes: Vec<f64> = axes;
+        Some(axes.chunks_exact(3).map(Vector3::from_column_slice).collect())
     }
 
     /// The effect that is the mean of the process.
     fn mean(&self, process: &Process) -> Option<Box<dyn Effect>> {
-        let heights = self.heights(process)?;
+        let heights = self.heights(process.field.share)?;
         let bell = |(&[at, wrist, force], &shift): (&Places, &Vector3<f64>)| Bell { at, wrist, force, shift };
         let bells: Vec<Bell> = process.centres.iter().zip(&heights).map(bell).collect();
         Some(discrepancy(process.field.reach, process.spreads, &bells))
@@ -189,22 +238,37 @@ impl Products {
         let [prior, sum] = self.factors(share)?;
         let left = self.square - self.cross.dot(&sum.solve(&self.cross));
         let log_det = |factor: &Cholesky<f64, Dyn>| factor.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>();
+        let copies = self.cross.ncols() as f64;
+        Some(self.evidence_of_left(left) - copies * (log_det(&sum) - log_det(&prior)))
+    }
+
+    /// Log evidence of no process, but for the same constant, nats.
+    fn evidence_of_none(&self) -> f64 {
+        self.evidence_of_left(self.square)
+    }
+
+    fn evidence_of_left(&self, square: f64) -> f64 {
         let count = self.scalars as f64;
-        Some(-0.5 * count * (left / count).ln() - 3.0 * (log_det(&sum) - log_det(&prior)))
+        -0.5 * count * (square / count).ln()
     }
 }
 
 /// Rows as far from one another as can be, the first among them: each next one is the farthest from those before (Gonzalez 1985).
-fn spread_out(left: &[&Left], field: &Field) -> Vec<Places> {
+fn spread_out(left: &Left, field: &Field) -> Vec<Places> {
+    let rows: Vec<&Places> = left.scalars.chunks_exact(left.together()).map(|row| &row[0].places).collect();
     let mut centres: Vec<Places> = Vec::new();
-    let mut alike = vec![0.0; left.len()];
+    let mut alike = vec![0.0; rows.len()];
     let mut next = 0;
-    while centres.len() < CENTRES.min(left.len()) {
-        centres.push(left[next].places);
-        for (alike, left) in alike.iter_mut().zip(left) {
-            *alike = field.similarity(&left.places, &centres[centres.len() - 1]).max(*alike);
+    while centres.len() < CENTRES.min(rows.len()) {
+        centres.push(*rows[next]);
+        for (alike, row) in alike.iter_mut().zip(&rows) {
+            *alike = field.similarity(row, &centres[centres.len() - 1]).max(*alike);
         }
-        next = (0..left.len()).min_by(|&a, &b| alike[a].total_cmp(&alike[b])).unwrap_or(0);
+        next = (0..rows.len()).min_by(|&a, &b| alike[a].total_cmp(&alike[b])).unwrap_or(0);
+        // Several scalars of a row are at one place.
+        if alike.get(next).is_none_or(|alike| *alike >= 1.0) {
+            break;
+        }
     }
     centres
 }

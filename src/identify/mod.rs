@@ -46,7 +46,7 @@ mod ties;
 mod whole;
 mod whole_arm;
 
-pub use engine::{Input, Progress, Written, identify};
+pub use engine::{Input, MeasuredRun, Progress, Written, identify};
 pub use outcome::{
     Added, Advice, Correlate, Coverage, Errors, FittedParameter, Identification, InModel, Ranked, ResidualRow,
     Separation, SetShare, Unexplained,

@@ -4,6 +4,7 @@ use crate::cell::Cell;
 use crate::correct::{Point, Prepared};
 use crate::measured::{MATCH_MM, MeasuredRow, Table};
 use crate::program::{Motion, Program};
+use crate::robot::Pose;
 use crate::text::Diagnostic;
 use nalgebra::Vector3;
 
@@ -31,7 +32,7 @@ impl Placed {
     }
 }
 
-/// The path as straight ways; arcs and joint moves have their ends only.
+/// The path that errors are counted from, as straight ways; arcs and joint moves have their ends only.
 pub(super) struct Path<'a> {
     program: &'a Program,
     /// Of each target, mm, work object axes.
@@ -46,7 +47,7 @@ impl<'a> Path<'a> {
         // Where the arm does not go for sure nothing was measured: NaN is near nothing.
         let end = |(i, point): (usize, &Point)| match prepared.unsolved(i) {
             Some(_) => Vector3::repeat(f64::NAN),
-            None => 1e3 * point.wobj_from_tcp.translation.vector,
+            None => 1e3 * point.reference.translation.vector,
         };
         let ends: Vec<Vector3<f64>> = prepared.points.iter().enumerate().map(end).collect();
         let mut along_mm = vec![0.0; ends.len()];
@@ -139,9 +140,11 @@ fn between(cell: &Cell, prepared: &Prepared, Place { target, share, .. }: Place)
     let Some(before) = target.checked_sub(1).map(|before| &prepared.points[before]).filter(|_| share < 1.0) else {
         return Ok(point);
     };
-    let turned = before.wobj_from_tcp.try_lerp_slerp(&end.wobj_from_tcp, share, 1e-9);
-    point.wobj_from_tcp = turned.ok_or("the way there turns by half a turn: its middle is not known")?;
-    point.reference = point.wobj_from_tcp;
+    let way = |from: &Pose, to: &Pose| {
+        from.try_lerp_slerp(to, share, 1e-9).ok_or("the way there turns by half a turn: its middle is not known")
+    };
+    point.wobj_from_tcp = way(&before.wobj_from_tcp, &end.wobj_from_tcp)?;
+    point.reference = way(&before.reference, &end.reference)?;
     let flange =
         prepared.base_from_wobj(target) * point.wobj_from_tcp * prepared.tool(target).flange_from_tcp.inverse();
     point.motor = cell.arm.robot.inverse_near(&flange, &before.motor).map_err(|error| error.to_string())?;

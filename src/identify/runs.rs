@@ -2,6 +2,7 @@
 
 use super::data::{Blocks, Problem, Seen};
 use super::device::Device;
+use super::engine::MeasuredRun;
 use super::places::{Path, Placed, misplaced};
 use super::questioned::{Taken, belongs, steps_mm};
 use crate::cell::Cell;
@@ -14,15 +15,15 @@ use std::collections::BTreeMap;
 
 impl Problem {
     /// Aligns runs to their programs.
-    pub(super) fn of_runs(cell: &Cell, runs: Vec<(Program, Table)>) -> Result<Self, Vec<Diagnostic>> {
+    pub(super) fn of_runs(cell: &Cell, runs: Vec<MeasuredRun>) -> Result<Self, Vec<Diagnostic>> {
         let mut problem = Self::empty(false);
         problem.units = std::sync::Arc::clone(&cell.units);
-        let rows = || runs.iter().flat_map(|(_, table)| &table.rows);
+        let rows = || runs.iter().flat_map(|run| &run.table.rows);
         let declared = rows().all(|row| row.sigma_mm.is_some());
         problem.steps_mm = steps_mm(rows());
-        for (program, table) in runs {
+        for MeasuredRun { program, original, table } in runs {
             for part in clampings(table) {
-                problem.take_run(cell, &program, &part)?;
+                problem.take_run(cell, &program, original.as_ref(), &part)?;
             }
         }
         problem.scale_weights(declared);
@@ -30,13 +31,22 @@ impl Problem {
     }
 
     /// Takes in what was measured on a program in one clamping.
-    fn take_run(&mut self, cell: &Cell, program: &Program, table: &Table) -> Result<(), Vec<Diagnostic>> {
+    fn take_run(
+        &mut self,
+        cell: &Cell,
+        program: &Program,
+        original: Option<&Program>,
+        table: &Table,
+    ) -> Result<(), Vec<Diagnostic>> {
         let has_force = table.rows.iter().any(|row| row.force_n.is_some());
         let covariates = table.rows.iter().any(|row| row.time_s.or(row.temperature_c).or(row.payload_kg).is_some());
         let mut forces = table.forces();
         forces.forces_given = has_force;
         let options = Options { forces: (has_force || covariates).then_some(forces), ..Options::default() };
-        let mut prepared = Prepared::new(program, cell, &options)?;
+        let mut prepared = match original {
+            Some(original) => Prepared::judged_by(original, program, cell, &options)?,
+            None => Prepared::new(program, cell, &options)?,
+        };
         drop(options);
         let path = Path::new(program, &prepared, table);
         let run = self.runs.len();
@@ -111,7 +121,7 @@ fn clampings(table: Table) -> Vec<Table> {
 fn beside(seen: Seen, row: &MeasuredRow, point: &Point) -> Seen {
     match (seen, row.nominal_mm.filter(|_| row.target.is_none())) {
         (Seen::Position(seen), Some(nominal_mm)) => {
-            Seen::Position(seen - Vector3::from(nominal_mm) + point.wobj_from_tcp.translation.vector * 1e3)
+            Seen::Position(seen - Vector3::from(nominal_mm) + point.reference.translation.vector * 1e3)
         }
         (seen, _) => seen,
     }

@@ -218,7 +218,7 @@ impl Engine {
     }
 
     /// Standard deviations of place, posture and force over the fitted rows.
-    fn spreads(&self) -> [f64; noise::OVER.len()] {
+    pub(super) fn spreads(&self) -> [f64; noise::OVER.len()] {
         let places: Vec<noise::Places> =
             self.problem.rows.iter().filter(|row| !row.held_out).map(|row| self.problem.places(row)).collect();
         let count = places.len().max(1) as f64;

@@ -34,7 +34,8 @@ fn of_folder(folder: &Path) -> Identification {
 
 fn written(folder: &Path, written: Written) -> Identification {
     let cell = cell(&folder.join("cell.toml"));
-    let runs = vec![(program(&folder.join("part.mod")), Table::read(&source(&folder.join("measured.csv"))).unwrap())];
+    let runs =
+        vec![(program(&folder.join("part.mod")), Table::read(&source(&folder.join("measured.csv"))).unwrap()).into()];
     let input = Input { cell: &cell, runs, poses: vec![], tool: None, data_hash: "test", written, progress: &|_| true };
     identify(input).unwrap()
 }

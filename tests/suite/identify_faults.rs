@@ -24,7 +24,7 @@ fn table(name: &str) -> Table {
 }
 
 fn found(name: &str, table: Table, cell: &Cell) -> Identification {
-    let runs = vec![(program(name), table)];
+    let runs = vec![(program(name), table).into()];
     identify(Input {
         cell,
         runs,

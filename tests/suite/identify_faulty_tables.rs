@@ -30,7 +30,7 @@ impl Measured {
 
     fn identified(&self, table: Table) -> Result<Identification, Vec<Diagnostic>> {
         let program = rapid::read(vec![self.program.clone()], Vec::new()).unwrap();
-        let runs = vec![(program, table)];
+        let runs = vec![(program, table).into()];
         identify(Input {
             cell: &self.cell,
             runs,

@@ -192,5 +192,5 @@ fn nothing_is_added_that_makes_held_out_rows_worse() {
     let found = found(file(&rows, None)).unwrap();
     assert!(found.added.is_empty() && found.extended.is_empty(), "{:?}", found.added);
     assert_eq!(found.after, found.before);
-    assert!(found.advice.iter().any(|advice| advice.starts_with("nothing is added")), "{:?}", found.advice);
+    assert!(found.advice.iter().any(|advice| advice.starts_with("no effect is added")), "{:?}", found.advice);
 }

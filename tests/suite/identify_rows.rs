@@ -32,7 +32,7 @@ fn found(program: Program, table: Table) -> Result<Identification, Vec<Diagnosti
 }
 
 fn found_by(cell: &Cell, program: Program, table: Table) -> Result<Identification, Vec<Diagnostic>> {
-    let runs = vec![(program, table)];
+    let runs = vec![(program, table).into()];
     identify(Input {
         cell,
         runs,
@@ -53,7 +53,7 @@ fn progress_rises_and_calls_the_run_off() {
         told.push(share);
         told.len() < 3
     };
-    let runs = vec![(program(), table(16))];
+    let runs = vec![(program(), table(16)).into()];
     let input = Input {
         cell: &cell,
         runs,

@@ -24,6 +24,7 @@ mod html;
 mod identify;
 mod identify_faults;
 mod identify_faulty_tables;
+mod identify_part;
 mod identify_poses;
 mod identify_rows;
 mod messages;

@@ -476,7 +476,7 @@ fn a_misplaced_table_is_found() {
     }
     let measured = deflex::measured::Table::read(&Source::new("m.csv", table.into_bytes())).unwrap();
     let cell = rigid("");
-    let runs = vec![(program, measured)];
+    let runs = vec![(program, measured).into()];
     let input = deflex::identify::Input {
         cell: &cell,
         runs,

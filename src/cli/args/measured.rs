@@ -11,6 +11,10 @@ pub(in crate::cli) struct Identify {
     /// A program and what was measured on it; any number
     #[arg(long, num_args = 2, value_names = ["PROGRAM", "MEASURED"], required_unless_present_any = ["poses", "log"], conflicts_with = "poses", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) run: Vec<PathBuf>,
+    /// The program that the one of --run was corrected from: normal_mm and nominal places are counted from its path; of
+    /// several, the folder with originals of the same file names
+    #[arg(long, value_name = "ORIGINAL", requires = "run", value_hint = ValueHint::AnyPath)]
+    pub(in crate::cli) against: Option<PathBuf>,
     /// Measured rows that carry their own motor angles; any number, no program needed
     #[arg(long, value_name = "MEASURED", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) poses: Vec<PathBuf>,

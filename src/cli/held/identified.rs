@@ -5,7 +5,7 @@ use crate::cli::report::pretty;
 use deflex::cell::extended;
 use deflex::correct::{Course, Options, Prepared};
 use deflex::drive::{DriveError, FittedLaw, LogError, fit_law};
-use deflex::identify::{self, Identification, Input, Progress, Written};
+use deflex::identify::{self, Identification, Input, MeasuredRun, Progress, Written};
 use deflex::measured::{ColumnNames, Table};
 use deflex::report::html::identification_page;
 use deflex::report::{Origin, VERSION};
@@ -46,6 +46,31 @@ impl MeasuredFile {
     fn table(&self, cell: &CellFile) -> Result<Table, Vec<Diagnostic>> {
         let table = Table::read_named(&self.source, self.names.as_ref().or(cell.cell.columns.as_ref()))?;
         Ok(Table { match_mm: self.match_mm, ..table })
+    }
+}
+
+/// A program with what was measured on it, not yet parsed.
+#[derive(Clone, Debug)]
+pub struct MeasuredRunFiles {
+    /// The program that ran.
+    pub program: ProgramFiles,
+    /// The program that it was corrected from: `--against`.
+    pub original: Option<ProgramFiles>,
+    /// What was measured.
+    pub measured: MeasuredFile,
+}
+
+impl MeasuredRunFiles {
+    fn parse(&self, cell: &CellFile, tool: Option<&str>) -> Result<MeasuredRun, Vec<Diagnostic>> {
+        let original = self.original.as_ref().map(|original| original.parse(cell, tool)).transpose();
+        let ((program, original), table) =
+            both(both(self.program.parse(cell, tool), original), self.measured.table(cell))?;
+        Ok(MeasuredRun { program, original, table })
+    }
+
+    fn sources(&self) -> impl Iterator<Item = &Source> {
+        let programs = [&self.program].into_iter().chain(&self.original);
+        programs.flat_map(|program| program.sources()).chain([&self.measured.source])
     }
 }
 
@@ -106,20 +131,20 @@ impl Identified {
 /// All for which the command ends with exit code 2, and `run.called-off`.
 pub fn identify(
     cell: &CellFile,
-    runs: &[(ProgramFiles, MeasuredFile)],
+    runs: &[MeasuredRunFiles],
     poses: &[MeasuredFile],
     tool: Option<&str>,
     written: Written,
     progress: &Progress<'_>,
 ) -> Result<Identified, Vec<Diagnostic>> {
-    let read = |(program, table): &(ProgramFiles, MeasuredFile)| both(program.parse(cell, tool), table.table(cell));
-    let (programs, tables) = both(all(runs.iter().map(read)), all(poses.iter().map(|poses| poses.table(cell))))?;
-    let read = programs.iter().map(|(_, table)| table).chain(&tables);
+    let parsed = all(runs.iter().map(|run| run.parse(cell, tool)));
+    let (parsed, tables) = both(parsed, all(poses.iter().map(|poses| poses.table(cell))))?;
+    let read = parsed.iter().map(|run| &run.table).chain(&tables);
     let notes = read.flat_map(|table| table.notes.iter().cloned()).collect();
-    let measured = runs.iter().flat_map(|(program, table)| program.sources().into_iter().chain([&table.source]));
-    let data: Vec<&Source> = measured.chain(poses.iter().map(|table| &table.source)).collect();
+    let data: Vec<&Source> =
+        runs.iter().flat_map(MeasuredRunFiles::sources).chain(poses.iter().map(|table| &table.source)).collect();
     let hash = hash(data.iter().copied().chain([&cell.source]));
-    let input = Input { cell: &cell.cell, runs: programs, poses: tables, tool, data_hash: &hash, written, progress };
+    let input = Input { cell: &cell.cell, runs: parsed, poses: tables, tool, data_hash: &hash, written, progress };
     let found = identify::identify(input).map_err(|errors| cell.own(errors))?;
     Ok(Identified {
         found,

@@ -24,7 +24,7 @@ mod write;
 
 pub use super::input::CellFile;
 pub use files::ProgramFiles;
-pub use identified::{Identified, MeasuredFile, identify, identify_path};
+pub use identified::{Identified, MeasuredFile, MeasuredRunFiles, identify, identify_path};
 pub use planned::{Planned, plan};
 pub use simulated::{Simulated, SimulationProgress, simulate};
 pub use write::write;

@@ -67,7 +67,7 @@ pub(super) fn judge(
     let program = program::read(language, vec![Source::new(name, program.as_bytes())], Vec::new(), &options)?;
     let rows_of_table = rows.iter().map(|row| as_planned(section, row)).collect();
     let table = Table { file: "plan.csv".to_owned(), rows: rows_of_table, match_mm: None, notes: Vec::new() };
-    let problem = Problem::of_runs(cell, vec![(program, table)])?;
+    let problem = Problem::of_runs(cell, vec![(program, table).into()])?;
     let robot = &cell.arm.robot;
     // Degrees: the digits of a program.
     const SAME: f64 = 1e-2;

@@ -1,0 +1,112 @@
+//! A finished part tells how the next one has to be cut: probed points, also of programs that were corrected before.
+
+use deflex::cell::{Cell, extended};
+use deflex::correct::{Options, compensate, predict};
+use deflex::identify::{Identification, Input, MeasuredRun, identify};
+use deflex::measured::Table;
+use deflex::program::{Program, rapid};
+use deflex::text::{Source, apply};
+
+/// A raster over the table, line by line to and fro, mm.
+fn raster() -> Vec<[f64; 2]> {
+    let line = |row: usize| {
+        (0..15).map(move |i| [if row.is_multiple_of(2) { i } else { 14 - i } as f64 * 20.0, row as f64 * 30.0])
+    };
+    (0..10).flat_map(line).collect()
+}
+
+/// The raster with the tool upright.
+fn program() -> Program {
+    let motion = |[x, y]: [f64; 2]| {
+        format!(
+            "    MoveL [[{x:.3},{y:.3},0],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v20,z0,tMill\\WObj:=wPart;\n"
+        )
+    };
+    let body: String = raster().into_iter().map(motion).collect();
+    let text = format!(
+        "MODULE Part\n  PERS tooldata tMill:=[TRUE,[[0,0,150],[1,0,0,0]],[4,[0,0,80],[1,0,0,0],0,0,0]];\n  PERS wobjdata \
+         wPart:=[FALSE,TRUE,\"\",[[1500,-150,600],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\n  PROC main()\n{body}  ENDPROC\nENDMODULE\n"
+    );
+    rapid::read(vec![Source::new("part.mod", text.into_bytes())], Vec::new()).unwrap()
+}
+
+/// An arm under a constant force, with joints that yield.
+const CELL: &str = "[robot]\nmodel = \"irb6700-150-3.20\"\n[robot.stiffness]\njoint_nm_per_rad = [2e6, 2e6, 2e6, 5e5, 5e5, 5e5]\n[cut]\nforce = \
+                    \"constant\"\nforce_n = [200.0, -260.0, 410.0]\nframe = \"wobj\"\n";
+
+fn cell(text: &str) -> Cell {
+    Cell::read(&Source::new("cell.toml", text.as_bytes().to_vec())).unwrap()
+}
+
+fn table(text: String) -> Table {
+    Table::read(&Source::new("probed.csv", text.into_bytes())).unwrap()
+}
+
+/// Normal errors of every n-th target, mm, read with a few micrometres of error.
+fn probed(every: usize, error_mm: impl Fn([f64; 2]) -> f64) -> Table {
+    let row = |(i, at): (usize, [f64; 2])| {
+        let reading = error_mm(at) + 0.003 * (7.3 * i as f64).sin();
+        format!("{},{reading:.4},0.003\n", i + 1)
+    };
+    let rows: String = raster().into_iter().enumerate().step_by(every).map(row).collect();
+    table("target,normal_mm,sigma_mm\n".to_owned() + &rows)
+}
+
+fn found(cell: &Cell, run: MeasuredRun) -> Identification {
+    let input = Input {
+        cell,
+        runs: vec![run],
+        poses: vec![],
+        tool: None,
+        data_hash: "test",
+        written: Default::default(),
+        progress: &|_| true,
+    };
+    identify(input).unwrap()
+}
+
+fn corrected(cell: &Cell, options: &Options) -> Program {
+    let program = program();
+    let done = compensate(&program, cell, options).unwrap();
+    let mut bytes = Vec::new();
+    apply(&program.sources[0].bytes, &done.rewritten.unwrap().edits[0], &mut bytes).unwrap();
+    rapid::read(vec![Source::new("corrected.mod", bytes)], Vec::new()).unwrap()
+}
+
+/// The part of a corrected program is as its original says it: its surface has no error to find.
+#[test]
+fn a_part_cut_by_a_corrected_program_is_judged_by_the_original() {
+    let cell = cell(CELL);
+    for subdivide in [None, Some(0.05)] {
+        let ran = || corrected(&cell, &Options { subdivide, ..Options::default() });
+        // Targets may have been inserted: rows name their places on the original's surface.
+        let row = |(i, [x, y]): (usize, [f64; 2])| format!("{x},{y},0,{:.4}\n", 0.003 * (7.3 * i as f64).sin());
+        let rows: String = raster().into_iter().enumerate().step_by(2).map(row).collect();
+        let probed = || table("nominal_x_mm,nominal_y_mm,nominal_z_mm,normal_mm\n".to_owned() + &rows);
+        let judged = found(&cell, MeasuredRun { program: ran(), original: Some(program()), table: probed() });
+        assert!(judged.before.rms_mm < 0.004, "{:?}", judged.before);
+        assert!(judged.added.is_empty(), "{:?}", judged.added);
+        // Without the original the correction passes for an error of the part.
+        let alone = found(&cell, MeasuredRun { program: ran(), original: None, table: probed() });
+        assert!(alone.before.rms_mm > 0.05, "{:?}", alone.before);
+    }
+}
+
+/// A wave over the table that no law has, probed at every third target: the next part has little of it left, between those too.
+#[test]
+fn what_no_effect_explains_of_a_part_is_corrected_on_the_next_one() {
+    let wave = |[x, y]: [f64; 2]| 0.1 * (x / 45.0).sin() * (y / 50.0).cos();
+    let stiff = cell("[robot]\nmodel = \"irb6700-150-3.20\"\n[cut]\nforce = \"none\"\n");
+    let found = found(&stiff, (program(), probed(3, wave)).into());
+    assert!(found.after.rms_mm < 0.3 * found.before.rms_mm, "{:?} {:?}", found.before, found.after);
+    assert!(found.effects.iter().any(|effect| effect.kind == "empirical"), "{:?}", found.effects);
+    let text = extended("[robot]\nmodel = \"irb6700-150-3.20\"\n[cut]\nforce = \"none\"\n", &found.extended).unwrap();
+    let rows = predict(&program(), &cell(&text), &Options::default(), None).unwrap().rows;
+    let rms = |of: &dyn Fn(usize, [f64; 2]) -> f64| {
+        let squares = raster().into_iter().enumerate().map(|(i, at)| of(i, at).powi(2));
+        (squares.sum::<f64>() / rows.len() as f64).sqrt()
+    };
+    let left = rms(&|i, at| wave(at) - rows[i].error_normal_mm);
+    let before = rms(&|_, at| wave(at));
+    assert!(left < 0.2 * before, "{left} of {before}");
+}
