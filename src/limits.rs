@@ -49,10 +49,13 @@ pub const STL_REACH_MM: Bound = Bound {
     help: "export the mesh in millimetres, near the origin of the stock's work object",
 };
 
+/// External axes that a program can move.
+pub const EXTERNAL_AXES: usize = 6;
+
 /// Units of a cell: a controller has six external axes, and each unit one of its own.
 pub const UNITS: Bound = Bound {
     what: "units ([[unit]]) of a cell",
-    most: crate::robot::EXTERNAL_AXES as u64,
+    most: EXTERNAL_AXES as u64,
     help: "each unit has an external axis of its own, eax_a to eax_f: remove the others",
 };
 

@@ -2,7 +2,6 @@
 
 use super::check::Check;
 use super::{Cl, Spin, SpinRule, nearest, raw};
-use crate::correct::SINGULAR_MARGIN;
 use crate::program::ExternalAxes;
 use crate::program::cl::{ClOptions, Point, Units, may_be_declared_harmless};
 use crate::program::post::{TEMPLATES, Templates};
@@ -49,7 +48,7 @@ pub(super) fn cl(
     check.positive("cl.arc_tolerance_mm", &[arc_tolerance_mm]);
     let turn = raw.spin_deg.unwrap_or(0.0);
     check.finite("cl.spin_deg", &[turn]);
-    let singular_margin = raw.singular_margin_deg.map_or(SINGULAR_MARGIN, f64::to_radians);
+    let singular_margin = raw.singular_margin_deg.map_or(Cl::SINGULAR_MARGIN, f64::to_radians);
     if !(0.0..FRAC_PI_2).contains(&singular_margin) {
         check.error(
             "cl.singular_margin_deg",

@@ -7,7 +7,6 @@ mod check;
 mod cl;
 mod cut;
 mod extend;
-mod nearest;
 mod plan;
 mod plausible;
 mod raw;
@@ -19,10 +18,10 @@ mod uncertainty;
 mod unit;
 mod urdf;
 
+pub use crate::text::nearest;
 pub use backup::backup_template;
 pub use cut::{Cut, CutForce, DeclaredEngagement, Engaged, EngagementMode, MillingCut, MillingParts, MissingCutKey};
 pub use extend::{NewEffect, extended, with_path_law};
-pub use nearest::nearest;
 pub use plan::{Instrument, PlanSection};
 pub use stock::{HeldPart, PartSection, StockSection};
 pub use template::{described_template, examples_left, template};
@@ -168,6 +167,11 @@ pub struct Cl {
     pub spin: Spin,
     /// Least angle of axis 5 from a singular wrist where the turn is chosen, rad.
     pub singular_margin: f64,
+}
+
+impl Cl {
+    /// Margin from a singular wrist where the cell states none, rad (`docs/reference.md`).
+    pub(crate) const SINGULAR_MARGIN: f64 = 10.0 * std::f64::consts::PI / 180.0;
 }
 
 /// Where the TCP's x axis points, projected square to the tool axis, then turned by `turn` about it.

@@ -1,7 +1,8 @@
 //! The table of forces, and whether it is that of a program.
 
 use super::watch::watch;
-use deflex::correct::{Forces, Row, Status};
+use deflex::correct::{Row, Status};
+use deflex::measured::Forces;
 use deflex::measured::{ColumnNames, Rows, TargetRef};
 use deflex::program::Program;
 use deflex::text::{Diagnostic, Severity, cannot_read};

@@ -47,7 +47,7 @@ pub(super) struct Feedback<R> {
 impl<R: Number> Evaluation<R> {
     /// Finds what is off whatever the load, for the commanded angles of the block.
     pub(super) fn set_offsets(&mut self, model: &Model<'_>, block: &Block<'_, R>) {
-        widest!(<R; 'a, 'b, 's> (
+        widest!(<R: Number; 'a, 'b, 's> (
             model: &'a Model<'b> = model,
             block: &'a Block<'s, R> = block,
             at: &'a mut Evaluation<R> = self,
@@ -95,7 +95,7 @@ impl<R: Number> Evaluation<R> {
 
     /// Frames of the links and the place of the cutter, under a deflection.
     pub(super) fn place(&mut self, model: &Model<'_>, block: &Block<'_, R>, under: &Deflection<R>) {
-        widest!(<R; 'a, 'b, 's> (
+        widest!(<R: Number; 'a, 'b, 's> (
             model: &'a Model<'b> = model,
             block: &'a Block<'s, R> = block,
             under: &'a Deflection<R> = under,
@@ -153,7 +153,7 @@ impl<R: Number> Evaluation<R> {
 
     /// By how much the arms yield to the cutting force and whatever else acts.
     pub(super) fn bear(&mut self, model: &Model<'_>, block: &Block<'_, R>) {
-        widest!(<R; 'a, 'b, 's> (
+        widest!(<R: Number; 'a, 'b, 's> (
             model: &'a Model<'b> = model,
             block: &'a Block<'s, R> = block,
             at: &'a mut Evaluation<R> = self,

@@ -74,7 +74,7 @@ pub(super) struct Rules {
 impl<R: Number> Forward<R> {
     /// Begins close to motor angles (rad), of commands whose offsets `at` has.
     pub(super) fn begin(&mut self, model: &Model<'_>, block: &Block<'_, R>, at: &mut Evaluation<R>) {
-        widest!(<R; 'a, 'b, 's> (
+        widest!(<R: Number; 'a, 'b, 's> (
             forward: &'a mut Forward<R> = self,
             model: &'a Model<'b> = model,
             block: &'a Block<'s, R> = block,
@@ -107,7 +107,7 @@ impl<R: Number> Forward<R> {
 
     /// Puts the arms where they would be bent, or where the rounds ended.
     pub(super) fn place(&mut self, model: &Model<'_>, block: &Block<'_, R>, at: &mut Evaluation<R>, rules: Rules) {
-        widest!(<R; 'a, 'b> (
+        widest!(<R: Number; 'a, 'b> (
             forward: &'a mut Forward<R> = self,
             model: &'a Model<'b> = model,
             at: &'a mut Evaluation<R> = at,
@@ -152,7 +152,7 @@ impl<R: Number> Forward<R> {
         self.place(model, block, at, rules);
         at.cut(block);
         at.bear(model, block);
-        widest!(<R; 'a, 'b> (
+        widest!(<R: Number; 'a, 'b> (
             forward: &'a mut Forward<R> = self,
             model: &'a Model<'b> = model,
             at: &'a Evaluation<R> = at,

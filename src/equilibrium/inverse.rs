@@ -90,7 +90,7 @@ impl<R: Number> Inverse<R> {
     /// Evaluates the arms at their motor angles, and moves the poses asked for by what was missed.
     fn evaluate(&mut self, first: bool, model: &Model<'_>, block: &Block<'_, R>, at: &mut Evaluation<R>) {
         at.set_offsets(model, block);
-        widest!(<R; 'a, 'b> (
+        widest!(<R: Number; 'a, 'b> (
             inverse: &'a Inverse<R> = self,
             model: &'a Model<'b> = model,
             at: &'a mut Evaluation<R> = at,
@@ -105,7 +105,7 @@ impl<R: Number> Inverse<R> {
             return;
         }
         at.place(model, block, &self.under);
-        widest!(<R; 'a, 's> (
+        widest!(<R: Number; 'a, 's> (
             inverse: &'a mut Inverse<R> = self,
             block: &'a Block<'s, R> = block,
             at: &'a mut Evaluation<R> = at,
@@ -122,7 +122,7 @@ impl<R: Number> Inverse<R> {
     }
 
     fn step(&mut self, number: usize, model: &Model<'_>, block: &mut Block<'_, R>, at: &mut Evaluation<R>) {
-        widest!(<R; 'a, 'b, 's> (
+        widest!(<R: Number; 'a, 'b, 's> (
             inverse: &'a mut Inverse<R> = self,
             model: &'a Model<'b> = model,
             block: &'a mut Block<'s, R> = block,

@@ -1,9 +1,11 @@
 use super::real::{Mask, Real};
 use super::trigonometry::{SinCos, horner};
 use super::{Lanes, WIDTH};
-use crate::robot::Pose;
 use nalgebra::{Matrix3, Rotation3, Translation3, Vector3};
 use std::ops::{Add, Mul, Neg, Sub};
+
+/// A pose, metres: `base_from_tcp` maps coordinates in the TCP frame to the base frame.
+pub type Pose = nalgebra::IsometryMatrix3<f64>;
 
 /// A vector, of one target or of each of eight.
 #[derive(Clone, Copy, Debug, Default)]

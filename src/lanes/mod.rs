@@ -9,6 +9,7 @@ mod number;
 mod real;
 mod trigonometry;
 
+pub use frame::Pose;
 pub(crate) use frame::{Frame, Vector};
 pub(crate) use number::{LaneMask, Lanes, WIDTH};
 pub(crate) use real::{Mask, Real, dispatch};
@@ -45,11 +46,11 @@ macro_rules! widest {
         $crate::lanes::dispatch(Work { $($name: $value),* })
     }};
     // The same for formulas over a number: one number needs no lanes.
-    (<$real:ident; $($life:lifetime),*> ($($name:ident: $type:ty = $value:expr),* $(,)?) $work:block) => {{
-        struct Work<$($life,)* $real: $crate::equilibrium::Number> {
+    (<$real:ident: $bound:path; $($life:lifetime),*> ($($name:ident: $type:ty = $value:expr),* $(,)?) $work:block) => {{
+        struct Work<$($life,)* $real: $bound> {
             $($name: $type),*
         }
-        impl<$($life,)* $real: $crate::equilibrium::Number> pulp::NullaryFnOnce for Work<$($life,)* $real> {
+        impl<$($life,)* $real: $bound> pulp::NullaryFnOnce for Work<$($life,)* $real> {
             type Output = ();
 
             #[inline(always)]

@@ -1,8 +1,8 @@
 //! How a table is laid out: its separator, its decimal sign, and which of its columns is which.
 
 use super::columns::{COLUMNS, FORCE_COLUMNS, Places, wrong};
-use crate::cell::nearest;
 use crate::limits;
+use crate::text::nearest;
 use crate::text::{Diagnostic, Severity};
 use std::cell::Cell;
 

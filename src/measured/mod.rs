@@ -2,11 +2,13 @@
 
 mod clock;
 mod columns;
+mod forces;
 mod layout;
 mod log;
 mod table;
 mod text;
 
 pub use columns::names as column_names;
+pub use forces::{ForceRow, Forces};
 pub use layout::ColumnNames;
 pub use table::{MATCH_MM, MeasuredRow, Rows, Table, TargetRef};

@@ -2,7 +2,7 @@ use super::clock::Clock;
 use super::columns::{COLUMNS, Places, wrong};
 use super::layout::{ColumnNames, Decimal, Wanted, What, places, separator};
 use super::text::LineFeeds;
-use crate::correct::{ForceRow, Forces};
+use super::{ForceRow, Forces};
 use crate::limits::MEASURED_ROWS;
 use crate::text::{Diagnostic, Severity, Source};
 use nalgebra::Vector3;

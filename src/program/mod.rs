@@ -10,6 +10,7 @@ mod any_chunks;
 pub(crate) mod chunk;
 pub mod cl;
 mod detect;
+mod external;
 mod front_end;
 pub mod jbi;
 pub mod krl;
@@ -29,6 +30,7 @@ pub mod ur;
 
 pub use action::{Action, ActionKind};
 pub use detect::detect;
+pub use external::{AxisName, EXTERNAL_AXES, External};
 pub(crate) use language::Layout;
 pub use language::{Language, ReadOptions, read};
 pub use long::{InChunks, LongProgram, LongText};
@@ -45,7 +47,6 @@ pub use target::{
     Status, Target,
 };
 
-use crate::robot::EXTERNAL_AXES;
 use crate::text::{Diagnostic, Edit, Source, Span};
 use std::sync::Arc;
 

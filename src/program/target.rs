@@ -1,4 +1,4 @@
-use crate::robot::{AxisName, EXTERNAL_AXES, External};
+use crate::program::{AxisName, EXTERNAL_AXES, External};
 use crate::text::Span;
 use std::sync::Arc;
 

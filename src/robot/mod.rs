@@ -23,6 +23,8 @@ mod tables;
 mod turn;
 mod unit;
 
+pub use crate::lanes::Pose;
+pub use crate::program::{AxisName, EXTERNAL_AXES, External};
 pub(crate) use batch::{BatchArm, BatchSolutions, Place};
 pub use builtin::{BUILTIN, Builtin};
 pub(crate) use configuration::turn_numbers;
@@ -40,13 +42,10 @@ pub use model::{Axes, DhRow, Robot};
 pub use start::{Start, StartedFrom};
 pub use tables::{PoseMatrix, pose_matrix, pose_of_matrix};
 pub(crate) use turn::{turn_between, turns_between};
-pub use unit::{AxisName, Carries, EXTERNAL_AXES, External, Unit, UnitKind, Units};
+pub use unit::{Carries, Unit, UnitKind, Units};
 
 /// Six motor angles, rad (or six joint torques, N·m, in the same coordinates).
 pub type Joints = nalgebra::Vector6<f64>;
-
-/// A pose, metres: `base_from_tcp` maps coordinates in the TCP frame to the base frame.
-pub type Pose = nalgebra::IsometryMatrix3<f64>;
 
 /// The 6×6 Jacobian, rows (vx, vy, vz, wx, wy, wz) in base axes, m/rad and rad/rad.
 pub type Jacobian = nalgebra::Matrix6<f64>;

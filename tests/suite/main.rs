@@ -27,6 +27,7 @@ mod identify_faulty_tables;
 mod identify_part;
 mod identify_poses;
 mod identify_rows;
+mod layers;
 mod messages;
 mod opw;
 mod paper;

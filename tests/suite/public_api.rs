@@ -7,7 +7,7 @@ use deflex::cell::{
 };
 use deflex::cli::held;
 use deflex::correct::{
-    self, Correct, Corrected, ForceRow, Forces, Options, PostOptions, Posted, Prepared, Row, Status, Stiffness, Summary,
+    self, Correct, Corrected, Options, PostOptions, Posted, Prepared, Row, Status, Stiffness, Summary,
 };
 use deflex::cutting::{Coefficients, Cutter, Engagement, Milling, Mode, materials};
 use deflex::effects::{Covered, Effect, KINDS, Kind, Need, Parameter, Situation, ToolFrame};
@@ -16,7 +16,7 @@ use deflex::identify::{
     self, Added, Correlate, Coverage, Errors, FittedParameter, Identification, Input, Ranked, ResidualRow, Separation,
     Unexplained,
 };
-use deflex::measured::{MeasuredRow, Table, TargetRef};
+use deflex::measured::{ForceRow, Forces, MeasuredRow, Table, TargetRef};
 use deflex::program::{
     self, Change, Conf, Confdata, Config, Editable, Goal, Insert, Kept, Language, Mark, Motion, Program,
     RewriteOptions, Rewritten, Role, RoundTrip, Target, Tool, ToolData, Wobj, WobjData, cl, rapid,

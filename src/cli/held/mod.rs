@@ -100,7 +100,7 @@ impl Run {
         Ok(())
     }
 
-    fn set_forces(&mut self, (file, forces): (ForceFile, correct::Forces)) {
+    fn set_forces(&mut self, (file, forces): (ForceFile, deflex::measured::Forces)) {
         self.setup.forces = Some(file);
         self.setup.options.forces = Some(forces);
     }

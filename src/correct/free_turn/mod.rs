@@ -28,9 +28,6 @@ use axes::{Grid, Position};
 use path::{Path, Refusal};
 use std::collections::BTreeSet;
 
-/// Margin from a singular wrist of RAPID input, whose cell may have no `[cl]`, rad (`docs/reference.md`).
-pub(crate) const SINGULAR_MARGIN: f64 = 10.0 * std::f64::consts::PI / 180.0;
-
 /// Targets whose errors are evaluated together: some megabytes.
 const TOGETHER: usize = 8192;
 

@@ -1,12 +1,11 @@
 //! A program's targets as the search sees them: knots, ways between them, states and their costs.
 
-use super::SINGULAR_MARGIN;
 use super::axes::{FreeAxis, Grid, Move, Position, Stage, with};
 use super::search::Search;
 use super::site::Site;
 use super::states::{self, FreeTarget, Refused, State, singular};
 use super::ways::KeptClear;
-use crate::cell::{Cell, MOST_FREE};
+use crate::cell::{Cell, Cl, MOST_FREE};
 use crate::correct::carried::Chosen;
 use crate::correct::load::{Follows, PointLoad};
 use crate::correct::mount::{Mount, Moved};
@@ -103,7 +102,7 @@ impl<'a> Path<'a> {
             base: Vec::new(),
             is_free: Vec::new(),
             moves: Vec::new(),
-            margin: cell.cl.as_ref().map_or(SINGULAR_MARGIN, |cl| cl.singular_margin),
+            margin: cell.cl.as_ref().map_or(Cl::SINGULAR_MARGIN, |cl| cl.singular_margin),
             kept_clear: HashMap::new(),
             unreached: Vec::new(),
             file: first.sources.first().map_or_else(String::new, |source| source.name.clone()),

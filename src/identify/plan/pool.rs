@@ -3,7 +3,8 @@
 use super::Frames;
 use super::draws::halton;
 use crate::cell::{Cell, PlanSection};
-use crate::correct::{Forces, Options, Prepared};
+use crate::correct::{Options, Prepared};
+use crate::measured::Forces;
 use crate::program::orientation::quaternion;
 use crate::program::{Confdata, Program, Role, Target};
 use crate::robot::{Joints, Pose, Robot, confdata_of};

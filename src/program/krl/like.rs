@@ -5,9 +5,9 @@ use super::Layout;
 use super::lex;
 use super::run::Site;
 use super::value::{EXTERNAL, Place, upper};
+use crate::program::EXTERNAL_AXES;
 use crate::program::orientation::quaternion_of_zyx_deg;
 use crate::program::{Editable, ExternalAxes, Goal, Mark, Motion, Program, Role, Target, Tool, Wobj};
-use crate::robot::EXTERNAL_AXES;
 use crate::text::{Diagnostic, Source, Span, number};
 use std::sync::Arc;
 

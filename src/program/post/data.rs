@@ -1,8 +1,8 @@
 //! Declarations, as RAPID aggregates.
 
 use super::names::predefined_speed;
+use crate::program::EXTERNAL_AXES;
 use crate::program::{Confdata, ToolData, WobjData};
-use crate::robot::EXTERNAL_AXES;
 use crate::text::number::{Digits, Fixed, Row, write_fixed, write_whole};
 
 /// Decimals of millimetres: below the spacing of single precision at 1 m (1.2e-4 mm).

@@ -164,7 +164,7 @@ mod tests {
             tools: vec![("TOOL 2".to_owned(), tool)],
             wobjs: vec![("USER 3".to_owned(), wobj)],
             units: Vec::new(),
-            external: [None; crate::robot::EXTERNAL_AXES],
+            external: [None; crate::program::EXTERNAL_AXES],
             speeds: Vec::new(),
             points: 4,
             max_points,

@@ -176,7 +176,7 @@ fn components(text: &mut Vec<u8>, names: [&[u8]; 6], values: &[f64; 6], decimals
 }
 
 /// `,E1 …` of those in use.
-fn externals(text: &mut Vec<u8>, external: &[Option<f64>; crate::robot::EXTERNAL_AXES]) {
+fn externals(text: &mut Vec<u8>, external: &[Option<f64>; crate::program::EXTERNAL_AXES]) {
     for (number, position) in (1_u32..).zip(external) {
         let Some(position) = position else { continue };
         text.extend_from_slice(format!(",E{number} ").as_bytes());
@@ -253,7 +253,7 @@ mod tests {
             tools: vec![("tMill".to_owned(), tool)],
             wobjs: vec![("BASE_DATA[4]".to_owned(), wobj)],
             units: Vec::new(),
-            external: [None; crate::robot::EXTERNAL_AXES],
+            external: [None; crate::program::EXTERNAL_AXES],
             speeds: Vec::new(),
             points: 5,
             max_points,

@@ -180,7 +180,7 @@ mod tests {
             tools: vec![("TCP".to_owned(), tool)],
             wobjs: vec![("wPart".to_owned(), wobj)],
             units: Vec::new(),
-            external: [None; crate::robot::EXTERNAL_AXES],
+            external: [None; crate::program::EXTERNAL_AXES],
             speeds: Vec::new(),
             points: 4,
             max_points: None,

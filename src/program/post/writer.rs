@@ -3,8 +3,8 @@
 use super::data::{held_pose, robtarget, speeddata, speeds, tooldata, wobjdata};
 use super::names::{SAME_SPEED, identifier, predefined_speed};
 use super::zone::{FINE, zone};
+use crate::program::EXTERNAL_AXES;
 use crate::program::{Confdata, Mark, ToolData, WobjData};
-use crate::robot::EXTERNAL_AXES;
 use crate::text::number::write_whole;
 use std::sync::Arc;
 

@@ -11,8 +11,8 @@ use super::runner::{Mode, Runner};
 use super::state::Axes;
 use super::symbols::{Upper, first_word};
 use super::value::axes_in_use;
+use crate::program::{EXTERNAL_AXES, External};
 use crate::program::{ExternalAxes, InactiveUnit, Role};
-use crate::robot::{EXTERNAL_AXES, External};
 use crate::text::{Span, decode};
 use std::sync::Arc;
 

@@ -1,8 +1,8 @@
 //! Complete robtarget literals: `[[x,y,z],[q1,q2,q3,q4],[cf1,cf4,cf6,cfx],[eax_a … eax_f]]`.
 
 use super::lex::{Kind, lexeme, number};
+use crate::program::EXTERNAL_AXES;
 use crate::program::{Conf, Confdata};
-use crate::robot::EXTERNAL_AXES;
 use crate::text::Span;
 use crate::text::number::{self as numbers, Leading, read_leading};
 use nom::Parser;

@@ -2,7 +2,7 @@
 
 use super::value::Value;
 use crate::program::Mark;
-use crate::robot::{EXTERNAL_AXES, External};
+use crate::program::{EXTERNAL_AXES, External};
 use std::collections::BTreeMap;
 use std::ops::BitOrAssign;
 

@@ -3,9 +3,9 @@
 use super::Layout;
 use super::literal::Literal;
 use super::value::{Place, quarters, unit};
+use crate::program::EXTERNAL_AXES;
 use crate::program::token::{New, signed};
 use crate::program::{Change, Editable, Goal, Program, RewriteOptions};
-use crate::robot::EXTERNAL_AXES;
 use crate::text::{Content, Edit, Span, Token};
 use std::collections::{BTreeSet, HashSet};
 

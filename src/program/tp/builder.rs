@@ -3,8 +3,8 @@
 use super::flow::Flow;
 use super::lines::Line;
 use super::position::Position;
+use crate::program::{AxisName, EXTERNAL_AXES};
 use crate::program::{Editable, Kept, Target, Tool, UnknownMotion, Wobj};
-use crate::robot::{AxisName, EXTERNAL_AXES};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 

@@ -1,8 +1,8 @@
 //! `/POS`: positions as written, and where their numbers stand.
 
 use super::lex::{Parsed, blanks, number_token, spaced, value_of, word};
+use crate::program::{AxisName, EXTERNAL_AXES};
 use crate::program::{Config as Said, GroupAxis};
-use crate::robot::{AxisName, EXTERNAL_AXES};
 use crate::text::Span;
 use nom::Parser;
 use nom::branch::alt;

@@ -8,12 +8,12 @@ use super::position::{Body, Number, Pose, Position};
 use super::run::Visit;
 use super::state::{Marked, State};
 use super::statement::{self, Frame, Kind};
+use crate::program::EXTERNAL_AXES;
 use crate::program::orientation::{from_zyx_deg, quaternion};
 use crate::program::{
     Conf, Editable, ExternalAxes, Goal, GroupAxis, Kept, Motion as Path, Predecessor, Role, Target, Tool, ToolData,
     UnknownMotion, Wobj, WobjData,
 };
-use crate::robot::EXTERNAL_AXES;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 

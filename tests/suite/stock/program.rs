@@ -115,7 +115,7 @@ fn a_known_shift_is_the_deviation() {
         "mode = \"stock\"",
         &format!("{STOCK}[[effect]]\nkind = \"work_object_frame\"\nd_mm = [0.0, 0.0, -0.1]\nd_rad = [0.0, 0.0, 0.0]\n"),
     );
-    let options = Options { forces: Some(deflex::correct::Forces::default()), ..Options::default() };
+    let options = Options { forces: Some(deflex::measured::Forces::default()), ..Options::default() };
     let programmed = cut_stock(&slot(), &shifted, &options, None, Cuts::Programmed).unwrap();
     let actual = cut_stock(&slot(), &shifted, &options, None, Cuts::Deflected).unwrap();
     let mesh = programmed.stock.surface(0.8e-3);

@@ -1,4 +1,4 @@
-use crate::measured::TargetRef;
+use super::TargetRef;
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
