@@ -395,6 +395,85 @@ ENDMODULE
     assert.deepEqual(page.wrong, []);
     return `${places.length} places on the circle`;
   },
+  async "the arm plays along the program"() {
+    deflex("predict", "units/units.mod", "--cell", "units/cell.toml", "-q", "--html", at("units.html"));
+    const held = {};
+    for (const name of ["slot", "bend", "units"]) {
+      const page = await open(name);
+      // Between two targets the arm holds the tool as at the target before, and the tip on the line that is drawn.
+      held[name] = await page.evaluate(() => {
+        const { path, chain, view } = window.deflex;
+        const inFlange = (flange, tip) => [0, 1, 2].map((k) => flange.reduce((sum, row, r) => sum + row[k] * (tip[r] - row[3]), 0));
+        let [worst, places] = [0, 0];
+        for (let i = 0; i < path.length - 1; i++) {
+          const tool = inFlange(chain(path, i)[6], view.spot(i));
+          for (const place of [i + 0.25, i + 0.5, i + 0.9]) {
+            window.deflex.stand(place);
+            if (view.chosen !== place) continue;
+            const now = inFlange(chain(path, place, view.spot(place))[6], view.spot(place));
+            worst = Math.max(worst, Math.hypot(...now.map((c, k) => c - tool[k])));
+            places += 1;
+          }
+        }
+        return { worst, places };
+      });
+      assert(held[name].places >= 3 && held[name].worst < 0.011, `${name}: the tip is ${held[name].worst} mm off at one of ${held[name].places} places`);
+      assert.deepEqual(page.wrong, []);
+      await page.close();
+    }
+    const page = await open("units");
+    // The part turns on a table and the track stands: on the screen the base stays where it is, unless the part is held still.
+    const base = (i) => page.evaluate((i) => {
+      const { view, path, chain } = window.deflex;
+      window.deflex.stand(i);
+      view.draw();
+      return view.placeOf(chain(path, i, view.spot(i))[0].map((row) => row[3]));
+    }, i);
+    const apart = ([a, b]) => Math.hypot(a[0] - b[0], a[1] - b[1]);
+    const pair = async () => apart([await base(5), await base(40.5)]);
+    const still = await pair();
+    await page.check("#held");
+    const turning = await pair();
+    assert(still < 0.01 && turning > 100, `the base moves by ${still} and ${turning} px`);
+    // From the work object on the table to the one beside it there is no way in common axes.
+    const jump = await page.evaluate(() => {
+      const { path, view } = window.deflex;
+      const i = Array.from({ length: path.length - 1 }, (_, i) => i).find((i) => path.frames(i) !== path.frames(i + 1));
+      window.deflex.stand(i + 0.5);
+      return view.chosen === i;
+    });
+    assert(jump, "the arm flies from one work object to another");
+    // By the keyboard: play, pause, and the slider.
+    const chosen = async () => Number(await page.getAttribute("#figures", "data-target"));
+    await page.locator("#along").focus();
+    await page.keyboard.press("Home");
+    assert.equal(await chosen(), 1);
+    await page.keyboard.press("ArrowRight");
+    assert.equal(await chosen(), 2);
+    assert((await page.getAttribute("#along", "aria-valuetext")).startsWith("target 2 of "));
+    await page.selectOption("#pace", "10");
+    await page.locator("#play").focus();
+    await page.keyboard.press("Enter");
+    const places = () => page.evaluate(() => new Promise((done) => {
+      const seen = [];
+      const look = () => { seen.push(window.deflex.view.chosen); seen.length < 40 ? requestAnimationFrame(look) : done(seen); };
+      look();
+    }));
+    const seen = await places();
+    assert(seen.every((place, i) => i === 0 || place >= seen[i - 1]) && seen.some((place) => place % 1), `${seen}`);
+    await page.keyboard.press("Enter");
+    assert.equal(await page.textContent("#play"), "Play");
+    assert.equal(await page.evaluate(() => window.deflex.view.chosen % 1), 0, "a pause is between targets");
+    // Who wants no motion sees one target after the other.
+    await page.emulateMedia({ reducedMotion: "reduce" });
+    await page.keyboard.press("Enter");
+    assert((await places()).every((place) => place % 1 === 0));
+    await page.waitForFunction((from) => Number(document.querySelector("#figures").dataset.target) > from, await chosen());
+    await page.locator("#play").focus();
+    await page.keyboard.press("Enter");
+    assert.deepEqual(page.wrong, []);
+    return Object.entries(held).map(([name, { worst, places }]) => `${name} ${worst.toFixed(3)} mm at ${places} places`).join(", ");
+  },
   async "the part, simulated"() {
     const stock = (file) => `stock/${file}`;
     deflex("simulate", stock("part.mod"), "--cell", stock("cell.toml"), "-q", "--json", at("simulate.json"), "--html", at("simulate.html"));
@@ -480,11 +559,14 @@ ENDMODULE
       };
       const turning = time(() => { view.turn(3, 0); view.draw(); });
       view.moving = false;
-      return { turning, resting: time(() => view.draw()) };
+      const resting = time(() => view.draw());
+      let place = 0;
+      const playing = time(() => { window.deflex.move((place += 100.3)); view.draw(); });
+      return { turning, resting, playing };
     });
     // Fluid is 30 frames a second; a shared machine without a graphics card is given twice the time.
-    assert(frame.turning < 66, `${frame.turning} ms a frame`);
-    return `${(size / 1e6).toFixed(2)} MB, ${frame.turning.toFixed(1)} ms a frame while turning, ${frame.resting.toFixed(1)} ms at rest`;
+    assert(frame.turning < 66 && frame.playing < 66, `${frame.turning} and ${frame.playing} ms a frame`);
+    return `${(size / 1e6).toFixed(2)} MB, ${frame.turning.toFixed(1)} ms a frame while turning, ${frame.playing.toFixed(1)} ms while playing, ${frame.resting.toFixed(1)} ms at rest`;
   },
 };
 
