@@ -7,22 +7,17 @@
 
 import assert from "node:assert/strict";
 import { spawnSync } from "node:child_process";
-import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, statSync, writeFileSync } from "node:fs";
+import { mkdirSync, mkdtempSync, readFileSync, rmSync, statSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join, resolve } from "node:path";
-import { fileURLToPath, pathToFileURL } from "node:url";
+import { pathToFileURL } from "node:url";
 import { createRequire } from "node:module";
-import { chromium } from "playwright-core";
+import { CELL, deflexAt, openBrowser, root, writeLong } from "./common.mjs";
 
-const root = resolve(fileURLToPath(import.meta.url), "../../..");
 const folder = mkdtempSync(join(tmpdir(), "deflex-pages-"));
 const at = (name) => join(folder, name);
 
-const binary = (process.env.DEFLEX && resolve(process.env.DEFLEX)) ?? ["debug", "release"].map((kind) => join(root, "target", kind, "deflex")).find(existsSync);
-assert(binary, "no deflex: run `cargo build` first, or set DEFLEX");
-const browserAt = process.env.CHROMIUM ?? ["chromium", "chromium-browser", "google-chrome"]
-  .map((name) => spawnSync("which", [name], { encoding: "utf8" }).stdout.trim()).find(Boolean);
-assert(browserAt, "no Chromium: install it (Debian: apt-get install chromium), or set CHROMIUM");
+const binary = deflexAt();
 
 const deflex = (...args) => {
   const ran = spawnSync(binary, args, { cwd: join(root, "samples"), encoding: "utf8", maxBuffer: 1 << 28 });
@@ -55,42 +50,13 @@ deflex("identify", "--run", loop("part.mod"), loop("measured.csv"), "--cell", lo
 // A path of 100,000 targets over a wavy field.
 const LONG = 100_000;
 const long = () => {
-  const move = (i) => {
-    const [row, column] = [Math.floor(i / 400), i % 400];
-    const [x, y] = [(row % 2 ? 399 - column : column) * 0.5, row * 0.8];
-    const z = 8 * Math.sin(x / 30) * Math.cos(y / 40);
-    return `    MoveL [[${x.toFixed(3)},${y.toFixed(3)},${z.toFixed(3)}],[0,1,0,0],[-1,0,1,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v20,z1,tMill\\WObj:=wPart;\n`;
-  };
-  const program = `MODULE Long
-  PERS tooldata tMill:=[TRUE,[[0,0,310],[1,0,0,0]],[18,[0,0,120],[1,0,0,0],0,0,0]];
-  PERS wobjdata wPart:=[FALSE,TRUE,"",[[1000,-400,700],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];
-  PROC main()
-${Array.from({ length: LONG }, (_, i) => move(i)).join("")}  ENDPROC
-ENDMODULE
-`;
-  writeFileSync(at("original.mod"), program);
-  const cell = `[robot]
-model = "irb6660-205-1.9"
-[robot.stiffness]
-joint_nm_per_rad = [8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4]
-[controller]
-compensates = []
-[cut]
-force = "constant"
-force_n = [120, -260, 410]
-frame = "wobj"
-`;
-  writeFileSync(at("long.toml"), cell);
+  writeLong(LONG, at("original.mod"), at("long.toml"));
   compensate("long", at("original.mod"), at("long.toml"));
 };
 
 // The browser.
 
-const browser = await chromium.launch({
-  executablePath: browserAt,
-  args: ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync"],
-});
+const browser = await openBrowser();
 
 const open = async (name, options = {}) => {
   const page = await browser.newPage({ viewport: { width: 1280, height: 860 }, ...options });
@@ -386,7 +352,7 @@ const tests = {
 ENDMODULE
 `;
     writeFileSync(at("arc.mod"), program);
-    writeFileSync(at("arc.toml"), "[robot]\nmodel = \"irb6660-205-1.9\"\n[robot.stiffness]\njoint_nm_per_rad = [8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4]\n[controller]\ncompensates = []\n[cut]\nforce = \"constant\"\nforce_n = [10, 20, 30]\nframe = \"wobj\"\n");
+    writeFileSync(at("arc.toml"), CELL);
     compensate("bend", at("arc.mod"), at("arc.toml"));
     const page = await open("bend");
     const places = await page.evaluate(() => [...window.deflex.view.bends.values()].flat());

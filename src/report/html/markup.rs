@@ -11,13 +11,14 @@ use std::fmt::{Display, Write};
 const STYLE: &str = include_str!("assets/page.css");
 /// What every page with a picture begins with.
 pub(super) const COMMON: [&str; 2] = [include_str!("assets/data.js"), include_str!("assets/draw.js")];
-const SCRIPTS: [&str; 7] = [
+const SCRIPTS: [&str; 8] = [
     COMMON[0],
     COMMON[1],
     include_str!("assets/view.js"),
     include_str!("assets/arm.js"),
     include_str!("assets/player.js"),
     include_str!("assets/charts.js"),
+    include_str!("assets/twin.js"),
     include_str!("assets/page.js"),
 ];
 const UPLOT: &str = include_str!("vendor/uplot-1.6.32/uPlot.iife.min.js");

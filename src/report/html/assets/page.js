@@ -52,7 +52,8 @@ const FIGURES = [
 
 // What else a column can be called, for columns that are in no list above.
 const AXIS_STYLES = AXES.map((_, i) => `axis${i + 1}`);
-const HIDDEN = [...BASE, ...TABLE, ...CIRCLE, "target", "line", "status", "name", "frames", "quote"];
+const WORDS = ["status", "name", "frames", "quote"];
+const HIDDEN = [...BASE, ...TABLE, ...CIRCLE, "target", "line", ...WORDS];
 const unitOf = (key) => ({ mm: "mm", deg: "°", n: "N", s: "s", "n/mm": "N/mm" })[key.endsWith("_n_per_mm") ? "n/mm" : key.split("_").at(-1)] ?? (key.startsWith("eax_") ? "mm or °" : "");
 const NAMES = { limit_margin_deg: "Margin to an axis limit", singular_margin_deg: "Margin to a singular wrist", spin_deg: "Turn about the tool axis", sigma_mm: "Uncertainty an axis", error_part_mm: "Error of the part" };
 const nameOf = (key) => {
@@ -143,6 +144,13 @@ class PathPage {
       hover: (i, x, y) => this.hover(i, x, y),
       choose: (i) => this.choose(i),
       step: (by) => this.choose(Math.max(0, Math.min(this.path.length - 1, this.chosen + by))),
+      look: () => this.twin.tell(),
+    });
+    this.twin = new Twin({
+      ranges: () => rangesOf(this.path, this.ownBox),
+      own: () => this.look(),
+      follow: (look) => this.follow(look),
+      widen: () => this.widen(),
     });
     this.charts = new Charts(byId("plots"), (i) => this.choose(i));
     this.player = new Player(byId("player"), { move: (place) => this.move(place), rest: (i) => this.choose(i) });
@@ -165,6 +173,7 @@ class PathPage {
   }
 
   show(path) {
+    this.player.stop();
     this.path = path;
     const before = byId("colour").value;
     const colours = coloursOf(path);
@@ -174,6 +183,7 @@ class PathPage {
     byId("detail").textContent = path.length ? detail(path, "targets") : "No target has a position to show.";
     if (!path.length) return;
     this.view.setPath(path);
+    this.ownBox = this.view.pathBox;
     const found = new Set(path.findings);
     this.player.setPath(path);
     byId("held").parentNode.hidden = !path.has(TABLE[0]);
@@ -183,16 +193,38 @@ class PathPage {
     const sizes = numbers(path, byId("colour").value);
     // A plan is looked at in its order, everything else where it is worst.
     this.choose(page.kind === "plan" ? 0 : sizes.reduce((best, size, i) => (size > sizes[best] ? i : best), 0));
+    this.widen();
+    this.twin.open();
+  }
+
+  // The picture and the charts over what both pages have, where there are two.
+  widen() {
+    this.view.pathBox = this.twin.box(this.ownBox);
+    this.view.frame([]);
+    this.colour();
+    this.plot();
+    this.charts.mark(this.chosen);
+  }
+
+  look() {
+    const { azimuth, elevation, zoom, pan, box } = this.view;
+    const [isFromZero, isHeld] = ["zero", "held"].map((id) => byId(id).checked);
+    return { azimuth, elevation, zoom, pan, box, colour: byId("colour").value, isFromZero, isHeld, target: this.path.column("target").raw[this.chosen] };
+  }
+
+  follow({ colour, isFromZero, isHeld, target, azimuth, elevation, zoom, pan, box }) {
+    [byId("zero").checked, byId("held").checked] = [Boolean(isFromZero), Boolean(isHeld)];
+    if (this.colours.some(({ key }) => key === colour)) byId("colour").value = colour;
+    this.colour();
+    if (target !== this.look().target) this.choose(this.path.find(target));
+    Object.assign(this.view, { azimuth, elevation, zoom, pan, box });
+    this.stand(this.chosen);
   }
 
   colour() {
     const { key, label, unit } = this.colours.find((colour) => colour.key === byId("colour").value);
     const values = numbers(this.path, key);
-    let [low, high] = [Infinity, -Infinity];
-    values.forEach((value, i) => {
-      if (this.path.status(i) === "air" || Number.isNaN(value)) return;
-      [low, high] = [Math.min(low, value), Math.max(high, value)];
-    });
+    let [low, high] = this.twin.span(key, rangeOf(values, (i) => this.path.status(i) !== "air"), true);
     if (!(high >= low)) [low, high] = [0, 0];
     if (byId("zero").checked) low = 0;
     this.view.setColours(values, low, high);
@@ -204,7 +236,7 @@ class PathPage {
   plot() {
     const { path } = this;
     const x = numbers(path, "target");
-    const line = (label, key, style) => (path.has(key) ? [{ label, values: numbers(path, key), style }] : []);
+    const line = (label, key, style) => (path.has(key) ? [{ key, label, values: numbers(path, key), style }] : []);
     const panels = [];
     if (page.kind === "diff") {
       ["x", "y", "z"].forEach((axis, i) =>
@@ -239,7 +271,10 @@ class PathPage {
         panels.push({ heading: "Margins along the path", title: "Margin", unit: "°", digits: 3, series: margins });
       }
     }
-    this.charts.show(x, "target", panels.filter(({ series }) => series.length), false);
+    if (this.twin.otherBox) {
+      for (const panel of panels) panel.range = panel.series.map(({ key, values }) => this.twin.span(key, rangeOf(values))).reduce(wider, NONE);
+    }
+    this.charts.show(x, "target", panels.filter(({ series }) => series.length), false, this.twin.otherBox && this.twin.span("target", rangeOf(x)));
   }
 
   choose(i) {
@@ -255,6 +290,7 @@ class PathPage {
     const { path } = this;
     this.chosen = i;
     this.charts.mark(i);
+    this.twin.tell();
     if (parent !== window && path.has("line")) parent.postMessage({ line: path.column("line").raw[i] }, "*");
     const name = path.name(i) ? ` ${path.name(i)}` : "";
     byId("chosen").textContent = `Target ${path.column("target").raw[i]}${name}`;

@@ -18,7 +18,6 @@ class Player {
 
   // The path to play; where it has no arm there is nothing to play.
   setPath(path) {
-    this.stop();
     this.path = path;
     this.root.hidden = path.length < 2 || !page.scene || !path.has(AXES[0]);
     if (this.root.hidden) return;
@@ -29,7 +28,9 @@ class Player {
     for (let i = 1; i < path.length; i++) {
       const [way, turn] = [[], []];
       for (const [column, isTurn] of columns) (isTurn ? turn : way).push(Math.abs(column.at(i) - column.at(i - 1)) || 0);
-      times.push(times[i - 1] + Math.hypot(...way) + MM_PER_DEGREE * Math.max(...turn));
+      // Where the arm cannot be followed, there is nothing to wait for.
+      const isSeen = followed(path, i - 0.5) === i - 0.5;
+      times.push(times[i - 1] + (isSeen ? Math.hypot(...way) + MM_PER_DEGREE * Math.max(...turn) : 0));
     }
     this.times = times.map((time) => time / (times.at(-1) || 1));
   }

@@ -80,9 +80,9 @@ const arcThrough = (a, b, c) => {
 };
 
 class View {
-  constructor(canvas, { hover, choose, step }) {
+  constructor(canvas, { hover, choose, step, look }) {
     this.canvas = canvas;
-    this.on = { hover, choose, step };
+    this.on = { hover, choose, step, look };
     [this.azimuth, this.elevation] = VIEWS.iso;
     this.zoom = 1;
     this.pan = [0, 0];
@@ -187,6 +187,7 @@ class View {
   // On the next frame, once.
   redraw(moving = false) {
     this.schedule(moving);
+    this.on.look?.();
     if (!this.twin) return;
     for (const key of ["azimuth", "elevation", "zoom", "pan"]) this.twin[key] = this[key];
     this.twin.schedule(moving);
