@@ -72,7 +72,7 @@ const identification = async (app, outcome) => {
   const known = app.facts.columns ?? [];
   const further = [];
   const options = { match: "", tool: "" };
-  const text = (label, key, help) => labelled(label, h("input", { type: "text", spellcheck: false, value: options[key], oninput: (event) => { options[key] = event.target.value; } }), help);
+  const typed = (label, key, help) => labelled(label, h("input", { type: "text", spellcheck: false, value: options[key], oninput: (event) => { options[key] = event.target.value; } }), help);
   const open = async (name) => {
     app.chosen.table = name;
     const { text } = await read(name);
@@ -119,8 +119,8 @@ const identification = async (app, outcome) => {
       h("details", { className: "more" }, h("summary", {}, "More options"),
         carriesPosture || programs.length === 0 ? "" : pairControls(app, further, "Further runs that were measured", { program: "Program", table: "Table", add: "Add a run" }),
         h("div", { className: "fields" },
-          text("Tool of the cell that the rows are about", "tool", "Empty: as the program says."),
-          text("How far from the path a row may lie, mm", "match", "For rows with nominal coordinates and no target. Empty: 5 mm."))),
+          typed("Tool of the cell that the rows are about", "tool", "Empty: as the program says."),
+          typed("How far from the path a row may lie, mm", "match", "For rows with nominal coordinates and no target. Empty: 5 mm."))),
       h("div", { className: "actions" }, button("Find the cause", start, { className: "main", disabled: !carriesPosture && programs.length === 0 })));
   };
   const body = h("div");

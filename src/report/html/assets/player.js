@@ -61,7 +61,7 @@ class Player {
   start() {
     if (this.place >= this.path.length - 1) this.place = 0;
     this.isPlaying = true;
-    this.before = performance.now();
+    this.before = null;
     this.frame = requestAnimationFrame((now) => this.step(now));
     this.tell();
   }
@@ -75,7 +75,8 @@ class Player {
   }
 
   step(now) {
-    const passed = now - this.before;
+    // Frames have times of their own, which begin with the first one.
+    const passed = now - (this.before ??= now);
     this.frame = requestAnimationFrame((next) => this.step(next));
     if (this.reduced.matches && passed < STILL) return;
     this.before = now;
