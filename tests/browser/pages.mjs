@@ -401,7 +401,7 @@ ENDMODULE
     await page.check("#held");
     const turning = await pair();
     assert(still < 0.01 && turning > 100, `the base moves by ${still} and ${turning} px`);
-    // From the work object on the table to the one beside it there is no way in common axes.
+    // From the work object on the table to the one next to it there is no way in common axes.
     const jump = await page.evaluate(() => {
       const { path, view } = window.deflex;
       const i = Array.from({ length: path.length - 1 }, (_, i) => i).find((i) => path.frames(i) !== path.frames(i + 1));

@@ -137,12 +137,18 @@ class View {
     this.fit();
   }
 
-  // Screen axes in the work object.
-  axes() {
+  // Screen axes in what is held still.
+  heldAxes() {
     const [a, e] = [this.azimuth, this.elevation].map((degrees) => (degrees * Math.PI) / 180);
     const right = [-Math.sin(a), Math.cos(a), 0];
     const up = [-Math.sin(e) * Math.cos(a), -Math.sin(e) * Math.sin(a), Math.cos(e)];
-    return this.moved ? [right, up].map((axis) => outOf(this.moved, axis)) : [right, up];
+    return [right, up];
+  }
+
+  // Screen axes in the work object.
+  axes() {
+    const axes = this.heldAxes();
+    return this.moved ? axes.map((axis) => outOf(this.moved, axis)) : axes;
   }
 
   // The middle of the picture in the work object.
@@ -164,7 +170,7 @@ class View {
 
   // Pixels a millimetre that show the whole box.
   scale() {
-    const size = this.axes().map((axis) => axis.reduce((sum, c, i) => sum + Math.abs(c) * (this.box[i][1] - this.box[i][0]), 0));
+    const size = this.heldAxes().map((axis) => axis.reduce((sum, c, i) => sum + Math.abs(c) * (this.box[i][1] - this.box[i][0]), 0));
     const [width, height] = [this.canvas.clientWidth, this.canvas.clientHeight];
     const room = 0.84;
     return room * this.zoom * Math.min(width / (size[0] || 1e-6), height / (size[1] || 1e-6), 1e6);
