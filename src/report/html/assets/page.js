@@ -188,12 +188,11 @@ class PathPage {
     this.player.setPath(path);
     byId("held").parentNode.hidden = !path.has(TABLE[0]);
     this.view.found = Array.from(path.column("line").raw, (line, i) => (found.has(line) ? i : -1)).filter((i) => i >= 0);
-    this.colour();
-    this.plot();
+    this.chosen = 0;
+    this.widen();
     const sizes = numbers(path, byId("colour").value);
     // A plan is looked at in its order, everything else where it is worst.
     this.choose(page.kind === "plan" ? 0 : sizes.reduce((best, size, i) => (size > sizes[best] ? i : best), 0));
-    this.widen();
     this.twin.open();
   }
 
