@@ -8,9 +8,10 @@ use deflex::cutting::materials::MATERIALS;
 use deflex::measured::column_names;
 use deflex::program::Language;
 use deflex::report::VERSION;
-use deflex::robot::Builtin;
+use deflex::robot::{Builtin, Robot};
 use deflex::text::{Diagnostic, Severity};
 use deflex_studio::{Error, Options, Studio};
+use nalgebra::{Point3, Vector3};
 use serde_json::{Value, json};
 use std::io;
 use std::process::{Command, Stdio};
@@ -44,7 +45,10 @@ fn facts() -> Value {
         .into_iter()
         .map(|robot| {
             let Builtin { model, maker, payload_kg, reach_mm, source, .. } = robot;
-            json!({ "model": model, "maker": maker, "payload_kg": payload_kg, "reach_mm": reach_mm, "source": source })
+            json!({
+                "model": model, "maker": maker, "payload_kg": payload_kg, "reach_mm": reach_mm, "source": source,
+                "parallelogram": robot.parallelogram, "side_mm": side_view(&robot.robot()),
+            })
         })
         .collect();
     let languages: Vec<Value> =
@@ -64,6 +68,22 @@ fn facts() -> Value {
     })
 }
 
+/// The arm at home, seen from its right side: from the base to the flange the corners where the length of a link and its offset
+/// meet, forwards and up, whole mm.
+fn side_view(robot: &Robot) -> Vec<[f64; 2]> {
+    let frames = robot.frames(&robot.motor_from_axes_deg(&robot.home_deg()));
+    let mut corners = vec![Vector3::zeros()];
+    for (i, row) in robot.links.rows().iter().enumerate() {
+        if let Some(before) = i.checked_sub(1).map(|before| frames.base_from_link[before]) {
+            corners.push((before * Point3::new(row.a, 0.0, 0.0)).coords);
+        }
+        corners.push(frames.origin(i));
+    }
+    let mut side: Vec<[f64; 2]> = corners.iter().map(|at| [at.x, at.z].map(|m| (1e3 * m).round() + 0.0)).collect();
+    side.dedup();
+    side
+}
+
 /// Starts the browser that the system has for addresses.
 fn open_browser(address: &str) -> io::Result<()> {
     let mut command = if cfg!(windows) {
@@ -78,4 +98,22 @@ fn open_browser(address: &str) -> io::Result<()> {
     // Waits for it, so that no ended process is kept.
     std::thread::spawn(move || started.wait());
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::side_view;
+    use deflex::robot::Builtin;
+
+    #[test]
+    #[allow(clippy::unwrap_used)] // a failure is a failed test
+    fn a_picture_of_an_arm_has_its_published_lengths() {
+        // ABB's product specification: axis 2 is 320 mm before and 780 mm above the base, the upper arm is 1125 mm, the wrist 200 mm
+        // above and 1142.5 mm before axis 3, the flange 200 mm before the wrist.
+        let arm = Builtin::named("irb6700-200-2.60").unwrap().robot();
+        let [first, .., last] = side_view(&arm)[..] else { panic!("no arm") };
+        let flange = [320.0 + 1142.5 + 200.0, 780.0 + 1125.0 + 200.0];
+        let off = [0, 1].map(|k| (last[k] - flange[k]).abs().max(first[k].abs()));
+        assert!(off.iter().all(|mm| *mm <= 0.5), "{first:?} to {last:?}");
+    }
 }

@@ -7,22 +7,17 @@
 
 import assert from "node:assert/strict";
 import { spawnSync } from "node:child_process";
-import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, statSync, writeFileSync } from "node:fs";
+import { mkdirSync, mkdtempSync, readFileSync, rmSync, statSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join, resolve } from "node:path";
-import { fileURLToPath, pathToFileURL } from "node:url";
+import { pathToFileURL } from "node:url";
 import { createRequire } from "node:module";
-import { chromium } from "playwright-core";
+import { CELL, deflexAt, openBrowser, root, writeLong } from "./common.mjs";
 
-const root = resolve(fileURLToPath(import.meta.url), "../../..");
 const folder = mkdtempSync(join(tmpdir(), "deflex-pages-"));
 const at = (name) => join(folder, name);
 
-const binary = (process.env.DEFLEX && resolve(process.env.DEFLEX)) ?? ["debug", "release"].map((kind) => join(root, "target", kind, "deflex")).find(existsSync);
-assert(binary, "no deflex: run `cargo build` first, or set DEFLEX");
-const browserAt = process.env.CHROMIUM ?? ["chromium", "chromium-browser", "google-chrome"]
-  .map((name) => spawnSync("which", [name], { encoding: "utf8" }).stdout.trim()).find(Boolean);
-assert(browserAt, "no Chromium: install it (Debian: apt-get install chromium), or set CHROMIUM");
+const binary = deflexAt();
 
 const deflex = (...args) => {
   const ran = spawnSync(binary, args, { cwd: join(root, "samples"), encoding: "utf8", maxBuffer: 1 << 28 });
@@ -55,42 +50,13 @@ deflex("identify", "--run", loop("part.mod"), loop("measured.csv"), "--cell", lo
 // A path of 100,000 targets over a wavy field.
 const LONG = 100_000;
 const long = () => {
-  const move = (i) => {
-    const [row, column] = [Math.floor(i / 400), i % 400];
-    const [x, y] = [(row % 2 ? 399 - column : column) * 0.5, row * 0.8];
-    const z = 8 * Math.sin(x / 30) * Math.cos(y / 40);
-    return `    MoveL [[${x.toFixed(3)},${y.toFixed(3)},${z.toFixed(3)}],[0,1,0,0],[-1,0,1,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v20,z1,tMill\\WObj:=wPart;\n`;
-  };
-  const program = `MODULE Long
-  PERS tooldata tMill:=[TRUE,[[0,0,310],[1,0,0,0]],[18,[0,0,120],[1,0,0,0],0,0,0]];
-  PERS wobjdata wPart:=[FALSE,TRUE,"",[[1000,-400,700],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];
-  PROC main()
-${Array.from({ length: LONG }, (_, i) => move(i)).join("")}  ENDPROC
-ENDMODULE
-`;
-  writeFileSync(at("original.mod"), program);
-  const cell = `[robot]
-model = "irb6660-205-1.9"
-[robot.stiffness]
-joint_nm_per_rad = [8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4]
-[controller]
-compensates = []
-[cut]
-force = "constant"
-force_n = [120, -260, 410]
-frame = "wobj"
-`;
-  writeFileSync(at("long.toml"), cell);
+  writeLong(LONG, at("original.mod"), at("long.toml"));
   compensate("long", at("original.mod"), at("long.toml"));
 };
 
 // The browser.
 
-const browser = await chromium.launch({
-  executablePath: browserAt,
-  args: ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync"],
-});
+const browser = await openBrowser();
 
 const open = async (name, options = {}) => {
   const page = await browser.newPage({ viewport: { width: 1280, height: 860 }, ...options });
@@ -386,7 +352,7 @@ const tests = {
 ENDMODULE
 `;
     writeFileSync(at("arc.mod"), program);
-    writeFileSync(at("arc.toml"), "[robot]\nmodel = \"irb6660-205-1.9\"\n[robot.stiffness]\njoint_nm_per_rad = [8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4]\n[controller]\ncompensates = []\n[cut]\nforce = \"constant\"\nforce_n = [10, 20, 30]\nframe = \"wobj\"\n");
+    writeFileSync(at("arc.toml"), CELL);
     compensate("bend", at("arc.mod"), at("arc.toml"));
     const page = await open("bend");
     const places = await page.evaluate(() => [...window.deflex.view.bends.values()].flat());
@@ -394,6 +360,85 @@ ENDMODULE
     for (const [x, y, z] of places) assert(Math.abs(Math.hypot(x - 50, y) - 50) < 1e-3 && Math.abs(z) < 1e-3 && y > -1e-3, `(${x}, ${y}, ${z}) is not on the circle`);
     assert.deepEqual(page.wrong, []);
     return `${places.length} places on the circle`;
+  },
+  async "the arm plays along the program"() {
+    deflex("predict", "units/units.mod", "--cell", "units/cell.toml", "-q", "--html", at("units.html"));
+    const held = {};
+    for (const name of ["slot", "bend", "units"]) {
+      const page = await open(name);
+      // Between two targets the arm holds the tool as at the target before, and the tip on the line that is drawn.
+      held[name] = await page.evaluate(() => {
+        const { path, chain, view } = window.deflex;
+        const inFlange = (flange, tip) => [0, 1, 2].map((k) => flange.reduce((sum, row, r) => sum + row[k] * (tip[r] - row[3]), 0));
+        let [worst, places] = [0, 0];
+        for (let i = 0; i < path.length - 1; i++) {
+          const tool = inFlange(chain(path, i)[6], view.spot(i));
+          for (const place of [i + 0.25, i + 0.5, i + 0.9]) {
+            window.deflex.stand(place);
+            if (view.chosen !== place) continue;
+            const now = inFlange(chain(path, place, view.spot(place))[6], view.spot(place));
+            worst = Math.max(worst, Math.hypot(...now.map((c, k) => c - tool[k])));
+            places += 1;
+          }
+        }
+        return { worst, places };
+      });
+      assert(held[name].places >= 3 && held[name].worst < 0.011, `${name}: the tip is ${held[name].worst} mm off at one of ${held[name].places} places`);
+      assert.deepEqual(page.wrong, []);
+      await page.close();
+    }
+    const page = await open("units");
+    // The part turns on a table and the track stands: on the screen the base stays where it is, unless the part is held still.
+    const base = (i) => page.evaluate((i) => {
+      const { view, path, chain } = window.deflex;
+      window.deflex.stand(i);
+      view.draw();
+      return view.placeOf(chain(path, i, view.spot(i))[0].map((row) => row[3]));
+    }, i);
+    const apart = ([a, b]) => Math.hypot(a[0] - b[0], a[1] - b[1]);
+    const pair = async () => apart([await base(5), await base(40.5)]);
+    const still = await pair();
+    await page.check("#held");
+    const turning = await pair();
+    assert(still < 0.01 && turning > 100, `the base moves by ${still} and ${turning} px`);
+    // From the work object on the table to the one next to it there is no way in common axes.
+    const jump = await page.evaluate(() => {
+      const { path, view } = window.deflex;
+      const i = Array.from({ length: path.length - 1 }, (_, i) => i).find((i) => path.frames(i) !== path.frames(i + 1));
+      window.deflex.stand(i + 0.5);
+      return view.chosen === i;
+    });
+    assert(jump, "the arm flies from one work object to another");
+    // By the keyboard: play, pause, and the slider.
+    const chosen = async () => Number(await page.getAttribute("#figures", "data-target"));
+    await page.locator("#along").focus();
+    await page.keyboard.press("Home");
+    assert.equal(await chosen(), 1);
+    await page.keyboard.press("ArrowRight");
+    assert.equal(await chosen(), 2);
+    assert((await page.getAttribute("#along", "aria-valuetext")).startsWith("target 2 of "));
+    await page.selectOption("#pace", "10");
+    await page.locator("#play").focus();
+    await page.keyboard.press("Enter");
+    const places = () => page.evaluate(() => new Promise((done) => {
+      const seen = [];
+      const look = () => { seen.push(window.deflex.view.chosen); seen.length < 40 ? requestAnimationFrame(look) : done(seen); };
+      look();
+    }));
+    const seen = await places();
+    assert(seen.every((place, i) => i === 0 || place >= seen[i - 1]) && seen.some((place) => place % 1), `${seen}`);
+    await page.keyboard.press("Enter");
+    assert.equal(await page.textContent("#play"), "Play");
+    assert.equal(await page.evaluate(() => window.deflex.view.chosen % 1), 0, "a pause is between targets");
+    // Who wants no motion sees one target after the other.
+    await page.emulateMedia({ reducedMotion: "reduce" });
+    await page.keyboard.press("Enter");
+    assert((await places()).every((place) => place % 1 === 0));
+    await page.waitForFunction((from) => Number(document.querySelector("#figures").dataset.target) > from, await chosen());
+    await page.locator("#play").focus();
+    await page.keyboard.press("Enter");
+    assert.deepEqual(page.wrong, []);
+    return Object.entries(held).map(([name, { worst, places }]) => `${name} ${worst.toFixed(3)} mm at ${places} places`).join(", ");
   },
   async "the part, simulated"() {
     const stock = (file) => `stock/${file}`;
@@ -480,11 +525,14 @@ ENDMODULE
       };
       const turning = time(() => { view.turn(3, 0); view.draw(); });
       view.moving = false;
-      return { turning, resting: time(() => view.draw()) };
+      const resting = time(() => view.draw());
+      let place = 0;
+      const playing = time(() => { window.deflex.move((place += 100.3)); view.draw(); });
+      return { turning, resting, playing };
     });
     // Fluid is 30 frames a second; a shared machine without a graphics card is given twice the time.
-    assert(frame.turning < 66, `${frame.turning} ms a frame`);
-    return `${(size / 1e6).toFixed(2)} MB, ${frame.turning.toFixed(1)} ms a frame while turning, ${frame.resting.toFixed(1)} ms at rest`;
+    assert(frame.turning < 66 && frame.playing < 66, `${frame.turning} and ${frame.playing} ms a frame`);
+    return `${(size / 1e6).toFixed(2)} MB, ${frame.turning.toFixed(1)} ms a frame while turning, ${frame.playing.toFixed(1)} ms while playing, ${frame.resting.toFixed(1)} ms at rest`;
   },
 };
 

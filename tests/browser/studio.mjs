@@ -7,19 +7,13 @@
 // DEFLEX and CHROMIUM name the two programs where they are not found.
 
 import assert from "node:assert/strict";
-import { spawn, spawnSync } from "node:child_process";
+import { spawnSync } from "node:child_process";
 import { copyFileSync, existsSync, mkdirSync, mkdtempSync, readFileSync, readdirSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join, resolve } from "node:path";
-import { fileURLToPath } from "node:url";
-import { chromium } from "playwright-core";
+import { deflexAt, openBrowser, openWindow, root } from "./common.mjs";
 
-const root = resolve(fileURLToPath(import.meta.url), "../../..");
-const binary = (process.env.DEFLEX && resolve(process.env.DEFLEX)) ?? ["debug", "release"].map((kind) => join(root, "target", kind, "deflex")).find(existsSync);
-assert(binary, "no deflex: run `cargo build` first, or set DEFLEX");
-const browserAt = process.env.CHROMIUM ?? ["chromium", "chromium-browser", "google-chrome"]
-  .map((name) => spawnSync("which", [name], { encoding: "utf8" }).stdout.trim()).find(Boolean);
-assert(browserAt, "no Chromium: install it (Debian: apt-get install chromium), or set CHROMIUM");
+const binary = deflexAt();
 const pictures = process.argv[2] === "--screenshots" ? resolve(process.argv[3]) : undefined;
 if (pictures) mkdirSync(pictures, { recursive: true });
 
@@ -28,23 +22,8 @@ const folder = mkdtempSync(join(tmpdir(), "deflex-studio-"));
 const again = mkdtempSync(join(tmpdir(), "deflex-again-"));
 const at = (name) => join(folder, name);
 
-// The window. STUDIO names another program that opens one, with the folder as its argument.
-const open = async () => {
-  const args = process.env.STUDIO ? [binary, folder] : ["studio", folder, "--no-browser"];
-  const server = spawn(process.env.STUDIO ?? binary, args, { stdio: ["ignore", "pipe", "inherit"] });
-  const address = await new Promise((done, failed) => {
-    let text = "";
-    server.stdout.on("data", (data) => { text += data; if (text.includes("\n")) done(text.trim()); });
-    server.on("exit", () => failed(new Error("the window does not open")));
-  });
-  return { server, address };
-};
-const { server, address } = await open();
-
-const browser = await chromium.launch({
-  executablePath: browserAt,
-  args: ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"],
-});
+const { server, address } = await openWindow(binary, folder);
+const browser = await openBrowser();
 const context = await browser.newContext({ viewport: { width: 1500, height: 1000 } });
 const page = await context.newPage();
 page.setDefaultTimeout(30_000);
@@ -85,6 +64,7 @@ const go = async (view) => {
   await page.waitForSelector(`.view.${view} > *`);
 };
 const press = (name, exact = true) => page.getByRole("button", { name, exact }).first().click();
+const program = (name) => page.getByRole("group", { name: "Programs", exact: true }).getByLabel(name, { exact: true });
 const choose = (label, value) => page.getByLabel(label, { exact: true }).first().selectOption(value);
 const add = async (...files) => {
   await go("files");
@@ -158,6 +138,10 @@ const tests = {
   },
   async "a cell is made from a robot of the library"() {
     await go("cell");
+    await page.getByLabel("Maker or model").fill("");
+    // Each arm has a picture of its kinematics, and the largest reaches farthest.
+    const arms = await page.locator("svg.arm .links").evaluateAll((all) => all.map((links) => links.getAttribute("points").split(" ").length));
+    assert(arms.length === 40 && arms.every((corners) => corners >= 5), `${arms}`);
     await page.getByLabel("Maker or model").fill("6660");
     await look("robots");
     await press("Make the cell of irb6660-205-1.9");
@@ -213,8 +197,16 @@ const tests = {
     const frame = await drawn();
     await frame.waitForSelector("#path");
     await look("program");
-    // A click on a target of the page leads to its line.
+    // The arm plays, and the text follows; a frame out of sight stands still.
     await page.locator("iframe.result").scrollIntoViewIfNeeded();
+    const listed = () => page.textContent(".listing .line.at .number").catch(() => "");
+    await frame.evaluate(() => window.deflex.choose(0));
+    await frame.selectOption("#pace", "10");
+    await frame.click("#play");
+    await page.waitForFunction(() => Number(document.querySelector(".listing .line.at .number")?.textContent) > 40);
+    await frame.click("#play");
+    assert(Number(await listed()) > 40);
+    // A click on a target of the page leads to its line.
     const line = await frame.evaluate(() => {
       const { path } = window.deflex;
       window.deflex.choose(Math.floor(path.length / 2));
@@ -265,13 +257,16 @@ const tests = {
     assert(existsSync(at("part.corrected.mod")));
     await look("corrected");
     await press("Check");
-    await page.getByLabel("part.corrected.mod").click();
-    await page.getByLabel("part.mod", { exact: true }).click();
+    await program("part.corrected.mod").click();
+    await program("part.mod").click();
     await page.getByLabel("Largest error of a target, mm").fill("0.02");
     await page.getByLabel("Pass though some targets cannot be judged").check();
+    await page.getByText("More options").click();
+    await page.getByLabel("Judge the targets alone, not the ways between them").check();
     await choose("The original, if this is a corrected program", "part.mod");
     await press("Run check");
     await outcome("bad");
+    assert((await page.textContent(".outcome")).includes("--at-targets"));
     await look("checked");
     await press("Simulate");
     await press("Run simulate");
@@ -286,6 +281,41 @@ const tests = {
     await outcome("good");
     await drawn();
     await look("compared");
+    // Side by side: one scale of colours, the same axes, and one view.
+    await press("Show both");
+    await page.waitForFunction(() => document.querySelectorAll(".sides iframe.result").length === 2);
+    const frames = await Promise.all((await page.$$(".sides iframe.result")).map((frame) => frame.contentFrame()));
+    for (const frame of frames) await frame.waitForFunction(() => window.deflex?.twin.otherBox);
+    const scales = () => Promise.all(frames.map((frame) => frame.evaluate(() => {
+      const { charts, view } = window.deflex;
+      const ends = ["low", "high"].map((id) => document.getElementById(id).textContent);
+      return JSON.stringify({ ends, axes: charts.plots.map(({ scales: { x, y } }) => [x.min, x.max, y.min, y.max]), box: view.box });
+    })));
+    const [before, after] = await scales();
+    assert.equal(before, after);
+    const largest = await Promise.all(frames.map((frame) => frame.textContent('[data-key="max_error_mm"]')));
+    assert.equal(JSON.parse(before).ends[1], String(Number(Math.max(...largest.map(Number)).toPrecision(4))));
+    assert.notEqual(largest[0], largest[1], "a correction changes nothing");
+    const looks = () => Promise.all(frames.map((frame) => frame.evaluate(() => JSON.stringify(window.deflex.look()))));
+    const actions = {
+      turned: () => frames[0].locator("#path").press("ArrowLeft"),
+      framed: () => frames[1].click("[data-view=arm]"),
+      coloured: () => frames[1].selectOption("#colour", "limit_margin_deg"),
+      chosen: () => frames[0].evaluate(() => window.deflex.choose(9)),
+    };
+    for (const [what, act] of Object.entries(actions)) {
+      const [before] = await looks();
+      await act();
+      for (let tries = 0; tries < 50; tries++) {
+        const [left, right] = await looks();
+        if (left === right && left !== before) break;
+        await page.waitForTimeout(50);
+      }
+      const [left, right] = await looks();
+      assert.equal(left, right, what);
+      assert.notEqual(left, before, what);
+    }
+    await look("sides");
   },
   async "a measured table leads to an extended cell, and a plan to the next table"() {
     const renamed = join(again, "loop");
@@ -338,6 +368,9 @@ const tests = {
     assert((await page.textContent("[data-outcome]")).includes("Cancelled: nothing was written."));
     assert(!existsSync(at("plan.mod")));
     await page.getByLabel("Rows to measure (8 to 500)").fill("8");
+    const next = page.locator("section", { hasText: "What to measure next" });
+    await next.getByText("More options").click();
+    await next.getByLabel("Stop for the operator").selectOption("target");
     await press("Plan the measurement");
     await page.waitForSelector(".outcome .verdict.good", { timeout: 180_000 });
     const frame = await (await page.waitForSelector("iframe.result")).contentFrame();
@@ -404,14 +437,14 @@ const tests = {
     const [head, ...rows] = readFileSync(sample("closed-loop/measured.csv"), "utf8").split("\n");
     writeFileSync(join(other, "named.csv"), [head.replace("target", "Punkt Nr").replace("x_mm", "X Ist").replaceAll(",", ";"), ...rows.map((row) => row.replaceAll(",", ";"))].join("\n"));
     await add(...readdirSync(other).map((name) => join(other, name)));
-    const compensate = async (program, cell) => {
+    const compensate = async (name, cell) => {
       await go("run");
       await press("Compensate");
-      const chosen = page.locator("fieldset input:checked");
+      const chosen = page.getByRole("group", { name: "Programs", exact: true }).locator("input:checked");
       while (await chosen.count() > 0) await chosen.first().click();
       // The form is drawn again, and keeps the focus for the keyboard.
       assert.equal(await page.evaluate(() => document.activeElement.type), "checkbox");
-      await page.getByLabel(program, { exact: true }).click();
+      await program(name).click();
       await choose("Cell", cell);
       await press("Run compensate");
       await outcome("good");
@@ -431,7 +464,7 @@ const tests = {
     await outcome("good");
     assert((await page.textContent(".outcome h3")).includes("backlash"));
     await go("compare");
-    await choose("Program", "loop.mod");
+    for (const which of ["First program", "Second program"]) await choose(which, "loop.mod");
     await choose("First cell", "loop.toml");
     await choose("Second cell", "loop.identified.toml");
     await press("Show both");
@@ -441,6 +474,29 @@ const tests = {
     await press("Show both");
     await page.waitForFunction(() => document.querySelectorAll("iframe.result").length === 2);
     await look("cells");
+    // Options that the other views have: a tool for every target, and files that only declare names.
+    await go("run");
+    await press("Predict");
+    const chosen = page.getByRole("group", { name: "Programs", exact: true }).locator("input:checked");
+    while (await chosen.count() > 0) await chosen.first().click();
+    await program("loop.mod").click();
+    await choose("Cell", "loop.toml");
+    await page.getByText("How the program is read").click();
+    await page.getByRole("group", { name: "Files that only declare tools, work objects and targets" }).getByLabel("part.mod", { exact: true }).check();
+    await page.getByLabel("A tool of the cell for every target").fill("tMill");
+    await press("Run predict");
+    await page.waitForSelector("[data-outcome]");
+    assert((await page.textContent(".outcome code")).includes("--forces measured.csv --tool tMill --context part.mod"), await page.textContent(".outcome"));
+    await look("options");
+    await page.getByLabel("A tool of the cell for every target").fill("");
+    await page.getByRole("group", { name: "Files that only declare tools, work objects and targets" }).getByLabel("part.mod", { exact: true }).uncheck();
+    // Logs of axes: a measured table is none, which the run says.
+    await go("loop");
+    await press("Add a log");
+    await press("Add a log");
+    await press("Find the law of the path");
+    await outcome("bad");
+    assert((await page.textContent("[data-outcome]")).includes("--log "), await page.textContent("[data-outcome]"));
     await go("record");
     await press("Copy the command line of predict");
     await page.waitForFunction(() => document.querySelector(".record + div") && /Copied|permit/.test(document.querySelector(".view.record .bar .hint").textContent));
@@ -462,7 +518,7 @@ try {
       console.log(`ok      ${name}${said ? `: ${said}` : ""}`);
     } catch (error) {
       failed += 1;
-      console.log(`FAILED  ${name}\n${error.stack}`);
+      console.log(`FAILED  ${name}\n${[error.stack, ...wrong.slice(0, 3)].join("\n")}`);
       if (pictures) await page.screenshot({ path: join(pictures, `failed-${failed}.png`), fullPage: true });
       // Each step goes on from the one before.
       break;

@@ -2,7 +2,8 @@
 
 import { asks, button, check, figure, h, labelled, messages, select } from "./elements.js";
 import { post, read, readJson, run, succeeded, write } from "./server.js";
-import { forcesControl, reading } from "./run.js";
+import { readingControls, readingOf } from "./reading.js";
+import { armPicture } from "./robot.js";
 
 export const title = "Cell";
 
@@ -48,24 +49,24 @@ const fresh = (app, stem) => {
 };
 
 const maker = (app) => {
-  const told = h("div", { "aria-live": "polite" });
+  const reports = h("div", { "aria-live": "polite" });
   const name = h("input", { type: "text", value: fresh(app, "cell"), spellcheck: false });
-  const make = async (origin) => {
+  const make = async (origin, tip) => {
     const output = name.value.trim();
     if (app.has(output) && !(await asks(`${output} is in the folder already.`, "Replace it"))) return;
     try {
-      const job = await run({ command: "init", origin, output });
-      told.replaceChildren(messages(job.messages));
+      const job = await run({ command: "init", origin, output, tip });
+      reports.replaceChildren(messages(job.messages));
       if (!succeeded(job)) return;
       app.chosen.cell = output;
       await app.refresh();
       app.chosen.cell = output;
       app.go("cell");
     } catch (error) {
-      told.replaceChildren(h("p", { className: "error" }, error.message));
+      reports.replaceChildren(h("p", { className: "error" }, error.message));
     }
   };
-  return h("div", {}, labelled("Name of the cell file", name), robots(app, make), sources(app, make), told);
+  return h("div", {}, labelled("Name of the cell file", name), robots(app, make), sources(app, make), reports);
 };
 
 // Most robots that are shown at once.
@@ -80,10 +81,10 @@ const robots = (app, make) => {
       words.every((word) => `${maker} ${model}`.toLowerCase().includes(word)) && payload_kg >= wanted.payload && reach_mm >= wanted.reach);
     found.replaceChildren(h("p", { className: "hint", role: "status" }, `Robots that fit: ${fits.length}${fits.length > SHOWN ? `, of which the first ${SHOWN} are shown` : ""}`),
       h("div", { className: "scroll short", tabIndex: 0, role: "region", "aria-label": "Robots" }, h("table", {},
-        h("thead", {}, h("tr", {}, ["Robot", "Maker", "Payload, kg", "Reach, mm", "Choose"].map((text) => h("th", { scope: "col" }, text)))),
-        h("tbody", {}, fits.slice(0, SHOWN).map(({ model, maker, payload_kg, reach_mm, source }) => h("tr", {},
-          h("th", { scope: "row", title: source }, model), h("td", {}, maker), h("td", { className: "number" }, String(payload_kg)), h("td", { className: "number" }, String(reach_mm)),
-          h("td", {}, button("Make the cell", () => make({ robot: model }), { "aria-label": `Make the cell of ${model}` }))))))));
+        h("thead", {}, h("tr", {}, ["Arm at home, reach", "Robot", "Maker", "Payload, kg", "Reach, mm", "Choose"].map((text) => h("th", { scope: "col" }, text)))),
+        h("tbody", {}, fits.slice(0, SHOWN).map((robot) => h("tr", {},
+          h("td", {}, armPicture(robot)), h("th", { scope: "row", title: robot.source }, robot.model, robot.parallelogram ? h("p", { className: "hint" }, "parallelogram") : ""), h("td", {}, robot.maker), h("td", { className: "number" }, String(robot.payload_kg)), h("td", { className: "number" }, String(robot.reach_mm)),
+          h("td", {}, button("Make the cell", () => make({ robot: robot.model }), { "aria-label": `Make the cell of ${robot.model}` }))))))));
   };
   const input = (label, slot, type) => {
     const control = h("input", { type: "text", inputMode: type, oninput: (event) => {
@@ -101,10 +102,12 @@ const robots = (app, make) => {
 const sources = (app, make) => {
   const backups = app.files.map(({ name }) => name.match(/^(.*)\/SYSPAR\/MOC\.cfg$/i)?.[1]).filter(Boolean);
   const urdfs = app.files.filter(({ name, head }) => /\.urdf$/i.test(name) || (/\.xml$/i.test(name) && head.includes("<robot"))).map(({ name }) => name);
+  const tip = h("input", { type: "text", spellcheck: false });
   return h("fieldset", {}, h("legend", {}, "From a controller's backup or a URDF"),
     backups.length + urdfs.length === 0 ? h("p", { className: "hint" }, "Add the folder of an ABB backup (with SYSPAR/MOC.cfg) or a URDF file in the view Files.") : "",
+    urdfs.length > 0 ? h("div", { className: "fields" }, labelled("Last link of the URDF", tip, "Empty: tool0, flange, or the end of the only chain of six joints.")) : "",
     h("div", { className: "actions" },
-      backups.map((folder) => button(`Backup ${folder}`, () => make({ backup: folder }))), urdfs.map((file) => button(`URDF ${file}`, () => make({ urdf: file })))));
+      backups.map((folder) => button(`Backup ${folder}`, () => make({ backup: folder }))), urdfs.map((file) => button(`URDF ${file}`, () => make({ urdf: file }, tip.value.trim() || undefined)))));
 };
 
 // How long the text rests before the form follows, ms.
@@ -234,7 +237,7 @@ const edit = async (root, name, app) => {
     const input = h("input", { type: "text" });
     const dialog = h("dialog", { onclose: () => { dialog.remove(); if (dialog.returnValue === "yes") change({ what: "copy", path, name: input.value.trim() }); } },
       h("form", { method: "dialog" }, labelled(`Name of the copy of ${title}`, input), h("div", { className: "actions" }, h("button", { value: "yes", className: "main" }, "Copy"), h("button", { value: "no" }, "Cancel"))));
-    document.getElementById("asked").append(dialog);
+    document.getElementById("dialogs").append(dialog);
     dialog.showModal();
   };
 
@@ -311,7 +314,7 @@ const watcher = (app, cell) => {
   let last;
   const again = async () => {
     if (!on || !app.chosen.program) return;
-    const job = await run({ command: "predict", programs: [app.chosen.program], cell, reading: reading(app) });
+    const job = await run({ command: "predict", programs: [app.chosen.program], cell, reading: readingOf(app, [app.chosen.program]) });
     if (!succeeded(job)) return tiles.replaceChildren(messages(job.messages, (file, line) => app.goTo(file, line)));
     const [sums] = (await readJson(job.figures)).files;
     tiles.replaceChildren(...FIGURES.map(([key, label]) => {
@@ -323,7 +326,7 @@ const watcher = (app, cell) => {
   };
   const box = programs.length === 0 ? h("p", { className: "hint" }, "Add a program, and its error is shown here after each change of the cell.")
     : h("section", { className: "card watch" }, h("h2", {}, "See the error move"),
-      h("div", { className: "bar" }, labelled("Program", select(programs, app.chosen.program, (name) => { app.chosen.program = name; last = undefined; again(); })), forcesControl(app, () => { last = undefined; again(); }),
+      h("div", { className: "bar" }, labelled("Program", select(programs, app.chosen.program, (name) => { app.chosen.program = name; last = undefined; again(); })), readingControls(app, { changed: () => { last = undefined; again(); }, chosen: () => [app.chosen.program] }),
         check("Predict after each change", on, (is) => { on = is; again(); })), tiles);
   return { box, again };
 };

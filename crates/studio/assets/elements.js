@@ -60,7 +60,7 @@ export const asks = (question, yes, no = "Cancel") =>
     const dialog = h("dialog", { onclose: () => { dialog.remove(); answer(dialog.returnValue === "yes"); } },
       h("form", { method: "dialog" }, h("p", {}, question),
         h("div", { className: "actions" }, h("button", { value: "yes", className: "main" }, yes), h("button", { value: "no" }, no))));
-    document.getElementById("asked").append(dialog);
+    document.getElementById("dialogs").append(dialog);
     dialog.showModal();
   });
 
@@ -69,9 +69,9 @@ const SEVERITIES = { error: "Error", warning: "Warning", note: "Note" };
 // What a run said, worst first; `go` leads to the place.
 export const messages = (all, go) => {
   const order = Object.keys(SEVERITIES);
-  const told = all.filter(({ severity }) => severity in SEVERITIES).toSorted((a, b) => order.indexOf(a.severity) - order.indexOf(b.severity));
-  if (told.length === 0) return "";
-  return h("ul", { className: "messages" }, told.map((message) => {
+  const listed = all.filter(({ severity }) => severity in SEVERITIES).toSorted((a, b) => order.indexOf(a.severity) - order.indexOf(b.severity));
+  if (listed.length === 0) return "";
+  return h("ul", { className: "messages" }, listed.map((message) => {
     const { severity, file, line, column, message: text, help } = message;
     const place = file ? (line ? `${file}, line ${line}` : file) : "";
     const lead = place && (go && line ? button(place, () => go(file, line, column), { className: "link" }) : h("span", { className: "place" }, place));

@@ -46,8 +46,8 @@ const dropped = async (transfer) => {
   return found;
 };
 
-// Puts files into the folder; asks before one is replaced. What went wrong is told in `told`.
-const add = async (pairs, told) => {
+// Puts files into the folder; asks before one is replaced. What went wrong is shown in `faults`.
+const add = async (pairs, faults) => {
   const wrong = [];
   for (const [name, file] of pairs) {
     // Hidden files of a folder are none that a run reads.
@@ -59,15 +59,15 @@ const add = async (pairs, told) => {
       else if (await asks(`${name} is in the folder already.`, "Replace it", "Keep the old one")) await write(name, file, "any");
     }
   }
-  told.replaceChildren(...wrong.map((message) => h("p", { className: "error" }, message)));
+  faults.replaceChildren(...wrong.map((message) => h("p", { className: "error" }, message)));
 };
 
 // A place to drop files on, with buttons that do the same.
 export const place = (words, done) => {
-  const told = h("div", { role: "alert" });
+  const faults = h("div", { role: "alert" });
   const take = async (pairs) => {
-    await add(await pairs, told);
-    if (!told.hasChildNodes()) await done();
+    await add(await pairs, faults);
+    if (!faults.hasChildNodes()) await done();
   };
   const inputs = [
     ["Add files…", h("input", { type: "file", multiple: true, className: "unseen", tabIndex: -1, "aria-label": "Files to add" })],
@@ -77,7 +77,7 @@ export const place = (words, done) => {
     input.addEventListener("change", () => take([...input.files].map((file) => [file.webkitRelativePath || file.name, file])));
   }
   const box = h("div", { className: "drop" }, h("p", {}, words),
-    h("div", { className: "actions" }, inputs.map(([text, input]) => [button(text, () => input.click()), input])), told);
+    h("div", { className: "actions" }, inputs.map(([text, input]) => [button(text, () => input.click()), input])), faults);
   box.addEventListener("dragover", (event) => { event.preventDefault(); box.classList.add("over"); });
   box.addEventListener("dragleave", () => box.classList.remove("over"));
   box.addEventListener("drop", (event) => {

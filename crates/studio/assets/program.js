@@ -2,7 +2,8 @@
 
 import { button, figure, h, labelled, messages, newId, select, table } from "./elements.js";
 import { frame, jobs, read, readJson, run, succeeded } from "./server.js";
-import { findingsOf, forcesControl, reading } from "./run.js";
+import { readingControls, readingOf } from "./reading.js";
+import { findingsOf } from "./run.js";
 
 export const title = "Program";
 
@@ -34,16 +35,16 @@ const look = async (root, name, app) => {
   const findings = h("div", { "aria-live": "polite" });
   // What the last runs found in this program.
   const list = async () => {
-    const told = [...jobs.values()].reverse().filter((run) => run.run.programs?.includes(name) && ["predict", "check", "compensate"].includes(run.arguments[0]) && run.state !== "running");
-    const figures = told[0]?.arguments[0] === "check" && succeeded(told[0]) ? await readJson(told[0].figures) : undefined;
-    const all = [...(told[0]?.messages ?? []).filter(({ severity }) => severity !== "line"), ...findingsOf(figures)];
-    findings.replaceChildren(h("h2", {}, "Findings"), messages(all, go) || h("p", { className: "hint" }, told[0] ? `The last run (${told[0].arguments[0]}) has none.` : "Predict the path to see what deflex finds."));
+    const last = [...jobs.values()].reverse().find((run) => run.run.programs?.includes(name) && ["predict", "check", "compensate"].includes(run.arguments[0]) && run.state !== "running");
+    const figures = last?.arguments[0] === "check" && succeeded(last) ? await readJson(last.figures) : undefined;
+    const all = [...(last?.messages ?? []).filter(({ severity }) => severity !== "line"), ...findingsOf(figures)];
+    findings.replaceChildren(h("h2", {}, "Findings"), messages(all, go) || h("p", { className: "hint" }, last ? `The last run (${last.arguments[0]}) has none.` : "Predict the path to see what deflex finds."));
   };
   const cells = app.names("cell");
   const predict = async () => {
     path.replaceChildren(h("p", { role: "status" }, "Predicting …"));
     try {
-      const done = await run({ command: "predict", programs: [name], cell: app.chosen.cell, reading: reading(app) });
+      const done = await run({ command: "predict", programs: [name], cell: app.chosen.cell, reading: readingOf(app, [name]) });
       await list();
       path.replaceChildren(succeeded(done) ? await frame(done.page) : h("p", { className: "error" }, "The run could not be done: the findings say why."));
     } catch (error) {
@@ -62,7 +63,7 @@ const look = async (root, name, app) => {
     h("div", { className: "halves" },
       h("section", { className: "card" }, h("h2", {}, "The text"), code.box, findings),
       h("section", { className: "card" }, h("h2", {}, "The path"),
-        cells.length > 0 ? h("div", { className: "bar" }, labelled("Cell", select(cells, app.chosen.cell, (cell) => { app.chosen.cell = cell; })), forcesControl(app), button("Predict and show the path", predict, { className: "main" }))
+        cells.length > 0 ? h("div", { className: "bar" }, labelled("Cell", select(cells, app.chosen.cell, (cell) => { app.chosen.cell = cell; })), readingControls(app, { chosen: () => [name] }), button("Predict and show the path", predict, { className: "main" }))
           : h("p", {}, "The path needs a cell. ", button("Make one", () => app.go("cell"), { className: "link" })), path)));
   await list();
   if (app.line) code.goTo(app.line);

@@ -1,6 +1,7 @@
 // predict, compensate, check and simulate: their options, their progress, and what comes of them.
 
 import { button, check, figure, h, labelled, messages, select, table } from "./elements.js";
+import { readingControls, readingOf } from "./reading.js";
 import { cancel, frame, listen, readJson, run, succeeded } from "./server.js";
 
 export const title = "Run";
@@ -12,17 +13,10 @@ const WHAT = {
   simulate: "Cuts the stock with the poses that the loaded arm takes: the part before it is cut, and its deviation.",
 };
 
-// A table of forces, which the runs on all views take.
-export const forcesControl = (app, changed) => {
-  const tables = app.names("table");
-  return tables.length === 0 ? "" : labelled("Forces from a table", select([["", "none: as the cell says"], ...tables.map((name) => [name, name])], reading(app).forces ?? "", (name) => { app.forces = name; changed?.(); }));
-};
-export const reading = (app) => ({ forces: app.names("table").includes(app.forces) ? app.forces : null });
-
 const ending = (name) => name.split(".").at(-1).toLowerCase();
 const languageOf = (name, app) => (app.facts.languages ?? []).find(({ endings }) => endings.includes(ending(name)))?.word;
-// Languages that CL data can be posted to, with the ending of a program.
-const POSTED = { rapid: "mod", krl: "src", ls: "ls", ur: "script" };
+// The ending of a program in a language.
+const endingOf = (word, app) => (app.facts.languages ?? []).find((language) => language.word === word)?.endings[0] ?? "mod";
 
 export const show = (body, app) => {
   let programs = app.names("program");
@@ -32,7 +26,7 @@ export const show = (body, app) => {
       programs.length === 0 ? button("Add a program", () => app.go("files"), { className: "link" }) : "", " ", cells.length === 0 ? button("Make a cell", () => app.go("cell"), { className: "link" }) : ""));
     return undefined;
   }
-  const asked = { command: app.command ?? "predict", programs: new Set([app.chosen.program]), cell: app.chosen.cell };
+  const choice = { command: app.command ?? "predict", programs: new Set([app.chosen.program]), cell: app.chosen.cell };
   const options = {};
   const outcome = h("div", { className: "outcome" });
   const form = h("div", { className: "card" });
@@ -41,61 +35,75 @@ export const show = (body, app) => {
   const pick = (label, key, names, none, help) => labelled(label, select([["", none], ...names.map((name) => [name, name])], options[key] ?? "", (value) => { options[key] = value; draw(); }), help);
   const flag = (label, key, help) => check(label, options[key] ?? false, (is) => { options[key] = is; }, help);
 
+  let isMoreOpen = false;
+  const more = (...controls) => h("details", { className: "more", open: isMoreOpen, ontoggle: (event) => { isMoreOpen = event.target.open; } }, h("summary", {}, "More options"), controls);
+  const chosenOf = () => programs.filter((name) => choice.programs.has(name));
+
   const draw = () => {
-    const chosen = programs.filter((name) => asked.programs.has(name));
+    const chosen = chosenOf();
     const isCl = chosen.some((name) => languageOf(name, app) === "cl");
     const several = chosen.length > 1 || chosen.some((name) => ending(name) === "src");
-    const against = () => pick("The original, if this is a corrected program", "against", programs.filter((name) => !asked.programs.has(name)), "none: errors count from its own targets");
-    const forces = () => forcesControl(app);
+    const against = () => pick("The original, if this is a corrected program", "against", programs.filter((name) => !choice.programs.has(name)), "none: errors count from its own targets");
+    const read = () => readingControls(app, { chosen: chosenOf });
     const own = {
-      predict: () => [against(), forces()],
+      predict: () => [against(), read(), more(flag("Write the driven path as a table", "path", "needs [controller.path] in the cell; a place every 4 ms"))],
       compensate: () => [
         several ? labelled("Folder for the corrected programs", h("input", { type: "text", value: options.folder ?? "corrected", oninput: (event) => { options.folder = event.target.value; } }))
           : labelled("Name of the corrected program", h("input", { type: "text", spellcheck: false, value: options.output ?? proposed(chosen[0], app, options.post), oninput: (event) => { options.output = event.target.value; } })),
-        isCl ? labelled("Language of the corrected program", select(Object.keys(POSTED), options.post ?? "rapid", (value) => { options.post = value; delete options.output; draw(); })) : "",
+        isCl ? labelled("Language of the corrected program", select((app.facts.languages ?? []).map(({ word }) => word), options.post ?? "rapid", (value) => { options.post = value; delete options.output; draw(); })) : "",
         text("Insert targets until at most this is left on the way, mm", "subdivide", "Empty: no targets are inserted."),
         text("Keep the driven path within, mm", "maxPathError", "Needs [controller.path] in the cell. Empty: not bounded."),
-        forces(),
-        flag("Correct the position alone", "position", "orientations stay as they are written"),
-        flag("Correct a corrected program once more", "again"),
+        read(),
+        more(flag("Correct the position alone", "position", "orientations stay as they are written"),
+          flag("Correct a corrected program once more", "again"),
+          flag("Give a target that is used with different corrections a clone for each", "allowClones"),
+          isCl ? [text("Split into modules of at most so many targets", "maxTargets", "Empty: one module."), text("Speed of rapid travel, mm/s", "rapidSpeed", "Empty: 200 mm/s."), text("Speed of moves without one, mm/s", "feed")] : ""),
       ],
       check: () => [
-        text("Largest error of a target, mm", "maxError"), text("Largest error on the way, mm", "maxPathError", "Empty: as that of a target."),
+        text("Largest error of a target, mm", "maxError"), text("Largest error on the way, mm", "checkedPathError", "Empty: as that of a target."),
         text("Largest jump where the force sets in or ends, mm", "maxJump", "Empty: reported, not judged."),
-        against(), forces(), flag("Pass though some targets cannot be judged", "allowUnjudged"),
+        against(), read(), flag("Pass though some targets cannot be judged", "allowUnjudged"),
+        more(flag("Judge the targets alone, not the ways between them", "atTargets"), text("Largest correction of a target, mm", "maxCorrection", "Empty: not judged.")),
       ],
-      simulate: () => [against(), forces(), h("p", { className: "hint" }, "The cell needs a section [stock], and a cutter for each tool that cuts it.")],
-    }[asked.command];
+      simulate: () => [against(), read(), pick("Nominal points to tell the deviation at", "probe", app.names("table"), "none"),
+        h("p", { className: "hint" }, "The cell needs a section [stock], and a cutter for each tool that cuts it.")],
+    }[choice.command];
     const tabs = h("div", { className: "tabs", role: "group", "aria-label": "Command" }, Object.keys(WHAT).map((command) =>
-      button(command[0].toUpperCase() + command.slice(1), () => { asked.command = app.command = command; draw(); }, { "aria-pressed": String(command === asked.command) })));
+      button(command[0].toUpperCase() + command.slice(1), () => { choice.command = app.command = command; draw(); }, { "aria-pressed": String(command === choice.command) })));
     // A form that is drawn again keeps the focus where it was.
     const controls = () => [...form.querySelectorAll("input, select, button")];
     const focused = controls().indexOf(document.activeElement);
-    form.replaceChildren(tabs, h("p", { className: "hint" }, WHAT[asked.command]),
-      h("fieldset", {}, h("legend", {}, "Programs"), programs.map((name) => check(name, asked.programs.has(name), (is) => {
-        if (is) asked.programs.add(name);
-        else asked.programs.delete(name);
+    form.replaceChildren(tabs, h("p", { className: "hint" }, WHAT[choice.command]),
+      h("fieldset", {}, h("legend", {}, "Programs"), programs.map((name) => check(name, choice.programs.has(name), (is) => {
+        if (is) choice.programs.add(name);
+        else choice.programs.delete(name);
         if (is) app.chosen.program = name;
         delete options.output;
         draw();
       }))),
-      h("div", { className: "fields" }, labelled("Cell", select(cells, asked.cell, (name) => { asked.cell = app.chosen.cell = name; })), own()),
-      h("div", { className: "actions" }, button(`Run ${asked.command}`, start, { className: "main" })));
+      h("div", { className: "fields" }, labelled("Cell", select(cells, choice.cell, (name) => { choice.cell = app.chosen.cell = name; })), own()),
+      h("div", { className: "actions" }, button(`Run ${choice.command}`, start, { className: "main" })));
     controls()[focused]?.focus();
   };
 
   const what = () => {
-    const chosen = programs.filter((name) => asked.programs.has(name));
+    const chosen = chosenOf();
     const given = (key) => options[key]?.trim().replace(",", ".") || undefined;
-    const base = { command: asked.command, programs: chosen, cell: asked.cell };
-    const against = programs.includes(options.against) && !asked.programs.has(options.against) ? options.against : undefined;
-    if (asked.command === "predict" || asked.command === "simulate") return { ...base, against, reading: reading(app) };
-    if (asked.command === "check") return { ...base, against, ...reading(app), "max-error": given("maxError") ?? "", "max-path-error": given("maxPathError"), "max-jump": given("maxJump"), "allow-unjudged": options.allowUnjudged ?? false };
+    const base = { command: choice.command, programs: chosen, cell: choice.cell, reading: readingOf(app, chosen) };
+    const against = programs.includes(options.against) && !choice.programs.has(options.against) ? options.against : undefined;
+    if (choice.command === "predict") return { ...base, against, path: options.path ?? false };
+    if (choice.command === "simulate") return { ...base, against, probe: options.probe || undefined };
+    if (choice.command === "check") {
+      // A bound of the ways says nothing where the targets alone are judged.
+      const ways = options.atTargets ? { "at-targets": true } : { "max-path-error": given("checkedPathError"), "max-jump": given("maxJump") };
+      return { ...base, against, "max-error": given("maxError") ?? "", ...ways, "max-correction": given("maxCorrection"), "allow-unjudged": options.allowUnjudged ?? false };
+    }
     const several = chosen.length > 1 || chosen.some((name) => ending(name) === "src");
     const isCl = chosen.some((name) => languageOf(name, app) === "cl");
+    const targets = Number(given("maxTargets"));
+    const posting = isCl ? { language: options.post && options.post !== "rapid" ? options.post : undefined, "max-targets": targets || undefined, "rapid-speed": given("rapidSpeed"), feed: given("feed") } : undefined;
     return {
-      ...base, reading: reading(app), position: options.position ?? false, again: options.again ?? false, subdivide: given("subdivide"), "max-path-error": given("maxPathError"),
-      post: isCl && options.post && options.post !== "rapid" ? options.post : undefined,
+      ...base, position: options.position ?? false, again: options.again ?? false, "allow-clones": options.allowClones ?? false, subdivide: given("subdivide"), "max-path-error": given("maxPathError"), posting,
       output: several ? { folder: (options.folder ?? "corrected").trim() } : { file: (options.output ?? proposed(chosen[0], app, options.post)).trim() },
     };
   };
@@ -118,7 +126,7 @@ export const show = (body, app) => {
 
 const proposed = (name = "", app, post = "rapid") => {
   const stem = name.slice(0, name.length - ending(name).length - 1);
-  return `${stem}.corrected.${languageOf(name, app) === "cl" ? POSTED[post] : ending(name)}`;
+  return `${stem}.corrected.${languageOf(name, app) === "cl" ? endingOf(post, app) : ending(name)}`;
 };
 
 // Runs, and shows how it goes and what comes of it. Gives the run when it has ended.

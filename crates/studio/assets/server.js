@@ -5,8 +5,8 @@ import { h } from "./elements.js";
 let key = sessionStorage.getItem("key");
 
 const fault = async (answer) => {
-  const told = await answer.json().catch(() => ({}));
-  return Object.assign(new Error(told.error ?? `the server answers ${answer.status}`), { status: answer.status });
+  const reply = await answer.json().catch(() => ({}));
+  return Object.assign(new Error(reply.error ?? `the server answers ${answer.status}`), { status: answer.status });
 };
 
 // Takes the key out of the address, so that it is neither in the history nor in a bookmark.

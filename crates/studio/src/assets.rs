@@ -1,7 +1,7 @@
 //! The page: plain modules and styles, as they are in the sources.
 
 /// A file of the page: its address, its type, its content.
-pub(crate) const ALL: [(&str, &str, &str); 12] = [
+pub(crate) const ALL: [(&str, &str, &str); 14] = [
     ("/", "text/html; charset=utf-8", include_str!("../assets/index.html")),
     ("/studio.css", "text/css; charset=utf-8", include_str!("../assets/studio.css")),
     ("/studio.js", SCRIPT, include_str!("../assets/studio.js")),
@@ -10,6 +10,8 @@ pub(crate) const ALL: [(&str, &str, &str); 12] = [
     ("/files.js", SCRIPT, include_str!("../assets/files.js")),
     ("/cell.js", SCRIPT, include_str!("../assets/cell.js")),
     ("/program.js", SCRIPT, include_str!("../assets/program.js")),
+    ("/reading.js", SCRIPT, include_str!("../assets/reading.js")),
+    ("/robot.js", SCRIPT, include_str!("../assets/robot.js")),
     ("/run.js", SCRIPT, include_str!("../assets/run.js")),
     ("/loop.js", SCRIPT, include_str!("../assets/loop.js")),
     ("/compare.js", SCRIPT, include_str!("../assets/compare.js")),

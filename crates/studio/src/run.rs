@@ -3,6 +3,8 @@
 
 use crate::name::Name;
 use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::num::NonZeroU32;
 
 /// A number that an option takes: finite and above zero, as it was typed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -17,6 +19,12 @@ impl TryFrom<String> for Positive {
             Ok(value) if value.is_finite() && value > 0.0 => Ok(Self(text.trim().to_owned())),
             _ => Err(format!("{text:?} is no number above 0")),
         }
+    }
+}
+
+impl fmt::Display for Positive {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
     }
 }
 
@@ -44,6 +52,12 @@ impl TryFrom<String> for Word {
             ));
         }
         Ok(Self(text))
+    }
+}
+
+impl fmt::Display for Word {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
     }
 }
 
@@ -85,7 +99,7 @@ pub(crate) struct Measured {
 
 /// How `predict`, `check`, `compensate` and `simulate` read programs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[serde(default, rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) struct Reading {
     /// Files that declare names.
     context: Vec<Name>,
@@ -93,6 +107,21 @@ pub(crate) struct Reading {
     forces: Option<Name>,
     /// A tool of the cell for every target.
     tool: Option<Word>,
+    /// Choose the turn about the tool axis.
+    free_spin: bool,
+}
+
+/// What becomes of CL data that is posted.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct Posting {
+    language: Option<Word>,
+    /// Largest module, targets.
+    max_targets: Option<NonZeroU32>,
+    /// Speed of rapid travel, mm/s.
+    rapid_speed: Option<Positive>,
+    /// Speed of moves without one, mm/s.
+    feed: Option<Positive>,
 }
 
 /// A run.
@@ -104,7 +133,12 @@ pub(crate) enum Run {
     /// Reads a cell, so that what is wrong with it is reported; writes nothing.
     Pose { cell: Name },
     /// A cell to start from.
-    Init { origin: Origin, output: Name },
+    Init {
+        origin: Origin,
+        output: Name,
+        /// The last link of a robot description.
+        tip: Option<Word>,
+    },
     /// The error that the cell would cut.
     Predict {
         programs: Vec<Name>,
@@ -112,6 +146,9 @@ pub(crate) enum Run {
         #[serde(default)]
         reading: Reading,
         against: Option<Name>,
+        /// Write the driven path.
+        #[serde(default)]
+        path: bool,
         /// A name of its own for the results.
         results: Option<Word>,
     },
@@ -127,22 +164,29 @@ pub(crate) enum Run {
         /// Correct the position alone.
         #[serde(default)]
         position: bool,
-        post: Option<Word>,
+        #[serde(default)]
+        posting: Posting,
         /// Correct a corrected program once more.
         #[serde(default)]
         again: bool,
+        /// Give a target that is used with different corrections a clone for each.
+        #[serde(default)]
+        allow_clones: bool,
     },
     /// A verdict.
     Check {
         programs: Vec<Name>,
         cell: Name,
         #[serde(default)]
-        context: Vec<Name>,
-        forces: Option<Name>,
+        reading: Reading,
         against: Option<Name>,
         max_error: Positive,
         max_path_error: Option<Positive>,
         max_jump: Option<Positive>,
+        max_correction: Option<Positive>,
+        /// Judge no ways between targets.
+        #[serde(default)]
+        at_targets: bool,
         #[serde(default)]
         allow_unjudged: bool,
     },
@@ -153,6 +197,8 @@ pub(crate) enum Run {
         #[serde(default)]
         reading: Reading,
         against: Option<Name>,
+        /// Nominal points to tell the deviation at.
+        probe: Option<Name>,
     },
     /// What differs between two programs.
     Diff { original: Name, corrected: Name },
@@ -162,14 +208,35 @@ pub(crate) enum Run {
         runs: Vec<Measured>,
         #[serde(default)]
         poses: Vec<Name>,
+        /// Programs with the log of the controller's axes; from two on.
+        #[serde(default)]
+        logs: Vec<Measured>,
         cell: Name,
         output: Name,
         columns: Option<Word>,
+        /// How far from the path a row with nominal coordinates may lie, mm.
+        match_mm: Option<Positive>,
+        tool: Option<Word>,
+        #[serde(default)]
+        context: Vec<Name>,
         #[serde(default)]
         sparse: bool,
     },
     /// What to measure.
-    Plan { cell: Name, rows: u16, output: Name, after: Option<Name> },
+    Plan {
+        cell: Name,
+        rows: u16,
+        output: Name,
+        after: Option<Name>,
+        /// Programs whose targets are the places to choose from.
+        #[serde(default)]
+        pool: Vec<Name>,
+        #[serde(default)]
+        context: Vec<Name>,
+        post: Option<Word>,
+        /// When the program stops for the operator.
+        ask: Option<Word>,
+    },
 }
 
 /// The arguments of a run, and what it writes.
@@ -193,6 +260,15 @@ impl Call {
         Self { arguments: vec![command.to_owned()], ..Self::default() }
     }
 
+    /// A command on programs and a cell.
+    fn on(command: &str, programs: &[Name], cell: &Name, reading: &Reading) -> Self {
+        let mut call = Self::of(command);
+        call.inputs(programs);
+        call.input("--cell", cell);
+        call.reading(reading);
+        call
+    }
+
     fn inputs(&mut self, names: &[Name]) {
         for name in names {
             self.arguments.push(name.to_string());
@@ -207,6 +283,20 @@ impl Call {
 
     fn option(&mut self, option: &str, value: impl Into<String>) {
         self.arguments.extend([option.to_owned(), value.into()]);
+    }
+
+    /// An option that a run may be without.
+    fn optional<T: ToString>(&mut self, option: &str, value: Option<&T>) {
+        if let Some(value) = value {
+            self.option(option, value.to_string());
+        }
+    }
+
+    /// A file that a run may be without.
+    fn optional_input(&mut self, option: &str, name: Option<&Name>) {
+        if let Some(name) = name {
+            self.input(option, name);
+        }
     }
 
     fn flag(&mut self, option: &str, is_given: bool) {
@@ -225,20 +315,21 @@ impl Call {
         if reports == Reports::All {
             self.writes("--report", &name.with_ending(&format!("{what}.csv"))?);
         }
-        let (figures, page) = (name.with_ending(&format!("{what}.json"))?, name.with_ending(&format!("{what}.html"))?);
+        let figures = name.with_ending(&format!("{what}.json"))?;
         self.writes("--json", &figures);
-        self.writes("--html", &page);
-        (self.figures, self.page) = (Some(figures), Some(page));
+        self.figures = Some(figures);
+        if reports != Reports::Figures {
+            let page = name.with_ending(&format!("{what}.html"))?;
+            self.writes("--html", &page);
+            self.page = Some(page);
+        }
         Ok(())
     }
 
     fn reading(&mut self, reading: &Reading) {
-        if let Some(forces) = &reading.forces {
-            self.input("--forces", forces);
-        }
-        if let Some(tool) = &reading.tool {
-            self.option("--tool", tool.0.clone());
-        }
+        self.optional_input("--forces", reading.forces.as_ref());
+        self.optional("--tool", reading.tool.as_ref());
+        self.flag("--free-spin", reading.free_spin);
         self.context(&reading.context);
     }
 
@@ -256,6 +347,8 @@ enum Reports {
     All,
     /// The figures and the page; the table goes elsewhere.
     FiguresAndPage,
+    /// The figures.
+    Figures,
 }
 
 impl Run {
@@ -279,47 +372,53 @@ impl Run {
                 call.option("--joints", "0,0,0,0,0,0");
                 Ok(call)
             }
-            Self::Init { origin, output } => {
+            Self::Init { origin, output, tip } => {
                 let mut call = Call::of("init");
                 match origin {
                     Origin::Robot(model) => call.option("--robot", model.0.clone()),
                     Origin::Urdf(file) => call.input("--urdf", file),
                     Origin::Backup(folder) => call.input("--backup", folder),
                 }
+                call.optional("--tip", tip.as_ref());
                 call.writes("-o", output);
                 Ok(call)
             }
-            Self::Predict { programs, cell, reading, against, results } => {
+            Self::Predict { programs, cell, reading, against, path, results } => {
                 let name = first(programs)?;
-                let mut call = Call::of("predict");
-                call.inputs(programs);
-                call.input("--cell", cell);
-                if let Some(against) = against {
-                    call.input("--against", against);
-                }
-                call.reading(reading);
+                let mut call = Call::on("predict", programs, cell, reading);
+                call.optional_input("--against", against.as_ref());
                 let what = results.as_ref().map_or("predict", |word| &word.0);
+                if *path {
+                    call.writes("--path", &name.with_ending(&format!("{what}.path.csv"))?);
+                }
                 call.results(&name, what, Reports::All)?;
                 Ok(call)
             }
-            Self::Compensate { programs, cell, reading, output, subdivide, max_path_error, position, post, again } => {
+            Self::Compensate {
+                programs,
+                cell,
+                reading,
+                output,
+                subdivide,
+                max_path_error,
+                position,
+                posting,
+                again,
+                allow_clones,
+            } => {
                 let name = first(programs)?;
-                let mut call = Call::of("compensate");
-                call.inputs(programs);
-                call.input("--cell", cell);
-                call.reading(reading);
+                let mut call = Call::on("compensate", programs, cell, reading);
                 call.flag("--again", *again);
+                call.flag("--allow-clones", *allow_clones);
                 if *position {
                     call.option("--correct", "position");
                 }
-                for (option, value) in [("--subdivide", subdivide), ("--max-path-error", max_path_error)] {
-                    if let Some(value) = value {
-                        call.option(option, value.0.clone());
-                    }
-                }
-                if let Some(post) = post {
-                    call.option("--post", post.0.clone());
-                }
+                call.optional("--subdivide", subdivide.as_ref());
+                call.optional("--max-path-error", max_path_error.as_ref());
+                call.optional("--post", posting.language.as_ref());
+                call.optional("--max-targets", posting.max_targets.as_ref());
+                call.optional("--rapid-speed", posting.rapid_speed.as_ref());
+                call.optional("--feed", posting.feed.as_ref());
                 let reports = match output {
                     Destination::File(file) => {
                         call.writes("-o", file);
@@ -336,41 +435,32 @@ impl Run {
             Self::Check {
                 programs,
                 cell,
-                context,
-                forces,
+                reading,
                 against,
                 max_error,
                 max_path_error,
                 max_jump,
+                max_correction,
+                at_targets,
                 allow_unjudged,
             } => {
                 let name = first(programs)?;
-                let mut call = Call::of("check");
-                call.inputs(programs);
-                call.input("--cell", cell);
-                if let Some(against) = against {
-                    call.input("--against", against);
-                }
-                call.reading(&Reading { context: context.clone(), forces: forces.clone(), tool: None });
+                let mut call = Call::on("check", programs, cell, reading);
+                call.optional_input("--against", against.as_ref());
                 call.option("--max-error", max_error.0.clone());
-                for (option, value) in [("--max-path-error", max_path_error), ("--max-jump", max_jump)] {
-                    if let Some(value) = value {
-                        call.option(option, value.0.clone());
-                    }
-                }
+                call.optional("--max-path-error", max_path_error.as_ref());
+                call.optional("--max-jump", max_jump.as_ref());
+                call.optional("--max-correction", max_correction.as_ref());
+                call.flag("--at-targets", *at_targets);
                 call.flag("--allow-unjudged", *allow_unjudged);
                 call.results(&name, "check", Reports::All)?;
                 Ok(call)
             }
-            Self::Simulate { programs, cell, reading, against } => {
+            Self::Simulate { programs, cell, reading, against, probe } => {
                 let name = first(programs)?;
-                let mut call = Call::of("simulate");
-                call.inputs(programs);
-                call.input("--cell", cell);
-                if let Some(against) = against {
-                    call.input("--against", against);
-                }
-                call.reading(reading);
+                let mut call = Call::on("simulate", programs, cell, reading);
+                call.optional_input("--against", against.as_ref());
+                call.optional_input("--probe", probe.as_ref());
                 call.writes("--stl", &name.with_ending("simulate.stl")?);
                 call.results(&name, "simulate", Reports::All)?;
                 Ok(call)
@@ -381,33 +471,44 @@ impl Run {
                 call.results(corrected, "diff", Reports::All)?;
                 Ok(call)
             }
-            Self::Identify { runs, poses, cell, output, columns, sparse } => {
-                let tables: Vec<Name> = runs.iter().map(|run| run.table.clone()).chain(poses.iter().cloned()).collect();
+            Self::Identify { runs, poses, logs, cell, output, columns, match_mm, tool, context, sparse } => {
+                let pairs = |all: &[Measured]| all.iter().map(|run| run.table.clone()).collect::<Vec<_>>();
+                let tables = [pairs(runs), poses.clone(), pairs(logs)].concat();
                 let name = tables.first().cloned().ok_or("choose a measured table first")?;
                 let mut call = Call::of("identify");
-                for run in runs {
-                    call.input("--run", &run.program);
-                    call.inputs(std::slice::from_ref(&run.table));
+                for (option, all) in [("--run", runs), ("--log", logs)] {
+                    for Measured { program, table } in all {
+                        call.input(option, program);
+                        call.inputs(std::slice::from_ref(table));
+                    }
                 }
                 for poses in poses {
                     call.input("--poses", poses);
                 }
                 call.input("--cell", cell);
-                if let Some(columns) = columns {
-                    call.option("--columns", columns.0.clone());
-                }
+                call.optional("--columns", columns.as_ref());
+                call.optional("--match-mm", match_mm.as_ref());
+                call.optional("--tool", tool.as_ref());
+                call.context(context);
                 call.flag("--sparse", *sparse);
                 call.writes("-o", output);
-                call.results(&name, "identify", Reports::All)?;
+                // Logs alone have no rows to show.
+                let has_rows = !runs.is_empty() || !poses.is_empty();
+                call.results(&name, "identify", if has_rows { Reports::All } else { Reports::Figures })?;
                 Ok(call)
             }
-            Self::Plan { cell, rows, output, after } => {
+            Self::Plan { cell, rows, output, after, pool, context, post, ask } => {
                 let mut call = Call::of("plan");
                 call.input("--cell", cell);
                 call.option("--rows", rows.to_string());
-                if let Some(after) = after {
-                    call.input("--after", after);
+                call.optional_input("--after", after.as_ref());
+                if !pool.is_empty() {
+                    call.arguments.push("--pool".to_owned());
+                    call.inputs(pool);
                 }
+                call.context(context);
+                call.optional("--post", post.as_ref());
+                call.optional("--ask", ask.as_ref());
                 call.writes("-o", output);
                 call.writes("--measured", &output.with_ending("csv")?);
                 call.results(output, "plan", Reports::FiguresAndPage)?;
@@ -455,6 +556,30 @@ mod tests {
                 r#"{"command":"compensate","programs":["my part.src","b.src"],"cell":"cell.toml","output":{"folder":"out"},"subdivide":" 0.05 "}"#
             ),
             "deflex compensate 'my part.src' b.src --cell cell.toml --subdivide 0.05 --out-dir out --json 'my part.compensate.json' --html 'my part.compensate.html'"
+        );
+        assert_eq!(
+            line(
+                r#"{"command":"compensate","programs":["a.cls"],"cell":"c.toml","output":{"file":"a.src"},"posting":{"language":"krl","max-targets":500,"rapid-speed":"150","feed":"20"},"reading":{"tool":"tMill","free-spin":true,"context":["b.mod"]},"allow-clones":true}"#
+            ),
+            "deflex compensate a.cls --cell c.toml --tool tMill --free-spin --context b.mod --allow-clones --post krl --max-targets 500 --rapid-speed 150 --feed 20 -o a.src --report a.compensate.csv --json a.compensate.json --html a.compensate.html"
+        );
+        assert_eq!(
+            line(
+                r#"{"command":"check","programs":["a.mod"],"cell":"c.toml","max-error":"0.1","max-correction":"2","at-targets":true}"#
+            ),
+            "deflex check a.mod --cell c.toml --max-error 0.1 --max-correction 2 --at-targets --report a.check.csv --json a.check.json --html a.check.html"
+        );
+        assert_eq!(
+            line(
+                r#"{"command":"plan","cell":"c.toml","rows":24,"output":"p.mod","pool":["a.mod","b.mod"],"post":"krl","ask":"target"}"#
+            ),
+            "deflex plan --cell c.toml --rows 24 --pool a.mod b.mod --post krl --ask target -o p.mod --measured p.csv --json p.plan.json --html p.plan.html"
+        );
+        assert_eq!(
+            line(
+                r#"{"command":"identify","logs":[{"program":"a.mod","table":"a.csv"},{"program":"b.mod","table":"b.csv"}],"cell":"c.toml","output":"d.toml","match-mm":"3","tool":"tMill"}"#
+            ),
+            "deflex identify --log a.mod a.csv --log b.mod b.csv --cell c.toml --match-mm 3 --tool tMill -o d.toml --json a.identify.json"
         );
         assert_eq!(
             line(

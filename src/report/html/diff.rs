@@ -87,6 +87,7 @@ fn trace(original: &Program, found: &Difference) -> Trace {
             target: target.ordinal,
             line: target.line,
             name: target.name.clone(),
+            names: None,
             status: if change.is_some() { "changed" } else { "same" },
             values: position_mm.into_iter().chain(shift).chain([size, turn, step]).collect(),
             peaks: [size, step],

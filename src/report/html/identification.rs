@@ -312,6 +312,7 @@ fn trace(rows: &[ResidualRow]) -> Trace {
             target: u32::try_from(i + 1).unwrap_or(u32::MAX),
             line: u32::try_from(row.line).unwrap_or(u32::MAX),
             name: None,
+            names: None,
             status: match (row.outlier, row.held_out) {
                 (true, _) => "outlier",
                 (false, true) => "held out",

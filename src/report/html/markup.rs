@@ -11,12 +11,14 @@ use std::fmt::{Display, Write};
 const STYLE: &str = include_str!("assets/page.css");
 /// What every page with a picture begins with.
 pub(super) const COMMON: [&str; 2] = [include_str!("assets/data.js"), include_str!("assets/draw.js")];
-const SCRIPTS: [&str; 6] = [
+const SCRIPTS: [&str; 8] = [
     COMMON[0],
     COMMON[1],
     include_str!("assets/view.js"),
     include_str!("assets/arm.js"),
+    include_str!("assets/player.js"),
     include_str!("assets/charts.js"),
+    include_str!("assets/twin.js"),
     include_str!("assets/page.js"),
 ];
 const UPLOT: &str = include_str!("vendor/uplot-1.6.32/uPlot.iife.min.js");
@@ -214,11 +216,16 @@ pub(super) fn decimals(value: f64, decimals: usize) -> String {
 pub(super) const STAGE: &str = r#"<section class="stage" id="stage">
 <div class="view">
 <div class="toolbar" role="toolbar" aria-label="View">
-<span class="buttons"><label>Colour <select id="colour"></select></label> <label><input type="checkbox" id="zero"> from 0</label></span>
+<span class="buttons"><label>Colour <select id="colour"></select></label> <label><input type="checkbox" id="zero"> from 0</label> <label hidden><input type="checkbox" id="held"> hold the part still</label></span>
 <span class="buttons"><button type="button" data-view="iso">3-D</button><button type="button" data-view="top">Top</button><button type="button" data-view="front">Front</button><button type="button" data-view="side">Side</button><button type="button" data-view="fit">Fit</button><button type="button" data-view="arm">Arm</button></span>
 </div>
 <canvas id="path" tabindex="0" role="application" aria-label="Toolpath in 3-D. Arrow keys turn, shift and arrow keys move, plus and minus zoom, comma and full stop step through the targets."></canvas>
 <div class="legend"><span id="low"></span><span id="ramp"></span><span id="high"></span><span id="what"></span></div>
+<div class="player" id="player" role="group" aria-label="Play along the program" hidden>
+<button type="button" id="play">Play</button>
+<input type="range" id="along" min="0" value="0" aria-label="Place along the program">
+<label>Whole program in <select id="pace"><option value="10">10 s</option><option value="30" selected>30 s</option><option value="120">2 min</option><option value="600">10 min</option></select></label>
+</div>
 <p class="hint">Drag turns, shift-drag moves, wheel zooms, click selects. Keys: arrows turn, + − zoom, <kbd>,</kbd> <kbd>.</kbd> step through targets, <kbd>0</kbd> fits.</p>
 <div id="tip" role="status" hidden></div>
 </div>

@@ -167,6 +167,7 @@ impl PathTrace {
                 target: row.target,
                 line: row.line,
                 name: row.name.clone(),
+                names: row.names.clone(),
                 status: match row.status {
                     Status::Ok => "ok",
                     Status::Air => "air",

@@ -107,6 +107,7 @@ fn postures(plan: &Plan) -> Trace {
             target: row.target,
             line: row.target,
             name: None,
+            names: None,
             status: if row.held_out { "held out" } else { "ok" },
             values: values.collect(),
             peaks: [load, row.time_s],

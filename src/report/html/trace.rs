@@ -1,5 +1,6 @@
 //! A path of any length in bounded memory: the level of detail of a page.
 
+use crate::correct::RowNames;
 use crate::text::number::write_fixed;
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -22,6 +23,8 @@ pub(super) struct Sample {
     pub(super) line: u32,
     /// Name, where it has one.
     pub(super) name: Option<Arc<str>>,
+    /// The tool and the work object whose axes its position is in, where the rows say.
+    pub(super) names: Option<Arc<RowNames>>,
     /// What happened to it, in a word or two.
     pub(super) status: &'static str,
     /// One number a channel; what is not finite is absent.
@@ -36,6 +39,7 @@ struct Kept {
     target: u32,
     line: u32,
     name: Option<Arc<str>>,
+    names: Option<Arc<RowNames>>,
     status: &'static str,
     values: Vec<i32>,
     peaks: [f64; 2],
@@ -118,6 +122,7 @@ impl Trace {
             target: sample.target,
             line: sample.line,
             name: sample.name,
+            names: sample.names,
             status: sample.status,
             values: self.channels.iter().zip(sample.values).map(fixed).collect(),
             peaks: sample.peaks,
@@ -190,6 +195,10 @@ impl Trace {
         let (names, name) = words(kept.iter().map(|k| k.name.as_deref().unwrap_or("")));
         columns.insert("status".to_owned(), column(0, &mut status.into_iter()));
         columns.insert("name".to_owned(), column(0, &mut name.into_iter()));
+        let named = |names: &Arc<RowNames>| [&*names.tool, &*names.wobj].join(", ");
+        let frames: Vec<String> = kept.iter().map(|k| k.names.as_ref().map_or_else(String::new, named)).collect();
+        let (frames_named, frames) = words(frames.iter().map(String::as_str));
+        columns.insert("frames".to_owned(), column(0, &mut frames.into_iter()));
         // Targets of a loop share a line.
         let (quotes, quote) = words(self.quotes.iter().map(String::as_str));
         if quote.len() == kept.len() {
@@ -197,7 +206,7 @@ impl Trace {
         }
         json!({
             "count": self.count, "kept": kept.len(), "stride": self.stride, "columns": columns,
-            "statuses": statuses, "names": names, "quotes": quotes,
+            "statuses": statuses, "names": names, "frame_names": frames_named, "quotes": quotes,
         })
     }
 }
@@ -262,7 +271,15 @@ mod tests {
         for (i, &value) in values.iter().enumerate() {
             let target = i as u32 + 1;
             let values = vec![value];
-            trace.push(Sample { target, line: target, name: None, status: "ok", values, peaks: [value, -value] });
+            trace.push(Sample {
+                target,
+                line: target,
+                name: None,
+                names: None,
+                status: "ok",
+                values,
+                peaks: [value, -value],
+            });
         }
         trace
     }

@@ -19,14 +19,16 @@ class Charts {
     new ResizeObserver(() => this.resize()).observe(root);
   }
 
-  // panels: [{ heading, title, unit, digits, limit, series: [{ label, values, style }] }] over common x values; a panel with a
-  // heading starts a group, whose key it shows; a limit is a line across the chart.
-  show(x, xLabel, panels, points) {
+  // panels: [{ heading, title, unit, digits, limit, range, series: [{ label, values, style }] }] over common x values; a panel with a
+  // heading starts a group, whose key it shows; a limit is a line across the chart; a range is what it shows whatever its values are.
+  // `span`: the range of x that is shown at first, where it is not that of the values.
+  show(x, xLabel, panels, points, span) {
     this.plots.forEach((plot) => plot.destroy());
     this.root.replaceChildren();
     this.x = x;
     this.scale = null;
     this.plots = panels.map((panel, i) => this.plot(panel, x, xLabel, i === panels.length - 1, points));
+    if (span) this.plots[0]?.setScale("x", { min: span[0], max: span[1] });
   }
 
   plot(panel, x, xLabel, last, points) {
@@ -64,7 +66,7 @@ class Charts {
       plot.ctx.fillRect(at, top, Math.max(1, uPlot.pxRatio), height);
       plot.ctx.restore();
     };
-    const limited = (plot) => {
+    const drawLimit = (plot) => {
       if (!panel.limit) return;
       const at = Math.round(plot.valToPos(panel.limit, "y", true));
       const { left, width } = plot.bbox;
@@ -79,7 +81,9 @@ class Charts {
       plot.ctx.restore();
     };
     // The tolerance is in sight, and so is zero, from which it counts.
-    const range = panel.limit ? { range: (_, low, high) => [Math.min(0, low), 1.08 * Math.max(panel.limit, high)] } : {};
+    const limited = (_, low, high) => [Math.min(0, low), 1.08 * Math.max(panel.limit, high)];
+    const fixed = () => uPlot.rangeNum(...panel.range, 0.1, true);
+    const range = panel.limit ? { range: limited } : panel.range?.every(Number.isFinite) ? { range: fixed } : {};
     const options = {
       width: Math.max(280, this.root.clientWidth),
       height: last ? 172 : 128,
@@ -97,7 +101,7 @@ class Charts {
       ],
       series: [{ label: xLabel, value: (_, value) => (value == null ? "" : grouped(value)) }, ...series],
       hooks: {
-        draw: [mark, limited],
+        draw: [mark, drawLimit],
         setScale: [(plot, key) => key === "x" && this.follow(plot)],
         ready: [(plot) => plot.over.addEventListener("click", () => {
           const i = plot.cursor.idx;

@@ -23,6 +23,12 @@ class Column {
     return this.has(i) ? this.raw[i] / 10 ** this.decimals : NaN;
   }
 
+  // At a place between two targets, as the share of the way from one to the other; NaN where one of them is absent.
+  between(place) {
+    const i = Math.floor(place);
+    return i === place ? this.at(i) : this.at(i) + (place - i) * (this.at(i + 1) - this.at(i));
+  }
+
   // As the CSV prints it.
   text(i) {
     return this.has(i) ? this.at(i).toFixed(this.decimals).replace(/^-(0\.?0*)$/, "$1") : "";
@@ -58,6 +64,11 @@ class Path {
 
   name(i) {
     return this.names[this.columns.name.raw[i]];
+  }
+
+  // Tool and work object, as the program names them.
+  frames(i) {
+    return this.columns.frames ? this.frame_names[this.columns.frames.raw[i]] : "";
   }
 
   // The program's line, where it is quoted.

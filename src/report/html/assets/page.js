@@ -52,7 +52,8 @@ const FIGURES = [
 
 // What else a column can be called, for columns that are in no list above.
 const AXIS_STYLES = AXES.map((_, i) => `axis${i + 1}`);
-const HIDDEN = [...BASE, ...TABLE, ...CIRCLE, "target", "line", "status", "name", "quote"];
+const WORDS = ["status", "name", "frames", "quote"];
+const HIDDEN = [...BASE, ...TABLE, ...CIRCLE, "target", "line", ...WORDS];
 const unitOf = (key) => ({ mm: "mm", deg: "°", n: "N", s: "s", "n/mm": "N/mm" })[key.endsWith("_n_per_mm") ? "n/mm" : key.split("_").at(-1)] ?? (key.startsWith("eax_") ? "mm or °" : "");
 const NAMES = { limit_margin_deg: "Margin to an axis limit", singular_margin_deg: "Margin to a singular wrist", spin_deg: "Turn about the tool axis", sigma_mm: "Uncertainty an axis", error_part_mm: "Error of the part" };
 const nameOf = (key) => {
@@ -119,17 +120,22 @@ const tipAt = (canvas, x, y, text) => {
   tip.style.top = `${canvas.offsetTop + Math.max(0, y - tip.offsetHeight - 10)}px`;
 };
 
-const listenToButtons = (view) =>
+const listenToButtons = (view, wholeArm) =>
   document.querySelectorAll("[data-view]").forEach((button) => {
     if (button.dataset.view === "arm" && !page.scene) return button.remove();
     button.addEventListener("click", () => {
       const { view: what } = button.dataset;
-      if (what === "fit" || what === "arm") view.frame(what === "arm");
+      if (what === "fit" || what === "arm") view.frame(what === "arm" ? wholeArm() : []);
       else view.look(what);
     });
   });
 
 const numbers = (path, key) => path.column(key).numbers();
+
+// Between two tables of figures while a program plays, ms: no faster than they can be read.
+const BETWEEN_FIGURES = 250;
+// Postures that a picture of the whole arm is to hold.
+const POSTURES = 24;
 
 class PathPage {
   constructor() {
@@ -138,10 +144,19 @@ class PathPage {
       hover: (i, x, y) => this.hover(i, x, y),
       choose: (i) => this.choose(i),
       step: (by) => this.choose(Math.max(0, Math.min(this.path.length - 1, this.chosen + by))),
+      look: () => this.twin.tell(),
+    });
+    this.twin = new Twin({
+      ranges: () => rangesOf(this.path, this.ownBox),
+      own: () => this.look(),
+      follow: (look) => this.follow(look),
+      widen: () => this.widen(),
     });
     this.charts = new Charts(byId("plots"), (i) => this.choose(i));
-    listenToButtons(this.view);
+    this.player = new Player(byId("player"), { move: (place) => this.move(place), rest: (i) => this.choose(i) });
+    listenToButtons(this.view, () => this.wholeArm());
     for (const id of ["colour", "zero"]) byId(id).addEventListener("change", () => this.colour());
+    byId("held").addEventListener("change", () => this.stand(this.chosen));
     const program = byId("program");
     if (program) {
       program.replaceChildren(...paths.map((path, i) => element("option", { value: i, textContent: path.title })));
@@ -158,6 +173,7 @@ class PathPage {
   }
 
   show(path) {
+    this.player.stop();
     this.path = path;
     const before = byId("colour").value;
     const colours = coloursOf(path);
@@ -167,23 +183,47 @@ class PathPage {
     byId("detail").textContent = path.length ? detail(path, "targets") : "No target has a position to show.";
     if (!path.length) return;
     this.view.setPath(path);
+    this.ownBox = this.view.pathBox;
     const found = new Set(path.findings);
+    this.player.setPath(path);
+    byId("held").parentNode.hidden = !path.has(TABLE[0]);
     this.view.found = Array.from(path.column("line").raw, (line, i) => (found.has(line) ? i : -1)).filter((i) => i >= 0);
-    this.colour();
-    this.plot();
+    this.chosen = 0;
+    this.widen();
     const sizes = numbers(path, byId("colour").value);
     // A plan is looked at in its order, everything else where it is worst.
     this.choose(page.kind === "plan" ? 0 : sizes.reduce((best, size, i) => (size > sizes[best] ? i : best), 0));
+    this.twin.open();
+  }
+
+  // The picture and the charts over what both pages have, where there are two.
+  widen() {
+    this.view.pathBox = this.twin.box(this.ownBox);
+    this.view.frame([]);
+    this.colour();
+    this.plot();
+    this.charts.mark(this.chosen);
+  }
+
+  look() {
+    const { azimuth, elevation, zoom, pan, box } = this.view;
+    const [isFromZero, isHeld] = ["zero", "held"].map((id) => byId(id).checked);
+    return { azimuth, elevation, zoom, pan, box, colour: byId("colour").value, isFromZero, isHeld, target: this.path.column("target").raw[this.chosen] };
+  }
+
+  follow({ colour, isFromZero, isHeld, target, azimuth, elevation, zoom, pan, box }) {
+    [byId("zero").checked, byId("held").checked] = [Boolean(isFromZero), Boolean(isHeld)];
+    if (this.colours.some(({ key }) => key === colour)) byId("colour").value = colour;
+    this.colour();
+    if (target !== this.look().target) this.choose(this.path.find(target));
+    Object.assign(this.view, { azimuth, elevation, zoom, pan, box });
+    this.stand(this.chosen);
   }
 
   colour() {
     const { key, label, unit } = this.colours.find((colour) => colour.key === byId("colour").value);
     const values = numbers(this.path, key);
-    let [low, high] = [Infinity, -Infinity];
-    values.forEach((value, i) => {
-      if (this.path.status(i) === "air" || Number.isNaN(value)) return;
-      [low, high] = [Math.min(low, value), Math.max(high, value)];
-    });
+    let [low, high] = this.twin.span(key, rangeOf(values, (i) => this.path.status(i) !== "air"), true);
     if (!(high >= low)) [low, high] = [0, 0];
     if (byId("zero").checked) low = 0;
     this.view.setColours(values, low, high);
@@ -195,7 +235,7 @@ class PathPage {
   plot() {
     const { path } = this;
     const x = numbers(path, "target");
-    const line = (label, key, style) => (path.has(key) ? [{ label, values: numbers(path, key), style }] : []);
+    const line = (label, key, style) => (path.has(key) ? [{ key, label, values: numbers(path, key), style }] : []);
     const panels = [];
     if (page.kind === "diff") {
       ["x", "y", "z"].forEach((axis, i) =>
@@ -230,23 +270,32 @@ class PathPage {
         panels.push({ heading: "Margins along the path", title: "Margin", unit: "°", digits: 3, series: margins });
       }
     }
-    this.charts.show(x, "target", panels.filter(({ series }) => series.length), false);
+    if (this.twin.otherBox) {
+      for (const panel of panels) panel.range = panel.series.map(({ key, values }) => this.twin.span(key, rangeOf(values))).reduce(wider, NONE);
+    }
+    this.charts.show(x, "target", panels.filter(({ series }) => series.length), false, this.twin.otherBox && this.twin.span("target", rangeOf(x)));
   }
 
   choose(i) {
     const { path } = this;
     if (!path.length) return;
+    this.player.follow(i);
+    this.stand(i);
+    this.tell(i);
+  }
+
+  // The figures of a target, its place in the charts, and its line for a window that shows this page in a frame.
+  tell(i) {
+    const { path } = this;
     this.chosen = i;
-    this.view.chosen = i;
-    this.view.standing = standing(path, i);
-    this.view.redraw();
     this.charts.mark(i);
-    // A window that shows this page in a frame follows in the program's text.
+    this.twin.tell();
     if (parent !== window && path.has("line")) parent.postMessage({ line: path.column("line").raw[i] }, "*");
     const name = path.name(i) ? ` ${path.name(i)}` : "";
     byId("chosen").textContent = `Target ${path.column("target").raw[i]}${name}`;
     const rows = [element("tr", {}, element("th", { textContent: "Line" }), this.cell(["line"], i)),
       element("tr", {}, element("th", { textContent: "Status" }), element("td", { colSpan: 3, textContent: path.status(i) }))];
+    if (path.frames(i)) rows.push(element("tr", {}, element("th", { textContent: "Tool, work object" }), element("td", { colSpan: 3, textContent: path.frames(i) })));
     if (path.quote(i)) {
       const quote = element("code", { textContent: path.quote(i) });
       rows.splice(1, 0, element("tr", { className: "quote" }, element("td", { colSpan: 4 }, quote)));
@@ -262,6 +311,44 @@ class PathPage {
     }
     byId("figures").replaceChildren(element("table", {}, element("tbody", {}, ...rows)));
     byId("figures").dataset.target = path.column("target").raw[i];
+  }
+
+  // The picture at a place: the arm, and the floor held still where the part turns on a table.
+  stand(place) {
+    const { path, view } = this;
+    view.chosen = followed(path, place);
+    view.standing = standing(path, view.chosen, view.spot(view.chosen));
+    view.moved = byId("held").checked ? null : this.moved(view.chosen);
+    view.redraw();
+  }
+
+  // How what stands on the floor has moved in the axes of the part since the first target in the same axes.
+  moved(place) {
+    const { path } = this;
+    const i = Math.floor(place);
+    if (!isOnTable(path, i) || !stands(path, i)) return null;
+    const first = Array.from({ length: i + 1 }, (_, k) => k).find((k) => stands(path, k) && path.frames(k) === path.frames(i));
+    return times(floorAt(path, place), inverse(floorAt(path, first)));
+  }
+
+  // While the program plays: the picture at once, figures and charts a few times a second.
+  move(place) {
+    this.stand(place);
+    const i = Math.round(place);
+    if (i === this.chosen || performance.now() < this.next) return;
+    this.next = performance.now() + BETWEEN_FIGURES;
+    this.tell(i);
+  }
+
+  // What stands about the path at places all along it.
+  wholeArm() {
+    const { path, view } = this;
+    const last = path.length - 1;
+    return Array.from({ length: POSTURES }, (_, k) => Math.round(k * last / (POSTURES - 1))).flatMap((i) => {
+      const moved = view.moved && this.moved(i);
+      const things = standing(path, i, view.spot(i));
+      return moved ? things.map((thing) => ({ ...thing, line: thing.line.map((spot) => point(inverse(moved), spot)) })) : things;
+    });
   }
 
   cell([key], i, span = 3) {

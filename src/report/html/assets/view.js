@@ -60,9 +60,6 @@ const bendsOf = (path, [x, y, z]) => {
 
 // Points from a through b to c on their circle; nothing for points on a line.
 const arcThrough = (a, b, c) => {
-  const minus = (p, q) => p.map((v, k) => v - q[k]);
-  const dot = (p, q) => p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
-  const cross = (p, q) => [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
   const [ab, ac] = [minus(b, a), minus(c, a)];
   const normal = cross(ab, ac);
   const size = dot(normal, normal);
@@ -83,9 +80,9 @@ const arcThrough = (a, b, c) => {
 };
 
 class View {
-  constructor(canvas, { hover, choose, step }) {
+  constructor(canvas, { hover, choose, step, look }) {
     this.canvas = canvas;
-    this.on = { hover, choose, step };
+    this.on = { hover, choose, step, look };
     [this.azimuth, this.elevation] = VIEWS.iso;
     this.zoom = 1;
     this.pan = [0, 0];
@@ -97,9 +94,8 @@ class View {
   // `only`: no line, but the points that it marks.
   setPath(path, only = null) {
     this.only = only;
-    const [x, y, z] = ["x_mm", "y_mm", "z_mm"].map((key) => path.column(key).numbers());
     this.path = path;
-    this.points = [x, y, z];
+    this.points = POSITION.map((key) => path.column(key).numbers());
     this.pathBox = this.box = framed(this.points, (i) => path.status(i) === "ok");
     this.screen = new Float32Array(2 * path.length);
     this.bends = only ? new Map() : bendsOf(path, this.points);
@@ -141,17 +137,40 @@ class View {
     this.fit();
   }
 
-  // Screen axes in the work object.
-  axes() {
+  // Screen axes in what is held still.
+  heldAxes() {
     const [a, e] = [this.azimuth, this.elevation].map((degrees) => (degrees * Math.PI) / 180);
     const right = [-Math.sin(a), Math.cos(a), 0];
     const up = [-Math.sin(e) * Math.cos(a), -Math.sin(e) * Math.sin(a), Math.cos(e)];
     return [right, up];
   }
 
+  // Screen axes in the work object.
+  axes() {
+    const axes = this.heldAxes();
+    return this.moved ? axes.map((axis) => outOf(this.moved, axis)) : axes;
+  }
+
+  // The middle of the picture in the work object.
+  middle() {
+    const middle = this.box.map(([low, high]) => (low + high) / 2);
+    return this.moved ? point(this.moved, middle) : middle;
+  }
+
+  // Where the line is that is drawn, between two targets on the way from one to the other; work object, mm.
+  spot(place) {
+    const i = Math.floor(place);
+    const target = (k) => this.points.map((values) => values[k]);
+    if (i === place) return target(i);
+    const ways = [target(i), ...(this.bends.get(i + 1) ?? [target(i + 1)])];
+    const along = (place - i) * (ways.length - 1);
+    const k = Math.floor(along);
+    return ways[k].map((c, axis) => c + (along - k) * (ways[k + 1][axis] - c));
+  }
+
   // Pixels a millimetre that show the whole box.
   scale() {
-    const size = this.axes().map((axis) => axis.reduce((sum, c, i) => sum + Math.abs(c) * (this.box[i][1] - this.box[i][0]), 0));
+    const size = this.heldAxes().map((axis) => axis.reduce((sum, c, i) => sum + Math.abs(c) * (this.box[i][1] - this.box[i][0]), 0));
     const [width, height] = [this.canvas.clientWidth, this.canvas.clientHeight];
     const room = 0.84;
     return room * this.zoom * Math.min(width / (size[0] || 1e-6), height / (size[1] || 1e-6), 1e6);
@@ -160,7 +179,7 @@ class View {
   project() {
     const [right, up] = this.axes();
     const scale = this.scale();
-    const middle = this.box.map(([low, high]) => (low + high) / 2);
+    const middle = this.middle();
     const centre = [this.canvas.clientWidth / 2 + this.pan[0], this.canvas.clientHeight / 2 + this.pan[1]];
     const [x, y, z] = this.points;
     for (let i = 0; i < this.path.length; i++) {
@@ -174,6 +193,7 @@ class View {
   // On the next frame, once.
   redraw(moving = false) {
     this.schedule(moving);
+    this.on.look?.();
     if (!this.twin) return;
     for (const key of ["azimuth", "elevation", "zoom", "pan"]) this.twin[key] = this[key];
     this.twin.schedule(moving);
@@ -271,16 +291,16 @@ class View {
   // Screen places of points in the work object.
   placer(scale) {
     const [right, up] = this.axes();
-    const middle = this.box.map(([low, high]) => (low + high) / 2);
+    const middle = this.middle();
     const along = (axis, point) => axis.reduce((sum, c, k) => sum + c * (point[k] - middle[k]), 0);
     const centre = [this.canvas.clientWidth / 2 + this.pan[0], this.canvas.clientHeight / 2 + this.pan[1]];
     return (point) => [centre[0] + scale * along(right, point), centre[1] - scale * along(up, point)];
   }
 
-  // The whole arm in the picture, or the path alone.
-  frame(whole) {
+  // The path in the picture, and what stands about it.
+  frame(things) {
     if (!this.pathBox) return this.fit();
-    const points = whole && this.standing ? this.standing.flatMap(({ line }) => line) : [];
+    const points = things.flatMap(({ line }) => line);
     this.box = this.pathBox.map(([low, high], axis) =>
       points.reduce(([least, most], point) => [Math.min(least, point[axis]), Math.max(most, point[axis])], [low, high]));
     this.fit();
@@ -304,7 +324,7 @@ class View {
   }
 
   drawChosen(context) {
-    if (this.chosen >= 0) drawRing(context, ...this.place(this.chosen));
+    if (this.chosen >= 0) drawRing(context, ...this.placeOf(this.spot(this.chosen)));
   }
 
   drawTriad(context) {
