@@ -212,7 +212,7 @@ pub(super) fn faults(survey: &Survey, problem: &Problem) -> Vec<Candidate> {
     }
     let bends = || std::iter::once(None).chain((0..SETTLES.len()).map(Some));
     let count = (bends().count() * DRIFT_SIZES.len()) as f64;
-    for settles in bends() {
+    for settles in bends().filter(|_| problem.read_in_order) {
         let drift = of_pattern(Pattern::Drift { settles }, problem, count);
         all.extend(DRIFT_SIZES.map(|scale| Candidate { scale, ..drift.clone() }));
     }

@@ -126,6 +126,9 @@ pub(super) struct Problem {
     pub(super) units: Arc<Units>,
     /// Steps that all readings come in, mm, where they are that coarse.
     pub(super) steps_mm: Option<f64>,
+    /// Whether rows were read while the program ran, so that their order is the instrument's time. The surface of a finished part
+    /// (`normal_mm` without `time_s`) is read afterwards, in any order.
+    pub(super) read_in_order: bool,
     /// Angle over which friction in the joints builds up, rad: see [`Problem::set_presliding`].
     pub(super) presliding_rad: f64,
 }
@@ -181,6 +184,7 @@ impl Problem {
             declared_sigma_mm: None,
             units: Arc::default(),
             steps_mm: None,
+            read_in_order: true,
             presliding_rad: 0.0,
         }
     }

@@ -452,7 +452,8 @@ impl Engine {
         const FEW: [f64; 2] = [0.05, 0.25];
         /// Share of those far off that must be alone.
         const ALONE: f64 = 0.7;
-        let share = far.len() as f64 / self.problem.rows.len().max(1) as f64;
+        let left_out = self.problem.rows.iter().filter(|row| row.outlier).count() + far.len();
+        let share = left_out as f64 / self.problem.rows.len().max(1) as f64;
         let lonely = far.iter().filter(|&&i| alone(i)).count() as f64;
         if share > FEW[0] && (share > FEW[1] || lonely < ALONE * far.len() as f64) {
             return 0;

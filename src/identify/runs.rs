@@ -21,6 +21,7 @@ impl Problem {
         let rows = || runs.iter().flat_map(|run| &run.table.rows);
         let declared = rows().all(|row| row.sigma_mm.is_some());
         problem.steps_mm = steps_mm(rows());
+        problem.read_in_order = !rows().all(|row| row.normal_mm.is_some() && row.time_s.is_none());
         for MeasuredRun { program, original, table } in runs {
             for part in clampings(table) {
                 problem.take_run(cell, &program, original.as_ref(), &part)?;
