@@ -1,4 +1,4 @@
-//! The bounds of what deflex reads and computes. Work is sized before memory is asked for: beyond a bound there is an error that says
+//! The bounds of what deflex reads and computes. Work is sized before memory is allocated: beyond a bound there is an error that says
 //! what to change. This is their one list: code, messages and the table in `docs/limits-and-safety.md` take them from here.
 
 /// A bound.
@@ -29,8 +29,8 @@ pub const STOCK_LINES: Bound = Bound {
     help: "give a larger `resolution_mm`, or a smaller blank",
 };
 
-/// Motions that a RAPID program with loops runs through, where those that are alike are held once: a loop that never ends is told
-/// from one that is long within minutes.
+/// Motions that a RAPID program with loops runs through, where those that are alike are held once: a loop that never ends is
+/// distinguished from a long one within minutes.
 pub const RUN_MOTIONS: Bound = Bound {
     what: "motions that a RAPID program runs through in its loops",
     most: 20_000_000,

@@ -110,7 +110,7 @@ fn name(instance: &Instance) -> &str {
     instance.get("name").map_or("", String::as_str)
 }
 
-/// Behind a value that is to be looked at.
+/// After a value that is to be looked at.
 fn mark(marked: bool) -> &'static str {
     if marked { "<< " } else { "" }
 }
@@ -381,7 +381,7 @@ fn frames(tools: &[Tool], wobjs: &[Wobj]) -> Frames {
                 writeln!(frames.text, "# {}: stands still; a program that uses it declares it\n", comment(&tool.name));
             continue;
         };
-        // A controller writes -1 where nobody has given a load.
+        // A controller writes -1 where no load was entered.
         let (mass_kg, unknown) = (mass_kg.max(0.0), mass_kg <= 0.0);
         let mark = if unknown { "   # << no load is declared" } else { "" };
         let _ = writeln!(
@@ -459,7 +459,7 @@ mod tests {
         assert_eq!(of("ROB1_6700_2.75_220"), Some(("irb6700-205-2.80", false)));
     }
 
-    /// On a gantry that is a robot of its own, beside a conveyor without an end.
+    /// On a gantry that is a robot of its own, together with a conveyor without an end.
     #[test]
     fn what_is_not_taken_is_marked() {
         let moc = MOC

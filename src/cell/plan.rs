@@ -27,7 +27,7 @@ pub struct PlanSection {
     pub from: Option<Vector3<f64>>,
     /// White noise of the instrument and the robot's repeatability, per axis, mm.
     pub noise_mm: f64,
-    /// Size of the effect that must be told, mm rms at the TCP.
+    /// Size of the effect that must be detected, mm rms at the TCP.
     pub effect_mm: f64,
     /// Kinds of effects to tell apart; empty: all that the data could show.
     pub effects: Vec<&'static str>,

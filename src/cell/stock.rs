@@ -17,7 +17,7 @@ pub struct StockSection {
     pub wobj: Option<String>,
     /// The blank, m; `None` of a mesh that has not been read, see [`Cell::take_meshes`].
     pub blank: Option<Blank>,
-    /// The file of the blank, beside the cell file.
+    /// The file of the blank, relative to the cell file.
     pub stl: Option<String>,
     /// Spacing of the stock's lines, m; without it, from the smallest cutter.
     pub resolution: Option<f64>,
@@ -27,7 +27,7 @@ pub struct StockSection {
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct PartSection {
-    /// Its file, beside the cell file, where there is one.
+    /// Its file, relative to the cell file, where there is one.
     pub stl: Option<String>,
     /// What it is made of, and where it is held, where the cell says so: by how much it yields follows from that.
     pub held: Option<HeldPart>,
@@ -48,7 +48,7 @@ pub struct HeldPart {
 }
 
 impl Cell {
-    /// Reads the meshes that `[stock] stl` and `[part] stl` name; `read` gives a file beside the cell file.
+    /// Reads the meshes that `[stock] stl` and `[part] stl` name; `read` gives a file named relative to the cell file.
     ///
     /// # Errors
     /// What `read` says; files that are no STL, or are not closed.

@@ -1,4 +1,4 @@
-//! The text of a cell file to typed keys: what is not TOML, and keys that nobody knows.
+//! The text of a cell file to typed keys: what is not TOML, and unknown keys.
 
 use super::{nearest, raw};
 use crate::text::{Diagnostic, Source, Span};

@@ -86,7 +86,7 @@ struct Speech {
     tool: &'static str,
     /// Name of a work object.
     wobj: &'static str,
-    /// Key and value of an orientation that turns nothing, behind `tcp_` and its like.
+    /// Key and value of an orientation that turns nothing, after `tcp_` and its like.
     upright: &'static str,
     /// Where the pendant has a tool's frame, its orientation, its mass, its centre of gravity, and a work object's frame.
     places: [&'static str; 5],
@@ -385,7 +385,7 @@ fn kinematics(robot: &Builtin) -> String {
     )
 }
 
-/// A warning where a cell file still holds examples of [`template`]: values with its mark behind them.
+/// A warning where a cell file still holds examples of [`template`]: values with its mark after them.
 #[must_use]
 pub fn examples_left(source: &Source) -> Option<Diagnostic> {
     let text = source.text(Span::new(0, source.bytes.len()));

@@ -25,7 +25,7 @@ pub(super) const KEYS: [&str; 3] = ["covariance", "factors", JOINT];
 /// Digits of a shared factor after the first: it has a number for every pair of parameters.
 const JOINT_DIGITS: usize = 3;
 
-/// Digits of a factor behind the first: the standard deviation of anything that depends on the parameters keeps four.
+/// Digits of a factor after the first: the standard deviation of anything that depends on the parameters keeps four.
 const DIGITS: usize = 5;
 
 /// The table of a covariance: `covariance`, its rows; of many parameters `factors`, the lower triangles L of L Lᵀ of the

@@ -285,7 +285,7 @@ impl Description {
         chain
     }
 
-    /// The last link, where nobody names it.
+    /// The last link, where none is named.
     fn tip(&self) -> Result<String, String> {
         let moves = |link: &str| self.chain_to(link).iter().filter(|joint| joint.kind != Kind::Fixed).count();
         if let Some(usual) = ["tool0", "flange"].into_iter().find(|usual| moves(usual) == 6) {

@@ -1,7 +1,7 @@
 //! Programs that a correction has been written into already: corrected again, they would be off by as much the other way.
 //!
-//! They are known by their own report: where most places that a report beside the program says were written stand in the
-//! program, it is the program that was written. Their bytes are not touched, and nothing else is left beside them.
+//! They are known by their own report: where most places that a report in the program's folder says were written stand in the
+//! program, it is the program that was written. Their bytes are not touched, and no other file is left in their folder.
 
 use deflex::correct::Row;
 use deflex::text::Diagnostic;
@@ -33,7 +33,7 @@ pub(super) struct Again {
 }
 
 impl Again {
-    /// Looks beside a program's files.
+    /// Looks in the folder of a program's files.
     pub(super) fn beside<'a>(files: impl IntoIterator<Item = &'a Path>) -> Self {
         let mut found = Self::default();
         let mut folders = std::collections::BTreeSet::new();
@@ -104,7 +104,7 @@ fn written(path: &Path) -> Option<Vec<[f64; 3]>> {
         return None;
     }
     let mut input = BufReader::new(File::open(path).ok()?);
-    // Most tables are told by their first bytes.
+    // The first bytes are enough to recognise most tables.
     if !input.fill_buf().ok()?.starts_with(b"target,line,") {
         return None;
     }

@@ -47,7 +47,7 @@ pub(super) fn place(args: &Compensate, file: &Path) -> PathBuf {
     }
 }
 
-/// Where a program's report goes that no `--report` names: beside the program, unless that goes to stdout, a pipe or a device.
+/// Where a program's report goes that no `--report` names: into the program's folder, unless the program goes to stdout, a pipe or a device.
 pub(super) fn report_beside(args: &Compensate, file: &Path) -> Option<PathBuf> {
     match (&args.out_dir, &args.output) {
         (Some(dir), _) => Some(dir.join(file.with_extension("report.csv"))),

@@ -36,7 +36,7 @@ pub(super) fn run(args: &Check) -> Outcome {
     let piped = Piped::new(&args.inputs)?;
     let jobs = jobs(piped.as_ref(), &args.inputs, kind, args.reports.keep_going);
     let (mut setup, (jobs, failed)) = both(Setup::read(&args.model, context, args.correct, &args.reports), jobs)?;
-    // Nobody else holds the cell yet.
+    // The cell has no other owner yet.
     if let (Some(most), Some(cell)) =
         (args.max_correction.filter(|_| args.against.is_none()), Arc::get_mut(&mut setup.cell))
     {

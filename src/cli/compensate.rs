@@ -127,7 +127,7 @@ fn one_stdout(args: &Compensate, jobs: &[Job]) -> Result<(), Vec<Diagnostic>> {
     one_thing(usize::from(program) + args.reports.to_stdout())
 }
 
-/// RAPID under the name of CL data would be taken for it by whoever reads it next.
+/// RAPID under the name of CL data would be taken for CL data by its next reader.
 fn named_as_written(args: &Compensate, jobs: &[Job]) -> Result<(), Vec<Diagnostic>> {
     let Some(output) = args.output.as_deref().filter(|path| !is_stdout(path)) else { return Ok(()) };
     let ending = output.extension().map_or_else(String::new, |ending| ending.to_string_lossy().to_ascii_lowercase());

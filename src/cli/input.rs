@@ -12,7 +12,7 @@ use deflex::text::{Diagnostic, Source};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
-/// How CL is read where no cell says it: only what is independent of it is asked for then.
+/// How CL is read where no cell says it: only what does not depend on it is computed then.
 fn without_cell() -> ClOptions {
     ClOptions { units: Some(Units::Millimetre), any_tool: true, ..ClOptions::default() }
 }
@@ -107,7 +107,7 @@ impl CellFile {
         Self::parse(source(path)?)
     }
 
-    /// Checks the text of a cell file, and reads the meshes that it names, beside its path.
+    /// Checks the text of a cell file, and reads the meshes that it names, relative to its path.
     ///
     /// # Errors
     /// It is no cell: see [`Cell::read`]; a mesh cannot be read, or is no solid.
@@ -120,7 +120,7 @@ impl CellFile {
             }
             None => errors,
         })?;
-        // Meshes stand beside the cell file.
+        // Meshes are named relative to the cell file.
         let folder = Path::new(&source.name).parent().unwrap_or(Path::new(""));
         cell.take_meshes(|name| files::source(&folder.join(name)))?;
         Ok(Self { name: source.name.clone(), cell, source })

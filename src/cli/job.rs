@@ -136,7 +136,7 @@ impl Job {
         Ok(names)
     }
 
-    /// A `.pgf`: an XML list of modules, beside it.
+    /// A `.pgf`: an XML list of modules, in its folder.
     fn listed(path: &Path) -> Result<Self, Vec<Diagnostic>> {
         let list = source(path)?;
         let text = String::from_utf8_lossy(&list.bytes);

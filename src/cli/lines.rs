@@ -37,7 +37,7 @@ struct Reader<R> {
 }
 
 impl<R: BufRead> Reader<R> {
-    /// A line behind those read before; `None` where the input does not have it.
+    /// A line after those read before; `None` where the input does not have it.
     fn line(&mut self, wanted: u32) -> Option<Vec<u8>> {
         let mut text = Vec::new();
         loop {

@@ -24,7 +24,7 @@ pub(super) fn print(diagnostics: &[Diagnostic], quiet: bool) {
     let shown = once(shown);
     for diagnostic in shown.iter().take(MOST) {
         let text = if *FOR_A_PROGRAM { as_json(diagnostic).to_string() } else { render(diagnostic, color) };
-        // Nobody is left to tell where stderr is closed.
+        // Where stderr is closed, the message cannot be shown.
         let _ = writeln!(stderr, "{text}");
     }
     if shown.len() > MOST {

@@ -16,7 +16,7 @@ use indicatif::ProgressBar;
 use std::io;
 use std::path::Path;
 
-/// Streams a program into staged outputs; `None` where only the whole of it tells what it means, or is asked for.
+/// Streams a program into staged outputs; `None` where only the whole of it shows what it means, or the whole is wanted.
 pub(super) fn compensate(batch: &Batch<'_>, job: &Job, bar: &ProgressBar) -> Result<Option<Done>, Vec<Diagnostic>> {
     let Some(program) = batch.setup.long(job) else { return Ok(None) };
     // A list of modules goes along with them, and CL data in other languages than RAPID are posted as a whole.
@@ -88,7 +88,7 @@ impl<'a> Long<'a> {
         }
     }
 
-    /// Reports of the program, whose own name one beside it takes.
+    /// Reports of the program, one of which may have taken the name of its report.
     fn reports(&mut self, file: &Path) -> Result<ProgramReports<'a>, Vec<Diagnostic>> {
         let (args, programs) = (self.batch.args, self.batch.programs);
         let beside = report_beside(args, file);

@@ -98,7 +98,7 @@ impl Ahead {
         }
     }
 
-    /// Poses of CL targets behind a point in the same work object; `None` where one is none of these, or has no direction.
+    /// Poses of CL targets after a point in the same work object; `None` where one is none of these, or has no direction.
     fn turn(&mut self, targets: &[Target], before: &Point, mut held: Option<Vector3<f64>>) -> Option<()> {
         let mut from = before.wobj_from_tcp.translation.vector;
         for (lane, target) in targets.iter().enumerate() {
@@ -111,7 +111,7 @@ impl Ahead {
         Some(())
     }
 
-    /// The ways to come are other ones: a target was refused, behind which they do not begin.
+    /// The ways to come are other ones: a target was refused, after which they do not begin.
     pub(super) fn forget_ways(&mut self) {
         self.stretch = false;
     }

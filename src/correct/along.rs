@@ -39,7 +39,7 @@ const STRAIGHT: f64 = 0.1;
 /// A piece is not halved below this share of its way: what is left of a flip of the wrist there is no speed any more.
 const SHORTEST: f64 = 1e-6;
 
-/// Share of the distance that is enough below which a posture counts as singular itself: what is nearer is not told apart.
+/// Share of the distance that is enough below which a posture counts as singular itself: nearer ones are not distinguished.
 const IN_IT: f64 = 0.02;
 
 /// Parts in which a long way is followed from its start.

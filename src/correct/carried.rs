@@ -51,7 +51,7 @@ pub(super) enum Free {
     /// As the program or the cell's rule has it.
     #[default]
     No,
-    /// To be chosen: poses and cuts are asked for, whether they are reached or not.
+    /// To be chosen: poses and cuts are computed, whether they are reached or not.
     Sought,
     /// Chosen, for each target of the program.
     Chosen(Arc<[Chosen]>),

@@ -24,7 +24,7 @@ use std::sync::Arc;
 pub struct PathDeviation {
     /// Largest distance of the tip from the programmed path, mm.
     pub max_mm: f64,
-    /// The same without what a jump of the force makes within half a millimetre of path behind it, mm.
+    /// The same without what a jump of the force makes within half a millimetre of path after it, mm.
     pub way_mm: f64,
     /// Largest distance that such a jump makes, where the force sets in, ends or turns at once, mm; 0 without one. No target can
     /// be inserted near enough to mend it.
@@ -42,7 +42,7 @@ impl PathDeviation {
         Self { max_mm, way_mm: max_mm, jump_mm: 0.0, mean_square_mm2: max_mm * max_mm, length_mm: 0.0 }
     }
 
-    /// The same of a deviation that changes evenly (m) behind a place where `before` is left, m.
+    /// The same of a deviation that changes evenly (m) after a place where `before` is left, m.
     fn with_jump(self, before: f64, from: &Vector3<f64>, to: &Vector3<f64>) -> Self {
         let (a, b) = (from.norm_squared(), to.norm_squared());
         if a <= b || a <= before * before {
@@ -52,7 +52,7 @@ impl PathDeviation {
         self.judged(before, a.sqrt(), from.lerp(to, over).norm().max(b.sqrt()))
     }
 
-    /// The same with the jump told from the rest: what is left before a jump, at most within its length, and at most behind it, m.
+    /// The same with the jump apart from the rest: what is left before a jump, at most within its length, and at most after it, m.
     fn judged(self, before: f64, within: f64, behind: f64) -> Self {
         let explained = before.max(behind);
         if within <= explained + KNOWN {
@@ -155,8 +155,8 @@ const KNOWN: f64 = 2e-6;
 const RESOLVED: f64 = 0.5e-6;
 const RESOLVED_SHARE: f64 = 0.02;
 
-/// Places on a part are told in ticks: an interval that is not resolved is halved down to four of them, so that jumps inside (a
-/// joint that turns back) are told to that.
+/// Places on a part are counted in ticks: an interval that is not resolved is halved down to four of them, so that jumps inside (a
+/// joint that turns back) are found to that accuracy.
 const TICKS: u16 = 256;
 
 /// A part of a segment between two commanded places.
@@ -235,7 +235,7 @@ pub(super) fn measure(way: &WalkedPath<'_>, solver: &Solver<'_>, near: &Near<'_>
             before = None;
             continue;
         };
-        // Behind a point that is not solved, also one of the chunk before, the way is not known.
+        // After a point that is not solved, also one of the chunk before, the way is not known.
         let is_first = start.is_none() && way.last.is_none() && solver.prepared.before.is_none();
         if kind == Kind::Joint || is_first {
             out.targets[i] = Some(PathDeviation::at_end(&landed.shift));
@@ -277,7 +277,7 @@ impl WalkedPath<'_> {
         own.map(Some).or_else(|| self.last.map(|_| None))
     }
 
-    /// Target `from` as the start of the way behind it, else the end of the targets before.
+    /// Target `from` as the start of the way after it, else the end of the targets before.
     pub(super) fn start(&self, from: Option<usize>) -> Option<Start> {
         let Some(i) = from else { return self.last.cloned() };
         let Dragged { motor, travel } = *self.commanded.step(i)?;
@@ -559,7 +559,7 @@ impl<'p> Measure<'_, '_, 'p> {
 }
 
 impl Known {
-    /// What is left on the part, with the jump in the first [`JUMP_WITHIN`] of its length (m) told from the rest; `before` is what
+    /// What is left on the part, with the jump in the first [`JUMP_WITHIN`] of its length (m) apart from the rest; `before` is what
     /// is left before it, m.
     fn with_jump(&self, all: PathDeviation, before: f64, length: f64) -> PathDeviation {
         let over = (JUMP_WITHIN / length).min(1.0) * f64::from(TICKS);
@@ -587,7 +587,7 @@ impl Known {
             let quarter = (to - from) / 4;
             let [a, b, c, d, e] = [0, 1, 2, 3, 4].map(|k| self.off.get(&(from + k * quarter)).copied().flatten());
             let (Some(a), Some(b), Some(c), Some(d), Some(e)) = (a, b, c, d, e) else {
-                // Told by the lack of a result.
+                // The lack of a result says so.
                 self.resolved.push((from, to));
                 continue;
             };

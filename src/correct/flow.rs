@@ -17,13 +17,13 @@ use std::sync::{Mutex, PoisonError};
 
 /// Where goes what a streamed program comes to.
 pub struct Sinks<'a> {
-    /// Report rows, as a format of [`report`](crate::report) writes them; flushed behind the last.
+    /// Report rows, as a format of [`report`](crate::report) writes them; flushed after the last.
     pub report: &'a mut (dyn Write + Send),
     /// Report rows to text.
     pub rows: &'a (dyn Fn(&[Row]) -> Vec<u8> + Sync),
     /// Given the report rows in running order, a chunk at a time.
     pub each: &'a mut (dyn FnMut(&[Row]) + Send),
-    /// Told the targets and the bytes of input done so far.
+    /// Receives the targets and the bytes of input done so far.
     pub progress: &'a (dyn Fn(usize, u64) + Sync),
 }
 

@@ -135,7 +135,7 @@ impl Stops {
         let mut next = 0;
         let mut out = Vec::with_capacity(motors.len());
         for (i, motor) in motors.iter().enumerate() {
-            // The circle point of an arc comes behind what is inserted before it.
+            // The circle point of an arc comes after what is inserted before it.
             let end = if Kind::of(program, i) == Kind::Point { i + 1 } else { i };
             while let Some(stop) = self.all.get_mut(next).filter(|stop| nodes[stop.node].before <= end) {
                 stop.travel = arm.go_on(stop.motor, last).travel;

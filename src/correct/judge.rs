@@ -27,7 +27,7 @@ pub struct Judge<'a> {
     pub refusals: usize,
     /// What is wrong with a chunk.
     pub findings: &'a (dyn Fn(Judged<'_>) -> Vec<Diagnostic> + Sync),
-    /// Told of it, in running order.
+    /// Receives it, in running order.
     pub found: &'a mut (dyn FnMut(Vec<Diagnostic>) + Send),
 }
 
@@ -125,7 +125,7 @@ pub fn predict_chunks<R: Read + Seek + Send>(
 struct OriginalChunks<'a, R> {
     chunks: AnyChunks<R>,
     path: Carried<'a>,
-    /// Read, and not yet asked for.
+    /// Read, and not yet taken.
     points: VecDeque<Point>,
     /// The points' laws and the like.
     prepared: Option<Prepared>,
@@ -156,7 +156,7 @@ impl<'a, R: Read + Seek> OriginalChunks<'a, R> {
     }
 
     /// As many targets as the next chunk of the program has; `None` where one is refused. A program with more targets has some
-    /// inserted: which, is told by the whole of it.
+    /// inserted: only the whole of it shows which.
     fn next(&mut self, context: Context<'_>) -> Result<Option<Prepared>, StreamError> {
         let Context { program, cell, options, .. } = context;
         let count = program.targets.len();
@@ -184,7 +184,7 @@ impl<'a, R: Read + Seek> OriginalChunks<'a, R> {
             }
             Next::NotStreamable => return Err(StreamError::NotStreamable),
         };
-        // As of the program itself: the feed out of the first target is told by the first chunk.
+        // As of the program itself: the first chunk decides the feed out of the first target.
         if !(std::mem::replace(&mut self.begun, true) || chunk.last || leaves_its_start(&chunk.program.targets)) {
             return Err(StreamError::NotStreamable);
         }

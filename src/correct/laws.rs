@@ -210,7 +210,7 @@ impl<'a> Laws<'a> {
         self.cell.stock.is_some() && milling.is_some_and(|milling| milling.engagement == Engaged::Stock)
     }
 
-    /// Which cutter a move leads through the stock; `None` without a stock, or where nobody declares the cutter.
+    /// Which cutter a move leads through the stock; `None` without a stock, or where the cutter is not declared.
     pub(super) fn through(
         &mut self,
         (target, tool): (&Target, usize),

@@ -58,7 +58,7 @@ pub struct LaidOut<'a> {
 }
 
 impl<'a> LaidOut<'a> {
-    /// Looks through the program for what its post depends on; `progress` is told the targets and the bytes of input done so far.
+    /// Looks through the program for what its post depends on; `progress` receives the targets and the bytes of input done so far.
     ///
     /// # Errors
     /// See [`StreamError`]; [`StreamError::Refused`] where [`Poster::new`] does.
@@ -71,7 +71,7 @@ impl<'a> LaidOut<'a> {
         let options = with_turns(program, cell, options)?;
         let mut outline = Outline::of_chunks(opened(program.chunks())?, progress)?;
         if options.subdivide.is_some() && post.max_targets.is_some() {
-            // How many parts there are is told by what is inserted.
+            // The number of parts depends on what is inserted.
             count_chunks(opened(program.chunks())?, cell, &options, threads, &mut outline, progress)?;
         }
         let poster = Poster::new(outline, cell, post).map_err(StreamError::Refused)?;

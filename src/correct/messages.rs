@@ -14,7 +14,7 @@ pub struct Messages {
 
 impl Default for Messages {
     fn default() -> Self {
-        /// More are only counted: nobody reads on.
+        /// Further ones are only counted: a user does not read on.
         const MOST: usize = 1000;
         Self::with_room(MOST)
     }
@@ -34,7 +34,7 @@ impl Messages {
         self.first.extend(messages.into_iter().take(room));
     }
 
-    /// Names that nobody declares are missing in every chunk.
+    /// Undeclared names are missing in every chunk.
     pub(super) fn add_once(&mut self, mut messages: Vec<Diagnostic>) {
         let said = |new: &Diagnostic| self.first.iter().any(|old| old.message == new.message);
         messages.retain(|new| !(new.code.starts_with("cell.unknown-") && said(new)));
@@ -87,7 +87,7 @@ impl Repeated {
         found.iter().for_each(|found| self.say(found.warning(program)));
     }
 
-    /// Takes in what is said of targets behind these.
+    /// Takes in what is said of targets after these.
     pub(super) fn add(&mut self, later: Self) {
         later.0.into_iter().for_each(|(said, count)| self.say_often(said, count));
     }

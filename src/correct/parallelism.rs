@@ -65,10 +65,10 @@ impl Parallelism {
 
 /// What becomes of a point.
 pub(super) trait Answer: Send {
-    /// Nobody has answered yet.
+    /// There is no answer yet.
     fn open() -> Self;
 
-    /// Whether another way is to be asked.
+    /// Whether another way is to be tried.
     fn is_open(&self) -> bool;
 }
 
@@ -90,7 +90,7 @@ pub(super) struct Answers<'a, T> {
 }
 
 impl<T> Answers<'_, T> {
-    /// The answer for the point that was asked for in a lane.
+    /// The answer for the point in a lane.
     pub(super) fn put(&mut self, lane: usize, answer: T) {
         self.out[self.asked[lane] - self.first] = answer;
     }

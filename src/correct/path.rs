@@ -160,7 +160,7 @@ fn unsaid_units(program: &Program, cell: &Cell, are_chosen: bool) -> Result<(), 
     }
 }
 
-/// Where units stand whose position is free and that nobody has placed: in the middle of their limits.
+/// Where units stand whose position is free and has not been chosen: in the middle of their limits.
 fn middle(language: Language, cell: &Cell, target: &Target) -> External {
     let mut external = [f64::NAN; EXTERNAL_AXES];
     for unit in cell.units.all().iter().filter(|unit| unit.free && language == Language::Cl) {
@@ -183,7 +183,7 @@ fn stationary(program: &Program, cell: &Cell) -> Result<(), Vec<Diagnostic>> {
     Err(vec![Diagnostic::error("cell.stationary", name, message).help("leave it out of the cell for this program")])
 }
 
-/// For kept targets whose tool nobody declares: they are not solved.
+/// For kept targets whose tool is not declared: they are not solved.
 pub(super) const NO_TOOL: ToolFrame =
     ToolFrame { flange_from_tcp: IDENTITY, mass: 0.0, cog: Vector3::new(0.0, 0.0, 0.0) };
 const IDENTITY: Pose = Pose {

@@ -28,7 +28,7 @@ pub fn tool_of(cell: &Cell, name: Option<&str>) -> Result<ToolFrame, Vec<Diagnos
     }
 }
 
-/// In whose axes poses are asked for, and where mechanical units stand.
+/// In which axes poses are given, and where mechanical units stand.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Standing<'a> {
     /// A work object of the cell; `None` is the robot's base.

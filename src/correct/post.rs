@@ -50,7 +50,7 @@ pub struct Outline {
     feeds: Vec<f64>,
     /// Some travel is rapid.
     rapid: bool,
-    /// What is asked of the machine besides motion.
+    /// What the machine has to do besides motion.
     asked: Asked,
     tools: Vec<Tool>,
     wobjs: Vec<Wobj>,
@@ -61,7 +61,7 @@ pub struct Outline {
 }
 
 impl Outline {
-    /// Looks through a long file; `progress` is told the targets and the bytes of input done so far.
+    /// Looks through a long file; `progress` receives the targets and the bytes of input done so far.
     ///
     /// # Errors
     /// [`StreamError::NotStreamable`], [`StreamError::Read`]; [`StreamError::Refused`] where motion is not what its text says.
@@ -326,7 +326,7 @@ impl Poster {
         corrected.posted.iter().map(point).collect()
     }
 
-    /// Instructions behind the last motion.
+    /// Instructions after the last motion.
     pub(super) fn end(&self, program: &Program) -> String {
         let behind: SmallVec<[&Action; 4]> =
             program.actions.iter().filter(|action| action.before >= program.targets.len()).collect();

@@ -9,7 +9,7 @@ use std::sync::Arc;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Status {
-    /// A cutting force acts; corrected where a correction was asked for.
+    /// A cutting force acts; corrected where the run corrects.
     Ok,
     /// No cutting force.
     Air,
@@ -428,7 +428,7 @@ mod tests {
         assert_relative_eq!(sum.max_error_mm, 8.0);
         assert_relative_eq!(sum.max_kept_mm, 4.0);
         assert_relative_eq!(Summary::of(&[kept]).rms_error_mm, 4.0);
-        // Nothing cuts: what the arm is off by in the air is told all the same.
+        // Nothing cuts: the error of the arm in the air is reported all the same.
         assert_relative_eq!(Summary::of(&[air]).rms_error_mm, 8.0);
     }
 }

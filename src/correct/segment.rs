@@ -1,9 +1,9 @@
 //! A segment is what the controller does between two targets; the force that acts on it is a law over its length.
 //!
 //! The cut of a segment is that of the move into its end, over all of its length: at its start too, where the target before
-//! has the correction of *its* cut. [`Segment::at`] is the one place that tells the circumstances anywhere on the way: the
+//! has the correction of *its* cut. [`Segment::at`] is the one place that gives the circumstances anywhere on the way: the
 //! programmed pose, and the load there ([`Segment::load`]). A force that changes along the way, such as that of a stock,
-//! is told there.
+//! has its value there.
 
 use super::Prepared;
 use super::laws::Law;

@@ -56,7 +56,7 @@ pub struct DrivenSummary {
     /// As it is corrected.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub corrected: Option<DrivenFigures>,
-    /// Largest distance that was asked for, mm.
+    /// Largest distance that is allowed, mm (`--max-path-error`).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tolerance_mm: Option<f64>,
 }
@@ -151,7 +151,7 @@ fn judge_corrected(
     }
 }
 
-/// A program as it was given, and what is asked of it.
+/// A program as it was given, and the options of the run.
 struct Given<'a> {
     program: &'a Program,
     cell: &'a Cell,

@@ -69,7 +69,7 @@ pub fn compensate_declared<R: Read + Seek + Send, S: Read + Write + Seek + Send>
         if disputed { Err(io::ErrorKind::Other.into()) } else { Ok(()) }
     };
     let done = walked(chunks, (cell, options, threads), &|_, chunk, done| Ok(changed(chunk, done)), &mut write, sinks);
-    // Whoever sees all uses of a target decides.
+    // The code that sees all uses of a target decides.
     if disputed { Err(StreamError::NotStreamable) } else { done }
 }
 

@@ -3,7 +3,7 @@
 //! The command that is needed anywhere on a segment is explicit: the inverse equilibrium of the programmed pose there, under
 //! the force of the segment. What the controller makes of the commands at both ends of an interval is held against it at the
 //! quarters and in the middle; where they are apart, the middle becomes a target. At the start of a segment the needed command
-//! may jump, since the force of the next move begins there: the first target inserted is so close behind it that the jump is
+//! may jump, since the force of the next move begins there: the first target inserted is so close after it that the jump is
 //! over before it is seen. [`deviation`](super::deviation) judges what comes out, by the forward model.
 
 use super::deviation::{Commanded, Node, WalkedPath};
@@ -22,7 +22,7 @@ use std::collections::BTreeMap;
 /// Of the tolerance, what may be left where it is looked: for what lies between, and for what the deflection itself feeds back.
 const SHARE: f64 = 0.8;
 
-/// Less than this is not told apart in single precision, m.
+/// Single precision does not distinguish less than this, m.
 const LEAST: f64 = 2e-7;
 
 /// A jump is over within this length of path, m; shorter segments have none inserted for it.
@@ -37,7 +37,7 @@ const SHORTEST: f64 = 0.1e-3;
 /// Arcs shorter than this are lines, rad: a `MoveC` needs a degree between circle point and end, seen from its start.
 const SHORTEST_ARC: f64 = 8.0 * std::f64::consts::PI / 180.0;
 
-/// Places on a segment are told in ticks, which halve well.
+/// Places on a segment are counted in ticks, which halve exactly.
 type Tick = u32;
 const TICKS: Tick = 1 << 20;
 
@@ -59,7 +59,7 @@ struct Plan<'p> {
     to: Solved,
     mode: CorrectionMode,
     length: f64,
-    /// Share at which the ticks begin: behind a jump.
+    /// Share at which the ticks begin: after a jump.
     first: f64,
     /// Needed commands by tick; `None` where there is none.
     needed: BTreeMap<Tick, Option<Solved>>,

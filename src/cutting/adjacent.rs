@@ -2,7 +2,7 @@
 //!
 //! Seen along the feed a cutter is a convex figure, its silhouette: the rim of the flat, an ellipse, grown by the corner
 //! radius and going on upwards along the axis. A point of the front is in material where the silhouette a stepover away does
-//! not hold it. On the front that boundary is a curve, told by the silhouette's own angle: the points of the near silhouette
+//! not hold it. On the front that boundary is a curve over the silhouette's own angle: the points of the near silhouette
 //! moved by the stepover, each followed along the feed to the front. It begins at the cusp between the passes.
 //!
 //! Both passes are off by the same deflection, so that the curve stays on the cutter where it is at the programmed pose: it is

@@ -71,7 +71,7 @@ impl FeedTable {
         }
     }
 
-    /// [`Grid::between`], with the four nodes of a cell beside each other.
+    /// [`Grid::between`], with the four nodes of a cell next to each other.
     fn between(&self, grid: &Grid, place: &Place) -> Vector3<f64> {
         let (cell, weights) = grid.cell(place);
         let terms = grid.terms(place);

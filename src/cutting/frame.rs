@@ -106,7 +106,7 @@ mod tests {
     const SAME: f64 = 1e-11;
 
     proptest! {
-        /// What defines it: the axis leans as told, the chord has no cross-feed part and points ahead.
+        /// What defines it: the axis leans as declared, the chord has no cross-feed part and points ahead.
         #[test]
         fn the_axis_leans_as_told_and_the_chord_points_ahead(
             lead in prop_oneof![Just(0.0), -0.3_f64..0.3],

@@ -32,7 +32,7 @@ const SHORT_HALF_RULE: [(f64, f64); 6] = [
 pub(super) struct Interval {
     pub(super) lo: f64,
     pub(super) hi: f64,
-    /// Whether it is short beside the others.
+    /// Whether it is short compared with the others.
     pub(super) short: bool,
 }
 

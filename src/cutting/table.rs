@@ -117,7 +117,7 @@ impl ForceTable {
         self.grid.as_ref().map_or(&[], |grid| &grid.nodes)
     }
 
-    /// The cut behind the table.
+    /// The cut after the table.
     pub fn milling(&self) -> &Milling {
         &self.milling
     }

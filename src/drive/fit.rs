@@ -393,7 +393,7 @@ fn fit_with(robot: &Robot, runs: &[(usize, Run<'_>)], of_axes: OfAxes) -> Result
         });
         Ok(DVector::from_vec(rows.chain(numbers.iter().copied()).collect()))
     };
-    // Both averages begin with a width of their own: alike, they could not be told apart.
+    // Both averages begin with a width of their own: with equal widths, the two could not be distinguished.
     let mut numbers = DVector::zeros(NUMBERS);
     (numbers[1], numbers[2]) = (0.1, -0.1);
     let mut here = residuals(&numbers)?;

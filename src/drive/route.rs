@@ -183,7 +183,7 @@ impl Route {
         Ok(())
     }
 
-    /// The rounding between two ways: at each moment the first has a share of its last stretch behind it and the second has
+    /// The rounding between two ways: at each moment the first has a share of its last stretch after it and the second has
     /// begun, so that their sum is a parabola where both are straight.
     fn corner(&mut self, robot: &Robot, law: &PathLaw, way: &Way<'_>, next: &Way<'_>) -> Result<(), DriveError> {
         let radius = way.radius;

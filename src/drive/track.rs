@@ -5,7 +5,7 @@
 use crate::robot::{Pose, turn_between};
 use nalgebra::{Rotation3, Translation3, Unit, Vector3};
 
-/// A curve from one pose to another, told by the share of its length that is behind.
+/// A curve from one pose to another; its parameter is the share of its length from the start.
 #[derive(Clone, Debug)]
 pub(crate) struct Track {
     from: Pose,
@@ -164,7 +164,7 @@ impl Track {
         self.tangent(share).map_or(*shift, |tangent| shift - tangent * tangent.dot(shift))
     }
 
-    /// The same at the start of a curve that begins with a corner: behind the start there is no curve.
+    /// The same at the start of a curve that begins with a corner: after the start there is no curve.
     pub(crate) fn across_start(&self, shift: &Vector3<f64>) -> Vector3<f64> {
         self.tangent(0.0).map_or(*shift, |tangent| shift - tangent * tangent.dot(shift).max(0.0))
     }
@@ -231,7 +231,7 @@ mod tests {
         assert_relative_eq!(arc.tangent(0.5).unwrap(), -Vector3::x(), epsilon = 1e-12);
         let off = arc.across(0.5, &Vector3::new(0.3, 0.4, -0.1));
         assert_relative_eq!(off, Vector3::new(0.0, 0.4, -0.1), epsilon = 1e-12);
-        // Beside it, and behind both its ends.
+        // To one side of it, and beyond both its ends.
         let near = |x: f64, y: f64| arc.nearest(&Vector3::new(1.0 + x, 2.0 + y, 3.3));
         assert_relative_eq!(near(3.0, 3.0), 0.25, epsilon = 1e-12);
         assert_relative_eq!(near(5.0, -0.1), 0.0);

@@ -126,7 +126,7 @@ impl Empirical {
         (value * 2.0 - (min + max)) * (1.0 / (max - min))
     }
 
-    /// The variables scaled, in the order of the domain; zeros behind them.
+    /// The variables scaled, in the order of the domain; zeros after them.
     #[inline(always)]
     fn scaled_of<R: Real>(&self, site: &Site<R>) -> [R; 6] {
         let Vector { x, y, z } = site.wanted;

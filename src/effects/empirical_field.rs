@@ -86,7 +86,7 @@ pub(crate) fn fade(off: f64) -> f64 {
     left * left * (3.0 - 2.0 * left)
 }
 
-/// Exponents below this leave nothing of a bell, beside the others.
+/// Exponents below this leave nothing of a bell, compared with the others.
 pub(super) const NOTHING: f64 = -40.0;
 
 impl Physics for EmpiricalField {

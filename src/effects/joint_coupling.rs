@@ -50,7 +50,7 @@ fn read(table: toml::Table) -> Result<Box<dyn Effect>, toml::de::Error> {
 }
 
 /// Where the motors of a hollow wrist drive through one another: axes 5 and 6. Offered however little these turned:
-/// over a little of a turn a coupling and a zero are one thing, which only both beside each other can say.
+/// over a little of a turn a coupling and a zero are one thing, which only both together can say.
 fn candidates(_: &Survey) -> Vec<Box<dyn Effect>> {
     const WRIST: [(usize, usize); 3] = [(5, 4), (6, 4), (6, 5)];
     vec![Box::new(JointCoupling { terms: WRIST.map(|(joint, on)| Term { joint, on, ratio: 0.0 }).into() })]

@@ -30,7 +30,7 @@ pub struct Kind {
     pub like_device_frame: bool,
     /// Whether it adds one number to each joint's angle, so that it stands for any error of a joint in a linear model.
     pub is_joint_constant: bool,
-    /// When data over the whole robot are asked for it.
+    /// The stage at which data over the whole robot are searched for it.
     pub stage: Stage,
     /// The time constant among its numbers, which is searched over shares of the run and not fitted from nothing.
     pub time_constant: Option<&'static str>,

@@ -157,7 +157,7 @@ pub struct Parameter {
     /// Typical size on a real robot: standard deviation of the physical prior about `neutral`, in `unit`.
     pub typical: f64,
     /// The value at which the effect does nothing (0, or 1 for factors), and the prior's mean. A shape (a time constant,
-    /// a width) does nothing whatever its value while the sizes beside it are neutral.
+    /// a width) does nothing whatever its value while its sizes are neutral.
     pub neutral: f64,
     /// Physical bounds, in `unit`: a half gap is not negative.
     pub bounds: (f64, f64),

@@ -23,7 +23,7 @@ pub(crate) trait Physics {
         let _ = (state, load);
     }
 
-    /// Adds what is off whatever the load: asked once for a command.
+    /// Adds what is off whatever the load: evaluated once for a command.
     #[inline(always)]
     fn offset<R: Real>(&self, site: &Site<R>, out: &mut Offset<R>) {
         let _ = (site, out);

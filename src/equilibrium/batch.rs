@@ -15,10 +15,10 @@ use crate::robot::batch::turn_of;
 use crate::robot::kinematics::{Six, dot, one, set};
 use crate::robot::{BatchSolutions, Joints, Pose, turns_between};
 
-/// Rounds before the scalar solver is asked: with the secant real arms take four.
+/// Rounds before the scalar solver takes over: with the secant real arms take four.
 const ROUNDS: usize = 8;
 
-/// An arm that is asked for many targets at once.
+/// An arm that solves many targets at once.
 #[derive(Debug)]
 pub(crate) struct Batch<'a> {
     model: Model<'a>,
@@ -337,7 +337,7 @@ impl<'a> Batch<'a> {
 }
 
 impl<'a> Room<'a> {
-    /// Takes up to eight commands near what is known of another arm: any number of arms can be asked then.
+    /// Takes up to eight commands near what is known of another arm: any number of arms can be evaluated then.
     pub(crate) fn near(&mut self, near: &[Nearby<'a, '_>]) {
         let Workspace { block, forward, .. } = &mut self.workspace;
         for (lane, Nearby { site, motor, travel, from }) in near.iter().enumerate() {

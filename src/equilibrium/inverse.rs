@@ -10,7 +10,7 @@ use crate::robot::kinematics::{Six, dot};
 ///
 /// Not an iteration where only joints yield: at equilibrium the **actual** joints carry the load, so with q_a = IK(wanted)
 /// the torque is known and q_c = q_a − K⁻¹ τ(q_a), exact for finite deflections and for any joint curve. Effects that move the
-/// geometry or follow the command take a few rounds from there: the pose that the nominal inverse is asked for is moved by
+/// geometry or follow the command take a few rounds from there: the pose that the nominal inverse solves is moved by
 /// what the real arm missed. The force is that at the wanted pose, whatever the round.
 #[derive(Default)]
 pub(super) struct Inverse<R: Number> {
@@ -31,7 +31,7 @@ pub(super) struct Inverse<R: Number> {
     /// Where the command is found, and where it may be yet.
     pub(super) done: R::Mask,
     pub(super) open: R::Mask,
-    /// Flange poses that the nominal inverse was asked for.
+    /// Flange poses that the nominal inverse has solved.
     asked: Frame<R>,
     /// Square of the last change of the commands, rad².
     pub(super) change: R,
@@ -87,7 +87,7 @@ impl<R: Number> Inverse<R> {
         Ok(())
     }
 
-    /// Evaluates the arms at their motor angles, and moves the poses asked for by what was missed.
+    /// Evaluates the arms at their motor angles, and moves the poses to be solved by what was missed.
     fn evaluate(&mut self, first: bool, model: &Model<'_>, block: &Block<'_, R>, at: &mut Evaluation<R>) {
         at.set_offsets(model, block);
         widest!(<R: Number; 'a, 'b> (

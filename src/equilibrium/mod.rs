@@ -2,7 +2,7 @@
 //! ([`Arm::command`]), for one target or for a batch. Knows no text.
 //!
 //! ```text
-//! Model      the arm with its effects, ready to be asked
+//! Model      the arm with its effects, ready to be evaluated
 //! Block      what is known of targets, lane by lane
 //! Evaluation the arm in one state: where it is, what acts on it, by how much it yields
 //! Forward    rounds of evaluations until what yields is what was put in

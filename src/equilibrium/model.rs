@@ -3,7 +3,7 @@ use crate::effects::{Law, Parts};
 use crate::robot::{BatchArm, Joints, Robot};
 use smallvec::SmallVec;
 
-/// An arm with its effects, ready to be asked.
+/// An arm with its effects, ready to be evaluated.
 #[derive(Debug)]
 pub(crate) struct Model<'a> {
     pub(super) robot: &'a Robot,

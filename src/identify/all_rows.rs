@@ -1,4 +1,4 @@
-//! The answer from every row: once held-out rows have told what it is worth, they tell as much of it as any others.
+//! The answer from every row: once held-out rows have judged it, they are evidence like any others.
 
 use super::candidate::Candidate;
 use super::engine::Engine;
@@ -37,7 +37,7 @@ impl Engine {
     }
 
     /// Takes an effect that is likelier than the chosen one on all rows in its place: what is written is to be what most rows speak
-    /// for, though its error is told of the one that was found without those held out.
+    /// for, though the reported error is that of the effect found without the held-out rows.
     fn take_likelier(&mut self, posteriors: &mut [Posterior]) {
         for place in 0..posteriors.len() {
             let (member, (share, rivals)) = &posteriors[place];

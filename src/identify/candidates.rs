@@ -18,7 +18,7 @@ const CLAMPED_SIZES: [f64; 3] = [0.25, 1.0, 5.0];
 const DRIFT_SIZES: [f64; 2] = [1.0, 5.0];
 /// Priors of the twins of each candidate, as shares of the typical sizes: milling cells are calibrated before they cut.
 const SIZES: [f64; 2] = [0.3, 0.08];
-/// The same for robots seen whole by a tracker: as they left the factory, and a reflector that nobody measured.
+/// The same for robots seen whole by a tracker: as they left the factory, and a reflector whose position was not measured.
 const SIZES_WHOLE: [f64; 3] = [40.0, 6.0, 0.3];
 
 /// Time constants that are tried, as shares of the run's length.

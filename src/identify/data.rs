@@ -1,4 +1,4 @@
-//! Measured rows beside what the cell predicts for them.
+//! Measured rows, and what the cell predicts for them.
 
 use super::device::{Device, fixed_point};
 use super::noise::{OVER, Places, Sample, Series};
@@ -88,7 +88,7 @@ pub(super) struct Observation {
 }
 
 impl Observation {
-    /// Its scalars in stacked vectors: of the position, mm, and behind them of the turn, mrad.
+    /// Its scalars in stacked vectors: of the position, mm, then of the turn, mrad.
     pub(super) fn scalars(&self) -> Range<usize> {
         self.offset..self.offset + self.seen.len() + if self.turned.is_some() { TURNS } else { 0 }
     }
@@ -364,7 +364,7 @@ impl Problem {
         out
     }
 
-    /// Finds anew how much turns scatter beside positions of this standard deviation, from what is left of the fitted
+    /// Finds anew how much turns scatter compared with positions of this standard deviation, from what is left of the fitted
     /// rows; whether that matters.
     pub(super) fn weigh_turns(&mut self, residual: &DVector<f64>, position_mm: f64) -> bool {
         /// Changes below this share make no difference to what is fitted.

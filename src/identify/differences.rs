@@ -46,7 +46,7 @@ impl Design {
         base: &DVector<f64>,
         reuse: &mut Reuse,
     ) -> (Self, Vec<usize>) {
-        // Of members of the set itself no columns are kept: others' serve on when these alone are asked about another set.
+        // Of members of the set itself no columns are kept: columns of others stay valid when only these are linearised for another set.
         let others = wanted.iter().any(|c| !chosen.contains(c));
         let renumbered = reuse.columns.values().flatten().any(|column| column.len() != problem.scalars);
         let in_arm = chosen.iter().map(|&c| &candidates[c]).filter(|candidate| !candidate.is_pattern());
@@ -179,7 +179,7 @@ fn firsts(candidates: &[Candidate], chosen: &[usize], wanted: &[usize]) -> First
 /// Step of a difference, as a share of the typical size: small against curvature, large against rounding.
 const STEP: f64 = 0.05;
 
-/// Arms that are asked for all rows together.
+/// Arms that are evaluated for all rows together.
 const TOGETHER: usize = 64;
 
 /// An arm with some numbers of a candidate moved alike, by one step, and what makes a difference one per typical size.

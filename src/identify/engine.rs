@@ -41,7 +41,7 @@ pub struct Input<'a> {
     pub data_hash: &'a str,
     /// Which effects of the model go into the cell.
     pub written: Written,
-    /// Is told what share of the work is done, as far as rounds tell it; `false` calls the run off.
+    /// Receives the share of the work that is done, as far as the rounds show it; returning `false` cancels the run.
     pub progress: &'a Progress<'a>,
 }
 
@@ -72,7 +72,7 @@ pub enum Written {
     NamedAlone,
 }
 
-/// Told what share of a work is done, from 0 to 1; `false` calls it off.
+/// Receives the share of the work that is done, from 0 to 1; returning `false` cancels it.
 pub type Progress<'a> = dyn Fn(f64) -> bool + Sync + 'a;
 
 /// Tells how far it is, and ends the run that is called off.
@@ -127,7 +127,7 @@ pub(super) struct Engine {
     pub(super) refused: Option<Refused>,
     /// What may be wrong with the table, in words.
     pub(super) doubt: Option<String>,
-    /// The last residual and what it is of: it is asked many times over.
+    /// The last residual and what it is of: many steps need the same one.
     last: Mutex<Option<(Settled, DVector<f64>)>>,
 }
 
@@ -321,7 +321,7 @@ impl Engine {
         let mut posteriors = Vec::new();
         let mut ranking = Ranking::default();
         let places = device_pose::places(&self.problem);
-        // Gear harmonics are sought before smooth curves may imitate them: with nothing chosen, then beside the rest.
+        // Gear harmonics are sought before smooth curves may imitate them: with nothing chosen, then together with the rest.
         for round in 0..if self.problem.free_device { 0 } else { GEAR_ROUNDS } {
             reached(progress, within(SOLVED, SOUGHT, round, GEAR_ROUNDS))?;
             let wanted: Vec<usize> = (0..self.candidates.len()).filter(|&c| stiff(&self.candidates[c])).collect();
@@ -401,7 +401,7 @@ impl Engine {
             // Of ten thousand rows a few more stand out in every round: no reason for another one.
             let few = if whole { self.problem.rows.len() / FEW } else { 0 };
             let outliers = self.mark_outliers() > few;
-            // Beside a field, what is periodic in a joint passes for anything: it would be withdrawn.
+            // Together with a field, what is periodic in a joint can imitate anything: it would be withdrawn.
             let seek = !whole && round + 1 < ROUNDS && self.shape.field.is_none();
             let gear = seek && self.add_gear(&now);
             let jump = seek && self.add_jumps();
@@ -645,7 +645,7 @@ fn within(from: f64, to: f64, round: usize, rounds: usize) -> f64 {
     from + (to - from) * round as f64 / rounds as f64
 }
 
-/// Columns with the data behind them.
+/// Columns, then the data as a last column.
 pub(super) fn stacked(columns: &DMatrix<f64>, data: &DVector<f64>) -> DMatrix<f64> {
     let mut stacked = columns.clone().insert_column(columns.ncols(), 0.0);
     stacked.set_column(columns.ncols(), data);

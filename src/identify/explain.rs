@@ -179,7 +179,7 @@ impl Engine {
                 ));
                 added.kind.clone_from(kind);
             }
-            // Beside something that no effect explains no name is sure.
+            // Where something is left that no effect explains, no name is sure.
             added.posterior = if unlisted { posterior.min(EVEN) } else { *posterior };
             let told = added.posterior >= NAMED || self.is_whole_arm();
             let mentioned = rivals.iter().filter(|(_, share)| !told && *share >= MENTIONED);
@@ -348,7 +348,7 @@ impl Engine {
         any.then(|| (1e-3 * self.problem.turn_weight * self.sigma).to_degrees())
     }
 
-    /// Patterns that stayed in the set: more than noise, and in nobody's list.
+    /// Patterns that stayed in the set: they explain more than noise, and no listed effect does.
     pub(super) fn unexplained(&mut self) -> Unexplained {
         let left = &self.left_by_cell();
         let chosen = self.patterns();

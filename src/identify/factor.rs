@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 use std::rc::Rc;
 
-/// Columns with all that their rows of a normal matrix are made of, behind the rows of others.
+/// Columns with all that their rows of a normal matrix are made of, after the rows of others.
 pub(super) struct Part<'a> {
     moments: &'a Moments,
     pub(super) before: &'a Columns,
@@ -40,10 +40,10 @@ impl<'a> Part<'a> {
     }
 }
 
-/// Rows of the Cholesky factor L of a normal matrix, behind those of another factor or from the first on.
+/// Rows of the Cholesky factor L of a normal matrix, after those of another factor or from the first on.
 #[derive(Default)]
 pub(super) struct Factor {
-    /// Of each row what stands before its own part, but for the factor behind it.
+    /// Of each row what stands before its own part, but for the factor that it follows.
     behind: Vec<(Rc<Solved>, f64)>,
     /// One after another, their own parts up to the diagonal.
     rows: Vec<f64>,
@@ -56,7 +56,7 @@ pub(super) struct Factor {
     solved: RefCell<BTreeMap<usize, Rc<Solved>>>,
 }
 
-/// A column over its share of the typical size, behind a factor.
+/// A column over its share of the typical size, after a factor.
 #[derive(Default)]
 struct Solved {
     /// L⁻¹ of its products with the factor's columns.
@@ -66,7 +66,7 @@ struct Solved {
 }
 
 impl Factor {
-    /// Further rows behind these; `None` where the matrix is not positive definite.
+    /// Further rows after these; `None` where the matrix is not positive definite.
     pub(super) fn extended(&self, part: &Part, precision: f64) -> Option<Self> {
         let Part { moments, columns, products, prior, pull, .. } = part;
         let behind: Vec<(Rc<Solved>, f64)> =
@@ -121,7 +121,7 @@ impl Factor {
         true
     }
 
-    /// A column behind this factor, which is of the columns before the part.
+    /// A column after this factor, which is of the columns before the part.
     fn solved(&self, part: &Part, precision: f64, column: usize) -> Rc<Solved> {
         let solve = || {
             let gram = part.moments.gram.column(column);

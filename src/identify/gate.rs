@@ -1,4 +1,4 @@
-//! Whether the chosen effects are all there is: outliers, a field over the place, and what holds beside them.
+//! Whether the chosen effects are all there is: outliers, a field over the place, and what holds in spite of them.
 
 use super::candidate::{Candidate, Home, same_pattern};
 use super::candidates;
@@ -34,7 +34,7 @@ impl Engine {
         let columns = search.columns(set);
         let kept = linear.design.kept().select_columns(columns.list.iter().map(|column| &column.0));
         let (stacked, renumbered) = (stacked(&kept, &linear.data), columns.numbered());
-        // The field takes the place of a drift or stands beside the one that was found.
+        // The field replaces the drift that was found, or is added to it.
         let mut beside = vec![noise::Shape { drift: 0.0, correlation: 0.0, field: None }];
         if self.shape.drift > 0.0 {
             beside.push(self.shape);
@@ -61,7 +61,7 @@ impl Engine {
         (gains[best] > 0.0).then_some(shapes[best])
     }
 
-    /// Adds the pattern of something unlisted that gains most beside the chosen set or in place of members of it, if
+    /// Adds the pattern of something unlisted that gains most in addition to the chosen set or in place of members of it, if
     /// one does; whether there is a new one.
     pub(super) fn add_unlisted(&mut self) -> bool {
         let survey = candidates::survey(&self.declared, &self.problem);
@@ -145,7 +145,7 @@ impl Engine {
                 })
                 .sum()
         };
-        /// Rows that a jump must have before it and behind it.
+        /// Rows that a jump must have before it and after it.
         const LEAST: usize = 4;
         let best =
             (LEAST..rows.len().saturating_sub(LEAST)).map(|at| (gain(at), at)).max_by(|a, b| a.0.total_cmp(&b.0))?;
@@ -283,13 +283,13 @@ impl Engine {
         self.choose(self.chosen.iter().copied().filter(|&c| self.candidates[c].is_pattern()).collect());
     }
 
-    /// Beside something unexplained, withdraws effects that do not hold on blocks that their fit has not seen.
+    /// Where something is unexplained, withdraws effects that do not hold on blocks that their fit has not seen.
     ///
     /// Patterns take part in the fits and not in the predictions: they are not in the cell. An effect stays if it lowers
     /// the error of the blocks by more than one standard error. What is periodic or bent by a joint's angle passes for
     /// anything, and is withdrawn in any case.
     pub(super) fn withdraw(&mut self, posteriors: &mut Vec<Posterior>) {
-        /// Standard errors that an effect must gain beside a fault that is known, and beside what is not.
+        /// Standard errors that an effect must gain where a fault is known, and where it is not.
         const HOLDS: [f64; 2] = [1.0, 3.0];
         let chosen = self.chosen.clone();
         // Columns are those of the last linearisation: fits about the chosen set have numbered them anew.
@@ -376,8 +376,8 @@ impl Engine {
 
     /// Takes everything back that makes the held-out rows worse than the declared cell does; whether it had to.
     ///
-    /// Held-out rows choose nothing, but nobody wants a cell that is worse on them: the fitted rows are then not like them. Of six
-    /// rows of a table of 24 noise alone makes as much as an effect does.
+    /// A model that predicts the held-out rows worse than the declared cell is rejected: the fitted rows are not like them. With six
+    /// held-out rows of a table of 24, noise alone can do as much as an effect.
     pub(super) fn gains_nothing(&mut self, before: &DVector<f64>) -> bool {
         /// Held-out rows up to which noise decides as often as what is fitted, and standard errors by which so few must speak against it.
         const FEW: usize = 12;
@@ -413,7 +413,7 @@ impl Engine {
         }
     }
 
-    /// Finds anew how much measured turns scatter beside positions; whether that matters to what is fitted.
+    /// Finds anew how much measured turns scatter compared with positions; whether that matters to what is fitted.
     pub(super) fn weigh_turns(&mut self) -> bool {
         let residual = self.residual();
         self.problem.weigh_turns(&residual, self.sigma * (1.0 + self.shape.drift).sqrt())

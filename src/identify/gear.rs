@@ -1,4 +1,4 @@
-//! Search for gear harmonics: joints and orders one by one in what is left, then each again beside the others.
+//! Search for gear harmonics: joints and orders one by one in what is left, then each again together with the others.
 //!
 //! Orders are a continuum, so that they cannot all be candidates. Where a joint is seen over little of a turn,
 //! neighbouring orders are alike: the grid is as coarse as that allows and is refined about what it finds.
@@ -32,7 +32,7 @@ const PHASE: f64 = 0.35;
 const STILL: f64 = 1e-3;
 /// Prior size of a harmonic in the search, rad.
 const TYPICAL_RAD: f64 = 5e-5;
-/// Times that every term is sought again beside the others.
+/// Times that every term is sought again together with the others.
 const SWEEPS: usize = 2;
 
 /// A harmonic: joint from 0, periods a turn.
@@ -42,7 +42,7 @@ pub(super) struct Term {
     pub(super) order: f64,
 }
 
-/// Whitened columns of every harmonic that is asked: they serve as long as the noise is taken for the same.
+/// Whitened columns of every harmonic that is tried: they serve as long as the noise is taken for the same.
 pub(super) struct Grid {
     key: Key,
     terms: Vec<Term>,
@@ -117,7 +117,7 @@ impl<'a> Comb<'a> {
         self.grid
     }
 
-    /// The best of the whole grid in what is left beside some terms, fitted so, and its gain.
+    /// The best of the whole grid in what some terms leave, fitted together with them, and its gain.
     fn best_of_grid(&self, crosses: &mut Crosses, found: &Fitted) -> Option<(Term, f64)> {
         let grid = self.grid.as_ref()?;
         let open = |term: &Term| found.terms.iter().filter(|other| other.joint == term.joint).count() < MOST_OF_JOINT;
@@ -275,7 +275,7 @@ impl<'a> Comb<'a> {
             for _ in 0..SWEEPS {
                 for i in 0..more.len() {
                     let (_, rest, others) = self.without(&more, Some(i), &data);
-                    // An alias of a term that was missing may have stood for it: the whole grid is asked again.
+                    // An alias of a term that was missing may have stood for it: the whole grid is searched again.
                     let again = self.best_of_grid(&mut crosses, &others).map_or(more[i], |best| best.0);
                     let again = self.refined(again, &rest);
                     let [mine, other] =

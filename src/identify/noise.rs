@@ -6,7 +6,7 @@
 //!
 //! A field over the place is what an unmodelled effect leaves: equal where the arm returns, however much later.
 //! It is no noise, and a set that needs it is unexplained; as part of the covariance it cannot pass for a drift, nor
-//! for the effects that are named beside it.
+//! for the effects that are named with it.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::sync::Arc;
@@ -143,7 +143,7 @@ impl Shape {
     }
 
     /// Log prior of a shape, nats: drifts of a real arm are rather smaller than its white noise, and a much
-    /// larger one is an effect that nobody modelled.
+    /// larger one is an effect that is not modelled.
     pub(super) fn log_prior(self) -> f64 {
         const USUAL: f64 = 0.5;
         const SPREAD: f64 = 0.4;

@@ -1,7 +1,7 @@
 use crate::cell::NewEffect;
 use serde::Serialize;
 
-/// A name needs this posterior; below it, the set that cannot be told apart.
+/// A name needs this posterior; below it, the set of effects that cannot be distinguished.
 pub(super) const NAMED: f64 = 0.9;
 /// Rivals below this share of the posterior are not mentioned.
 pub(super) const MENTIONED: f64 = 0.03;
@@ -177,7 +177,7 @@ pub struct Separation {
     pub of: String,
     /// The effect that may be taken for it.
     pub from: String,
-    /// What is left of its trace, over the noise: above 5 told apart, below 3 not.
+    /// What is left of its trace, over the noise: above 5 the two can be distinguished, below 3 they cannot.
     pub d_prime: f64,
 }
 

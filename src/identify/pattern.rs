@@ -19,14 +19,14 @@ pub(super) enum Pattern {
     Jump {
         /// Index of the run.
         run: usize,
-        /// First row behind it.
+        /// First row after it.
         order: usize,
     },
     /// The columns of the force are mixed up, as [`MIXED`] has it.
     MixedForce(usize),
     /// Each axis of the force sensor shows something of the others.
     Crosstalk,
-    /// Forces stand in the rows so many before or behind those in which they acted.
+    /// Forces stand in the rows so many before or after those in which they acted.
     LateForce(isize),
     /// One joint's angle.
     Joint(usize),
@@ -83,7 +83,7 @@ const CLAMPED: (f64, f64) = (0.2, 4e-4);
 /// How far the share of forces that are mixed up may be from one: the arm yields otherwise than declared, and no force is
 /// mixed up by halves, which would stand for any factor of it.
 pub(super) const MIXED_SPREAD: f64 = 0.15;
-/// How far the joints' springs may be from what is declared, beside forces that are mixed up: their effects are columns under the
+/// How far the joints' springs may be from what is declared, where forces are mixed up: their effects are columns under the
 /// forces as they were read.
 const SPRINGS: f64 = 0.3;
 /// Springs of an arm.

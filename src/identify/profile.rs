@@ -3,7 +3,7 @@
 //! With θ ~ N(0, τ²) about neutral and Gaussian noise, the marginal likelihood of the data is
 //! `−n ln σ − ½ yᵀy/σ² + ½ (b/σ²)ᵀ(I + G/σ²)⁻¹(b/σ²) − ½ ln det(I + G/σ²)`, G and b over the prior sizes. It takes a Cholesky
 //! factor for each σ. Sets that a search compares differ in their last member: the others' rows of the factor are the same, and
-//! are kept for every σ that is asked. For that σ is asked on a grid; between its nodes only what hardly changes is
+//! are kept for every σ that is needed. σ is taken on a grid; between its nodes only what hardly changes is
 //! interpolated: what the columns explain, mm², and the log determinant.
 
 use super::columns::Columns;
@@ -43,7 +43,7 @@ pub(super) struct Profile {
 /// By node; `None` where there is none.
 type Factors = BTreeMap<i32, Option<Factor>>;
 
-/// What a node tells of columns beside those of a profile.
+/// What a node knows of columns in addition to those of a profile.
 struct Node {
     /// Of the data's square, mm².
     explained: f64,
@@ -57,7 +57,7 @@ impl Profile {
         Self { columns, factors: BTreeMap::new() }
     }
 
-    /// Evidence with further columns behind its own where the noise that is left settles, bounds left out.
+    /// Evidence with further columns after its own where the noise that is left settles, bounds left out.
     pub(super) fn roughly(&mut self, moments: &Moments, more: &Columns, guess: Option<f64>) -> f64 {
         let Self { columns, factors } = self;
         let (level, part) = (Level::new(moments, columns, more), Part::new(moments, columns, more));
@@ -67,7 +67,7 @@ impl Profile {
         nodes.get(&node).and_then(Option::as_ref).map_or(f64::NEG_INFINITY, of)
     }
 
-    /// Evidence with further columns behind its own and σ at its best, and that σ; the moments are always the same.
+    /// Evidence with further columns after its own and σ at its best, and that σ; the moments are always the same.
     pub(super) fn beside(&mut self, moments: &Moments, more: &Columns, guess: Option<f64>) -> (f64, f64) {
         /// Steps to the top at most: where a declared noise holds against the data, it may be far.
         const STEPS: usize = 200;
@@ -115,7 +115,7 @@ impl Profile {
     }
 }
 
-/// The node at which the noise that is left settles, asked for; where there is none, the one that has no factor.
+/// The node at which the noise that is left settles; where there is none, the one that has no factor.
 fn settled(
     factors: &mut Factors,
     level: &Level,
@@ -137,7 +137,7 @@ fn settled(
     nodes.entry(node).or_insert_with(|| new_node(factors, level, part, node)).as_ref().map(|_| node).ok_or(node)
 }
 
-/// What a node tells of the part's columns beside those before it, whose factors are kept.
+/// What a node knows of the part's columns in addition to those before it, whose factors are kept.
 fn new_node(factors: &mut Factors, level: &Level, part: &Part, node: i32) -> Option<Node> {
     let (none, precision) = (Columns::default(), sigma_of(node).powi(-2));
     let own = || Factor::default().extended(&Part::new(level.moments, &none, part.before), precision);

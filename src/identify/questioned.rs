@@ -20,7 +20,7 @@ const CLEARLY: f64 = 0.1;
 const APART: (f64, f64) = (10.0, 20.0);
 /// Rows in a stretch: fewer are outliers.
 const STRETCH: usize = 4;
-/// Points that are asked where all are compared with all.
+/// Points that are compared, each with each.
 const ASKED: usize = 200;
 /// Ordinals that rows may be off by.
 const SHIFTS: [isize; 4] = [-1, 1, -2, 2];

@@ -118,7 +118,7 @@ fn clampings(table: Table) -> Vec<Table> {
     parts
 }
 
-/// A position at its place on the path: what counts is how far it is from its nominal point, which may lie beside the path.
+/// A position at its place on the path: what counts is how far it is from its nominal point, which may lie off the path.
 fn beside(seen: Seen, row: &MeasuredRow, point: &Point) -> Seen {
     match (seen, row.nominal_mm.filter(|_| row.target.is_none())) {
         (Seen::Position(seen), Some(nominal_mm)) => {

@@ -3,7 +3,7 @@
 //! Every candidate's columns are in one set of moments, so that the evidence of any set is a small problem. A set
 //! pays for each member what a name must gain, and for the variants that were tried. Sets are searched by adding,
 //! swapping and removing, from nothing and from the best pairs; what could stand in a member's place with nearly the
-//! same evidence is what it cannot be told apart from.
+//! same evidence is what it cannot be distinguished from.
 
 use super::candidate::{Candidate, Home, SPRING};
 use super::columns::Columns;
@@ -28,7 +28,7 @@ pub(super) const FLEXIBLE: f64 = 10.0;
 /// What curves, over the whole robot, must gain beyond the effects, nats: they can stand for any smooth one.
 pub(super) const FIELD: f64 = PRICE + FLEXIBLE;
 
-/// What something unlisted must gain to be said beside the chosen set, nats: it is named by nothing, and only doubted.
+/// What something unlisted must gain to be reported in addition to the chosen set, nats: it has no name, and only casts doubt.
 /// Seen on the shop table at 18 nats: of 84 runs without anything unlisted none is called unexplained.
 pub(super) const UNLISTED: f64 = 13.0;
 
@@ -63,7 +63,7 @@ pub(super) struct Search<'a> {
     known: RefCell<BTreeMap<Vec<usize>, (f64, usize)>>,
     /// Last σ of each shape: where the next profile starts.
     sigmas: RefCell<Vec<Option<f64>>>,
-    /// Members that the last sets began with, and the profile of each shape beside them.
+    /// Members that the last sets began with, and the profile of each shape with them.
     shared: RefCell<(Vec<usize>, Vec<Profile>)>,
 }
 
@@ -81,7 +81,7 @@ impl<'a> Search<'a> {
         self.joined(Columns::independent(self.always.iter().map(|&column| (column, 1.0)).collect()), set)
     }
 
-    /// Columns with those of a set behind them.
+    /// Columns, then those of a set.
     fn joined(&self, mut all: Columns, set: &[usize]) -> Columns {
         for candidate in set.iter().map(|&c| &self.candidates[c]) {
             if let Some(prior) = candidate.precision() {
@@ -150,7 +150,7 @@ impl<'a> Search<'a> {
         roughly - self.prices(set) < value - FAR
     }
 
-    /// Columns of a set beyond the shared ones, which are all but its last member's: sets are asked that differ in that.
+    /// Columns of a set beyond the shared ones, which are all but its last member's: the sets that are compared differ in that one.
     fn beyond_shared(&self, set: &[usize]) -> Columns {
         let first = set.len().saturating_sub(1);
         let known = [set, &set[..first]].into_iter().find(|begin| *begin == self.shared.borrow().0);
@@ -167,7 +167,7 @@ impl<'a> Search<'a> {
             (set.to_vec(), self.moments.iter().map(|_| Profile::new(columns.clone())).collect());
     }
 
-    /// Evidence of columns beside the shared ones under one shape.
+    /// Evidence of columns in addition to the shared ones, under one shape.
     fn profile(&self, shape: usize, more: &Columns) -> f64 {
         let guess = self.sigmas.borrow()[shape];
         let (evidence, sigma) = self.shared.borrow_mut().1[shape].beside(&self.moments[shape], more, guess);
@@ -329,7 +329,7 @@ impl<'a> Search<'a> {
     /// Posterior over the sets about one: itself, without each member, with each swapped for another, with each further
     /// one; by what they name, most likely first, with the best set of those names.
     pub(super) fn sets(&self, set: &[usize]) -> Vec<(f64, Vec<usize>)> {
-        /// Sets below this are not told.
+        /// Sets of a lower probability are not reported.
         const TOLD: f64 = 0.005;
         let (own, caution) = (self.weighed(set), self.caution());
         let mut moves = vec![set.to_vec()];

@@ -1,7 +1,7 @@
 //! How far apart two effects are on these rows, before anything is fitted: d′ of each pair.
 //!
 //! The trace that one effect of a fixed size leaves, less all that the other one and the frame of the part could imitate,
-//! over the noise: from 5 on they can be told apart, below 3 they cannot, whatever is measured more of the same.
+//! over the noise: from 5 on they can be distinguished, below 3 they cannot, whatever is measured more of the same.
 
 use super::candidate::Candidate;
 use super::moments::Moments;

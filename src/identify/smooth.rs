@@ -50,7 +50,7 @@ impl Curve {
         (REACHES_DEG.len() * SIZES.len()) as f64
     }
 
-    /// The smoothness of most evidence beside a set, and what the curve then gains, nats.
+    /// The smoothness of most evidence together with a set, and what the curve then gains, nats.
     pub(super) fn smoothest(&self, beside: &Beside, columns: &Columns) -> (f64, Arc<Smoothness>) {
         let (information, cross) = beside.left_of(columns);
         let gain = |smooth: &Arc<Smoothness>| {
@@ -62,7 +62,7 @@ impl Curve {
     }
 }
 
-/// What further columns gain beside a set, at one noise: a small problem each, however large the set.
+/// What further columns gain in addition to a set, at one noise: a small problem each, however large the set.
 pub(super) struct Beside<'a> {
     moments: &'a Moments,
     set: Columns,

@@ -15,7 +15,7 @@ type Odds = BTreeMap<Vec<String>, f64>;
 /// Evidence of a set about its own fit, nats, with all numbers, and the set.
 type Best = (f64, Vec<Candidate>, Vec<usize>);
 
-/// Share of what one law gains that a second must gain beside it: where the spring's own is neither, the second makes up for it.
+/// Share of what one law gains that a second must gain in addition: where the spring's own is neither, the second makes up for it.
 /// Of 48 cells of the plant with springs of other laws (quadratic, tanh, three slopes) none has two of them named so, of five
 /// with both laws three.
 const NOT_QUITE: f64 = 0.1;
@@ -84,7 +84,7 @@ impl Engine {
         odds.insert(kinds, best.0);
         let state = (self.candidates.clone(), self.chosen.clone());
         for other in others {
-            // Beside another law its numbers are not what they would be alone.
+            // Together with another law its numbers are not what they would be alone.
             let candidate = &mut self.candidates[other];
             candidate.values.clone_from(&candidate.start);
             let first = |c: usize| if c == own[0] { other } else { c };

@@ -23,7 +23,7 @@ pub(super) fn add(added: &mut [Added], extended: &[NewEffect], never_returns: bo
         for like in there.iter().filter(|other| law.locally_like.contains(&other.name)) {
             tie(effect, like.name);
         }
-        // What a law of the springs has among its effects is that law as well, beside another one of the same springs.
+        // What a law of the springs has among its effects is that law as well, together with another one of the same springs.
         let beside_spring = there.iter().any(|other| other.part == Part::JointSpring);
         let whole = |whole: &&&str| kind(whole).is_some_and(|whole| whole.part == Part::JointSpring);
         if beside_spring {

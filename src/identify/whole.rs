@@ -1,7 +1,7 @@
 //! The set of effects for data over the whole robot: hundreds of columns, too many for swaps and pairs.
 //!
-//! Physical effects come first, one by one. Then the joints' curves, each with the smoothness of most evidence beside the
-//! others: curves hide one another and whatever is smaller, so that both are asked again until nothing gains. A member
+//! Physical effects come first, one by one. Then the joints' curves, each with the smoothness of most evidence together with the
+//! others: curves hide one another and whatever is smaller, so that both are tried again until nothing gains. A member
 //! must explain a share of what is left, not only be significant: with thousands of rows any wrong detail of the model is.
 
 use super::columns::Columns;
@@ -15,7 +15,7 @@ use nalgebra::DVector;
 
 /// Nats a row that a member must gain: half a percent of what is left.
 const SHARE: f64 = 0.0015;
-/// Times that curves and effects are asked beside one another.
+/// Times that curves and effects are tried in turns.
 const SWEEPS: usize = 8;
 
 impl Engine {

@@ -1,7 +1,7 @@
 //! Arithmetic on one number or on eight at once, in as many lanes as the processor has.
 //!
 //! A formula is written once, over a [`Real`]. A lane never sees another: what a target comes to does not depend on which
-//! others are beside it, nor on whether it is alone. Nothing is contracted or reordered, so that every processor gives the
+//! others are computed with it, nor on whether it is alone. Nothing is contracted or reordered, so that every processor gives the
 //! same bits.
 
 mod frame;

@@ -8,7 +8,7 @@ use std::sync::Arc;
 #[non_exhaustive]
 pub struct Action {
     /// Index into [`Program::targets`](super::Program::targets) of the target before whose motion it is done; their count
-    /// behind the last.
+    /// after the last.
     pub before: usize,
     /// What is done.
     pub kind: ActionKind,
@@ -45,7 +45,7 @@ pub enum ActionKind {
     CoolantOff,
     /// The program waits for the operator.
     Stop,
-    /// It waits where the operator has asked for it.
+    /// It waits where the operator has requested it (optional stop).
     OptionalStop,
     /// It waits (`DELAY`).
     Dwell {

@@ -96,7 +96,7 @@ pub(crate) fn align(original: &Program, corrected: &Program, fit: &impl Fit) -> 
             Some(before) => round(list, before, costs),
         });
     }
-    // What is behind the last of the original is not inserted on any way.
+    // What is after the last of the original is not inserted on any way.
     let last = rounds.last().and_then(|round| round.iter().position(|reached| reached.end + 1 == given.len()));
     let Some(mut at) = last else {
         let most = rounds.last().and_then(|round| round.last()).map_or(0, |reached| reached.end + 1);
@@ -159,7 +159,7 @@ fn candidates(wanted: &[End], given: &[End], fit: &impl Fit) -> Result<Vec<Vec<C
             continue;
         };
         let mut here = Vec::new();
-        // The ends that the targets since may all have been inserted behind.
+        // The ends that the targets since may all have been inserted after.
         let mut known: Option<Range<usize>> = None;
         let mut waiting = before.iter().map(|candidate| candidate.end).peekable();
         let mut at = before.first().map_or(0, |candidate| candidate.end);

@@ -80,7 +80,7 @@ impl<P> Next<P> {
     }
 }
 
-/// Whether the direction out of the first target is told by these: what follows is not looked at.
+/// Whether these targets decide the direction out of the first one: what follows is not looked at.
 pub(crate) fn leaves_its_start(targets: &[Target]) -> bool {
     /// Further than what gives no direction, mm.
     const APART: f64 = 0.01;

@@ -5,7 +5,7 @@ use crate::text::lines;
 
 /// Finds the language from the content, with the file's ending as a hint for what the content leaves open.
 ///
-/// RAPID has a `MODULE` header (behind `%%%` lines or comments); CL has `GOTO/`-like major words with a slash; KRL begins with
+/// RAPID has a `MODULE` header (after `%%%` lines or comments); CL has `GOTO/`-like major words with a slash; KRL begins with
 /// `&` lines or `DEF`, `DEFFCT`, `DEFDAT`; FANUC TP with `/PROG`; INFORM with `/JOB`; URScript has `def name():` or calls like `movel(`.
 #[must_use]
 pub fn detect(name: &str, bytes: &[u8]) -> Option<Language> {

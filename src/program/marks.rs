@@ -48,7 +48,7 @@ fn known(said: &[u8]) -> bool {
     [&b"air"[..], b"cut"].iter().any(|word| said.eq_ignore_ascii_case(word))
 }
 
-/// What a comment says behind `deflex`, and where it begins.
+/// What a comment says after `deflex`, and where it begins.
 fn mark(language: Language, row: &[u8]) -> Option<(usize, &[u8])> {
     let (start, comment) = match language.comment() {
         None => {

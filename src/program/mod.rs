@@ -54,7 +54,7 @@ use std::sync::Arc;
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Program {
-    /// The files, in the order given; context modules (never written) behind `written` of them.
+    /// The files, in the order given; context modules (never written) after `written` of them.
     pub sources: Arc<[Source]>,
     /// How many of `sources` are the program itself; the rest only declare names.
     pub written: usize,
@@ -237,7 +237,7 @@ pub struct Insert {
     pub via: Option<([f64; 3], [f64; 4])>,
     /// External axes there, mm or degrees as written, where they move on the way; `None` leaves those of the target.
     pub external: Option<[Option<f64>; EXTERNAL_AXES]>,
-    /// Length of path to the nearer of the points before and behind, mm: a zone wider than that overlaps theirs.
+    /// Length of path to the nearer of the points before and after, mm: a zone wider than that overlaps theirs.
     pub room_mm: f64,
 }
 

@@ -79,7 +79,7 @@ impl ModuleNames {
         Ok(())
     }
 
-    /// Takes a word behind three others.
+    /// Takes a word after three others.
     fn take(&mut self, words: &mut [String; 3], word: &[u8]) {
         let word = String::from_utf8_lossy(word).to_ascii_uppercase();
         let declares = if self.language == Language::Krl { self.krl(words, &word) } else { self.rapid(words, &word) };
@@ -90,7 +90,7 @@ impl ModuleNames {
         words[2] = word;
     }
 
-    /// A declared name stands behind `PROC`, or `PERS tooldata`.
+    /// A declared name stands after `PROC`, or `PERS tooldata`.
     fn rapid(&mut self, words: &[String; 3], word: &str) -> bool {
         match (words[1].as_str(), words[2].as_str()) {
             (_, "MODULE" | "SYSMODULE") => word.clone_into(&mut self.module),
@@ -102,7 +102,7 @@ impl ModuleNames {
         true
     }
 
-    /// A declared name stands behind `DEF`, `DEFFCT type`, `GLOBAL type`; of the routines others see the first, and global ones.
+    /// A declared name stands after `DEF`, `DEFFCT type`, `GLOBAL type`; of the routines others see the first, and global ones.
     fn krl(&mut self, words: &[String; 3], word: &str) -> bool {
         let routine = |names: &mut Self, global: bool| {
             let first = names.module.is_empty();

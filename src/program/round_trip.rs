@@ -120,7 +120,7 @@ fn difference(
     None
 }
 
-/// Targets of whole motions that end before a line: chords of an arc that ends behind it are not among them.
+/// Targets of whole motions that end before a line: chords of an arc that ends after it are not among them.
 fn before(program: &Program, line: usize) -> &[Target] {
     let targets = &program.targets[..program.targets.partition_point(|target| (target.line as usize) < line)];
     let whole = targets.iter().rposition(|target| target.role != Role::Interpolated).map_or(0, |last| last + 1);

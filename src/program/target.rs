@@ -84,7 +84,7 @@ pub struct ExternalAxes {
     pub written: [Option<f64>; EXTERNAL_AXES],
     /// What the controller adds (RAPID `EOffsSet`, `EOffsOn`).
     pub offset: External,
-    /// Axes at zero in all of the program: robots without any are told zeros too (KRL).
+    /// Axes at zero in all of the program: programs of robots without any have zeros too (KRL).
     pub at_rest: [bool; EXTERNAL_AXES],
     /// Axes of other motion groups (FANUC TP).
     pub groups: Arc<[GroupAxis]>,

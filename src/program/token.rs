@@ -86,7 +86,7 @@ impl New {
     }
 }
 
-/// Decimal places that a token's value has: digits behind the point, less its exponent.
+/// Decimal places that a token's value has: digits after the point, less its exponent.
 fn places(token: &[u8]) -> usize {
     if based(token.trim_start_with_sign()).is_some() {
         return 0;
@@ -108,7 +108,7 @@ trait Sign {
 }
 
 impl Sign for [u8] {
-    /// Without a sign and the blanks behind it.
+    /// Without a sign and the blanks after it.
     fn trim_start_with_sign(&self) -> &[u8] {
         self.strip_prefix(b"-").or_else(|| self.strip_prefix(b"+")).unwrap_or(self).trim_ascii_start()
     }

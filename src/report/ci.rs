@@ -19,7 +19,7 @@ pub struct CheckFile {
     pub findings: Vec<Diagnostic>,
     /// How many findings there are besides.
     pub more: usize,
-    /// The program's files, where they were asked for.
+    /// The program's files, where they were requested.
     pub sources: Vec<Origin>,
 }
 

@@ -46,7 +46,7 @@ const FORCE: usize = 3;
 /// may hold anything.
 macro_rules! columns {
     (|$row:ident| $($kind:ident $(<$decimals:ident>)? $name:literal $get:expr; $doc:literal)*) => {
-        /// The columns of the report; later ones are only added behind them.
+        /// The columns of the report; later ones are only added after them.
         pub const REPORT_COLUMNS: &[ReportColumn] =
             &[$(ReportColumn { name: $name, kind: columns!(@kind $kind $($decimals)?), doc: $doc }),*];
 
@@ -63,7 +63,7 @@ macro_rules! columns {
         }
 
         impl Text {
-            /// Takes a row's columns, each with a comma behind it.
+            /// Takes a row's columns, each with a comma after it.
             #[inline(always)]
             fn columns(&mut self, $row: &Row, digits: &[Digits; BLOCKS]) {
                 let mut at = 0;
@@ -327,7 +327,7 @@ type Numbers = [[f64; SIDE]; BLOCKS];
 /// Rows on their way.
 struct Text {
     done: Vec<u8>,
-    /// The rows behind them.
+    /// The rows after them.
     next: [u8; AT_ONCE],
     len: usize,
 }

@@ -88,7 +88,7 @@ fn axes_of(added: &Added) -> Option<Vec<usize>> {
     added.parameters.iter().filter(outside).map(|p| index(p).map(|index| index + 1)).collect()
 }
 
-/// The summary: the answer, error before and after, what was added, what could not be told apart, what is left, what to do
+/// The summary: the answer, error before and after, what was added, what could not be distinguished, what is left, what to do
 /// next.
 #[must_use]
 pub fn identify_text(found: &Identification) -> String {

@@ -144,7 +144,7 @@ fn wider(a: Option<[f64; 2]>, b: [f64; 2]) -> [f64; 2] {
     a.map_or(b, |a| [a[0].min(b[0]), a[1].max(b[1])])
 }
 
-/// Statements that are kept or refused, and what is asked of the machine besides motion, by line.
+/// Statements that are kept or refused, and the actions of the machine besides motion, by line.
 fn kept_lines(program: &Program) -> Vec<KeptLine> {
     let kept = program.kept.iter().map(|kept| KeptLine { line: kept.line, reason: kept.reason });
     let actions = program.actions.iter().map(|action| KeptLine { line: action.line, reason: action.kind.what() });

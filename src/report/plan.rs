@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 /// Pairs of effects that are listed at most.
 const LISTED: usize = 8;
-/// d′ from which on two effects can be told apart.
+/// d′ from which on two effects can be distinguished.
 const APART: f64 = 5.0;
 
 /// The summary: how often effects will be named, which pairs stay hard and why, what the rows ask of the shop.

@@ -47,7 +47,7 @@ pub struct FileSummary {
     /// How many there are besides.
     #[serde(skip)]
     pub more_failures: usize,
-    /// The program's files, where they were asked for.
+    /// The program's files, where they were requested.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub sources: Vec<Origin>,
 }

@@ -42,7 +42,7 @@ pub(crate) struct BatchSolutions {
     pub(crate) wobj_from_tcp: Frame,
     /// Motor angles that reach it, rad.
     motor: Six<Lanes>,
-    /// From closer than this they are surely the nearest, square of rad; 0 where another way has to be asked.
+    /// From closer than this they are surely the nearest, square of rad; 0 where another solution has to be found.
     reach: Lanes,
     from: Frame,
     turn: Vector,

@@ -28,7 +28,7 @@ pub(crate) fn turn_between(from: &Rotation3<f64>, to: &Rotation3<f64>) -> Vector
 /// [`turn_between`] where turns are small, and where they are.
 #[inline(always)]
 pub(crate) fn turns_between<R: Real>(from: &Frame<R>, to: &Frame<R>) -> (Vector<R>, R::Mask) {
-    // The axis times the sine: most rotations that are asked for are what an arm yields by, some 1e-4 rad.
+    // The axis times the sine: most rotations are those by which an arm yields, some 1e-4 rad.
     let turn = (from.x.cross(to.x) + from.y.cross(to.y) + from.z.cross(to.z)) * R::of(0.5);
     let square = turn.dot(turn);
     // Less than a right angle apart: the trace of the rotation between them is positive.

@@ -23,7 +23,7 @@ impl Blank {
         }
     }
 
-    /// Signed depth of a point in the blank, m: above zero inside. Of a mesh it is told up to some millimetres.
+    /// Signed depth of a point in the blank, m: above zero inside. Of a mesh it is known up to some millimetres.
     #[inline]
     #[must_use]
     pub fn depth(&self, point: &Vector3<f64>) -> f64 {

@@ -334,7 +334,7 @@ impl ClosedMesh {
         if inside { nearest.sqrt() } else { -nearest.sqrt() }
     }
 
-    /// Square of a point's distance from a triangle, m²; not told where it is above `most`.
+    /// Square of a point's distance from a triangle, m²; not computed where it is above `most`.
     fn distance_squared(&self, triangle: u32, point: &Vector3<f64>, most: f64) -> f64 {
         let [a, b, c] = self.corners(triangle);
         let normal = (b - a).cross(&(c - a));

@@ -30,7 +30,7 @@ pub struct Stock {
 }
 
 impl Stock {
-    /// Lines that a blank takes at a spacing (m), before memory is asked for: see [`limits`](crate::limits::STOCK_LINES).
+    /// Lines that a blank takes at a spacing (m), before memory is allocated: see [`limits`](crate::limits::STOCK_LINES).
     #[must_use]
     pub fn lines_over(blank: &Blank, spacing: f64) -> f64 {
         lines_over(blank, spacing)
@@ -188,7 +188,7 @@ impl Stock {
     }
 
     /// Takes in a cutter's straight way between two poses, and leaves to [`Stock::settle`] what it removes: from
-    /// [now](Stock::now) on it is behind each moment, which is to be asked about after that only.
+    /// [now](Stock::now) on it is behind each moment, so that only later moments may be read from then on.
     pub fn defer(&mut self, solid: Solid, start: &ToolPose, end: &ToolPose) {
         let [low, high] = self.lattice.blank.bounds();
         let count = Sweep::count(start, end, (high.z - low.z).max(solid.radius));

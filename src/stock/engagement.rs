@@ -35,7 +35,7 @@ pub struct Engaged {
 impl Front {
     /// What is in the material of a cutter at a pose, `way` (m) being the way into it, whose direction is the feed.
     ///
-    /// To be asked before that move is removed: on a straight move no point of the front has been there.
+    /// To be called before that move is removed: on a straight move no point of the front has been there.
     #[must_use]
     pub fn engaged(&self, stock: &Stock, pose: &ToolPose, way: &Vector3<f64>) -> Engaged {
         self.engaged_at(stock, &stock.now(), pose, way)

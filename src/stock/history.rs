@@ -1,4 +1,4 @@
-//! The stock as it was at a moment: what stood there can be asked while others cut on, or have cut on.
+//! The stock as it was at a moment: it can be read while other threads cut on, or have cut on.
 
 use super::line::{BLANK, Line};
 use super::sweep::{Cut, Sweep};
@@ -16,11 +16,11 @@ pub struct Moment {
 }
 
 impl Moment {
-    /// Behind all that has been swept.
+    /// After all that has been swept.
     pub(super) const LATEST: Self = Self { cuts: u32::MAX, sweeps: BLANK, last: None };
 
     /// The number of the last sweep, where a way (m) goes straight on from it to a tip: no point of a cutter's front there is in
-    /// it, and those on the silhouette need not be asked whether they are.
+    /// it, and those on the silhouette need no test whether they are.
     pub(super) fn before(&self, tip: &Vector3<f64>, way: &Vector3<f64>) -> u32 {
         self.last.filter(|last| last.leads_to(tip, way)).map_or(BLANK, |_| self.sweeps)
     }
@@ -57,7 +57,7 @@ impl History {
 
     /// A line as it was after so many cuts, since the history began.
     ///
-    /// From the oldest on: what is asked of is mostly about to be cut then.
+    /// From the oldest on: the places that are read are mostly about to be cut then.
     #[inline]
     pub(super) fn at<'a>(&'a self, line: &'a Line, cuts: u32) -> &'a Line {
         if line.changed <= cuts {
@@ -102,7 +102,7 @@ impl History {
     #[inline]
     pub(super) fn pass(&mut self, line: &mut Line, distance: f64, cut: &Cut) {
         if distance < f64::from(line.near) {
-            // How near it came is nobody's business but the next one's.
+            // Only the next move needs to know how near it came.
             if line.near_by != cut.by {
                 self.keep(line, cut.number);
             }

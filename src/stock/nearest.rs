@@ -62,7 +62,7 @@ impl Stock {
         let mut found: [Option<(f64, Vector3<f64>)>; DIRECTIONS] = [None; DIRECTIONS];
         let (mut least, spacing) = (f64::INFINITY, self.spacing());
         self.about_by_shells(point, |reach, lines| {
-            // Faces beside the nearest one are looked at as far as lines can have put them off.
+            // Faces next to the nearest one are looked at as far as lines can have put them off.
             if reach > least + 2.0 * spacing {
                 return false;
             }

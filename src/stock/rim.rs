@@ -85,7 +85,7 @@ mod tests {
             const N: usize = 100;
             let place = |n: usize| [(n % (N + 1)) as f64 / N as f64, (n / (N + 1)) as f64 / N as f64];
             let raster = (0..(N + 1) * (N + 1)).map(place).map(f).fold(f64::NEG_INFINITY, f64::max);
-            // With bends of opposite signs, or where both guesses stay below zero, the edges are not asked.
+            // With bends of opposite signs, or where both guesses stay below zero, the edges are not tested.
             if bends[0] >= 0.0 && bends[1] >= 0.0 && found > 0.0 {
                 prop_assert!((found - raster).abs() < 1e-3, "{found} {raster}");
             }

@@ -261,7 +261,7 @@ fn nearest_by_newton(solid: &Solid, from: &Vector3<f64>, way: &Vector3<f64>, squ
             let least = (from.x + way.x * axis).powi(2) + (from.y + way.y * axis).powi(2);
             axis - slope.signum() * ((flat * flat - least).max(0.0) / square).sqrt()
         };
-        // An end that has been asked is behind.
+        // An end that was evaluated before comes later.
         let next = match next {
             next if next <= low && low > 0.0 || next >= high && high < 1.0 => 0.5 * (low + high),
             next => next.clamp(0.0, 1.0),

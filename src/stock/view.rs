@@ -25,7 +25,7 @@ pub(super) struct View<'a> {
     pub(super) feed: [f64; 2],
     /// Share of the edge force along the cylinder.
     pub(super) side: f64,
-    /// What a chip counts beside a depth, m.
+    /// Chip thickness that counts as nothing compared with a depth, m.
     pub(super) scale: f64,
     /// The sweep that leads here.
     pub(super) before: u32,

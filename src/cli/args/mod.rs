@@ -76,7 +76,7 @@ pub(super) enum Command {
     /// Find the effect that the cell lacks from measured data, and extend the cell with it
     #[command(after_help = IDENTIFY)]
     Identify(Identify),
-    /// Plan what to measure, so that effects can be told apart: the program and the table to fill in
+    /// Plan what to measure, so that effects can be distinguished: the program and the table to fill in
     #[command(after_help = PLAN)]
     Plan(Plan),
     /// Say what is understood of programs; no cell needed

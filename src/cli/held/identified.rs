@@ -124,7 +124,7 @@ impl Identified {
 }
 
 /// Finds the effects that a cell lacks: what `deflex identify` does. `runs` are programs with what was measured on them, or
-/// `poses` rows with their own motor angles; `tool` is that of `--tool`, `written` what goes into the cell; `progress` is told what
+/// `poses` rows with their own motor angles; `tool` is that of `--tool`, `written` what goes into the cell; `progress` receives what
 /// share of the work is done, and calls it off with `false`.
 ///
 /// # Errors

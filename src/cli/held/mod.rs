@@ -45,7 +45,7 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Told the targets and the bytes of the program that are done; `false` calls the run off.
+/// Receives the targets and the bytes of the program that are done; returning `false` cancels the run.
 pub type Follow = dyn Fn(usize, u64) -> bool + Send + Sync;
 
 /// How a program is run.
@@ -73,7 +73,7 @@ impl Run {
         Self { setup, again: false, post: None, follow: None, draws: false, keeps_numbers: false }
     }
 
-    /// What is asked of the library; its `forces` are those of [`Run::take_forces`].
+    /// What the library has to do; its `forces` are those of [`Run::take_forces`].
     pub fn options(&mut self) -> &mut Options {
         &mut self.setup.options
     }

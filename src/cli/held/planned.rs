@@ -45,7 +45,7 @@ impl Planned {
 }
 
 /// Plans what to measure: what `deflex plan` does. `pool` are programs whose targets are the places to choose from, `after` the
-/// JSON of an identification, `program` how it is written; `progress` is told what share of the work is done.
+/// JSON of an identification, `program` how it is written; `progress` receives the share of the work that is done.
 ///
 /// # Errors
 /// All for which the command ends with exit code 2.

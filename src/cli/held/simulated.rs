@@ -10,7 +10,7 @@ use deflex::text::Diagnostic;
 use serde_json::{Value, json};
 use std::sync::Arc;
 
-/// Told what share of a simulation's cuts is done; `false` calls the run off.
+/// Receives the share of a simulation's cuts that is done; returning `false` cancels the run.
 pub type SimulationProgress = dyn Fn(f64) -> bool + Send + Sync;
 
 /// Triangles on a page, about: a plain canvas draws as many in a tenth of a second.
@@ -34,7 +34,7 @@ pub struct Simulated {
 }
 
 /// Cuts the cell's stock with the poses that the loaded arm takes: what `deflex simulate` does; `against` is the original of a
-/// corrected program. `progress` is told now and then what share of the cuts is done, and calls the run off with `false`.
+/// corrected program. `progress` receives the share of the cuts that is done from time to time, and cancels the run with `false`.
 ///
 /// # Errors
 /// All for which the command ends with exit code 2, and `run.called-off`.
@@ -72,7 +72,7 @@ impl Simulated {
         }
         let last = if original.is_some() { "after" } else { "as it is" };
         actual.push((last, cut(cuts - 1.0, program, original, Cuts::Deflected)?));
-        // A part is a stock that nobody has cut.
+        // A part is a stock that has not been cut.
         let nominal = setup.cell.cell.part.as_ref().and_then(|part| part.mesh.clone());
         let nominal = nominal.map(|mesh| Stock::new(Blank::Mesh(mesh), programmed.stock.spacing()));
         let (name, cell) = (name.to_owned(), setup.cell.name.clone());

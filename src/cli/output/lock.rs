@@ -63,7 +63,7 @@ pub(super) fn owner(name: &str) -> Option<&str> {
 /// How long a run waits for another program's lock on a folder, s.
 static TIMEOUT_S: AtomicU64 = AtomicU64::new(DEFAULT_TIMEOUT_S);
 
-/// Putting outputs in place takes well under a second: whoever holds a lock for a minute does something else.
+/// Putting outputs in place takes well under a second: a process that holds a lock for a minute does something else.
 pub(in crate::cli) const DEFAULT_TIMEOUT_S: u64 = 60;
 
 /// Sets `--lock-timeout`.
@@ -71,7 +71,7 @@ pub(in crate::cli) fn wait_at_most(seconds: u64) {
     TIMEOUT_S.store(seconds, Ordering::Relaxed);
 }
 
-/// Often enough that nobody notices, seldom enough to cost nothing.
+/// Short enough not to be noticed, long enough to cost nothing.
 const POLL: Duration = Duration::from_millis(10);
 
 /// What a run waits before it says so, and before it goes on where it need not have the lock: another run has put its outputs
@@ -112,7 +112,7 @@ fn waits(folder: &Path, limit: Duration) -> Diagnostic {
         .help("`--lock-timeout SECONDS` sets how long; Ctrl-C ends the run, and nothing is written")
 }
 
-/// The same for work that can be left to a later run: whoever holds a lock on the system's folder for temporary files for
+/// The same for work that can be left to a later run: a process that holds a lock on the system's folder for temporary files for
 /// longer than another run takes is none of ours.
 pub(super) fn take_turn(folder: &Path) -> Option<File> {
     let start = Instant::now();

@@ -208,7 +208,7 @@ impl Part {
     }
 }
 
-/// Whether nobody else has written a target since; what is overwritten in place may have been begun.
+/// Whether no other process has written a target since; what is overwritten in place may have been begun.
 fn untouched(go: &Move, before: Option<State>) -> bool {
     match (state(&go.target), before, go.how) {
         (now, before, How::Rename) => now == before,

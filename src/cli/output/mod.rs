@@ -149,7 +149,7 @@ impl Outputs {
         self.stage(path)?.write_all(bytes).map_err(|error| cannot_write(path, &error))
     }
 
-    /// Stages a file, `-` being stdout, that is written as the run goes on; whoever writes it flushes it at the end.
+    /// Stages a file, `-` being stdout, that is written as the run goes on; its writer flushes it at the end.
     pub(super) fn open(&mut self, path: &Path) -> Result<Blocks, Vec<Diagnostic>> {
         self.stage(path).map(Blocks::new)
     }
@@ -266,7 +266,7 @@ pub(super) fn one_thing(count: usize) -> Result<(), Vec<Diagnostic>> {
     Ok(())
 }
 
-/// Whether a path is that of a file, there or not: what stands beside a device or a pipe has no name from it.
+/// Whether a path is that of a file, there or not: a report is not named after a device or a pipe.
 pub(super) fn is_file_name(path: &Path) -> bool {
     !is_stdout(path) && fs::metadata(path).map_or(true, |metadata| metadata.is_file())
 }
@@ -321,7 +321,7 @@ fn say(bytes: &[u8]) -> io::Result<()> {
 }
 
 fn not_a_program(path: &Path) -> Result<(), Vec<Diagnostic>> {
-    /// As much as a language is told from.
+    /// As much as is needed to recognise a language.
     const LOOK: u64 = 64 * 1024;
     let mut start = Vec::new();
     let there = !is_stdout(path) && fs::metadata(path).is_ok_and(|metadata| metadata.is_file());

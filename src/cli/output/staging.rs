@@ -1,4 +1,4 @@
-//! Where outputs wait until all of them are there: hidden files beside their targets, held by the run that made them.
+//! Where outputs wait until all of them are there: hidden files in the folders of their targets, held by the run that made them.
 
 use super::{lock, marker};
 use std::fs::{self, File, OpenOptions};
@@ -37,7 +37,7 @@ pub(super) fn id() -> String {
     staging().id.clone()
 }
 
-/// Makes a file beside what belongs into a folder.
+/// Makes a file in a folder.
 pub(super) fn create(folder: &Path) -> io::Result<(PathBuf, File)> {
     // Kept while the file is made: an interruption finds every file that there is.
     let mut all = staging();
@@ -106,7 +106,7 @@ pub(super) fn leave_for_good() {
 
 impl Staging {
     fn new(folder: &Path, id: &str) -> io::Result<Self> {
-        // Whoever removes what killed runs left must not take a lock that is not held yet for theirs.
+        // A run that removes what killed runs left must not mistake a lock that is not held yet for one of those.
         let alone = lock::take_turn(folder);
         let held = OpenOptions::new().write(true).create_new(true).open(lock::of(folder, id))?;
         // Not every file system has locks: what a killed run leaves there stays.

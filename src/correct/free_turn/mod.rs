@@ -81,7 +81,7 @@ pub fn choose_turns<C: ChunkReader>(
     cell: &Cell,
     options: &Options,
 ) -> Result<Option<ChosenTurns>, StreamError> {
-    // What several motions go to is told by all of the program.
+    // Which targets several motions share, only the whole program shows.
     if !chunks.has_own_numbers() || cell.stock.is_some() {
         return Err(StreamError::NotStreamable);
     }

@@ -51,7 +51,7 @@ pub(super) struct Path<'a> {
     is_free: Vec<[bool; 2]>,
     pub(super) moves: Vec<Move>,
     pub(super) margin: f64,
-    /// What the states of knots keep clear of, where ways beside them went wrong.
+    /// What the states of knots keep clear of, where ways next to them went wrong.
     pub(super) kept_clear: HashMap<usize, KeptClear>,
     /// Targets that the turn as written does not reach, rising.
     pub(super) unreached: Vec<usize>,

@@ -44,7 +44,7 @@ pub(super) struct Search<'a> {
     /// m or rad of a millimetre or a degree of each free axis.
     scales: Position,
     reached: Vec<(State, f64)>,
-    /// Steps of the knots behind those that are settled.
+    /// Steps of the knots after those that are settled.
     back: Vec<Box<[Step]>>,
     /// Of so many of these, only steps of ways that are left.
     pruned: usize,
@@ -131,7 +131,7 @@ impl<'a> Search<'a> {
     }
 
     /// Forgets the ways that none of the states reached has come: memory grows with the path by what ways are left far
-    /// behind, one a branch that cannot be left, and by a number where they all begin alike.
+    /// after, one a branch that cannot be left, and by a number where they all begin alike.
     fn settle(&mut self) {
         let mut live: Vec<u32> = (0..self.reached.len()).map(narrow).collect();
         for at in (0..self.back.len()).rev() {

@@ -17,7 +17,7 @@ const WIDER: f64 = 3.0 * PI / 180.0;
 /// What is kept of the speed that an axis has besides.
 const SLOWER: f64 = 1.1;
 
-/// How far the states of a knot stay from what went wrong beside it.
+/// How far the states of a knot stay from what went wrong next to it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct KeptClear {
     /// Of the axis limits, rad.

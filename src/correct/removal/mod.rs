@@ -56,7 +56,7 @@ const RESOLUTION: std::ops::RangeInclusive<f64> = 0.1e-3..=1e-3;
 /// Cuts the cell's stock with a prepared program, and puts the forces that follow from it into the points.
 ///
 /// # Errors
-/// A stock in a work object that nobody declares; moves that do not cut and run through material; `run.called-off`.
+/// A stock in a work object that is not declared; moves that do not cut and run through material; `run.called-off`.
 pub(super) fn run(
     Context { program, cell, options, .. }: Context<'_>,
     prepared: &mut Prepared,
@@ -193,7 +193,7 @@ struct Walk<'a> {
     stages: Option<Stages>,
 }
 
-/// How far on from where a way begins its first force is asked for, m.
+/// How far on from where a way begins its first force is computed, m.
 const START_ON: f64 = 0.25e-3;
 
 /// What a move through the stock came to.
@@ -246,7 +246,7 @@ impl Walk<'_> {
     /// Tells how many of all points are done; `false` where the run is called off.
     fn goes_on(&mut self, done: usize, points: usize) -> bool {
         let goes_on = self.progress.goes_on(done, points);
-        // Once, however often it is asked.
+        // Computed once, however often it is needed.
         if !goes_on && !std::mem::replace(&mut self.called_off, true) {
             let name = self.program.sources.first().map_or("", |source| &source.name);
             self.errors.push(Diagnostic::error("run.called-off", name, "the run was called off"));

@@ -6,7 +6,7 @@ use super::{Cuts, Walk};
 use crate::drive::Track;
 use crate::robot::Pose;
 
-/// The force is asked for at least so often on the way into a target, m: engagement changes within a fraction of a cutter.
+/// The force is computed at least so often on the way into a target, m: engagement changes within a fraction of a cutter.
 const ASK_EVERY: f64 = 2e-3;
 /// Share of that which rounding to the digits of a program may add.
 const PRINTED: f64 = 1e-3;

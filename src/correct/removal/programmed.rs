@@ -15,7 +15,7 @@ const BATCH: usize = 512;
 /// So many where it is known how the part yields: the stock is looked at between batches.
 const BATCH_OF_A_PART: usize = 64;
 
-/// A place at which it is asked what the tool meets.
+/// A place for which the engagement of the tool is computed.
 struct Asked {
     moment: Moment,
     tool: ToolPose,
@@ -24,10 +24,10 @@ struct Asked {
     front: u32,
 }
 
-/// A way that has been cut, and is to be told its forces.
+/// A way that has been cut, and whose forces are to be set.
 struct Recorded {
     passed: Passed,
-    /// Moves that the stock was told of.
+    /// Moves that the stock has received.
     moves: usize,
     shares: Vec<f64>,
     /// What is met where it begins is what the way before met at its end.
@@ -70,7 +70,7 @@ pub(super) fn cut(walk: &mut Walk<'_>, prepared: &mut Prepared) {
 }
 
 impl Batch {
-    /// Notes what the move into a point removes, and what is to be asked.
+    /// Notes what the move into a point removes, and which engagements are to be computed.
     fn record(&mut self, walk: &mut Walk<'_>, prepared: &Prepared, i: usize) {
         let end = self.end.take();
         let Some(through) = prepared.points[i].through else { return };

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 type Told = dyn Fn(f64) -> bool + Send + Sync;
 
-/// Is told now and then what share of a cut is done, 0 to 1, and calls the run off with `false`; by default nobody is told.
+/// Receives the share of a cut that is done, 0 to 1, from time to time, and cancels the run with `false`; by default there is no receiver.
 #[derive(Clone, Default)]
 pub struct CutProgress(Option<Arc<Told>>);
 

@@ -12,13 +12,13 @@ use crate::identify::outcome::NAMED;
 use crate::identify::search::{NESTED, PRICE, caution, contains};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-/// What every pair counts beside the share of effects that will be named: pairs that are hopeless so far are not given up.
+/// What every pair counts in addition to the share of effects that will be named: pairs that are hopeless so far are not given up.
 const EACH_PAIR: f64 = 0.02;
 /// Draws of an effect's numbers.
 const DRAWS: usize = 4;
 /// Shares of the typical sizes that a rival's prior may have.
 const SCALES: [f64; 3] = [1.0, 0.3, 0.08];
-/// What held-out rows count for beside fitted ones: they judge, and choose nothing.
+/// What held-out rows count for compared with fitted ones: they judge, and choose nothing.
 const HELD_OUT: f64 = 0.3;
 
 /// One effect as it might be.
@@ -42,14 +42,14 @@ impl Truth {
 /// What a rival may move.
 #[derive(Clone, Debug)]
 struct Rival {
-    /// Index into the kinds; behind the last for none.
+    /// Index into the kinds; one past the last for none.
     kind: usize,
     columns: Vec<usize>,
     /// What its name must gain, nats.
     price: f64,
 }
 
-/// What rows say of each truth (rows) beside each kind (columns, none last).
+/// What rows say of each truth (rows) against each kind (columns, none last).
 pub(super) struct Told {
     /// d′; infinite from itself.
     pub(super) distance: DMatrix<f64>,
@@ -119,7 +119,7 @@ pub(super) fn scale(truths: &mut [Truth], columns: &DMatrix<f64>, axes: usize, r
 
 impl Criterion {
     /// Of candidates whose columns are numbered, and the columns of what is unknown of the instrument. `named` are the kinds
-    /// that must be told; noise in mm, and so many scalars a row.
+    /// that must be detected; noise in mm, and the number of scalars a row.
     pub(super) fn new(
         candidates: &[Candidate],
         named: &[String],
@@ -149,7 +149,7 @@ impl Criterion {
         Self { kinds, truths, rivals, frame, instrument, weights, noise_mm, axes }
     }
 
-    /// Counts pairs as told: of kinds that are not undecided little.
+    /// Counts pairs that can be distinguished: of kinds that are not undecided little.
     pub(super) fn settle(&mut self, undecided: &[(String, String)]) {
         /// What other pairs count for.
         const OTHERS: f64 = 0.05;
@@ -211,7 +211,7 @@ impl Criterion {
         told
     }
 
-    /// What rows say of some truths beside a rival, under each size of its prior.
+    /// What rows say of some truths against a rival, under each size of its prior.
     fn tell(&self, rival: &Rival, beside: &Beside, concerned: &[usize], told: &mut Told) {
         let own = &rival.columns;
         let inner = DMatrix::from_fn(own.len(), own.len(), |i, j| beside.gram[(own[i], own[j])]);
@@ -240,7 +240,7 @@ impl Criterion {
     }
 
     /// Share of the truths that will not be named outright, by a normal approximation over their rivals; a little of what each
-    /// pair adds beside it. Less is better.
+    /// pair adds to it. Less is better.
     pub(super) fn confusion(&self, told: &Told) -> f64 {
         let (mut missed, mut each) = (0.0, 0.0);
         // Evidence over a rival that a name needs, nats.

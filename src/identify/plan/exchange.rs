@@ -1,7 +1,7 @@
 //! Exchange: row by row, whatever of the pool makes the rows tell more; then the loads between them.
 //!
 //! Coordinate exchange (Meyer and Nachtsheim 1995): one row at a time is replaced by the best of some others, and the columns
-//! of that row and of the one behind it, whose direction of travel changes, are made anew.
+//! of that row and of the next one, whose direction of travel changes, are made anew.
 
 use super::criterion::Criterion;
 use super::draws::Draws;

@@ -1,4 +1,4 @@
-//! What to measure, so that effects can be told apart: which targets, in which order, under which loads.
+//! What to measure, so that effects can be distinguished: which targets, in which order, under which loads.
 //!
 //! ```text
 //! [plan] → spots that the arm reaches → rows by exchange → a program for the cell's controller and an empty table
@@ -50,7 +50,7 @@ pub struct PlanInput<'a> {
     pub undecided: &'a [(String, String)],
     /// The program that is written.
     pub program: PlanProgram<'a>,
-    /// Is told what share of the work is done.
+    /// Receives the share of the work that is done.
     pub progress: &'a (dyn Fn(f64) + Sync),
 }
 
@@ -61,7 +61,7 @@ pub struct PlanProgram<'a> {
     pub name: &'a str,
     /// RAPID, KRL or TP.
     pub language: Language,
-    /// When the operator is asked.
+    /// When the program waits for the operator.
     pub ask: Ask,
 }
 
@@ -83,7 +83,7 @@ pub enum Ask {
 pub struct Plan {
     /// Rows in running order.
     pub rows: Vec<PlannedRow>,
-    /// Every pair of kinds, least told apart first.
+    /// Every pair of kinds, the hardest to distinguish first.
     pub pairs: Vec<PlannedPair>,
     /// The first of them.
     pub weakest: Option<PlannedPair>,
@@ -140,7 +140,7 @@ pub struct PlannedPair {
     pub a: String,
     /// The kind that may be taken for it.
     pub b: String,
-    /// What is left of the one's trace, over the noise: above 5 told apart, below 3 not.
+    /// What is left of the one's trace, over the noise: above 5 the two can be distinguished, below 3 they cannot.
     pub d_prime: f64,
     /// Why, where that is little.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -212,7 +212,7 @@ pub fn plan(input: &PlanInput) -> Result<Plan, Vec<Diagnostic>> {
     let all: Vec<usize> = (0..reference.rows.len()).collect();
     let mut listed = listed(candidates::all(&arm, &bench.problem(&reference, &all), &cell.covariances));
     let named = named(section, &listed, &mut notes)?;
-    // The frame rides along as a nuisance, whether it is to be told or not.
+    // The frame rides along as a nuisance, whether or not it is to be detected.
     listed.retain(|c| named.contains(&c.kind) || c.law().is_some_and(|law| law.like_device_frame));
     let columns = bench.columns(&mut listed, &reference, &all);
     let count = listed.iter().map(|candidate| candidate.columns().end).max().unwrap_or(0);

@@ -133,7 +133,7 @@ impl Bench<'_> {
         }
     }
 
-    /// Whether the arm goes from one spot to another as it is told to, whatever rule the controller has for the branch.
+    /// Whether the arm goes from one spot to another as commanded, whatever rule the controller has for the branch.
     pub(super) fn follows(&self, before: Option<&Spot>, next: &Spot) -> bool {
         /// rad: the same angles, but for rounding.
         const SAME: f64 = 1e-6;

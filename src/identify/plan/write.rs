@@ -41,7 +41,7 @@ pub(super) fn program(bench: &Bench, sheet: &Sheet, how: &PlanProgram) -> Result
     let section = bench.section;
     let said = Said { language: how.language, loaded: section.loads.iter().any(|load| *load != Vector3::zeros()) };
     let count = sheet.rows.len();
-    // What stands behind the motion before a row, and then before its own.
+    // What stands after the motion before a row, and then before its own.
     let between = |i: usize| {
         let changes = i < count && (i == 0 || sheet.loads[i - 1] != sheet.loads[i]);
         let load = |i: usize| section.loads[sheet.loads[i]];

@@ -106,7 +106,7 @@ const LOST: f64 = 1e-9;
 const LARGEST_RADIUS: f64 = 1e6;
 
 /// An end nearer to the start than this, in units of the file, is the start printed again, with other digits: a full turn. A start
-/// as near to the axis is on it. Nobody means an arc of two last digits of four decimals.
+/// as near to the axis is on it. Two last digits of four decimals are rounding and no arc.
 const SAME_PLACE: f64 = 2.5e-4;
 
 impl Arc {

@@ -20,7 +20,7 @@ const CHUNK: usize = 32 * 1024;
 /// Targets that end a chunk: arcs make many of few bytes.
 const TARGETS: usize = 1024;
 
-/// What unit, maker and layout are told from.
+/// What unit, maker and layout are recognised by.
 const HEAD: usize = 64 * 1024;
 
 /// Most bytes of a chunk: more without a place to cut are read whole.

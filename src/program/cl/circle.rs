@@ -138,7 +138,7 @@ impl Reader {
         Step { role: Role::Interpolated, ahead: u32::from(ahead), ..self.step(slot) }
     }
 
-    /// The next position behind an arc whose direction of travel no word says, reached straight: where it lies on the circle
+    /// The next position after an arc whose direction of travel no word says, reached straight: where it lies on the circle
     /// and has been passed already, the direction was wrong, or a line goes across the circle.
     pub(super) fn check_sense(&mut self, next: [f64; 3]) {
         let Some(Checked { arc, start, end }) = self.checked.take() else { return };

@@ -1,6 +1,6 @@
 //! Who wrote the file, and what that changes.
 
-/// CAM systems told apart, because their arcs, axes or frames differ.
+/// CAM systems that are distinguished, because their arcs, axes or frames differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Dialect {
     Nx,
@@ -57,7 +57,7 @@ impl Dialect {
     }
 
     /// `CIRCLE` prints the axis for clockwise travel: NX and MAKINO by name, and any file with their
-    /// eleven values (tolerances and cutter behind the radius).
+    /// eleven values (tolerances and cutter after the radius).
     pub(super) fn clockwise(self, values: usize) -> bool {
         matches!(self, Self::Nx | Self::Makino) || values >= 11
     }

@@ -13,7 +13,7 @@ pub(super) struct Feeds<'a> {
     /// As the file says it.
     modal: Modal,
     mm_per_unit: f64,
-    /// What the file's last statement has before and behind its number.
+    /// What the file's last statement has before and after its number.
     form: Option<[&'a [u8]; 2]>,
     /// As written.
     in_force: Feed,

@@ -178,7 +178,7 @@ impl Reader {
         }
         let feed = |unit: &[u8], value: f64| feed_unit(unit, self.mm_per_unit()).map(|unit| unit.feed(value));
         match (unit, &numbers[..]) {
-            // Couplets: what is left is the feed behind its unit.
+            // Couplets: what is left is the feed after its unit.
             (Some((unit, 0)), &[value]) if said.depth.is_some() => said.feed = feed(&unit, value),
             (None, []) if said.depth.is_some() => {}
             // Depth, unit, feed[, clearance].
@@ -269,7 +269,7 @@ impl Reader {
     }
 }
 
-/// Numbers behind depth and feed.
+/// Numbers after depth and feed.
 fn clearance_and_peck(said: &mut Said, numbers: &[f64], style: Style) -> Outcome {
     match *numbers {
         [] => {}

@@ -74,7 +74,7 @@ pub(super) struct Place {
     pub(super) line: usize,
 }
 
-/// Offset behind the byte order mark that a file may begin with.
+/// Offset after the byte order mark that a file may begin with.
 pub(super) fn behind_mark(bytes: &[u8]) -> usize {
     const MARK: &[u8] = b"\xEF\xBB\xBF";
     if bytes.starts_with(MARK) { MARK.len() } else { 0 }
@@ -108,12 +108,12 @@ impl<'a> Lexer<'a> {
         self.cards.is_cards()
     }
 
-    /// Behind the last record, before the end of its line.
+    /// After the last record, before the end of its line.
     pub(super) fn place(&self) -> Place {
         Place { at: self.at, line: self.line }
     }
 
-    /// Goes on from a place behind a record that is no longer to be read.
+    /// Goes on from a place after a record that is no longer to be read.
     pub(super) fn go_on(&mut self, place: Place) {
         (self.at, self.line) = (place.at, place.line);
     }

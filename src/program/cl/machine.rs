@@ -1,4 +1,4 @@
-//! Tool, spindle, coolant, stops: what is asked of the machine between positions.
+//! Tool, spindle, coolant, stops: what the machine has to do between positions.
 
 use super::lex::Record;
 use super::refusal::{self, Outcome};

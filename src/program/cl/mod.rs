@@ -84,7 +84,7 @@ pub struct ClOptions {
 /// Chords of arcs, mm: a tenth of what a robot repeats.
 const ARC_TOLERANCE_MM: f64 = 0.005;
 
-/// What holds where nobody says: no unit, the tip, the robot's own tool and work object.
+/// What holds where nothing is declared: no unit, the tip, the robot's own tool and work object.
 impl Default for ClOptions {
     fn default() -> Self {
         Self {
@@ -181,7 +181,7 @@ fn refused(options: &ClOptions) -> Option<Diagnostic> {
         .then(|| Diagnostic::error("cl.arc-tolerance", "", "the arc tolerance must be above 0 mm"))
 }
 
-/// Refuses a file with a position whose unit nobody says.
+/// Refuses a file with a position whose unit is not declared.
 fn without_unit(reader: &reader::Reader, source: &Source) -> Option<Diagnostic> {
     let message = "no UNITS statement, and no `units` in [cl]: expected millimetres or inches";
     let help = "set `units = \"mm\"` or `units = \"inch\"` under [cl] in the cell file";

@@ -21,7 +21,7 @@ struct Position {
 }
 
 impl Position {
-    /// The record on the line behind a place, where the next line is there too.
+    /// The record on the line after a place, where the next line is there too.
     fn read(bytes: &[u8], place: Place) -> Option<Self> {
         let end = |at: usize| match bytes.get(at..)? {
             [b'\n', ..] => Some(at + 1),

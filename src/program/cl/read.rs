@@ -6,7 +6,7 @@ use super::refusal::{self, ARC_WITHOUT_END, Outcome};
 use super::statement::Statement;
 use super::words::{self, Class, Meaning, Word, decides_motion, looks_like_motion};
 
-/// Why a statement is listed whose word nobody knows.
+/// Why a statement with an unknown word is listed.
 const UNKNOWN: &str = "statement not known, taken as one that moves nothing";
 
 /// Why a statement is listed that the cell declares to be harmless.

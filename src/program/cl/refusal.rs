@@ -146,7 +146,7 @@ pub(super) const BEHIND_END: Refusal =
     refusal("motion after FINI, where the program ends", "give each program a file of its own");
 pub(super) const LOOSE_NUMBERS: Refusal =
     refusal("numbers without a statement", "a continuation ($) may be missing at the end of the line before");
-/// Numbers that are a position or a vector by where they lie: once shifted, they may be told apart, or be so no more.
+/// Numbers that are a position or a vector by where they lie: once shifted, they may be recognised as the other kind.
 pub(crate) const AMBIGUOUS_LIST: Refusal = refusal(
     "positions and vectors that cannot be distinguished",
     "let the CAM system write one position (three, six or nine numbers) in a GOTO",

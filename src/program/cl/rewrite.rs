@@ -230,7 +230,7 @@ impl Writer<'_> {
     }
 }
 
-/// Digits that a token prints behind the point, its exponent counted in.
+/// Digits that a token prints after the point, its exponent counted in.
 fn decimals(token: &[u8]) -> usize {
     /// More digits than a double holds.
     const MOST: i64 = 17;

@@ -21,7 +21,7 @@ pub(super) enum Known {
     Said,
     /// The system that wrote the file prints it so.
     Dialect,
-    /// Nobody says it: what most do.
+    /// It is not declared: what most CAM systems do.
     Guessed,
 }
 

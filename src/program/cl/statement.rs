@@ -11,7 +11,7 @@ pub(super) struct Statement<'a> {
     pub(super) major: &'a [u8],
     /// Whether `=` follows the first word, or the index in brackets after it: a definition, not CL.
     pub(super) defines: bool,
-    /// All behind the major word and its slash.
+    /// All after the major word and its slash.
     pub(super) items: &'a [Token],
 }
 
@@ -39,7 +39,7 @@ impl<'a> Statement<'a> {
         Some(Self { bytes, major: &bytes[first.span.range()], defines, items })
     }
 
-    /// The statement behind `RAPID,` in the same line.
+    /// The statement after `RAPID,` in the same line.
     pub(super) fn behind_rapid(&self) -> Option<Self> {
         let word = words::find(self.major).filter(|word| matches!(word.meaning, Meaning::Rapid));
         let at = word.and_then(|_| self.items.iter().position(|t| t.kind == Kind::Word))?;
@@ -68,7 +68,7 @@ impl<'a> Statement<'a> {
         self.words().any(|w| w.eq_ignore_ascii_case(word))
     }
 
-    /// The numbers behind `(word/` up to the closing bracket.
+    /// The numbers after `(word/` up to the closing bracket.
     pub(super) fn nested(&self, word: &[u8]) -> Option<Numbers<'a>> {
         let at = self
             .items

@@ -172,7 +172,7 @@ impl<'a> Runner<'a> {
         out
     }
 
-    /// A function's value; what it could change is unknown behind it.
+    /// A function's value; what it could change is unknown after it.
     pub(super) fn function(&mut self, name: &Name, cursor: &mut Cursor<'a>, depth: usize) -> Value {
         let at = cursor.rest();
         let arguments = self.arguments(cursor, depth);

@@ -361,7 +361,7 @@ impl<'a> Runner<'a> {
         names::motion(&word).is_some() || names::relative(&word).is_some()
     }
 
-    /// The motion behind an interrupt begins where its routine leaves the robot.
+    /// The motion after an interrupt begins where its routine leaves the robot.
     fn tell_interrupt_that_moves(&mut self, handler: RoutineId, file: usize, span: Span) {
         let name = upper(&self.bytes(handler.file)[self.symbols.routine(handler).name.range()]);
         // No name of a program has a blank.

@@ -1,7 +1,7 @@
 //! A long program in chunks that fit in memory.
 //!
 //! One routine whose lines differ in nothing but the numbers of their positions: what stands before the first of them, the
-//! head, is run once for each [kind of line](Like), with one line of the kind behind it, and once with what stands behind the
+//! head, is run once for each [kind of line](Like), with one line of the kind after it, and once with what stands after the
 //! last. A position that names all six numbers is the same whatever stands before it, so that the other lines mean what that
 //! one does. Whatever is not like that is read whole.
 
@@ -15,7 +15,7 @@ use std::sync::Arc;
 /// Bytes of lines in a chunk: some thousand targets. Any number of threads sees the same chunks.
 pub const CHUNK: usize = 64 * 1024;
 
-/// Most bytes before the first line of a kind and behind the last.
+/// Most bytes before the first line of a kind and after the last.
 const HEAD: usize = 256 * 1024;
 
 /// What a chunk may have to read on to the end of a line.
@@ -62,7 +62,7 @@ pub struct Chunk {
     lines_before: usize,
     motions_before: u32,
     motions: u32,
-    /// The targets behind the last line.
+    /// The targets after the last line.
     tail: Option<Program>,
     last: bool,
 }
@@ -221,7 +221,7 @@ impl<R: Read> Chunks<R> {
         }))
     }
 
-    /// Where the stretch ends that begins at `rest`: behind a line of a kind. `None` where a line never ends, or is of one kind
+    /// Where the stretch ends that begins at `rest`: after a line of a kind. `None` where a line never ends, or is of one kind
     /// too many.
     fn cut(&mut self) -> Option<Cut> {
         let rest = &self.rest[self.cut..];
@@ -229,7 +229,7 @@ impl<R: Read> Chunks<R> {
         let mut cut = Cut { bytes: 0, lines: 0, kinds: Vec::new(), last: false };
         let (mut at, mut lines, mut last_line) = (0, 0, None);
         let mut like: Option<Arc<Like>> = None;
-        // What holds behind the last line of a kind.
+        // What holds after the last line of a kind.
         let (mut mark, mut speed) = (self.mark, self.speed.clone());
         while cut.bytes < self.chunk {
             let line = next_line(&rest[at..]).filter(|line| line.last() == Some(&b'\n') || whole);

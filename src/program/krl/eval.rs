@@ -14,7 +14,7 @@ pub(super) const RUN_TIME: &str = "worked out when the program runs";
 const TWICE: &str = "an aggregate has a component twice";
 /// Brackets within one another.
 const MAX_DEPTH: usize = 40;
-/// Computed numbers closer than this are not told apart: controllers count in single precision.
+/// Computed numbers closer than this count as equal: controllers count in single precision.
 const SAME: f64 = 1e-4;
 
 /// A variable, or a part of it.

@@ -49,7 +49,7 @@ struct Barred {
     splines: Vec<Range<usize>>,
     /// Folds of inline forms.
     forms: Vec<Range<usize>>,
-    /// Starts of statements behind a TRIGGER.
+    /// Starts of statements after a TRIGGER.
     triggered: Vec<u32>,
 }
 

@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// Ends a program that is not there to its end.
 const END: &[u8] = b"\nEND\n";
 
-/// First words of what may stand behind the last line: nothing that goes back, and nothing that changes what was before.
+/// First words of what may stand after the last line: nothing that goes back, and nothing that changes what was before.
 const BEHIND: [&[u8]; 8] = [b"PTP", b"LIN", b"SPTP", b"SLIN", b"HALT", b"WAIT", b"$OUT", b"$VEL"];
 
 /// A kind of line.
@@ -26,7 +26,7 @@ pub(super) struct Like {
     before: [(Vec<u8>, usize); 6],
     /// The same of what follows these: status and turn, external axes.
     more: Vec<Further>,
-    /// What stands behind the last.
+    /// What stands after the last.
     behind: Vec<u8>,
     /// How much of it is the statement: the rest is a comment.
     code: usize,
@@ -37,7 +37,7 @@ pub(super) struct Like {
     wobj: Wobj,
 }
 
-/// What may stand behind X Y Z A B C.
+/// What may stand after X Y Z A B C.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum More {
     /// An external axis, by its index.
@@ -59,7 +59,7 @@ pub(super) struct Line {
     axes: [Option<f64>; EXTERNAL_AXES],
 }
 
-/// Reads lines behind a head.
+/// Reads lines after a head.
 #[derive(Debug, Default)]
 pub(super) struct Reader {
     name: String,
@@ -125,7 +125,7 @@ impl Reader {
         reader.used = std::array::from_fn(|axis| moving[axis] || used(&first)[axis]);
         let last = first.targets.last().and_then(|last| last.external.as_ref());
         reader.named = last.map_or([false; EXTERNAL_AXES], |last| last.written.map(|written| written.is_some()));
-        // An axis that is in use behind the head is so in it.
+        // An axis that is in use after the head is so in it.
         for (target, other) in program.targets.iter_mut().zip(reader.program(&[line, END])?.targets) {
             target.external = other.external;
         }
@@ -186,7 +186,7 @@ impl Reader {
         self.like(&other.speed, other.mark, line)
     }
 
-    /// The kind of a line behind this speed and mark.
+    /// The kind of a line after this speed and mark.
     pub(super) fn like(&self, speed: &[u8], mark: Option<Mark>, line: &[u8]) -> Option<Like> {
         let lead = Self::lead(speed, mark);
         let mut program = self.program(&[&lead, line, END]).filter(|program| self.knows_axes_of(program))?;
@@ -198,7 +198,7 @@ impl Reader {
         let plain = target.motion == Motion::Linear && target.role == Role::End && target.editable == Editable::Pose;
         let start = self.head.len() + lead.len() + (line.len() - line.trim_ascii_start().len());
         let text = line.trim_ascii();
-        // A mark behind it would hold for what follows.
+        // A mark after it would hold for what follows.
         let marked = lex::lines(line).any(|line| line.mark.is_some());
         if !plain || marked || target.span.start as usize != start || target.name.is_some() {
             return None;
@@ -234,8 +234,8 @@ impl Reader {
         Some(like).filter(|_| same && whole && begins)
     }
 
-    /// The targets behind the last line, which is of this kind, as they are in a chunk where what stands behind it begins at
-    /// this byte, behind so many lines and motions.
+    /// The targets after the last line, which is of this kind, as they are in a chunk where what stands after it begins at
+    /// this byte, after so many lines and motions.
     pub(super) fn tail(
         &self,
         like: &Like,
@@ -254,7 +254,7 @@ impl Reader {
             }
             ended |= word.eq_ignore_ascii_case(b"END");
         }
-        // What stands behind the last line of a kind begins on a line of its own.
+        // What stands after the last line of a kind begins on a line of its own.
         let begun: &[u8] = if line.ends_with(b"\n") { b"" } else { b"\n" };
         let lead = Self::lead(&like.speed, like.mark);
         let mut program = self.program(&[&lead, line, begun, behind])?;
@@ -287,12 +287,12 @@ impl Reader {
 }
 
 impl Like {
-    /// Whether it is that of lines behind this speed and mark.
+    /// Whether it is that of lines after this speed and mark.
     pub(super) fn holds(&self, speed: &[u8], mark: Option<Mark>) -> bool {
         self.speed == speed && self.mark == mark
     }
 
-    /// The same for lines behind the speed and the mark of another kind.
+    /// The same for lines after the speed and the mark of another kind.
     pub(super) fn holds_as(&self, other: &Self) -> bool {
         self.holds(&other.speed, other.mark)
     }
@@ -389,7 +389,7 @@ impl Like {
     }
 }
 
-/// What stands behind X Y Z A B C, up to the brace, from this offset on; and where the last of it ends. `None` where that is
+/// What stands after X Y Z A B C, up to the brace, from this offset on; and where the last of it ends. `None` where that is
 /// anything else than numbers.
 fn more(text: &[u8], from: usize) -> Option<(Vec<Further>, usize)> {
     let (mut found, mut at) = (Vec::new(), from);

@@ -33,7 +33,7 @@ impl Position {
 }
 
 impl<'a> Runner<'a> {
-    /// A motion that is not followed: nobody knows from where.
+    /// A motion that is not followed: its start is not known.
     pub(super) fn relative(&mut self, mut cursor: Cursor<'a>, span: Span, reason: &'static str) {
         self.motions += 1;
         cursor.next();
@@ -198,7 +198,7 @@ impl<'a> Runner<'a> {
             self.via(via, &to, &target)?;
         }
         if turns != Ok(true) {
-            // Whoever turns there would turn this one too.
+            // A correction of the turn there would turn this one too.
             self.pinned.extend(to.places[3..].iter_mut().filter_map(Option::take));
         }
         let numbers = to.numbers.iter().zip(to.places).enumerate().map(|(i, (v, place))| match turns {
@@ -313,7 +313,7 @@ impl<'a> Runner<'a> {
             };
             (found.numbers[i], found.places[i]) = (*number, *at);
             if own.is_none() {
-                // Whoever moves there would move this one too.
+                // A correction there would move this one too.
                 self.pinned.extend(*at);
             }
         }

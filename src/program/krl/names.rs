@@ -15,7 +15,7 @@ pub(super) fn motion(word: &[u8]) -> Option<Motion> {
     })
 }
 
-/// A motion that counts from where the robot stands, or moves external axes beside the program.
+/// A motion that counts from where the robot stands, or moves external axes asynchronously to the program.
 pub(super) fn relative(word: &[u8]) -> Option<&'static str> {
     Some(match word {
         b"PTP_REL" | b"LIN_REL" | b"CIRC_REL" | b"SPTP_REL" | b"SLIN_REL" | b"SCIRC_REL" | b"SPL_REL" => {

@@ -48,7 +48,7 @@ impl FrontEnd for Layout {
         let mut out = Rewritten { edits: vec![Vec::new(); program.written], ..Rewritten::default() };
         let apart = self.are_apart();
         let tokens_of = |i: usize| new_tokens_of(program, &self.sites[i], i, changes[i].as_ref());
-        // Where no number is used twice, nobody has to agree with anybody.
+        // Where no literal is shared, there are no conflicts to resolve.
         let new_tokens: Vec<NewTokens> = if apart { Vec::new() } else { (0..changes.len()).map(tokens_of).collect() };
         let frozen = self.frozen(program, &new_tokens, changes, apart);
         let mut new_tokens = new_tokens.into_iter();

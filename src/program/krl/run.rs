@@ -22,7 +22,7 @@ pub(super) const MAX_CALLS: usize = 60;
 /// Blocks within one another, through calls: more than anybody writes, and what a thread's stack holds.
 const MAX_NESTING: usize = 250;
 
-/// Whether the statement behind is run next.
+/// Whether the next statement is run.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Flow {
     Next,

@@ -133,7 +133,7 @@ impl Runner<'_> {
         [x, y, z].into_iter().find_map(|place| self.holds(place)).or(one)
     }
 
-    /// Whether the routine runs elsewhere too, where nobody knows what holds.
+    /// Whether the routine runs elsewhere too, where the state is not known.
     pub(super) fn is_beside(&self) -> bool {
         self.frames.last().is_some_and(|frame| self.beside.contains(&frame.routine))
     }

@@ -11,7 +11,7 @@ pub(super) const MAX_DEPTH: usize = 100;
 #[derive(Debug)]
 pub(super) struct TooDeep(pub(super) Span);
 
-/// Words that two words in a row do not make a declaration behind.
+/// Words that two words in a row do not make a declaration after.
 const STATEMENTS: [&[u8]; 34] = [
     b"PTP",
     b"LIN",
@@ -69,7 +69,7 @@ const TYPES: [&[u8]; 16] = [
     b"SPL_VELOCITY",
 ];
 
-/// A block's statements, and what ended it: which word, and what stands behind it.
+/// A block's statements, and what ended it: which word, and what stands after it.
 type Block = (Vec<Statement>, Option<(usize, Span)>);
 
 /// Reads a file.
@@ -246,7 +246,7 @@ impl<'a> Parser<'a> {
         Some(found)
     }
 
-    /// Statements up to one of these words, which of them it was, and the words behind it.
+    /// Statements up to one of these words, which of them it was, and the words after it.
     pub(super) fn block(&mut self, ends: &[&[u8]], data: &mut Vec<Data>) -> Result<Block, TooDeep> {
         self.depth += 1;
         let mut block = Vec::new();

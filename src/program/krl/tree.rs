@@ -6,7 +6,7 @@ use crate::text::Span;
 /// One file: routines (`.src`), data (`.dat`), or both.
 #[derive(Debug, Default)]
 pub(super) struct File {
-    /// The name behind DEFDAT, or behind the first DEF.
+    /// The name after DEFDAT, or after the first DEF.
     pub(super) module: Span,
     pub(super) routines: Vec<Routine>,
     pub(super) data: Vec<Data>,

@@ -52,7 +52,7 @@ pub struct PostedPoint {
     pub rapid: bool,
     /// Stop at the point, whatever comes next.
     pub stop: bool,
-    /// The way to it is unknown, as behind a tool change: joints, not a straight line.
+    /// The way to it is unknown, as after a tool change: joints, not a straight line.
     pub joint: bool,
     /// Instructions before the motion, a line each.
     pub lines: Option<Arc<str>>,
@@ -99,7 +99,7 @@ pub fn as_written(position_mm: [f64; 3], quat: [f64; 4]) -> ([f64; 3], [f64; 4])
 /// Text of a program: what goes on in the file before, and further files.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Text {
-    /// All bytes, one file behind the other.
+    /// All bytes, one file after the other.
     pub bytes: Vec<u8>,
     /// Where the files begin that begin here, and their names (`part.mod`).
     pub files: Vec<(usize, String)>,
@@ -144,7 +144,7 @@ impl Place {
         self.before.is_none()
     }
 
-    /// Behind these points too, all but the last of which are written with them.
+    /// After these points too, all but the last of which are written with them.
     #[must_use]
     pub fn behind(&self, points: &[PostedPoint]) -> Self {
         let mut known = [&self.before, &self.waiting].into_iter().flatten().chain(points).rev();
@@ -156,7 +156,7 @@ impl Place {
 
 /// Writes a program as one module, or as parts and a main module that loads and calls them.
 ///
-/// The head comes first; then chunks of points, each from its [`Place`] on, whoever has written those before.
+/// The head comes first; then chunks of points, each from its [`Place`] on, whichever thread wrote the ones before it.
 #[derive(Clone, Debug)]
 pub struct RapidPost {
     pub(super) plan: RapidPlan,

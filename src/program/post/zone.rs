@@ -29,7 +29,7 @@ const LARGEST_RAPID_MM: f64 = 50.0;
 
 /// The zone at a point between its neighbours.
 ///
-/// A corner of turning angle θ is rounded by a parabola from r before it to r behind it, which passes
+/// A corner of turning angle θ is rounded by a parabola from r before it to r after it, which passes
 /// the corner at r/2·sin(θ/2); the controller takes r as half of the shorter neighbouring path at most.
 pub(super) fn zone(
     before: [f64; 3],

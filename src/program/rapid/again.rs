@@ -133,7 +133,7 @@ impl Runner<'_> {
         emitter.first = false;
         let chunk = StreamableChunk { program, own: 0..0, elsewhere: Vec::new(), at: 0, last };
         if emitter.out.send(chunk).is_err() {
-            // Nobody wants more.
+            // The receiver has ended.
             self.steps = usize::MAX;
         }
     }
@@ -142,7 +142,7 @@ impl Runner<'_> {
     pub(super) fn emit_all(mut self) {
         self.follow();
         let is_broken = matches!(&self.gathering, Gathering::Chunks(emitter) if emitter.is_broken);
-        // Without a last chunk whoever takes them knows that it broke off.
+        // Without a last chunk the receiver knows that the run was cut short.
         if !is_broken {
             self.emit(true);
         }

@@ -1,7 +1,7 @@
 //! What motions that are run more than once are to become, agreed among all of their runs.
 //!
 //! Each chunk says what its motions want; of what those that are alike want, so much is held that who does not agree is known. From
-//! that the numbers of the text follow as from a program that is held as a whole, and each chunk is told.
+//! that the numbers of the text follow as from a program that is held as a whole, and each chunk receives them.
 
 use super::rewrite::{FROZEN, SHARED_OFFSET, Settled, rewrite_settled};
 use super::value::Step;
@@ -28,7 +28,7 @@ pub(super) struct Again {
 pub(super) enum Agreement {
     /// Nothing is to be written.
     None,
-    /// It is being asked.
+    /// It is being determined.
     Asked(Arc<Asked>),
     /// It is known.
     Found(Arc<Agreed>),

@@ -17,7 +17,7 @@ use std::collections::HashSet;
 
 /// Calls deeper than this are not followed: a procedure that calls itself has no end when reading.
 const MAX_CALLS: usize = 48;
-/// Why data are not known behind a procedure that is not in the files.
+/// Why data are not known after a procedure that is not in the files.
 const UNDECLARED: &str = "may be changed by a procedure that is not in the files";
 const CALLS_ITSELF: &str = "may be changed by a procedure that calls itself";
 const JUMPS: &str = "changed in a routine with GOTO";
@@ -67,7 +67,7 @@ impl<'a> Runner<'a> {
         let before = self.symbols.variables.len();
         let failures = self.failures;
         let bound = self.arguments(scope, id, call);
-        // Behind an argument that fails TRYNEXT goes on without the call.
+        // After an argument that fails TRYNEXT goes on without the call.
         let skipped = self.skipped_since(failures).then(|| {
             self.open();
             self.take()
@@ -93,7 +93,7 @@ impl<'a> Runner<'a> {
         flow
     }
 
-    /// Goes on behind a call that may have ended in several ways.
+    /// Goes on after a call that may have ended in several ways.
     fn behind(&mut self, id: RoutineId, bound: &[(usize, Bound)], normal: Option<Left>, raised: Option<Left>) -> Flow {
         let mut ways = normal;
         if let Some(raised) = raised {

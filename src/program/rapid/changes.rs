@@ -1,4 +1,4 @@
-//! What statements could change, by their text alone: asked where it is not known whether, or how often, they run.
+//! What statements could change, by their text alone: used where it is not known whether, or how often, they run.
 
 use super::known::{Changes, Known, RoutineId};
 use super::lex::{Cursor, Kind};
@@ -250,7 +250,7 @@ struct Scan<'s, 'a> {
     symbols: &'s Symbols<'a>,
     id: RoutineId,
     bytes: &'a [u8],
-    /// The routine's own names, once they were asked for.
+    /// The routine's own names, once they were needed.
     own: Option<HashSet<Name>>,
     out: Direct,
 }

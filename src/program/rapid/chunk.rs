@@ -29,7 +29,7 @@ pub struct Chunk {
     pub(super) plain_head: bool,
     /// What of the head are declarations that were put into it.
     pub(super) declared: Range<usize>,
-    /// What lines mean behind this head.
+    /// What lines mean after this head.
     pub(super) kinds: Arc<Kinds>,
     pub(super) mark_before: Option<Mark>,
     /// What of it stands elsewhere in the file: declarations of targets.
@@ -71,7 +71,7 @@ impl Chunk {
         [&head[..self.declared.start], declaration, &head[self.declared.end..]].concat()
     }
 
-    /// The program of one statement behind a head.
+    /// The program of one statement after a head.
     pub(super) fn program_of(&self, head: Vec<u8>, statement: &[u8]) -> Option<Program> {
         let source = Source::new(self.source.name.clone(), [&head, statement, END].concat());
         super::read_as(self.dialect, vec![source], Vec::new()).ok()

@@ -16,7 +16,7 @@ use crate::text::{Source, Span, lines};
 use std::io::{self, Read, Seek, SeekFrom};
 use std::sync::Arc;
 
-/// Most bytes before the first motion and behind the last.
+/// Most bytes before the first motion and after the last.
 const HEAD: usize = 1 << 20;
 
 /// Motions that end a chunk: to declared targets they take few bytes.
@@ -81,7 +81,7 @@ impl<R: Read> Chunks<R> {
     where
         R: Seek,
     {
-        /// As much as `main` takes behind all routines, or the last of many.
+        /// As much as `main` takes after all routines, or the last of many.
         const TAIL: u64 = 64 * 1024;
         let len = file.seek(SeekFrom::End(0))?;
         file.seek(SeekFrom::Start(len.saturating_sub(TAIL)))?;
@@ -140,7 +140,7 @@ impl<R: Read> Chunks<R> {
             .then_some(chunks))
     }
 
-    /// The same for an input that begins with the first motion, behind `lines` lines, of which `head` is what every chunk
+    /// The same for an input that begins with the first motion, after `lines` lines, of which `head` is what every chunk
     /// needs.
     pub(super) fn behind(
         name: &str,
@@ -184,7 +184,7 @@ impl<R: Read> Chunks<R> {
         Ok(())
     }
 
-    /// The next chunk, cut behind a statement.
+    /// The next chunk, cut after a statement.
     ///
     /// # Errors
     /// What the input reports.
@@ -263,7 +263,7 @@ impl<R: Read> Chunks<R> {
         let rest = &self.rest[self.cut..];
         let whole = rest.len() < 2 * self.chunk + LONGEST;
         let most = self.motions + MOTIONS;
-        // How the last motion's line begins, its word with the byte behind it.
+        // How the last motion's line begins, its word with the byte after it.
         let mut lead: &[u8] = &[];
         while at < self.chunk && self.motions < most || !behind_motion {
             let line = line_of(&rest[at..]);
@@ -284,7 +284,7 @@ impl<R: Read> Chunks<R> {
                             return Some(Cut { stretch: at, lines, last: true });
                         }
                         behind_motion = is_motion(word);
-                        // A statement over several lines, or a comment behind one, is not worth a closer look.
+                        // A statement over several lines, or a comment after one, is not worth a closer look.
                         if !text.ends_with(b";") || !behind_motion && !harmless(text) {
                             return None;
                         }

@@ -118,7 +118,7 @@ struct Declared {
     local: bool,
 }
 
-/// The declaration around a literal: its first byte, the byte behind its `;`, what it declares.
+/// The declaration around a literal: its first byte, the byte after its `;`, what it declares.
 fn declaration(source: &Source, literal: Span) -> Option<(u32, u32, Declared)> {
     use super::lex::{Cursor, Key, Kind, key};
     let bytes = &source.bytes;
@@ -151,7 +151,7 @@ pub(super) fn layout_at(source: &Source, start: u32) -> (&[u8], &[u8]) {
     let start = start as usize;
     let line = bytes[..start].iter().rposition(|b| matches!(b, b'\n' | b'\r')).map_or(0, |p| p + 1);
     let blank = bytes[line..start].iter().take_while(|b| matches!(b, b' ' | b'\t')).count();
-    // One line end: LF, or CRs with at most one LF behind them.
+    // One line end: LF, or CRs with at most one LF after them.
     let mut from = line - usize::from(line > 0 && bytes[line - 1] == b'\n');
     while from > 0 && bytes[from - 1] == b'\r' {
         from -= 1;

@@ -23,7 +23,7 @@ impl Runner<'_> {
 
     /// A variable is about to be assigned.
     pub(super) fn assigns(&mut self, at: usize) {
-        // Behind a branch it may be as it was.
+        // After a branch it may be as it was.
         let in_every_run = self.layers.len() == self.frames.len();
         if in_every_run && let Some(began) = self.begun.declared.remove(&at) {
             self.begun.used.extend(self.moved_in(at, &began).then_some((at, began)));

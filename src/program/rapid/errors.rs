@@ -1,4 +1,4 @@
-//! Errors: what handlers get, and what holds behind them.
+//! Errors: what handlers get, and what holds after them.
 
 use super::known::RoutineId;
 use super::memory::note;
@@ -15,7 +15,7 @@ pub(super) const FAILED: &str = "may be changed by a procedure that is run again
 /// What an ERROR handler may do with an error.
 #[derive(Clone, Copy)]
 pub(super) struct Handler {
-    /// TRYNEXT: goes on behind what failed.
+    /// TRYNEXT: goes on after what failed.
     pub(super) goes_on: bool,
     /// RETRY: runs again what failed.
     pub(super) again: bool,
@@ -34,7 +34,7 @@ impl<'a> Runner<'a> {
         })
     }
 
-    /// An error, here: to the routine's own handler, or to whoever called it.
+    /// An error, here: to the routine's own handler, or to its caller.
     pub(super) fn raise(&mut self) -> Flow {
         self.events += 1;
         let Some(layer) = self.frames.last().map(|frame| frame.layer) else { return Flow::Gone };
@@ -59,7 +59,7 @@ impl<'a> Runner<'a> {
         Flow::Gone
     }
 
-    /// What the ERROR handler of the running routine may change is not known behind it.
+    /// What the ERROR handler of the running routine may change is not known after it.
     pub(super) fn run_handler(&mut self) {
         let Some(id) = self.frames.last().map(|frame| frame.routine) else { return };
         let routine = self.symbols.routine(id);
@@ -72,7 +72,7 @@ impl<'a> Runner<'a> {
         self.may_have_moved(id, routine.on_error());
     }
 
-    /// Before and behind a statement that may fail: what the handler changes that runs it again, or goes on behind it.
+    /// Before and after a statement that may fail: what the handler changes that runs it again, or goes on after it.
     pub(super) fn may_be_handled(&mut self, behind: bool) {
         if self.handler().is_some_and(|handler| handler.again || behind && handler.goes_on) {
             self.run_handler();
@@ -89,7 +89,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Whether an expression may have failed since there were so many failures, and the handler goes on behind its statement.
+    /// Whether an expression may have failed since there were so many failures, and the handler goes on after its statement.
     pub(super) fn skipped_since(&self, failures: usize) -> bool {
         self.failures > failures && self.handler().is_some_and(|handler| handler.goes_on)
     }

@@ -224,7 +224,7 @@ impl Runner<'_> {
         }
     }
 
-    /// `{index}` and `.component` behind a value.
+    /// `{index}` and `.component` after a value.
     fn component(
         &mut self,
         scope: Scope,
@@ -317,7 +317,7 @@ fn at(index: f64) -> Option<usize> {
     (index >= 1.0).then(|| index.round() as usize - 1)
 }
 
-/// Passes the bracketed text that begins at `open`, to behind its end.
+/// Passes the bracketed text that begins at `open`, to after its end.
 fn skip_brackets(cursor: &mut Cursor<'_>, open: usize) {
     cursor.at = open;
     let mut depth = 0_usize;

@@ -15,7 +15,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// A WHILE that goes round more often is taken for one whose end is known only at run time.
 const MAX_ROUNDS: usize = 100_000;
-/// Motions behind which a loop tells by its rounds so far how many there will be.
+/// Motions after which a loop tells by its rounds so far how many there will be.
 const LOOK_AHEAD: u32 = 100_000;
 /// By how much more than are followed it has to be: rounds may become shorter.
 const MARGIN: f64 = 4.0;

@@ -23,7 +23,7 @@ pub(super) struct Index {
 /// A declaration's line.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Entry {
-    /// Hash of the name in upper case: whoever reads the line sees the name itself.
+    /// Hash of the name in upper case: the reader of the line compares the name itself.
     name: u64,
     /// Offset of the line in the file.
     pub(super) start: u64,
@@ -51,7 +51,7 @@ impl Entry {
 pub(super) struct Head {
     /// Everything but the targets' declarations.
     pub(super) text: Vec<u8>,
-    /// Where declarations belong: behind the module's name.
+    /// Where declarations belong: after the module's name.
     pub(super) data: usize,
 }
 
@@ -61,9 +61,9 @@ enum Within {
     Nothing,
     Data,
     Routine,
-    /// Behind a routine.
+    /// After a routine.
     Module,
-    /// Behind the module.
+    /// After the module.
     End,
 }
 
@@ -73,7 +73,7 @@ struct Scan {
     index: Index,
     routines: Vec<Routine>,
     within: Within,
-    /// The declaration behind the one that was asked for last.
+    /// The declaration after the one that was looked up last.
     next: usize,
     /// What stands before the name in the last declaration.
     lead: Vec<u8>,
@@ -215,7 +215,7 @@ impl Index {
         (!twice).then_some(())
     }
 
-    /// Notes that a motion goes to a target; what is behind its declaration.
+    /// Notes that a motion goes to a target; what is after its declaration.
     fn count(&mut self, name: &[u8], next: usize) -> Option<usize> {
         let entry = self.position(name, next)?;
         let uses = &mut self.entries[entry].uses;
@@ -263,7 +263,7 @@ impl Index {
     }
 }
 
-/// The lines of declarations, one behind the other.
+/// The lines of declarations, one after the other.
 pub(super) fn lines_of(entries: &[Entry], file: &mut (impl Read + Seek)) -> io::Result<Vec<u8>> {
     let all: usize = entries.iter().map(|entry| entry.len as usize).sum();
     let mut text = Vec::with_capacity(all);
@@ -300,7 +300,7 @@ pub(super) fn declared(text: &[u8]) -> Option<Range<usize>> {
     declared_behind(text, kind.end).filter(|_| text[kind].eq_ignore_ascii_case(b"robtarget"))
 }
 
-/// The same behind storage and type.
+/// The same after storage and type.
 fn declared_behind(text: &[u8], from: usize) -> Option<Range<usize>> {
     let name = word(text, from)?;
     let value = text[name.end..].trim_ascii_start().strip_prefix(b":=")?.trim_ascii_start().strip_suffix(b";")?;
@@ -315,7 +315,7 @@ pub(super) fn target(text: &[u8]) -> Option<Range<usize>> {
     (is_motion(motion) && text[name.end..].trim_ascii_start().starts_with(b",")).then_some(name)
 }
 
-/// The word that stands next, behind blanks.
+/// The word that stands next, after blanks.
 fn word(text: &[u8], from: usize) -> Option<Range<usize>> {
     let rest = text[from..].trim_ascii_start();
     let start = text.len() - rest.len();

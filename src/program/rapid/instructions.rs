@@ -15,7 +15,7 @@ impl<'a> Runner<'a> {
     /// A predefined instruction that does not move to a robtarget.
     pub(super) fn instruction(&mut self, scope: Scope, call: &Call, known: Instruction, span: Span) -> Flow {
         let bytes = self.bytes(scope.source as usize);
-        // What it is told of a robtarget is told of the numbers that stand there.
+        // What holds of a robtarget holds of the numbers that stand there.
         for argument in call.given().filter(|argument| !argument.is_empty()).collect::<SmallVec<[Span; 4]>>() {
             let value = self.evaluate(scope, argument);
             self.pin_value(&value);
@@ -118,7 +118,7 @@ impl<'a> Runner<'a> {
         others
     }
 
-    /// What becomes of programmed speeds behind `VelSet`; `None` where its numbers are not known, and behind `SpeedRefresh`.
+    /// What becomes of programmed speeds after `VelSet`; `None` where its numbers are not known, and after `SpeedRefresh`.
     pub(super) fn velocity(&mut self, scope: Scope, call: &Call) -> Option<Velocity> {
         let [percent, most] = call.positional() else { return None };
         let [percent, most_mm_s] = [percent, most].map(|argument| self.evaluate(scope, *argument).num());

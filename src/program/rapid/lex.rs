@@ -179,7 +179,7 @@ pub(super) struct Cursor<'a> {
     pub(super) end: usize,
     /// End of the lexeme taken last.
     pub(super) behind: usize,
-    /// The last `! deflex …` comment passed, for whoever walks statements.
+    /// The last `! deflex …` comment passed, for the code that walks statements.
     pub(super) mark: Option<Mark>,
     /// What was seen last: it is looked at several times before it is passed.
     seen: Lexeme,
@@ -269,7 +269,7 @@ impl<'a> Cursor<'a> {
     }
 }
 
-/// `! deflex air`, `! deflex cut`: the comment's text behind `!`.
+/// `! deflex air`, `! deflex cut`: the comment's text after `!`.
 pub(super) fn mark(comment: &[u8]) -> Option<Mark> {
     let mut words = comment.split(|b| b.is_ascii_whitespace()).filter(|w| !w.is_empty());
     if !words.next()?.eq_ignore_ascii_case(b"deflex") {

@@ -16,13 +16,13 @@ pub(crate) struct Literal {
     start: u32,
     /// Its length, bytes.
     len: u16,
-    /// Each token behind `start`.
+    /// Each token after `start`.
     at: [u16; TOKENS],
     /// Its length; 0 where the text has a name instead of a number (configuration only).
     size: [u8; TOKENS],
     /// The pose's decimals, [`Leading::ODD`] where a number has other looks to keep.
     decimals: [u8; POSE],
-    /// Where the external axes' aggregate begins behind `start`.
+    /// Where the external axes' aggregate begins after `start`.
     external: u16,
 }
 
@@ -105,7 +105,7 @@ impl Literal {
         Some((literal, values))
     }
 
-    /// A literal elsewhere that differs in the seven numbers of its pose alone, given where they are behind its start.
+    /// A literal elsewhere that differs in the seven numbers of its pose alone, given where they are after its start.
     #[inline]
     pub(super) fn like(&self, start: usize, len: usize, pose: &[(usize, Leading); POSE]) -> Option<Self> {
         let mut like = *self;
@@ -114,7 +114,7 @@ impl Literal {
             like.at[i] = u16::try_from(*at).ok()?;
             (like.size[i], like.decimals[i]) = (number.len, number.bare_decimals());
         }
-        // What stands behind the pose has kept its distance to the end.
+        // What stands after the pose has kept its distance to the end.
         let behind = |at: u16| (like.len + at).checked_sub(self.len);
         for i in POSE..TOKENS {
             like.at[i] = behind(self.at[i])?;

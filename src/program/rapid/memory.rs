@@ -10,7 +10,7 @@ use super::symbols::{Content, Upper, Variable};
 use super::value::Value;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Why a value is not known behind branches.
+/// Why a value is not known after branches.
 const BRANCHES: &str = "different from branch to branch";
 
 /// More returns of one routine are taken together.
@@ -183,7 +183,7 @@ impl Runner<'_> {
         self.set(at, Value::Unknown(why));
     }
 
-    /// Data that a declaration's own text gives are held where they are: whoever changes them at run time uses them too.
+    /// Data that a declaration's own text gives are held where they are: a routine that changes them at run time uses them too.
     pub(super) fn pin_declared(&mut self, at: usize) {
         if let Some(statement) = self.symbols.variables[at].declared {
             let source = usize::from(self.symbols.variables[at].source);

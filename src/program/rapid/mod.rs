@@ -97,7 +97,7 @@ pub(crate) struct Layout {
     streamable: bool,
     /// The same, but for targets that are declared and have a name.
     plain: bool,
-    /// The mark in force behind the last statement.
+    /// The mark in force after the last statement.
     mark_behind: Option<super::Mark>,
     /// Of a chunk of a program that is run again for each: which motions its own are like.
     again: Option<agreed::Again>,

@@ -165,7 +165,7 @@ pub(super) fn split(bytes: &[u8], source: u16, span: Span) -> Option<Simple> {
     } else if first.kind != Kind::Word {
         return None;
     } else {
-        // An assignment is known by `:=` behind the name and its components.
+        // An assignment is known by `:=` after the name and its components.
         let start = cursor;
         let mut depth = 0_usize;
         loop {

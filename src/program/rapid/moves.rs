@@ -254,7 +254,7 @@ impl<'a> Runner<'a> {
         self.standing.insert(self.targets.len());
         let jumps = self.frames.last().is_some_and(|frame| frame.jumps);
         target.predecessor = match self.stands {
-            // Where the robot comes from to the first is nobody's to know.
+            // Where the robot comes from to the first motion cannot be known.
             _ if self.last == 0 => Predecessor::Start,
             Some(0) => Predecessor::Start,
             Some(last) if last == self.last && !jumps => Predecessor::Previous,

@@ -23,7 +23,7 @@ pub(super) struct Declarations<'a> {
     targets: Vec<Declaration<'a>>,
     /// Targets by the hash of their names, once one is not the next.
     by_name: Vec<(u64, u32)>,
-    /// The target behind the one that was asked for last.
+    /// The target after the one that was looked up last.
     next: usize,
 }
 
@@ -36,7 +36,7 @@ pub(super) struct DeclarationTemplate<'a> {
     pub(super) line: &'a [u8],
     /// Of it, up to the name.
     lead: &'a [u8],
-    /// What stands behind the name.
+    /// What stands after the name.
     sample: Option<Sample<'a>>,
     /// External axes of the last line.
     external: Option<Arc<ExternalAxes>>,

@@ -1,5 +1,5 @@
-//! Literals that one motion each goes to: nobody has to agree on them, so that each goes from change to edit at once. What comes
-//! of it is what [`Writer::literals`](super::rewrite) and the steps behind it make of the same program.
+//! Literals that one motion each goes to: no other motion uses them, so that each goes from change to edit at once. What comes
+//! of it is what [`Writer::literals`](super::rewrite) and the steps after it make of the same program.
 
 use super::Site;
 use super::literal::{Literal, POSE};
@@ -225,7 +225,7 @@ impl Writer<'_> {
             let same = match k {
                 0..3 => value == position_mm[k],
                 _ if was < least => value == read_leading(old)?.value,
-                // Of as many decimals: told by the digits below.
+                // Of as many decimals: the digits below decide.
                 _ => false,
             };
             if same {

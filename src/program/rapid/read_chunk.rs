@@ -33,7 +33,7 @@ impl Chunk {
     pub(super) fn read_plain(self) -> Option<StreamableChunk> {
         let mut program = super::read_as(self.dialect, vec![self.source], self.context.to_vec()).ok()?;
         let streamable = super::Layout::of(&program).is_some_and(|layout| {
-            // A mark behind the last motion is in force nowhere.
+            // A mark after the last motion is in force nowhere.
             let marks = self.last || layout.mark_behind == self.mark_behind;
             let held = || layout.plain && holds(layout, &self.own, &self.elsewhere);
             let kind = if self.elsewhere.is_empty() { layout.streamable } else { held() };

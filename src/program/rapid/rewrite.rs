@@ -203,7 +203,7 @@ impl Writer<'_> {
         let mut users: Vec<(usize, Place, [Place; 3])> = Vec::new();
         let offset_of = |i: &usize| self.layout.offset(&self.layout.sites[*i]);
         let mut sites: Vec<usize> = (0..changes.len()).filter(|i| offset_of(i).is_some()).collect();
-        // What is made from another offset comes behind it.
+        // What is made from another offset comes after it.
         sites.sort_by_key(|i| offset_of(i).map(|offset| offset.steps.len()));
         for i in sites {
             let Some(offset) = self.layout.offset(&self.layout.sites[i]) else { continue };

@@ -47,7 +47,7 @@ impl<'a> Runner<'a> {
         }
         if self.motions == 0 {
             let others: Vec<RoutineId> = self.uncalled(&procs).into_iter().filter(|id| Some(*id) != main).collect();
-            // Whoever starts one finds data as the text has them, and not as another has left them.
+            // Each entry point starts with data as the text has them, and not as another one has left them.
             for (before, id) in others.into_iter().enumerate() {
                 // Before the first one nothing has run: a chunk begins with what holds there.
                 if before > 0 {
@@ -87,7 +87,7 @@ impl<'a> Runner<'a> {
         &sources[source].bytes
     }
 
-    /// Runs something for what holds behind it, or for what it uses.
+    /// Runs something for what holds after it, or for what it uses.
     pub(super) fn quietly<T>(&mut self, mode: Mode, run: impl FnOnce(&mut Self) -> T) -> T {
         let before = self.mode;
         self.mode = before.max(mode);
@@ -146,7 +146,7 @@ impl<'a> Runner<'a> {
                     Flow::Next
                 }
             };
-            // Where labels stand, what is behind may be reached in other ways.
+            // Where labels stand, what follows may be reached in other ways.
             if flow == Flow::Gone && !self.frames.last().is_some_and(|frame| frame.jumps) {
                 return flow;
             }

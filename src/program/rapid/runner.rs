@@ -21,7 +21,7 @@ const STEPS_PER_BYTE: usize = 4;
 /// Targets in all, loops expanded, and for each byte of the program besides: a file of one line must not fill the memory.
 const TARGETS: usize = 200_000;
 const TARGETS_PER_BYTE: usize = 1;
-/// Whether the statement behind is run next.
+/// Whether the next statement is run.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Flow {
     Next,
@@ -38,7 +38,7 @@ pub(super) struct Frame {
     pub(super) layer: usize,
     /// What it leaves where it returns before its end.
     pub(super) returns: Vec<Left>,
-    /// What it leaves where an error goes to whoever called it.
+    /// What it leaves where an error goes to its caller.
     pub(super) raises: Vec<Left>,
     /// A GOTO stands in it.
     pub(super) jumps: bool,
@@ -55,7 +55,7 @@ pub(super) enum Mode {
     Real,
     /// What routines that nothing runs would use.
     Aside,
-    /// Nothing but what holds behind it.
+    /// Nothing but what holds after it.
     Dry,
 }
 

@@ -18,7 +18,7 @@ pub(super) struct Sample<'a> {
     /// Where the robtarget is, if no shape tells.
     at: Pose,
     conf: Option<Conf>,
-    /// Bytes of the line before the literal, and behind it.
+    /// Bytes of the line before the literal, and after it.
     literal_at: usize,
     behind: usize,
     /// Blanks at the line's start and its end.
@@ -131,7 +131,7 @@ impl<'a> Sample<'a> {
 
 /// The line before, which names its target.
 pub(super) struct Named<'a> {
-    /// Up to the name, and from behind it to the line's end.
+    /// Up to the name, and from after it to the line's end.
     before: &'a [u8],
     behind: &'a [u8],
     pub(super) indent: usize,

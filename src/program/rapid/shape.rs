@@ -19,7 +19,7 @@ pub(super) struct Shape {
     /// The least byte, and how much more another may have.
     least: [u8; ROOM],
     more: [u8; ROOM],
-    /// Where the eight bytes begin that end with the digits of each number: before its point, and behind it.
+    /// Where the eight bytes begin that end with the digits of each number: before its point, and after it.
     starts: [[u8; 8]; 2],
     runs: Runs,
     /// Bytes of a line.
@@ -30,10 +30,10 @@ pub(super) struct Shape {
 /// Lines that are read together.
 const AHEAD: usize = 8;
 
-/// Poses of lines behind another that are read before their turn, so that none waits for what was only just put in memory.
+/// Poses of lines after another that are read before their turn, so that none waits for what was only just put in memory.
 #[derive(Default)]
 struct Ahead {
-    /// Where the last line began, and how far behind it the next one does whose pose is read, and which it is.
+    /// Where the last line began, and how far after it the next one does whose pose is read, and which it is.
     last: usize,
     step: usize,
     next: usize,
@@ -86,7 +86,7 @@ impl Shape {
     }
 
     /// Whether the line at `start` is like this one, and its [pose](Self::pose) known; not so either where there is too little
-    /// text behind it to see that. Asked of one text alone.
+    /// text after it to see that. Asked of one text alone.
     #[inline]
     pub(super) fn read(&mut self, text: &[u8], start: usize) -> bool {
         let step = start.wrapping_sub(std::mem::replace(&mut self.ahead.last, start));
@@ -106,7 +106,7 @@ impl Shape {
         &self.ahead.poses[(self.ahead.next + AHEAD - 1) % AHEAD]
     }
 
-    /// Reads the line at `start` and those behind it, as long as they are like this one.
+    /// Reads the line at `start` and those after it, as long as they are like this one.
     #[inline(never)]
     fn read_ahead(&mut self, text: &[u8], start: usize) {
         let mut digits = [[[0; 8]; 2]; AHEAD];
@@ -188,10 +188,10 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// A number's sign, its digits before the point and behind it.
+    /// A number's sign, its digits before the point and after it.
     type Layout = (bool, usize, usize);
 
-    /// A line, with more text behind it.
+    /// A line, with more text after it.
     fn text(layouts: &[Layout], mut digit: impl FnMut() -> u8) -> (Vec<u8>, usize) {
         let mut digits = |count: usize| (0..count).map(|_| char::from(b'0' + digit())).collect::<String>();
         let numbers: Vec<String> = layouts

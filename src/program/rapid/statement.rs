@@ -131,7 +131,7 @@ impl Parser<'_> {
         Span::new(start, self.cursor.behind)
     }
 
-    /// A condition up to THEN or, in the compact form, up to the first word behind a whole operand.
+    /// A condition up to THEN or, in the compact form, up to the first word after a whole operand.
     pub(super) fn operand_run(&mut self) -> Span {
         let start = self.cursor.peek().start;
         self.cursor.behind = start;

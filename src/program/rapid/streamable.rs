@@ -183,7 +183,7 @@ impl<'a> Last<'a> {
         match self {
             Self::None => None,
             Self::Inline(last) => {
-                // What stands behind the pose is the same text.
+                // What stands after the pose is the same text.
                 let (sample, axes) = &mut **last;
                 let (indent, trailing) = (sample.indent, sample.trailing);
                 let (found, len) = sample.read(bytes, start)?;
@@ -297,7 +297,7 @@ impl Read {
     }
 }
 
-/// Reads a line behind the program's own head, with the declaration of its target, if it has one.
+/// Reads a line after the program's own head, with the declaration of its target, if it has one.
 fn learn(chunk: &Chunk, text: &[u8], declaration: Option<&[u8]>, robtargets: usize) -> Option<Meaning> {
     let head = chunk.head_with(declaration.unwrap_or_default());
     let whole = Span::new(head.len(), head.len() + text.len());

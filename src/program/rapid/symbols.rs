@@ -94,7 +94,7 @@ pub(super) struct Symbols<'a> {
     /// Number of modules in the files before each.
     pub(super) first_module: Vec<usize>,
     pub(super) variables: Vec<Variable>,
-    /// How many of them are data of modules; parameters and own data of routines stand behind them.
+    /// How many of them are data of modules; parameters and own data of routines stand after them.
     pub(super) data: usize,
     /// Components of the program's own record types: type → name → place and type.
     pub(super) records: HashMap<Box<[u8]>, Vec<Field>>,

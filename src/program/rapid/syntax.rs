@@ -7,7 +7,7 @@ use super::parser::{NO_SEMICOLON, Parser, Scan};
 use super::tree::{Data, File, Module, Param, Record, Routine, RoutineKind, Storage};
 use crate::text::{Source, Span};
 
-/// Deeper nesting of blocks is refused: nobody writes it, and the walk over it is recursive.
+/// Deeper nesting of blocks is refused: real programs do not have it, and the walk over it is recursive.
 pub(super) const MAX_DEPTH: usize = 100;
 
 /// Where blocks are nested deeper than [`MAX_DEPTH`].
@@ -200,7 +200,7 @@ impl Parser<'_> {
         module.records.push(Record { name: name.span(), fields });
     }
 
-    /// Behind VAR, PERS or CONST.
+    /// After VAR, PERS or CONST.
     fn data(&mut self, start: usize, storage: Storage, local: bool) -> Option<Data> {
         let head = (self.cursor.accept(Kind::Word), self.cursor.accept(Kind::Word));
         let (Some(kind), Some(name)) = head else {

@@ -128,7 +128,7 @@ pub(super) enum Statement {
     Raise,
     /// Of an error handler: the statement that failed again.
     Retry,
-    /// Of an error handler: the statement behind the one that failed.
+    /// Of an error handler: the statement after the one that failed.
     TryNext,
     /// `CONNECT interrupt WITH trap`: the whole of it.
     Connect(Span),

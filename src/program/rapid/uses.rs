@@ -194,7 +194,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Traps that move the robot: where one interrupts, the motion behind begins where it ends.
+    /// Traps that move the robot: where one interrupts, the next motion begins where it ends.
     pub(super) fn tell_traps_that_move(&mut self) {
         let is_trap = |id: &RoutineId| self.symbols.routine(*id).kind == RoutineKind::Trap;
         for id in self.symbols.all().filter(is_trap).collect::<Vec<_>>() {

@@ -62,7 +62,7 @@ impl Step {
         self.tokens.map(|tokens| tokens[0])
     }
 
-    /// The pose behind this step.
+    /// The pose after this step.
     pub(crate) fn apply(&self, position: [f64; 3], quat: [f64; 4]) -> ([f64; 3], [f64; 4]) {
         let d = if self.in_tool { rotate(unit(quat), self.offset_mm) } else { self.offset_mm };
         (std::array::from_fn(|i| position[i] + d[i]), multiply(quat, self.turn))
@@ -103,7 +103,7 @@ pub(super) fn unit(q: [f64; 4]) -> [f64; 4] {
 }
 
 impl Value {
-    /// Whether it is plainly the very same: of aggregates it is not asked.
+    /// Whether it is plainly the very same: aggregates are not compared.
     #[allow(clippy::float_cmp)] // the very number
     pub(super) fn is(&self, other: &Self) -> bool {
         match (self, other) {
@@ -190,7 +190,7 @@ impl Value {
             let Value::List(_, Some(place)) = self else { return None };
             let ([x, y, z], [q1, q2, q3, q4]) = (position.tokens()?, quat.tokens()?);
             let Value::List(_, external) = external else { return None };
-            // A name has no place of its own: then the text behind the orientation is taken as it is.
+            // A name has no place of its own: then the text after the orientation is taken as it is.
             let external = external.map_or(Span { start: place.span.end - 1, end: place.span.end - 1 }, |p| p.span);
             Literal::partial(place.source, place.span, [x, y, z, q1, q2, q3, q4], conf.tokens(), external)
         };

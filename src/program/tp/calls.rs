@@ -22,9 +22,9 @@ pub(super) struct Called {
     pub(super) redefined: BTreeSet<(Frame, u32)>,
     /// Values of any frame.
     pub(super) all_redefined: BTreeSet<Frame>,
-    /// Why paths are moved at run time behind it, where they are.
+    /// Why paths are moved at run time after it, where they are.
     pub(super) displaces: Option<&'static str>,
-    /// Whether something runs beside behind it.
+    /// Whether something runs in parallel after it.
     pub(super) concurrent: bool,
     /// Whether it may move the robot.
     pub(super) moves: bool,
@@ -35,7 +35,7 @@ pub(super) struct Called {
 }
 
 impl Called {
-    /// A program that is not given: registers and selections may be others behind it. The values of frames and tools are those
+    /// A program that is not given: registers and selections may be others after it. The values of frames and tools are those
     /// of the cell all the same: that is what the cell says of the controller (`docs/soundness.md`).
     pub(super) fn unknown() -> Self {
         Self { all_registers: true, selects: [true; 2], moves: true, ..Self::default() }

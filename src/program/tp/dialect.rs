@@ -3,7 +3,7 @@
 use crate::text::Source;
 use std::ops::Range;
 
-/// Bytes behind the attributes that are looked at: generators sign with their first remark.
+/// Bytes after the attributes that are looked at: generators sign with their first remark.
 const BEHIND: usize = 1024;
 
 /// Signs in lower case and the maker that they mean; the first that is found counts.

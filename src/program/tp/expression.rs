@@ -18,7 +18,7 @@ pub(super) type Registers = BTreeMap<u32, f64>;
 /// A value, or `None` where it is known only at run time.
 type Known = Option<f64>;
 
-/// Whole numbers from here on are not told apart by single precision.
+/// Single precision does not distinguish whole numbers from here on.
 const EXACT: f64 = 16_777_216.0;
 
 /// Parentheses deeper than this are no program's.

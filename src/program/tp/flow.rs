@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Where a run may go on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Next {
-    /// At this statement; behind the last one it ends.
+    /// At this statement; after the last one it ends.
     At(usize),
     /// At any statement.
     Anywhere,
@@ -20,11 +20,11 @@ pub(super) enum Next {
 #[derive(Debug)]
 pub(super) struct Flow<'a> {
     pub(super) kinds: Vec<Kind<'a>>,
-    /// Statements within a block of point logic: they run beside.
+    /// Statements within a block of point logic: they run in parallel.
     inner: Vec<bool>,
     labels: BTreeMap<u32, usize>,
-    /// Of `IF`, where it goes on if not so; of `ELSE`, behind `ENDIF`; of `FOR`, its `ENDFOR`, and the other way round; of the
-    /// cases of a `SELECT`, behind it.
+    /// Of `IF`, where it goes on if not so; of `ELSE`, after `ENDIF`; of `FOR`, its `ENDFOR`, and the other way round; of the
+    /// cases of a `SELECT`, after it.
     partner: BTreeMap<usize, usize>,
     /// Of the cases of a `SELECT`, its first.
     first_case: BTreeMap<usize, usize>,
@@ -136,7 +136,7 @@ impl<'a> Flow<'a> {
         }
     }
 
-    /// What is known behind statement `at`, and where it goes on: one way or several.
+    /// What is known after statement `at`, and where it goes on: one way or several.
     pub(super) fn step(&self, at: usize, mut state: State) -> Vec<(Next, State)> {
         if self.inner[at] {
             // Its effects came with the motion that it belongs to.
@@ -216,7 +216,7 @@ impl<'a> Flow<'a> {
             Kind::Call(name) => state.call(self.calls.of(name)),
             Kind::Macro => state.call(&Called::unknown()),
             Kind::Concurrent(name) => {
-                // What moves the robot does not run beside.
+                // What moves the robot does not run in parallel.
                 let elsewhere = state.elsewhere;
                 state.call(self.calls.of(name));
                 state.elsewhere = elsewhere;
@@ -239,7 +239,7 @@ impl<'a> Flow<'a> {
         vec![(behind, state)]
     }
 
-    /// A case of a `SELECT`: its statement, and behind all cases; or the next case.
+    /// A case of a `SELECT`: its statement, and after all cases; or the next case.
     fn case(&self, at: usize, state: State) -> Vec<(Next, State)> {
         let first = self.first_case.get(&at).map(|first| &self.kinds[*first]);
         let Some(Kind::SelectCase(operand, first)) = first else { return vec![(Next::Anywhere, state)] };
@@ -274,7 +274,7 @@ impl<'a> Flow<'a> {
         let counter = number.and_then(|number| state.registers.get(&number).copied());
         let next = counter.map(|counter| if *down { counter - 1.0 } else { counter + 1.0 });
         let enters = next.zip(last).map(|(next, last)| if *down { next >= last } else { next <= last });
-        // What is left in the counter behind the loop is the controller's affair.
+        // What is left in the counter after the loop is the controller's affair.
         let mut over = state.clone();
         over.set(register, b"");
         match number {
@@ -294,7 +294,7 @@ fn either(holds: Option<bool>, so: (Next, State), not: (Next, State)) -> Vec<(Ne
     }
 }
 
-/// Which statements stand in blocks of point logic: behind a motion that announces one, up to a line of dashes.
+/// Which statements stand in blocks of point logic: after a motion that announces one, up to a line of dashes.
 pub(super) fn inner(lines: &[Line<'_>], kinds: &[Kind<'_>]) -> Vec<bool> {
     let mut within = false;
     let one = |(line, kind): (&Line<'_>, &Kind<'_>)| {

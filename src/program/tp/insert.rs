@@ -1,4 +1,4 @@
-//! Points between two targets: motions of their own before the statement, positions of their own behind the others, and the
+//! Points between two targets: motions of their own before the statement, positions of their own after the others, and the
 //! statements that follow counted on, as a controller prints them.
 
 use super::Layout;

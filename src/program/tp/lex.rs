@@ -16,7 +16,7 @@ pub(super) fn blanks(input: &[u8]) -> Parsed<'_, &[u8]> {
     take_while(|b: u8| b.is_ascii_whitespace()).parse(input)
 }
 
-/// `parser` with blanks before and behind it.
+/// `parser` with blanks before and after it.
 pub(super) fn spaced<'a, T>(
     parser: impl Parser<&'a [u8], Output = T, Error = nom::error::Error<&'a [u8]>>,
 ) -> impl Parser<&'a [u8], Output = T, Error = nom::error::Error<&'a [u8]>> {

@@ -24,7 +24,7 @@ pub(super) struct Motion<'a> {
     pub(super) moved: Option<&'static str>,
     /// On the way, it stays on a line or an arc in what another motion group carries (`COORD`).
     pub(super) coordinated: bool,
-    /// Other statements run beside it, or while it runs.
+    /// Other statements run in parallel with it.
     pub(super) runs_others: bool,
     /// Programs that it calls (`TB .10sec,CALL OPEN`), as written.
     pub(super) calls: Vec<&'a [u8]>,
@@ -32,7 +32,7 @@ pub(super) struct Motion<'a> {
     pub(super) skip: Option<&'a [u8]>,
     /// `A`: on a circle with its neighbours.
     pub(super) is_arc: bool,
-    /// A block of statements that run beside it follows.
+    /// A block of statements that run in parallel with it follows.
     pub(super) point_logic: bool,
 }
 
@@ -121,7 +121,7 @@ fn speed(input: &[u8]) -> Parsed<'_, Option<f64>> {
     Ok((rest, value.zip(unit).map(|(value, unit)| value * unit).filter(|speed| *speed > 0.0)))
 }
 
-/// What the words behind the speed mean.
+/// What the words after the speed mean.
 enum Meaning {
     /// Nothing for where the motion ends.
     Plain,
@@ -129,7 +129,7 @@ enum Meaning {
     Moved(&'static str),
     /// It may end before, at a condition.
     Skip,
-    /// Something runs shortly before or behind the point: the rest says what.
+    /// Something runs shortly before or after the point: the rest says what.
     Timed,
     /// The way is one in what another motion group carries.
     Coordinated,
@@ -190,19 +190,19 @@ const WORDS: [(&[u8], Meaning); 51] = [
     (b"HOP", Meaning::Plain),
 ];
 
-/// Reads what stands behind the speed.
+/// Reads what stands after the speed.
 fn modifiers<'a>(text: &'a [u8], motion: &mut Motion<'a>) {
     let upper = text.to_ascii_uppercase();
     let has = |wanted: &[u8]| memchr::memmem::find(&upper, wanted).is_some();
     motion.point_logic = has(b"P-SPS") || has(b"POINT_LOGIC");
-    // Wherever it stands: behind a word that is not known, too.
+    // Wherever it stands: after a word that is not known, too.
     let others: [&[u8]; 4] = [b"CALL", b"AUFRUF", b"SPOT", b"PRESS_MOTN"];
     motion.runs_others = motion.point_logic || others.iter().any(|wanted| has(wanted));
     for word in &others[..2] {
         let behind = memchr::memmem::find_iter(&upper, word).map(|at| &text[at + word.len()..]);
         motion.calls.extend(behind.map(|rest| program(rest.trim_ascii_start()).0));
     }
-    // What runs beside is no option of the motion; what stands behind it is, as in `TB .10sec,P-SPS Offset,PR[1]`.
+    // What runs in parallel is no option of the motion; what stands after it is, as in `TB .10sec,P-SPS Offset,PR[1]`.
     let (mut rest, mut beside) = (text, false);
     loop {
         rest = rest.trim_ascii_start();

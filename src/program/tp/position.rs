@@ -80,7 +80,7 @@ const UNSET: &str = "position that is not taught (********)";
 const INCOMPLETE: &str = "position without all numbers of motion group 1";
 const OTHERS: &str = "position of other motion groups alone";
 
-/// The first position of `input`, behind whatever stands before it; `None` where there is none any more. Offsets count
+/// The first position of `input`, after whatever stands before it; `None` where there is none any more. Offsets count
 /// from `base`, the whole text.
 pub(super) fn next<'a>(base: &'a [u8], input: &'a [u8]) -> Option<(&'a [u8], Result<Position, Span>)> {
     let mut rest = input;
@@ -146,7 +146,7 @@ struct Item<'a> {
     unit: Option<&'a [u8]>,
 }
 
-/// What stands behind a key.
+/// What stands after a key.
 #[derive(Clone, Copy)]
 enum Value<'a> {
     Number {
@@ -310,7 +310,7 @@ fn config(items: &[Item<'_>]) -> Option<Config> {
         let comma = |input| opt(char(',')).parse(input) as Parsed<'_, Option<char>>;
         let (behind, (_, token)) = (comma, spaced(turn)).parse(rest).ok()?;
         config.turns[i] = std::str::from_utf8(token).ok()?.parse().ok()?;
-        // The token begins where what is behind it and its own bytes leave off.
+        // The token begins where what is after it and its own bytes leave off.
         let end = text.len() - behind.len();
         let trimmed = text[..end].trim_ascii_end().len();
         let place = base.span(&text[trimmed - token.len()..], token.len());

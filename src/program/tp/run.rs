@@ -49,7 +49,7 @@ fn decided(flow: &Flow<'_>) -> Option<Vec<Visit>> {
 fn reachable(flow: &Flow<'_>) -> Vec<Visit> {
     let count = flow.kinds.len();
     let mut before: Vec<Option<State>> = vec![None; count];
-    // What holds behind statements that may go on anywhere.
+    // What holds after statements that may go on anywhere.
     let mut anywhere: Option<State> = None;
     let mut open: VecDeque<usize> = VecDeque::new();
     if join(before.first_mut(), &flow.start) {

@@ -21,7 +21,7 @@ pub(super) struct State {
     pub(super) all_redefined: BTreeSet<Frame>,
     /// Why paths are moved at run time, where they are.
     pub(super) displaced: Option<&'static str>,
-    /// Something runs beside: nothing that it could change stays known.
+    /// Something runs in parallel: nothing that it could change stays known.
     pub(super) concurrent: bool,
     /// Motions that the robot may stand at the end of.
     pub(super) standing: BTreeSet<usize>,
@@ -64,7 +64,7 @@ impl State {
         *self != before
     }
 
-    /// Which frame is selected, while nothing runs beside.
+    /// Which frame is selected, while nothing runs in parallel.
     pub(super) fn select(&mut self, frame: Frame, number: Option<u32>) {
         self.selected[frame as usize] = number.filter(|_| !self.concurrent);
     }

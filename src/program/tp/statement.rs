@@ -29,7 +29,7 @@ pub(super) enum Kind<'a> {
     Label(&'a [u8]),
     /// `JMP LBL[…]`
     Jump(&'a [u8]),
-    /// `IF … THEN`: all behind `IF`.
+    /// `IF … THEN`: all after `IF`.
     If(&'a [u8]),
     /// `ELSE`
     Else,
@@ -49,7 +49,7 @@ pub(super) enum Kind<'a> {
     EndFor,
     /// Runs another program, and comes back: its name; empty where only a run knows it.
     Call(&'a [u8]),
-    /// A program runs beside from here on, or may run at any moment: its name; empty where only a run knows it.
+    /// A program runs in parallel from here on, or may run at any moment: its name; empty where only a run knows it.
     Concurrent(&'a [u8]),
     /// `WAIT …,TIMEOUT,LBL[…]`
     Timeout(&'a [u8]),
@@ -353,7 +353,7 @@ fn timeout(text: &[u8]) -> Kind<'_> {
     }
 }
 
-/// What follows a condition or a value, behind its comma.
+/// What follows a condition or a value, after its comma.
 pub(super) fn guarded<'a>(text: &'a [u8]) -> Kind<'a> {
     let text = text.trim_ascii_start();
     of(text.strip_prefix(b",").unwrap_or(text), false)

@@ -130,7 +130,7 @@ impl Builder<'_> {
         self.built.sites.push(site);
     }
 
-    /// A motion that nobody knows the end of: what it names stays.
+    /// A motion whose end is not known: what it names stays.
     pub(super) fn lose(&mut self, at: usize, motion: &Motion<'_>, state: &State, why: &'static str) {
         for point in motion.via.iter().chain([&motion.end]) {
             if let Point::Position(index) = *point {
@@ -140,7 +140,7 @@ impl Builder<'_> {
         self.unknown(at, why);
     }
 
-    /// A point that a motion goes to or through; or why nobody knows where it is.
+    /// A point that a motion goes to or through; or why its place is not known.
     pub(super) fn point(
         &mut self,
         at: usize,
@@ -238,7 +238,7 @@ impl Builder<'_> {
         Ok([intern(&mut self.built.wobjs, wobj), intern(&mut self.built.tools, tool)])
     }
 
-    /// A motion that nobody knows the end of.
+    /// A motion whose end is not known.
     fn unknown(&mut self, at: usize, why: &'static str) {
         let (line, most) = (&self.lines[at], u32::MAX);
         self.built.unknown.push(UnknownMotion {

@@ -210,7 +210,7 @@ const MOST_PAIRS: usize = 10;
 
 /// Pairs of effects that these rows hold close together, closest first.
 fn separability(pairs: &[Separation]) -> String {
-    /// d′ below the first is not told apart, from the second on it is.
+    /// Below the first d′ a pair cannot be distinguished; from the second on it can.
     const TOLD_APART: [f64; 2] = [3.0, 5.0];
     let shown = &pairs[..pairs.len().min(MOST_PAIRS)];
     let most = shown.iter().map(|pair| pair.d_prime).fold(TOLD_APART[1], f64::max);

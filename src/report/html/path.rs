@@ -181,7 +181,7 @@ impl PathTrace {
     }
 
     /// Quotes the program at every target that the page will show, once all rows are in: `line_of` gives the text of the
-    /// line for a target's ordinal and its line, asked in running order.
+    /// line for a target's ordinal and its line, called in running order.
     pub fn quote(&mut self, mut line_of: impl FnMut(u32, u32) -> Option<String>) {
         self.parts.iter_mut().for_each(|(_, trace)| trace.quote(&mut line_of));
     }

@@ -67,7 +67,7 @@ pub(crate) struct Leading {
     pub(crate) value: f64,
     /// Its bytes.
     pub(crate) len: u8,
-    /// Digits behind the point.
+    /// Digits after the point.
     decimals: u8,
     /// Whether it has neither a plus nor zeros that say nothing before its digits, nor is it a negative zero.
     pub(crate) bare: bool,
@@ -80,7 +80,7 @@ impl Leading {
         self.len.into()
     }
 
-    /// Digits behind the point.
+    /// Digits after the point.
     #[inline]
     pub(crate) fn decimals(self) -> usize {
         self.decimals.into()
@@ -97,7 +97,7 @@ impl Leading {
 }
 
 /// The number that `bytes` begin with, where it is an optional sign, digits, and a point between digits: what [`read`] gives
-/// for that token, found in one pass. `None` for any other form; whoever calls looks at what follows.
+/// for that token, found in one pass. `None` for any other form; the caller checks what follows.
 #[must_use]
 #[inline]
 pub(crate) fn read_leading(bytes: &[u8]) -> Option<Leading> {
@@ -124,7 +124,7 @@ pub(crate) fn read_leading(bytes: &[u8]) -> Option<Leading> {
     Some(Leading { value: if negative { -value } else { value }, len, decimals, bare })
 }
 
-/// `number` with the digits behind it that `bytes` begin with, and how many they are. Wraps where they are too many.
+/// `number` with the digits after it that `bytes` begin with, and how many they are. Wraps where they are too many.
 #[inline]
 fn append_digits(number: u64, bytes: &[u8]) -> (u64, usize) {
     if let Some(eight) = bytes.first_chunk() {
@@ -169,7 +169,7 @@ fn exponent(tail: &[u8]) -> Option<i32> {
     short.then(|| sign * digits.iter().fold(0, |e, d| e * 10 + i32::from(d - b'0')))
 }
 
-/// Digits behind the point of a token, 0 without one; the exponent is not counted.
+/// Digits after the point of a token, 0 without one; the exponent is not counted.
 #[must_use]
 pub(crate) fn decimals(token: &[u8]) -> usize {
     let mantissa = token.split(|b| matches!(b, b'e' | b'E' | b'd' | b'D')).next().unwrap_or(token);

@@ -21,7 +21,7 @@ struct Scale {
     /// Bits of the decimals as text, and of what is before them in eight digits.
     part: [u64; SIDE],
     rest: [u64; SIDE],
-    /// The point before the decimals, with bits for it, and the comma behind: for up to seven decimals.
+    /// The point before the decimals, with bits for it, and the comma after: for up to seven decimals.
     point: [u64; SIDE],
     marks: [u64; SIDE],
 }
@@ -32,7 +32,7 @@ pub(crate) struct Digits {
     /// What stands before the point, and its bytes, at most eight.
     head: [u64; SIDE],
     len: [u64; SIDE],
-    /// Digits behind the point, maybe with the point, and the comma behind if there is room for it.
+    /// Digits after the point, maybe with the point, and the comma after if there is room for it.
     tail: [u64; SIDE],
 }
 
@@ -145,7 +145,7 @@ impl Scale {
         self.printed(values, number, eights(whole), part, zip(unsure, full, |unsure, full| unsure | full))
     }
 
-    /// Puts together what stands before the point and behind it, given the eight digits before it.
+    /// Puts together what stands before the point and after it, given the eight digits before it.
     #[inline(always)]
     fn printed(
         &self,

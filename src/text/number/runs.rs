@@ -3,7 +3,7 @@
 use super::TENS;
 use super::write::{INTEGERS, ZEROS};
 
-/// Where digits stand in eight numbers: those before the point and those behind it are runs of their own.
+/// Where digits stand in eight numbers: those before the point and those after it are runs of their own.
 pub(crate) struct Runs {
     /// Of eight bytes, the last of which is the run's last digit, those that are digits of it.
     own: [[u64; 8]; 2],

@@ -2,7 +2,7 @@
 
 use super::{MOST_DECIMALS, TENS, WHOLE_TENS};
 
-/// Appends `value` with exactly `decimals` digits behind the point, rounded half to even on the
+/// Appends `value` with exactly `decimals` digits after the point, rounded half to even on the
 /// exact binary value, and never a negative zero.
 pub(crate) fn write_fixed(out: &mut Vec<u8>, value: f64, decimals: usize) {
     match Fixed::of(value, decimals) {
@@ -61,7 +61,7 @@ pub(crate) struct Fixed {
 }
 
 impl Fixed {
-    /// `value` with so many digits behind the point; `None` for what no program has.
+    /// `value` with so many digits after the point; `None` for what no program has.
     #[must_use]
     #[inline]
     pub(crate) fn of(value: f64, decimals: usize) -> Option<Self> {
@@ -88,7 +88,7 @@ impl Fixed {
     /// Sign, 20 digits and a point, at most.
     pub(crate) const SIZE: usize = 24;
 
-    /// Writes the digits to the beginning of a place for them; their count. What is behind them is of no meaning.
+    /// Writes the digits to the beginning of a place for them; their count. What is after them is of no meaning.
     #[inline]
     pub(crate) fn put(self, place: &mut [u8; Self::SIZE]) -> usize {
         let Self { negative, digits, decimals } = self;
@@ -232,7 +232,7 @@ fn pair(number: u64) -> [u8; 2] {
     PAIRS[usize::from(number.to_le_bytes()[0])]
 }
 
-/// 00, 01 … 99; further on nothing that is asked for.
+/// 00, 01 … 99; the rest is padding that no caller reads.
 const PAIRS: [[u8; 2]; 256] = {
     let mut pairs = [[b'0'; 2]; 256];
     let mut i = 0;

@@ -151,7 +151,7 @@ proptest! {
         while let Ok(Next::Chunk(chunk)) = chunks.take() {
             let fast = super::read(&chunk).map(|read| read.into_program(chunk.dialect(), chunk.source.clone()));
             let plain = chunk.read_plain();
-            // Whoever is not sure leaves it to the plain way; whoever is says the same.
+            // A fast path that is not sure leaves the text to the plain reader; one that is sure says the same.
             if let Some(fast) = fast {
                 prop_assert_eq!(plain.map(|plain| format!("{:?}", plain.program)), Some(format!("{fast:?}")));
             }

@@ -78,7 +78,7 @@ impl Parser<'_> {
         }
     }
 
-    /// Behind IF: the block form, or the compact form with one statement and no THEN.
+    /// After IF: the block form, or the compact form with one statement and no THEN.
     fn condition(&mut self, data: &mut Vec<Data>, at: usize, depth: usize) -> Result<Option<Statement>, TooDeep> {
         let condition = self.operand_run();
         let head = Span::new(at, self.cursor.behind);
@@ -118,7 +118,7 @@ impl Parser<'_> {
         Ok(inner.map(|s| Statement::If { arms: vec![(condition, vec![s])], otherwise: Vec::new(), at: head }))
     }
 
-    /// Behind FOR.
+    /// After FOR.
     fn counted(&mut self, data: &mut Vec<Data>, at: usize, depth: usize) -> Result<Option<Statement>, TooDeep> {
         let variable = self.cursor.accept(Kind::Word);
         let from_word = self.cursor.accept_word(b"FROM");
@@ -137,7 +137,7 @@ impl Parser<'_> {
         Ok(Some(Statement::For { variable: variable.span(), from, to, step, body, at: head }))
     }
 
-    /// Behind WHILE.
+    /// After WHILE.
     fn repeated(&mut self, data: &mut Vec<Data>, at: usize, depth: usize) -> Result<Statement, TooDeep> {
         let condition = self.expression(&[b"DO"]);
         self.cursor.accept_word(b"DO");
@@ -147,7 +147,7 @@ impl Parser<'_> {
         Ok(Statement::While { condition, body, at: head })
     }
 
-    /// Behind TEST.
+    /// After TEST.
     fn test(&mut self, data: &mut Vec<Data>, at: usize, depth: usize) -> Result<Statement, TooDeep> {
         let subject = self.expression(&[]);
         let head = Span::new(at, self.cursor.behind);
@@ -172,7 +172,7 @@ impl Parser<'_> {
         Ok(Statement::Test { subject, cases, otherwise, at: head })
     }
 
-    /// Behind RETURN, EXIT, RAISE, RETRY, TRYNEXT, GOTO or CONNECT, which stands at `at`.
+    /// After RETURN, EXIT, RAISE, RETRY, TRYNEXT, GOTO or CONNECT, which stands at `at`.
     fn leaving(&mut self, word: Key, at: usize) -> Statement {
         let first = self.cursor.peek().span();
         let from = first.start as usize;
