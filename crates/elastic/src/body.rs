@@ -3,7 +3,7 @@
 use crate::direct::{Band, cost, ordered};
 use crate::element::{CORNERS, Element, Matrix, Rule, shape};
 use crate::level::{
-    Cells, From, LANES, Level, NONE, SHARED, Transfer, Vector, add_scaled, coarser, dot, halved, turn_towards,
+    Cells, LANES, Level, NONE, SHARED, Sweep, Transfer, Vector, add_scaled, coarser, dot, halved, turn_towards,
 };
 use crate::solid::{Filling, Solid, ravel, unravel};
 use crate::support::{Clamp, Held, HoldError, hold};
@@ -28,7 +28,9 @@ const LEVELS: usize = 16;
 /// Rounds of conjugate gradients before what is found is taken as it is.
 const ROUNDS: usize = 300;
 /// The last rounds that are looked at for whether more of them would change anything.
-const LATEST: usize = 4;
+const LATEST: usize = 2;
+/// Share of the energy that these may have won where the iteration ends, where a compliance is wanted for itself.
+const SETTLED: f64 = 3e-4;
 /// A force of a [map](crate::ComplianceMap) is spread over so many cells to each side, so that its dent, which the grid is too
 /// coarse for, is small.
 const SPREAD: f64 = 2.0;
@@ -51,19 +53,34 @@ pub struct Body {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Spot(pub(crate) Vec<(u32, f64)>);
 
-/// Displacements under some loads.
+/// Forces by axis on nodes, by number.
+pub(crate) type Load = Vec<(u32, Vector3<f64>)>;
+
+impl Spot {
+    /// A force that the spot takes.
+    pub(crate) fn under(&self, force: &Vector3<f64>) -> Load {
+        self.0.iter().map(|(number, share)| (*number, force * *share)).collect()
+    }
+}
+
+/// What displacements have come to.
 pub(crate) struct Solved {
-    /// What was found.
-    pub(crate) x: Vector,
+    /// What is to be added to the displacements that the iteration has started from.
+    pub(crate) change: Vector,
+    /// Forces that are left.
+    pub(crate) left: Vector,
+    /// What the change adds to each load's work, N·mm: for unit forces that is compliance.
+    pub(crate) won: [f64; LANES],
     /// Rounds that it took.
     pub(crate) rounds: usize,
 }
 
-/// What vectors the iteration works in.
+/// What vectors the iteration works in, of one grid, and what it hands to the next one.
 struct Work {
-    b: Vector,
-    x: Vector,
-    smooth: [Vector; 2],
+    step: Vector,
+    next: Vector,
+    coarse_b: Vector,
+    coarse_x: Vector,
 }
 
 impl Body {
@@ -89,6 +106,9 @@ impl Body {
             cells_of_level = coarser(&cells_of_level);
             let next = Level::new(&cells_of_level);
             transfers.push(Transfer::between(last, &next, axes));
+            if let Some(middle) = levels.iter_mut().skip(1).last() {
+                middle.forget_exact();
+            }
             levels.push(next);
         }
         let coarsest = Band::new(&levels[levels.len() - 1]);
@@ -122,14 +142,18 @@ impl Body {
             };
             Spot(patch.iter().flat_map(at).collect())
         };
-        let spots: Vec<Spot> = patches.iter().map(spread).collect();
+        self.compliance_at(&patches.iter().map(spread).collect::<Vec<_>>())
+    }
+
+    /// The compliance at spots.
+    pub(crate) fn compliance_at(&self, spots: &[Spot]) -> Vec<Matrix3<f64>> {
         let mut all = vec![Matrix3::zeros(); spots.len()];
         let loads: Vec<(usize, usize)> = (0..spots.len()).flat_map(|n| (0..3).map(move |k| (n, k))).collect();
         for batch in loads.chunks(LANES) {
-            let forces: Vec<(&Spot, Vector3<f64>)> = batch.iter().map(|(n, k)| (&spots[*n], unit(*k))).collect();
-            let solved = self.solve(&forces, None);
+            let forces: Vec<Load> = batch.iter().map(|(n, k)| spots[*n].under(&unit(*k))).collect();
+            let solved = self.solve(self.loaded(&forces), |_, won, latest| latest <= SETTLED * won);
             for (lane, (n, k)) in batch.iter().enumerate() {
-                all[*n].set_column(*k, &self.sample(&solved.x, lane, &spots[*n]));
+                all[*n].set_column(*k, &self.sample(&solved.change, lane, &spots[*n]));
             }
         }
         all.into_iter().map(|c| (c + c.transpose()) * 0.5).collect()
@@ -229,7 +253,7 @@ impl Body {
     pub(crate) fn sample(&self, x: &Vector, lane: usize, spot: &Spot) -> Vector3<f64> {
         let mut sum = Vector3::zeros();
         for (number, share) in &spot.0 {
-            sum += Vector3::from_fn(|k, _| share * x[*number as usize][k][lane]);
+            sum += Vector3::from_fn(|k, _| share * f64::from(x[*number as usize][k][lane]));
         }
         sum
     }
@@ -258,103 +282,85 @@ impl Body {
         }
     }
 
-    /// Displacements under at most eight forces, each alone; `start` is a guess at them.
-    pub(crate) fn solve(&self, forces: &[(&Spot, Vector3<f64>)], start: Option<Vector>) -> Solved {
-        let fine = &self.levels[0];
-        let mut r = fine.zeros();
-        for (lane, (spot, force)) in forces.iter().enumerate() {
-            for (number, share) in &spot.0 {
+    /// The forces of loads, one each.
+    pub(crate) fn loaded(&self, loads: &[Load]) -> Vector {
+        let mut b = self.zeros();
+        for (lane, load) in loads.iter().enumerate() {
+            for (number, force) in load {
                 for k in 0..3 {
-                    r[*number as usize][k][lane] += share * force[k];
+                    b[*number as usize][k][lane] += force[k] as f32;
                 }
             }
         }
-        self.hold(&mut r);
-        let mut q = fine.zeros();
-        let (mut x, mut energy) = match start {
-            Some(x) => {
-                let energy = dot(&x, &r);
-                fine.apply(&x, &mut q);
-                add_scaled(&mut r, &[-1.0; LANES], &q);
-                (x, energy)
-            }
-            None => (fine.zeros(), [0.0; LANES]),
-        };
+        self.hold(&mut b);
+        b
+    }
+
+    /// Displacements under forces, each load alone. It ends where `settled` holds of each load's number, what it has won, and what
+    /// of that the latest rounds have won.
+    pub(crate) fn solve(&self, forces: Vector, settled: impl Fn(usize, f64, f64) -> bool) -> Solved {
+        let fine = &self.levels[0];
+        let mut r = forces;
+        let (mut x, mut q, mut z) = (fine.zeros(), fine.zeros(), fine.zeros());
         let mut work = self.work();
-        let mut z = fine.zeros();
-        self.precondition(&r, &mut z, &mut work);
+        self.cycle(0, &r, &mut z, &mut work);
         let mut p = z.clone();
         let mut rz = dot(&r, &z);
         let mut gains: Vec<[f64; LANES]> = Vec::new();
+        let mut won = [0.0; LANES];
         let mut rounds = 0;
         while rounds < ROUNDS {
             rounds += 1;
-            fine.apply(&p, &mut q);
-            let pq = dot(&p, &q);
+            let pq = fine.apply(&p, &mut q);
             let alpha: [f64; LANES] = std::array::from_fn(|l| if pq[l] > 0.0 { rz[l] / pq[l] } else { 0.0 });
             add_scaled(&mut x, &alpha, &p);
             add_scaled(&mut r, &alpha.map(|a| -a), &q);
             let gain: [f64; LANES] = std::array::from_fn(|l| alpha[l] * rz[l]);
             for l in 0..LANES {
-                energy[l] += gain[l];
+                won[l] += gain[l];
             }
             gains.push(gain);
-            // What the last rounds have won bounds from above what the next ones win, where they go on shrinking.
-            let recent = |l: usize| gains.iter().rev().take(LATEST).map(|gain| gain[l]).sum::<f64>();
-            let done = |l: usize| recent(l) <= self.tolerance() * energy[l].abs();
-            if gains.len() >= LATEST.min(3) && (0..LANES).all(done) {
+            let latest = |l: usize| gains.iter().rev().take(LATEST).map(|gain| gain[l]).sum::<f64>();
+            if gains.len() >= LATEST && (0..LANES).all(|l| settled(l, won[l], latest(l))) {
                 break;
             }
-            self.precondition(&r, &mut z, &mut work);
+            self.cycle(0, &r, &mut z, &mut work);
             let next = dot(&r, &z);
             let beta: [f64; LANES] = std::array::from_fn(|l| if rz[l] > 0.0 { next[l] / rz[l] } else { 0.0 });
             rz = next;
             turn_towards(&mut p, &beta, &z);
         }
         self.hold(&mut x);
-        Solved { x, rounds }
-    }
-
-    /// Share of the energy that the last rounds may have won where the iteration ends.
-    fn tolerance(&self) -> f64 {
-        1e-3
+        Solved { change: x, left: r, won, rounds }
     }
 
     fn work(&self) -> Vec<Work> {
-        let of = |level: &Level| Work { b: level.zeros(), x: level.zeros(), smooth: [level.zeros(), level.zeros()] };
-        self.levels.iter().map(of).collect()
+        let of = |pair: &[Level]| Work {
+            step: pair[0].zeros(),
+            next: pair[0].zeros(),
+            coarse_b: pair[1].zeros(),
+            coarse_x: pair[1].zeros(),
+        };
+        self.levels.windows(2).map(of).collect()
     }
 
-    /// z = M⁻¹ r: one round of multigrid.
-    fn precondition(&self, r: &Vector, z: &mut Vector, work: &mut [Work]) {
-        if self.levels.len() == 1 {
-            self.coarsest.solve(r, z);
-            return;
-        }
-        work[0].b.clone_from(r);
-        self.cycle(0, work);
-        z.clone_from(&work[0].x);
-    }
-
-    fn cycle(&self, at: usize, work: &mut [Work]) {
-        if at + 1 == self.levels.len() {
-            let Work { b, x, .. } = &mut work[at];
+    /// x = M⁻¹ b: one round of multigrid from a grid on.
+    fn cycle(&self, at: usize, b: &Vector, x: &mut Vector, work: &mut [Work]) {
+        let (level, [own, rest @ ..]) = (&self.levels[at], work) else {
             self.coarsest.solve(b, x);
             return;
-        }
-        let (level, next) = (&self.levels[at], &self.levels[at + 1]);
-        {
-            let (own, rest) = work.split_at_mut(at + 1);
-            let Work { b, x, smooth } = &mut own[at];
-            level.smooth(b, x, From::Zero, smooth);
-            level.residual(b, x, &mut smooth[0]);
-            self.transfers[at].restrict(&smooth[0], next, &mut rest[0].b);
-        }
-        self.cycle(at + 1, work);
-        let (own, rest) = work.split_at_mut(at + 1);
-        let Work { b, x, smooth } = &mut own[at];
-        self.transfers[at].prolong(&rest[0].x, level, x);
-        level.smooth(b, x, From::Here, smooth);
+        };
+        let transfer = &self.transfers[at];
+        level.sweep(Sweep::FirstFromZero { b }, &mut own.step);
+        level.sweep(Sweep::Second { b, x: &own.step, step: &own.step }, x);
+        level.sweep(Sweep::Residual { b, x }, &mut own.next);
+        transfer.restrict(&own.next, &mut own.coarse_b);
+        self.cycle(at + 1, &own.coarse_b, &mut own.coarse_x, rest);
+        transfer.prolong(&own.coarse_x, x);
+        level.sweep(Sweep::First { b, x }, &mut own.step);
+        add_scaled(x, &[1.0; LANES], &own.step);
+        level.sweep(Sweep::Second { b, x, step: &own.step }, &mut own.next);
+        std::mem::swap(x, &mut own.next);
     }
 }
 

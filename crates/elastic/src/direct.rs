@@ -1,6 +1,11 @@
 //! The coarsest grid is solved directly: Cholesky's factor within the band.
 
 use crate::level::{LANES, Level, Vector};
+use crate::widest::widest;
+use rayon::prelude::*;
+
+/// Loads that one task solves for.
+const TOGETHER: usize = 8;
 
 /// The lower factor L, row by row from the first column of the band on; displacements that nothing holds stay zero.
 pub(crate) struct Band {
@@ -56,13 +61,12 @@ impl Band {
                 }
             }
         }
-        let arch = pulp::Arch::new();
         for i in 0..n {
             let (above, own) = rows.split_at_mut(i * width);
             let own = &mut own[..width];
-            let first = i.saturating_sub(width - 1);
             let diagonal = own[width - 1];
-            arch.dispatch(|| {
+            widest!(<'a> _simd: S; (above: &'a [f64] = above, own: &'a mut [f64] = own, i: usize = i, width: usize = width) -> () {
+                let first = i.saturating_sub(width - 1);
                 for j in first..i {
                     // L(i, j) = (A(i, j) − Σ L(i, k) L(j, k)) / L(j, j) over k ≥ first.
                     let row = &above[j * width..(j + 1) * width];
@@ -82,24 +86,40 @@ impl Band {
         Self { width, rows, order }
     }
 
-    /// Solves for all loads at once.
+    /// Solves for all loads, some of them at once.
     pub(crate) fn solve(&self, b: &Vector, x: &mut Vector) {
-        let n = 3 * self.order.len();
-        let width = self.width;
-        let mut y = vec![[0.0; LANES]; n];
+        let halves: Vec<Vec<[f64; TOGETHER]>> =
+            (0..LANES / TOGETHER).into_par_iter().map(|part| self.solve_part(b, part * TOGETHER)).collect();
         for (node, place) in self.order.iter().enumerate() {
             for k in 0..3 {
-                y[3 * *place as usize + k] = b[node][k];
+                for (part, y) in halves.iter().enumerate() {
+                    let y = &y[3 * *place as usize + k];
+                    for l in 0..TOGETHER {
+                        x[node][k][part * TOGETHER + l] = y[l] as f32;
+                    }
+                }
             }
         }
-        let arch = pulp::Arch::new();
-        arch.dispatch(|| {
+    }
+
+    /// The solutions for the loads from `first` on, by place in the order.
+    fn solve_part(&self, b: &Vector, first: usize) -> Vec<[f64; TOGETHER]> {
+        let n = 3 * self.order.len();
+        let width = self.width;
+        let mut y = vec![[0.0; TOGETHER]; n];
+        for (node, place) in self.order.iter().enumerate() {
+            for k in 0..3 {
+                y[3 * *place as usize + k] = std::array::from_fn(|l| f64::from(b[node][k][first + l]));
+            }
+        }
+        widest!(<'a> _simd: S; (rows: &'a [f64] = &self.rows, width: usize = width, y: &'a mut [[f64; TOGETHER]] = &mut y) -> () {
+            let n = y.len();
             for i in 0..n {
-                let row = &self.rows[i * width..(i + 1) * width];
+                let row = &rows[i * width..(i + 1) * width];
                 let first = i.saturating_sub(width - 1);
                 let mut sum = y[i];
                 for (l, y) in row[first + width - 1 - i..width - 1].iter().zip(&y[first..i]) {
-                    for lane in 0..LANES {
+                    for lane in 0..TOGETHER {
                         sum[lane] -= l * y[lane];
                     }
                 }
@@ -107,23 +127,19 @@ impl Band {
                 y[i] = sum.map(|v| if pivot > 0.0 { v / pivot } else { 0.0 });
             }
             for i in (0..n).rev() {
-                let row = &self.rows[i * width..(i + 1) * width];
+                let row = &rows[i * width..(i + 1) * width];
                 let first = i.saturating_sub(width - 1);
                 let pivot = row[width - 1];
                 let value = y[i].map(|v| if pivot > 0.0 { v / pivot } else { 0.0 });
                 y[i] = value;
                 for (l, y) in row[first + width - 1 - i..width - 1].iter().zip(&mut y[first..i]) {
-                    for lane in 0..LANES {
+                    for lane in 0..TOGETHER {
                         y[lane] -= l * value[lane];
                     }
                 }
             }
         });
-        for (node, place) in self.order.iter().enumerate() {
-            for k in 0..3 {
-                x[node][k] = y[3 * *place as usize + k];
-            }
-        }
+        y
     }
 }
 

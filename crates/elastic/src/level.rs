@@ -2,14 +2,18 @@
 
 use crate::element::{CORNERS, Matrix, SIZE};
 use crate::solid::{ravel, unravel};
+use crate::widest::widest;
 use nalgebra::Matrix3;
+use pulp::Simd;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// Loads that are solved for at once.
-pub(crate) const LANES: usize = 8;
-/// A displacement or a force of a node, for each load: axes x, y, z.
-pub(crate) type Node = [[f64; LANES]; 3];
+pub(crate) const LANES: usize = 16;
+/// A displacement or a force of a node, for each load: axes x, y, z. Single precision is enough for what is stored: rounding a
+/// force is a force of a ten-millionth, and rounding a displacement costs the square of that in energy. What has to be exact is
+/// the product with the stiffness, whose terms cancel: [`Level::apply`] adds these up in double precision.
+pub(crate) type Node = [[f32; LANES]; 3];
 /// Of all nodes, and one more that is zero: a neighbour that does not exist.
 pub(crate) type Vector = Vec<Node>;
 pub(crate) const ZERO: Node = [[0.0; LANES]; 3];
@@ -20,7 +24,7 @@ pub(crate) const NONE: u32 = u32::MAX;
 pub(crate) const SHARED: u32 = 0;
 
 /// The 3 × 3 blocks of a node's equations, by neighbour (x running fastest), rows first.
-type Stencil = [[f64; 9]; 27];
+type Stencil<T> = [[T; 9]; 27];
 
 /// Nodes that a task takes at once: the same sums for any number of threads.
 const CHUNK: usize = 2048;
@@ -41,9 +45,11 @@ pub(crate) struct Level {
     /// Nodes of the whole grid along each axis.
     pub(crate) counts: [usize; 3],
     neighbours: Vec<[u32; 27]>,
-    stencils: Vec<Stencil>,
+    /// In double precision, of the finest and the coarsest grid.
+    exact: Vec<Stencil<f64>>,
+    stencils: Vec<Stencil<f32>>,
+    inverse_diagonals: Vec<[f32; 9]>,
     stencil: Vec<u32>,
-    inverse_diagonal: Vec<[f64; 9]>,
     /// Bound on the eigenvalues of the inverse diagonal times the matrix, about.
     largest: f64,
 }
@@ -111,13 +117,20 @@ impl Level {
                 own.push(matrices);
             }
         }
-        let stencils: Vec<Stencil> = own.par_iter().map(|about| assemble(about, &cells.matrices)).collect();
-        let inverses: Vec<[f64; 9]> =
-            stencils.par_iter().map(|stencil| inverse(&stencil[neighbour_of([0; 3])])).collect();
-        let inverse_diagonal = stencil.iter().map(|stencil| inverses[*stencil as usize]).collect();
-        let mut level = Self { number, node, counts, neighbours, stencils, stencil, inverse_diagonal, largest: 0.0 };
+        let exact: Vec<Stencil<f64>> = own.par_iter().map(|about| assemble(about, &cells.matrices)).collect();
+        let single = |stencil: &Stencil<f64>| stencil.map(|block| block.map(|v| v as f32));
+        let stencils = exact.par_iter().map(single).collect();
+        let diagonal = |stencil: &Stencil<f64>| inverse(&stencil[neighbour_of([0; 3])]).map(|v| v as f32);
+        let inverse_diagonals = exact.par_iter().map(diagonal).collect();
+        let mut level =
+            Self { number, node, counts, neighbours, exact, stencils, inverse_diagonals, stencil, largest: 1.0 };
         level.largest = level.largest_eigenvalue();
         level
+    }
+
+    /// Forgets the stiffness in double precision, which only the finest and the coarsest grid need.
+    pub(crate) fn forget_exact(&mut self) {
+        self.exact = Vec::new();
     }
 
     /// Number of nodes with material.
@@ -131,181 +144,212 @@ impl Level {
 
     /// The block of a node's equations for a neighbour, and that neighbour's number, of those that exist.
     pub(crate) fn row(&self, node: usize) -> impl Iterator<Item = (usize, &[f64; 9])> {
-        let stencil = &self.stencils[self.stencil[node] as usize];
+        let stencil = &self.exact[self.stencil[node] as usize];
         let present = |(n, block): (&u32, _)| ((*n as usize) < self.len()).then_some((*n as usize, block));
         self.neighbours[node].iter().zip(stencil).filter_map(present)
     }
 
-    /// Calls `work` for the chunks of a vector in parallel, each with the number of its first node.
-    fn each(&self, out: &mut Vector, work: impl Fn(usize, &mut [Node]) + Sync) {
+    /// out = A x, and the product of both for each load.
+    pub(crate) fn apply(&self, x: &Vector, out: &mut Vector) -> [f64; LANES] {
         let nodes = self.len();
-        let arch = pulp::Arch::new();
-        out[..nodes].par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, out)| {
-            arch.dispatch(|| work(chunk * CHUNK, out));
-        });
+        let work = |(chunk, out): (usize, &mut [Node])| {
+            widest!(<'a> simd: S; (level: &'a Level = self, x: &'a [Node] = x, first: usize = chunk * CHUNK, out: &'a mut [Node] = out) -> [f64; LANES] {
+                let mut energy = [0.0; LANES];
+                for (i, out) in out.iter_mut().enumerate() {
+                    let product = level.product(simd, first + i, x);
+                    let x = &x[first + i];
+                    for k in 0..3 {
+                        for l in 0..LANES {
+                            energy[l] += product[k][l] * f64::from(x[k][l]);
+                            out[k][l] = product[k][l] as f32;
+                        }
+                    }
+                }
+                energy
+            })
+        };
+        in_order(&out[..nodes].par_chunks_mut(CHUNK).enumerate().map(work).collect::<Vec<_>>())
     }
 
-    /// out = A x.
-    pub(crate) fn apply(&self, x: &Vector, out: &mut Vector) {
-        self.each(out, |first, out| {
-            for (i, out) in out.iter_mut().enumerate() {
-                *out = self.product(first + i, x);
+    /// A x at a node, added up in double precision.
+    #[inline(always)]
+    fn product<S: Simd>(&self, simd: S, node: usize, x: &[Node]) -> [[f64; LANES]; 3] {
+        let stencil = &self.exact[self.stencil[node] as usize];
+        let parts = LANES / S::F64_LANES;
+        // As many as the narrowest registers need.
+        let mut sums = [[simd.splat_f64s(0.0); 3]; LANES];
+        for (block, n) in stencil.iter().zip(&self.neighbours[node]) {
+            let single = &x[*n as usize];
+            let mut x = [[0.0; LANES]; 3];
+            for k in 0..3 {
+                for l in 0..LANES {
+                    x[k][l] = f64::from(single[k][l]);
+                }
             }
-        });
-    }
-
-    /// out = b − A x.
-    pub(crate) fn residual(&self, b: &Vector, x: &Vector, out: &mut Vector) {
-        self.each(out, |first, out| {
-            for (i, out) in out.iter_mut().enumerate() {
-                let product = self.product(first + i, x);
-                let b = &b[first + i];
-                for k in 0..3 {
-                    for l in 0..LANES {
-                        out[k][l] = b[k][l] - product[k][l];
+            for (part, sums) in sums[..parts].iter_mut().enumerate() {
+                for column in 0..3 {
+                    let x = S::as_simd_f64s(&x[column]).0[part];
+                    for row in 0..3 {
+                        let term = simd.mul_f64s(simd.splat_f64s(block[3 * row + column]), x);
+                        sums[row] = simd.add_f64s(sums[row], term);
                     }
                 }
             }
+        }
+        let mut product = [[0.0; LANES]; 3];
+        for (part, sums) in sums[..parts].iter().enumerate() {
+            for row in 0..3 {
+                S::as_mut_simd_f64s(&mut product[row]).0[part] = sums[row];
+            }
+        }
+        product
+    }
+
+    /// What a sweep comes to at each node.
+    pub(crate) fn sweep(&self, sweep: Sweep<'_>, out: &mut Vector) {
+        let nodes = self.len();
+        let factors = self.chebyshev();
+        out[..nodes].par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, out)| {
+            widest!(<'a> simd: S; (level: &'a Level = self, sweep: Sweep<'a> = sweep, factors: Chebyshev = factors, first: usize = chunk * CHUNK, out: &'a mut [Node] = out) -> () {
+                for (i, out) in out.iter_mut().enumerate() {
+                    for part in 0..LANES / S::F32_LANES {
+                        let swept = level.swept(simd, sweep, &factors, first + i, part);
+                        for row in 0..3 {
+                            S::as_mut_simd_f32s(&mut out[row]).0[part] = swept[row];
+                        }
+                    }
+                }
+            });
         });
     }
 
-    #[inline(always)]
-    fn product(&self, node: usize, x: &Vector) -> Node {
-        let stencil = &self.stencils[self.stencil[node] as usize];
-        let neighbours = &self.neighbours[node];
-        let mut sum = ZERO;
-        for (block, n) in stencil.iter().zip(neighbours) {
-            add_block(block, &x[*n as usize], &mut sum);
-        }
-        sum
-    }
-
-    /// Two steps of Chebyshev's iteration towards A x = b, from x = 0 or on from what x is.
-    ///
-    /// `work` are two vectors to work in.
-    pub(crate) fn smooth(&self, b: &Vector, x: &mut Vector, from: From, work: &mut [Vector; 2]) {
-        // The part of the spectrum that coarser grids do not see.
+    /// The factors over the part of the spectrum that coarser grids do not see.
+    fn chebyshev(&self) -> Chebyshev {
         let (high, low) = (1.1 * self.largest, self.largest / 6.0);
         let (middle, half) = (0.5 * (high + low), 0.5 * (high - low));
-        let [residual, step] = work;
-        let mut rho = half / middle;
-        for round in 0..2 {
-            let starts = round == 0 && from == From::Zero;
-            if !starts {
-                self.residual(b, x, residual);
+        let rho = half / middle;
+        let next = 1.0 / (2.0 * middle / half - rho);
+        Chebyshev { first: (1.0 / middle) as f32, keep: (next * rho) as f32, second: (2.0 * next / half) as f32 }
+    }
+
+    /// What a sweep comes to at a node, for the loads of a register.
+    #[inline(always)]
+    fn swept<S: Simd>(&self, simd: S, sweep: Sweep<'_>, factors: &Chebyshev, node: usize, part: usize) -> [S::f32s; 3] {
+        match sweep {
+            Sweep::Residual { b, x } => self.left(simd, node, part, b, x),
+            Sweep::FirstFromZero { b } => self.scaled(simd, node, &rows::<S>(&b[node], part), factors.first),
+            Sweep::First { b, x } => {
+                let left = self.left(simd, node, part, b, x);
+                self.scaled(simd, node, &left, factors.first)
             }
-            let now = if starts { b } else { &*residual };
-            let (keep, take) = if round == 0 {
-                (0.0, 1.0 / middle)
-            } else {
-                let next = 1.0 / (2.0 * middle / half - rho);
-                let factors = (next * rho, 2.0 * next / half);
-                rho = next;
-                factors
-            };
-            self.each(step, |first, step| {
-                for (i, step) in step.iter_mut().enumerate() {
-                    let mut scaled = ZERO;
-                    add_block(&self.inverse_diagonal[first + i], &now[first + i], &mut scaled);
-                    for k in 0..3 {
-                        for l in 0..LANES {
-                            step[k][l] = keep * step[k][l] + take * scaled[k][l];
-                        }
-                    }
+            Sweep::Second { b, x, step } => {
+                let left = self.left(simd, node, part, b, x);
+                let scaled = self.scaled(simd, node, &left, factors.second);
+                let (x, step) = (rows::<S>(&x[node], part), rows::<S>(&step[node], part));
+                let keep = simd.splat_f32s(factors.keep);
+                let mut out = scaled;
+                for k in 0..3 {
+                    out[k] = simd.add_f32s(simd.add_f32s(x[k], simd.mul_f32s(keep, step[k])), scaled[k]);
                 }
-            });
-            let step = &*step;
-            self.each(x, |first, x| {
-                for (x, step) in x.iter_mut().zip(&step[first..]) {
-                    for k in 0..3 {
-                        for l in 0..LANES {
-                            x[k][l] = if starts { step[k][l] } else { x[k][l] + step[k][l] };
-                        }
-                    }
-                }
-            });
+                out
+            }
         }
     }
 
-    /// Largest eigenvalue of D⁻¹ A by the power method, from eight starts at once.
+    /// b − A x at a node.
+    #[inline(always)]
+    fn left<S: Simd>(&self, simd: S, node: usize, part: usize, b: &[Node], x: &[Node]) -> [S::f32s; 3] {
+        let stencil = &self.stencils[self.stencil[node] as usize];
+        let mut left = rows::<S>(&b[node], part);
+        for (block, n) in stencil.iter().zip(&self.neighbours[node]) {
+            let x = rows::<S>(&x[*n as usize], part);
+            for column in 0..3 {
+                for row in 0..3 {
+                    let term = simd.mul_f32s(simd.splat_f32s(block[3 * row + column]), x[column]);
+                    left[row] = simd.sub_f32s(left[row], term);
+                }
+            }
+        }
+        left
+    }
+
+    /// D⁻¹ r at a node, by a factor.
+    #[inline(always)]
+    fn scaled<S: Simd>(&self, simd: S, node: usize, r: &[S::f32s; 3], factor: f32) -> [S::f32s; 3] {
+        let inverse = &self.inverse_diagonals[self.stencil[node] as usize];
+        let mut scaled = [simd.splat_f32s(0.0); 3];
+        for row in 0..3 {
+            for column in 0..3 {
+                let term = simd.mul_f32s(simd.splat_f32s(factor * inverse[3 * row + column]), r[column]);
+                scaled[row] = simd.add_f32s(scaled[row], term);
+            }
+        }
+        scaled
+    }
+
+    /// Largest eigenvalue of D⁻¹ A by the power method, from as many starts as there are lanes at once.
     fn largest_eigenvalue(&self) -> f64 {
         let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
         let mut random = || {
             seed ^= seed << 13;
             seed ^= seed >> 7;
             seed ^= seed << 17;
-            (seed >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+            (seed >> 40) as f32 / (1_u64 << 24) as f32 - 0.5
         };
-        let (mut x, mut y) = (self.zeros(), self.zeros());
+        let (mut x, mut y, mut z) = (self.zeros(), self.zeros(), self.zeros());
         for node in &mut x[..self.len()] {
             *node = std::array::from_fn(|_| std::array::from_fn(|_| random()));
         }
+        let none = self.zeros();
         let mut largest = 0.0_f64;
         for _ in 0..12 {
-            self.apply(&x, &mut y);
-            let mut z = self.zeros();
-            self.each(&mut z, |first, z| {
-                for (i, z) in z.iter_mut().enumerate() {
-                    add_block(&self.inverse_diagonal[first + i], &y[first + i], z);
-                }
-            });
+            // y = −A x, z = −D⁻¹ A x.
+            self.sweep(Sweep::Residual { b: &none, x: &x }, &mut y);
+            self.sweep(Sweep::FirstFromZero { b: &y }, &mut z);
             // Rayleigh's quotient in the norm of A's diagonal is near (D⁻¹A z, A z)/(z, A z).
-            let (top, bottom) = (dot(&z, &y), dot(&x, &y));
+            let (top, bottom) = (dot(&z, &y), dot(&x, &y).map(|v| -v));
             largest = (0..LANES).filter(|l| bottom[*l] > 0.0).map(|l| top[l] / bottom[l]).fold(0.0, f64::max);
-            let size = dot(&z, &z).map(|square| if square > 0.0 { 1.0 / square.sqrt() } else { 0.0 });
-            self.each(&mut x, |first, x| {
-                for (x, z) in x.iter_mut().zip(&z[first..]) {
-                    for k in 0..3 {
-                        for l in 0..LANES {
-                            x[k][l] = z[k][l] * size[l];
-                        }
-                    }
-                }
-            });
+            // The sweep is D⁻¹ by its factor for a largest eigenvalue of 1.
+            largest /= f64::from(self.chebyshev().first);
+            let size = dot(&z, &z).map(|square| if square > 0.0 { -1.0 / square.sqrt() } else { 0.0 });
+            x.fill(ZERO);
+            add_scaled(&mut x, &size, &z);
         }
         largest.max(f64::MIN_POSITIVE)
     }
 }
 
-/// Where an iteration starts.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum From {
-    Zero,
-    Here,
+/// Factors of two steps of Chebyshev's iteration: of D⁻¹ r in the first one, of the first step in the second one, and of D⁻¹ r
+/// there.
+#[derive(Clone, Copy)]
+struct Chebyshev {
+    first: f32,
+    keep: f32,
+    second: f32,
 }
 
+/// What is done at each node, for b − A x = 0.
+#[derive(Clone, Copy)]
+pub(crate) enum Sweep<'a> {
+    /// b − A x.
+    Residual { b: &'a [Node], x: &'a [Node] },
+    /// The first of two steps of Chebyshev's iteration from x = 0.
+    FirstFromZero { b: &'a [Node] },
+    /// The first step from x.
+    First { b: &'a [Node], x: &'a [Node] },
+    /// Where the second step leads from x, to which the first one has led.
+    Second { b: &'a [Node], x: &'a [Node], step: &'a [Node] },
+}
+
+/// What a node has, for the loads of a register. No closure here: the compiler would not inline it.
 #[inline(always)]
-fn add_block(block: &[f64; 9], x: &Node, sum: &mut Node) {
-    for row in 0..3 {
-        for column in 0..3 {
-            let a = block[3 * row + column];
-            for l in 0..LANES {
-                sum[row][l] += a * x[column][l];
-            }
-        }
-    }
+fn rows<S: Simd>(node: &Node, part: usize) -> [S::f32s; 3] {
+    let [x, y, z] = node;
+    [S::as_simd_f32s(x).0[part], S::as_simd_f32s(y).0[part], S::as_simd_f32s(z).0[part]]
 }
 
-/// Sums of products of two vectors, one for each load: chunk by chunk, always in the same order.
-pub(crate) fn dot(a: &Vector, b: &Vector) -> [f64; LANES] {
-    let arch = pulp::Arch::new();
-    let parts: Vec<[f64; LANES]> = a
-        .par_chunks(CHUNK)
-        .zip(b.par_chunks(CHUNK))
-        .map(|(a, b)| {
-            arch.dispatch(|| {
-                let mut sum = [0.0; LANES];
-                for (a, b) in a.iter().zip(b) {
-                    for k in 0..3 {
-                        for l in 0..LANES {
-                            sum[l] += a[k][l] * b[k][l];
-                        }
-                    }
-                }
-                sum
-            })
-        })
-        .collect();
+/// Sums of what chunks have, always in the same order.
+fn in_order(parts: &[[f64; LANES]]) -> [f64; LANES] {
     let mut sum = [0.0; LANES];
     for part in parts {
         for l in 0..LANES {
@@ -315,39 +359,46 @@ pub(crate) fn dot(a: &Vector, b: &Vector) -> [f64; LANES] {
     sum
 }
 
-/// y += factor · x for each load.
-pub(crate) fn add_scaled(y: &mut Vector, factor: &[f64; LANES], x: &Vector) {
-    let arch = pulp::Arch::new();
-    y.par_chunks_mut(CHUNK).zip(x.par_chunks(CHUNK)).for_each(|(y, x)| {
-        arch.dispatch(|| {
-            for (y, x) in y.iter_mut().zip(x) {
-                for k in 0..3 {
-                    for l in 0..LANES {
-                        y[k][l] += factor[l] * x[k][l];
-                    }
+/// Sums of products of two vectors, one for each load.
+pub(crate) fn dot(a: &Vector, b: &Vector) -> [f64; LANES] {
+    let work = |(a, b): (&[Node], &[Node])| {
+        let mut sum = [0.0; LANES];
+        for (a, b) in a.iter().zip(b) {
+            for k in 0..3 {
+                for l in 0..LANES {
+                    sum[l] += f64::from(a[k][l]) * f64::from(b[k][l]);
                 }
             }
-        });
+        }
+        sum
+    };
+    in_order(&a.par_chunks(CHUNK).zip(b.par_chunks(CHUNK)).map(work).collect::<Vec<_>>())
+}
+
+/// Changes each node of a vector by that of another one, for each load by what it is in the first, what it is in the second, and
+/// the load's factor.
+fn combine(y: &mut Vector, factor: &[f64; LANES], x: &Vector, of: impl Fn(f32, f32, f32) -> f32 + Sync) {
+    let factor = factor.map(|v| v as f32);
+    y.par_iter_mut().zip(x).with_min_len(CHUNK).for_each(|(y, x)| {
+        for k in 0..3 {
+            for l in 0..LANES {
+                y[k][l] = of(y[k][l], x[k][l], factor[l]);
+            }
+        }
     });
+}
+
+/// y += factor · x for each load.
+pub(crate) fn add_scaled(y: &mut Vector, factor: &[f64; LANES], x: &Vector) {
+    combine(y, factor, x, |y, x, factor| y + factor * x);
 }
 
 /// p = z + factor · p for each load.
 pub(crate) fn turn_towards(p: &mut Vector, factor: &[f64; LANES], z: &Vector) {
-    let arch = pulp::Arch::new();
-    p.par_chunks_mut(CHUNK).zip(z.par_chunks(CHUNK)).for_each(|(p, z)| {
-        arch.dispatch(|| {
-            for (p, z) in p.iter_mut().zip(z) {
-                for k in 0..3 {
-                    for l in 0..LANES {
-                        p[k][l] = z[k][l] + factor[l] * p[k][l];
-                    }
-                }
-            }
-        });
-    });
+    combine(p, factor, z, |p, z, factor| z + factor * p);
 }
 
-fn assemble(about: &[u32; CORNERS], matrices: &[Matrix]) -> Stencil {
+fn assemble(about: &[u32; CORNERS], matrices: &[Matrix]) -> Stencil<f64> {
     let mut stencil = [[0.0; 9]; 27];
     for (a, matrix) in about.iter().enumerate() {
         if *matrix == NONE {
@@ -487,9 +538,9 @@ pub(crate) fn coarser(fine: &Cells) -> Cells {
 /// What takes vectors of a grid to the next coarser one and back.
 pub(crate) struct Transfer {
     /// Numbers and weights of the coarse nodes about each fine one.
-    coarse: Vec<[(u32, f64); CORNERS]>,
+    coarse: Vec<[(u32, f32); CORNERS]>,
     /// Numbers and weights of the fine nodes about each coarse one.
-    fine: Vec<[(u32, f64); 27]>,
+    fine: Vec<[(u32, f32); 27]>,
 }
 
 impl Transfer {
@@ -505,11 +556,11 @@ impl Transfer {
                         at[k] / 2 + c[k]
                     }
                     (true, false) => {
-                        weight *= 1.0 - c[k] as f64;
+                        weight *= 1.0 - c[k] as f32;
                         at[k] / 2
                     }
                     (false, _) => {
-                        weight *= 1.0 - c[k] as f64;
+                        weight *= 1.0 - c[k] as f32;
                         at[k]
                     }
                 });
@@ -544,34 +595,29 @@ impl Transfer {
     }
 
     /// The coarse forces that do the same work as fine ones.
-    pub(crate) fn restrict(&self, fine: &Vector, level: &Level, out: &mut Vector) {
-        level.each(out, |first, out| {
-            for (out, from) in out.iter_mut().zip(&self.fine[first..]) {
-                *out = ZERO;
-                for (n, weight) in from.iter().filter(|(_, weight)| *weight > 0.0) {
-                    add_weighted(out, *weight, &fine[*n as usize]);
-                }
-            }
+    pub(crate) fn restrict(&self, fine: &Vector, out: &mut Vector) {
+        out.par_iter_mut().zip(&self.fine).with_min_len(CHUNK).for_each(|(out, from)| {
+            *out = ZERO;
+            add_weighted(out, from, fine);
         });
     }
 
     /// Adds coarse displacements to fine ones.
-    pub(crate) fn prolong(&self, coarse: &Vector, level: &Level, out: &mut Vector) {
-        level.each(out, |first, out| {
-            for (out, from) in out.iter_mut().zip(&self.coarse[first..]) {
-                for (n, weight) in from.iter().filter(|(_, weight)| *weight > 0.0) {
-                    add_weighted(out, *weight, &coarse[*n as usize]);
-                }
-            }
-        });
+    pub(crate) fn prolong(&self, coarse: &Vector, out: &mut Vector) {
+        out.par_iter_mut()
+            .zip(&self.coarse)
+            .with_min_len(CHUNK)
+            .for_each(|(out, from)| add_weighted(out, from, coarse));
     }
 }
 
-#[inline(always)]
-fn add_weighted(out: &mut Node, weight: f64, from: &Node) {
-    for k in 0..3 {
-        for l in 0..LANES {
-            out[k][l] += weight * from[k][l];
+fn add_weighted(out: &mut Node, from: &[(u32, f32)], x: &Vector) {
+    for (n, weight) in from.iter().filter(|(_, weight)| *weight > 0.0) {
+        let x = &x[*n as usize];
+        for k in 0..3 {
+            for l in 0..LANES {
+                out[k][l] += weight * x[k][l];
+            }
         }
     }
 }

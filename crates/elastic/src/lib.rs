@@ -2,8 +2,8 @@
 //!
 //! Linear elasticity on a regular grid of cells, of which the surface of the part may cut some. A cell is a hexahedron of eight
 //! nodes with incompatible modes, integrated over just that part of it that is material, so that two cells carry the bending of
-//! a wall whose faces lie anywhere in them. The equations are solved by conjugate gradients with multigrid, for eight loads at
-//! once. Lengths are mm, forces N, moduli N/mm², compliances mm/N.
+//! a wall whose faces lie anywhere in them. The equations are solved by conjugate gradients with multigrid, for sixteen loads
+//! at once. Lengths are mm, forces N, moduli N/mm², compliances mm/N.
 //!
 //! ```
 //! use deflex_elastic::{Body, Clamp, Grid, Material, Solid};
@@ -31,6 +31,7 @@ mod level;
 mod map;
 mod solid;
 mod support;
+mod widest;
 
 pub use body::{Body, Material};
 pub use map::{Accuracy, ComplianceMap};

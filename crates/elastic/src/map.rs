@@ -1,18 +1,18 @@
 //! The compliance at any number of places, from the displacements under forces at a few of them.
 //!
-//! What a body does under a force is mostly a sum of a few smooth motions, whatever the place of the force; what is left is
-//! local, and changes slowly from place to place. The displacements that have been solved for span a space, in which Galerkin's
-//! answer to a force anywhere is had at the price of some sums. Of that space the map takes the motions that move the surface
-//! most, half as many as there are places, and between places it interpolates what they lack at these: mode superposition with
-//! residual compliance, as structural dynamics has it. Places are added, the furthest from those before first, until the map
-//! from before agrees with what is solved for at them.
+//! What a body does under a force is mostly a sum of a few smooth motions, whatever the place of the force. The displacements
+//! that have been solved for span a space, in which Galerkin's answer to a force anywhere is had at the price of some sums. It is
+//! never more than the compliance, and lacks what is local to the place: nothing where the body has been solved for a force,
+//! and between such places what grows with the square of the distance from them, as the deflection of a plate does. What is
+//! found at each new place says how much that is, and the next ones are where most is lacking.
 //!
-//! When material goes, the displacements of the stage before span most of what is wanted still: they are kept, and places are
-//! solved for only until the map agrees with them again.
+//! A map begins with forces of random signs all over the surface, so that nothing soft is overlooked. When material goes, the
+//! motions of the stage before span much of what is wanted still: those that move the surface most are kept.
 
-use crate::body::{Body, Solved, Spot, unit};
-use crate::level::{LANES, Level, Node, Vector, ZERO};
-use nalgebra::{DMatrix, Matrix3, SMatrix, SymmetricEigen, Vector3};
+use crate::body::{Body, Load, Solved, Spot};
+use crate::level::{LANES, Node, Vector};
+use crate::widest::widest;
+use nalgebra::{DMatrix, DVector, Matrix3, SymmetricEigen, Vector3};
 use rayon::prelude::*;
 
 /// How close a map comes to what would be solved for at each place.
@@ -22,40 +22,56 @@ pub struct Accuracy {
     pub relative: f64,
     /// What is less than this, mm/N, is as good as nothing.
     pub absolute: f64,
-    /// No more fields than this are kept, three for each place that is solved for.
+    /// No more fields than this are kept, one for each force that is solved for.
     pub most_fields: usize,
 }
 
 impl Default for Accuracy {
     /// 3 %, or 30 nm/N: 6 µm under the 200 N that a robot mills with, a tenth of what it repeats itself to.
     fn default() -> Self {
-        Self { relative: 0.03, absolute: 3e-5, most_fields: 180 }
+        Self { relative: 0.03, absolute: 3e-5, most_fields: 240 }
+    }
+}
+
+impl Accuracy {
+    /// What may be lacking of a compliance, mm/N.
+    fn of(&self, compliance: f64) -> f64 {
+        self.absolute.max(self.relative * compliance)
     }
 }
 
 /// Numbers that all fields together may have: 0.7 GB.
-const NUMBERS: usize = 90_000_000;
-/// Places that are added together: 24 loads, three rounds of eight.
-const TOGETHER: usize = LANES;
-/// A field that keeps less than this share of its energy beyond the others adds nothing but rounding.
-const NOTHING_NEW: f64 = 1e-10;
+const NUMBERS: usize = 180_000_000;
+/// Places among which the next ones are chosen, about: a few times as many as are solved for.
+const CANDIDATES: usize = 1000;
+/// A combination of fields with less than this share of the energy of the largest adds nothing but rounding.
+const NOTHING_NEW: f64 = 1e-4;
+/// Share of the accuracy that the last rounds of the iteration may win: what is left then is less than half of it.
+const SETTLED: f64 = 0.2;
+/// Places that are closer than this share of the size of all count as being so far apart, where means are taken.
+const NEAR: f64 = 1e-3;
+/// What is expected to be lacking may be wrong by a factor of two: it has to be less than this share of the accuracy.
+const SURE: f64 = 0.5;
 /// Nodes that a task takes at once.
-const CHUNK: usize = 512;
+const CHUNK: usize = 256;
 
-type Field = Vec<[f64; 3]>;
+type Field = Vec<[f32; 3]>;
+/// Displacements at a spot in each field.
+type Sampled = Vec<[f64; 3]>;
 
 /// The compliance over the surface of a body.
 pub struct ComplianceMap {
-    /// Orthonormal in energy.
     fields: Vec<Field>,
     /// Nodes of the whole grid that they are of, by number.
     nodes: Vec<u32>,
-    /// Combinations of fields, by column: the motions that move the surface most.
-    motions: DMatrix<f64>,
-    /// Places that have been solved for in the stages before.
-    earlier: Vec<[f64; 3]>,
-    /// Places that have been solved for, the compliance there, and what of it the motions lack.
+    /// Work that the forces of one field do in another.
+    work: DMatrix<f64>,
+    /// Combinations of fields, by column, that are orthonormal in energy.
+    basis: DMatrix<f64>,
+    /// Places that have been solved for.
     solved: Vec<Place>,
+    /// No place is further from another than this, mm.
+    size: f64,
     rounds: usize,
     error: f64,
     off: f64,
@@ -64,9 +80,48 @@ pub struct ComplianceMap {
 /// A place that has been solved for.
 struct Place {
     at: [f64; 3],
+    spot: Spot,
+    sampled: Sampled,
+    known: Known,
+    /// What the fields before lacked there; for the first places that says nothing about others.
+    lacked: Option<Lacked>,
+}
+
+/// What fields lacked at a place before it was solved for.
+struct Lacked {
+    /// By the root of the compliance that was found, √(mm/N).
     compliance: Matrix3<f64>,
-    /// What the motions lack there.
+    /// Distance from what had been solved for, mm.
+    distance: f64,
+}
+
+/// What the fields know of a place.
+#[derive(Clone)]
+struct Known {
+    compliance: Matrix3<f64>,
+    /// The largest compliance, by direction.
+    most: f64,
+    /// How much of each combination of fields a force in that direction brings about, with a square of 1 in all.
+    moved: DVector<f64>,
+}
+
+/// A place that may be solved for.
+struct Candidate {
+    at: [f64; 3],
+    spot: Spot,
+    sampled: Sampled,
+    /// Distance from what has been solved for, mm.
+    distance: f64,
+}
+
+/// Unit forces at a place, to be solved for together.
+struct Chosen {
+    candidate: usize,
+    known: Known,
+    distance: f64,
+    /// What is expected to be lacking.
     lacks: Matrix3<f64>,
+    directions: Vec<Vector3<f64>>,
 }
 
 impl ComplianceMap {
@@ -75,39 +130,22 @@ impl ComplianceMap {
     /// `before` is the map of the same grid with more material or other clamps.
     #[must_use]
     pub fn over(body: &Body, places: &[[f64; 3]], accuracy: &Accuracy, before: Option<Self>) -> Self {
-        let most = accuracy.most_fields.min(NUMBERS / (3 * body.fine().len())).max(3 * TOGETHER);
+        let most = accuracy.most_fields.min(NUMBERS / (3 * body.fine().len())).max(4 * LANES);
+        let mut candidates = candidates(body, places);
         let mut map = Self::empty(body);
+        map.size = extent(places).max(f64::MIN_POSITIVE);
         if let Some(before) = before {
-            map.take_over(body, before, most.saturating_sub(3 * TOGETHER));
+            map.take_over(body, before, &candidates, most / 2);
         }
-        let mut order = Furthest::new(places, &map.earlier, body);
-        let surface: Vec<Spot> = order.sparse().map(|place| body.spread(*place)).collect();
-        map.set_motions(body, &surface);
-        while map.fields.len() + 3 * TOGETHER <= most {
-            let next: Vec<[f64; 3]> = std::iter::from_fn(|| order.next()).take(TOGETHER).collect();
-            if next.is_empty() {
-                // All of them have been solved for.
-                (map.error, map.off) = (0.0, 0.0);
+        map.probe(body, &candidates, accuracy);
+        loop {
+            candidates.par_iter_mut().for_each(|candidate| map.sample(&candidate.spot, &mut candidate.sampled));
+            map.set_basis();
+            let Some(chosen) = map.choose(&mut candidates, accuracy) else { break };
+            if map.fields.len() + LANES > most {
                 break;
             }
-            let spots: Vec<Spot> = next.iter().map(|place| body.spread(*place)).collect();
-            let guess = |(spot, place): (&Spot, &[f64; 3])| map.moves(spot) + map.rest(place);
-            let guesses: Vec<Matrix3<f64>> = spots.iter().zip(&next).map(guess).collect();
-            let found = map.solve(body, &spots);
-            let place = |(at, compliance)| Place { at, compliance, lacks: Matrix3::zeros() };
-            map.solved.extend(next.into_iter().zip(found.iter().copied()).map(place));
-            map.set_motions(body, &surface);
-            (map.error, map.off) = (0.0, 0.0);
-            for (guess, found) in guesses.iter().zip(&found) {
-                let off = (found - guess).symmetric_eigenvalues().amax();
-                map.off = map.off.max(off);
-                if off > accuracy.absolute {
-                    map.error = map.error.max(off / found.symmetric_eigenvalues().amax());
-                }
-            }
-            if map.error <= accuracy.relative {
-                break;
-            }
+            map.solve_for(body, &candidates, chosen, accuracy);
         }
         map
     }
@@ -116,13 +154,17 @@ impl ComplianceMap {
     /// material within two cells of the place. `body` is the one that the map is of.
     #[must_use]
     pub fn at(&self, body: &Body, place: [f64; 3]) -> Matrix3<f64> {
-        self.moves(&body.spread(place)) + self.rest(&place)
+        let mut sampled = Sampled::new();
+        self.sample(&body.spread(place), &mut sampled);
+        let known = self.known(&sampled);
+        let lacks = self.lacking(&place, &known, self.nearest(&place, &known));
+        known.compliance + lacks.unwrap_or_else(Matrix3::zeros)
     }
 
-    /// Compliance at a place from fields that are solved for it alone, mm/N: what [`ComplianceMap::at`] comes close to.
+    /// Compliances at places, solved for one by one, mm/N: what [`ComplianceMap::at`] comes close to.
     #[must_use]
-    pub fn solved_at(body: &Body, place: [f64; 3]) -> Matrix3<f64> {
-        Self::empty(body).solve(body, &[body.spread(place)])[0]
+    pub fn solved_at(body: &Body, places: &[[f64; 3]]) -> Vec<Matrix3<f64>> {
+        body.compliance_at(&places.iter().map(|place| body.spread(*place)).collect::<Vec<_>>())
     }
 
     /// Places that have been solved for, in this stage.
@@ -131,7 +173,7 @@ impl ComplianceMap {
         self.solved.len()
     }
 
-    /// Rounds of the iteration over all of them, eight loads at a time.
+    /// Rounds of the iteration over all of them, sixteen loads at a time.
     #[must_use]
     pub fn rounds(&self) -> usize {
         self.rounds
@@ -154,162 +196,274 @@ impl ComplianceMap {
         Self {
             fields: Vec::new(),
             nodes: body.fine().node.clone(),
-            motions: DMatrix::zeros(0, 0),
-            earlier: Vec::new(),
+            work: DMatrix::zeros(0, 0),
+            basis: DMatrix::zeros(0, 0),
             solved: Vec::new(),
+            size: 0.0,
             rounds: 0,
             error: 0.0,
             off: 0.0,
         }
     }
 
-    /// Displacements at a spot in each field, by row.
-    fn sampled(&self, spot: &Spot) -> DMatrix<f64> {
-        let mut all = DMatrix::zeros(self.fields.len(), 3);
-        for (row, field) in self.fields.iter().enumerate() {
+    /// Displacements at a spot in each field: adds those that are not there yet.
+    fn sample(&self, spot: &Spot, sampled: &mut Sampled) {
+        for field in &self.fields[sampled.len()..] {
+            let mut sum = [0.0; 3];
             for (number, share) in &spot.0 {
                 for k in 0..3 {
-                    all[(row, k)] += field[*number as usize][k] * share;
+                    sum[k] += f64::from(field[*number as usize][k]) * share;
                 }
             }
+            sampled.push(sum);
         }
-        all
     }
 
-    /// Compliance by the motions.
-    fn moves(&self, spot: &Spot) -> Matrix3<f64> {
-        let moved = self.motions.tr_mul(&self.sampled(spot));
-        Matrix3::from_fn(|i, j| moved.column(i).dot(&moved.column(j)))
+    /// What the fields know of a place, by Galerkin.
+    fn known(&self, sampled: &Sampled) -> Known {
+        let sampled = DMatrix::from_fn(self.basis.nrows(), 3, |row, k| sampled[row][k]);
+        let moved = self.basis.tr_mul(&sampled);
+        let compliance = Matrix3::from_fn(|i, j| moved.column(i).dot(&moved.column(j)));
+        let eigen = compliance.symmetric_eigen();
+        let most = eigen.eigenvalues.imax();
+        let mut moved = moved * eigen.eigenvectors.column(most);
+        let size = moved.norm();
+        if size > 0.0 {
+            moved /= size;
+        }
+        Known { compliance, most: eigen.eigenvalues[most], moved }
     }
 
-    /// What the motions lack at a place: the mean of what they lack at places that have been solved for, by the inverse fourth
-    /// power of the distance (Shepard).
-    fn rest(&self, place: &[f64; 3]) -> Matrix3<f64> {
+    /// How far two places are from each other, mm: more than in space, by how little both move together.
+    fn apart(&self, a: (&[f64; 3], &Known), b: (&[f64; 3], &Known)) -> f64 {
+        let distance = square(a.0, b.0).sqrt();
+        let together = a.1.moved.dot(&b.1.moved).powi(2);
+        if distance < self.size * together { distance / together } else { self.size }
+    }
+
+    /// How far a place is from the nearest one that has been solved for, mm.
+    fn nearest(&self, place: &[f64; 3], known: &Known) -> f64 {
+        let distances = self.solved.iter().map(|solved| self.apart((place, known), (&solved.at, &solved.known)));
+        distances.fold(self.size, f64::min)
+    }
+
+    /// What is expected to be lacking at a place at a distance from what has been solved for. It is the mean of what was found to
+    /// be lacking at places, weighted by the inverse fourth power of their distances (Shepard); each of these is scaled by the
+    /// square of the distance, and by the root of the compliance, which is lower near a clamp and in what is thick.
+    fn lacking(&self, place: &[f64; 3], known: &Known, distance: f64) -> Option<Matrix3<f64>> {
         let (mut sum, mut weights) = (Matrix3::zeros(), 0.0);
         for solved in &self.solved {
-            let distance = square(&solved.at, place);
-            if distance <= 0.0 {
-                return solved.lacks;
-            }
-            let weight = distance.powi(-2);
-            sum += solved.lacks * weight;
+            let Some(lacked) = &solved.lacked else { continue };
+            let apart = self.apart((place, known), (&solved.at, &solved.known));
+            let weight = apart.max(NEAR * self.size).powi(-4);
+            sum += lacked.compliance * (weight * (distance / lacked.distance).min(1.0).powi(2));
             weights += weight;
         }
-        if weights > 0.0 { sum / weights } else { sum }
+        (weights > 0.0).then(|| sum * (known.most.max(0.0).sqrt() / weights))
     }
 
-    /// Chooses the motions, from what the fields are at spots all over the surface, and finds what they lack.
-    fn set_motions(&mut self, body: &Body, surface: &[Spot]) {
+    /// Makes the fields orthonormal in energy.
+    fn set_basis(&mut self) {
         let count = self.fields.len();
-        let most = (self.solved.len() + self.earlier.len()) / 2;
-        if count == 0 {
-            self.motions = DMatrix::zeros(0, 0);
-            return;
-        }
-        let sampled: Vec<DMatrix<f64>> = surface.par_iter().map(|spot| self.sampled(spot)).collect();
-        let mut moved = DMatrix::zeros(count, count);
-        for sampled in &sampled {
-            moved += sampled * sampled.transpose();
-        }
-        let eigen = SymmetricEigen::new(moved);
-        let mut order: Vec<usize> = (0..count).collect();
-        order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
-        order.truncate(most);
-        self.motions = DMatrix::from_fn(count, order.len(), |row, column| eigen.eigenvectors[(row, order[column])]);
-        let moves: Vec<Matrix3<f64>> = self.solved.iter().map(|place| self.moves(&body.spread(place.at))).collect();
-        for (place, moves) in self.solved.iter_mut().zip(moves) {
-            place.lacks = place.compliance - moves;
-        }
+        let scale: Vec<f64> = (0..count).map(|n| self.work[(n, n)].max(f64::MIN_POSITIVE).sqrt().recip()).collect();
+        let scaled =
+            DMatrix::from_fn(count, count, |row, column| self.work[(row, column)] * scale[row] * scale[column]);
+        let eigen = SymmetricEigen::new(scaled);
+        let least = NOTHING_NEW * eigen.eigenvalues.amax();
+        let kept: Vec<usize> = (0..count).filter(|n| eigen.eigenvalues[*n] > least).collect();
+        self.basis = DMatrix::from_fn(count, kept.len(), |row, column| {
+            let n = kept[column];
+            scale[row] * eigen.eigenvectors[(row, n)] / eigen.eigenvalues[n].sqrt()
+        });
+        let mut solved = std::mem::take(&mut self.solved);
+        solved.par_iter_mut().for_each(|place| {
+            self.sample(&place.spot, &mut place.sampled);
+            place.known = self.known(&place.sampled);
+        });
+        self.solved = solved;
     }
 
-    /// Solves for unit forces at spots, and takes the fields in; the compliance at each.
-    fn solve(&mut self, body: &Body, spots: &[Spot]) -> Vec<Matrix3<f64>> {
-        let loads: Vec<(usize, usize)> = (0..spots.len()).flat_map(|n| (0..3).map(move |k| (n, k))).collect();
-        let mut found = vec![Matrix3::zeros(); spots.len()];
-        for batch in loads.chunks(LANES) {
-            let forces: Vec<(&Spot, Vector3<f64>)> = batch.iter().map(|(n, k)| (&spots[*n], unit(*k))).collect();
-            let start = (!self.fields.is_empty()).then(|| {
-                let mut start = body.zeros();
-                self.add(&self.under(&forces), &mut start);
-                start
-            });
-            let Solved { x, rounds } = body.solve(&forces, start);
-            self.rounds += rounds;
-            for (lane, (n, k)) in batch.iter().enumerate() {
-                found[*n].set_column(*k, &body.sample(&x, lane, &spots[*n]));
+    /// The places to be solved for next, or none where no more is lacking anywhere than the accuracy allows.
+    fn choose(&self, candidates: &mut [Candidate], accuracy: &Accuracy) -> Option<Vec<Chosen>> {
+        let look = |candidate: &mut Candidate| {
+            let known = self.known(&candidate.sampled);
+            candidate.distance = self.nearest(&candidate.at, &known);
+            let lacks = self.lacking(&candidate.at, &known, candidate.distance);
+            (known, lacks)
+        };
+        let looked_at: Vec<(Known, Option<Matrix3<f64>>)> = candidates.par_iter_mut().map(look).collect();
+        // What is lacking as a share of what may be, or how much there is at all where that is not known yet.
+        let score = |(known, lacks): &(Known, Option<Matrix3<f64>>)| match lacks {
+            Some(lacks) => {
+                lacks.symmetric_eigenvalues().max() / accuracy.of(known.most + lacks.symmetric_eigenvalues().max())
             }
-            self.take_in(body.fine(), x);
+            None => known.most / accuracy.of(known.most),
+        };
+        let scores: Vec<f64> = looked_at.iter().map(score).collect();
+        let is_known = looked_at.iter().any(|(_, lacks)| lacks.is_some());
+        let mut distances: Vec<f64> = candidates.iter().map(|candidate| candidate.distance).collect();
+        let (mut chosen, mut room): (Vec<Chosen>, usize) = (Vec::new(), LANES);
+        loop {
+            let now = |n: usize| {
+                let nearer = distances[n] / candidates[n].distance.max(f64::MIN_POSITIVE);
+                scores[n] * nearer * nearer
+            };
+            let best = (0..candidates.len()).max_by(|a, b| now(*a).total_cmp(&now(*b)).then(b.cmp(a)))?;
+            let least = if is_known { SURE } else { 0.0 };
+            let wanted = now(best);
+            // The last places of a batch may be such as are good already.
+            if wanted <= 0.0 || (chosen.is_empty() && wanted <= least) {
+                break;
+            }
+            let (known, lacks) = &looked_at[best];
+            let lacks = lacks.unwrap_or_else(Matrix3::zeros);
+            let eigen = (known.compliance + lacks).symmetric_eigen();
+            let mut order = [0, 1, 2];
+            order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
+            let bound = accuracy.of(eigen.eigenvalues.max());
+            let directions: Vec<Vector3<f64>> = order
+                .into_iter()
+                .enumerate()
+                .filter(|(rank, n)| *rank == 0 || eigen.eigenvalues[*n] > bound)
+                .map(|(_, n)| eigen.eigenvectors.column(n).into_owned())
+                .collect();
+            if directions.len() > room {
+                break;
+            }
+            room -= directions.len();
+            for (n, distance) in distances.iter_mut().enumerate() {
+                let from = (&candidates[n].at, &looked_at[n].0);
+                *distance = distance.min(self.apart(from, (&candidates[best].at, known)));
+            }
+            distances[best] = 0.0;
+            let distance = candidates[best].distance;
+            chosen.push(Chosen { candidate: best, known: known.clone(), distance, lacks, directions });
         }
-        found.into_iter().map(|c| (c + c.transpose()) * 0.5).collect()
+        (!chosen.is_empty()).then_some(chosen)
     }
 
-    /// Work that forces do on each field.
-    fn under(&self, forces: &[(&Spot, Vector3<f64>)]) -> Vec<[f64; LANES]> {
-        let work = |field: &Field| {
-            let mut work = [0.0; LANES];
-            for (lane, (spot, force)) in forces.iter().enumerate() {
-                for (number, share) in &spot.0 {
-                    work[lane] += share * Vector3::from(field[*number as usize]).dot(force);
+    /// Solves for forces of random signs at all candidates, so that whatever is soft moves in some field.
+    fn probe(&mut self, body: &Body, candidates: &[Candidate], accuracy: &Accuracy) {
+        let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
+        let mut sign = || {
+            seed ^= seed << 13;
+            seed ^= seed >> 7;
+            seed ^= seed << 17;
+            if seed >> 63 == 1 { 1.0 } else { -1.0 }
+        };
+        let mut loads = vec![Load::new(); LANES];
+        for candidate in candidates {
+            for load in &mut loads {
+                load.extend(candidate.spot.under(&Vector3::new(sign(), sign(), sign())));
+            }
+        }
+        self.solve(body, &loads, |work, latest| latest <= accuracy.relative * work);
+    }
+
+    /// Solves for forces at places that have been chosen.
+    fn solve_for(&mut self, body: &Body, candidates: &[Candidate], chosen: Vec<Chosen>, accuracy: &Accuracy) {
+        let under = |place: &Chosen| -> Vec<Load> {
+            let spot = &candidates[place.candidate].spot;
+            place.directions.iter().map(|direction| spot.under(direction)).collect()
+        };
+        let loads: Vec<Load> = chosen.iter().flat_map(under).collect();
+        let won = self.solve(body, &loads, |work, latest| latest <= SETTLED * accuracy.of(work));
+        let mut won = won.into_iter();
+        (self.error, self.off) = (0.0, 0.0);
+        for Chosen { candidate, known, distance, lacks, directions } in chosen {
+            let mut lacked = Matrix3::zeros();
+            for direction in &directions {
+                let won = won.next().unwrap_or(0.0);
+                let off = (won - direction.dot(&(lacks * direction))).abs();
+                self.off = self.off.max(off);
+                if off > accuracy.absolute {
+                    self.error = self.error.max(off / (known.most + won));
                 }
+                lacked += direction * direction.transpose() * won;
+            }
+            let found = (known.compliance + lacked).symmetric_eigenvalues().max().max(f64::MIN_POSITIVE);
+            let lacked = Lacked { compliance: lacked / found.sqrt(), distance };
+            let lacked = (distance < self.size).then_some(lacked);
+            let Candidate { at, spot, sampled, .. } = &candidates[candidate];
+            self.solved.push(Place { at: *at, spot: spot.clone(), sampled: sampled.clone(), known, lacked });
+        }
+    }
+
+    /// Solves for loads, on from what the fields have of them, and takes what is new into the fields; how much of each load's
+    /// work that is. `settled` is of a load's work, and of how much of it the latest rounds have won.
+    fn solve(&mut self, body: &Body, loads: &[Load], settled: impl Fn(f64, f64) -> bool) -> Vec<f64> {
+        let mut forces = body.loaded(loads);
+        let mut had = [0.0; LANES];
+        if !self.fields.is_empty() {
+            let work = self.work_of(loads);
+            let factors = &self.basis * self.basis.tr_mul(&work);
+            had = std::array::from_fn(|lane| work.column(lane).dot(&factors.column(lane)));
+            let factors: Vec<[f32; LANES]> =
+                (0..factors.nrows()).map(|row| std::array::from_fn(|lane| factors[(row, lane)] as f32)).collect();
+            let (mut start, mut q) = (body.zeros(), body.zeros());
+            self.add(&factors, &mut start);
+            body.fine().apply(&start, &mut q);
+            subtract(&mut forces, &q);
+        }
+        let solved = body.solve(forces.clone(), |lane, won, latest| settled(had[lane] + won, latest));
+        let Solved { change, left, won, rounds } = solved;
+        self.rounds += rounds;
+        // The forces of the change.
+        subtract(&mut forces, &left);
+        let is_new = |lane: &usize| won[*lane] > NOTHING_NEW * (had[*lane] + won[*lane]);
+        self.take_in(&change, &forces, &(0..loads.len()).filter(is_new).collect::<Vec<_>>());
+        won[..loads.len()].to_vec()
+    }
+
+    /// Work that each load does in each field, by row.
+    fn work_of(&self, loads: &[Load]) -> DMatrix<f64> {
+        let under = |field: &Field| {
+            let mut work = [0.0; LANES];
+            for (work, load) in work.iter_mut().zip(loads) {
+                *work = load.iter().map(|(n, force)| Vector3::from(field[*n as usize].map(f64::from)).dot(force)).sum();
             }
             work
         };
-        self.fields.iter().map(work).collect()
+        let work: Vec<[f64; LANES]> = self.fields.par_iter().map(under).collect();
+        DMatrix::from_fn(work.len(), LANES, |row, lane| work[row][lane])
     }
 
-    /// Takes in displacements of eight loads: what of them the fields do not span already.
-    fn take_in(&mut self, level: &Level, mut x: Vector) {
-        let mut q = level.zeros();
-        level.apply(&x, &mut q);
-        let before = gram(&x, &q);
-        // Twice is enough (Kahan, Parlett).
-        for _ in 0..2 {
-            let work = self.products(&q).into_iter().map(|work| work.map(|work| -work)).collect::<Vec<_>>();
-            self.add(&work, &mut x);
-            level.apply(&x, &mut q);
-        }
-        let left = gram(&x, &q);
-        // Cholesky's factor of what is left, column by column, without those that have nothing new.
-        let mut columns: Vec<[f64; LANES]> = Vec::new();
-        for lane in 0..LANES {
-            if left[(lane, lane)] <= NOTHING_NEW * before[(lane, lane)] || before[(lane, lane)] <= 0.0 {
-                continue;
-            }
-            // The combination of loads that is orthonormal to those before, by modified Gram-Schmidt in the small space.
-            let mut own = [0.0; LANES];
-            own[lane] = 1.0;
-            for column in &columns {
-                let overlap: f64 =
-                    (0..LANES).map(|l| column[l] * (0..LANES).map(|m| left[(l, m)] * own[m]).sum::<f64>()).sum();
-                for l in 0..LANES {
-                    own[l] -= overlap * column[l];
+    /// Takes in the displacements of some lanes, and the forces that belong to them.
+    fn take_in(&mut self, x: &Vector, forces: &Vector, lanes: &[usize]) {
+        let first = self.fields.len();
+        let nodes = self.nodes.len();
+        self.fields.extend(lanes.iter().map(|lane| -> Field {
+            x[..nodes].par_iter().with_min_len(CHUNK).map(|x| std::array::from_fn(|k| x[k][*lane])).collect()
+        }));
+        let products = self.products(forces);
+        let all = self.fields.len();
+        self.work.resize_mut(all, all, 0.0);
+        for (row, products) in products.iter().enumerate() {
+            for (column, lane) in lanes.iter().enumerate() {
+                let column = first + column;
+                if row < first {
+                    (self.work[(row, column)], self.work[(column, row)]) = (products[*lane], products[*lane]);
+                } else {
+                    // The mean of both.
+                    self.work[(row, column)] += 0.5 * products[*lane];
+                    self.work[(column, row)] += 0.5 * products[*lane];
                 }
             }
-            let size: f64 = (0..LANES).map(|l| own[l] * (0..LANES).map(|m| left[(l, m)] * own[m]).sum::<f64>()).sum();
-            if size > NOTHING_NEW * before[(lane, lane)] {
-                columns.push(own.map(|v| v / size.sqrt()));
-            }
         }
-        let nodes = level.len();
-        let field = |column: &[f64; LANES]| -> Field {
-            let combine = |x: &[[f64; LANES]; 3]| x.map(|x| (0..LANES).map(|l| column[l] * x[l]).sum());
-            x[..nodes].par_iter().with_min_len(CHUNK).map(combine).collect()
-        };
-        self.fields.extend(columns.iter().map(field));
     }
 
     /// Sums of products of each field with a vector.
     fn products(&self, q: &Vector) -> Vec<[f64; LANES]> {
-        let arch = pulp::Arch::new();
         let part = |chunk: usize| -> Vec<[f64; LANES]> {
             let range = chunk * CHUNK..((chunk + 1) * CHUNK).min(self.nodes.len());
+            let q: Vec<[[f64; LANES]; 3]> = q[range.clone()].iter().map(|q| q.map(|q| q.map(f64::from))).collect();
             let of = |field: &Field| {
-                arch.dispatch(|| {
+                widest!(<'a> _simd: S; (field: &'a [[f32; 3]] = &field[range.clone()], q: &'a [[[f64; LANES]; 3]] = &q) -> [f64; LANES] {
                     let mut sum = [0.0; LANES];
-                    for (v, q) in field[range.clone()].iter().zip(&q[range.clone()]) {
+                    for (v, q) in field.iter().zip(q) {
                         for k in 0..3 {
                             for l in 0..LANES {
-                                sum[l] += v[k] * q[k][l];
+                                sum[l] += f64::from(v[k]) * q[k][l];
                             }
                         }
                     }
@@ -331,13 +485,12 @@ impl ComplianceMap {
     }
 
     /// Adds fields by their factors.
-    fn add(&self, factors: &[[f64; LANES]], x: &mut Vector) {
-        let arch = pulp::Arch::new();
+    fn add(&self, factors: &[[f32; LANES]], x: &mut Vector) {
         let nodes = self.nodes.len();
         x[..nodes].par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, x)| {
             for (field, factor) in self.fields.iter().zip(factors) {
-                arch.dispatch(|| {
-                    for (x, v) in x.iter_mut().zip(&field[chunk * CHUNK..]) {
+                widest!(<'a> _simd: S; (x: &'a mut [Node] = x, field: &'a [[f32; 3]] = &field[chunk * CHUNK..], factor: &'a [f32; LANES] = factor) -> () {
+                    for (x, v) in x.iter_mut().zip(field) {
                         for k in 0..3 {
                             for l in 0..LANES {
                                 x[k][l] += factor[l] * v[k];
@@ -349,103 +502,87 @@ impl ComplianceMap {
         });
     }
 
-    /// Takes over the latest fields of a map of the same grid.
-    fn take_over(&mut self, body: &Body, before: Self, most: usize) {
+    /// Takes over the motions of a map of the same grid that move candidates most.
+    fn take_over(&mut self, body: &Body, before: Self, candidates: &[Candidate], most: usize) {
+        let Self { fields, nodes, basis, .. } = before;
         let mut place = vec![None; body.fine().number.len()];
-        for (n, node) in before.nodes.iter().enumerate() {
+        for (n, node) in nodes.iter().enumerate() {
             place[*node as usize] = Some(n);
         }
-        self.earlier = before.earlier;
-        self.earlier.extend(before.solved.iter().map(|place| place.at));
-        self.earlier.truncate(most / 3);
-        let first = before.fields.len().saturating_sub(most);
-        for fields in before.fields[first..].chunks(LANES) {
-            let mut x = body.zeros();
-            for (x, node) in x.iter_mut().zip(&self.nodes) {
-                let Some(n) = place[*node as usize] else { continue };
-                *x = ZERO;
-                for (lane, field) in fields.iter().enumerate() {
-                    for k in 0..3 {
-                        x[k][lane] = field[n][k];
-                    }
-                }
-            }
+        let renumbered = |field: &Field| -> Field {
+            self.nodes.iter().map(|node| place[*node as usize].map_or([0.0; 3], |n| field[n])).collect()
+        };
+        let mut own = Self::empty(body);
+        own.fields = fields.into_iter().map(|field| renumbered(&field)).collect();
+        let sampled = |candidate: &Candidate| {
+            let mut sampled = Sampled::new();
+            own.sample(&candidate.spot, &mut sampled);
+            basis.tr_mul(&DMatrix::from_fn(basis.nrows(), 3, |row, k| sampled[row][k]))
+        };
+        let sampled: Vec<DMatrix<f64>> = candidates.par_iter().map(sampled).collect();
+        let mut moved = DMatrix::zeros(basis.ncols(), basis.ncols());
+        for sampled in &sampled {
+            moved += sampled * sampled.transpose();
+        }
+        let eigen = SymmetricEigen::new(moved);
+        let mut order: Vec<usize> = (0..basis.ncols()).collect();
+        order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
+        order.truncate(most);
+        let motions = basis
+            * DMatrix::from_fn(eigen.eigenvectors.nrows(), order.len(), |row, column| {
+                eigen.eigenvectors[(row, order[column])]
+            });
+        let columns: Vec<usize> = (0..order.len()).collect();
+        for columns in columns.chunks(LANES) {
+            let factors: Vec<[f32; LANES]> = (0..motions.nrows())
+                .map(|row| std::array::from_fn(|lane| columns.get(lane).map_or(0.0, |n| motions[(row, *n)] as f32)))
+                .collect();
+            let (mut x, mut q) = (body.zeros(), body.zeros());
+            own.add(&factors, &mut x);
             body.hold(&mut x);
-            self.take_in(body.fine(), x);
+            body.fine().apply(&x, &mut q);
+            self.take_in(&x, &q, &(0..columns.len()).collect::<Vec<_>>());
         }
+        self.set_basis();
     }
 }
 
-/// Products of eight vectors with eight others.
-fn gram(x: &Vector, q: &Vector) -> SMatrix<f64, LANES, LANES> {
-    let part = |(x, q): (&[Node], &[Node])| {
-        let mut sum = [[0.0; LANES]; LANES];
-        for (x, q) in x.iter().zip(q) {
-            for k in 0..3 {
-                for a in 0..LANES {
-                    for b in 0..LANES {
-                        sum[a][b] += x[k][a] * q[k][b];
-                    }
-                }
+/// a −= b.
+fn subtract(a: &mut Vector, b: &Vector) {
+    let less = |(a, b): (&mut Node, &Node)| {
+        for k in 0..3 {
+            for l in 0..LANES {
+                a[k][l] -= b[k][l];
             }
         }
-        sum
     };
-    let parts: Vec<[[f64; LANES]; LANES]> = x.par_chunks(CHUNK).zip(q.par_chunks(CHUNK)).map(part).collect();
-    let mut sum = SMatrix::<f64, LANES, LANES>::zeros();
-    for part in parts {
-        sum += SMatrix::from_fn(|a, b| part[a][b]);
-    }
-    (sum + sum.transpose()) * 0.5
+    a.par_iter_mut().zip(b).with_min_len(CHUNK).for_each(less);
 }
 
-/// Places in an order in which each is the one furthest from all before it; those in a cell that has had one are left out.
-struct Furthest {
-    places: Vec<[f64; 3]>,
-    /// Squared distance from the ones that have been given out.
-    distance: Vec<f64>,
-    least: f64,
-    first: bool,
-}
-
-impl Furthest {
-    fn new(places: &[[f64; 3]], solved: &[[f64; 3]], body: &Body) -> Self {
-        let size = body.grid.size.iter().fold(0.0_f64, |most, size| most.max(*size));
-        let cell = |place: &[f64; 3]| place.map(|x| (x / size).floor() as i64);
-        // One place a cell: the first.
+/// One place, the first, in each of the cells of a grid in which they are not too many.
+fn candidates(body: &Body, places: &[[f64; 3]]) -> Vec<Candidate> {
+    let mut size = body.grid.size.iter().fold(0.0_f64, |most, size| most.max(*size));
+    let mut chosen = places.to_vec();
+    loop {
         let mut seen = std::collections::BTreeSet::new();
-        let places: Vec<[f64; 3]> = places.iter().filter(|place| seen.insert(cell(place))).copied().collect();
-        let distance = |place| solved.iter().map(|other| square(place, other)).fold(f64::INFINITY, f64::min);
-        let distance = places.iter().map(distance).collect();
-        Self { distance, places, least: size * size, first: solved.is_empty() }
-    }
-
-    /// Some hundreds of the places, all over.
-    fn sparse(&self) -> impl Iterator<Item = &[f64; 3]> {
-        self.places.iter().step_by(self.places.len().div_ceil(400).max(1))
-    }
-
-    fn next(&mut self) -> Option<[f64; 3]> {
-        let furthest = if self.first {
-            // Far from the middle of all.
-            let count = self.places.len().max(1) as f64;
-            let middle: [f64; 3] = std::array::from_fn(|k| self.places.iter().map(|p| p[k]).sum::<f64>() / count);
-            (0..self.places.len()).max_by(|a, b| {
-                square(&self.places[*a], &middle).total_cmp(&square(&self.places[*b], &middle)).then(b.cmp(a))
-            })
-        } else {
-            (0..self.places.len()).max_by(|a, b| self.distance[*a].total_cmp(&self.distance[*b]).then(b.cmp(a)))
-        }?;
-        if !self.first && self.distance[furthest] < self.least {
-            return None;
+        chosen.retain(|place| seen.insert(place.map(|x| (x / size).floor() as i64)));
+        if chosen.len() <= CANDIDATES {
+            break;
         }
-        self.first = false;
-        let place = self.places[furthest];
-        for (distance, other) in self.distance.iter_mut().zip(&self.places) {
-            *distance = distance.min(square(&place, other));
-        }
-        Some(place)
+        size *= 1.25;
     }
+    let candidate = |at: [f64; 3]| Candidate { at, spot: body.spread(at), sampled: Sampled::new(), distance: 0.0 };
+    chosen.into_par_iter().map(candidate).collect()
+}
+
+/// Diagonal of the box about places.
+fn extent(places: &[[f64; 3]]) -> f64 {
+    let along = |k: usize| {
+        let low = places.iter().map(|place| place[k]).fold(f64::INFINITY, f64::min);
+        let high = places.iter().map(|place| place[k]).fold(f64::NEG_INFINITY, f64::max);
+        (high - low).max(0.0)
+    };
+    (0..3).map(|k| along(k).powi(2)).sum::<f64>().sqrt()
 }
 
 fn square(a: &[f64; 3], b: &[f64; 3]) -> f64 {

@@ -23,8 +23,6 @@ const MOST_CELLS: f64 = 500_000.0;
 const THIN: (f64, f64) = (1.0, 0.02);
 /// The stock is looked at when this share of what was left has gone: a wall loses no more of its thickness between two looks.
 const GONE: f64 = 0.06;
-/// Fields of a map that are kept: 32 places.
-const FIELDS: usize = 96;
 /// And as many stages are solved for, evenly among the looks, the first and the last of them included.
 const MOST_STAGES: usize = 6;
 
@@ -138,12 +136,7 @@ impl Stages {
                 continue;
             }
             let at: Vec<[f64; 3]> = of_stage.iter().map(|(number, _)| cuts[*number].place).collect();
-            let map = ComplianceMap::over(
-                &body,
-                &at,
-                &Accuracy { most_fields: FIELDS, ..Accuracy::default() },
-                before.take(),
-            );
+            let map = ComplianceMap::over(&body, &at, &Accuracy::default(), before.take());
             places += map.places();
             off = off.max(map.off());
             let found: Vec<Matrix3<f64>> = at.par_iter().map(|place| map.at(&body, *place)).collect();
