@@ -148,7 +148,7 @@ fn calculix(folder: &Path, height: f64, patches: &[Patch]) -> Vec<f64> {
 }
 
 #[test]
-#[ignore = "many minutes: cargo test -p deflex-elastic --test calculix -- --ignored --nocapture"]
+#[ignore = "a minute: cargo test -p deflex-elastic --test calculix -- --ignored --nocapture"]
 fn a_wall_yields_as_calculix_has_it_through_five_stages() {
     if Command::new("ccx").arg("-v").output().is_err() {
         println!("skipped: there is no ccx; install Debian's package calculix-ccx");
