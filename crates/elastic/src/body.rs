@@ -1,14 +1,15 @@
 //! A held body, and the displacements that forces on it bring about.
 
 use crate::direct::{Band, cost, ordered};
-use crate::element::{CORNERS, Element, Matrix, Rule, shape};
+use crate::element::{CORNERS, Element, Matrix, Rule, SIZE, shape};
 use crate::level::{
     Cells, LANES, Level, NONE, SHARED, Sweep, Transfer, Vector, add_scaled, coarser, dot, halved, turn_towards,
 };
 use crate::solid::{Filling, Solid, ravel, unravel};
-use crate::support::{Clamp, Held, HoldError, hold};
-use nalgebra::{Matrix3, Vector3};
+use crate::support::{Clamp, Held, HoldError, Holds, Rigid, Spring, hold};
+use nalgebra::{DMatrix, Matrix3, Vector3};
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 
 /// An isotropic material.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,11 +43,20 @@ pub struct Body {
     levels: Vec<Level>,
     transfers: Vec<Transfer>,
     coarsest: Band,
-    /// Axes of nodes (by number) that are rigid.
-    rigid: Vec<(u32, [bool; 3])>,
+    /// What is rigid, its nodes by number.
+    rigid: Vec<Rigid>,
     pub(crate) grid: crate::Grid,
     cells: Vec<Filling>,
     shares: Vec<f64>,
+    pub(crate) pulled: Pulled,
+}
+
+/// What a motion of 1 mm of a clamp along an axis takes while all nodes that are free stay where they are; number 3·clamp + axis.
+pub(crate) struct Pulled {
+    /// Forces that it puts on these nodes (of the whole grid), N.
+    pub(crate) loads: Vec<BTreeMap<u32, Vector3<f64>>>,
+    /// Forces that it takes at each clamp, N/mm.
+    pub(crate) at_clamps: DMatrix<f64>,
 }
 
 /// A force's place: numbers of the nodes that take it, and the share of each.
@@ -90,7 +100,7 @@ impl Body {
     /// No material, a clamp that touches none, or a body that is free to move.
     pub fn new(solid: &Solid, material: Material, clamps: &[Clamp]) -> Result<Self, HoldError> {
         let Held { cells, holds } = hold(solid, clamps)?;
-        let (fine, shares) = stiffnesses(solid, material, &cells, &holds.rigid, &holds.springs);
+        let Stiffnesses { cells: fine, shares, pulled } = stiffnesses(solid, material, &cells, &holds, clamps.len());
         let mut levels = vec![Level::new(&fine)];
         let mut transfers = Vec::new();
         let mut cells_of_level = fine;
@@ -112,9 +122,9 @@ impl Body {
             levels.push(next);
         }
         let coarsest = Band::new(&levels[levels.len() - 1]);
-        let rigid = holds.rigid.iter().map(|(node, axes)| (levels[0].number[*node as usize], *axes));
-        let rigid = rigid.filter(|(number, _)| *number != NONE).collect();
-        Ok(Self { levels, transfers, coarsest, rigid, grid: solid.grid, cells, shares })
+        let rigid = holds.rigid.iter().map(|held| Rigid { node: levels[0].number[held.node as usize], ..*held });
+        let rigid = rigid.filter(|held| held.node != NONE).collect();
+        Ok(Self { levels, transfers, coarsest, rigid, grid: solid.grid, cells, shares, pulled })
     }
 
     /// Cells that carry something.
@@ -259,7 +269,7 @@ impl Body {
     }
 
     /// Number of a node of the whole grid.
-    fn number(&self, node: usize) -> Option<u32> {
+    pub(crate) fn number(&self, node: usize) -> Option<u32> {
         Some(self.levels[0].number[node]).filter(|number| *number != NONE)
     }
 
@@ -273,12 +283,20 @@ impl Body {
 
     /// Nothing moves where it is rigid.
     pub(crate) fn hold(&self, x: &mut Vector) {
-        for (node, axes) in &self.rigid {
+        for Rigid { node, axes, .. } in &self.rigid {
             for k in 0..3 {
                 if axes[k] {
                     x[*node as usize][k] = [0.0; LANES];
                 }
             }
+        }
+    }
+
+    /// What is rigid moves by 1 mm with its clamp (number 3·clamp + axis).
+    pub(crate) fn move_held(&self, motion: usize, field: &mut [[f32; 3]]) {
+        let axis = motion % 3;
+        for held in self.rigid.iter().filter(|held| held.clamp == motion / 3 && held.axes[axis]) {
+            field[held.node as usize][axis] = 1.0;
         }
     }
 
@@ -368,22 +386,26 @@ pub(crate) fn unit(axis: usize) -> Vector3<f64> {
     Vector3::from_fn(|k, _| if k == axis { 1.0 } else { 0.0 })
 }
 
-/// The stiffness of each cell, with springs added to one of the cells about each of their nodes, and the rows of what is rigid
-/// taken out; and the share of each cell that is material.
-fn stiffnesses(
-    solid: &Solid,
-    material: Material,
-    fillings: &[Filling],
-    rigid: &[(u32, [bool; 3])],
-    springs: &[(u32, [f64; 3])],
-) -> (Cells, Vec<f64>) {
+struct Stiffnesses {
+    /// The stiffness of each cell, with springs added to one of the cells about each of their nodes, and the rows of what is rigid
+    /// taken out.
+    cells: Cells,
+    /// The share of each cell that is material.
+    shares: Vec<f64>,
+    pulled: Pulled,
+}
+
+fn stiffnesses(solid: &Solid, material: Material, fillings: &[Filling], holds: &Holds, clamps: usize) -> Stiffnesses {
     let grid = &solid.grid;
     let element = Element::new(grid.size, material.e, material.nu);
     let nodes = grid.nodes();
-    let mut rigid_of = vec![[false; 3]; nodes.iter().product()];
-    for (node, axes) in rigid {
+    // The clamp that holds each axis of a node.
+    let mut rigid_of = vec![[None; 3]; nodes.iter().product()];
+    for Rigid { node, clamp, axes } in &holds.rigid {
         for k in 0..3 {
-            rigid_of[*node as usize][k] |= axes[k];
+            if axes[k] {
+                rigid_of[*node as usize][k] = Some(*clamp);
+            }
         }
     }
     let corner = |cell: usize, a: usize| {
@@ -392,7 +414,7 @@ fn stiffnesses(
     };
     // Springs by the cell that has them.
     let mut sprung: Vec<(usize, usize, [f64; 3])> = Vec::new();
-    for (node, spring) in springs {
+    for Spring { node, stiffness, .. } in &holds.springs {
         let at = unravel(nodes, *node as usize);
         let cell = (0..CORNERS).find_map(|a| {
             let cell: [usize; 3] = std::array::from_fn(|k| at[k].wrapping_sub(a >> k & 1));
@@ -400,7 +422,7 @@ fn stiffnesses(
             (fillings[number] != Filling::Empty).then_some((number, a))
         });
         if let Some((cell, a)) = cell {
-            sprung.push((cell, a, *spring));
+            sprung.push((cell, a, *stiffness));
         }
     }
     sprung.sort_by_key(|(cell, ..)| *cell);
@@ -415,7 +437,7 @@ fn stiffnesses(
                 return NONE;
             }
             let held = sprung.binary_search_by_key(&cell, |(cell, ..)| *cell).is_ok()
-                || (0..CORNERS).any(|a| rigid_of[corner(cell, a)].contains(&true));
+                || (0..CORNERS).any(|a| rigid_of[corner(cell, a)] != [None; 3]);
             match fillings[cell] {
                 Filling::Full if !held => SHARED,
                 Filling::Cut(rule) if !held => {
@@ -449,7 +471,7 @@ fn stiffnesses(
         }
         for a in 0..CORNERS {
             for axis in 0..3 {
-                if rigid_of[corner(cell, a)][axis] {
+                if rigid_of[corner(cell, a)][axis].is_some() {
                     k.row_mut(3 * a + axis).fill(0.0);
                     k.column_mut(3 * a + axis).fill(0.0);
                 }
@@ -459,5 +481,32 @@ fn stiffnesses(
     };
     let matrices = own.par_iter().map(of).collect();
     let shares = fillings.iter().map(|filling| solid.share(*filling)).collect();
-    (Cells { counts: grid.cells, matrix, matrices }, shares)
+    let mut pulled =
+        Pulled { loads: vec![BTreeMap::new(); 3 * clamps], at_clamps: DMatrix::zeros(3 * clamps, 3 * clamps) };
+    for own in &own {
+        let Own::Held(cell) = *own else { continue };
+        let k = if fillings[cell] == Filling::Full { full } else { stiffness(fillings[cell]) };
+        let held = |row: usize| rigid_of[corner(cell, row / 3)][row % 3].map(|clamp: usize| 3 * clamp + row % 3);
+        for column in 0..SIZE {
+            let Some(motion) = held(column) else { continue };
+            for row in 0..SIZE {
+                if let Some(other) = held(row) {
+                    pulled.at_clamps[(other, motion)] += k[(row, column)];
+                } else {
+                    let node = corner(cell, row / 3) as u32;
+                    pulled.loads[motion].entry(node).or_insert_with(Vector3::zeros)[row % 3] -= k[(row, column)];
+                }
+            }
+        }
+    }
+    for Spring { node, clamp, stiffness } in &holds.springs {
+        for k in 0..3 {
+            if stiffness[k] > 0.0 && rigid_of[*node as usize][k].is_none() {
+                let motion = 3 * clamp + k;
+                pulled.loads[motion].entry(*node).or_insert_with(Vector3::zeros)[k] += stiffness[k];
+                pulled.at_clamps[(motion, motion)] += stiffness[k];
+            }
+        }
+    }
+    Stiffnesses { cells: Cells { counts: grid.cells, matrix, matrices }, shares, pulled }
 }

@@ -25,6 +25,7 @@
 //! The same input gives the same numbers for any number of threads.
 
 mod body;
+mod clamps;
 mod direct;
 mod element;
 mod level;
@@ -34,6 +35,7 @@ mod support;
 mod widest;
 
 pub use body::{Body, Material};
+pub use clamps::ClampMotions;
 pub use map::{Accuracy, ComplianceMap};
 pub use solid::{Grid, Solid};
 pub use support::{Clamp, HoldError};

@@ -3,6 +3,7 @@
 use crate::element::CORNERS;
 use crate::solid::{Filling, Solid, ravel, unravel};
 use nalgebra::{Matrix3, SMatrix, Vector3};
+use std::collections::BTreeMap;
 
 /// A clamp: what is in its box is held.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,10 +36,27 @@ pub enum HoldError {
 
 /// What holds each node of a grid.
 pub(crate) struct Holds {
-    /// Nodes (of the whole grid) with rigid axes.
-    pub(crate) rigid: Vec<(u32, [bool; 3])>,
-    /// Nodes with springs, N/mm.
-    pub(crate) springs: Vec<(u32, [f64; 3])>,
+    pub(crate) rigid: Vec<Rigid>,
+    pub(crate) springs: Vec<Spring>,
+}
+
+/// A node that a clamp holds along some axes.
+#[derive(Clone, Copy)]
+pub(crate) struct Rigid {
+    /// Of the whole grid.
+    pub(crate) node: u32,
+    pub(crate) clamp: usize,
+    pub(crate) axes: [bool; 3],
+}
+
+/// A node that a clamp holds by a spring.
+#[derive(Clone, Copy)]
+pub(crate) struct Spring {
+    /// Of the whole grid.
+    pub(crate) node: u32,
+    pub(crate) clamp: usize,
+    /// N/mm.
+    pub(crate) stiffness: [f64; 3],
 }
 
 /// Cells that are joined to what is held, face to face: all others carry nothing, and are left out.
@@ -64,6 +82,8 @@ pub(crate) fn hold(solid: &Solid, clamps: &[Clamp]) -> Result<Held, HoldError> {
         })
     };
     let mut holds = Holds { rigid: Vec::new(), springs: Vec::new() };
+    // What the first of several clamps has made rigid is its own.
+    let mut taken: BTreeMap<u32, [bool; 3]> = BTreeMap::new();
     for (number, clamp) in clamps.iter().enumerate() {
         let mut range = [[0; 2]; 3];
         for k in 0..3 {
@@ -86,11 +106,14 @@ pub(crate) fn hold(solid: &Solid, clamps: &[Clamp]) -> Result<Held, HoldError> {
         let rigid = clamp.stiffness.map(f64::is_infinite);
         let spring = clamp.stiffness.map(|all| if all.is_finite() { all / held.len() as f64 } else { 0.0 });
         for node in held {
-            if rigid.contains(&true) {
-                holds.rigid.push((node, rigid));
+            let taken = taken.entry(node).or_default();
+            let axes: [bool; 3] = std::array::from_fn(|k| rigid[k] && !taken[k]);
+            (0..3).for_each(|k| taken[k] |= rigid[k]);
+            if axes.contains(&true) {
+                holds.rigid.push(Rigid { node, clamp: number, axes });
             }
             if spring.iter().any(|spring| *spring > 0.0) {
-                holds.springs.push((node, spring));
+                holds.springs.push(Spring { node, clamp: number, stiffness: spring });
             }
         }
     }
@@ -104,7 +127,7 @@ fn joined(solid: &Solid, holds: &Holds) -> Vec<Filling> {
     let counts = solid.grid.cells;
     let mut reached = vec![false; solid.cells.len()];
     let mut open = Vec::new();
-    let held = holds.rigid.iter().map(|(node, _)| *node).chain(holds.springs.iter().map(|(node, _)| *node));
+    let held = holds.rigid.iter().map(|held| held.node).chain(holds.springs.iter().map(|held| held.node));
     for node in held {
         let node = unravel(solid.grid.nodes(), node as usize);
         for a in 0..CORNERS {
@@ -141,8 +164,8 @@ fn is_held(solid: &Solid, holds: &Holds) -> Result<(), HoldError> {
     let reach: f64 = (0..3).map(|k| grid.size[k] * grid.cells[k] as f64).fold(0.0, f64::max);
     // As stiff as the stiffest spring, whatever that is: only whether it holds counts.
     let mut stiffness = SMatrix::<f64, 6, 6>::zeros();
-    let rigid = holds.rigid.iter().map(|(node, axes)| (*node, axes.map(|rigid| f64::from(u8::from(rigid)))));
-    let springs = holds.springs.iter().map(|(node, spring)| (*node, spring.map(|k| f64::from(u8::from(k > 0.0)))));
+    let rigid = holds.rigid.iter().map(|held| (held.node, held.axes.map(|rigid| f64::from(u8::from(rigid)))));
+    let springs = holds.springs.iter().map(|held| (held.node, held.stiffness.map(|k| f64::from(u8::from(k > 0.0)))));
     for (node, held) in rigid.chain(springs) {
         let place = grid.place(unravel(nodes, node as usize));
         let arm = Vector3::from_fn(|k, _| (place[k] - middle[k]) / reach);

@@ -1,6 +1,7 @@
 //! Bodies whose compliance a book has.
 
-use deflex_elastic::{Accuracy, Body, Clamp, ComplianceMap, Grid, HoldError, Material, Solid};
+use deflex_elastic::{Accuracy, Body, Clamp, ClampMotions, ComplianceMap, Grid, HoldError, Material, Solid};
+use nalgebra::{DMatrix, Matrix3};
 
 const ALUMINIUM: Material = Material { e: 71_000.0, nu: 0.33 };
 const RIGID: [f64; 3] = [f64::INFINITY; 3];
@@ -235,4 +236,54 @@ fn threads_change_nothing() {
     let one = run(1);
     assert_eq!(one, run(2));
     assert_eq!(one, run(5));
+}
+
+/// Compliance at a place where clamps give way by so much, mm/N, along x, y and z each.
+fn with_soft_clamps(body: &Body, place: [f64; 3], compliances: &[f64]) -> Matrix3<f64> {
+    let motions = ClampMotions::of(body);
+    let at = motions.at(body, place);
+    let w = DMatrix::from_fn(3, at.len(), |row, motion| at[motion][row]);
+    let c = DMatrix::from_diagonal(&compliances.to_vec().into());
+    let both = DMatrix::identity(at.len(), at.len()) + &c * motions.stiffness();
+    let more = &w * both.lu().solve(&(c * w.transpose())).unwrap();
+    ComplianceMap::solved_at(body, &[place])[0] + Matrix3::from_fn(|i, j| more[(i, j)])
+}
+
+#[test]
+fn one_clamp_that_gives_way_takes_the_part_with_it() {
+    // All of the part goes with the only clamp: what is added is the clamp's compliance, at any place, and no motion takes force.
+    let grid = Grid::over([0.0; 3], [20.0, 10.0, 10.0], 1.0);
+    let foot = [clamp([0.0; 3], [20.0, 10.0, 0.0])];
+    let body = Body::new(&Solid::of(grid, |_| 1.0), ALUMINIUM, &foot).unwrap();
+    let place = [17.0, 3.0, 10.0];
+    let more = with_soft_clamps(&body, place, &[1e-4, 2e-4, 3e-5]) - ComplianceMap::solved_at(&body, &[place])[0];
+    let wanted = Matrix3::from_diagonal(&[1e-4, 2e-4, 3e-5].into());
+    assert!((more - wanted).amax() < 3e-7, "{more}");
+}
+
+#[test]
+fn soft_clamps_are_those_of_a_body_with_springs_in_their_place() {
+    // Each clamp holds one node, so that a spring in its place moves as the clamp does. The motions are of the rigid clamps, or of
+    // ones on springs already; the other body has all of it in its springs. Soft ones give way by up to 40 times as much as the part.
+    let grid = Grid::over([0.0; 3], [24.0, 16.0, 4.0], 1.0);
+    let solid = Solid::of(grid, |_| 1.0);
+    let corners = [[0.0, 0.0, 0.0], [24.0, 0.0, 0.0], [0.0, 16.0, 0.0], [24.0, 16.0, 0.0]];
+    let body = |stiffness: &dyn Fn(usize) -> [f64; 3]| {
+        let clamps: Vec<Clamp> =
+            corners.iter().enumerate().map(|(n, at)| Clamp { bounds: [*at; 2], stiffness: stiffness(n) }).collect();
+        Body::new(&solid, ALUMINIUM, &clamps).unwrap()
+    };
+    let c: [f64; 12] = [2e-5, 1e-5, 1e-4, 0.0, 3e-5, 2e-3, 0.0, 0.0, 1e-3, 5e-5, 0.0, 0.0];
+    let soft = body(&|n| std::array::from_fn(|k| 1.0 / c[3 * n + k]));
+    let rigid = body(&|_| RIGID);
+    let sprung = body(&|n| std::array::from_fn(|k| if n == 1 { 2.0 / c[3 + k] } else { f64::INFINITY }));
+    let left: Vec<f64> = (0..12).map(|n| if n / 3 == 1 { 0.5 * c[n] } else { c[n] }).collect();
+    for place in [[12.0, 8.0, 4.0], [21.0, 3.0, 4.0], [2.5, 14.0, 4.0]] {
+        let wanted = ComplianceMap::solved_at(&soft, &[place])[0];
+        for (declared, found) in
+            [("rigid", with_soft_clamps(&rigid, place, &c)), ("sprung", with_soft_clamps(&sprung, place, &left))]
+        {
+            assert!((found - wanted).amax() < 2e-3 * wanted.amax(), "{declared}, {place:?}: {found} {wanted}");
+        }
+    }
 }

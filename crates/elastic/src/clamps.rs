@@ -1,0 +1,92 @@
+//! What a part does when its clamps give way.
+//!
+//! A clamp that gives way moves as a whole, along the axes of the grid. With the displacements W of the part under such motions of
+//! 1 mm, one by one, and the forces K that they take at the clamps, a clamp of the compliance c (diagonal) on which the part
+//! presses with F moves by d = c F. A force f at a place presses on the clamps with Wᵀ f, for that is how works are the same
+//! (Betti), and a motion takes K d of it away: d = (1 + c K)⁻¹ c Wᵀ f. The place moves with it by W d: the compliance there grows by
+//! W (1 + c K)⁻¹ c Wᵀ, whatever c is.
+
+use crate::body::{Body, Load, Solved};
+use crate::level::LANES;
+use nalgebra::{DMatrix, Vector3};
+use rayon::prelude::*;
+
+/// Share of the force at a clamp, with all free nodes held, that the last rounds of the iteration may take away: what is left is the
+/// small difference of large forces.
+const SETTLED: f64 = 1e-7;
+
+/// The motions of a body with its clamps.
+pub struct ClampMotions {
+    /// By motion, and number of the node.
+    fields: Vec<Vec<[f32; 3]>>,
+    stiffness: DMatrix<f64>,
+}
+
+impl ClampMotions {
+    /// Of all clamps of a body, along x, y and z each.
+    #[must_use]
+    pub fn of(body: &Body) -> Self {
+        let count = body.pulled.loads.len();
+        let mut fields = Vec::new();
+        let mut stiffness = body.pulled.at_clamps.clone();
+        let numbered = |node: &u32, force: &Vector3<f64>| Some((body.number(*node as usize)?, *force));
+        let loads: Vec<Load> = body
+            .pulled
+            .loads
+            .iter()
+            .map(|load| load.iter().filter_map(|(node, force)| numbered(node, force)).collect())
+            .collect();
+        let mut lefts = Vec::new();
+        for (batch, loads) in loads.chunks(LANES).enumerate() {
+            let most = |lane: usize| {
+                let motion = batch * LANES + lane;
+                if motion < count { body.pulled.at_clamps[(motion, motion)] } else { 0.0 }
+            };
+            let solved = body.solve(body.loaded(loads), |lane, _, latest| latest <= SETTLED * most(lane));
+            let Solved { change, left, .. } = solved;
+            let of_lane = |x: &[[[f32; LANES]; 3]], lane: usize| -> Vec<[f32; 3]> {
+                x.par_iter().map(|x| std::array::from_fn(|k| x[k][lane])).collect()
+            };
+            fields.extend((0..loads.len()).map(|lane| of_lane(&change, lane)));
+            lefts.extend((0..loads.len()).map(|lane| of_lane(&left, lane)));
+        }
+        // K − bᵀ w, and what is left of b does with w: the error is that of an energy.
+        for (j, load) in loads.iter().enumerate() {
+            for (k, (field, left)) in fields.iter().zip(&lefts).enumerate() {
+                let work = |(number, force): &(u32, Vector3<f64>)| {
+                    force.dot(&Vector3::from(field[*number as usize].map(f64::from)))
+                };
+                let of_load: f64 = load.iter().map(work).sum();
+                let of_left: f64 = fields[j]
+                    .iter()
+                    .zip(left)
+                    .map(|(a, b)| (0..3).map(|k| f64::from(a[k]) * f64::from(b[k])).sum::<f64>())
+                    .sum();
+                stiffness[(j, k)] -= of_load + of_left;
+            }
+        }
+        let stiffness = (&stiffness + stiffness.transpose()) * 0.5;
+        for (motion, field) in fields.iter_mut().enumerate() {
+            body.move_held(motion, field);
+        }
+        Self { fields, stiffness }
+    }
+
+    /// Forces along the motions' axes that motions of 1 mm take at the clamps, N/mm: row and column are 3·clamp + axis.
+    #[must_use]
+    pub fn stiffness(&self) -> &DMatrix<f64> {
+        &self.stiffness
+    }
+
+    /// Displacement at a place on the surface under motions of 1 mm, by motion: spread as in
+    /// [`ComplianceMap::at`](crate::ComplianceMap::at). `body` is the one that the motions are of.
+    #[must_use]
+    pub fn at(&self, body: &Body, place: [f64; 3]) -> Vec<Vector3<f64>> {
+        let spot = body.spread(place);
+        let at = |field: &Vec<[f32; 3]>| {
+            let share = |(number, share): &(u32, f64)| Vector3::from(field[*number as usize].map(f64::from)) * *share;
+            spot.0.iter().map(share).sum()
+        };
+        self.fields.iter().map(at).collect()
+    }
+}
