@@ -60,6 +60,7 @@ fn survey<'a>(cell: &'a Cell, run: &Run) -> Survey<'a> {
         robot: &cell.arm.robot,
         stiffness_declared: cell.arm.stiffness.is_some(),
         part_declared: false,
+        clamps: 0,
         has_force: true,
         has_payload: false,
         has_speed: true,

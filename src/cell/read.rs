@@ -6,7 +6,7 @@ use super::cut::{cut, milling_parts};
 use super::syntax::{in_words, parse};
 use super::{Cell, Controller, ControllerPath, CorrectionLimits, nearest, plausible, raw, uncertainty};
 use crate::drive::PathLaw;
-use crate::effects::{self, Covered, Need, ToolFrame};
+use crate::effects::{self, Covered, MOST_CLAMPS, Need, ToolFrame};
 use crate::equilibrium::Arm;
 use crate::limits::{FRAMES, UNITS};
 use crate::measured::ColumnNames;
@@ -104,6 +104,7 @@ impl Cell {
         let implied = Implied {
             springs: stiffness.is_some(),
             part: raw.part.as_ref().is_some_and(|part| part.material.is_some()),
+            clamps: raw.part.as_ref().map_or(0, |part| part.clamp.len()),
         };
         let (effects, covariances, joint_factors) =
             effects(&mut check, (&raw.effect, &units), implied, &mut controller);
@@ -455,6 +456,8 @@ type Effects = (Vec<Box<dyn effects::Effect>>, Vec<Option<DMatrix<f64>>>, Vec<Op
 struct Implied {
     springs: bool,
     part: bool,
+    /// How many `[[part.clamp]]` there are.
+    clamps: usize,
 }
 
 fn effects(
@@ -501,6 +504,18 @@ fn effects(
             let near = nearest(unit, units.all().iter().map(|unit| unit.name.as_str()));
             let help = near.map_or("declare it with [[unit]]".to_owned(), |near| format!("did you mean `{near}`?"));
             check.error(&key, format!("effect `{name}`: unit `{unit}` is not declared"), help);
+            continue;
+        }
+        if effect.clamps() > implied.clamps || (effect.clamps() > 0 && implied.clamps > MOST_CLAMPS) {
+            let (wanted, there) = (effect.clamps(), implied.clamps);
+            let message = if effect.clamps() > implied.clamps {
+                format!("effect `{name}`: clamp {wanted} is not declared: [[part.clamp]] stands there {there} times")
+            } else {
+                format!(
+                    "effect `{name}` is for parts with at most {MOST_CLAMPS} clamps: [[part.clamp]] stands there {there} times"
+                )
+            };
+            check.error(&key, message, "count [[part.clamp]] from 1, in the order of the cell file");
             continue;
         }
         let other = effects.iter().filter_map(|effect| effect.presliding_rad()).next();

@@ -3,10 +3,10 @@
 use super::laws::Law;
 use super::load::{Follows, PointLoad, Through};
 use super::mount::{Moved, PREDECESSOR_UNKNOWN};
-use crate::effects::{Cutting, Situation, ToolFrame, UnitAt};
+use crate::effects::{Cutting, PartAt, PartYield, Situation, ToolFrame, UnitAt};
 use crate::equilibrium::{Dragged, PredictedPose, Setting, Site};
 use crate::robot::{Joints, Pose};
-use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
+use nalgebra::{Rotation3, Unit, Vector3};
 use std::sync::Arc;
 
 /// Everything known of one target before its equilibrium.
@@ -46,8 +46,8 @@ pub struct Point {
     pub(super) through: Option<Through>,
     /// What that came to.
     pub(super) milled: Option<Milled>,
-    /// Compliance of the clamped part where it is cut; see [`Situation`].
-    pub(super) part: Option<Arc<Matrix3<f64>>>,
+    /// How the clamped part yields where it is cut, work object axes.
+    pub(super) part: Option<Arc<PartYield>>,
 }
 
 /// What the move into a target removes.
@@ -107,7 +107,7 @@ impl Point {
             temperature: self.temperature,
             payload: self.payload,
             units: self.units(),
-            part: self.part.as_deref(),
+            part: self.part.as_deref().map(PartAt::in_wobj),
         }
     }
 
@@ -132,7 +132,7 @@ impl Point {
             temperature: self.temperature,
             payload: self.payload,
             units: self.units(),
-            part: self.part.as_deref().copied(),
+            part: self.part.as_deref().map(PartAt::in_wobj),
         }
     }
 
@@ -155,7 +155,7 @@ impl Point {
             cutting,
             normal: -(tool_from_wobj * self.normal),
             velocity: -(tool_from_wobj * self.velocity),
-            part: self.part.as_deref().map(|part| tool_from_wobj.matrix() * part * tool_from_wobj.matrix().transpose()),
+            part: self.part.as_deref().map(|yields| PartAt { yields, wobj_from_part: tool_from_wobj }),
             ..self.situation(&Setting { held: false, ..*setting }, laws)
         }
     }
@@ -232,9 +232,9 @@ impl Point {
         self.load = PointLoad::Constant { force, follows: Follows::WorkObject };
     }
 
-    /// Whether it is cut where the part is known to yield.
-    pub(crate) fn part_yields(&self) -> bool {
-        self.part.is_some() && self.cuts()
+    /// How the part yields, where it is cut and that is known.
+    pub(crate) fn yielding_part(&self) -> Option<&PartYield> {
+        self.part.as_deref().filter(|_| self.cuts())
     }
 
     /// Whether a cutting force acts.

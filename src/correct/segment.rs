@@ -12,6 +12,7 @@ use super::mount::{Mount, Moved};
 use super::point::{Point, tool_axis};
 use crate::cutting::Lean;
 use crate::drive::Track;
+use crate::effects::PartYield;
 use crate::equilibrium::Setting;
 use crate::program::{Motion, Program, Role};
 use crate::robot::{Joints, Pose};
@@ -168,7 +169,7 @@ impl<'p> Segment<'p> {
             load,
             part: match (&from.part, &to.part) {
                 (Some(before), Some(after)) if from.setting == to.setting => {
-                    Some(Arc::new(**before + (**after - **before) * share))
+                    Some(Arc::new(PartYield::mixed([(&**before, 1.0 - share), (&**after, share)])))
                 }
                 (before, after) => after.clone().or_else(|| before.clone()),
             },

@@ -3,8 +3,8 @@
 //! There the flange is at (1.393, 0, 1.7945) m with x down, y along base y and z along base x; the TCP is at
 //! (1.593, 0, 1.7945) m. The work object lies in the base.
 
-use super::physics::{RowOffset, Twist};
-use super::{Cutting, Deflection, Load, Offset, Site, Situation, State, ToolFrame, kind};
+use super::physics::{PartSite, RowOffset, Twist};
+use super::{Cutting, Deflection, Load, Offset, PartAt, PartYield, Site, Situation, State, ToolFrame, kind};
 use crate::lanes::{Frame, Vector};
 use crate::robot::kinematics::Chain;
 use crate::robot::{BUILTIN, Joints, Pose};
@@ -14,6 +14,7 @@ pub(super) struct Bench {
     pub(super) motor: Joints,
     pub(super) stiffness: Joints,
     pub(super) force: Vector3<f64>,
+    pub(super) part: Option<PartYield>,
     pub(super) situation: Situation<'static>,
 }
 
@@ -23,6 +24,7 @@ impl Default for Bench {
             motor: Joints::zeros(),
             stiffness: Joints::repeat(1e6),
             force: Vector3::zeros(),
+            part: None,
             situation: Situation {
                 base_from_wobj: Pose::identity(),
                 gravity: Vector3::new(0.0, 0.0, -10.0),
@@ -62,6 +64,8 @@ impl Bench {
         let law = effect.law();
         let robot = BUILTIN.iter().find(|robot| robot.model == "irb6660-205-1.9").unwrap().robot();
         let situation = &self.situation;
+        let mut part = PartSite::default();
+        part.set(0, self.part.as_ref().map(PartAt::in_wobj).as_ref());
         let site = Site {
             commanded: self.motor.into(),
             base_from_wobj: Frame::of(&situation.base_from_wobj),
@@ -76,9 +80,7 @@ impl Bench {
             units: Default::default(),
             tool_mass: situation.tool.mass,
             tool_cog: Vector::of(&situation.tool.cog),
-            part: situation
-                .part
-                .map_or([Vector::ZERO; 3], |part| [0, 1, 2].map(|k| Vector::of(&part.column(k).into()))),
+            part,
         };
         let rows = robot.rows::<f64>();
         let mut chain = Chain::default();

@@ -10,6 +10,7 @@ mod bearing_compliance;
 #[cfg(test)]
 mod bench;
 mod cable_pull;
+mod clamp_compliance;
 mod discrepancy;
 mod empirical;
 mod empirical_field;
@@ -48,7 +49,7 @@ pub use kind::{Kind, Part, Shape, Stage};
 pub use physics::Law;
 pub(crate) use physics::{Deflection, Load, Offset, Parts, Physics, Site, State};
 pub(crate) use state::unit_key;
-pub use state::{Cutting, ForceLaw, Situation, ToolFrame, UnitAt};
+pub use state::{Cutting, ForceLaw, MOST_CLAMPS, PartAt, PartYield, Situation, ToolFrame, UnitAt};
 pub use survey::Survey;
 
 use crate::lanes::Real;
@@ -98,6 +99,11 @@ pub trait Effect: Listed + Debug + Send + Sync {
     /// The mechanical unit that it is of, by its name.
     fn unit(&self) -> Option<&str> {
         None
+    }
+
+    /// How many of the part's clamps (`[[part.clamp]]`) there must be for it.
+    fn clamps(&self) -> usize {
+        0
     }
 
     /// Which of `[controller] compensates` covers it, if any.
@@ -223,6 +229,7 @@ physics::registry! {
     tool_compliance: ToolCompliance;
     workpiece_compliance: WorkpieceCompliance;
     part_stiffness: PartStiffness;
+    clamp_compliance: ClampCompliance;
     thermal_growth: ThermalGrowth;
     force_scale: ForceScale;
     tool_wear: ToolWear;

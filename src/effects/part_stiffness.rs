@@ -40,11 +40,16 @@ impl Physics for PartStiffness {
     }
 
     #[inline(always)]
+    fn load<R: Real>(&self, _: &State<'_, R>, load: &mut Load<R>) {
+        load.part_stiffness = load.part_stiffness * self.scale;
+    }
+
+    #[inline(always)]
     fn deflect<R: Real>(&self, state: &State<'_, R>, load: &Load<R>, out: &mut Deflection<R>) {
         // What acts on the tool acts on the part the other way.
         let site = state.site;
         let force = site.base_from_wobj.turn_back(load.cut);
-        let [x, y, z] = site.part;
+        let [x, y, z] = site.part.compliance;
         let shift = x * force.x + y * force.y + z * force.z;
         out.part = out.part - site.base_from_wobj.turn(shift) * R::of(1.0 / self.scale);
     }
@@ -72,6 +77,7 @@ impl Effect for PartStiffness {
 
 #[cfg(test)]
 mod tests {
+    use crate::effects::PartYield;
     use crate::effects::bench::Bench;
     use crate::robot::Pose;
     use approx::assert_abs_diff_eq;
@@ -85,7 +91,7 @@ mod tests {
         let mut bench = Bench::pushed(100.0, 0.0, 0.0);
         let turned = Rotation3::from_axis_angle(&Vector3::z_axis(), std::f64::consts::FRAC_PI_2);
         bench.situation.base_from_wobj = Pose::from_parts(Translation3::identity(), turned);
-        bench.situation.part = Some(Matrix3::new(4e-6, 1e-6, 0.0, 1e-6, 2e-6, 0.0, 0.0, 0.0, 3e-6));
+        bench.part = Some(PartYield::held_as_declared(Matrix3::new(4e-6, 1e-6, 0.0, 1e-6, 2e-6, 0.0, 0.0, 0.0, 3e-6)));
         let (_, out) = bench.run(
             r#"kind = "part_stiffness"
             scale = 0.5"#,

@@ -1,10 +1,10 @@
 //! What an effect does, written once over any number of targets.
 
-use super::UnitAt;
+use super::{MOST_CLAMPS, PartAt, UnitAt};
 use crate::lanes::{Frame, Real, Vector, six};
 use crate::robot::kinematics::{Chain, Six};
 use crate::robot::{EXTERNAL_AXES, Joints, Robot};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 /// The physics of an effect, over one target or several: **loads**, **offsets** that move the geometry whatever the load, and
 /// **deflections** that turn loads into motion.
@@ -122,8 +122,43 @@ pub(crate) struct Site<R> {
     /// Mass of the declared tool, kg, and its centre of gravity in the flange frame, m.
     pub(crate) tool_mass: R,
     pub(crate) tool_cog: Vector<R>,
-    /// Compliance of the clamped part where it is cut, m/N, work object axes: the shift under a unit force along x, y and z.
-    pub(crate) part: [Vector<R>; 3],
+    /// How the clamped part yields where it is cut.
+    pub(crate) part: PartSite<R>,
+}
+
+/// Motions of clamps, along three axes each.
+pub(super) const MOTIONS: usize = 3 * MOST_CLAMPS;
+
+/// How clamped parts yield where they are cut; see [`PartYield`](super::PartYield).
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct PartSite<R> {
+    /// The shift under a unit force along x, y and z, m/N, work object axes.
+    pub(crate) compliance: [Vector<R>; 3],
+    /// The shift under motions of 1 m of the clamps, m, work object axes; zero where there is no such clamp.
+    pub(crate) motions: [Vector<R>; MOTIONS],
+    /// Forces that these take, N/m.
+    pub(crate) stiffness: [[R; MOTIONS]; MOTIONS],
+}
+
+impl<R: Real> PartSite<R> {
+    /// Puts a part into a lane, or none.
+    pub(crate) fn set(&mut self, lane: usize, part: Option<&PartAt<'_>>) {
+        let turned = |vector: Vector3<f64>| part.map_or_else(Vector3::zeros, |part| part.wobj_from_part * vector);
+        let compliance =
+            part.map_or_else(Matrix3::zeros, |part| part.yields.compliance * part.wobj_from_part.matrix().transpose());
+        for (k, column) in self.compliance.iter_mut().enumerate() {
+            column.set(lane, &turned(compliance.column(k).into()));
+        }
+        let count = part.map_or(0, |part| part.yields.motions.len()).min(MOTIONS);
+        for i in 0..MOTIONS {
+            let motion = part.filter(|_| i < count).map_or_else(Vector3::zeros, |part| part.yields.motions[i]);
+            self.motions[i].set(lane, &turned(motion));
+            for j in 0..MOTIONS {
+                let stiffness = part.filter(|_| i.max(j) < count).map_or(0.0, |part| part.yields.stiffness[(i, j)]);
+                self.stiffness[i][j].set(lane, stiffness);
+            }
+        }
+    }
 }
 
 /// A mechanical unit at targets; see [`UnitAt`](super::UnitAt).
@@ -195,6 +230,8 @@ pub(crate) struct Load<R> {
     weights: bool,
     /// Torques that cut and weights put on the motors, N·m, in motor coordinates (τ = Jᵀ F).
     pub(crate) torque: Six<R>,
+    /// Factor on the declared stiffness of the part: what yields with it has to be by the same factor.
+    pub(crate) part_stiffness: R,
 }
 
 impl<R: Real> Load<R> {
@@ -202,6 +239,7 @@ impl<R: Real> Load<R> {
     #[inline(always)]
     pub(crate) fn start(&mut self, cut: Vector<R>, parts: Parts) {
         self.cut = cut;
+        self.part_stiffness = R::of(1.0);
         self.weights = parts.has(Parts::WEIGHTS);
         if self.weights {
             self.links = [Wrench { force: Vector::ZERO, moment: Vector::ZERO }; 6];

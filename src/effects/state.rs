@@ -1,6 +1,6 @@
 use crate::lanes::{LaneMask, Mask, Vector, WIDTH};
 use crate::robot::Pose;
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use nalgebra::{DMatrix, Matrix3, Rotation3, Vector3};
 use std::fmt;
 
 /// A tool as the equilibrium sees it.
@@ -94,9 +94,70 @@ pub struct Situation<'a> {
     pub payload: f64,
     /// The cell's mechanical units, where there are any.
     pub units: &'a [UnitAt],
-    /// Compliance of the clamped part where it is cut, m/N: its shift by axis (rows) under a force by axis (columns), work object
-    /// axes; where `[part.material]` makes it known.
-    pub part: Option<Matrix3<f64>>,
+    /// How the clamped part yields where it is cut; where `[part.material]` makes it known.
+    pub part: Option<PartAt<'a>>,
+}
+
+/// How a clamped part yields at a place where it is cut.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PartYield {
+    /// Compliance with the clamps as declared, m/N: the place's shift by axis (rows) under a force by axis (columns).
+    pub compliance: Matrix3<f64>,
+    /// The place's shift, m, under a motion of 1 m of a clamp along an axis of the stock: number 3·clamp + axis. Empty where the
+    /// part has more than [`MOST_CLAMPS`].
+    pub motions: Vec<Vector3<f64>>,
+    /// Forces that such motions take at the clamps, N/m, rows and columns by motion.
+    pub stiffness: DMatrix<f64>,
+}
+
+/// The effect of clamps that give way is for parts with no more clamps than this.
+pub const MOST_CLAMPS: usize = 4;
+
+impl PartYield {
+    /// A part whose clamps hold as declared.
+    #[must_use]
+    pub fn held_as_declared(compliance: Matrix3<f64>) -> Self {
+        Self { compliance, motions: Vec::new(), stiffness: DMatrix::zeros(0, 0) }
+    }
+
+    /// A mixture by shares. All have the same clamps.
+    pub(crate) fn mixed<'a>(parts: impl IntoIterator<Item = (&'a Self, f64)>) -> Self {
+        let mut sum = Self::held_as_declared(Matrix3::zeros());
+        for (part, share) in parts {
+            sum.compliance += part.compliance * share;
+            sum.motions.resize(part.motions.len(), Vector3::zeros());
+            sum.motions.iter_mut().zip(&part.motions).for_each(|(sum, motion)| *sum += motion * share);
+            sum.stiffness.resize_mut(part.stiffness.nrows(), part.stiffness.ncols(), 0.0);
+            sum.stiffness += &part.stiffness * share;
+        }
+        sum
+    }
+
+    /// The same in other axes.
+    pub(crate) fn turned(self, rotation: &Rotation3<f64>) -> Self {
+        Self {
+            compliance: rotation.matrix() * self.compliance * rotation.matrix().transpose(),
+            motions: self.motions.iter().map(|motion| rotation * motion).collect(),
+            stiffness: self.stiffness,
+        }
+    }
+}
+
+/// A [`PartYield`], and its axes in the work object.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PartAt<'a> {
+    /// How it yields.
+    pub yields: &'a PartYield,
+    /// Work object axes from its axes.
+    pub wobj_from_part: Rotation3<f64>,
+}
+
+impl<'a> PartAt<'a> {
+    /// Of what is in work object axes already.
+    #[must_use]
+    pub fn in_wobj(yields: &'a PartYield) -> Self {
+        Self { yields, wobj_from_part: Rotation3::identity() }
+    }
 }
 
 /// A mechanical unit at a target.

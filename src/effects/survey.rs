@@ -9,6 +9,8 @@ pub struct Survey<'a> {
     pub stiffness_declared: bool,
     /// Whether the cell declares what a part that rows cut is made of, and how it is held.
     pub part_declared: bool,
+    /// How many clamps that part has, where it is known how it yields with them.
+    pub clamps: usize,
     /// Whether any row cuts.
     pub has_force: bool,
     /// Whether any row carries a payload besides its tool.

@@ -1,5 +1,5 @@
 use super::Number;
-use crate::effects::{self, Cutting, ForceLaw, Situation, ToolFrame, UnitAt};
+use crate::effects::{self, Cutting, ForceLaw, PartAt, Situation, ToolFrame, UnitAt};
 use crate::lanes::{Frame, Mask, Vector, WIDTH};
 use crate::robot::Pose;
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -36,7 +36,7 @@ pub(crate) struct Site<'a> {
     pub(crate) temperature: Option<f64>,
     pub(crate) payload: f64,
     pub(crate) units: &'a [UnitAt],
-    pub(crate) part: Option<&'a Matrix3<f64>>,
+    pub(crate) part: Option<PartAt<'a>>,
 }
 
 impl Setting {
@@ -85,7 +85,7 @@ impl<'a> Site<'a> {
             temperature: *temperature,
             payload: *payload,
             units,
-            part: part.as_ref(),
+            part: *part,
         }
     }
 }
@@ -137,9 +137,7 @@ impl<'a, R: Number> Block<'a, R> {
             self.units = true;
         }
         if site.part.is_some() || self.part {
-            for (k, column) in own.part.iter_mut().enumerate() {
-                column.set(lane, &site.part.map_or_else(Vector3::zeros, |part| part.column(k).into()));
-            }
+            own.part.set(lane, site.part.as_ref());
             self.part = true;
         }
         match &site.cutting {

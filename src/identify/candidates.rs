@@ -158,6 +158,7 @@ pub(super) fn survey<'a>(arm: &'a Arm, problem: &Problem) -> Survey<'a> {
         robot: &arm.robot,
         stiffness_declared: arm.stiffness.is_some(),
         part_declared: false,
+        clamps: 0,
         has_force: false,
         has_payload: false,
         has_speed: false,
@@ -172,7 +173,10 @@ pub(super) fn survey<'a>(arm: &'a Arm, problem: &Problem) -> Survey<'a> {
     };
     for row in &problem.rows {
         let point = &problem.runs[row.run].points[row.point];
-        survey.part_declared |= point.part_yields();
+        if let Some(part) = point.yielding_part() {
+            survey.part_declared = true;
+            survey.clamps = part.motions.len() / 3;
+        }
         survey.has_force |= point.cuts();
         survey.has_payload |= point.payload > 0.0;
         survey.has_speed |= point.velocity != Vector3::zeros();

@@ -245,7 +245,7 @@ fn with_soft_clamps(body: &Body, place: [f64; 3], compliances: &[f64]) -> Matrix
     let w = DMatrix::from_fn(3, at.len(), |row, motion| at[motion][row]);
     let c = DMatrix::from_diagonal(&compliances.to_vec().into());
     let both = DMatrix::identity(at.len(), at.len()) + &c * motions.stiffness();
-    let more = &w * both.lu().solve(&(c * w.transpose())).unwrap();
+    let more = &w * both.lu().solve(&(c * w.transpose())).unwrap_or_else(|| panic!("no part is so stiff"));
     ComplianceMap::solved_at(body, &[place])[0] + Matrix3::from_fn(|i, j| more[(i, j)])
 }
 

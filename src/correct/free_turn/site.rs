@@ -5,10 +5,11 @@ use crate::correct::Prepared;
 use crate::correct::load::{PointLoad, Through};
 use crate::correct::mount::Moved;
 use crate::correct::point::{Milled, Point};
+use crate::effects::PartYield;
 use crate::program::{Goal, Program};
 use crate::robot::{Joints, Pose};
 use crate::text::Diagnostic;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use std::sync::Arc;
 
 /// A target's [`Point`] and where it stands in the text.
@@ -41,7 +42,7 @@ struct Rare {
     payload: f64,
     through: Option<Through>,
     milled: Option<Milled>,
-    part: Option<Arc<Matrix3<f64>>>,
+    part: Option<Arc<PartYield>>,
 }
 
 /// Where a target stands.

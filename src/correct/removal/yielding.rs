@@ -7,10 +7,11 @@
 use super::super::Prepared;
 use super::Walk;
 use crate::cell::HeldPart;
+use crate::effects::{MOST_CLAMPS, PartYield};
 use crate::stock::Stock;
 use crate::text::{Diagnostic, Severity};
-use deflex_elastic::{Accuracy, Body, ComplianceMap, Grid, HoldError, Solid};
-use nalgebra::{Matrix3, Vector3};
+use deflex_elastic::{Accuracy, Body, ClampMotions, ComplianceMap, Grid, HoldError, Solid};
+use nalgebra::{DMatrix, Vector3};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -110,7 +111,8 @@ impl Stages {
         };
         // Shares of the stages at each cut: it is between two of them, or after the last.
         let after = |cut: &Cut| chosen.partition_point(|look| look.removed <= cut.removed).clamp(1, chosen.len());
-        let mut compliance = vec![Matrix3::zeros(); cuts.len()];
+        let clamps = held.clamps.len();
+        let mut yields: Vec<Vec<(PartYield, f64)>> = vec![Vec::new(); cuts.len()];
         let (mut before, mut most, mut places, mut elements, mut off) = (None, 0.0_f64, 0, 0, 0.0_f64);
         for (n, look) in chosen.iter().enumerate() {
             // A cut between looks n and n + 1 is of both.
@@ -139,17 +141,23 @@ impl Stages {
             let map = ComplianceMap::over(&body, &at, &Accuracy::default(), before.take());
             places += map.places();
             off = off.max(map.off());
-            let found: Vec<Matrix3<f64>> = at.par_iter().map(|place| map.at(&body, *place)).collect();
+            let motions = (clamps <= MOST_CLAMPS).then(|| ClampMotions::of(&body));
+            let found = |place: &[f64; 3]| PartYield {
+                compliance: map.at(&body, *place) * 1e-3,
+                motions: motions.as_ref().map_or_else(Vec::new, |motions| motions.at(&body, *place)),
+                stiffness: motions.as_ref().map_or_else(|| DMatrix::zeros(0, 0), |motions| motions.stiffness() * 1e3),
+            };
+            let found: Vec<PartYield> = at.par_iter().map(found).collect();
             for ((number, share), found) in of_stage.iter().zip(found) {
-                most = most.max(found.symmetric_eigenvalues().max());
-                compliance[*number] += found * (*share * 1e-3);
+                most = most.max(1e3 * found.compliance.symmetric_eigenvalues().max());
+                yields[*number].push((found, *share));
             }
             before = Some(map);
         }
-        for (cut, compliance) in cuts.iter().zip(&compliance) {
+        for (cut, yields) in cuts.iter().zip(&yields) {
             let wobj_from_stock = walk.stock_from_wobj(prepared, cut.target).rotation.inverse();
-            let turned = wobj_from_stock.matrix() * compliance * wobj_from_stock.matrix().transpose();
-            prepared.points[cut.target].part = Some(Arc::new(turned));
+            let mixed = PartYield::mixed(yields.iter().map(|(part, share)| (part, *share)));
+            prepared.points[cut.target].part = Some(Arc::new(mixed.turned(&wobj_from_stock)));
         }
         let message = format!(
             "part: {elements} cells of {:.2} mm, {} stages of the stock, solved for at {places} places; it yields by up to {:.3} µm/N where it is cut, known to some {:.3} µm/N",

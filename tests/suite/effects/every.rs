@@ -1,9 +1,9 @@
 //! Rules that hold for every kind in the registry, in every form it has.
 
-use deflex::effects::{Cutting, Effect, KINDS, Situation, Survey, ToolFrame, UnitAt, kind};
+use deflex::effects::{Cutting, Effect, KINDS, PartAt, PartYield, Situation, Survey, ToolFrame, UnitAt, kind};
 use deflex::equilibrium::Arm;
 use deflex::robot::{BUILTIN, Joints, Pose};
-use nalgebra::{Matrix3, Rotation3, Translation3, Vector3};
+use nalgebra::{DMatrix, Matrix3, Rotation3, Translation3, Vector3};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed, TestRunner};
 
@@ -62,6 +62,13 @@ static UNITS: std::sync::LazyLock<Vec<UnitAt>> = std::sync::LazyLock::new(|| {
     vec![UnitAt::new("STN1", at(0.3, 0.4), true, false), UnitAt::new("TRACK1", at(-1.2, -0.1), false, true)]
 });
 
+/// A part between two clamps, of which each takes about half of a force.
+static PART: std::sync::LazyLock<PartYield> = std::sync::LazyLock::new(|| PartYield {
+    compliance: Matrix3::new(4e-8, 1e-8, 0.0, 1e-8, 6e-8, 0.0, 0.0, 0.0, 2e-8),
+    motions: (0..6).map(|n| Vector3::from_fn(|k, _| if k == n % 3 { 0.5 } else { 0.02 * n as f64 })).collect(),
+    stiffness: DMatrix::from_fn(6, 6, |i, j| if i % 3 == j % 3 { if i == j { 1e7 } else { -1e7 } } else { 0.0 }),
+});
+
 /// A cut at `motor` with everything that an effect may look at.
 fn situation(arm: &Arm, motor: &Joints, force: Vector3<f64>) -> Situation<'static> {
     let tool = ToolFrame {
@@ -87,7 +94,7 @@ fn situation(arm: &Arm, motor: &Joints, force: Vector3<f64>) -> Situation<'stati
         temperature: Some(27.0),
         payload: 6.0,
         units: &UNITS,
-        part: Some(Matrix3::new(4e-8, 1e-8, 0.0, 1e-8, 6e-8, 0.0, 0.0, 0.0, 2e-8)),
+        part: Some(PartAt { yields: &PART, wobj_from_part: Rotation3::from_euler_angles(0.1, 0.2, -0.3) }),
     }
 }
 
@@ -343,6 +350,7 @@ fn candidates_follow_the_data_and_do_nothing_yet() {
         robot: &robot,
         stiffness_declared: true,
         part_declared: true,
+        clamps: 2,
         has_force: true,
         has_payload: false,
         has_speed: true,

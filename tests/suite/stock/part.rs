@@ -1,7 +1,10 @@
 //! The clamped part yields where it is cut: shares, signs and messages.
 
 use deflex::cell::Cell;
-use deflex::correct::{Corrected, Options, Status, compensate};
+use deflex::correct::{Corrected, Options, Status, compensate, predict};
+use deflex::identify::{Added, Input, identify};
+use deflex::measured::Table;
+use deflex::program::Program;
 use deflex::program::rapid;
 use deflex::text::Source;
 use nalgebra::Vector3;
@@ -157,4 +160,136 @@ fn a_part_that_floats_is_refused() {
         let errors = compensate(&program, &cell, &Options::default()).unwrap_err();
         assert!(errors.iter().any(|error| error.message.contains(expected)), "{expected}: {errors:?}");
     }
+}
+
+#[test]
+fn a_clamp_that_gives_way_takes_the_part_with_it() {
+    // The only clamp: the place that is cut moves as the clamp does, by its compliance times the force along each axis.
+    let c = [1e-4, 2e-4, 5e-5];
+    let soft = format!(
+        "{CELL}{PART}\n[[effect]]\nkind = \"clamp_compliance\"\nclamps = [{{ clamp = 1, mm_per_n = {c:?} }}]\n"
+    );
+    let (held, soft) = (corrected(&cell(&format!("{CELL}{PART}"))), corrected(&cell(&soft)));
+    let mut cut = 0;
+    for (before, after) in held.rows.iter().zip(&soft.rows).filter(|(_, after)| after.status == Status::Ok) {
+        let force = Vector3::from(after.force_n);
+        let more = Vector3::from(after.error_mm) - Vector3::from(before.error_mm);
+        if force.norm() < 1.0 {
+            continue;
+        }
+        let wanted = Vector3::from(c).component_mul(&force);
+        assert!((more - wanted).norm() < 5e-3 * wanted.norm(), "target {}: {more} for {wanted}", after.target);
+        assert!(after.remaining_norm_mm() < 1e-3, "target {}: {:?}", after.target, after.remaining_mm);
+        cut += 1;
+    }
+    assert!(cut >= 3, "{cut}");
+}
+
+#[test]
+fn a_clamp_that_is_not_declared_is_said() {
+    let effect = "[[effect]]\nkind = \"clamp_compliance\"\nclamps = [{ clamp = 2, mm_per_n = [0, 0, 1e-4] }]\n";
+    for part in [PART, ""] {
+        let text = format!("{CELL}{part}{effect}");
+        let errors = Cell::read(&Source::new("cell.toml", text.into_bytes())).unwrap_err();
+        assert!(errors.iter().any(|error| error.message.contains("clamp 2 is not declared")), "{errors:?}");
+    }
+}
+
+/// A plate of 100 × 60 × 6 mm that lies with its ends on two clamps, and is milled from above.
+const PLATE: &str = r#"
+[part]
+cell_mm = 2.0
+[part.material]
+e_n_mm2 = 71000.0
+nu = 0.33
+[[part.clamp]]
+box_mm = [[0.0, 0.0, -6.0], [8.0, 60.0, -6.0]]
+stiffness_n_per_mm = [inf, inf, inf]
+[[part.clamp]]
+box_mm = [[92.0, 0.0, -6.0], [100.0, 60.0, -6.0]]
+stiffness_n_per_mm = [inf, inf, inf]
+"#;
+
+fn plate(effect: &str) -> Cell {
+    let text = CELL.replace("[[0.0, 0.0, -80.0], [12.0, 12.0, 0.0]]", "[[0.0, 0.0, -6.0], [100.0, 60.0, 0.0]]");
+    // A ball end: it pushes the plate down.
+    let text = text.replace("corner_radius_mm = 1.0", "corner_radius_mm = 5.0");
+    cell(&format!("{text}{PLATE}{effect}"))
+}
+
+/// Slots a millimetre deep along the plate and across it, and the targets on them.
+fn slots() -> Program {
+    let external = "[9E+09,9E+09,9E+09,9E+09,9E+09,9E+09]";
+    let mut text = program();
+    let from = text.find("    MoveJ ").unwrap();
+    text.truncate(from);
+    let mut line = |word: &str, x: f64, y: f64, z: f64, speed: &str| {
+        text += &format!("    {word} [[{x},{y},{z}],[0,0,1,0],[0,0,0,0],{external}],{speed},z0,tEnd\\WObj:=wPost;\n");
+    };
+    line("MoveJ", -10.0, 10.0, 20.0, "v200");
+    for y in [10.0, 30.0, 50.0] {
+        line("MoveL", -10.0, y, 20.0, "v200");
+        line("MoveL", -10.0, y, -1.0, "v200");
+        (0..24).for_each(|n| line("MoveL", -5.0 + 4.5 * f64::from(n), y, -1.0, "v20"));
+        line("MoveL", 110.0, y, 20.0, "v200");
+    }
+    for x in [16.0, 33.0, 50.0, 67.0, 84.0] {
+        line("MoveL", x, -10.0, 20.0, "v200");
+        line("MoveL", x, -10.0, -1.0, "v200");
+        (0..14).for_each(|n| line("MoveL", x, -5.0 + 5.0 * f64::from(n), -1.0, "v20"));
+        line("MoveL", x, 70.0, 20.0, "v200");
+    }
+    text += "  ENDPROC\nENDMODULE\n";
+    rapid::read(vec![Source::new("plate.mod", text.into_bytes())], Vec::new()).unwrap()
+}
+
+/// A stand-in for noise: uniform, of unit variance, the same on every run.
+fn rough(i: usize) -> f64 {
+    let x = (i as f64 * 12.9898).sin() * 43_758.545;
+    3.464 * (x - x.floor() - 0.5)
+}
+
+/// What is found from rows of a plate on which an effect acts, measured to a micrometre, with the force that acted.
+fn found_on_plate(effect: &str) -> Vec<Added> {
+    let rows = predict(&slots(), &plate(effect), &Options::default(), None).unwrap().rows;
+    let mut csv = "target,x_mm,y_mm,z_mm,fx_n,fy_n,fz_n\n".to_owned();
+    for row in rows.iter().filter(|row| row.status == Status::Ok && Vector3::from(row.force_n).norm() > 1.0) {
+        let seen: Vec<String> = (0..3)
+            .map(|k| (row.position_mm[k] + row.error_mm[k] + 1e-3 * rough(3 * row.target as usize + k)).to_string())
+            .collect();
+        let [fx, fy, fz] = row.force_n;
+        csv += &format!("{},{},{fx},{fy},{fz}\n", row.target, seen.join(","));
+    }
+    let table = Table::read(&Source::new("rows.csv", csv.into_bytes())).unwrap();
+    let found = identify(Input {
+        cell: &plate(""),
+        runs: vec![(slots(), table)],
+        poses: vec![],
+        tool: None,
+        data_hash: "test",
+        written: Default::default(),
+        progress: &|_| true,
+    });
+    found.unwrap().added
+}
+
+#[test]
+fn a_soft_clamp_is_found_with_its_interval_and_told_from_a_soft_material() {
+    let soft = "[[effect]]\nkind = \"clamp_compliance\"\nclamps = [{ clamp = 2, mm_per_n = [3e-6, 4e-6, 2e-4] }]\n";
+    let added = found_on_plate(soft);
+    let [clamp] = &added[..] else { panic!("{added:?}") };
+    assert_eq!(clamp.kind, "clamp_compliance");
+    // The numbers of the second clamp come last. Along the plate they are less than what can be seen.
+    let of = |k: usize| &clamp.parameters[clamp.parameters.len() - 3 + k];
+    for (k, truth) in [3e-6, 4e-6, 2e-4].into_iter().enumerate() {
+        let [low, high] = of(k).ci95;
+        assert!(low <= truth && truth <= high, "{k}: {clamp:?}");
+    }
+    let [low, high] = of(2).ci95;
+    assert!(high - low < 0.5 * 2e-4, "{low} {high}");
+
+    let added = found_on_plate("[[effect]]\nkind = \"part_stiffness\"\nscale = 0.5\n");
+    let [material] = &added[..] else { panic!("{added:?}") };
+    assert_eq!(material.kind, "part_stiffness");
+    assert!((material.parameters[0].value - 0.5).abs() < 0.05, "{material:?}");
 }
