@@ -263,7 +263,7 @@ fn found_on_plate(effect: &str) -> Vec<Added> {
     let table = Table::read(&Source::new("rows.csv", csv.into_bytes())).unwrap();
     let found = identify(Input {
         cell: &plate(""),
-        runs: vec![(slots(), table)],
+        runs: vec![(slots(), table).into()],
         poses: vec![],
         tool: None,
         data_hash: "test",
