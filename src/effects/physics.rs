@@ -138,11 +138,18 @@ pub(crate) struct PartSite<R> {
     pub(crate) motions: [Vector<R>; MOTIONS],
     /// Forces that these take, N/m.
     pub(crate) stiffness: [[R; MOTIONS]; MOTIONS],
+    /// Whether a lane may have a part. Where none has, there is nothing to clear: most programs cut parts that are not declared, and
+    /// these fields are some ten kilobytes.
+    occupied: bool,
 }
 
 impl<R: Real> PartSite<R> {
     /// Puts a part into a lane, or none.
     pub(crate) fn set(&mut self, lane: usize, part: Option<&PartAt<'_>>) {
+        if part.is_none() && !self.occupied {
+            return;
+        }
+        self.occupied = true;
         let turned = |vector: Vector3<f64>| part.map_or_else(Vector3::zeros, |part| part.wobj_from_part * vector);
         let compliance =
             part.map_or_else(Matrix3::zeros, |part| part.yields.compliance * part.wobj_from_part.matrix().transpose());
