@@ -8,8 +8,12 @@
 //! A circle is three `MOVC` in a row: the first point is gone to on a line. Sources: Yaskawa, *NX100 / DX100 Data Transmission Function*
 //! (job data format); *YRC1000 Options, Instructions: INFORM Language*.
 
+mod assign;
+mod expression;
+mod flow;
 mod header;
 mod lex;
+mod motion;
 mod parse;
 mod words;
 
@@ -28,7 +32,7 @@ pub struct Inform;
 
 /// Numbers of what jobs lower to.
 mod builtin {
-    use crate::ir::{Argument, Callee, Expression, ExpressionKind, Place};
+    use crate::ir::{Expression, Place};
     use crate::value::Reason;
 
     /// The value, where it is whole, as integer variables hold it.
@@ -48,8 +52,7 @@ mod builtin {
     pub(super) fn left(reason: Reason, of: Vec<Expression>) -> Expression {
         let at = REASONS.iter().position(|known| *known == reason).unwrap_or(0);
         let place = of.first().map_or(Place::default(), |value| value.place);
-        let arguments = of.into_iter().map(|value| Argument { name: None, value }).collect();
-        Expression { kind: ExpressionKind::Call(Callee::Builtin(LEFT + at as u16), arguments), place }
+        Expression::builtin(LEFT + at as u16, of, place)
     }
 
     pub(super) fn reason(number: u16) -> Option<Reason> {
