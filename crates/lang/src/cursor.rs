@@ -8,7 +8,6 @@ use crate::ir::{
 use crate::lexeme::{Kind, Lexeme};
 use crate::value::Reason;
 use std::collections::{BTreeMap, BTreeSet};
-use std::ops::DerefMut;
 use std::sync::Arc;
 
 /// Deepest nesting of blocks; with the expressions in them it is twice that. This is far beyond any program, and within any stack.
@@ -20,9 +19,9 @@ pub(crate) type Level = &'static [(&'static str, Binary)];
 /// The operators of sums.
 pub(crate) const SUM: Level = &[("+", Binary::Add), ("-", Binary::Subtract)];
 
-/// The lexemes that are read, which of them comes next, and the program that they become.
-#[derive(Default)]
-pub(crate) struct Cursor<'a, 'n> {
+/// The lexemes that are read, which of them comes next, the program that they become, and what a language knows besides.
+pub(crate) struct Cursor<'a, 'n, L> {
+    pub(crate) own: L,
     pub(crate) lexemes: &'n [Lexeme<'a>],
     pub(crate) at: usize,
     pub(crate) source: u16,
@@ -30,10 +29,15 @@ pub(crate) struct Cursor<'a, 'n> {
     pub(crate) depth: usize,
     pub(crate) program: Program,
     pub(crate) called: BTreeSet<FunctionId>,
-    pub(crate) foreign: BTreeSet<Arc<str>>,
+    foreign: BTreeSet<Arc<str>>,
 }
 
-impl<'a> Cursor<'a, '_> {
+impl<'a, L> Cursor<'a, '_, L> {
+    pub(crate) fn new(own: L, program: Program) -> Self {
+        let (called, foreign) = (BTreeSet::new(), BTreeSet::new());
+        Self { own, lexemes: &[], at: 0, source: 0, depth: 0, program, called, foreign }
+    }
+
     pub(crate) fn peek(&self) -> Option<Lexeme<'a>> {
         self.lexemes.get(self.at).copied()
     }
@@ -121,12 +125,9 @@ impl<'a> Cursor<'a, '_> {
         }
         Callee::Foreign
     }
-}
 
-/// A parser of a language, which is at a place in its lexemes.
-pub(crate) trait Expressions<'a: 'n, 'n>: DerefMut<Target = Cursor<'a, 'n>> + Sized {
     /// Reads what an expression contains; nothing where it is nested too deep.
-    fn inner<T>(&mut self, read: impl FnOnce(&mut Self) -> Option<T>) -> Option<T> {
+    pub(crate) fn inner<T>(&mut self, read: impl FnOnce(&mut Self) -> Option<T>) -> Option<T> {
         self.depth += 1;
         let inner = if self.depth < 2 * DEEPEST { read(self) } else { None };
         self.depth -= 1;
@@ -134,7 +135,11 @@ pub(crate) trait Expressions<'a: 'n, 'n>: DerefMut<Target = Cursor<'a, 'n>> + Si
     }
 
     /// Operands that operators of these levels join, loosest first; each level is read from left to right.
-    fn binary(&mut self, levels: &[Level], operand: fn(&mut Self) -> Option<Expression>) -> Option<Expression> {
+    pub(crate) fn binary(
+        &mut self,
+        levels: &[Level],
+        operand: fn(&mut Self) -> Option<Expression>,
+    ) -> Option<Expression> {
         let Some((operators, tighter)) = levels.split_first() else { return operand(self) };
         if self.depth >= 2 * DEEPEST {
             return None;

@@ -22,7 +22,7 @@ impl Parser<'_, '_> {
     /// What an instruction gives a value to.
     pub(super) fn target(&mut self) -> Option<Variables> {
         let target = self.variables()?;
-        self.written.extend(&target.slots);
+        self.own.written.extend(&target.slots);
         Some(target)
     }
 
@@ -111,14 +111,14 @@ impl Parser<'_, '_> {
         let from = self.next_variable().filter(|from| from.number.is_some())?;
         self.at += 1;
         let slots = self.slots(Variable { number: None, ..from });
-        self.written.extend(&slots);
+        self.own.written.extend(&slots);
         Some(self.computed(Variables { kind: from.kind, slots, index: None }, None))
     }
 
     /// `SFTON P012 UF#(1)`
     pub(super) fn shift(&mut self, start: Span) -> Option<Vec<StatementKind>> {
         let by = self.operand()?;
-        let base = self.job.map_or(ROBOT, |job| job.base()).to_owned();
+        let base = self.own.job.map_or(ROBOT, |job| job.base()).to_owned();
         let frame = match self.peek() {
             None => base,
             Some(lexeme) if lexeme.is("BF") => base,

@@ -1,7 +1,7 @@
 //! Variables, expressions and conditions.
 
 use super::parse::Parser;
-use crate::cursor::{Expressions, Level, SUM};
+use crate::cursor::{Level, SUM};
 use crate::ir::{Binary, Expression, ExpressionKind as Is, Slot, Unary};
 use crate::lexeme::{Kind, Lexeme};
 use crate::value::Reason;
@@ -74,29 +74,26 @@ impl<'a> Parser<'a, '_> {
     pub(super) fn slots(&mut self, variable: Variable) -> Vec<Slot> {
         let Variable { is_local, kind, number } = variable;
         let Some(number) = number else {
-            let own = self.locals.iter().filter(|((known, _), _)| is_local && *known == kind);
-            let others = self.globals.iter().filter(|((known, _), _)| !is_local && *known == kind);
+            let own = self.own.locals.iter().filter(|((known, _), _)| is_local && *known == kind);
+            let others = self.own.globals.iter().filter(|((known, _), _)| !is_local && *known == kind);
             return own.map(|(_, at)| Slot::Local(*at)).chain(others.map(|(_, slot)| *slot)).collect();
         };
         if !is_local {
-            return vec![self.globals.get(&(kind, number)).copied().unwrap_or(Slot::Global(0))];
+            return vec![self.own.globals.get(&(kind, number)).copied().unwrap_or(Slot::Global(0))];
         }
-        let next = self.locals.len() as u32;
-        vec![Slot::Local(*self.locals.entry((kind, number)).or_insert(next))]
+        let next = self.own.locals.len() as u32;
+        vec![Slot::Local(*self.own.locals.entry((kind, number)).or_insert(next))]
     }
 
     /// The variables that are next: `P012`, or `P[I000]`, which may be any of its kind.
     pub(super) fn variables(&mut self) -> Option<Variables> {
         let variable = self.next_variable()?;
         self.at += 1;
-        let mut index = None;
-        if variable.number.is_none() {
-            self.take("[");
-            index = Some(self.expression()?);
-            if !self.take("]") {
-                return None;
-            }
-        }
+        let index = if variable.number.is_none() && self.take("[") {
+            Some(self.expression().filter(|_| self.take("]"))?)
+        } else {
+            None
+        };
         Some(Variables { kind: variable.kind, slots: self.slots(variable), index })
     }
 
@@ -132,7 +129,7 @@ impl<'a> Parser<'a, '_> {
         let lexeme = self.peek()?;
         if let Some(number) = taught(lexeme.text) {
             self.at += 1;
-            let known = self.job.and_then(|job| job.positions.get(&number).cloned());
+            let known = self.own.job.and_then(|job| job.positions.get(&number).cloned());
             return Some(known.unwrap_or_else(|| self.unknown(Reason::Unset, lexeme.span)));
         }
         self.next_variable().filter(|variable| variable.kind == b"P").and_then(|_| self.operand())
@@ -162,8 +159,7 @@ impl<'a> Parser<'a, '_> {
         if !self.take("(") {
             return None;
         }
-        let inner = self.inner(|parser| parser.binary(&JOINED, Self::compared))?;
-        self.take(")").then_some(inner)
+        self.inner(|parser| parser.binary(&JOINED, Self::compared)).filter(|_| self.take(")"))
     }
 
     pub(super) fn expression(&mut self) -> Option<Expression> {
@@ -184,10 +180,7 @@ impl<'a> Parser<'a, '_> {
         match lexeme.kind {
             Kind::Number => Some(self.number(None, lexeme, Reason::NotUnderstood)),
             Kind::Text => Some(self.expression_at(Is::Text(lexeme.text.into()), start)),
-            Kind::Sign if lexeme.text == b"(" => {
-                let inner = self.expression()?;
-                self.take(")").then_some(inner)
-            }
+            Kind::Sign if lexeme.text == b"(" => self.expression().filter(|_| self.take(")")),
             Kind::Sign if lexeme.text == b"-" => {
                 let number = self.peek().filter(|next| next.kind == Kind::Number && next.span.start == start.end);
                 if let Some(number) = number {
@@ -215,22 +208,23 @@ impl<'a> Parser<'a, '_> {
             return Some(self.expression_at(Is::Unknown(Reason::Computed, parts), start));
         }
         self.at += 1;
-        if let Some(position) = self.job.and_then(|job| job.positions.get(&taught(lexeme.text)?).cloned()) {
+        if let Some(position) = self.own.job.and_then(|job| job.positions.get(&taught(lexeme.text)?).cloned()) {
             return Some(position);
         }
-        if self.take("#") {
-            // `IN#(1)`: a signal, by its number.
-            let number = if self.next_is("(") { self.operand() } else { None };
-            return Some(self.expression_at(Is::Unknown(Reason::Input, number.into_iter().collect()), start));
-        }
-        match lexeme.text {
-            b"ON" => Some(self.expression_at(Is::Truth(true), start)),
-            b"OFF" => Some(self.expression_at(Is::Truth(false), start)),
-            [b'$', ..] | [b'F', b'L', ..] | [b'T', b'M', ..] => Some(self.unknown(Reason::Input, start)),
+        let kind = match lexeme.text {
+            _ if self.take("#") => {
+                // `IN#(1)`: a signal, by its number.
+                let number = if self.next_is("(") { self.operand() } else { None };
+                Is::Unknown(Reason::Input, number.into_iter().collect())
+            }
+            b"ON" => Is::Truth(true),
+            b"OFF" => Is::Truth(false),
+            [b'$', ..] | [b'F', b'L', ..] | [b'T', b'M', ..] => Is::Unknown(Reason::Input, Vec::new()),
             _ => {
                 self.at -= 1;
-                None
+                return None;
             }
-        }
+        };
+        Some(self.expression_at(kind, start))
     }
 }

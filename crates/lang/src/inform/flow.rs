@@ -6,6 +6,7 @@ use crate::Span;
 use crate::ir::{
     Argument, Binary, Callee, Expression, ExpressionKind as Is, Fault, Slot, Statement, StatementKind, Switch,
 };
+use crate::lexeme::Lexeme;
 use crate::value::Reason;
 
 /// What a loop counts, from where to where, and by how much.
@@ -17,10 +18,10 @@ struct Count {
     step: Expression,
 }
 
-impl<'a> Parser<'a, '_> {
+impl Parser<'_, '_> {
     /// An instruction that may say `IF` and a condition.
     pub(super) fn perhaps(&mut self, kinds: Vec<StatementKind>, start: Span) -> Option<Vec<StatementKind>> {
-        if !self.take("IF") && !self.take("IFEXPRESS") {
+        if !CONDITION.iter().any(|word| self.take(word)) {
             return self.is_over().then_some(kinds);
         }
         let condition = self.condition();
@@ -32,13 +33,13 @@ impl<'a> Parser<'a, '_> {
     /// A condition, with what the lines after it add.
     fn conditions(&mut self) -> Expression {
         let mut condition = self.condition();
-        self.line += 1;
+        self.own.line += 1;
         while self.open() && ["ANDIF", "ORIF", "ANDEXP", "OREXP"].iter().any(|word| self.next_is(word)) {
             let start = self.here();
             self.at += 1;
             let more = self.condition();
             condition = self.expression_at(Is::Unknown(Reason::Input, vec![condition, more]), start);
-            self.line += 1;
+            self.own.line += 1;
         }
         condition
     }
@@ -46,42 +47,46 @@ impl<'a> Parser<'a, '_> {
     /// A block up to the line that ends it, which is left open.
     fn body(&mut self, ends: &[&str], start: Span) -> Result<Vec<Statement>, Fault> {
         let body = self.block(ends)?;
-        if self.line >= self.lines.len() {
+        if self.own.line >= self.own.lines.len() {
             return Err(Fault { place: self.place(start), message: "a block without its end" });
         }
         Ok(body)
     }
 
-    /// The word that ends a block and begins the next, or ends all.
-    fn next_word(&mut self) -> &'a [u8] {
-        self.at += 1;
-        self.cursor.lexemes[0].text
-    }
-
-    pub(super) fn conditional(&mut self, start: Span) -> Result<Vec<StatementKind>, Fault> {
+    /// The arms from the line that is open on; `condition` reads all lines of the condition of one.
+    fn arms(
+        &mut self,
+        ends: &[&str],
+        start: Span,
+        mut condition: impl FnMut(&mut Self) -> Expression,
+    ) -> Result<StatementKind, Fault> {
         let (mut arms, mut otherwise) = (Vec::new(), Vec::new());
-        let mut condition = Some(self.conditions());
         loop {
-            let body = self.body(&["ELSEIF", "ELSEIFEXP", "ELSE", "ENDIF"], start)?;
-            match condition.take() {
+            self.at = 1;
+            let condition = match self.lexemes[0].text {
+                b"ENDIF" | b"ENDSWITCH" => break,
+                b"ELSE" | b"DEFAULT" => None,
+                _ => Some(condition(self)),
+            };
+            self.own.line += usize::from(condition.is_none());
+            let body = self.body(ends, start)?;
+            match condition {
                 Some(condition) => arms.push((condition, body)),
                 None => otherwise = body,
             }
-            match self.next_word() {
-                b"ELSE" => self.line += 1,
-                b"ENDIF" => {
-                    self.line += 1;
-                    return Ok(vec![StatementKind::If { arms, otherwise }]);
-                }
-                _ => condition = Some(self.conditions()),
-            }
         }
+        self.own.line += 1;
+        Ok(StatementKind::If { arms, otherwise })
+    }
+
+    pub(super) fn conditional(&mut self, start: Span) -> Result<Vec<StatementKind>, Fault> {
+        Ok(vec![self.arms(&["ELSEIF", "ELSEIFEXP", "ELSE", "ENDIF"], start, Self::conditions)?])
     }
 
     pub(super) fn repeated(&mut self, start: Span) -> Result<Vec<StatementKind>, Fault> {
         let condition = Some(self.conditions());
         let body = self.body(&["ENDWHILE"], start)?;
-        self.line += 1;
+        self.own.line += 1;
         Ok(vec![StatementKind::Loop { condition, body }])
     }
 
@@ -105,9 +110,9 @@ impl<'a> Parser<'a, '_> {
     pub(super) fn counted(&mut self, start: Span) -> Result<Vec<StatementKind>, Fault> {
         let count = self.count();
         let rest = self.rest(Reason::Computed);
-        self.line += 1;
+        self.own.line += 1;
         let mut body = self.body(&["NEXT"], start)?;
-        self.line += 1;
+        self.own.line += 1;
         let place = self.place(start);
         let Some(Count { kind, slot, from, to, step }) = count else {
             let condition = Some(Expression::unknown(Reason::Computed, vec![rest], place));
@@ -132,33 +137,18 @@ impl<'a> Parser<'a, '_> {
     pub(super) fn switch(&mut self, start: Span) -> Result<Vec<StatementKind>, Fault> {
         let ends = ["CASE", "DEFAULT", "ENDSWITCH"];
         let of = self.expression().unwrap_or_else(|| self.rest(Reason::Computed));
-        self.line += 1;
+        self.own.line += 1;
         // Nothing stands before the first case.
         let before = self.body(&ends, start)?;
-        let (mut arms, mut otherwise) = (Vec::new(), Vec::new());
-        loop {
-            let case = match self.next_word() {
-                b"ENDSWITCH" => break,
-                b"CASE" => {
-                    let place = self.since(start);
-                    let value = self.expression().filter(|_| self.is_over());
-                    let kind = match value {
-                        Some(value) => Is::Binary(Binary::Equal, Box::new([of.clone(), value])),
-                        None => Is::Unknown(Reason::Computed, vec![of.clone()]),
-                    };
-                    Some(Expression { kind, place })
-                }
-                _ => None,
+        let cases = self.arms(&ends, start, |parser| {
+            let place = parser.since(start);
+            let kind = match parser.expression().filter(|_| parser.is_over()) {
+                Some(value) => Is::Binary(Binary::Equal, Box::new([of.clone(), value])),
+                None => Is::Unknown(Reason::Computed, vec![of.clone()]),
             };
-            self.line += 1;
-            let body = self.body(&ends, start)?;
-            match case {
-                Some(condition) => arms.push((condition, body)),
-                None => otherwise = body,
-            }
-        }
-        self.line += 1;
-        let cases = StatementKind::If { arms, otherwise };
+            parser.own.line += 1;
+            Expression { kind, place }
+        })?;
         Ok(before.into_iter().map(|statement| statement.kind).chain([cases]).collect())
     }
 
@@ -173,7 +163,7 @@ impl<'a> Parser<'a, '_> {
             end = Some(lexeme.span.end);
             self.at += 1;
         }
-        self.text_since(from)
+        joined(&self.lexemes[from..self.at])
     }
 
     /// What stands before a condition.
@@ -182,18 +172,13 @@ impl<'a> Parser<'a, '_> {
         while self.peek().is_some_and(|lexeme| !lexeme.text.starts_with(b"IF")) {
             self.at += 1;
         }
-        self.text_since(from)
-    }
-
-    /// The lexemes from one on up to here, without blanks.
-    fn text_since(&self, from: usize) -> String {
-        self.lexemes[from..self.at].iter().map(|lexeme| String::from_utf8_lossy(lexeme.text)).collect()
+        joined(&self.lexemes[from..self.at])
     }
 
     /// The labels of the name that comes next: of several, it is not known which one is found first.
     pub(super) fn labels_named(&mut self) -> Vec<String> {
         let name = self.name();
-        let count = self.labels.get(&name).copied().unwrap_or(0);
+        let count = self.own.labels.get(&name).copied().unwrap_or(0);
         (0..count.max(1)).map(|at| format!("{name} {at}")).collect()
     }
 
@@ -203,7 +188,7 @@ impl<'a> Parser<'a, '_> {
         } else if self.next_is("LABEL") {
             self.up_to_condition();
             // To any of them, or to none.
-            self.labels.iter().flat_map(|(name, count)| (0..*count).map(move |at| format!("{name} {at}"))).collect()
+            self.own.labels.iter().flat_map(|(name, count)| (0..*count).map(move |at| format!("{name} {at}"))).collect()
         } else {
             // Another job, which does not come back here.
             let mut kinds = self.call(start)?;
@@ -233,7 +218,7 @@ impl<'a> Parser<'a, '_> {
         let from = self.at;
         let arguments = self.named(&CONDITION);
         let elsewhere = self.lexemes[from..self.at].iter().any(|lexeme| lexeme.is("UF"));
-        let call = match self.jobs.get(name.as_bytes()).map(Vec::as_slice) {
+        let call = match self.own.jobs.get(name.as_bytes()).map(Vec::as_slice) {
             Some(&[one]) => {
                 self.called.insert(one);
                 self.routine(Callee::Function(one), arguments, start)
@@ -263,11 +248,16 @@ impl<'a> Parser<'a, '_> {
 
     /// `MACRO1 MJ#(3) ARGF1`
     pub(super) fn macro_call(&mut self, start: Span) -> StatementKind {
-        let words = self.lexemes.iter().take_while(|lexeme| !lexeme.text.starts_with(b"ARGF"));
-        let name: String = words.map(|lexeme| String::from_utf8_lossy(lexeme.text)).collect();
+        let end = self.lexemes.iter().position(|lexeme| lexeme.text.starts_with(b"ARGF"));
+        let name = joined(&self.lexemes[..end.unwrap_or(self.lexemes.len())]);
         let arguments = self.named(&[]);
         self.foreign_call(&name, arguments, start)
     }
+}
+
+/// Lexemes without the blanks between them.
+fn joined(lexemes: &[Lexeme<'_>]) -> String {
+    lexemes.iter().map(|lexeme| String::from_utf8_lossy(lexeme.text)).collect()
 }
 
 /// What begins the condition of an instruction.

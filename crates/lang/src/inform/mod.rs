@@ -20,7 +20,7 @@ mod words;
 use crate::dialect::{Arguments, Dialect};
 use crate::ir::{Fault, Program, Slot, Switch};
 use crate::store::Store;
-use crate::value::{Content, Number, Pose, Reason, Value, is_whole};
+use crate::value::{Content, Given, Number, Pose, Reason, Value, is_whole};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use std::sync::Arc;
 
@@ -123,8 +123,8 @@ impl Dialect for Inform {
                 }
             }
             builtin::SHIFT => {
-                let by = shift_of(arguments, &shift).reading(arguments.values());
-                set(store, by)
+                let by = shift_of(arguments, &shift).unwrap_or_else(|| Value::unknown(Reason::Shift));
+                set(store, by.reading(arguments.values()))
             }
             builtin::UNSHIFT => set(store, Content::Nothing.into()),
             builtin::WEAVE if !weaves => {
@@ -169,22 +169,17 @@ impl Dialect for Inform {
     }
 }
 
-/// What `SFTON` moves positions by: one shift at a time, along the axes of the frame that they are in.
-fn shift_of(arguments: &Arguments<'_>, before: &Value) -> Value {
-    let (Some(by), Some(frame)) = (arguments.get("", 0), arguments.get("", 1)) else {
-        return Value::unknown(Reason::Shift);
-    };
+/// What `SFTON` moves positions by, where that is known: one shift at a time, along the axes of the frame that they are in.
+fn shift_of(arguments: &Arguments<'_>, before: &Value) -> Option<Value> {
+    let (by, frame) = (arguments.get("", 0)?, arguments.get("", 1)?);
     let (Content::Pose(pose), Content::Text(frame), Content::Nothing) = (&by.content, &frame.content, &before.content)
     else {
-        return Value::unknown(Reason::Shift);
+        return None;
     };
-    let Some(given) = pose.given.as_ref().filter(|_| pose.own.rotation.angle() == 0.0) else {
-        return Value::unknown(Reason::Shift);
-    };
-    let frame = String::from_utf8_lossy(frame).into();
-    let given = crate::value::Given { frame, ..(**given).clone() };
+    let given = pose.given.as_ref().filter(|_| pose.own.rotation.angle() == 0.0)?;
+    let given = Given { frame: String::from_utf8_lossy(frame).into(), ..(**given).clone() };
     let by = Pose { given: Some(Arc::new(given)), ..Pose::constant(pose.pose()) };
-    Content::Pose(Arc::new(by)).into()
+    Some(Content::Pose(Arc::new(by)).into())
 }
 
 /// An angle in degrees as a controller writes it: above −180 and up to 180.

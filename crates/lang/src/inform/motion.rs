@@ -117,21 +117,21 @@ impl Parser<'_, '_> {
     /// Of three points in a row the first is gone to on a line; the second is on the way to the third, and no motion of its own.
     fn circle(&mut self, is_point: bool, motion: &mut Motion) -> bool {
         if !is_point {
-            self.circle = (0, None);
+            self.own.circle = (0, None);
             return true;
         }
-        if !self.has_plain_circles {
+        if !self.own.has_plain_circles {
             if motion.path == Path::Circular {
                 motion.path = Path::Other(Reason::Circles);
             }
             return true;
         }
-        self.circle.0 = self.circle.0 % 3 + 1;
+        self.own.circle.0 = self.own.circle.0 % 3 + 1;
         let is_known = motion.path == Path::Circular;
-        match (self.circle.0, self.circle.1.take()) {
+        match (self.own.circle.0, self.own.circle.1.take()) {
             (1, _) if is_known => motion.path = Path::Linear,
             (2, _) if is_known => {
-                self.circle.1 = motion.to.take();
+                self.own.circle.1 = motion.to.take();
                 return false;
             }
             (3, Some(via)) if is_known => motion.via = Some(via),

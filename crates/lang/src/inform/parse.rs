@@ -8,21 +8,23 @@ use super::lex::Line;
 use super::motion::{has_plain_circles, motion_path};
 use super::words::{self, Does};
 use crate::Span;
-use crate::cursor::{Cursor, Expressions, declare, global_names, text};
+use crate::cursor::{Cursor, declare, global_names, text};
 use crate::ir::{
     Binary, Callee, Expression, ExpressionKind as Is, Fault, Function, FunctionId, Place, Program, Slot, Statement,
     StatementKind,
 };
 use crate::value::Reason;
 use std::collections::{BTreeMap, BTreeSet};
-use std::ops::{Deref, DerefMut};
 
 /// A variable's kind, `b"P"`, and its number.
 type Numbered = (&'static [u8], u32);
 
+/// A parser of jobs.
+pub(super) type Parser<'a, 'n> = Cursor<'a, 'n, Inform<'a, 'n>>;
+
+/// What is known of the jobs, and of the one that is being read.
 #[derive(Default)]
-pub(super) struct Parser<'a, 'n> {
-    pub(super) cursor: Cursor<'a, 'n>,
+pub(super) struct Inform<'a, 'n> {
     pub(super) jobs: BTreeMap<&'a [u8], Vec<FunctionId>>,
     pub(super) globals: BTreeMap<Numbered, Slot>,
     /// Position variables that jobs bring along, with what they are when the job is loaded.
@@ -45,22 +47,6 @@ pub(super) struct Parser<'a, 'n> {
     pub(super) circle: (u32, Option<Expression>),
 }
 
-impl<'a, 'n> Deref for Parser<'a, 'n> {
-    type Target = Cursor<'a, 'n>;
-
-    fn deref(&self) -> &Self::Target {
-        &self.cursor
-    }
-}
-
-impl DerefMut for Parser<'_, '_> {
-    fn deref_mut(&mut self) -> &mut Self::Target {
-        &mut self.cursor
-    }
-}
-
-impl<'a: 'n, 'n> Expressions<'a, 'n> for Parser<'a, 'n> {}
-
 pub(super) fn read(sources: &[&[u8]], written: usize) -> Result<Program, Fault> {
     let mut program = Program::default();
     program.functions.resize_with(sources.len(), Function::default);
@@ -81,14 +67,9 @@ pub(super) fn read(sources: &[&[u8]], written: usize) -> Result<Program, Fault> 
     }
     loaded.keys().for_each(|number| declare(&mut globals, (b"P", *number)));
     program.globals = global_names(&globals, |(kind, number)| format!("{}{number}", text(kind)).into());
-    let mut parser = Parser {
-        cursor: Cursor { program, ..Cursor::default() },
-        jobs: names,
-        globals,
-        loaded,
-        has_plain_circles: jobs.iter().all(|(_, job)| has_plain_circles(&job.lines)),
-        ..Parser::default()
-    };
+    let has_plain_circles = jobs.iter().all(|(_, job)| has_plain_circles(&job.lines));
+    let own = Inform { jobs: names, globals, loaded, has_plain_circles, ..Inform::default() };
+    let mut parser = Parser::new(own, program);
     for (id, job) in &jobs {
         parser.job(*id, job)?;
     }
@@ -98,14 +79,14 @@ pub(super) fn read(sources: &[&[u8]], written: usize) -> Result<Program, Fault> 
 
 impl<'a, 'n> Parser<'a, 'n> {
     fn job(&mut self, id: FunctionId, job: &'n Job<'a>) -> Result<(), Fault> {
-        (self.job, self.lines) = (Some(job), &job.lines);
+        (self.own.job, self.own.lines) = (Some(job), &job.lines);
         (self.source, self.depth) = (job.place.source, 0);
-        self.locals.clear();
-        self.labels.clear();
-        self.passed.clear();
-        self.circle = (0, None);
+        self.own.locals.clear();
+        self.own.labels.clear();
+        self.own.passed.clear();
+        self.own.circle = (0, None);
         self.survey();
-        let (body, locals) = (self.block(&[])?, self.locals.len() as u32);
+        let (body, locals) = (self.block(&[])?, self.own.locals.len() as u32);
         let function = &mut self.program.functions[id.0 as usize];
         (function.body, function.locals) = (body, locals);
         Ok(())
@@ -120,14 +101,14 @@ impl<'a, 'n> Parser<'a, 'n> {
             let place = value.place;
             first.push(Statement { kind: StatementKind::assign(slot, value), place });
         };
-        let mut loaded = std::mem::take(&mut self.loaded);
+        let mut loaded = std::mem::take(&mut self.own.loaded);
         // What comes with a job is what a variable holds until it is written.
         let begins =
-            loaded.iter().filter_map(|(number, values)| Some((*self.globals.get(&(&b"P"[..], *number))?, values)));
+            loaded.iter().filter_map(|(number, values)| Some((*self.own.globals.get(&(&b"P"[..], *number))?, values)));
         let left = self.program.left(begins.flat_map(|(slot, values)| values.iter().map(move |value| (slot, value))));
-        for ((kind, number), slot) in &self.globals {
+        for ((kind, number), slot) in &self.own.globals {
             let mut values = if *kind == b"P" { loaded.remove(number).unwrap_or_default() } else { Vec::new() };
-            let is_written = values.len() > 1 || self.written.contains(slot);
+            let is_written = values.len() > 1 || self.own.written.contains(slot);
             let reason = is_written.then_some(Reason::Variable).or(everything.filter(|_| *kind == b"P"));
             if let Some(reason) = reason {
                 let tokens = left.get(slot).into_iter().flatten();
@@ -138,27 +119,27 @@ impl<'a, 'n> Parser<'a, 'n> {
                 assign(*slot, value);
             }
         }
-        for (slot, reason) in &self.defined {
+        for (slot, reason) in &self.own.defined {
             assign(*slot, Expression::unknown(*reason, Vec::new(), Place::default()));
         }
         self.program.functions[0].body = first;
         self.program.variables_outlive_runs = true;
         let started = begun.into_iter().filter(|id| !self.called.contains(id));
         self.program.entries = [FunctionId(0)].into_iter().chain(started).collect();
-        self.cursor.program
+        self.program
     }
 
     /// Begins with the next line, where it is an instruction.
     pub(super) fn open(&mut self) -> bool {
-        let Some(Line::Code(code)) = self.lines.get(self.line) else { return false };
+        let Some(Line::Code(code)) = self.own.lines.get(self.own.line) else { return false };
         (self.lexemes, self.at) = (code, 0);
         true
     }
 
     /// The job's own variables, and how often each label stands in it.
     fn survey(&mut self) {
-        for line in 0..self.lines.len() {
-            self.line = line;
+        for line in 0..self.own.lines.len() {
+            self.own.line = line;
             if !self.open() {
                 continue;
             }
@@ -169,20 +150,20 @@ impl<'a, 'n> Parser<'a, 'n> {
             }
             if self.take("*") {
                 let name = self.name();
-                *self.labels.entry(name).or_default() += 1;
+                *self.own.labels.entry(name).or_default() += 1;
             }
         }
-        self.line = 0;
+        self.own.line = 0;
     }
 
     /// Statements up to an instruction that ends their block, which is left open.
     pub(super) fn block(&mut self, ends: &[&str]) -> Result<Vec<Statement>, Fault> {
         let (mut all, place) = (Vec::new(), self.since(self.here()));
         self.begin_block(place)?;
-        while let Some(line) = self.lines.get(self.line) {
+        while let Some(line) = self.own.lines.get(self.own.line) {
             if let Line::Mark(said, span) = line {
                 all.push(self.mark(said, *span));
-                self.line += 1;
+                self.own.line += 1;
                 continue;
             }
             self.open();
@@ -196,21 +177,21 @@ impl<'a, 'n> Parser<'a, 'n> {
     }
 
     fn statement(&mut self, all: &mut Vec<Statement>) -> Result<(), Fault> {
-        let (start, line) = (self.here(), self.line);
+        let (start, line) = (self.here(), self.own.line);
         let known = self.known_statement(start)?;
-        let kinds = match known.filter(|_| self.line != line || self.is_over()) {
+        let kinds = match known.filter(|_| self.own.line != line || self.is_over()) {
             Some(kinds) => kinds,
             None => {
-                self.line = line;
+                self.own.line = line;
                 self.open();
                 let reads = vec![self.rest(Reason::NotUnderstood)];
                 vec![self.not_understood(reads, self.since(start))]
             }
         };
         // A block stands where its first instruction does.
-        let is_block = self.line != line;
+        let is_block = self.own.line != line;
         let place = if is_block { self.place(start) } else { self.since(start) };
-        self.line += usize::from(!is_block);
+        self.own.line += usize::from(!is_block);
         all.extend(kinds.into_iter().map(|kind| Statement { kind, place }));
         Ok(())
     }
@@ -227,7 +208,7 @@ impl<'a, 'n> Parser<'a, 'n> {
         self.at += 1;
         if word.is("*") {
             let name = self.name();
-            let count = self.passed.entry(name.clone()).or_default();
+            let count = self.own.passed.entry(name.clone()).or_default();
             *count += 1;
             return Ok(Some(vec![StatementKind::Label(format!("{name} {}", *count - 1).into())]));
         }
@@ -255,7 +236,7 @@ impl<'a, 'n> Parser<'a, 'n> {
                     Some(Vec::new())
                 } else {
                     // It may write any variable at any moment.
-                    let all = self.globals.values().map(|slot| (*slot, Reason::Thread)).collect();
+                    let all = self.own.globals.values().map(|slot| (*slot, Reason::Thread)).collect();
                     self.program.volatile = all;
                     call
                 }
@@ -287,7 +268,7 @@ impl<'a, 'n> Parser<'a, 'n> {
                 let target = self.target();
                 let mut reads = vec![self.rest(reason)];
                 if word == b"GETPOS" {
-                    reads.extend(self.job.iter().flat_map(|job| job.positions.values().cloned()));
+                    reads.extend(self.own.job.iter().flat_map(|job| job.positions.values().cloned()));
                 }
                 vec![match target {
                     Some(target) => target.lost(reads, reason),
@@ -295,7 +276,7 @@ impl<'a, 'n> Parser<'a, 'n> {
                 }]
             }
             Does::Defines(switch, reason) => {
-                self.defined.insert(switch.slot(), reason);
+                self.own.defined.insert(switch.slot(), reason);
                 let reads = vec![self.rest(reason)];
                 vec![StatementKind::Opaque { writes: Some(vec![switch.slot()]), reads, reason }]
             }

@@ -3,7 +3,7 @@
 use super::builtins;
 use super::lex::lexemes;
 use crate::Span;
-use crate::cursor::{Cursor, Expressions, Level, SUM, declare, global_names, text};
+use crate::cursor::{Cursor, Level, SUM, declare, global_names, text};
 use crate::ir::{
     Argument, Binary, Callee, Expression, ExpressionKind as Is, Fault, Function, FunctionId, Motion, Parameter, Path,
     Place, Program, Slot, Statement, StatementKind, Unary,
@@ -11,7 +11,6 @@ use crate::ir::{
 use crate::lexeme::{self, Kind, Lexeme};
 use crate::value::Reason;
 use std::collections::{BTreeMap, BTreeSet};
-use std::ops::{Deref, DerefMut};
 
 /// What is known of names before statements are read.
 #[derive(Default)]
@@ -32,7 +31,7 @@ pub(super) fn read(sources: &[&[u8]], written: usize) -> Result<Program, Fault> 
     let mut unclear = BTreeSet::new();
     loop {
         let names = survey(&all, written, std::mem::take(&mut unclear));
-        let mut parser = Parser::new(&names, all.len());
+        let mut parser = Parser::of(&names, all.len());
         for (source, lexemes) in all.iter().enumerate() {
             parser.file(source, lexemes)?;
         }
@@ -93,8 +92,11 @@ struct Scope<'a> {
     inner: BTreeSet<&'a [u8]>,
 }
 
-struct Parser<'a, 'n> {
-    cursor: Cursor<'a, 'n>,
+/// A parser of files.
+type Parser<'a, 'n> = Cursor<'a, 'n, UrScript<'a, 'n>>;
+
+/// What is known of the routines, and of the one that is being read.
+struct UrScript<'a, 'n> {
     names: &'n Names<'a>,
     /// Routines around the statement, innermost last.
     scopes: Vec<Scope<'a>>,
@@ -105,24 +107,8 @@ struct Parser<'a, 'n> {
     threads: BTreeSet<FunctionId>,
 }
 
-impl<'a, 'n> Deref for Parser<'a, 'n> {
-    type Target = Cursor<'a, 'n>;
-
-    fn deref(&self) -> &Self::Target {
-        &self.cursor
-    }
-}
-
-impl DerefMut for Parser<'_, '_> {
-    fn deref_mut(&mut self) -> &mut Self::Target {
-        &mut self.cursor
-    }
-}
-
-impl<'a: 'n, 'n> Expressions<'a, 'n> for Parser<'a, 'n> {}
-
 impl<'a, 'n> Parser<'a, 'n> {
-    fn new(names: &'n Names<'a>, files: usize) -> Self {
+    fn of(names: &'n Names<'a>, files: usize) -> Self {
         let volatile = names.unclear.iter().filter_map(|name| Some((*names.globals.get(name)?, Reason::Scope)));
         let mut program = Program {
             globals: global_names(&names.globals, |name| text(name)),
@@ -131,24 +117,19 @@ impl<'a, 'n> Parser<'a, 'n> {
         };
         // The statements of each file that stand in no routine come first.
         program.functions.resize_with(files + names.begins.len(), Function::default);
-        Self {
-            cursor: Cursor { program, ..Cursor::default() },
-            names,
-            scopes: Vec::new(),
-            clashes: BTreeSet::new(),
-            outer: Vec::new(),
-            threads: BTreeSet::new(),
-        }
+        let (scopes, clashes) = (Vec::new(), BTreeSet::new());
+        let own = UrScript { names, scopes, clashes, outer: Vec::new(), threads: BTreeSet::new() };
+        Cursor::new(own, program)
     }
 
     fn file(&mut self, source: usize, lexemes: &'n [Lexeme<'a>]) -> Result<(), Fault> {
         (self.lexemes, self.at, self.source) = (lexemes, 0, source as u16);
-        self.scopes.push(Scope::default());
+        self.own.scopes.push(Scope::default());
         let body = self.block()?;
         if let Some(lexeme) = self.lexemes.get(self.at) {
             return Err(self.fault(lexeme.span, "`end`, `else` or `elif` without a block that it belongs to"));
         }
-        let scope = self.scopes.pop().unwrap_or_default();
+        let scope = self.own.scopes.pop().unwrap_or_default();
         let function = &mut self.program.functions[source];
         (function.body, function.locals) = (body, scope.locals.len() as u32);
         Ok(())
@@ -156,13 +137,14 @@ impl<'a, 'n> Parser<'a, 'n> {
 
     /// Free names that routines around have too.
     fn unclear(&self) -> BTreeSet<&'a [u8]> {
-        self.clashes.clone()
+        self.own.clashes.clone()
     }
 
     fn program(mut self, written: usize) -> Program {
         let file = FunctionId(0);
-        let is_started = |id: &FunctionId| !self.called.contains(id) && !self.threads.contains(id);
+        let is_started = |id: &FunctionId| !self.called.contains(id) && !self.own.threads.contains(id);
         let outer: Vec<FunctionId> = self
+            .own
             .outer
             .iter()
             .filter(|(_, source)| usize::from(*source) < written)
@@ -171,8 +153,8 @@ impl<'a, 'n> Parser<'a, 'n> {
             .collect();
         // What no other calls is started by itself, or by an operator.
         self.program.entries = [file].into_iter().chain(outer).collect();
-        self.cursor.program.threads = self.threads.into_iter().collect();
-        self.cursor.program
+        self.program.threads = self.own.threads.into_iter().collect();
+        self.program
     }
 
     fn fault(&self, span: Span, message: &'static str) -> Fault {
@@ -342,20 +324,20 @@ impl<'a, 'n> Parser<'a, 'n> {
         let start = self.here();
         let expected = "expected `def name(parameters):`";
         self.at += 1;
-        let Some(&id) = self.names.begins.get(&self.place(start)) else {
+        let Some(&id) = self.own.names.begins.get(&self.place(start)) else {
             return Err(self.fault(start, expected));
         };
         let is_thread = self.lexemes[self.at - 1].is("thread");
         let Some(name) = self.take_name() else {
             return Err(self.fault(start, expected));
         };
-        if self.scopes.len() == 1 && !is_thread {
-            self.outer.push((id, self.cursor.source));
+        if self.own.scopes.len() == 1 && !is_thread {
+            self.own.outer.push((id, self.source));
         }
         if !self.take("(") {
             return Err(self.fault(start, expected));
         }
-        self.scopes.push(Scope::default());
+        self.own.scopes.push(Scope::default());
         let mut parameters = Vec::new();
         while !self.take(")") {
             let Some(parameter) = self.take_name() else {
@@ -374,9 +356,9 @@ impl<'a, 'n> Parser<'a, 'n> {
         let place = self.since(start);
         let body = self.block()?;
         self.close(start)?;
-        let scope = self.scopes.pop().unwrap_or_default();
-        self.clashes.extend(scope.inner.iter().filter(|name| scope.locals.contains_key(*name)));
-        if let Some(outer) = self.scopes.last_mut() {
+        let scope = self.own.scopes.pop().unwrap_or_default();
+        self.own.clashes.extend(scope.inner.iter().filter(|name| scope.locals.contains_key(*name)));
+        if let Some(outer) = self.own.scopes.last_mut() {
             outer.inner.extend(scope.free.iter().chain(&scope.inner));
         }
         let locals = scope.locals.len() as u32;
@@ -414,12 +396,12 @@ impl<'a, 'n> Parser<'a, 'n> {
     }
 
     fn variable(&mut self, name: &'a [u8], usage: Use) -> Slot {
-        let Some(scope) = self.scopes.last_mut() else { return Slot::Local(0) };
+        let Some(scope) = self.own.scopes.last_mut() else { return Slot::Local(0) };
         let own = scope.locals.get(name).filter(|_| !scope.free.contains(name)).copied();
         if let (Some(own), Use::Free | Use::Local) = (own, usage) {
             return Slot::Local(own);
         }
-        if let (Some(global), Use::Free | Use::Global) = (self.names.globals.get(name), usage) {
+        if let (Some(global), Use::Free | Use::Global) = (self.own.names.globals.get(name), usage) {
             return *global;
         }
         if usage == Use::Free {
@@ -556,10 +538,7 @@ impl<'a, 'n> Parser<'a, 'n> {
         match lexeme.kind {
             Kind::Number => Some(self.number(None, lexeme, Reason::Computed).kind),
             Kind::Text => Some(Is::Text(lexeme.text.into())),
-            Kind::Sign if lexeme.text == b"(" => {
-                let inner = self.expression()?;
-                self.take(")").then_some(inner.kind)
-            }
+            Kind::Sign if lexeme.text == b"(" => self.expression().filter(|_| self.take(")")).map(|inner| inner.kind),
             Kind::Sign if lexeme.text == b"[" => self.items().map(Is::List),
             Kind::Name => match lexeme.text {
                 b"p" if self.take("[") => self.items().map(|items| Is::Pose(items, None)),
@@ -588,8 +567,8 @@ impl<'a, 'n> Parser<'a, 'n> {
     fn thread(&mut self) -> Option<Is> {
         let name = self.take_name()?;
         let arguments = self.arguments()?;
-        match self.names.functions.get(name.text).map(Vec::as_slice) {
-            Some(known) => self.threads.extend(known),
+        match self.own.names.functions.get(name.text).map(Vec::as_slice) {
+            Some(known) => self.own.threads.extend(known),
             None => return Some(Is::Call(self.unknown_routine(name), arguments)),
         }
         Some(Is::Unknown(Reason::Input, arguments.into_iter().map(|argument| argument.value).collect()))
@@ -617,9 +596,9 @@ impl<'a, 'n> Parser<'a, 'n> {
 
     /// The routines with a name. Those of files that are only read may have it in capitals, as a cell has names.
     fn functions(&self, name: &[u8]) -> Option<&'n [FunctionId]> {
-        let functions = &self.names.functions;
+        let functions = &self.own.names.functions;
         let capital = || functions.get(&name.to_ascii_uppercase()[..]);
-        let vouched = || capital().filter(|ids| ids.iter().all(|id| self.names.context.contains(id)));
+        let vouched = || capital().filter(|ids| ids.iter().all(|id| self.own.names.context.contains(id)));
         let known = functions.get(name).map(Vec::as_slice);
         // A routine of the language itself is no one's to define.
         known.or_else(|| if builtins::find(name).is_some() { None } else { vouched().map(Vec::as_slice) })
