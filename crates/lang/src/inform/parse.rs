@@ -20,11 +20,11 @@ use std::collections::{BTreeMap, BTreeSet};
 type Numbered = (&'static [u8], u32);
 
 /// A parser of jobs.
-pub(super) type Parser<'a, 'n> = Cursor<'a, 'n, Inform<'a, 'n>>;
+pub(super) type Parser<'a, 'n> = Cursor<'a, 'n, Known<'a, 'n>>;
 
 /// What is known of the jobs, and of the one that is being read.
 #[derive(Default)]
-pub(super) struct Inform<'a, 'n> {
+pub(super) struct Known<'a, 'n> {
     pub(super) jobs: BTreeMap<&'a [u8], Vec<FunctionId>>,
     pub(super) globals: BTreeMap<Numbered, Slot>,
     /// Position variables that jobs bring along, with what they are when the job is loaded.
@@ -68,7 +68,7 @@ pub(super) fn read(sources: &[&[u8]], written: usize) -> Result<Program, Fault> 
     loaded.keys().for_each(|number| declare(&mut globals, (b"P", *number)));
     program.globals = global_names(&globals, |(kind, number)| format!("{}{number}", text(kind)).into());
     let has_plain_circles = jobs.iter().all(|(_, job)| has_plain_circles(&job.lines));
-    let own = Inform { jobs: names, globals, loaded, has_plain_circles, ..Inform::default() };
+    let own = Known { jobs: names, globals, loaded, has_plain_circles, ..Known::default() };
     let mut parser = Parser::new(own, program);
     for (id, job) in &jobs {
         parser.job(*id, job)?;

@@ -93,10 +93,10 @@ struct Scope<'a> {
 }
 
 /// A parser of files.
-type Parser<'a, 'n> = Cursor<'a, 'n, UrScript<'a, 'n>>;
+type Parser<'a, 'n> = Cursor<'a, 'n, Known<'a, 'n>>;
 
 /// What is known of the routines, and of the one that is being read.
-struct UrScript<'a, 'n> {
+struct Known<'a, 'n> {
     names: &'n Names<'a>,
     /// Routines around the statement, innermost last.
     scopes: Vec<Scope<'a>>,
@@ -118,7 +118,7 @@ impl<'a, 'n> Parser<'a, 'n> {
         // The statements of each file that stand in no routine come first.
         program.functions.resize_with(files + names.begins.len(), Function::default);
         let (scopes, clashes) = (Vec::new(), BTreeSet::new());
-        let own = UrScript { names, scopes, clashes, outer: Vec::new(), threads: BTreeSet::new() };
+        let own = Known { names, scopes, clashes, outer: Vec::new(), threads: BTreeSet::new() };
         Cursor::new(own, program)
     }
 
