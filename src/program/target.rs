@@ -285,6 +285,16 @@ pub enum Mark {
     Cut,
 }
 
+impl Mark {
+    /// What the comment of a program says that is the mark.
+    pub(crate) fn comment(self) -> &'static str {
+        match self {
+            Self::Air => "deflex air",
+            Self::Cut => "deflex cut",
+        }
+    }
+}
+
 /// What of a target may be edited in the text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]

@@ -264,6 +264,13 @@ pub struct Argument {
     pub value: Expression,
 }
 
+impl From<Expression> for Argument {
+    /// An argument without a name.
+    fn from(value: Expression) -> Self {
+        Self { name: None, value }
+    }
+}
+
 /// Operators of one operand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unary {
@@ -307,11 +314,11 @@ pub enum Binary {
 }
 
 impl Program {
-    /// A number literal with its sign, as an expression.
-    pub(crate) fn literal(&mut self, digits: &[u8], place: Place) -> Expression {
+    /// A number literal with its sign, as an expression, which is not known for this reason where its value is not finite.
+    pub(crate) fn literal(&mut self, digits: &[u8], place: Place, unreadable: Reason) -> Expression {
         let value = std::str::from_utf8(digits).ok().and_then(|digits| digits.parse::<f64>().ok());
         let Some(value) = value.filter(|value| value.is_finite()) else {
-            return Expression { kind: ExpressionKind::Unknown(Reason::NotUnderstood, Vec::new()), place };
+            return Expression::unknown(unreadable, Vec::new(), place);
         };
         let id = TokenId(self.tokens.len() as u32);
         self.tokens.push(place);
@@ -362,7 +369,25 @@ impl Program {
     }
 }
 
+impl StatementKind {
+    /// The whole of a variable gets a value.
+    pub(crate) fn assign(slot: Slot, value: Expression) -> Self {
+        Self::Assign { slot, path: Vec::new(), value }
+    }
+}
+
 impl Expression {
+    /// Something that is known at run time only, with what it may use.
+    pub(crate) fn unknown(reason: Reason, reads: Vec<Self>, place: Place) -> Self {
+        Self { kind: ExpressionKind::Unknown(reason, reads), place }
+    }
+
+    /// A call of the language's own routine, by the dialect's number, with arguments that have no names.
+    pub(crate) fn builtin(number: u16, arguments: Vec<Self>, place: Place) -> Self {
+        let arguments = arguments.into_iter().map(Argument::from).collect();
+        Self { kind: ExpressionKind::Call(Callee::Builtin(number), arguments), place }
+    }
+
     /// A number without a token.
     pub(crate) fn constant(value: f64) -> Self {
         Self { kind: ExpressionKind::Constant(value), place: Place::default() }

@@ -15,6 +15,7 @@
 //! assert_eq!(&text[program.tokens[x.token.0 as usize].span.range()], b"0.5");
 //! ```
 
+mod cursor;
 pub mod dialect;
 mod flow;
 pub mod inform;

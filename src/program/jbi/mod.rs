@@ -1,6 +1,6 @@
 //! Yaskawa's INFORM (`.JBI`), read by `deflex-lang`.
 
-use super::lowered::{Lowered, Style, build, refused};
+use super::lowered::{self, Lowering, Style};
 use super::{Language, Program};
 use crate::text::{Diagnostic, Severity, Source};
 use deflex_lang::inform::{self, Inform};
@@ -21,35 +21,24 @@ pub(super) static STYLE: Style = Style {
     frame: inform::ROBOT,
 };
 
-const CODES: [&str; 2] = ["jbi.too-large", "jbi.no-text"];
-const HELP: &str = "give the .JBI file that the controller saves";
+static LOWERING: Lowering = Lowering {
+    language: Language::Jbi,
+    style: &STYLE,
+    parse: inform::read,
+    codes: ["jbi.too-large", "jbi.no-text", "jbi.syntax"],
+    expected: "an INFORM job",
+    which: "give the .JBI file that the controller saves",
+    again: "a controller does not load this; get the file again from its source",
+    dialect: |_| "inform",
+    warnings: |sources| sources.iter().filter_map(postures).collect(),
+};
 
 /// Reads a job; `context` has the jobs that it calls.
 ///
 /// # Errors
 /// The file is no job or is cut off: every reason found.
-pub fn read(mut sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
-    let written = sources.len();
-    sources.extend(context);
-    if let Some(error) = sources.iter().find_map(|source| refused(source, CODES, "an INFORM job", HELP)) {
-        return Err(error.into());
-    }
-    let texts: Vec<&[u8]> = sources.iter().map(|source| &source.bytes[..]).collect();
-    let program = inform::read(&texts, written).map_err(|fault| {
-        let source = &sources[usize::from(fault.place.source)];
-        let error = Diagnostic::error("jbi.syntax", &source.name, fault.message).at(source, fault.place.span);
-        Vec::from(error.help("a controller does not load this; get the file again from its source"))
-    })?;
-    let diagnostics = sources[..written].iter().filter_map(postures).collect();
-    build(Lowered {
-        language: Language::Jbi,
-        dialect: "inform",
-        style: &STYLE,
-        program: &program,
-        sources,
-        written,
-        diagnostics,
-    })
+pub fn read(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
+    lowered::read(&LOWERING, sources, context)
 }
 
 /// A warning where the positions of a job are reached in more than one posture.

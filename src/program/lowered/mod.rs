@@ -10,7 +10,7 @@ mod insert;
 mod rewrite;
 mod targets;
 
-pub(super) use targets::{Lowered, build, refused};
+pub(super) use targets::{Lowering, read};
 
 use super::front_end::FrontEnd;
 use super::{Change, Insert, Passing, Program, RewriteOptions, Rewritten};

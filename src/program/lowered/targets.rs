@@ -20,29 +20,59 @@ const ENDLESS: &str =
 const NO_CIRCLE: &str = "circle through axis angles";
 const NO_VIA: &str = "circle without a point on the way";
 
-/// A program as its front end lowered it.
-pub(in crate::program) struct Lowered<'a> {
+/// How programs of a language are read.
+pub(in crate::program) struct Lowering {
     pub(in crate::program) language: Language,
-    pub(in crate::program) dialect: &'static str,
     pub(in crate::program) style: &'static Style,
-    pub(in crate::program) program: &'a ir::Program,
-    /// The files, and how many of them are written.
-    pub(in crate::program) sources: Vec<Source>,
-    pub(in crate::program) written: usize,
-    pub(in crate::program) diagnostics: Vec<Diagnostic>,
+    pub(in crate::program) parse: fn(&[&[u8]], usize) -> Result<ir::Program, ir::Fault>,
+    /// Codes of a file that is too large, of one that is no text, and of one that is not of the language.
+    pub(in crate::program) codes: [&'static str; 3],
+    /// What is expected where a file is no text, and which file to give.
+    pub(in crate::program) expected: &'static str,
+    pub(in crate::program) which: &'static str,
+    /// What to do with a file that is not of the language.
+    pub(in crate::program) again: &'static str,
+    /// Who wrote the files.
+    pub(in crate::program) dialect: fn(&[Source]) -> &'static str,
+    pub(in crate::program) warnings: fn(&[Source]) -> Vec<Diagnostic>,
+}
+
+/// Reads files as one program, and takes the motions of its run as targets; `context` files only define routines.
+pub(in crate::program) fn read(
+    lowering: &Lowering,
+    mut sources: Vec<Source>,
+    context: Vec<Source>,
+) -> Result<Program, Vec<Diagnostic>> {
+    let written = sources.len();
+    sources.extend(context);
+    if let Some(error) = sources.iter().find_map(|source| refused(source, lowering)) {
+        return Err(error.into());
+    }
+    let texts: Vec<&[u8]> = sources.iter().map(|source| &source.bytes[..]).collect();
+    let program = (lowering.parse)(&texts, written).map_err(|fault| {
+        let source = &sources[usize::from(fault.place.source)];
+        let error = Diagnostic::error(lowering.codes[2], &source.name, fault.message).at(source, fault.place.span);
+        Vec::from(error.help(lowering.again))
+    })?;
+    build(lowering, &program, sources, written)
 }
 
 /// Runs a program and takes its motions as targets.
-pub(in crate::program) fn build(lowered: Lowered<'_>) -> Result<Program, Vec<Diagnostic>> {
-    let (style, program) = (lowered.style, lowered.program);
+fn build(
+    lowering: &Lowering,
+    program: &ir::Program,
+    sources: Vec<Source>,
+    written: usize,
+) -> Result<Program, Vec<Diagnostic>> {
+    let style = lowering.style;
     let Ok(mut outcome) = run(program, style.dialect) else {
-        let error = Diagnostic::error("program.endless", &lowered.sources[0].name, ENDLESS);
+        let error = Diagnostic::error("program.endless", &sources[0].name, ENDLESS);
         return Err(error.help("split it into several programs").into());
     };
     // What stands in a file that is only read is never edited.
     for (at, token) in program.tokens.iter().enumerate() {
-        let before = &lowered.sources[usize::from(token.source)].bytes[..token.span.start as usize];
-        if usize::from(token.source) >= lowered.written {
+        let before = &sources[usize::from(token.source)].bytes[..token.span.start as usize];
+        if usize::from(token.source) >= written {
             outcome.used.insert(ir::TokenId(at as u32), Reason::Foreign);
         } else if !may_have_sign(before) {
             outcome.used.insert(ir::TokenId(at as u32), Reason::Computed);
@@ -51,7 +81,7 @@ pub(in crate::program) fn build(lowered: Lowered<'_>) -> Result<Program, Vec<Dia
     let edits = editable(&outcome, &[]);
     let mut builder = Builder {
         style,
-        sources: &lowered.sources,
+        sources: &sources,
         tools: Vec::new(),
         wobjs: Vec::new(),
         set: Vec::new(),
@@ -73,22 +103,22 @@ pub(in crate::program) fn build(lowered: Lowered<'_>) -> Result<Program, Vec<Dia
     for place in &program.not_understood {
         builder.keep(*place, Reason::NotUnderstood.text());
     }
-    let mut diagnostics = lowered.diagnostics;
-    diagnostics.extend(not_given(program, &lowered.sources, style.dialect));
-    diagnostics.extend(builder.without_mass(lowered.language));
+    let mut diagnostics = (lowering.warnings)(&sources[..written]);
+    diagnostics.extend(not_given(program, &sources, style.dialect));
+    diagnostics.extend(builder.without_mass(lowering.language));
     let Builder { tools, wobjs, targets, sites, passings, unknown, mut kept, arcs, ordinal, .. } = builder;
     kept.sort_by_key(|kept| (kept.source, kept.span));
     Ok(Program {
-        written: lowered.written,
-        language: lowered.language,
-        dialect: lowered.dialect,
+        written,
+        language: lowering.language,
+        dialect: (lowering.dialect)(&sources[..written]),
         tools,
         wobjs,
         targets,
         unknown,
         actions: Vec::new(),
         kept,
-        literal_targets: literals(program, lowered.written),
+        literal_targets: literals(program, written),
         arcs: arcs.len(),
         cutter: None,
         diagnostics,
@@ -100,7 +130,7 @@ pub(in crate::program) fn build(lowered: Lowered<'_>) -> Result<Program, Vec<Dia
             passings,
             motions: ordinal as usize,
         }),
-        sources: lowered.sources.into(),
+        sources: sources.into(),
     })
 }
 
@@ -110,12 +140,8 @@ fn may_have_sign(before: &[u8]) -> bool {
 }
 
 /// Why a file as a whole is not read as text of a language.
-pub(in crate::program) fn refused(
-    source: &Source,
-    [too_large, no_text]: [&'static str; 2],
-    expected: &str,
-    help: &str,
-) -> Option<Diagnostic> {
+fn refused(source: &Source, lowering: &Lowering) -> Option<Diagnostic> {
+    let [too_large, no_text, _] = lowering.codes;
     let whole = |code, message: &str, at: usize| {
         let end = (at + 1).min(source.bytes.len());
         Diagnostic::error(code, &source.name, message).at(source, Span { start: at as u32, end: end as u32 })
@@ -124,7 +150,7 @@ pub(in crate::program) fn refused(
         return Some(whole(too_large, "file is larger than 4 GiB", 0).help("split it"));
     }
     let at = crate::program::detect::no_text(&source.bytes)?;
-    Some(whole(no_text, &format!("the file is no text: expected {expected}"), at).help(help))
+    Some(whole(no_text, &format!("the file is no text: expected {}", lowering.expected), at).help(lowering.which))
 }
 
 /// Poses in the text all of whose numbers are literals.

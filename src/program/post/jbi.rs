@@ -3,13 +3,11 @@
 use super::names::{self, identifier};
 use super::statements::{Files, Held, Statements};
 use super::writer::{Place, PostedPoint, RapidPost};
-use super::zone::radius;
+use crate::program::Language;
 use crate::program::jbi::DECIMALS;
 use crate::program::orientation::{from_zyx_deg, quaternion, rotation, zyx_deg};
-use crate::program::{Language, Mark};
 use crate::text::Diagnostic;
 use crate::text::number::{printed, write_fixed};
-use std::fmt::Write;
 
 /// Points of a job where the options give no number: a job has at most 9,999 lines (Yaskawa, *DX200 Instructions*), some of which are marks
 /// and calls.
@@ -50,12 +48,7 @@ fn jobs(post: &RapidPost, points: &[PostedPoint], axes_deg: &[[f64; 6]], end: &s
     names::refuse(plan, Language::Jbi)?;
     let name = identifier(&plan.name, ENDING).to_ascii_uppercase();
     let most = plan.max_points.unwrap_or(MOST_POINTS).max(1);
-    let mut title = String::new();
-    for line in &plan.title {
-        let plain: String = line.chars().map(|c| if c.is_ascii_graphic() { c } else { ' ' }).collect();
-        // Writing to a String cannot fail.
-        let _ = writeln!(title, "'{}", plain.trim_end());
-    }
+    let title: String = plan.plain_title().map(|line| format!("'{line}\n")).collect();
     if points.len() <= most {
         let text = job(post, &name, &title, points, axes_deg, end);
         return Ok(vec![(format!("{name}.JBI"), text)]);
@@ -63,7 +56,7 @@ fn jobs(post: &RapidPost, points: &[PostedPoint], axes_deg: &[[f64; 6]], end: &s
     let (mut main, mut files) = (title, Vec::new());
     for (i, (part, axes)) in points.chunks(most).zip(axes_deg.chunks(most)).enumerate() {
         let part_name = format!("{name}_{}", i + 1);
-        let _ = writeln!(main, "CALL JOB:{part_name}");
+        main += &format!("CALL JOB:{part_name}\n");
         let last = if (i + 1) * most >= points.len() { end } else { "" };
         files.push((format!("{part_name}.JBI"), job(post, &part_name, "", part, axes, last)));
     }
@@ -80,11 +73,7 @@ fn job(post: &RapidPost, name: &str, title: &str, points: &[PostedPoint], axes_d
         let here = place.behind(std::slice::from_ref(point));
         point.lines.iter().flat_map(|text| text.lines()).for_each(|line| lines.extend([line, "\n"]));
         if mark != point.mark {
-            lines.push_str(match point.mark {
-                Some(Mark::Air) => "'deflex air\n",
-                Some(Mark::Cut) => "'deflex cut\n",
-                None => "",
-            });
+            point.mark.iter().for_each(|mark| lines += &format!("'{}\n", mark.comment()));
             mark = point.mark;
         }
         let number = |named: Option<&str>, prefix| named.and_then(|name| names::number(name, prefix));
@@ -99,13 +88,11 @@ fn job(post: &RapidPost, name: &str, title: &str, points: &[PostedPoint], axes_d
         position(&mut positions, i, point);
         // The way to the first point is unknown: joints, not a straight line.
         if i == 0 || point.joint {
-            let _ = writeln!(lines, "MOVJ C{i:05} VJ={JOINT_PERCENT} PL=0");
+            lines += &format!("MOVJ C{i:05} VJ={JOINT_PERCENT} PL=0\n");
         } else {
-            let speed = if point.rapid { plan.rapid_mm_s } else { point.speed_mm_s };
-            let next = points.get(i + 1).filter(|next| next.lines.is_none() && !next.joint && next.tool == point.tool);
-            let corner = next.and_then(|next| radius(post.zone_at(&here, point, Some(next))));
+            let (speed, corner) = (post.speed_mm_s(point), post.corner_mm(&here, point, points.get(i + 1)));
             let passes = corner.map_or("PL=0".to_owned(), |radius| format!("CR={radius:.1}"));
-            let _ = writeln!(lines, "MOVL C{i:05} V={:.1} {passes}", speed.max(0.1));
+            lines += &format!("MOVL C{i:05} V={:.1} {passes}\n", speed.max(0.1));
         }
         place = here;
     }
@@ -134,22 +121,19 @@ fn posture(point: &PostedPoint, axes_deg: &[f64; 6]) -> String {
 
 fn position(out: &mut String, number: usize, point: &PostedPoint) {
     let [rz, ry, rx] = zyx_deg(&rotation(point.quat));
-    let mut text = Vec::new();
+    let mut text = format!("C{number:05}").into_bytes();
     for (at, value) in point.position_mm.into_iter().chain([rx, ry, rz]).enumerate() {
-        if at > 0 {
-            text.push(b',');
-        }
+        text.push(if at == 0 { b'=' } else { b',' });
         write_fixed(&mut text, value, DECIMALS[usize::from(at > 2)]);
     }
-    // Writing to a String cannot fail.
-    let _ = writeln!(out, "C{number:05}={}", String::from_utf8_lossy(&text));
+    out.extend([&*String::from_utf8_lossy(&text), "\n"]);
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::RapidPlan;
     use super::*;
-    use crate::program::{Editable, Goal, ToolData, WobjData, jbi};
+    use crate::program::{Editable, Goal, Mark, ToolData, WobjData, jbi};
     use crate::text::Source;
 
     fn post(max_points: Option<usize>) -> Vec<(String, Vec<u8>)> {

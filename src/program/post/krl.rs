@@ -75,10 +75,7 @@ impl RapidPost {
 
     fn file(&self, name: &str) -> Vec<u8> {
         let mut text = format!("&ACCESS RVP\r\n&REL 1\r\nDEF {name}( )\r\n");
-        for line in &self.plan.title {
-            let plain: String = line.chars().map(|c| if c.is_ascii_graphic() { c } else { ' ' }).collect();
-            text += &format!("; {}\r\n", plain.trim_end());
-        }
+        self.plan.plain_title().for_each(|line| text += &format!("; {line}\r\n"));
         text.into_bytes()
     }
 
@@ -105,11 +102,7 @@ impl RapidPost {
             said.base = Some(point.wobj);
         }
         if said.mark != point.mark {
-            match point.mark {
-                Some(Mark::Air) => text.extend_from_slice(b"; deflex air\r\n"),
-                Some(Mark::Cut) => text.extend_from_slice(b"; deflex cut\r\n"),
-                None => {}
-            }
+            point.mark.iter().for_each(|mark| lines(text, &format!("; {}", mark.comment())));
             said.mark = point.mark;
         }
         if place.is_first() || point.joint {
@@ -119,7 +112,7 @@ impl RapidPost {
             text.extend_from_slice(b"}\r\n");
             return;
         }
-        let speed = 1e-3 * if point.rapid { self.plan.rapid_mm_s } else { point.speed_mm_s };
+        let speed = 1e-3 * self.speed_mm_s(point);
         #[allow(clippy::float_cmp)] // the very number
         if said.speed != Some(speed) {
             text.extend_from_slice(b"$VEL.CP = ");

@@ -6,7 +6,7 @@ use super::zone::{FINE, zone};
 use super::{PostedPoint, names};
 use crate::program::orientation::{from_zyx_deg, quaternion, rotation, zyx_deg};
 use crate::program::tp::MOST_POINTS;
-use crate::program::{Config, Language, Mark};
+use crate::program::{Config, Language};
 use crate::text::Diagnostic;
 use crate::text::number::{printed, write_fixed};
 use std::fmt::Write;
@@ -99,11 +99,7 @@ impl Writer<'_> {
             }
             point.lines.iter().flat_map(|text| text.lines()).for_each(|line| lines.instruction(line));
             if mark != point.mark {
-                match point.mark {
-                    Some(Mark::Air) => lines.add("  !deflex air"),
-                    Some(Mark::Cut) => lines.add("  !deflex cut"),
-                    None => {}
-                }
+                point.mark.iter().for_each(|mark| lines.add(&format!("  !{}", mark.comment())));
                 mark = point.mark;
             }
             // The way to the first point is unknown: joints, not a straight line.

@@ -4,7 +4,6 @@ use super::names::identifier;
 use super::statements::Statements;
 use super::template::decimal;
 use super::writer::{Place, PostedPoint, RapidPost};
-use super::zone::radius;
 use crate::program::orientation::{quaternion, rotation, rotation_vector};
 use crate::program::{Mark, ToolData};
 use crate::text::number::{printed, write_fixed};
@@ -50,10 +49,7 @@ impl RapidPost {
     pub fn ur(&self, points: &[PostedPoint], axes_deg: &[[f64; 6]], end: &str) -> Vec<(String, Vec<u8>)> {
         let name = identifier(&self.plan.name, SHORTER);
         let mut text = format!("def {name}():\n").into_bytes();
-        for line in &self.plan.title {
-            let plain: String = line.chars().map(|c| if c.is_ascii_graphic() { c } else { ' ' }).collect();
-            text.extend_from_slice(format!("  # {}\n", plain.trim_end()).as_bytes());
-        }
+        self.plan.plain_title().for_each(|line| lines(&mut text, &format!("# {line}")));
         let frames: Vec<String> =
             (1..).zip(&self.plan.wobjs).map(|(n, (name, _))| format!("frame_{n}_{}", identifier(name, 10))).collect();
         for (frame, (_, data)) in frames.iter().zip(&self.plan.wobjs) {
@@ -72,11 +68,7 @@ impl RapidPost {
                 said.tool = Some(point.tool);
             }
             if said.mark != point.mark {
-                text.extend_from_slice(match point.mark {
-                    Some(Mark::Air) => b"  # deflex air\n",
-                    Some(Mark::Cut) => b"  # deflex cut\n",
-                    None => b"",
-                });
+                point.mark.iter().for_each(|mark| lines(&mut text, &format!("# {}", mark.comment())));
                 said.mark = point.mark;
             }
             if here.is_first() || point.joint {
@@ -87,12 +79,8 @@ impl RapidPost {
                 text.extend_from_slice(format!("  movel(pose_trans({}, ", frames[usize::from(point.wobj)]).as_bytes());
                 pose(&mut text, &point.position_mm, point.quat);
                 text.extend_from_slice(format!("), a={}, v=", ACCELERATIONS[0]).as_bytes());
-                write_fixed(&mut text, 1e-3 * if point.rapid { self.plan.rapid_mm_s } else { point.speed_mm_s }, M);
-                let next = points.get(i + 1);
-                // What comes next at rest, or by its axes, is not blended into.
-                let passed = next.filter(|next| next.lines.is_none() && !next.joint && next.tool == point.tool);
-                let blend = passed.and_then(|next| radius(self.zone_at(&here, point, Some(next))));
-                if let Some(blend) = blend {
+                write_fixed(&mut text, 1e-3 * self.speed_mm_s(point), M);
+                if let Some(blend) = self.corner_mm(&here, point, points.get(i + 1)) {
                     text.extend_from_slice(b", r=");
                     write_fixed(&mut text, 1e-3 * blend, 4);
                 }

@@ -2,7 +2,7 @@
 
 use super::data::{held_pose, robtarget, speeddata, speeds, tooldata, wobjdata};
 use super::names::{SAME_SPEED, identifier, predefined_speed};
-use super::zone::{FINE, zone};
+use super::zone::{FINE, radius, zone};
 use crate::program::EXTERNAL_AXES;
 use crate::program::{Confdata, Mark, ToolData, WobjData};
 use crate::text::number::write_whole;
@@ -33,6 +33,14 @@ pub struct RapidPlan {
     pub rapid_mm_s: f64,
     /// How far a zone may pass a cutting corner, mm.
     pub corner_tolerance_mm: f64,
+}
+
+impl RapidPlan {
+    /// Lines of the head comment in printable ASCII characters.
+    pub(super) fn plain_title(&self) -> impl Iterator<Item = String> {
+        let plain = |c: char| if c.is_ascii_graphic() { c } else { ' ' };
+        self.title.iter().map(move |line| line.chars().map(plain).collect::<String>().trim_end().to_owned())
+    }
 }
 
 /// One point to move to.
@@ -203,10 +211,7 @@ impl RapidPost {
     fn declare(&mut self) {
         let (mut text, module) = (Text::default(), &self.module);
         text.start(module);
-        for line in &self.plan.title {
-            let plain: String = line.chars().map(|c| if c.is_ascii_graphic() { c } else { ' ' }).collect();
-            text.line(&format!("  ! {}", plain.trim_end()));
-        }
+        self.plan.plain_title().for_each(|line| text.line(&format!("  ! {line}")));
         for (name, data) in self.plan.tools.iter().filter(|(n, _)| !n.eq_ignore_ascii_case("tool0")) {
             tooldata(&mut text.bytes, name, data);
         }
@@ -259,11 +264,7 @@ impl RapidPost {
         // Said again in a part, so that each module reads right by itself.
         let said = place.before.as_ref().and_then(|before| before.mark).filter(|_| part.is_none());
         if said != point.mark {
-            match point.mark {
-                Some(Mark::Air) => text.line("    ! deflex air"),
-                Some(Mark::Cut) => text.line("    ! deflex cut"),
-                None => {}
-            }
+            point.mark.iter().for_each(|mark| text.line(&format!("    ! {}", mark.comment())));
         }
         let line = &mut text.bytes;
         // The way to the first point is unknown: joints, not a straight line.
@@ -271,7 +272,7 @@ impl RapidPost {
         line.extend_from_slice(if joint { b"    MoveJ " } else { b"    MoveL " });
         robtarget(line, &point.position_mm, &point.quat, point.conf, self.external(point));
         line.push(b',');
-        self.speed(line, if point.rapid { self.plan.rapid_mm_s } else { point.speed_mm_s });
+        self.speed(line, self.speed_mm_s(point));
         line.push(b',');
         line.extend_from_slice(self.zone_at(place, point, next));
         line.push(b',');
@@ -281,6 +282,17 @@ impl RapidPost {
         line.extend_from_slice(b"\\WObj:=");
         line.extend_from_slice(wobj.as_bytes());
         line.extend_from_slice(b";\n");
+    }
+
+    /// Speed into a point, mm/s.
+    pub(super) fn speed_mm_s(&self, point: &PostedPoint) -> f64 {
+        if point.rapid { self.plan.rapid_mm_s } else { point.speed_mm_s }
+    }
+
+    /// How far from a point the arm may leave it, mm; `None` where it stops there, or `next` is gone to at rest or by the axes.
+    pub(super) fn corner_mm(&self, place: &Place, point: &PostedPoint, next: Option<&PostedPoint>) -> Option<f64> {
+        let next = next.filter(|next| next.lines.is_none() && !next.joint && next.tool == point.tool)?;
+        radius(self.zone_at(place, point, Some(next)))
     }
 
     /// Positions of the external axes at a point.

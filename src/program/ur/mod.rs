@@ -1,6 +1,6 @@
 //! Universal Robots' URScript (`.script`), read by `deflex-lang`.
 
-use super::lowered::{Lowered, Style, build, refused, single};
+use super::lowered::{self, Lowering, Style, single};
 use super::{Language, Program};
 use crate::text::{Diagnostic, Source};
 use deflex_lang::urscript::{self, UrScript};
@@ -19,28 +19,28 @@ pub(super) static STYLE: Style = Style {
     frame: "base",
 };
 
-const CODES: [&str; 2] = ["ur.too-large", "ur.no-text"];
+static LOWERING: Lowering = Lowering {
+    language: Language::Ur,
+    style: &STYLE,
+    parse: urscript::read,
+    codes: ["ur.too-large", "ur.no-text", "ur.syntax"],
+    expected: "URScript",
+    which: "give the .script file, not the .urp",
+    again: "a controller does not run this; get the file again from its source",
+    dialect,
+    warnings: |_| Vec::new(),
+};
 
 /// Reads files as one program; `context` files only define routines.
 ///
 /// # Errors
 /// The program as a whole is refused (no text, no URScript, cut off): every reason found.
-pub fn read(mut sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
-    let written = sources.len();
-    sources.extend(context);
-    if let Some(error) =
-        sources.iter().find_map(|source| refused(source, CODES, "URScript", "give the .script file, not the .urp"))
-    {
-        return Err(error.into());
-    }
-    let texts: Vec<&[u8]> = sources.iter().map(|source| &source.bytes[..]).collect();
-    let program = urscript::read(&texts, written).map_err(|fault| {
-        let source = &sources[usize::from(fault.place.source)];
-        let error = Diagnostic::error("ur.syntax", &source.name, fault.message).at(source, fault.place.span);
-        Vec::from(error.help("a controller does not run this; get the file again from its source"))
-    })?;
-    let made =
-        |text: &[u8]| sources[..written].iter().any(|source| memchr::memmem::find(&source.bytes, text).is_some());
+pub fn read(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
+    lowered::read(&LOWERING, sources, context)
+}
+
+/// The software that wrote one of the files, as far as its comments say so.
+fn dialect(sources: &[Source]) -> &'static str {
     let makers: [(&[u8], &str); 5] = [
         (b"RoboDK", "robodk"),
         (b"$ 1 \"", "polyscope"),
@@ -48,14 +48,6 @@ pub fn read(mut sources: Vec<Source>, context: Vec<Source>) -> Result<Program, V
         (b"SprutCAM", "sprutcam"),
         (b"Autodesk", "autodesk"),
     ];
-    let dialect = makers.iter().find(|(text, _)| made(text)).map_or("ur", |(_, maker)| maker);
-    build(Lowered {
-        language: Language::Ur,
-        dialect,
-        style: &STYLE,
-        program: &program,
-        sources,
-        written,
-        diagnostics: Vec::new(),
-    })
+    let made = |text: &[u8]| sources.iter().any(|source| memchr::memmem::find(&source.bytes, text).is_some());
+    makers.iter().find(|(text, _)| made(text)).map_or("ur", |(_, maker)| maker)
 }

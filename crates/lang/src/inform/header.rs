@@ -1,8 +1,8 @@
 //! What stands before a job's instructions: its name, its groups of axes, and its positions with the tool and frame of each.
 
-use super::lex::lines;
-use super::parse::{given, text};
+use super::lex::{Line, lines};
 use crate::Span;
+use crate::cursor::text;
 use crate::ir::{Expression, ExpressionKind as Is, Fault, Place, Program};
 use crate::value::{Given, Reason};
 use std::collections::BTreeMap;
@@ -25,35 +25,30 @@ fn whole(number: &str) -> String {
 
 /// A job with its head read.
 #[derive(Default)]
-pub(super) struct Header<'a> {
+pub(super) struct Job<'a> {
     pub(super) name: &'a [u8],
     pub(super) place: Place,
+    /// Whether a base axis carries the robot.
     pub(super) has_base_axis: bool,
+    /// Positions as they are written, which [`Self::positions`] are made of.
+    written: Vec<Written<'a>>,
+    /// Teaching positions by number.
     pub(super) positions: BTreeMap<u32, Expression>,
-    /// Its instructions, each with where it begins.
-    pub(super) lines: Vec<(usize, &'a [u8])>,
+    /// Its instructions.
+    pub(super) lines: Vec<Line<'a>>,
 }
 
 /// A position as it is written, with what holds where it stands.
+#[derive(Clone, Copy, Default)]
 struct Written<'a> {
     is_variable: bool,
     number: u32,
     start: usize,
     numbers: &'a [u8],
-    kind: Kind,
+    /// What the coordinates count from, as `POSTYPE` says it.
+    kind: &'a [u8],
     tool: &'a [u8],
     user: &'a [u8],
-}
-
-#[derive(Clone, Copy, PartialEq)]
-enum Kind {
-    Unsaid,
-    Pulses,
-    Robot,
-    Base,
-    User,
-    /// Relative to a tool.
-    Tool,
 }
 
 #[derive(Clone, Copy, PartialEq)]
@@ -65,82 +60,64 @@ enum Section {
     Over,
 }
 
-impl<'a> Header<'a> {
-    /// The jobs of a file; adds the position variables that come with them to `loaded`.
-    pub(super) fn jobs(
-        bytes: &'a [u8],
-        source: u16,
-        program: &mut Program,
-        loaded: &mut BTreeMap<u32, Vec<Expression>>,
-    ) -> Result<Vec<Self>, Fault> {
-        let mut all: Vec<Self> = Vec::new();
-        let (mut section, mut positions) = (Section::Over, Vec::new());
-        let (mut kind, mut tool, mut user): (Kind, &[u8], &[u8]) = (Kind::Unsaid, b"", b"");
-        let place = |start: usize, line: &[u8]| Place { source, span: Span::new(start, start + line.len()) };
-        for (start, line) in lines(bytes) {
-            let directive = line.iter().position(|b| *b != b'/').unwrap_or(line.len());
-            let (word, rest) = split(&line[directive..]);
-            if directive == 1 && word == b"JOB" {
-                finish(&mut all, std::mem::take(&mut positions), source, program, loaded);
-                all.push(Self { place: place(start, line), ..Self::default() });
-                (section, kind, tool, user) = (Section::Head, Kind::Unsaid, b"", b"");
+/// The jobs of a file; adds the position variables that come with them to `loaded`.
+pub(super) fn jobs<'a>(
+    bytes: &'a [u8],
+    source: u16,
+    program: &mut Program,
+    loaded: &mut BTreeMap<u32, Vec<Expression>>,
+) -> Result<Vec<Job<'a>>, Fault> {
+    let mut all: Vec<Job<'_>> = Vec::new();
+    let (mut section, mut holds) = (Section::Over, Written::default());
+    let place = |start: usize, line: &[u8]| Place { source, span: Span::new(start, start + line.len()) };
+    for (start, line) in lines(bytes) {
+        let directive = line.iter().position(|b| *b != b'/').unwrap_or(line.len());
+        let (word, rest) = split(&line[directive..]);
+        if directive == 1 && word == b"JOB" {
+            all.push(Job { place: place(start, line), ..Job::default() });
+            (section, holds) = (Section::Head, Written::default());
+            continue;
+        }
+        let Some(job) = all.last_mut().filter(|_| section != Section::Over) else { continue };
+        if directive > 0 {
+            match word {
+                b"NAME" => job.name = rest,
+                b"POS" => section = Section::Positions,
+                b"INST" => section = Section::Instructions,
+                b"ARGINFO" => section = Section::Head,
+                b"TOOL" => holds.tool = rest,
+                b"USER" => holds.user = rest,
+                b"POSTYPE" => holds.kind = rest,
+                _ if word.starts_with(b"GROUP") => {
+                    job.has_base_axis |= rest.split(|b| *b == b',').any(|axes| axes.trim_ascii().starts_with(b"BS"));
+                }
+                _ => {}
+            }
+            continue;
+        }
+        if section == Section::Positions && !line.is_empty() {
+            if let Some((is_variable, number, at)) = position(line) {
+                job.written.push(Written { is_variable, number, start: start + at, numbers: &line[at..], ..holds });
                 continue;
             }
-            let Some(job) = all.last_mut() else { continue };
-            if section == Section::Over {
-                continue;
-            }
-            if directive > 0 {
-                match word {
-                    b"NAME" => job.name = rest,
-                    b"POS" => section = Section::Positions,
-                    b"INST" => section = Section::Instructions,
-                    b"ARGINFO" => section = Section::Head,
-                    b"TOOL" => tool = rest,
-                    b"USER" => user = rest,
-                    b"POSTYPE" => {
-                        kind = match rest {
-                            b"PULSE" => Kind::Pulses,
-                            b"ROBOT" => Kind::Robot,
-                            b"BASE" => Kind::Base,
-                            b"USER" => Kind::User,
-                            b"TOOL" | b"MTOOL" => Kind::Tool,
-                            _ => Kind::Unsaid,
-                        }
-                    }
-                    _ if word.starts_with(b"GROUP") => {
-                        job.has_base_axis |=
-                            rest.split(|b| *b == b',').any(|axes| axes.trim_ascii().starts_with(b"BS"));
-                    }
-                    _ => {}
-                }
-                continue;
-            }
-            if section == Section::Positions && !line.is_empty() {
-                if let Some((is_variable, number, at)) = position(line) {
-                    let numbers = &line[at..];
-                    positions.push(Written { is_variable, number, start: start + at, numbers, kind, tool, user });
-                    continue;
-                }
-                // Some write no `//INST`.
-                if !line.contains(&b'=') || !line[0].is_ascii_alphabetic() || line.contains(&b' ') {
-                    section = Section::Instructions;
-                }
-            }
-            if section == Section::Instructions {
-                job.lines.push((start, line));
-                if line == b"END" {
-                    section = Section::Over;
-                }
+            // Some write no `//INST`.
+            if !line.contains(&b'=') || !line[0].is_ascii_alphabetic() || line.contains(&b' ') {
+                section = Section::Instructions;
             }
         }
-        finish(&mut all, positions, source, program, loaded);
-        let fault = |place, message| Err(Fault { place, message });
-        match all.iter().find(|job| job.name.is_empty()) {
-            Some(job) => fault(job.place, "a job without a name: expected `//NAME`"),
-            None if all.is_empty() => fault(place(0, b""), "no job: expected `/JOB` in the first line"),
-            None => Ok(all),
+        if section == Section::Instructions {
+            job.lines.extend(Line::read(line, start));
+            if line == b"END" {
+                section = Section::Over;
+            }
         }
+    }
+    all.iter_mut().for_each(|job| job.place_positions(source, program, loaded));
+    let fault = |place, message| Err(Fault { place, message });
+    match all.iter().find(|job| job.name.is_empty()) {
+        Some(job) => fault(job.place, "a job without a name: expected `//NAME`"),
+        None if all.is_empty() => fault(place(0, b""), "no job: expected `/JOB` in the first line"),
+        None => Ok(all),
     }
 }
 
@@ -163,43 +140,49 @@ fn position(line: &[u8]) -> Option<(bool, u32, usize)> {
     }
 }
 
-/// Gives the last job its positions.
-fn finish(
-    jobs: &mut [Header<'_>],
-    positions: Vec<Written<'_>>,
-    source: u16,
-    program: &mut Program,
-    loaded: &mut BTreeMap<u32, Vec<Expression>>,
-) {
-    let Some(job) = jobs.last_mut() else { return };
-    let mut names: BTreeMap<(String, String), Arc<Given>> = BTreeMap::new();
-    for written in positions {
-        let frame = match written.kind {
-            Kind::Robot => Ok(ROBOT.to_owned()),
-            Kind::Base => Ok(if job.has_base_axis { BASE } else { ROBOT }.to_owned()),
-            Kind::User if !written.user.is_empty() => Ok(user(&text(written.user))),
-            Kind::User | Kind::Tool => Err(Reason::Frame),
-            Kind::Pulses | Kind::Unsaid => Err(Reason::Pulses),
-        };
-        let place = Place { source, span: Span::new(written.start, written.start + written.numbers.len()) };
-        let unknown = |reason| Expression { kind: Is::Unknown(reason, Vec::new()), place };
-        let expression = match frame {
-            Ok(_) if written.tool.is_empty() => unknown(Reason::Tool),
-            Ok(frame) => {
-                let key = (format!("TOOL {}", whole(&text(written.tool))), frame);
-                let given = names.entry(key).or_insert_with_key(|(tool, frame)| given(tool.clone(), frame.clone()));
-                match numbers(&written, source, program) {
-                    Some(items) => Expression { kind: Is::Pose(items, Some(Arc::clone(given))), place },
-                    None => unknown(Reason::NotUnderstood),
+impl Job<'_> {
+    /// What base coordinates are called.
+    pub(super) fn base(&self) -> &'static str {
+        if self.has_base_axis { BASE } else { ROBOT }
+    }
+
+    /// Makes its positions of what is written.
+    fn place_positions(&mut self, source: u16, program: &mut Program, loaded: &mut BTreeMap<u32, Vec<Expression>>) {
+        let mut names: BTreeMap<(String, String), Arc<Given>> = BTreeMap::new();
+        for written in std::mem::take(&mut self.written) {
+            let frame = match written.kind {
+                b"ROBOT" => Ok(ROBOT.to_owned()),
+                b"BASE" => Ok(self.base().to_owned()),
+                b"USER" if !written.user.is_empty() => Ok(user(&text(written.user))),
+                // Relative to a tool, or to a frame without a number.
+                b"USER" | b"TOOL" | b"MTOOL" => Err(Reason::Frame),
+                _ => Err(Reason::Pulses),
+            };
+            let place = Place { source, span: Span::new(written.start, written.start + written.numbers.len()) };
+            let unknown = |reason| Expression::unknown(reason, Vec::new(), place);
+            let expression = match frame {
+                Ok(_) if written.tool.is_empty() => unknown(Reason::Tool),
+                Ok(frame) => {
+                    // All positions that name the same share it.
+                    let given =
+                        names.entry((format!("TOOL {}", whole(&text(written.tool))), frame)).or_insert_with_key(
+                            |(tool, frame)| Arc::new(Given { tool: (**tool).into(), frame: (**frame).into() }),
+                        );
+                    match numbers(&written, source, program) {
+                        Some(items) => Expression { kind: Is::Pose(items, Some(Arc::clone(given))), place },
+                        None => unknown(Reason::NotUnderstood),
+                    }
                 }
+                Err(reason) => unknown(reason),
+            };
+            if written.is_variable {
+                loaded.entry(written.number).or_default().push(expression);
+            } else if let Some(twice) = self.positions.remove(&written.number) {
+                let either = Expression::unknown(Reason::NotUnderstood, vec![twice, expression], place);
+                self.positions.insert(written.number, either);
+            } else {
+                self.positions.insert(written.number, expression);
             }
-            Err(reason) => unknown(reason),
-        };
-        if written.is_variable {
-            loaded.entry(written.number).or_default().push(expression);
-        } else if let Some(twice) = job.positions.insert(written.number, expression) {
-            let kind = Is::Unknown(Reason::NotUnderstood, vec![twice, job.positions[&written.number].clone()]);
-            job.positions.insert(written.number, Expression { kind, place });
         }
     }
 }
@@ -219,7 +202,8 @@ fn numbers(written: &Written<'_>, source: u16, program: &mut Program) -> Option<
         let start = at + part.len() - part.trim_ascii_start().len();
         at += part.len() + 1;
         let digits = part.trim_ascii();
-        program.literal(digits, Place { source, span: Span::new(start, start + digits.len()) })
+        let place = Place { source, span: Span::new(start, start + digits.len()) };
+        program.literal(digits, place, Reason::NotUnderstood)
     });
     Some(items.collect())
 }

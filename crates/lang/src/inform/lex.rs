@@ -1,9 +1,9 @@
 //! Lines, and the lexemes of an instruction. Every line has lexemes; what belongs to none is one by itself.
 
 use crate::Span;
-use crate::lexeme::{Kind, Lexeme};
+use crate::lexeme::{self, Found, Kind, Lexeme, text_or_other};
 use nom::branch::alt;
-use nom::bytes::complete::{tag, take, take_till, take_while, take_while1};
+use nom::bytes::complete::{tag, take_while, take_while1};
 use nom::character::complete::{digit0, digit1, one_of};
 use nom::combinator::{opt, recognize, rest};
 use nom::sequence::preceded;
@@ -19,21 +19,29 @@ pub(super) fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, &[u8])> {
     })
 }
 
-/// All lexemes of a line that begins there, its blanks and comments left out.
-pub(super) fn lexemes(line: &[u8], start: usize) -> Vec<Lexeme<'_>> {
-    let (mut all, mut left) = (Vec::new(), line);
-    while !left.is_empty() {
-        let Ok((after, (kind, text))) = one(left) else { break };
-        let at = start + line.len() - left.len();
-        left = after;
-        if let Some(kind) = kind {
-            all.push(Lexeme { kind, text, span: Span::new(at, at + text.len()) });
-        }
-    }
-    all
+/// A line with something in it.
+pub(super) enum Line<'a> {
+    Code(Vec<Lexeme<'a>>),
+    /// What a comment says after `deflex`, and where the comment stands.
+    Mark(&'a [u8], Span),
 }
 
-type Found<'a> = (Option<Kind>, &'a [u8]);
+impl<'a> Line<'a> {
+    /// The line that begins there; `None` where nothing is in it.
+    pub(super) fn read(bytes: &'a [u8], start: usize) -> Option<Self> {
+        if let Some(comment) = bytes.strip_prefix(b"'") {
+            let said = lexeme::mark(comment).filter(|said| !said.is_empty())?;
+            return Some(Self::Mark(said, Span::new(start, start + bytes.len())));
+        }
+        let code = lexeme::lexemes(bytes, start, one);
+        (!code.is_empty()).then_some(Self::Code(code))
+    }
+
+    /// Its lexemes; a mark has none.
+    pub(super) fn code(&self) -> &[Lexeme<'a>] {
+        if let Self::Code(code) = self { code } else { &[] }
+    }
+}
 
 /// One lexeme; `None` of blanks and comments.
 fn one(left: &[u8]) -> IResult<&[u8], Found<'_>> {
@@ -43,7 +51,6 @@ fn one(left: &[u8]) -> IResult<&[u8], Found<'_>> {
     let word = recognize((take_while1(begins), take_while(|b: u8| begins(b) || b.is_ascii_digit())));
     let whole = recognize((digit1, opt((tag(&b"."[..]), digit0))));
     let number = alt((whole, recognize((tag(&b"."[..]), digit1))));
-    let text = recognize((tag(&b"\""[..]), take_till(|b| b == b'"'), opt(tag(&b"\""[..]))));
     let sign = alt((
         alt((tag(&b"<>"[..]), tag(&b"<="[..]), tag(&b">="[..]), tag(&b"=="[..]))),
         recognize(one_of(&b"+-*/=<>()[],:#;"[..])),
@@ -53,9 +60,8 @@ fn one(left: &[u8]) -> IResult<&[u8], Found<'_>> {
         comment,
         word.map(|text| (Some(Kind::Name), text)),
         number.map(|text| (Some(Kind::Number), text)),
-        text.map(|text| (Some(Kind::Text), text)),
         sign.map(|text| (Some(Kind::Sign), text)),
-        take(1_usize).map(|text| (Some(Kind::Other), text)),
+        text_or_other,
     ))
     .parse(left)
 }
@@ -67,10 +73,10 @@ mod tests {
     #[test]
     fn a_comment_ends_an_instruction() {
         let text = b"NOP\r\n  MOVL P[I000] V=-1.5 //IN#(1)<>ON\r\n";
-        let all: Vec<_> = lines(text).map(|(start, line)| lexemes(line, start)).filter(|all| !all.is_empty()).collect();
-        let words: Vec<_> = all[1].iter().map(|lexeme| String::from_utf8_lossy(lexeme.text)).collect();
+        let all: Vec<_> = lines(text).filter_map(|(start, line)| Line::read(line, start)).collect();
+        let words: Vec<_> = all[1].code().iter().map(|lexeme| String::from_utf8_lossy(lexeme.text)).collect();
         assert_eq!(words.join(" "), "MOVL P [ I000 ] V = - 1.5");
-        assert!(all.iter().flatten().all(|lexeme| &text[lexeme.span.range()] == lexeme.text));
+        assert!(all.iter().flat_map(Line::code).all(|lexeme| &text[lexeme.span.range()] == lexeme.text));
         assert_eq!(all.len(), 2);
     }
 }

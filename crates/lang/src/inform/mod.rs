@@ -8,15 +8,19 @@
 //! A circle is three `MOVC` in a row: the first point is gone to on a line. Sources: Yaskawa, *NX100 / DX100 Data Transmission Function*
 //! (job data format); *YRC1000 Options, Instructions: INFORM Language*.
 
+mod assign;
+mod expression;
+mod flow;
 mod header;
 mod lex;
+mod motion;
 mod parse;
 mod words;
 
 use crate::dialect::{Arguments, Dialect};
 use crate::ir::{Fault, Program, Slot, Switch};
 use crate::store::Store;
-use crate::value::{Content, Number, Pose, Reason, Value, is_whole};
+use crate::value::{Content, Given, Number, Pose, Reason, Value, is_whole};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use std::sync::Arc;
 
@@ -28,7 +32,7 @@ pub struct Inform;
 
 /// Numbers of what jobs lower to.
 mod builtin {
-    use crate::ir::{Argument, Callee, Expression, ExpressionKind, Place};
+    use crate::ir::{Expression, Place};
     use crate::value::Reason;
 
     /// The value, where it is whole, as integer variables hold it.
@@ -48,8 +52,7 @@ mod builtin {
     pub(super) fn left(reason: Reason, of: Vec<Expression>) -> Expression {
         let at = REASONS.iter().position(|known| *known == reason).unwrap_or(0);
         let place = of.first().map_or(Place::default(), |value| value.place);
-        let arguments = of.into_iter().map(|value| Argument { name: None, value }).collect();
-        Expression { kind: ExpressionKind::Call(Callee::Builtin(LEFT + at as u16), arguments), place }
+        Expression::builtin(LEFT + at as u16, of, place)
     }
 
     pub(super) fn reason(number: u16) -> Option<Reason> {
@@ -120,8 +123,8 @@ impl Dialect for Inform {
                 }
             }
             builtin::SHIFT => {
-                let by = shift_of(arguments, &shift).reading(arguments.values());
-                set(store, by)
+                let by = shift_of(arguments, &shift).unwrap_or_else(|| Value::unknown(Reason::Shift));
+                set(store, by.reading(arguments.values()))
             }
             builtin::UNSHIFT => set(store, Content::Nothing.into()),
             builtin::WEAVE if !weaves => {
@@ -166,22 +169,17 @@ impl Dialect for Inform {
     }
 }
 
-/// What `SFTON` moves positions by: one shift at a time, along the axes of the frame that they are in.
-fn shift_of(arguments: &Arguments<'_>, before: &Value) -> Value {
-    let (Some(by), Some(frame)) = (arguments.get("", 0), arguments.get("", 1)) else {
-        return Value::unknown(Reason::Shift);
-    };
+/// What `SFTON` moves positions by, where that is known: one shift at a time, along the axes of the frame that they are in.
+fn shift_of(arguments: &Arguments<'_>, before: &Value) -> Option<Value> {
+    let (by, frame) = (arguments.get("", 0)?, arguments.get("", 1)?);
     let (Content::Pose(pose), Content::Text(frame), Content::Nothing) = (&by.content, &frame.content, &before.content)
     else {
-        return Value::unknown(Reason::Shift);
+        return None;
     };
-    let Some(given) = pose.given.as_ref().filter(|_| pose.own.rotation.angle() == 0.0) else {
-        return Value::unknown(Reason::Shift);
-    };
-    let frame = String::from_utf8_lossy(frame).into();
-    let given = crate::value::Given { frame, ..(**given).clone() };
+    let given = pose.given.as_ref().filter(|_| pose.own.rotation.angle() == 0.0)?;
+    let given = Given { frame: String::from_utf8_lossy(frame).into(), ..(**given).clone() };
     let by = Pose { given: Some(Arc::new(given)), ..Pose::constant(pose.pose()) };
-    Content::Pose(Arc::new(by)).into()
+    Some(Content::Pose(Arc::new(by)).into())
 }
 
 /// An angle in degrees as a controller writes it: above −180 and up to 180.

@@ -2,23 +2,21 @@
 //!
 //! Source: Yaskawa, *DX100 / DX200 / YRC1000 Options, Instructions: INFORM Language*. An instruction that is not here may change anything.
 
+use super::builtin::{SHIFT, UNSHIFT, UNWEAVE, WEAVE};
+use crate::ir::Switch;
+use crate::value::Reason;
+
 /// What an instruction does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Does {
     /// Changes nothing that a motion depends on.
     Nothing,
-    /// Gives the variable that it names first a value that is known at run time only.
-    Asks,
-    /// Gives the variable that it names first a value that is not computed here.
-    Computes,
-    /// Defines a user frame anew.
-    Frame,
-    /// Defines a tool anew.
-    Tool,
-    /// Moves positions aside from here on.
-    Shifts,
-    /// Ends that.
-    Unshifts,
+    /// Gives the variable that it names first a value that is not known, for this reason.
+    Gives(Reason),
+    /// Defines what is in force anew.
+    Defines(Switch, Reason),
+    /// Moves positions aside from here on, or ends that: a routine of the dialect.
+    Calls(u16),
 }
 
 /// What an instruction does; `None` where the word is none of these.
@@ -30,7 +28,7 @@ pub(super) fn find(word: &[u8]) -> Option<Does> {
         .map(|(_, does)| *does)
 }
 
-const INSTRUCTIONS: [(&str, Does); 7] = [
+const INSTRUCTIONS: [(&str, Does); 9] = [
     (
         "NOP DOUT PULSE AOUT WAIT TIMER MSG CWAIT PAUSE CLS PRINT HAND HSEN SPEED REFP SETREG SETUALM ADVINIT ADVSTOP \
          LATESTJOB SETTM ARATION ARATIOF ANTOUT ARCON ARCOF ARCSET ARCCTS ARCCTE VWELD AWELD RETRY REPLAY ANTSTK GUNCL \
@@ -40,11 +38,13 @@ const INSTRUCTIONS: [(&str, Does); 7] = [
     ),
     (
         "DIN INPUT GETREG GETS GETARG GETNAME GETFILE GETTOOL GETPRM DIALOG VAL LEN ASC STRSTR CHR$ MID$ CAT$ VAL2STR",
-        Does::Asks,
+        Does::Gives(Reason::Input),
     ),
-    ("CNVRT MULMAT INVMAT MSHIFT SQRT SIN COS TAN ATAN AND OR NOT XOR GETPOS", Does::Computes),
-    ("MFRAME", Does::Frame),
-    ("SETTOOL", Does::Tool),
-    ("SFTON3D COMARCON WVON", Does::Shifts),
-    ("SFTOF SFTOF3D WVOF", Does::Unshifts),
+    ("CNVRT MULMAT INVMAT MSHIFT SQRT SIN COS TAN ATAN AND OR NOT XOR GETPOS", Does::Gives(Reason::Computed)),
+    ("MFRAME", Does::Defines(Switch::Frame, Reason::Frame)),
+    ("SETTOOL", Does::Defines(Switch::Tool, Reason::Tool)),
+    ("SFTON3D COMARCON", Does::Calls(SHIFT)),
+    ("SFTOF SFTOF3D", Does::Calls(UNSHIFT)),
+    ("WVON", Does::Calls(WEAVE)),
+    ("WVOF", Does::Calls(UNWEAVE)),
 ];

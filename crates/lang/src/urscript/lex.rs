@@ -1,9 +1,8 @@
 //! Bytes to lexemes. Every text has lexemes; what belongs to none is one by itself.
 
-use crate::Span;
-use crate::lexeme::{Kind, Lexeme};
+use crate::lexeme::{self, Found, Kind, Lexeme, text_or_other};
 use nom::branch::alt;
-use nom::bytes::complete::{tag, take, take_till, take_while, take_while1};
+use nom::bytes::complete::{tag, take_till, take_while, take_while1};
 use nom::character::complete::{digit0, digit1, one_of};
 use nom::combinator::{opt, recognize};
 use nom::sequence::preceded;
@@ -11,28 +10,20 @@ use nom::{IResult, Parser};
 
 /// All lexemes of a text, its blanks and comments left out.
 pub(super) fn lexemes(bytes: &[u8]) -> Vec<Lexeme<'_>> {
-    let (mut all, mut rest, mut depth) = (Vec::new(), bytes, 0_usize);
-    let mut begins = true;
-    while !rest.is_empty() {
-        let Ok((after, (kind, text))) = one(rest, begins) else { break };
-        let start = bytes.len() - rest.len();
-        rest = after;
+    let (mut depth, mut begins) = (0_usize, true);
+    lexeme::lexemes(bytes, 0, |rest| {
+        let (after, (kind, text)) = one(rest, begins)?;
         match (kind, text) {
             (Some(Kind::Sign), b"(" | b"[") => depth += 1,
             (Some(Kind::Sign), b")" | b"]") => depth = depth.saturating_sub(1),
             // Within brackets a statement goes on.
-            (Some(Kind::Line), _) if depth > 0 => continue,
+            (Some(Kind::Line), _) if depth > 0 => return Ok((after, (None, text))),
             _ => {}
         }
         begins = kind == Some(Kind::Line) || kind.is_none() && begins;
-        if let Some(kind) = kind {
-            all.push(Lexeme { kind, text, span: Span::new(start, start + text.len()) });
-        }
-    }
-    all
+        Ok((after, (kind, text)))
+    })
 }
-
-type Found<'a> = (Option<Kind>, &'a [u8]);
 
 /// One lexeme; `None` of blanks and comments.
 fn one(rest: &[u8], begins: bool) -> IResult<&[u8], Found<'_>> {
@@ -42,10 +33,10 @@ fn one(rest: &[u8], begins: bool) -> IResult<&[u8], Found<'_>> {
     }
     let blank = take_while1(|b: u8| matches!(b, b' ' | b'\t' | b'\r' | 0x0B | 0x0C | 0xA0)).map(|text| (None, text));
     let mark = tag(&b"\xEF\xBB\xBF"[..]).map(|text| (None, text));
-    let comment = recognize(preceded(tag(&b"#"[..]), take_till(|b| b == b'\n'))).map(comment);
+    let comment = recognize(preceded(tag(&b"#"[..]), take_till(|b| b == b'\n')))
+        .map(|text: &[u8]| (lexeme::mark(&text[1..]).map(|_| Kind::Mark), text));
     let line = alt((tag(&b"\n"[..]), tag(&b";"[..]))).map(|text| (Some(Kind::Line), text));
     let name = recognize((take_while1(|b: u8| b.is_ascii_alphabetic() || b == b'_'), take_while(is_word)));
-    let text = recognize((tag(&b"\""[..]), take_till(|b| b == b'"' || b == b'\n'), opt(tag(&b"\""[..]))));
     let sign = alt((
         alt((tag(&b"=="[..]), tag(&b"!="[..]), tag(&b"<="[..]), tag(&b">="[..]))),
         recognize(one_of(&b"+-*/%=<>()[],.:{}"[..])),
@@ -57,9 +48,8 @@ fn one(rest: &[u8], begins: bool) -> IResult<&[u8], Found<'_>> {
         line,
         name.map(|text| (Some(Kind::Name), text)),
         number.map(|text| (Some(Kind::Number), text)),
-        text.map(|text| (Some(Kind::Text), text)),
         sign.map(|text| (Some(Kind::Sign), text)),
-        take(1_usize).map(|text| (Some(Kind::Other), text)),
+        text_or_other,
     ))
     .parse(rest)
 }
@@ -74,13 +64,6 @@ fn number(rest: &[u8]) -> IResult<&[u8], &[u8]> {
     let whole = recognize((digit1, opt((tag(&b"."[..]), digit0)), exponent()));
     let part = recognize((tag(&b"."[..]), digit1, exponent()));
     alt((whole, part)).parse(rest)
-}
-
-/// A comment, which may be a mark.
-fn comment(text: &[u8]) -> Found<'_> {
-    let mut words = text[1..].split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
-    let is_mark = words.next().is_some_and(|word| word.eq_ignore_ascii_case(b"deflex"));
-    (is_mark.then_some(Kind::Mark), text)
 }
 
 #[cfg(test)]

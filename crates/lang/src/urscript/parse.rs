@@ -3,17 +3,14 @@
 use super::builtins;
 use super::lex::lexemes;
 use crate::Span;
+use crate::cursor::{Cursor, Level, SUM, declare, global_names, text};
 use crate::ir::{
     Argument, Binary, Callee, Expression, ExpressionKind as Is, Fault, Function, FunctionId, Motion, Parameter, Path,
-    Place, Program, Slot, Statement, StatementKind, Switch, TokenId, Unary,
+    Place, Program, Slot, Statement, StatementKind, Unary,
 };
-use crate::lexeme::{Kind, Lexeme};
+use crate::lexeme::{self, Kind, Lexeme};
 use crate::value::Reason;
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Arc;
-
-/// Deepest nesting of blocks and expressions: far beyond any program, and within any stack.
-const DEEPEST: usize = 64;
 
 /// What is known of names before statements are read.
 #[derive(Default)]
@@ -34,7 +31,7 @@ pub(super) fn read(sources: &[&[u8]], written: usize) -> Result<Program, Fault> 
     let mut unclear = BTreeSet::new();
     loop {
         let names = survey(&all, written, std::mem::take(&mut unclear));
-        let mut parser = Parser::new(&names, all.len());
+        let mut parser = Parser::of(&names, all.len());
         for (source, lexemes) in all.iter().enumerate() {
             parser.file(source, lexemes)?;
         }
@@ -79,8 +76,7 @@ fn survey<'a>(all: &[Vec<Lexeme<'a>>], written: usize, unclear: BTreeSet<&'a [u8
         }
     }
     for name in globals {
-        let next = Slot::Global((Switch::ALL.len() + names.globals.len()) as u32);
-        names.globals.entry(name).or_insert(next);
+        declare(&mut names.globals, name);
     }
     names
 }
@@ -96,59 +92,44 @@ struct Scope<'a> {
     inner: BTreeSet<&'a [u8]>,
 }
 
-struct Parser<'a, 'n> {
+/// A parser of files.
+type Parser<'a, 'n> = Cursor<'a, 'n, Known<'a, 'n>>;
+
+/// What is known of the routines, and of the one that is being read.
+struct Known<'a, 'n> {
     names: &'n Names<'a>,
-    lexemes: &'n [Lexeme<'a>],
-    at: usize,
-    source: u16,
-    depth: usize,
     /// Routines around the statement, innermost last.
     scopes: Vec<Scope<'a>>,
     /// Free names of routines and of those around them that are the same.
     clashes: BTreeSet<&'a [u8]>,
-    called: BTreeSet<FunctionId>,
     /// Routines outside all others, of the first source.
     outer: Vec<(FunctionId, u16)>,
     threads: BTreeSet<FunctionId>,
-    foreign: BTreeSet<&'a [u8]>,
-    program: Program,
 }
 
 impl<'a, 'n> Parser<'a, 'n> {
-    fn new(names: &'n Names<'a>, files: usize) -> Self {
-        let mut globals: Vec<(Slot, &[u8])> = names.globals.iter().map(|(name, slot)| (*slot, *name)).collect();
-        globals.sort_unstable();
-        let switches = Switch::ALL.iter().map(|switch| Arc::from(format!("{switch:?}")));
-        let named = globals.iter().map(|(_, name)| text(name));
+    fn of(names: &'n Names<'a>, files: usize) -> Self {
         let volatile = names.unclear.iter().filter_map(|name| Some((*names.globals.get(name)?, Reason::Scope)));
-        let mut program =
-            Program { globals: switches.chain(named).collect(), volatile: volatile.collect(), ..Program::default() };
+        let mut program = Program {
+            globals: global_names(&names.globals, |name| text(name)),
+            volatile: volatile.collect(),
+            ..Program::default()
+        };
         // The statements of each file that stand in no routine come first.
         program.functions.resize_with(files + names.begins.len(), Function::default);
-        Self {
-            names,
-            lexemes: &[],
-            at: 0,
-            source: 0,
-            depth: 0,
-            scopes: Vec::new(),
-            clashes: BTreeSet::new(),
-            called: BTreeSet::new(),
-            outer: Vec::new(),
-            threads: BTreeSet::new(),
-            foreign: BTreeSet::new(),
-            program,
-        }
+        let (scopes, clashes) = (Vec::new(), BTreeSet::new());
+        let own = Known { names, scopes, clashes, outer: Vec::new(), threads: BTreeSet::new() };
+        Cursor::new(own, program)
     }
 
     fn file(&mut self, source: usize, lexemes: &'n [Lexeme<'a>]) -> Result<(), Fault> {
         (self.lexemes, self.at, self.source) = (lexemes, 0, source as u16);
-        self.scopes.push(Scope::default());
+        self.own.scopes.push(Scope::default());
         let body = self.block()?;
         if let Some(lexeme) = self.lexemes.get(self.at) {
             return Err(self.fault(lexeme.span, "`end`, `else` or `elif` without a block that it belongs to"));
         }
-        let scope = self.scopes.pop().unwrap_or_default();
+        let scope = self.own.scopes.pop().unwrap_or_default();
         let function = &mut self.program.functions[source];
         (function.body, function.locals) = (body, scope.locals.len() as u32);
         Ok(())
@@ -156,13 +137,14 @@ impl<'a, 'n> Parser<'a, 'n> {
 
     /// Free names that routines around have too.
     fn unclear(&self) -> BTreeSet<&'a [u8]> {
-        self.clashes.clone()
+        self.own.clashes.clone()
     }
 
     fn program(mut self, written: usize) -> Program {
         let file = FunctionId(0);
-        let is_started = |id: &FunctionId| !self.called.contains(id) && !self.threads.contains(id);
+        let is_started = |id: &FunctionId| !self.called.contains(id) && !self.own.threads.contains(id);
         let outer: Vec<FunctionId> = self
+            .own
             .outer
             .iter()
             .filter(|(_, source)| usize::from(*source) < written)
@@ -171,61 +153,31 @@ impl<'a, 'n> Parser<'a, 'n> {
             .collect();
         // What no other calls is started by itself, or by an operator.
         self.program.entries = [file].into_iter().chain(outer).collect();
-        self.program.threads = self.threads.into_iter().collect();
+        self.program.threads = self.own.threads.into_iter().collect();
         self.program
-    }
-
-    fn place(&self, span: Span) -> Place {
-        Place { source: self.source, span }
     }
 
     fn fault(&self, span: Span, message: &'static str) -> Fault {
         Fault { place: self.place(span), message }
     }
 
-    fn peek(&self) -> Option<&'n Lexeme<'a>> {
-        self.lexemes.get(self.at)
-    }
-
-    fn next_is(&self, text: &str) -> bool {
-        self.peek().is_some_and(|lexeme| lexeme.is(text))
-    }
-
-    fn take(&mut self, text: &str) -> bool {
-        let is = self.next_is(text);
-        self.at += usize::from(is);
-        is
-    }
-
     fn ends(&self) -> bool {
         self.peek().is_none_or(|lexeme| matches!(lexeme.kind, Kind::Line | Kind::Mark))
-    }
-
-    /// Where the lexeme that is next begins, or the last one ends.
-    fn here(&self) -> Span {
-        let last = || self.lexemes.last().map_or(Span::default(), |l| Span { start: l.span.end, end: l.span.end });
-        self.peek().map_or_else(last, |lexeme| lexeme.span)
-    }
-
-    /// From a lexeme to the last one read.
-    fn since(&self, start: Span) -> Place {
-        let last = self.lexemes.get(self.at.wrapping_sub(1)).map_or(start, |lexeme| lexeme.span);
-        self.place(if last.end < start.end { start } else { start.to(last) })
     }
 
     /// Statements up to the word that ends their block.
     fn block(&mut self) -> Result<Vec<Statement>, Fault> {
         let mut all = Vec::new();
-        if self.depth >= DEEPEST {
-            return Err(self.fault(self.here(), "blocks are nested deeper than 64"));
-        }
-        self.depth += 1;
+        let place = self.place(self.here());
+        self.begin_block(place)?;
         while let Some(lexeme) = self.peek() {
             match lexeme.kind {
                 Kind::Line => self.at += 1,
                 Kind::Mark => {
                     self.at += 1;
-                    all.extend(self.mark(lexeme));
+                    // `# deflex air`
+                    let said = lexeme::mark(&lexeme.text[1..]).filter(|said| !said.is_empty());
+                    all.extend(said.map(|said| self.mark(said, lexeme.span)));
                 }
                 _ if ["end", "else", "elif"].iter().any(|word| lexeme.is(word)) => break,
                 _ => self.statement(&mut all)?,
@@ -233,15 +185,6 @@ impl<'a, 'n> Parser<'a, 'n> {
         }
         self.depth -= 1;
         Ok(all)
-    }
-
-    /// `# deflex air`
-    fn mark(&self, lexeme: &Lexeme<'_>) -> Option<Statement> {
-        let mut words = lexeme.text[1..].split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
-        let said = words.nth(1)?.to_ascii_lowercase();
-        let place = self.place(lexeme.span);
-        let value = Expression { kind: Is::Text(said.into()), place };
-        Some(Statement { kind: StatementKind::Assign { slot: Switch::Mark.slot(), path: Vec::new(), value }, place })
     }
 
     fn statement(&mut self, all: &mut Vec<Statement>) -> Result<(), Fault> {
@@ -275,7 +218,7 @@ impl<'a, 'n> Parser<'a, 'n> {
         for (i, lexeme) in line.iter().enumerate() {
             if lexeme.kind == Kind::Number {
                 let signed = i.checked_sub(1).map(|before| line[before]).filter(|before| before.is("-"));
-                reads.push(self.number(signed.map(|sign| sign.span), lexeme));
+                reads.push(self.number(signed.map(|sign| sign.span), *lexeme, Reason::Computed));
             } else if lexeme.kind == Kind::Name {
                 let kind = Is::Read(self.variable(lexeme.text, Use::Free));
                 reads.push(Expression { kind, place: self.place(lexeme.span) });
@@ -314,7 +257,7 @@ impl<'a, 'n> Parser<'a, 'n> {
                 }
                 Ok(Some(Read::Statement(StatementKind::Halt)))
             }
-            b"pass" | b"enter_critical" | b"exit_critical" if !self.is_call() => {
+            b"pass" | b"enter_critical" | b"exit_critical" if !self.second_is("(") => {
                 self.at += 1;
                 Ok(Some(Read::Nothing))
             }
@@ -332,7 +275,7 @@ impl<'a, 'n> Parser<'a, 'n> {
                 let to = if word == b"global" { Use::Global } else { Use::Local };
                 Ok(self.assignment(to).map(Read::Statement))
             }
-            _ if lexeme.kind == Kind::Name && self.is_call() && motion_path(word).is_some() => {
+            _ if lexeme.kind == Kind::Name && self.second_is("(") && motion_path(word).is_some() => {
                 Ok(self.motion(word).map(|motion| Read::Statement(StatementKind::Move(Box::new(motion)))))
             }
             _ => {
@@ -344,11 +287,6 @@ impl<'a, 'n> Parser<'a, 'n> {
                 Ok(self.expression().map(|value| Read::Statement(StatementKind::Evaluate(value))))
             }
         }
-    }
-
-    /// Whether the word that is next is called.
-    fn is_call(&self) -> bool {
-        self.lexemes.get(self.at + 1).is_some_and(|next| next.is("("))
     }
 
     fn close(&mut self, start: Span) -> Result<(), Fault> {
@@ -386,27 +324,25 @@ impl<'a, 'n> Parser<'a, 'n> {
         let start = self.here();
         let expected = "expected `def name(parameters):`";
         self.at += 1;
-        let Some(&id) = self.names.begins.get(&self.place(start)) else {
+        let Some(&id) = self.own.names.begins.get(&self.place(start)) else {
             return Err(self.fault(start, expected));
         };
         let is_thread = self.lexemes[self.at - 1].is("thread");
-        let Some(name) = self.peek().filter(|lexeme| lexeme.kind == Kind::Name) else {
+        let Some(name) = self.take_name() else {
             return Err(self.fault(start, expected));
         };
-        self.at += 1;
-        if self.scopes.len() == 1 && !is_thread {
-            self.outer.push((id, self.source));
+        if self.own.scopes.len() == 1 && !is_thread {
+            self.own.outer.push((id, self.source));
         }
         if !self.take("(") {
             return Err(self.fault(start, expected));
         }
-        self.scopes.push(Scope::default());
+        self.own.scopes.push(Scope::default());
         let mut parameters = Vec::new();
         while !self.take(")") {
-            let Some(parameter) = self.peek().filter(|lexeme| lexeme.kind == Kind::Name) else {
+            let Some(parameter) = self.take_name() else {
                 return Err(self.fault(start, expected));
             };
-            self.at += 1;
             self.variable(parameter.text, Use::Local);
             let default = if self.take("=") { self.expression() } else { None };
             parameters.push(Parameter { name: text(parameter.text), default });
@@ -420,9 +356,9 @@ impl<'a, 'n> Parser<'a, 'n> {
         let place = self.since(start);
         let body = self.block()?;
         self.close(start)?;
-        let scope = self.scopes.pop().unwrap_or_default();
-        self.clashes.extend(scope.inner.iter().filter(|name| scope.locals.contains_key(*name)));
-        if let Some(outer) = self.scopes.last_mut() {
+        let scope = self.own.scopes.pop().unwrap_or_default();
+        self.own.clashes.extend(scope.inner.iter().filter(|name| scope.locals.contains_key(*name)));
+        if let Some(outer) = self.own.scopes.last_mut() {
             outer.inner.extend(scope.free.iter().chain(&scope.inner));
         }
         let locals = scope.locals.len() as u32;
@@ -432,8 +368,7 @@ impl<'a, 'n> Parser<'a, 'n> {
 
     /// `name = value`, `name[index] = value`
     fn assignment(&mut self, to: Use) -> Option<StatementKind> {
-        let name = self.peek().filter(|lexeme| lexeme.kind == Kind::Name)?;
-        self.at += 1;
+        let name = self.take_name()?;
         let (mut path, mut field) = (Vec::new(), false);
         loop {
             if self.take("[") {
@@ -461,12 +396,12 @@ impl<'a, 'n> Parser<'a, 'n> {
     }
 
     fn variable(&mut self, name: &'a [u8], usage: Use) -> Slot {
-        let Some(scope) = self.scopes.last_mut() else { return Slot::Local(0) };
+        let Some(scope) = self.own.scopes.last_mut() else { return Slot::Local(0) };
         let own = scope.locals.get(name).filter(|_| !scope.free.contains(name)).copied();
         if let (Some(own), Use::Free | Use::Local) = (own, usage) {
             return Slot::Local(own);
         }
-        if let (Some(global), Use::Free | Use::Global) = (self.names.globals.get(name), usage) {
+        if let (Some(global), Use::Free | Use::Global) = (self.own.names.globals.get(name), usage) {
             return *global;
         }
         if usage == Use::Free {
@@ -525,9 +460,8 @@ impl<'a, 'n> Parser<'a, 'n> {
             return None;
         }
         while !self.take(")") {
-            let name = self.peek().filter(|lexeme| lexeme.kind == Kind::Name);
-            let name = name.filter(|_| self.lexemes.get(self.at + 1).is_some_and(|next| next.is("=")));
-            self.at += if name.is_some() { 2 } else { 0 };
+            let name = if self.second_is("=") { self.take_name() } else { None };
+            self.at += usize::from(name.is_some());
             all.push(Argument { name: name.map(|name| text(name.text)), value: self.expression()? });
             if !self.take(",") && !self.next_is(")") {
                 return None;
@@ -537,26 +471,7 @@ impl<'a, 'n> Parser<'a, 'n> {
     }
 
     fn expression(&mut self) -> Option<Expression> {
-        self.binary(0)
-    }
-
-    /// Operators from a level of precedence up.
-    fn binary(&mut self, level: usize) -> Option<Expression> {
-        if level == LEVELS.len() {
-            return self.unary();
-        }
-        if self.depth >= 2 * DEEPEST {
-            return None;
-        }
-        let start = self.here();
-        let mut left = self.binary(level + 1)?;
-        while let Some((_, operator)) = LEVELS[level].iter().find(|(word, _)| self.next_is(word)) {
-            self.at += 1;
-            let right = self.binary(level + 1)?;
-            let kind = Is::Binary(*operator, Box::new([left, right]));
-            left = Expression { kind, place: self.since(start) };
-        }
-        Some(left)
+        self.binary(&LEVELS, Self::unary)
     }
 
     fn unary(&mut self) -> Option<Expression> {
@@ -569,31 +484,15 @@ impl<'a, 'n> Parser<'a, 'n> {
         };
         self.at += 1;
         // A sign belongs to its number, where that is an operand by itself.
-        let is_whole = !self.lexemes.get(self.at + 1).is_some_and(|next| next.is("[") || next.is("."));
+        let is_whole = !self.second_is("[") && !self.second_is(".");
         let number = self.peek().filter(|lexeme| lexeme.kind == Kind::Number && is_whole);
         if let (Some(Unary::Negate), Some(number)) = (operator, number) {
             self.at += 1;
-            return Some(self.number(Some(start), number));
+            return Some(self.number(Some(start), number, Reason::Computed));
         }
-        self.depth += 1;
-        let operand = if self.depth < 2 * DEEPEST { self.unary() } else { None };
-        self.depth -= 1;
-        let operand = operand?;
+        let operand = self.inner(Self::unary)?;
         let Some(operator) = operator else { return Some(operand) };
-        Some(Expression { kind: Is::Unary(operator, Box::new(operand)), place: self.since(start) })
-    }
-
-    /// A literal with its sign.
-    fn number(&mut self, sign: Option<Span>, lexeme: &Lexeme<'_>) -> Expression {
-        let place = self.place(sign.map_or(lexeme.span, |sign| sign.to(lexeme.span)));
-        let value = std::str::from_utf8(lexeme.text).ok().and_then(|text| text.parse::<f64>().ok());
-        let value = value.unwrap_or(f64::NAN);
-        if !value.is_finite() {
-            return Expression { kind: Is::Unknown(Reason::Computed, Vec::new()), place };
-        }
-        let id = TokenId(self.program.tokens.len() as u32);
-        self.program.tokens.push(place);
-        Expression { kind: Is::Number(if sign.is_some() { -value } else { value }, id), place }
+        Some(self.expression_at(Is::Unary(operator, Box::new(operand)), start))
     }
 
     /// An operand with its indices and methods.
@@ -606,10 +505,9 @@ impl<'a, 'n> Parser<'a, 'n> {
                 if !self.take("]") {
                     return None;
                 }
-                value = Expression { kind: Is::Item(Box::new([value, index])), place: self.since(start) };
+                value = self.expression_at(Is::Item(Box::new([value, index])), start);
             } else if self.take(".") {
-                let method = self.peek().filter(|lexeme| lexeme.kind == Kind::Name)?;
-                self.at += 1;
+                let method = self.take_name()?;
                 let arguments = if self.next_is("(") { self.arguments()? } else { Vec::new() };
                 let changes =
                     [&b"append"[..], b"clear", b"extend", b"insert", b"pop", b"remove"].contains(&method.text);
@@ -621,7 +519,7 @@ impl<'a, 'n> Parser<'a, 'n> {
                 } else {
                     Is::Unknown(Reason::Input, all.map(|argument| argument.value).collect())
                 };
-                value = Expression { kind, place: self.since(start) };
+                value = self.expression_at(kind, start);
             } else {
                 return Some(value);
             }
@@ -632,20 +530,15 @@ impl<'a, 'n> Parser<'a, 'n> {
         let lexeme = self.peek()?;
         let start = lexeme.span;
         self.at += 1;
-        self.depth += 1;
-        let kind = if self.depth < 2 * DEEPEST { self.operand_kind(lexeme) } else { None };
-        self.depth -= 1;
-        Some(Expression { kind: kind?, place: self.since(start) })
+        let kind = self.inner(|parser| parser.operand_kind(lexeme))?;
+        Some(self.expression_at(kind, start))
     }
 
-    fn operand_kind(&mut self, lexeme: &Lexeme<'a>) -> Option<Is> {
+    fn operand_kind(&mut self, lexeme: Lexeme<'a>) -> Option<Is> {
         match lexeme.kind {
-            Kind::Number => Some(self.number(None, lexeme).kind),
+            Kind::Number => Some(self.number(None, lexeme, Reason::Computed).kind),
             Kind::Text => Some(Is::Text(lexeme.text.into())),
-            Kind::Sign if lexeme.text == b"(" => {
-                let inner = self.expression()?;
-                self.take(")").then_some(inner.kind)
-            }
+            Kind::Sign if lexeme.text == b"(" => self.expression().filter(|_| self.take(")")).map(|inner| inner.kind),
             Kind::Sign if lexeme.text == b"[" => self.items().map(Is::List),
             Kind::Name => match lexeme.text {
                 b"p" if self.take("[") => self.items().map(|items| Is::Pose(items, None)),
@@ -672,17 +565,16 @@ impl<'a, 'n> Parser<'a, 'n> {
 
     /// `run name()`
     fn thread(&mut self) -> Option<Is> {
-        let name = self.peek().filter(|lexeme| lexeme.kind == Kind::Name)?;
-        self.at += 1;
+        let name = self.take_name()?;
         let arguments = self.arguments()?;
-        match self.names.functions.get(name.text).map(Vec::as_slice) {
-            Some(known) => self.threads.extend(known),
+        match self.own.names.functions.get(name.text).map(Vec::as_slice) {
+            Some(known) => self.own.threads.extend(known),
             None => return Some(Is::Call(self.unknown_routine(name), arguments)),
         }
         Some(Is::Unknown(Reason::Input, arguments.into_iter().map(|argument| argument.value).collect()))
     }
 
-    fn call(&mut self, name: &Lexeme<'a>) -> Option<Is> {
+    fn call(&mut self, name: Lexeme<'a>) -> Option<Is> {
         let arguments = self.arguments()?;
         let callee = match self.functions(name.text) {
             Some(&[one]) => {
@@ -704,19 +596,17 @@ impl<'a, 'n> Parser<'a, 'n> {
 
     /// The routines with a name. Those of files that are only read may have it in capitals, as a cell has names.
     fn functions(&self, name: &[u8]) -> Option<&'n [FunctionId]> {
-        let functions = &self.names.functions;
+        let functions = &self.own.names.functions;
         let capital = || functions.get(&name.to_ascii_uppercase()[..]);
-        let vouched = || capital().filter(|ids| ids.iter().all(|id| self.names.context.contains(id)));
+        let vouched = || capital().filter(|ids| ids.iter().all(|id| self.own.names.context.contains(id)));
         let known = functions.get(name).map(Vec::as_slice);
         // A routine of the language itself is no one's to define.
         known.or_else(|| if builtins::find(name).is_some() { None } else { vouched().map(Vec::as_slice) })
     }
 
-    fn unknown_routine(&mut self, name: &Lexeme<'a>) -> Callee {
-        if self.foreign.insert(name.text) {
-            self.program.foreign.push((text(name.text), self.place(name.span)));
-        }
-        Callee::Foreign
+    fn unknown_routine(&mut self, name: Lexeme<'_>) -> Callee {
+        let place = self.place(name.span);
+        self.foreign(text(name.text), place)
     }
 }
 
@@ -755,7 +645,7 @@ fn motion_path(word: &[u8]) -> Option<(Path, &'static [&'static str])> {
 }
 
 /// Operators, loosest first.
-const LEVELS: [&[(&str, Binary)]; 6] = [
+const LEVELS: [Level; 6] = [
     &[("or", Binary::Or)],
     &[("xor", Binary::Xor)],
     &[("and", Binary::And)],
@@ -767,10 +657,6 @@ const LEVELS: [&[(&str, Binary)]; 6] = [
         ("<", Binary::Less),
         (">", Binary::Greater),
     ],
-    &[("+", Binary::Add), ("-", Binary::Subtract)],
+    SUM,
     &[("*", Binary::Multiply), ("/", Binary::Divide), ("%", Binary::Remainder)],
 ];
-
-fn text(bytes: &[u8]) -> Arc<str> {
-    String::from_utf8_lossy(bytes).into()
-}
