@@ -1,10 +1,10 @@
 //! The discrepancy as an effect: what no law describes is corrected where the data hold it, and only there.
 //!
-//! What the effects leave is taken for a Gaussian process over place, posture and force, whose three axes are alike and independent. A row
-//! shows it along the directions that its instrument measures: all three, one axis, or the surface normal of a finished part. The mean
-//! of the process is written as an `empirical` effect, if the rows speak for it and it does not raise the error of blocks that its fit has not seen. It is the mean that
-//! few centres spread over the rows can show (subset of regressors; Quiñonero-Candela and Rasmussen 2005, section 4): a cell file is
-//! not made of a thousand.
+//! What the effects leave is taken for a Gaussian process over place, posture and force, whose three axes are alike and independent. A
+//! row shows it along the directions that its instrument measures: all three axes, one of them, or the surface normal of a finished
+//! part. The mean of the process is written as an `empirical` effect where the evidence is for a process, and where the mean does not
+//! raise the error of blocks that its fit has not seen. A cell file cannot have a thousand centres: the mean is the one that few centres
+//! spread over the rows can show (subset of regressors; Quiñonero-Candela and Rasmussen 2005, section 4).
 
 use super::data::{Observation, Seen};
 use super::engine::Engine;
