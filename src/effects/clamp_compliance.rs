@@ -175,7 +175,7 @@ mod tests {
 
     #[test]
     fn springs_at_both_ends_of_a_bar_are_in_series_with_its_pieces() {
-        // Springs of 1e6 and 2e6 N/m behind the pieces of 9e6 and 4.5e6 N/m: 0.9e6 + 1.3846e6 N/m side by side, less than the bar
+        // Springs of 1e6 and 2e6 N/m in series with the pieces of 9e6 and 4.5e6 N/m: 0.9e6 + 1.3846e6 N/m side by side, less than the bar
         // itself yields. What acts on the tool acts on the part the other way.
         let soft = -900.0 * (1.0 / (0.9e6 + 1.0 / (1.0 / 2e6 + 1.0 / 4.5e6)) - 1.0 / 13.5e6);
         let found = shift(

@@ -206,7 +206,7 @@ impl Engine {
         };
         let effects = added.iter().zip(&shares_mm).map(in_model).collect();
         let mut tables: Vec<NewEffect> = extended.clone();
-        // Of the whole arm those are named that all others cannot stand in for. A map in addition to a few effects is a name of nothing.
+        // Of the whole arm those are named that all others cannot stand in for. A map that is added to a few effects names none.
         let is_named = |added: &Added| match self.is_whole_arm() {
             true => added.posterior >= NAMED,
             false => added.kind != MAP,

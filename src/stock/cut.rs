@@ -144,7 +144,7 @@ impl Band {
                         continue;
                     }
                 }
-                // From the top first: most lines beside a leaning cutter pass it by, which is soon found.
+                // From the top first: most lines next to a leaning cutter do not meet it, which is soon found.
                 let high = if at_top.value <= 0.0 {
                     f64::INFINITY
                 } else {

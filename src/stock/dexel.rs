@@ -188,7 +188,7 @@ impl Stock {
     }
 
     /// Takes in a cutter's straight way between two poses, and leaves to [`Stock::settle`] what it removes: from
-    /// [now](Stock::now) on it is behind each moment, so that only later moments may be read from then on.
+    /// [now](Stock::now) on it comes after each moment, so that only later moments may be read from then on.
     pub fn defer(&mut self, solid: Solid, start: &ToolPose, end: &ToolPose) {
         let [low, high] = self.lattice.blank.bounds();
         let count = Sweep::count(start, end, (high.z - low.z).max(solid.radius));
