@@ -21,7 +21,6 @@ use deflex::report::{
 };
 use deflex::text::{Diagnostic, Severity};
 use indicatif::ProgressBar;
-use std::path::Path;
 use std::sync::Arc;
 
 /// Why the others of a program are not judged where a target is not reached.
@@ -74,7 +73,7 @@ pub(super) fn run(args: &Check) -> Outcome {
         Form::Sarif => report::pretty(&sarif(&files))?,
         Form::Text => check_text(&files),
     };
-    outputs.add(Path::new("-"), text.as_bytes())?;
+    outputs.add_summary(&text);
     if let Some(path) = &args.reports.json {
         outputs.add_report(path, report::pretty(&told(&setup, &files))?.as_bytes())?;
     }

@@ -23,7 +23,7 @@ pub(super) fn run(args: &Diff) -> Outcome {
     let mut outputs = Outputs::default();
     if printed == 0 && !args.quiet {
         let text = if stdout().is_terminal() { diff_summary(&found) } else { diff_text(&found) };
-        outputs.add(Path::new("-"), text.as_bytes())?;
+        outputs.add_summary(&text);
     }
     if let Some(path) = &args.report {
         outputs.add_report(path, diff_csv(&found).as_bytes())?;

@@ -28,15 +28,17 @@ pub(super) fn run(args: &Identify) -> Outcome {
     let names = args.columns.as_deref().map(ColumnNames::parse).transpose()?;
     let table = |path: &Path| Ok(MeasuredFile::read(path)?.read_as(names.clone(), args.match_mm));
     let program = |path: &Path| Job::of(path, args.reading.format);
-    let programs = all(args.run.chunks_exact(2).map(|pair| program(&pair[0])))?;
+    let programs = all(args.run.chunks_exact(2).map(|pair| program(&pair[0])));
+    let tables = all(args.run.chunks_exact(2).map(|pair| table(&pair[1])));
+    let (programs, tables) = both(programs, tables)?;
     let originals = Originals::new(args.against.as_deref(), &programs, args.reading.format)?;
     let files = |job: Job| ProgramFiles::of(job, context.clone());
-    let run = |(job, measured): (Job, &PathBuf)| {
+    let run = |(job, measured): (Job, MeasuredFile)| {
         let original = originals.job(&job).and_then(|original| original.map(files).transpose());
-        let ((program, original), measured) = both(both(files(job), original), table(measured))?;
+        let (program, original) = both(files(job), original)?;
         Ok(MeasuredRunFiles { program, original, measured })
     };
-    let runs = all(programs.into_iter().zip(args.run.iter().skip(1).step_by(2)).map(run));
+    let runs = all(programs.into_iter().zip(tables).map(run));
     let log = |pair: &[PathBuf]| both(program(&pair[0]).and_then(files), table(&pair[1]));
     let logs = all(args.log.chunks_exact(2).map(log));
     let ((runs, logs), poses) = both(both(runs, logs), all(args.poses.iter().map(|path| table(path))))?;
@@ -73,7 +75,7 @@ pub(super) fn run(args: &Identify) -> Outcome {
         outputs.add_report(path, done.page().as_bytes())?;
     }
     if printed == 0 {
-        outputs.add(Path::new("-"), told(identify_text(found)).as_bytes())?;
+        outputs.add_summary(&told(identify_text(found)));
     } else if !args.common.quiet {
         message::say(&[told(identify_text(found))]);
     }
@@ -111,7 +113,7 @@ fn path_alone(args: &Identify, cell: &CellFile, path: &FittedLaw) -> Outcome {
             message::say(&[path_law_text(path)]);
         }
     } else {
-        outputs.add(Path::new("-"), path_law_text(path).as_bytes())?;
+        outputs.add_summary(&path_law_text(path));
     }
     outputs.commit()?;
     Ok(Answer::Yes)

@@ -38,7 +38,7 @@ pub(super) fn run(args: &Inspect) -> Outcome {
         outputs.add_report(path, pretty(&InspectFiles { files: &files })?.as_bytes())?;
     }
     if !args.json.as_deref().is_some_and(is_stdout) {
-        outputs.add(Path::new("-"), inspect_table(&files).as_bytes())?;
+        outputs.add_summary(&inspect_table(&files));
     }
     outputs.commit()?;
     // Nothing was understood.

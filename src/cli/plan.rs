@@ -47,7 +47,7 @@ pub(super) fn run(args: &Arguments) -> Outcome {
     }
     let text = plan_text(found);
     if printed == 0 {
-        outputs.add(Path::new("-"), text.as_bytes())?;
+        outputs.add_summary(&text);
     } else if !args.common.quiet {
         message::say(&[text]);
     }

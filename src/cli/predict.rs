@@ -19,7 +19,7 @@ use deflex::report::path_csv;
 use deflex::text::{Diagnostic, printable};
 use indicatif::ProgressBar;
 use std::io::{IsTerminal, stdout};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 pub(super) fn run(args: &Predict) -> Outcome {
     let setup = Setup::read(&args.model, Context::read(&args.reading)?, args.correct, &args.reports);
@@ -61,7 +61,7 @@ pub(super) fn run(args: &Predict) -> Outcome {
     if is_read {
         for done in &mut done.0 {
             done.line.clear();
-            outputs.add(Path::new("-"), printable(&digest_text(&done.summary, &done.digest)).as_bytes())?;
+            outputs.add_summary(&printable(&digest_text(&done.summary, &done.digest)));
         }
     }
     finish(outputs, &setup, PathKind::Predict, done, &reports, args.common.quiet)

@@ -70,7 +70,7 @@ pub(super) fn run(args: &Simulate) -> Outcome {
     }
     let silent = printed > 0 || args.common.quiet || (probes.is_some() && args.report.is_none());
     if !silent {
-        outputs.add(Path::new("-"), text.as_bytes())?;
+        outputs.add_summary(&text);
     }
     outputs.commit()?;
     if !args.common.quiet {

@@ -143,10 +143,16 @@ impl Outputs {
     /// Stages bytes for a path, `-` being stdout.
     pub(super) fn add(&mut self, path: &Path, bytes: &[u8]) -> Result<(), Vec<Diagnostic>> {
         if is_stdout(path) {
+            stdout_is_open(path)?;
             self.stdout.extend_from_slice(bytes);
             return Ok(());
         }
         self.stage(path)?.write_all(bytes).map_err(|error| cannot_write(path, &error))
+    }
+
+    /// Stages the summary for stdout. Unlike a result, it is only for a reader: where stdout is closed there is none, and nothing is lost.
+    pub(super) fn add_summary(&mut self, text: &str) {
+        self.stdout.extend_from_slice(text.as_bytes());
     }
 
     /// Stages a file, `-` being stdout, that is written as the run goes on; its writer flushes it at the end.
@@ -156,6 +162,7 @@ impl Outputs {
 
     fn stage(&mut self, path: &Path) -> Result<File, Vec<Diagnostic>> {
         if is_stdout(path) {
+            stdout_is_open(path)?;
             let (temporary, file) = Temporary::spool().map_err(|error| cannot_write(path, &error))?;
             let identity = Identity::of(path);
             self.staged.push(Staged { target: path.to_owned(), identity, temporary, goes: Goes::Poured });
@@ -253,6 +260,14 @@ pub(super) fn print(bytes: &[u8]) -> Result<(), Vec<Diagnostic>> {
 /// Whether a path stands for stdout.
 pub(super) fn is_stdout(path: &Path) -> bool {
     path.as_os_str() == "-"
+}
+
+/// Refuses a result that would be lost.
+fn stdout_is_open(path: &Path) -> Result<(), Vec<Diagnostic>> {
+    if deflex_closed_stdout::was_closed() {
+        return Err(refuse(path, "standard output is closed", "name a file, or /dev/null to discard the result"));
+    }
+    Ok(())
 }
 
 /// Stdout carries one result.

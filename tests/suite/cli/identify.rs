@@ -94,3 +94,10 @@ fn an_unknown_tool_of_poses_gets_the_nearest_name() {
     let ran = bench.run("identify --poses poses.csv --cell cell.toml --tool tMil").exits(2);
     assert!(ran.stderr.contains("--tool tMil") && ran.stderr.contains("did you mean `tMill`"), "{}", ran.stderr);
 }
+
+#[test]
+fn a_missing_program_and_a_missing_table_are_reported_in_one_run() {
+    let bench = sample();
+    let said = bench.run("identify --cell cell.toml --run absent.mod absent.csv").exits(2).stderr;
+    assert!(said.contains("absent.mod") && said.contains("absent.csv"), "{said}");
+}

@@ -225,3 +225,30 @@ fn nothing_is_named_from_a_device_and_no_link_in_a_circle_is_replaced() {
     assert!(said.contains("leads back to itself"), "{said}");
     assert!(std::fs::symlink_metadata(bench.path("one.mod")).unwrap().is_symlink());
 }
+
+#[test]
+#[cfg(unix)]
+fn a_result_for_a_closed_stdout_is_refused_and_a_summary_is_not() {
+    let bench = Bench::new();
+    let closed = |arguments: &str| {
+        let mut command = std::process::Command::new("sh");
+        command.current_dir(bench.path("")).args(["-c", "exec \"$@\" >&-", "sh"]);
+        command.arg(assert_cmd::cargo::cargo_bin!("deflex")).args(arguments.split_whitespace());
+        let ran = command.output().unwrap();
+        (ran.status.code(), String::from_utf8(ran.stderr).unwrap())
+    };
+    for lost in [RUN.to_owned(), format!("{RUN} -o -"), format!("{RUN} -o out.mod --json -")] {
+        let (code, said) = closed(&lost);
+        assert_eq!(code, Some(2), "{lost}: {said}");
+        assert!(said.contains("standard output is closed"), "{said}");
+    }
+    assert!(!bench.path("out.mod").exists());
+    assert_eq!(closed("init --robot irb6660-205-1.9").0, Some(2));
+    assert_eq!(closed("predict part.mod --cell cell.toml").0, Some(2), "the rows of the report are a result");
+    assert_eq!(closed("inspect part.mod").0, Some(0));
+    assert_eq!(closed("check part.mod --cell cell.toml --max-error 0.01").0, Some(1));
+    let discarded = std::process::Stdio::null();
+    let mut command = std::process::Command::new(assert_cmd::cargo::cargo_bin!("deflex"));
+    command.current_dir(bench.path("")).args(RUN.split_whitespace()).stdout(discarded);
+    assert_eq!(command.status().unwrap().code(), Some(0));
+}
