@@ -327,7 +327,7 @@ def identification(args, folder):
     )
     noise = random.Random(6660)
     points = []
-    for times in (t for t in (1, 3, 10, 30, 100, 658) if t * len(rows) <= args.rows):
+    for times in (t for t in (1, 3, 10, 30, 100, 658, 3289) if t * len(rows) <= args.rows):
         program, forces, measured = folder / "long.mod", folder / "forces.csv", folder / "long.csv"
         body = [lines[i] for i in moves] * times
         program.write_text("".join(lines[: moves[0]] + body + lines[moves[-1] + 1 :]))
@@ -389,7 +389,7 @@ def main():
     parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--figure")
     parser.add_argument("--largest", type=int, default=10_000_000)
-    parser.add_argument("--rows", type=int, default=10_000, help="most measured rows of an identification; 210000 for the largest")
+    parser.add_argument("--rows", type=int, default=10_000, help="most measured rows of an identification; 1000000 for the largest")
     parser.add_argument("--identification", action="store_true", help="only how an identification grows")
     parser.add_argument("--memory", action="store_true", help="only peak memory")
     parser.add_argument("--generate", metavar="FILE", help="only write the program of --targets")
