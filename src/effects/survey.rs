@@ -13,6 +13,8 @@ pub struct Survey<'a> {
     pub clamps: usize,
     /// Whether any row cuts.
     pub has_force: bool,
+    /// Lowest and highest x, then y, of the places that rows cut at, mm in their work object.
+    pub cut_mm: Option<[[f64; 2]; 2]>,
     /// Whether any row carries a payload besides its tool.
     pub has_payload: bool,
     /// Whether programmed speeds are known.

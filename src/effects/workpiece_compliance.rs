@@ -4,21 +4,33 @@ use super::{
     ANY, Deflection, Effect, Kind, Load, NOT_NEGATIVE, Need, Parameter, Parts, Physics, State, checked, indexed,
     scalar, table_of, take,
 };
-use crate::lanes::Real;
+use crate::lanes::{Mask, Real};
+use serde::de::Error;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
     name: "workpiece_compliance",
     summary: "the workpiece or its fixture yields",
-    forms: &["mm_per_n = 1e-4", "mm_per_n = [1e-4, 0, 0, 1e-9, 0, 1e-9]"],
+    forms: &[
+        "mm_per_n = 1e-4",
+        "mm_per_n = [1e-4, 0, 0, 1e-9, 0, 1e-9]",
+        "mm_per_n = [1e-4, 0, 0, 1e-9, 0, 1e-9]\ndomain_mm = [[-100, 100], [-50, 50]]",
+    ],
     bends_under_load: true,
-    read: |table| checked(table.try_into::<WorkpieceCompliance>()?),
+    read: |table| {
+        let effect = table.try_into::<WorkpieceCompliance>()?;
+        if let Some([low, high]) = effect.domain_mm.iter().flatten().find(|[low, high]| !(low <= high)) {
+            let message = format!("`domain_mm` has [{low}, {high}], expected two numbers, the lower one first");
+            return Err(toml::de::Error::custom(message));
+        }
+        checked(effect)
+    },
     candidates: |survey| {
         if !survey.has_force {
             return vec![];
         }
-        let alike = WorkpieceCompliance { mm_per_n: Compliance::Alike(0.0) };
-        let varying = WorkpieceCompliance { mm_per_n: Compliance::Polynomial([0.0; 6]) };
+        let alike = WorkpieceCompliance { mm_per_n: Compliance::Alike(0.0), domain_mm: None };
+        let varying = WorkpieceCompliance { mm_per_n: Compliance::Polynomial([0.0; 6]), domain_mm: survey.cut_mm };
         vec![Box::new(alike), Box::new(varying)]
     },
     ..Kind::PLAIN
@@ -29,6 +41,10 @@ pub(super) const KIND: Kind = Kind {
 #[serde(deny_unknown_fields)]
 pub(super) struct WorkpieceCompliance {
     mm_per_n: Compliance,
+    /// Lowest and highest x, then y, in the work object, where the compliance was seen. Beyond them it is as at the nearest place
+    /// within: a polynomial that grows without end says nothing of places that it was not fitted to.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    domain_mm: Option<[[f64; 2]; 2]>,
 }
 
 /// Compliance along the normal, mm/N.
@@ -51,6 +67,11 @@ const TERMS: [(&str, f64); 6] = [
     ("mm/(N·mm²)", 7e-9),
 ];
 
+fn within<R: Real>(value: R, [low, high]: [f64; 2]) -> R {
+    let value = value.lt(low).select(R::of(low), value);
+    value.ge(high).select(R::of(high), value)
+}
+
 impl Physics for WorkpieceCompliance {
     fn parts(&self) -> Parts {
         Parts::PART
@@ -62,7 +83,10 @@ impl Physics for WorkpieceCompliance {
         let mm_per_n = match &self.mm_per_n {
             Compliance::Alike(compliance) => R::of(*compliance),
             Compliance::Polynomial(c) => {
-                let (x, y) = (site.wanted.x * 1e3, site.wanted.y * 1e3);
+                let (mut x, mut y) = (site.wanted.x * 1e3, site.wanted.y * 1e3);
+                if let Some(domain) = self.domain_mm {
+                    (x, y) = (within(x, domain[0]), within(y, domain[1]));
+                }
                 x * c[1] + y * c[2] + x * x * c[3] + x * y * c[4] + y * y * c[5] + c[0]
             }
         };
@@ -97,7 +121,7 @@ impl Effect for WorkpieceCompliance {
             }
             Compliance::Polynomial(_) => Compliance::Polynomial(take(&mut values)),
         };
-        Box::new(Self { mm_per_n })
+        Box::new(Self { mm_per_n, ..*self })
     }
 
     fn to_table(&self) -> toml::Table {
@@ -130,5 +154,24 @@ mod tests {
             mm_per_n = [1e-4, 1e-6, 0, 0, 1e-8, 0]"#,
         );
         assert_abs_diff_eq!(out.part.z, -5e-5, epsilon = 1e-18);
+    }
+
+    #[test]
+    fn beyond_the_places_where_it_was_seen_it_stays_as_at_the_nearest() {
+        let at = |x: f64, y: f64| {
+            let mut bench = Bench::pushed(0.0, 0.0, 100.0);
+            bench.situation.wobj_from_tcp.translation.vector = Vector3::new(1e-3 * x, 1e-3 * y, 0.0);
+            let (_, out) = bench.run(
+                r#"kind = "workpiece_compliance"
+                mm_per_n = [1e-4, 1e-6, 0, 0, 1e-8, 0]
+                domain_mm = [[-10, 200], [0, 100]]"#,
+            );
+            out.part.z
+        };
+        // At x = 200 mm, y = 100 mm: 5e-4 mm/N.
+        assert_abs_diff_eq!(at(200.0, 100.0), -5e-5, epsilon = 1e-18);
+        assert_abs_diff_eq!(at(2000.0, 150.0), -5e-5, epsilon = 1e-18);
+        // At x = -10 mm, y = 0: 0.9e-4 mm/N.
+        assert_abs_diff_eq!(at(-300.0, -40.0), -9e-6, epsilon = 1e-18);
     }
 }

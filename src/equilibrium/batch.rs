@@ -1,5 +1,6 @@
-//! Both questions for as many targets at once as there are lanes. What is left open here, the scalar solver answers; from the
-//! evaluation at a wanted pose it is warm_start how the cut feeds back close by, which saves rounds and decides nothing.
+//! The forward prediction and the inverse solution for as many targets at once as there are lanes. The scalar solver takes over the
+//! targets that do not converge here. It starts from the [`Feedback`] that the evaluation at the wanted pose gives: that saves
+//! iterations and changes no result.
 
 use super::Arm;
 use super::block::{Setting, Site};

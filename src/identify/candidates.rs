@@ -160,6 +160,7 @@ pub(super) fn survey<'a>(arm: &'a Arm, problem: &Problem) -> Survey<'a> {
         part_declared: false,
         clamps: 0,
         has_force: false,
+        cut_mm: None,
         has_payload: false,
         has_speed: false,
         time: None,
@@ -177,7 +178,14 @@ pub(super) fn survey<'a>(arm: &'a Arm, problem: &Problem) -> Survey<'a> {
             survey.part_declared = true;
             survey.clamps = part.motions.len() / 3;
         }
-        survey.has_force |= point.cuts();
+        if point.cuts() {
+            survey.has_force = true;
+            let place_mm = 1e3 * point.reference.translation.vector;
+            let ranges = survey.cut_mm.get_or_insert([[f64::INFINITY, f64::NEG_INFINITY]; 2]);
+            for (range, place) in ranges.iter_mut().zip(place_mm.iter()) {
+                *range = [range[0].min(*place), range[1].max(*place)];
+            }
+        }
         survey.has_payload |= point.payload > 0.0;
         survey.has_speed |= point.velocity != Vector3::zeros();
         widen(&mut survey.time, point.time);

@@ -295,12 +295,13 @@ impl Engine {
     ) -> Vec<(Vec<FittedParameter>, toml::Table, Uncertainty)> {
         let mut at = 0;
         let mut all = Vec::new();
-        let covariance = if self.is_whole_arm() { &self.covariance * wider.max(1.0) } else { self.wider_covariance() };
+        let covariance = self.wider_covariance(wider);
         let typical: Vec<f64> = self.chosen.iter().flat_map(|&c| self.candidates[c].typical.iter().copied()).collect();
         let scaled =
             DMatrix::from_fn(typical.len(), typical.len(), |i, j| covariance[(i, j)] * typical[i] * typical[j]);
-        // The numbers' units differ by orders of magnitude: the factor is that of the scaled ones.
-        let factor = covariance.clone().cholesky().filter(|_| self.is_whole_arm()).map(|factor| factor.l());
+        // Effects of one table make up for one another: only together do their numbers say how far a prediction may be off. The
+        // numbers' units differ by orders of magnitude: the factor is that of the scaled ones.
+        let factor = covariance.clone().cholesky().filter(|_| posteriors.len() > 1).map(|factor| factor.l());
         for &c in &self.chosen {
             let candidate = &self.candidates[c];
             let size = candidate.values.len();
@@ -327,14 +328,14 @@ impl Engine {
         all
     }
 
-    /// Posterior covariance of the chosen columns with what the data say taken for as much less sure as they are surer than they
-    /// should be: what they do not hold stays as wide as its prior, and no wider.
-    fn wider_covariance(&self) -> DMatrix<f64> {
-        // Over the whole robot rows are many and sets are not weighed against one another.
+    /// Posterior covariance of the chosen columns, where the data say too much by a factor `wider` of their variance: what they do
+    /// not hold stays as wide as its prior, and no wider.
+    fn wider_covariance(&self, wider: f64) -> DMatrix<f64> {
+        // Over the whole robot (`--poses`) rows are many, and sets are not weighed against one another.
         if self.problem.free_device || self.chosen.is_empty() {
             return self.covariance.clone();
         }
-        let wider = self.spread * WIDER;
+        let wider = if self.is_whole_arm() { wider.max(1.0) } else { wider.max(self.spread * WIDER) };
         let prior = Search::new(&self.candidates, &[], &[]).columns(&self.chosen).full_size().precision();
         let known = self.covariance.clone().cholesky().map(|factor| factor.inverse());
         let precision = known.map(|known| prior * (1.0 - 1.0 / wider) + known / wider);

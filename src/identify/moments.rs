@@ -212,7 +212,8 @@ fn add_square(full: &mut DMatrixViewMut<f64>, block: &DMatrix<f64>) {
 /// Writes the values of some samples, each sample's together.
 type Fill<'a> = dyn Fn(&[Sample], &mut [f64]) + Sync + 'a;
 
-/// ColumnSource that are whitened some rows at a time, data last.
+/// The columns of a design, with the data as the last one. They are computed and whitened for some rows at a time, so that a long
+/// table is never held as a matrix.
 pub(super) struct ColumnSource<'a> {
     pub(super) width: usize,
     fill: Box<Fill<'a>>,
