@@ -35,7 +35,7 @@ pub(super) fn units(check: &mut Check, raw: &[raw::Unit]) -> Units {
     let places = places(check, raw, &carrying.iter().map(|i| (*i, named(i))).collect::<Vec<_>>());
     let among: Vec<&raw::Unit> = carrying.iter().map(|i| &raw[*i]).collect();
     let read = |(i, axis): (&usize, usize)| {
-        let place = Place { named: named(i), axis };
+        let place = AxisSlot { named: named(i), axis };
         // What was refused stands in for itself: others may stand on it.
         unit(check, &format!("unit.{i}"), (&raw[*i], place), &among).unwrap_or_else(|| Unit {
             name: raw[*i].name.clone(),
@@ -68,7 +68,7 @@ pub(super) fn units(check: &mut Check, raw: &[raw::Unit]) -> Units {
 
 /// An axis, and where its position stands in an [`External`](crate::robot::External).
 #[derive(Clone, Copy)]
-struct Place {
+struct AxisSlot {
     named: AxisName,
     axis: usize,
 }
@@ -111,7 +111,7 @@ fn axis(check: &mut Check, key: &str, keys: &raw::Unit) -> Option<AxisName> {
     named
 }
 
-fn unit(check: &mut Check, key: &str, (keys, place): (&raw::Unit, Place), all: &[&raw::Unit]) -> Option<Unit> {
+fn unit(check: &mut Check, key: &str, (keys, place): (&raw::Unit, AxisSlot), all: &[&raw::Unit]) -> Option<Unit> {
     let carries = [("robot", Some(Carries::Robot)), ("part", Some(Carries::Part)), (NOTHING, None)];
     let carries = check.word(&format!("{key}.carries"), &keys.carries, &carries).flatten();
     if place.named.group().is_some() && carries == Some(Carries::Robot) {

@@ -61,8 +61,8 @@ pub fn described(source: &Source, tip: Option<&str>) -> Result<Described, Vec<Di
         None => urdf.tip().map_err(|message| refuse(message, "name the last link with --tip"))?,
     };
     let chain = urdf.chain_to(&tip);
-    let turning: Vec<&&Joint> = chain.iter().filter(|joint| joint.kind != Kind::Fixed).collect();
-    let turns = |joint: &Joint| matches!(joint.kind, Kind::Revolute | Kind::Continuous);
+    let turning: Vec<&&Joint> = chain.iter().filter(|joint| joint.kind != JointType::Fixed).collect();
+    let turns = |joint: &Joint| matches!(joint.kind, JointType::Revolute | JointType::Continuous);
     if turning.len() != 6 || !turning.iter().all(|joint| turns(joint)) {
         let names: Vec<String> = turning.iter().map(|joint| format!("{} ({:?})", joint.name, joint.kind)).collect();
         let message = format!(
@@ -82,8 +82,8 @@ pub fn described(source: &Source, tip: Option<&str>) -> Result<Described, Vec<Di
     // What the controller counts from, where the description tells it apart from its own root.
     let root = chain.first().map_or_else(|| tip.clone(), |joint| joint.parent.clone());
     let start = urdf.chain_to("base");
-    let counted =
-        start.first().is_some_and(|joint| joint.parent == root) && start.iter().all(|joint| joint.kind == Kind::Fixed);
+    let counted = start.first().is_some_and(|joint| joint.parent == root)
+        && start.iter().all(|joint| joint.kind == JointType::Fixed);
     let root_from_base =
         if counted { start.iter().fold(Pose::identity(), |at, joint| at * of_joint(joint)) } else { Pose::identity() };
 
@@ -110,7 +110,7 @@ pub fn described(source: &Source, tip: Option<&str>) -> Result<Described, Vec<Di
     let limit = |i: usize| {
         let joint = turning[i];
         let [lower, upper] = joint.limit;
-        if joint.kind == Kind::Continuous || !(lower.is_finite() && upper.is_finite()) {
+        if joint.kind == JointType::Continuous || !(lower.is_finite() && upper.is_finite()) {
             (-TAU, TAU)
         } else {
             (lower, upper)
@@ -156,7 +156,7 @@ pub fn described(source: &Source, tip: Option<&str>) -> Result<Described, Vec<Di
 
 /// How a joint moves, as the file names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum JointType {
     Revolute,
     Continuous,
     Prismatic,
@@ -166,7 +166,7 @@ enum Kind {
     Spherical,
 }
 
-impl Kind {
+impl JointType {
     const ALL: [(&'static str, Self); 7] = [
         ("revolute", Self::Revolute),
         ("continuous", Self::Continuous),
@@ -181,7 +181,7 @@ impl Kind {
 /// A joint between two links: its frame in that of the parent (m, rad), its axis in its own frame, its limits (rad).
 struct Joint {
     name: String,
-    kind: Kind,
+    kind: JointType,
     parent: String,
     child: String,
     xyz: [f64; 3],
@@ -194,7 +194,7 @@ impl Joint {
     fn read(node: Node<'_, '_>) -> Result<Self, String> {
         let name = attribute(node, "name")?;
         let kind = attribute(node, "type")?;
-        let known = Kind::ALL.iter().find(|(word, _)| *word == kind);
+        let known = JointType::ALL.iter().find(|(word, _)| *word == kind);
         let (_, kind) = known.ok_or_else(|| format!("{}joint {name}: there is no type `{kind}`", at(node)))?;
         let part = |tag: &str| node.children().find(|child| child.has_tag_name(tag));
         let link = |tag: &str| {
@@ -287,11 +287,11 @@ impl Description {
 
     /// The last link, where none is named.
     fn tip(&self) -> Result<String, String> {
-        let moves = |link: &str| self.chain_to(link).iter().filter(|joint| joint.kind != Kind::Fixed).count();
+        let moves = |link: &str| self.chain_to(link).iter().filter(|joint| joint.kind != JointType::Fixed).count();
         if let Some(usual) = ["tool0", "flange"].into_iter().find(|usual| moves(usual) == 6) {
             return Ok(usual.to_owned());
         }
-        let moving = || self.joints.iter().filter(|joint| joint.kind != Kind::Fixed);
+        let moving = || self.joints.iter().filter(|joint| joint.kind != JointType::Fixed);
         let parents: HashSet<&str> = moving().map(|joint| &joint.parent[..]).collect();
         let ends = moving().map(|joint| &joint.child[..]).filter(|link| !parents.contains(link) && moves(link) == 6);
         match ends.collect::<Vec<_>>()[..] {

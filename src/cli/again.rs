@@ -10,7 +10,7 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 
 /// Rows that are compared: their beginning tells two programs apart.
-const MOST: usize = 4096;
+const MOST_ROWS: usize = 4096;
 /// Smaller corrections are lost in the digits of a program, mm.
 const TELLING_MM: f64 = 0.004;
 /// Half a digit of a program with three decimals, and of the report's, mm.
@@ -55,7 +55,7 @@ impl Again {
 
     /// Takes in rows of the program's own report.
     pub(super) fn take(&mut self, rows: &[Row]) {
-        let room = MOST - self.places.len().min(MOST);
+        let room = MOST_ROWS - self.places.len().min(MOST_ROWS);
         self.places.extend(rows.iter().take(room).map(|row| row.position_mm));
     }
 
@@ -116,7 +116,7 @@ fn written(path: &Path) -> Option<Vec<[f64; 3]>> {
         *place = at(name)?;
     }
     let mut all = Vec::new();
-    for record in reader.records().take(MOST) {
+    for record in reader.records().take(MOST_ROWS) {
         let record = record.ok()?;
         let mut values = [0.0_f64; COLUMNS.len()];
         for (value, column) in values.iter_mut().zip(columns) {

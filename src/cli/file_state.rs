@@ -7,7 +7,7 @@ use std::time::SystemTime;
 
 /// What tells one state of a file from another without reading it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub(super) struct State {
+pub(super) struct FileState {
     length: u64,
     /// Of the last change of its content, from 1970 on; times before that are negative.
     modified_ns: Option<i64>,
@@ -15,7 +15,7 @@ pub(super) struct State {
     own: [i64; 4],
 }
 
-impl State {
+impl FileState {
     pub(super) fn of(metadata: &Metadata) -> Self {
         #[cfg(unix)]
         let own = {

@@ -190,21 +190,22 @@ impl ForceFile {
 
     /// The same for a program with this last target, and targets of these names.
     pub(super) fn check_targets(&self, last: u32, named: impl Fn(&str) -> bool) -> Result<(), Vec<Diagnostic>> {
-        const MOST: usize = 10; // a wrong table is wrong in every row
+        const MOST_SHOWN: usize = 10; // a wrong table is wrong in every row
         let wrong = |line: u32, message: String| {
             let mut diagnostic = Diagnostic::error("forces.target", &self.file, message)
                 .help("targets are counted from 1 in the order they run, or named as declared");
             (diagnostic.line, diagnostic.column) = (line as usize, 1);
             diagnostic
         };
-        let ordinals = self.ordinals.iter().filter(|(ordinal, _)| *ordinal > last).take(MOST).map(|(ordinal, line)| {
-            wrong(*line, format!("target {ordinal} is not in the program, which has {last} motion targets"))
-        });
-        let names = self.names.iter().filter(|(name, _)| !named(name)).take(MOST);
+        let ordinals =
+            self.ordinals.iter().filter(|(ordinal, _)| *ordinal > last).take(MOST_SHOWN).map(|(ordinal, line)| {
+                wrong(*line, format!("target {ordinal} is not in the program, which has {last} motion targets"))
+            });
+        let names = self.names.iter().filter(|(name, _)| !named(name)).take(MOST_SHOWN);
         let names = names.map(|(name, line)| wrong(*line, format!("target `{name}` is not in the program")));
         let mut wrong: Vec<Diagnostic> = ordinals.chain(names).collect();
         wrong.sort_by_key(|diagnostic| diagnostic.line);
-        wrong.truncate(MOST);
+        wrong.truncate(MOST_SHOWN);
         if wrong.is_empty() { Ok(()) } else { Err(wrong) }
     }
 }

@@ -9,7 +9,7 @@ use std::ops::Range;
 use std::sync::LazyLock;
 
 /// More messages than this of one run are only counted.
-const MOST: usize = 50;
+const MOST_SHOWN: usize = 50;
 
 /// Whether stderr is read by a program: `DEFLEX_MESSAGES=json` asks for one JSON object a line instead of text for people.
 pub(super) static FOR_A_PROGRAM: LazyLock<bool> =
@@ -22,13 +22,13 @@ pub(super) fn print(diagnostics: &[Diagnostic], quiet: bool) {
     let mut stderr = io::stderr().lock();
     let shown = diagnostics.iter().filter(|d| !quiet || d.severity == Severity::Error);
     let shown = once(shown);
-    for diagnostic in shown.iter().take(MOST) {
+    for diagnostic in shown.iter().take(MOST_SHOWN) {
         let text = if *FOR_A_PROGRAM { as_json(diagnostic).to_string() } else { render(diagnostic, color) };
         // Where stderr is closed, the message cannot be shown.
         let _ = writeln!(stderr, "{text}");
     }
-    if shown.len() > MOST {
-        let _ = writeln!(stderr, "… and {} more", shown.len() - MOST);
+    if shown.len() > MOST_SHOWN {
+        let _ = writeln!(stderr, "… and {} more", shown.len() - MOST_SHOWN);
     }
 }
 

@@ -1,6 +1,6 @@
 //! Inputs that change while they are read: a program is read several times over, and must be the same each time.
 
-use super::file_state::{Identity, State};
+use super::file_state::{FileState, Identity};
 use super::message;
 use super::output::{marker, refuse};
 use deflex::text::{Diagnostic, Severity};
@@ -15,7 +15,7 @@ use std::time::{Duration, SystemTime};
 #[derive(Debug)]
 struct Watched {
     identity: Identity,
-    state: State,
+    state: FileState,
     /// Of the content, where the file was written so shortly before that times do not tell a later write.
     hash: Option<u64>,
 }
@@ -53,7 +53,7 @@ pub(super) fn watch(path: &Path) {
     message::print(unfinished(path).as_slice(), false);
     let fresh = |modified: SystemTime| modified.elapsed().map_or(true, |age| age < TICK);
     let hash = metadata.modified().map_or(true, fresh).then(|| hash(path).ok()).flatten();
-    let entry = Watched { identity: Identity::of(path), state: State::of(&metadata), hash };
+    let entry = Watched { identity: Identity::of(path), state: FileState::of(&metadata), hash };
     if let Some(all) = watched().as_mut() {
         all.files.insert(path.to_owned(), entry);
     }
@@ -86,7 +86,7 @@ fn unfinished(path: &Path) -> Option<Diagnostic> {
 /// One message for each file that is not as it was.
 pub(super) fn changed() -> Result<(), Vec<Diagnostic>> {
     let same = |(path, before): (&PathBuf, &Watched)| {
-        let now = fs::metadata(path).ok().map(|metadata| State::of(&metadata));
+        let now = fs::metadata(path).ok().map(|metadata| FileState::of(&metadata));
         now == Some(before.state) && before.hash.is_none_or(|before| hash(path).ok() == Some(before))
     };
     let watched = watched();

@@ -10,7 +10,7 @@ use crate::cutting::Lean;
 use crate::equilibrium::Setting;
 use crate::lanes::{Frame, LaneMask, Lanes, Mask, Real, Vector, WIDTH, widest};
 use crate::program::{Goal, Target};
-use crate::robot::{BatchArm, BatchSolutions, Joints, Place, Pose};
+use crate::robot::{BatchArm, BatchSolutions, Joints, Pose, WrittenTarget};
 use nalgebra::{Rotation3, Unit, Vector3};
 
 /// What is known of up to eight targets before each is looked at.
@@ -160,12 +160,16 @@ impl Ahead {
     }
 }
 
-fn place<'t>(target: &'t Target, Setting { base_from_wobj, tool, .. }: &'t Setting, near: &'t Joints) -> Place<'t> {
+fn place<'t>(
+    target: &'t Target,
+    Setting { base_from_wobj, tool, .. }: &'t Setting,
+    near: &'t Joints,
+) -> WrittenTarget<'t> {
     let (position_mm, quat) = match &target.goal {
         Goal::Pose { position_mm, quat, .. } => (position_mm, quat),
         Goal::Axis { .. } | Goal::Joints { .. } => (&[0.0; 3], &[1.0, 0.0, 0.0, 0.0]),
     };
-    Place { base_from_wobj, position_mm, quat, flange_from_tcp: &tool.flange_from_tcp, near }
+    WrittenTarget { base_from_wobj, position_mm, quat, flange_from_tcp: &tool.flange_from_tcp, near }
 }
 
 impl Chords {

@@ -46,7 +46,7 @@ const IN_IT: f64 = 0.02;
 const PARTS: u16 = 32;
 
 /// Pieces of one way that are looked at: many more than any regular way needs.
-const MOST: usize = 20_000;
+const MOST_PIECES: usize = 20_000;
 
 /// Speeds so many times their limit are not looked at more closely.
 const FAR_TOO_FAST: f64 = 10.0;
@@ -353,7 +353,7 @@ impl Way<'_> {
             }
             open.reverse();
         }
-        for _ in 0..MOST {
+        for _ in 0..MOST_PIECES {
             let Some((shares, motors, ends)) = open.pop() else { break };
             let span = shares[1] - shares[0];
             let piece = self.piece((span, bend), &motors, &ends);

@@ -6,7 +6,7 @@ use crate::text::{Diagnostic, Severity};
 
 /// One kind of actions of a program.
 #[derive(Clone, Debug)]
-struct Kind {
+struct ActionGroup {
     /// The first of them.
     kind: ActionKind,
     first: Diagnostic,
@@ -19,7 +19,7 @@ struct Kind {
 
 /// All actions of a program, by kind.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Asked(Vec<Kind>);
+pub(super) struct Asked(Vec<ActionGroup>);
 
 impl Asked {
     /// Takes in a program, or its next chunk, before which there are so many points.
@@ -43,7 +43,7 @@ impl Asked {
                 Some(known) => known,
                 None => {
                     let first = at(kind.what());
-                    self.0.push(Kind { kind: kind.clone(), first, count: 0, needed: None, without_speed: None });
+                    self.0.push(ActionGroup { kind: kind.clone(), first, count: 0, needed: None, without_speed: None });
                     let last = self.0.len() - 1;
                     &mut self.0[last]
                 }
@@ -65,7 +65,7 @@ impl Asked {
     /// The cut depends on it.
     pub(super) fn unwritten(&self, templates: &Templates) -> Result<Vec<Diagnostic>, Vec<Diagnostic>> {
         let (mut notes, mut errors) = (Vec::new(), Vec::new());
-        for Kind { kind, first, count, needed, without_speed } in &self.0 {
+        for ActionGroup { kind, first, count, needed, without_speed } in &self.0 {
             let times = if *count > 1 { format!(" ({count} times)") } else { String::new() };
             let Some(key) = kind.template() else {
                 let message = format!("{} is written as WaitTime{times}", first.message);

@@ -14,7 +14,7 @@ use crate::robot::{Joints, Pose};
 /// An inserted target has found its place on the path when it moves by less than this, m.
 const SETTLED: f64 = 1e-9;
 /// Rounds that this may take: force and deflection hardly change on the way, and a round gains two digits or more.
-const ROUNDS: usize = 8;
+const MOST_STEPS: usize = 8;
 
 /// A target on the way into one of the original's.
 #[derive(Clone, Debug)]
@@ -35,7 +35,7 @@ pub(super) fn place(
     arm: &Arm,
     at: impl Fn(&Inserted) -> Point,
 ) {
-    for _ in 0..ROUNDS {
+    for _ in 0..MOST_STEPS {
         let batch = prepared.with_points(inserted.iter().map(&at).collect());
         if !nearest(inserted, &batch, segments, arm) {
             break;
@@ -49,7 +49,7 @@ pub(super) fn settle(
     (points, segments): (&mut Prepared, &[Option<Segment<'_>>]),
     arm: &Arm,
 ) {
-    for _ in 0..ROUNDS {
+    for _ in 0..MOST_STEPS {
         let batch = inserted.iter().map(|inserted| points.points[inserted.target].clone()).collect();
         let moved = nearest(inserted, &points.with_points(batch), segments, arm);
         for inserted in inserted.iter() {

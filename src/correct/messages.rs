@@ -15,8 +15,8 @@ pub struct Messages {
 impl Default for Messages {
     fn default() -> Self {
         /// Further ones are only counted: a user does not read on.
-        const MOST: usize = 1000;
-        Self::with_room(MOST)
+        const MOST_SHOWN: usize = 1000;
+        Self::with_room(MOST_SHOWN)
     }
 }
 

@@ -10,10 +10,10 @@ use std::thread::{self, Thread};
 
 /// The order of a run's chunks.
 #[derive(Debug, Default)]
-pub(super) struct Order(Mutex<State>);
+pub(super) struct Order(Mutex<ChunkOrder>);
 
 #[derive(Debug, Default)]
-struct State {
+struct ChunkOrder {
     /// The run stops: no chunk waits any more.
     is_stopped: bool,
     /// Chunks that wait, and their threads.
@@ -45,7 +45,7 @@ pub(super) struct Turn<'o> {
 pub(super) struct Stopped;
 
 impl Order {
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, ChunkOrder> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -60,7 +60,7 @@ impl Order {
     }
 }
 
-impl State {
+impl ChunkOrder {
     fn stop(&mut self) {
         self.is_stopped = true;
         self.waiting.drain(..).for_each(|(_, thread)| thread.unpark());

@@ -15,7 +15,7 @@ use crate::effects::{Parts, ToolFrame};
 use crate::equilibrium::{Dragged, Setting};
 use crate::lanes::WIDTH;
 use crate::program::{Editable, Goal, Language, Mark, Motion, Predecessor, Program, Role, Target};
-use crate::robot::{BatchArm, BatchSolutions, EXTERNAL_AXES, External, Joints, Place, Pose, StartedFrom};
+use crate::robot::{BatchArm, BatchSolutions, EXTERNAL_AXES, External, Joints, Pose, StartedFrom, WrittenTarget};
 use crate::text::Diagnostic;
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 use smallvec::SmallVec;
@@ -525,7 +525,8 @@ impl Walk<'_, '_> {
         // The path may have turned into another branch since.
         self.ahead.motor(lane, near).or_else(|| {
             let Setting { base_from_wobj, tool, .. } = setting;
-            let place = Place { base_from_wobj, position_mm, quat, flange_from_tcp: &tool.flange_from_tcp, near };
+            let place =
+                WrittenTarget { base_from_wobj, position_mm, quat, flange_from_tcp: &tool.flange_from_tcp, near };
             let mut found = BatchSolutions::default();
             robot.find(1, |_| place, &mut found);
             found.nearest(0, near)

@@ -7,7 +7,7 @@ use crate::cell::{Cell, CutForce, SpinRule};
 use crate::program::cl::{self, CorrectedPoint};
 use crate::program::orientation::rotation;
 use crate::program::post::refuse_names;
-use crate::program::post::{Place, PostedPoint, RapidPlan, RapidPost, Templates, Text};
+use crate::program::post::{PostedPoint, RapidPlan, RapidPost, Templates, Text, WriterPosition};
 use crate::program::{
     Action, ActionKind, ChunkReader, Goal, Language, Mark, Next, Program, Role, Tool, ToolData, Wobj, WobjData,
 };
@@ -170,7 +170,7 @@ pub fn post(
         let files = write(&poster.post, &points, &axes, &poster.end(program))?;
         return Ok(PostedProgram { files, notes: poster.notes });
     }
-    let body = poster.post.chunk(&Place::default(), &points, Some(&poster.end(program)));
+    let body = poster.post.chunk(&WriterPosition::default(), &points, Some(&poster.end(program)));
     let mut files: Vec<(String, Vec<u8>)> = Vec::new();
     for Text { bytes, files: starts } in [poster.post.head(), &body] {
         let ends = starts.iter().map(|(start, _)| *start).skip(1).chain([bytes.len()]);

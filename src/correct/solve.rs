@@ -8,7 +8,7 @@ use crate::equilibrium::{
     WarmStart,
 };
 use crate::program::{Editable, Language};
-use crate::robot::{BatchArm, Joints, Place, Pose, Robot, Unreachable, turn_between};
+use crate::robot::{BatchArm, Joints, Pose, Robot, Unreachable, WrittenTarget, turn_between};
 use crate::text::number;
 use nalgebra::Vector3;
 
@@ -228,7 +228,7 @@ impl<'a> Solver<'a> {
             let place = |lane: usize| {
                 let i = asked[lane];
                 let setting = self.prepared.setting(i);
-                Place {
+                WrittenTarget {
                     base_from_wobj: &setting.base_from_wobj,
                     position_mm: &written[i].0,
                     quat: &written[i].1,

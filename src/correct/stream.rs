@@ -9,7 +9,7 @@ use super::messages::Messages;
 use super::ordered::{Ordered, Stopped, Turn};
 use super::{Corrected, Options, Outline, Poster};
 use crate::cell::Cell;
-use crate::program::post::{Place, Text};
+use crate::program::post::{Text, WriterPosition};
 use crate::program::{ChunkReader, RewriteOptions, StreamableChunk, rapid};
 use crate::text::{Edit, Patch, apply_within};
 use std::collections::HashMap;
@@ -122,7 +122,7 @@ pub fn post_chunks<C: ChunkReader + Send, W: Write + Send>(
         return Err(StreamError::NotStreamable);
     }
     // How far the program is posted.
-    let posted = Ordered::new(Place::default());
+    let posted = Ordered::new(WriterPosition::default());
     let made = |turn: &Turn<'_>, chunk: &StreamableChunk, corrected: &Corrected| {
         let points = poster.points(&chunk.program, corrected);
         let from = turn.take(&posted, |place| std::mem::replace(place, place.behind(&points)))?;

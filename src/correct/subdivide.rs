@@ -23,7 +23,7 @@ use std::collections::BTreeMap;
 const SHARE: f64 = 0.8;
 
 /// Single precision does not distinguish less than this, m.
-const LEAST: f64 = 2e-7;
+const RESOLUTION: f64 = 2e-7;
 
 /// A jump is over within this length of path, m; shorter segments have none inserted for it.
 pub(super) const JUMP_WITHIN: f64 = 0.5e-3;
@@ -79,7 +79,7 @@ pub(super) fn subdivide(
 ) -> Subdivision {
     let prepared = solver.prepared;
     let way = WalkedPath { program, prepared, commanded, last };
-    let enough = (SHARE * tolerance).max(LEAST);
+    let enough = (SHARE * tolerance).max(RESOLUTION);
     let starts: Vec<(usize, Start)> = (0..prepared.points.len())
         .filter(|i| matches!(Kind::of(program, *i), Kind::Line | Kind::Arc) && modes[*i] != CorrectionMode::Keep)
         .filter_map(|i| Some((i, way.before(i)?)))

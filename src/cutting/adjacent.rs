@@ -119,7 +119,7 @@ impl AdjacentPass {
 
     /// How far a point across the feed is above the silhouette's lower side, m; below zero outside of it.
     fn depth_in_silhouette(&self, [x, y]: [f64; 2]) -> f64 {
-        const ROUNDS: usize = 40;
+        const NEWTON_STEPS: usize = 40;
         let x = x.abs();
         if x >= self.radius() {
             return -x;
@@ -132,7 +132,7 @@ impl AdjacentPass {
             sin = sin.max((x - self.flat) / self.corner);
         }
         if self.flat > 0.0 {
-            for _ in 0..ROUNDS {
+            for _ in 0..NEWTON_STEPS {
                 let square = sin * sin * (1.0 - oblique) + oblique;
                 let rim = square.sqrt();
                 if rim <= 0.0 {
@@ -262,8 +262,8 @@ impl AdjacentPass {
         if low.1 * high.1 >= 0.0 {
             return None;
         }
-        const ROUNDS: usize = 60;
-        for round in 0..ROUNDS {
+        const BRACKETINGS: usize = 60;
+        for round in 0..BRACKETINGS {
             let share = if round % 3 == 2 { 0.5 } else { low.1 / (low.1 - high.1) };
             let middle = low.0 + (high.0 - low.0) * share;
             let at = f(middle);

@@ -1,6 +1,6 @@
 //! A force table at one feed per tooth, for one place or for eight at once.
 
-use super::table::{FADE, ForceTable, Grid, Place, SMOOTH, TERMS, Values, kinks, parts};
+use super::table::{FADE, ForceTable, Grid, SMOOTH, TERMS, TablePoint, Values, kinks, parts};
 use crate::lanes::{LaneMask, Lanes, Mask, Real, Vector, WIDTH, widest};
 use nalgebra::{Unit, Vector3};
 use std::sync::Arc;
@@ -72,7 +72,7 @@ impl FeedTable {
     }
 
     /// [`Grid::between`], with the four nodes of a cell next to each other.
-    fn between(&self, grid: &Grid, place: &Place) -> Vector3<f64> {
+    fn between(&self, grid: &Grid, place: &TablePoint) -> Vector3<f64> {
         let (cell, weights) = grid.cell(place);
         let terms = grid.terms(place);
         Vector3::from(self.cells[cell].each_ref().map(|axis| {

@@ -14,7 +14,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Most breaks a profile can have: its two ends, 4 of the stock's top, 2 of the facing condition, 2 of both, and of the pass
 /// beside its ends and as many turns as are likely.
-const MOST: usize = 20;
+const MOST_BREAKS: usize = 20;
 
 /// A point this far outside (m, and as a cosine) is off the patch; nearer may be rounding.
 const OFF_PATCH: f64 = 1e-9;
@@ -30,14 +30,14 @@ const SHORT: f64 = 0.1;
 
 /// Sorted break positions.
 pub(super) struct Breaks {
-    at: [f64; MOST],
+    at: [f64; MOST_BREAKS],
     len: usize,
     range: (f64, f64),
 }
 
 impl Breaks {
     fn new(lo: f64, hi: f64) -> Self {
-        let mut breaks = Breaks { at: [0.0; MOST], len: 0, range: (lo, hi) };
+        let mut breaks = Breaks { at: [0.0; MOST_BREAKS], len: 0, range: (lo, hi) };
         breaks.push(lo);
         breaks.push(hi);
         breaks
@@ -48,7 +48,7 @@ impl Breaks {
     }
 
     fn push(&mut self, at: f64) {
-        if self.len < MOST {
+        if self.len < MOST_BREAKS {
             self.at[self.len] = at;
             self.len += 1;
         }
@@ -57,7 +57,7 @@ impl Breaks {
     /// The intervals between the breaks that cut in their middle, and so all through.
     pub(super) fn intervals_where(mut self, cuts: impl Fn(f64) -> bool) -> impl Iterator<Item = Interval> {
         self.at[..self.len].sort_unstable_by(f64::total_cmp);
-        let (mut intervals, mut len, mut longest) = ([(0.0, 0.0); MOST], 0, 0.0f64);
+        let (mut intervals, mut len, mut longest) = ([(0.0, 0.0); MOST_BREAKS], 0, 0.0f64);
         for pair in self.at[..self.len].windows(2) {
             let (lo, hi) = (pair[0], pair[1]);
             if hi - lo > NO_CHUNK * self.range.1 && cuts(0.5 * (lo + hi)) {

@@ -71,9 +71,9 @@ pub(super) struct Grid {
     error: f64,
 }
 
-/// Place in the table: depth and turns in [−1, 1].
+/// A place in the table: depth and turns in [−1, 1].
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
+pub(super) struct TablePoint {
     pub(super) depth: f64,
     pub(super) turn: [f64; 2],
     /// Sine of the lead there, in units of the turn range.
@@ -162,7 +162,7 @@ impl ForceTable {
         shift: &Vector3<f64>,
         axis: &Unit<Vector3<f64>>,
         feed_per_tooth: f64,
-    ) -> Option<(&Grid, Place)> {
+    ) -> Option<(&Grid, TablePoint)> {
         let grid = self.grid_at(feed_per_tooth)?;
         let place = grid.place(shift, axis);
         // NaN goes to the integral too.
@@ -174,7 +174,7 @@ impl ForceTable {
     pub(super) fn faded(
         &self,
         force: Vector3<f64>,
-        place: &Place,
+        place: &TablePoint,
         integral: impl FnOnce() -> Vector3<f64>,
     ) -> Vector3<f64> {
         let reach = place.reach();
@@ -186,7 +186,7 @@ impl ForceTable {
     }
 }
 
-impl Place {
+impl TablePoint {
     #[inline(always)]
     pub(super) fn reach(&self) -> f64 {
         let [u, v] = self.turn;
@@ -225,8 +225,13 @@ impl Grid {
     }
 
     /// The polynomials at a depth, from values at the places of a fit.
-    fn polynomials(&self, milling: &Milling, depth: f64, (places, fit): (&[Place], &DMatrix<f64>)) -> [Values; TERMS] {
-        let rows: Vec<Values> = places.iter().map(|p| self.integral(milling, &Place { depth, ..*p })).collect();
+    fn polynomials(
+        &self,
+        milling: &Milling,
+        depth: f64,
+        (places, fit): (&[TablePoint], &DMatrix<f64>),
+    ) -> [Values; TERMS] {
+        let rows: Vec<Values> = places.iter().map(|p| self.integral(milling, &TablePoint { depth, ..*p })).collect();
         let coefficient = |m: usize, k: usize| {
             if m < fit.nrows() { (0..rows.len()).map(|i| fit[(m, i)] * rows[i][k]).sum() } else { 0.0 }
         };
@@ -242,7 +247,7 @@ impl Grid {
         let mut worst: f64 = 0.0;
         for cell in 0..self.cells {
             let place = column.at(milling, column.between_nodes(cell), [0.0; 2]);
-            let values = column.between(&Place { turn: [0.0; 2], lead: 0.0, ..place });
+            let values = column.between(&TablePoint { turn: [0.0; 2], lead: 0.0, ..place });
             worst = worst.max(error(milling, &self.integral(milling, &place), &values));
             if worst > enough {
                 break;
@@ -278,7 +283,7 @@ impl Grid {
     }
 
     /// Chebyshev points of the coordinates other than depth.
-    fn fit_places(&self, milling: &Milling) -> Vec<Place> {
+    fn fit_places(&self, milling: &Milling) -> Vec<TablePoint> {
         // A point more than the degree, and enough for the extra term where it is used.
         let turns = if self.level { 6 } else { 4 };
         let chebyshev = |i: usize, n: usize| (PI * (i as f64 + 0.5) / n as f64).cos();
@@ -291,8 +296,8 @@ impl Grid {
         places
     }
 
-    fn at(&self, milling: &Milling, depth: f64, turn: [f64; 2]) -> Place {
-        Place { depth, turn, lead: self.axis(milling, turn).x / self.turn_range }
+    fn at(&self, milling: &Milling, depth: f64, turn: [f64; 2]) -> TablePoint {
+        TablePoint { depth, turn, lead: self.axis(milling, turn).x / self.turn_range }
     }
 
     fn axis(&self, milling: &Milling, turn: [f64; 2]) -> Unit<Vector3<f64>> {
@@ -302,8 +307,8 @@ impl Grid {
     }
 
     #[inline(always)]
-    pub(super) fn place(&self, shift: &Vector3<f64>, axis: &Unit<Vector3<f64>>) -> Place {
-        Place {
+    pub(super) fn place(&self, shift: &Vector3<f64>, axis: &Unit<Vector3<f64>>) -> TablePoint {
+        TablePoint {
             depth: (shift.z - self.depth_middle) / self.depth_range,
             turn: self.across.map(|across| across.dot(axis) / self.turn_range),
             lead: axis.x / self.turn_range,
@@ -311,20 +316,20 @@ impl Grid {
     }
 
     /// The integral at a place.
-    fn integral(&self, milling: &Milling, place: &Place) -> Values {
+    fn integral(&self, milling: &Milling, place: &TablePoint) -> Values {
         let shift = Vector3::new(0.0, 0.0, self.depth_middle + place.depth * self.depth_range);
         let ForceParts { edge: e, cutting: c } = milling.force_parts(&shift, &self.axis(milling, place.turn));
         [e.x, e.y, e.z, c.x, c.y, c.z]
     }
 
     #[inline]
-    fn values(&self, place: &Place) -> Values {
+    fn values(&self, place: &TablePoint) -> Values {
         self.between(place)
     }
 
     /// The cell of a place, and the weights of the nodes at its −1, 0, 1, 2: a cubic through them.
     #[inline(always)]
-    pub(super) fn cell(&self, place: &Place) -> (usize, [f64; 4]) {
+    pub(super) fn cell(&self, place: &TablePoint) -> (usize, [f64; 4]) {
         let at = (0.5 * (place.depth + 1.0) * self.cells as f64).clamp(0.0, self.cells as f64);
         let cell = self.cell_at(at);
         let t = at - cell as f64;
@@ -343,7 +348,7 @@ impl Grid {
     }
 
     /// Values of the polynomials at the nodes, between them.
-    fn between(&self, place: &Place) -> Values {
+    fn between(&self, place: &TablePoint) -> Values {
         let (cell, weights) = self.cell(place);
         let terms = self.terms(place);
         let mut values = [0.0; 6];
@@ -362,14 +367,14 @@ impl Grid {
     /// Where the lead l passes zero, the ring where the corner meets the flat stops to face the
     /// feed: its arc integrals go as |l| and l·ln|l|, which no polynomial follows.
     #[inline(always)]
-    pub(super) fn terms(&self, place: &Place) -> [f64; TERMS] {
+    pub(super) fn terms(&self, place: &TablePoint) -> [f64; TERMS] {
         let ([u, v], l) = (place.turn, place.lead);
         let [kink, log] = if self.level { kinks(l) } else { [0.0; 2] };
         [1.0, u, v, u * u, u * v, v * v, u * u * u, u * u * v, u * v * v, v * v * v, kink, log]
     }
 
     /// Matrix that turns values at the places into coefficients of the terms.
-    fn least_squares(&self, places: &[Place]) -> DMatrix<f64> {
+    fn least_squares(&self, places: &[TablePoint]) -> DMatrix<f64> {
         let terms = if self.level { TERMS } else { SMOOTH };
         let design = DMatrix::from_fn(places.len(), terms, |i, m| self.terms(&places[i])[m]);
         // The points outnumber the terms and tell them apart: the matrix is positive definite.

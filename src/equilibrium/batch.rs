@@ -17,7 +17,7 @@ use crate::robot::kinematics::{Six, dot, one, set};
 use crate::robot::{BatchSolutions, Joints, Pose, turns_between};
 
 /// Rounds before the scalar solver takes over: with the secant real arms take four.
-const ROUNDS: usize = 8;
+const BATCH_ROUNDS: usize = 8;
 
 /// An arm that solves many targets at once.
 #[derive(Debug)]
@@ -173,7 +173,7 @@ impl<'a> Batch<'a> {
             Ok(found)
         };
         // It cannot fail: what is not found is left open.
-        let _ = inverse.run(model, block, at, (valid, inverse::ROUNDS), invert);
+        let _ = inverse.run(model, block, at, (valid, inverse::BATCH_ROUNDS), invert);
         let valid = inverse.done;
         block.site.commanded = *nominal_motor;
         forward.travel = inverse.travel;
@@ -202,7 +202,7 @@ impl<'a> Batch<'a> {
             at.set_offsets(model, block);
         }
         forward.begin(model, block, at);
-        forward.run(model, block, at, (valid, ROUNDS, PRINTED));
+        forward.run(model, block, at, (valid, BATCH_ROUNDS, PRINTED));
         predicted_poses.take(model, workspace);
         let inverse = &workspace.inverse;
         for lane in 0..count {
@@ -276,7 +276,7 @@ impl<'a> Batch<'a> {
         block.first(count);
         at.set_offsets(model, block);
         forward.begin(model, block, at);
-        forward.run(model, block, at, (LaneMask::first(count), ROUNDS, PRINTED));
+        forward.run(model, block, at, (LaneMask::first(count), BATCH_ROUNDS, PRINTED));
         predicted_poses.take(model, workspace);
         for lane in 0..count {
             if let Some(predicted) = predicted_poses.predicted(workspace, lane) {
@@ -294,7 +294,7 @@ impl<'a> Batch<'a> {
         mut put: impl FnMut(usize, Settled),
     ) {
         /// Twice what arms that settle take.
-        const ROUNDS: usize = 20;
+        const SETTLING_ROUNDS: usize = 20;
         let model = &self.model;
         let Workspace { block, at, forward, .. } = &mut room.workspace;
         for lane in 0..count {
@@ -308,7 +308,7 @@ impl<'a> Batch<'a> {
         forward.mixing = Lanes::default();
         at.set_offsets(model, block);
         forward.begin(model, block, at);
-        forward.run(model, block, at, (LaneMask::first(count), ROUNDS, EXACT));
+        forward.run(model, block, at, (LaneMask::first(count), SETTLING_ROUNDS, EXACT));
         let seen = at.wobj_from_tcp();
         for lane in (0..count).filter(|&lane| forward.done.lane(lane)) {
             let (under, mixing) = (forward.under.lane(lane), forward.mixing.lane(lane));
@@ -320,14 +320,14 @@ impl<'a> Batch<'a> {
     ///
     /// Some rounds from there instead of all from nothing: for differences, of which they leave a thousandth.
     pub(crate) fn nudged(&self, room: &mut Room<'_>, mut put: impl FnMut(usize, Pose)) {
-        const ROUNDS: usize = 2;
+        const DIFFERENCE_ROUNDS: usize = 2;
         let model = &self.model;
         let Workspace { block, at, forward, .. } = &mut room.workspace;
         (forward.under, forward.mixing) = (room.from, room.mixing);
         at.set_offsets(model, block);
         forward.begin(model, block, at);
         forward.close = LaneMask::first(WIDTH);
-        for _ in 0..ROUNDS {
+        for _ in 0..DIFFERENCE_ROUNDS {
             forward.done = LaneMask::default();
             forward.round(0, model, block, at, EXACT);
         }

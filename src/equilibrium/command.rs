@@ -112,7 +112,7 @@ impl Command {
 }
 
 /// Rounds for effects that move the geometry or depend on the command; each gains three digits or more.
-const ROUNDS: usize = 50;
+const MOST_CORRECTIONS: usize = 50;
 
 impl Arm {
     /// Inverse equilibrium: the command that puts the loaded TCP on `wobj_from_tcp`.
@@ -159,7 +159,7 @@ impl Arm {
         let Workspace { mut block, mut at, mut inverse, .. } = Workspace::at(&Site::of(situation, &setting));
         inverse.wanted = Frame::of(wobj_from_tcp);
         (inverse.motor, inverse.travel) = (motor.into(), (*travel).into());
-        inverse.run(&model, &mut block, &mut at, (true, ROUNDS), |asked, near| {
+        inverse.run(&model, &mut block, &mut at, (true, MOST_CORRECTIONS), |asked, near| {
             invert(&asked.lane(0), &one(near, 0)).map(|motor| (motor.into(), true))
         })?;
         let (motor, free, lost) = (one(&inverse.motor, 0), one(&inverse.free, 0), one(&inverse.lost, 0));
@@ -169,7 +169,11 @@ impl Arm {
         if !inverse.done {
             let change = motor - (free + travel.component_mul(&lost));
             let axis = change.iamax() + 1;
-            return Err(EquilibriumError::NoEquilibrium { rounds: ROUNDS, step_mm: 1e3 * inverse.change.sqrt(), axis });
+            return Err(EquilibriumError::NoEquilibrium {
+                rounds: MOST_CORRECTIONS,
+                step_mm: 1e3 * inverse.change.sqrt(),
+                axis,
+            });
         }
         Ok(Command { motor, free, lost, load: Load::of(&at) })
     }
@@ -196,7 +200,7 @@ impl Arm {
         let mut aim = *programmed;
         let mut motor = *near;
         let mut gap = f64::INFINITY;
-        for _ in 0..ROUNDS {
+        for _ in 0..MOST_CORRECTIONS {
             motor = self.robot.inverse_near_unlimited(&(situation.base_from_wobj * aim * tcp_from_flange), &motor)?;
             let there = self.predict(situation, &motor, travel)?;
             let miss = there.wobj_from_tcp.translation.vector - wanted;
@@ -212,6 +216,6 @@ impl Arm {
             }
             aim.translation.vector -= miss;
         }
-        Err(EquilibriumError::NoEquilibrium { rounds: ROUNDS, step_mm: 1e3 * gap, axis: 0 })
+        Err(EquilibriumError::NoEquilibrium { rounds: MOST_CORRECTIONS, step_mm: 1e3 * gap, axis: 0 })
     }
 }

@@ -38,7 +38,7 @@ pub(super) struct Inverse<R: Number> {
 }
 
 /// Rounds that a batch takes; the scalar solver takes more.
-pub(super) const ROUNDS: usize = 8;
+pub(super) const BATCH_ROUNDS: usize = 8;
 
 /// Commands that would change by less than this in another round are found, rad: 1e-9 mm at 3 m.
 pub(super) const FOUND: f64 = 3e-13;

@@ -53,7 +53,7 @@ pub(super) const EXACT: Rules = Rules { tolerance: 3e-13, warm_start: false, rel
 pub(super) const PRINTED: Rules = Rules { tolerance: 2e-12, warm_start: true, relaxation: 1.0, far: false };
 
 /// Rounds of one attempt. With the secant real arms take six; where it is not used, twenty.
-const ROUNDS: usize = 200;
+const MOST_EVALUATIONS: usize = 200;
 
 /// Steps of the TCP that go on and on and are this small, m or rad, are no running away: the force itself has steps of a
 /// millionth where its table ends, and the tool goes to and fro over one. A hundredth of a micrometre.
@@ -108,7 +108,7 @@ impl<'a> Workspace<'a, f64> {
         forward.begin(model, block, at);
         let (mut first_step, mut step) = (f64::INFINITY, f64::INFINITY);
         let mut before = at.wobj_from_tcp();
-        for round in 0..ROUNDS {
+        for round in 0..MOST_EVALUATIONS {
             forward.round(round, model, block, at, rules);
             let seen = at.wobj_from_tcp();
             if forward.done {
@@ -139,7 +139,11 @@ impl<'a> Workspace<'a, f64> {
         if rules.relaxation >= 1.0 && step < RESTLESS {
             return Ok(());
         }
-        Err(EquilibriumError::NoEquilibrium { rounds: ROUNDS, step_mm: 1e3 * step, axis: forward.last_step(0).1 + 1 })
+        Err(EquilibriumError::NoEquilibrium {
+            rounds: MOST_EVALUATIONS,
+            step_mm: 1e3 * step,
+            axis: forward.last_step(0).1 + 1,
+        })
     }
 }
 

@@ -80,10 +80,10 @@ pub(super) fn all(arm: &Arm, problem: &Problem, covariances: &[Option<DMatrix<f6
 /// constant that the run could show.
 fn bounded(candidate: Candidate, kind: &Kind, survey: &Survey) -> Vec<Candidate> {
     /// Of the least time constant that is tried: what is over sooner is an offset from the first rows on.
-    const LEAST: f64 = 0.5;
+    const SHORTEST: f64 = 0.5;
     let Home::New(shape) = &candidate.home else { return vec![candidate] };
     let names: Vec<String> = shape.0.parameters().into_iter().map(|p| p.name).collect();
-    let least = survey.time.map_or(0.0, |(from, to)| LEAST * TIME_CONSTANTS[0] * (to - from));
+    let least = survey.time.map_or(0.0, |(from, to)| SHORTEST * TIME_CONSTANTS[0] * (to - from));
     let of_sign = |positive: bool| {
         let mut new = candidate.clone();
         for (name, (low, high)) in names.iter().zip(&mut new.bounds) {
@@ -105,12 +105,12 @@ fn curves(survey: &Survey) -> Vec<Candidate> {
     /// Degrees: delivered robots show waves of 12° and more, and shorter ones that only many rows a degree hold.
     const SPACINGS_DEG: (f64, f64) = (1.25, 2.5);
     /// Knots of a joint from which on they are spaced wider: the work grows as their cube.
-    const MOST: f64 = 100.0;
+    const MOST_KNOTS: f64 = 100.0;
     /// A joint that moved less shows no curve, degrees.
     const LEAST_RANGE_DEG: f64 = 4.0;
     let of_joint = |joint: usize| {
         let (from, to) = (survey.motor_min[joint].to_degrees(), survey.motor_max[joint].to_degrees());
-        let spacing = ((to - from) / MOST).clamp(SPACINGS_DEG.0, SPACINGS_DEG.1);
+        let spacing = ((to - from) / MOST_KNOTS).clamp(SPACINGS_DEG.0, SPACINGS_DEG.1);
         let curve = (to - from >= LEAST_RANGE_DEG).then(|| joint_error_curve(joint + 1, from, to, spacing))?;
         Candidate::new(curve.as_ref(), Home::New(Shape(curve.clone_box())), 1.0).into_curve()
     };
@@ -139,7 +139,7 @@ fn time_constants(variants: Vec<Box<dyn Effect>>, name: &str, survey: &Survey) -
 /// Names of the units that move over the rows.
 fn moving_units(problem: &Problem) -> Vec<String> {
     /// Less than this tells nothing of where a unit stands, mm or degrees.
-    const LEAST: f64 = 1.0;
+    const LEAST_TRAVEL: f64 = 1.0;
     let mut range = [(f64::INFINITY, f64::NEG_INFINITY); EXTERNAL_AXES];
     for row in &problem.rows {
         let Some(external) = problem.runs[row.run].external(row.point) else { continue };
@@ -147,7 +147,7 @@ fn moving_units(problem: &Problem) -> Vec<String> {
             *range = (range.0.min(*position), range.1.max(*position));
         }
     }
-    let moves = |unit: &&Unit| range[unit.axis].1 - range[unit.axis].0 > LEAST;
+    let moves = |unit: &&Unit| range[unit.axis].1 - range[unit.axis].0 > LEAST_TRAVEL;
     problem.units.all().iter().filter(moves).map(|unit| unit.name.clone()).collect()
 }
 

@@ -480,10 +480,10 @@ impl Problem {
     /// Sets rows aside, as many along all of each run, until about as many are left as a search needs; returns them.
     pub(super) fn set_aside(&mut self) -> Vec<Observation> {
         /// Rows that are searched on, but for a few: from one part, and over the whole robot with its hundreds of columns.
-        const MOST: [usize; 2] = [1_000, 12_500];
+        const SEARCHED_ROWS: [usize; 2] = [1_000, 12_500];
         /// Its multiples leave no gaps (Weyl 1916): every so-many-th row would be the same few targets of a program that repeats.
         const GOLDEN: f64 = 0.618_033_988_749_894_9;
-        let share = MOST[usize::from(self.free_device)] as f64 / self.rows.len() as f64;
+        let share = SEARCHED_ROWS[usize::from(self.free_device)] as f64 / self.rows.len() as f64;
         if share >= 1.0 {
             return Vec::new();
         }

@@ -21,8 +21,8 @@ pub(super) enum Device {
 /// |p − d|² is linear in d and |d|², so that a start needs no guess; over a plane the side is open, and the one that
 /// fits better is taken, the upper where both do.
 pub(super) fn fixed_point(pairs: &[(Vector3<f64>, f64)]) -> Option<Vector3<f64>> {
-    const LEAST: usize = 4;
-    if pairs.len() < LEAST {
+    const FEWEST_ROWS: usize = 4;
+    if pairs.len() < FEWEST_ROWS {
         return None;
     }
     let n = pairs.len() as f64;

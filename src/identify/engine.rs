@@ -8,7 +8,7 @@ use super::design::Design;
 use super::device::Device;
 use super::device_pose;
 use super::differences::Reuse;
-use super::found::{Choice, Linearised, Map, Ranking, Refused, Told};
+use super::found::{Choice, Findings, Linearised, Map, Ranking, Refused};
 use super::gear::{self, Comb, Grid, Term};
 use super::moments::Moments;
 use super::noise;
@@ -86,7 +86,7 @@ fn reached(progress: &Progress<'_>, share: f64) -> Result<(), Vec<Diagnostic>> {
 /// Fewer rows than this cannot be split into fitted and held-out blocks.
 const LEAST_ROWS: usize = 8;
 /// Rounds of linearising, choosing and refitting.
-const ROUNDS: usize = 6;
+const CHOOSING_ROUNDS: usize = 6;
 /// Rows that every number is fitted to at most: of denser tables those that were searched on hold them well enough.
 const FITTED: usize = 4_000;
 /// One row in so many is few, over the whole robot.
@@ -349,14 +349,14 @@ impl Engine {
         }
         let mut visited: Vec<Vec<usize>> = Vec::new();
         let mut whole_arm = None;
-        for round in 0..ROUNDS {
+        for round in 0..CHOOSING_ROUNDS {
             let shapes = self.shapes_about();
             let wanted: Vec<usize> = (0..self.candidates.len()).collect();
             // Two designs at a time would be twice the memory.
             drop(linear.take());
-            reached(progress, within(SOUGHT, CHOSEN, round, ROUNDS))?;
+            reached(progress, within(SOUGHT, CHOSEN, round, CHOOSING_ROUNDS))?;
             let now = self.linearise(&wanted, &shapes);
-            reached(progress, within(SOUGHT, CHOSEN, 2 * round + 1, 2 * ROUNDS))?;
+            reached(progress, within(SOUGHT, CHOSEN, 2 * round + 1, 2 * CHOOSING_ROUNDS))?;
             let staged = whole.then(|| self.staged(&now));
             let search = Search::new(&self.candidates, &now.moments, &now.always);
             let everything = |_: &Candidate| true;
@@ -396,16 +396,16 @@ impl Engine {
                 break;
             }
             self.choose(set.clone());
-            let unlisted = gate && round + 1 < ROUNDS && self.add_unlisted();
+            let unlisted = gate && round + 1 < CHOOSING_ROUNDS && self.add_unlisted();
             let field = field.filter(|_| !unlisted);
             // Of ten thousand rows a few more stand out in every round: no reason for another one.
             let few = if whole { self.problem.rows.len() / FEW } else { 0 };
             let outliers = self.mark_outliers() > few;
             // Together with a field, what is periodic in a joint can imitate anything: it would be withdrawn.
-            let seek = !whole && round + 1 < ROUNDS && self.shape.field.is_none();
+            let seek = !whole && round + 1 < CHOOSING_ROUNDS && self.shape.field.is_none();
             let gear = seek && self.add_gear(&now);
             let jump = seek && self.add_jumps();
-            let tails = !whole && round + 1 < ROUNDS && self.widen_tails();
+            let tails = !whole && round + 1 < CHOOSING_ROUNDS && self.widen_tails();
             let weighed = self.weigh_turns();
             let new = outliers || gear || jump || tails || unlisted || weighed;
             if new {
@@ -494,7 +494,7 @@ impl Engine {
         }
         let after = self.left_by_cell();
         let before = if dense { self.problem.residual(&self.declared) } else { before.clone() };
-        let told = Told { elsewhere, posteriors, ranking, unexplained, stages, refit: every && !whole };
+        let told = Findings { elsewhere, posteriors, ranking, unexplained, stages, refit: every && !whole };
         Ok(self.outcome(&before, &after, told, data_hash))
     }
 
@@ -517,7 +517,7 @@ impl Engine {
         (sigma, shape): (f64, usize),
     ) -> (Vec<SetShare>, f64) {
         /// A set's spread beyond this is no width of its numbers any more.
-        const MOST: f64 = 25.0;
+        const WIDEST_SPREAD: f64 = 25.0;
         let moments = &linear.moments[shape];
         let frames = linear.always.len();
         let in_cell = |column: usize| {
@@ -553,7 +553,7 @@ impl Engine {
             .iter()
             .filter_map(|(share, other)| predicted(other).map(|(there, ..)| share * (there - &own).norm_squared()))
             .sum();
-        let spread = if within > 0.0 { (1.0 + between / within).min(MOST) } else { 1.0 };
+        let spread = if within > 0.0 { (1.0 + between / within).min(WIDEST_SPREAD) } else { 1.0 };
         (told, spread)
     }
 

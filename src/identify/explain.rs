@@ -5,7 +5,7 @@ use super::candidate::{Candidate, Home, fitted, with};
 use super::controller;
 use super::data::Observation;
 use super::engine::Engine;
-use super::found::{Linearised, MAP, Map, Posterior, Ranking, Refused, Told};
+use super::found::{Findings, Linearised, MAP, Map, Posterior, Ranking, Refused};
 use super::noise;
 use super::outcome::{
     Added, Correlate, Coverage, Errors, FittedParameter, Identification, InModel, MENTIONED, NAMED, Ranked,
@@ -95,10 +95,10 @@ impl Engine {
         &mut self,
         before: &DVector<f64>,
         after: &DVector<f64>,
-        told: Told,
+        told: Findings,
         data_hash: &str,
     ) -> Identification {
-        let Told { mut posteriors, ranking, unexplained, stages, refit, elsewhere } = told;
+        let Findings { mut posteriors, ranking, unexplained, stages, refit, elsewhere } = told;
         let held_out = |row: &Observation| row.held_out;
         let left_before = self.left_by_declared_as_found(before);
         // In no cell: it is taken off both.

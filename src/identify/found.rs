@@ -11,7 +11,7 @@ use nalgebra::DVector;
 pub(super) type Posterior = (usize, (f64, Vec<(String, f64)>));
 
 /// What the search has found out before the answer is put together.
-pub(super) struct Told {
+pub(super) struct Findings {
     pub(super) posteriors: Vec<Posterior>,
     pub(super) ranking: Ranking,
     pub(super) unexplained: Unexplained,

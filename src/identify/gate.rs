@@ -146,9 +146,10 @@ impl Engine {
                 .sum()
         };
         /// Rows that a jump must have before it and after it.
-        const LEAST: usize = 4;
-        let best =
-            (LEAST..rows.len().saturating_sub(LEAST)).map(|at| (gain(at), at)).max_by(|a, b| a.0.total_cmp(&b.0))?;
+        const FEWEST_ROWS: usize = 4;
+        let best = (FEWEST_ROWS..rows.len().saturating_sub(FEWEST_ROWS))
+            .map(|at| (gain(at), at))
+            .max_by(|a, b| a.0.total_cmp(&b.0))?;
         (best.0 > search::PRICE + (rows.len() as f64).ln()).then(|| rows[best.1].order)
     }
 
@@ -266,9 +267,9 @@ impl Engine {
     /// Whether the noise is well beyond what the table declares.
     pub(super) fn scatters_more(&self) -> bool {
         /// Times the declared standard deviation, the drift of an arm included.
-        const MOST: f64 = 1.6;
+        const MOST_SCATTER: f64 = 1.6;
         let all = self.sigma * (1.0 + self.shape.drift).sqrt();
-        self.problem.declared_sigma_mm.is_some_and(|declared| all > MOST * declared)
+        self.problem.declared_sigma_mm.is_some_and(|declared| all > MOST_SCATTER * declared)
     }
 
     /// Whether the forces of the table are not those that acted.

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use std::f64::consts::TAU;
 
 /// Harmonics at most: a gear that needs more has no few clean ones.
-const MOST: usize = 4;
+const MOST_HARMONICS: usize = 4;
 /// Orders are whole or halves of a reducer's stages; quarters are finer than data resolve.
 const FINEST: f64 = 0.25;
 /// Periods that must be seen: over less, a harmonic and a smooth curve are one thing, and the curve claims less.
@@ -266,7 +266,7 @@ impl<'a> Comb<'a> {
         let mut crosses = Crosses::new(self.grid.as_ref(), &data);
         let mut found = Fitted { terms: Vec::new(), mean: DVector::zeros(0) };
         let (mut value, mut left) = (0.0, data.clone());
-        while found.terms.len() < MOST {
+        while found.terms.len() < MOST_HARMONICS {
             let Some((next, gain)) = self.best_of_grid(&mut crosses, &found) else { break };
             if gain < 0.5 * price {
                 break;

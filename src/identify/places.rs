@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 
 /// A place on the path: share of the way into a target, 1 at the target.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Place {
+struct PathPosition {
     target: usize,
     share: f64,
     off_mm: f64,
@@ -81,10 +81,10 @@ impl<'a> Path<'a> {
     }
 
     /// The nearest place; refuses what is far from the path, or as near to another stretch of it.
-    fn nearest(&self, nominal_mm: &Vector3<f64>) -> Result<Place, String> {
+    fn nearest(&self, nominal_mm: &Vector3<f64>) -> Result<PathPosition, String> {
         /// As near: by this, mm, or this share of the distance.
         const ALIKE: (f64, f64) = (0.1, 0.25);
-        let mut near: Vec<Place> = (0..self.ends.len())
+        let mut near: Vec<PathPosition> = (0..self.ends.len())
             .map(|i| self.on_way(i, nominal_mm))
             .filter(|place| place.off_mm <= self.match_mm)
             .collect();
@@ -97,7 +97,7 @@ impl<'a> Path<'a> {
             ));
         };
         let limit = best.off_mm + ALIKE.0.max(ALIKE.1 * best.off_mm);
-        let apart = |place: &&Place| (place.along_mm - best.along_mm).abs() > 2.0 * self.match_mm;
+        let apart = |place: &&PathPosition| (place.along_mm - best.along_mm).abs() > 2.0 * self.match_mm;
         match near.iter().take_while(|place| place.off_mm <= limit).find(apart) {
             Some(other) => Err(format!(
                 "the nominal point is as near to the way into target {} ({:.2} mm) as to that into target {} ({:.2} mm): name the target",
@@ -111,7 +111,7 @@ impl<'a> Path<'a> {
     }
 
     /// The nearest place on the way into a target.
-    fn on_way(&self, target: usize, nominal_mm: &Vector3<f64>) -> Place {
+    fn on_way(&self, target: usize, nominal_mm: &Vector3<f64>) -> PathPosition {
         let (end, here) = (self.ends[target], &self.program.targets[target]);
         let straight =
             |before: &usize| here.motion == Motion::Linear && self.program.targets[*before].wobj == here.wobj;
@@ -124,7 +124,7 @@ impl<'a> Path<'a> {
         let from = before.map_or(end, |before| self.ends[before]);
         let place = from + (end - from) * share;
         let length = (end - from).norm();
-        Place {
+        PathPosition {
             target,
             share,
             off_mm: (place - nominal_mm).norm(),
@@ -134,7 +134,11 @@ impl<'a> Path<'a> {
 }
 
 /// The point at a share of the way into a target: straight, evenly turned, the joints nearest to those before.
-fn between(cell: &Cell, prepared: &Prepared, Place { target, share, .. }: Place) -> Result<Point, String> {
+fn between(
+    cell: &Cell,
+    prepared: &Prepared,
+    PathPosition { target, share, .. }: PathPosition,
+) -> Result<Point, String> {
     let end = &prepared.points[target];
     let mut point = end.clone();
     let Some(before) = target.checked_sub(1).map(|before| &prepared.points[before]).filter(|_| share < 1.0) else {

@@ -332,10 +332,10 @@ fn nearest_rotation(matrix: &Matrix3<f64>) -> Rotation3<f64> {
 /// Rigid registration, in which points far off take no part.
 fn registered(pairs: &[Pair]) -> Pose {
     /// Enough for blunders of every size.
-    const ROUNDS: usize = 10;
+    const TRIMMING_ROUNDS: usize = 10;
     let mut kept = pairs.to_vec();
     let mut pose = registration(&kept);
-    for _ in 0..ROUNDS {
+    for _ in 0..TRIMMING_ROUNDS {
         let limit = (FAR * median(kept.iter().map(|pair| gap(&pose, pair)).collect())).max(1e-3 * ELSEWHERE_MM);
         let near: Vec<Pair> = pairs.iter().copied().filter(|pair| gap(&pose, pair) <= limit).collect();
         if near.len() == kept.len() {

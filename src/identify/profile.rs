@@ -195,9 +195,9 @@ impl<'a> Level<'a> {
 
     /// Where the evidence is most about a node, nodes from it (Newton's method).
     fn top(&self, node: i32, explained: &Parabola, half_log_det: &Parabola) -> f64 {
-        const ROUNDS: usize = 6;
+        const NEWTON_STEPS: usize = 6;
         let (n, mut at) = (self.moments.count as f64, 0.0f64);
-        for _ in 0..ROUNDS {
+        for _ in 0..NEWTON_STEPS {
             let log_sigma = (f64::from(node) + at) * STEP;
             let precision = (-2.0 * log_sigma).exp();
             let left = self.moments.square - explained.at(at);

@@ -49,7 +49,7 @@ pub(super) fn caution(scalars: usize) -> f64 {
 }
 
 /// Sets of more members than this are not what one table shows (a curve a joint is a member).
-pub(super) const MOST: usize = 12;
+pub(super) const MOST_MEMBERS: usize = 12;
 
 /// Searches over sets of candidates.
 pub(super) struct Search<'a> {
@@ -276,9 +276,9 @@ impl<'a> Search<'a> {
         let mut set = start;
         let mut own = self.weighed(&set);
         // Each round gains.
-        for _ in 0..3 * MOST {
+        for _ in 0..3 * MOST_MEMBERS {
             let mut moves: Vec<Vec<usize>> = Vec::new();
-            if set.len() < MOST {
+            if set.len() < MOST_MEMBERS {
                 moves.extend(pool.iter().filter(|&&c| self.joins(&set, c)).map(|&c| [&set[..], &[c]].concat()));
             }
             for i in 0..set.len() {

@@ -8,7 +8,7 @@ use super::columns::Columns;
 use super::device_pose;
 use super::engine::Engine;
 use super::found::{Choice, Linearised};
-use super::search::{FIELD, FLEXIBLE, MOST, PRICE, Search};
+use super::search::{FIELD, FLEXIBLE, MOST_MEMBERS, PRICE, Search};
 use super::smooth::{Beside, Curve};
 use crate::effects::Stage;
 use nalgebra::DVector;
@@ -168,7 +168,7 @@ impl Engine {
         let pool: Vec<usize> = (0..self.candidates.len()).filter(|&c| self.candidates[c].curve.is_none()).collect();
         search.narrow(&pool);
         let mut set: Vec<usize> = Vec::new();
-        for _ in 0..MOST {
+        for _ in 0..MOST_MEMBERS {
             let value = search.objective(&set);
             let gain = |&c: &usize| (search.objective(&[&set[..], &[c]].concat()) - value, c);
             let best = pool.iter().filter(|&&c| search.joins(&set, c)).map(gain).max_by(|a, b| a.0.total_cmp(&b.0));

@@ -337,7 +337,7 @@ impl Engine {
 /// Rows of one group each: near one another in place, posture and load (Lloyd 1982, from rows spread evenly along the table).
 fn groups(places: &[noise::Places], spreads: [f64; noise::OVER.len()]) -> Vec<usize> {
     /// Rounds after which rows hardly change their group.
-    const ROUNDS: usize = 20;
+    const LLOYD_ROUNDS: usize = 20;
     let scaled = |place: &noise::Places| -> DVector<f64> {
         DVector::from_iterator(
             9,
@@ -352,7 +352,7 @@ fn groups(places: &[noise::Places], spreads: [f64; noise::OVER.len()]) -> Vec<us
     let mut centres: Vec<DVector<f64>> =
         (0..count).map(|g| points[g * (points.len() - 1) / (count - 1).max(1)].clone()).collect();
     let mut nearest = vec![0; points.len()];
-    for _ in 0..ROUNDS {
+    for _ in 0..LLOYD_ROUNDS {
         for (group, point) in nearest.iter_mut().zip(&points) {
             let apart = |g: &usize| (point - &centres[*g]).norm_squared();
             *group = (0..count).min_by(|a, b| apart(a).total_cmp(&apart(b))).unwrap_or(0);

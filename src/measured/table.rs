@@ -73,7 +73,7 @@ pub const MATCH_MM: f64 = 5.0;
 
 /// Beyond these sizes a number is a slip or another unit, whatever robot it is of: the largest reach 5 m and stand on tracks of
 /// some 100 m, carry 2.3 t and push with less than 100 kN.
-const MOST: [f64; COLUMNS.len()] = {
+const LARGEST: [f64; COLUMNS.len()] = {
     const PLACE_MM: f64 = 1e6;
     const ANGLE_DEG: f64 = 1e5;
     const FORCE_N: f64 = 1e6;
@@ -321,8 +321,8 @@ impl Cells<'_> {
             (format!("{}: {message}", COLUMNS[column]), "write all numbers of a file alike".to_owned())
         })?;
         match number {
-            Some(value) if value.abs() > MOST[column] => Err((
-                format!("{} is {text}, far beyond any robot (at most {:e})", COLUMNS[column], MOST[column]),
+            Some(value) if value.abs() > LARGEST[column] => Err((
+                format!("{} is {text}, far beyond any robot (at most {:e})", COLUMNS[column], LARGEST[column]),
                 "check the number and its unit".into(),
             )),
             Some(value) => Ok(Some(value)),

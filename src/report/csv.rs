@@ -311,7 +311,7 @@ pub fn csv_field(text: &str) -> Cow<'_, str> {
 
 /// Bytes of a usual row, and most of any but for long texts.
 const USUAL: usize = 330;
-const MOST: usize = NUMBERS * Fixed::SIZE + REPORT_COLUMNS.len() * SHORT;
+const MOST_BYTES: usize = NUMBERS * Fixed::SIZE + REPORT_COLUMNS.len() * SHORT;
 /// Texts up to this go along with the numbers.
 const SHORT: usize = 32;
 
@@ -335,7 +335,7 @@ struct Text {
 impl Text {
     /// Takes a row: what [`Text::row_plain`] writes.
     fn row(&mut self, row: &Row, digits: &[Digits; BLOCKS]) {
-        if self.len + MOST > AT_ONCE {
+        if self.len + MOST_BYTES > AT_ONCE {
             self.pass_on();
         }
         self.columns(row, digits);

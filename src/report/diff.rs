@@ -163,7 +163,7 @@ pub fn shift_mm(a: &Goal, b: &Goal) -> f64 {
 /// Text outside of the targets' numbers: `first` rewritten to the targets of `second` must read as `second` does.
 fn other_text(first: &Program, second: &Program, pairs: &Pairs, out: &mut Vec<OtherDifference>) {
     // A few lines tell; a wholly different file needs no list.
-    const MOST: usize = 50;
+    const MOST_COMPARED: usize = 50;
     let as_second = if pairs.same.len() == first.targets.len() {
         let wanted = pairs.same.iter().map(|(i, k, _)| change(&first.targets[*i].goal, &second.targets[*k].goal));
         first.rewrite(&wanted.collect::<Vec<_>>(), &[], &RewriteOptions::default()).edits
@@ -197,7 +197,7 @@ fn other_text(first: &Program, second: &Program, pairs: &Pairs, out: &mut Vec<Ot
                     break;
                 }
             }
-            if out.len() > MOST {
+            if out.len() > MOST_COMPARED {
                 return;
             }
         }
@@ -274,12 +274,12 @@ pub fn diff_text(found: &Difference) -> String {
 #[must_use]
 pub fn diff_summary(found: &Difference) -> String {
     /// Targets and other differences that are named.
-    const MOST: usize = 10;
+    const MOST_NAMED: usize = 10;
     let mut moved: Vec<&MovedTarget> = found.moved.iter().collect();
     moved.sort_by(|a, b| b.mm.total_cmp(&a.mm));
-    moved.truncate(MOST);
-    let mut text = text_of(found, &moved, found.other.len().min(MOST));
-    if found.moved.len() > MOST || found.other.len() > MOST {
+    moved.truncate(MOST_NAMED);
+    let mut text = text_of(found, &moved, found.other.len().min(MOST_NAMED));
+    if found.moved.len() > MOST_NAMED || found.other.len() > MOST_NAMED {
         text += "the largest are listed: --report CSV has every target\n";
     }
     text

@@ -207,8 +207,8 @@ pub(super) fn elsewhere(found: &Identification) -> String {
 
 /// Each parameter with its interval; of a curve's knots only how many and how large, since they are hundreds.
 fn write_parameters(out: &mut String, parameters: &[FittedParameter]) {
-    const MOST: usize = 36; // of the effects that are no curves, `link_geometry` has most
-    if parameters.len() <= MOST {
+    const MOST_PRINTED: usize = 36; // of the effects that are no curves, `link_geometry` has most
+    if parameters.len() <= MOST_PRINTED {
         for p in parameters {
             let [low, high] = p.ci95;
             let _ = writeln!(out, "    {:26} {:12.4e} {}  [{low:.4e}, {high:.4e}]", p.name, p.value, p.unit);

@@ -144,10 +144,10 @@ pub fn probe(actual: &Stock, point: &Vector3<f64>, normal: Option<&Vector3<f64>>
     let at = |way: f64| sign * actual.depth(&(point + normal * (sign * way)));
     // The depth changes no faster than the way: steps of its size do not pass the surface.
     let (mut low, mut way) = (0.0, 0.0);
-    const LEAST: f64 = 1e-6;
+    const LEAST_STEP: f64 = 1e-6;
     while at(way) > 0.0 {
         low = way;
-        way += at(way).max(LEAST);
+        way += at(way).max(LEAST_STEP);
         if way > PROBE_REACH {
             return None;
         }

@@ -20,7 +20,7 @@ const CLOSE: f64 = 0.05;
 
 /// A target as a program writes it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Place<'a> {
+pub(crate) struct WrittenTarget<'a> {
     pub(crate) base_from_wobj: &'a Pose,
     pub(crate) position_mm: &'a [f64; 3],
     /// Scalar first, of any length.
@@ -50,13 +50,13 @@ pub(crate) struct BatchSolutions {
 }
 
 impl BatchSolutions {
-    fn set<'p>(&mut self, count: usize, place: &impl Fn(usize) -> Place<'p>) {
+    fn set<'p>(&mut self, count: usize, place: &impl Fn(usize) -> WrittenTarget<'p>) {
         let first = place(0);
         // Tool and work object seldom change.
         self.base_from_wobj = Frame::of(first.base_from_wobj);
         self.flange_from_tcp = Frame::of(first.flange_from_tcp);
         for lane in 0..count {
-            let Place { base_from_wobj, position_mm, quat, flange_from_tcp, near } = place(lane);
+            let WrittenTarget { base_from_wobj, position_mm, quat, flange_from_tcp, near } = place(lane);
             if !std::ptr::eq(base_from_wobj, first.base_from_wobj) {
                 self.base_from_wobj.set(lane, base_from_wobj);
             }
@@ -124,7 +124,12 @@ impl<'a> BatchArm<'a> {
     }
 
     /// What the first `count` of eight targets come to.
-    pub(crate) fn find<'p>(&self, count: usize, place: impl Fn(usize) -> Place<'p>, found: &mut BatchSolutions) {
+    pub(crate) fn find<'p>(
+        &self,
+        count: usize,
+        place: impl Fn(usize) -> WrittenTarget<'p>,
+        found: &mut BatchSolutions,
+    ) {
         if count == 0 {
             return;
         }
@@ -277,11 +282,11 @@ mod tests {
                     ([v.x, v.y, v.z], [quat.w * size, quat.i * size, quat.j * size, quat.k * size])
                 })
                 .collect();
-            let places: Vec<Place<'_>> = written
+            let places: Vec<WrittenTarget<'_>> = written
                 .iter()
                 .zip(&nears)
                 .map(|((position_mm, quat), near)| {
-                    Place { base_from_wobj: &wobj, position_mm, quat, flange_from_tcp: &tool, near }
+                    WrittenTarget { base_from_wobj: &wobj, position_mm, quat, flange_from_tcp: &tool, near }
                 })
                 .collect();
             let (mut all, mut again) = (BatchSolutions::default(), BatchSolutions::default());
@@ -301,7 +306,7 @@ mod tests {
                 let (serial, form) = (robot.serial_from_motor(&motors[i]), robot.closed_form().unwrap());
                 let wrist = robot.frames(&motors[i]).origin(4);
                 let easy = robot.limit_violation(&motors[i]).is_none() && sine(serial[4]) > 0.3 && sine(serial[2] + robot.links.rows()[2].theta + form.gamma) > 0.3 && wrist.xy().norm() > 0.4;
-                eight.find(1, |_| Place { near: &motors[i], ..places[i] }, &mut again);
+                eight.find(1, |_| WrittenTarget { near: &motors[i], ..places[i] }, &mut again);
                 let again = again.nearest(0, &motors[i]);
                 prop_assert!(!easy || again.is_some(), "{}", motors[i]);
             }

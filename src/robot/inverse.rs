@@ -359,7 +359,7 @@ impl Robot {
 /// It did not converge: the seed is too far or the pose cannot be reached.
 pub fn polish(links: &Links, base_from_last: &Pose, seed: &Joints) -> Result<Joints, Unreachable> {
     // Newton doubles its digits: 50 rounds are reached only where it wanders.
-    const ROUNDS: usize = 50;
+    const NEWTON_STEPS: usize = 50;
     // m and rad: two orders above f64 noise over 4 m, four below a printed digit.
     const DONE: f64 = 1e-13;
     const GOOD_ENOUGH: f64 = 1e-10;
@@ -367,7 +367,7 @@ pub fn polish(links: &Links, base_from_last: &Pose, seed: &Joints) -> Result<Joi
     const STRIDE: f64 = 0.5;
     let mut joints = *seed;
     let mut best = (f64::INFINITY, joints);
-    for _ in 0..ROUNDS {
+    for _ in 0..NEWTON_STEPS {
         let frames = links.chain(&joints);
         let gap = pose_gap(frames.base_from_flange(), base_from_last);
         let size = gap.norm();

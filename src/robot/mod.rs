@@ -25,7 +25,7 @@ mod unit;
 
 pub use crate::lanes::Pose;
 pub use crate::program::{AxisName, EXTERNAL_AXES, External};
-pub(crate) use batch::{BatchArm, BatchSolutions, Place};
+pub(crate) use batch::{BatchArm, BatchSolutions, WrittenTarget};
 pub use builtin::{BUILTIN, Builtin};
 pub(crate) use configuration::turn_numbers;
 pub use configuration::{conf_is, conf_like, confdata_of, config_of, status_of};

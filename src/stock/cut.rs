@@ -213,8 +213,8 @@ fn lowest_of_ramp(solid: &Solid, from: [f64; 2], way: [f64; 2], rise: f64, neare
         return (high, across(high));
     }
     let mut at_high = at_high;
-    const ROUNDS: usize = 12;
-    for round in 0..ROUNDS {
+    const BRACKETINGS: usize = 12;
+    for round in 0..BRACKETINGS {
         let share = if round % 2 == 1 { 0.5 } else { (at_low / (at_low - at_high)).clamp(0.01, 0.99) };
         let middle = low + (high - low) * share;
         let at = slope(middle) * (high - low);
@@ -232,11 +232,11 @@ fn lowest_of_ramp(solid: &Solid, from: [f64; 2], way: [f64; 2], rise: f64, neare
 ///
 /// The distance is convex along the line, so that Newton's steps come to the first place from outside and never pass it.
 fn enter(sweep: &Sweep, [x, y]: [f64; 2], from: f64, upwards: f64) -> Option<f64> {
-    const ROUNDS: usize = 40;
+    const NEWTON_STEPS: usize = 40;
     /// Nearer than this is there, m.
     const THERE: f64 = 1e-9;
     let mut z = from;
-    for _ in 0..ROUNDS {
+    for _ in 0..NEWTON_STEPS {
         let Distance { value, slope } = sweep.distance_along_z(&Vector3::new(x, y, z));
         if value <= THERE {
             return Some(z);

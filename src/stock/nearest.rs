@@ -16,7 +16,7 @@ const MET: f64 = 2e-6;
 const HALVINGS: usize = 20;
 
 /// Rounds that lead along a surface to its nearest place; a plane takes one.
-const ROUNDS: usize = 6;
+const PROJECTIONS: usize = 6;
 
 /// A place has to be nearer than the one before by this, m.
 const NEARER: f64 = 1e-8;
@@ -99,7 +99,7 @@ impl Stock {
             *(if self.depth(&point.lerp(place, middle)) < 0.0 { &mut out } else { &mut inside }) = middle;
         }
         let mut at = point.lerp(place, inside);
-        for _ in 0..ROUNDS {
+        for _ in 0..PROJECTIONS {
             let inwards = self.inwards(&at);
             let foot = point + inwards * inwards.dot(&(at - point));
             let (next, _) = self.on_surface(&foot, self.spacing());

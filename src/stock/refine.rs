@@ -24,7 +24,7 @@ const NOTHING: f64 = 2e-4;
 const HALVINGS: u32 = 7;
 
 /// Cells that are quartered, at most.
-const MOST: usize = 2000;
+const MOST_CELLS: usize = 2000;
 
 /// Sums over the mask, cutter frame.
 #[derive(Clone, Copy, Debug, Default)]
@@ -287,7 +287,7 @@ impl<'a, 'b> Cells<'a, 'b> {
 
     /// Quarters the worst cells until the rest can put off but little.
     fn refine(&mut self) {
-        for _ in 0..MOST {
+        for _ in 0..MOST_CELLS {
             let enough = ENOUGH * self.share([self.edge.norm(), self.cutting.norm()]) + NOTHING;
             if self.error <= enough {
                 return;

@@ -224,14 +224,14 @@ const CLOSE: f64 = 1e-5;
 /// cutter, where the distance has an edge.
 #[inline]
 fn nearest_by_newton(solid: &Solid, from: &Vector3<f64>, way: &Vector3<f64>, square: f64) -> Option<f64> {
-    const ROUNDS: usize = 10;
+    const NEWTON_STEPS: usize = 10;
     let flat = solid.flat();
     let close = CLOSE / (square + way.z * way.z).sqrt();
     let axis = -(from.x * way.x + from.y * way.y) / square;
     let mut share = axis.clamp(0.0, 1.0);
     let (mut low, mut high) = (0.0, 1.0);
     let mut over_rim = false;
-    for _ in 0..ROUNDS {
+    for _ in 0..NEWTON_STEPS {
         let at = from + way * share;
         let rho = at.x.hypot_fast(at.y);
         let (out, below) = (rho - flat, solid.corner - at.z);
@@ -298,9 +298,9 @@ fn nearest_of_ramp(solid: &Solid, from: &Vector3<f64>, way: &Vector3<f64>, squar
     if at_high <= 0.0 {
         return high;
     }
-    const ROUNDS: usize = 24;
+    const BRACKETINGS: usize = 24;
     let close = CLOSE / (square + way.z * way.z).sqrt();
-    for round in 0..ROUNDS {
+    for round in 0..BRACKETINGS {
         let middle = if round % 3 == 2 { 0.5 * (low + high) } else { low + (high - low) * at_low / (at_low - at_high) };
         let at = derivative(middle);
         if at.abs() < 1e-3 * close {

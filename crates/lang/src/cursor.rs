@@ -2,10 +2,10 @@
 
 use crate::Span;
 use crate::ir::{
-    Binary, Callee, Expression, ExpressionKind, Fault, FunctionId, Place, Program, Slot, Statement, StatementKind,
+    Binary, Callee, Expression, ExpressionKind, Fault, FunctionId, Program, Slot, SourceSpan, Statement, StatementKind,
     Switch,
 };
-use crate::lexeme::{Kind, Lexeme};
+use crate::lexeme::{Lexeme, LexemeKind};
 use crate::value::Reason;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -59,7 +59,7 @@ impl<'a, L> Cursor<'a, '_, L> {
 
     /// The name that is next, which is read.
     pub(crate) fn take_name(&mut self) -> Option<Lexeme<'a>> {
-        let name = self.peek().filter(|lexeme| lexeme.kind == Kind::Name);
+        let name = self.peek().filter(|lexeme| lexeme.kind == LexemeKind::Name);
         self.at += usize::from(name.is_some());
         name
     }
@@ -75,12 +75,12 @@ impl<'a, L> Cursor<'a, '_, L> {
         self.peek().map_or_else(last, |lexeme| lexeme.span)
     }
 
-    pub(crate) fn place(&self, span: Span) -> Place {
-        Place { source: self.source, span }
+    pub(crate) fn place(&self, span: Span) -> SourceSpan {
+        SourceSpan { source: self.source, span }
     }
 
     /// From a lexeme to the last one read.
-    pub(crate) fn since(&self, start: Span) -> Place {
+    pub(crate) fn since(&self, start: Span) -> SourceSpan {
         let last = self.lexemes.get(self.at.wrapping_sub(1)).map_or(start, |lexeme| lexeme.span);
         self.place(if last.end < start.end { start } else { start.to(last) })
     }
@@ -110,7 +110,7 @@ impl<'a, L> Cursor<'a, '_, L> {
     }
 
     /// Begins a block, which `place` begins too.
-    pub(crate) fn begin_block(&mut self, place: Place) -> Result<(), Fault> {
+    pub(crate) fn begin_block(&mut self, place: SourceSpan) -> Result<(), Fault> {
         if self.depth >= DEEPEST {
             return Err(Fault { place, message: "blocks are nested deeper than 64" });
         }
@@ -119,7 +119,7 @@ impl<'a, L> Cursor<'a, '_, L> {
     }
 
     /// A call of a routine that no source has and the language does not define.
-    pub(crate) fn foreign(&mut self, name: Arc<str>, place: Place) -> Callee {
+    pub(crate) fn foreign(&mut self, name: Arc<str>, place: SourceSpan) -> Callee {
         if self.foreign.insert(Arc::clone(&name)) {
             self.program.foreign.push((name, place));
         }

@@ -23,14 +23,14 @@ pub struct Program {
     /// Functions that run at the same time as the rest, from some moment on.
     pub threads: Vec<FunctionId>,
     /// Statements that no front end rule covers.
-    pub not_understood: Vec<Place>,
+    pub not_understood: Vec<SourceSpan>,
     /// Names of called routines that no source has and the language does not define, each at its first call.
-    pub foreign: Vec<(Arc<str>, Place)>,
+    pub foreign: Vec<(Arc<str>, SourceSpan)>,
 }
 
 /// Where something stands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Place {
+pub struct SourceSpan {
     /// Index of the source.
     pub source: u16,
     /// Its bytes.
@@ -42,7 +42,7 @@ pub struct Place {
 pub struct TokenId(pub u32);
 
 /// A number literal in the text; its sign belongs to it.
-pub type Token = Place;
+pub type Token = SourceSpan;
 
 /// Index into [`Program::functions`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -95,7 +95,7 @@ pub struct Function {
     /// What it does.
     pub body: Vec<Statement>,
     /// Where it begins.
-    pub place: Place,
+    pub place: SourceSpan,
 }
 
 /// A parameter of a routine.
@@ -113,7 +113,7 @@ pub struct Statement {
     /// What it does.
     pub kind: StatementKind,
     /// Where it stands.
-    pub place: Place,
+    pub place: SourceSpan,
 }
 
 /// What a statement does.
@@ -212,7 +212,7 @@ pub struct Expression {
     /// What it is.
     pub kind: ExpressionKind,
     /// Where it stands.
-    pub place: Place,
+    pub place: SourceSpan,
 }
 
 /// What an expression is.
@@ -315,7 +315,7 @@ pub enum Binary {
 
 impl Program {
     /// A number literal with its sign, as an expression, which is not known for this reason where its value is not finite.
-    pub(crate) fn literal(&mut self, digits: &[u8], place: Place, unreadable: Reason) -> Expression {
+    pub(crate) fn literal(&mut self, digits: &[u8], place: SourceSpan, unreadable: Reason) -> Expression {
         let value = std::str::from_utf8(digits).ok().and_then(|digits| digits.parse::<f64>().ok());
         let Some(value) = value.filter(|value| value.is_finite()) else {
             return Expression::unknown(unreadable, Vec::new(), place);
@@ -378,19 +378,19 @@ impl StatementKind {
 
 impl Expression {
     /// Something that is known at run time only, with what it may use.
-    pub(crate) fn unknown(reason: Reason, reads: Vec<Self>, place: Place) -> Self {
+    pub(crate) fn unknown(reason: Reason, reads: Vec<Self>, place: SourceSpan) -> Self {
         Self { kind: ExpressionKind::Unknown(reason, reads), place }
     }
 
     /// A call of the language's own routine, by the dialect's number, with arguments that have no names.
-    pub(crate) fn builtin(number: u16, arguments: Vec<Self>, place: Place) -> Self {
+    pub(crate) fn builtin(number: u16, arguments: Vec<Self>, place: SourceSpan) -> Self {
         let arguments = arguments.into_iter().map(Argument::from).collect();
         Self { kind: ExpressionKind::Call(Callee::Builtin(number), arguments), place }
     }
 
     /// A number without a token.
     pub(crate) fn constant(value: f64) -> Self {
-        Self { kind: ExpressionKind::Constant(value), place: Place::default() }
+        Self { kind: ExpressionKind::Constant(value), place: SourceSpan::default() }
     }
 
     /// This and a number without a token.
@@ -456,7 +456,7 @@ impl Statement {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
     /// Where reading ends.
-    pub place: Place,
+    pub place: SourceSpan,
     /// What was expected.
     pub message: &'static str,
 }

@@ -8,7 +8,7 @@ use nom::{IResult, Parser};
 
 /// What a lexeme is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub(crate) enum LexemeKind {
     /// A name or a word of the language.
     Name,
     Number,
@@ -26,7 +26,7 @@ pub(crate) enum Kind {
 /// A lexeme with its place.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Lexeme<'a> {
-    pub(crate) kind: Kind,
+    pub(crate) kind: LexemeKind,
     pub(crate) text: &'a [u8],
     pub(crate) span: Span,
 }
@@ -34,12 +34,12 @@ pub(crate) struct Lexeme<'a> {
 impl Lexeme<'_> {
     /// Whether it is this name or sign.
     pub(crate) fn is(&self, text: &str) -> bool {
-        matches!(self.kind, Kind::Name | Kind::Sign) && self.text == text.as_bytes()
+        matches!(self.kind, LexemeKind::Name | LexemeKind::Sign) && self.text == text.as_bytes()
     }
 }
 
 /// What a lexer finds: `None` of blanks and comments, and the bytes.
-pub(crate) type Found<'a> = (Option<Kind>, &'a [u8]);
+pub(crate) type Found<'a> = (Option<LexemeKind>, &'a [u8]);
 
 /// All lexemes of a text whose first byte is at `start`, as `one` finds them, its blanks and comments left out.
 pub(crate) fn lexemes<'a>(
@@ -62,7 +62,8 @@ pub(crate) fn lexemes<'a>(
 /// A text in quotation marks, which may lack its end, or else any byte by itself.
 pub(crate) fn text_or_other(left: &[u8]) -> IResult<&[u8], Found<'_>> {
     let text = recognize((tag(&b"\""[..]), take_till(|b| b == b'"' || b == b'\n'), opt(tag(&b"\""[..]))));
-    alt((text.map(|text| (Some(Kind::Text), text)), take(1_usize).map(|text| (Some(Kind::Other), text)))).parse(left)
+    alt((text.map(|text| (Some(LexemeKind::Text), text)), take(1_usize).map(|text| (Some(LexemeKind::Other), text))))
+        .parse(left)
 }
 
 /// What a comment says after `deflex`, where that is its first word; it may say nothing.

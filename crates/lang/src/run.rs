@@ -7,8 +7,8 @@
 use crate::dialect::{Arguments, Dialect};
 use crate::flow::{Flow, Node};
 use crate::ir::{
-    Argument, Binary, Callee, Expression, ExpressionKind, FunctionId, Motion, Path, Place, Program, Slot, Statement,
-    StatementKind, Switch, TokenId, Unary,
+    Argument, Binary, Callee, Expression, ExpressionKind, FunctionId, Motion, Path, Program, Slot, SourceSpan,
+    Statement, StatementKind, Switch, TokenId, Unary,
 };
 use crate::store::{Stands, Store};
 use crate::value::{Affine, Content, Number, Pose, Reads, Reason, Value, is_whole};
@@ -28,7 +28,7 @@ pub struct Outcome {
 #[derive(Clone, Debug)]
 pub struct Moved {
     /// Its statement.
-    pub place: Place,
+    pub place: SourceSpan,
     /// How it goes.
     pub path: Path,
     /// The point on the way, of a circle.
@@ -448,7 +448,7 @@ impl<'a> Runner<'a> {
         numbers.into_iter().map(computed).collect()
     }
 
-    fn motion(&mut self, motion: &Motion, place: Place, store: &mut Store) -> Result<(), Stop> {
+    fn motion(&mut self, motion: &Motion, place: SourceSpan, store: &mut Store) -> Result<(), Stop> {
         let mut value = |expression: &Option<Expression>| {
             expression.as_ref().map(|expression| self.evaluate(expression, store)).transpose()
         };

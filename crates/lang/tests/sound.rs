@@ -448,14 +448,14 @@ impl Text {
 }
 
 /// Position and turn about z, or nothing that anything is known of.
-type Place = [f64; 4];
+type SourceSpan = [f64; 4];
 
 /// A motion that was run: its statement, where to, with which tool.
 #[derive(Clone, Debug, PartialEq)]
 struct Step {
     line: usize,
-    to: Place,
-    tool: Place,
+    to: SourceSpan,
+    tool: SourceSpan,
 }
 
 struct Machine<'a> {
@@ -463,8 +463,8 @@ struct Machine<'a> {
     literals: &'a [f64],
     random: Random,
     numbers: [f64; GLOBALS],
-    poses: [Place; GLOBALS],
-    tool: Place,
+    poses: [SourceSpan; GLOBALS],
+    tool: SourceSpan,
     steps: Vec<Step>,
     /// Statements that may still be run.
     left: usize,
@@ -472,8 +472,8 @@ struct Machine<'a> {
 
 struct Frame {
     numbers: [f64; LOCALS + COUNTERS],
-    poses: [Place; LOCALS],
-    given: Place,
+    poses: [SourceSpan; LOCALS],
+    given: SourceSpan,
 }
 
 #[derive(PartialEq)]
@@ -512,7 +512,7 @@ impl<'a> Machine<'a> {
     }
 
     /// Variables that nothing has set have some value.
-    fn frame(&mut self, given: Place) -> Frame {
+    fn frame(&mut self, given: SourceSpan) -> Frame {
         let value = 50.0 + self.random.below(100) as f64;
         Frame { numbers: [value; LOCALS + COUNTERS], poses: [[value; 4]; LOCALS], given }
     }
@@ -530,7 +530,7 @@ impl<'a> Machine<'a> {
         }
     }
 
-    fn pose(&self, frame: &Frame, pose: &Pose) -> Place {
+    fn pose(&self, frame: &Frame, pose: &Pose) -> SourceSpan {
         match pose {
             Pose::Of(numbers) => [0, 1, 2, 5].map(|i| self.number(frame, &numbers[i])),
             Pose::Var(Var::Global(i)) => self.poses[*i],
@@ -675,19 +675,19 @@ impl<'a> Machine<'a> {
 /// What a motion that was analysed is to become.
 struct Wish {
     line: usize,
-    was: Place,
-    wanted: Place,
-    tool: Option<Place>,
+    was: SourceSpan,
+    wanted: SourceSpan,
+    tool: Option<SourceSpan>,
     edited: bool,
 }
 
-fn place(pose: &Isometry3<f64>) -> Place {
+fn place(pose: &Isometry3<f64>) -> SourceSpan {
     let [x, y, z] = pose.translation.vector.into();
     [x, y, z, pose.rotation.scaled_axis().z]
 }
 
 /// Same position, and the same turn but for whole ones.
-fn is_near(a: &Place, b: &Place) -> bool {
+fn is_near(a: &SourceSpan, b: &SourceSpan) -> bool {
     let turn = (a[3] - b[3]).rem_euclid(std::f64::consts::TAU);
     (0..3).all(|i| (a[i] - b[i]).abs() < 1e-7) && turn.min(std::f64::consts::TAU - turn) < 1e-7
 }

@@ -52,7 +52,7 @@ struct Field {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 struct Offer {
     key: String,
-    place: Place,
+    place: OfferSource,
     line: usize,
     help: String,
 }
@@ -60,7 +60,7 @@ struct Offer {
 /// Where it stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(crate) enum Place {
+pub(crate) enum OfferSource {
     /// Commented out in the file itself.
     Own,
     /// In the template.
@@ -145,15 +145,15 @@ pub(crate) fn form_with(text: &str, template: &str) -> Form {
                     let is_there = section.fields.iter().any(|field| field.key == key)
                         || section.offers.iter().any(|offer| offer.key == key);
                     if !is_there {
-                        section.offers.push(Offer { key, place: Place::Template, line, help });
+                        section.offers.push(Offer { key, place: OfferSource::Template, line, help });
                     }
                 }
             }
-            None => own.offer_section(Offer { key: title, place: Place::Template, line, help }),
+            None => own.offer_section(Offer { key: title, place: OfferSource::Template, line, help }),
         }
     }
     for offer in more.offers {
-        own.offer_section(Offer { place: Place::Template, ..offer });
+        own.offer_section(Offer { place: OfferSource::Template, ..offer });
     }
     own
 }
@@ -371,12 +371,12 @@ fn add_offers(lines: &Lines<'_>, form: &mut Form) {
         };
         if let Some((key, help)) = offered_header(text) {
             let help = if help.is_empty() { help_above(lines, line) } else { help };
-            form.offers.push(Offer { key, place: Place::Own, line, help });
+            form.offers.push(Offer { key, place: OfferSource::Own, line, help });
             line = offered_lines(lines, line).end;
         } else if let Some((key, help, last)) = offered_key(lines, line) {
             let section = form.sections.iter_mut().rfind(|section| section.line <= line);
             if let Some(section) = section.filter(|section| section.fields.iter().all(|field| field.key != key)) {
-                section.offers.push(Offer { key, place: Place::Own, line, help });
+                section.offers.push(Offer { key, place: OfferSource::Own, line, help });
             }
             line = last + 1;
         } else {
@@ -396,9 +396,9 @@ pub(crate) enum Edit {
     /// Comments a key out.
     Omit { path: Vec<Step> },
     /// Takes a key into the section at this path: that of a line where it is commented out, or of a line of the template.
-    Take { path: Vec<Step>, place: Place, line: usize },
+    Take { path: Vec<Step>, place: OfferSource, line: usize },
     /// Takes a section, without the keys that can be left out.
-    TakeSection { place: Place, line: usize },
+    TakeSection { place: OfferSource, line: usize },
     /// Adds a section that is like another, with those inside it, under another name.
     Copy { path: Vec<Step>, name: String },
     /// Removes a section and those inside it.
@@ -417,10 +417,12 @@ impl Edit {
             Self::Set { path, value } => set(&document, &lines, path, value)?,
             Self::Accept { path } => without_example(text, &lines, &find(&document, path)?.span),
             Self::Omit { path } => omit(&lines, &find(&document, path)?.span),
-            Self::Take { place: Place::Own, line, .. } => take_key(&lines, *line)?,
-            Self::Take { path, place: Place::Template, line } => key_from(&Lines::of(template), *line, text, path)?,
-            Self::TakeSection { place: Place::Own, line } => take_section(&lines, *line)?,
-            Self::TakeSection { place: Place::Template, line } => section_from(template, *line, text)?,
+            Self::Take { place: OfferSource::Own, line, .. } => take_key(&lines, *line)?,
+            Self::Take { path, place: OfferSource::Template, line } => {
+                key_from(&Lines::of(template), *line, text, path)?
+            }
+            Self::TakeSection { place: OfferSource::Own, line } => take_section(&lines, *line)?,
+            Self::TakeSection { place: OfferSource::Template, line } => section_from(template, *line, text)?,
             Self::Copy { path, name } => copy(text, path, name)?,
             Self::Remove { path } => remove(text, path)?,
         };
@@ -727,7 +729,7 @@ fn remove(text: &str, path: &[Step]) -> Result<String, String> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used)] // a failure is a failed test
 mod tests {
-    use super::{Edit, Place, Shown, Step, form, form_with};
+    use super::{Edit, OfferSource, Shown, Step, form, form_with};
 
     const CELL: &str = r#"# A cell.
 [robot]
@@ -818,7 +820,7 @@ units = "mm"  # << where the file does not say: mm | inch
         // It has a tool and an effect of its own.
         assert_eq!(titles, ["cut", "cut.cutter", "stock"]);
         assert_eq!((form.sections[0].offers[0].key.as_str(), form.sections[0].offers[0].line), ("start_deg", 4));
-        let take = |line| Edit::TakeSection { place: Place::Template, line }.apply(text, &template).unwrap();
+        let take = |line| Edit::TakeSection { place: OfferSource::Template, line }.apply(text, &template).unwrap();
         assert_eq!(
             take(15),
             format!(
@@ -826,12 +828,13 @@ units = "mm"  # << where the file does not say: mm | inch
             )
         );
         assert_eq!(take(5), format!("{text}\n\n[cut]\nforce = \"constant\"  # none | constant | table\n"));
-        let key = Edit::Take { path: path("robot"), place: Place::Template, line: 4 }.apply(text, &template).unwrap();
+        let key =
+            Edit::Take { path: path("robot"), place: OfferSource::Template, line: 4 }.apply(text, &template).unwrap();
         assert_eq!(key, text.replace("# mine\n", "# mine\nstart_deg = [0, 0, 0]   # << how the arm stands\n"));
     }
 
     fn own(line: usize) -> Edit {
-        Edit::Take { path: Vec::new(), place: Place::Own, line }
+        Edit::Take { path: Vec::new(), place: OfferSource::Own, line }
     }
 
     #[test]
@@ -839,10 +842,10 @@ units = "mm"  # << where the file does not say: mm | inch
         let without = Edit::Omit { path: path("cut.cutter.teeth") }.apply(CELL, "").unwrap();
         assert_eq!(without, CELL.replace("teeth = 2 ", "# teeth = 2 "));
         assert_eq!(own(11).apply(&without, "").unwrap(), CELL);
-        let taken = Edit::TakeSection { place: Place::Own, line: 15 }.apply(CELL, "").unwrap();
+        let taken = Edit::TakeSection { place: OfferSource::Own, line: 15 }.apply(CELL, "").unwrap();
         let expected = CELL.replace("# [stock]", "[stock]").replace("# box_mm", "box_mm");
         assert_eq!(taken, expected.replace("#   [0.0", "  [0.0").replace("#   [3e2, 1, 1]]", "  [3e2, 1, 1]]   # <<"));
-        let stance = Edit::Take { path: path("robot"), place: Place::Own, line: 4 }.apply(CELL, "").unwrap();
+        let stance = Edit::Take { path: path("robot"), place: OfferSource::Own, line: 4 }.apply(CELL, "").unwrap();
         assert_eq!(stance, CELL.replace("# start_deg = [0, 0, 0]   # how", "start_deg = [0, 0, 0]   # << how"));
         assert!(own(1).apply(CELL, "").is_err());
         assert!(own(999).apply(CELL, "").is_err());
@@ -851,7 +854,7 @@ units = "mm"  # << where the file does not say: mm | inch
     #[test]
     fn a_list_that_is_left_blank_becomes_fields_to_fill_in() {
         let text = "# [a]\n# b_mm = [ , , ]\n";
-        let taken = Edit::TakeSection { place: Place::Own, line: 1 }.apply(text, "").unwrap();
+        let taken = Edit::TakeSection { place: OfferSource::Own, line: 1 }.apply(text, "").unwrap();
         assert_eq!(taken, "[a]\nb_mm = [0, 0, 0]   # <<\n");
         assert_eq!(set(&taken, "a.b_mm.1", "2.5").unwrap(), "[a]\nb_mm = [0, 2.5, 0]\n");
     }

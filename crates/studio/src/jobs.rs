@@ -33,7 +33,7 @@ const PATIENCE: Duration = Duration::from_secs(5);
 /// How a run stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub(crate) enum State {
+pub(crate) enum RunState {
     Running,
     /// It ended by itself.
     Done,
@@ -52,7 +52,7 @@ pub(crate) struct Job {
     call: Call,
     /// What does the same in a shell.
     command_line: String,
-    state: State,
+    state: RunState,
     /// Exit code, where it ended by itself.
     code: Option<i32>,
     seconds: f64,
@@ -121,7 +121,7 @@ impl Jobs {
             run,
             command_line: command_line(&call.arguments),
             call,
-            state: State::Running,
+            state: RunState::Running,
             code: None,
             seconds: 0.0,
             messages: Vec::new(),
@@ -228,10 +228,10 @@ impl Jobs {
         job.code = code;
         job.state = match job.code {
             // Once its files have their names, a run ends as if it had not been interrupted.
-            Some(0 | 1) => State::Done,
-            _ if was_cancelled => State::Cancelled,
-            Some(2) => State::Done,
-            _ => State::Failed,
+            Some(0 | 1) => RunState::Done,
+            _ if was_cancelled => RunState::Cancelled,
+            Some(2) => RunState::Done,
+            _ => RunState::Failed,
         };
         let event = json!({ "job": job });
         drop(inner);

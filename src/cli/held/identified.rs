@@ -104,7 +104,7 @@ impl Identified {
     /// It cannot be written as JSON.
     pub fn json(&self, path: Option<&FittedLaw>) -> Result<String, Vec<Diagnostic>> {
         #[derive(serde::Serialize)]
-        struct Told<'a> {
+        struct Json<'a> {
             #[serde(flatten)]
             found: &'a Identification,
             #[serde(skip_serializing_if = "Option::is_none")]
@@ -113,7 +113,7 @@ impl Identified {
             cell: &'a Origin,
             sources: &'a [Origin],
         }
-        pretty(&Told { found: &self.found, path, deflex: VERSION, cell: &self.cell, sources: &self.data })
+        pretty(&Json { found: &self.found, path, deflex: VERSION, cell: &self.cell, sources: &self.data })
     }
 
     /// The page that `--html` writes.

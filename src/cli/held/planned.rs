@@ -28,13 +28,13 @@ impl Planned {
     /// It cannot be written as JSON.
     pub fn json(&self) -> Result<String, Vec<Diagnostic>> {
         #[derive(serde::Serialize)]
-        struct Told<'a> {
+        struct Json<'a> {
             #[serde(flatten)]
             found: &'a Plan,
             deflex: &'static str,
             cell: &'a Origin,
         }
-        pretty(&Told { found: &self.found, deflex: VERSION, cell: &self.cell })
+        pretty(&Json { found: &self.found, deflex: VERSION, cell: &self.cell })
     }
 
     /// The page that `--html` writes.

@@ -5,7 +5,7 @@
 
 use super::lock;
 use super::place::{self, How, Move};
-use crate::cli::file_state::State;
+use crate::cli::file_state::FileState;
 use crate::cli::message;
 use deflex::report::Origin;
 use deflex::text::{Diagnostic, Severity};
@@ -61,9 +61,9 @@ struct Entry {
     how: How,
     sha256: String,
     /// Of the waiting file.
-    staged: State,
+    staged: FileState,
     /// The target's state before; `None` where there was no file.
-    before: Option<State>,
+    before: Option<FileState>,
 }
 
 /// The marker's text.
@@ -102,7 +102,7 @@ pub(super) fn text(folder: &Path, folders: &BTreeSet<PathBuf>, moves: &[Move]) -
             target: name(&go.target),
             how: go.how,
             sha256: hash(&go.waits)?,
-            staged: State::of_content(&staged),
+            staged: FileState::of_content(&staged),
             before: state(&go.target),
         })
     };
@@ -115,8 +115,8 @@ pub(super) fn text(folder: &Path, folders: &BTreeSet<PathBuf>, moves: &[Move]) -
     Ok(serde_json::to_vec_pretty(&marker)?)
 }
 
-fn state(path: &Path) -> Option<State> {
-    fs::symlink_metadata(path).ok().map(|metadata| State::of_content(&metadata))
+fn state(path: &Path) -> Option<FileState> {
+    fs::symlink_metadata(path).ok().map(|metadata| FileState::of_content(&metadata))
 }
 
 /// SHA-256 of a file, of a long one that of its first and last [`END`] bytes: device, inode, length and time of the last change are
@@ -202,14 +202,14 @@ impl Part {
     }
 
     /// All of them, before any is touched.
-    fn moves(&self, id: &str, user: u32) -> Result<Vec<(Move, Option<State>)>, Doubt> {
+    fn moves(&self, id: &str, user: u32) -> Result<Vec<(Move, Option<FileState>)>, Doubt> {
         let proven = |entry: &Entry| Some((self.proven(entry, id, user).transpose()?, entry.before));
         self.files.iter().filter_map(proven).map(|(go, before)| Ok((go?, before))).collect()
     }
 }
 
 /// Whether no other process has written a target since; what is overwritten in place may have been begun.
-fn untouched(go: &Move, before: Option<State>) -> bool {
+fn untouched(go: &Move, before: Option<FileState>) -> bool {
     match (state(&go.target), before, go.how) {
         (now, before, How::Rename) => now == before,
         (Some(now), Some(before), How::Overwrite) => {

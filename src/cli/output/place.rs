@@ -31,9 +31,9 @@ pub(super) struct Move {
 /// The links lead round in a circle.
 pub(super) fn resolved(path: &Path) -> io::Result<PathBuf> {
     /// As many links as Linux follows.
-    const MOST: usize = 40;
+    const MOST_LINKS: usize = 40;
     let mut path = path.to_owned();
-    for _ in 0..MOST {
+    for _ in 0..MOST_LINKS {
         if let Ok(there) = fs::canonicalize(&path) {
             return Ok(there);
         }

@@ -4,7 +4,7 @@ use super::axes::Move;
 use super::axes::{Grid, Position, alone};
 use super::path::Path;
 use super::search::RATE;
-use super::states::{self, STEP, State, singular};
+use super::states::{self, PostureChoice, STEP, singular};
 use crate::cell::MOST_FREE;
 use crate::correct::carried::Chosen;
 use crate::correct::travel::CHORD;
@@ -56,7 +56,7 @@ fn smoothed(
 
 impl Path<'_> {
     /// Turns (rad) and positions of the free axes at the knots, smoothed.
-    pub(super) fn smoothed(&self, knots: &[usize], found: &[State], grid: &Grid) -> (Vec<f64>, Vec<Position>) {
+    pub(super) fn smoothed(&self, knots: &[usize], found: &[PostureChoice], grid: &Grid) -> (Vec<f64>, Vec<Position>) {
         let ways = self.ways(knots);
         let turns: Vec<f64> = found.iter().map(|state| state.turn).collect();
         let turns = smoothed(
@@ -108,7 +108,7 @@ impl Path<'_> {
     pub(super) fn follow(
         &self,
         knots: &[usize],
-        found: &[State],
+        found: &[PostureChoice],
         (turns, positions): (&[f64], &[Position]),
     ) -> Result<Vec<Chosen>, usize> {
         let robot = self.robot();

@@ -32,7 +32,7 @@ use std::collections::BTreeSet;
 const TOGETHER: usize = 8192;
 
 /// Rounds in which targets between knots that cannot be reached become knots, or ways that go wrong are given up.
-const ROUNDS: usize = 12;
+const MOST_SEARCHES: usize = 12;
 
 /// What the ordered pass takes to the first target of a program that is held whole, or of one whose turns are known already: its
 /// turns about the tool axis are chosen, where they are free.
@@ -136,7 +136,7 @@ impl Path<'_> {
         self.kept_clear.clear();
         let mut forced = BTreeSet::new();
         let (mut left, mut wrong) = (None, Vec::new());
-        for _ in 0..ROUNDS {
+        for _ in 0..MOST_SEARCHES {
             (left, wrong) = (None, Vec::new());
             let knots = self.knots(&forced);
             let found = self.search(&knots, grid)?;

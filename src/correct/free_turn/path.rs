@@ -3,7 +3,7 @@
 use super::axes::{FreeAxis, Grid, Move, Position, Stage, with};
 use super::search::Search;
 use super::site::Site;
-use super::states::{self, FreeTarget, Refused, State, singular};
+use super::states::{self, FreeTarget, PostureChoice, Refused, singular};
 use super::ways::KeptClear;
 use crate::cell::{Cell, Cl, MOST_FREE};
 use crate::correct::carried::Chosen;
@@ -72,11 +72,11 @@ pub(super) enum Refusal {
 #[derive(Default)]
 struct Standing {
     /// Those that differ in how the arm and the axes stand.
-    unique: Vec<State>,
+    unique: Vec<PostureChoice>,
     /// Circumstances of each of these.
     moved: Vec<Option<Arc<Moved>>>,
     /// States on their lanes, and which of the above they are.
-    on_lanes: Vec<(State, u32)>,
+    on_lanes: Vec<(PostureChoice, u32)>,
     refused: Refused,
 }
 
@@ -249,7 +249,7 @@ impl<'a> Path<'a> {
     }
 
     /// The best state at each knot.
-    pub(super) fn search(&self, knots: &[usize], grid: &Grid) -> Result<Vec<State>, Vec<Diagnostic>> {
+    pub(super) fn search(&self, knots: &[usize], grid: &Grid) -> Result<Vec<PostureChoice>, Vec<Diagnostic>> {
         let robot = self.robot();
         let pinned: Vec<bool> = knots.iter().map(|&i| self.is_pinned(i)).collect();
         let ways = self.ways(knots);
@@ -273,8 +273,8 @@ impl<'a> Path<'a> {
                 }
                 let at = first + k;
                 let stands_for = (i - at.checked_sub(1).map_or(0, |before| knots[before])).max(1) as f64;
-                let weighed = |(state, of): &(State, u32)| (*state, costs[*of as usize] * stands_for);
-                let costs: Vec<(State, f64)> = standing.on_lanes.iter().map(weighed).collect();
+                let weighed = |(state, of): &(PostureChoice, u32)| (*state, costs[*of as usize] * stands_for);
+                let costs: Vec<(PostureChoice, f64)> = standing.on_lanes.iter().map(weighed).collect();
                 if !search.advance((&ways[at], stages[at].begins), robot.axis_speed.as_ref(), &costs) {
                     return Err(self.refuse(
                         i,
@@ -319,7 +319,7 @@ impl<'a> Path<'a> {
                 // States of a knot are some ten thousand.
                 (from as u32, out.unique.len() as u32)
             });
-            out.on_lanes.extend((from..to).map(|of| (State { lane, ..out.unique[of as usize] }, of)));
+            out.on_lanes.extend((from..to).map(|of| (PostureChoice { lane, ..out.unique[of as usize] }, of)));
         }
         out
     }

@@ -2,7 +2,7 @@
 //! arm can follow.
 
 use super::axes::{Lane, Move, Position};
-use super::states::{STEP, State, TURNS};
+use super::states::{PostureChoice, STEP, TURNS};
 use crate::robot::{Joints, wrap};
 use std::f64::consts::{PI, TAU};
 
@@ -33,7 +33,7 @@ const SETTLE: usize = 256;
 struct Step {
     /// Step of the knot before, by its index.
     before: u32,
-    /// State, by its index.
+    /// Index of its [`PostureChoice`].
     state: u32,
 }
 
@@ -43,7 +43,7 @@ pub(super) struct Search<'a> {
     lanes: &'a [Lane],
     /// m or rad of a millimetre or a degree of each free axis.
     scales: Position,
-    reached: Vec<(State, f64)>,
+    reached: Vec<(PostureChoice, f64)>,
     /// Steps of the knots after those that are settled.
     back: Vec<Box<[Step]>>,
     /// Of so many of these, only steps of ways that are left.
@@ -64,7 +64,7 @@ impl<'a> Search<'a> {
         &mut self,
         (way, begins): (&Move, bool),
         axis_speed: Option<&Joints>,
-        states: &[(State, f64)],
+        states: &[(PostureChoice, f64)],
     ) -> bool {
         let mut reached = Vec::with_capacity(states.len());
         let mut steps = Vec::with_capacity(states.len());
@@ -74,9 +74,9 @@ impl<'a> Search<'a> {
                 steps.push(Step { before: 0, state: narrow(index) });
             }
         } else {
-            let lane = |state: &State| self.lanes[usize::from(state.lane)];
+            let lane = |state: &PostureChoice| self.lanes[usize::from(state.lane)];
             // The cell that a stretch begins with is that which the one before has ended with.
-            let (count, lead): (usize, &dyn Fn(&State) -> usize) = if begins {
+            let (count, lead): (usize, &dyn Fn(&PostureChoice) -> usize) = if begins {
                 (1 + self.lanes.iter().map(|lane| usize::from(lane.to)).max().unwrap_or(0), &|state| {
                     usize::from(lane(state).to)
                 })
@@ -182,7 +182,7 @@ fn narrow(index: usize) -> u32 {
 }
 
 impl Move {
-    fn allows(&self, from: &State, to: &State, axis_speed: Option<&Joints>) -> bool {
+    fn allows(&self, from: &PostureChoice, to: &PostureChoice, axis_speed: Option<&Joints>) -> bool {
         if self.free {
             return true;
         }
@@ -198,7 +198,7 @@ impl Move {
     }
 
     /// Squared turn, or way of the joints where that is free, rad².
-    fn effort(&self, from: &State, to: &State, scales: &Position) -> f64 {
+    fn effort(&self, from: &PostureChoice, to: &PostureChoice, scales: &Position) -> f64 {
         let arm = if self.free { (to.motor - from.motor).norm_squared() } else { wrap(to.turn - from.turn).powi(2) };
         let run = |k: usize| scales[k] * (to.position[k] - from.position[k]);
         arm + (0..scales.len()).map(|k| run(k).powi(2)).sum::<f64>()
@@ -213,7 +213,7 @@ struct Cells {
 }
 
 impl Cells {
-    fn of(reached: &[(State, f64)], (groups, group): (usize, &dyn Fn(&State) -> usize)) -> Self {
+    fn of(reached: &[(PostureChoice, f64)], (groups, group): (usize, &dyn Fn(&PostureChoice) -> usize)) -> Self {
         let keys: Vec<usize> = reached.iter().map(|(state, _)| group(state) * TURNS + cell(state.turn)).collect();
         let mut sorted: Vec<usize> = (0..reached.len()).collect();
         sorted.sort_by_key(|index| keys[*index]);
@@ -258,7 +258,7 @@ mod tests {
     #[test]
     fn a_long_path_is_settled_and_ends_as_the_whole_table_has_it() {
         const LENGTH: usize = 3 * SETTLE + 17;
-        let state = |index: usize| State {
+        let state = |index: usize| PostureChoice {
             turn: index as f64 * STEP,
             branch: 0,
             motor: Joints::zeros(),
@@ -271,7 +271,7 @@ mod tests {
         let mut search = Search::new(&lanes, [0.0; 2]);
         let mut table = vec![[0.0_f64; 3]];
         for at in 0..LENGTH {
-            let states: Vec<(State, f64)> = (0..3).map(|index| (state(index), cost(at, index))).collect();
+            let states: Vec<(PostureChoice, f64)> = (0..3).map(|index| (state(index), cost(at, index))).collect();
             assert!(search.advance((&way, at == 0), None, &states));
             let before = table[at];
             // A cell of the grid a millimetre.
@@ -291,7 +291,7 @@ mod tests {
     #[test]
     fn branches_that_are_never_left_are_kept_apart() {
         const LENGTH: usize = 9 * SETTLE;
-        let state = |index: usize| State {
+        let state = |index: usize| PostureChoice {
             turn: (index % 3) as f64 * STEP,
             branch: index / 3,
             motor: Joints::zeros(),
@@ -304,7 +304,7 @@ mod tests {
         for at in 0..LENGTH {
             let dear = if at < LENGTH / 2 - 3 { 1 } else { 0 };
             let cost = |index: usize| f64::from(u8::from(index / 3 == dear)) + 0.1 * (index % 3).abs_diff(1) as f64;
-            let states: Vec<(State, f64)> = (0..6).map(|index| (state(index), cost(index))).collect();
+            let states: Vec<(PostureChoice, f64)> = (0..6).map(|index| (state(index), cost(index))).collect();
             assert!(search.advance((&way, at == 0), None, &states));
         }
         let kept: usize = search.back.iter().map(|steps| steps.len()).sum();

@@ -33,7 +33,7 @@ pub(super) struct Site {
     pub(super) is_end: bool,
     /// Whether the text prints a surface normal.
     pub(super) has_normal: bool,
-    place: Place,
+    place: TargetPlace,
 }
 
 /// What few points have.
@@ -46,7 +46,7 @@ struct Rare {
 }
 
 /// Where a target stands.
-struct Place {
+struct TargetPlace {
     ordinal: u32,
     line: u32,
     column: u32,
@@ -76,7 +76,7 @@ impl Site {
             plunges: point.plunges,
             is_end: target.is_end(),
             has_normal: matches!(target.goal, Goal::Axis { normal: Some(_), .. }),
-            place: Place { ordinal: target.ordinal, line: target.line, column: column as u32 },
+            place: TargetPlace { ordinal: target.ordinal, line: target.line, column: column as u32 },
         }
     }
 
@@ -115,7 +115,7 @@ impl Site {
 
     /// A message at its place in a file.
     pub(super) fn at(&self, file: &str, message: Diagnostic) -> Diagnostic {
-        let Place { line, column, .. } = self.place;
+        let TargetPlace { line, column, .. } = self.place;
         Diagnostic { file: file.to_owned(), line: line as usize, column: column as usize, ..message }
     }
 }

@@ -34,7 +34,7 @@ pub(super) struct FreeTarget {
 
 /// One way to stand at a target.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct State {
+pub(super) struct PostureChoice {
     /// About the tool axis, rad; see [`spin::turned`].
     pub(super) turn: f64,
     /// Branch of the inverse, by cfx.
@@ -79,11 +79,11 @@ impl FreeTarget {
         robot: &Robot,
         margin: f64,
         (setting, position): (&Setting, Position),
-    ) -> (Vec<State>, Refused) {
+    ) -> (Vec<PostureChoice>, Refused) {
         let lane = 0;
         let (mut out, mut refused) = (Vec::new(), Refused::default());
         if let Some((turn, motor)) = self.fixed {
-            out.push(State { turn, branch: branch_of(robot, &motor), motor, lane, position });
+            out.push(PostureChoice { turn, branch: branch_of(robot, &motor), motor, lane, position });
             return (out, refused);
         }
         let mut near = self.near;
@@ -104,7 +104,7 @@ impl FreeTarget {
                 let before = out.len();
                 for motor in whole_turns(&motor) {
                     if robot.limit_violation(&motor).is_none() {
-                        out.push(State { turn, branch, motor, lane, position });
+                        out.push(PostureChoice { turn, branch, motor, lane, position });
                     }
                 }
                 refused.limits += usize::from(out.len() == before);

@@ -50,7 +50,7 @@ struct Rival {
 }
 
 /// What rows say of each truth (rows) against each kind (columns, none last).
-pub(super) struct Told {
+pub(super) struct Discrimination {
     /// d′; infinite from itself.
     pub(super) distance: DMatrix<f64>,
     /// Mean evidence of each kind, less its price, nats.
@@ -182,14 +182,14 @@ impl Criterion {
 
     /// What rows say. `columns` are those of all rows, those of the instrument among them; `weight` is what each row counts
     /// for.
-    pub(super) fn told(&self, columns: &DMatrix<f64>, weight: &[f64]) -> Told {
+    pub(super) fn told(&self, columns: &DMatrix<f64>, weight: &[f64]) -> Discrimination {
         let mut whitened = columns.clone() / self.noise_mm;
         for (row, weight) in weight.iter().enumerate() {
             whitened.rows_mut(row * self.axes, self.axes).scale_mut(weight.sqrt());
         }
         let gram = whitened.transpose() * &whitened;
         let size = (self.truths.len(), self.kinds.len() + 1);
-        let mut told = Told {
+        let mut told = Discrimination {
             distance: DMatrix::from_element(size.0, size.1, f64::INFINITY),
             evidence: DMatrix::from_element(size.0, size.1, f64::NEG_INFINITY),
             scalars: columns.nrows(),
@@ -212,7 +212,7 @@ impl Criterion {
     }
 
     /// What rows say of some truths against a rival, under each size of its prior.
-    fn tell(&self, rival: &Rival, beside: &Beside, concerned: &[usize], told: &mut Told) {
+    fn tell(&self, rival: &Rival, beside: &Beside, concerned: &[usize], told: &mut Discrimination) {
         let own = &rival.columns;
         let inner = DMatrix::from_fn(own.len(), own.len(), |i, j| beside.gram[(own[i], own[j])]);
         let cross = DMatrix::from_fn(own.len(), concerned.len(), |i, t| beside.crosses[(own[i], concerned[t])]);
@@ -241,7 +241,7 @@ impl Criterion {
 
     /// Share of the truths that will not be named outright, by a normal approximation over their rivals; a little of what each
     /// pair adds to it. Less is better.
-    pub(super) fn confusion(&self, told: &Told) -> f64 {
+    pub(super) fn confusion(&self, told: &Discrimination) -> f64 {
         let (mut missed, mut each) = (0.0, 0.0);
         // Evidence over a rival that a name needs, nats.
         let caution = caution(told.scalars);

@@ -34,7 +34,7 @@ pub(super) struct Exchange<'a> {
 
 /// A sheet with its columns.
 #[derive(Clone)]
-struct State {
+struct CostedSheet {
     sheet: Sheet,
     columns: DMatrix<f64>,
     cost: f64,
@@ -73,11 +73,11 @@ impl Exchange<'_> {
         state.sheet
     }
 
-    fn state(&self, sheet: Sheet) -> State {
+    fn state(&self, sheet: Sheet) -> CostedSheet {
         let all: Vec<usize> = (0..sheet.rows.len()).collect();
         let columns = self.bench.columns(&mut self.candidates.to_vec(), &sheet, &all);
         let cost = self.cost(&sheet, &columns);
-        State { sheet, columns, cost }
+        CostedSheet { sheet, columns, cost }
     }
 
     /// Confusion, and the price of getting there.
@@ -106,7 +106,7 @@ impl Exchange<'_> {
     }
 
     /// The state with another row, if the arm can go there and on.
-    fn with_row(&self, state: &State, row: usize, new: Row) -> Option<State> {
+    fn with_row(&self, state: &CostedSheet, row: usize, new: Row) -> Option<CostedSheet> {
         let mut sheet = state.sheet.clone();
         sheet.rows[row] = new;
         let behind = (row + 1 < sheet.rows.len()).then_some(row + 1);
@@ -121,7 +121,7 @@ impl Exchange<'_> {
             columns.rows_mut(row * axes, axes).copy_from(&fresh.rows(i * axes, axes));
         }
         let cost = self.cost(&sheet, &columns);
-        Some(State { sheet, columns, cost })
+        Some(CostedSheet { sheet, columns, cost })
     }
 
     /// Whether the arm comes to a row from the one before.

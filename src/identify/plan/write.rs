@@ -5,7 +5,7 @@ use super::{Ask, PlanProgram, PlannedRow};
 use crate::cell::{Instrument, PlanSection};
 use crate::identify::data::Blocks;
 use crate::program::orientation::quaternion;
-use crate::program::post::{Place, PostedPoint, RapidPlan, RapidPost, Templates, refuse_names};
+use crate::program::post::{PostedPoint, RapidPlan, RapidPost, Templates, WriterPosition, refuse_names};
 use crate::program::{ActionKind, Language, Mark, ToolData, WobjData};
 use crate::robot::{Pose, config_of};
 use crate::text::Diagnostic;
@@ -115,7 +115,7 @@ pub(super) fn program(bench: &Bench, sheet: &Sheet, how: &PlanProgram) -> Result
             one(write(&post, &posted, &axes.collect::<Vec<_>>(), &end)?)
         }
         None => {
-            let body = post.chunk(&Place::default(), &posted, Some(&end));
+            let body = post.chunk(&WriterPosition::default(), &posted, Some(&end));
             [&post.head().bytes[..], &body.bytes[..]].concat()
         }
     };

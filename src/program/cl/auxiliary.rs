@@ -1,6 +1,6 @@
 //! Statements for tool, spindle, coolant, stops and dwells.
 
-use super::lex::{Kind, Record};
+use super::lex::{Record, TokenKind};
 use super::reader::Reader;
 use super::refusal::{self, Outcome, Refusal};
 use super::statement::Statement;
@@ -13,9 +13,10 @@ const SAME_MM: f64 = 1e-3;
 impl Reader {
     /// `LOADTL/n[,…]`, `LOAD/TOOL,n[,…]`, `TOOLNO/n[,…]`, `TURRET/n`.
     pub(super) fn load_tool(&mut self, record: Record, s: &Statement) -> Outcome {
-        let is_id = |kind| matches!(kind, Kind::Number | Kind::Text);
+        let is_id = |kind| matches!(kind, TokenKind::Number | TokenKind::Text);
         let tool = |word: &[u8]| word.eq_ignore_ascii_case(b"TOOL");
-        let first = s.items.iter().find(|t| is_id(t.kind) || t.kind == Kind::Word && !tool(&s.bytes[t.span.range()]));
+        let first =
+            s.items.iter().find(|t| is_id(t.kind) || t.kind == TokenKind::Word && !tool(&s.bytes[t.span.range()]));
         let number = first.filter(|t| is_id(t.kind)).map(|t| id(&s.bytes[t.span.range()], t.value, t.kind));
         let number: Arc<str> = number.ok_or(refusal::NO_TOOL_NUMBER)?.into();
         if self.machine.number.as_ref() != Some(&number) {
@@ -28,11 +29,13 @@ impl Reader {
 
     /// `TOOL PATH/operation,TOOL,name`: an operation names its tool.
     pub(super) fn tool_path(&mut self, record: Record, s: &Statement) {
-        let tool =
-            s.items.iter().rposition(|t| t.kind == Kind::Word && s.bytes[t.span.range()].eq_ignore_ascii_case(b"TOOL"));
+        let tool = s
+            .items
+            .iter()
+            .rposition(|t| t.kind == TokenKind::Word && s.bytes[t.span.range()].eq_ignore_ascii_case(b"TOOL"));
         let behind = tool.map(|at| &s.items[at + 1..]).unwrap_or_default();
         let (Some(first), Some(last)) =
-            (behind.iter().find(|t| t.kind != Kind::Comma), behind.iter().rfind(|t| t.kind != Kind::Comma))
+            (behind.iter().find(|t| t.kind != TokenKind::Comma), behind.iter().rfind(|t| t.kind != TokenKind::Comma))
         else {
             return;
         };
@@ -173,8 +176,8 @@ impl Reader {
 }
 
 /// A tool's number or name as the cell maps it: `2` for `2`, `2.` and `2.000`.
-fn id(text: &[u8], value: f64, kind: Kind) -> String {
-    if kind == Kind::Number && value.fract().abs() <= 0.0 && value.abs() < 1e9 {
+fn id(text: &[u8], value: f64, kind: TokenKind) -> String {
+    if kind == TokenKind::Number && value.fract().abs() <= 0.0 && value.abs() < 1e9 {
         return format!("{value:.0}");
     }
     String::from_utf8_lossy(text).trim_matches(['\'', '"']).trim().to_owned()

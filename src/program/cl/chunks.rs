@@ -6,7 +6,7 @@
 //! a whole, is read whole.
 
 use super::cards::Cards;
-use super::lex::{Lexer, Place, Token, behind_mark};
+use super::lex::{Lexer, RecordStart, Token, behind_mark};
 use super::reader::Reader;
 use super::{ClOptions, is_foreign, is_source_language, refused};
 use crate::program::chunk::leaves_its_start;
@@ -24,7 +24,7 @@ const TARGETS: usize = 1024;
 const HEAD: usize = 64 * 1024;
 
 /// Most bytes of a chunk: more without a place to cut are read whole.
-const MOST: usize = 1 << 20;
+const MOST_BYTES: usize = 1 << 20;
 
 /// Cuts a CL file into chunks, reading no further than needed.
 #[derive(Debug)]
@@ -39,7 +39,7 @@ pub struct Chunks<R> {
     /// Lines before `rest`.
     lines_before: usize,
     /// Where the next record is looked for.
-    place: Place,
+    place: RecordStart,
     /// The input has no more bytes.
     read_up: bool,
     first: bool,
@@ -68,7 +68,7 @@ impl<R: Read> Chunks<R> {
             rest: Vec::new(),
             tokens: Vec::new(),
             lines_before: 0,
-            place: Place { at: 0, line: 1 },
+            place: RecordStart { at: 0, line: 1 },
             read_up: false,
             first: true,
             ended: false,
@@ -104,7 +104,7 @@ impl<R: Read> Chunks<R> {
         loop {
             self.fill(wanted)?;
             self.read_on(wanted);
-            if self.reader.no_unit.is_some() || wanted > MOST {
+            if self.reader.no_unit.is_some() || wanted > MOST_BYTES {
                 return Ok(Next::NotStreamable);
             }
             if self.ended {

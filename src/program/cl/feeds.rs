@@ -1,6 +1,6 @@
 //! The feed in force in CL data that are written with moves of their own, and the statements that change it.
 
-use super::lex::{Kind, Record};
+use super::lex::{Record, TokenKind};
 use super::modal::{Feed, INCH_MM, Modal};
 use super::statement::Statement;
 use crate::program::Target;
@@ -30,7 +30,7 @@ impl<'a> Feeds<'a> {
         if self.modal.read_feed(statement, self.mm_per_unit).is_err() {
             return;
         }
-        let Some(number) = statement.items.iter().find(|item| item.kind == Kind::Number) else { return };
+        let Some(number) = statement.items.iter().find(|item| item.kind == TokenKind::Number) else { return };
         let (all, number) = (record.span.range(), number.span.range());
         // Without a sequence number or a label: there is one of each.
         let word = bytes[all.clone()].windows(statement.major.len()).position(|word| word == statement.major);

@@ -78,8 +78,8 @@ impl Frame {
 /// the polar decomposition, Higham 1986).
 fn nearest_rotation(mut rows: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
     // From an error of 2e-3 by squares: 2e-6, 2e-12, rounding.
-    const ROUNDS: usize = 4;
-    for _ in 0..ROUNDS {
+    const POLAR_STEPS: usize = 4;
+    for _ in 0..POLAR_STEPS {
         let [a, b, c] = rows;
         let inverse_transposed =
             [cross(b, c), cross(c, a), cross(a, b)].map(|row| scale(row, 1.0 / dot(cross(a, b), c)));

@@ -7,7 +7,7 @@
 
 use super::dialect::Dialect;
 use super::layout::{GroupSlot, Slot};
-use super::lex::{Kind, Record, Token};
+use super::lex::{Record, Token, TokenKind};
 use super::modal::{Feed, Xyz, feed_unit};
 use super::motion::Step;
 use super::reader::Reader;
@@ -85,7 +85,7 @@ impl Reader {
 
     /// The cycle that a statement defines; none for plain positions.
     fn hole(&self, s: &Statement) -> Result<Option<Hole>, Refusal> {
-        let tokens: Vec<&Token> = s.items.iter().filter(|t| t.kind != Kind::Comma).collect();
+        let tokens: Vec<&Token> = s.items.iter().filter(|t| t.kind != TokenKind::Comma).collect();
         let (style, rest) = style(s.bytes, &tokens)?;
         if style == Style::Mill {
             return Ok(None);
@@ -136,16 +136,16 @@ impl Reader {
         let mut unit: Option<(Vec<u8>, usize)> = None;
         let mut tokens = tokens.iter().peekable();
         while let Some(token) = tokens.next() {
-            if token.kind == Kind::Number {
+            if token.kind == TokenKind::Number {
                 numbers.push(token.value);
                 continue;
             }
-            if token.kind != Kind::Word {
+            if token.kind != TokenKind::Word {
                 return Err(refusal::CYCLE_FORM);
             }
             let word = bytes[token.span.range()].to_ascii_uppercase();
             let mut value = || -> Result<f64, Refusal> {
-                let number = tokens.next_if(|t| t.kind == Kind::Number);
+                let number = tokens.next_if(|t| t.kind == TokenKind::Number);
                 number.map(|t| t.value).ok_or(refusal::CYCLE_FORM)
             };
             match word.as_slice() {
@@ -159,7 +159,7 @@ impl Reader {
                 }
                 b"STEP" | b"INCR" | b"1STPECK" | b"SUBPECK" => {
                     said.pecks.push(value()?);
-                    while let Some(more) = tokens.next_if(|t| t.kind == Kind::Number && word == b"STEP") {
+                    while let Some(more) = tokens.next_if(|t| t.kind == TokenKind::Number && word == b"STEP") {
                         said.pecks.push(more.value);
                     }
                 }

@@ -16,7 +16,7 @@ use nom::{
 
 /// What a token is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum TokenKind {
     Number,
     Word,
     Text,
@@ -30,7 +30,7 @@ pub(super) enum Kind {
 /// A token; a number cut in half by a continuation spans the cut.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Token {
-    pub(super) kind: Kind,
+    pub(super) kind: TokenKind,
     pub(super) span: Span,
     /// The number's value, 0 for all else.
     pub(super) value: f64,
@@ -67,7 +67,7 @@ fn is_free_text(line: &[u8]) -> bool {
 
 /// A place between records.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Place {
+pub(super) struct RecordStart {
     /// Offset into the bytes.
     pub(super) at: usize,
     /// Line, from 1.
@@ -96,7 +96,7 @@ impl<'a> Lexer<'a> {
     }
 
     /// From a place on, in a file that is no deck of cards.
-    pub(super) fn resume(bytes: &'a [u8], place: Place) -> Self {
+    pub(super) fn resume(bytes: &'a [u8], place: RecordStart) -> Self {
         Self { bytes, at: place.at, line: place.line, cards: Cards::default() }
     }
 
@@ -109,12 +109,12 @@ impl<'a> Lexer<'a> {
     }
 
     /// After the last record, before the end of its line.
-    pub(super) fn place(&self) -> Place {
-        Place { at: self.at, line: self.line }
+    pub(super) fn place(&self) -> RecordStart {
+        RecordStart { at: self.at, line: self.line }
     }
 
     /// Goes on from a place after a record that is no longer to be read.
-    pub(super) fn go_on(&mut self, place: Place) {
+    pub(super) fn go_on(&mut self, place: RecordStart) {
         (self.at, self.line) = (place.at, place.line);
     }
 
@@ -228,20 +228,20 @@ impl<'a> Lexer<'a> {
                     self.join(tokens, cut, end);
                     continue;
                 }
-                b',' => (Kind::Comma, 1),
-                b'/' => (Kind::Slash, 1),
-                b'(' => (Kind::Open, 1),
-                b')' => (Kind::Close, 1),
-                b'=' => (Kind::Equals, 1),
+                b',' => (TokenKind::Comma, 1),
+                b'/' => (TokenKind::Slash, 1),
+                b'(' => (TokenKind::Open, 1),
+                b')' => (TokenKind::Close, 1),
+                b'=' => (TokenKind::Equals, 1),
                 b'\'' | b'"' => match quoted(line) {
-                    Ok((rest, _)) => (Kind::Text, line.len() - rest.len()),
-                    Err(_) => (Kind::Word, 1),
+                    Ok((rest, _)) => (TokenKind::Text, line.len() - rest.len()),
+                    Err(_) => (TokenKind::Word, 1),
                 },
                 b if is_blank(b) => {
                     self.at += line.len() - blanks(line).map_or(line.len(), |(rest, _)| rest.len());
                     continue;
                 }
-                _ => (Kind::Word, chunk(line).map_or(1, |(rest, _)| line.len() - rest.len())),
+                _ => (TokenKind::Word, chunk(line).map_or(1, |(rest, _)| line.len() - rest.len())),
             };
             let span = Span::new(self.at, self.at + len);
             self.at += len;
@@ -254,7 +254,7 @@ impl<'a> Lexer<'a> {
     fn join(&mut self, tokens: &mut [Token], cut: usize, end: usize) {
         let Some(last) = tokens.last_mut() else { return };
         let (head, line) = (last.span, &self.bytes[self.at..end]);
-        let half = last.kind == Kind::Number || matches!(self.bytes[head.range()], [b'+' | b'-']);
+        let half = last.kind == TokenKind::Number || matches!(self.bytes[head.range()], [b'+' | b'-']);
         if !half || head.end as usize != cut {
             return;
         }
@@ -263,7 +263,7 @@ impl<'a> Lexer<'a> {
         let Some(text) = concatenate(&mut joined, &self.bytes[head.range()], tail) else { return };
         if let Some(value) = number(text) {
             let len = line.len() - rest.len();
-            *last = Token { kind: Kind::Number, span: Span::new(head.start as usize, self.at + len), value };
+            *last = Token { kind: TokenKind::Number, span: Span::new(head.start as usize, self.at + len), value };
             self.at += len;
         }
     }
@@ -282,10 +282,10 @@ pub(super) fn chunks(bytes: &[u8], span: Span) -> [Span; 2] {
     }
 }
 
-fn classify(kind: Kind, span: Span, text: &[u8]) -> Token {
-    let value = if kind == Kind::Word { number(text) } else { None };
+fn classify(kind: TokenKind, span: Span, text: &[u8]) -> Token {
+    let value = if kind == TokenKind::Word { number(text) } else { None };
     match value {
-        Some(value) => Token { kind: Kind::Number, span, value },
+        Some(value) => Token { kind: TokenKind::Number, span, value },
         None => Token { kind, span, value: 0.0 },
     }
 }
@@ -295,7 +295,7 @@ fn classify(kind: Kind, span: Span, text: &[u8]) -> Token {
 fn plain_token(line: &[u8], at: usize) -> Option<Token> {
     let number = read_leading(line)?;
     let alone = line.get(number.len()).is_none_or(|b| ends_chunk(*b));
-    alone.then(|| Token { kind: Kind::Number, span: Span::new(at, at + number.len()), value: number.value })
+    alone.then(|| Token { kind: TokenKind::Number, span: Span::new(at, at + number.len()), value: number.value })
 }
 
 /// A word or a number: bytes up to a separator.
@@ -346,7 +346,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn kinds(text: &str) -> Vec<(Kind, String)> {
+    fn kinds(text: &str) -> Vec<(TokenKind, String)> {
         let mut tokens = Vec::new();
         let mut lexer = Lexer::new(text.as_bytes(), 0);
         lexer.next(&mut tokens).expect("a record");
@@ -356,16 +356,16 @@ mod tests {
     #[test]
     fn a_continuation_cuts_numbers_and_nothing_else() {
         let cut = kinds("GOTO/1, 0$ comment\n.752602,2$\n ,3");
-        let numbers: Vec<&str> = cut.iter().filter(|t| t.0 == Kind::Number).map(|t| t.1.as_str()).collect();
+        let numbers: Vec<&str> = cut.iter().filter(|t| t.0 == TokenKind::Number).map(|t| t.1.as_str()).collect();
         assert_eq!(numbers, ["1", "0$ comment\n.752602", "2", "3"]);
         let apart = kinds("GOTO/1,2 $\n3");
-        assert_eq!(apart.iter().filter(|t| t.0 == Kind::Number).count(), 3);
+        assert_eq!(apart.iter().filter(|t| t.0 == TokenKind::Number).count(), 3);
     }
 
     #[test]
     fn words_that_begin_with_digits_are_words() {
         let tokens = kinds("CYCLE/1STPECK,5.,3DCOMP,1e,--2,1.2.3");
-        let numbers: Vec<&str> = tokens.iter().filter(|t| t.0 == Kind::Number).map(|t| t.1.as_str()).collect();
+        let numbers: Vec<&str> = tokens.iter().filter(|t| t.0 == TokenKind::Number).map(|t| t.1.as_str()).collect();
         assert_eq!(numbers, ["5."]);
     }
 
@@ -374,7 +374,7 @@ mod tests {
         fn plain_tokens_are_those_of_the_reference(text in "[-+]?[0-9]{0,9}\\.?[0-9]{0,12}[-+.eE,/=$ \tx]?[0-9,]{0,3}") {
             if let Some(token) = plain_token(text.as_bytes(), 7) {
                 let (_, all) = chunk(text.as_bytes()).unwrap();
-                let reference = classify(Kind::Word, Span::new(0, all.len()), all);
+                let reference = classify(TokenKind::Word, Span::new(0, all.len()), all);
                 prop_assert_eq!((reference.kind, reference.value.to_bits()), (token.kind, token.value.to_bits()));
                 prop_assert_eq!(token.span, Span::new(7, 7 + all.len()));
             }

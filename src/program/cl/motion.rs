@@ -3,7 +3,7 @@
 use super::Point;
 use super::dialect::Dialect;
 use super::layout::{Slot, StartSlot};
-use super::lex::{Kind, Record};
+use super::lex::{Record, TokenKind};
 use super::modal::Xyz;
 use super::reader::Reader;
 use super::refusal::{self, Outcome};
@@ -34,7 +34,7 @@ pub(super) struct Step {
 type Triple = (Xyz, [f64; 3]);
 
 /// One position of a `GOTO`: a point, and the tool axis where it is printed.
-type Place = (Triple, Option<[f64; 3]>);
+type RecordStart = (Triple, Option<[f64; 3]>);
 
 impl Reader {
     /// `GOTO/x,y,z[,i,j,k[,u,v,w]]`, or several positions (Creo).
@@ -52,7 +52,7 @@ impl Reader {
 
     fn position(&mut self, record: Record, s: &Statement) -> Outcome {
         let Some(numbers) = s.numbers() else {
-            if s.items.first().is_some_and(|t| t.kind == Kind::Word && is_name(&s.bytes[t.span.range()])) {
+            if s.items.first().is_some_and(|t| t.kind == TokenKind::Word && is_name(&s.bytes[t.span.range()])) {
                 self.source_word(record);
             }
             return Err("position is not given by numbers".into());
@@ -61,7 +61,7 @@ impl Reader {
         match numbers.count() {
             0..3 => return Err("position without three numbers".into()),
             n if n % 3 != 0 => return Err("position with a wrong count of numbers".into()),
-            _ if s.items.windows(2).any(|two| two.iter().all(|item| item.kind == Kind::Comma)) => {
+            _ if s.items.windows(2).any(|two| two.iter().all(|item| item.kind == TokenKind::Comma)) => {
                 return Err("position that leaves a number out".into());
             }
             _ => {}
@@ -91,7 +91,7 @@ impl Reader {
     }
 
     /// Which of the triples are positions, and which are the tool axes at them.
-    fn places(&self, triples: &[Triple]) -> Result<Vec<Place>, refusal::Refusal> {
+    fn places(&self, triples: &[Triple]) -> Result<Vec<RecordStart>, refusal::Refusal> {
         let plain = || triples.iter().map(|triple| (*triple, None)).collect();
         let with_axes = || triples.chunks_exact(2).map(|pair| (pair[0], axis(pair[1].1))).collect();
         // A further point of an arc lies on its circle.
@@ -173,7 +173,7 @@ impl Reader {
     }
 
     /// Several points of one statement: on an arc they lie on it, and the last is its end.
-    fn several(&mut self, record: Record, places: &[Place]) {
+    fn several(&mut self, record: Record, places: &[RecordStart]) {
         if self.pending.is_some() {
             let points: Vec<[f64; 3]> = places.iter().map(|((_, point), _)| *point).collect();
             self.sense_of_list(&points);

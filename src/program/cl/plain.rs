@@ -1,6 +1,6 @@
 //! Positions as most lines print them, `GOTO/x,y,z` or `GOTO/x,y,z,i,j,k` and no more: read without tokens.
 
-use super::lex::{Lexer, Place, Record, RecordKind};
+use super::lex::{Lexer, Record, RecordKind, RecordStart};
 use super::modal::Xyz;
 use super::motion::axis;
 use super::reader::Reader;
@@ -17,12 +17,12 @@ struct Position {
     printed: [f64; 3],
     axis: Option<[f64; 3]>,
     /// Before the end of its line.
-    behind: Place,
+    behind: RecordStart,
 }
 
 impl Position {
     /// The record on the line after a place, where the next line is there too.
-    fn read(bytes: &[u8], place: Place) -> Option<Self> {
+    fn read(bytes: &[u8], place: RecordStart) -> Option<Self> {
         let end = |at: usize| match bytes.get(at..)? {
             [b'\n', ..] => Some(at + 1),
             [b'\r', b'\n', ..] => Some(at + 2),
@@ -56,7 +56,7 @@ impl Position {
             xyz: [spans[0], spans[1], spans[2]],
             printed: [x, y, z],
             axis,
-            behind: Place { at, line },
+            behind: RecordStart { at, line },
         })
     }
 }

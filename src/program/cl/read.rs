@@ -1,6 +1,6 @@
 //! Statements to targets: the meaning of each word, with what holds from one to the next.
 
-use super::lex::{Kind, Lexer, Record, RecordKind, Token};
+use super::lex::{Lexer, Record, RecordKind, Token, TokenKind};
 use super::reader::Reader;
 use super::refusal::{self, ARC_WITHOUT_END, Outcome};
 use super::statement::Statement;
@@ -51,8 +51,10 @@ impl Reader {
         let Some(statement) = Statement::parse(bytes, tokens) else {
             /// Fewer numbers are a sequence number, or a remnant that says nothing.
             const POSITION: usize = 3;
-            let numbers = tokens.iter().filter(|t| t.kind == Kind::Number).count();
-            return match tokens.iter().all(|t| matches!(t.kind, Kind::Number | Kind::Comma)) && numbers >= POSITION {
+            let numbers = tokens.iter().filter(|t| t.kind == TokenKind::Number).count();
+            return match tokens.iter().all(|t| matches!(t.kind, TokenKind::Number | TokenKind::Comma))
+                && numbers >= POSITION
+            {
                 true => self.refuse(record, refusal::LOOSE_NUMBERS),
                 false => self.list(record, "no statement"),
             };
@@ -62,7 +64,7 @@ impl Reader {
             return self.list(record, "symbolic definition");
         }
         let word = words::find(statement.major);
-        let slash = tokens.iter().any(|t| t.kind == Kind::Slash);
+        let slash = tokens.iter().any(|t| t.kind == TokenKind::Slash);
         self.understood += usize::from(slash && word.is_some_and(|word| word.class != Class::Source));
         if self.options.is_harmless(statement.major) {
             return self.list(record, DECLARED);

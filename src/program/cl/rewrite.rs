@@ -233,13 +233,13 @@ impl Writer<'_> {
 /// Digits that a token prints after the point, its exponent counted in.
 fn decimals(token: &[u8]) -> usize {
     /// More digits than a double holds.
-    const MOST: i64 = 17;
+    const MOST_DIGITS: i64 = 17;
     let exponent = token
         .iter()
         .position(|b| matches!(b, b'e' | b'E' | b'd' | b'D'))
         .and_then(|at| std::str::from_utf8(&token[at + 1..]).ok()?.parse::<i64>().ok());
-    let printed = i64::try_from(text_number::decimals(token)).unwrap_or(MOST);
-    usize::try_from((printed - exponent.unwrap_or(0)).clamp(0, MOST)).unwrap_or(0)
+    let printed = i64::try_from(text_number::decimals(token)).unwrap_or(MOST_DIGITS);
+    usize::try_from((printed - exponent.unwrap_or(0)).clamp(0, MOST_DIGITS)).unwrap_or(0)
 }
 
 fn rounded(value: f64, decimals: usize) -> Vec<u8> {

@@ -1,6 +1,6 @@
 //! Tokens of one record to a statement: its major word and its items.
 
-use super::lex::{Kind, Token};
+use super::lex::{Token, TokenKind};
 use super::words::{self, Meaning};
 
 /// `[seqno] [label)] major [/ items]`
@@ -20,20 +20,20 @@ impl<'a> Statement<'a> {
     pub(super) fn parse(bytes: &'a [u8], tokens: &'a [Token]) -> Option<Self> {
         let tokens = unnumbered(bytes, unlabelled(tokens));
         let (first, rest) = tokens.split_first()?;
-        if first.kind != Kind::Word {
+        if first.kind != TokenKind::Word {
             return None;
         }
         let defines = match rest {
-            [Token { kind: Kind::Equals, .. }, ..] => true,
-            [Token { kind: Kind::Open, .. }, _, Token { kind: Kind::Close, .. }, after, ..] => {
-                after.kind == Kind::Equals
+            [Token { kind: TokenKind::Equals, .. }, ..] => true,
+            [Token { kind: TokenKind::Open, .. }, _, Token { kind: TokenKind::Close, .. }, after, ..] => {
+                after.kind == TokenKind::Equals
             }
             _ => false,
         };
         // `TOOL PATH/…`: the words up to the slash are one major word, known by the first.
-        let words = rest.iter().take_while(|t| t.kind == Kind::Word).count();
+        let words = rest.iter().take_while(|t| t.kind == TokenKind::Word).count();
         let items = match rest.get(words) {
-            Some(Token { kind: Kind::Slash, .. }) => &rest[words + 1..],
+            Some(Token { kind: TokenKind::Slash, .. }) => &rest[words + 1..],
             _ => rest,
         };
         Some(Self { bytes, major: &bytes[first.span.range()], defines, items })
@@ -42,13 +42,13 @@ impl<'a> Statement<'a> {
     /// The statement after `RAPID,` in the same line.
     pub(super) fn behind_rapid(&self) -> Option<Self> {
         let word = words::find(self.major).filter(|word| matches!(word.meaning, Meaning::Rapid));
-        let at = word.and_then(|_| self.items.iter().position(|t| t.kind == Kind::Word))?;
+        let at = word.and_then(|_| self.items.iter().position(|t| t.kind == TokenKind::Word))?;
         Self::parse(self.bytes, &self.items[at..])
     }
 
     /// The items where all of them are numbers; commas are as blanks.
     pub(super) fn numbers(&self) -> Option<Numbers<'a>> {
-        let plain = self.items.iter().all(|t| matches!(t.kind, Kind::Number | Kind::Comma));
+        let plain = self.items.iter().all(|t| matches!(t.kind, TokenKind::Number | TokenKind::Comma));
         plain.then(|| Numbers::new(self.items))
     }
 
@@ -60,7 +60,7 @@ impl<'a> Statement<'a> {
     /// The words among the items, in order.
     pub(super) fn words(&self) -> impl Iterator<Item = &'a [u8]> + use<'a> {
         let bytes = self.bytes;
-        self.items.iter().filter(|t| t.kind == Kind::Word).map(move |t| &bytes[t.span.range()])
+        self.items.iter().filter(|t| t.kind == TokenKind::Word).map(move |t| &bytes[t.span.range()])
     }
 
     /// Whether `word` is among the items, in any case.
@@ -73,9 +73,9 @@ impl<'a> Statement<'a> {
         let at = self
             .items
             .iter()
-            .position(|t| t.kind == Kind::Word && self.bytes[t.span.range()].eq_ignore_ascii_case(word))?;
+            .position(|t| t.kind == TokenKind::Word && self.bytes[t.span.range()].eq_ignore_ascii_case(word))?;
         let rest = &self.items[at + 1..];
-        let end = rest.iter().position(|t| t.kind == Kind::Close).unwrap_or(rest.len());
+        let end = rest.iter().position(|t| t.kind == TokenKind::Close).unwrap_or(rest.len());
         Some(Numbers::new(&rest[..end]))
     }
 }
@@ -90,7 +90,7 @@ impl<'a> Numbers<'a> {
     }
 
     pub(super) fn iter(&self) -> impl Iterator<Item = &'a Token> + use<'a> {
-        self.0.iter().filter(|t| t.kind == Kind::Number)
+        self.0.iter().filter(|t| t.kind == TokenKind::Number)
     }
 
     pub(super) fn count(&self) -> usize {
@@ -115,7 +115,9 @@ impl<'a> Numbers<'a> {
 
 fn unlabelled(tokens: &[Token]) -> &[Token] {
     match tokens {
-        [Token { kind: Kind::Word | Kind::Number, .. }, Token { kind: Kind::Close, .. }, rest @ ..] => rest,
+        [Token { kind: TokenKind::Word | TokenKind::Number, .. }, Token { kind: TokenKind::Close, .. }, rest @ ..] => {
+            rest
+        }
         _ => tokens,
     }
 }
@@ -125,11 +127,11 @@ fn unnumbered<'a>(bytes: &[u8], tokens: &'a [Token]) -> &'a [Token] {
     let [first, second, ..] = tokens else { return tokens };
     let text = &bytes[first.span.range()];
     let numbered = match first.kind {
-        Kind::Number => true,
-        Kind::Word => {
+        TokenKind::Number => true,
+        TokenKind::Word => {
             matches!(text, [b'N' | b'n', digits @ ..] if !digits.is_empty() && digits.iter().all(u8::is_ascii_digit))
         }
         _ => false,
     };
-    if numbered && second.kind == Kind::Word { &tokens[1..] } else { tokens }
+    if numbered && second.kind == TokenKind::Word { &tokens[1..] } else { tokens }
 }

@@ -3,10 +3,10 @@
 use super::calls::Argument;
 use super::changes::is_frame_function;
 use super::eval::{Path, RUN_TIME};
-use super::lex::Kind;
+use super::lex::LexemeKind;
 use super::names;
 use super::run::Runner;
-use super::state::{Changes, Id, State};
+use super::state::{Changes, Id, ModalState};
 use super::symbols::UNDECLARED;
 use super::value::{Step, Value, upper};
 use crate::text::{Diagnostic, Severity, Span};
@@ -187,7 +187,7 @@ impl<'a> Runner<'a> {
     }
 
     /// What `WITH` sets for one motion; gives what held before.
-    pub(super) fn with(&mut self, span: Span) -> State {
+    pub(super) fn with(&mut self, span: Span) -> ModalState {
         let before = self.state.clone();
         let mut cursor = self.cursor(span);
         while let Some(path) = self.path(&mut cursor, 0) {
@@ -210,7 +210,7 @@ impl<'a> Runner<'a> {
             let name = name.or_else(|| {
                 let mut behind = cursor;
                 self.path(&mut behind, 0)
-                    .filter(|_| behind.peek().kind == Kind::Mark(b',') || behind.is_done())
+                    .filter(|_| behind.peek().kind == LexemeKind::Mark(b',') || behind.is_done())
                     .map(|p| p.label)
             });
             let value = self.expression(&mut cursor);
@@ -223,7 +223,7 @@ impl<'a> Runner<'a> {
     }
 
     /// Puts back what `WITH` set; the position is where the motion went.
-    pub(super) fn restore(&mut self, before: State) {
+    pub(super) fn restore(&mut self, before: ModalState) {
         let symbols = &self.symbols;
         let was = |id: Id| before.values.get(&id).unwrap_or(&symbols.start[id]);
         if [symbols.base, symbols.tool].into_iter().any(|id| !was(id).is(&self.value(id))) {

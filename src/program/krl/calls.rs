@@ -2,7 +2,7 @@
 
 use super::changes::is_frame_function;
 use super::eval::{Path, RUN_TIME};
-use super::lex::{Cursor, Kind};
+use super::lex::{Cursor, LexemeKind};
 use super::names;
 use super::run::{MAX_CALLS, Runner};
 use super::state::{Changes, Id};
@@ -74,10 +74,10 @@ impl<'a> Runner<'a> {
     pub(super) fn assignment_or_call(&mut self, mut cursor: Cursor<'a>, span: Span) -> bool {
         let mut behind = cursor;
         let first = behind.next();
-        if first.kind != Kind::Word {
+        if first.kind != LexemeKind::Word {
             return false;
         }
-        if behind.peek().kind == Kind::Mark(b'(') {
+        if behind.peek().kind == LexemeKind::Mark(b'(') {
             let name = upper(cursor.text(first));
             self.call(&name, &mut behind, span);
             return behind.is_done();
@@ -95,7 +95,7 @@ impl<'a> Runner<'a> {
     /// The name of what is assigned, where that is a variable as a whole.
     fn name_of(&mut self, mut cursor: Cursor<'a>) -> Option<String> {
         let mut behind = cursor;
-        if behind.accept(Kind::Word).is_none() || behind.peek().kind == Kind::Mark(b'(') {
+        if behind.accept(LexemeKind::Word).is_none() || behind.peek().kind == LexemeKind::Mark(b'(') {
             return None;
         }
         let path = self.path(&mut cursor, 0)?;
@@ -158,14 +158,14 @@ impl<'a> Runner<'a> {
             }
             let mut behind = *cursor;
             let path = match behind.peek().kind {
-                Kind::Word => {
-                    self.path(&mut behind, depth + 1).filter(|_| matches!(behind.peek().kind, Kind::Mark(b',' | b')')))
-                }
+                LexemeKind::Word => self
+                    .path(&mut behind, depth + 1)
+                    .filter(|_| matches!(behind.peek().kind, LexemeKind::Mark(b',' | b')'))),
                 _ => None,
             };
             let value = self.expression_at(cursor, depth + 1);
             out.push(Argument { value, path });
-            if !cursor.accept_mark(b',') && cursor.peek().kind != Kind::Mark(b')') {
+            if !cursor.accept_mark(b',') && cursor.peek().kind != LexemeKind::Mark(b')') {
                 cursor.next();
             }
         }
@@ -301,7 +301,7 @@ impl<'a> Runner<'a> {
         cursor.until(&[b"DO"]);
         let mut behind = cursor;
         let first = behind.next();
-        if behind.peek().kind == Kind::Mark(b'(') {
+        if behind.peek().kind == LexemeKind::Mark(b'(') {
             let arguments = self.arguments(&mut behind, 0);
             self.give_away(&arguments, true);
         } else if self.path(&mut cursor, 0).is_some() && cursor.accept_mark(b'=') {
@@ -327,11 +327,11 @@ impl<'a> Runner<'a> {
         }
         while !cursor.is_done() {
             let lexeme = cursor.peek();
-            if lexeme.kind == Kind::Word {
+            if lexeme.kind == LexemeKind::Word {
                 let name = upper(cursor.text(lexeme));
                 let mut behind = cursor;
                 behind.next();
-                let is_call = behind.peek().kind == Kind::Mark(b'(');
+                let is_call = behind.peek().kind == LexemeKind::Mark(b'(');
                 let is_statement =
                     names::HARMLESS_STATEMENTS.contains(&&name[..]) || matches!(&name[..], b"FOR" | b"SEC");
                 if is_statement || is_call && names::NO_CALLS.contains(&&name[..]) {

@@ -1,6 +1,6 @@
 //! What statements could change, found without running them.
 
-use super::lex::{Cursor, Kind};
+use super::lex::{Cursor, LexemeKind};
 use super::names;
 use super::run::Runner;
 use super::state::{Changes, Id};
@@ -167,7 +167,7 @@ impl<'a> Runner<'a> {
         }
         while !cursor.is_done() {
             let lexeme = cursor.next();
-            if lexeme.kind != Kind::Word || cursor.peek().kind != Kind::Mark(b'(') {
+            if lexeme.kind != LexemeKind::Word || cursor.peek().kind != LexemeKind::Mark(b'(') {
                 continue;
             }
             let name = upper(cursor.text(lexeme));
@@ -248,11 +248,11 @@ impl<'a> Runner<'a> {
         let mut cursor = self.cursor(span);
         while !cursor.is_done() {
             let lexeme = cursor.next();
-            if lexeme.kind != Kind::Word {
+            if lexeme.kind != LexemeKind::Word {
                 continue;
             }
             let name = upper(cursor.text(lexeme));
-            if cursor.peek().kind == Kind::Mark(b'(') || name.first() == Some(&b'$') {
+            if cursor.peek().kind == LexemeKind::Mark(b'(') || name.first() == Some(&b'$') {
                 return true;
             }
             let id = self.resolve(&name);
@@ -311,7 +311,7 @@ impl<'a> Runner<'a> {
                 self.resumes |= cursor.is_at(b"RESUME");
                 while !cursor.is_done() {
                     let lexeme = cursor.next();
-                    if lexeme.kind != Kind::Word || cursor.peek().kind != Kind::Mark(b'(') {
+                    if lexeme.kind != LexemeKind::Word || cursor.peek().kind != LexemeKind::Mark(b'(') {
                         continue;
                     }
                     let Some(called) = self.symbols.find_routine(id.file, cursor.text(lexeme)) else { continue };
@@ -388,7 +388,7 @@ impl<'a> Runner<'a> {
             let mut cursor = Cursor::new(bytes, 0, span);
             while !cursor.is_done() {
                 let lexeme = cursor.next();
-                if lexeme.kind == Kind::Word && done.insert(upper(cursor.text(lexeme))) {
+                if lexeme.kind == LexemeKind::Word && done.insert(upper(cursor.text(lexeme))) {
                     let at = self.symbols.find(id.file, &upper(cursor.text(lexeme)));
                     let value = self.symbols.start.get(at).cloned().unwrap_or(Value::Bool(false));
                     self.pin(&value);
@@ -415,23 +415,23 @@ fn is_understood(mut cursor: Cursor<'_>) -> bool {
         return true;
     }
     cursor.next();
-    cursor.peek().kind == Kind::Mark(b'(')
+    cursor.peek().kind == LexemeKind::Mark(b'(')
 }
 
 /// The variable that a statement assigns to.
 fn assigned(mut cursor: Cursor<'_>) -> Option<Name> {
-    let first = cursor.accept(Kind::Word)?;
+    let first = cursor.accept(LexemeKind::Word)?;
     let name = upper(cursor.text(first));
     let mut depth = 0_usize;
     loop {
         let lexeme = cursor.next();
         match lexeme.kind {
-            Kind::Mark(b'[') => depth += 1,
-            Kind::Mark(b']') => depth = depth.saturating_sub(1),
-            Kind::Mark(b'=') if depth == 0 => return Some(name),
-            Kind::Mark(b'.') => {}
-            Kind::End => return None,
-            Kind::Word if depth == 0 => {}
+            LexemeKind::Mark(b'[') => depth += 1,
+            LexemeKind::Mark(b']') => depth = depth.saturating_sub(1),
+            LexemeKind::Mark(b'=') if depth == 0 => return Some(name),
+            LexemeKind::Mark(b'.') => {}
+            LexemeKind::End => return None,
+            LexemeKind::Word if depth == 0 => {}
             _ if depth == 0 => return None,
             _ => {}
         }
@@ -444,11 +444,11 @@ pub(super) fn arguments(mut cursor: Cursor<'_>) -> Vec<Name> {
     loop {
         let lexeme = cursor.next();
         match lexeme.kind {
-            Kind::End => return found,
-            Kind::Mark(b'(') => depth += 1,
-            Kind::Mark(b')') if depth <= 1 => return found,
-            Kind::Mark(b')') => depth -= 1,
-            Kind::Word => found.push(upper(cursor.text(lexeme))),
+            LexemeKind::End => return found,
+            LexemeKind::Mark(b'(') => depth += 1,
+            LexemeKind::Mark(b')') if depth <= 1 => return found,
+            LexemeKind::Mark(b')') => depth -= 1,
+            LexemeKind::Word => found.push(upper(cursor.text(lexeme))),
             _ => {}
         }
     }

@@ -1,10 +1,10 @@
 //! What expressions are worth.
 
-use super::lex::{Cursor, Kind};
+use super::lex::{Cursor, LexemeKind};
 use super::names;
 use super::run::Runner;
 use super::state::Id;
-use super::value::{NO_VALUE, Name, Place, REST, Step, Value, chained, flat, upper};
+use super::value::{NO_VALUE, Name, NumberToken, REST, Step, Value, chained, flat, upper};
 use crate::text::{Span, decode, number};
 use std::rc::Rc;
 
@@ -76,11 +76,15 @@ impl<'a> Runner<'a> {
         loop {
             let lexeme = cursor.peek();
             let operator: Name = match lexeme.kind {
-                Kind::Equal | Kind::Unequal | Kind::AtMost | Kind::AtLeast | Kind::Mark(b'<' | b'>') => {
+                LexemeKind::Equal
+                | LexemeKind::Unequal
+                | LexemeKind::AtMost
+                | LexemeKind::AtLeast
+                | LexemeKind::Mark(b'<' | b'>') => {
                     compared += 1;
                     upper(cursor.text(lexeme))
                 }
-                Kind::Word => {
+                LexemeKind::Word => {
                     let word = upper(cursor.text(lexeme));
                     if ![&b"AND"[..], b"OR", b"EXOR", b"B_AND", b"B_OR", b"B_EXOR"].contains(&&word[..]) {
                         break;
@@ -103,7 +107,7 @@ impl<'a> Runner<'a> {
 
     fn sum(&mut self, cursor: &mut Cursor<'a>, depth: usize) -> Value {
         let mut value = self.product(cursor, depth);
-        while let Kind::Mark(operator @ (b'+' | b'-')) = cursor.peek().kind {
+        while let LexemeKind::Mark(operator @ (b'+' | b'-')) = cursor.peek().kind {
             cursor.next();
             let other = self.product(cursor, depth);
             value = self.arithmetic(operator, &value, &other);
@@ -113,7 +117,7 @@ impl<'a> Runner<'a> {
 
     fn product(&mut self, cursor: &mut Cursor<'a>, depth: usize) -> Value {
         let mut value = self.geometric(cursor, depth);
-        while let Kind::Mark(operator @ (b'*' | b'/')) = cursor.peek().kind {
+        while let LexemeKind::Mark(operator @ (b'*' | b'/')) = cursor.peek().kind {
             cursor.next();
             let other = self.geometric(cursor, depth);
             value = self.arithmetic(operator, &value, &other);
@@ -157,10 +161,10 @@ impl<'a> Runner<'a> {
             return Value::unknown("brackets are nested too deep");
         }
         match lexeme.kind {
-            Kind::Mark(sign @ (b'-' | b'+')) => {
+            LexemeKind::Mark(sign @ (b'-' | b'+')) => {
                 cursor.next();
                 let next = cursor.peek();
-                if next.kind == Kind::Number {
+                if next.kind == LexemeKind::Number {
                     cursor.next();
                     return literal(cursor, Span::new(lexeme.start, next.end), sign == b'-');
                 }
@@ -169,7 +173,7 @@ impl<'a> Runner<'a> {
                 let signed = |v: f64| Value::Number(if sign == b'-' { -v } else { v }, None);
                 value.number().map_or(Value::unknown(RUN_TIME), signed)
             }
-            Kind::Word if cursor.is_at(b"NOT") || cursor.is_at(b"B_NOT") => {
+            LexemeKind::Word if cursor.is_at(b"NOT") || cursor.is_at(b"B_NOT") => {
                 cursor.next();
                 let value = self.unary(cursor, depth + 1);
                 value.bool().map_or(Value::unknown(RUN_TIME), |v| Value::Bool(!v))
@@ -181,32 +185,32 @@ impl<'a> Runner<'a> {
     fn primary(&mut self, cursor: &mut Cursor<'a>, depth: usize) -> Value {
         let lexeme = cursor.peek();
         match lexeme.kind {
-            Kind::Number => {
+            LexemeKind::Number => {
                 cursor.next();
                 literal(cursor, lexeme.span(), false)
             }
-            Kind::Bits => {
+            LexemeKind::Bits => {
                 cursor.next();
                 bits(cursor.text(lexeme)).map_or(Value::unknown("not a bit string"), |v| Value::Number(v, None))
             }
-            Kind::Text => {
+            LexemeKind::Text => {
                 cursor.next();
                 Value::Text(cursor.text(lexeme).into())
             }
-            Kind::Mark(b'#') => {
+            LexemeKind::Mark(b'#') => {
                 cursor.next();
                 let word = cursor.next();
                 Value::Constant(upper(cursor.text(word)))
             }
-            Kind::Mark(b'(') => {
+            LexemeKind::Mark(b'(') => {
                 cursor.next();
                 let value = self.expression_at(cursor, depth + 1);
                 cursor.accept_mark(b')');
                 self.pin(&value);
                 value
             }
-            Kind::Mark(b'{') => self.aggregate(cursor, depth + 1),
-            Kind::Word => self.word(cursor, depth),
+            LexemeKind::Mark(b'{') => self.aggregate(cursor, depth + 1),
+            LexemeKind::Word => self.word(cursor, depth),
             _ => {
                 cursor.next();
                 Value::unknown("not an expression")
@@ -225,7 +229,7 @@ impl<'a> Runner<'a> {
         }
         let mut behind = *cursor;
         behind.next();
-        if behind.peek().kind == Kind::Mark(b'(') {
+        if behind.peek().kind == LexemeKind::Mark(b'(') {
             *cursor = behind;
             return self.function(&name, cursor, depth);
         }
@@ -237,7 +241,7 @@ impl<'a> Runner<'a> {
 
     /// `name[i,j].component…`
     pub(super) fn path(&mut self, cursor: &mut Cursor<'a>, depth: usize) -> Option<Path> {
-        let first = cursor.accept(Kind::Word)?;
+        let first = cursor.accept(LexemeKind::Word)?;
         let name = upper(cursor.text(first));
         let id = self.resolve(&name);
         let label = decode(cursor.text(first)).into_owned();
@@ -262,9 +266,9 @@ impl<'a> Runner<'a> {
                     let shown: Vec<String> = all.iter().map(ToString::to_string).collect();
                     path.label += &format!("[{}]", shown.join(","));
                 }
-            } else if cursor.peek().kind == Kind::Mark(b'.') {
+            } else if cursor.peek().kind == LexemeKind::Mark(b'.') {
                 cursor.next();
-                let word = cursor.accept(Kind::Word)?;
+                let word = cursor.accept(LexemeKind::Word)?;
                 path.steps.push(Step::Component(upper(cursor.text(word))));
                 path.label += &format!(".{}", decode(cursor.text(word)));
             } else {
@@ -313,12 +317,12 @@ impl<'a> Runner<'a> {
         let start = cursor.rest().start;
         cursor.accept_mark(b'{');
         let mut behind = *cursor;
-        if behind.accept(Kind::Word).is_some() && behind.accept_mark(b':') {
+        if behind.accept(LexemeKind::Word).is_some() && behind.accept_mark(b':') {
             *cursor = behind;
         }
         let mut fields: Vec<(Name, Value)> = Vec::with_capacity(6);
         let mut twice = false;
-        while let Some(name) = cursor.accept(Kind::Word) {
+        while let Some(name) = cursor.accept(LexemeKind::Word) {
             let name = upper(cursor.text(name));
             if cursor.accept_mark(b'[') {
                 while !cursor.is_done() && !cursor.accept_mark(b']') {
@@ -355,7 +359,7 @@ fn literal(cursor: &Cursor<'_>, span: Span, negative: bool) -> Value {
     let text = &cursor.bytes[span.range()];
     let digits = text.strip_prefix(b"-").or_else(|| text.strip_prefix(b"+")).unwrap_or(text).trim_ascii_start();
     match number::read(digits) {
-        Some(value) => Value::Number(if negative { -value } else { value }, Place::new(cursor.source, span)),
+        Some(value) => Value::Number(if negative { -value } else { value }, NumberToken::new(cursor.source, span)),
         None => Value::unknown("not a number"),
     }
 }

@@ -1,7 +1,7 @@
 //! Branches and loops.
 
 use super::run::{Flow, Runner, place};
-use super::state::{Id, State};
+use super::state::{Id, ModalState};
 use super::tree::{Condition, Statement};
 use super::value::{Value, upper};
 use crate::text::Span;
@@ -15,7 +15,7 @@ pub(super) const LOOP: &str = "changed in a loop whose rounds are known only at 
 
 impl<'a> Runner<'a> {
     /// What holds where any of these may.
-    pub(super) fn joined(&mut self, states: Vec<State>) -> Option<State> {
+    pub(super) fn joined(&mut self, states: Vec<ModalState>) -> Option<ModalState> {
         let mut states = states.into_iter();
         let first = states.next()?;
         let (start, position, pinned) = (&self.symbols.start, self.symbols.position, &mut self.pinned);
@@ -41,7 +41,7 @@ impl<'a> Runner<'a> {
     }
 
     /// Goes on with what holds where any of these may.
-    pub(super) fn go_on(&mut self, left: Vec<State>) -> Flow {
+    pub(super) fn go_on(&mut self, left: Vec<ModalState>) -> Flow {
         match self.joined(left) {
             Some(state) => {
                 self.state = state;

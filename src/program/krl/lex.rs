@@ -10,7 +10,7 @@ use nom::{IResult, Parser};
 
 /// What a lexeme is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum LexemeKind {
     /// Name, reserved word or system variable.
     Word,
     /// Unsigned number: the sign is an operator.
@@ -38,7 +38,7 @@ pub(super) enum Kind {
 /// One lexeme and where it stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Lexeme {
-    pub(super) kind: Kind,
+    pub(super) kind: LexemeKind,
     pub(super) start: usize,
     pub(super) end: usize,
 }
@@ -79,21 +79,22 @@ fn quoted(input: Bytes<'_>) -> Found<'_> {
 }
 
 /// The lexeme at the start of `input`, blanks passed: its kind and length, which is 0 only at the end.
-fn lexeme(input: Bytes<'_>) -> (Kind, usize) {
-    let Some(&first) = input.first() else { return (Kind::End, 0) };
-    let taken = |kind: Kind, found: Found<'_>| found.map_or((Kind::Junk, 1), |(_, part)| (kind, part.len()));
+fn lexeme(input: Bytes<'_>) -> (LexemeKind, usize) {
+    let Some(&first) = input.first() else { return (LexemeKind::End, 0) };
+    let taken =
+        |kind: LexemeKind, found: Found<'_>| found.map_or((LexemeKind::Junk, 1), |(_, part)| (kind, part.len()));
     match first {
-        b'0'..=b'9' => taken(Kind::Number, number(input)),
-        b'.' if input.get(1).is_some_and(u8::is_ascii_digit) => taken(Kind::Number, number(input)),
-        _ if is_word(first) => taken(Kind::Word, take_while(is_word).parse(input)),
-        b'"' => taken(Kind::Text, quoted(input)),
-        b'\'' => taken(Kind::Bits, quoted(input)),
-        b'=' if input.get(1) == Some(&b'=') => (Kind::Equal, 2),
-        b'<' if input.get(1) == Some(&b'>') => (Kind::Unequal, 2),
-        b'<' if input.get(1) == Some(&b'=') => (Kind::AtMost, 2),
-        b'>' if input.get(1) == Some(&b'=') => (Kind::AtLeast, 2),
-        b'!'..=b'~' => (Kind::Mark(first), 1),
-        _ => (Kind::Junk, 1),
+        b'0'..=b'9' => taken(LexemeKind::Number, number(input)),
+        b'.' if input.get(1).is_some_and(u8::is_ascii_digit) => taken(LexemeKind::Number, number(input)),
+        _ if is_word(first) => taken(LexemeKind::Word, take_while(is_word).parse(input)),
+        b'"' => taken(LexemeKind::Text, quoted(input)),
+        b'\'' => taken(LexemeKind::Bits, quoted(input)),
+        b'=' if input.get(1) == Some(&b'=') => (LexemeKind::Equal, 2),
+        b'<' if input.get(1) == Some(&b'>') => (LexemeKind::Unequal, 2),
+        b'<' if input.get(1) == Some(&b'=') => (LexemeKind::AtMost, 2),
+        b'>' if input.get(1) == Some(&b'=') => (LexemeKind::AtLeast, 2),
+        b'!'..=b'~' => (LexemeKind::Mark(first), 1),
+        _ => (LexemeKind::Junk, 1),
     }
 }
 
@@ -134,7 +135,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// Passes the next lexeme if it is of this kind.
-    pub(super) fn accept(&mut self, kind: Kind) -> Option<Lexeme> {
+    pub(super) fn accept(&mut self, kind: LexemeKind) -> Option<Lexeme> {
         let lexeme = self.peek();
         (lexeme.kind == kind).then(|| {
             self.at = lexeme.end;
@@ -143,13 +144,13 @@ impl<'a> Cursor<'a> {
     }
 
     pub(super) fn accept_mark(&mut self, mark: u8) -> bool {
-        self.accept(Kind::Mark(mark)).is_some()
+        self.accept(LexemeKind::Mark(mark)).is_some()
     }
 
     /// Whether the next lexeme is this word.
     pub(super) fn is_at(&self, word: &[u8]) -> bool {
         let lexeme = self.peek();
-        lexeme.kind == Kind::Word && self.text(lexeme).eq_ignore_ascii_case(word)
+        lexeme.kind == LexemeKind::Word && self.text(lexeme).eq_ignore_ascii_case(word)
     }
 
     /// Passes the next lexeme if it is this word.
@@ -162,7 +163,7 @@ impl<'a> Cursor<'a> {
     }
 
     pub(super) fn is_done(&self) -> bool {
-        self.peek().kind == Kind::End
+        self.peek().kind == LexemeKind::End
     }
 
     pub(super) fn text(&self, lexeme: Lexeme) -> &'a [u8] {
@@ -176,13 +177,13 @@ impl<'a> Cursor<'a> {
         loop {
             let lexeme = self.peek();
             match lexeme.kind {
-                Kind::End => {
+                LexemeKind::End => {
                     self.at = self.end;
                     return (Span::new(start, self.end), None);
                 }
-                Kind::Mark(b'{' | b'(' | b'[') => depth += 1,
-                Kind::Mark(b'}' | b')' | b']') => depth = depth.saturating_sub(1),
-                Kind::Word if depth == 0 => {
+                LexemeKind::Mark(b'{' | b'(' | b'[') => depth += 1,
+                LexemeKind::Mark(b'}' | b')' | b']') => depth = depth.saturating_sub(1),
+                LexemeKind::Word if depth == 0 => {
                     let text = self.text(lexeme);
                     if let Some(which) = words.iter().position(|word| text.eq_ignore_ascii_case(word)) {
                         self.at = lexeme.end;
@@ -260,8 +261,9 @@ mod tests {
     fn lexemes_of_a_line() {
         let text = b"LIN {X -1.5E-3,S 'B010'} C_DIS";
         let mut cursor = Cursor::new(text, 0, Span::new(0, text.len()));
-        let kinds: Vec<Kind> = std::iter::from_fn(|| Some(cursor.next().kind).filter(|k| *k != Kind::End)).collect();
-        use Kind::{Bits, Mark, Number, Word};
+        let kinds: Vec<LexemeKind> =
+            std::iter::from_fn(|| Some(cursor.next().kind).filter(|k| *k != LexemeKind::End)).collect();
+        use LexemeKind::{Bits, Mark, Number, Word};
         assert_eq!(kinds, [Word, Mark(b'{'), Word, Mark(b'-'), Number, Mark(b','), Word, Bits, Mark(b'}'), Word]);
     }
 

@@ -4,7 +4,7 @@
 use super::Layout;
 use super::lex;
 use super::run::Site;
-use super::value::{EXTERNAL, Place, upper};
+use super::value::{EXTERNAL, NumberToken, upper};
 use crate::program::EXTERNAL_AXES;
 use crate::program::orientation::quaternion_of_zyx_deg;
 use crate::program::{Editable, ExternalAxes, Goal, Mark, Motion, Program, Role, Target, Tool, Wobj};
@@ -329,7 +329,7 @@ impl Like {
         let each = |component: usize, at, number: number::Leading| {
             numbers[component] = number.value;
             let at = start + at;
-            site.tokens[component] = Place::new(0, Span::new(at, at + number.len()));
+            site.tokens[component] = NumberToken::new(0, Span::new(at, at + number.len()));
         };
         let more = |more, value| {
             if let More::Axis(axis) = more {

@@ -42,7 +42,7 @@ pub use chunks::{CHUNK, Chunk, Chunks};
 
 use super::{Kept, Language, Program};
 use crate::text::{Diagnostic, Severity, Source, Span};
-use lex::{Cursor, Kind, lines};
+use lex::{Cursor, LexemeKind, lines};
 use run::{Runner, Site};
 use value::{POSE, upper};
 
@@ -167,15 +167,15 @@ fn in_line(bytes: &[u8], code: Span) -> usize {
     while !cursor.is_done() {
         let lexeme = cursor.next();
         match lexeme.kind {
-            Kind::Mark(b'{') => open.push(0),
-            Kind::Mark(b'}') => count += usize::from(open.pop() == Some(0b11_1111)),
-            Kind::Word => {
+            LexemeKind::Mark(b'{') => open.push(0),
+            LexemeKind::Mark(b'}') => count += usize::from(open.pop() == Some(0b11_1111)),
+            LexemeKind::Word => {
                 let name = upper(cursor.text(lexeme));
                 let which = POSE.iter().position(|known| *known == &name[..]);
                 let mut behind = cursor;
                 let _ = behind.accept_mark(b'-') || behind.accept_mark(b'+');
-                let is_number =
-                    behind.accept(Kind::Number).is_some() && matches!(behind.peek().kind, Kind::Mark(b',' | b'}'));
+                let is_number = behind.accept(LexemeKind::Number).is_some()
+                    && matches!(behind.peek().kind, LexemeKind::Mark(b',' | b'}'));
                 if let (Some(which), Some(of), true) = (which, open.last_mut(), is_number) {
                     *of |= 1 << which;
                 }

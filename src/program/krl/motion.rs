@@ -3,7 +3,7 @@
 use super::eval::RUN_TIME;
 use super::lex::Cursor;
 use super::run::{Runner, Site};
-use super::value::{AXES, EXTERNAL, Name, POSE, Place, Value};
+use super::value::{AXES, EXTERNAL, Name, NumberToken, POSE, Value};
 use crate::program::orientation::{from_zyx_deg, halfway, quaternion, quaternion_of_zyx_deg};
 use crate::program::{Conf, Editable, Goal, Mark, Motion, Predecessor, Role, Status, Target};
 use crate::text::Span;
@@ -20,7 +20,7 @@ const STATUS: [&[u8]; 2] = [b"S", b"T"];
 /// A position as a motion takes it.
 struct Position {
     numbers: [f64; 6],
-    places: [Option<Place>; 6],
+    places: [Option<NumberToken>; 6],
     /// Those that it, or a motion before, names.
     external: [Option<Value>; 6],
 }
@@ -116,10 +116,10 @@ impl<'a> Runner<'a> {
     fn point(&mut self, cursor: &mut Cursor<'a>) -> (Value, Option<Arc<str>>) {
         let mut behind = *cursor;
         let name = match behind.peek().kind {
-            super::lex::Kind::Word => self.path(&mut behind, 0).map(|path| path.label.as_str().into()),
+            super::lex::LexemeKind::Word => self.path(&mut behind, 0).map(|path| path.label.as_str().into()),
             _ => None,
         };
-        let plain = !matches!(behind.peek().kind, super::lex::Kind::Mark(b':' | b'('));
+        let plain = !matches!(behind.peek().kind, super::lex::LexemeKind::Mark(b':' | b'('));
         (self.expression(cursor), name.filter(|_| plain))
     }
 
@@ -452,6 +452,6 @@ fn axes(value: &Value) -> Result<Option<[f64; 6]>, &'static str> {
     value.numbers(AXES).map(Some).ok_or("axis angles are missing or not known")
 }
 
-fn place(value: &Value) -> Option<Place> {
+fn place(value: &Value) -> Option<NumberToken> {
     if let Value::Number(_, place) = value { *place } else { None }
 }

@@ -2,7 +2,7 @@
 
 use super::numbers::{ANGLE_DECIMALS, POSITION_DECIMALS, bytes, follows_a_name, near};
 use super::run::Site;
-use super::value::Place;
+use super::value::NumberToken;
 use super::{Layout, insert};
 use crate::program::front_end::FrontEnd;
 use crate::program::orientation::{quaternion_of_zyx_deg, rotation, zyx_deg};
@@ -113,17 +113,17 @@ impl Layout {
         new_tokens: &[NewTokens],
         changes: &[Option<Change>],
         apart: bool,
-    ) -> HashSet<Place> {
+    ) -> HashSet<NumberToken> {
         // A joint motion whose status or turn would be untrue stays with its numbers.
         let changed = self.sites.iter().zip(changes);
         let untrue = changed.filter(|(_, change)| change.as_ref().is_some_and(|change| change.conf.is_some()));
-        let untrue: Vec<Place> = untrue.flat_map(|(site, _)| site.tokens.into_iter().flatten()).collect();
+        let untrue: Vec<NumberToken> = untrue.flat_map(|(site, _)| site.tokens.into_iter().flatten()).collect();
         let mut frozen = HashSet::new();
         if apart {
             frozen.extend(untrue);
             return frozen;
         }
-        let mut wanted: HashMap<Place, &Option<Token>> = HashMap::new();
+        let mut wanted: HashMap<NumberToken, &Option<Token>> = HashMap::new();
         for (site, own) in self.sites.iter().zip(new_tokens) {
             for (place, token) in site.tokens.iter().zip(&own.tokens) {
                 let Some(place) = place else { continue };
@@ -139,7 +139,8 @@ impl Layout {
             for i in 0..self.sites.len() {
                 let via = program.targets[i].role == Role::Via;
                 let group = [Some(i), via.then_some(i + 1)].into_iter().flatten().filter(|at| *at < self.sites.len());
-                let places: Vec<Place> = group.flat_map(|at| self.sites[at].tokens.into_iter().flatten()).collect();
+                let places: Vec<NumberToken> =
+                    group.flat_map(|at| self.sites[at].tokens.into_iter().flatten()).collect();
                 if places.iter().any(|place| frozen.contains(place)) {
                     frozen.extend(places);
                 }

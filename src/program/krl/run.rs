@@ -1,11 +1,11 @@
 //! The program as it runs: calls, loops and branches followed as far as they are known when reading.
 
-use super::lex::{Cursor, Kind};
+use super::lex::{Cursor, LexemeKind};
 use super::names;
-use super::state::{Changes, Id, State};
+use super::state::{Changes, Id, ModalState};
 use super::symbols::{RoutineId, Symbols};
 use super::tree::{File, Routine, Statement};
-use super::value::{Name, Place, Value, upper};
+use super::value::{Name, NumberToken, Value, upper};
 use crate::program::{Kept, Mark, Target, Tool, UnknownMotion, Wobj};
 use crate::text::{Diagnostic, LineIndex, Severity, Source, Span, decode};
 use std::collections::{BTreeSet, HashMap, HashSet};
@@ -35,7 +35,7 @@ pub(super) struct Frame {
     pub(super) routine: RoutineId,
     pub(super) names: HashMap<Name, Id>,
     /// What it leaves where it returns before its end.
-    returns: Vec<State>,
+    returns: Vec<ModalState>,
     /// What a routine with GOTO changes: it may be any at a label.
     jumps: Option<Rc<Changes>>,
 }
@@ -57,23 +57,23 @@ pub(super) struct Left {
 /// Where a target's six numbers stand: X Y Z A B C; `None` for one that stands nowhere.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Site {
-    pub(crate) tokens: [Option<Place>; 6],
+    pub(crate) tokens: [Option<NumberToken>; 6],
 }
 
 pub(super) struct Runner<'a> {
     pub(super) symbols: Symbols<'a>,
     pub(super) written: usize,
-    pub(super) state: State,
+    pub(super) state: ModalState,
     pub(super) frames: Vec<Frame>,
     /// What EXIT leaves of each loop on the way.
-    pub(super) loops: Vec<Vec<State>>,
+    pub(super) loops: Vec<Vec<ModalState>>,
     nested: usize,
     pub(super) steps: usize,
     pub(super) most_steps: usize,
     most_targets: usize,
     pub(super) entered: HashSet<RoutineId>,
     /// Numbers that something else than a motion reads.
-    pub(super) pinned: HashSet<Place>,
+    pub(super) pinned: HashSet<NumberToken>,
     /// Data that may change at any moment.
     pub(super) volatile: HashSet<Id>,
     /// Those of them that a TRIGGER on the way may change.
@@ -115,7 +115,7 @@ impl<'a> Runner<'a> {
         let mut runner = Self {
             symbols: Symbols::new(sources, files),
             written,
-            state: State::default(),
+            state: ModalState::default(),
             frames: Vec::new(),
             loops: Vec::new(),
             nested: 0,
@@ -161,7 +161,7 @@ impl<'a> Runner<'a> {
         self.expect_interrupts();
         self.find_beside();
         for root in self.symbols.roots(self.written) {
-            self.state = State::default();
+            self.state = ModalState::default();
             let mark = self.symbols.files[root.file].mark;
             if let Some(mark) = mark {
                 self.set_mark(mark);
@@ -422,7 +422,7 @@ impl<'a> Runner<'a> {
             let mut cursor = self.cursor(span);
             while !cursor.is_done() {
                 let lexeme = cursor.next();
-                if lexeme.kind == Kind::Word {
+                if lexeme.kind == LexemeKind::Word {
                     ids.insert(self.resolve(&upper(cursor.text(lexeme))));
                 }
             }

@@ -5,7 +5,7 @@ use super::lex::Cursor;
 use super::motion::BESIDE;
 use super::run::{Runner, Site};
 use super::symbols::spans;
-use super::value::{EXTERNAL, Place};
+use super::value::{EXTERNAL, NumberToken};
 use crate::program::{Editable, ExternalAxes, Motion, Role};
 use crate::text::Span;
 use std::collections::HashMap;
@@ -17,7 +17,7 @@ impl Runner<'_> {
         let mut cursor = Cursor::new(self.bytes(file), 0, span);
         while !cursor.is_done() {
             let lexeme = cursor.next();
-            if lexeme.kind != super::lex::Kind::Word {
+            if lexeme.kind != super::lex::LexemeKind::Word {
                 continue;
             }
             let name = super::value::upper(cursor.text(lexeme));
@@ -51,12 +51,12 @@ impl Runner<'_> {
                 if let Some(reason) = reasons.into_iter().flatten().next() {
                     for at in [Some(i), arc.then_some(i + 1)].into_iter().flatten() {
                         self.targets[at].editable = Editable::No(reason);
-                        let held: Vec<Place> = places(at, 0..6).copied().collect();
+                        let held: Vec<NumberToken> = places(at, 0..6).copied().collect();
                         self.pinned.extend(held);
                     }
                 } else if self.sites[i].tokens[3..].iter().any(|place| self.holds(*place).is_some()) {
                     self.targets[i].editable = Editable::Position;
-                    let held: Vec<Place> = places(i, 3..6).copied().collect();
+                    let held: Vec<NumberToken> = places(i, 3..6).copied().collect();
                     self.pinned.extend(held);
                 }
             }
@@ -100,7 +100,7 @@ impl Runner<'_> {
 
     /// An angle that several points have (`P[i].A=-30` in a loop) turns all of them: it stays, their positions are their own.
     pub(super) fn hold_shared_angles(&mut self) {
-        let mut owners: HashMap<Place, Option<Place>> = HashMap::new();
+        let mut owners: HashMap<NumberToken, Option<NumberToken>> = HashMap::new();
         for site in &self.sites {
             let [x, _, _, angles @ ..] = site.tokens;
             for angle in angles.into_iter().flatten() {
@@ -112,7 +112,7 @@ impl Runner<'_> {
     }
 
     /// Why a number stays as it is.
-    pub(super) fn holds(&self, place: Option<Place>) -> Option<&'static str> {
+    pub(super) fn holds(&self, place: Option<NumberToken>) -> Option<&'static str> {
         match place {
             None => Some(RUN_TIME),
             Some(place) if usize::from(place.source) >= self.written => Some("declared in a context file"),

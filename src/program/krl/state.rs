@@ -1,6 +1,6 @@
 //! What may hold at a place of the program: values of data by number, those that differ from what the text says.
 
-use super::value::{Place, Value};
+use super::value::{NumberToken, Value};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Number of a variable.
@@ -16,11 +16,11 @@ pub(super) struct Changes {
 
 /// What holds; data that are not in it hold what they hold at the start.
 #[derive(Clone, Debug, Default)]
-pub(super) struct State {
+pub(super) struct ModalState {
     pub(super) values: BTreeMap<Id, Value>,
 }
 
-impl State {
+impl ModalState {
     /// Whether all that is known here holds there as well.
     pub(super) fn covers(&self, other: &Self, start: &[Value]) -> bool {
         let missing = Value::unknown(super::value::NO_VALUE);
@@ -31,7 +31,13 @@ impl State {
 
     /// What holds where either may; tokens of what differs go to `lost`, but those of the position of this number, of which
     /// only a motion that leaves components out has any use.
-    pub(super) fn join(mut self, other: &Self, start: &[Value], position: Id, lost: &mut impl FnMut(Place)) -> Self {
+    pub(super) fn join(
+        mut self,
+        other: &Self,
+        start: &[Value],
+        position: Id,
+        lost: &mut impl FnMut(NumberToken),
+    ) -> Self {
         let missing = Value::unknown(super::value::NO_VALUE);
         let at_start = |id: Id| start.get(id).unwrap_or(&missing);
         let mut join = |id: Id, a: &Value, b: &Value| if id == position { a.either(b, lost) } else { a.join(b, lost) };

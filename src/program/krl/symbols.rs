@@ -1,7 +1,7 @@
 //! Names of data and routines, and what data hold at the start.
 
 use super::changes::is_frame_function;
-use super::lex::{Cursor, Kind};
+use super::lex::{Cursor, LexemeKind};
 use super::names;
 use super::state::Id;
 use super::tree::{File, Routine, Statement, walk};
@@ -298,7 +298,7 @@ impl<'a> Symbols<'a> {
                 let mut cursor = Cursor::new(bytes, 0, span);
                 while !cursor.is_done() {
                     let lexeme = cursor.next();
-                    if lexeme.kind == Kind::Word && cursor.peek().kind == Kind::Mark(b'(') {
+                    if lexeme.kind == LexemeKind::Word && cursor.peek().kind == LexemeKind::Mark(b'(') {
                         called.extend(self.find_routine(id.file, cursor.text(lexeme)).filter(|other| *other != id));
                     }
                 }

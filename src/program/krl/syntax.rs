@@ -1,6 +1,6 @@
 //! Lines to routines, data lists and blocks. A line that is not understood stays as it is and takes no other with it.
 
-use super::lex::{Cursor, Kind, Line, lines};
+use super::lex::{Cursor, LexemeKind, Line, lines};
 use super::tree::{Condition, Data, File, Param, Routine, Statement};
 use crate::text::{Source, Span};
 
@@ -136,9 +136,9 @@ impl<'a> Parser<'a> {
         let name = name(&mut cursor);
         let mut params = Vec::new();
         if cursor.accept_mark(b'(') {
-            while let Some(param) = cursor.accept(Kind::Word) {
+            while let Some(param) = cursor.accept(LexemeKind::Word) {
                 let mut is_out = true;
-                while !cursor.is_done() && !matches!(cursor.peek().kind, Kind::Mark(b',' | b')')) {
+                while !cursor.is_done() && !matches!(cursor.peek().kind, LexemeKind::Mark(b',' | b')')) {
                     if cursor.accept_word(b"IN") {
                         is_out = false;
                     } else {
@@ -195,7 +195,7 @@ impl<'a> Parser<'a> {
                 break;
             }
         }
-        let kind = cursor.accept(Kind::Word)?;
+        let kind = cursor.accept(LexemeKind::Word)?;
         let word = cursor.text(kind);
         let is = |known: &[u8]| word.eq_ignore_ascii_case(known);
         if !is_declared && STATEMENTS.iter().any(|known| is(known)) {
@@ -207,11 +207,11 @@ impl<'a> Parser<'a> {
             return Some(Vec::new());
         }
         let mut dims = false;
-        if cursor.peek().kind == Kind::Mark(b'[') && is_declared {
+        if cursor.peek().kind == LexemeKind::Mark(b'[') && is_declared {
             // `CHAR[16] name` is read too.
             dims = brackets(&mut cursor);
         }
-        if cursor.peek().kind != Kind::Word {
+        if cursor.peek().kind != LexemeKind::Word {
             return is_declared.then(Vec::new);
         }
         // DECL may be left out before types of the system alone: anything else is a statement of some option package.
@@ -220,18 +220,18 @@ impl<'a> Parser<'a> {
             return None;
         }
         let mut found = Vec::new();
-        while let Some(name) = cursor.accept(Kind::Word) {
-            let is_array = cursor.peek().kind == Kind::Mark(b'[') && brackets(&mut cursor) || dims;
+        while let Some(name) = cursor.accept(LexemeKind::Word) {
+            let is_array = cursor.peek().kind == LexemeKind::Mark(b'[') && brackets(&mut cursor) || dims;
             let value = cursor.accept_mark(b'=').then(|| {
                 let start = cursor.peek().start;
                 let mut depth = 0_usize;
                 loop {
                     let next = cursor.peek();
                     match next.kind {
-                        Kind::End => return Span::new(start, next.start.max(start)),
-                        Kind::Mark(b',') if depth == 0 => return Span::new(start, next.start),
-                        Kind::Mark(b'{' | b'(' | b'[') => depth += 1,
-                        Kind::Mark(b'}' | b')' | b']') => depth = depth.saturating_sub(1),
+                        LexemeKind::End => return Span::new(start, next.start.max(start)),
+                        LexemeKind::Mark(b',') if depth == 0 => return Span::new(start, next.start),
+                        LexemeKind::Mark(b'{' | b'(' | b'[') => depth += 1,
+                        LexemeKind::Mark(b'}' | b')' | b']') => depth = depth.saturating_sub(1),
                         _ => {}
                     }
                     cursor.next();
@@ -384,7 +384,7 @@ fn name(cursor: &mut Cursor<'_>) -> Span {
     let mut name = cursor.next().span();
     loop {
         let next = cursor.peek();
-        if next.start != name.range().end || !matches!(next.kind, Kind::Word | Kind::Number) {
+        if next.start != name.range().end || !matches!(next.kind, LexemeKind::Word | LexemeKind::Number) {
             return name;
         }
         name = name.to(cursor.next().span());
@@ -401,5 +401,5 @@ fn brackets(cursor: &mut Cursor<'_>) -> bool {
 
 /// `name:`
 fn is_label(mut cursor: Cursor<'_>) -> bool {
-    cursor.accept(Kind::Word).is_some() && cursor.accept_mark(b':') && cursor.is_done()
+    cursor.accept(LexemeKind::Word).is_some() && cursor.accept_mark(b':') && cursor.is_done()
 }

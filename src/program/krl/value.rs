@@ -16,13 +16,13 @@ pub(super) fn upper(text: &[u8]) -> Name {
 
 /// A number token, its sign included.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub(crate) struct Place {
+pub(crate) struct NumberToken {
     pub(crate) source: u16,
     start: u32,
     len: u8,
 }
 
-impl Place {
+impl NumberToken {
     /// `None` for a token that is longer than any number.
     pub(super) fn new(source: u16, span: Span) -> Option<Self> {
         Some(Self { source, start: span.start, len: u8::try_from(span.len()).ok()? })
@@ -44,7 +44,7 @@ pub(super) enum Value {
     /// Known only when the program runs, and why; it may be this one.
     Unknown(&'static str, Option<Rc<Value>>),
     /// A number; its token where it is a literal, or a copy of one.
-    Number(f64, Option<Place>),
+    Number(f64, Option<NumberToken>),
     Bool(bool),
     Text(Rc<[u8]>),
     /// `#NAME`
@@ -160,7 +160,7 @@ impl Value {
     }
 
     /// Calls `each` with every token in it, those that it may have had too.
-    pub(super) fn places(&self, each: &mut impl FnMut(Place)) {
+    pub(super) fn places(&self, each: &mut impl FnMut(NumberToken)) {
         match self {
             Self::Number(_, Some(place)) => each(*place),
             Self::Record(fields) => fields.iter().for_each(|(_, value)| value.places(each)),
@@ -208,9 +208,9 @@ impl Value {
 
     /// Of two values that differ, that it may be either: their tokens are those of what it may have been. Where they are too many
     /// to carry on, they go to `lost`.
-    pub(super) fn either(&self, other: &Self, lost: &mut impl FnMut(Place)) -> Self {
+    pub(super) fn either(&self, other: &Self, lost: &mut impl FnMut(NumberToken)) -> Self {
         /// Tokens of some hundred motions, between which a program chooses.
-        const MOST: usize = 2048;
+        const MOST_TOKENS: usize = 2048;
         if self.is(other) {
             return self.clone();
         }
@@ -227,7 +227,7 @@ impl Value {
                 all.insert(at, Self::Number(0.0, Some(place)));
             });
         }
-        if all.len() > MOST {
+        if all.len() > MOST_TOKENS {
             self.places(lost);
             other.places(lost);
             all.clear();
@@ -236,7 +236,7 @@ impl Value {
     }
 
     /// What holds where either may; tokens of what differs go to `lost`.
-    pub(super) fn join(&self, other: &Self, lost: &mut impl FnMut(Place)) -> Self {
+    pub(super) fn join(&self, other: &Self, lost: &mut impl FnMut(NumberToken)) -> Self {
         if self.is(other) {
             return self.clone();
         }

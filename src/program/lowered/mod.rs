@@ -16,7 +16,7 @@ use super::front_end::FrontEnd;
 use super::{Change, Insert, Passing, Program, RewriteOptions, Rewritten};
 use crate::program::orientation::quaternion;
 use deflex_lang::dialect::Dialect;
-use deflex_lang::ir::{Place, TokenId};
+use deflex_lang::ir::{SourceSpan, TokenId};
 use deflex_lang::value::Affine;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use std::ops::Range;
@@ -52,7 +52,7 @@ impl std::fmt::Debug for Style {
 #[derive(Debug)]
 pub(crate) struct Layout {
     style: &'static Style,
-    tokens: Vec<Place>,
+    tokens: Vec<SourceSpan>,
     /// One a target.
     sites: Vec<Option<Site>>,
     /// Targets that are edited all or not at all.
@@ -73,7 +73,7 @@ struct Site {
 }
 
 impl Layout {
-    fn place(&self, token: TokenId) -> Place {
+    fn place(&self, token: TokenId) -> SourceSpan {
         self.tokens[token.0 as usize]
     }
 

@@ -7,7 +7,7 @@ use crate::program::{
 };
 use crate::text::{Diagnostic, Severity, Source, Span};
 use deflex_lang::dialect::Dialect;
-use deflex_lang::ir::{self, Path, Place, Switch};
+use deflex_lang::ir::{self, Path, SourceSpan, Switch};
 use deflex_lang::run::{From, Moved, run};
 use deflex_lang::shared::{Edit, editable};
 use deflex_lang::value::{Content, Pose, Reason, Value};
@@ -218,7 +218,7 @@ impl Builder<'_> {
         match self.points(motion, edit, follows) {
             Ok(()) => true,
             Err(reason) => {
-                let Place { source, span } = motion.place;
+                let SourceSpan { source, span } = motion.place;
                 let line = self.line(motion.place);
                 self.unknown.push(UnknownMotion { ordinal: self.ordinal, reason, source, span, line });
                 self.keep(motion.place, reason);
@@ -408,12 +408,12 @@ impl Builder<'_> {
         Some(Diagnostic::error("program.no-mass", "", message).severity(Severity::Note).help(help))
     }
 
-    fn line(&self, place: Place) -> u32 {
+    fn line(&self, place: SourceSpan) -> u32 {
         let source = &self.sources[usize::from(place.source)];
         u32::try_from(source.line_column(place.span.start as usize).line).unwrap_or(u32::MAX)
     }
 
-    fn keep(&mut self, place: Place, reason: &'static str) {
+    fn keep(&mut self, place: SourceSpan, reason: &'static str) {
         let (source, span) = (usize::from(place.source), Span { start: place.span.start, end: place.span.end });
         let line = self.line(place) as usize;
         let known = |kept: &Kept| (kept.source, kept.span, kept.reason) == (source, span, reason);

@@ -2,7 +2,7 @@
 
 use super::names::{self, identifier};
 use super::statements::{Files, Held, Statements};
-use super::writer::{Place, PostedPoint, RapidPost};
+use super::writer::{PostedPoint, RapidPost, WriterPosition};
 use crate::program::Language;
 use crate::program::jbi::DECIMALS;
 use crate::program::orientation::{from_zyx_deg, quaternion, rotation, zyx_deg};
@@ -68,7 +68,7 @@ fn jobs(post: &RapidPost, points: &[PostedPoint], axes_deg: &[[f64; 6]], end: &s
 fn job(post: &RapidPost, name: &str, title: &str, points: &[PostedPoint], axes_deg: &[[f64; 6]], end: &str) -> Vec<u8> {
     let plan = post.plan();
     let (mut positions, mut lines) = (String::new(), title.to_owned());
-    let (mut place, mut group, mut mark) = (Place::default(), String::new(), None);
+    let (mut place, mut group, mut mark) = (WriterPosition::default(), String::new(), None);
     for (i, (point, axes)) in points.iter().zip(axes_deg).enumerate() {
         let here = place.behind(std::slice::from_ref(point));
         point.lines.iter().flat_map(|text| text.lines()).for_each(|line| lines.extend([line, "\n"]));

@@ -3,7 +3,7 @@
 use super::names::identifier;
 use super::statements::Statements;
 use super::template::decimal;
-use super::writer::{Place, PostedPoint, RapidPost};
+use super::writer::{PostedPoint, RapidPost, WriterPosition};
 use super::zone::radius;
 use crate::program::orientation::{rotation, zyx_deg};
 use crate::program::{Mark, ToolData, WobjData};
@@ -45,7 +45,7 @@ impl RapidPost {
         let mut files = Vec::new();
         let mut main = self.file(&name);
         main.extend_from_slice(format!("BAS (#INITMOV,0)\r\nBAS (#VEL_PTP,{JOINT_SPEED})\r\n").as_bytes());
-        let mut place = Place::default();
+        let mut place = WriterPosition::default();
         let parts = points.chunks(most).zip(axes_deg.chunks(most));
         let count = points.len().div_ceil(most).max(1);
         for (part, (points, axes)) in parts.enumerate() {
@@ -82,7 +82,7 @@ impl RapidPost {
     fn krl_motion(
         &self,
         text: &mut Vec<u8>,
-        place: &Place,
+        place: &WriterPosition,
         point: &PostedPoint,
         next: Option<&PostedPoint>,
         axes_deg: &[f64; 6],

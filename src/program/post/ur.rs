@@ -3,7 +3,7 @@
 use super::names::identifier;
 use super::statements::Statements;
 use super::template::decimal;
-use super::writer::{Place, PostedPoint, RapidPost};
+use super::writer::{PostedPoint, RapidPost, WriterPosition};
 use crate::program::orientation::{quaternion, rotation, rotation_vector};
 use crate::program::{Mark, ToolData};
 use crate::text::number::{printed, write_fixed};
@@ -57,7 +57,7 @@ impl RapidPost {
             pose(&mut text, &data.uframe_mm, data.uframe_quat);
             text.push(b'\n');
         }
-        let (mut place, mut said) = (Place::default(), Said::default());
+        let (mut place, mut said) = (WriterPosition::default(), Said::default());
         for (i, point) in points.iter().enumerate() {
             let here = place.behind(std::slice::from_ref(point));
             lines(&mut text, point.lines.as_deref().unwrap_or_default());

@@ -137,7 +137,7 @@ impl Text {
 
 /// How far a program is written: what the next chunk of it goes on from.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Place {
+pub struct WriterPosition {
     /// Points written.
     written: usize,
     /// The last of them.
@@ -146,7 +146,7 @@ pub struct Place {
     waiting: Option<PostedPoint>,
 }
 
-impl Place {
+impl WriterPosition {
     /// Whether the point that waits is the program's first.
     pub(super) fn is_first(&self) -> bool {
         self.before.is_none()
@@ -164,7 +164,7 @@ impl Place {
 
 /// Writes a program as one module, or as parts and a main module that loads and calls them.
 ///
-/// The head comes first; then chunks of points, each from its [`Place`] on, whichever thread wrote the ones before it.
+/// The head comes first; then chunks of points, each from its [`WriterPosition`] on, whichever thread wrote the ones before it.
 #[derive(Clone, Debug)]
 pub struct RapidPost {
     pub(super) plan: RapidPlan,
@@ -236,7 +236,7 @@ impl RapidPost {
     /// The points from a place on; the last of them waits for the next chunk, unless this is the last one, which ends with
     /// the instructions of `end`, a line each.
     #[must_use]
-    pub fn chunk(&self, from: &Place, points: &[PostedPoint], end: Option<&str>) -> Text {
+    pub fn chunk(&self, from: &WriterPosition, points: &[PostedPoint], end: Option<&str>) -> Text {
         let mut text = Text { bytes: Vec::with_capacity(A_LINE * points.len()), files: Vec::new() };
         let mut place = from.clone();
         for point in points {
@@ -252,7 +252,7 @@ impl RapidPost {
     }
 
     /// Moves to the point that waits at a place.
-    fn movement(&self, text: &mut Text, place: &Place, next: Option<&PostedPoint>) {
+    fn movement(&self, text: &mut Text, place: &WriterPosition, next: Option<&PostedPoint>) {
         let Some(point) = &place.waiting else { return };
         let part = self.part.filter(|most| place.written.is_multiple_of(*most)).map(|most| place.written / most + 1);
         if let Some(part) = part {
@@ -290,7 +290,12 @@ impl RapidPost {
     }
 
     /// How far from a point the arm may leave it, mm; `None` where it stops there, or `next` is gone to at rest or by the axes.
-    pub(super) fn corner_mm(&self, place: &Place, point: &PostedPoint, next: Option<&PostedPoint>) -> Option<f64> {
+    pub(super) fn corner_mm(
+        &self,
+        place: &WriterPosition,
+        point: &PostedPoint,
+        next: Option<&PostedPoint>,
+    ) -> Option<f64> {
         let next = next.filter(|next| next.lines.is_none() && !next.joint && next.tool == point.tool)?;
         radius(self.zone_at(place, point, Some(next)))
     }
@@ -313,7 +318,12 @@ impl RapidPost {
         }
     }
 
-    pub(super) fn zone_at(&self, place: &Place, point: &PostedPoint, next: Option<&PostedPoint>) -> &'static [u8] {
+    pub(super) fn zone_at(
+        &self,
+        place: &WriterPosition,
+        point: &PostedPoint,
+        next: Option<&PostedPoint>,
+    ) -> &'static [u8] {
         let (Some(before), Some(next)) = (&place.before, next) else { return FINE };
         // The tool arrives before it enters the material.
         let enters = point.rapid && !next.rapid;
@@ -398,7 +408,7 @@ mod tests {
         points[2].lines = Some("rSpindle 9000;\nWaitTime 2;".into());
         let post = RapidPost::new(plan);
         let mut texts = vec![post.head().clone()];
-        let (mut place, mut start) = (Place::default(), 0);
+        let (mut place, mut start) = (WriterPosition::default(), 0);
         for &end in ends.iter().chain([&points.len()]) {
             texts.push(post.chunk(&place, &points[start..end], (end == points.len()).then_some("rSpindleOff;")));
             place = place.behind(&points[start..end]);

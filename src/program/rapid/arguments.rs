@@ -6,7 +6,7 @@ use super::parameters::ABSENT;
 use super::runner::{Cached, Mode, Runner};
 use super::symbols::{Upper, first_word};
 use super::value::{MAX_NORM_ERROR, NOT_UNIT};
-use super::value::{Place, Value, predefined, unit};
+use super::value::{SourceSpan, Value, predefined, unit};
 use crate::program::{Tool, ToolData, Wobj, WobjData};
 use crate::text::{Severity, Span, decode};
 use std::collections::HashMap;
@@ -16,7 +16,7 @@ pub(super) const MANY_FRAMES: &str = "the program has more than 65,536 tools or 
 
 impl<'a> Runner<'a> {
     pub(super) fn tool_index(&mut self, scope: Scope, argument: Span) -> Result<u16, &'static str> {
-        let place = Place { source: scope.source, span: argument };
+        let place = SourceSpan { source: scope.source, span: argument };
         if self.fresh(self.tool, place) {
             return Ok(self.tool.index);
         }
@@ -46,7 +46,7 @@ impl<'a> Runner<'a> {
     pub(super) fn wobj_index(&mut self, scope: Scope, argument: Option<Span>) -> Result<u16, &'static str> {
         let argument = argument.filter(|a| !a.is_empty());
         // No argument: the same empty place whatever the instruction.
-        let place = Place { source: scope.source, span: argument.unwrap_or_default() };
+        let place = SourceSpan { source: scope.source, span: argument.unwrap_or_default() };
         if self.fresh(self.wobj, place) {
             return Ok(self.wobj.index);
         }
@@ -94,7 +94,7 @@ impl<'a> Runner<'a> {
     }
 
     /// What is remembered of an argument: a plain name means the same until something is assigned or called.
-    pub(super) fn cached(&self, scope: Scope, place: Place, index: u16) -> Cached {
+    pub(super) fn cached(&self, scope: Scope, place: SourceSpan, index: u16) -> Cached {
         let bytes = self.bytes(scope.source as usize);
         let plain = place.span.is_empty() || first_word(bytes, place.span) == place.span;
         Cached { place: Some(place).filter(|_| plain), epoch: self.epoch, index }
@@ -108,10 +108,10 @@ impl<'a> Runner<'a> {
     }
 
     /// Whether an argument reads like the last one, and nothing was assigned or called in between.
-    pub(super) fn fresh(&self, cached: Cached, place: Place) -> bool {
+    pub(super) fn fresh(&self, cached: Cached, place: SourceSpan) -> bool {
         cached.epoch == self.epoch
             && cached.place.is_some_and(|last| {
-                let text = |p: Place| &self.bytes(p.source as usize)[p.span.range()];
+                let text = |p: SourceSpan| &self.bytes(p.source as usize)[p.span.range()];
                 last.source == place.source && text(last) == text(place)
             })
     }
@@ -152,7 +152,7 @@ impl<'a> Runner<'a> {
 
     /// The TCP speed of a speeddata, mm/s.
     pub(super) fn speeddata(&mut self, scope: Scope, argument: Span) -> Option<f64> {
-        let place = Place { source: scope.source, span: argument };
+        let place = SourceSpan { source: scope.source, span: argument };
         if !self.fresh(self.speed.0, place) {
             let value = self.evaluate(scope, argument);
             let speed = value.list().and_then(|items| items.first()?.num()).filter(|v| *v > 0.0);

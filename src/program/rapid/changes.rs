@@ -1,7 +1,7 @@
 //! What statements could change, by their text alone: used where it is not known whether, or how often, they run.
 
 use super::known::{Changes, Known, RoutineId};
-use super::lex::{Cursor, Kind};
+use super::lex::{Cursor, LexemeKind};
 use super::motion::{self, Call, Simple};
 use super::parameters::undeclared;
 use super::predefined::{self, Function, Instruction};
@@ -328,9 +328,9 @@ impl<'s, 'a> Scan<'s, 'a> {
         cursor.next();
         let interrupt = cursor.peek();
         let mut last = interrupt;
-        while cursor.peek().kind == Kind::Word || cursor.peek().kind != Kind::End {
+        while cursor.peek().kind == LexemeKind::Word || cursor.peek().kind != LexemeKind::End {
             let lexeme = cursor.next();
-            if lexeme.kind == Kind::Word {
+            if lexeme.kind == LexemeKind::Word {
                 last = lexeme;
             }
         }
@@ -465,10 +465,10 @@ impl<'s, 'a> Scan<'s, 'a> {
         let mut cursor = Cursor::new(self.bytes, expression);
         loop {
             let name = cursor.next();
-            if name.kind == Kind::End {
+            if name.kind == LexemeKind::End {
                 return;
             }
-            if name.kind != Kind::Word || cursor.peek().kind != Kind::Mark(b'(') {
+            if name.kind != LexemeKind::Word || cursor.peek().kind != LexemeKind::Mark(b'(') {
                 continue;
             }
             let text = cursor.text(name);
@@ -514,10 +514,10 @@ pub(super) fn whole_variable(bytes: &[u8], span: Span) -> bool {
     loop {
         let lexeme = cursor.next();
         match lexeme.kind {
-            Kind::End => return true,
-            Kind::Mark(b'{') => depth += 1,
-            Kind::Mark(b'}') => depth = depth.saturating_sub(1),
-            Kind::Word | Kind::Mark(b'.') => {}
+            LexemeKind::End => return true,
+            LexemeKind::Mark(b'{') => depth += 1,
+            LexemeKind::Mark(b'}') => depth = depth.saturating_sub(1),
+            LexemeKind::Word | LexemeKind::Mark(b'.') => {}
             _ if depth > 0 => {}
             _ => return false,
         }

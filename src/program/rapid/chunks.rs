@@ -8,7 +8,7 @@
 
 use super::chunk::Chunk;
 use super::kinds::Kinds;
-use super::lex::{self, Cursor, Kind};
+use super::lex::{self, Cursor, LexemeKind};
 use super::lines::{CHUNK, END, first_word, is_motion, line_of};
 use super::predefined::harmless;
 use crate::program::{Language, Mark, Next, detect};
@@ -53,11 +53,11 @@ pub struct Chunks<R> {
     /// Line of the last motion.
     last_line: usize,
     mark: Option<Mark>,
-    state: State,
+    state: ReadingStage,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum State {
+enum ReadingStage {
     First,
     Further,
     Ended,
@@ -119,7 +119,7 @@ impl<R: Read> Chunks<R> {
             motions: 0,
             last_line: 0,
             mark: None,
-            state: State::First,
+            state: ReadingStage::First,
         };
         chunks.fill(CHUNK)?;
         let begin = &chunks.rest[..chunks.rest.len().min(CHUNK)];
@@ -170,7 +170,7 @@ impl<R: Read> Chunks<R> {
             motions: 0,
             last_line: 0,
             mark,
-            state: State::Further,
+            state: ReadingStage::Further,
         }))
     }
 
@@ -189,7 +189,7 @@ impl<R: Read> Chunks<R> {
     /// # Errors
     /// What the input reports.
     pub fn take(&mut self) -> io::Result<Next<Chunk>> {
-        if self.state == State::Ended {
+        if self.state == ReadingStage::Ended {
             return Ok(Next::End);
         }
         let (motions_before, before_stretch, mark_before) = (self.motions, self.lines, self.mark);
@@ -204,7 +204,7 @@ impl<R: Read> Chunks<R> {
         };
         let mut bytes = Vec::with_capacity(self.head.len() + cut.stretch + END.len() + mark.len() + HEAD_ROOM);
         bytes.extend_from_slice(&self.head);
-        let first = self.state == State::First;
+        let first = self.state == ReadingStage::First;
         // The first chunk's marks stand in its head.
         let before = if first { &[][..] } else { &mark };
         bytes.extend_from_slice(before);
@@ -214,7 +214,7 @@ impl<R: Read> Chunks<R> {
         let mut own = if first { 0 } else { from }..bytes.len();
         self.cut += cut.stretch;
         self.lines += cut.lines;
-        self.state = State::Further;
+        self.state = ReadingStage::Further;
         if cut.last {
             self.fill(HEAD + 1)?;
             let end = &self.rest[self.cut..];
@@ -223,7 +223,7 @@ impl<R: Read> Chunks<R> {
             }
             bytes.extend_from_slice(end);
             own.end = bytes.len();
-            self.state = State::Ended;
+            self.state = ReadingStage::Ended;
         } else {
             bytes.extend_from_slice(END);
         }
@@ -346,8 +346,8 @@ fn is_end(bytes: &[u8]) -> bool {
     loop {
         let lexeme = cursor.next();
         match lexeme.kind {
-            Kind::End => return words.next().is_none(),
-            Kind::Word if words.next().is_some_and(|word| word.eq_ignore_ascii_case(cursor.text(lexeme))) => {}
+            LexemeKind::End => return words.next().is_none(),
+            LexemeKind::Word if words.next().is_some_and(|word| word.eq_ignore_ascii_case(cursor.text(lexeme))) => {}
             _ => return false,
         }
     }

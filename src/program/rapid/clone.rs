@@ -1,7 +1,7 @@
 //! A declared target whose users want different corrections: one keeps the declaration, others get their own.
 
 use super::Site;
-use super::value::Place;
+use super::value::SourceSpan;
 use super::writer::{Print, Writer};
 use crate::program::{Change, Editable};
 use crate::text::{Edit, Source, Span};
@@ -54,7 +54,7 @@ fn try_clones(
     let source = &writer.program.sources[place.source as usize];
     let Some((start, end, kind)) = declaration(source, place.span()) else { return false };
     // The argument that names the literal, and the group that it runs for.
-    let mut arguments: HashMap<Place, usize> = HashMap::new();
+    let mut arguments: HashMap<SourceSpan, usize> = HashMap::new();
     for (g, (_, users)) in groups.iter().enumerate() {
         for &i in users {
             let Site::Literal { argument: Some(argument), .. } = writer.layout.sites[i] else { return false };
@@ -78,13 +78,14 @@ fn try_clones(
     }
     // A parameter's name does not name the declaration.
     let name = kind.name;
-    let named = |a: &Place| super::symbols::first_word(&writer.program.sources[a.source as usize].bytes, a.span);
-    let is_name =
-        |a: &Place| writer.program.sources[a.source as usize].slice(named(a)).eq_ignore_ascii_case(source.slice(name));
+    let named = |a: &SourceSpan| super::symbols::first_word(&writer.program.sources[a.source as usize].bytes, a.span);
+    let is_name = |a: &SourceSpan| {
+        writer.program.sources[a.source as usize].slice(named(a)).eq_ignore_ascii_case(source.slice(name))
+    };
     if !arguments.keys().all(is_name) {
         return false;
     }
-    let mut sorted: Vec<(Place, usize)> = arguments.into_iter().collect();
+    let mut sorted: Vec<(SourceSpan, usize)> = arguments.into_iter().collect();
     sorted.sort_unstable_by_key(|(p, _)| (p.source, p.span));
     let (indent, line_end) = layout_at(source, start);
     for (g, (print, users)) in groups.iter().enumerate() {
@@ -120,7 +121,7 @@ struct Declared {
 
 /// The declaration around a literal: its first byte, the byte after its `;`, what it declares.
 fn declaration(source: &Source, literal: Span) -> Option<(u32, u32, Declared)> {
-    use super::lex::{Cursor, Key, Kind, key};
+    use super::lex::{Cursor, Key, LexemeKind, key};
     let bytes = &source.bytes;
     let semicolon = bytes[literal.end as usize..].iter().position(|b| *b == b';')?;
     // Statements do not hold `;` but in texts and comments; those end the search early and say no.
@@ -131,12 +132,12 @@ fn declaration(source: &Source, literal: Span) -> Option<(u32, u32, Declared)> {
     loop {
         let lexeme = cursor.next();
         match (lexeme.kind, key(cursor.text(lexeme))) {
-            (Kind::End, _) => return None,
-            (Kind::Word, Some(Key::Local)) => (local, start) = (true, Some(lexeme.start)),
-            (Kind::Word, Some(Key::Task)) => start = Some(lexeme.start),
-            (Kind::Word, Some(Key::Const | Key::Pers | Key::Var)) => {
-                cursor.accept(Kind::Word)?;
-                let name = cursor.accept(Kind::Word)?.span();
+            (LexemeKind::End, _) => return None,
+            (LexemeKind::Word, Some(Key::Local)) => (local, start) = (true, Some(lexeme.start)),
+            (LexemeKind::Word, Some(Key::Task)) => start = Some(lexeme.start),
+            (LexemeKind::Word, Some(Key::Const | Key::Pers | Key::Var)) => {
+                cursor.accept(LexemeKind::Word)?;
+                let name = cursor.accept(LexemeKind::Word)?.span();
                 let start = start.unwrap_or(lexeme.start);
                 return Some((u32::try_from(start).ok()?, u32::try_from(end).ok()?, Declared { name, local }));
             }

@@ -1,7 +1,7 @@
 //! What variables hold while the program runs.
 
 use super::eval::{RUN_TIME, Scope};
-use super::lex::{Cursor, Kind};
+use super::lex::{Cursor, LexemeKind};
 use super::motion::{self, Call};
 use super::runner::Runner;
 use super::symbols::{Content, Part, Upper, Variable, first_word};
@@ -142,8 +142,8 @@ impl<'a> Runner<'a> {
         loop {
             let lexeme = cursor.next();
             match lexeme.kind {
-                Kind::End => return Some(place),
-                Kind::Mark(b'.') => {
+                LexemeKind::End => return Some(place),
+                LexemeKind::Mark(b'.') => {
                     let field = cursor.next();
                     let found = self.field(&kind, &Upper::new(cursor.text(field)));
                     match found.filter(|_| place.known) {
@@ -154,22 +154,22 @@ impl<'a> Runner<'a> {
                         None => place.known = false,
                     }
                 }
-                Kind::Mark(b'{') => {
+                LexemeKind::Mark(b'{') => {
                     let mut call = Call::empty(span);
                     let from = cursor.peek().start;
                     let mut end = from;
                     let mut depth = 0_usize;
                     loop {
                         match cursor.peek().kind {
-                            Kind::End => break,
-                            Kind::Mark(b'}') if depth == 0 => break,
-                            Kind::Mark(b'{') => depth += 1,
-                            Kind::Mark(b'}') => depth -= 1,
+                            LexemeKind::End => break,
+                            LexemeKind::Mark(b'}') if depth == 0 => break,
+                            LexemeKind::Mark(b'{') => depth += 1,
+                            LexemeKind::Mark(b'}') => depth -= 1,
                             _ => {}
                         }
                         end = cursor.next().end;
                     }
-                    cursor.accept(Kind::Mark(b'}'));
+                    cursor.accept(LexemeKind::Mark(b'}'));
                     let mut inner = Cursor::new(bytes, Span::new(from, end));
                     if motion::arguments(&mut inner, scope.source, &mut call).is_none() {
                         place.known = false;

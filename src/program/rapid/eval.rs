@@ -3,12 +3,12 @@
 mod functions;
 mod operators;
 
-use super::lex::{Cursor, Kind, Lexeme};
+use super::lex::{Cursor, Lexeme, LexemeKind};
 use super::literal::{Literal, Written};
 use super::motion::{self, Call};
 use super::runner::Runner;
 use super::symbols::Upper;
-use super::value::{self, Place, Pose, Value};
+use super::value::{self, Pose, SourceSpan, Value};
 use crate::program::token;
 use crate::text::{self, Span};
 pub(super) use operators::{TOO_LONG, equal};
@@ -45,7 +45,7 @@ impl Runner<'_> {
             let help = "a controller stops here: RAPID texts have at most 80 characters";
             self.refuse(scope.source, span, "rapid.text-length", TOO_LONG, help);
         }
-        if cursor.peek().kind == Kind::End {
+        if cursor.peek().kind == LexemeKind::End {
             return value;
         }
         self.pin_value(&value);
@@ -90,16 +90,16 @@ impl Runner<'_> {
             return Value::Unknown(TOO_DEEP);
         }
         let sign = cursor.peek();
-        if !matches!(sign.kind, Kind::Mark(b'-' | b'+')) {
+        if !matches!(sign.kind, LexemeKind::Mark(b'-' | b'+')) {
             return self.primary(scope, cursor, depth);
         }
         cursor.pass(sign);
-        let minus = sign.kind == Kind::Mark(b'-');
+        let minus = sign.kind == LexemeKind::Mark(b'-');
         match self.unary(scope, cursor, depth + 1) {
             // One sign belongs to the token; of two the outer one makes an expression of it.
             Value::Num(value, place) => {
-                let unsigned = |p: &Place| !matches!(cursor.bytes[p.span.start as usize], b'-' | b'+');
-                let place = place.filter(unsigned).map(|p| Place { span: sign.span().to(p.span), ..p });
+                let unsigned = |p: &SourceSpan| !matches!(cursor.bytes[p.span.start as usize], b'-' | b'+');
+                let place = place.filter(unsigned).map(|p| SourceSpan { span: sign.span().to(p.span), ..p });
                 Value::Num(if minus { -value } else { value }, place)
             }
             Value::List(items, _) if minus => match items.iter().map(Value::num).collect::<Option<Vec<_>>>() {
@@ -113,41 +113,41 @@ impl Runner<'_> {
     fn primary(&mut self, scope: Scope, cursor: &mut Cursor<'_>, depth: usize) -> Value {
         let lexeme = cursor.peek();
         match lexeme.kind {
-            Kind::Number => {
+            LexemeKind::Number => {
                 cursor.pass(lexeme);
                 token::unsigned(cursor.text(lexeme)).map_or(Value::Unknown(NOT_A_NUMBER), |v| {
-                    Value::Num(v, Some(Place { source: scope.source, span: lexeme.span() }))
+                    Value::Num(v, Some(SourceSpan { source: scope.source, span: lexeme.span() }))
                 })
             }
-            Kind::Text => {
+            LexemeKind::Text => {
                 cursor.pass(lexeme);
                 Value::Text(Rc::from(cursor.bytes.get(lexeme.start + 1..lexeme.end - 1).unwrap_or_default()))
             }
-            Kind::Mark(b'(') => {
+            LexemeKind::Mark(b'(') => {
                 cursor.pass(lexeme);
                 let inner = self.expression(scope, cursor, 0, depth + 1);
-                cursor.accept(Kind::Mark(b')'));
+                cursor.accept(LexemeKind::Mark(b')'));
                 // In brackets it is an expression: not a token to replace.
                 if let Value::Num(value, _) = inner { Value::Num(value, None) } else { inner }
             }
-            Kind::Mark(b'[') => self.aggregate(scope, cursor, lexeme, depth),
-            Kind::Word => {
+            LexemeKind::Mark(b'[') => self.aggregate(scope, cursor, lexeme, depth),
+            LexemeKind::Word => {
                 cursor.pass(lexeme);
-                if cursor.peek().kind == Kind::Mark(b'(') {
+                if cursor.peek().kind == LexemeKind::Mark(b'(') {
                     let start = cursor.next();
                     let mut call = Call::empty(lexeme.span());
                     let split = motion::arguments(cursor, scope.source, &mut call);
                     if split.is_none() {
                         skip_brackets(cursor, start.start);
                     } else {
-                        cursor.accept(Kind::Mark(b')'));
+                        cursor.accept(LexemeKind::Mark(b')'));
                     }
                     let value = self.function(scope, &call, depth);
                     return self.component(scope, cursor, value, b"", None, depth);
                 }
                 self.variable(scope, cursor, lexeme, depth)
             }
-            Kind::End => Value::Unknown("expression is not understood"),
+            LexemeKind::End => Value::Unknown("expression is not understood"),
             _ => {
                 cursor.pass(lexeme);
                 Value::Unknown("expression is not understood")
@@ -167,18 +167,18 @@ impl Runner<'_> {
         }
         cursor.pass(open);
         let mut items = Vec::new();
-        while !matches!(cursor.peek().kind, Kind::Mark(b']' | b';') | Kind::End) {
+        while !matches!(cursor.peek().kind, LexemeKind::Mark(b']' | b';') | LexemeKind::End) {
             let before = cursor.at;
             items.push(self.expression(scope, cursor, 0, depth + 1));
-            if cursor.accept(Kind::Mark(b',')).is_none() && cursor.peek().kind != Kind::Mark(b']') {
+            if cursor.accept(LexemeKind::Mark(b',')).is_none() && cursor.peek().kind != LexemeKind::Mark(b']') {
                 // Not understood: its bracket is passed so that what follows is.
                 cursor.at = cursor.at.max(before);
                 skip_brackets(cursor, open.start);
                 return Value::Unknown(BROKEN_AGGREGATE);
             }
         }
-        cursor.accept(Kind::Mark(b']'));
-        Value::List(items.into(), Some(Place { source: scope.source, span: Span::new(open.start, cursor.behind) }))
+        cursor.accept(LexemeKind::Mark(b']'));
+        Value::List(items.into(), Some(SourceSpan { source: scope.source, span: Span::new(open.start, cursor.behind) }))
     }
 
     /// A complete literal as a value that knows where it stands.
@@ -239,7 +239,7 @@ impl Runner<'_> {
         loop {
             let lexeme = cursor.peek();
             match lexeme.kind {
-                Kind::Mark(b'{') => {
+                LexemeKind::Mark(b'{') => {
                     cursor.pass(lexeme);
                     loop {
                         let index = self.expression(scope, cursor, 0, depth + 1);
@@ -250,15 +250,15 @@ impl Runner<'_> {
                             self.expression_may_fail();
                         }
                         value = element(&value, &index);
-                        if cursor.accept(Kind::Mark(b',')).is_none() {
+                        if cursor.accept(LexemeKind::Mark(b',')).is_none() {
                             break;
                         }
                     }
-                    cursor.accept(Kind::Mark(b'}'));
+                    cursor.accept(LexemeKind::Mark(b'}'));
                 }
-                Kind::Mark(b'.') => {
+                LexemeKind::Mark(b'.') => {
                     cursor.pass(lexeme);
-                    let Some(field) = cursor.accept(Kind::Word) else {
+                    let Some(field) = cursor.accept(LexemeKind::Word) else {
                         return Value::Unknown("component is not understood");
                     };
                     if let Value::Target(pose) = &value {
@@ -324,14 +324,14 @@ fn skip_brackets(cursor: &mut Cursor<'_>, open: usize) {
     loop {
         let lexeme = cursor.next();
         match lexeme.kind {
-            Kind::Mark(b'[' | b'(' | b'{') => depth += 1,
-            Kind::Mark(b']' | b')' | b'}') => {
+            LexemeKind::Mark(b'[' | b'(' | b'{') => depth += 1,
+            LexemeKind::Mark(b']' | b')' | b'}') => {
                 depth = depth.saturating_sub(1);
                 if depth == 0 {
                     return;
                 }
             }
-            Kind::End => return,
+            LexemeKind::End => return,
             _ => {}
         }
     }

@@ -2,7 +2,7 @@
 
 use super::eval::Scope;
 use super::layers::Left;
-use super::lex::{Cursor, Kind};
+use super::lex::{Cursor, LexemeKind};
 use super::motion::{self, Call};
 use super::run::MOTIONS;
 use super::runner::{Flow, Mode, Runner};
@@ -284,9 +284,9 @@ impl<'a> Runner<'a> {
         loop {
             let lexeme = cursor.next();
             match lexeme.kind {
-                Kind::End => return false,
-                Kind::Mark(b'(') => return true,
-                Kind::Word => {
+                LexemeKind::End => return false,
+                LexemeKind::Mark(b'(') => return true,
+                LexemeKind::Word => {
                     let name = Upper::new(cursor.text(lexeme));
                     let found = self.find(scope, &name);
                     let part = |at: usize| matches!(self.symbols.variables[at].content, Content::Part(_));

@@ -1,7 +1,7 @@
 //! What becomes of the targets of a run: all are held, or one motion of those that are alike, or they are handed on.
 
 use super::agreed::Agreement;
-use super::value::Place;
+use super::value::SourceSpan;
 use crate::program::chunk::StreamableChunk;
 use crate::program::{Editable, Program, Role};
 use smallvec::SmallVec;
@@ -38,7 +38,7 @@ pub(super) struct Point {
 /// One step of `Offs` or `RelTool`.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) struct OffsetBy {
-    pub(super) place: Option<Place>,
+    pub(super) place: Option<SourceSpan>,
     /// Its numbers, where the target may be edited by it.
     pub(super) bits: [u64; 7],
 }

@@ -3,7 +3,7 @@
 use super::clone::layout_at;
 use super::motion::{self, Simple, ToolAt, Zone};
 use super::value::quarters;
-use super::value::{Place, unit};
+use super::value::{SourceSpan, unit};
 use super::writer::{Writer, single};
 use super::{Layout, Site};
 use crate::program::Passing;
@@ -254,7 +254,7 @@ fn rest(layout: &Layout, writer: &Writer<'_>, i: usize, own: Option<Conf>, goal:
     };
     let axes = literal.map(|l| {
         let literal = &layout.literals[l as usize];
-        writer.bytes(Place { source: literal.source, span: literal.external() })
+        writer.bytes(SourceSpan { source: literal.source, span: literal.external() })
     });
     let axes = axes.filter(|a| a.starts_with(b"[")).unwrap_or(NO_AXES);
     (conf, axes.to_vec())

@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 /// Most kinds of lines that are remembered, of all chunks together.
-const MOST: usize = 256;
+const MOST_KINDS: usize = 256;
 
 /// The motion that a line is, but for its target; `None` where it moves nothing.
 pub(super) type Meaning = Option<Motion>;
@@ -36,7 +36,7 @@ impl Kinds {
             return Some(meaning.clone());
         }
         let meaning = read()?;
-        if known.len() == MOST {
+        if known.len() == MOST_KINDS {
             known.clear();
         }
         known.insert(kind, meaning.clone());

@@ -1,6 +1,6 @@
 //! What branches change and leave.
 
-use super::state::State;
+use super::state::ModalState;
 use super::symbols::Content;
 use super::value::Value;
 use std::collections::BTreeMap;
@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 /// What was there when a branch began.
 pub(super) struct Layer {
     pub(super) old: BTreeMap<usize, Content>,
-    pub(super) state: State,
+    pub(super) state: ModalState,
     /// Variables that existed then.
     pub(super) variables: usize,
 }
@@ -17,5 +17,5 @@ pub(super) struct Layer {
 #[derive(Clone, Debug)]
 pub(super) struct Left {
     pub(super) changed: BTreeMap<usize, Value>,
-    pub(super) state: State,
+    pub(super) state: ModalState,
 }

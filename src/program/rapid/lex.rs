@@ -10,7 +10,7 @@ use nom::{IResult, Parser};
 
 /// What a lexeme is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum LexemeKind {
     /// Blanks and line ends.
     Space,
     /// `!` to the end of the line.
@@ -42,14 +42,14 @@ pub(super) enum Kind {
 /// One lexeme and where it stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Lexeme {
-    pub(super) kind: Kind,
+    pub(super) kind: LexemeKind,
     pub(super) start: usize,
     pub(super) end: usize,
 }
 
 impl Lexeme {
     /// Nowhere.
-    const NONE: Self = Self { kind: Kind::End, start: usize::MAX, end: usize::MAX };
+    const NONE: Self = Self { kind: LexemeKind::End, start: usize::MAX, end: usize::MAX };
 
     pub(super) fn span(self) -> Span {
         Span::new(self.start, self.end)
@@ -126,46 +126,46 @@ fn placeholder(input: Bytes<'_>) -> Found<'_> {
 }
 
 /// The lexeme at the start of `input`: its kind and length, which is 0 only at the end.
-pub(super) fn lexeme(input: Bytes<'_>) -> (Kind, usize) {
-    let Some(&first) = input.first() else { return (Kind::End, 0) };
+pub(super) fn lexeme(input: Bytes<'_>) -> (LexemeKind, usize) {
+    let Some(&first) = input.first() else { return (LexemeKind::End, 0) };
     // A word in ASCII, which most lexemes are.
     if first.is_ascii_alphabetic() {
         let end = input.iter().position(|b| !(b.is_ascii_alphanumeric() || *b == b'_')).unwrap_or(input.len());
         if input.get(end).is_none_or(u8::is_ascii) {
-            return (Kind::Word, end);
+            return (LexemeKind::Word, end);
         }
     }
-    let taken = |kind: Kind, found: Found<'_>| match found {
+    let taken = |kind: LexemeKind, found: Found<'_>| match found {
         Ok((_, part)) => (kind, part.len()),
-        Err(_) => (Kind::Junk, 1),
+        Err(_) => (LexemeKind::Junk, 1),
     };
     match first {
-        _ if is_space(first) => taken(Kind::Space, take_while(is_space).parse(input)),
+        _ if is_space(first) => taken(LexemeKind::Space, take_while(is_space).parse(input)),
         // A no-break space, in Latin-1 or UTF-8, and the byte order mark.
-        0xA0 => (Kind::Space, 1),
-        0xC2 if input.get(1) == Some(&0xA0) => (Kind::Space, 2),
-        0xEF if input.starts_with(b"\xEF\xBB\xBF") => (Kind::Space, 3),
-        b'!' => taken(Kind::Comment, comment(input)),
+        0xA0 => (LexemeKind::Space, 1),
+        0xC2 if input.get(1) == Some(&0xA0) => (LexemeKind::Space, 2),
+        0xEF if input.starts_with(b"\xEF\xBB\xBF") => (LexemeKind::Space, 3),
+        b'!' => taken(LexemeKind::Comment, comment(input)),
         _ if is_word_start(first) => {
             let end = input.iter().zip(&input[1..]).position(|(&before, &b)| !is_word(b) || b == 0xA0 && before < 0xC2);
-            (Kind::Word, end.map_or(input.len(), |e| e + 1))
+            (LexemeKind::Word, end.map_or(input.len(), |e| e + 1))
         }
-        b'0'..=b'9' => taken(Kind::Number, number(input)),
-        b'.' if input.get(1).is_some_and(u8::is_ascii_digit) => taken(Kind::Number, number(input)),
+        b'0'..=b'9' => taken(LexemeKind::Number, number(input)),
+        b'.' if input.get(1).is_some_and(u8::is_ascii_digit) => taken(LexemeKind::Number, number(input)),
         b'"' => match text(input) {
-            Ok((_, part)) => (Kind::Text, part.len()),
-            Err(_) => taken(Kind::Junk, comment(input)),
+            Ok((_, part)) => (LexemeKind::Text, part.len()),
+            Err(_) => taken(LexemeKind::Junk, comment(input)),
         },
-        b':' if input.get(1) == Some(&b'=') => (Kind::Assign, 2),
+        b':' if input.get(1) == Some(&b'=') => (LexemeKind::Assign, 2),
         b'<' => match (input.get(1), placeholder(input)) {
-            (_, Ok((_, part))) => (Kind::Placeholder, part.len()),
-            (Some(b'>'), _) => (Kind::Unequal, 2),
-            (Some(b'='), _) => (Kind::AtMost, 2),
-            _ => (Kind::Mark(b'<'), 1),
+            (_, Ok((_, part))) => (LexemeKind::Placeholder, part.len()),
+            (Some(b'>'), _) => (LexemeKind::Unequal, 2),
+            (Some(b'='), _) => (LexemeKind::AtMost, 2),
+            _ => (LexemeKind::Mark(b'<'), 1),
         },
-        b'>' if input.get(1) == Some(&b'=') => (Kind::AtLeast, 2),
-        b'#'..=b'~' => (Kind::Mark(first), 1),
-        _ => (Kind::Junk, 1),
+        b'>' if input.get(1) == Some(&b'=') => (LexemeKind::AtLeast, 2),
+        b'#'..=b'~' => (LexemeKind::Mark(first), 1),
+        _ => (LexemeKind::Junk, 1),
     }
 }
 
@@ -212,8 +212,8 @@ impl<'a> Cursor<'a> {
             }
             let (kind, len) = lexeme(&self.bytes[self.at..self.end]);
             match kind {
-                Kind::Space => self.at += len,
-                Kind::Comment => {
+                LexemeKind::Space => self.at += len,
+                LexemeKind::Comment => {
                     self.mark = mark(&self.bytes[self.at + 1..self.at + len]).or(self.mark);
                     self.at += len;
                 }
@@ -246,7 +246,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// Passes the next lexeme if it is of this kind.
-    pub(super) fn accept(&mut self, kind: Kind) -> Option<Lexeme> {
+    pub(super) fn accept(&mut self, kind: LexemeKind) -> Option<Lexeme> {
         let lexeme = self.peek();
         (lexeme.kind == kind).then(|| {
             self.pass(lexeme);
@@ -257,7 +257,7 @@ impl<'a> Cursor<'a> {
     /// Passes the next lexeme if it is this word.
     pub(super) fn accept_word(&mut self, word: &[u8]) -> bool {
         let lexeme = self.peek();
-        let is = lexeme.kind == Kind::Word && self.text(lexeme).eq_ignore_ascii_case(word);
+        let is = lexeme.kind == LexemeKind::Word && self.text(lexeme).eq_ignore_ascii_case(word);
         if is {
             self.pass(lexeme);
         }

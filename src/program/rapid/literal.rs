@@ -1,6 +1,6 @@
 //! Complete robtarget literals: `[[x,y,z],[q1,q2,q3,q4],[cf1,cf4,cf6,cfx],[eax_a … eax_f]]`.
 
-use super::lex::{Kind, lexeme, number};
+use super::lex::{LexemeKind, lexeme, number};
 use crate::program::EXTERNAL_AXES;
 use crate::program::{Conf, Confdata};
 use crate::text::Span;
@@ -213,7 +213,7 @@ fn blank(bytes: &[u8], mut at: usize) -> usize {
             Some(b' ') => at += 1,
             Some(b'0'..=b'9' | b'-' | b'[' | b']' | b',' | b'.') | None => return at,
             Some(_) => match lexeme(&bytes[at..]) {
-                (Kind::Space | Kind::Comment, len) => at += len,
+                (LexemeKind::Space | LexemeKind::Comment, len) => at += len,
                 _ => return at,
             },
         }

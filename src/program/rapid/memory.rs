@@ -3,9 +3,9 @@
 use super::eval::RUN_TIME;
 use super::known::Changes;
 use super::layers::{Layer, Left};
-use super::lex::{Cursor, Kind};
+use super::lex::{Cursor, LexemeKind};
 use super::runner::Runner;
-use super::state::State;
+use super::state::ModalState;
 use super::symbols::{Content, Upper, Variable};
 use super::value::Value;
 use std::collections::{BTreeMap, BTreeSet};
@@ -39,7 +39,7 @@ impl Runner<'_> {
         for (at, old) in std::mem::take(&mut self.before_all) {
             self.symbols.variables[at].content = old;
         }
-        self.state = State::default();
+        self.state = ModalState::default();
         (self.epoch, self.events) = (self.epoch + 1, self.events + 1);
     }
 
@@ -206,8 +206,8 @@ impl Runner<'_> {
             loop {
                 let word = cursor.next();
                 match word.kind {
-                    Kind::End => break,
-                    Kind::Word => waiting.extend(self.symbols.find_data(module, &Upper::new(cursor.text(word)))),
+                    LexemeKind::End => break,
+                    LexemeKind::Word => waiting.extend(self.symbols.find_data(module, &Upper::new(cursor.text(word)))),
                     _ => {}
                 }
             }

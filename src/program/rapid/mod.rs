@@ -77,11 +77,11 @@ use rewrite::rewrite;
 use super::front_end::FrontEnd;
 use super::{Change, Insert, Kept, Language, Passing, Program, RewriteOptions, Rewritten};
 use crate::text::{Diagnostic, Edit, Severity, Source, Span};
-use lex::{Cursor, Kind};
+use lex::{Cursor, LexemeKind};
 use literal::Literal;
 use std::collections::HashSet;
 use std::sync::Arc;
-use value::{Place, Step};
+use value::{SourceSpan, Step};
 
 /// Where the number tokens of robtargets stand.
 #[derive(Debug, Default)]
@@ -170,7 +170,7 @@ enum Site {
     /// Nowhere: joint angles, or a value worked out.
     None,
     /// A literal, and the argument that names it (inline: none).
-    Literal { literal: u32, argument: Option<Place> },
+    Literal { literal: u32, argument: Option<SourceSpan> },
     /// `Offs` or `RelTool`: an index into [`Layout::offsets`].
     Offset(u32),
 }
@@ -352,8 +352,8 @@ fn refuse(source: &Source) -> Option<Diagnostic> {
     loop {
         let lexeme = cursor.next();
         match lexeme.kind {
-            Kind::End => break,
-            Kind::Word => {
+            LexemeKind::End => break,
+            LexemeKind::Word => {
                 let word = cursor.text(lexeme);
                 if matches!(
                     lex::key(word),
@@ -367,7 +367,7 @@ fn refuse(source: &Source) -> Option<Diagnostic> {
                             | lex::Key::Const
                             | lex::Key::Var
                     )
-                ) && cursor.peek().kind != Kind::End
+                ) && cursor.peek().kind != LexemeKind::End
                 {
                     return None;
                 }

@@ -1,6 +1,6 @@
 //! Which instructions move, and where their arguments stand.
 
-use super::lex::{Cursor, Kind};
+use super::lex::{Cursor, LexemeKind};
 use super::literal::{Literal, Written};
 use crate::program::Motion;
 use crate::text::Span;
@@ -153,16 +153,16 @@ pub(super) fn split(bytes: &[u8], source: u16, span: Span) -> Option<Simple> {
         optionals: 0,
         literals: [None; 2],
     };
-    if first.kind == Kind::Mark(b'%') {
+    if first.kind == LexemeKind::Mark(b'%') {
         call.late_bound = true;
         let from = cursor.peek().start;
         cursor.behind = from;
-        while !matches!(cursor.peek().kind, Kind::Mark(b'%' | b';') | Kind::End) {
+        while !matches!(cursor.peek().kind, LexemeKind::Mark(b'%' | b';') | LexemeKind::End) {
             cursor.next();
         }
         call.name = Span::new(from, cursor.behind);
-        cursor.accept(Kind::Mark(b'%'))?;
-    } else if first.kind != Kind::Word {
+        cursor.accept(LexemeKind::Mark(b'%'))?;
+    } else if first.kind != LexemeKind::Word {
         return None;
     } else {
         // An assignment is known by `:=` after the name and its components.
@@ -171,9 +171,9 @@ pub(super) fn split(bytes: &[u8], source: u16, span: Span) -> Option<Simple> {
         loop {
             let lexeme = cursor.peek();
             match lexeme.kind {
-                Kind::Mark(b'{') => depth += 1,
-                Kind::Mark(b'}') => depth = depth.saturating_sub(1),
-                Kind::Assign if depth == 0 => {
+                LexemeKind::Mark(b'{') => depth += 1,
+                LexemeKind::Mark(b'}') => depth = depth.saturating_sub(1),
+                LexemeKind::Assign if depth == 0 => {
                     let target = Span::new(first.start, cursor.behind);
                     cursor.pass(lexeme);
                     return Some(Simple::Assignment {
@@ -181,9 +181,9 @@ pub(super) fn split(bytes: &[u8], source: u16, span: Span) -> Option<Simple> {
                         value: Span::new(cursor.peek().start, end(bytes, span)),
                     });
                 }
-                Kind::Mark(b'.') => {}
-                Kind::Word if depth > 0 || bytes.get(lexeme.start.wrapping_sub(1)) == Some(&b'.') => {}
-                _ if depth > 0 && !matches!(lexeme.kind, Kind::End | Kind::Mark(b';')) => {}
+                LexemeKind::Mark(b'.') => {}
+                LexemeKind::Word if depth > 0 || bytes.get(lexeme.start.wrapping_sub(1)) == Some(&b'.') => {}
+                _ if depth > 0 && !matches!(lexeme.kind, LexemeKind::End | LexemeKind::Mark(b';')) => {}
                 _ => break,
             }
             cursor.pass(lexeme);
@@ -205,13 +205,13 @@ pub(super) fn arguments(cursor: &mut Cursor<'_>, source: u16, call: &mut Call) -
     loop {
         let lexeme = cursor.peek();
         match lexeme.kind {
-            Kind::End | Kind::Mark(b';' | b')') => return Some(()),
-            Kind::Mark(b',') => cursor.pass(lexeme),
-            Kind::Mark(b'\\') => {
+            LexemeKind::End | LexemeKind::Mark(b';' | b')') => return Some(()),
+            LexemeKind::Mark(b',') => cursor.pass(lexeme),
+            LexemeKind::Mark(b'\\') => {
                 cursor.pass(lexeme);
-                let name = cursor.accept(Kind::Word)?;
+                let name = cursor.accept(LexemeKind::Word)?;
                 let value = match cursor.peek() {
-                    l if l.kind == Kind::Assign || l.kind == Kind::Mark(b'?') => {
+                    l if l.kind == LexemeKind::Assign || l.kind == LexemeKind::Mark(b'?') => {
                         cursor.pass(l);
                         argument(cursor)
                     }
@@ -222,7 +222,7 @@ pub(super) fn arguments(cursor: &mut Cursor<'_>, source: u16, call: &mut Call) -
             }
             _ => {
                 let slot = call.count;
-                if lexeme.kind == Kind::Mark(b'[')
+                if lexeme.kind == LexemeKind::Mark(b'[')
                     && let Some((literal, written)) = Literal::read(cursor.bytes, source, lexeme.start)
                 {
                     let span = literal.span();
@@ -236,7 +236,7 @@ pub(super) fn arguments(cursor: &mut Cursor<'_>, source: u16, call: &mut Call) -
                 } else {
                     let mut span = argument(cursor);
                     // `Name := value`: a positional argument with its name.
-                    if cursor.peek().kind == Kind::Assign {
+                    if cursor.peek().kind == LexemeKind::Assign {
                         cursor.next();
                         span = argument(cursor);
                     }
@@ -256,11 +256,11 @@ fn argument(cursor: &mut Cursor<'_>) -> Span {
     loop {
         let lexeme = cursor.peek();
         match lexeme.kind {
-            Kind::End => break,
-            Kind::Mark(b'[' | b'(' | b'{') => depth += 1,
-            Kind::Mark(b']' | b')' | b'}') if depth == 0 => break,
-            Kind::Mark(b']' | b')' | b'}') => depth -= 1,
-            Kind::Mark(b',' | b';' | b'\\') | Kind::Assign if depth == 0 => break,
+            LexemeKind::End => break,
+            LexemeKind::Mark(b'[' | b'(' | b'{') => depth += 1,
+            LexemeKind::Mark(b']' | b')' | b'}') if depth == 0 => break,
+            LexemeKind::Mark(b']' | b')' | b'}') => depth -= 1,
+            LexemeKind::Mark(b',' | b';' | b'\\') | LexemeKind::Assign if depth == 0 => break,
             _ => {}
         }
         cursor.pass(lexeme);

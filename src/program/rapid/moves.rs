@@ -8,7 +8,7 @@ use super::motion::{Call, Shape, ToolAt, Zone};
 use super::runner::{Mode, Runner};
 use super::state::{Switch, Switches};
 use super::value::NOT_UNIT;
-use super::value::{Place, Pose, Value, unit};
+use super::value::{Pose, SourceSpan, Value, unit};
 use super::{Offset, Site};
 use crate::program::{Editable, Goal, Motion, Predecessor, Role, Target, ToolData};
 use crate::text::{Span, decode};
@@ -232,7 +232,7 @@ impl<'a> Runner<'a> {
         let site = match pose.root {
             None => Site::None,
             Some(root) if pose.steps.is_empty() => {
-                let argument = Place { source: scope.source, span: argument };
+                let argument = SourceSpan { source: scope.source, span: argument };
                 Site::Literal { literal: root, argument: named.then_some(argument) }
             }
             Some(root) => {

@@ -2,7 +2,7 @@
 
 use super::runner::Runner;
 use super::tree::{File, RoutineKind, Statement};
-use super::value::Place;
+use super::value::SourceSpan;
 use super::{Layout, Site};
 use crate::program::{Editable, Goal, Kept, Motion, Role, Target, Tool, UnknownMotion, Wobj};
 use crate::text::Diagnostic;
@@ -92,7 +92,7 @@ impl Runner<'_> {
         };
         let of_kept =
             |(target, site): (&Target, &Site)| offset(site).filter(|_| matches!(target.editable, Editable::No(_)));
-        let mut held: HashSet<Place> = self.targets.iter().zip(&self.sites).filter_map(of_kept).collect();
+        let mut held: HashSet<SourceSpan> = self.targets.iter().zip(&self.sites).filter_map(of_kept).collect();
         held.extend(&self.held);
         // A target that was changed on its way here does not know any more that the statement's own offset is in it.
         let of_changed = |(target, site): (&Target, &Site)| {
@@ -101,7 +101,7 @@ impl Runner<'_> {
         };
         let changed: HashSet<(u16, u32)> = self.targets.iter().zip(&self.sites).filter_map(of_changed).collect();
         for (target, site) in self.targets.iter_mut().zip(&self.sites) {
-            let of_statement = |place: &Place| {
+            let of_statement = |place: &SourceSpan| {
                 let within = target.span.start <= place.span.start && place.span.end <= target.span.end;
                 within && place.source == target.source && changed.contains(&(target.source, target.span.start))
             };

@@ -1,6 +1,6 @@
 //! The parser's state: where it reads, and the file so far.
 
-use super::lex::{Cursor, Key, Kind, Lexeme, key};
+use super::lex::{Cursor, Key, Lexeme, LexemeKind, key};
 use super::tree::File;
 use crate::text::Span;
 
@@ -23,7 +23,7 @@ pub(super) struct Parser<'a> {
 
 impl<'a> Parser<'a> {
     pub(super) fn key_of(&self, lexeme: Lexeme) -> Option<Key> {
-        if lexeme.kind == Kind::Word { key(self.cursor.text(lexeme)) } else { None }
+        if lexeme.kind == LexemeKind::Word { key(self.cursor.text(lexeme)) } else { None }
     }
 
     pub(super) fn peek_key(&mut self) -> Option<Key> {

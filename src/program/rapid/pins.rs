@@ -3,7 +3,7 @@
 use super::Site;
 use super::literal::Literal;
 use super::runner::Runner;
-use super::value::{Place, Pose, Value};
+use super::value::{Pose, SourceSpan, Value};
 
 impl<'a> Runner<'a> {
     /// Which literal of the text this is; the next one almost always.
@@ -22,7 +22,7 @@ impl<'a> Runner<'a> {
 
     /// A robtarget put together from parts, as a literal of its own.
     pub(super) fn own_literal(&mut self, literal: Literal) -> Option<u32> {
-        let place = Place { source: literal.source, span: literal.span() };
+        let place = SourceSpan { source: literal.source, span: literal.span() };
         if let Some(id) = self.own.get(&place) {
             return Some(*id);
         }

@@ -1,6 +1,6 @@
 //! Which statements were run, and what motions use that are not.
 
-use super::value::Place;
+use super::value::SourceSpan;
 use crate::text::Source;
 
 /// Statements that were run, a bit for each byte that one may begin at.
@@ -27,7 +27,7 @@ impl Ran {
 pub(super) struct Use {
     pub(super) root: u32,
     /// The first number of its offset.
-    pub(super) offset: Option<Place>,
+    pub(super) offset: Option<SourceSpan>,
     pub(super) tool: u16,
     pub(super) wobj: u16,
     pub(super) cuts: bool,

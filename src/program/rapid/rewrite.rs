@@ -1,6 +1,6 @@
 //! Corrected poses back into number tokens: nothing but sign and digits changes.
 
-use super::value::{Place, Step, rotate, unit};
+use super::value::{SourceSpan, Step, rotate, unit};
 use super::writer::{Pose, Print, SHARED, Writer, single};
 use super::{Layout, Offset, Site, clone, insert, own};
 use crate::program::token::{New, signed};
@@ -12,7 +12,7 @@ pub(super) const FROZEN: &str = "would move a target that cannot be edited";
 pub(super) const SHARED_OFFSET: &str = "offset used by motions whose corrections differ";
 
 /// New arguments of `Offs` and `RelTool`, by the place of the first; none of them where it stays.
-pub(super) type NewOffsets = HashMap<Place, NewOffset>;
+pub(super) type NewOffsets = HashMap<SourceSpan, NewOffset>;
 
 /// Tokens of one of them.
 type NewOffset = [Option<Token>; 3];
@@ -31,7 +31,7 @@ pub(super) struct Settled {
     pub(super) disputed: BTreeSet<u32>,
 }
 
-fn is_edited(offsets: &NewOffsets, place: &Place) -> bool {
+fn is_edited(offsets: &NewOffsets, place: &SourceSpan) -> bool {
     offsets.get(place).is_some_and(|new| new.iter().any(Option::is_some))
 }
 
@@ -200,7 +200,7 @@ impl Writer<'_> {
     /// New arguments of `Offs` and `RelTool`.
     fn offsets(&mut self, changes: &[Option<Change>], prints: &[Option<Print>]) -> NewOffsets {
         let mut wishes = NewOffsets::new();
-        let mut users: Vec<(usize, Place, [Place; 3])> = Vec::new();
+        let mut users: Vec<(usize, SourceSpan, [SourceSpan; 3])> = Vec::new();
         let offset_of = |i: &usize| self.layout.offset(&self.layout.sites[*i]);
         let mut sites: Vec<usize> = (0..changes.len()).filter(|i| offset_of(i).is_some()).collect();
         // What is made from another offset comes after it.
@@ -266,7 +266,7 @@ impl Writer<'_> {
     }
 
     /// Takes in what one user of an offset wants it to become; one that its users do not agree on stays.
-    fn agree(&mut self, wishes: &mut NewOffsets, place: Place, wish: [Option<Token>; 3]) {
+    fn agree(&mut self, wishes: &mut NewOffsets, place: SourceSpan, wish: [Option<Token>; 3]) {
         if !self.frozen_offsets.contains(&place) && *wishes.entry(place).or_insert_with(|| wish.clone()) != wish {
             self.frozen_offsets.insert(place);
         }

@@ -88,10 +88,10 @@ impl Order<'_> {
         /// Posts nest two or three; a ring has no end.
         const DEEPEST: usize = 16;
         /// Calls of routines without motion may double at every depth.
-        const MOST: usize = 1 << 20;
+        const MOST_CALLS: usize = 1 << 20;
         let routines = self.routines;
         self.visits[routine] += 1;
-        if depth > DEEPEST || self.stretches.len() > MOST || routines[routine].moves && self.visits[routine] > 1 {
+        if depth > DEEPEST || self.stretches.len() > MOST_CALLS || routines[routine].moves && self.visits[routine] > 1 {
             return None;
         }
         for step in &routines[routine].steps {

@@ -5,10 +5,10 @@ use super::known::RoutineId;
 use super::layers::{Layer, Left};
 use super::literal::Literal;
 use super::ran::{Ran, Use};
-use super::state::{Begun, State, Switches};
+use super::state::{Begun, ModalState, Switches};
 use super::symbols::{Content, Names, Symbols};
 use super::tree::File;
-use super::value::Place;
+use super::value::SourceSpan;
 use super::{Offset, Site};
 use crate::program::{ExternalAxes, InactiveUnit, Kept, Target, Tool, UnknownMotion, Wobj};
 use crate::text::{Diagnostic, LineIndex, Source, Span};
@@ -43,7 +43,7 @@ pub(super) struct Frame {
     /// A GOTO stands in it.
     pub(super) jumps: bool,
     /// What was in force when an error was noted last.
-    pub(super) noted: Option<(u64, State)>,
+    pub(super) noted: Option<(u64, ModalState)>,
     /// Where the robot stands where it returns before its end; none before the first such place.
     pub(super) returns_from: Option<Option<u32>>,
 }
@@ -62,7 +62,7 @@ pub(super) enum Mode {
 /// The last tool or work object argument and what it meant, while no name can have changed.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Cached {
-    pub(super) place: Option<Place>,
+    pub(super) place: Option<SourceSpan>,
     pub(super) epoch: u64,
     pub(super) index: u16,
 }
@@ -74,7 +74,7 @@ pub(super) struct Runner<'a> {
     pub(super) layers: Vec<Layer>,
     /// What data held before any routine ran, of those that one has changed.
     pub(super) before_all: BTreeMap<usize, Content>,
-    pub(super) state: State,
+    pub(super) state: ModalState,
     pub(super) mode: Mode,
     /// Whether a motion that is stopped may go to a handler: see [`Self::handles_stops`].
     pub(super) stops_are_handled: bool,
@@ -113,14 +113,14 @@ pub(super) struct Runner<'a> {
     /// Literals of each source within `literals`.
     pub(super) first_literal: Vec<usize>,
     pub(super) next_literal: usize,
-    pub(super) own: HashMap<Place, u32>,
+    pub(super) own: HashMap<SourceSpan, u32>,
     /// Robtargets put together from parts that some run does not know, or has where they cannot be edited.
-    pub(super) unassembled: HashSet<Place>,
+    pub(super) unassembled: HashSet<SourceSpan>,
     pub(super) pinned: BTreeSet<u32>,
     /// Data whose declarations are among them with all that they take over from others.
     pub(super) pinned_data: BTreeSet<usize>,
     /// Offsets that may not be edited, by their first number.
-    pub(super) held: HashSet<Place>,
+    pub(super) held: HashSet<SourceSpan>,
     pub(super) names: HashMap<u32, Arc<str>>,
     pub(super) tools: Vec<Tool>,
     pub(super) tool_numbers: HashMap<Vec<u8>, u16>,
@@ -176,7 +176,7 @@ impl<'a> Runner<'a> {
             frames: Vec::new(),
             layers: Vec::new(),
             before_all: BTreeMap::new(),
-            state: State::default(),
+            state: ModalState::default(),
             mode: Mode::Real,
             guards: 0,
             stops_are_handled: false,

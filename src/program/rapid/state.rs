@@ -77,7 +77,7 @@ impl Axes {
 
 /// What the instructions before leave in force.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct State {
+pub(super) struct ModalState {
     pub(super) mark: Option<Mark>,
     /// Which mark holds is known only at run time.
     pub(super) mark_unknown: bool,
@@ -91,7 +91,7 @@ pub(super) struct State {
     pub(super) velocity: Option<Velocity>,
 }
 
-impl Default for State {
+impl Default for ModalState {
     fn default() -> Self {
         Self {
             mark: None,
@@ -105,7 +105,7 @@ impl Default for State {
     }
 }
 
-impl State {
+impl ModalState {
     pub(super) fn join(self, other: Self) -> Self {
         Self {
             mark: self.mark,

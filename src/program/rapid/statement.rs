@@ -1,6 +1,6 @@
 //! Where statements and expressions end, without a look at what they mean.
 
-use super::lex::{Key, Kind, Lexeme, key};
+use super::lex::{Key, Lexeme, LexemeKind, key};
 use super::literal::Literal;
 use super::parser::{NO_SEMICOLON, Parser, Scan, UNCLOSED};
 use super::tree::Statement;
@@ -11,19 +11,19 @@ impl Parser<'_> {
     pub(super) fn simple(&mut self, start: Lexeme) -> Option<Statement> {
         self.cursor.pass(start);
         match start.kind {
-            Kind::Mark(b';') => return None,
-            Kind::Placeholder => {
-                self.cursor.accept(Kind::Mark(b';'));
+            LexemeKind::Mark(b';') => return None,
+            LexemeKind::Placeholder => {
+                self.cursor.accept(LexemeKind::Mark(b';'));
                 return None;
             }
-            Kind::Word if self.cursor.accept(Kind::Mark(b':')).is_some() => return None,
+            LexemeKind::Word if self.cursor.accept(LexemeKind::Mark(b':')).is_some() => return None,
             _ => {}
         }
         let end = self.scan();
         let span = Span::new(start.start, self.cursor.behind);
         match end {
             Scan::Broken(reason) => self.odd(start.start, reason),
-            Scan::Done if !matches!(start.kind, Kind::Word | Kind::Mark(b'%')) => {
+            Scan::Done if !matches!(start.kind, LexemeKind::Word | LexemeKind::Mark(b'%')) => {
                 self.odd(start.start, "not a statement")
             }
             Scan::Done => return Some(Statement::Simple(span)),
@@ -43,8 +43,8 @@ impl Parser<'_> {
             let before = self.cursor.behind;
             let lexeme = self.cursor.peek();
             match lexeme.kind {
-                Kind::End => return Scan::Broken(if depth > 0 { UNCLOSED } else { NO_SEMICOLON }),
-                Kind::Mark(b';') => {
+                LexemeKind::End => return Scan::Broken(if depth > 0 { UNCLOSED } else { NO_SEMICOLON }),
+                LexemeKind::Mark(b';') => {
                     self.cursor.pass(lexeme);
                     return match depth {
                         0 if placeholder => Scan::Broken("placeholder in a statement"),
@@ -52,7 +52,7 @@ impl Parser<'_> {
                         _ => Scan::Broken(UNCLOSED),
                     };
                 }
-                Kind::Mark(b'[') => {
+                LexemeKind::Mark(b'[') => {
                     if let Some(literal) = Literal::find(self.cursor.bytes, self.index, lexeme.start) {
                         let end = literal.span().end as usize;
                         self.file.literals.push(literal);
@@ -63,22 +63,22 @@ impl Parser<'_> {
                     }
                     (depth, operand) = (depth + 1, false);
                 }
-                Kind::Mark(b'(' | b'{') => (depth, operand) = (depth + 1, false),
-                Kind::Mark(b']' | b')' | b'}') => {
+                LexemeKind::Mark(b'(' | b'{') => (depth, operand) = (depth + 1, false),
+                LexemeKind::Mark(b']' | b')' | b'}') => {
                     if depth == 0 {
                         // Passed up to `;` so that only this statement is lost.
                         self.cursor.pass(lexeme);
-                        while !matches!(self.cursor.peek().kind, Kind::End | Kind::Mark(b';'))
+                        while !matches!(self.cursor.peek().kind, LexemeKind::End | LexemeKind::Mark(b';'))
                             && self.peek_key().is_none()
                         {
                             self.cursor.next();
                         }
-                        self.cursor.accept(Kind::Mark(b';'));
+                        self.cursor.accept(LexemeKind::Mark(b';'));
                         return Scan::Broken("bracket closed that was not opened");
                     }
                     (depth, operand) = (depth - 1, true);
                 }
-                Kind::Word => {
+                LexemeKind::Word => {
                     let text = self.cursor.text(lexeme);
                     let option = lexeme.start > 0 && matches!(self.cursor.bytes[lexeme.start - 1], b'\\' | b'.');
                     if let Some(found) = key(text)
@@ -98,8 +98,8 @@ impl Parser<'_> {
                     words += usize::from(operand);
                     operand = !operator;
                 }
-                Kind::Number | Kind::Text => operand = true,
-                Kind::Placeholder => (placeholder, operand) = (true, true),
+                LexemeKind::Number | LexemeKind::Text => operand = true,
+                LexemeKind::Placeholder => (placeholder, operand) = (true, true),
                 _ => operand = false,
             }
             self.cursor.pass(lexeme);
@@ -114,11 +114,11 @@ impl Parser<'_> {
         loop {
             let lexeme = self.cursor.peek();
             match lexeme.kind {
-                Kind::End | Kind::Mark(b';') => break,
-                Kind::Mark(b'[' | b'(' | b'{') => depth += 1,
-                Kind::Mark(b']' | b')' | b'}') => depth = depth.saturating_sub(1),
-                Kind::Mark(b':') if depth == 0 => break,
-                Kind::Word => {
+                LexemeKind::End | LexemeKind::Mark(b';') => break,
+                LexemeKind::Mark(b'[' | b'(' | b'{') => depth += 1,
+                LexemeKind::Mark(b']' | b')' | b'}') => depth = depth.saturating_sub(1),
+                LexemeKind::Mark(b':') if depth == 0 => break,
+                LexemeKind::Word => {
                     let text = self.cursor.text(lexeme);
                     if words.iter().any(|w| w.eq_ignore_ascii_case(text)) || key(text).is_some() {
                         break;
@@ -139,12 +139,12 @@ impl Parser<'_> {
         loop {
             let lexeme = self.cursor.peek();
             match lexeme.kind {
-                Kind::End | Kind::Mark(b';') => break,
-                Kind::Mark(b'[' | b'(' | b'{') => (depth, operand) = (depth + 1, false),
-                Kind::Mark(b']' | b')' | b'}') => (depth, operand) = (depth.saturating_sub(1), true),
-                Kind::Number | Kind::Text => operand = true,
-                Kind::Mark(b'%') if depth == 0 && operand => break,
-                Kind::Word => {
+                LexemeKind::End | LexemeKind::Mark(b';') => break,
+                LexemeKind::Mark(b'[' | b'(' | b'{') => (depth, operand) = (depth + 1, false),
+                LexemeKind::Mark(b']' | b')' | b'}') => (depth, operand) = (depth.saturating_sub(1), true),
+                LexemeKind::Number | LexemeKind::Text => operand = true,
+                LexemeKind::Mark(b'%') if depth == 0 && operand => break,
+                LexemeKind::Word => {
                     let text = self.cursor.text(lexeme);
                     if key(text).is_some() {
                         break;

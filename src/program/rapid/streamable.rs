@@ -12,7 +12,7 @@ use super::literal::Literal;
 use super::named::Declarations;
 use super::sample::{Found, Named, Sample};
 use super::shape::pose;
-use super::value::Place;
+use super::value::SourceSpan;
 use super::{Layout, Site};
 use crate::program::{ExternalAxes, Language, Mark, Predecessor, Program, Target, Tool, Wobj};
 use crate::text::{Source, Span};
@@ -35,7 +35,7 @@ pub(super) struct Read {
 }
 
 /// Lines that are alike.
-struct Kind<'a> {
+struct AlikeLines<'a> {
     /// Before the robtarget or its name; the whole line where there is none.
     before: &'a [u8],
     behind: &'a [u8],
@@ -83,12 +83,12 @@ pub(super) fn read(chunk: &Chunk) -> Option<Read> {
     if read.streamable {
         read.literals.reserve(motions);
     }
-    let mut kinds: Vec<Kind> = Vec::new();
+    let mut kinds: Vec<AlikeLines> = Vec::new();
     let mut last = 0;
     let (mut start, mut line_number) = (chunk.stretch.start, chunk.lines_before);
     while start < bytes.len() {
         line_number += 1;
-        if let Some(Kind { way, motion: Some(like), last, .. }) = kinds.get_mut(last)
+        if let Some(AlikeLines { way, motion: Some(like), last, .. }) = kinds.get_mut(last)
             && let Some((to, text, end)) = last.again(*way, &mut declarations, bytes, start)
         {
             start = end;
@@ -123,7 +123,7 @@ pub(super) fn read(chunk: &Chunk) -> Option<Read> {
             (None, None) => (text, &[][..]),
         };
         let way = named.as_ref().map(|(target, _)| declarations.way(*target));
-        let alike = |kind: &Kind| kind.way == way && kind.behind == behind && kind.before == before;
+        let alike = |kind: &AlikeLines| kind.way == way && kind.behind == behind && kind.before == before;
         if !kinds.get(last).is_some_and(alike) {
             last = kinds.iter().position(alike).unwrap_or(kinds.len());
             if last == kinds.len() {
@@ -227,7 +227,7 @@ impl Read {
                 target.goal = declarations.goal(declared);
                 target.external.clone_from(declarations.external(declared));
                 target.name = declarations.name(declared, &chunk.source.bytes[name.clone()]);
-                let argument = Some(Place { source: 0, span: Span::new(name.start, name.end) });
+                let argument = Some(SourceSpan { source: 0, span: Span::new(name.start, name.end) });
                 Site::Literal { literal: u32::try_from(declared).ok()?, argument }
             }
         };
@@ -248,7 +248,7 @@ impl Read {
         behind: &'a [u8],
         way: Option<usize>,
         text: &[u8],
-    ) -> Option<Kind<'a>> {
+    ) -> Option<AlikeLines<'a>> {
         let way_of = way.map(|way| &declarations.ways()[way]);
         let inline = way.is_none() && before.len() < text.len();
         // No line has a line end in it, so that different kinds have different texts.
@@ -272,7 +272,7 @@ impl Read {
             predecessor: Predecessor::Previous,
             ..like
         });
-        Some(Kind { before, behind, way, motion, last: Last::None })
+        Some(AlikeLines { before, behind, way, motion, last: Last::None })
     }
 
     /// The chunk as a program.

@@ -1,7 +1,7 @@
 //! Names: data and routines of all modules, and what is known of those that RAPID itself declares.
 
 use super::known::{Known, RoutineId};
-use super::lex::{Cursor, Kind};
+use super::lex::{Cursor, LexemeKind};
 use super::tree::{Data, File, Routine, Storage};
 use super::value::Value;
 use crate::text::{Source, Span, decode};
@@ -241,5 +241,5 @@ pub(super) fn declared(bytes: &[u8], file: usize, module: usize, data: &Data) ->
 /// The first word of a span; empty where it begins with something else.
 pub(super) fn first_word(bytes: &[u8], span: Span) -> Span {
     let lexeme = Cursor::new(bytes, span).peek();
-    if lexeme.kind == Kind::Word { lexeme.span() } else { Span { start: span.start, end: span.start } }
+    if lexeme.kind == LexemeKind::Word { lexeme.span() } else { Span { start: span.start, end: span.start } }
 }

@@ -2,7 +2,7 @@
 
 mod blocks;
 
-use super::lex::{Cursor, Key, Kind, Lexeme, key};
+use super::lex::{Cursor, Key, Lexeme, LexemeKind, key};
 use super::parser::{NO_SEMICOLON, Parser, Scan};
 use super::tree::{Data, File, Module, Param, Record, Routine, RoutineKind, Storage};
 use crate::text::{Source, Span};
@@ -35,11 +35,11 @@ impl Parser<'_> {
             let before = self.cursor;
             let lexeme = self.cursor.next();
             match lexeme.kind {
-                Kind::End => {
+                LexemeKind::End => {
                     self.cursor = start;
                     return;
                 }
-                Kind::Mark(b'%') => {
+                LexemeKind::Mark(b'%') => {
                     self.cursor = before;
                     if self.percent() {
                         return;
@@ -52,7 +52,7 @@ impl Parser<'_> {
     }
 
     fn percent(&mut self) -> bool {
-        (0..3).all(|_| self.cursor.accept(Kind::Mark(b'%')).is_some())
+        (0..3).all(|_| self.cursor.accept(LexemeKind::Mark(b'%')).is_some())
     }
 
     fn modules(&mut self) -> Result<(), TooDeep> {
@@ -63,13 +63,13 @@ impl Parser<'_> {
                     self.cursor.pass(lexeme);
                     self.module_head();
                     let module = self.module()?;
-                    if self.cursor.peek().kind == Kind::End && !self.ended {
+                    if self.cursor.peek().kind == LexemeKind::End && !self.ended {
                         let last = self.cursor.behind;
                         self.file.cut = Some(Span::new(last.saturating_sub(1), last));
                     }
                     self.file.modules.push(module);
                 }
-                _ if lexeme.kind == Kind::End => return Ok(()),
+                _ if lexeme.kind == LexemeKind::End => return Ok(()),
                 // Routines and data without a module around them: a snippet, read all the same.
                 Some(
                     Key::Proc | Key::Func | Key::Trap | Key::Local | Key::Task | Key::Var | Key::Pers | Key::Const,
@@ -98,8 +98,8 @@ impl Parser<'_> {
             }
             self.cursor.at += 1;
         }
-        if self.cursor.accept(Kind::Mark(b'(')).is_some() {
-            while !matches!(self.cursor.next().kind, Kind::Mark(b')') | Kind::End) {}
+        if self.cursor.accept(LexemeKind::Mark(b'(')).is_some() {
+            while !matches!(self.cursor.next().kind, LexemeKind::Mark(b')') | LexemeKind::End) {}
         }
     }
 
@@ -135,14 +135,14 @@ impl Parser<'_> {
                 ) => {
                     self.member(&mut module, start.start)?;
                 }
-                _ if start.kind == Kind::End => return Ok(module),
+                _ if start.kind == LexemeKind::End => return Ok(module),
                 _ => {
                     self.cursor.pass(start);
                     let reason = match self.scan() {
                         Scan::Broken(reason) => reason,
                         Scan::Done => "statement outside a routine",
                     };
-                    if start.kind != Kind::Placeholder {
+                    if start.kind != LexemeKind::Placeholder {
                         self.odd(start.start, reason);
                     }
                 }
@@ -165,7 +165,7 @@ impl Parser<'_> {
                 }
                 Some(Key::Proc) => return self.routine(module, RoutineKind::Proc, local),
                 Some(Key::Func) => {
-                    self.cursor.accept(Kind::Word);
+                    self.cursor.accept(LexemeKind::Word);
                     return self.routine(module, RoutineKind::Func, local);
                 }
                 Some(Key::Trap) => return self.routine(module, RoutineKind::Trap, local),
@@ -185,14 +185,14 @@ impl Parser<'_> {
     }
 
     fn record(&mut self, module: &mut Module, start: usize) {
-        let Some(name) = self.cursor.accept(Kind::Word) else { return self.odd(start, "record without a name") };
+        let Some(name) = self.cursor.accept(LexemeKind::Word) else { return self.odd(start, "record without a name") };
         let mut fields = Vec::new();
         loop {
             let kind = self.cursor.next();
-            if kind.kind == Kind::End || self.key_of(kind) == Some(Key::EndRecord) {
+            if kind.kind == LexemeKind::End || self.key_of(kind) == Some(Key::EndRecord) {
                 break;
             }
-            if let Some(field) = self.cursor.accept(Kind::Word) {
+            if let Some(field) = self.cursor.accept(LexemeKind::Word) {
                 fields.push((kind.span(), field.span()));
             }
             self.scan();
@@ -202,9 +202,9 @@ impl Parser<'_> {
 
     /// After VAR, PERS or CONST.
     fn data(&mut self, start: usize, storage: Storage, local: bool) -> Option<Data> {
-        let head = (self.cursor.accept(Kind::Word), self.cursor.accept(Kind::Word));
+        let head = (self.cursor.accept(LexemeKind::Word), self.cursor.accept(LexemeKind::Word));
         let (Some(kind), Some(name)) = head else {
-            let placeholder = self.cursor.peek().kind == Kind::Placeholder;
+            let placeholder = self.cursor.peek().kind == LexemeKind::Placeholder;
             let reason = match self.scan() {
                 Scan::Broken(reason) => reason,
                 Scan::Done if placeholder => "declaration with a placeholder",
@@ -214,14 +214,17 @@ impl Parser<'_> {
             return None;
         };
         let mut dims = None;
-        if let Some(open) = self.cursor.accept(Kind::Mark(b'{')) {
-            while !matches!(self.cursor.peek().kind, Kind::Mark(b'}' | b';') | Kind::End | Kind::Assign) {
+        if let Some(open) = self.cursor.accept(LexemeKind::Mark(b'{')) {
+            while !matches!(
+                self.cursor.peek().kind,
+                LexemeKind::Mark(b'}' | b';') | LexemeKind::End | LexemeKind::Assign
+            ) {
                 self.cursor.next();
             }
             dims = Some(Span::new(open.end, self.cursor.behind));
-            self.cursor.accept(Kind::Mark(b'}'));
+            self.cursor.accept(LexemeKind::Mark(b'}'));
         }
-        let assigned = self.cursor.accept(Kind::Assign).is_some();
+        let assigned = self.cursor.accept(LexemeKind::Assign).is_some();
         let from = self.cursor.peek().start;
         let end = self.scan();
         let behind = self.cursor.behind;
@@ -240,7 +243,7 @@ impl Parser<'_> {
     fn routine(&mut self, module: &mut Module, kind: RoutineKind, local: bool) -> Result<(), TooDeep> {
         let start = self.cursor.behind;
         let name = self.cursor.peek();
-        let name = if matches!(name.kind, Kind::Word | Kind::Number) {
+        let name = if matches!(name.kind, LexemeKind::Word | LexemeKind::Number) {
             self.cursor.pass(name);
             // `20mm` is a number and a word to the lexer.
             let mut end = name.end;
@@ -269,8 +272,8 @@ impl Parser<'_> {
             match self.key_of(end) {
                 Some(Key::Error | Key::Undo | Key::Backward) => {
                     self.cursor.pass(end);
-                    if self.cursor.peek().kind == Kind::Mark(b'(') {
-                        while !matches!(self.cursor.next().kind, Kind::Mark(b')' | b';') | Kind::End) {}
+                    if self.cursor.peek().kind == LexemeKind::Mark(b'(') {
+                        while !matches!(self.cursor.next().kind, LexemeKind::Mark(b')' | b';') | LexemeKind::End) {}
                     }
                     let start = routine.handlers.len();
                     routine.handlers.append(&mut self.block(&mut routine.data, 0)?);
@@ -287,7 +290,7 @@ impl Parser<'_> {
                     self.file.odd.push((end.span(), "routine before it has no end"));
                     break;
                 }
-                _ if end.kind == Kind::End => {
+                _ if end.kind == LexemeKind::End => {
                     self.file.odd.push((Span::new(name.start as usize, end.end), "routine without an end"));
                     break;
                 }
@@ -305,7 +308,7 @@ impl Parser<'_> {
 
     fn params(&mut self) -> Vec<Param> {
         let mut params = Vec::new();
-        if self.cursor.accept(Kind::Mark(b'(')).is_none() {
+        if self.cursor.accept(LexemeKind::Mark(b'(')).is_none() {
             return params;
         }
         let mut words: Vec<Lexeme> = Vec::new();
@@ -313,22 +316,23 @@ impl Parser<'_> {
         loop {
             let lexeme = self.cursor.next();
             match lexeme.kind {
-                Kind::Word => match key(self.cursor.text(lexeme)) {
+                LexemeKind::Word => match key(self.cursor.text(lexeme)) {
                     Some(Key::Var | Key::Pers) => by_reference = true,
                     _ if self.cursor.text(lexeme).eq_ignore_ascii_case(b"INOUT") => by_reference = true,
                     _ => words.push(lexeme),
                 },
-                Kind::Mark(b',' | b'|' | b')' | b'\\') | Kind::End => {
+                LexemeKind::Mark(b',' | b'|' | b')' | b'\\') | LexemeKind::End => {
                     if let [kind, name, ..] = words[..] {
                         params.push(Param { kind: kind.span(), name: name.span(), by_reference, optional });
                     }
                     words.clear();
                     by_reference = false;
-                    if matches!(lexeme.kind, Kind::Mark(b')') | Kind::End) {
+                    if matches!(lexeme.kind, LexemeKind::Mark(b')') | LexemeKind::End) {
                         return params;
                     }
                     // `\A | B`: both optional.
-                    optional = lexeme.kind == Kind::Mark(b'\\') || optional && lexeme.kind == Kind::Mark(b'|');
+                    optional =
+                        lexeme.kind == LexemeKind::Mark(b'\\') || optional && lexeme.kind == LexemeKind::Mark(b'|');
                 }
                 _ => {}
             }

@@ -2,14 +2,14 @@
 //! all who use it are known and want the same.
 
 use super::known::RoutineId;
-use super::lex::{Cursor, Kind};
+use super::lex::{Cursor, LexemeKind};
 use super::motion;
 use super::ran::Use;
 use super::runner::{Mode, Runner};
-use super::state::{State, Switches};
+use super::state::{ModalState, Switches};
 use super::symbols::{Upper, first_word};
 use super::tree::{Routine, RoutineKind, Statement, Storage, simple_statements};
-use super::value::{Place, Pose, axes_in_use};
+use super::value::{Pose, SourceSpan, axes_in_use};
 use crate::program::{Editable, Motion, Target};
 use crate::text::{Diagnostic, Severity, Span};
 use std::collections::{BTreeSet, HashSet};
@@ -56,7 +56,7 @@ impl<'a> Runner<'a> {
         let changing: Vec<usize> = (0..self.symbols.data).filter(open).collect();
         let mut anywhere = Switches::NONE;
         self.symbols.all().for_each(|id| anywhere |= self.symbols.changed_by(id).switches);
-        self.state = State { mark: self.state.mark, ..State::default() };
+        self.state = ModalState { mark: self.state.mark, ..ModalState::default() };
         self.state.axes.lose_positions();
         self.state.lose(anywhere);
         let roots: HashSet<RoutineId> = self.uncalled(&waiting).into_iter().collect();
@@ -89,7 +89,7 @@ impl<'a> Runner<'a> {
         let from = of_source.partition_point(|literal| literal.span().start < span.start);
         let inside = of_source[from..].iter().take_while(|literal| literal.span().end <= span.end).count();
         let numbers = first + from..first + from + inside;
-        let within = |place: &Place| {
+        let within = |place: &SourceSpan| {
             usize::from(place.source) == source && span.start <= place.span.start && place.span.end <= span.end
         };
         let own = self.own.iter().filter(|(place, _)| within(place)).map(|(_, id)| *id);
@@ -120,8 +120,8 @@ impl<'a> Runner<'a> {
             loop {
                 let word = cursor.next();
                 match word.kind {
-                    Kind::End => break,
-                    Kind::Word => {}
+                    LexemeKind::End => break,
+                    LexemeKind::Word => {}
                     _ => continue,
                 }
                 let key = Upper::new(cursor.text(word));

@@ -14,7 +14,7 @@ pub(super) const NOT_UNIT: &str = "orientation is not a unit quaternion";
 
 /// A span in one of the sources.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) struct Place {
+pub(crate) struct SourceSpan {
     pub(crate) source: u16,
     pub(crate) span: Span,
 }
@@ -24,11 +24,11 @@ pub(super) enum Value {
     /// Known only when the program runs, and why.
     Unknown(&'static str),
     /// A number; its token (sign included) where it is a literal.
-    Num(f64, Option<Place>),
+    Num(f64, Option<SourceSpan>),
     Bool(bool),
     Text(Rc<[u8]>),
     /// An aggregate or array and, where it is literal, its brackets.
-    List(Rc<[Value]>, Option<Place>),
+    List(Rc<[Value]>, Option<SourceSpan>),
     Target(Rc<Pose>),
 }
 
@@ -49,7 +49,7 @@ pub(super) struct Pose {
 pub(crate) struct Step {
     pub(crate) offset_mm: [f64; 3],
     /// Number tokens of the offset, where all three are literal.
-    pub(crate) tokens: Option<[Place; 3]>,
+    pub(crate) tokens: Option<[SourceSpan; 3]>,
     /// In tool axes (`RelTool`), not work object axes (`Offs`).
     pub(crate) in_tool: bool,
     /// The turn that `RelTool` adds.
@@ -58,7 +58,7 @@ pub(crate) struct Step {
 
 impl Step {
     /// The place of its first number, where all three are literal.
-    pub(super) fn place(&self) -> Option<Place> {
+    pub(super) fn place(&self) -> Option<SourceSpan> {
         self.tokens.map(|tokens| tokens[0])
     }
 

@@ -2,7 +2,7 @@
 
 use super::Layout;
 use super::literal::Literal;
-use super::value::{Place, quarters, unit};
+use super::value::{SourceSpan, quarters, unit};
 use crate::program::EXTERNAL_AXES;
 use crate::program::token::{New, signed};
 use crate::program::{Change, Editable, Goal, Program, RewriteOptions};
@@ -35,7 +35,7 @@ pub(super) struct Writer<'a> {
     pub(super) kept: Vec<(usize, &'static str)>,
     /// Literals and offsets, these by their first number, that stay for the sake of others.
     pub(super) frozen: BTreeSet<u32>,
-    pub(super) frozen_offsets: HashSet<Place>,
+    pub(super) frozen_offsets: HashSet<SourceSpan>,
     pub(super) not_inserted: Vec<(usize, &'static str)>,
 }
 
@@ -53,12 +53,12 @@ impl<'a> Writer<'a> {
         }
     }
 
-    pub(super) fn bytes(&self, place: Place) -> &'a [u8] {
+    pub(super) fn bytes(&self, place: SourceSpan) -> &'a [u8] {
         self.program.sources[place.source as usize].slice(place.span)
     }
 
     pub(super) fn token(&self, literal: &Literal, i: usize) -> &'a [u8] {
-        self.bytes(Place { source: literal.source, span: literal.token(i) })
+        self.bytes(SourceSpan { source: literal.source, span: literal.token(i) })
     }
 
     pub(super) fn reason(&self, i: usize) -> &'static str {
@@ -100,7 +100,7 @@ impl<'a> Writer<'a> {
         }
         if let (Some(wanted), Some(places)) = (&change.external, self.axes(literal)) {
             let new = wanted.iter().zip(places).filter_map(|(wanted, span)| {
-                let old = self.bytes(Place { source: literal.source, span });
+                let old = self.bytes(SourceSpan { source: literal.source, span });
                 Some((span, New::of(old, (*wanted)?, self.options.position_decimals).token?))
             });
             print.axes = new.collect();
@@ -126,7 +126,7 @@ impl<'a> Writer<'a> {
     /// The literal's text with its new tokens: for a clone.
     pub(super) fn literal_text(&self, literal: &Literal, print: &Print) -> Vec<u8> {
         let span = literal.span();
-        let bytes = self.bytes(Place { source: literal.source, span });
+        let bytes = self.bytes(SourceSpan { source: literal.source, span });
         let mut out = Vec::new();
         let mut done = 0;
         let pose = print.tokens.iter().enumerate().filter_map(|(i, token)| Some((literal.token(i), token.as_ref()?)));

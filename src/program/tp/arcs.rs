@@ -7,7 +7,7 @@
 use super::builder::{Between, Builder, Site, are_in_one_frame, refuse};
 use super::lines::Line;
 use super::run::Visit;
-use super::statement::Kind;
+use super::statement::StatementKind;
 use crate::program::orientation::halfway;
 use crate::program::{Editable, Goal, Motion as Path, Role, Target};
 use nalgebra::{Unit, Vector3};
@@ -15,27 +15,27 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 
 /// The fewest `A` motions in a row that make an arc.
-const LEAST: usize = 3;
+const FEWEST_MOTIONS: usize = 3;
 
 const FEW: &str = "fewer than three circle arc motions (A) in a row";
 const HALF_ARC: &str = "arc with a point that is not edited";
 
 /// `A` motions in a row, as ranges of statements: only remarks stand between them.
-pub(super) fn rows(lines: &[Line<'_>], kinds: &[Kind<'_>]) -> Vec<Range<usize>> {
+pub(super) fn rows(lines: &[Line<'_>], kinds: &[StatementKind<'_>]) -> Vec<Range<usize>> {
     let mut found: Vec<Range<usize>> = Vec::new();
     let mut open = false;
     for (at, (line, kind)) in lines.iter().zip(kinds).enumerate() {
         let remark =
             || [&b"!"[..], b"//", b"--"].iter().any(|sign| line.text.starts_with(sign)) || line.text.is_empty();
         match kind {
-            Kind::Motion(motion) if motion.is_arc => match found.last_mut().filter(|_| open) {
+            StatementKind::Motion(motion) if motion.is_arc => match found.last_mut().filter(|_| open) {
                 Some(row) => row.end = at + 1,
                 None => found.push(at..at + 1),
             },
             _ if remark() => continue,
             _ => {}
         }
-        open = matches!(kind, Kind::Motion(motion) if motion.is_arc);
+        open = matches!(kind, StatementKind::Motion(motion) if motion.is_arc);
     }
     found
 }
@@ -67,10 +67,11 @@ impl Builder<'_> {
         let on = |two: &&[Visit]| row.contains(&two[1].0) && two[1].0 > two[0].0;
         let run = 1 + visits.windows(2).take_while(on).count();
         let kinds = &self.flow.kinds;
-        let motions = || kinds[row.clone()].iter().filter(|kind| matches!(kind, Kind::Motion(motion) if motion.is_arc));
+        let motions =
+            || kinds[row.clone()].iter().filter(|kind| matches!(kind, StatementKind::Motion(motion) if motion.is_arc));
         let (count, mut points) = (motions().count(), Vec::with_capacity(run));
         for (at, state) in &visits[..run] {
-            let Kind::Motion(motion) = &self.flow.kinds[*at] else { continue };
+            let StatementKind::Motion(motion) = &self.flow.kinds[*at] else { continue };
             self.count(motion, state);
             match self.point(*at, motion, motion.end, Role::End, state) {
                 Ok(point) => points.push((*at, point)),
@@ -85,10 +86,10 @@ impl Builder<'_> {
                 _ => None,
             })
             .collect();
-        match poses.filter(|poses| poses.len() == count && count >= LEAST && are_in_one_frame(&own)) {
+        match poses.filter(|poses| poses.len() == count && count >= FEWEST_MOTIONS && are_in_one_frame(&own)) {
             Some(poses) => self.arc(points, &poses),
             None => {
-                let why = if count < LEAST { FEW } else { HALF_ARC };
+                let why = if count < FEWEST_MOTIONS { FEW } else { HALF_ARC };
                 for (at, (mut target, site)) in points {
                     refuse(&mut target, why);
                     self.push(at, (target, site));

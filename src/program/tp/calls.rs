@@ -5,7 +5,7 @@ use super::flow::Flow;
 use super::lines::{Line, sections, statements};
 use super::motion::INCREMENT;
 use super::run;
-use super::statement::{self, Frame, Kind};
+use super::statement::{self, Frame, StatementKind};
 use crate::text::Source;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -85,7 +85,7 @@ impl Calls {
     }
 
     /// Adds what a statement may change, and what the programs may that it runs.
-    pub(super) fn take(&self, kind: &Kind<'_>, called: &mut Called) {
+    pub(super) fn take(&self, kind: &StatementKind<'_>, called: &mut Called) {
         take(kind, called);
         statement::runs(kind).into_iter().for_each(|name| called.add(self.of(name)));
     }
@@ -135,33 +135,36 @@ fn increments(lines: &[Line<'_>]) -> bool {
     let (none, at_start) = (Calls::default(), usize::MAX);
     let mut flow = Flow::new(lines, &none, None);
     flow.start.standing.insert(at_start);
-    let counts = |at: usize| matches!(&flow.kinds[at], Kind::Motion(motion) if motion.moved == Some(INCREMENT));
+    let counts =
+        |at: usize| matches!(&flow.kinds[at], StatementKind::Motion(motion) if motion.moved == Some(INCREMENT));
     run::run(&flow).iter().any(|(at, state)| counts(*at) && state.standing.contains(&at_start))
 }
 
-fn take(kind: &Kind<'_>, called: &mut Called) {
+fn take(kind: &StatementKind<'_>, called: &mut Called) {
     let none = Registers::new();
     for name in statement::runs(kind) {
         called.calls.insert(upper(name));
     }
     match kind {
-        Kind::Register(register, _) | Kind::For(register, ..) => match expression::count(register, &none) {
-            Some(register) => drop(called.registers.insert(register)),
-            None => called.all_registers = true,
-        },
-        Kind::Select(frame, _) => called.selects[*frame as usize] = true,
-        Kind::Redefine(frame, index) => match expression::count(index, &none) {
+        StatementKind::Register(register, _) | StatementKind::For(register, ..) => {
+            match expression::count(register, &none) {
+                Some(register) => drop(called.registers.insert(register)),
+                None => called.all_registers = true,
+            }
+        }
+        StatementKind::Select(frame, _) => called.selects[*frame as usize] = true,
+        StatementKind::Redefine(frame, index) => match expression::count(index, &none) {
             Some(number) => drop(called.redefined.insert((*frame, number))),
             None => drop(called.all_redefined.insert(*frame)),
         },
-        Kind::Macro | Kind::Unknown => called.add(&Called::unknown()),
-        Kind::Concurrent(_) => called.concurrent = true,
-        Kind::Motion(motion) => {
+        StatementKind::Macro | StatementKind::Unknown => called.add(&Called::unknown()),
+        StatementKind::Concurrent(_) => called.concurrent = true,
+        StatementKind::Motion(motion) => {
             called.concurrent |= motion.runs_others;
             called.moves = true;
         }
-        Kind::Displace(why) => called.displaces = Some(why),
-        Kind::RedefineAny => {
+        StatementKind::Displace(why) => called.displaces = Some(why),
+        StatementKind::RedefineAny => {
             called.selects = [true; 2];
             called.all_redefined.extend([Frame::User, Frame::Tool]);
         }

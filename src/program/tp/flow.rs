@@ -3,8 +3,8 @@
 use super::calls::{Called, Calls};
 use super::expression::{self, Registers};
 use super::lines::Line;
-use super::state::{Marked, State};
-use super::statement::{self, Frame, Kind};
+use super::state::{Marked, ModalState};
+use super::statement::{self, Frame, StatementKind};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Where a run may go on.
@@ -19,7 +19,7 @@ pub(super) enum Next {
 /// The statements of a program with what belongs together.
 #[derive(Debug)]
 pub(super) struct Flow<'a> {
-    pub(super) kinds: Vec<Kind<'a>>,
+    pub(super) kinds: Vec<StatementKind<'a>>,
     /// Statements within a block of point logic: they run in parallel.
     inner: Vec<bool>,
     labels: BTreeMap<u32, usize>,
@@ -32,13 +32,13 @@ pub(super) struct Flow<'a> {
     /// What statements of point logic may change, by the motion that they belong to.
     logic: BTreeMap<usize, Called>,
     /// What is known before the first statement.
-    pub(super) start: State,
+    pub(super) start: ModalState,
 }
 
 impl<'a> Flow<'a> {
     /// `displaced`: why the paths of the whole program are moved at run time, where they are.
     pub(super) fn new(lines: &'a [Line<'a>], calls: &'a Calls, displaced: Option<&'static str>) -> Self {
-        let kinds: Vec<Kind<'a>> = lines.iter().map(statement::kind).collect();
+        let kinds: Vec<StatementKind<'a>> = lines.iter().map(statement::kind).collect();
         let mut flow = Self {
             inner: inner(lines, &kinds),
             kinds,
@@ -47,7 +47,7 @@ impl<'a> Flow<'a> {
             first_case: BTreeMap::new(),
             calls,
             logic: BTreeMap::new(),
-            start: State { displaced, ..State::default() },
+            start: ModalState { displaced, ..ModalState::default() },
         };
         flow.link();
         let mut block = None;
@@ -69,21 +69,21 @@ impl<'a> Flow<'a> {
                 continue;
             }
             match &self.kinds[at] {
-                Kind::Label(number) => {
+                StatementKind::Label(number) => {
                     if let Some(number) = expression::count(number, &Registers::new()) {
                         self.labels.entry(number).or_insert(at);
                     }
                 }
-                Kind::If(_) | Kind::For(..) => open.push((at, Vec::new())),
-                Kind::Else => match open.last_mut() {
-                    Some((first, ends)) if matches!(self.kinds[*first], Kind::If(_)) && ends.is_empty() => {
+                StatementKind::If(_) | StatementKind::For(..) => open.push((at, Vec::new())),
+                StatementKind::Else => match open.last_mut() {
+                    Some((first, ends)) if matches!(self.kinds[*first], StatementKind::If(_)) && ends.is_empty() => {
                         ends.push(at)
                     }
                     _ => odd.push(at),
                 },
-                Kind::EndIf | Kind::EndFor => {
-                    let wanted = matches!(self.kinds[at], Kind::EndIf);
-                    match open.pop_if(|(first, _)| matches!(self.kinds[*first], Kind::If(_)) == wanted) {
+                StatementKind::EndIf | StatementKind::EndFor => {
+                    let wanted = matches!(self.kinds[at], StatementKind::EndIf);
+                    match open.pop_if(|(first, _)| matches!(self.kinds[*first], StatementKind::If(_)) == wanted) {
                         Some((first, _)) if !wanted => {
                             self.partner.insert(first, at);
                             self.partner.insert(at, first);
@@ -98,12 +98,12 @@ impl<'a> Flow<'a> {
                 _ => {}
             }
             select = match self.kinds[at] {
-                Kind::SelectCase(..) => Some(at),
-                Kind::Case(_) | Kind::ElseCase(_) if select.is_none() => {
+                StatementKind::SelectCase(..) => Some(at),
+                StatementKind::Case(_) | StatementKind::ElseCase(_) if select.is_none() => {
                     odd.push(at);
                     None
                 }
-                Kind::Case(_) | Kind::ElseCase(_) => select,
+                StatementKind::Case(_) | StatementKind::ElseCase(_) => select,
                 _ => None,
             };
             if let Some(first) = select {
@@ -115,7 +115,7 @@ impl<'a> Flow<'a> {
             }
         }
         for at in odd.into_iter().chain(open.into_iter().map(|(first, _)| first)) {
-            self.kinds[at] = Kind::Unknown;
+            self.kinds[at] = StatementKind::Unknown;
         }
     }
 
@@ -128,7 +128,7 @@ impl<'a> Flow<'a> {
         self.partner.get(&at).map_or(Next::Anywhere, |partner| Next::At(*partner))
     }
 
-    fn label(&self, index: &[u8], state: &State) -> Option<Next> {
+    fn label(&self, index: &[u8], state: &ModalState) -> Option<Next> {
         match expression::count(index, &state.registers) {
             // A controller stops at a label that is not there.
             Some(number) => self.labels.get(&number).map(|at| Next::At(*at)),
@@ -137,19 +137,19 @@ impl<'a> Flow<'a> {
     }
 
     /// What is known after statement `at`, and where it goes on: one way or several.
-    pub(super) fn step(&self, at: usize, mut state: State) -> Vec<(Next, State)> {
+    pub(super) fn step(&self, at: usize, mut state: ModalState) -> Vec<(Next, ModalState)> {
         if self.inner[at] {
             // Its effects came with the motion that it belongs to.
             return vec![(Next::At(at + 1), state)];
         }
         match &self.kinds[at] {
-            Kind::If(condition) => {
+            StatementKind::If(condition) => {
                 let (rest, holds) = expression::condition(condition, &state.registers);
                 let holds = holds.filter(|_| rest.trim_ascii().is_empty());
                 either(holds, (Next::At(at + 1), state.clone()), (self.partner(at), state))
             }
-            Kind::Else => vec![(self.partner(at), state)],
-            Kind::When(text) => {
+            StatementKind::Else => vec![(self.partner(at), state)],
+            StatementKind::When(text) => {
                 let (rest, holds) = expression::condition(text, &state.registers);
                 let (rest, holds) = match rest.trim_ascii_start().first() {
                     Some(b',') => (rest, holds),
@@ -164,8 +164,8 @@ impl<'a> Flow<'a> {
                 }
                 out
             }
-            Kind::SelectCase(..) | Kind::Case(_) | Kind::ElseCase(_) => self.case(at, state),
-            Kind::For(register, from, to, down) => {
+            StatementKind::SelectCase(..) | StatementKind::Case(_) | StatementKind::ElseCase(_) => self.case(at, state),
+            StatementKind::For(register, from, to, down) => {
                 let (first, last) =
                     (expression::value(from, &state.registers), expression::value(to, &state.registers));
                 let enters = first.zip(last).map(|(first, last)| if *down { first >= last } else { first <= last });
@@ -178,16 +178,22 @@ impl<'a> Flow<'a> {
                 };
                 either(enters, (Next::At(at + 1), state), (behind, over))
             }
-            Kind::EndFor => self.again(at, state),
+            StatementKind::EndFor => self.again(at, state),
             kind => self.plain(at, kind, Next::At(at + 1), state),
         }
     }
 
     /// A statement that is not one of several that belong together; `behind` is what follows it.
-    fn plain(&self, at: usize, kind: &Kind<'_>, behind: Next, mut state: State) -> Vec<(Next, State)> {
+    fn plain(
+        &self,
+        at: usize,
+        kind: &StatementKind<'_>,
+        behind: Next,
+        mut state: ModalState,
+    ) -> Vec<(Next, ModalState)> {
         match kind {
-            Kind::Mark(mark) => state.mark = Marked::Known(Some(*mark)),
-            Kind::Motion(motion) => {
+            StatementKind::Mark(mark) => state.mark = Marked::Known(Some(*mark)),
+            StatementKind::Motion(motion) => {
                 for name in &motion.calls {
                     state.call(self.calls.of(name));
                 }
@@ -202,56 +208,65 @@ impl<'a> Flow<'a> {
                     return vec![(behind, state.clone()), (skip, state)];
                 }
             }
-            Kind::Select(frame, value) => state.select(*frame, expression::count(value, &state.registers)),
-            Kind::Redefine(frame, index) => match expression::count(index, &state.registers) {
+            StatementKind::Select(frame, value) => state.select(*frame, expression::count(value, &state.registers)),
+            StatementKind::Redefine(frame, index) => match expression::count(index, &state.registers) {
                 Some(number) => drop(state.redefined.insert((*frame, number))),
                 None => drop(state.all_redefined.insert(*frame)),
             },
-            Kind::Register(register, value) => state.set(register, value),
-            Kind::Jump(label) => return self.label(label, &state).map(|to| (to, state)).into_iter().collect(),
-            Kind::Timeout(label) => {
+            StatementKind::Register(register, value) => state.set(register, value),
+            StatementKind::Jump(label) => return self.label(label, &state).map(|to| (to, state)).into_iter().collect(),
+            StatementKind::Timeout(label) => {
                 let to = self.label(label, &state);
                 return [Some(behind), to].into_iter().flatten().map(|next| (next, state.clone())).collect();
             }
-            Kind::Call(name) => state.call(self.calls.of(name)),
-            Kind::Macro => state.call(&Called::unknown()),
-            Kind::Concurrent(name) => {
+            StatementKind::Call(name) => state.call(self.calls.of(name)),
+            StatementKind::Macro => state.call(&Called::unknown()),
+            StatementKind::Concurrent(name) => {
                 // What moves the robot does not run in parallel.
                 let elsewhere = state.elsewhere;
                 state.call(self.calls.of(name));
                 state.elsewhere = elsewhere;
                 state.runs_beside();
             }
-            Kind::Displace(why) => state.displaced = Some(why),
-            Kind::RedefineAny => {
+            StatementKind::Displace(why) => state.displaced = Some(why),
+            StatementKind::RedefineAny => {
                 state.selected = [None; 2];
                 state.all_redefined.extend([Frame::User, Frame::Tool]);
             }
-            Kind::End => return Vec::new(),
-            Kind::Unknown => {
+            StatementKind::End => return Vec::new(),
+            StatementKind::Unknown => {
                 state.forget();
                 return vec![(Next::Anywhere, state)];
             }
             // Within a condition none of these is a statement.
-            Kind::If(_) | Kind::Else | Kind::When(_) | Kind::SelectCase(..) | Kind::Case(_) | Kind::ElseCase(_) => {}
-            Kind::For(..) | Kind::EndFor | Kind::EndIf | Kind::Label(_) | Kind::Plain => {}
+            StatementKind::If(_)
+            | StatementKind::Else
+            | StatementKind::When(_)
+            | StatementKind::SelectCase(..)
+            | StatementKind::Case(_)
+            | StatementKind::ElseCase(_) => {}
+            StatementKind::For(..)
+            | StatementKind::EndFor
+            | StatementKind::EndIf
+            | StatementKind::Label(_)
+            | StatementKind::Plain => {}
         }
         vec![(behind, state)]
     }
 
     /// A case of a `SELECT`: its statement, and after all cases; or the next case.
-    fn case(&self, at: usize, state: State) -> Vec<(Next, State)> {
+    fn case(&self, at: usize, state: ModalState) -> Vec<(Next, ModalState)> {
         let first = self.first_case.get(&at).map(|first| &self.kinds[*first]);
-        let Some(Kind::SelectCase(operand, first)) = first else { return vec![(Next::Anywhere, state)] };
+        let Some(StatementKind::SelectCase(operand, first)) = first else { return vec![(Next::Anywhere, state)] };
         let (value, kind) = match &self.kinds[at] {
-            Kind::SelectCase(..) => statement::case(first, &state.registers),
-            Kind::Case(text) => statement::case(text, &state.registers),
-            Kind::ElseCase(text) => (None, statement::guarded(text)),
-            _ => (None, Kind::Unknown),
+            StatementKind::SelectCase(..) => statement::case(first, &state.registers),
+            StatementKind::Case(text) => statement::case(text, &state.registers),
+            StatementKind::ElseCase(text) => (None, statement::guarded(text)),
+            _ => (None, StatementKind::Unknown),
         };
         #[allow(clippy::float_cmp)] // whole numbers
         let holds = match &self.kinds[at] {
-            Kind::ElseCase(_) => Some(true),
+            StatementKind::ElseCase(_) => Some(true),
             _ => expression::value(operand, &state.registers).zip(value).map(|(a, b)| a == b),
         };
         let mut out = Vec::new();
@@ -265,9 +280,11 @@ impl<'a> Flow<'a> {
     }
 
     /// `ENDFOR`: once more, or on.
-    fn again(&self, at: usize, mut state: State) -> Vec<(Next, State)> {
+    fn again(&self, at: usize, mut state: ModalState) -> Vec<(Next, ModalState)> {
         let Next::At(start) = self.partner(at) else { return vec![(Next::Anywhere, state)] };
-        let Kind::For(register, _, to, down) = &self.kinds[start] else { return vec![(Next::Anywhere, state)] };
+        let StatementKind::For(register, _, to, down) = &self.kinds[start] else {
+            return vec![(Next::Anywhere, state)];
+        };
         // A bound in a register may have been changed on the way.
         let last = expression::value(to, &Registers::new());
         let number = expression::count(register, &state.registers);
@@ -286,7 +303,7 @@ impl<'a> Flow<'a> {
 }
 
 /// One way, the other, or both.
-fn either(holds: Option<bool>, so: (Next, State), not: (Next, State)) -> Vec<(Next, State)> {
+fn either(holds: Option<bool>, so: (Next, ModalState), not: (Next, ModalState)) -> Vec<(Next, ModalState)> {
     match holds {
         Some(true) => vec![so],
         Some(false) => vec![not],
@@ -295,12 +312,12 @@ fn either(holds: Option<bool>, so: (Next, State), not: (Next, State)) -> Vec<(Ne
 }
 
 /// Which statements stand in blocks of point logic: after a motion that announces one, up to a line of dashes.
-pub(super) fn inner(lines: &[Line<'_>], kinds: &[Kind<'_>]) -> Vec<bool> {
+pub(super) fn inner(lines: &[Line<'_>], kinds: &[StatementKind<'_>]) -> Vec<bool> {
     let mut within = false;
-    let one = |(line, kind): (&Line<'_>, &Kind<'_>)| {
+    let one = |(line, kind): (&Line<'_>, &StatementKind<'_>)| {
         let was = within;
         within = match kind {
-            Kind::Motion(motion) if !within => motion.point_logic,
+            StatementKind::Motion(motion) if !within => motion.point_logic,
             _ => within && !line.text.starts_with(b"---"),
         };
         was

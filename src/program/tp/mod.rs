@@ -246,7 +246,8 @@ fn not_given(
 ) -> Option<Diagnostic> {
     let mut names: Vec<(String, Span)> = Vec::new();
     for (line, kind) in lines.iter().zip(&flow.kinds) {
-        let plain = matches!(kind, statement::Kind::Macro | statement::Kind::Unknown).then_some(&line.text[..]);
+        let plain = matches!(kind, statement::StatementKind::Macro | statement::StatementKind::Unknown)
+            .then_some(&line.text[..]);
         for name in statement::runs(kind).into_iter().filter(|name| !name.is_empty()).chain(plain) {
             let text = String::from_utf8_lossy(name).into_owned();
             if !calls.knows(name) && names.iter().all(|(known, _)| *known != text) {

@@ -2,7 +2,7 @@
 
 use super::flow;
 use super::lines::{Line, numbers, sections, statements};
-use super::statement::{Kind, kind};
+use super::statement::{StatementKind, kind};
 use crate::text::{Content, Edit, Span};
 
 /// Names of the line count among the attributes, in English and German.
@@ -36,7 +36,7 @@ impl Shifts {
 /// The statements, and which of them are counted apart: those of point logic.
 pub(super) fn counted(bytes: &[u8]) -> (Vec<Line<'_>>, Vec<bool>) {
     let lines = sections(bytes).statements.map_or_else(Vec::new, |section| statements(bytes, section));
-    let kinds: Vec<Kind<'_>> = lines.iter().map(kind).collect();
+    let kinds: Vec<StatementKind<'_>> = lines.iter().map(kind).collect();
     let inner = flow::inner(&lines, &kinds);
     drop(kinds);
     (lines, inner)

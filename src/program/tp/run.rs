@@ -5,13 +5,13 @@
 //! changes), and its motions are those that can be reached, once each, in the order of the text.
 
 use super::flow::{Flow, Next};
-use super::state::State;
-use super::statement::Kind;
+use super::state::ModalState;
+use super::statement::StatementKind;
 use std::collections::VecDeque;
 
 /// A motion that runs, or a call of a program that counts from where the robot stands, by its statement, with what is known
 /// before it.
-pub(super) type Visit = (usize, State);
+pub(super) type Visit = (usize, ModalState);
 
 /// Statements that are run before a program counts as one without an end: twenty times the 9,999 lines that a controller holds.
 const STEPS: usize = 200_000;
@@ -48,9 +48,9 @@ fn decided(flow: &Flow<'_>) -> Option<Vec<Visit>> {
 /// The motions that can be reached, in the order of the text.
 fn reachable(flow: &Flow<'_>) -> Vec<Visit> {
     let count = flow.kinds.len();
-    let mut before: Vec<Option<State>> = vec![None; count];
+    let mut before: Vec<Option<ModalState>> = vec![None; count];
     // What holds after statements that may go on anywhere.
-    let mut anywhere: Option<State> = None;
+    let mut anywhere: Option<ModalState> = None;
     let mut open: VecDeque<usize> = VecDeque::new();
     if join(before.first_mut(), &flow.start) {
         open.push_back(0);
@@ -80,11 +80,11 @@ fn reachable(flow: &Flow<'_>) -> Vec<Visit> {
 }
 
 fn is_visit(flow: &Flow<'_>, at: usize) -> bool {
-    matches!(flow.kinds[at], Kind::Motion(_)) || flow.counts_on(at)
+    matches!(flow.kinds[at], StatementKind::Motion(_)) || flow.counts_on(at)
 }
 
 /// Takes in a way to a statement, if there is such a statement; whether less is known before it now.
-fn join(before: Option<&mut Option<State>>, state: &State) -> bool {
+fn join(before: Option<&mut Option<ModalState>>, state: &ModalState) -> bool {
     match before {
         Some(Some(before)) => before.join(state),
         Some(none) => {

@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 
 /// What is known before a statement.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct State {
+pub(super) struct ModalState {
     /// Selected user frame and tool, where known.
     pub(super) selected: [Option<u32>; 2],
     /// Registers whose value is known.
@@ -44,7 +44,7 @@ impl Default for Marked {
     }
 }
 
-impl State {
+impl ModalState {
     /// Takes in what is known on another way to the same statement; whether less is known than before.
     pub(super) fn join(&mut self, other: &Self) -> bool {
         let before = self.clone();

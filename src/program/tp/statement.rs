@@ -12,7 +12,7 @@ use nom::combinator::{opt, recognize};
 
 /// A statement.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Kind<'a> {
+pub(super) enum StatementKind<'a> {
     /// Nothing for motion: outputs, waits, messages, speeds, remarks.
     Plain,
     /// `! deflex air`, `! deflex cut`
@@ -108,52 +108,54 @@ const DATA: [&str; 21] = [
 ];
 
 /// The statement.
-pub(super) fn kind<'a>(line: &'a Line<'_>) -> Kind<'a> {
+pub(super) fn kind<'a>(line: &'a Line<'_>) -> StatementKind<'a> {
     of(&line.text, true)
 }
 
-fn of(text: &[u8], nested: bool) -> Kind<'_> {
+fn of(text: &[u8], nested: bool) -> StatementKind<'_> {
     let text = text.trim_ascii();
     if text.is_empty() || text.starts_with(b"//") || text.starts_with(b"--") {
-        return Kind::Plain;
+        return StatementKind::Plain;
     }
     if let Some(remark) = text.strip_prefix(b"!") {
-        return mark(remark).map_or(Kind::Plain, Kind::Mark);
+        return mark(remark).map_or(StatementKind::Plain, StatementKind::Mark);
     }
     if let Some(motion) = motion::motion(text) {
-        return Kind::Motion(Box::new(motion));
+        return StatementKind::Motion(Box::new(motion));
     }
     if let Some(rest) = text.strip_prefix(b"=").filter(|_| nested) {
-        return Kind::Case(rest);
+        return StatementKind::Case(rest);
     }
     let Ok((rest, name)) = alt((word, recognize((tag("$"), word)))).parse(text) else { return unknown(text) };
     let upper = name.to_ascii_uppercase();
     let trimmed = rest.trim_ascii();
     match &upper[..] {
-        b"LBL" => labelled(rest, Kind::Label),
+        b"LBL" => labelled(rest, StatementKind::Label),
         b"JMP" => jump(trimmed),
         b"IF" | b"WENN" if nested => conditional(trimmed),
-        b"ELSE" if trimmed.is_empty() => Kind::Else,
-        b"ELSE" if trimmed.starts_with(b",") => Kind::ElseCase(&trimmed[1..]),
-        b"ENDIF" => Kind::EndIf,
+        b"ELSE" if trimmed.is_empty() => StatementKind::Else,
+        b"ELSE" if trimmed.starts_with(b",") => StatementKind::ElseCase(&trimmed[1..]),
+        b"ENDIF" => StatementKind::EndIf,
         b"SELECT" if nested => select(trimmed),
         b"FOR" => counted(trimmed),
-        b"ENDFOR" => Kind::EndFor,
+        b"ENDFOR" => StatementKind::EndFor,
         b"CALL" | b"AUFRUF" => called(trimmed),
         b"RUN" | b"MONITOR" | b"ERROR_PROG" | b"RESUME_PROG" | b"WHEN" => beside(trimmed),
-        b"END" | b"ABORT" if trimmed.is_empty() => Kind::End,
-        b"R" => assigned(rest, Kind::Register),
+        b"END" | b"ABORT" if trimmed.is_empty() => StatementKind::End,
+        b"R" => assigned(rest, StatementKind::Register),
         b"UFRAME_NUM" | b"BENUTZER_NUM" => selected(Frame::User, rest),
         b"UTOOL_NUM" | b"WKZ_NUM" => selected(Frame::Tool, rest),
         b"UFRAME" => redefined(Frame::User, rest),
         b"UTOOL" => redefined(Frame::Tool, rest),
         b"WAIT" if contains(&text.to_ascii_uppercase(), b"TIMEOUT") => timeout(text),
-        b"TRACK" | b"TOUCH" | b"DPM" | b"LINE" | b"FORCE" | b"WEAVE" | b"SEARCH" | b"MP" => Kind::Displace(TRACKING),
-        b"SOFTFLOAT" => Kind::Displace(SOFT),
+        b"TRACK" | b"TOUCH" | b"DPM" | b"LINE" | b"FORCE" | b"WEAVE" | b"SEARCH" | b"MP" => {
+            StatementKind::Displace(TRACKING)
+        }
+        b"SOFTFLOAT" => StatementKind::Displace(SOFT),
         b"INDEPENDENT" | b"SIMULTANEOUS" => grouped(trimmed),
         [b'$', ..] => system_variable(&text.to_ascii_uppercase()),
-        word if PLAIN.iter().any(|plain| plain.as_bytes() == word) => Kind::Plain,
-        word if trimmed.starts_with(b"[") && DATA.iter().any(|data| data.as_bytes() == word) => Kind::Plain,
+        word if PLAIN.iter().any(|plain| plain.as_bytes() == word) => StatementKind::Plain,
+        word if trimmed.starts_with(b"[") && DATA.iter().any(|data| data.as_bytes() == word) => StatementKind::Plain,
         _ => unknown(text),
     }
 }
@@ -163,31 +165,32 @@ const SOFT: &str = "axes yield at run time (SOFTFLOAT)";
 const UNCHECKED: &str = "the check of frame numbers is set at run time ($FRM_CHKTYP)";
 
 /// `$MNUFRAME[1,3]=PR[2]`, `$MNUFRAMENUM[1]=3`, `$FRM_CHKTYP=-2`, upper case: what it sets, wherever in it the name stands.
-fn system_variable(upper: &[u8]) -> Kind<'static> {
+fn system_variable(upper: &[u8]) -> StatementKind<'static> {
     let has = |wanted: &[u8]| contains(upper, wanted);
     match () {
-        () if has(b"FRM_CHKTYP") => Kind::Displace(UNCHECKED),
-        () if has(b"FRAMENUM") || has(b"TOOLNUM") => Kind::Macro,
-        () if has(b"FRAME") || has(b"TOOL") => Kind::RedefineAny,
-        () => Kind::Plain,
+        () if has(b"FRM_CHKTYP") => StatementKind::Displace(UNCHECKED),
+        () if has(b"FRAMENUM") || has(b"TOOLNUM") => StatementKind::Macro,
+        () if has(b"FRAME") || has(b"TOOL") => StatementKind::RedefineAny,
+        () => StatementKind::Plain,
     }
 }
 
 /// `GP GP1 L P[1] … GP2 J P[1] …`: groups that move each in its own way; the first of group 1 is the motion that counts.
-fn grouped(rest: &[u8]) -> Kind<'_> {
+fn grouped(rest: &[u8]) -> StatementKind<'_> {
     let upper = rest.to_ascii_uppercase();
     let own = memchr::memmem::find(&upper, b"GP1").and_then(|at| motion::motion(rest[at + 3..].trim_ascii_start()));
     match own {
-        Some(own) => {
-            Kind::Motion(Box::new(Motion { moved: Some("motion groups that move each in its own way"), ..own }))
-        }
-        None => Kind::Unknown,
+        Some(own) => StatementKind::Motion(Box::new(Motion {
+            moved: Some("motion groups that move each in its own way"),
+            ..own
+        })),
+        None => StatementKind::Unknown,
     }
 }
 
 /// Brackets name what a jump goes to; a macro is a name alone.
-fn unknown(text: &[u8]) -> Kind<'_> {
-    if text.contains(&b'[') { Kind::Unknown } else { Kind::Macro }
+fn unknown(text: &[u8]) -> StatementKind<'_> {
+    if text.contains(&b'[') { StatementKind::Unknown } else { StatementKind::Macro }
 }
 
 fn contains(text: &[u8], wanted: &[u8]) -> bool {
@@ -207,121 +210,123 @@ fn mark(remark: &[u8]) -> Option<Mark> {
 }
 
 /// `[3:name]`
-fn labelled<'a>(rest: &'a [u8], kind: impl Fn(&'a [u8]) -> Kind<'a>) -> Kind<'a> {
-    brackets(rest.trim_ascii_start()).map_or(Kind::Unknown, |(_, within)| kind(index(within)))
+fn labelled<'a>(rest: &'a [u8], kind: impl Fn(&'a [u8]) -> StatementKind<'a>) -> StatementKind<'a> {
+    brackets(rest.trim_ascii_start()).map_or(StatementKind::Unknown, |(_, within)| kind(index(within)))
 }
 
 /// `LBL[3]`
-fn jump(rest: &[u8]) -> Kind<'_> {
+fn jump(rest: &[u8]) -> StatementKind<'_> {
     match keyword("LBL").parse(rest) {
-        Ok((rest, _)) => labelled(rest, Kind::Jump),
-        Err(_) => Kind::Unknown,
+        Ok((rest, _)) => labelled(rest, StatementKind::Jump),
+        Err(_) => StatementKind::Unknown,
     }
 }
 
 /// `[3:name]=value`
-fn assigned<'a>(rest: &'a [u8], kind: impl Fn(&'a [u8], &'a [u8]) -> Kind<'a>) -> Kind<'a> {
+fn assigned<'a>(rest: &'a [u8], kind: impl Fn(&'a [u8], &'a [u8]) -> StatementKind<'a>) -> StatementKind<'a> {
     match (brackets, spaced(tag("="))).parse(rest) {
         Ok((value, (within, _))) => kind(index(within), value),
-        Err(_) => Kind::Unknown,
+        Err(_) => StatementKind::Unknown,
     }
 }
 
 /// `=3`, `[GP1]=3`
-fn selected(frame: Frame, rest: &[u8]) -> Kind<'_> {
+fn selected(frame: Frame, rest: &[u8]) -> StatementKind<'_> {
     match (opt(brackets), spaced(tag("="))).parse(rest) {
         // Of another motion group.
-        Ok((_, (Some(groups), _))) if !contains(&groups.to_ascii_uppercase(), b"GP1") => Kind::Plain,
-        Ok((value, _)) => Kind::Select(frame, value),
-        Err(_) => Kind::Unknown,
+        Ok((_, (Some(groups), _))) if !contains(&groups.to_ascii_uppercase(), b"GP1") => StatementKind::Plain,
+        Ok((value, _)) => StatementKind::Select(frame, value),
+        Err(_) => StatementKind::Unknown,
     }
 }
 
 /// `[3]=PR[1]`, `[GP1:3]=PR[1]`
-fn redefined(frame: Frame, rest: &[u8]) -> Kind<'_> {
+fn redefined(frame: Frame, rest: &[u8]) -> StatementKind<'_> {
     match (brackets, spaced(tag("="))).parse(rest) {
         Ok((_, (within, _))) => {
             let grouped = within.len() > 2 && within[..2].eq_ignore_ascii_case(b"GP");
             let colon = within.iter().position(|b| *b == b':').filter(|_| grouped);
             match colon {
-                Some(at) if !within[..at].trim_ascii().eq_ignore_ascii_case(b"GP1") => Kind::Plain,
-                Some(at) => Kind::Redefine(frame, index(&within[at + 1..])),
-                None => Kind::Redefine(frame, index(within)),
+                Some(at) if !within[..at].trim_ascii().eq_ignore_ascii_case(b"GP1") => StatementKind::Plain,
+                Some(at) => StatementKind::Redefine(frame, index(&within[at + 1..])),
+                None => StatementKind::Redefine(frame, index(within)),
             }
         }
-        Err(_) => Kind::Unknown,
+        Err(_) => StatementKind::Unknown,
     }
 }
 
 /// `(…) THEN`, `…,statement`
-fn conditional(rest: &[u8]) -> Kind<'_> {
+fn conditional(rest: &[u8]) -> StatementKind<'_> {
     let upper = rest.to_ascii_uppercase();
     // Not `IF …,CALL LATHEN`.
     match upper.strip_suffix(b"THEN").filter(|before| !before.last().is_some_and(|b| is_letter(*b))) {
-        Some(condition) => Kind::If(&rest[..condition.len()]),
-        None => Kind::When(rest),
+        Some(condition) => StatementKind::If(&rest[..condition.len()]),
+        None => StatementKind::When(rest),
     }
 }
 
 /// `R[1]=2,statement`
-fn select(rest: &[u8]) -> Kind<'_> {
+fn select(rest: &[u8]) -> StatementKind<'_> {
     let operand = recognize((word, brackets));
     match (operand, spaced(tag("="))).parse(rest) as Parsed<'_, _> {
-        Ok((case, (operand, _))) => Kind::SelectCase(operand, case),
-        Err(_) => Kind::Unknown,
+        Ok((case, (operand, _))) => StatementKind::SelectCase(operand, case),
+        Err(_) => StatementKind::Unknown,
     }
 }
 
 /// `R[1:i]=1 TO 5`
-fn counted(rest: &[u8]) -> Kind<'_> {
+fn counted(rest: &[u8]) -> StatementKind<'_> {
     let Ok((bounds, (_, within, _))) = (keyword("R"), brackets, spaced(tag("="))).parse(rest) as Parsed<'_, _> else {
-        return Kind::Unknown;
+        return StatementKind::Unknown;
     };
     let upper = bounds.to_ascii_uppercase();
     for (between, down) in [(&b" DOWNTO "[..], true), (b" TO ", false)] {
         if let Some(at) = memchr::memmem::find(&upper, between) {
-            return Kind::For(index(within), &bounds[..at], &bounds[at + between.len()..], down);
+            return StatementKind::For(index(within), &bounds[..at], &bounds[at + between.len()..], down);
         }
     }
-    Kind::Unknown
+    StatementKind::Unknown
 }
 
 /// `SUB(1,2)`
-fn called(rest: &[u8]) -> Kind<'_> {
+fn called(rest: &[u8]) -> StatementKind<'_> {
     let (name, behind) = motion::program(rest);
     let ends = |text: &[u8]| text.trim_ascii().is_empty() || text.trim_ascii_end().ends_with(b")");
     match brackets(behind) {
         // What follows the arguments is another statement, and not read.
-        Ok((behind, _)) if !behind.trim_ascii_start().starts_with(b"(") && !ends(behind) => Kind::Unknown,
-        Err(_) if !behind.trim_ascii_start().starts_with(b"(") && !ends(behind) => Kind::Unknown,
-        _ => Kind::Call(name),
+        Ok((behind, _)) if !behind.trim_ascii_start().starts_with(b"(") && !ends(behind) => StatementKind::Unknown,
+        Err(_) if !behind.trim_ascii_start().starts_with(b"(") && !ends(behind) => StatementKind::Unknown,
+        _ => StatementKind::Call(name),
     }
 }
 
 /// ` SUB`, `=SUB`, `[1]=SUB`, ` DI[1]=ON,CALL SUB`: the program.
-fn beside(rest: &[u8]) -> Kind<'_> {
+fn beside(rest: &[u8]) -> StatementKind<'_> {
     let upper = rest.to_ascii_uppercase();
     let behind = match memchr::memmem::rfind(&upper, b"CALL ") {
         Some(call) => &rest[call + 5..],
         None => rest.rsplit(|b| *b == b'=').next().unwrap_or(rest),
     };
-    Kind::Concurrent(motion::program(behind.trim_ascii_start()).0)
+    StatementKind::Concurrent(motion::program(behind.trim_ascii_start()).0)
 }
 
 /// The statement that a condition or a case guards.
-pub(super) fn guarded_by<'a>(kind: &Kind<'a>) -> Option<Kind<'a>> {
+pub(super) fn guarded_by<'a>(kind: &StatementKind<'a>) -> Option<StatementKind<'a>> {
     match kind {
-        Kind::When(text) | Kind::SelectCase(_, text) | Kind::Case(text) => Some(guarded(behind_condition(text))),
-        Kind::ElseCase(text) => Some(guarded(text)),
+        StatementKind::When(text) | StatementKind::SelectCase(_, text) | StatementKind::Case(text) => {
+            Some(guarded(behind_condition(text)))
+        }
+        StatementKind::ElseCase(text) => Some(guarded(text)),
         _ => None,
     }
 }
 
 /// Programs that a statement runs, guarded by a condition or not; an empty name where only a run knows it.
-pub(super) fn runs<'a>(kind: &Kind<'a>) -> Vec<&'a [u8]> {
+pub(super) fn runs<'a>(kind: &StatementKind<'a>) -> Vec<&'a [u8]> {
     match kind {
-        Kind::Call(name) | Kind::Concurrent(name) => vec![name],
-        Kind::Motion(motion) => motion.calls.clone(),
+        StatementKind::Call(name) | StatementKind::Concurrent(name) => vec![name],
+        StatementKind::Motion(motion) => motion.calls.clone(),
         _ => guarded_by(kind).map_or_else(Vec::new, |guarded| runs(&guarded)),
     }
 }
@@ -344,39 +349,43 @@ pub(super) fn behind_condition(text: &[u8]) -> &[u8] {
 }
 
 /// `WAIT DI[1]=ON TIMEOUT,LBL[3]`
-fn timeout(text: &[u8]) -> Kind<'_> {
+fn timeout(text: &[u8]) -> StatementKind<'_> {
     let upper = text.to_ascii_uppercase();
     let at = memchr::memmem::rfind(&upper, b"TIMEOUT").map_or(text.len(), |at| at + 7);
     match (spaced(tag(",")), tag_no_case("LBL")).parse(&text[at..]) as Parsed<'_, _> {
-        Ok((rest, _)) => labelled(rest, Kind::Timeout),
-        Err(_) => Kind::Plain,
+        Ok((rest, _)) => labelled(rest, StatementKind::Timeout),
+        Err(_) => StatementKind::Plain,
     }
 }
 
 /// What follows a condition or a value, after its comma.
-pub(super) fn guarded<'a>(text: &'a [u8]) -> Kind<'a> {
+pub(super) fn guarded<'a>(text: &'a [u8]) -> StatementKind<'a> {
     let text = text.trim_ascii_start();
     of(text.strip_prefix(b",").unwrap_or(text), false)
 }
 
 /// The value of a case and what follows it.
-pub(super) fn case<'a>(text: &'a [u8], registers: &Registers) -> (Option<f64>, Kind<'a>) {
+pub(super) fn case<'a>(text: &'a [u8], registers: &Registers) -> (Option<f64>, StatementKind<'a>) {
     // Quotes and brackets hold no comma: a value is a number, a constant or a register.
     let at = text.iter().position(|b| *b == b',').unwrap_or(text.len());
     (expression::value(&text[..at], registers), guarded(&text[at..]))
 }
 
 /// Indices of the positions that a statement names besides those that it moves to, as written.
-pub(super) fn positions_named<'a>(line: &'a Line<'_>, kind: &Kind<'_>) -> Vec<&'a [u8]> {
+pub(super) fn positions_named<'a>(line: &'a Line<'_>, kind: &StatementKind<'_>) -> Vec<&'a [u8]> {
     let text = &line.text[..];
-    if matches!(kind, Kind::Mark(_)) || text.starts_with(b"!") || text.starts_with(b"//") || text.starts_with(b"--") {
+    if matches!(kind, StatementKind::Mark(_))
+        || text.starts_with(b"!")
+        || text.starts_with(b"//")
+        || text.starts_with(b"--")
+    {
         return Vec::new();
     }
     let mut skip = match kind {
-        Kind::Motion(motion) => 1 + usize::from(motion.via.is_some()),
+        StatementKind::Motion(motion) => 1 + usize::from(motion.via.is_some()),
         _ => 0,
     };
-    if let Kind::Motion(motion) = kind {
+    if let StatementKind::Motion(motion) = kind {
         let register = |point| matches!(point, motion::Point::RunTime(_));
         skip -= usize::from(register(motion.end)) + usize::from(motion.via.is_some_and(register));
     }
@@ -402,29 +411,29 @@ mod tests {
     #[test]
     fn statements_are_what_they_do() {
         let is = |text: &'static str| of(text.as_bytes(), true);
-        assert_eq!(is("! deflex air"), Kind::Mark(Mark::Air));
-        assert_eq!(is("! deflexion of the arm"), Kind::Plain);
-        assert_eq!(is("UFRAME_NUM=R[1]"), Kind::Select(Frame::User, b"R[1]"));
-        assert_eq!(is("WKZ_NUM=1"), Kind::Select(Frame::Tool, b"1"));
-        assert_eq!(is("UFRAME_NUM[GP2]=1"), Kind::Plain);
-        assert_eq!(is("UFRAME[3]=PR[1]"), Kind::Redefine(Frame::User, b"3"));
-        assert_eq!(is("UTOOL[GP1:2]=PR[1]"), Kind::Redefine(Frame::Tool, b"2"));
-        assert_eq!(is("IF (DI[1]=ON) THEN"), Kind::If(b"(DI[1]=ON) "));
-        assert_eq!(is("IF R[1]=2,JMP LBL[3]"), Kind::When(b"R[1]=2,JMP LBL[3]"));
-        assert_eq!(guarded(b",JMP LBL[3:end]"), Kind::Jump(b"3"));
-        assert_eq!(is("FOR R[1:i]=1 TO R[2]"), Kind::For(b"1", b"1", b"R[2]", false));
-        assert_eq!(is("SELECT R[1]=1,CALL A"), Kind::SelectCase(b"R[1]", b"1,CALL A"));
-        assert_eq!(case(b"(-1),CALL SUB(1,2)", &Registers::new()), (Some(-1.0), Kind::Call(b"SUB")));
-        assert_eq!(is("=2,CALL B"), Kind::Case(b"2,CALL B"));
-        assert_eq!(is("ELSE,JMP LBL[1]"), Kind::ElseCase(b"JMP LBL[1]"));
-        assert_eq!(is("WAIT DI[1]=ON TIMEOUT,LBL[4]"), Kind::Timeout(b"4"));
-        assert_eq!(is("IF DI[1]=ON,CALL LATHEN"), Kind::When(b"DI[1]=ON,CALL LATHEN"));
-        assert_eq!(is("RUN SUB1"), Kind::Concurrent(b"SUB1"));
-        assert_eq!(is("ERROR_PROG=SUB1"), Kind::Concurrent(b"SUB1"));
-        assert_eq!(is("RESUME_PROG[1]=SUB1"), Kind::Concurrent(b"SUB1"));
-        assert_eq!(is("WHEN DI[1]=ON,CALL SUB1"), Kind::Concurrent(b"SUB1"));
-        assert_eq!(is("CALL SR[1]"), Kind::Call(b""));
-        assert_eq!(is("CALL A =2,CALL B"), Kind::Unknown);
+        assert_eq!(is("! deflex air"), StatementKind::Mark(Mark::Air));
+        assert_eq!(is("! deflexion of the arm"), StatementKind::Plain);
+        assert_eq!(is("UFRAME_NUM=R[1]"), StatementKind::Select(Frame::User, b"R[1]"));
+        assert_eq!(is("WKZ_NUM=1"), StatementKind::Select(Frame::Tool, b"1"));
+        assert_eq!(is("UFRAME_NUM[GP2]=1"), StatementKind::Plain);
+        assert_eq!(is("UFRAME[3]=PR[1]"), StatementKind::Redefine(Frame::User, b"3"));
+        assert_eq!(is("UTOOL[GP1:2]=PR[1]"), StatementKind::Redefine(Frame::Tool, b"2"));
+        assert_eq!(is("IF (DI[1]=ON) THEN"), StatementKind::If(b"(DI[1]=ON) "));
+        assert_eq!(is("IF R[1]=2,JMP LBL[3]"), StatementKind::When(b"R[1]=2,JMP LBL[3]"));
+        assert_eq!(guarded(b",JMP LBL[3:end]"), StatementKind::Jump(b"3"));
+        assert_eq!(is("FOR R[1:i]=1 TO R[2]"), StatementKind::For(b"1", b"1", b"R[2]", false));
+        assert_eq!(is("SELECT R[1]=1,CALL A"), StatementKind::SelectCase(b"R[1]", b"1,CALL A"));
+        assert_eq!(case(b"(-1),CALL SUB(1,2)", &Registers::new()), (Some(-1.0), StatementKind::Call(b"SUB")));
+        assert_eq!(is("=2,CALL B"), StatementKind::Case(b"2,CALL B"));
+        assert_eq!(is("ELSE,JMP LBL[1]"), StatementKind::ElseCase(b"JMP LBL[1]"));
+        assert_eq!(is("WAIT DI[1]=ON TIMEOUT,LBL[4]"), StatementKind::Timeout(b"4"));
+        assert_eq!(is("IF DI[1]=ON,CALL LATHEN"), StatementKind::When(b"DI[1]=ON,CALL LATHEN"));
+        assert_eq!(is("RUN SUB1"), StatementKind::Concurrent(b"SUB1"));
+        assert_eq!(is("ERROR_PROG=SUB1"), StatementKind::Concurrent(b"SUB1"));
+        assert_eq!(is("RESUME_PROG[1]=SUB1"), StatementKind::Concurrent(b"SUB1"));
+        assert_eq!(is("WHEN DI[1]=ON,CALL SUB1"), StatementKind::Concurrent(b"SUB1"));
+        assert_eq!(is("CALL SR[1]"), StatementKind::Call(b""));
+        assert_eq!(is("CALL A =2,CALL B"), StatementKind::Unknown);
         for (text, name) in [
             ("IF DI[1]=ON,CALL SUB2(1,2)", &b"SUB2"[..]),
             ("IF SR[1]='a,b',CALL SUB2", b"SUB2"),
@@ -433,16 +442,16 @@ mod tests {
         ] {
             assert_eq!(runs(&is(text)), [name], "{text}");
         }
-        assert_eq!(is("GO TO HOME POS"), Kind::Macro);
-        assert_eq!(is("GO[1]=R[1]"), Kind::Plain);
-        assert_eq!(is("OPEN GRIPPER"), Kind::Macro);
-        assert_eq!(is("SPRUNG MARKE[1]"), Kind::Unknown);
-        assert_eq!(is("$MNUFRAMENUM[1]=2"), Kind::Macro);
-        assert_eq!(is("$GROUP[1].$UFRAME=PR[1]"), Kind::RedefineAny);
-        assert_eq!(is("$FRM_CHKTYP=(-2)"), Kind::Displace(UNCHECKED));
-        assert_eq!(is("$MCR.$GENOVERRIDE=50"), Kind::Plain);
-        assert_eq!(is("SOFTFLOAT[1]"), Kind::Displace(SOFT));
-        assert!(matches!(is("Independent GP GP1 L P[1] 5mm/sec FINE GP2 J P[1] 5% FINE"), Kind::Motion(_)));
+        assert_eq!(is("GO TO HOME POS"), StatementKind::Macro);
+        assert_eq!(is("GO[1]=R[1]"), StatementKind::Plain);
+        assert_eq!(is("OPEN GRIPPER"), StatementKind::Macro);
+        assert_eq!(is("SPRUNG MARKE[1]"), StatementKind::Unknown);
+        assert_eq!(is("$MNUFRAMENUM[1]=2"), StatementKind::Macro);
+        assert_eq!(is("$GROUP[1].$UFRAME=PR[1]"), StatementKind::RedefineAny);
+        assert_eq!(is("$FRM_CHKTYP=(-2)"), StatementKind::Displace(UNCHECKED));
+        assert_eq!(is("$MCR.$GENOVERRIDE=50"), StatementKind::Plain);
+        assert_eq!(is("SOFTFLOAT[1]"), StatementKind::Displace(SOFT));
+        assert!(matches!(is("Independent GP GP1 L P[1] 5mm/sec FINE GP2 J P[1] 5% FINE"), StatementKind::Motion(_)));
     }
 
     #[test]

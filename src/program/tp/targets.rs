@@ -6,8 +6,8 @@ use super::expression;
 use super::motion::{INCREMENT, Motion, Point};
 use super::position::{Body, Number, Pose, Position};
 use super::run::Visit;
-use super::state::{Marked, State};
-use super::statement::{self, Frame, Kind};
+use super::state::{Marked, ModalState};
+use super::statement::{self, Frame, StatementKind};
 use crate::program::EXTERNAL_AXES;
 use crate::program::orientation::{from_zyx_deg, quaternion};
 use crate::program::{
@@ -37,7 +37,7 @@ impl Builder<'_> {
     pub(super) fn build(mut self, visits: &[Visit]) -> Built {
         for (line, kind) in self.lines.iter().zip(&self.flow.kinds) {
             for index in statement::positions_named(line, kind) {
-                self.freeze(index, &State::default(), NAMED);
+                self.freeze(index, &ModalState::default(), NAMED);
             }
         }
         let rows = arcs::rows(self.lines, &self.flow.kinds);
@@ -46,7 +46,7 @@ impl Builder<'_> {
             let row = &rows[rows.partition_point(|row| row.end <= *at)..];
             let count = match (row.first().filter(|row| row.contains(at)), &self.flow.kinds[*at]) {
                 (Some(row), _) => self.row(open, row.clone()),
-                (None, Kind::Motion(motion)) => {
+                (None, StatementKind::Motion(motion)) => {
                     self.motion(*at, motion, state);
                     1
                 }
@@ -65,7 +65,7 @@ impl Builder<'_> {
     }
 
     /// The position of an index.
-    fn position(&self, index: &[u8], state: &State) -> Result<usize, &'static str> {
+    fn position(&self, index: &[u8], state: &ModalState) -> Result<usize, &'static str> {
         let number = expression::count(index, &state.registers).ok_or(ANY)?;
         match self.numbers.get(&number) {
             Some((at, false)) => Ok(*at),
@@ -74,7 +74,7 @@ impl Builder<'_> {
         }
     }
 
-    fn freeze(&mut self, index: &[u8], state: &State, why: &'static str) {
+    fn freeze(&mut self, index: &[u8], state: &ModalState, why: &'static str) {
         match self.position(index, state) {
             Ok(at) => drop(self.frozen.entry(at).or_insert(why)),
             Err(ANY) => drop(self.all_frozen.get_or_insert(MAY_BE_ANY)),
@@ -83,7 +83,7 @@ impl Builder<'_> {
     }
 
     /// Counts a motion that runs.
-    pub(super) fn count(&mut self, motion: &Motion<'_>, state: &State) {
+    pub(super) fn count(&mut self, motion: &Motion<'_>, state: &ModalState) {
         self.built.motions += 1;
         if motion.moved == Some(INCREMENT) {
             // What the robot stands at is part of where it goes.
@@ -91,7 +91,7 @@ impl Builder<'_> {
         }
     }
 
-    fn motion(&mut self, at: usize, motion: &Motion<'_>, state: &State) {
+    fn motion(&mut self, at: usize, motion: &Motion<'_>, state: &ModalState) {
         self.count(motion, state);
         self.built.arcs += usize::from(motion.path == Path::Circular);
         let points: Result<Vec<_>, _> = match motion.via {
@@ -115,7 +115,7 @@ impl Builder<'_> {
     }
 
     /// Where the way into a point of a motion begins.
-    fn predecessor(&self, motion: &Motion<'_>, role: Role, state: &State) -> Predecessor {
+    fn predecessor(&self, motion: &Motion<'_>, role: Role, state: &ModalState) -> Predecessor {
         let Some(last) = self.last else { return Predecessor::Start };
         let behind_via = role == Role::End && motion.via.is_some();
         let stands = state.standing.len() == 1 && state.standing.contains(&last) && !state.elsewhere;
@@ -131,7 +131,7 @@ impl Builder<'_> {
     }
 
     /// A motion whose end is not known: what it names stays.
-    pub(super) fn lose(&mut self, at: usize, motion: &Motion<'_>, state: &State, why: &'static str) {
+    pub(super) fn lose(&mut self, at: usize, motion: &Motion<'_>, state: &ModalState, why: &'static str) {
         for point in motion.via.iter().chain([&motion.end]) {
             if let Point::Position(index) = *point {
                 self.freeze(index, state, MOVED_TOO);
@@ -147,7 +147,7 @@ impl Builder<'_> {
         motion: &Motion<'_>,
         point: Point<'_>,
         role: Role,
-        state: &State,
+        state: &ModalState,
     ) -> Result<(Target, Site), &'static str> {
         let index = match point {
             Point::Position(index) => index,
@@ -219,7 +219,7 @@ impl Builder<'_> {
     }
 
     /// Indices of work object and tool.
-    fn frames(&mut self, recorded: [Number; 2], state: &State) -> Result<[u16; 2], &'static str> {
+    fn frames(&mut self, recorded: [Number; 2], state: &ModalState) -> Result<[u16; 2], &'static str> {
         let mut numbers = [0; 2];
         for (i, frame) in [Frame::User, Frame::Tool].into_iter().enumerate() {
             numbers[i] = match (recorded[i], state.selected[i]) {

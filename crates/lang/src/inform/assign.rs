@@ -7,7 +7,7 @@ use super::parse::Parser;
 use crate::Span;
 use crate::cursor::text;
 use crate::ir::{Binary, Expression, ExpressionKind as Is, Slot, StatementKind};
-use crate::lexeme::Kind;
+use crate::lexeme::LexemeKind;
 use crate::value::Reason;
 
 impl Variables {
@@ -88,7 +88,7 @@ impl Parser<'_, '_> {
         let [open, number, close, ..] = self.lexemes.get(self.at..)? else { return None };
         let digits = std::str::from_utf8(number.text).ok()?;
         let at = digits.parse::<u8>().ok().filter(|at| (1..=6).contains(at));
-        let at = at.filter(|_| open.is("(") && number.kind == Kind::Number && close.is(")"))?;
+        let at = at.filter(|_| open.is("(") && number.kind == LexemeKind::Number && close.is(")"))?;
         self.at += 3;
         Some(at - 1)
     }
@@ -124,7 +124,7 @@ impl Parser<'_, '_> {
             Some(lexeme) if lexeme.is("BF") => base,
             Some(lexeme) if lexeme.is("RF") => ROBOT.to_owned(),
             Some(lexeme) if lexeme.is("UF") => {
-                let number = self.lexemes.get(self.at + 3).filter(|number| number.kind == Kind::Number);
+                let number = self.lexemes.get(self.at + 3).filter(|number| number.kind == LexemeKind::Number);
                 number.map_or(String::new(), |number| user(&text(number.text)))
             }
             _ => String::new(),

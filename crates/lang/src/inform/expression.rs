@@ -3,7 +3,7 @@
 use super::parse::Parser;
 use crate::cursor::{Level, SUM};
 use crate::ir::{Binary, Expression, ExpressionKind as Is, Slot, Unary};
-use crate::lexeme::{Kind, Lexeme};
+use crate::lexeme::{Lexeme, LexemeKind};
 use crate::value::Reason;
 
 /// A variable as a word names it.
@@ -173,16 +173,16 @@ impl<'a> Parser<'a, '_> {
     fn shallow_operand(&mut self) -> Option<Expression> {
         let lexeme = self.peek()?;
         let start = lexeme.span;
-        if lexeme.kind == Kind::Name {
+        if lexeme.kind == LexemeKind::Name {
             return self.word(lexeme);
         }
         self.at += 1;
         match lexeme.kind {
-            Kind::Number => Some(self.number(None, lexeme, Reason::NotUnderstood)),
-            Kind::Text => Some(self.expression_at(Is::Text(lexeme.text.into()), start)),
-            Kind::Sign if lexeme.text == b"(" => self.expression().filter(|_| self.take(")")),
-            Kind::Sign if lexeme.text == b"-" => {
-                let number = self.peek().filter(|next| next.kind == Kind::Number && next.span.start == start.end);
+            LexemeKind::Number => Some(self.number(None, lexeme, Reason::NotUnderstood)),
+            LexemeKind::Text => Some(self.expression_at(Is::Text(lexeme.text.into()), start)),
+            LexemeKind::Sign if lexeme.text == b"(" => self.expression().filter(|_| self.take(")")),
+            LexemeKind::Sign if lexeme.text == b"-" => {
+                let number = self.peek().filter(|next| next.kind == LexemeKind::Number && next.span.start == start.end);
                 if let Some(number) = number {
                     self.at += 1;
                     return Some(self.number(Some(start), number, Reason::NotUnderstood));

@@ -3,7 +3,7 @@
 use super::lex::{Line, lines};
 use crate::Span;
 use crate::cursor::text;
-use crate::ir::{Expression, ExpressionKind as Is, Fault, Place, Program};
+use crate::ir::{Expression, ExpressionKind as Is, Fault, Program, SourceSpan};
 use crate::value::{Given, Reason};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -27,7 +27,7 @@ fn whole(number: &str) -> String {
 #[derive(Default)]
 pub(super) struct Job<'a> {
     pub(super) name: &'a [u8],
-    pub(super) place: Place,
+    pub(super) place: SourceSpan,
     /// Whether a base axis carries the robot.
     pub(super) has_base_axis: bool,
     /// Positions as they are written, which [`Self::positions`] are made of.
@@ -69,7 +69,7 @@ pub(super) fn jobs<'a>(
 ) -> Result<Vec<Job<'a>>, Fault> {
     let mut all: Vec<Job<'_>> = Vec::new();
     let (mut section, mut holds) = (Section::Over, Written::default());
-    let place = |start: usize, line: &[u8]| Place { source, span: Span::new(start, start + line.len()) };
+    let place = |start: usize, line: &[u8]| SourceSpan { source, span: Span::new(start, start + line.len()) };
     for (start, line) in lines(bytes) {
         let directive = line.iter().position(|b| *b != b'/').unwrap_or(line.len());
         let (word, rest) = split(&line[directive..]);
@@ -158,7 +158,7 @@ impl Job<'_> {
                 b"USER" | b"TOOL" | b"MTOOL" => Err(Reason::Frame),
                 _ => Err(Reason::Pulses),
             };
-            let place = Place { source, span: Span::new(written.start, written.start + written.numbers.len()) };
+            let place = SourceSpan { source, span: Span::new(written.start, written.start + written.numbers.len()) };
             let unknown = |reason| Expression::unknown(reason, Vec::new(), place);
             let expression = match frame {
                 Ok(_) if written.tool.is_empty() => unknown(Reason::Tool),
@@ -202,7 +202,7 @@ fn numbers(written: &Written<'_>, source: u16, program: &mut Program) -> Option<
         let start = at + part.len() - part.trim_ascii_start().len();
         at += part.len() + 1;
         let digits = part.trim_ascii();
-        let place = Place { source, span: Span::new(start, start + digits.len()) };
+        let place = SourceSpan { source, span: Span::new(start, start + digits.len()) };
         program.literal(digits, place, Reason::NotUnderstood)
     });
     Some(items.collect())

@@ -1,7 +1,7 @@
 //! Lines, and the lexemes of an instruction. Every line has lexemes; what belongs to none is one by itself.
 
 use crate::Span;
-use crate::lexeme::{self, Found, Kind, Lexeme, text_or_other};
+use crate::lexeme::{self, Found, Lexeme, LexemeKind, text_or_other};
 use nom::branch::alt;
 use nom::bytes::complete::{tag, take_while, take_while1};
 use nom::character::complete::{digit0, digit1, one_of};
@@ -58,9 +58,9 @@ fn one(left: &[u8]) -> IResult<&[u8], Found<'_>> {
     alt((
         blank,
         comment,
-        word.map(|text| (Some(Kind::Name), text)),
-        number.map(|text| (Some(Kind::Number), text)),
-        sign.map(|text| (Some(Kind::Sign), text)),
+        word.map(|text| (Some(LexemeKind::Name), text)),
+        number.map(|text| (Some(LexemeKind::Number), text)),
+        sign.map(|text| (Some(LexemeKind::Sign), text)),
         text_or_other,
     ))
     .parse(left)

@@ -32,7 +32,7 @@ pub struct Inform;
 
 /// Numbers of what jobs lower to.
 mod builtin {
-    use crate::ir::{Expression, Place};
+    use crate::ir::{Expression, SourceSpan};
     use crate::value::Reason;
 
     /// The value, where it is whole, as integer variables hold it.
@@ -51,7 +51,7 @@ mod builtin {
 
     pub(super) fn left(reason: Reason, of: Vec<Expression>) -> Expression {
         let at = REASONS.iter().position(|known| *known == reason).unwrap_or(0);
-        let place = of.first().map_or(Place::default(), |value| value.place);
+        let place = of.first().map_or(SourceSpan::default(), |value| value.place);
         Expression::builtin(LEFT + at as u16, of, place)
     }
 

@@ -5,7 +5,7 @@ use super::parse::Parser;
 use super::words::{self, Does};
 use crate::Span;
 use crate::ir::{Binary, Expression, ExpressionKind as Is, Motion, Path, StatementKind};
-use crate::lexeme::{Kind, Lexeme};
+use crate::lexeme::{Lexeme, LexemeKind};
 use crate::value::Reason;
 
 /// Whether circles of a job are three points in a row each, with another motion before them that always comes first.
@@ -44,7 +44,7 @@ pub(super) fn has_plain_circles(lines: &[Line<'_>]) -> bool {
 
 /// The words of a motion that a line has, without its sign for another robot.
 fn word<'a>(code: &[Lexeme<'a>]) -> Option<&'a [u8]> {
-    let word = code.iter().find(|lexeme| lexeme.kind == Kind::Name)?.text;
+    let word = code.iter().find(|lexeme| lexeme.kind == LexemeKind::Name)?.text;
     motion_path(word).map(|_| word)
 }
 

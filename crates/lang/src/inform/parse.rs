@@ -10,8 +10,8 @@ use super::words::{self, Does};
 use crate::Span;
 use crate::cursor::{Cursor, declare, global_names, text};
 use crate::ir::{
-    Binary, Callee, Expression, ExpressionKind as Is, Fault, Function, FunctionId, Place, Program, Slot, Statement,
-    StatementKind,
+    Binary, Callee, Expression, ExpressionKind as Is, Fault, Function, FunctionId, Program, Slot, SourceSpan,
+    Statement, StatementKind,
 };
 use crate::value::Reason;
 use std::collections::{BTreeMap, BTreeSet};
@@ -112,15 +112,16 @@ impl<'a, 'n> Parser<'a, 'n> {
             let reason = is_written.then_some(Reason::Variable).or(everything.filter(|_| *kind == b"P"));
             if let Some(reason) = reason {
                 let tokens = left.get(slot).into_iter().flatten();
-                values
-                    .extend(tokens.map(|token| Expression { kind: Is::Number(0.0, *token), place: Place::default() }));
+                values.extend(
+                    tokens.map(|token| Expression { kind: Is::Number(0.0, *token), place: SourceSpan::default() }),
+                );
                 assign(*slot, builtin::left(reason, values));
             } else if let Some(value) = values.pop() {
                 assign(*slot, value);
             }
         }
         for (slot, reason) in &self.own.defined {
-            assign(*slot, Expression::unknown(*reason, Vec::new(), Place::default()));
+            assign(*slot, Expression::unknown(*reason, Vec::new(), SourceSpan::default()));
         }
         self.program.functions[0].body = first;
         self.program.variables_outlive_runs = true;
@@ -197,7 +198,7 @@ impl<'a, 'n> Parser<'a, 'n> {
     }
 
     /// Something that may do anything.
-    pub(super) fn not_understood(&mut self, reads: Vec<Expression>, place: Place) -> StatementKind {
+    pub(super) fn not_understood(&mut self, reads: Vec<Expression>, place: SourceSpan) -> StatementKind {
         self.program.not_understood.push(place);
         StatementKind::Opaque { writes: None, reads, reason: Reason::NotUnderstood }
     }

@@ -1,6 +1,6 @@
 //! Bytes to lexemes. Every text has lexemes; what belongs to none is one by itself.
 
-use crate::lexeme::{self, Found, Kind, Lexeme, text_or_other};
+use crate::lexeme::{self, Found, Lexeme, LexemeKind, text_or_other};
 use nom::branch::alt;
 use nom::bytes::complete::{tag, take_till, take_while, take_while1};
 use nom::character::complete::{digit0, digit1, one_of};
@@ -14,13 +14,13 @@ pub(super) fn lexemes(bytes: &[u8]) -> Vec<Lexeme<'_>> {
     lexeme::lexemes(bytes, 0, |rest| {
         let (after, (kind, text)) = one(rest, begins)?;
         match (kind, text) {
-            (Some(Kind::Sign), b"(" | b"[") => depth += 1,
-            (Some(Kind::Sign), b")" | b"]") => depth = depth.saturating_sub(1),
+            (Some(LexemeKind::Sign), b"(" | b"[") => depth += 1,
+            (Some(LexemeKind::Sign), b")" | b"]") => depth = depth.saturating_sub(1),
             // Within brackets a statement goes on.
-            (Some(Kind::Line), _) if depth > 0 => return Ok((after, (None, text))),
+            (Some(LexemeKind::Line), _) if depth > 0 => return Ok((after, (None, text))),
             _ => {}
         }
-        begins = kind == Some(Kind::Line) || kind.is_none() && begins;
+        begins = kind == Some(LexemeKind::Line) || kind.is_none() && begins;
         Ok((after, (kind, text)))
     })
 }
@@ -34,8 +34,8 @@ fn one(rest: &[u8], begins: bool) -> IResult<&[u8], Found<'_>> {
     let blank = take_while1(|b: u8| matches!(b, b' ' | b'\t' | b'\r' | 0x0B | 0x0C | 0xA0)).map(|text| (None, text));
     let mark = tag(&b"\xEF\xBB\xBF"[..]).map(|text| (None, text));
     let comment = recognize(preceded(tag(&b"#"[..]), take_till(|b| b == b'\n')))
-        .map(|text: &[u8]| (lexeme::mark(&text[1..]).map(|_| Kind::Mark), text));
-    let line = alt((tag(&b"\n"[..]), tag(&b";"[..]))).map(|text| (Some(Kind::Line), text));
+        .map(|text: &[u8]| (lexeme::mark(&text[1..]).map(|_| LexemeKind::Mark), text));
+    let line = alt((tag(&b"\n"[..]), tag(&b";"[..]))).map(|text| (Some(LexemeKind::Line), text));
     let name = recognize((take_while1(|b: u8| b.is_ascii_alphabetic() || b == b'_'), take_while(is_word)));
     let sign = alt((
         alt((tag(&b"=="[..]), tag(&b"!="[..]), tag(&b"<="[..]), tag(&b">="[..]))),
@@ -46,9 +46,9 @@ fn one(rest: &[u8], begins: bool) -> IResult<&[u8], Found<'_>> {
         mark,
         comment,
         line,
-        name.map(|text| (Some(Kind::Name), text)),
-        number.map(|text| (Some(Kind::Number), text)),
-        sign.map(|text| (Some(Kind::Sign), text)),
+        name.map(|text| (Some(LexemeKind::Name), text)),
+        number.map(|text| (Some(LexemeKind::Number), text)),
+        sign.map(|text| (Some(LexemeKind::Sign), text)),
         text_or_other,
     ))
     .parse(rest)
@@ -76,6 +76,6 @@ mod tests {
         let texts: Vec<_> = all.iter().map(|lexeme| String::from_utf8_lossy(lexeme.text)).collect();
         let expected = "movel ( p [ - .5 , 1.e-3 ] , r = 0 ) \n \n";
         assert_eq!(texts[..texts.len() - 2].join(" "), expected);
-        assert_eq!(all[all.len() - 2].kind, Kind::Mark);
+        assert_eq!(all[all.len() - 2].kind, LexemeKind::Mark);
     }
 }

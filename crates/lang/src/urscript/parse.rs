@@ -6,9 +6,9 @@ use crate::Span;
 use crate::cursor::{Cursor, Level, SUM, declare, global_names, text};
 use crate::ir::{
     Argument, Binary, Callee, Expression, ExpressionKind as Is, Fault, Function, FunctionId, Motion, Parameter, Path,
-    Place, Program, Slot, Statement, StatementKind, Unary,
+    Program, Slot, SourceSpan, Statement, StatementKind, Unary,
 };
-use crate::lexeme::{self, Kind, Lexeme};
+use crate::lexeme::{self, Lexeme, LexemeKind};
 use crate::value::Reason;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -20,7 +20,7 @@ struct Names<'a> {
     /// Routines of files that are only read, which may vouch for others.
     context: BTreeSet<FunctionId>,
     /// Each routine by the place of the word that begins it.
-    begins: BTreeMap<Place, FunctionId>,
+    begins: BTreeMap<SourceSpan, FunctionId>,
     globals: BTreeMap<&'a [u8], Slot>,
     /// Names that a routine and one around it both use.
     unclear: BTreeSet<&'a [u8]>,
@@ -52,14 +52,14 @@ fn survey<'a>(all: &[Vec<Lexeme<'a>>], written: usize, unclear: BTreeSet<&'a [u8
         // Blocks that are open, and how many of them are routines.
         let (mut open, mut routines, mut begins): (Vec<bool>, usize, bool) = (Vec::new(), 0, true);
         for (at, lexeme) in lexemes.iter().enumerate() {
-            let next = lexemes.get(at + 1).filter(|next| next.kind == Kind::Name);
+            let next = lexemes.get(at + 1).filter(|next| next.kind == LexemeKind::Name);
             let outside = routines == 0;
             if begins && (lexeme.is("def") || lexeme.is("thread") || lexeme.is("sec")) {
                 if let Some(name) = next {
                     names.functions.entry(name.text).or_default().push(FunctionId(count));
                 }
                 names.context.extend((source >= written).then_some(FunctionId(count)));
-                names.begins.insert(Place { source: source as u16, span: lexeme.span }, FunctionId(count));
+                names.begins.insert(SourceSpan { source: source as u16, span: lexeme.span }, FunctionId(count));
                 count += 1;
                 routines += 1;
                 open.push(true);
@@ -69,10 +69,14 @@ fn survey<'a>(all: &[Vec<Lexeme<'a>>], written: usize, unclear: BTreeSet<&'a [u8
                 routines -= usize::from(open.pop() == Some(true));
             } else if begins && lexeme.is("global") {
                 globals.extend(next.map(|name| name.text));
-            } else if begins && outside && lexeme.kind == Kind::Name && lexemes.get(at + 1).is_some_and(|l| l.is("=")) {
+            } else if begins
+                && outside
+                && lexeme.kind == LexemeKind::Name
+                && lexemes.get(at + 1).is_some_and(|l| l.is("="))
+            {
                 globals.push(lexeme.text);
             }
-            begins = matches!(lexeme.kind, Kind::Line | Kind::Mark) || lexeme.is(":");
+            begins = matches!(lexeme.kind, LexemeKind::Line | LexemeKind::Mark) || lexeme.is(":");
         }
     }
     for name in globals {
@@ -162,7 +166,7 @@ impl<'a, 'n> Parser<'a, 'n> {
     }
 
     fn ends(&self) -> bool {
-        self.peek().is_none_or(|lexeme| matches!(lexeme.kind, Kind::Line | Kind::Mark))
+        self.peek().is_none_or(|lexeme| matches!(lexeme.kind, LexemeKind::Line | LexemeKind::Mark))
     }
 
     /// Statements up to the word that ends their block.
@@ -172,8 +176,8 @@ impl<'a, 'n> Parser<'a, 'n> {
         self.begin_block(place)?;
         while let Some(lexeme) = self.peek() {
             match lexeme.kind {
-                Kind::Line => self.at += 1,
-                Kind::Mark => {
+                LexemeKind::Line => self.at += 1,
+                LexemeKind::Mark => {
                     self.at += 1;
                     // `# deflex air`
                     let said = lexeme::mark(&lexeme.text[1..]).filter(|said| !said.is_empty());
@@ -216,10 +220,10 @@ impl<'a, 'n> Parser<'a, 'n> {
         }
         let mut reads = Vec::new();
         for (i, lexeme) in line.iter().enumerate() {
-            if lexeme.kind == Kind::Number {
+            if lexeme.kind == LexemeKind::Number {
                 let signed = i.checked_sub(1).map(|before| line[before]).filter(|before| before.is("-"));
                 reads.push(self.number(signed.map(|sign| sign.span), *lexeme, Reason::Computed));
-            } else if lexeme.kind == Kind::Name {
+            } else if lexeme.kind == LexemeKind::Name {
                 let kind = Is::Read(self.variable(lexeme.text, Use::Free));
                 reads.push(Expression { kind, place: self.place(lexeme.span) });
             }
@@ -231,7 +235,7 @@ impl<'a, 'n> Parser<'a, 'n> {
 
     fn known_statement(&mut self, start: Span) -> Result<Option<Read>, Fault> {
         let Some(lexeme) = self.peek() else { return Ok(Some(Read::Nothing)) };
-        let word = if lexeme.kind == Kind::Name { lexeme.text } else { b"" };
+        let word = if lexeme.kind == LexemeKind::Name { lexeme.text } else { b"" };
         let simple = |parser: &mut Self, kind| {
             parser.at += 1;
             Ok(Some(Read::Statement(kind)))
@@ -275,7 +279,7 @@ impl<'a, 'n> Parser<'a, 'n> {
                 let to = if word == b"global" { Use::Global } else { Use::Local };
                 Ok(self.assignment(to).map(Read::Statement))
             }
-            _ if lexeme.kind == Kind::Name && self.second_is("(") && motion_path(word).is_some() => {
+            _ if lexeme.kind == LexemeKind::Name && self.second_is("(") && motion_path(word).is_some() => {
                 Ok(self.motion(word).map(|motion| Read::Statement(StatementKind::Move(Box::new(motion)))))
             }
             _ => {
@@ -485,7 +489,7 @@ impl<'a, 'n> Parser<'a, 'n> {
         self.at += 1;
         // A sign belongs to its number, where that is an operand by itself.
         let is_whole = !self.second_is("[") && !self.second_is(".");
-        let number = self.peek().filter(|lexeme| lexeme.kind == Kind::Number && is_whole);
+        let number = self.peek().filter(|lexeme| lexeme.kind == LexemeKind::Number && is_whole);
         if let (Some(Unary::Negate), Some(number)) = (operator, number) {
             self.at += 1;
             return Some(self.number(Some(start), number, Reason::Computed));
@@ -536,11 +540,13 @@ impl<'a, 'n> Parser<'a, 'n> {
 
     fn operand_kind(&mut self, lexeme: Lexeme<'a>) -> Option<Is> {
         match lexeme.kind {
-            Kind::Number => Some(self.number(None, lexeme, Reason::Computed).kind),
-            Kind::Text => Some(Is::Text(lexeme.text.into())),
-            Kind::Sign if lexeme.text == b"(" => self.expression().filter(|_| self.take(")")).map(|inner| inner.kind),
-            Kind::Sign if lexeme.text == b"[" => self.items().map(Is::List),
-            Kind::Name => match lexeme.text {
+            LexemeKind::Number => Some(self.number(None, lexeme, Reason::Computed).kind),
+            LexemeKind::Text => Some(Is::Text(lexeme.text.into())),
+            LexemeKind::Sign if lexeme.text == b"(" => {
+                self.expression().filter(|_| self.take(")")).map(|inner| inner.kind)
+            }
+            LexemeKind::Sign if lexeme.text == b"[" => self.items().map(Is::List),
+            LexemeKind::Name => match lexeme.text {
                 b"p" if self.take("[") => self.items().map(|items| Is::Pose(items, None)),
                 b"True" | b"TRUE" | b"true" => Some(Is::Truth(true)),
                 b"False" | b"FALSE" | b"false" => Some(Is::Truth(false)),

@@ -1,6 +1,6 @@
 //! Operators: how tight they bind, and what they make of two values.
 
-use super::super::lex::{Cursor, Kind, Lexeme};
+use super::super::lex::{Cursor, Lexeme, LexemeKind};
 use super::super::symbols::Upper;
 use super::super::value::Value;
 use super::RUN_TIME;
@@ -32,17 +32,17 @@ pub(in super::super) fn equal(left: &Value, right: &Value) -> Option<bool> {
 #[inline]
 pub(super) fn operator(cursor: &Cursor<'_>, lexeme: Lexeme) -> Option<(u8, &'static str)> {
     Some(match lexeme.kind {
-        Kind::Mark(b'=') => (3, "="),
-        Kind::Mark(b'<') => (3, "<"),
-        Kind::Mark(b'>') => (3, ">"),
-        Kind::Unequal => (3, "<>"),
-        Kind::AtMost => (3, "<="),
-        Kind::AtLeast => (3, ">="),
-        Kind::Mark(b'+') => (4, "+"),
-        Kind::Mark(b'-') => (4, "-"),
-        Kind::Mark(b'*') => (5, "*"),
-        Kind::Mark(b'/') => (5, "/"),
-        Kind::Word => match &*Upper::new(cursor.text(lexeme)) {
+        LexemeKind::Mark(b'=') => (3, "="),
+        LexemeKind::Mark(b'<') => (3, "<"),
+        LexemeKind::Mark(b'>') => (3, ">"),
+        LexemeKind::Unequal => (3, "<>"),
+        LexemeKind::AtMost => (3, "<="),
+        LexemeKind::AtLeast => (3, ">="),
+        LexemeKind::Mark(b'+') => (4, "+"),
+        LexemeKind::Mark(b'-') => (4, "-"),
+        LexemeKind::Mark(b'*') => (5, "*"),
+        LexemeKind::Mark(b'/') => (5, "/"),
+        LexemeKind::Word => match &*Upper::new(cursor.text(lexeme)) {
             b"OR" => (0, "OR"),
             b"XOR" => (0, "XOR"),
             b"AND" => (1, "AND"),

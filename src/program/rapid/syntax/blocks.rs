@@ -1,6 +1,6 @@
 //! Blocks: statements up to the word that ends them, and the branches and loops among them.
 
-use super::super::lex::{Key, Kind};
+use super::super::lex::{Key, LexemeKind};
 use super::super::parser::{Parser, Scan};
 use super::super::tree::{Data, Statement};
 use super::{MAX_DEPTH, TooDeep, storage};
@@ -21,7 +21,7 @@ impl Parser<'_> {
             }
             let at = start.start;
             match self.key_of(start) {
-                None if start.kind == Kind::End => return Ok(block),
+                None if start.kind == LexemeKind::End => return Ok(block),
                 None => {
                     if let Some(statement) = self.simple(start) {
                         block.push(statement);
@@ -72,7 +72,7 @@ impl Parser<'_> {
         if self.key_of(lexeme) == Some(wanted) {
             self.cursor.pass(lexeme);
             // `ENDIF;` is not RAPID, yet there.
-            self.cursor.accept(Kind::Mark(b';'));
+            self.cursor.accept(LexemeKind::Mark(b';'));
         } else {
             self.file.odd.push((head, "block without an end"));
         }
@@ -109,7 +109,7 @@ impl Parser<'_> {
                 self.cursor.pass(start);
                 Some(self.leaving(k, start.start))
             }
-            None if start.kind != Kind::End => self.simple(start),
+            None if start.kind != LexemeKind::End => self.simple(start),
             _ => {
                 self.odd(at, "IF without THEN or statement");
                 None
@@ -120,7 +120,7 @@ impl Parser<'_> {
 
     /// After FOR.
     fn counted(&mut self, data: &mut Vec<Data>, at: usize, depth: usize) -> Result<Option<Statement>, TooDeep> {
-        let variable = self.cursor.accept(Kind::Word);
+        let variable = self.cursor.accept(LexemeKind::Word);
         let from_word = self.cursor.accept_word(b"FROM");
         let from = self.expression(&[b"TO", b"STEP", b"DO"]);
         let to_word = self.cursor.accept_word(b"TO");
@@ -157,12 +157,12 @@ impl Parser<'_> {
                 Some(Key::Case) => {
                     self.cursor.next();
                     let values = self.expression(&[]);
-                    self.cursor.accept(Kind::Mark(b':'));
+                    self.cursor.accept(LexemeKind::Mark(b':'));
                     cases.push((values, self.block(data, depth + 1)?));
                 }
                 Some(Key::Default) => {
                     self.cursor.next();
-                    self.cursor.accept(Kind::Mark(b':'));
+                    self.cursor.accept(LexemeKind::Mark(b':'));
                     otherwise = self.block(data, depth + 1)?;
                 }
                 _ => break,
