@@ -62,6 +62,7 @@ fn survey<'a>(cell: &'a Cell, run: &Run) -> Survey<'a> {
         part_declared: false,
         clamps: 0,
         has_force: true,
+        cut_mm: None,
         has_payload: false,
         has_speed: true,
         time: Some((times().fold(f64::INFINITY, f64::min), times().fold(0.0, f64::max))),

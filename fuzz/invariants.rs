@@ -4,7 +4,7 @@
 #![allow(dead_code)] // each fuzz target asks one of the questions
 
 use deflex::cell::{Cell, backup_template, described, described_template};
-use deflex::cli::held::write;
+use deflex::cli::session::write;
 use deflex::correct::{self, Options};
 use deflex::measured::Table;
 use deflex::program::cl::{self, ClOptions, Units};

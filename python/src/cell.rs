@@ -2,7 +2,7 @@ use crate::arrays::{Rows, column, rows, rows_for, shaped};
 use crate::errors::{Diagnostic, OrRaise, diagnostics};
 use crate::robot::Robot;
 use crate::work;
-use deflex::cli::held::CellFile;
+use deflex::cli::session::CellFile;
 use deflex::correct::{ArmState, Standing, external_of, predict_poses, tool_of};
 use deflex::robot::{PoseMatrix, pose_matrix};
 use deflex::text::Source;

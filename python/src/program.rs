@@ -1,6 +1,6 @@
 use crate::errors::OrRaise;
 use crate::work;
-use deflex::cli::held::ProgramFiles;
+use deflex::cli::session::ProgramFiles;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;

@@ -3,7 +3,7 @@ use crate::cell::Cell;
 use crate::errors::{Diagnostic, OrRaise, diagnostics};
 use crate::program::Program;
 use crate::work;
-use deflex::cli::held::{self, CellFile, MeasuredFile, MeasuredRunFiles, ProgramFiles, Run};
+use deflex::cli::session::{self, CellFile, MeasuredFile, MeasuredRunFiles, ProgramFiles, Run};
 use deflex::correct::{Correct, PostOptions};
 use deflex::identify::{Ask, PlanProgram, Written};
 use deflex::measured::ColumnNames;
@@ -49,7 +49,7 @@ struct ReadAs(Option<ColumnNames>, f64);
 /// What a program came to.
 #[pyclass(frozen, module = "deflex._deflex")]
 pub(crate) struct Done {
-    done: held::Done,
+    done: session::Done,
     program: Arc<ProgramFiles>,
     /// Of a prediction: the original, where there is one.
     against: Option<Option<Arc<ProgramFiles>>>,
@@ -82,8 +82,8 @@ impl Done {
     /// Its numbers as they are before they are printed.
     fn unrounded<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let numbers = || match &self.against {
-            Some(original) => held::predict_unrounded(&self.program, original.as_deref(), &self.run),
-            None => held::compensate_unrounded(&self.program, &self.run),
+            Some(original) => session::predict_unrounded(&self.program, original.as_deref(), &self.run),
+            None => session::compensate_unrounded(&self.program, &self.run),
         };
         numbers_by_name(py, work::detached(py, numbers).or_raise(py)?.columns())
     }
@@ -111,14 +111,14 @@ impl Done {
         let read: Vec<PathBuf> =
             sources.into_iter().chain(self.run.inputs().map(Path::to_owned)).chain(inputs).collect();
         work::run(py, (None, 0), move |_| {
-            held::write(files.iter().map(|(path, bytes)| (path.clone(), &bytes[..])), &read)
+            session::write(files.iter().map(|(path, bytes)| (path.clone(), &bytes[..])), &read)
         })
     }
 
     fn page(&self, py: Python<'_>) -> PyResult<String> {
         let page = || match &self.against {
-            Some(original) => held::predict_page(&self.program, original.as_deref(), &self.run),
-            None => held::compensate_page(&self.program, &self.run),
+            Some(original) => session::predict_page(&self.program, original.as_deref(), &self.run),
+            None => session::compensate_page(&self.program, &self.run),
         };
         work::detached(py, page).or_raise(py)
     }
@@ -182,8 +182,8 @@ fn done(
         forces.map_or(Ok(()), |forces| forces.give_to(&mut run))?;
         run.follow = Some(follow.follow());
         let mut done = match &against {
-            Some(original) => held::predict(&files, original.as_deref(), &run)?,
-            None => held::compensate(&files, &run)?,
+            Some(original) => session::predict(&files, original.as_deref(), &run)?,
+            None => session::compensate(&files, &run)?,
         };
         let notes = Mutex::new(std::mem::take(&mut done.notes));
         // The page is another run, which nobody follows.
@@ -230,7 +230,7 @@ fn steps(share: f64) -> u64 {
 /// What was identified.
 #[pyclass(frozen, module = "deflex._deflex")]
 pub(crate) struct Found {
-    found: held::Identified,
+    found: session::Identified,
 }
 
 #[pymethods]
@@ -292,7 +292,7 @@ pub(crate) fn identify(
         let runs = runs.into_iter().map(read).collect::<Result<Vec<_>, Vec<deflex::text::Diagnostic>>>()?;
         let poses = poses.into_iter().map(|table| table.measured(&read_as)).collect::<Result<Vec<_>, _>>()?;
         let follow = follow.follow();
-        held::identify(&cell, &runs, &poses, tool.as_deref(), Written::default(), &|share| follow(0, steps(share)))
+        session::identify(&cell, &runs, &poses, tool.as_deref(), Written::default(), &|share| follow(0, steps(share)))
     })?;
     Ok(Found { found })
 }
@@ -300,7 +300,7 @@ pub(crate) fn identify(
 /// What was simulated.
 #[pyclass(frozen, module = "deflex._deflex")]
 pub(crate) struct Simulated {
-    simulated: held::Simulated,
+    simulated: session::Simulated,
 }
 
 #[pymethods]
@@ -356,8 +356,8 @@ pub(crate) fn simulate(
     let simulated = work::run(py, (progress.as_ref(), STEPS), move |follow| {
         forces.map_or(Ok(()), |forces| forces.give_to(&mut run))?;
         let follow = follow.follow();
-        let told: Arc<held::SimulationProgress> = Arc::new(move |share| follow(0, steps(share)));
-        held::simulate(&files, against.as_deref(), &run, &told)
+        let told: Arc<session::SimulationProgress> = Arc::new(move |share| follow(0, steps(share)));
+        session::simulate(&files, against.as_deref(), &run, &told)
     })?;
     Ok(Simulated { simulated })
 }
@@ -365,7 +365,7 @@ pub(crate) fn simulate(
 /// What was planned.
 #[pyclass(frozen, module = "deflex._deflex")]
 pub(crate) struct Planned {
-    planned: held::Planned,
+    planned: session::Planned,
 }
 
 #[pymethods]
@@ -423,7 +423,7 @@ pub(crate) fn plan(
         let after = after.map(|json| Source::new("<identification>", json));
         let language = post.or(cell.cell().language).unwrap_or(Language::Rapid);
         let program = PlanProgram { name: &name, language, ask };
-        held::plan(&cell, rows, &pool, after.as_ref(), program, &tell)
+        session::plan(&cell, rows, &pool, after.as_ref(), program, &tell)
     })?;
     Ok(Planned { planned })
 }

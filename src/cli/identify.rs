@@ -3,11 +3,11 @@
 use super::against::Originals;
 use super::args::Identify;
 use super::files::{all, both};
-use super::held::{self, MeasuredFile, MeasuredRunFiles, ProgramFiles};
 use super::input::{CellFile, Context};
 use super::job::Job;
 use super::output::{Outputs, is_stdout, one_thing};
 use super::report::pretty;
+use super::session::{self, MeasuredFile, MeasuredRunFiles, ProgramFiles};
 use super::{Answer, Outcome, message, progress};
 use deflex::cell::{examples_left, with_path_law};
 use deflex::drive::FittedLaw;
@@ -42,7 +42,7 @@ pub(super) fn run(args: &Identify) -> Outcome {
     let log = |pair: &[PathBuf]| both(program(&pair[0]).and_then(files), table(&pair[1]));
     let logs = all(args.log.chunks_exact(2).map(log));
     let ((runs, logs), poses) = both(both(runs, logs), all(args.poses.iter().map(|path| table(path))))?;
-    let path = if logs.is_empty() { None } else { Some(held::identify_path(&cell, &logs, args.tool.as_deref())?) };
+    let path = if logs.is_empty() { None } else { Some(session::identify_path(&cell, &logs, args.tool.as_deref())?) };
     if let Some(path) = path.as_ref().filter(|_| runs.is_empty() && poses.is_empty()) {
         return path_alone(args, &cell, path);
     }
@@ -53,7 +53,7 @@ pub(super) fn run(args: &Identify) -> Outcome {
         true
     };
     let written = if args.sparse { Written::NamedAlone } else { Written::WholeModel };
-    let done = held::identify(&cell, &runs, &poses, args.tool.as_deref(), written, &tell);
+    let done = session::identify(&cell, &runs, &poses, args.tool.as_deref(), written, &tell);
     bar.finish_and_clear();
     let done = done?;
     let found = &done.found;

@@ -1,6 +1,6 @@
 //! The command line: arguments to ready objects to one file per command. The only code that reads, writes and prints.
 //!
-//! [`main`] is the command itself. [`held`] does the same with the results in memory, for callers that are no shell.
+//! [`main`] is the command itself. [`session`] does the same with the results in memory, for callers that are no shell.
 
 mod again;
 mod against;
@@ -14,7 +14,6 @@ mod file_state;
 mod files;
 mod forces;
 mod generate;
-pub mod held;
 mod identify;
 mod init;
 mod input;
@@ -31,6 +30,7 @@ mod predicted;
 mod progress;
 mod report;
 mod run;
+pub mod session;
 mod setup;
 mod simulate;
 mod stream;

@@ -2,10 +2,10 @@
 
 use super::args::Plan as Arguments;
 use super::files::{all, both, source};
-use super::held::{self, ProgramFiles};
 use super::input::{CellFile, Context};
 use super::job::Job;
 use super::output::{Outputs, is_stdout, one_thing};
+use super::session::{self, ProgramFiles};
 use super::{Answer, Outcome, message, progress};
 use deflex::identify::PlanProgram;
 use deflex::program::Language;
@@ -29,7 +29,7 @@ pub(super) fn run(args: &Arguments) -> Outcome {
     let tell = |share: f64| progress::reached(&bar, share);
     let language = args.post.or(cell.cell.language).unwrap_or(Language::Rapid);
     let program = PlanProgram { name: &name, language, ask: args.ask.unwrap_or_default().into() };
-    let done = held::plan(&cell, usize::from(args.rows), &pool, after.as_ref(), program, &tell);
+    let done = session::plan(&cell, usize::from(args.rows), &pool, after.as_ref(), program, &tell);
     bar.finish_and_clear();
     let done = done?;
     let found = &done.found;

@@ -3,11 +3,11 @@
 use super::against::Originals;
 use super::args::{Corrected, Simulate};
 use super::files::{both, source};
-use super::held::{Simulated, SimulationProgress};
 use super::input::Context;
 use super::output::{Outputs, is_stdout, one_thing};
 use super::piped::{Piped, jobs};
 use super::report::pretty;
+use super::session::{Simulated, SimulationProgress};
 use super::setup::Setup;
 use super::{Answer, Outcome, message, progress};
 use deflex::correct::Removal;

@@ -27,7 +27,7 @@ impl Parallelism {
 
     /// The same eight at a time: `many` answers for those indices that are `simple`, as far as it can, and `one` for the
     /// others; both have room to work in.
-    pub(super) fn eights<T: Answer, R: Default + Send>(
+    pub(super) fn for_each_batch<T: Answer, R: Default + Send>(
         self,
         count: usize,
         simple: impl Fn(usize) -> bool + Sync,

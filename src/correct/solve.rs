@@ -117,7 +117,7 @@ impl<'a> Solver<'a> {
             First { aim, nominal: None, uncorrected: self.land(i, point.as_programmed(), near) }
         };
         let simple = |i: usize| modes[i] == CorrectionMode::Pose && !prepared.setting(i).held;
-        self.parallelism.eights(modes.len(), simple, &self.workspaces, many, one)
+        self.parallelism.for_each_batch(modes.len(), simple, &self.workspaces, many, one)
     }
 
     /// Corrected commands of every point in their settled directions of travel.
@@ -164,7 +164,7 @@ impl<'a> Solver<'a> {
                 && !again(i)
                 && !prepared.setting(i).held
         };
-        self.parallelism.eights(modes.len(), simple, &self.workspaces, many, one)
+        self.parallelism.for_each_batch(modes.len(), simple, &self.workspaces, many, one)
     }
 
     fn one(&self, i: usize, mode: CorrectionMode, travel: &Joints) -> Result<InverseSolution, EquilibriumError> {
@@ -210,7 +210,7 @@ impl<'a> Solver<'a> {
             if known(i) { self.land(i, command(i), near(i)) } else { Answer::open() }
         };
         let simple = |i: usize| known(i) && !self.prepared.setting(i).held;
-        self.parallelism.eights(self.prepared.points.len(), simple, &self.workspaces, many, one)
+        self.parallelism.for_each_batch(self.prepared.points.len(), simple, &self.workspaces, many, one)
     }
 
     /// What the controller reaches for what is written, near the commands.
@@ -261,7 +261,7 @@ impl<'a> Solver<'a> {
             let held = self.prepared.setting(i).held;
             is_changed[i] && modes[i] == CorrectionMode::Pose && first[i].aim().is_ok() && !held
         };
-        self.parallelism.eights(written.len(), simple, &self.workspaces, many, one)
+        self.parallelism.for_each_batch(written.len(), simple, &self.workspaces, many, one)
     }
 }
 

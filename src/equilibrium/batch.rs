@@ -319,7 +319,7 @@ impl<'a> Batch<'a> {
     /// The TCP in the actual work object, at the commands that a room was taken to by [`Room::near`].
     ///
     /// Some rounds from there instead of all from nothing: for differences, of which they leave a thousandth.
-    pub(crate) fn nudged(&self, room: &mut Room<'_>, mut put: impl FnMut(usize, Pose)) {
+    pub(crate) fn resolve_from_nearby(&self, room: &mut Room<'_>, mut put: impl FnMut(usize, Pose)) {
         const DIFFERENCE_ROUNDS: usize = 2;
         let model = &self.model;
         let Workspace { block, at, forward, .. } = &mut room.workspace;

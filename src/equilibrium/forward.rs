@@ -64,7 +64,7 @@ pub(super) struct Rules {
     /// What a round may add to the deflection, rad and m.
     pub(super) tolerance: f64,
     /// Whether the last step is taken without an evaluation where the two rounds before show what it would leave.
-    pub(super) warm_start: bool,
+    pub(super) skip_last_evaluation: bool,
     /// Share of each step; below 1 without the secant.
     pub(super) relaxation: f64,
     /// Whether arms may go far from where the rounds began.
@@ -125,7 +125,7 @@ impl<R: Number> Forward<R> {
         let mut close = self.close;
         for i in 0..6 {
             close = close & steps[i].abs().lt(NUDGE);
-            at.joints[i] = self.start_joints[i].nudged(steps[i]);
+            at.joints[i] = self.start_joints[i].turned_by(steps[i]);
         }
         if !rules.far {
             self.close = close;
@@ -208,7 +208,7 @@ impl<R: Number> Forward<R> {
             self.under.mix(give, &before.give, parts, |now, give, before| still(now, give + back * (before - give)));
         }
         self.done = settled;
-        if rules.warm_start {
+        if rules.skip_last_evaluation {
             self.done = settled.or((size * worse).lt(tolerance));
         }
         let before = &mut self.before;

@@ -47,17 +47,17 @@ impl Load {
 }
 
 /// 1e-9 mm at 3 m, seen by an evaluation.
-pub(super) const EXACT: Rules = Rules { tolerance: 3e-13, warm_start: false, relaxation: 1.0, far: true };
+pub(super) const EXACT: Rules = Rules { tolerance: 3e-13, skip_last_evaluation: false, relaxation: 1.0, far: true };
 
 /// 6e-9 mm at 3 m, less than a hundredth of the last printed digit.
-pub(super) const PRINTED: Rules = Rules { tolerance: 2e-12, warm_start: true, relaxation: 1.0, far: false };
+pub(super) const PRINTED: Rules = Rules { tolerance: 2e-12, skip_last_evaluation: true, relaxation: 1.0, far: false };
 
 /// Rounds of one attempt. With the secant real arms take six; where it is not used, twenty.
 const MOST_EVALUATIONS: usize = 200;
 
 /// Steps of the TCP that go on and on and are this small, m or rad, are no running away: the force itself has steps of a
 /// millionth where its table ends, and the tool goes to and fro over one. A hundredth of a micrometre.
-const RESTLESS: f64 = 1e-8;
+const LIMIT_CYCLE_TOLERANCE: f64 = 1e-8;
 
 /// Relaxation of the attempts: a smaller one calms strong negative feedback, which is stable at the machine but overshoots as
 /// a plain iteration.
@@ -112,7 +112,7 @@ impl<'a> Workspace<'a, f64> {
             forward.round(round, model, block, at, rules);
             let seen = at.wobj_from_tcp();
             if forward.done {
-                if rules.warm_start {
+                if rules.skip_last_evaluation {
                     forward.place(model, block, at, rules);
                 }
                 return Ok(());
@@ -136,7 +136,7 @@ impl<'a> Workspace<'a, f64> {
             }
             before = seen;
         }
-        if rules.relaxation >= 1.0 && step < RESTLESS {
+        if rules.relaxation >= 1.0 && step < LIMIT_CYCLE_TOLERANCE {
             return Ok(());
         }
         Err(EquilibriumError::NoEquilibrium {

@@ -295,7 +295,7 @@ impl Problem {
                 };
                 room.near(&lanes.iter().filter_map(near).collect::<SmallVec<[Nearby; WIDTH]>>());
                 for (batch, parts) in batches.iter().zip(parts.chunks_exact_mut(rows.len())) {
-                    batch.nudged(&mut room, |lane, there| {
+                    batch.resolve_from_nearby(&mut room, |lane, there| {
                         let i = lanes[lane];
                         parts[i] = self.gap(&rows[i], &there);
                     });

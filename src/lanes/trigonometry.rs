@@ -59,7 +59,7 @@ impl<R: Real> SinCos<R> {
 
     /// At an angle further by a small step: exact to rounding up to 0.01 rad.
     #[inline(always)]
-    pub(crate) fn nudged(self, step: R) -> Self {
+    pub(crate) fn turned_by(self, step: R) -> Self {
         let square = step * step;
         let sin = step * (R::of(1.0) - square * (R::of(1.0 / 6.0) - square * (1.0 / 120.0)));
         let less = square * (R::of(0.5) - square * (R::of(1.0 / 24.0) - square * (1.0 / 720.0)));
@@ -164,9 +164,9 @@ mod tests {
 
         #[test]
         fn a_nudge_is_the_sum_of_angles(angle in -3.0_f64..3.0, step in -0.01_f64..0.01) {
-            let nudged = SinCos::of(Lanes::of(angle)).nudged(Lanes::of(step));
+            let turned_by = SinCos::of(Lanes::of(angle)).turned_by(Lanes::of(step));
             let (sin, cos) = (angle + step).sin_cos();
-            prop_assert!((nudged.sin.0[0] - sin).abs() < 2.0 * ROUNDING && (nudged.cos.0[0] - cos).abs() < 2.0 * ROUNDING);
+            prop_assert!((turned_by.sin.0[0] - sin).abs() < 2.0 * ROUNDING && (turned_by.cos.0[0] - cos).abs() < 2.0 * ROUNDING);
         }
     }
 

@@ -5,7 +5,7 @@
 use deflex::cell::{
     self, Cell, Cl, Controller, CorrectionLimits, Cut, CutForce, ForceFrame, NewEffect, Spin, SpinRule,
 };
-use deflex::cli::held;
+use deflex::cli::session;
 use deflex::correct::{
     self, Correct, Corrected, Options, PostOptions, Posted, Prepared, Row, Status, Stiffness, Summary,
 };
@@ -47,8 +47,9 @@ fn functions_take_and_give_what_they_promise() {
     let _: fn(Input<'_>) -> Many<Identification> = identify::identify;
     let _: fn(&str, &[NewEffect]) -> Many<String> = cell::extended;
     // The same as the command, in memory.
-    let _: fn(&held::ProgramFiles, &held::Run) -> Many<held::Done> = held::compensate;
-    let _: fn(&held::ProgramFiles, Option<&held::ProgramFiles>, &held::Run) -> Many<held::Done> = held::predict;
+    let _: fn(&session::ProgramFiles, &session::Run) -> Many<session::Done> = session::compensate;
+    let _: fn(&session::ProgramFiles, Option<&session::ProgramFiles>, &session::Run) -> Many<session::Done> =
+        session::predict;
     let _: fn(&[u8]) -> Many<Vec<report::Column>> = report::columns;
     // Report.
     let _: fn(&Program, &Program) -> Difference = report::difference;

@@ -104,7 +104,8 @@ impl<'a> Runner<'a> {
 
     /// Assigns; base and tool take the name of what they are made of.
     pub(super) fn assign(&mut self, path: &Path, value: Value, source: Option<String>) {
-        let is_followed = names::SETTLED.contains(&&path.name[..]) || names::HEEDED.contains(&&path.name[..]);
+        let is_followed =
+            names::SETTLED.contains(&&path.name[..]) || names::MODELLED_SYSTEM_VARIABLES.contains(&&path.name[..]);
         if path.name.first() == Some(&b'$') && !is_followed {
             self.pin(&value);
             if matches!(&path.name[..], b"$ROBROOT" | b"$ERSYSROOT") {

@@ -56,7 +56,8 @@ pub(super) const SETTLED: [&[u8]; 8] =
     [b"$BASE", b"$TOOL", b"$LOAD", b"$VEL", b"$IPO_MODE", b"$ORI_TYPE", b"$NULLFRAME", b"$WORLD"];
 
 /// System data that say how motions are understood; what they hold is not read.
-pub(super) const HEEDED: [&[u8]; 4] = [b"$EX_AX_IGNORE", b"$ASYNC_AXIS", b"$CIRC_TYPE", b"$CIRC_MODE"];
+pub(super) const MODELLED_SYSTEM_VARIABLES: [&[u8]; 4] =
+    [b"$EX_AX_IGNORE", b"$ASYNC_AXIS", b"$CIRC_TYPE", b"$CIRC_MODE"];
 
 /// Switches by which BAS corrects a base, and a tool, with frames of their own; `BAS (#INITMOV,0)` takes them back.
 pub(super) const CORRECTIONS: [[&[u8]; 2]; 2] =

@@ -261,7 +261,9 @@ impl<'a> Symbols<'a> {
 
     /// What a routine of another file could change.
     pub(super) fn visible(&self) -> Vec<Id> {
-        let kept = |name: &Name| matches!(&name[..], b"$NULLFRAME" | b"$WORLD") || names::HEEDED.contains(&&name[..]);
+        let kept = |name: &Name| {
+            matches!(&name[..], b"$NULLFRAME" | b"$WORLD") || names::MODELLED_SYSTEM_VARIABLES.contains(&&name[..])
+        };
         let open = self.globals.iter().filter(|(name, id)| !kept(name) && !self.constant.contains(id));
         open.map(|(_, id)| *id).filter(|id| *id != self.mark).collect()
     }

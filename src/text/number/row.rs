@@ -122,7 +122,7 @@ impl Scale {
     fn eight(&self, values: [f64; SIDE]) -> (Digits, bool) {
         let (number, unsure) = self.rounded(values);
         let unsure = zip(unsure, number, |unsure, number| unsure | u64::from(number >= EIGHT_DIGITS));
-        let text = eights(number);
+        let text = to_integers(number);
         // Zeros come before those before the point until they are eight.
         let whole = zip(text, self.part, |text, part| text.unbounded_shl(part as u32));
         let zeros = map(self.rest, |rest| ZEROS.unbounded_shr(rest as u32));
@@ -137,12 +137,12 @@ impl Scale {
         // Between two multiples of ten: what the product is off by does not matter.
         let whole = zip(number, self.tenths, |number, tenth| ((number + 0.5) * tenth).floor());
         let rest = zip(number, zip(whole, self.tens, |whole, ten| whole * ten), |number, whole| number - whole);
-        let text = eights(zip(rest, self.fill, |rest, fill| rest * fill));
+        let text = to_integers(zip(rest, self.fill, |rest, fill| rest * fill));
         let own = map(self.rest, |rest| u64::MAX.unbounded_shr(rest as u32));
         let part = zip(text, own, |text, own| text & own);
         // Eight digits leave no room for a minus.
         let full = zip(values, whole, |value, whole| u64::from((value < 0.0) & (whole >= SEVEN_DIGITS)));
-        self.printed(values, number, eights(whole), part, zip(unsure, full, |unsure, full| unsure | full))
+        self.printed(values, number, to_integers(whole), part, zip(unsure, full, |unsure, full| unsure | full))
     }
 
     /// Puts together what stands before the point and after it, given the eight digits before it.
@@ -178,7 +178,7 @@ const EIGHT_DIGITS: f64 = 1e8;
 
 /// [`eight`](super::write::eight) of each.
 #[inline(always)]
-fn eights(numbers: [f64; SIDE]) -> [u64; SIDE] {
+fn to_integers(numbers: [f64; SIDE]) -> [u64; SIDE] {
     let numbers = map(numbers, |number| (number + INTEGERS).to_bits() & ((1 << 27) - 1));
     let high = map(numbers, |number| (number * 109_951_163) >> 40);
     let fours = zip(numbers, high, |number, high| high | ((number - 10_000 * high) << 32));

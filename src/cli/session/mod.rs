@@ -1,7 +1,7 @@
 //! What the command does, with the results in memory: for programs in other languages, and notebooks.
 //!
 //! ```
-//! use deflex::cli::held::{CellFile, ProgramFiles, Run, compensate};
+//! use deflex::cli::session::{CellFile, ProgramFiles, Run, compensate};
 //! use std::path::{Path, PathBuf};
 //! use std::sync::Arc;
 //!
