@@ -32,16 +32,16 @@ pub(super) fn advice(
     let drifts = |effect: &&Added| effect.not_told_apart_from.iter().any(|rival| rival == drift);
     for effect in added.iter().filter(drifts) {
         all.push(format!(
-            "`{}` cannot be told apart from an instrument that drifts: measure some of the first targets again at the end of the run, or give \
-             `temperature_c`",
+            "`{}` and an instrument that drifts look the same in these rows. Measure some of the first targets again at the end of the run, or \
+             give `temperature_c`",
             effect.kind
         ));
     }
     let by_posture = |effect: &&Added| effect.not_told_apart_from.iter().any(|rival| rival != drift);
     for effect in added.iter().filter(by_posture) {
         all.push(format!(
-            "`{}` cannot be told apart from {}: measure in further postures (another area, the wrist flipped, the tool turned \
-             about its axis) and at load levels that reverse; more points of the same do not help",
+            "`{}` looks the same in these rows as {}. Measure in further postures (another area, the wrist flipped, the tool turned \
+             about its axis) and under loads that reverse. More points of the same kind do not help",
             effect.kind,
             effect.not_told_apart_from.iter().map(|kind| name_with_distance(effect, kind, pairs)).collect::<Vec<_>>().join(", "),
         ));
@@ -52,7 +52,7 @@ pub(super) fn advice(
     }
     if problem.orientations > 0 {
         all.push(format!(
-            "{} measured orientations were read and not used: beside a program, or a length, positions alone are fitted and scored",
+            "the {} measured orientations are not used: positions alone are fitted where a table has a program, or measured lengths",
             problem.orientations
         ));
     }

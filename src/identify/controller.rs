@@ -30,8 +30,8 @@ pub(super) fn corrected_twice(declared: &Arm, problem: &Problem, before: &DVecto
         let gain = evidence(problem, &residual) - evidence(problem, before);
         (share.abs() < GONE && gain > PRICE).then(|| {
             format!(
-                "the controller seems to correct {word} already: of what the cell's effects of {word} move, {:.0} % is in the data, and \
-                 the declared cell is off by {:.4} mm rms with them and {:.4} mm without; if so, say `[controller] compensates = [\"{word}\"]`",
+                "the controller seems to correct {word} already. Of what the cell's effects of {word} move, {:.0} % is in the data. With \
+                 them the declared cell is off by {:.4} mm rms, without them by {:.4} mm. If so, say `[controller] compensates = [\"{word}\"]`",
                 100.0 * share,
                 rms(problem, before),
                 rms(problem, &residual),

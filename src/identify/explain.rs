@@ -173,8 +173,8 @@ impl Engine {
             let kind = &self.candidates[*c].kind;
             if added.kind != *kind {
                 replaced.push(format!(
-                    "on all rows `{kind}` is likelier than `{}`, which the fitted rows alone speak for: it is written in its place, and \
-                     the errors are those of `{}`; measure once more before this cell is relied on",
+                    "all rows together speak for `{kind}`, and the fitted rows alone for `{}`. The cell has the first, and the errors above \
+                     are those of `{}`. Measure once more before you rely on this cell",
                     added.kind, added.kind
                 ));
                 added.kind.clone_from(kind);

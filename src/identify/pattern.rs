@@ -143,7 +143,7 @@ impl Pattern {
             }
             Self::Crosstalk => "the force, if each axis of the sensor shows something of the others".to_owned(),
             Self::LateForce(by) if by > 0 => "the force, if each row has that of the row before it".to_owned(),
-            Self::LateForce(_) => "the force, if each row has that of the row behind it".to_owned(),
+            Self::LateForce(_) => "the force, if each row has that of the row after it".to_owned(),
             Self::Joint(joint) => format!("sin(k·q{0}), cos(k·q{0})", joint + 1),
             Self::Time => "time".to_owned(),
             Self::Force => "cutting force".to_owned(),

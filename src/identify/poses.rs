@@ -171,7 +171,7 @@ fn standing(
                 1e3 * off,
                 1e3 * reach
             );
-            errors.push(at(table, read.row, message).help("remove the row, or mend its x_mm, y_mm, z_mm"));
+            errors.push(at(table, read.row, message).help("remove the row, or correct its x_mm, y_mm, z_mm"));
         }
     }
     cut((), errors)?;

@@ -227,10 +227,6 @@ fn lines(text: &str) -> Vec<String> {
     lines
 }
 
-/// Messages that are still to be rewritten, with their files: a new message has no place here.
-/// `UPDATE_STYLE=1 cargo test --test suite style` writes the list anew, without those that are gone.
-const KNOWN: &str = include_str!("style_known.txt");
-
 #[test]
 fn messages_are_in_plain_words() {
     let mut found: Vec<String> = Vec::new();
@@ -239,10 +235,5 @@ fn messages_are_in_plain_words() {
         found.extend(lines(&text).iter().filter(|line| is_faulty(line)).map(|line| format!("{file}: {}", line.trim())));
     }
     found.dedup();
-    if std::env::var_os("UPDATE_STYLE").is_some() {
-        return std::fs::write(Path::new(ROOT).join("tests/suite/style_known.txt"), found.join("\n") + "\n").unwrap();
-    }
-    let known: Vec<&str> = KNOWN.lines().collect();
-    found.retain(|line| !known.contains(&&**line));
     assert!(found.is_empty(), "{} messages:\n{}", found.len(), found.join("\n"));
 }
