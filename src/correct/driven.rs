@@ -10,13 +10,14 @@ use super::solve::Solver;
 use super::{Corrected, DrivenFigures, DrivenSummary, Options, PathDeviation, Prepared, frames};
 use crate::cell::Cell;
 use crate::drive::{DriveError, DrivenSample, Lead, PathLaw, ProgrammedPath, Waypoint, drive, nearest_between};
-use crate::equilibrium::{Arm, WarmStart};
+use crate::equilibrium::{Arm, Setting, WarmStart};
 use crate::program::{Passing, Program};
 use crate::robot::{Joints, Pose, Robot};
 use crate::text::{Diagnostic, Severity};
 use nalgebra::{Rotation3, Translation3, Vector3};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Samples that are solved at once: some ten megabytes.
@@ -312,7 +313,7 @@ pub(super) fn follow_law(
 
 /// Says why corners are taken as written although the cell has the law of its controller.
 pub(super) fn as_written(error: Diagnostic) -> Diagnostic {
-    let message = format!("remaining_path_mm takes corners as written: {}", error.message);
+    let message = format!("corners are taken as written: {}", error.message);
     Diagnostic { code: "path.as-written", message, severity: Severity::Note, ..error }
 }
 
@@ -322,32 +323,27 @@ pub(super) fn as_written(error: Diagnostic) -> Diagnostic {
 /// What [`Prepared::new`] and [`Course::new`] refuse; a place on the way that is out of reach or has no equilibrium.
 pub fn loaded_path(program: &Program, cell: &Cell, options: &Options) -> Result<LoadedPath, Vec<Diagnostic>> {
     let mut prepared = Prepared::new(program, cell, options)?;
-    let course = Course::new(program, cell, &prepared)?;
-    let law = cell.controller.path.map_or(PathLaw::AS_WRITTEN, |path| path.law);
-    let driven = drive(&cell.arm.robot, &law, &course.waypoints).map_err(|error| course.refused(program, error))?;
-    let mut feeds = DrivenFeeds::new(&prepared.shared.laws);
-    let mut samples: Vec<LoadedSample> = Vec::with_capacity(driven.len());
-    let mut last: Option<(Joints, Joints)> = None;
-    let shares = Follow { program, prepared: &prepared, course: &course, arm: &cell.arm }.speeds(&driven);
-    for (batch, shares) in driven.chunks(BATCH).zip(shares.chunks(BATCH)) {
-        let follow = Follow { program, prepared: &prepared, course: &course, arm: &cell.arm };
-        let mut points: Vec<Point> = batch.iter().map(|sample| follow.point(sample, &mut last)).collect();
-        feeds.slow_down(&mut prepared, &mut points, shares);
-        let batch_of_points = prepared.with_points(points);
+    let mut motion = Motion::new(program, cell, &prepared)?;
+    let mut samples: Vec<LoadedSample> = Vec::with_capacity(motion.samples.len());
+    for from in (0..motion.samples.len()).step_by(BATCH) {
+        let batch: Vec<usize> = (from..motion.samples.len().min(from + BATCH)).collect();
+        let points = motion.points(&mut prepared, &batch).into_iter().map(|driven| driven.point);
+        let batch_of_points = prepared.with_points(points.collect());
         let solver = Solver::new(&cell.arm, &batch_of_points, Parallelism::Threads);
         let landed = solver.forward(|i| batch_of_points.points[i].as_programmed(), |_| WarmStart::default());
-        for (k, ((sample, point), landed)) in batch.iter().zip(&batch_of_points.points).zip(landed).enumerate() {
+        for (k, ((i, point), landed)) in batch.iter().zip(&batch_of_points.points).zip(landed).enumerate() {
+            let sample = &motion.samples[*i];
             let landed = landed.map_err(|error| {
                 let message = format!("the loaded arm has no equilibrium on the way to this target: {error}");
                 let help = "check the forces and the stiffness of the cell";
-                course.refused_at(program, sample.waypoint, message, help)
+                motion.course.refused_at(program, sample.waypoint, message, help)
             })?;
             let rotation = Rotation3::from_scaled_axis(landed.turn) * point.reference.rotation;
             let position = point.reference.translation.vector + landed.shift;
             let wobj_from_tcp = Pose::from_parts(Translation3::from(position), rotation);
             samples.push(LoadedSample {
                 time: sample.time,
-                target: program.targets[course.targets[sample.waypoint]].ordinal,
+                target: program.targets[motion.target(*i)].ordinal,
                 wobj_from_tcp,
                 feed: 0.0,
                 force: landed.cut,
@@ -361,14 +357,14 @@ pub fn loaded_path(program: &Program, cell: &Cell, options: &Options) -> Result<
         let way = to.wobj_from_tcp.translation.vector - from.wobj_from_tcp.translation.vector;
         (to.time > from.time).then(|| way.norm() / (to.time - from.time))
     };
-    let wobj = |sample: &DrivenSample| prepared.points[course.targets[sample.waypoint]].setting;
+    let wobj = |i: usize| prepared.points[motion.target(i)].setting;
     for i in 0..samples.len() {
-        let neighbour = |j: Option<usize>| j.filter(|j| driven.get(*j).is_some_and(|d| wobj(d) == wobj(&driven[i])));
+        let neighbour = |j: Option<usize>| j.filter(|j| *j < samples.len() && wobj(*j) == wobj(i));
         let before = neighbour(i.checked_sub(1)).unwrap_or(i);
         let after = neighbour(Some(i + 1)).unwrap_or(i);
         samples[i].feed = speed(&samples[before], &samples[after]).unwrap_or(0.0);
     }
-    Ok(LoadedPath { samples, notes: course.notes(program, cell) })
+    Ok(LoadedPath { samples, notes: motion.course.notes(program, cell) })
 }
 
 /// How a driven path keeps to the programmed one.
@@ -477,16 +473,16 @@ impl DrivenFeeds {
 
     /// Gives points the law of their cut at a share of the programmed speed.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss)]
-    fn slow_down(&mut self, prepared: &mut Prepared, points: &mut [Point], shares: &[f64]) {
+    fn slow_down(&mut self, prepared: &mut Prepared, points: &mut [DrivenPoint]) {
         let steps = FEED_STEPS as f64;
-        for (point, share) in points.iter_mut().zip(shares) {
+        for DrivenPoint { point, speed, .. } in points {
             let PointLoad::Law { law, .. } = &mut point.load else { continue };
             let laws = &prepared.shared.laws;
             let fastest = self.fastest[*law];
             let largest = laws[fastest].feed_per_tooth();
-            let step = (share * laws[*law].feed_per_tooth() / largest * steps).round() as usize;
+            let step = (*speed * laws[*law].feed_per_tooth() / largest * steps).round() as usize;
             // At the programmed feed the law is the program's own.
-            if (1.0 - share) * steps < 0.5 {
+            if (1.0 - *speed) * steps < 0.5 {
                 continue;
             }
             let shared = &mut prepared.shared;
@@ -499,54 +495,137 @@ impl DrivenFeeds {
     }
 }
 
-/// What the samples of a driven path are samples of.
-struct Follow<'a> {
+/// A program as its controller drives it, sample by sample; nothing loads the arm.
+pub(super) struct Motion<'a> {
     program: &'a Program,
-    prepared: &'a Prepared,
-    course: &'a Course,
     arm: &'a Arm,
+    course: Course,
+    samples: Vec<DrivenSample>,
+    /// Speed of the TCP at each sample over the programmed one, 0 to 1.
+    speeds: Vec<f64>,
+    feeds: DrivenFeeds,
+    /// The axes at the last sample that was looked at, and their direction of travel.
+    last: Option<(Joints, Joints)>,
 }
 
-impl Follow<'_> {
-    /// The speed of the TCP at each sample over the programmed one, 0 to 1.
-    fn speeds(&self, driven: &[DrivenSample]) -> Vec<f64> {
-        let tool = |sample: &DrivenSample| &self.course.waypoints[sample.waypoint].flange_from_tcp;
-        let place = |sample: &DrivenSample, by: &DrivenSample| {
-            (self.arm.robot.forward(&sample.motor) * tool(by)).translation.vector
-        };
-        let share = |i: usize| {
-            let (before, after) = (&driven[i.saturating_sub(1)], &driven[(i + 1).min(driven.len() - 1)]);
-            let (way, time) = (place(after, &driven[i]) - place(before, &driven[i]), after.time - before.time);
-            let speed = if time > 0.0 { way.norm() / time } else { 0.0 };
-            (speed / self.course.waypoints[driven[i].waypoint].feed).min(1.0)
-        };
-        (0..driven.len()).into_par_iter().map(share).collect()
+/// The circumstances of one sample of a [`Motion`].
+pub(super) struct DrivenPoint {
+    /// The programmed place on the way is its reference, the axes are where they are driven.
+    pub(super) point: Point,
+    /// Speed of the TCP over the programmed one, 0 to 1.
+    pub(super) speed: f64,
+    /// How far the TCP is driven to the side of the programmed way into its target, m.
+    pub(super) aside: f64,
+}
+
+impl<'a> Motion<'a> {
+    /// The motion along a program, by the law of the cell's controller; without a law corners are driven as written.
+    ///
+    /// # Errors
+    /// What [`Course::new`] refuses; a place on the way that is out of reach.
+    pub(super) fn new(program: &'a Program, cell: &'a Cell, prepared: &Prepared) -> Result<Self, Vec<Diagnostic>> {
+        let course = Course::new(program, cell, prepared)?;
+        let law = cell.controller.path.map_or(PathLaw::AS_WRITTEN, |path| path.law);
+        let arm = &cell.arm;
+        let samples = drive(&arm.robot, &law, &course.waypoints).map_err(|error| course.refused(program, error))?;
+        let speeds = speeds(&course, &arm.robot, &samples);
+        let feeds = DrivenFeeds::new(&prepared.shared.laws);
+        Ok(Self { program, arm, course, samples, speeds, feeds, last: None })
     }
 
-    /// The circumstances of one sample: the programmed place on the way as the reference, and the axes where they are. `last` has
-    /// the axes at the sample before, and their direction of travel.
-    fn point(&self, sample: &DrivenSample, last: &mut Option<(Joints, Joints)>) -> Point {
-        let Self { program, prepared, course, arm } = *self;
-        let (begin, end) = (course.targets[sample.waypoint - 1], course.targets[sample.waypoint]);
+    pub(super) fn course(&self) -> &Course {
+        &self.course
+    }
+
+    /// Index of the target that a sample leads to.
+    fn target(&self, sample: usize) -> usize {
+        self.course.targets[self.samples[sample].waypoint]
+    }
+
+    /// The samples on the way into a target, none where that takes less than the time between two of them; `None` for the target that
+    /// the program begins with.
+    pub(super) fn range_before(&self, target: usize) -> Option<Range<usize>> {
+        let waypoint = self.course.targets.binary_search(&target).ok().filter(|waypoint| *waypoint > 0)?;
+        let first = self.samples.partition_point(|sample| sample.waypoint < waypoint);
+        Some(first..self.samples.partition_point(|sample| sample.waypoint <= waypoint))
+    }
+
+    /// Where a sample leads the tool of a setting, in its work object.
+    pub(super) fn pose(&self, setting: &Setting, sample: usize) -> Pose {
+        setting.wobj_from_tcp(&self.arm.robot.forward(&self.samples[sample].motor))
+    }
+
+    /// Speed of the TCP at a sample over the programmed one, 0 to 1.
+    pub(super) fn speed(&self, sample: usize) -> f64 {
+        self.speeds[sample]
+    }
+
+    /// Share of the way into its target at a sample.
+    pub(super) fn share(&self, sample: usize) -> f64 {
+        self.samples[sample].share
+    }
+
+    /// The circumstances of samples, which are given in their order and looked at once.
+    pub(super) fn points(&mut self, prepared: &mut Prepared, samples: &[usize]) -> Vec<DrivenPoint> {
+        let (mut points, mut last) = (Vec::with_capacity(samples.len()), self.last);
+        for way in samples.chunk_by(|a, b| self.samples[*a].waypoint == self.samples[*b].waypoint) {
+            self.points_into(prepared, way, &mut last, &mut points);
+        }
+        self.last = last;
+        self.feeds.slow_down(prepared, &mut points);
+        points
+    }
+
+    /// The circumstances of samples on the way into one target.
+    fn points_into(
+        &self,
+        prepared: &Prepared,
+        samples: &[usize],
+        last: &mut Option<(Joints, Joints)>,
+        points: &mut Vec<DrivenPoint>,
+    ) {
+        let Some(waypoint) = samples.first().map(|i| self.samples[*i].waypoint) else { return };
+        let (begin, end) = (self.course.targets[waypoint - 1], self.course.targets[waypoint]);
+        let from = &prepared.points[begin];
         let start = Start {
-            point: prepared.points[begin].clone(),
+            point: from.clone(),
             setting: *prepared.setting(begin),
-            commanded: prepared.points[begin].wobj_from_tcp,
-            motor: prepared.points[begin].motor,
-            travel: prepared.points[begin].travel,
+            commanded: from.wobj_from_tcp,
+            motor: from.motor,
+            travel: from.travel,
             tangent: None,
             left: 0.0,
         };
-        let driven = prepared.setting(end).wobj_from_tcp(&arm.robot.forward(&sample.motor));
-        let mut point = match Segment::into(program, prepared, end, &start) {
-            Some(segment) => segment.at(sample.share),
-            // Joint motions do not cut and have no programmed path: the reference is where they lead.
-            None => Point { reference: driven, ..prepared.points[end].clone() },
-        };
-        let held = last.map_or_else(|| point.travel, |(before, held)| arm.travel(&before, &sample.motor, &held));
-        *last = Some((sample.motor, held));
-        (point.wobj_from_tcp, point.motor, point.travel, point.time) = (driven, sample.motor, held, sample.time);
-        point.unsolved = None;
-        point
+        let segment = Segment::into(self.program, prepared, end, &start);
+        for i in samples {
+            let (sample, speed) = (&self.samples[*i], self.speeds[*i]);
+            let driven = self.pose(prepared.setting(end), *i);
+            let mut point = match &segment {
+                Some(segment) => segment.at_speed(sample.share, speed),
+                // Joint motions do not cut and have no programmed path: the reference is where they lead.
+                None => Point { reference: driven, ..prepared.points[end].clone() },
+            };
+            let shift = driven.translation.vector - point.reference.translation.vector;
+            let aside = segment.as_ref().map_or(0.0, |segment| segment.track.across(sample.share, &shift).norm());
+            let held =
+                last.map_or_else(|| point.travel, |(before, held)| self.arm.travel(&before, &sample.motor, &held));
+            *last = Some((sample.motor, held));
+            (point.wobj_from_tcp, point.motor, point.travel, point.time) = (driven, sample.motor, held, sample.time);
+            point.unsolved = None;
+            points.push(DrivenPoint { point, speed, aside });
+        }
     }
+}
+
+/// The speed of the TCP at each sample over the programmed one, 0 to 1.
+fn speeds(course: &Course, robot: &Robot, driven: &[DrivenSample]) -> Vec<f64> {
+    let tool = |sample: &DrivenSample| &course.waypoints[sample.waypoint].flange_from_tcp;
+    let place = |sample: &DrivenSample, by: &DrivenSample| (robot.forward(&sample.motor) * tool(by)).translation.vector;
+    let share = |i: usize| {
+        let (before, after) = (&driven[i.saturating_sub(1)], &driven[(i + 1).min(driven.len() - 1)]);
+        let (way, time) = (place(after, &driven[i]) - place(before, &driven[i]), after.time - before.time);
+        let speed = if time > 0.0 { way.norm() / time } else { 0.0 };
+        (speed / course.waypoints[driven[i].waypoint].feed).min(1.0)
+    };
+    (0..driven.len()).into_par_iter().map(share).collect()
 }
