@@ -8,7 +8,7 @@ mod yielding;
 
 use super::Prepared;
 use super::context::Context;
-use super::driven::{Motion, as_written};
+use super::driven::{DrivenMotion, as_written};
 use super::frames;
 use super::load::{Follows, PointLoad, Through};
 use super::mount::Mount;
@@ -101,7 +101,7 @@ pub(super) fn run(
     };
     let mut notes = Vec::new();
     if cuts == Cuts::Driven {
-        match Motion::new(program, cell, prepared) {
+        match DrivenMotion::new(program, cell, prepared) {
             Ok(motion) => {
                 notes.extend(motion.course().notes(program, cell));
                 walk.motion = cell.controller.path.is_some().then_some(motion);
@@ -210,7 +210,7 @@ struct Walk<'a> {
     /// The stock as it was from time to time, where it is known how the part yields.
     stages: Option<Stages>,
     /// The way that the controller drives, where that is what cuts.
-    motion: Option<Motion<'a>>,
+    motion: Option<DrivenMotion<'a>>,
 }
 
 /// How far on from where a way begins its first force is computed, m.
