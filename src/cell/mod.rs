@@ -153,6 +153,8 @@ pub struct ControllerPath {
     pub error_share: f64,
     /// Shortest time between two points that the controller can plan, s.
     pub planning: Option<f64>,
+    /// Largest acceleration of each axis, °/s², as the pendant counts them.
+    pub axis_acceleration: Option<Joints>,
 }
 
 /// `[cl]`.

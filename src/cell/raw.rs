@@ -101,9 +101,9 @@ pub(super) struct Controller {
 #[serde(deny_unknown_fields)]
 pub(super) struct ControllerPath {
     pub(super) zone_share: f64,
-    pub(super) smoothing_s: [f64; 2],
-    pub(super) acceleration_mm_s2: f64,
-    pub(super) corner_acceleration_mm_s2: f64,
+    pub(super) smoothing_s: Option<[f64; 2]>,
+    pub(super) acceleration_mm_s2: Option<f64>,
+    pub(super) corner_acceleration_mm_s2: Option<f64>,
     #[serde(default)]
     pub(super) axis_lead_s2: [f64; 6],
     #[serde(default)]
@@ -112,6 +112,7 @@ pub(super) struct ControllerPath {
     #[serde(default)]
     pub(super) error_share: f64,
     pub(super) planning_s: Option<f64>,
+    pub(super) axis_acceleration_deg_s2: Option<[f64; 6]>,
 }
 
 #[derive(Deserialize)]

@@ -411,14 +411,18 @@ fn controller(check: &mut Check, raw: Option<&raw::Controller>) -> Controller {
 fn controller_path(check: &mut Check, keys: &raw::ControllerPath) -> ControllerPath {
     let positive = [
         ("controller.path.zone_share", &[keys.zone_share][..]),
-        ("controller.path.smoothing_s", &keys.smoothing_s),
-        ("controller.path.acceleration_mm_s2", &[keys.acceleration_mm_s2]),
-        ("controller.path.corner_acceleration_mm_s2", &[keys.corner_acceleration_mm_s2]),
+        ("controller.path.smoothing_s", keys.smoothing_s.as_ref().map_or(&[], <[f64; 2]>::as_slice)),
+        ("controller.path.acceleration_mm_s2", keys.acceleration_mm_s2.as_slice()),
+        ("controller.path.corner_acceleration_mm_s2", keys.corner_acceleration_mm_s2.as_slice()),
+        (
+            "controller.path.axis_acceleration_deg_s2",
+            keys.axis_acceleration_deg_s2.as_ref().map_or(&[], <[f64; 6]>::as_slice),
+        ),
     ];
     for (key, values) in positive {
         check.positive(key, values);
     }
-    let slow = keys.smoothing_s.iter().chain(&keys.lag_s).any(|seconds| seconds.abs() > SLOWEST_S);
+    let slow = keys.smoothing_s.iter().flatten().chain(&keys.lag_s).any(|seconds| seconds.abs() > SLOWEST_S);
     if slow {
         let message = format!("[controller.path] smoothing_s and lag_s are at most {SLOWEST_S} s");
         check.error("controller.path", message, "these are seconds: 58 ms are 0.058");
@@ -435,15 +439,17 @@ fn controller_path(check: &mut Check, keys: &raw::ControllerPath) -> ControllerP
     ControllerPath {
         law: PathLaw {
             zone_share: keys.zone_share,
-            smoothing: keys.smoothing_s,
+            // What is not declared is not assumed.
+            smoothing: keys.smoothing_s.unwrap_or(PathLaw::AS_WRITTEN.smoothing),
             axis_lead: keys.axis_lead_s2.into(),
-            acceleration: 1e-3 * keys.acceleration_mm_s2,
-            corner_acceleration: 1e-3 * keys.corner_acceleration_mm_s2,
+            acceleration: keys.acceleration_mm_s2.map_or(f64::INFINITY, |limit| 1e-3 * limit),
+            corner_acceleration: keys.corner_acceleration_mm_s2.map_or(f64::INFINITY, |limit| 1e-3 * limit),
             lag: keys.lag_s.into(),
         },
         zone: keys.zone_mm.map(|mm| 1e-3 * mm),
         error_share: keys.error_share,
         planning: keys.planning_s,
+        axis_acceleration: keys.axis_acceleration_deg_s2.map(|axes| axes.into()),
     }
 }
 

@@ -96,6 +96,9 @@ struct Speech {
     post: [&'static str; 2],
     /// A mechanical unit's name and axis, and who names it so.
     unit: [&'static str; 3],
+    /// What is known of the path that its controllers drive, as comments: what is said of it with its source, and keys of
+    /// `[controller.path]`. docs/driven-path.md lists it.
+    path: &'static str,
 }
 
 const RAPID: Speech = Speech {
@@ -107,6 +110,13 @@ const RAPID: Speech = Speech {
              oframe_quat = [1.0, 0.0, 0.0, 0.0]    # << wobjdata, oframe\n",
     post: ["rToolChange {number};", "rSpindle {rpm};"],
     unit: ["STN1", "eax_b", "as ActUnit and ufmec name it"],
+    path: "\
+# These numbers describe the joint logs of an IRB 6640 with its IRC5 controller (github.com/hehonglu123/ABB_Primitive_Study).
+# [controller.path]
+# zone_share = 0.87
+# smoothing_s = [0.058, 0.058]
+# acceleration_mm_s2 = 8000.0
+# corner_acceleration_mm_s2 = 4000.0",
 };
 
 const KUKA: Speech = Speech {
@@ -117,6 +127,13 @@ const KUKA: Speech = Speech {
     object: "",
     post: ["rToolChange({number})", "rSpindle({rpm})"],
     unit: ["E1", "eax_a", "E1 … E6 are eax_a … eax_f"],
+    path: "\
+# With C_DIS a motion leaves its way $APO.CDIS before its end at the earliest, and not before half of it (KUKA System Software,
+# Operating and Programming Instructions for System Integrators, Approximate positioning). The shape of the rounding, smoothing and
+# accelerations are not published: zone_share = 1.0 is the most that can be rounded.
+# [controller.path]
+# zone_share = 1.0
+# zone_mm = 5.0                 # where the program does not say $APO.CDIS, and for C_VEL, C_ORI and C_SPL",
 };
 
 const FANUC: Speech = Speech {
@@ -127,6 +144,12 @@ const FANUC: Speech = Speech {
     object: "",
     post: ["CALL TOOLCHG({number})", "CALL SPINDLE({rpm})"],
     unit: ["GP2", "eax_a", "the motion group"],
+    path: "\
+# CNT is a share of the speed and no distance: how far a corner is rounded depends on speed and acceleration, which FANUC does not
+# publish. The number of CR is not used: from where it is measured is not published. Measure a corner, or find the law from logs.
+# [controller.path]
+# zone_share = 1.0
+# zone_mm = 5.0                 # measured with CNT at your speed",
 };
 
 const UR: Speech = Speech {
@@ -137,6 +160,12 @@ const UR: Speech = Speech {
     object: "",
     post: ["tool_change({number})", "spindle({rpm})"],
     unit: ["TRACK1", "eax_a", "of the cell"],
+    path: "\
+# A motion may leave its way within the blend radius of its end, and blends cannot overlap (Universal Robots, User Manual, Blend
+# parameters). The acceleration is the default of movel, a = 1.2 m/s^2 (URScript Manual). Shape and smoothing are not published.
+# [controller.path]
+# zone_share = 1.0
+# acceleration_mm_s2 = 1200.0",
 };
 
 const YASKAWA: Speech = Speech {
@@ -147,6 +176,12 @@ const YASKAWA: Speech = Speech {
     object: "",
     post: ["CALL JOB:TOOLCHG ({number})", "CALL JOB:SPINDLE ({rpm})"],
     unit: ["ST1", "eax_a", "the station"],
+    path: "\
+# PL=0 stops; how near PL=1 to PL=8 pass is set in the controller's parameters (S1CxG33 and the following ones), and CR= states a
+# radius. Shape, smoothing and accelerations are not published: zone_share = 1.0 is the most that can be rounded.
+# [controller.path]
+# zone_share = 1.0
+# zone_mm = 5.0                 # of the position level of your programs",
 };
 
 impl Speech {
@@ -227,6 +262,7 @@ fn cell(head: &str, stiffness: &str, frames: &Frames, speech: &Speech) -> String
     let (tool, wobj) = (named(&frames.tool, speech.tool), named(&frames.wobj, speech.wobj));
     let frames = &frames.text;
     let ([tool_change, spindle_on], [unit, axis, unit_named], upright) = (speech.post, speech.unit, speech.upright);
+    let path = speech.path;
     let mut text = String::new();
     let names: Vec<&str> = KINDS.iter().map(|kind| kind.name).collect();
     let kinds: Vec<String> = names.chunks(7).map(|line| line.join(", ")).collect();
@@ -248,13 +284,9 @@ max_step_mm = 0.5               # so does a larger step between neighbouring cor
 [controller]
 compensates = []                # << "gravity", "geometry": what the controller corrects by itself (Absolute Accuracy)
 
-# The path that the controller drives. These numbers describe the joint logs of an IRB 6640 with its IRC5 controller
-# (github.com/hehonglu123/ABB_Primitive_Study). Find those of your controller: deflex identify --log PROGRAM LOG.csv
-# [controller.path]
-# zone_share = 0.87
-# smoothing_s = [0.058, 0.058]
-# acceleration_mm_s2 = 8000.0
-# corner_acceleration_mm_s2 = 4000.0
+# The path that the controller drives. Find the law of your controller: deflex identify --log PROGRAM LOG.csv
+{path}
+# axis_acceleration_deg_s2 = [300, 300, 300, 600, 600, 900]   # limits of your axes: a warning names where they are passed
 
 # Tools and work objects, by the names in the program, that it uses and does not declare; and those of CL input.
 {frames}

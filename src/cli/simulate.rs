@@ -35,7 +35,7 @@ pub(super) fn run(args: &Simulate) -> Outcome {
     one_thing(printed)?;
     let originals = Originals::new(args.against.as_deref(), &jobs, args.reading.format)?;
     let mut outputs = Outputs::default();
-    let (mut files, mut text) = (Vec::new(), String::new());
+    let (mut files, mut text, mut notes) = (Vec::new(), String::new(), Vec::new());
     let count = jobs.len() as f64;
     let bar = progress::shares("cutting", args.common.quiet);
     for (i, job) in jobs.into_iter().enumerate() {
@@ -63,6 +63,7 @@ pub(super) fn run(args: &Simulate) -> Outcome {
         }
         text += &simulated.text();
         files.push(simulated.summary());
+        notes.extend(simulated.notes);
     }
     bar.finish_and_clear();
     if let Some(path) = &args.json {
@@ -75,6 +76,7 @@ pub(super) fn run(args: &Simulate) -> Outcome {
     outputs.commit()?;
     if !args.common.quiet {
         message::print(&setup.notes(), true);
+        message::print(&notes, args.common.quiet);
     }
     Ok(Answer::Yes)
 }

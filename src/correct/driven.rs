@@ -9,18 +9,26 @@ use super::segment::{Kind, Segment, Start};
 use super::solve::Solver;
 use super::{Corrected, DrivenFigures, DrivenSummary, Options, PathDeviation, Prepared, frames};
 use crate::cell::Cell;
-use crate::drive::{DriveError, DrivenSample, Lead, PathLaw, ProgrammedPath, Waypoint, drive, nearest_between};
-use crate::equilibrium::{Arm, WarmStart};
+use crate::drive::{
+    DriveError, DrivenSample, Lead, Offset, PathLaw, ProgrammedPath, SAMPLE_S, Waypoint, drive, nearest_between,
+};
+use crate::equilibrium::{Arm, Setting, WarmStart};
 use crate::program::{Passing, Program};
 use crate::robot::{Joints, Pose, Robot};
 use crate::text::{Diagnostic, Severity};
 use nalgebra::{Rotation3, Translation3, Vector3};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Samples that are solved at once: some ten megabytes.
 const BATCH: usize = 16_384;
+/// The equilibrium of the loaded arm is solved at least so often along a driven path, m: engagement changes within a fraction of a cutter,
+/// and a deflection of 1 mm of an arm of 1 m bends by less than a nanometre over it.
+const SOLVED_EVERY: f64 = 2e-3;
+/// And at least once in so many samples, which are a quarter of a second.
+const MOST_BETWEEN: usize = 64;
 /// Feeds of a cutter at which the force is known, up to its largest one. Half a step is 3 % of the chip load: less than any coefficient of
 /// a material is known to.
 const FEED_STEPS: usize = 16;
@@ -34,6 +42,8 @@ pub struct Course {
     pub(super) targets: Vec<usize>,
     /// Waypoints that are passed though nothing says how near: they are taken as stops.
     unstated: usize,
+    /// Waypoints that the text has the controller pass, and at which it comes to rest all the same, with what it waits for.
+    waits: Vec<(usize, &'static str)>,
 }
 
 /// One moment of the driven and loaded path, in the target's work object.
@@ -81,9 +91,10 @@ impl Course {
     /// A target whose place is not known, external axes that move the base or the part, a motion without a speed.
     pub fn new(program: &Program, cell: &Cell, prepared: &Prepared) -> Result<Self, Vec<Diagnostic>> {
         let unstated_zone = cell.controller.path.and_then(|path| path.zone);
-        let mut course = Self { waypoints: Vec::new(), targets: Vec::new(), unstated: 0 };
+        let mut course = Self { waypoints: Vec::new(), targets: Vec::new(), unstated: 0, waits: Vec::new() };
         let mut feed = None;
-        for i in (0..prepared.points.len()).filter(|i| Kind::of(program, *i) != Kind::Point) {
+        let ends: Vec<usize> = (0..prepared.points.len()).filter(|i| Kind::of(program, *i) != Kind::Point).collect();
+        for (at, i) in ends.iter().copied().enumerate() {
             let (target, point) = (&program.targets[i], &prepared.points[i]);
             let refuse = |message: &str, help: &str| {
                 let source = &program.sources[usize::from(target.source)];
@@ -115,6 +126,10 @@ impl Course {
                     unstated_zone
                 }
             };
+            // A motion that is not known in time is not rounded into.
+            let waits = zone.and_then(|_| program.waits_between(i, *ends.get(at + 1)?));
+            course.waits.extend(waits.map(|word| (at, word)));
+            let zone = zone.filter(|_| waits.is_none());
             let setting = prepared.setting(i);
             let in_base = |pose: &Pose| setting.base_from_wobj * pose;
             let lead = match Kind::of(program, i) {
@@ -157,9 +172,20 @@ impl Course {
             );
             notes.push(note(message, "give the radius in the cell: [controller.path] zone_mm"));
         }
+        if let Some(missing) =
+            cell.controller.path.map(|path| undeclared(&path.law)).filter(|missing| !missing.is_empty())
+        {
+            let message = format!(
+                "[controller.path] does not say {}: the controller is taken to be without it, and a real one cuts bends by more",
+                missing.join(", ")
+            );
+            notes.push(note(message, "find the law of your controller: deflex identify --log PROGRAM LOG.csv"));
+        }
         if let Some(path) = cell.controller.path {
+            notes.extend(path.axis_acceleration.and_then(|limits| self.fast_axes(program, cell, &limits)));
             notes.extend(path.planning.and_then(|planning| self.short_motions(program, planning)));
             notes.extend(self.cut_zones(program));
+            notes.extend(self.corner_failures(program));
         }
         notes
     }
@@ -189,6 +215,57 @@ impl Course {
         let mut warning = self.at(program, shortest, "path.stutter", message);
         warning.severity = Severity::Warning;
         Some(warning.help("put the points further apart, or lower the feed"))
+    }
+
+    /// Warns of corners that the controller cannot round, because the program waits before the next motion is known.
+    fn corner_failures(&self, program: &Program) -> Option<Diagnostic> {
+        let &(first, word) = self.waits.first()?;
+        let more = match self.waits.len() - 1 {
+            0 => String::new(),
+            more => format!(", and at {more} more"),
+        };
+        let message = format!(
+            "the program waits after this motion ({word}) before the next one is known: the controller comes to rest here in place of \
+             rounding the corner (corner path failure){more}"
+        );
+        let mut warning = self.at(program, first, "path.corner-failure", message);
+        warning.severity = Severity::Warning;
+        Some(warning.help("write a stop where the arm is to wait, or move the statement"))
+    }
+
+    /// Warns of ways on which an axis would have to accelerate by more than its limit (°/s²). Lead and lag of the motors are no part of
+    /// the motion that the controller plans.
+    fn fast_axes(&self, program: &Program, cell: &Cell, limits: &Joints) -> Option<Diagnostic> {
+        let law = PathLaw { axis_lead: Joints::zeros(), lag: Joints::zeros(), ..cell.controller.path?.law };
+        let samples = drive(&cell.arm.robot, &law, &self.waypoints).ok()?;
+        let axes: Vec<[f64; 6]> =
+            samples.iter().map(|sample| cell.arm.robot.axes_deg_from_motor(&sample.motor)).collect();
+        // Of each way the largest share of a limit, and its axis and acceleration.
+        let mut worst: BTreeMap<usize, (f64, usize, f64)> = BTreeMap::new();
+        for k in 1..axes.len().saturating_sub(1) {
+            for axis in 0..6 {
+                let bend = axes[k + 1][axis] - 2.0 * axes[k][axis] + axes[k - 1][axis];
+                let acceleration = (bend / SAMPLE_S.powi(2)).abs();
+                let share = acceleration / limits[axis];
+                let known = worst.entry(samples[k].waypoint).or_default();
+                if share > known.0 {
+                    *known = (share, axis, acceleration);
+                }
+            }
+        }
+        worst.retain(|_, (share, ..)| *share > 1.0);
+        let (&waypoint, &(_, axis, acceleration)) = worst.iter().max_by(|a, b| a.1.0.total_cmp(&b.1.0))?;
+        let message = format!(
+            "axis {} would have to accelerate by {acceleration:.0} °/s² on the way into this target, and {:.0} °/s² is its most; axes do so on \
+             {} of {} ways",
+            axis + 1,
+            limits[axis],
+            worst.len(),
+            self.waypoints.len().saturating_sub(1)
+        );
+        let mut warning = self.at(program, waypoint, "path.axis-acceleration", message);
+        warning.severity = Severity::Warning;
+        Some(warning.help("lower the feed there, make the zone larger, or lead the tool past a singular posture"))
     }
 
     /// Says how many zones are larger than half the way to a neighbouring point. Controllers cut them to that: "Interpolation with
@@ -250,6 +327,16 @@ impl Course {
     }
 }
 
+/// What of a law is not declared: its keys.
+fn undeclared(law: &PathLaw) -> Vec<&'static str> {
+    let keys = [
+        ("smoothing_s", law.smoothing.iter().all(|width| *width <= 0.0)),
+        ("acceleration_mm_s2", law.acceleration.is_infinite()),
+        ("corner_acceleration_mm_s2", law.corner_acceleration.is_infinite()),
+    ];
+    keys.into_iter().filter_map(|(key, is_missing)| is_missing.then_some(key)).collect()
+}
+
 /// A corrected program's original, from whose path it is judged.
 pub(super) struct Original<'a> {
     pub(super) program: &'a Program,
@@ -273,9 +360,12 @@ pub(super) fn follow_law(
     let motion_of = |motion: usize| motions.and_then(|motions| motions.get(motion)).copied().unwrap_or(motion);
     let base = original.as_ref().map_or(program, |original| original.program);
     let judged = || -> Result<(DrivenWays, Vec<Diagnostic>), Vec<Diagnostic>> {
-        let prepared = Prepared::new(base, cell, options)?;
+        let mut prepared = Prepared::new(base, cell, options)?;
         let course = Course::new(base, cell, &prepared)?;
-        let path = loaded_path(program, cell, options)?;
+        let path = match original {
+            Some(_) => loaded_path(program, cell, options)?,
+            None => loaded_along(&mut prepared, program, cell)?,
+        };
         Ok((driven_ways(&prepared, &course, &cell.arm.robot, &path, &motion_of), path.notes))
     };
     match judged() {
@@ -312,7 +402,7 @@ pub(super) fn follow_law(
 
 /// Says why corners are taken as written although the cell has the law of its controller.
 pub(super) fn as_written(error: Diagnostic) -> Diagnostic {
-    let message = format!("remaining_path_mm takes corners as written: {}", error.message);
+    let message = format!("corners are taken as written: {}", error.message);
     Diagnostic { code: "path.as-written", message, severity: Severity::Note, ..error }
 }
 
@@ -321,38 +411,63 @@ pub(super) fn as_written(error: Diagnostic) -> Diagnostic {
 /// # Errors
 /// What [`Prepared::new`] and [`Course::new`] refuse; a place on the way that is out of reach or has no equilibrium.
 pub fn loaded_path(program: &Program, cell: &Cell, options: &Options) -> Result<LoadedPath, Vec<Diagnostic>> {
-    let mut prepared = Prepared::new(program, cell, options)?;
-    let course = Course::new(program, cell, &prepared)?;
-    let law = cell.controller.path.map_or(PathLaw::AS_WRITTEN, |path| path.law);
-    let driven = drive(&cell.arm.robot, &law, &course.waypoints).map_err(|error| course.refused(program, error))?;
-    let mut feeds = DrivenFeeds::new(&prepared.shared.laws);
-    let mut samples: Vec<LoadedSample> = Vec::with_capacity(driven.len());
-    let mut last: Option<(Joints, Joints)> = None;
-    let shares = Follow { program, prepared: &prepared, course: &course, arm: &cell.arm }.speeds(&driven);
-    for (batch, shares) in driven.chunks(BATCH).zip(shares.chunks(BATCH)) {
-        let follow = Follow { program, prepared: &prepared, course: &course, arm: &cell.arm };
-        let mut points: Vec<Point> = batch.iter().map(|sample| follow.point(sample, &mut last)).collect();
-        feeds.slow_down(&mut prepared, &mut points, shares);
-        let batch_of_points = prepared.with_points(points);
-        let solver = Solver::new(&cell.arm, &batch_of_points, Parallelism::Threads);
-        let landed = solver.forward(|i| batch_of_points.points[i].as_programmed(), |_| WarmStart::default());
-        for (k, ((sample, point), landed)) in batch.iter().zip(&batch_of_points.points).zip(landed).enumerate() {
+    loaded_along(&mut Prepared::new(program, cell, options)?, program, cell)
+}
+
+/// The same of a program that is prepared.
+pub(super) fn loaded_along(
+    prepared: &mut Prepared,
+    program: &Program,
+    cell: &Cell,
+) -> Result<LoadedPath, Vec<Diagnostic>> {
+    let mut motion = DrivenMotion::new(program, cell, prepared)?;
+    let mut samples: Vec<LoadedSample> = Vec::with_capacity(motion.samples.len());
+    for from in (0..motion.samples.len()).step_by(BATCH) {
+        let batch: Vec<usize> = (from..motion.samples.len().min(from + BATCH)).collect();
+        let points: Vec<Point> = motion.points(prepared, &batch).into_iter().map(|driven| driven.point).collect();
+        let solved = solved_among(&points);
+        let solved_points = prepared.with_points(solved.iter().map(|k| points[*k].clone()).collect());
+        let solver = Solver::new(&cell.arm, &solved_points, Parallelism::Threads);
+        let landed = solver.forward(|i| solved_points.points[i].as_programmed(), |_| WarmStart::default());
+        let mut bends: Vec<Bend> = Vec::with_capacity(solved.len());
+        for ((k, point), landed) in solved.iter().zip(&solved_points.points).zip(landed) {
             let landed = landed.map_err(|error| {
                 let message = format!("the loaded arm has no equilibrium on the way to this target: {error}");
                 let help = "check the forces and the stiffness of the cell";
-                course.refused_at(program, sample.waypoint, message, help)
+                motion.course.refused_at(program, motion.samples[batch[*k]].waypoint, message, help)
             })?;
             let rotation = Rotation3::from_scaled_axis(landed.turn) * point.reference.rotation;
-            let position = point.reference.translation.vector + landed.shift;
+            bends.push(Bend {
+                shift: point.reference.translation.vector + landed.shift - point.wobj_from_tcp.translation.vector,
+                turn: (rotation * point.wobj_from_tcp.rotation.inverse()).scaled_axis(),
+                force: landed.cut,
+            });
+        }
+        let mut after = 0;
+        for (k, (i, point)) in batch.iter().zip(&points).enumerate() {
+            let sample = &motion.samples[*i];
+            while solved[after] < k {
+                after += 1;
+            }
+            let bend = if solved[after] == k {
+                bends[after]
+            } else {
+                let time = |at: usize| motion.samples[batch[solved[at]]].time;
+                bends[after - 1]
+                    .between(&bends[after], (sample.time - time(after - 1)) / (time(after) - time(after - 1)))
+            };
+            let position = point.wobj_from_tcp.translation.vector + bend.shift;
+            let rotation = Rotation3::from_scaled_axis(bend.turn) * point.wobj_from_tcp.rotation;
             let wobj_from_tcp = Pose::from_parts(Translation3::from(position), rotation);
+            let target = motion.target(*i);
             samples.push(LoadedSample {
                 time: sample.time,
-                target: program.targets[course.targets[sample.waypoint]].ordinal,
+                target: program.targets[target].ordinal,
                 wobj_from_tcp,
                 feed: 0.0,
-                force: landed.cut,
+                force: bend.force,
                 waypoint: sample.waypoint,
-                base_from_tcp: (batch_of_points.base_from_wobj(k) * wobj_from_tcp).translation.vector,
+                base_from_tcp: (prepared.base_from_wobj(target) * wobj_from_tcp).translation.vector,
             });
         }
     }
@@ -361,14 +476,58 @@ pub fn loaded_path(program: &Program, cell: &Cell, options: &Options) -> Result<
         let way = to.wobj_from_tcp.translation.vector - from.wobj_from_tcp.translation.vector;
         (to.time > from.time).then(|| way.norm() / (to.time - from.time))
     };
-    let wobj = |sample: &DrivenSample| prepared.points[course.targets[sample.waypoint]].setting;
+    let wobj = |i: usize| prepared.points[motion.target(i)].setting;
     for i in 0..samples.len() {
-        let neighbour = |j: Option<usize>| j.filter(|j| driven.get(*j).is_some_and(|d| wobj(d) == wobj(&driven[i])));
+        let neighbour = |j: Option<usize>| j.filter(|j| *j < samples.len() && wobj(*j) == wobj(i));
         let before = neighbour(i.checked_sub(1)).unwrap_or(i);
         let after = neighbour(Some(i + 1)).unwrap_or(i);
         samples[i].feed = speed(&samples[before], &samples[after]).unwrap_or(0.0);
     }
-    Ok(LoadedPath { samples, notes: course.notes(program, cell) })
+    Ok(LoadedPath { samples, notes: motion.course.notes(program, cell) })
+}
+
+/// What the load makes of a driven pose.
+#[derive(Clone, Copy)]
+struct Bend {
+    /// From the driven place to the actual one, m, work object axes.
+    shift: Vector3<f64>,
+    /// The same of the orientation, a rotation vector, rad.
+    turn: Vector3<f64>,
+    /// Force on the tool, N, work object axes.
+    force: Vector3<f64>,
+}
+
+impl Bend {
+    fn between(&self, to: &Self, share: f64) -> Self {
+        Self {
+            shift: self.shift.lerp(&to.shift, share),
+            turn: self.turn.lerp(&to.turn, share),
+            force: self.force.lerp(&to.force, share),
+        }
+    }
+}
+
+/// Consecutive samples whose equilibria are solved, by their indices, the first and the last among them: between two of them the tool is
+/// led no farther than [`SOLVED_EVERY`], and load and travel change so little that the deflection runs straight.
+fn solved_among(points: &[Point]) -> Vec<usize> {
+    let alike = |from: usize, to: usize| {
+        let (a, b) = (&points[from], &points[to]);
+        let way = a.wobj_from_tcp.translation.vector - b.wobj_from_tcp.translation.vector;
+        to - from <= MOST_BETWEEN
+            && way.norm_squared() <= SOLVED_EVERY.powi(2)
+            && a.setting == b.setting
+            && a.travel == b.travel
+            && a.part.is_some() == b.part.is_some()
+            && a.load.is_near(&b.load)
+    };
+    let mut solved: Vec<usize> = Vec::new();
+    for k in 0..points.len() {
+        let is_between = |from: usize| k + 1 < points.len() && alike(from, k) && alike(from, k + 1);
+        if !solved.last().is_some_and(|from| is_between(*from)) {
+            solved.push(k);
+        }
+    }
+    solved
 }
 
 /// How a driven path keeps to the programmed one.
@@ -393,7 +552,7 @@ pub(super) fn driven_ways(
     course: &Course,
     robot: &Robot,
     path: &LoadedPath,
-    waypoint_of: &dyn Fn(usize) -> usize,
+    waypoint_of: &(dyn Fn(usize) -> usize + Sync),
 ) -> DrivenWays {
     let programmed = ProgrammedPath::new(robot, &course.waypoints);
     let cuts = |i: &usize| prepared.points[*i].cuts();
@@ -408,10 +567,17 @@ pub(super) fn driven_ways(
         .collect();
     let places: Vec<Vector3<f64>> = path.samples.iter().map(|sample| sample.base_from_tcp).collect();
     let mut driven_length = vec![0.0; ways.len()];
-    for (k, sample) in path.samples.iter().enumerate() {
+    let mut passed = Vec::new();
+    let offset = |sample: &LoadedSample| programmed.offset(&sample.base_from_tcp, waypoint_of(sample.waypoint));
+    let offsets: Vec<Option<Offset>> = path.samples.par_iter().map(offset).collect();
+    for (k, (sample, offset)) in path.samples.iter().zip(offsets).enumerate() {
         let waypoint = waypoint_of(sample.waypoint);
-        let Some(way) = &mut ways[waypoint] else { continue };
-        let Some(offset) = programmed.offset(&sample.base_from_tcp, waypoint) else { continue };
+        let back = || prepared.base_from_wobj(course.targets[waypoint]).rotation.inverse();
+        let off = offset.map(|offset| back() * offset.vector);
+        // Motions that end between two samples have the next one's.
+        passed.resize(sample.waypoint + 1, off);
+        passed[sample.waypoint] = off;
+        let Some((way, offset)) = ways[waypoint].as_mut().zip(offset) else { continue };
         let distance = 1e3 * offset.vector.norm();
         let length = k.checked_sub(1).map_or(0.0, |before| (places[k] - places[before]).norm());
         way.max_mm = way.max_mm.max(distance);
@@ -439,15 +605,6 @@ pub(super) fn driven_ways(
         max_mm: counted.map(|way| way.max_mm).fold(0.0, f64::max),
         run_time_s: path.samples.last().map_or(0.0, |sample| sample.time),
     };
-    let mut passed = Vec::new();
-    for sample in &path.samples {
-        let waypoint = waypoint_of(sample.waypoint);
-        let off = programmed.offset(&sample.base_from_tcp, waypoint);
-        let off = off.map(|off| prepared.base_from_wobj(course.targets[waypoint]).rotation.inverse() * off.vector);
-        // Motions that end between two samples have the next one's.
-        passed.resize(sample.waypoint + 1, off);
-        passed[sample.waypoint] = off;
-    }
     DrivenWays { ways, missed, passed, counts, figures }
 }
 
@@ -477,16 +634,16 @@ impl DrivenFeeds {
 
     /// Gives points the law of their cut at a share of the programmed speed.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss)]
-    fn slow_down(&mut self, prepared: &mut Prepared, points: &mut [Point], shares: &[f64]) {
+    fn slow_down(&mut self, prepared: &mut Prepared, points: &mut [DrivenPoint]) {
         let steps = FEED_STEPS as f64;
-        for (point, share) in points.iter_mut().zip(shares) {
+        for DrivenPoint { point, speed, .. } in points {
             let PointLoad::Law { law, .. } = &mut point.load else { continue };
             let laws = &prepared.shared.laws;
             let fastest = self.fastest[*law];
             let largest = laws[fastest].feed_per_tooth();
-            let step = (share * laws[*law].feed_per_tooth() / largest * steps).round() as usize;
+            let step = (*speed * laws[*law].feed_per_tooth() / largest * steps).round() as usize;
             // At the programmed feed the law is the program's own.
-            if (1.0 - share) * steps < 0.5 {
+            if (1.0 - *speed) * steps < 0.5 {
                 continue;
             }
             let shared = &mut prepared.shared;
@@ -499,54 +656,138 @@ impl DrivenFeeds {
     }
 }
 
-/// What the samples of a driven path are samples of.
-struct Follow<'a> {
+/// A program as its controller drives it, sample by sample; nothing loads the arm.
+pub(super) struct DrivenMotion<'a> {
     program: &'a Program,
-    prepared: &'a Prepared,
-    course: &'a Course,
     arm: &'a Arm,
+    course: Course,
+    samples: Vec<DrivenSample>,
+    /// Speed of the TCP at each sample over the programmed one, 0 to 1.
+    speeds: Vec<f64>,
+    feeds: DrivenFeeds,
+    /// The axes at the last sample that was looked at, and their direction of travel.
+    last: Option<(Joints, Joints)>,
 }
 
-impl Follow<'_> {
-    /// The speed of the TCP at each sample over the programmed one, 0 to 1.
-    fn speeds(&self, driven: &[DrivenSample]) -> Vec<f64> {
-        let tool = |sample: &DrivenSample| &self.course.waypoints[sample.waypoint].flange_from_tcp;
-        let place = |sample: &DrivenSample, by: &DrivenSample| {
-            (self.arm.robot.forward(&sample.motor) * tool(by)).translation.vector
-        };
-        let share = |i: usize| {
-            let (before, after) = (&driven[i.saturating_sub(1)], &driven[(i + 1).min(driven.len() - 1)]);
-            let (way, time) = (place(after, &driven[i]) - place(before, &driven[i]), after.time - before.time);
-            let speed = if time > 0.0 { way.norm() / time } else { 0.0 };
-            (speed / self.course.waypoints[driven[i].waypoint].feed).min(1.0)
-        };
-        (0..driven.len()).into_par_iter().map(share).collect()
+/// The circumstances of one sample of a [`DrivenMotion`].
+pub(super) struct DrivenPoint {
+    /// The programmed place on the way is its reference, the axes are where they are driven.
+    pub(super) point: Point,
+    /// Speed of the TCP over the programmed one, 0 to 1.
+    pub(super) speed: f64,
+    /// How far the TCP is driven to the side of the programmed way into its target, m.
+    pub(super) aside: f64,
+}
+
+impl<'a> DrivenMotion<'a> {
+    /// The motion along a program, by the law of the cell's controller; without a law corners are driven as written.
+    ///
+    /// # Errors
+    /// What [`Course::new`] refuses; a place on the way that is out of reach.
+    pub(super) fn new(program: &'a Program, cell: &'a Cell, prepared: &Prepared) -> Result<Self, Vec<Diagnostic>> {
+        let course = Course::new(program, cell, prepared)?;
+        let law = cell.controller.path.map_or(PathLaw::AS_WRITTEN, |path| path.law);
+        let arm = &cell.arm;
+        let samples = drive(&arm.robot, &law, &course.waypoints).map_err(|error| course.refused(program, error))?;
+        let speeds = speeds(&course, &arm.robot, &samples);
+        let feeds = DrivenFeeds::new(&prepared.shared.laws);
+        Ok(Self { program, arm, course, samples, speeds, feeds, last: None })
     }
 
-    /// The circumstances of one sample: the programmed place on the way as the reference, and the axes where they are. `last` has
-    /// the axes at the sample before, and their direction of travel.
-    fn point(&self, sample: &DrivenSample, last: &mut Option<(Joints, Joints)>) -> Point {
-        let Self { program, prepared, course, arm } = *self;
-        let (begin, end) = (course.targets[sample.waypoint - 1], course.targets[sample.waypoint]);
+    pub(super) fn course(&self) -> &Course {
+        &self.course
+    }
+
+    /// Index of the target that a sample leads to.
+    fn target(&self, sample: usize) -> usize {
+        self.course.targets[self.samples[sample].waypoint]
+    }
+
+    /// The samples on the way into a target, none where that takes less than the time between two of them; `None` for the target that
+    /// the program begins with.
+    pub(super) fn range_before(&self, target: usize) -> Option<Range<usize>> {
+        let waypoint = self.course.targets.binary_search(&target).ok().filter(|waypoint| *waypoint > 0)?;
+        let first = self.samples.partition_point(|sample| sample.waypoint < waypoint);
+        Some(first..self.samples.partition_point(|sample| sample.waypoint <= waypoint))
+    }
+
+    /// Where a sample leads the tool of a setting, in its work object.
+    pub(super) fn pose(&self, setting: &Setting, sample: usize) -> Pose {
+        setting.wobj_from_tcp(&self.arm.robot.forward(&self.samples[sample].motor))
+    }
+
+    /// Speed of the TCP at a sample over the programmed one, 0 to 1.
+    pub(super) fn speed(&self, sample: usize) -> f64 {
+        self.speeds[sample]
+    }
+
+    /// Share of the way into its target at a sample.
+    pub(super) fn share(&self, sample: usize) -> f64 {
+        self.samples[sample].share
+    }
+
+    /// The circumstances of samples, which are given in their order and looked at once.
+    pub(super) fn points(&mut self, prepared: &mut Prepared, samples: &[usize]) -> Vec<DrivenPoint> {
+        let (mut points, mut last) = (Vec::with_capacity(samples.len()), self.last);
+        for way in samples.chunk_by(|a, b| self.samples[*a].waypoint == self.samples[*b].waypoint) {
+            self.points_into(prepared, way, &mut last, &mut points);
+        }
+        self.last = last;
+        self.feeds.slow_down(prepared, &mut points);
+        points
+    }
+
+    /// The circumstances of samples on the way into one target.
+    fn points_into(
+        &self,
+        prepared: &Prepared,
+        samples: &[usize],
+        last: &mut Option<(Joints, Joints)>,
+        points: &mut Vec<DrivenPoint>,
+    ) {
+        let Some(waypoint) = samples.first().map(|i| self.samples[*i].waypoint) else { return };
+        let (begin, end) = (self.course.targets[waypoint - 1], self.course.targets[waypoint]);
+        let from = &prepared.points[begin];
         let start = Start {
-            point: prepared.points[begin].clone(),
+            point: from.clone(),
             setting: *prepared.setting(begin),
-            commanded: prepared.points[begin].wobj_from_tcp,
-            motor: prepared.points[begin].motor,
-            travel: prepared.points[begin].travel,
+            commanded: from.wobj_from_tcp,
+            motor: from.motor,
+            travel: from.travel,
             tangent: None,
             left: 0.0,
         };
-        let driven = prepared.setting(end).wobj_from_tcp(&arm.robot.forward(&sample.motor));
-        let mut point = match Segment::into(program, prepared, end, &start) {
-            Some(segment) => segment.at(sample.share),
-            // Joint motions do not cut and have no programmed path: the reference is where they lead.
-            None => Point { reference: driven, ..prepared.points[end].clone() },
-        };
-        let held = last.map_or_else(|| point.travel, |(before, held)| arm.travel(&before, &sample.motor, &held));
-        *last = Some((sample.motor, held));
-        (point.wobj_from_tcp, point.motor, point.travel, point.time) = (driven, sample.motor, held, sample.time);
-        point.unsolved = None;
-        point
+        let segment = Segment::into(self.program, prepared, end, &start);
+        for i in samples {
+            let (sample, speed) = (&self.samples[*i], self.speeds[*i]);
+            let driven = self.pose(prepared.setting(end), *i);
+            let mut point = match &segment {
+                Some(segment) => segment.at_speed(sample.share, speed),
+                // Joint motions do not cut and have no programmed path: the reference is where they lead.
+                None => Point { reference: driven, ..prepared.points[end].clone() },
+            };
+            let shift = driven.translation.vector - point.reference.translation.vector;
+            let aside = segment.as_ref().map_or(0.0, |segment| segment.track.across(sample.share, &shift).norm());
+            let held =
+                last.map_or_else(|| point.travel, |(before, held)| self.arm.travel(&before, &sample.motor, &held));
+            *last = Some((sample.motor, held));
+            (point.wobj_from_tcp, point.motor, point.travel, point.time) = (driven, sample.motor, held, sample.time);
+            point.unsolved = None;
+            points.push(DrivenPoint { point, speed, aside });
+        }
     }
+}
+
+/// The speed of the TCP at each sample over the programmed one, 0 to 1.
+fn speeds(course: &Course, robot: &Robot, driven: &[DrivenSample]) -> Vec<f64> {
+    let flanges: Vec<Pose> = driven.par_iter().map(|sample| robot.forward(&sample.motor)).collect();
+    let share = |i: usize| {
+        let tool = &course.waypoints[driven[i].waypoint].flange_from_tcp;
+        let [before, after] = [i.saturating_sub(1), (i + 1).min(driven.len() - 1)];
+        let [from, to] = [before, after].map(|at| (flanges[at] * tool).translation.vector);
+        let time = driven[after].time - driven[before].time;
+        let speed = if time > 0.0 { (to - from).norm() / time } else { 0.0 };
+        (speed / course.waypoints[driven[i].waypoint].feed).min(1.0)
+    };
+    (0..driven.len()).into_par_iter().map(share).collect()
 }

@@ -3,6 +3,7 @@
 use super::laws::Law;
 use super::load::{Follows, PointLoad, Through};
 use super::mount::{Moved, PREDECESSOR_UNKNOWN};
+use crate::cutting::ForceParts;
 use crate::effects::{Cutting, PartAt, PartYield, Situation, ToolFrame, UnitAt};
 use crate::equilibrium::{Dragged, PredictedPose, Setting, Site};
 use crate::robot::{Joints, Pose};
@@ -59,13 +60,41 @@ pub(super) struct Milled {
     pub(super) place: Vector3<f64>,
     /// On the way into the target, m³.
     pub(super) removed: f64,
-    /// Shares of the way, rising from 0 to 1, and the force there (N, work object axes).
-    pub(super) forces: Arc<[(f64, Vector3<f64>)]>,
+    /// Shares of the way, rising from 0 to 1, and the force there.
+    pub(super) forces: Arc<[(f64, FedForce)]>,
+}
+
+/// The force of a cut from stock, N, work object axes.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct FedForce {
+    /// At the programmed feed.
+    pub(super) programmed: Vector3<f64>,
+    /// What of it is in proportion to the feed; the rest is the force of the edges.
+    fed: Vector3<f64>,
+}
+
+impl FedForce {
+    /// The mean force of an engaged front whose axes are turned, at a programmed feed per tooth (m).
+    pub(super) fn new(wobj_from_stock: &Rotation3<f64>, force: &ForceParts, feed_per_tooth: f64) -> Self {
+        Self {
+            programmed: wobj_from_stock * force.at(feed_per_tooth),
+            fed: wobj_from_stock * (force.cutting * feed_per_tooth),
+        }
+    }
+
+    /// At a share of the programmed speed, N: a slower tooth takes a thinner chip.
+    pub(super) fn at(&self, speed: f64) -> Vector3<f64> {
+        if speed < 1.0 { self.programmed - self.fed * (1.0 - speed) } else { self.programmed }
+    }
+
+    fn lerp(&self, to: &Self, share: f64) -> Self {
+        Self { programmed: self.programmed.lerp(&to.programmed, share), fed: self.fed.lerp(&to.fed, share) }
+    }
 }
 
 impl Milled {
-    /// The force at a share of the way, N; `None` where it does not follow from the stock.
-    pub(super) fn at(&self, share: f64) -> Option<Vector3<f64>> {
+    /// The force at a share of the way; `None` where it does not follow from the stock.
+    pub(super) fn at(&self, share: f64) -> Option<FedForce> {
         let after = self.forces.partition_point(|(at, _)| *at < share);
         let next = self.forces.get(after).or(self.forces.last())?;
         let Some(before) = after.checked_sub(1).map(|i| &self.forces[i]) else { return Some(next.1) };

@@ -135,13 +135,18 @@ impl<'p> Segment<'p> {
         self.moved(share).map_or(self.mount.setting, |moved| moved.setting)
     }
 
-    /// Circumstances at a share of the way, with the controller sent to the programmed pose; motor angles and direction of
-    /// travel are those of the end.
+    /// Circumstances at a share of the way, with the controller sent to the programmed pose at the programmed speed; motor angles
+    /// and direction of travel are those of the end.
     pub(super) fn at(&self, share: f64) -> Point {
+        self.at_speed(share, 1.0)
+    }
+
+    /// The same at a share of the programmed speed, which the force of a cut from stock follows.
+    pub(super) fn at_speed(&self, share: f64, speed: f64) -> Point {
         let wobj_from_tcp = self.track.pose(share);
         let tangent = self.track.tangent(share);
         let (from, to) = (self.from, self.to);
-        let milled = self.to.milled.as_ref().and_then(|milled| milled.at(share));
+        let milled = self.to.milled.as_ref().and_then(|milled| milled.at(share)).map(|force| force.at(speed));
         let load = match milled {
             Some(force) if force == Vector3::zeros() => PointLoad::Air,
             Some(force) => PointLoad::Constant { force, follows: Follows::WorkObject },

@@ -5,7 +5,7 @@
 //! What comes of both is judged on the final text: the path that the controller drives and the loaded arm takes, against the path
 //! of the program as it was given.
 
-use super::driven::{Course, DrivenWays, as_written, driven_ways, loaded_path};
+use super::driven::{Course, DrivenWays, as_written, driven_ways, loaded_along, loaded_path};
 use super::line::compensate;
 use super::{Corrected, Options, Prepared, Row, frames};
 use crate::cell::{Cell, ControllerPath};
@@ -126,10 +126,11 @@ fn judge_corrected(
     (written, motions): (&Program, Vec<usize>),
 ) {
     let judged = || -> Result<([DrivenWays; 2], Vec<Diagnostic>), Vec<Diagnostic>> {
-        let prepared = Prepared::new(program, cell, options)?;
+        let mut prepared = Prepared::new(program, cell, options)?;
         let course = Course::new(program, cell, &prepared)?;
         let robot = &cell.arm.robot;
-        let before = driven_ways(&prepared, &course, robot, &loaded_path(program, cell, options)?, &|motion| motion);
+        let path = loaded_along(&mut prepared, program, cell)?;
+        let before = driven_ways(&prepared, &course, robot, &path, &|motion| motion);
         let motion_of = |motion: usize| motions.get(motion).copied().unwrap_or(motion);
         let after = driven_ways(&prepared, &course, robot, &loaded_path(written, cell, options)?, &motion_of);
         Ok(([before, after], course.notes(program, cell)))

@@ -48,7 +48,7 @@ impl ProgrammedPath {
         let mut best: Option<(f64, Offset)> = None;
         let mut look = |track: &Track| {
             let share = track.nearest(place);
-            let vector = place - track.pose(share).translation.vector;
+            let vector = place - track.place(share);
             let distance = vector.norm_squared();
             if best.as_ref().is_none_or(|(least, _)| distance < *least) {
                 let tangent = if share > 0.0 && share < 1.0 { track.tangent(share) } else { None };

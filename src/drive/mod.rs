@@ -29,7 +29,7 @@ mod track;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use distance::{ProgrammedPath, nearest_between};
+pub(crate) use distance::{Offset, ProgrammedPath, nearest_between};
 pub use fit::{FittedLaw, LogError, fit_law};
 pub use log::{Log, LogSample};
 pub use shape::{AddedPoint, CommandedMotion, DrivenResult, Freedom, ShapedCommand, Wanted, shape};

@@ -7,8 +7,14 @@ use nalgebra::{Translation3, Vector3};
 /// Distance between two places of a route, m: motor angles run straight between them. On an arm of 1 m, which bends a straight
 /// path by 1/m at most away from its singularities, this leaves 0.5 µm.
 const STEP: f64 = 2e-3;
-/// Least number of intervals of a corner or of a motion; a parabola of 16 chords is off by 1/512 of its height.
-const LEAST: usize = 16;
+/// So many intervals of a corner or of a motion are enough where it bends or where its speed changes; a parabola of n chords is off by
+/// 1/(2 n²) of its height.
+const ENOUGH: usize = 16;
+/// Height of a parabola that one chord describes to 0.5 µm, m.
+const FLAT: f64 = 1e-6;
+/// The tool turns by so much between two places, rad, unless that takes more than [`ENOUGH`] of them: with a lever of half a metre motor
+/// angles that run straight leave 0.5 µm.
+const TURN: f64 = 2.8e-3;
 /// Least length of a rounding over that of the ways that it rounds: the middle of a turn back has no length, and still takes time.
 const LEAST_SHARE: f64 = 0.05;
 /// A way shorter than this is none, m: below what any controller resolves.
@@ -45,8 +51,12 @@ struct Way<'w> {
     track: Option<Track>,
     /// Counted as [`Knot::length`].
     length: f64,
+    /// By how much the tool turns, rad.
+    turn: f64,
     /// Radius of the rounding at its end, m.
     radius: f64,
+    /// Whether the speed changes at its start, and at its end.
+    changes: [bool; 2],
 }
 
 impl<'w> Way<'w> {
@@ -62,7 +72,7 @@ impl<'w> Way<'w> {
         let straight = track.as_ref().map_or(chord, Track::length);
         let turn = turn_between(&start.rotation, &to.base_from_tcp.rotation).norm();
         let length = straight.max(turn * to.feed / REORIENTATION_RAD_S);
-        Self { from, to, index, track, length, radius: 0.0 }
+        Self { from, to, index, track, length, turn, radius: 0.0, changes: [true; 2] }
     }
 
     /// Motor angles at a share of the way, near known ones.
@@ -111,6 +121,11 @@ impl Route {
             let Some(radius) = ways[i - 1].to.zone else { continue };
             // A controller cuts a zone to half of the shorter way, and rounds a share of what is left.
             ways[i - 1].radius = law.zone_share * radius.min(room);
+            let (way, next) = (&ways[i - 1], &ways[i]);
+            let speeds = [way.speed(law), next.speed(law)];
+            let turn = (next.direction(0.0) - way.direction(1.0)).norm();
+            let keeps = speeds[0].total_cmp(&speeds[1]).is_eq() && law.corner_speed(turn, way.radius) >= speeds[0];
+            (ways[i - 1].changes[1], ways[i].changes[0]) = (!keeps, !keeps);
         }
         #[allow(clippy::cast_precision_loss)]
         let start = Knot { motor: first.motor, length: 0.0, speed: first.feed, stops: true, progress: 0.0 };
@@ -172,7 +187,8 @@ impl Route {
         if length <= NO_WAY {
             return Ok(());
         }
-        let count = intervals(length);
+        let is_even = way.track.is_some() && way.changes == [false; 2];
+        let count = intervals(length, if is_even { way.turn * (to - from) / TURN } else { f64::INFINITY });
         for k in 1..=count {
             let share = from + (to - from) * part(k, count);
             let motor = way.motor(robot, share, &self.near())?;
@@ -190,7 +206,10 @@ impl Route {
         let directions = [way.direction(1.0), next.direction(0.0)];
         let turn = (directions[1] - directions[0]).norm();
         let speed = way.speed(law).min(next.speed(law)).min(law.corner_speed(turn, radius));
-        let count = intervals(2.0 * radius);
+        let turned = (way.turn / way.length + next.turn / next.length) * radius;
+        let bends = (0.25 * radius * turn / FLAT).sqrt().max(turned / TURN).max(2.0);
+        let is_path = way.track.is_some() && next.track.is_some();
+        let count = intervals(2.0 * radius, if is_path { bends } else { f64::INFINITY });
         // A parabola is shorter than the two ways that it rounds; a reorientation is as long as it was counted.
         let shorter = |passed: f64| match &directions {
             [first, second] if *first != Vector3::zeros() && *second != Vector3::zeros() => {
@@ -237,9 +256,10 @@ fn sum(first: &Pose, second: &Pose, corner: &Pose) -> Pose {
     Pose::from_parts(Translation3::from(position), rotation)
 }
 
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-fn intervals(length: f64) -> usize {
-    ((length / STEP).ceil() as usize).max(LEAST)
+/// Intervals of a length (m) that is to have so many at least, up to [`ENOUGH`].
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss)]
+fn intervals(length: f64, wanted: f64) -> usize {
+    (length / STEP).max(wanted.min(ENOUGH as f64)).max(1.0).ceil() as usize
 }
 
 #[allow(clippy::cast_precision_loss)]

@@ -100,13 +100,18 @@ impl Track {
         matches!(self.curve, Curve::Arc { .. })
     }
 
-    /// The pose at a share of the length.
-    pub(crate) fn pose(&self, share: f64) -> Pose {
+    /// The place at a share of the length, m.
+    pub(crate) fn place(&self, share: f64) -> Vector3<f64> {
         let (a, b) = (self.from.translation.vector, self.to.translation.vector);
-        let at = match &self.curve {
+        match &self.curve {
             Curve::Line => a.lerp(&b, share),
             Curve::Arc { circle, angle, .. } => circle.turned(&a, share * angle),
-        };
+        }
+    }
+
+    /// The pose at a share of the length.
+    pub(crate) fn pose(&self, share: f64) -> Pose {
+        let at = self.place(share);
         let rotation = match &self.turn {
             Turn::None => self.to.rotation,
             Turn::Even(turn) => Rotation3::from_scaled_axis(share * turn) * self.from.rotation,

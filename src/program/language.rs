@@ -41,6 +41,9 @@ pub(crate) struct About {
     comment: Option<u8>,
     /// A character that ends a statement, and a comment with it.
     pub(super) comment_end: Option<u8>,
+    /// Words of statements that hold up a program until something has happened, upper case: the controller does not know the motion
+    /// after one of them in time to round the corner before it. Empty where no manual says so.
+    waits: &'static [&'static str],
     /// The name of the work object that is the robot's base, which no cell has to declare.
     robot_base: Option<&'static str>,
     /// How names of tools and of work objects begin that only its controllers have.
@@ -129,6 +132,11 @@ impl Language {
         self.about().robot_base
     }
 
+    /// Words of statements that hold up a program, upper case: see [`About::waits`].
+    pub(crate) fn waits(self) -> &'static [&'static str] {
+        self.about().waits
+    }
+
     /// The character that begins a comment; CL data have a statement for it.
     pub(crate) fn comment(self) -> Option<u8> {
         self.about().comment
@@ -148,6 +156,21 @@ static RAPID: About = About {
     fault: ("rapid.motion", "write the numbers of the robtarget; a controller does not load this"),
     comment: Some(b'!'),
     comment_end: None,
+    waits: &[
+        "WAITTIME",
+        "WAITUNTIL",
+        "WAITDI",
+        "WAITDO",
+        "WAITGI",
+        "WAITGO",
+        "WAITAI",
+        "WAITAO",
+        "WAITSYNCTASK",
+        "STOP",
+        "TPREADFK",
+        "TPREADNUM",
+        "UIMSGBOX",
+    ],
     robot_base: None,
     prefixes: None,
     are_names_numbers: false,
@@ -173,6 +196,7 @@ static CL: About = About {
     fault: ("cl.motion", "give motion in numbers, as a CAM system writes it, or take the statement out"),
     comment: None,
     comment_end: None,
+    waits: &[],
     robot_base: None,
     prefixes: None,
     are_names_numbers: false,
@@ -196,6 +220,7 @@ static KRL: About = About {
     fault: ("krl.motion", "write the numbers of the position; a controller does not load this"),
     comment: Some(b';'),
     comment_end: None,
+    waits: &["WAIT", "HALT"],
     robot_base: None,
     prefixes: Some(["TOOL_DATA[", "BASE_DATA["]),
     are_names_numbers: false,
@@ -218,6 +243,7 @@ static TP: About = About {
     fault: ("ls.motion", "write the numbers of the position; a controller does not load this"),
     comment: Some(b'!'),
     comment_end: Some(b';'),
+    waits: &[],
     robot_base: None,
     prefixes: Some(["UT ", "UF "]),
     are_names_numbers: true,
@@ -243,6 +269,7 @@ static UR: About = About {
     fault: ("ur.motion", "write the numbers of the pose; a controller does not run this"),
     comment: Some(b'#'),
     comment_end: None,
+    waits: &[],
     robot_base: Some("base"),
     prefixes: None,
     are_names_numbers: false,
@@ -265,6 +292,7 @@ static JBI: About = About {
     fault: ("jbi.motion", "write the numbers of the position; a controller does not load this"),
     comment: Some(b'\''),
     comment_end: None,
+    waits: &[],
     robot_base: Some(deflex_lang::inform::ROBOT),
     prefixes: Some(["TOOL ", "USER "]),
     are_names_numbers: true,

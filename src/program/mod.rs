@@ -87,6 +87,12 @@ pub struct Program {
     pub(crate) layout: Layout,
 }
 
+/// Words between two motions after which it is not sure that one follows the other, and `CONTINUE`, by which KRL does not wait.
+const BRANCHES: [&str; 17] = [
+    "IF", "ELSE", "ELSEIF", "ENDIF", "TEST", "CASE", "SWITCH", "FOR", "ENDFOR", "WHILE", "ENDWHILE", "LOOP", "REPEAT",
+    "GOTO", "ENDPROC", "END", "CONTINUE",
+];
+
 /// How the controller passes the end of a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
@@ -338,6 +344,30 @@ impl Program {
     #[must_use]
     pub fn passing(&self, target: usize) -> Passing {
         self.layout.front_end().passing(self, target)
+    }
+
+    /// The word of a statement between two targets at which the controller waits, so that it cannot round the corner before it; `None`
+    /// where there is none, or the text between them does not surely run from one to the other.
+    #[must_use]
+    pub(crate) fn waits_between(&self, target: usize, next: usize) -> Option<&'static str> {
+        let (before, after) = (self.targets.get(target)?, self.targets.get(next)?);
+        let source = &self.sources[usize::from(before.source)];
+        let span = before.span.range().end..after.span.range().start;
+        let text = source.bytes.get(span).filter(|_| before.source == after.source)?;
+        let comment = self.language.comment();
+        let code = text
+            .split(|byte| *byte == b'\n')
+            .map(|line| line.split(|byte| Some(*byte) == comment).next().unwrap_or(line));
+        let words = code.flat_map(|line| line.split(|byte| !byte.is_ascii_alphanumeric() && *byte != b'_'));
+        let mut found = None;
+        for word in words.filter(|word| !word.is_empty()) {
+            let is = |known: &&&str| word.eq_ignore_ascii_case(known.as_bytes());
+            if BRANCHES.iter().any(|known| is(&known)) {
+                return None;
+            }
+            found = found.or_else(|| self.language.waits().iter().find(is).copied());
+        }
+        found
     }
 
     /// For targets, by their index, the edit that makes the controller come to rest there, or pass in a smaller zone of at most

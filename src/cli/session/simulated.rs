@@ -47,7 +47,9 @@ pub fn simulate(
     let original = against.map(|original| run.parse(original)).transpose()?;
     let parsed = run.parse(program)?;
     let simulated = Simulated::of(program.name(), &parsed, original.as_ref(), &run.setup, progress)?;
-    Ok(Simulated { notes: run.setup.cell.own(run.setup.notes()), ..simulated })
+    let mut notes = run.setup.cell.own(run.setup.notes());
+    notes.extend(simulated.notes);
+    Ok(Simulated { notes, ..simulated })
 }
 
 impl Simulated {
@@ -68,15 +70,17 @@ impl Simulated {
         let programmed = cut(0.0, original.unwrap_or(program), None, Cuts::Programmed)?;
         let mut actual = Vec::new();
         if let Some(original) = original {
-            actual.push(("before", cut(1.0, original, None, Cuts::Deflected)?));
+            actual.push(("before", cut(1.0, original, None, Cuts::Driven)?));
         }
         let last = if original.is_some() { "after" } else { "as it is" };
-        actual.push((last, cut(cuts - 1.0, program, original, Cuts::Deflected)?));
+        let mut last_cut = cut(cuts - 1.0, program, original, Cuts::Driven)?;
+        let notes = std::mem::take(&mut last_cut.notes);
+        actual.push((last, last_cut));
         // A part is a stock that has not been cut.
         let nominal = setup.cell.cell.part.as_ref().and_then(|part| part.mesh.clone());
         let nominal = nominal.map(|mesh| Stock::new(Blank::Mesh(mesh), programmed.stock.spacing()));
         let (name, cell) = (name.to_owned(), setup.cell.name.clone());
-        let (maps, figures, notes) = (Vec::new(), Vec::new(), Vec::new());
+        let (maps, figures) = (Vec::new(), Vec::new());
         let mut simulated = Self { name, cell, programmed, nominal, actual, maps, figures, notes };
         simulated.maps = simulated.maps(1.0);
         simulated.figures = simulated.maps.iter().map(|(name, map)| (*name, map.figures())).collect();

@@ -1,8 +1,10 @@
 //! The loaded arm removes the material: at every place force and deflection are brought to agree before the cut goes on.
 
 use super::super::Prepared;
-use super::super::point::tool_axis;
+use super::super::point::{FedForce, tool_axis};
 use super::super::segment::Kind;
+use super::super::travel::CHORD;
+use super::places::BEND;
 use super::{End, Passed, Walk, ahead};
 use crate::effects::{Cutting, Situation};
 use crate::stock::{Engaged, ToolPose};
@@ -32,6 +34,8 @@ struct Last {
     /// Index of its point.
     target: usize,
     tool: ToolPose,
+    /// Deflection of the tip, m, and of the orientation, work object axes.
+    bent: (Vector3<f64>, Rotation3<f64>),
     /// Where what it meets follows from the stock.
     end: Option<(End, Settled)>,
 }
@@ -51,13 +55,18 @@ pub(super) fn cut(walk: &mut Walk<'_>, prepared: &mut Prepared) {
 
 /// Removes what the move into a point removes.
 fn step(walk: &mut Walk<'_>, prepared: &mut Prepared, i: usize, before: Option<Last>) -> Option<Last> {
-    let point = &prepared.points[i];
-    let through = point.through?;
+    let through = prepared.points[i].through?;
     let front = Arc::clone(&walk.fronts[through.front as usize]);
     let feed_per_tooth = through.feed_per_tooth;
-    let (places, length) = walk.places(prepared, i, feed_per_tooth.is_some());
+    let driven = walk.driven_places(prepared, i);
+    let is_driven = driven.is_some();
+    let (places, length) = driven.unwrap_or_else(|| walk.places(prepared, i, feed_per_tooth.is_some()));
+    if places.is_empty() {
+        return before;
+    }
     let stock_from_wobj = walk.stock_from_wobj(prepared, i).rotation;
     let wobj_from_stock = stock_from_wobj.inverse();
+    let point = &prepared.points[i];
     let mut motor = i.checked_sub(1).map_or(point.motor, |before| prepared.points[before].motor);
     let mut settled = Settled {
         engaged: Engaged::default(),
@@ -78,23 +87,39 @@ fn step(walk: &mut Walk<'_>, prepared: &mut Prepared, i: usize, before: Option<L
             walk.tool(prepared, i, &(place.pose.translation.vector + bent.0), &(bent.1 * axis))
         };
         let end = before.and_then(|before| before.end).filter(|_| begins);
-        let tool = if !through.cuts {
-            bent_tool(walk, &(Vector3::zeros(), Rotation3::identity()))
+        // Where a cut begins or ends, the rounding is led on by a way that does not cut.
+        let rounds = !through.cuts && place.driven.as_ref().is_some_and(|driven| driven.aside > BEND);
+        let tool = if is_driven && begins {
+            // A driven way goes on from where the one before has led the tool.
+            settled = end.map_or(settled, |(_, there)| there);
+            settled.bent = before.map_or(settled.bent, |before| before.bent);
+            bent_tool(walk, &settled.bent)
+        } else if !through.cuts {
+            if !rounds {
+                settled.bent = (Vector3::zeros(), Rotation3::identity());
+            }
+            bent_tool(walk, &settled.bent)
         } else if let Some((_, there)) = end.filter(|(end, _)| end.goes_on(prepared, i, &way)) {
             settled = there;
             bent_tool(walk, &settled.bent)
         } else {
             let on = if begins { ahead(&way) } else { Vector3::zeros() };
             let moment = walk.stock.now();
+            let speed = place.driven.as_ref().map_or(1.0, |driven| driven.speed);
+            let met = settled.engaged;
             let ask = |tool: &ToolPose| match feed_per_tooth {
                 Some(feed) => {
                     let tool = ToolPose { tip: tool.tip + on, ..*tool };
-                    let engaged = Walk::meets(&front, (&walk.stock, &moment), &tool, &way);
-                    (engaged, wobj_from_stock * engaged.force.at(feed))
+                    // At a stop, the front is in what it was in when the motion ended.
+                    let rests = place.driven.is_some() && way.norm() <= CHORD;
+                    let engaged = if rests { met } else { Walk::meets(&front, (&walk.stock, &moment), &tool, &way) };
+                    (engaged, wobj_from_stock * engaged.force.at(speed * feed))
                 }
                 None => (Engaged::default(), Vector3::zeros()),
             };
-            if k + 1 < places.len() {
+            if let Some(driven) = &place.driven {
+                motor = driven.point.motor;
+            } else if k + 1 < places.len() {
                 let before = i.checked_sub(1).and_then(|before| prepared.points[before].moved.as_ref());
                 let moved = prepared.mount(i).between(before, prepared.points[i].moved.as_ref(), place.share);
                 let setting = moved.map_or(prepared.mount(i).setting, |moved| moved.setting);
@@ -105,15 +130,16 @@ fn step(walk: &mut Walk<'_>, prepared: &mut Prepared, i: usize, before: Option<L
             } else {
                 motor = prepared.points[i].motor;
             }
-            let own = if feed_per_tooth.is_some() { None } else { Some(prepared.situation(i)) };
-            let base = Situation { wobj_from_tcp: place.pose, cutting: Cutting::Air, ..prepared.situation(i) };
-            let travel = prepared.points[i].travel;
+            let driven = place.driven.as_ref().map(|driven| &driven.point);
+            let point = driven.unwrap_or(&prepared.points[i]);
+            let situation = Situation {
+                wobj_from_tcp: driven.map_or(place.pose, |driven| driven.reference),
+                ..point.situation(prepared.setting(i), &prepared.shared.laws)
+            };
             let land = |force: &Vector3<f64>| {
-                let situation = match &own {
-                    Some(own) => Situation { wobj_from_tcp: place.pose, ..*own },
-                    None => Situation { cutting: Cutting::Constant(*force), ..base },
-                };
-                let there = walk.cell.arm.predict(&situation, &motor, &travel).ok()?.wobj_from_tcp;
+                let cutting = if feed_per_tooth.is_some() { Cutting::Constant(*force) } else { situation.cutting };
+                let situation = Situation { cutting, ..situation };
+                let there = walk.cell.arm.predict(&situation, &motor, &point.travel).ok()?.wobj_from_tcp;
                 let shift = there.translation.vector - place.pose.translation.vector;
                 Some((shift, there.rotation * place.pose.rotation.inverse()))
             };
@@ -134,7 +160,7 @@ fn step(walk: &mut Walk<'_>, prepared: &mut Prepared, i: usize, before: Option<L
             direction = Some(way.normalize());
         }
         if let Some(feed_per_tooth) = feed_per_tooth {
-            passed.forces.push((place.share, settled.force));
+            passed.forces.push((place.share, FedForce::new(&wobj_from_stock, &settled.engaged.force, feed_per_tooth)));
             if !begins {
                 walk.weigh(&settled.engaged, &settled.force, feed_per_tooth);
             }
@@ -144,8 +170,10 @@ fn step(walk: &mut Walk<'_>, prepared: &mut Prepared, i: usize, before: Option<L
             from = Some(from.unwrap_or(tool));
             continue;
         }
-        if let Some(from) = from.filter(|_| through.cuts) {
-            passed.removed += walk.stock.remove(front.solid(), &from, &tool);
+        if let Some(from) = from.filter(|_| through.cuts || rounds) {
+            let removed = walk.stock.remove(front.solid(), &from, &tool);
+            // What the rounding takes is not what the way itself would collide with.
+            passed.removed += if through.cuts { removed } else { 0.0 };
         }
         from = Some(tool);
     }
@@ -154,5 +182,5 @@ fn step(walk: &mut Walk<'_>, prepared: &mut Prepared, i: usize, before: Option<L
     let end = feed_per_tooth.zip(direction).map(|(feed_per_tooth, direction)| {
         (End { target: i, front: through.front, feed_per_tooth, direction }, settled)
     });
-    Some(Last { target: i, tool: from?, end })
+    Some(Last { target: i, tool: from?, bent: settled.bent, end })
 }

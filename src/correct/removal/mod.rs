@@ -8,10 +8,11 @@ mod yielding;
 
 use super::Prepared;
 use super::context::Context;
+use super::driven::{DrivenMotion, as_written};
 use super::frames;
 use super::load::{Follows, PointLoad, Through};
 use super::mount::Mount;
-use super::point::{Milled, Point};
+use super::point::{FedForce, Milled, Point};
 use super::segment::Kind;
 use super::travel::CHORD;
 use crate::cell::Cell;
@@ -33,6 +34,9 @@ pub enum Cuts {
     Programmed,
     /// Those that the loaded arm takes on the way that the program commands.
     Deflected,
+    /// Those that the loaded arm takes on the way that its controller drives, at the speed that it drives; on the way that the program
+    /// commands where the cell has no law of its controller.
+    Driven,
 }
 
 /// A stock that a program has cut.
@@ -43,6 +47,8 @@ pub struct Removal {
     pub stock: Stock,
     /// The stock's frame in the base.
     pub base_from_stock: Pose,
+    /// What was assumed of the way that the controller drives.
+    pub notes: Vec<Diagnostic>,
 }
 
 /// More than this removed by a move that does not cut is a collision, m³: a twentieth of a cubic millimetre, against the
@@ -91,13 +97,25 @@ pub(super) fn run(
         bound: 0.0,
         cut_length: 0.0,
         stages: held.map(Stages::new),
+        motion: None,
     };
+    let mut notes = Vec::new();
+    if cuts == Cuts::Driven {
+        match DrivenMotion::new(program, cell, prepared) {
+            Ok(motion) => {
+                notes.extend(motion.course().notes(program, cell));
+                walk.motion = cell.controller.path.is_some().then_some(motion);
+            }
+            Err(errors) if cell.controller.path.is_some() => notes.extend(errors.into_iter().next().map(as_written)),
+            Err(_) => {}
+        }
+    }
     if let Some(stages) = &walk.stages {
         stages.check(&walk.stock)?;
     }
     match cuts {
         Cuts::Programmed => programmed::cut(&mut walk, prepared),
-        Cuts::Deflected => deflected::cut(&mut walk, prepared),
+        Cuts::Deflected | Cuts::Driven => deflected::cut(&mut walk, prepared),
     }
     walk.goes_on(prepared.points.len(), prepared.points.len());
     if !walk.errors.is_empty() {
@@ -111,7 +129,7 @@ pub(super) fn run(
     if cuts == Cuts::Programmed {
         prepared.notes.extend(walk.notes(resolution, section.resolution.is_none()));
     }
-    Ok(Some(Removal { stock: walk.stock, base_from_stock }))
+    Ok(Some(Removal { stock: walk.stock, base_from_stock, notes }))
 }
 
 /// Spacing of the stock's lines, m: what the cell says, or what follows from the smallest cutter and fits into memory.
@@ -191,6 +209,8 @@ struct Walk<'a> {
     cut_length: f64,
     /// The stock as it was from time to time, where it is known how the part yields.
     stages: Option<Stages>,
+    /// The way that the controller drives, where that is what cuts.
+    motion: Option<DrivenMotion<'a>>,
 }
 
 /// How far on from where a way begins its first force is computed, m.
@@ -204,8 +224,8 @@ struct Passed {
     /// Length of the way, m, and what it removed, m³.
     length: f64,
     removed: f64,
-    /// Where the force follows from the stock: shares of the way and the force there, N, work object axes.
-    forces: Vec<(f64, Vector3<f64>)>,
+    /// Where the force follows from the stock: shares of the way and the force there.
+    forces: Vec<(f64, FedForce)>,
     /// At its end.
     engaged: Engaged,
 }
@@ -258,7 +278,7 @@ impl Walk<'_> {
     fn goal(&self, point: &Point) -> Pose {
         match self.cuts {
             Cuts::Programmed => point.reference,
-            Cuts::Deflected => point.wobj_from_tcp,
+            Cuts::Deflected | Cuts::Driven => point.wobj_from_tcp,
         }
     }
 
@@ -324,12 +344,12 @@ impl Walk<'_> {
                 && let (Some(force), Some(_)) =
                     (milled.at(0.5), prepared.points[via].through.and_then(|t| t.feed_per_tooth))
             {
-                prepared.points[via].load = load(force);
+                prepared.points[via].load = load(force.programmed);
             }
         }
         let point = &mut prepared.points[i];
         if let (Some(_), Some((_, force))) = (through.feed_per_tooth, milled.forces.last()) {
-            point.load = load(*force);
+            point.load = load(force.programmed);
         }
         point.cut_length = self.cut_length;
         point.milled = Some(milled);

@@ -1,6 +1,7 @@
 //! The places on the way into a target at which the tool's cut is looked at.
 
 use super::super::Prepared;
+use super::super::driven::DrivenPoint;
 use super::super::segment::Kind;
 use super::{Cuts, Walk};
 use crate::drive::Track;
@@ -19,20 +20,77 @@ const TURN: f64 = 0.05;
 /// A joint move is followed in steps of this, rad: a centimetre at a metre.
 const JOINT_STEP: f64 = 0.01;
 
+/// A driven way may bend by so much to the side between two places, m: below what the part is reported to.
+pub(super) const BEND: f64 = 1e-6;
+/// And its speed may change by this share of the programmed one: less than any coefficient of a material is known to.
+const SPEED: f64 = 1.0 / 16.0;
+
 /// A place on the way into a target.
-#[derive(Clone, Copy)]
 pub(super) struct Place {
     pub(super) share: f64,
     /// Where the controller leads the TCP, work object of the target.
     pub(super) pose: Pose,
+    /// Its circumstances, where it is one of a way that the controller drives.
+    pub(super) driven: Option<Box<DrivenPoint>>,
+}
+
+impl Place {
+    fn programmed(share: f64, pose: Pose) -> Self {
+        Self { share, pose, driven: None }
+    }
 }
 
 impl Walk<'_> {
+    /// The places on the way that the controller drives into target `i`, after the one where that begins, and the length of it, m;
+    /// `None` where the way is taken as the program commands it.
+    pub(super) fn driven_places(&mut self, prepared: &mut Prepared, i: usize) -> Option<(Vec<Place>, f64)> {
+        let motion = self.motion.as_mut()?;
+        let samples = motion.range_before(i)?;
+        let setting = *prepared.setting(i);
+        // The first way begins with its first sample.
+        let first = samples.start.saturating_sub(1);
+        let poses: Vec<Pose> = (first..samples.end).map(|sample| motion.pose(&setting, sample)).collect();
+        let at = |sample: usize| poses[sample - first].translation.vector;
+        let fits = |from: usize, to: usize| {
+            let way = at(to) - at(from);
+            let square = way.norm_squared();
+            let aside = |sample: usize| {
+                let off = at(sample) - at(from);
+                let share = if square > 0.0 { (off.dot(&way) / square).clamp(0.0, 1.0) } else { 0.0 };
+                (off - way * share).norm()
+            };
+            square <= ASK_EVERY.powi(2)
+                && (motion.speed(to) - motion.speed(from)).abs() <= SPEED
+                && poses[from - first].rotation.angle_to(&poses[to - first].rotation) <= TURN
+                && (from + 1..to).all(|sample| aside(sample) <= BEND)
+        };
+        let mut kept = Vec::new();
+        let mut from = first;
+        for sample in samples.clone() {
+            let is_last = sample + 1 == samples.end;
+            if is_last || !fits(from, sample + 1) {
+                kept.push(sample);
+                from = sample;
+            }
+        }
+        let points = motion.points(prepared, &kept);
+        let begin = poses.first().map(|pose| Place::programmed(0.0, *pose));
+        let place = |(sample, driven): (&usize, DrivenPoint)| Place {
+            share: motion.share(*sample),
+            pose: poses[*sample - first],
+            driven: Some(Box::new(driven)),
+        };
+        let places: Vec<Place> = begin.into_iter().chain(kept.iter().zip(points).map(place)).collect();
+        let step = |pair: &[Place]| (pair[1].pose.translation.vector - pair[0].pose.translation.vector).norm();
+        let length = places.windows(2).map(step).sum();
+        Some((places, length))
+    }
+
     /// The places on the way into target `i`, the last of them its own, and the length of a line or an arc, m.
     pub(super) fn places(&self, prepared: &Prepared, i: usize, asks: bool) -> (Vec<Place>, f64) {
         let point = &prepared.points[i];
         let goal = self.goal(point);
-        let end = Place { share: 1.0, pose: goal };
+        let end = Place::programmed(1.0, goal);
         let kind = Kind::of(self.program, i);
         let before = match kind {
             Kind::Arc => i.checked_sub(2),
@@ -53,7 +111,7 @@ impl Walk<'_> {
                 let moved = mount.between(from.moved.as_ref(), point.moved.as_ref(), share);
                 let own = moved.as_ref().map_or(&mount.setting, |moved| &moved.setting);
                 let base_from_tcp = self.cell.arm.robot.forward(&motor) * own.tool.flange_from_tcp;
-                Place { share, pose: own.base_from_wobj.inv_mul(&base_from_tcp) }
+                Place::programmed(share, own.base_from_wobj.inv_mul(&base_from_tcp))
             };
             let places = (0..n).map(place).chain([end]).collect();
             return (places, 0.0);
@@ -76,14 +134,14 @@ impl Walk<'_> {
         let mut n = (turn / TURN).ceil().max(1.0);
         if track.is_arc() {
             n = n.max(length / CHORD_OF_ARC).min(20_000.0);
-        } else if asks || self.cuts == Cuts::Deflected {
+        } else if asks || self.cuts != Cuts::Programmed {
             // Steps of just that length, as printed, are not halved.
             n = n.max((length / ASK_EVERY - PRINTED).min(MOST_PLACES as f64));
         }
         let n = n.ceil() as usize;
         let place = |k: usize| {
             let share = k as f64 / n as f64;
-            Place { share, pose: track.pose(share) }
+            Place::programmed(share, track.pose(share))
         };
         let places = (0..n).map(place).chain([end]).collect();
         (places, length)

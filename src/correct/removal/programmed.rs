@@ -2,7 +2,7 @@
 //! of moves is removed, and then what was met at each of its places is found of the stock as it was then, both in parallel.
 
 use super::super::Prepared;
-use super::super::point::tool_axis;
+use super::super::point::{FedForce, tool_axis};
 use super::super::segment::Kind;
 use super::{End, Passed, Walk, ahead};
 use crate::stock::{Engaged, Moment, ToolPose};
@@ -42,8 +42,8 @@ struct Batch {
     /// Moves of all these.
     moves: usize,
     end: Option<End>,
-    /// The last answer, and the force, N, work object axes.
-    met: (Engaged, Vector3<f64>),
+    /// The last answer, and the force.
+    met: (Engaged, FedForce),
 }
 
 /// Cuts the stock with all points.
@@ -138,11 +138,11 @@ impl Batch {
                 if !(begins && goes_on)
                     && let Some(engaged) = answers.next()
                 {
-                    self.met = (engaged, wobj_from_stock * engaged.force.at(feed_per_tooth));
+                    self.met = (engaged, FedForce::new(&wobj_from_stock, &engaged.force, feed_per_tooth));
                 }
                 passed.forces.push((*share, self.met.1));
                 if !begins {
-                    walk.weigh(&self.met.0, &self.met.1, feed_per_tooth);
+                    walk.weigh(&self.met.0, &self.met.1.programmed, feed_per_tooth);
                 }
                 passed.engaged = self.met.0;
             }

@@ -187,7 +187,7 @@ fn cuts(walk: &Walk<'_>, prepared: &Prepared) -> Vec<Cut> {
     for (target, point) in prepared.points.iter().enumerate() {
         removed += point.milled.as_ref().map_or(0.0, |milled| milled.removed);
         let on_the_way = point.milled.iter().flat_map(|milled| milled.forces.iter());
-        let is_cut = point.cuts() || on_the_way.into_iter().any(|(_, force)| *force != Vector3::zeros());
+        let is_cut = point.cuts() || on_the_way.into_iter().any(|(_, force)| force.programmed != Vector3::zeros());
         if point.unsolved.is_some() || !is_cut {
             continue;
         }

@@ -74,6 +74,9 @@ impl<'a> Runner<'a> {
         };
         let number = arguments.get(1).map_or(Value::unknown(RUN_TIME), |a| a.value.clone());
         self.pin(&number);
+        if !names::KEEPS_APPROXIMATION.contains(&&command[..]) {
+            self.set(self.symbols.approximation, b"CDIS", Value::unknown(RUN_TIME));
+        }
         match &command[..] {
             b"BASE" => self.set_base(&number),
             b"TOOL" => self.set_tool(&number),
@@ -88,6 +91,9 @@ impl<'a> Runner<'a> {
                 let id = self.symbols.find(self.here(), &upper(b"LDAT_ACT"));
                 let speed = self.value(id).component(b"VEL").cloned().unwrap_or(Value::unknown(RUN_TIME));
                 self.set_speed(speed);
+                let distance = self.value(id).component(b"APO_DIST").cloned().unwrap_or(Value::unknown(RUN_TIME));
+                self.pin(&distance);
+                self.set(self.symbols.approximation, b"CDIS", distance);
                 self.orientation_of_act();
             }
             b"INITMOV" => {
@@ -122,7 +128,7 @@ impl<'a> Runner<'a> {
         let symbols = &self.symbols;
         let [base, tool, load, speed] = [symbols.base, symbols.tool, symbols.load, symbols.speed];
         let turns = [symbols.orientation, symbols.circle_type];
-        let ids = [base, tool, load, speed, symbols.mode, turns[0], turns[1], symbols.position];
+        let ids = [base, tool, load, speed, symbols.approximation, symbols.mode, turns[0], turns[1], symbols.position];
         self.forget(&Changes { ids: ids.into(), anything: false }, "may be set by BAS");
     }
 
@@ -141,9 +147,14 @@ impl<'a> Runner<'a> {
     }
 
     pub(super) fn set_speed(&mut self, value: Value) {
-        let mut speed = self.value(self.symbols.speed);
-        speed.set(&[Step::Component(upper(b"CP"))], value);
-        self.state.values.insert(self.symbols.speed, speed);
+        self.set(self.symbols.speed, b"CP", value);
+    }
+
+    /// Sets a component of a record.
+    fn set(&mut self, id: Id, component: &[u8], value: Value) {
+        let mut record = self.value(id);
+        record.set(&[Step::Component(upper(component))], value);
+        self.state.values.insert(id, record);
     }
 
     /// `FDAT_ACT={TOOL_NO n,BASE_NO m,IPO_FRAME #BASE}` comes into force.
@@ -237,6 +248,7 @@ impl<'a> Runner<'a> {
             symbols.tool_name,
             symbols.load,
             symbols.speed,
+            symbols.approximation,
             symbols.mode,
             symbols.orientation,
             symbols.ignored_axes,

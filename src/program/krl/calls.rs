@@ -117,9 +117,10 @@ impl<'a> Runner<'a> {
             self.volatile.extend([self.symbols.base, self.symbols.tool]);
         }
         let is_frame = path.id == self.symbols.base || path.id == self.symbols.tool;
-        // What a base is made of is read where the robot goes, and not moved with it; who reads data that may change at any
+        // What a base and a zone are made of is read where the robot goes, and not moved with it; who reads data that may change at any
         // moment is not followed, nor are handlers.
-        if is_frame || self.volatile.contains(&path.id) || self.read_beside.contains(&path.id) {
+        let is_read = is_frame || path.id == self.symbols.approximation;
+        if is_read || self.volatile.contains(&path.id) || self.read_beside.contains(&path.id) {
             self.pin(&value);
         }
         let value = self.symbols.converted(path.id, &path.steps, value);

@@ -179,6 +179,9 @@ impl<'a> Runner<'a> {
                 let constant = behind.accept_mark(b'(') && behind.accept_mark(b'#');
                 let command = if constant { upper(behind.text(behind.peek())) } else { Name::new() };
                 let (base, tool) = (&command[..] != b"TOOL", &command[..] != b"BASE");
+                if !names::KEEPS_APPROXIMATION.contains(&&command[..]) {
+                    changes.ids.insert(self.symbols.approximation);
+                }
                 if &command[..] == b"VEL_CP" {
                     changes.ids.insert(self.symbols.speed);
                 } else if &command[..] == b"CP_DAT" {

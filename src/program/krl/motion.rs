@@ -211,7 +211,8 @@ impl<'a> Runner<'a> {
         let record = all.map(|(name, value)| (Name::from_slice(name), value)).collect();
         self.state.values.insert(self.symbols.position, Value::Record(std::rc::Rc::new(record)));
         self.note_orientation(&to, turns.is_ok());
-        self.push(target, Site { tokens: to.places });
+        let approximation_mm = self.value(self.symbols.approximation).component(b"CDIS").and_then(Value::number);
+        self.push(target, Site { tokens: to.places, approximation_mm });
         Ok(())
     }
 
@@ -251,7 +252,10 @@ impl<'a> Runner<'a> {
         let goal = Goal::Pose { position_mm: [x, y, z], quat, conf: None };
         let editable = if target.editable == Editable::Pose { Editable::Position } else { target.editable };
         self.external.push(to.external.each_ref().map(|axis| axis.as_ref().and_then(Value::number)));
-        self.push(Target { role: Role::Via, goal, editable, located, name: None, ..target.clone() }, Site { tokens });
+        self.push(
+            Target { role: Role::Via, goal, editable, located, name: None, ..target.clone() },
+            Site { tokens, approximation_mm: None },
+        );
         Ok(())
     }
 

@@ -52,8 +52,8 @@ pub(super) const NO_CALLS: [&[u8]; 15] = [
 ];
 
 /// System data that keep what they are assigned; all others change by themselves.
-pub(super) const SETTLED: [&[u8]; 8] =
-    [b"$BASE", b"$TOOL", b"$LOAD", b"$VEL", b"$IPO_MODE", b"$ORI_TYPE", b"$NULLFRAME", b"$WORLD"];
+pub(super) const SETTLED: [&[u8]; 9] =
+    [b"$BASE", b"$TOOL", b"$LOAD", b"$VEL", b"$APO", b"$IPO_MODE", b"$ORI_TYPE", b"$NULLFRAME", b"$WORLD"];
 
 /// System data that say how motions are understood; what they hold is not read.
 pub(super) const MODELLED_SYSTEM_VARIABLES: [&[u8]; 4] =
@@ -62,6 +62,10 @@ pub(super) const MODELLED_SYSTEM_VARIABLES: [&[u8]; 4] =
 /// Switches by which BAS corrects a base, and a tool, with frames of their own; `BAS (#INITMOV,0)` takes them back.
 pub(super) const CORRECTIONS: [[&[u8]; 2]; 2] =
     [[b"BASE_CORR_ON", b"M_BAS_COR_ON"], [b"TOOL_CORR_ON", b"TOOL_CORR_W_ON"]];
+
+/// Commands of BAS that leave `$APO` as it is.
+pub(super) const KEEPS_APPROXIMATION: [&[u8]; 7] =
+    [b"BASE", b"TOOL", b"VEL_CP", b"VEL_PTP", b"ACC_CP", b"ACC_PTP", b"OV_PRO"];
 
 /// Commands of BAS that set nothing that matters to where the robot goes, or how fast along a path.
 pub(super) const HARMLESS_COMMANDS: [&[u8]; 10] = [

@@ -26,12 +26,19 @@ struct NewTokens {
 impl FrontEnd for Layout {
     fn passing(&self, program: &Program, target: usize) -> Passing {
         // A motion without a word of approximation positions exactly (KUKA, Operating and Programming Instructions for System
-        // Integrators, *Approximate positioning*); how far it approximates, `$APO` says.
+        // Integrators, *Approximate positioning*). With `C_DIS` it leaves its way `$APO.CDIS` before its end; by what distance the
+        // other words do, depends on speed and orientation.
+        let approximation_mm = self.sites.get(target).and_then(|site| site.approximation_mm);
         let target = &program.targets[target];
         let text = &program.sources[usize::from(target.source)].bytes[target.span.range()];
-        let mut words = text.split(|byte| !byte.is_ascii_alphanumeric() && *byte != b'_');
-        let approximates = words.any(|word| insert::APPROXIMATE.iter().any(|known| word.eq_ignore_ascii_case(known)));
-        if approximates { Passing::Unstated } else { Passing::Stop }
+        let words = || text.split(|byte| !byte.is_ascii_alphanumeric() && *byte != b'_');
+        let is = |known: &[u8]| words().any(|word| word.eq_ignore_ascii_case(known));
+        match approximation_mm.filter(|_| is(b"C_DIS")) {
+            Some(distance) if distance > 0.0 => Passing::Zone(distance),
+            Some(_) => Passing::Stop,
+            None if insert::APPROXIMATE.iter().any(|known| is(known)) => Passing::Unstated,
+            None => Passing::Stop,
+        }
     }
 
     fn passing_edits(&self, program: &Program, wanted: &[(usize, Passing)]) -> Vec<Option<Edit>> {

@@ -58,6 +58,8 @@ pub(super) struct Left {
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Site {
     pub(crate) tokens: [Option<NumberToken>; 6],
+    /// `$APO.CDIS` when the motion runs, mm, where it is known.
+    pub(crate) approximation_mm: Option<f64>,
 }
 
 pub(super) struct Runner<'a> {

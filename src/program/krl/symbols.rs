@@ -36,6 +36,8 @@ pub(super) struct Symbols<'a> {
     pub(super) tool: Id,
     pub(super) load: Id,
     pub(super) speed: Id,
+    /// `$APO`: how far a motion is approximated.
+    pub(super) approximation: Id,
     pub(super) mode: Id,
     /// `$ORI_TYPE`.
     pub(super) orientation: Id,
@@ -91,6 +93,7 @@ impl<'a> Symbols<'a> {
             tool: 0,
             load: 0,
             speed: 0,
+            approximation: 0,
             mode: 0,
             orientation: 0,
             ignored_axes: 0,
@@ -122,6 +125,7 @@ impl<'a> Symbols<'a> {
         symbols.tool = symbols.global(b"$TOOL", own("$TOOL"));
         symbols.load = symbols.global(b"$LOAD", Value::unknown(NO_VALUE));
         symbols.speed = symbols.global(b"$VEL", Value::unknown(NO_VALUE));
+        symbols.approximation = symbols.global(b"$APO", Value::unknown(NO_VALUE));
         symbols.mode = symbols.global(b"$IPO_MODE", Value::Constant(upper(b"BASE")));
         symbols.orientation = symbols.global(b"$ORI_TYPE", Value::Constant(upper(b"VAR")));
         symbols.ignored_axes = symbols.global(b"$EX_AX_IGNORE", Value::Number(0.0, None));
@@ -232,13 +236,14 @@ impl<'a> Symbols<'a> {
     }
 
     /// Variables that are the run's own.
-    pub(super) fn own_state(&self) -> [Id; 16] {
+    pub(super) fn own_state(&self) -> [Id; 17] {
         let [base, tool, turns] = [self.base_name, self.tool_name, self.orientation];
         [
             self.base,
             self.tool,
             self.load,
             self.speed,
+            self.approximation,
             self.mode,
             turns,
             base,

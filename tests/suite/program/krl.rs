@@ -3,7 +3,7 @@
 use deflex::cell::Cell;
 use deflex::correct::{self, Options};
 use deflex::program::orientation::{from_zyx_deg, quaternion};
-use deflex::program::{Editable, Program, RewriteOptions, detect, krl, rapid, round_trip};
+use deflex::program::{Change, Editable, Program, RewriteOptions, detect, krl, rapid, round_trip};
 use deflex::text::{Diagnostic, Source};
 use proptest::prelude::*;
 use std::fmt::Write;
@@ -334,4 +334,40 @@ fn counted(text: &str) -> usize {
         ["X", "Y", "Z", "A", "B", "C"].iter().all(|key| has(key))
     };
     bodies.filter(|body| complete(body)).count()
+}
+
+/// How near a motion with `C_DIS` passes its end is what `$APO.CDIS` is when it runs, where that is known; KUKA's own routines may set
+/// it.
+#[test]
+fn the_distance_of_an_approximation_is_followed() {
+    let zones = |body: &str| -> Vec<Option<f64>> {
+        let point = "LIN {X 900.0,Y 0.0,Z 800.0,A 0.0,B 90.0,C 0.0}";
+        let text = format!("DEF p()\nDECL INT I\nDECL REAL R\n{}\nEND\n", body.replace("LIN", point));
+        let program = krl::read(vec![Source::new("p.src", text.into_bytes())], Vec::new()).unwrap();
+        (0..program.targets.len()).map(|target| program.zone_mm(target)).collect()
+    };
+    assert_eq!(zones("$APO.CDIS=3\nLIN C_DIS\n$APO.CDIS=4.5\nLIN C_DIS\nLIN"), [Some(3.0), Some(4.5), None]);
+    assert_eq!(zones("R=2.0\nFOR I=1 TO 2\n$APO.CDIS=R\nLIN C_DIS\nR=6.0\nENDFOR"), [Some(2.0), Some(6.0)]);
+    assert_eq!(zones("$APO.CDIS=3\nIF $IN[1] THEN\n$APO.CDIS=9\nENDIF\nLIN C_DIS"), [None]);
+    assert_eq!(zones("$APO.CDIS=3\nBAS(#VEL_CP,0.1)\nLIN C_DIS\nBAS(#PTP_DAT)\nLIN C_DIS"), [Some(3.0), None]);
+    let act =
+        "LDAT_ACT={VEL 2.0,ACC 100.0,APO_DIST 7.0,APO_FAC 50.0,ORI_TYP #VAR,CIRC_TYP #BASE}\nBAS(#CP_DAT)\nLIN C_DIS";
+    assert_eq!(zones(act), [Some(7.0)]);
+    // Speed and orientation have criteria of their own.
+    assert_eq!(zones("$APO.CDIS=3\nLIN C_VEL\nLIN C_ORI"), [None, None]);
+}
+
+/// A number that is a distance of approximation too is not moved with the point.
+#[test]
+fn a_number_that_a_zone_reads_stays() {
+    let edits = |zone: &str| {
+        let text = format!(
+            "DEF p()\nDECL REAL R\nDECL POS XP\nR=900.0\nXP={{X 0.0,Y 0.0,Z 800.0,A 0.0,B 90.0,C 0.0}}\n{zone}XP.X=R\nLIN XP C_DIS\nEND\n"
+        );
+        let program = krl::read(vec![Source::new("p.src", text.into_bytes())], Vec::new()).unwrap();
+        let change = Change { position_mm: [901.0, 0.0, 800.0], quat: None, conf: None, external: None };
+        program.rewrite(&[Some(change)], &[], &RewriteOptions::default()).edits[0].len()
+    };
+    assert_eq!(edits(""), 1);
+    assert_eq!(edits("$APO.CDIS=R\n"), 0);
 }

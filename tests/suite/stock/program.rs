@@ -2,7 +2,9 @@
 
 use super::within;
 use deflex::cell::Cell;
-use deflex::correct::{Corrected, CutProgress, Cuts, Options, compensate, cut_stock, predict};
+use deflex::correct::{
+    Corrected, CutProgress, Cuts, LoadedSample, Options, compensate, cut_stock, loaded_path, predict,
+};
 use deflex::program::{Program, rapid};
 use deflex::report::{DeviationMap, probe, stl};
 use deflex::text::{Diagnostic, Source};
@@ -40,17 +42,21 @@ material = "al7075"
 
 const STOCK: &str = "[stock]\nbox_mm = [[0, 0, -20], [48, 40, 0]]\nresolution_mm = 0.4\n";
 
+const MODULE: &str = "MODULE M\n\
+    PERS tooldata tMill:=[TRUE,[[0,0,300],[1,0,0,0]],[18,[0,0,120],[1,0,0,0],0,0,0]];\n\
+    PERS wobjdata wBlock:=[FALSE,TRUE,\"\",[[1250,-120,620],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\n\
+    PROC main()\n";
+
+/// A line to a place, mm.
+fn move_to([x, y, z]: [f64; 3], speed: &str, zone: &str) -> String {
+    format!("MoveL [[{x},{y},{z}],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],{speed},{zone},tMill\\WObj:=wBlock;\n")
+}
+
 /// Moves: x, y, z in mm, and a speed.
 fn program(moves: &[([f64; 3], &str)]) -> Program {
-    let mut text = "MODULE M\n\
-        PERS tooldata tMill:=[TRUE,[[0,0,300],[1,0,0,0]],[18,[0,0,120],[1,0,0,0],0,0,0]];\n\
-        PERS wobjdata wBlock:=[FALSE,TRUE,\"\",[[1250,-120,620],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\n\
-        PROC main()\n"
-        .to_owned();
-    for ([x, y, z], speed) in moves {
-        text += &format!(
-            "MoveL [[{x},{y},{z}],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],{speed},z0,tMill\\WObj:=wBlock;\n"
-        );
+    let mut text = MODULE.to_owned();
+    for (place, speed) in moves {
+        text += &move_to(*place, speed, "z0");
     }
     text += "ENDPROC\nENDMODULE\n";
     rapid::read(vec![Source::new("part.mod", text.into_bytes())], Vec::new()).unwrap()
@@ -134,18 +140,120 @@ fn a_known_shift_is_the_deviation() {
     assert!(figures.leftover.max_mm >= 0.1 && figures.max_mm < 0.11, "{figures:?}");
 }
 
+/// A law of a controller that does nothing but round corners within the whole zone.
+const ROUNDS_ONLY: &str = "[controller.path]\nzone_share = 1.0\nsmoothing_s = [1e-5, 1e-5]\nacceleration_mm_s2 = 1e9\n\
+                           corner_acceleration_mm_s2 = 1e9\n";
+
+/// A law as that of a real controller.
+const TYPICAL: &str = "[controller.path]\nzone_share = 0.87\nsmoothing_s = [0.058, 0.058]\nacceleration_mm_s2 = 8000.0\n\
+                       corner_acceleration_mm_s2 = 4000.0\n";
+
+/// Radius of the cutter 1.3 over its tip, where its edge is rounded with 2: 6 + √(2² − 0.7²), mm.
+const EDGE: f64 = 7.873_499;
+
+/// A pocket's corner, 1.5 deep: along x to (24, 20), and along y out of the block.
+fn corner(zone: &str) -> Program {
+    let text = MODULE.to_owned()
+        + &[[-12.0, 20.0, 10.0], [-12.0, 20.0, -1.5], [24.0, 20.0, -1.5], [24.0, 60.0, -1.5]]
+            .map(|[x, y, z]| move_to([x, y, z], "v20", if (x, y) == (24.0, 20.0) { zone } else { "fine" }))
+            .concat()
+        + "ENDPROC\nENDMODULE\n";
+    rapid::read(vec![Source::new("corner.mod", text.into_bytes())], Vec::new()).unwrap()
+}
+
+/// The way of the cutter's axis round a right angle in a zone of radius r is a parabola that passes the corner r √2 / 4 away. So much
+/// is left on the wall there. Of the pocket, a strip as wide as the cutter's radius is left for each millimetre that the parabola is
+/// shorter than the two ways, and a third of the triangle that it cuts off.
+#[test]
+fn a_corner_that_the_controller_rounds_is_left_in_the_part() {
+    let cell = cell("mode = \"stock\"", &format!("{STOCK}{ROUNDS_ONLY}"));
+    let options = Options { forces: Some(deflex::measured::Forces::default()), ..Options::default() };
+    let cut = |zone: &str, cuts: Cuts| cut_stock(&corner(zone), &cell, &options, None, cuts).unwrap();
+    let (sharp, rounded) = (cut("z5", Cuts::Programmed), cut("z5", Cuts::Driven));
+    let radius = 5.0_f64;
+    let outwards = Vector3::new(1.0, -1.0, 0.0).normalize();
+    let wall = (Vector3::new(24.0, 20.0, -0.2) + outwards * EDGE) * 1e-3;
+    let left = |cut: &deflex::correct::Removal| probe(&cut.stock, &wall, Some(&-outwards)).unwrap();
+    assert!(left(&sharp).abs() < 6e-3, "{}", left(&sharp));
+    let away = radius * std::f64::consts::SQRT_2 / 4.0;
+    assert!((left(&rounded) - away).abs() < 6e-3, "{} for {away}", left(&rounded));
+    // Length of the parabola: r (1 + asinh(1) / √2).
+    let shorter = radius * (1.0 - 1.0_f64.asinh() / std::f64::consts::SQRT_2);
+    let expected = (1.5 * 8.0 - section_left()) * shorter + 1.5 * radius * radius / 6.0;
+    let volume = 1e9 * (sharp.stock.removed() - rounded.stock.removed());
+    assert!((volume / expected - 1.0).abs() < 0.01, "{volume} for {expected} mm³");
+    // Where it stops at the corner, nothing is left but what the 0.08 mm between two samples cut off.
+    let stopped = cut("fine", Cuts::Driven);
+    assert!((left(&stopped) - left(&sharp)).abs() < 0.08 / 8.0_f64.sqrt(), "{}", left(&stopped));
+    let less = 1e9 * (sharp.stock.removed() - stopped.stock.removed());
+    // One line of the stock is 0.24 mm³.
+    assert!(less.abs() < 0.3, "{less} mm³");
+    assert!(rounded.notes.is_empty(), "{:?}", rounded.notes);
+}
+
+/// A controller that drives corners as they are written leaves what the deflected tool leaves on the written way, away from the corner
+/// where it stops and the arm springs back.
+#[test]
+fn a_driven_way_that_is_the_written_one_leaves_the_same_part() {
+    let as_written = ROUNDS_ONLY.replace("zone_share = 1.0", "zone_share = 1e-9");
+    let cell = cell("mode = \"stock\"", &format!("{STOCK}{as_written}"));
+    let cut = |cuts: Cuts| cut_stock(&corner("fine"), &cell, &Options::default(), None, cuts).unwrap();
+    let [deflected, driven] = [Cuts::Deflected, Cuts::Driven].map(cut);
+    for k in 2..9 {
+        let (x, y) = (2.0 * f64::from(k), 20.0 + 1.5 * f64::from(k));
+        let floors = [[x, 20.0, -1.5], [24.0, y, -1.5]].map(|place| (place, Vector3::z()));
+        let walls = [([x, 20.0 - EDGE, -0.2], Vector3::y()), ([24.0 + EDGE, y, -0.2], -Vector3::x())];
+        for (place, normal) in floors.into_iter().chain(walls) {
+            let left = |cut: &deflex::correct::Removal| {
+                probe(&cut.stock, &(Vector3::from(place) * 1e-3), Some(&normal)).unwrap()
+            };
+            let (wanted, found) = (left(&deflected), left(&driven));
+            // The walls are 0.28 mm off; where the block ends, the force changes within a fraction of a place.
+            let most = if y < 31.0 { 2e-3 } else { 0.02 };
+            assert!((found - wanted).abs() < most, "{place:?}: {found} for {wanted} mm");
+        }
+    }
+}
+
+/// The chip, and with it the force, is that of the speed that is driven, where what is cut follows from the stock too: between the
+/// force of the edges at a stop and the whole one at the programmed speed, evenly.
+#[test]
+fn the_force_of_a_cut_from_stock_follows_the_speed_that_is_driven() {
+    let cell = cell("mode = \"stock\"", &format!("{STOCK}{TYPICAL}"));
+    let path = loaded_path(&corner("fine"), &cell, &Options::default()).unwrap();
+    // From the block's edge to the corner, where the arm stops: the cutter is wholly in the slot from 0 on.
+    let side: Vec<_> = path.samples.iter().filter(|sample| sample.target == 3).collect();
+    let on_slot = |sample: &&&LoadedSample| sample.wobj_from_tcp.translation.x > 8e-3;
+    let at = |feed: f64| side.iter().filter(on_slot).find(|sample| (sample.feed - feed).abs() < 0.6e-3).unwrap().force;
+    let [slow, half, full] = [0.5e-3, 10e-3, 20e-3].map(at);
+    assert!(slow.norm() < 0.85 * full.norm() && slow.norm() > 0.0, "{slow} of {full} N");
+    assert!((half - (slow + full) * 0.5).norm() < 0.06 * full.norm(), "{slow} {half} {full} N");
+    // The arm springs back where it stops, and leaves less on the wall that the force pushes it away from.
+    let cut = cut_stock(&corner("fine"), &cell, &Options::default(), None, Cuts::Driven).unwrap();
+    let wall = |x: f64| {
+        let wall = Vector3::new(x, 20.0 - EDGE, -0.2) * 1e-3;
+        probe(&cut.stock, &wall, Some(&Vector3::y())).unwrap()
+    };
+    assert!(wall(10.0) > 0.01 && wall(24.0) < 0.75 * wall(10.0), "{} and {} mm", wall(10.0), wall(24.0));
+}
+
 /// Forces, deflected cuts and the surface that comes out, whatever the number of threads.
 #[test]
 fn threads_change_no_bit() {
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let (cell, options) = (cell("mode = \"stock\"", STOCK), Options::default());
-            let corrected = compensate(&slot(), &cell, &options).unwrap();
-            let predicted = predict(&slot(), &cell, &options, None).unwrap();
-            let cut = cut_stock(&slot(), &cell, &options, None, Cuts::Deflected).unwrap();
+            let (written, options) = (cell("mode = \"stock\"", STOCK), Options::default());
+            let corrected = compensate(&slot(), &written, &options).unwrap();
+            let predicted = predict(&slot(), &written, &options, None).unwrap();
             let rows = format!("{:?}{:?}", corrected.rows, predicted.rows);
-            (rows, cut.stock.removed().to_bits(), stl(&cut.stock.surface(1e-3)))
+            let driven = cell("mode = \"stock\"", &format!("{STOCK}{TYPICAL}"));
+            let cuts = [(slot(), &written, Cuts::Deflected), (corner("z5"), &driven, Cuts::Driven)];
+            let left = cuts.map(|(program, cell, cuts)| {
+                let cut = cut_stock(&program, cell, &options, None, cuts).unwrap();
+                (cut.stock.removed().to_bits(), stl(&cut.stock.surface(1e-3)))
+            });
+            (rows, left)
         })
     };
     let one = run(1);
@@ -168,7 +276,7 @@ fn a_cut_is_followed_and_called_off() {
         };
         (Options { cut_progress: CutProgress::new(follow), ..Options::default() }, told)
     };
-    for cuts in [Cuts::Programmed, Cuts::Deflected] {
+    for cuts in [Cuts::Programmed, Cuts::Deflected, Cuts::Driven] {
         let (options, told) = followed(false);
         let Err(refused) = cut_stock(&long, &cell, &options, None, cuts) else { panic!("{cuts:?} is not called off") };
         assert_eq!(refused.iter().map(|d| d.code).collect::<Vec<_>>(), ["run.called-off"], "{cuts:?}");
