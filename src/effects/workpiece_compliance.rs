@@ -19,7 +19,9 @@ pub(super) const KIND: Kind = Kind {
     bends_under_load: true,
     read: |table| {
         let effect = table.try_into::<WorkpieceCompliance>()?;
-        if let Some([low, high]) = effect.domain_mm.iter().flatten().find(|[low, high]| !(low <= high)) {
+        if let Some([low, high]) =
+            effect.domain_mm.iter().flatten().find(|[low, high]| low.is_nan() || high.is_nan() || low > high)
+        {
             let message = format!("`domain_mm` has [{low}, {high}], expected two numbers, the lower one first");
             return Err(toml::de::Error::custom(message));
         }
