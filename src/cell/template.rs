@@ -269,7 +269,7 @@ fn cell(head: &str, stiffness: &str, frames: &Frames, speech: &Speech) -> String
     // Writing to a String cannot fail.
     let _ = write!(
         text,
-        r#"# Cell file of deflex. Every value with "<<" behind it is an example: put in your cell's own, then delete the "<<".
+        r#"# Cell file of deflex. Every value marked "<<" is an example: put in your cell's own, then delete the "<<".
 # As long as one is left, each run says so. What a cell does not need (CL input, tools that programs declare) can go.
 # Units are in the names. Orientations: `…_quat` = [q1, q2, q3, q4], scalar first, as RAPID writes them; `…_abc_deg` = KUKA's A, B, C;
 # `…_wpr_deg` = FANUC's W, P, R.
@@ -318,7 +318,7 @@ helix_deg = 30.0                # <<
 [cut.engagement]
 mode = "slot"                   # << slot | up (conventional) | down (climb) | stock (what is left of [stock])
 depth_mm = 1.5                  # << along the tool axis
-width_mm = 25.0                 # << stepover: how far beside the same cutter has passed
+width_mm = 25.0                 # << stepover: distance to the neighbouring pass of the same cutter
 feed_per_tooth_mm = 0.07        # << left out: from feed, spindle_rpm and teeth
 lead_deg = 5.0                  # << tool axis against the surface normal, forward
 tilt_deg = 10.0                 # << and sideways
