@@ -5,6 +5,7 @@
 //! before and after it, by the volume that has gone.
 
 use super::super::Prepared;
+use super::super::point::{Milled, tool_axis};
 use super::Walk;
 use crate::cell::HeldPart;
 use crate::effects::{MOST_CLAMPS, PartYield};
@@ -186,20 +187,16 @@ fn cuts(walk: &Walk<'_>, prepared: &Prepared) -> Vec<Cut> {
     let mut cuts = Vec::new();
     for (target, point) in prepared.points.iter().enumerate() {
         removed += point.milled.as_ref().map_or(0.0, |milled| milled.removed);
-        let on_the_way = point.milled.iter().flat_map(|milled| milled.forces.iter());
-        let is_cut = point.cuts() || on_the_way.into_iter().any(|(_, force)| force.programmed != Vector3::zeros());
-        if point.unsolved.is_some() || !is_cut {
+        let has_force = |milled: &Milled| milled.forces.iter().any(|(_, force)| force.programmed != Vector3::zeros());
+        // Where a table of forces has none the tool may have touched the part all the same: a gauge or a probe did.
+        let touches = |milled: &Milled| has_force(milled) || milled.removed > 0.0;
+        if point.unsolved.is_some() || !(point.cuts() || point.milled.iter().any(touches)) {
             continue;
         }
-        // Where the force does not follow from the stock, it acts at the tip.
-        let engaged = point.milled.as_ref().filter(|milled| milled.engaged.is_some_and(|[depth, _]| depth > 0.0));
-        let place = engaged.map_or_else(
-            || {
-                let stock_from_wobj = walk.stock_from_wobj(prepared, target);
-                stock_from_wobj.rotation * point.reference.translation.vector + stock_from_wobj.translation.vector
-            },
-            |milled| milled.place,
-        );
+        // Where nothing is cut, it is touched by the tip.
+        let offset = point.milled.as_ref().map_or_else(Vector3::zeros, |milled| milled.offset);
+        let tip = walk.tool(prepared, target, &point.reference.translation.vector, &tool_axis(&point.reference)).tip;
+        let place = tip + offset;
         cuts.push(Cut { target, removed, place: (place * 1e3).into() });
     }
     cuts
