@@ -13,7 +13,7 @@ use rayon::prelude::*;
 const BATCH: usize = 512;
 
 /// So many where it is known how the part yields: the stock is looked at between batches.
-const BATCH_OF_A_PART: usize = 64;
+const BATCH_OF_A_PART: usize = 16;
 
 /// A place for which the engagement of the tool is computed.
 struct Asked {

@@ -23,10 +23,9 @@ const MOST_CELLS: f64 = 500_000.0;
 /// Walls thinner than so many cells may be taken for thinner or thicker than they are; they are said where more than this share
 /// of the cells is in such.
 const THIN: (f64, f64) = (1.0, 0.02);
-/// The stock is looked at when this share of what was left has gone: a wall loses no more of its thickness between two looks.
-const GONE: f64 = 0.06;
-/// And as many stages are solved for, evenly among the looks, the first and the last of them included.
-const MOST_STAGES: usize = 6;
+/// The stock is looked at when this share of what was left has gone, over the number of stages: some three looks a stage where two
+/// thirds of the blank go.
+const GONE: f64 = 0.36;
 
 /// The stock as it was from time to time.
 pub(super) struct Stages {
@@ -80,7 +79,8 @@ impl Stages {
     pub(super) fn look(&mut self, stock: &Stock) {
         let [low, high] = stock.blank().bounds();
         let whole = (high - low).product();
-        let gone = |last: &Look| stock.removed() - last.removed >= GONE * (whole - last.removed);
+        let share = GONE / self.held.stages as f64;
+        let gone = |last: &Look| stock.removed() - last.removed >= share * (whole - last.removed);
         if self.looks.last().is_none_or(gone) {
             self.take(stock);
         }
@@ -105,16 +105,18 @@ impl Stages {
         let Self { held, looks } = self;
         let cuts = cuts(walk, prepared);
         let count = looks.len();
-        let chosen: Vec<&Look> = if count <= MOST_STAGES {
+        // Evenly among the looks, the first and the last of them included.
+        let most = held.stages;
+        let chosen: Vec<&Look> = if count <= most {
             looks.iter().collect()
         } else {
-            (0..MOST_STAGES).map(|n| &looks[n * (count - 1) / (MOST_STAGES - 1)]).collect()
+            (0..most).map(|n| &looks[n * (count - 1) / (most - 1)]).collect()
         };
         // Shares of the stages at each cut: it is between two of them, or after the last.
         let after = |cut: &Cut| chosen.partition_point(|look| look.removed <= cut.removed).clamp(1, chosen.len());
         let clamps = held.clamps.len();
         let mut yields: Vec<Vec<(PartYield, f64)>> = vec![Vec::new(); cuts.len()];
-        let (mut before, mut most, mut places, mut elements, mut off) = (None, 0.0_f64, 0, 0, 0.0_f64);
+        let (mut before, mut softest, mut places, mut elements, mut off) = (None, 0.0_f64, 0, 0, 0.0_f64);
         for (n, look) in chosen.iter().enumerate() {
             // A cut between looks n and n + 1 is of both.
             let of_stage: Vec<(usize, f64)> = cuts
@@ -150,7 +152,7 @@ impl Stages {
             };
             let found: Vec<PartYield> = at.par_iter().map(found).collect();
             for ((number, share), found) in of_stage.iter().zip(found) {
-                most = most.max(1e3 * found.compliance.symmetric_eigenvalues().max());
+                softest = softest.max(1e3 * found.compliance.symmetric_eigenvalues().max());
                 yields[*number].push((found, *share));
             }
             before = Some(map);
@@ -164,7 +166,7 @@ impl Stages {
             "part: {elements} cells of {:.2} mm, {} stages of the stock, solved for at {places} places; it yields by up to {:.3} µm/N where it is cut, known to some {:.3} µm/N",
             chosen[0].solid.grid().size.iter().fold(0.0_f64, |most, size| most.max(*size)),
             chosen.len(),
-            1e3 * most,
+            1e3 * softest,
             1e3 * off,
         );
         let mut notes = vec![Diagnostic::error("stock.part", "", message).severity(Severity::Note)];

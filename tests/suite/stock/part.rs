@@ -125,6 +125,7 @@ fn what_the_cell_says_wrongly_of_a_part_is_said() {
     let cases = [
         ("nu = 0.33", "nu = 0.5", "Poisson"),
         ("e_n_mm2 = 71000.0", "e_n_mm2 = 0.0", "part.material.e_n_mm2"),
+        ("[part.material]", "[part]\nstages = 1\n[part.material]", "part.stages is 1, expected 2 to 60"),
         ("[12.0, 12.0, -80.0]]", "[12.0, 12.0, -90.0]]", "the second corner of box_mm is below the first"),
         ("[[0.0, 0.0, -80.0], [12.0, 12.0, -80.0]]", "[[0, 0, 5], [12, 12, 9]]", "is outside of the blank"),
         ("[inf, inf, inf]", "[inf, -1.0, inf]", "a stiffness is below zero"),
@@ -402,10 +403,8 @@ fn a_clamp_that_slipped_is_found_with_its_interval_and_is_no_soft_one() {
     assert_eq!(slip.fault, Some("clamp_slip"));
     let line: usize = slip.with.split_whitespace().filter_map(|word| word.parse().ok()).next().unwrap();
     assert!(slip.with.contains("clamp 2 slipped") && line.abs_diff(slipped + 2) <= 6, "{}", slip.with);
-    for (k, truth) in [0.0, 0.0, -0.02].into_iter().enumerate() {
-        let [low, high] = slip.parameters[k].ci95;
-        assert!(low <= truth && truth <= high, "{k}: {slip:?}");
-    }
     let [low, high] = slip.parameters[2].ci95;
-    assert!(high - low < 0.004, "{slip:?}");
+    assert!(low <= -0.02 && -0.02 <= high && high - low < 0.004, "{slip:?}");
+    // A plate with slots is no beam to the last micrometre.
+    assert!(slip.parameters[..2].iter().all(|along| along.value.abs() < 0.001), "{slip:?}");
 }
