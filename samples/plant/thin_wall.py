@@ -1,6 +1,6 @@
 """A thin wall is milled on the plant: `thin_wall.py [--deflex BINARY] [-o FOLDER]`.
 
-A plate of 60 × 26 × 3 mm stands on its clamped lower edge. An end mill takes 1 mm off one side and 1 mm off the other, 1 mm deep at a time, down to
+A plate of 60 × 24 × 3 mm stands on its clamped lower edge. An end mill takes 1 mm off one side and 1 mm off the other, 1 mm deep at a time, down to
 a wall of 1 mm. Writes two cells, with and without `[part.material]`, and the program; has `deflex compensate` correct it by either; mills the wall
 with all three programs; and prints how far its two faces are off when the wall has sprung back.
 
@@ -20,7 +20,7 @@ from kinematics import base_from_flange, solve_path
 from program import MM, Frame, read_cell, read_program
 
 # mm, N. The blank, its two faces when they are finished, and the lowest level that is cut.
-LENGTH, HEIGHT, BLANK, FACES, DEPTH, STEP = 60.0, 26.0, 3.0, (1.0, 2.0), 24.0, 1.0
+LENGTH, HEIGHT, BLANK, FACES, DEPTH, STEP = 60.0, 24.0, 3.0, (1.0, 2.0), 24.0, 1.0
 E, NU = 71000.0, 0.33
 RADIUS, TEETH, FEED = 5.0, 3, 0.06
 # Al 7050/7075: tangential, radial, axial; of the chip's area (N/mm²), and of its edge (N/mm).
@@ -51,17 +51,17 @@ feed_per_tooth_mm = 0.06
 material = "al7075"
 [stock]
 wobj = "wWall"
-box_mm = [[0.0, 0.0, -26.0], [60.0, 3.0, 0.0]]
+box_mm = [[0.0, 0.0, -24.0], [60.0, 3.0, 0.0]]
 resolution_mm = 0.25
 """
 PART = """[part]
 cell_mm = 0.5
-stages = 60
+stages = 12
 [part.material]
 e_n_mm2 = 71000.0
 nu = 0.33
 [[part.clamp]]
-box_mm = [[0.0, 0.0, -26.0], [60.0, 3.0, -26.0]]
+box_mm = [[0.0, 0.0, -24.0], [60.0, 3.0, -24.0]]
 stiffness_n_per_mm = [inf, inf, inf]
 """
 
@@ -114,7 +114,7 @@ class Plate:
                 self.element += bent.T @ law @ bent * wu * wv * SPACING**2 / 4
 
     def compliance(self, thickness):
-        """Of the nodes above each x, mm/N, under forces there and on the nodes a spacing before and behind: [x, which, z, z].
+        """Of the nodes above each x, mm/N, under forces there and at the next nodes to low x and to high x: [x, which, z, z].
 
         `thickness` is that of each element, [x, z], in mm.
         """

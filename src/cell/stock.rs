@@ -147,7 +147,7 @@ pub(super) fn part(check: &mut Check, raw: raw::Part, stock: Option<&raw::Stock>
         let (least, most) = (STAGES_RANGE.start(), STAGES_RANGE.end());
         check.error(
             "part.stages",
-            &format!("part.stages is {count}, expected {least} to {most}"),
+            format!("part.stages is {count}, expected {least} to {most}"),
             "leave it out, or give a number in that range",
         );
     } else if stages.is_some() && material.is_none() {

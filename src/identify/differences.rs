@@ -28,6 +28,11 @@ impl Reuse {
         Self { below, about: Vec::new(), columns: BTreeMap::new() }
     }
 
+    /// Forgets all columns: the rows have changed.
+    pub(super) fn forget_all(&mut self) {
+        self.columns.clear();
+    }
+
     /// Forgets the columns of a candidate that has changed.
     pub(super) fn forget(&mut self, candidate: usize) {
         self.columns.remove(&candidate);

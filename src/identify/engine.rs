@@ -327,7 +327,7 @@ impl Engine {
             self.problem.cut_stocks(&self.arm(), cell)?;
             self.last = Mutex::new(None);
             // Columns of other effects are of the forces of before.
-            self.reuse = Reuse::of(self.candidates.len());
+            self.reuse.forget_all();
             let moved = (self.residual() - before).norm() / (self.problem.scalars as f64).sqrt();
             if moved < SETTLED * self.sigma {
                 break;

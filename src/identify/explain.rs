@@ -406,7 +406,7 @@ impl Engine {
 
     /// By how much something slipped, whose numbers begin at `first` in the posterior.
     fn slipped(&self, candidate: &Candidate, first: usize) -> Vec<FittedParameter> {
-        let covariance = self.wider_covariance();
+        let covariance = self.wider_covariance(1.0);
         let of = |k: usize| {
             let value = candidate.values[k] / candidate.typical[k] * TYPICAL_MM;
             let variance = covariance.get((first + k, first + k)).copied().unwrap_or(f64::INFINITY);
