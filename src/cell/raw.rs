@@ -248,6 +248,7 @@ pub(super) struct Stock {
 pub(super) struct Part {
     pub(super) stl: Option<String>,
     pub(super) cell_mm: Option<f64>,
+    pub(super) stages: Option<usize>,
     pub(super) material: Option<PartMaterial>,
     #[serde(default)]
     pub(super) clamp: Vec<PartClamp>,

@@ -45,6 +45,8 @@ pub struct HeldPart {
     pub clamps: Vec<Clamp>,
     /// Size of the cells that it is computed with, mm; without one, from the blank.
     pub cell_mm: Option<f64>,
+    /// For how many stages of the stock it is computed at most.
+    pub stages: usize,
 }
 
 impl Cell {
@@ -115,9 +117,14 @@ pub(super) fn stock(check: &mut Check, raw: &raw::Stock) -> Option<StockSection>
     Some(section(Some(Blank::Box([low, high]))))
 }
 
+/// Stages of the stock without `[part] stages`: a part takes ten seconds or so.
+const STAGES: usize = 6;
+/// One at the beginning and one in the end; more than the upper end are no more different than a cut at a place and at the next.
+const STAGES_RANGE: std::ops::RangeInclusive<usize> = 2..=60;
+
 /// `[part]`; `stock` is the blank, where the cell has one.
 pub(super) fn part(check: &mut Check, raw: raw::Part, stock: Option<&raw::Stock>) -> PartSection {
-    let raw::Part { stl, cell_mm, material, clamp } = raw;
+    let raw::Part { stl, cell_mm, stages, material, clamp } = raw;
     if stl.is_none() && material.is_none() {
         check.error(
             "part",
@@ -135,7 +142,22 @@ pub(super) fn part(check: &mut Check, raw: raw::Part, stock: Option<&raw::Stock>
             );
         }
     }
-    let held = held(check, material, &clamp, stock).map(|held| HeldPart { cell_mm, ..held });
+    let count = stages.unwrap_or(STAGES);
+    if !STAGES_RANGE.contains(&count) {
+        let (least, most) = (STAGES_RANGE.start(), STAGES_RANGE.end());
+        check.error(
+            "part.stages",
+            format!("part.stages is {count}, expected {least} to {most}"),
+            "leave it out, or give a number in that range",
+        );
+    } else if stages.is_some() && material.is_none() {
+        check.error(
+            "part.stages",
+            "[part] stages without [part.material] has no effect",
+            "add [part.material], or remove stages",
+        );
+    }
+    let held = held(check, material, &clamp, stock).map(|held| HeldPart { cell_mm, stages: count, ..held });
     PartSection { stl, held, mesh: None }
 }
 
@@ -215,5 +237,10 @@ fn held(
         }
         clamps.push(Clamp { bounds: clamp.box_mm, stiffness: clamp.stiffness_n_per_mm });
     }
-    Some(HeldPart { material: Material { e: material.e_n_mm2, nu: material.nu }, clamps, cell_mm: None })
+    Some(HeldPart {
+        material: Material { e: material.e_n_mm2, nu: material.nu },
+        clamps,
+        cell_mm: None,
+        stages: STAGES,
+    })
 }

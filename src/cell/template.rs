@@ -335,6 +335,7 @@ material = "al7075"             # << a literature value is a start only: calibra
 # [part]
 # stl = "part.stl"              # what `deflex simulate` compares with, in the stock's axes; left out: the part as programmed
 # cell_mm = 1.0                 # where [part.material] is declared: size of the cells; left out: from the blank
+# stages = 6                    # and in how many stages of the stock the part is computed at most
 # [part.material]               # the part yields as its shape and its clamps have it
 # e_n_mm2 = 71000.0
 # nu = 0.33

@@ -48,7 +48,7 @@ pub fn predict(
         Some(original) => against::judged(context, original)?,
         None => (Prepared::new(program, cell, options)?, Original::Itself),
     };
-    if removal::run(context, &mut prepared, Cuts::Deflected)?.is_some() {
+    if removal::run(context, &mut prepared, (Cuts::Deflected, &cell.arm))?.is_some() {
         original.settle(&mut prepared, &cell.arm);
     }
     let (order, stages) = (Order::default(), Stages::new(carried::Carried::new(cell)));
@@ -151,7 +151,7 @@ impl<'a> Stages<'a> {
     /// The stages `path` and `load`.
     pub(super) fn prepare(&self, context: Context<'_>, turn: &Turn<'_>) -> Result<Prepared, Unsolved> {
         let mut prepared = turn.take(&self.path, |path| path::prepare(context, path))??;
-        removal::run(context, &mut prepared, Cuts::Programmed)?;
+        removal::run(context, &mut prepared, (Cuts::Programmed, &context.cell.arm))?;
         Ok(prepared)
     }
 

@@ -12,6 +12,7 @@ mod against;
 mod ahead;
 mod along;
 mod asked;
+mod between;
 mod carried;
 mod collected;
 mod context;
@@ -53,6 +54,7 @@ mod subdivide;
 mod travel;
 
 pub use along::{WayFault, WayFinding};
+pub(crate) use between::Between;
 pub use carried::ChosenTurns;
 pub use corrected::{Corrected, Posted};
 pub use cut_stock::cut_stock;
@@ -129,6 +131,13 @@ pub struct Options {
     pub cut_progress: CutProgress,
 }
 
+impl Options {
+    /// Whether forces come from a table: one that has times or temperatures alone leaves them to `[cut]`.
+    fn has_force_table(&self) -> bool {
+        self.forces.as_ref().is_some_and(|forces| forces.forces_given)
+    }
+}
+
 /// Whether a program can only be corrected as a whole: it cuts a stock, the law of its controller leads along all of it, or its turns about the tool axis are still to be chosen
 /// along it.
 fn is_held_whole(cell: &Cell, options: &Options) -> bool {
@@ -142,8 +151,10 @@ fn is_held_whole(cell: &Cell, options: &Options) -> bool {
 /// the alignment of measured rows.
 #[derive(Debug)]
 pub struct Prepared {
-    /// One point a target of the program, in running order.
+    /// One point a target of the program, in running order, then those that were added between targets.
     pub points: Vec<Point>,
+    /// Where these are.
+    between: Vec<Between>,
     /// The last point before these, where they are a chunk of a program.
     before: Option<Point>,
     /// How the first target's branch was chosen.
@@ -174,7 +185,7 @@ impl Prepared {
     pub fn new(program: &Program, cell: &Cell, options: &Options) -> Result<Self, Vec<Diagnostic>> {
         let context = Context::whole(program, cell, options);
         let mut prepared = path::prepare(context, &mut free_turn::carried(context)?)?;
-        removal::run(context, &mut prepared, Cuts::Programmed)?;
+        removal::run(context, &mut prepared, (Cuts::Programmed, &cell.arm))?;
         Ok(prepared)
     }
 
@@ -244,7 +255,7 @@ impl Prepared {
     }
 
     fn sharing(shared: Arc<Shared>, points: Vec<Point>, started: StartedFrom) -> Self {
-        Self { points, before: None, started, shared, turns_are_chosen: false, notes: Vec::new() }
+        Self { points, between: Vec::new(), before: None, started, shared, turns_are_chosen: false, notes: Vec::new() }
     }
 
     fn setting(&self, i: usize) -> &Setting {

@@ -56,8 +56,8 @@ pub struct Point {
 pub(super) struct Milled {
     /// Axial depth (m) and arc of engagement (rad) at the target, where the force follows from the stock.
     pub(super) engaged: Option<[f64; 2]>,
-    /// Where it cuts there, m, stock's axes.
-    pub(super) place: Vector3<f64>,
+    /// From the tip to where it cuts, m, stock's axes.
+    pub(super) offset: Vector3<f64>,
     /// On the way into the target, m³.
     pub(super) removed: f64,
     /// Shares of the way, rising from 0 to 1, and the force there.
@@ -264,6 +264,17 @@ impl Point {
     /// How the part yields, where it is cut and that is known.
     pub(crate) fn yielding_part(&self) -> Option<&PartYield> {
         self.part.as_deref().filter(|_| self.cuts())
+    }
+
+    /// How many clamps the part has, where it is known how it yields with them.
+    pub(crate) fn clamps(&self) -> usize {
+        self.part.as_ref().map_or(0, |part| part.clamps())
+    }
+
+    /// How the place on the part moves when one of its clamps moves by a unit along x, y or z (0 to 2) of the stock, work object
+    /// axes; `None` where that is not known.
+    pub(crate) fn clamp_motion(&self, clamp: usize, axis: usize) -> Option<Vector3<f64>> {
+        self.part.as_ref()?.motions.get(3 * clamp + axis).copied()
     }
 
     /// Whether a cutting force acts.

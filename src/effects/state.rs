@@ -120,6 +120,11 @@ impl PartYield {
         Self { compliance, motions: Vec::new(), stiffness: DMatrix::zeros(0, 0) }
     }
 
+    /// How many clamps it has, where it is known how it yields with them.
+    pub(crate) fn clamps(&self) -> usize {
+        self.motions.len() / 3
+    }
+
     /// A mixture by shares. All have the same clamps.
     pub(crate) fn mixed<'a>(parts: impl IntoIterator<Item = (&'a Self, f64)>) -> Self {
         let mut sum = Self::held_as_declared(Matrix3::zeros());

@@ -1,8 +1,8 @@
 //! What to measure next, and why.
 
 use super::data::Problem;
-use super::outcome::{Added, Identification, Separation, SetShare, Unexplained};
-use super::pattern::Pattern;
+use super::outcome::{Added, Identification, MENTIONED, Separation, SetShare, Unexplained};
+use super::pattern::{CLAMP_SLIP, Pattern};
 
 /// A rival with its d′ on these rows, where it is small.
 fn name_with_distance(effect: &Added, rival: &str, pairs: &[Separation]) -> String {
@@ -60,6 +60,21 @@ pub(super) fn advice(
         all.push("no row carries a cutting force: compliance, curve and force effects cannot be seen; measure loaded rows too".to_owned());
     }
     all
+}
+
+/// Whether a clamp of the part slipped or gives way, where the rows leave that open.
+pub(super) fn slipped_or_soft(found: &Identification) -> Option<String> {
+    let soft = "clamp_compliance";
+    let has = |set: &SetShare, kind: &str| set.kinds.iter().any(|own| own == kind);
+    let share = |one: &str, other: &str| -> f64 {
+        found.sets.iter().filter(|set| has(set, one) && !has(set, other)).map(|set| set.probability).sum()
+    };
+    let (slipped, gives) = (share(CLAMP_SLIP, soft), share(soft, CLAMP_SLIP));
+    (slipped > MENTIONED && gives > MENTIONED).then(|| {
+        format!(
+            "a clamp of the part that slipped ({slipped:.2}) and one that gives way ({gives:.2}) cannot be distinguished on these rows: probe the              same places with and without the force, before the part is unclamped"
+        )
+    })
 }
 
 /// What may act and is too faint to be named, where nothing is added.

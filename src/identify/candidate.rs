@@ -211,9 +211,14 @@ pub(super) fn same_pattern(a: &Candidate, b: &Candidate) -> bool {
     matches!((&a.home, &b.home), (Home::Pattern(a), Home::Pattern(b)) if a == b)
 }
 
+/// Whether two candidates are numbers of one effect that the cell declares.
+pub(super) fn same_numbers(a: &Candidate, b: &Candidate) -> bool {
+    matches!((&a.home, &b.home), (Home::Declared(a), Home::Declared(b)) if a == b)
+}
+
 /// Whether two candidates differ in their prior's size and their numbers' bounds only.
 pub(super) fn twins(a: &Candidate, b: &Candidate) -> bool {
-    let same = matches!((&a.home, &b.home), (Home::Declared(a), Home::Declared(b)) if a == b)
+    let same = same_numbers(a, b)
         || matches!((&a.home, &b.home), (Home::New(_), Home::New(_)))
         || matches!((&a.home, &b.home), (Home::Pattern(a), Home::Pattern(b)) if a == b);
     a.family == b.family

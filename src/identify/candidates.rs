@@ -2,7 +2,7 @@
 
 use super::candidate::{Candidate, Home, Shape};
 use super::data::{Observation, Problem};
-use super::pattern::{MIXED, MIXED_SPREAD, Pattern, SETTLES};
+use super::pattern::{MIXED, MIXED_SPREAD, Pattern, SETTLES, Slips};
 use super::returns::never_returns;
 use crate::effects::Shape as Follows;
 use crate::effects::{Cutting, Effect, KINDS, Kind, Survey, joint_error_curve, kind};
@@ -176,7 +176,7 @@ pub(super) fn survey<'a>(arm: &'a Arm, problem: &Problem) -> Survey<'a> {
         let point = &problem.runs[row.run].points[row.point];
         if let Some(part) = point.yielding_part() {
             survey.part_declared = true;
-            survey.clamps = part.motions.len() / 3;
+            survey.clamps = part.clamps();
         }
         if point.cuts() {
             survey.has_force = true;
@@ -207,9 +207,21 @@ fn of_pattern(pattern: Pattern, problem: &Problem, variants: f64) -> Candidate {
     Candidate { variants, scale, ..Candidate::pattern(pattern, pattern.size(problem)) }
 }
 
-/// A jump in front of a row.
-pub(super) fn jump(problem: &Problem, run: usize, order: usize) -> Candidate {
-    of_pattern(Pattern::Jump { run, order }, problem, problem.rows.len() as f64)
+/// Jumps before a row: of everything, and of each of some clamps of the part.
+pub(super) fn jumps(problem: &Problem, run: usize, order: usize) -> Vec<Candidate> {
+    // Where a part has one clamp, all of it goes with that.
+    let clamps = Some(clamps(problem)).filter(|clamps| *clamps > 1).unwrap_or(0);
+    // Before the first row everything is where it is declared: that is no jump.
+    let all = Some(Slips::All).filter(|_| order > 0);
+    let count = (problem.rows.len() * (1 + clamps)) as f64;
+    let slips = all.into_iter().chain((0..clamps).map(Slips::Clamp));
+    slips.map(|slips| of_pattern(Pattern::Jump { run, order, slips }, problem, count)).collect()
+}
+
+/// How many clamps the part has, where it is known how it yields with them.
+fn clamps(problem: &Problem) -> usize {
+    let of_row = |row: &Observation| problem.runs[row.run].points[row.point].clamps();
+    problem.rows.iter().map(of_row).max().unwrap_or(0)
 }
 
 /// Clampings and faults that the data can show.
@@ -230,10 +242,13 @@ pub(super) fn faults(survey: &Survey, problem: &Problem) -> Vec<Candidate> {
     }
     for run in 0..problem.runs.len() {
         let count = problem.rows.iter().filter(|row| row.run == run).count();
-        all.extend((1..JUMPS).map(|at| jump(problem, run, at * count / JUMPS)));
+        all.extend((0..JUMPS).flat_map(|at| jumps(problem, run, at * count / JUMPS)));
     }
-    // Forces that a law gives are no readings.
-    let read = |row: &Observation| matches!(problem.runs[row.run].situation(row.point).cutting, Cutting::Constant(_));
+    // Forces that a law or a stock gives are no readings.
+    let read = |row: &Observation| {
+        let run = &problem.runs[row.run];
+        !run.follows_stock() && matches!(run.situation(row.point).cutting, Cutting::Constant(_))
+    };
     if survey.has_force && survey.stiffness_declared && problem.rows.iter().any(read) {
         let count = MIXED.len() as f64;
         all.extend((0..MIXED.len()).map(|which| of_pattern(Pattern::MixedForce(which), problem, count)));

@@ -2,11 +2,13 @@
 
 use super::device::{Device, fixed_point};
 use super::noise::{OVER, Places, Sample, Series};
+use crate::cell::Cell;
 use crate::correct::Prepared;
 use crate::effects::{Cutting, Situation};
 use crate::equilibrium::{Arm, Batch, Nearby, Room, Setting, Settled, Site};
 use crate::lanes::WIDTH;
 use crate::measured::{MeasuredRow, Table};
+use crate::program::Program;
 use crate::robot::{Joints, Pose, Units};
 use crate::text::Diagnostic;
 use nalgebra::{DVector, UnitQuaternion, Vector3};
@@ -105,10 +107,19 @@ const TURNS: usize = 3;
 /// What a row adds to a stacked vector: as many as it has of a position, mm, and a turn, mrad.
 pub(super) type Parts = [[f64; 3]; 2];
 
+/// A program that cuts the stock, from which the forces at its rows follow.
+#[derive(Debug)]
+pub(super) struct StockCut {
+    pub(super) program: Program,
+    /// Runs of it.
+    pub(super) runs: Vec<usize>,
+}
+
 /// Everything that is fitted to.
 #[derive(Debug)]
 pub(super) struct Problem {
     pub(super) runs: Vec<Prepared>,
+    pub(super) stocks: Vec<StockCut>,
     pub(super) rows: Vec<Observation>,
     /// Scalars in all.
     pub(super) scalars: usize,
@@ -175,6 +186,7 @@ impl Problem {
     pub(super) fn empty(free_device: bool) -> Self {
         Self {
             runs: Vec::new(),
+            stocks: Vec::new(),
             rows: Vec::new(),
             scalars: 0,
             free_device,
@@ -221,6 +233,17 @@ impl Problem {
             outlier: false,
             offset,
         });
+    }
+
+    /// Cuts the stocks with the poses that an arm takes: where forces follow from them, rows are predicted under those that act on
+    /// this arm.
+    pub(super) fn cut_stocks(&mut self, arm: &Arm, cell: &Cell) -> Result<(), Vec<Diagnostic>> {
+        for StockCut { program, runs } in &self.stocks {
+            for run in runs {
+                self.runs[*run].cut_by(arm, program, cell)?;
+            }
+        }
+        Ok(())
     }
 
     /// Measured minus predicted, stacked, mm; NaN where the arm finds no equilibrium.
@@ -551,7 +574,6 @@ impl Blocks {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cell::Cell;
     use crate::effects::{KINDS, Kind};
     use crate::identify::candidate::with;
     use crate::text::Source;

@@ -1,6 +1,6 @@
 //! The columns of candidates about an arm: what each of their numbers changes, by differences.
 
-use super::candidate::{Candidate, Home, twins, with};
+use super::candidate::{Candidate, Home, same_numbers, twins, with};
 use super::data::Problem;
 use super::design::{Along, Design};
 use super::device_pose;
@@ -26,6 +26,11 @@ impl Reuse {
     /// Of candidates below this number.
     pub(super) fn of(below: usize) -> Self {
         Self { below, about: Vec::new(), columns: BTreeMap::new() }
+    }
+
+    /// Forgets all columns: the rows have changed.
+    pub(super) fn forget_all(&mut self) {
+        self.columns.clear();
     }
 
     /// Forgets the columns of a candidate that has changed.
@@ -57,7 +62,10 @@ impl Design {
             // What shifts the rows does so whatever the arm is.
             reuse.columns.retain(|c, _| !renumbered && candidates[*c].is_shift());
         }
-        let serves = |reuse: &Reuse, c: usize| reuse.about == about && c < reuse.below && !chosen.contains(&c);
+        // Numbers of an effect that the cell declares are moved from where they are, also for a prior of another size.
+        let of_set = |c: usize| chosen.iter().copied().find(|&o| same_numbers(&candidates[o], &candidates[c]));
+        let at: Vec<usize> = (0..candidates.len()).map(|c| of_set(c).unwrap_or(c)).collect();
+        let serves = |reuse: &Reuse, c: usize| reuse.about == about && c < reuse.below && !chosen.contains(&at[c]);
         let firsts = firsts(candidates, chosen, wanted);
         let unknowns = (0..problem.devices.len()).map(|run| device_pose::unknowns(problem, run));
         let instruments: Vec<(usize, usize)> =
@@ -102,7 +110,7 @@ impl Design {
         for some in differences.chunks(TOGETHER) {
             let moved = some.iter().map(|(c, numbers, _)| {
                 let own = chosen.contains(c).then(|| now(Some(*c)));
-                moved(own.as_ref().unwrap_or(&whole), &candidates[*c], numbers.clone())
+                moved(own.as_ref().unwrap_or(&whole), &candidates[at[*c]], numbers.clone())
             });
             let (arms, scales): (Vec<Arm>, Vec<f64>) = moved.unzip();
             let residuals = problem.residuals_near(&arms, &settled);

@@ -140,7 +140,8 @@ type Settled = (usize, Vec<Device>, Vec<toml::Table>);
 /// Tables that do not belong to their programs, too few rows, targets that the cell does not solve; `run.called-off`.
 pub fn identify(input: Input<'_>) -> Result<Identification, Vec<Diagnostic>> {
     let Input { cell, runs, poses, tool, data_hash, written, progress } = input;
-    let problem = if poses.is_empty() { Problem::of_runs(cell, runs)? } else { Problem::of_poses(cell, poses, tool)? };
+    let mut problem =
+        if poses.is_empty() { Problem::of_runs(cell, runs)? } else { Problem::of_poses(cell, poses, tool)? };
     let held_out = problem.rows.iter().filter(|row| row.held_out).count();
     if problem.rows.len() < LEAST_ROWS || held_out == 0 || held_out == problem.rows.len() {
         let message =
@@ -151,6 +152,7 @@ pub fn identify(input: Input<'_>) -> Result<Identification, Vec<Diagnostic>> {
         ]);
     }
     let declared = with(&cell.arm, &[]);
+    problem.cut_stocks(&declared, cell)?;
     let before = problem.residual(&declared);
     if before.iter().any(|v| !v.is_finite()) {
         let message = "the declared cell has no equilibrium at some measured targets";
@@ -163,7 +165,7 @@ pub fn identify(input: Input<'_>) -> Result<Identification, Vec<Diagnostic>> {
     if !engine.problem.free_device {
         engine.questioned(&before)?;
     }
-    engine.run(&before, (data_hash, written), progress)
+    engine.run(cell, &before, (data_hash, written), progress)
 }
 
 impl Engine {
@@ -310,8 +312,34 @@ impl Engine {
         data
     }
 
+    /// Fits the chosen numbers and cuts the stocks with the arm that they make in turn, until the forces are those that act on it.
+    fn settle_cuts(&mut self, cell: &Cell) -> Result<(), Vec<Diagnostic>> {
+        /// Cuts at most.
+        const CUTS: usize = 8;
+        /// Forces that move the rows by less than this share of their noise, rms, no longer count: as many rows as its inverse
+        /// square show no more.
+        const SETTLED: f64 = 0.02;
+        if self.problem.stocks.is_empty() {
+            return Ok(());
+        }
+        for _ in 0..CUTS {
+            let before = self.residual();
+            self.problem.cut_stocks(&self.arm(), cell)?;
+            self.last = Mutex::new(None);
+            // Columns of other effects are of the forces of before.
+            self.reuse.forget_all();
+            let moved = (self.residual() - before).norm() / (self.problem.scalars as f64).sqrt();
+            if moved < SETTLED * self.sigma {
+                break;
+            }
+            self.refit();
+        }
+        Ok(())
+    }
+
     fn run(
         &mut self,
+        cell: &Cell,
         before: &DVector<f64>,
         (data_hash, written): (&str, Written),
         progress: &Progress<'_>,
@@ -337,6 +365,7 @@ impl Engine {
                 continue;
             }
             self.choose(set);
+            self.settle_cuts(cell)?;
             let tails = self.widen_tails();
             let jump = self.add_jumps();
             if !self.add_gear(&now) && !jump && !tails {
@@ -396,6 +425,7 @@ impl Engine {
                 break;
             }
             self.choose(set.clone());
+            self.settle_cuts(cell)?;
             let unlisted = gate && round + 1 < CHOOSING_ROUNDS && self.add_unlisted();
             let field = field.filter(|_| !unlisted);
             // Of ten thousand rows a few more stand out in every round: no reason for another one.
@@ -451,6 +481,7 @@ impl Engine {
         if written == Written::NamedAlone {
             self.withdraw_unless(&mut posteriors, |_, share, _| share >= NAMED);
         }
+        self.settle_cuts(cell)?;
         let discrepancy = |engine: &Self| match written {
             Written::WholeModel if !whole && !engine.forces_are_wrong() => engine.field_map(),
             _ => None,

@@ -1,6 +1,6 @@
 //! From the chosen effects to an answer that people can check: errors, intervals, rivals, what is left, advice.
 
-use super::advice::{advice, faintly};
+use super::advice::{advice, faintly, slipped_or_soft};
 use super::candidate::{Candidate, Home, fitted, with};
 use super::controller;
 use super::data::Observation;
@@ -11,7 +11,7 @@ use super::outcome::{
     Added, Correlate, Coverage, Errors, FittedParameter, Identification, InModel, MENTIONED, NAMED, Ranked,
     ResidualRow, Unexplained,
 };
-use super::pattern::Standing;
+use super::pattern::{Pattern, Standing, TYPICAL_MM};
 use super::returns::never_returns;
 use super::score::posterior;
 use super::search::Search;
@@ -268,6 +268,7 @@ impl Engine {
             extended,
             residuals,
         };
+        found.advice.extend(slipped_or_soft(&found));
         found.advice.extend(faintly(&found));
         found
     }
@@ -355,7 +356,10 @@ impl Engine {
         let chosen = self.patterns();
         let linear = self.linearise(&chosen, &[]);
         let mut correlates = Vec::new();
+        let mut first = 0;
         for &c in &self.chosen {
+            let at = first;
+            first += self.candidates[c].values.len();
             let Home::Pattern(pattern) = self.candidates[c].home else { continue };
             if pattern.standing() == Standing::Nuisance {
                 continue;
@@ -365,7 +369,11 @@ impl Engine {
             linear.design.add(candidate.pattern_numbers(), &mut part);
             let share = (part.dot(left) / (part.norm() * left.norm()).max(1e-12)).clamp(-1.0, 1.0);
             let fault = (pattern.standing() == Standing::Fault).then(|| pattern.name());
-            correlates.push(Correlate { with: pattern.words(&self.problem), r: share, fault });
+            let parameters = match pattern {
+                Pattern::Jump { .. } => self.slipped(candidate, at),
+                _ => Vec::new(),
+            };
+            correlates.push(Correlate { with: pattern.words(&self.problem), r: share, fault, parameters });
         }
         if let Some(field) = self.shape.field {
             let series = self.problem.series(|row| !row.held_out);
@@ -381,19 +389,32 @@ impl Engine {
                 noise::Over::Force => "cutting force",
                 noise::Over::Everything(_) => "place, posture and force together",
             };
-            correlates.push(Correlate { with: with.to_owned(), r, fault: None });
+            correlates.push(Correlate { with: with.to_owned(), r, fault: None, parameters: Vec::new() });
         }
         if self.shape.drift > noise::MOST_WANDER {
             let with = "time, slowly: far beyond an arm's drift".to_owned();
-            correlates.push(Correlate { with, r: 1.0, fault: None });
+            correlates.push(Correlate { with, r: 1.0, fault: None, parameters: Vec::new() });
         }
         if let Some(declared) = self.problem.declared_sigma_mm.filter(|_| self.scatters_more()) {
             let with =
                 format!("nothing that is known: it scatters by {:.4} mm where sigma_mm says {declared:.4}", self.sigma);
-            correlates.push(Correlate { with, r: 1.0, fault: None });
+            correlates.push(Correlate { with, r: 1.0, fault: None, parameters: Vec::new() });
         }
         correlates.sort_by(|a, b| b.r.abs().total_cmp(&a.r.abs()));
         Unexplained { significant: !correlates.is_empty(), correlates }
+    }
+
+    /// By how much something slipped, whose numbers begin at `first` in the posterior.
+    fn slipped(&self, candidate: &Candidate, first: usize) -> Vec<FittedParameter> {
+        let covariance = self.wider_covariance(1.0);
+        let of = |k: usize| {
+            let value = candidate.values[k] / candidate.typical[k] * TYPICAL_MM;
+            let variance = covariance.get((first + k, first + k)).copied().unwrap_or(f64::INFINITY);
+            let half = 1.96 * TYPICAL_MM * variance.max(0.0).sqrt();
+            let name = format!("shift_mm[{k}]");
+            FittedParameter { name, value, unit: "mm", ci95: [value - half, value + half], neutral: 0.0 }
+        };
+        (0..candidate.values.len()).map(of).collect()
     }
 
     /// Held-out rows outside the joint ranges that a fitted curve has seen.

@@ -104,7 +104,9 @@ impl Engine {
         let left = self.residual() - self.shifted_by(|pattern| !is_jump(pattern));
         let mut found = Vec::new();
         for run in 0..self.problem.runs.len() {
-            found.extend(self.jumps_of(run, &left).map(|order| candidates::jump(&self.problem, run, order)));
+            found.extend(
+                self.jumps_of(run, &left).into_iter().flat_map(|order| candidates::jumps(&self.problem, run, order)),
+            );
         }
         found.retain(|new| !self.candidates.iter().any(|c| same_pattern(c, new)));
         let any = !found.is_empty();

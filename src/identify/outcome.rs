@@ -115,7 +115,7 @@ pub struct InModel {
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct SetShare {
-    /// Kinds of its effects; `instrument_drift`, `fixture_slip` and `force_readings` are faults of the measurement.
+    /// Kinds of its effects; `instrument_drift`, `fixture_slip`, `clamp_slip` and `force_readings` are faults of the measurement.
     pub kinds: Vec<String>,
     /// Its posterior probability among the sets about the one that was chosen.
     pub probability: f64,
@@ -209,9 +209,12 @@ pub struct Correlate {
     pub with: String,
     /// Share of the remainder's size that it describes.
     pub r: f64,
-    /// The fault of the measurement that it would be: `instrument_drift`, `fixture_slip` or `force_readings`.
+    /// The fault of the measurement that it would be: `instrument_drift`, `fixture_slip`, `clamp_slip` or `force_readings`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fault: Option<&'static str>,
+    /// By how much something slipped: along the axes of the work object, or where it is a clamp along those of the stock.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub parameters: Vec<FittedParameter>,
 }
 
 /// One residual, for `--report`.

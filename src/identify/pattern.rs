@@ -15,12 +15,14 @@ pub(super) enum Pattern {
         /// How it bends: coming to rest with this of [`SETTLES`], or as a parabola.
         settles: Option<usize>,
     },
-    /// Something slips: from this row of a run on all positions are shifted.
+    /// Something slips: from this row of a run on positions are shifted.
     Jump {
         /// Index of the run.
         run: usize,
         /// First row after it.
         order: usize,
+        /// What slips.
+        slips: Slips,
     },
     /// The columns of the force are mixed up, as [`MIXED`] has it.
     MixedForce(usize),
@@ -36,6 +38,16 @@ pub(super) enum Pattern {
     Force,
     /// The directions in which the axes travel.
     Direction,
+}
+
+/// What slips.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Slips {
+    /// The part as a whole, or the instrument.
+    All,
+    /// A clamp of the part, by its index: the others hold the part, which is strained. What a clamp gives way by goes back with the
+    /// force; this does not.
+    Clamp(usize),
 }
 
 /// What follows from a pattern in a set.
@@ -62,6 +74,9 @@ pub(super) const MIXED: [(&str, [[f64; 3]; 3]); 9] = [
     ("fx_n, fy_n, fz_n in the order z, x, y", [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]),
 ];
 
+/// What a set has where a clamp of the part slipped.
+pub(super) const CLAMP_SLIP: &str = "clamp_slip";
+
 /// Orders of the waves that stand for any function of a joint's angle.
 const ORDERS: [f64; 5] = [1.0, 2.0, 3.0, 5.0, 8.0];
 /// Waves that stand for any function of time.
@@ -77,7 +92,7 @@ const PRODUCTS: usize = 9;
 /// Pairs of different axes.
 const PAIRS: usize = 6;
 /// Sizes that are looked for, mm: of a drift, a jump, and of whatever is unlisted.
-const TYPICAL_MM: f64 = 0.05;
+pub(super) const TYPICAL_MM: f64 = 0.05;
 /// Sizes of a clamping, mm and rad: what a stop and a probe leave.
 const CLAMPED: (f64, f64) = (0.2, 4e-4);
 /// How far the share of forces that are mixed up may be from one: the arm yields otherwise than declared, and no force is
@@ -112,7 +127,8 @@ impl Pattern {
         match self {
             Self::Clamping => "clamping",
             Self::Drift { .. } => "instrument_drift",
-            Self::Jump { .. } => "fixture_slip",
+            Self::Jump { slips: Slips::All, .. } => "fixture_slip",
+            Self::Jump { slips: Slips::Clamp(_), .. } => CLAMP_SLIP,
             Self::MixedForce(_) | Self::Crosstalk | Self::LateForce(_) => "force_readings",
             Self::Joint(_) | Self::Time | Self::Force | Self::Direction => "",
         }
@@ -133,10 +149,22 @@ impl Pattern {
         match self {
             Self::Clamping => "where each run is clamped".to_owned(),
             Self::Drift { .. } => "time, as a drifting instrument or a warming robot does".to_owned(),
-            Self::Jump { run, order } => {
+            Self::Jump { run, order, slips } => {
                 let line =
                     problem.rows.iter().find(|row| row.run == run && row.order >= order).map_or(0, |row| row.line);
-                format!("a jump at line {line}{}: the part or the instrument slipped", of_run(run))
+                match slips {
+                    Slips::All => format!("a jump at line {line}{}: the part or the instrument slipped", of_run(run)),
+                    Slips::Clamp(clamp) if order == 0 => {
+                        format!("a strain of the part{}: clamp {} slipped before line {line}", of_run(run), clamp + 1)
+                    }
+                    Slips::Clamp(clamp) => {
+                        format!(
+                            "a strain of the part from line {line} on{}: clamp {} slipped there",
+                            of_run(run),
+                            clamp + 1
+                        )
+                    }
+                }
             }
             Self::MixedForce(which) => {
                 format!("the force, if {} are meant", MIXED[which].0).replace("turned are", "turned is")
@@ -300,7 +328,13 @@ fn shift(
         Pattern::Drift { .. } if which % DRIFTS == 0 => along,
         Pattern::Drift { settles: None } => 2.0 * along * (1.0 - along),
         Pattern::Drift { settles: Some(n) } => 1.0 - (-along / SETTLES[n]).exp(),
-        Pattern::Jump { run, order } => f64::from(u8::from(row.run == run && row.order >= order)),
+        Pattern::Jump { run, order, .. } if row.run != run || row.order < order => 0.0,
+        Pattern::Jump { slips: Slips::Clamp(clamp), .. } => {
+            // The part goes with its clamp, and the tip seen from the part the other way.
+            let place = point.clamp_motion(clamp, index).unwrap_or_else(Vector3::zeros);
+            return -TYPICAL_MM * place;
+        }
+        Pattern::Jump { .. } => 1.0,
         Pattern::Joint(joint) => {
             let angle = ORDERS[which / 2] * row.motor[joint];
             if which.is_multiple_of(2) { angle.cos() } else { angle.sin() }

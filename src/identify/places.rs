@@ -1,18 +1,16 @@
 //! Rows that name a place and no target: the nearest place on the path, at targets and between them.
 
 use crate::cell::Cell;
-use crate::correct::{Point, Prepared};
+use crate::correct::{Between, Point, Prepared};
 use crate::measured::{MATCH_MM, MeasuredRow, Table};
 use crate::program::{Motion, Program};
-use crate::robot::Pose;
 use crate::text::Diagnostic;
 use nalgebra::Vector3;
 
-/// A place on the path: share of the way into a target, 1 at the target.
+/// A place on the path, and how far a point is from it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct PathPosition {
-    target: usize,
-    share: f64,
+    at: Between,
     off_mm: f64,
     /// Length of the path up to here, mm.
     along_mm: f64,
@@ -67,7 +65,8 @@ impl<'a> Path<'a> {
         nominal_mm: [f64; 3],
     ) -> Result<Placed, String> {
         let place = self.nearest(&nominal_mm.into())?;
-        let mut point = between(cell, prepared, place)?;
+        let added = prepared.add_between(cell, place.at)?;
+        let point = &mut prepared.points[added];
         // A force of the row's own; without one, that of the way where the table has none at all.
         if let Some(force) = row.force_n {
             point.set_force(force.into());
@@ -75,9 +74,8 @@ impl<'a> Path<'a> {
         point.time = row.time_s.unwrap_or(point.time);
         point.temperature = row.temperature_c.or(point.temperature);
         point.payload = row.payload_kg.unwrap_or(point.payload);
-        prepared.points.push(point);
-        let way_from = place.target.checked_sub(1).filter(|_| place.share < 1.0);
-        Ok(Placed { point: prepared.points.len() - 1, way_from })
+        let way_from = place.at.target.checked_sub(1).filter(|_| place.at.share < 1.0);
+        Ok(Placed { point: added, way_from })
     }
 
     /// The nearest place; refuses what is far from the path, or as near to another stretch of it.
@@ -101,9 +99,9 @@ impl<'a> Path<'a> {
         match near.iter().take_while(|place| place.off_mm <= limit).find(apart) {
             Some(other) => Err(format!(
                 "the nominal point is as near to the way into target {} ({:.2} mm) as to that into target {} ({:.2} mm): name the target",
-                self.program.targets[best.target].ordinal,
+                self.program.targets[best.at.target].ordinal,
                 best.off_mm,
-                self.program.targets[other.target].ordinal,
+                self.program.targets[other.at.target].ordinal,
                 other.off_mm
             )),
             None => Ok(best),
@@ -125,39 +123,11 @@ impl<'a> Path<'a> {
         let place = from + (end - from) * share;
         let length = (end - from).norm();
         PathPosition {
-            target,
-            share,
+            at: Between { target, share },
             off_mm: (place - nominal_mm).norm(),
             along_mm: self.along_mm[target] - (1.0 - share) * length,
         }
     }
-}
-
-/// The point at a share of the way into a target: straight, evenly turned, the joints nearest to those before.
-fn between(
-    cell: &Cell,
-    prepared: &Prepared,
-    PathPosition { target, share, .. }: PathPosition,
-) -> Result<Point, String> {
-    let end = &prepared.points[target];
-    let mut point = end.clone();
-    let Some(before) = target.checked_sub(1).map(|before| &prepared.points[before]).filter(|_| share < 1.0) else {
-        return Ok(point);
-    };
-    let way = |from: &Pose, to: &Pose| {
-        from.try_lerp_slerp(to, share, 1e-9).ok_or("the way there turns by half a turn: its middle is not known")
-    };
-    point.wobj_from_tcp = way(&before.wobj_from_tcp, &end.wobj_from_tcp)?;
-    point.reference = way(&before.reference, &end.reference)?;
-    let flange =
-        prepared.base_from_wobj(target) * point.wobj_from_tcp * prepared.tool(target).flange_from_tcp.inverse();
-    point.motor = cell.arm.robot.inverse_near(&flange, &before.motor).map_err(|error| error.to_string())?;
-    point.travel = cell.arm.travel(&before.motor, &point.motor, &before.travel);
-    let mix = |a: f64, b: f64| a + (b - a) * share;
-    point.normal = before.normal.lerp(&end.normal, share).try_normalize(1e-9).unwrap_or(end.normal);
-    point.time = mix(before.time, end.time);
-    point.cut_length = mix(before.cut_length, end.cut_length);
-    Ok(point)
 }
 
 /// An error of a row's place, with what to do.

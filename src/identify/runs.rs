@@ -1,6 +1,6 @@
 //! Rows measured on a program: which target each belongs to, and whether the table is the program's at all.
 
-use super::data::{Blocks, Problem, Seen};
+use super::data::{Blocks, Problem, Seen, StockCut};
 use super::device::Device;
 use super::engine::MeasuredRun;
 use super::places::{Path, Placed, misplaced};
@@ -23,8 +23,14 @@ impl Problem {
         problem.steps_mm = steps_mm(rows());
         problem.read_in_order = !rows().all(|row| row.normal_mm.is_some() && row.time_s.is_none());
         for MeasuredRun { program, original, table } in runs {
+            let first = problem.runs.len();
             for part in clampings(table) {
                 problem.take_run(cell, &program, original.as_ref(), &part)?;
+            }
+            let runs: Vec<usize> =
+                (first..problem.runs.len()).filter(|run| problem.runs[*run].follows_stock()).collect();
+            if !runs.is_empty() {
+                problem.stocks.push(StockCut { program, runs });
             }
         }
         problem.scale_weights(declared);

@@ -183,6 +183,9 @@ pub fn identify_text(found: &Identification) -> String {
         out.push_str("\nUnexplained: more is left than noise, and no named effect explains it.\n");
         for correlate in &found.unexplained.correlates {
             let _ = writeln!(out, "  follows {} (r = {:.2})", correlate.with, correlate.r);
+            for FittedParameter { name, value, unit, ci95: [low, high], .. } in &correlate.parameters {
+                let _ = writeln!(out, "    {name:<28}  {value:.4} {unit}  [{low:.4}, {high:.4}]");
+            }
         }
     }
     if !found.outliers.is_empty() {

@@ -5,7 +5,7 @@ use super::super::point::{FedForce, tool_axis};
 use super::super::segment::Kind;
 use super::super::travel::CHORD;
 use super::places::BEND;
-use super::{End, Passed, Walk, ahead};
+use super::{End, Met, Passed, Walk, ahead};
 use crate::effects::{Cutting, Situation};
 use crate::stock::{Engaged, ToolPose};
 use nalgebra::{Rotation3, Vector3};
@@ -73,8 +73,7 @@ fn step(walk: &mut Walk<'_>, prepared: &mut Prepared, i: usize, before: Option<L
         force: Vector3::zeros(),
         bent: (Vector3::zeros(), Rotation3::identity()),
     };
-    let mut passed =
-        Passed { target: i, through, length, removed: 0.0, forces: Vec::new(), engaged: Engaged::default() };
+    let mut passed = Passed::new(i, through, length);
     let before = before
         .filter(|before| places.len() > 1 && prepared.points[before.target].setting == prepared.points[i].setting);
     let mut from = before.map(|before| before.tool);
@@ -124,7 +123,7 @@ fn step(walk: &mut Walk<'_>, prepared: &mut Prepared, i: usize, before: Option<L
                 let moved = prepared.mount(i).between(before, prepared.points[i].moved.as_ref(), place.share);
                 let setting = moved.map_or(prepared.mount(i).setting, |moved| moved.setting);
                 let flange = setting.base_from_wobj * place.pose * setting.tool.flange_from_tcp.inverse();
-                if let Ok(found) = walk.cell.arm.robot.inverse_near(&flange, &motor) {
+                if let Ok(found) = walk.arm.robot.inverse_near(&flange, &motor) {
                     motor = found;
                 }
             } else {
@@ -139,7 +138,7 @@ fn step(walk: &mut Walk<'_>, prepared: &mut Prepared, i: usize, before: Option<L
             let land = |force: &Vector3<f64>| {
                 let cutting = if feed_per_tooth.is_some() { Cutting::Constant(*force) } else { situation.cutting };
                 let situation = Situation { cutting, ..situation };
-                let there = walk.cell.arm.predict(&situation, &motor, &point.travel).ok()?.wobj_from_tcp;
+                let there = walk.arm.predict(&situation, &motor, &point.travel).ok()?.wobj_from_tcp;
                 let shift = there.translation.vector - place.pose.translation.vector;
                 Some((shift, there.rotation * place.pose.rotation.inverse()))
             };
@@ -160,7 +159,9 @@ fn step(walk: &mut Walk<'_>, prepared: &mut Prepared, i: usize, before: Option<L
             direction = Some(way.normalize());
         }
         if let Some(feed_per_tooth) = feed_per_tooth {
-            passed.forces.push((place.share, FedForce::new(&wobj_from_stock, &settled.engaged.force, feed_per_tooth)));
+            let engaged = settled.engaged;
+            let force = FedForce::new(&wobj_from_stock, &engaged.force, feed_per_tooth);
+            passed.push(place.share, &Met { engaged, force, offset: engaged.place - tool.tip });
             if !begins {
                 walk.weigh(&settled.engaged, &settled.force, feed_per_tooth);
             }
@@ -177,7 +178,6 @@ fn step(walk: &mut Walk<'_>, prepared: &mut Prepared, i: usize, before: Option<L
         }
         from = Some(tool);
     }
-    passed.engaged = settled.engaged;
     walk.finish(prepared, passed);
     let end = feed_per_tooth.zip(direction).map(|(feed_per_tooth, direction)| {
         (End { target: i, front: through.front, feed_per_tooth, direction }, settled)

@@ -16,6 +16,7 @@ use super::point::{FedForce, Milled, Point};
 use super::segment::Kind;
 use super::travel::CHORD;
 use crate::cell::Cell;
+use crate::equilibrium::Arm;
 use crate::limits::STOCK_LINES;
 use crate::program::{Program, Role};
 use crate::robot::Pose;
@@ -59,14 +60,15 @@ const COLLISION: f64 = 0.05e-9;
 const RESOLUTION_SHARE: f64 = 0.025;
 const RESOLUTION: std::ops::RangeInclusive<f64> = 0.1e-3..=1e-3;
 
-/// Cuts the cell's stock with a prepared program, and puts the forces that follow from it into the points.
+/// Cuts the cell's stock with a prepared program, and puts the forces that follow from it into the points. `arm` is the one that
+/// bends where [`Cuts::Deflected`] says so.
 ///
 /// # Errors
 /// A stock in a work object that is not declared; moves that do not cut and run through material; `run.called-off`.
 pub(super) fn run(
     Context { program, cell, options, .. }: Context<'_>,
     prepared: &mut Prepared,
-    cuts: Cuts,
+    (cuts, arm): (Cuts, &Arm),
 ) -> Result<Option<Removal>, Vec<Diagnostic>> {
     let Some(section) = &cell.stock else { return Ok(None) };
     let Some((mount, base_from_stock)) = stock_frame(program, cell, prepared)? else { return Ok(None) };
@@ -82,7 +84,7 @@ pub(super) fn run(
     let held = cell.part.as_ref().and_then(|part| part.held.as_ref()).filter(|_| cuts == Cuts::Programmed && !is_known);
     let mut walk = Walk {
         program,
-        cell,
+        arm,
         cuts,
         stock: Stock::new(blank.clone(), resolution),
         mount,
@@ -153,7 +155,7 @@ fn spacing(blank: &Blank, said: Option<f64>, smallest: f64) -> Result<f64, Vec<D
 }
 
 /// The load of a force that follows from the stock, N, work object axes.
-fn load(force: Vector3<f64>) -> PointLoad {
+pub(super) fn load(force: Vector3<f64>) -> PointLoad {
     if force == Vector3::zeros() { PointLoad::Air } else { PointLoad::Constant { force, follows: Follows::WorkObject } }
 }
 
@@ -189,7 +191,7 @@ fn stock_frame(program: &Program, cell: &Cell, prepared: &Prepared) -> Result<Op
 /// A stock on the way through a program.
 struct Walk<'a> {
     program: &'a Program,
-    cell: &'a Cell,
+    arm: &'a Arm,
     cuts: Cuts,
     stock: Stock,
     /// The stock's work object.
@@ -228,6 +230,46 @@ struct Passed {
     forces: Vec<(f64, FedForce)>,
     /// At its end.
     engaged: Engaged,
+    /// Sums over the way, with what is cut on each metre and the share of the way as weights: of the weights (m²), and of
+    /// [`Met::offset`] (m³).
+    weight: f64,
+    offset: Vector3<f64>,
+}
+
+/// What the tool meets at a place.
+#[derive(Clone, Copy, Default)]
+struct Met {
+    engaged: Engaged,
+    /// Where it follows from the stock.
+    force: FedForce,
+    /// From the tip to where it cuts, m, stock's axes.
+    offset: Vector3<f64>,
+}
+
+impl Passed {
+    fn new(target: usize, through: Through, length: f64) -> Self {
+        Self {
+            target,
+            through,
+            length,
+            removed: 0.0,
+            forces: Vec::new(),
+            engaged: Engaged::default(),
+            weight: 0.0,
+            offset: Vector3::zeros(),
+        }
+    }
+
+    /// Takes in what is met at the next share of the way.
+    fn push(&mut self, share: f64, met: &Met) {
+        let weight = share * met.engaged.section;
+        self.weight += weight;
+        self.offset += met.offset * weight;
+        self.engaged = met.engaged;
+        if self.through.feed_per_tooth.is_some() {
+            self.forces.push((share, met.force));
+        }
+    }
 }
 
 /// The end of a way that cuts, as far as it tells what a way that goes on from it meets.
@@ -320,13 +362,13 @@ impl Walk<'_> {
 
     /// Takes in what a move came to.
     fn finish(&mut self, prepared: &mut Prepared, passed: Passed) {
-        let Passed { target: i, through, length, removed, forces, engaged } = passed;
+        let Passed { target: i, through, length, removed, forces, engaged, weight, offset } = passed;
         let collides = !through.cuts && removed > COLLISION;
         if collides && !self.collided {
             self.collision(i, removed);
         }
         self.collided = collides;
-        if engaged.bottom {
+        if engaged.bottom && through.feed_per_tooth.is_some() {
             self.bottoms += 1;
             self.first_bottom.get_or_insert(i);
         }
@@ -335,10 +377,11 @@ impl Walk<'_> {
         if let Some(via) = via {
             prepared.points[via].cut_length = self.cut_length;
         }
-        let mut milled = Milled { removed, ..Milled::default() };
+        // Where it leaves the material the flank touches what it has left, anywhere, and cuts next to nothing.
+        let offset = if weight > 0.0 { offset / weight } else { Vector3::zeros() };
+        let mut milled = Milled { removed, offset, ..Milled::default() };
         if through.feed_per_tooth.is_some() {
             milled.engaged = Some([engaged.depth, engaged.arc]);
-            milled.place = engaged.place;
             milled.forces = forces.into();
             if let Some(via) = via
                 && let (Some(force), Some(_)) =

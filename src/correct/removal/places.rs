@@ -110,7 +110,7 @@ impl Walk<'_> {
                 let motor = from.motor + way * share;
                 let moved = mount.between(from.moved.as_ref(), point.moved.as_ref(), share);
                 let own = moved.as_ref().map_or(&mount.setting, |moved| &moved.setting);
-                let base_from_tcp = self.cell.arm.robot.forward(&motor) * own.tool.flange_from_tcp;
+                let base_from_tcp = self.arm.robot.forward(&motor) * own.tool.flange_from_tcp;
                 Place::programmed(share, own.base_from_wobj.inv_mul(&base_from_tcp))
             };
             let places = (0..n).map(place).chain([end]).collect();

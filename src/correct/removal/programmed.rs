@@ -4,7 +4,7 @@
 use super::super::Prepared;
 use super::super::point::{FedForce, tool_axis};
 use super::super::segment::Kind;
-use super::{End, Passed, Walk, ahead};
+use super::{End, Met, Passed, Walk, ahead};
 use crate::stock::{Engaged, Moment, ToolPose};
 use nalgebra::{Rotation3, Vector3};
 use rayon::prelude::*;
@@ -13,7 +13,7 @@ use rayon::prelude::*;
 const BATCH: usize = 512;
 
 /// So many where it is known how the part yields: the stock is looked at between batches.
-const BATCH_OF_A_PART: usize = 64;
+const BATCH_OF_A_PART: usize = 16;
 
 /// A place for which the engagement of the tool is computed.
 struct Asked {
@@ -29,6 +29,7 @@ struct Recorded {
     passed: Passed,
     /// Moves that the stock has received.
     moves: usize,
+    /// Of the places at which engagements are computed.
     shares: Vec<f64>,
     /// What is met where it begins is what the way before met at its end.
     goes_on: bool,
@@ -42,8 +43,8 @@ struct Batch {
     /// Moves of all these.
     moves: usize,
     end: Option<End>,
-    /// The last answer, and the force.
-    met: (Engaged, FedForce),
+    /// The last answer.
+    met: Met,
 }
 
 /// Cuts the stock with all points.
@@ -76,7 +77,9 @@ impl Batch {
         let Some(through) = prepared.points[i].through else { return };
         let solid = walk.fronts[through.front as usize].solid();
         let feed_per_tooth = through.feed_per_tooth;
-        let (places, length) = walk.places(prepared, i, feed_per_tooth.is_some());
+        // How a part yields depends on where it is cut, whatever says the force.
+        let asks = feed_per_tooth.is_some() || (walk.stages.is_some() && through.cuts);
+        let (places, length) = walk.places(prepared, i, asks);
         let stock_from_wobj = walk.stock_from_wobj(prepared, i).rotation;
         let mut goes_on = false;
         let mut moves = 0;
@@ -86,16 +89,21 @@ impl Batch {
             let tool = walk.tool(prepared, i, &place.pose.translation.vector, &tool_axis(&place.pose));
             let way = stock_from_wobj * walk.way(&places, k);
             let begins = k == 0 && places.len() > 1;
+            let mut ask = |tool: &ToolPose| {
+                if asks {
+                    self.asked.push(Asked { moment: walk.stock.now(), tool: *tool, way, front: through.front });
+                }
+            };
             if let Some(from) = last.replace(tool) {
                 // What it meets at the end of a step is what has not been removed by the step.
-                self.ask(walk, feed_per_tooth, &tool, way, through.front);
+                ask(&tool);
                 walk.stock.defer(solid, &from, &tool);
                 moves += 1;
             } else if begins && end.is_some_and(|end| end.goes_on(prepared, i, &way)) {
                 goes_on = true;
             } else {
                 let on = if begins { ahead(&way) } else { Vector3::zeros() };
-                self.ask(walk, feed_per_tooth, &ToolPose { tip: tool.tip + on, ..tool }, way, through.front);
+                ask(&ToolPose { tip: tool.tip + on, ..tool });
             }
             if way != Vector3::zeros() {
                 direction = Some(way.normalize());
@@ -107,17 +115,10 @@ impl Batch {
             feed_per_tooth,
             direction,
         });
-        let shares = places.iter().map(|place| place.share).collect();
-        let passed =
-            Passed { target: i, through, length, removed: 0.0, forces: Vec::new(), engaged: Engaged::default() };
+        let shares = if asks { places.iter().map(|place| place.share).collect() } else { Vec::new() };
+        let passed = Passed::new(i, through, length);
         self.moves += moves;
         self.recorded.push(Recorded { passed, moves, shares, goes_on, wobj_from_stock: stock_from_wobj.inverse() });
-    }
-
-    fn ask(&mut self, walk: &Walk<'_>, feed_per_tooth: Option<f64>, tool: &ToolPose, way: Vector3<f64>, front: u32) {
-        if feed_per_tooth.is_some() {
-            self.asked.push(Asked { moment: walk.stock.now(), tool: *tool, way, front });
-        }
     }
 
     /// Removes, finds what is met at each place, and takes it in.
@@ -129,22 +130,22 @@ impl Batch {
             Walk::meets(&fronts[*front as usize], (stock, moment), tool, way)
         };
         let answers: Vec<Engaged> = self.asked.par_iter().map(meets).collect();
-        let mut answers = answers.into_iter();
+        let mut answers = answers.into_iter().zip(&self.asked);
         for Recorded { mut passed, moves, shares, goes_on, wobj_from_stock } in self.recorded.drain(..) {
             passed.removed = volumes.by_ref().take(moves).sum();
             for (k, share) in shares.iter().enumerate() {
-                let Some(feed_per_tooth) = passed.through.feed_per_tooth else { break };
                 let begins = k == 0 && shares.len() > 1;
                 if !(begins && goes_on)
-                    && let Some(engaged) = answers.next()
+                    && let Some((engaged, asked)) = answers.next()
                 {
-                    self.met = (engaged, FedForce::new(&wobj_from_stock, &engaged.force, feed_per_tooth));
+                    let force = |feed_per_tooth| FedForce::new(&wobj_from_stock, &engaged.force, feed_per_tooth);
+                    let force = passed.through.feed_per_tooth.map_or_else(FedForce::default, force);
+                    self.met = Met { engaged, force, offset: engaged.place - asked.tool.tip };
                 }
-                passed.forces.push((*share, self.met.1));
-                if !begins {
-                    walk.weigh(&self.met.0, &self.met.1.programmed, feed_per_tooth);
+                passed.push(*share, &self.met);
+                if let Some(feed_per_tooth) = passed.through.feed_per_tooth.filter(|_| !begins) {
+                    walk.weigh(&self.met.engaged, &self.met.force.programmed, feed_per_tooth);
                 }
-                passed.engaged = self.met.0;
             }
             walk.finish(prepared, passed);
         }

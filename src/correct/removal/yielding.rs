@@ -5,6 +5,7 @@
 //! before and after it, by the volume that has gone.
 
 use super::super::Prepared;
+use super::super::point::{Milled, tool_axis};
 use super::Walk;
 use crate::cell::HeldPart;
 use crate::effects::{MOST_CLAMPS, PartYield};
@@ -22,10 +23,9 @@ const MOST_CELLS: f64 = 500_000.0;
 /// Walls thinner than so many cells may be taken for thinner or thicker than they are; they are said where more than this share
 /// of the cells is in such.
 const THIN: (f64, f64) = (1.0, 0.02);
-/// The stock is looked at when this share of what was left has gone: a wall loses no more of its thickness between two looks.
-const GONE: f64 = 0.06;
-/// And as many stages are solved for, evenly among the looks, the first and the last of them included.
-const MOST_STAGES: usize = 6;
+/// The stock is looked at when this share of what was left has gone, over the number of stages: some three looks a stage where two
+/// thirds of the blank go.
+const GONE: f64 = 0.36;
 
 /// The stock as it was from time to time.
 pub(super) struct Stages {
@@ -79,7 +79,8 @@ impl Stages {
     pub(super) fn look(&mut self, stock: &Stock) {
         let [low, high] = stock.blank().bounds();
         let whole = (high - low).product();
-        let gone = |last: &Look| stock.removed() - last.removed >= GONE * (whole - last.removed);
+        let share = GONE / self.held.stages as f64;
+        let gone = |last: &Look| stock.removed() - last.removed >= share * (whole - last.removed);
         if self.looks.last().is_none_or(gone) {
             self.take(stock);
         }
@@ -104,16 +105,18 @@ impl Stages {
         let Self { held, looks } = self;
         let cuts = cuts(walk, prepared);
         let count = looks.len();
-        let chosen: Vec<&Look> = if count <= MOST_STAGES {
+        // Evenly among the looks, the first and the last of them included.
+        let most = held.stages;
+        let chosen: Vec<&Look> = if count <= most {
             looks.iter().collect()
         } else {
-            (0..MOST_STAGES).map(|n| &looks[n * (count - 1) / (MOST_STAGES - 1)]).collect()
+            (0..most).map(|n| &looks[n * (count - 1) / (most - 1)]).collect()
         };
         // Shares of the stages at each cut: it is between two of them, or after the last.
         let after = |cut: &Cut| chosen.partition_point(|look| look.removed <= cut.removed).clamp(1, chosen.len());
         let clamps = held.clamps.len();
         let mut yields: Vec<Vec<(PartYield, f64)>> = vec![Vec::new(); cuts.len()];
-        let (mut before, mut most, mut places, mut elements, mut off) = (None, 0.0_f64, 0, 0, 0.0_f64);
+        let (mut before, mut softest, mut places, mut elements, mut off) = (None, 0.0_f64, 0, 0, 0.0_f64);
         for (n, look) in chosen.iter().enumerate() {
             // A cut between looks n and n + 1 is of both.
             let of_stage: Vec<(usize, f64)> = cuts
@@ -149,7 +152,7 @@ impl Stages {
             };
             let found: Vec<PartYield> = at.par_iter().map(found).collect();
             for ((number, share), found) in of_stage.iter().zip(found) {
-                most = most.max(1e3 * found.compliance.symmetric_eigenvalues().max());
+                softest = softest.max(1e3 * found.compliance.symmetric_eigenvalues().max());
                 yields[*number].push((found, *share));
             }
             before = Some(map);
@@ -163,7 +166,7 @@ impl Stages {
             "part: {elements} cells of {:.2} mm, {} stages of the stock, solved for at {places} places; it yields by up to {:.3} µm/N where it is cut, known to some {:.3} µm/N",
             chosen[0].solid.grid().size.iter().fold(0.0_f64, |most, size| most.max(*size)),
             chosen.len(),
-            1e3 * most,
+            1e3 * softest,
             1e3 * off,
         );
         let mut notes = vec![Diagnostic::error("stock.part", "", message).severity(Severity::Note)];
@@ -186,20 +189,16 @@ fn cuts(walk: &Walk<'_>, prepared: &Prepared) -> Vec<Cut> {
     let mut cuts = Vec::new();
     for (target, point) in prepared.points.iter().enumerate() {
         removed += point.milled.as_ref().map_or(0.0, |milled| milled.removed);
-        let on_the_way = point.milled.iter().flat_map(|milled| milled.forces.iter());
-        let is_cut = point.cuts() || on_the_way.into_iter().any(|(_, force)| force.programmed != Vector3::zeros());
-        if point.unsolved.is_some() || !is_cut {
+        let has_force = |milled: &Milled| milled.forces.iter().any(|(_, force)| force.programmed != Vector3::zeros());
+        // Where a table of forces has none the tool may have touched the part all the same: a gauge or a probe did.
+        let touches = |milled: &Milled| has_force(milled) || milled.removed > 0.0;
+        if point.unsolved.is_some() || !(point.cuts() || point.milled.iter().any(touches)) {
             continue;
         }
-        // Where the force does not follow from the stock, it acts at the tip.
-        let engaged = point.milled.as_ref().filter(|milled| milled.engaged.is_some_and(|[depth, _]| depth > 0.0));
-        let place = engaged.map_or_else(
-            || {
-                let stock_from_wobj = walk.stock_from_wobj(prepared, target);
-                stock_from_wobj.rotation * point.reference.translation.vector + stock_from_wobj.translation.vector
-            },
-            |milled| milled.place,
-        );
+        // Where nothing is cut, it is touched by the tip.
+        let offset = point.milled.as_ref().map_or_else(Vector3::zeros, |milled| milled.offset);
+        let tip = walk.tool(prepared, target, &point.reference.translation.vector, &tool_axis(&point.reference)).tip;
+        let place = tip + offset;
         cuts.push(Cut { target, removed, place: (place * 1e3).into() });
     }
     cuts

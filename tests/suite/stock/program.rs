@@ -5,6 +5,7 @@ use deflex::cell::Cell;
 use deflex::correct::{
     Corrected, CutProgress, Cuts, LoadedSample, Options, compensate, cut_stock, loaded_path, predict,
 };
+use deflex::measured::{ForceRow, TargetRef};
 use deflex::program::{Program, rapid};
 use deflex::report::{DeviationMap, probe, stl};
 use deflex::text::{Diagnostic, Source};
@@ -98,6 +99,22 @@ fn a_slot_from_the_stock_is_the_declared_one_in_the_report() {
     assert!((removed / full - 1.0).abs() < 5e-3, "{removed} {full}");
 }
 
+/// A table of measured rows may have times and no forces: then the cut says the force.
+#[test]
+fn a_table_without_forces_leaves_the_force_to_the_cut() {
+    for engagement in ["mode = \"stock\"", "mode = \"slot\"\ndepth_mm = 1.5\nlead_deg = 0\ntilt_deg = 0"] {
+        let cell = cell(engagement, if engagement.contains("stock") { STOCK } else { "" });
+        let row = |i: u32| (TargetRef::Ordinal(i), ForceRow { time: Some(f64::from(i)), ..ForceRow::default() });
+        let timed = Options { forces: Some((1..=20).map(row).collect()), ..Options::default() };
+        let wanted = predict(&slot(), &cell, &Options::default(), None).unwrap();
+        let found = predict(&slot(), &cell, &timed, None).unwrap();
+        assert!(force(&wanted, 10).norm() > 10.0);
+        for row in 0..wanted.rows.len() {
+            assert!((force(&found, row) - force(&wanted, row)).norm() < 1e-9, "{row}");
+        }
+    }
+}
+
 /// Of a slot 1.5 deep, a corner of radius 2 leaves below its arc, mm².
 fn section_left() -> f64 {
     let n = 10_000;
@@ -121,7 +138,8 @@ fn a_known_shift_is_the_deviation() {
         "mode = \"stock\"",
         &format!("{STOCK}[[effect]]\nkind = \"work_object_frame\"\nd_mm = [0.0, 0.0, -0.1]\nd_rad = [0.0, 0.0, 0.0]\n"),
     );
-    let options = Options { forces: Some(deflex::measured::Forces::default()), ..Options::default() };
+    let no_force = (TargetRef::Ordinal(1), ForceRow { force: Some(Vector3::zeros()), ..ForceRow::default() });
+    let options = Options { forces: Some([no_force].into_iter().collect()), ..Options::default() };
     let programmed = cut_stock(&slot(), &shifted, &options, None, Cuts::Programmed).unwrap();
     let actual = cut_stock(&slot(), &shifted, &options, None, Cuts::Deflected).unwrap();
     let mesh = programmed.stock.surface(0.8e-3);

@@ -1,0 +1,303 @@
+"""A thin wall is milled on the plant: `thin_wall.py [--deflex BINARY] [-o FOLDER]`.
+
+A plate of 60 × 24 × 3 mm stands on its clamped lower edge. An end mill takes 1 mm off one side and 1 mm off the other, 1 mm deep at a time, down to
+a wall of 1 mm. Writes two cells, with and without `[part.material]`, and the program; has `deflex compensate` correct it by either; mills the wall
+with all three programs; and prints how far its two faces are off when the wall has sprung back.
+
+Nothing here is deflex's. The wall is a Kirchhoff plate in rectangular elements (Adini, Clough, Melosh), each as thick as it is at the moment: deflex has a
+solid of bricks. The cut is a sum over half-millimetre slices of the flank, each as deep as tool and wall leave it: deflex has one place at each target.
+The arm bends under the whole force and its moment. What all slices push is brought to rest together.
+"""
+
+import argparse
+import pathlib
+import subprocess
+import tempfile
+
+import numpy as np
+
+from kinematics import base_from_flange, solve_path
+from program import MM, Frame, read_cell, read_program
+
+# mm, N. The blank, its two faces when they are finished, and the lowest level that is cut.
+LENGTH, HEIGHT, BLANK, FACES, DEPTH, STEP = 60.0, 24.0, 3.0, (1.0, 2.0), 24.0, 1.0
+E, NU = 71000.0, 0.33
+RADIUS, TEETH, FEED = 5.0, 3, 0.06
+# Al 7050/7075: tangential, radial, axial; of the chip's area (N/mm²), and of its edge (N/mm).
+CHIP, EDGE = np.array([796.0, 169.0, 222.0]), np.array([28.0, 31.0, 1.4])
+SPACING, SLICE = 2.0, 0.5
+
+CELL = """[robot]
+model = "irb6660-205-1.9"
+start_deg = [-5, 20, 20, 0, 60, 0]
+[robot.stiffness]
+joint_nm_per_rad = [8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4]
+[limits]
+max_correction_mm = 2.0
+max_step_mm = 2.0
+[controller]
+compensates = []
+[cut]
+force = "mechanistic"
+max_cutting_feed_mm_s = 100.0
+[cut.cutter]
+diameter_mm = 10.0
+corner_radius_mm = 0.0
+teeth = 3
+[cut.engagement]
+mode = "stock"
+feed_per_tooth_mm = 0.06
+[cut.coefficients]
+material = "al7075"
+[stock]
+wobj = "wWall"
+box_mm = [[0.0, 0.0, -24.0], [60.0, 3.0, 0.0]]
+resolution_mm = 0.25
+"""
+PART = """[part]
+cell_mm = 0.5
+stages = 12
+[part.material]
+e_n_mm2 = 71000.0
+nu = 0.33
+[[part.clamp]]
+box_mm = [[0.0, 0.0, -24.0], [60.0, 3.0, -24.0]]
+stiffness_n_per_mm = [inf, inf, inf]
+"""
+
+
+def passes():
+    """Each pass: side (0 at low y, 1 at high y), the tip's y and z, the direction along x. The wall is on the right hand: the teeth cut downwards."""
+    for side in (1, 0):
+        for level in range(1, round(DEPTH / STEP) + 1):
+            yield side, FACES[side] + (RADIUS if side else -RADIUS), -STEP * level, 1.0 if side else -1.0
+
+
+def program():
+    axes = "[9E+09,9E+09,9E+09,9E+09,9E+09,9E+09]"
+    text = "MODULE Wall\n  PERS tooldata tEnd:=[TRUE,[[0,0,300],[1,0,0,0]],[18,[0,0,120],[1,0,0,0],0,0,0]];\n"
+    text += '  PERS wobjdata wWall:=[FALSE,TRUE,"",[[1250,-120,620],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\n  PROC main()\n    ConfL\\Off;\n'
+
+    def line(x, y, z, speed):
+        return f"    MoveL [[{x:.3f},{y:.3f},{z:.3f}],[0,0,1,0],[0,0,0,0],{axes}],{speed},z0,tEnd\\WObj:=wWall;\n"
+
+    for _, y, z, along in passes():
+        there = np.arange(-8.0, LENGTH + 8.5, 4.0)
+        xs = there if along > 0 else there[::-1]
+        text += line(xs[0], y, 20.0, "v500") + line(xs[0], y, z, "v200")
+        text += "".join(line(x, y, z, "v20") for x in xs[1:]) + line(xs[-1], y, 20.0, "v500")
+    return text.replace("MoveL", "MoveJ", 1) + "  ENDPROC\nENDMODULE\n"
+
+
+class Plate:
+    """Deflection along y of a plate in the x–z plane, clamped along its lower edge."""
+
+    def __init__(self):
+        self.nodes = round(LENGTH / SPACING) + 1, round(HEIGHT / SPACING) + 1
+        powers = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3), (3, 1), (1, 3)]
+
+        def derivative(x, z, dx, dz):
+            def one(p, n, v):
+                return np.prod([p - i for i in range(n)]) * v ** (p - n) if p >= n else 0.0
+
+            return np.array([one(p, dx, x) * one(q, dz, z) for p, q in powers])
+
+        corners = [(0, 0), (SPACING, 0), (SPACING, SPACING), (0, SPACING)]
+        freedoms = np.array([derivative(x, z, *d) for x, z in corners for d in ((0, 0), (1, 0), (0, 1))])
+        law = np.array([[1, NU, 0], [NU, 1, 0], [0, 0, (1 - NU) / 2]]) * E / (12 * (1 - NU**2))
+        points, weights = np.polynomial.legendre.leggauss(3)
+        self.element = np.zeros((12, 12))
+        for u, wu in zip(points, weights):
+            for v, wv in zip(points, weights):
+                x, z = (1 + u) * SPACING / 2, (1 + v) * SPACING / 2
+                bent = np.array([derivative(x, z, 2, 0), derivative(x, z, 0, 2), 2 * derivative(x, z, 1, 1)]) @ np.linalg.inv(freedoms)
+                self.element += bent.T @ law @ bent * wu * wv * SPACING**2 / 4
+
+    def compliance(self, thickness):
+        """Of the nodes above each x, mm/N, under forces there and at the next nodes to low x and to high x: [x, which, z, z].
+
+        `thickness` is that of each element, [x, z], in mm.
+        """
+        nx, nz = self.nodes
+        matrix = np.zeros((nx * nz * 3,) * 2)
+        for i in range(nx - 1):
+            for k in range(nz - 1):
+                at = np.array([i * nz + k, (i + 1) * nz + k, (i + 1) * nz + k + 1, i * nz + k + 1])
+                at = (3 * at[:, None] + np.arange(3)).ravel()
+                matrix[np.ix_(at, at)] += self.element * thickness[i, k] ** 3
+        free = np.array([3 * (i * nz + k) + d for i in range(nx) for k in range(1, nz) for d in range(3)])
+        inverse = np.zeros_like(matrix)
+        inverse[np.ix_(free, free)] = np.linalg.inv(matrix[np.ix_(free, free)])
+        rows = [3 * (i * nz + np.arange(nz)) for i in range(nx)]
+        return np.array([[inverse[np.ix_(rows[i], rows[min(max(i + by, 0), nx - 1)])] for by in (0, -1, 1)] for i in range(nx)])
+
+
+def cut(depth, side, ahead):
+    """Mean force on the tool, N a millimetre of flank, at radial depths (mm): along x, y and the axis. The wall goes on for `ahead` mm."""
+    angle = np.linspace(-np.pi / 2, np.pi / 2, 721)
+    angle = (angle[1:] + angle[:-1]) / 2
+    # Where a tooth is, seen with the feed along x and the wall on the right; clockwise, as seen from the spindle.
+    out, forward = np.array([np.cos(angle), np.sin(angle)]), np.array([np.sin(angle), -np.cos(angle)])
+    tangential, radial, axial = CHIP[:, None] * FEED * np.cos(angle) + EDGE[:, None]
+    force = np.vstack([-tangential * forward - radial * out, -axial]) * TEETH / (2 * np.pi) * (angle[1] - angle[0])
+    met = np.sin(angle)[None, :] < np.asarray(depth)[:, None] / RADIUS - 1
+    met &= RADIUS * np.cos(angle) < ahead
+    force = met @ force.T
+    return force * ([1, 1, 1] if side else [-1, -1, 1])
+
+
+class Mill:
+    """The arm, and the wall as it is."""
+
+    def __init__(self, cell, is_rigid):
+        self.cell, self.plate, self.is_rigid = cell, Plate(), is_rigid
+        self.z = np.arange(-HEIGHT + SLICE / 2, 0, SLICE)
+        self.x = np.linspace(0, LENGTH, self.plate.nodes[0])
+        # Of each face, the free wall, mm.
+        self.face = np.tile(np.array([0.0, BLANK])[:, None, None], (1, len(self.x), len(self.z)))
+        knots = np.linspace(-HEIGHT, 0, self.plate.nodes[1])
+        self.to_slices = np.array([np.interp(self.z, knots, row) for row in np.eye(len(knots))]).T
+        self.depths = np.linspace(0, RADIUS, 501)
+
+    def thickness(self):
+        each = self.face[1] - self.face[0]
+        each = (each[1:] + each[:-1]) / 2
+        return np.cbrt((each**3).reshape(each.shape[0], -1, round(SPACING / SLICE)).mean(2))
+
+    def arm(self, motor, tool, world):
+        """Shift and turn of the tip, mm and rad, work object axes, under a force (N) and moment (N mm) there: 6 × 6."""
+        def tip(q):
+            return world.inv() @ self.cell.world_from_base @ base_from_flange(self.cell, q) @ tool.flange_from_tcp
+
+        at, columns = tip(motor), []
+        for joint in range(6):
+            moved = tip(motor + 1e-6 * np.eye(6)[joint])
+            turn = moved.rot @ at.rot.T
+            columns.append(np.r_[(moved.pos - at.pos) / MM, [turn[2, 1], turn[0, 2], turn[1, 0]]] / 1e-6)
+        jacobian = np.array(columns).T
+        return jacobian @ np.diag(1 / (self.cell.stiffness / MM)) @ jacobian.T
+
+    def run(self, path):
+        program = read_program(path)
+        tools, wobjs = {**self.cell.tools, **program.tools}, {**self.cell.wobjs, **program.wobjs}
+        moves = program.moves
+        flanges = [self.cell.world_from_base.inv() @ wobjs[m.wobj] @ m.wobj_from_tcp @ tools[m.tool].flange_from_tcp.inv() for m in moves]
+        motor = solve_path(self.cell, flanges, [m.conf for m in moves])
+        cutting = [k for k, m in enumerate(moves) if m.speed_m_s < 0.1]
+        starts = [k for k in cutting if k - 1 not in cutting]
+        stiff = self.plate.compliance(self.thickness())
+        angle = np.arcsin(np.linspace(-1, (FACES[0] - RADIUS) / RADIUS, 100))
+        reach = RADIUS * np.cos(angle).mean() / SPACING
+        for (side, _, level, along), start in zip(passes(), starts, strict=True):
+            end = start
+            while end + 1 in cutting:
+                end += 1
+            own = range(start - 1, end + 1)
+            tips = np.array([moves[k].wobj_from_tcp.pos / MM for k in own])
+            axes = np.array([-moves[k].wobj_from_tcp.rot[:, 2] for k in own])
+            order = np.argsort(tips[:, 0])
+            arms = {k: self.arm(motor[k], tools[moves[k].tool], wobjs[moves[k].wobj]) for k in (start, end)}
+            before = stiff
+            # From as it was before the pass to as it is after it, evenly as the tool goes along.
+            after = self.face.copy()
+            after[side][:, self.z > level] = FACES[side]
+            kept, self.face = self.face, after
+            stiff = self.plate.compliance(self.thickness())
+            self.face = kept
+            for i, x in enumerate(self.x):
+                at = [np.interp(x, tips[order, 0], values[order]) for values in (*tips.T, *axes.T)]
+                share = x / LENGTH if tips[0, 0] < tips[-1, 0] else 1 - x / LENGTH
+                arm = arms[start] * (1 - share) + arms[end] * share
+                plate = before[i] * (1 - share) + stiff[i] * share
+                # The force acts in front of where the face is left.
+                plate = plate[0] * (1 - reach) + plate[1 if along < 0 else 2] * reach
+                wall = self.to_slices @ plate @ self.to_slices.T * (0.0 if self.is_rigid else 1.0)
+                self.settle(side, i, np.array(at), (1 - share) * LENGTH, arm, wall)
+        return self
+
+    def settle(self, side, i, at, ahead, arm, wall):
+        """Brings tool and wall to rest at one place, and removes what the flank has passed."""
+        sign = 1.0 if side else -1.0
+        height = self.z - at[2]
+        there = height > 0
+        free = at[1] + at[4] * height - sign * RADIUS
+        table = cut(self.depths, side, ahead) * SLICE
+        # What a force on the tool at one height moves the flank at another by, and the wall, on which it acts the other way.
+        zero, one = np.zeros_like(height), np.ones_like(height)
+        wrench = np.array([[one, zero, zero], [zero, one, zero], [zero, zero, one], [zero, -height, zero], [height, zero, zero], [zero, zero, zero]])
+        flank = np.einsum("iw,wkj->ijk", arm[1] - np.outer(height, arm[3]), wrench)
+        flank_and_wall = flank.copy()
+        flank_and_wall[:, :, 1] += wall
+        # How deep each slice of the flank is in the material, where it is above zero: Newton's steps, for the force rises with it.
+        depth = np.where(there, sign * (self.face[side][i] - free), -1.0)
+        start = depth.copy()
+
+        def left(depth):
+            force = np.array([np.interp(depth, self.depths, table[:, k]) * (depth > 0) for k in range(3)]).T
+            return depth - start + sign * np.einsum("ijk,jk->i", flank_and_wall, force) * there, force
+
+        now, force = left(depth)
+        for _ in range(100):
+            if np.abs(now).max() < 1e-9:
+                break
+            cell = np.clip((depth / self.depths[1]).astype(int), 0, len(self.depths) - 2)
+            slope = (table[cell + 1] - table[cell]) / self.depths[1] * (depth > 0)[:, None]
+            step = np.linalg.solve(np.eye(len(depth)) + sign * np.einsum("ijk,jk->ij", flank_and_wall, slope) * there[:, None], now)
+            for share in 0.5 ** np.arange(12):
+                tried, by = left(depth - share * step)
+                if np.linalg.norm(tried) < np.linalg.norm(now):
+                    break
+            depth, now, force = depth - share * step, tried, by
+        else:
+            raise SystemExit(f"tool and wall find no rest: {np.abs(now).max()} mm")
+        cut_to = free + np.einsum("ijk,jk->i", flank, force) + wall @ force[:, 1]
+        face = self.face[side][i]
+        self.face[side][i] = np.where(there, sign * np.minimum(sign * face, sign * cut_to), face)
+
+    def deviation(self):
+        """Of both faces where they are cut, mm: above zero material is left."""
+        cut = self.z > -DEPTH
+        return np.concatenate([(FACES[0] - self.face[0][:, cut]).ravel(), (self.face[1][:, cut] - FACES[1]).ravel()])
+
+
+def rms(v):
+    return float(np.sqrt(np.mean(v**2)))
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--deflex", default="target/release/deflex")
+    parser.add_argument("-o", "--out", type=pathlib.Path)
+    a = parser.parse_args()
+    with tempfile.TemporaryDirectory() as scratch:
+        out = a.out or pathlib.Path(scratch)
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "arm.toml").write_text(CELL)
+        (out / "wall.toml").write_text(CELL + PART)
+        (out / "wall.mod").write_text(program())
+
+        def corrected(by):
+            there = out / f"{by}.mod"
+            words = [a.deflex, "compensate", out / "wall.mod", "--cell", out / f"{by}.toml", "-o", there, "--report", out / f"{by}.csv", "--quiet"]
+            subprocess.run(words, check=True, stderr=subprocess.DEVNULL)
+            return there
+
+        def milled(path, is_rigid=False):
+            return Mill(read_cell(out / "arm.toml"), is_rigid).run(path).deviation()
+
+        runs = [
+            ("as programmed, a wall that does not yield", milled(out / "wall.mod", True)),
+            ("as programmed", milled(out / "wall.mod")),
+            ("corrected for the arm", milled(corrected("arm"))),
+        ]
+        (out / "wall.corrected.toml").write_text(CELL + PART)
+        by_part = milled(corrected("wall.corrected"))
+    runs.append(("corrected for arm and part", by_part))
+    print(f"{'':45}  rms (mm)  largest (mm)")
+    for name, off in runs:
+        print(f"{name:45}  {rms(off):8.4f}  {np.abs(off).max():12.4f}")
+    print(f"of the deviation by the wall {100 * (1 - rms(by_part) / rms(runs[2][1])):.1f} % is gone")
+
+
+if __name__ == "__main__":
+    main()

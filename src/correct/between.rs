@@ -1,0 +1,84 @@
+//! Places on the way into targets, added to a program's points: where something was measured.
+
+use super::context::Context;
+use super::point::Point;
+use super::removal::{self, Cuts};
+use super::{Options, Prepared};
+use crate::cell::Cell;
+use crate::effects::PartYield;
+use crate::equilibrium::Arm;
+use crate::program::Program;
+use crate::robot::Pose;
+use crate::text::Diagnostic;
+use std::sync::Arc;
+
+/// A place on the way into a target.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Between {
+    /// Index of the target's point.
+    pub(crate) target: usize,
+    /// Share of the way, 1 at the target.
+    pub(crate) share: f64,
+}
+
+impl Prepared {
+    /// Whether any force follows from the stock.
+    pub(crate) fn follows_stock(&self) -> bool {
+        self.points.iter().any(|point| point.through.is_some_and(|through| through.feed_per_tooth.is_some()))
+    }
+
+    /// Cuts the cell's stock with the poses that an arm takes: the forces at all points are those that act on it, as in a prediction.
+    ///
+    /// # Errors
+    /// As [`Prepared::new`].
+    pub(crate) fn cut_by(&mut self, arm: &Arm, program: &Program, cell: &Cell) -> Result<(), Vec<Diagnostic>> {
+        let mut added = self.points.split_off(program.targets.len());
+        removal::run(Context::whole(program, cell, &Options::default()), self, (Cuts::Deflected, arm))?;
+        for (point, place) in added.iter_mut().zip(&self.between) {
+            self.take_load(point, *place);
+        }
+        self.points.append(&mut added);
+        Ok(())
+    }
+
+    /// Adds the point at a place: straight on, evenly turned, the joints nearest to those before; its index.
+    pub(crate) fn add_between(&mut self, cell: &Cell, place: Between) -> Result<usize, String> {
+        let mut point = self.between(cell, place)?;
+        self.take_load(&mut point, place);
+        self.between.push(place);
+        self.points.push(point);
+        Ok(self.points.len() - 1)
+    }
+
+    fn between(&self, cell: &Cell, Between { target, share }: Between) -> Result<Point, String> {
+        let end = &self.points[target];
+        let mut point = end.clone();
+        let Some(before) = target.checked_sub(1).map(|before| &self.points[before]).filter(|_| share < 1.0) else {
+            return Ok(point);
+        };
+        let way = |from: &Pose, to: &Pose| {
+            from.try_lerp_slerp(to, share, 1e-9).ok_or("the way there turns by half a turn: its middle is not known")
+        };
+        point.wobj_from_tcp = way(&before.wobj_from_tcp, &end.wobj_from_tcp)?;
+        point.reference = way(&before.reference, &end.reference)?;
+        let flange = self.base_from_wobj(target) * point.wobj_from_tcp * self.tool(target).flange_from_tcp.inverse();
+        point.motor = cell.arm.robot.inverse_near(&flange, &before.motor).map_err(|error| error.to_string())?;
+        point.travel = cell.arm.travel(&before.motor, &point.motor, &before.travel);
+        let mix = |a: f64, b: f64| a + (b - a) * share;
+        point.normal = before.normal.lerp(&end.normal, share).try_normalize(1e-9).unwrap_or(end.normal);
+        point.time = mix(before.time, end.time);
+        point.cut_length = mix(before.cut_length, end.cut_length);
+        if let (Some(before), Some(end)) = (&before.part, &end.part) {
+            point.part = Some(Arc::new(PartYield::mixed([(&**before, 1.0 - share), (&**end, share)])));
+        }
+        Ok(point)
+    }
+
+    /// Gives an added point the force that follows from the stock at its place.
+    fn take_load(&self, point: &mut Point, Between { target, share }: Between) {
+        let force = self.points[target].milled.as_ref().and_then(|milled| milled.at(share));
+        if let Some(force) = force {
+            point.load = removal::load(force.programmed);
+        }
+    }
+}
