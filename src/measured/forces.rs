@@ -100,6 +100,12 @@ impl FromIterator<(TargetRef, ForceRow)> for Forces {
 }
 
 impl Forces {
+    /// A table in which no force acts at any target.
+    #[must_use]
+    pub fn none() -> Self {
+        Self { forces_given: true, ..Self::default() }
+    }
+
     /// The row of a motion.
     #[must_use]
     pub fn of(&self, ordinal: u32, name: Option<&str>) -> Option<ForceRow> {

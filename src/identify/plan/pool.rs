@@ -124,7 +124,7 @@ pub(super) fn of_programs(
     let mut others = 0;
     for program in programs {
         // Where the arm stands does not depend on the cut.
-        let options = Options { forces: Some(Forces::default()), ..Options::default() };
+        let options = Options { forces: Some(Forces::none()), ..Options::default() };
         let prepared = Prepared::new(program, cell, &options)?;
         // Where units move too, a place is not that of the arm alone.
         let known = |&(i, target): &(usize, &Target)| {

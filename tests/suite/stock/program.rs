@@ -70,6 +70,12 @@ fn slot() -> Program {
     program(&moves)
 }
 
+/// A table of forces in which none acts.
+fn no_force() -> Options {
+    let row = (TargetRef::Ordinal(1), ForceRow { force: Some(Vector3::zeros()), ..ForceRow::default() });
+    Options { forces: Some([row].into_iter().collect()), ..Options::default() }
+}
+
 fn force(corrected: &Corrected, row: usize) -> Vector3<f64> {
     corrected.rows[row].force_n.into()
 }
@@ -138,8 +144,7 @@ fn a_known_shift_is_the_deviation() {
         "mode = \"stock\"",
         &format!("{STOCK}[[effect]]\nkind = \"work_object_frame\"\nd_mm = [0.0, 0.0, -0.1]\nd_rad = [0.0, 0.0, 0.0]\n"),
     );
-    let no_force = (TargetRef::Ordinal(1), ForceRow { force: Some(Vector3::zeros()), ..ForceRow::default() });
-    let options = Options { forces: Some([no_force].into_iter().collect()), ..Options::default() };
+    let options = no_force();
     let programmed = cut_stock(&slot(), &shifted, &options, None, Cuts::Programmed).unwrap();
     let actual = cut_stock(&slot(), &shifted, &options, None, Cuts::Deflected).unwrap();
     let mesh = programmed.stock.surface(0.8e-3);
@@ -185,7 +190,7 @@ fn corner(zone: &str) -> Program {
 #[test]
 fn a_corner_that_the_controller_rounds_is_left_in_the_part() {
     let cell = cell("mode = \"stock\"", &format!("{STOCK}{ROUNDS_ONLY}"));
-    let options = Options { forces: Some(deflex::measured::Forces::default()), ..Options::default() };
+    let options = no_force();
     let cut = |zone: &str, cuts: Cuts| cut_stock(&corner(zone), &cell, &options, None, cuts).unwrap();
     let (sharp, rounded) = (cut("z5", Cuts::Programmed), cut("z5", Cuts::Driven));
     let radius = 5.0_f64;
