@@ -78,7 +78,7 @@ pub(crate) use stance::millimetres_and_degrees;
 pub use stiffness::Stiffness;
 pub use stream::{compensate_chunks, compensate_declared, compensate_executed, count_chunks, post_chunks};
 
-use crate::cell::{Cell, SpinRule};
+use crate::cell::{Cell, CutForce, SpinRule};
 use crate::effects::{Situation, ToolFrame};
 use crate::equilibrium::Dragged;
 use crate::equilibrium::{Setting, Site};
@@ -132,9 +132,11 @@ pub struct Options {
 }
 
 impl Options {
-    /// Whether forces come from a table: one that has times or temperatures alone leaves them to `[cut]`.
-    fn has_force_table(&self) -> bool {
-        self.forces.as_ref().is_some_and(|forces| forces.forces_given)
+    /// Whether forces come from a table. One that has times or temperatures alone leaves them to the `[cut]` of the cell, where that has a
+    /// force of its own.
+    fn has_force_table(&self, cell: &Cell) -> bool {
+        let has_own = cell.cut.as_ref().is_some_and(|cut| !matches!(cut.force, CutForce::Table));
+        self.forces.as_ref().is_some_and(|forces| forces.forces_given || !has_own)
     }
 }
 

@@ -383,17 +383,17 @@ impl Walk<'_, '_> {
             row.and_then(|r| r.force),
             (frame.as_ref(), leaned),
             &wobj_from_tcp,
-            self.options.has_force_table(),
+            self.options.has_force_table(self.cell),
         ) {
             Ok(load) => load,
             Err((code, message, help)) => return self.refuse(target, code, &message, &help),
         };
-        let through = match self.carried.laws.through((target, tool), self.options.has_force_table()) {
+        let through = match self.carried.laws.through((target, tool), self.options.has_force_table(self.cell)) {
             Ok(through) => through,
             Err((code, message, help)) => return self.refuse(target, code, &message, &help),
         };
         let cuts = !matches!(load, PointLoad::Air);
-        let table = self.options.has_force_table();
+        let table = self.options.has_force_table(self.cell);
         let plunges = length > CHORD && feed_frame.is_none() && self.carried.laws.in_feed_frame((target, tool), table);
         let point = Point {
             setting,
@@ -438,7 +438,7 @@ impl Walk<'_, '_> {
 
     /// Whether what acts at a target, or how far it is off, rests on where the way into it begins.
     fn rests_on_predecessor(&self, target: &Target) -> bool {
-        let table = self.options.has_force_table();
+        let table = self.options.has_force_table(self.cell);
         self.carried.laws.follows_the_way(target, table) || self.cell.arm.follows_travel()
     }
 

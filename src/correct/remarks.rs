@@ -45,7 +45,7 @@ pub(super) fn repeated(context: Context<'_>, prepared: &Prepared) -> Repeated {
 
 /// Moves of which neither program nor cell says how they cut.
 fn doubtful_cuts(Context { program, cell, options, .. }: Context<'_>, prepared: &Prepared, repeated: &mut Repeated) {
-    if options.has_force_table() {
+    if options.has_force_table(cell) {
         return;
     }
     for (target, point) in program.targets.iter().zip(&prepared.points).filter(|(target, _)| target.is_end()) {

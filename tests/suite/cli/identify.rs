@@ -101,3 +101,17 @@ fn a_missing_program_and_a_missing_table_are_reported_in_one_run() {
     let said = bench.run("identify --cell cell.toml --run absent.mod absent.csv").exits(2).stderr;
     assert!(said.contains("absent.mod") && said.contains("absent.csv"), "{said}");
 }
+
+#[test]
+fn rows_without_force_columns_are_in_the_air_where_the_cell_leaves_forces_to_a_table() {
+    let bench = sample();
+    let table = bench.read("measured.csv");
+    let mut lines = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let header = lines.next().unwrap();
+    let kept: Vec<usize> = (0..header.len()).filter(|&i| !header[i].starts_with('f')).collect();
+    let row = |cells: &[&str]| kept.iter().map(|&i| cells[i]).collect::<Vec<_>>().join(",") + "\n";
+    bench.write("air.csv", row(&header) + &lines.map(|cells| row(&cells)).collect::<String>());
+    let found = bench.run("identify --run part.mod air.csv --cell cell.toml --json -").exits(0).stdout;
+    let found: serde_json::Value = serde_json::from_str(&found).unwrap();
+    assert_eq!(found["rows"], 304);
+}
