@@ -10,7 +10,7 @@ use std::io;
 use std::path::PathBuf;
 use std::process::{ExitStatus, Stdio};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 use tokio::io::{AsyncBufReadExt, AsyncReadExt, BufReader};
 use tokio::process::{Child, Command};
 use tokio::sync::{broadcast, oneshot};
@@ -27,8 +27,9 @@ const MOST_MESSAGES: usize = 500;
 const LONGEST_LINE: u64 = 256 << 10;
 /// Events that may wait for a slow page; beyond, it reads the list anew.
 const MOST_BEHIND: usize = 1024;
-/// How long a run may take to end after it was interrupted, until it is killed.
-const PATIENCE: Duration = Duration::from_secs(5);
+/// How long a run may take to end after it was interrupted, until it is killed. On Windows it is killed at once.
+#[cfg(unix)]
+const PATIENCE: std::time::Duration = std::time::Duration::from_secs(5);
 
 /// How a run stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

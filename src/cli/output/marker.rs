@@ -148,10 +148,14 @@ pub(super) fn sync_folder(folder: &Path) {
 }
 
 /// Who owns a file; one and the same where the system does not say.
+#[cfg(unix)]
 pub(super) fn owner(metadata: &Metadata) -> u32 {
-    #[cfg(unix)]
-    return std::os::unix::fs::MetadataExt::uid(metadata);
-    #[cfg(not(unix))]
+    std::os::unix::fs::MetadataExt::uid(metadata)
+}
+
+/// Who owns a file; one and the same where the system does not say.
+#[cfg(not(unix))]
+pub(super) fn owner(_: &Metadata) -> u32 {
     0
 }
 
