@@ -11,7 +11,6 @@
 mod against;
 mod ahead;
 mod along;
-mod asked;
 mod between;
 mod carried;
 mod collected;
@@ -31,6 +30,7 @@ mod laws;
 mod line;
 mod load;
 mod long;
+mod machine_actions;
 mod messages;
 mod mount;
 mod ordered;

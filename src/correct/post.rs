@@ -1,6 +1,6 @@
 //! CL input: corrected points to a RAPID program.
 
-use super::asked::Asked;
+use super::machine_actions::MachineActions;
 use super::messages::Messages;
 use super::{Corrected, Row, Status, StreamError, frames};
 use crate::cell::{Cell, CutForce, SpinRule};
@@ -51,7 +51,7 @@ pub struct Outline {
     /// Some travel is rapid.
     rapid: bool,
     /// What the machine has to do besides motion.
-    asked: Asked,
+    actions: MachineActions,
     tools: Vec<Tool>,
     wobjs: Vec<Wobj>,
     /// Where the external axes stand.
@@ -90,7 +90,7 @@ impl Outline {
 
     /// Takes in a program, or its next chunk.
     pub fn add(&mut self, program: &Program) {
-        self.asked.add(program, self.points);
+        self.actions.add(program, self.points);
         self.points += program.targets.len();
         self.rapid |= program.targets.iter().any(|target| target.rapid);
         for target in program.targets.iter().filter(|target| !target.rapid) {
@@ -243,7 +243,7 @@ impl Poster {
         }
         let first_feed = outline.first_feed.or(options.feed_mm_s);
         let templates = cell.cl.as_ref().map(|cl| cl.post.clone()).unwrap_or_default();
-        let mut notes = outline.asked.unwritten(&templates)?;
+        let mut notes = outline.actions.unwritten(&templates)?;
         if let Some(early) = outline.early.take() {
             let Some(feed) = first_feed else {
                 return Err(vec![early.help("add FEDRAT/ to the file, or give --feed MM_S")]);

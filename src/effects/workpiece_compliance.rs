@@ -25,6 +25,11 @@ pub(super) const KIND: Kind = Kind {
             let message = format!("`domain_mm` has [{low}, {high}], expected two numbers, the lower one first");
             return Err(toml::de::Error::custom(message));
         }
+        if effect.domain_mm.is_some() && matches!(effect.mm_per_n, Compliance::Alike(_)) {
+            let message =
+                "`domain_mm` has no effect where `mm_per_n` is one number: remove it, or give six coefficients";
+            return Err(toml::de::Error::custom(message));
+        }
         checked(effect)
     },
     candidates: |survey| {
@@ -69,6 +74,7 @@ const TERMS: [(&str, f64); 6] = [
     ("mm/(N·mm²)", 7e-9),
 ];
 
+/// The number of a range that is nearest to a value.
 fn within<R: Real>(value: R, [low, high]: [f64; 2]) -> R {
     let value = value.lt(low).select(R::of(low), value);
     value.ge(high).select(R::of(high), value)
@@ -175,5 +181,16 @@ mod tests {
         assert_abs_diff_eq!(at(2000.0, 150.0), -5e-5, epsilon = 1e-18);
         // At x = -10 mm, y = 0: 0.9e-4 mm/N.
         assert_abs_diff_eq!(at(-300.0, -40.0), -9e-6, epsilon = 1e-18);
+    }
+
+    #[test]
+    fn a_domain_that_is_wrong_or_has_no_effect_is_refused() {
+        let read = |keys: &str| (super::KIND.read)(keys.parse().unwrap()).map(drop).map_err(|error| error.to_string());
+        let polynomial = "mm_per_n = [1e-4, 0, 0, 0, 0, 0]";
+        assert!(read(&format!("{polynomial}\ndomain_mm = [[0, 1], [0, 1]]")).is_ok());
+        let refused = |keys: &str, why: &str| assert!(read(keys).unwrap_err().contains(why), "{keys}");
+        refused(&format!("{polynomial}\ndomain_mm = [[1, 0], [0, 1]]"), "the lower one first");
+        refused(&format!("{polynomial}\ndomain_mm = [[0, nan], [0, 1]]"), "the lower one first");
+        refused("mm_per_n = 1e-4\ndomain_mm = [[0, 1], [0, 1]]", "no effect");
     }
 }

@@ -525,8 +525,8 @@ impl Engine {
         }
         let after = self.left_by_cell();
         let before = if dense { self.problem.residual(&self.declared) } else { before.clone() };
-        let told = Findings { elsewhere, posteriors, ranking, unexplained, stages, refit: every && !whole };
-        Ok(self.outcome(&before, &after, told, data_hash))
+        let findings = Findings { elsewhere, posteriors, ranking, unexplained, stages, refit: every && !whole };
+        Ok(self.outcome(&before, &after, findings, data_hash))
     }
 
     /// Noises worth trying about the one that was found.

@@ -95,10 +95,10 @@ impl Engine {
         &mut self,
         before: &DVector<f64>,
         after: &DVector<f64>,
-        told: Findings,
+        findings: Findings,
         data_hash: &str,
     ) -> Identification {
-        let Findings { mut posteriors, ranking, unexplained, stages, refit, elsewhere } = told;
+        let Findings { mut posteriors, ranking, unexplained, stages, refit, elsewhere } = findings;
         let held_out = |row: &Observation| row.held_out;
         let left_before = self.left_by_declared_as_found(before);
         // In no cell: it is taken off both.
@@ -181,8 +181,8 @@ impl Engine {
             }
             // Where something is left that no effect explains, no name is sure.
             added.posterior = if unlisted { posterior.min(EVEN) } else { *posterior };
-            let told = added.posterior >= NAMED || self.is_whole_arm();
-            let mentioned = rivals.iter().filter(|(_, share)| !told && *share >= MENTIONED);
+            let is_sure = added.posterior >= NAMED || self.is_whole_arm();
+            let mentioned = rivals.iter().filter(|(_, share)| !is_sure && *share >= MENTIONED);
             added.not_told_apart_from.extend(mentioned.map(|(kind, _)| kind.clone()));
             if unlisted {
                 added.not_told_apart_from.push(UNLISTED.to_owned());

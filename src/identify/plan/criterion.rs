@@ -1,4 +1,4 @@
-//! How well rows tell effects apart, before anything is measured.
+//! How well rows compare effects apart, before anything is measured.
 //!
 //! The trace of an effect of the wanted size, less all that a rival, the frame of the part, the instrument and its drift
 //! could imitate under their priors, over the noise, is d′: what is left of `yᵀ(σ²I + U Λ Uᵀ)⁻¹y` (Atkinson and Fedorov 1975,
@@ -182,14 +182,14 @@ impl Criterion {
 
     /// What rows say. `columns` are those of all rows, those of the instrument among them; `weight` is what each row counts
     /// for.
-    pub(super) fn told(&self, columns: &DMatrix<f64>, weight: &[f64]) -> Discrimination {
+    pub(super) fn discrimination(&self, columns: &DMatrix<f64>, weight: &[f64]) -> Discrimination {
         let mut whitened = columns.clone() / self.noise_mm;
         for (row, weight) in weight.iter().enumerate() {
             whitened.rows_mut(row * self.axes, self.axes).scale_mut(weight.sqrt());
         }
         let gram = whitened.transpose() * &whitened;
         let size = (self.truths.len(), self.kinds.len() + 1);
-        let mut told = Discrimination {
+        let mut discrimination = Discrimination {
             distance: DMatrix::from_element(size.0, size.1, f64::INFINITY),
             evidence: DMatrix::from_element(size.0, size.1, f64::NEG_INFINITY),
             scalars: columns.nrows(),
@@ -198,21 +198,21 @@ impl Criterion {
         let is_frame = |truth: &Truth| truth.numbers.iter().any(|(column, _)| in_frame(column));
         let concerned = |of_frame: bool| (0..size.0).filter(move |&t| is_frame(&self.truths[t]) == of_frame).collect();
         let (of_frame, others): (Vec<usize>, Vec<usize>) = (concerned(true), concerned(false));
-        let Some(instrument) = Beside::new(&gram, &self.instrument, &self.truths) else { return told };
+        let Some(instrument) = Beside::new(&gram, &self.instrument, &self.truths) else { return discrimination };
         let Some(both) = Beside::new(&gram, &[&self.instrument[..], &self.frame[..]].concat(), &self.truths) else {
-            return told;
+            return discrimination;
         };
         for rival in &self.rivals {
             // A frame that is the effect itself is no nuisance to it, nor one that is the rival.
             let beside = if rival.columns.iter().any(in_frame) { &instrument } else { &both };
-            self.tell(rival, &instrument, &of_frame, &mut told);
-            self.tell(rival, beside, &others, &mut told);
+            self.compare(rival, &instrument, &of_frame, &mut discrimination);
+            self.compare(rival, beside, &others, &mut discrimination);
         }
-        told
+        discrimination
     }
 
     /// What rows say of some truths against a rival, under each size of its prior.
-    fn tell(&self, rival: &Rival, beside: &Beside, concerned: &[usize], told: &mut Discrimination) {
+    fn compare(&self, rival: &Rival, beside: &Beside, concerned: &[usize], discrimination: &mut Discrimination) {
         let own = &rival.columns;
         let inner = DMatrix::from_fn(own.len(), own.len(), |i, j| beside.gram[(own[i], own[j])]);
         let cross = DMatrix::from_fn(own.len(), concerned.len(), |i, t| beside.crosses[(own[i], concerned[t])]);
@@ -226,9 +226,9 @@ impl Criterion {
             for (cross, &t) in cross.column_iter().zip(concerned) {
                 let square = (beside.squares[t] - cross.norm_squared()).max(0.0);
                 let at = (t, rival.kind);
-                told.evidence[at] = told.evidence[at].max(-0.5 * square - occam - rival.price);
+                discrimination.evidence[at] = discrimination.evidence[at].max(-0.5 * square - occam - rival.price);
                 if self.truths[t].kind != rival.kind {
-                    told.distance[at] = told.distance[at].min(square.sqrt());
+                    discrimination.distance[at] = discrimination.distance[at].min(square.sqrt());
                 }
             }
         }
@@ -241,16 +241,16 @@ impl Criterion {
 
     /// Share of the truths that will not be named outright, by a normal approximation over their rivals; a little of what each
     /// pair adds to it. Less is better.
-    pub(super) fn confusion(&self, told: &Discrimination) -> f64 {
+    pub(super) fn confusion(&self, discrimination: &Discrimination) -> f64 {
         let (mut missed, mut each) = (0.0, 0.0);
         // Evidence over a rival that a name needs, nats.
-        let caution = caution(told.scalars);
+        let caution = caution(discrimination.scalars);
         let needed = (NAMED / (1.0 - NAMED)).ln() * caution;
         for (t, truth) in self.truths.iter().enumerate() {
             let mut named = 1.0;
             for kind in (0..=self.kinds.len()).filter(|&kind| kind != truth.kind) {
-                let gain = told.evidence[(t, truth.kind)] - told.evidence[(t, kind)];
-                let spread = told.distance[(t, kind)].clamp(1.0, 1e3);
+                let gain = discrimination.evidence[(t, truth.kind)] - discrimination.evidence[(t, kind)];
+                let spread = discrimination.distance[(t, kind)].clamp(1.0, 1e3);
                 let nested = self.kinds.get(kind).is_some_and(|kind| contains(kind, &self.kinds[truth.kind]));
                 let needed = needed + if nested { NESTED * caution } else { 0.0 };
                 let taken = self.weights[(truth.kind, kind)] * normal_tail((gain - needed) / spread);
@@ -338,11 +338,11 @@ mod tests {
         };
         // Shown (2, 2), over the noise (4, 4); the rival's column (2, 0): 32 − 8² / (1 + 4) is left.
         let columns = DMatrix::from_row_slice(2, 2, &[1.0, 1.0, 1.0, 0.0]);
-        let found = criterion.told(&columns, &[1.0, 1.0]).distance;
+        let found = criterion.discrimination(&columns, &[1.0, 1.0]).distance;
         assert!((found[(0, 2)] - 32_f64.sqrt()).abs() < 1e-12);
         assert!((found[(0, 1)] - 19.2_f64.sqrt()).abs() < 1e-12);
         assert!(found[(0, 0)].is_infinite());
         // Half the weight is half the information.
-        assert!((criterion.told(&columns, &[0.5, 0.5]).distance[(0, 2)] - 4.0).abs() < 1e-12);
+        assert!((criterion.discrimination(&columns, &[0.5, 0.5]).distance[(0, 2)] - 4.0).abs() < 1e-12);
     }
 }

@@ -87,7 +87,7 @@ impl Exchange<'_> {
         let all = beside(columns, &self.bench.drifts(sheet));
         let motor = |row: &Row| self.bench.spots[row.spot].motor;
         let travel: f64 = sheet.rows.windows(2).map(|pair| (motor(&pair[1]) - motor(&pair[0])).amax()).sum();
-        self.criterion.confusion(&self.criterion.told(&all, &weights)) + TRAVEL * travel
+        self.criterion.confusion(&self.criterion.discrimination(&all, &weights)) + TRAVEL * travel
     }
 
     /// What may stand in place of a row.

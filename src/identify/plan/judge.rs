@@ -92,7 +92,7 @@ pub(super) fn judge(
     let columns = linear.design.kept();
     criterion.scale(columns, section.effect_mm);
     let weights: Vec<f64> = engine.problem.rows.iter().map(|row| f64::from(u8::from(!row.held_out))).collect();
-    let distances = criterion.told(columns, &weights).distance;
+    let distances = criterion.discrimination(columns, &weights).distance;
     let pair = |(a, b, d_prime): (usize, usize, f64)| PlannedPair {
         a: criterion.kinds[a].clone(),
         b: criterion.kinds[b].clone(),

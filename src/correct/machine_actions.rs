@@ -19,9 +19,9 @@ struct ActionGroup {
 
 /// All actions of a program, by kind.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Asked(Vec<ActionGroup>);
+pub(super) struct MachineActions(Vec<ActionGroup>);
 
-impl Asked {
+impl MachineActions {
     /// Takes in a program, or its next chunk, before which there are so many points.
     pub(super) fn add(&mut self, program: &Program, points_before: usize) {
         let Some(source) = program.sources.first() else { return };
