@@ -229,6 +229,37 @@ impl Prepared {
         }
     }
 
+    /// Some of the points with the work object in another place: moved and turned by `by`, in its own axes, with all that the program
+    /// says in it. `None` for points that the arm does not reach there.
+    pub(crate) fn relocated(&self, robot: &Robot, points: &[usize], by: &Pose) -> (Self, Vec<Option<usize>>) {
+        let mut there = self.with_points(Vec::new());
+        for mount in &mut Arc::make_mut(&mut there.shared).settings {
+            mount.setting.base_from_wobj *= *by;
+        }
+        let place = |&from: &usize| {
+            let mut point = self.points[from].clone();
+            if let Some(moved) = &mut point.moved {
+                Arc::make_mut(moved).setting.base_from_wobj *= *by;
+            }
+            there.points.push(point);
+            let at = there.points.len() - 1;
+            let base_from_tcp = there.base_from_wobj(at) * there.points[at].wobj_from_tcp;
+            let flange = base_from_tcp * there.tool(at).flange_from_tcp.inverse();
+            match robot.inverse_near(&flange, &there.points[at].motor) {
+                Ok(motor) => {
+                    there.points[at].motor = motor;
+                    Some(at)
+                }
+                Err(_) => {
+                    there.points.pop();
+                    None
+                }
+            }
+        };
+        let placed = points.iter().map(place).collect();
+        (there, placed)
+    }
+
     /// Declared work object of point `i` in the base.
     #[must_use]
     pub fn base_from_wobj(&self, i: usize) -> Pose {

@@ -30,7 +30,7 @@ pub(super) fn fill(rows: &mut [Row], context: Context<'_>, prepared: &Prepared) 
         variance.iter_mut().zip(slopes).for_each(|(sum, slope)| *sum += slope.norm_squared());
     }
     for effect in known {
-        let more = parallelism.map(at.len(), |n| at[n].map_or(0.0, |point| unseen(cell, effect, prepared, point)));
+        let more = parallelism.map(at.len(), |n| at[n].map_or(0.0, |point| prepared.unseen(&cell.arm, effect, point)));
         variance.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
     }
     for (row, variance) in rows.iter_mut().zip(variance) {
@@ -57,24 +57,26 @@ fn directions(cell: &Cell) -> Vec<Direction> {
     all
 }
 
-/// Variance of a predicted position, m², all axes together, for what an effect does not say of the joints there.
-fn unseen(cell: &Cell, effect: usize, prepared: &Prepared, point: usize) -> f64 {
-    let sigma = cell.arm.effects[effect].unseen(&prepared.points[point].motor);
-    if sigma.amax() <= 0.0 {
-        return 0.0;
+impl Prepared {
+    /// Variance of the predicted position of a point, m², all axes together, for what an effect does not say of the joints there.
+    pub(crate) fn unseen(&self, arm: &Arm, effect: usize, point: usize) -> f64 {
+        let sigma = arm.effects[effect].unseen(&self.points[point].motor);
+        if sigma.amax() <= 0.0 {
+            return 0.0;
+        }
+        let (situation, point) = (self.situation(point), &self.points[point]);
+        let place = |motor: &Joints| {
+            let there = arm.predict(&situation, motor, &point.travel).ok()?;
+            Some(there.wobj_from_tcp.translation.vector)
+        };
+        let Some(there) = place(&point.motor) else { return 0.0 };
+        let of = |joint: usize| {
+            let mut motor = point.motor;
+            motor[joint] += sigma[joint];
+            Some((place(&motor)? - there).norm_squared())
+        };
+        (0..sigma.len()).filter(|&joint| sigma[joint] > 0.0).filter_map(of).sum()
     }
-    let (situation, point) = (prepared.situation(point), &prepared.points[point]);
-    let place = |motor: &Joints| {
-        let there = cell.arm.predict(&situation, motor, &point.travel).ok()?;
-        Some(there.wobj_from_tcp.translation.vector)
-    };
-    let Some(there) = place(&point.motor) else { return 0.0 };
-    let of = |joint: usize| {
-        let mut motor = point.motor;
-        motor[joint] += sigma[joint];
-        Some((place(&motor)? - there).norm_squared())
-    };
-    (0..sigma.len()).filter(|&joint| sigma[joint] > 0.0).filter_map(of).sum()
 }
 
 /// Change of every predicted position along a direction, m per standard deviation.

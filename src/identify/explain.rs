@@ -160,6 +160,9 @@ impl Engine {
         let run_drift_rms_mm = Some(self.errors(&run_drift, held_out).rms_mm).filter(|rms_mm| *rms_mm > 0.0);
         let coverage = self.coverage();
         let noise_mm = self.sigma * self.widened();
+        let wander_mm = self.wander_mm();
+        let shown: usize = self.problem.rows.iter().map(|row| row.seen.count()).sum();
+        let axes = shown as f64 / self.problem.rows.len().max(1) as f64;
         let orientation_noise_deg = self.orientation_noise_deg();
         let outliers = self.problem.rows.iter().filter(|row| row.outlier).map(|row| row.line).collect();
         let held_out_rows = self.problem.rows.iter().filter(|row| row.held_out).count();
@@ -167,6 +170,11 @@ impl Engine {
         if refit {
             self.take_all_rows(&mut posteriors);
         }
+        let transfer_sigma_mm = match self.problem.free_device {
+            // Held-out rows are all over the robot: another program is among them.
+            true => ((elsewhere.extended.rms_mm.powi(2) / axes - noise_mm * noise_mm).max(0.0)).sqrt(),
+            false => self.transfer_sigma_mm(elsewhere.wider),
+        };
         let named = self.chosen.iter().filter_map(|c| posteriors.iter().find(|(p, _)| p == c));
         let mut replaced = Vec::new();
         for (added, (c, (posterior, rivals))) in added.iter_mut().zip(named) {
@@ -216,16 +224,11 @@ impl Engine {
         drop(named);
         added.retain(is_named);
         ties::add(&mut added, &tables, never_returns(&self.problem));
-        let shown: usize = self.problem.rows.iter().map(|row| row.seen.count()).sum();
-        let axes = shown as f64 / self.problem.rows.len().max(1) as f64;
-        let wander_mm = self.wander_mm();
-        let transfer = elsewhere.extended.rms_mm.powi(2) - axes * (noise_mm * noise_mm + wander_mm * wander_mm);
-        let transfer_sigma_mm = (transfer.max(0.0) / axes).sqrt();
         let mut advice = advice(&added, &unexplained, &ranking.separability, &self.problem, noise_mm);
         if self.is_whole_arm() {
             advice.push(format!(
-                "another program may be off by {transfer_sigma_mm:.3} mm per axis (one standard deviation): rows in other places, postures \
-                 and loads make that less; more rows of this program do not"
+                "the same program next to this place may be off by {transfer_sigma_mm:.3} mm per axis (one standard deviation): rows in \
+                 other places, postures and loads make that less; more rows of this program do not"
             ));
         }
         advice.extend(replaced);
@@ -331,7 +334,7 @@ impl Engine {
 
     /// Posterior covariance of the chosen columns, where the data say too much by a factor `wider` of their variance: what they do
     /// not hold stays as wide as its prior, and no wider.
-    fn wider_covariance(&self, wider: f64) -> DMatrix<f64> {
+    pub(super) fn wider_covariance(&self, wider: f64) -> DMatrix<f64> {
         // Over the whole robot (`--poses`) rows are many, and sets are not weighed against one another.
         if self.problem.free_device || self.chosen.is_empty() {
             return self.covariance.clone();

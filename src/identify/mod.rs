@@ -43,6 +43,7 @@ mod separability;
 mod smooth;
 mod springs;
 mod ties;
+mod transfer;
 mod whole;
 mod whole_arm;
 

@@ -33,9 +33,10 @@ pub struct Identification {
     /// for it is in no cell. `None` for parts, and where the noise has no drift.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub run_drift_rms_mm: Option<f64>,
-    /// Extended cell, on rows left out by place, posture and load instead of by time: what another program may expect.
+    /// Extended cell, on rows left out by place, posture and load instead of by time.
     pub after_other_places: Errors,
-    /// Standard deviation, per axis, of what another program may be off, mm: of `after_other_places`, the noise taken off.
+    /// Standard deviation, for each axis, of what the prediction of the same programs would be off next to where they were measured, mm:
+    /// what another program may expect. Zero where the arm reaches no such place, or nothing is added.
     pub transfer_sigma_mm: f64,
     /// Effects added.
     pub added: Vec<Added>,

@@ -202,9 +202,10 @@ pub fn identify_text(found: &Identification) -> String {
 pub(super) fn elsewhere(found: &Identification) -> String {
     let left_out = format!("left out by place, posture and load: {:.4} mm rms", found.after_other_places.rms_mm);
     match found.transfer_sigma_mm {
-        sigma_mm if sigma_mm > 0.0 => format!("{left_out}; another program may be off by {sigma_mm:.4} mm per axis"),
-        // An error that noise alone makes says that there is no more, and not that there is none.
-        _ => format!("{left_out}, no more than the noise: another program may be off by less than these rows show"),
+        sigma_mm if sigma_mm > 0.0 => {
+            format!("{left_out}; the same program next to this place may be off by {sigma_mm:.4} mm per axis")
+        }
+        _ => left_out,
     }
 }
 

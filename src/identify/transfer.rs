@@ -1,0 +1,96 @@
+//! What another program may be off, once the cell has the effects that were found.
+//!
+//! Rows that are left out by place, posture and load are still of the same program: errors that its rows cannot distinguish cancel in all
+//! of them. The measured program is therefore moved to where another would be: by its own length along x and by its own width along y
+//! of its work object, forwards and backwards. The posterior covariance of the effects, as wide as the left-out rows show that it must
+//! be, gives the uncertainty of the prediction there.
+
+use super::candidate::{Home, with};
+use super::data::{Observation, Problem, Seen};
+use super::engine::Engine;
+use crate::correct::Prepared;
+use crate::equilibrium::Arm;
+use crate::robot::Pose;
+use nalgebra::{DVector, Rotation3, Translation3, Vector3};
+use std::sync::Arc;
+
+/// Rows of each run that are moved: the root of a mean over as many places is known to a tenth.
+const MOVED_ROWS: usize = 64;
+/// Step along a direction of the covariance, in standard deviations: the model is smooth on that scale.
+const STEP: f64 = 0.5;
+
+impl Engine {
+    /// Standard deviation, for each axis, of what the prediction of another program may be off, mm; `wider` is the variance that
+    /// left-out rows show over the one that the fit promises. Zero where the arm reaches no such place.
+    pub(super) fn transfer_sigma_mm(&self, wider: f64) -> f64 {
+        let moved = self.next_to_the_program();
+        let arm = self.arm();
+        let known = moved.equilibria(&arm);
+        let mut variance = DVector::zeros(moved.scalars);
+        if let Some(factor) = self.wider_covariance(wider).cholesky().map(|factor| factor.l()) {
+            for direction in factor.column_iter() {
+                let arms = [STEP, -STEP].map(|step| self.arm_along(&direction.into_owned(), step));
+                let ends = moved.residuals_near(&arms, &known);
+                let slope = (&ends[0] - &ends[1]) / (2.0 * STEP);
+                variance += slope.component_mul(&slope);
+            }
+        }
+        let of_row = |row: &Observation| {
+            let seen: f64 = variance.rows(row.offset, row.seen.len()).sum();
+            let unseen = (0..arm.effects.len()).map(|effect| moved.runs[row.run].unseen(&arm, effect, row.point));
+            Some(seen + 1e6 * unseen.sum::<f64>()).filter(|variance| variance.is_finite())
+        };
+        let variances: Vec<f64> = moved.rows.iter().filter_map(of_row).collect();
+        (variances.iter().sum::<f64>() / (3 * variances.len().max(1)) as f64).sqrt()
+    }
+
+    /// The arm with its chosen numbers moved by so many standard deviations along a direction, in typical sizes.
+    fn arm_along(&self, direction: &DVector<f64>, step: f64) -> Arm {
+        let mut first = 0;
+        let moved = |&c: &usize| {
+            let candidate = &self.candidates[c];
+            let own = &direction.as_slice()[first..first + candidate.values.len()];
+            first += own.len();
+            let values = candidate.values.iter().zip(&candidate.typical).zip(own);
+            (&candidate.home, values.map(|((value, typical), change)| value + step * change * typical).collect())
+        };
+        let values: Vec<(&Home, Vec<f64>)> = self.chosen.iter().map(moved).collect();
+        let changes: Vec<(&Home, &[f64])> = values.iter().map(|(home, values)| (*home, &values[..])).collect();
+        let mut arm = with(&self.declared, &changes);
+        arm.effects.extend(self.map.iter().map(|map| map.effect.clone_box()));
+        arm
+    }
+
+    /// Rows of the measured programs, moved to where other programs would be.
+    fn next_to_the_program(&self) -> Problem {
+        let mut moved = Problem { units: Arc::clone(&self.problem.units), ..Problem::empty(false) };
+        for (run, prepared) in self.problem.runs.iter().enumerate() {
+            let rows: Vec<&Observation> = self.problem.rows.iter().filter(|row| row.run == run).collect();
+            let rows: Vec<&Observation> = rows.iter().step_by(rows.len().div_ceil(MOVED_ROWS).max(1)).copied().collect();
+            let points: Vec<usize> = rows.iter().map(|row| row.point).collect();
+            for by in sides(prepared, &points) {
+                let (there, placed) = prepared.relocated(&self.declared.robot, &points, &by);
+                for (row, point) in rows.iter().zip(placed) {
+                    let Some(point) = point else { continue };
+                    let (motor, seen) = (there.points[point].motor, Seen::Position(Vector3::zeros()));
+                    let (run, offset) = (moved.runs.len(), moved.scalars);
+                    moved.rows.push(Observation { run, point, motor, seen, turned: None, offset, ..(*row).clone() });
+                    moved.scalars += seen.len();
+                }
+                moved.runs.push(there);
+                moved.devices.push(self.problem.devices[run]);
+            }
+        }
+        moved
+    }
+}
+
+/// The motions of a work object, along its own axes, that place a program next to where it was.
+fn sides(prepared: &Prepared, points: &[usize]) -> Vec<Pose> {
+    let places = || points.iter().map(|&point| prepared.points[point].reference.translation.vector);
+    let low = places().fold(Vector3::repeat(f64::INFINITY), |low, place| low.inf(&place));
+    let high = places().fold(Vector3::repeat(f64::NEG_INFINITY), |high, place| high.sup(&place));
+    let size = high - low;
+    let sides = [[size.x, 0.0], [-size.x, 0.0], [0.0, size.y], [0.0, -size.y]];
+    sides.map(|[x, y]| Pose::from_parts(Translation3::new(x, y, 0.0), Rotation3::identity())).to_vec()
+}
