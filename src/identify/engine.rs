@@ -8,7 +8,7 @@ use super::design::Design;
 use super::device::Device;
 use super::device_pose;
 use super::differences::Reuse;
-use super::found::{Choice, Findings, Linearised, Map, Ranking, Refused};
+use super::found::{Choice, Findings, Linearised, Map, Posterior, Ranking, Refused};
 use super::gear::{self, Comb, Grid, Term};
 use super::moments::Moments;
 use super::noise;
@@ -482,15 +482,15 @@ impl Engine {
             self.withdraw_unless(&mut posteriors, |_, share, _| share >= NAMED);
         }
         self.settle_cuts(cell)?;
-        let discrepancy = |engine: &Self| match written {
-            Written::WholeModel if !whole && !engine.forces_are_wrong() => engine.field_map(),
+        let discrepancy = |engine: &Self, posteriors: &[Posterior]| match written {
+            Written::WholeModel if !whole && !engine.forces_are_wrong() => engine.field_map(posteriors),
             _ => None,
         };
-        self.map = discrepancy(self);
+        self.map = discrepancy(self, &posteriors);
         if self.gains_nothing(before) {
             posteriors.clear();
             device_pose::restore(&mut self.problem, &places);
-            self.map = discrepancy(self);
+            self.map = discrepancy(self, &posteriors);
             self.gains_nothing(before);
         }
         reached(progress, JUDGED)?;
@@ -501,7 +501,7 @@ impl Engine {
             posteriors.clear();
             self.take_back();
             self.refused = elsewhere.take().map(|there| Refused::Elsewhere(there.extended.rms_mm));
-            self.map = discrepancy(self);
+            self.map = discrepancy(self, &posteriors);
             self.gains_nothing(before);
             elsewhere = self.elsewhere(before);
         }

@@ -276,8 +276,12 @@ impl Engine {
 
     /// Whether the forces of the table are not those that acted.
     pub(super) fn forces_are_wrong(&self) -> bool {
-        let of_force = |c: &usize| matches!(self.candidates[*c].home, Home::Pattern(pattern) if pattern.is_of_force());
-        self.chosen.iter().any(of_force)
+        self.chosen.iter().any(|&c| self.is_of_force(c))
+    }
+
+    /// Whether a candidate is a fault of the forces.
+    pub(super) fn is_of_force(&self, candidate: usize) -> bool {
+        matches!(self.candidates[candidate].home, Home::Pattern(pattern) if pattern.is_of_force())
     }
 
     /// Withdraws every effect: none can be trusted under forces that did not act.

@@ -66,7 +66,8 @@ impl Engine {
         let mut moved = Problem { units: Arc::clone(&self.problem.units), ..Problem::empty(false) };
         for (run, prepared) in self.problem.runs.iter().enumerate() {
             let rows: Vec<&Observation> = self.problem.rows.iter().filter(|row| row.run == run).collect();
-            let rows: Vec<&Observation> = rows.iter().step_by(rows.len().div_ceil(MOVED_ROWS).max(1)).copied().collect();
+            let rows: Vec<&Observation> =
+                rows.iter().step_by(rows.len().div_ceil(MOVED_ROWS).max(1)).copied().collect();
             let points: Vec<usize> = rows.iter().map(|row| row.point).collect();
             for by in sides(prepared, &points) {
                 let (there, placed) = prepared.relocated(&self.declared.robot, &points, &by);

@@ -236,8 +236,11 @@ impl Engine {
         (self.shape, self.sigma) = (sizes.shape, sizes.sigma);
         self.candidates = self.shrunk(members, sizes.shares);
         let mut all = members.all();
-        all.extend(self.fault_beyond(&all));
-        self.choose(all);
+        self.choose(all.clone());
+        if let Some(fault) = self.fault_beyond(&all) {
+            all.push(fault);
+            self.choose(all);
+        }
         if self.mark_outliers() > 0 {
             self.refit();
         }
@@ -254,7 +257,31 @@ impl Engine {
         let (value, none) = (evidence(members), evidence(&[]));
         let gain = |&c: &usize| (evidence(&[members, &[c]].concat()) - value - search.price(c), c);
         let best = faults.iter().map(gain).max_by(|a, b| a.0.total_cmp(&b.0));
-        best.filter(|(gain, _)| *gain > FAULT * (value - none)).map(|(_, c)| c)
+        // No force acts with a tiny share of what was read, nor with many times that: the forces that were read are then not those that
+        // acted, whatever else explains the rows.
+        let scaled_away =
+            |gain: f64, fault: usize| gain > 0.0 && self.is_of_force(fault) && self.force_is_scaled_away();
+        best.filter(|&(gain, c)| gain > FAULT * (value - none) || scaled_away(gain, c)).map(|(_, c)| c)
+    }
+
+    /// The group of every row, by the row's first scalar: fitted rows of a group are near one another in place, posture and load. Rows
+    /// that are not fitted are in none.
+    pub(super) fn place_groups(&self) -> BTreeMap<usize, usize> {
+        let (fitted, others): (Vec<&Observation>, Vec<&Observation>) =
+            self.problem.rows.iter().partition(|row| !row.held_out);
+        let places: Vec<noise::Places> = fitted.iter().map(|row| self.problem.places(row)).collect();
+        let own = fitted.iter().map(|row| row.offset).zip(groups(&places, self.spreads()));
+        own.chain(others.iter().map(|row| (row.offset, usize::MAX))).collect()
+    }
+
+    /// Whether the fitted factor of the cutting force is at an end of the range that it may have.
+    fn force_is_scaled_away(&self) -> bool {
+        let at_end = |candidate: &Candidate| {
+            // A fit ends on a bound up to rounding.
+            let ends = |(value, (low, high)): (&f64, &(f64, f64))| *value < low * 1.001 || *value > high / 1.001;
+            candidate.kind == "force_scale" && candidate.values.iter().zip(&candidate.bounds).any(ends)
+        };
+        self.chosen.iter().any(|&c| at_end(&self.candidates[c]))
     }
 
     /// Errors of fitted rows, each left out with all rows near it in place, posture and load: by the declared cell, whose residual is
@@ -269,12 +296,7 @@ impl Engine {
         let stacked = stacked(linear.design.kept(), &linear.data);
         let search = Search::new(&self.candidates, &[], &linear.always);
         let columns = search.columns(&chosen);
-        let fitted: Vec<usize> = (0..self.problem.rows.len()).filter(|&i| !self.problem.rows[i].held_out).collect();
-        let places: Vec<noise::Places> = fitted.iter().map(|&i| self.problem.places(&self.problem.rows[i])).collect();
-        let mut group = vec![usize::MAX; self.problem.rows.len()];
-        fitted.iter().zip(groups(&places, self.spreads())).for_each(|(&i, own)| group[i] = own);
-        let of_row: BTreeMap<usize, usize> =
-            self.problem.rows.iter().zip(&group).map(|(row, group)| (row.offset, *group)).collect();
+        let of_row = self.place_groups();
         let parts: Vec<Option<(DVector<f64>, f64, f64)>> = (0..GROUPS)
             .into_par_iter()
             .map(|left_out| {
