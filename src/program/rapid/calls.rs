@@ -133,16 +133,7 @@ impl<'a> Runner<'a> {
     /// A call of a procedure by a name that is worked out.
     pub(super) fn enter_late(&mut self, scope: Scope, call: &Call, span: Span) -> Flow {
         let Value::Text(name) = self.evaluate(scope, call.name) else {
-            self.keep_here(span, "procedure chosen at run time");
-            self.any_called = true;
-            self.unknown_call(scope, call);
-            self.tell(
-                span,
-                "rapid.late-binding",
-                "which procedure is called here is known only at run time: what it could change is not known after it",
-                Severity::Warning,
-            );
-            return Flow::Next;
+            return self.enter_any(scope, call, span, b"");
         };
         let name = name.rsplit(|b| *b == b':').next().unwrap_or_default();
         match self.symbols.find_routine(scope.module, name) {
@@ -153,6 +144,48 @@ impl<'a> Runner<'a> {
                 Flow::Next
             }
         }
+    }
+
+    /// `CallByVar Name, Number`: a call of the procedure whose name is the text followed by the number.
+    pub(super) fn enter_by_variable(&mut self, scope: Scope, call: &Call, span: Span) -> Flow {
+        let known: Vec<Value> = call.positional().iter().map(|argument| self.evaluate(scope, *argument)).collect();
+        let (name, number) = match &known[..] {
+            [Value::Text(name), Value::Num(number, _)] => (name, number),
+            [Value::Text(name), ..] => return self.enter_any(scope, call, span, name),
+            _ => return self.enter_any(scope, call, span, b""),
+        };
+        let name = [&name[..], number.to_string().as_bytes()].concat();
+        match self.symbols.find_routine(scope.module, &name) {
+            Some(id) => self.enter(scope, id, &call.without_arguments(), span),
+            None => {
+                self.unknown_procedure(scope, call, span);
+                Flow::Next
+            }
+        }
+    }
+
+    /// A call of a procedure that is chosen at run time: any whose name begins so, in the files or not.
+    fn enter_any(&mut self, scope: Scope, call: &Call, span: Span, begins: &[u8]) -> Flow {
+        self.keep_here(span, "procedure chosen at run time");
+        self.called_late.push(begins.to_ascii_uppercase().into());
+        self.unknown_call(scope, call);
+        self.tell(
+            span,
+            "rapid.late-binding",
+            "which procedure is called here is known only at run time: what it could change is not known after it",
+            Severity::Warning,
+        );
+        Flow::Next
+    }
+
+    /// Whether a call that chooses its procedure at run time may choose this one.
+    pub(super) fn may_be_called_late(&self, id: RoutineId) -> bool {
+        let name = self.routine_name(id).to_ascii_uppercase();
+        let is_chosen = |begins: &[u8]| {
+            let number = name.strip_prefix(begins);
+            begins.is_empty() || number.is_some_and(|n| !n.is_empty() && n.iter().all(u8::is_ascii_digit))
+        };
+        self.called_late.iter().any(|begins| is_chosen(begins))
     }
 
     /// A procedure, or a predefined instruction, of which nothing is known.

@@ -115,6 +115,11 @@ impl Call {
         &self.positional[..self.count]
     }
 
+    /// The same call without its arguments.
+    pub(super) fn without_arguments(&self) -> Self {
+        Self { count: 0, optionals: 0, ..*self }
+    }
+
     /// `\Name` or `\Name := value`; the value's span is empty without one.
     pub(super) fn optional(&self) -> &[(Span, Span)] {
         &self.optional[..self.optionals]

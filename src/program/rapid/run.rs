@@ -53,6 +53,10 @@ impl<'a> Runner<'a> {
                 if before > 0 {
                     self.begin_again();
                 }
+                // `main` may have called it, at any point of its run.
+                if self.may_be_called_late(id) {
+                    self.forget_what_routines_change();
+                }
                 self.start(id);
                 if self.steps >= self.most_steps {
                     break;
@@ -262,6 +266,9 @@ impl<'a> Runner<'a> {
         let name = &bytes[call.name.range()];
         if let Some(id) = self.symbols.find_routine(scope.module, name) {
             return self.enter(scope, id, &call, span);
+        }
+        if name.eq_ignore_ascii_case(b"CallByVar") {
+            return self.enter_by_variable(scope, &call, span);
         }
         let shape = motion::shape(name);
         // A motion that is stopped stops the program, unless its handlers wait for that.

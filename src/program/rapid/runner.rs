@@ -98,8 +98,8 @@ pub(super) struct Runner<'a> {
     pub(super) looking_aside: bool,
     /// Literals that parameters stood for, by routine and name.
     pub(super) given: HashMap<(RoutineId, Box<[u8]>), Vec<u32>>,
-    /// A procedure was called whose name is known only at run time.
-    pub(super) any_called: bool,
+    /// Calls of procedures that are chosen at run time: what their names begin with, in capitals; nothing where it may be any.
+    pub(super) called_late: Vec<Box<[u8]>>,
     pub(super) epoch: u64,
     /// Assignments so far: a loop without any never ends by itself.
     pub(super) changes: u64,
@@ -191,7 +191,7 @@ impl<'a> Runner<'a> {
             entered_aside: HashSet::new(),
             looking_aside: false,
             given: HashMap::new(),
-            any_called: false,
+            called_late: Vec::new(),
             epoch: 1,
             changes: 0,
             events: 0,

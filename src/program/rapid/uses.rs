@@ -39,39 +39,22 @@ impl<'a> Runner<'a> {
 
     /// Runs what nothing in the files runs, as someone may do by hand at any time, for what it would use.
     pub(super) fn look_aside(&mut self, procs: &[RoutineId]) {
-        let waiting: Vec<RoutineId> = if self.any_called {
-            procs.to_vec()
-        } else {
-            procs.iter().filter(|id| !self.entered.contains(*id)).copied().collect()
-        };
+        let waits = |id: &&RoutineId| !self.entered.contains(*id) || self.may_be_called_late(**id);
+        let waiting: Vec<RoutineId> = procs.iter().filter(waits).copied().collect();
         if waiting.is_empty() || self.steps > self.most_steps {
             return;
         }
         self.looking_aside = true;
         self.steps = 0;
-        let open = |at: &usize| {
-            let variable = &self.symbols.variables[*at];
-            variable.assigned && variable.storage != Storage::Const
-        };
-        let changing: Vec<usize> = (0..self.symbols.data).filter(open).collect();
-        let mut anywhere = Switches::NONE;
-        self.symbols.all().for_each(|id| anywhere |= self.symbols.changed_by(id).switches);
-        self.state = ModalState { mark: self.state.mark, ..ModalState::default() };
-        self.state.axes.lose_positions();
-        self.state.lose(anywhere);
         let roots: HashSet<RoutineId> = self.uncalled(&waiting).into_iter().collect();
         let first = waiting.iter().filter(|id| roots.contains(*id));
         let rest = waiting.iter().filter(|id| !roots.contains(*id));
         let order: Vec<RoutineId> = first.chain(rest).copied().collect();
-        let state = self.state;
         for id in order {
-            if !self.any_called && self.entered_aside.contains(&id) {
+            if !self.may_be_called_late(id) && self.entered_aside.contains(&id) {
                 continue;
             }
-            for &at in &changing {
-                self.forget_data(at, "may be anything when someone runs this by hand");
-            }
-            self.state = state;
+            self.forget_what_routines_change();
             self.quietly(Mode::Aside, |this| this.start(id));
         }
         if self.steps > self.most_steps {
@@ -80,6 +63,23 @@ impl<'a> Runner<'a> {
             self.pinned.extend(0..all);
         }
         self.looking_aside = false;
+    }
+
+    /// The state in which any routine may begin that is called at an unknown moment: what some routine changes may be anything.
+    pub(super) fn forget_what_routines_change(&mut self) {
+        let open = |at: &usize| {
+            let variable = &self.symbols.variables[*at];
+            variable.assigned && variable.storage != Storage::Const
+        };
+        let changing: Vec<usize> = (0..self.symbols.data).filter(open).collect();
+        for at in changing {
+            self.forget_data(at, "may be anything when this is called");
+        }
+        let mut anywhere = Switches::NONE;
+        self.symbols.all().for_each(|id| anywhere |= self.symbols.changed_by(id).switches);
+        self.state = ModalState { mark: self.state.mark, ..ModalState::default() };
+        self.state.axes.lose_positions();
+        self.state.lose(anywhere);
     }
 
     /// Literals that stand within a span.

@@ -81,6 +81,20 @@ pub(super) const CASES: &[Case] = &[
         "PROC rD1() wSet:=w2; ENDPROC PROC rD2() ENDPROC PROC rD3() ENDPROC",
     ),
     case(
+        "CallByVar moves under a displacement",
+        0,
+        P,
+        "PDispSet [[40,0,0],[0.9659258,0,0,0.2588190]]; CallByVar \"rD\",ReadNum(com1);",
+        "PROC rD1() ENDPROC PROC rD2() MoveL p1,v50,fine,t1\\WObj:=w1; ENDPROC",
+    ),
+    case(
+        "CallByVar moves, and its number is known",
+        1,
+        P,
+        "CallByVar \"rD\",2;",
+        "PROC rD1() ENDPROC PROC rD2() MoveL p1,v50,fine,t1\\WObj:=w1; ENDPROC",
+    ),
+    case(
         "CallByVar moves",
         0,
         P,
