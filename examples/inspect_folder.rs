@@ -25,9 +25,9 @@ fn main() {
                 let ends = program.targets.iter().filter(|t| t.role == Role::End).count();
                 let mut reasons: Vec<(&str, usize)> = Vec::new();
                 for kept in &program.kept {
-                    match reasons.iter_mut().find(|r| r.0 == kept.reason) {
+                    match reasons.iter_mut().find(|r| r.0 == kept.reason.text()) {
                         Some(reason) => reason.1 += 1,
-                        None => reasons.push((kept.reason, 1)),
+                        None => reasons.push((kept.reason.text(), 1)),
                     }
                 }
                 let trip = if trip.holds() { "ok".to_owned() } else { trip.why.unwrap_or_default() };

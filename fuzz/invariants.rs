@@ -179,7 +179,7 @@ fn judge(bytes: &[u8], program: Result<Program, Vec<Diagnostic>>) {
     assert_eq!(program.sources[0].bytes, bytes, "the bytes are kept as they are");
     let most = TARGETS_OF_LOOPS + TARGETS_PER_BYTE * bytes.len();
     assert!(program.targets.len() <= most, "{} targets of {} bytes", program.targets.len(), bytes.len());
-    assert!(program.kept.iter().all(|kept| kept.span.range().end <= bytes.len() && !kept.reason.is_empty()));
+    assert!(program.kept.iter().all(|kept| kept.span.range().end <= bytes.len() && !kept.reason.text().is_empty()));
     let unchanged = program.rewrite(&vec![None; program.targets.len()], &[], &RewriteOptions::default());
     assert!(unchanged.edits.iter().all(Vec::is_empty), "nothing changed, yet edited");
     // Further out a controller's single precision holds no millimetre: nothing comes back to a tenth there.

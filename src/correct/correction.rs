@@ -10,7 +10,7 @@ use super::point::Point;
 use super::solve::{self, CorrectionMode, First, Reached, Solved, Solver};
 use super::{Prepared, frames, segment, subdivide};
 use crate::equilibrium::{Dragged, EquilibriumError, InverseSolution, WarmStart};
-use crate::program::{Change, Conf, Editable, Goal, Insert, Program, RewriteOptions, Rewritten, Target};
+use crate::program::{Change, Conf, Editable, Goal, Insert, Program, Reason, RewriteOptions, Rewritten, Target};
 use crate::robot::{
     AxisName, EXTERNAL_AXES, External, Joints, Unreachable, conf_is, conf_like, confdata_of, turn_between,
 };
@@ -192,10 +192,11 @@ impl Correction {
     pub(super) fn kept(&self, program: &Program, i: usize) -> Option<&'static str> {
         let kept = self.rewritten.as_ref().map_or(&[][..], |rewritten| &rewritten.kept);
         let unwritten = kept.binary_search_by_key(&i, |(target, _)| *target).ok().map(|at| kept[at].1);
-        unwritten.or(match program.targets[i].editable {
+        let reason = unwritten.or(match program.targets[i].editable {
             Editable::No(reason) => Some(reason),
             _ => None,
-        })
+        });
+        reason.map(Reason::text)
     }
 
     /// Commanded minus programmed position of target `i`, work object axes, m.

@@ -221,7 +221,7 @@ impl Walk<'_, '_> {
     ) -> Stand {
         let apart = is_entered_elsewhere(target);
         let why = match target.editable {
-            Editable::No(why) if !target.located => Some(why),
+            Editable::No(why) if !target.located => Some(why.text()),
             _ => wobj,
         };
         if why.is_some() {

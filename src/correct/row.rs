@@ -158,7 +158,7 @@ impl Row {
 
     /// Of a motion of which it is known only at run time where it goes.
     pub(super) fn unknown(motion: &UnknownMotion) -> Self {
-        Self::without_errors(motion.ordinal, motion.line, motion.reason)
+        Self::without_errors(motion.ordinal, motion.line, motion.reason.text())
     }
 
     /// Of a target that is kept for this reason: neither its place nor its errors are known (NaN).
@@ -204,7 +204,7 @@ impl Row {
         self.line = target.line;
         self.name.clone_from(&target.name);
         self.status = match target.editable {
-            Editable::No(reason) => Status::Kept(reason),
+            Editable::No(reason) => Status::Kept(reason.text()),
             _ if point.cuts() => Status::Ok,
             _ => Status::Air,
         };

@@ -12,7 +12,7 @@ use crate::cell::{Cell, ControllerPath};
 use crate::drive::{CommandedMotion, DriveError, Freedom, ShapedCommand, Wanted, shape};
 use crate::program::cl::ClOptions;
 use crate::program::{
-    Change, Editable, Goal, Insert, Language, Passing, Program, ReadOptions, RewriteOptions, Rewritten, read,
+    Change, Editable, Goal, Insert, Language, Passing, Program, ReadOptions, Reason, RewriteOptions, Rewritten, read,
 };
 use crate::text::{Diagnostic, Edit, Severity, Source, apply};
 use nalgebra::Vector3;
@@ -170,7 +170,7 @@ struct ShapedProgram {
     /// How many targets were inserted before each waypoint.
     inserted: Vec<usize>,
     /// Targets whose displacement could not be written, with the reason.
-    kept: Vec<(usize, &'static str)>,
+    kept: Vec<(usize, Reason)>,
 }
 
 impl Given<'_> {

@@ -1,6 +1,6 @@
 //! What a language makes of a program that it has read.
 
-use super::{Change, Insert, Passing, Program, RewriteOptions, Rewritten, Role};
+use super::{Change, Insert, Passing, Program, Reason, RewriteOptions, Rewritten, Role};
 use crate::text::{Edit, Span};
 
 /// A language's way to write a program.
@@ -15,7 +15,7 @@ pub(super) trait FrontEnd {
     ) -> Rewritten;
 
     /// See [`Program::insertion_refused`].
-    fn insertion_refused(&self, _program: &Program, _before: usize) -> Option<&'static str> {
+    fn insertion_refused(&self, _program: &Program, _before: usize) -> Option<Reason> {
         None
     }
 

@@ -29,6 +29,7 @@ pub mod tp;
 pub mod ur;
 
 pub use action::{Action, ActionKind};
+pub use deflex_lang::Reason;
 pub use detect::detect;
 pub use external::{AxisName, EXTERNAL_AXES, External};
 pub(crate) use language::Layout;
@@ -191,7 +192,7 @@ pub struct Kept {
     /// Line of its first byte, from 1.
     pub line: usize,
     /// Reason, a short fixed phrase that can be counted: `target computed at run time`.
-    pub reason: &'static str,
+    pub reason: Reason,
     /// Whether the tool would go elsewhere without it: a NaN, or (CL) a motion that is not read.
     pub fault: bool,
     /// How to mend it; empty where there is nothing special to do.
@@ -205,7 +206,7 @@ pub struct UnknownMotion {
     /// Ordinal of the executed motion, counted as those of [`Target`].
     pub ordinal: u32,
     /// Why it is not known.
-    pub reason: &'static str,
+    pub reason: Reason,
     /// Index into [`Program::sources`].
     pub source: u16,
     /// The instruction.
@@ -288,9 +289,9 @@ pub struct Rewritten {
     /// The target that each insert precedes.
     pub before: Vec<usize>,
     /// Targets before which nothing could be inserted, with the reason.
-    pub not_inserted: Vec<(usize, &'static str)>,
+    pub not_inserted: Vec<(usize, Reason)>,
     /// Targets whose change could not be written, with the reason.
-    pub kept: Vec<(usize, &'static str)>,
+    pub kept: Vec<(usize, Reason)>,
 }
 
 impl Program {
@@ -329,8 +330,8 @@ impl Program {
 
     /// Those of [`Program::motion_targets`] whose target is known only at run time, counted by reason in the order first met.
     #[must_use]
-    pub fn unknown_targets(&self) -> Vec<(&'static str, usize)> {
-        let mut counts: Vec<(&'static str, usize)> = Vec::new();
+    pub fn unknown_targets(&self) -> Vec<(Reason, usize)> {
+        let mut counts: Vec<(Reason, usize)> = Vec::new();
         for motion in &self.unknown {
             match counts.iter_mut().find(|(known, _)| *known == motion.reason) {
                 Some((_, count)) => *count += 1,
@@ -395,7 +396,7 @@ impl Program {
     /// Why nothing can be inserted before a target, where its statement already tells; others are refused by
     /// [`Program::rewrite`].
     #[must_use]
-    pub(crate) fn insertion_refused(&self, before: usize) -> Option<&'static str> {
+    pub(crate) fn insertion_refused(&self, before: usize) -> Option<Reason> {
         self.layout.front_end().insertion_refused(self, before)
     }
 
@@ -432,7 +433,7 @@ impl Program {
         let fault = |kept: &Kept| {
             let source = &self.sources[kept.source];
             let help = if kept.help.is_empty() { help } else { kept.help };
-            Diagnostic::error(code, &source.name, kept.reason).at(source, kept.span).help(help)
+            Diagnostic::error(code, &source.name, kept.reason.text()).at(source, kept.span).help(help)
         };
         self.kept.iter().filter(|kept| kept.fault).map(fault).collect()
     }

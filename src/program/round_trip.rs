@@ -1,7 +1,7 @@
 //! The proof that a program survives a write: nothing in, nothing changed; a shift in, a shift out.
 
 use super::cl::AMBIGUOUS_LIST;
-use super::{Change, Editable, Goal, Program, RewriteOptions, Role, Target};
+use super::{Change, Editable, Goal, Program, Reason, RewriteOptions, Role, Target};
 use crate::text::{Diagnostic, Source, apply};
 use std::collections::BTreeSet;
 
@@ -80,7 +80,7 @@ fn difference(
     program: &Program,
     again: &Program,
     changes: &[Option<Change>],
-    kept: &[(usize, &'static str)],
+    kept: &[(usize, Reason)],
 ) -> Option<String> {
     let ambiguous = first_ambiguous(program, again);
     let (targets, targets_again) = match ambiguous {

@@ -1,4 +1,4 @@
-use crate::program::{AxisName, EXTERNAL_AXES, External};
+use crate::program::{AxisName, EXTERNAL_AXES, External, Reason};
 use crate::text::Span;
 use std::sync::Arc;
 
@@ -304,5 +304,5 @@ pub enum Editable {
     /// Position only (literal `Offs` or `RelTool` arguments).
     Position,
     /// Nothing, for this reason.
-    No(&'static str),
+    No(Reason),
 }

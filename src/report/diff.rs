@@ -1,8 +1,8 @@
 //! What changed between two programs, target by target.
 
-use super::pairs::{InsertedTarget, Pairs, compare};
+use super::pairs::{InsertedTarget, Pairs, compare, settings};
 use super::summary::{counted, grouped};
-use crate::program::{Change, Conf, Config, Goal, Program, RewriteOptions, Status, Target};
+use crate::program::{Change, Conf, Config, Goal, Program, RewriteOptions, Status};
 use crate::text::{apply, number};
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -127,21 +127,6 @@ pub fn difference(first: &Program, second: &Program) -> Difference {
         other_text(first, second, &pairs, &mut out.other);
     }
     out
-}
-
-/// What of a target's settings is different.
-pub(super) fn settings(first: &Program, a: &Target, second: &Program, b: &Target) -> Vec<&'static str> {
-    [
-        (a.feed_mm_s != b.feed_mm_s, "the speed"),
-        (first.tools[usize::from(a.tool)] != second.tools[usize::from(b.tool)], "the tool"),
-        (first.wobjs[usize::from(a.wobj)] != second.wobjs[usize::from(b.wobj)], "the work object"),
-        ((a.motion, a.role) != (b.motion, b.role), "the kind of motion"),
-        (a.mark != b.mark, "the air or cut mark"),
-        (a.external != b.external, "the position of the external axes"),
-    ]
-    .into_iter()
-    .filter_map(|(differs, what)| differs.then_some(what))
-    .collect()
 }
 
 /// Turns of axes 1, 4, 6, quarters or whole ones, and the posture.

@@ -146,7 +146,7 @@ fn wider(a: Option<[f64; 2]>, b: [f64; 2]) -> [f64; 2] {
 
 /// Statements that are kept or refused, and the actions of the machine besides motion, by line.
 fn kept_lines(program: &Program) -> Vec<KeptLine> {
-    let kept = program.kept.iter().map(|kept| KeptLine { line: kept.line, reason: kept.reason });
+    let kept = program.kept.iter().map(|kept| KeptLine { line: kept.line, reason: kept.reason.text() });
     let actions = program.actions.iter().map(|action| KeptLine { line: action.line, reason: action.kind.what() });
     let mut lines: Vec<KeptLine> = kept.chain(actions).collect();
     lines.sort_by_key(|kept| kept.line);

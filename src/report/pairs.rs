@@ -1,6 +1,5 @@
 //! Which targets of two programs belong together, where the second has some inserted.
 
-use super::diff::settings;
 use crate::drive::Track;
 use crate::program::alignment::{Fit, align};
 use crate::program::{Conf, Goal, Program, Role, Target};
@@ -149,4 +148,19 @@ fn position(goal: &Goal) -> Option<Vector3<f64>> {
         Goal::Pose { position_mm, .. } | Goal::Axis { position_mm, .. } => Some(Vector3::from(*position_mm)),
         Goal::Joints { .. } => None,
     }
+}
+
+/// What of a target's settings is different.
+pub(super) fn settings(first: &Program, a: &Target, second: &Program, b: &Target) -> Vec<&'static str> {
+    [
+        (a.feed_mm_s != b.feed_mm_s, "the speed"),
+        (first.tools[usize::from(a.tool)] != second.tools[usize::from(b.tool)], "the tool"),
+        (first.wobjs[usize::from(a.wobj)] != second.wobjs[usize::from(b.wobj)], "the work object"),
+        ((a.motion, a.role) != (b.motion, b.role), "the kind of motion"),
+        (a.mark != b.mark, "the air or cut mark"),
+        (a.external != b.external, "the position of the external axes"),
+    ]
+    .into_iter()
+    .filter_map(|(differs, what)| differs.then_some(what))
+    .collect()
 }

@@ -6,7 +6,7 @@ use crate::ir::{
     Switch,
 };
 use crate::lexeme::{Lexeme, LexemeKind};
-use crate::value::Reason;
+use crate::reason::Reason;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 

@@ -1,7 +1,8 @@
 //! The intermediate representation that every front end lowers to.
 
 use crate::Span;
-use crate::value::{Given, Reason};
+use crate::reason::Reason;
+use crate::value::Given;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 

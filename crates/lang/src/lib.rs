@@ -21,6 +21,7 @@ mod flow;
 pub mod inform;
 pub mod ir;
 mod lexeme;
+mod reason;
 pub mod run;
 pub mod shared;
 mod span;
@@ -28,4 +29,5 @@ mod store;
 pub mod urscript;
 pub mod value;
 
+pub use reason::Reason;
 pub use span::Span;

@@ -10,8 +10,9 @@ use crate::ir::{
     Argument, Binary, Callee, Expression, ExpressionKind, FunctionId, Motion, Path, Program, Slot, SourceSpan,
     Statement, StatementKind, Switch, TokenId, Unary,
 };
+use crate::reason::Reason;
 use crate::store::{Stands, Store};
-use crate::value::{Affine, Content, Number, Pose, Reads, Reason, Value, is_whole};
+use crate::value::{Affine, Content, Number, Pose, Reads, Value, is_whole};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 

@@ -1,8 +1,9 @@
 //! Who else reads a number: which motions may be edited, and which texts all users of a number agree on.
 
 use crate::ir::{Path, Switch, TokenId};
+use crate::reason::Reason;
 use crate::run::{Moved, Outcome};
-use crate::value::{Content, Pose, Reason, Value};
+use crate::value::{Content, Pose, Value};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// What of a point may be edited in the text.

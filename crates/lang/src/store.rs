@@ -1,7 +1,8 @@
 //! What is known at one moment of a run.
 
 use crate::ir::{Slot, Switch};
-use crate::value::{Content, Reason, Value};
+use crate::reason::Reason;
+use crate::value::{Content, Value};
 
 /// Where the arm is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,10 +1,10 @@
 //! Hand-solved INFORM jobs.
 
+use deflex_lang::Reason;
 use deflex_lang::inform::{Inform, read};
 use deflex_lang::ir::{Path, Program, Switch};
 use deflex_lang::run::{From, Moved, run};
 use deflex_lang::shared::{Edit, editable};
-use deflex_lang::value::Reason;
 
 struct Ran {
     text: Vec<u8>,

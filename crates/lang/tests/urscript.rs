@@ -1,10 +1,10 @@
 //! Hand-solved URScript programs.
 
+use deflex_lang::Reason;
 use deflex_lang::ir::{Path, Program};
 use deflex_lang::run::{From, Moved, run};
 use deflex_lang::shared::{Edit, editable};
 use deflex_lang::urscript::{UrScript, read};
-use deflex_lang::value::Reason;
 
 struct Ran {
     text: Vec<u8>,

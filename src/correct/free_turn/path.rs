@@ -4,7 +4,6 @@ use super::axes::{FreeAxis, Grid, Move, Position, Stage, with};
 use super::search::Search;
 use super::site::Site;
 use super::states::{self, FreeTarget, PostureChoice, Refused, singular};
-use super::ways::KeptClear;
 use crate::cell::{Cell, Cl, MOST_FREE};
 use crate::correct::carried::Chosen;
 use crate::correct::load::{Follows, PointLoad};
@@ -32,6 +31,23 @@ const BLOCK: usize = 32;
 
 /// What a target that does not cut counts for: only between ways that cut alike.
 const AIR: f64 = 1e-6;
+
+/// How far the states of a knot stay from what went wrong next to it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct KeptClear {
+    /// Of the axis limits, rad.
+    pub(super) limits: f64,
+    /// Of a singular wrist besides the usual margin, rad.
+    pub(super) singular: f64,
+    /// How many times faster than it seems the way into it is.
+    pub(super) speed: f64,
+}
+
+impl Default for KeptClear {
+    fn default() -> Self {
+        Self { limits: 0.0, singular: 0.0, speed: 1.0 }
+    }
+}
 
 /// A program's targets, as the search sees them.
 pub(super) struct Path<'a> {

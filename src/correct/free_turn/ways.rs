@@ -17,23 +17,6 @@ const WIDER: f64 = 3.0 * PI / 180.0;
 /// What is kept of the speed that an axis has besides.
 const SLOWER: f64 = 1.1;
 
-/// How far the states of a knot stay from what went wrong next to it.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct KeptClear {
-    /// Of the axis limits, rad.
-    pub(super) limits: f64,
-    /// Of a singular wrist besides the usual margin, rad.
-    pub(super) singular: f64,
-    /// How many times faster than it seems the way into it is.
-    pub(super) speed: f64,
-}
-
-impl Default for KeptClear {
-    fn default() -> Self {
-        Self { limits: 0.0, singular: 0.0, speed: 1.0 }
-    }
-}
-
 impl Path<'_> {
     /// What is wrong on the ways between chosen targets, with the targets that they lead to.
     pub(super) fn way_faults(&self, chosen: &[Chosen]) -> Vec<(usize, Fault)> {

@@ -1,6 +1,7 @@
 //! Arcs and helices as chords.
 
 use super::vector::{add, cross, dot, norm, scale, sub, unit};
+use crate::program::Reason;
 use std::f64::consts::TAU;
 
 /// An arc from a start to an end, counter-clockwise about its axis (right-hand rule).
@@ -111,21 +112,21 @@ const SAME_PLACE: f64 = 2.5e-4;
 
 impl Arc {
     /// The arc, or why it is none; lengths in any one unit.
-    pub(super) fn new(circle: &Circle, start: [f64; 3], end: [f64; 3]) -> Result<Self, &'static str> {
-        let n = unit(circle.axis).ok_or("arc without an axis")?;
+    pub(super) fn new(circle: &Circle, start: [f64; 3], end: [f64; 3]) -> Result<Self, Reason> {
+        let n = unit(circle.axis).ok_or(Reason::ArcWithoutAxis)?;
         let (a, b) = (sub(start, circle.centre), sub(end, circle.centre));
         let flat = |v: [f64; 3]| sub(v, scale(n, dot(v, n)));
         let (flat_a, flat_b) = (flat(a), flat(b));
         let (radius_a, radius_b) = (norm(flat_a), norm(flat_b));
-        let x = unit(flat_a).filter(|_| radius_a > SAME_PLACE.max(LOST * norm(a))).ok_or("arc of no radius")?;
+        let x = unit(flat_a).filter(|_| radius_a > SAME_PLACE.max(LOST * norm(a))).ok_or(Reason::ArcNoRadius)?;
         if radius_a > LARGEST_RADIUS {
-            return Err("arc of a radius beyond any machine");
+            return Err(Reason::ArcRadiusHuge);
         }
         let y = cross(n, x);
         let radius = circle.radius.map_or(radius_a, f64::abs);
         let off = (radius_a - radius).abs().max((radius_b - radius).abs());
         if off.is_nan() || off > OFF_CIRCLE * radius {
-            return Err("arc whose ends are not on its circle");
+            return Err(Reason::ArcEndsOffCircle);
         }
         let closed = norm(sub(flat_b, flat_a)) < SAME_PLACE;
         let mut sweep = if closed { TAU } else { dot(flat_b, y).atan2(dot(flat_b, x)).rem_euclid(TAU) };
@@ -148,13 +149,13 @@ impl Arc {
     }
 
     /// Number of equal chords that stay within `tolerance` of the arc.
-    pub(super) fn chords(&self, tolerance: f64) -> Result<usize, &'static str> {
+    pub(super) fn chords(&self, tolerance: f64) -> Result<usize, Reason> {
         let radius = self.radius[0].max(self.radius[1]);
         // The sagitta of a chord over the angle a is r·(1 − cos(a/2)).
         let angle = 2.0 * (1.0 - tolerance / radius).max(0.0).acos();
         let chords = (self.sweep / angle).ceil();
         if chords.is_nan() || chords > MAX_CHORDS {
-            return Err("arc too long to be cut into chords");
+            return Err(Reason::ArcTooLong);
         }
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         Ok(chords.max(1.0) as usize)

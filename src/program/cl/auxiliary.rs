@@ -4,7 +4,7 @@ use super::lex::{Record, TokenKind};
 use super::reader::Reader;
 use super::refusal::{self, Outcome, Refusal};
 use super::statement::Statement;
-use crate::program::{ActionKind, CutterInfo};
+use crate::program::{ActionKind, CutterInfo, Reason};
 use std::sync::Arc;
 
 /// Cutters this close, mm, are one: printed digits.
@@ -128,7 +128,7 @@ impl Reader {
 
     pub(super) fn spindle(&mut self, record: Record, s: &Statement) {
         if s.has(b"LOCK") || s.has(b"ORIENT") || s.has(b"NEUTRL") {
-            return self.list(record, "spindle position that is not written");
+            return self.list(record, Reason::SpindlePositionUnwritten);
         }
         self.modal.read_spindle(s);
         let clockwise = !(s.has(b"CCLW") || s.has(b"CCW"));
@@ -151,10 +151,10 @@ impl Reader {
     /// `DELAY/s`, `DELAY/n,REV`.
     pub(super) fn delay(&mut self, record: Record, s: &Statement) -> Outcome {
         let Some(time) = s.number_items().iter().next().map(|t| t.value).filter(|t| *t >= 0.0) else {
-            return Err("delay without a time".into());
+            return Err(Reason::DelayWithoutTime.into());
         };
         let seconds = match s.has(b"REV") {
-            true => 60.0 * time / self.modal.rpm().ok_or("delay in revolutions without a spindle speed")?,
+            true => 60.0 * time / self.modal.rpm().ok_or(Reason::DelayWithoutSpindle)?,
             false => time,
         };
         self.machine.dwell(seconds, record);

@@ -5,11 +5,11 @@ use super::layout::{GroupSlot, Slot};
 use super::lex::Record;
 use super::motion::{Step, xyz_of};
 use super::reader::Reader;
-use super::refusal::{self, ARC_WITHOUT_END, Outcome};
+use super::refusal::{self, Outcome};
 use super::state::{Checked, Known, PendingArc};
 use super::statement::Statement;
 use super::vector::{add, cross, dot, norm, scale, sub, unit};
-use crate::program::Role;
+use crate::program::{Reason, Role};
 use crate::text::Span;
 
 /// Radii by which the printed end of an arc may be off its centre: CATIA prints it on the circle, give or take a digit.
@@ -22,7 +22,7 @@ impl Reader {
         let turns = if s.has(b"TIMES") { numbers.iter().last().map_or(1.0, |t| t.value) } else { 1.0 };
         let Some([x, y, z, i, j, k]) = numbers.first() else {
             self.pending = None;
-            return Err("circle without centre and axis".into());
+            return Err(Reason::CircleWithoutCentre.into());
         };
         let count = numbers.count() - usize::from(s.has(b"TIMES"));
         let (clockwise, sense) = if s.has(b"CLOCKWISE") || s.has(b"CLW") {
@@ -43,7 +43,7 @@ impl Reader {
     /// `MOVARC/c,n,r,ANGLE,a`: right-handed; whole turns beyond the first are counted from the angle.
     pub(super) fn movarc(&mut self, record: Record, s: &Statement) -> Outcome {
         let Some([x, y, z, i, j, k, r]) = s.number_items().first() else {
-            return Err("arc without centre, axis and radius".into());
+            return Err(Reason::ArcWithoutCentre.into());
         };
         let angle = s.number_items().iter().nth(7).map_or(0.0, |t| t.value);
         let axis = scale([i, j, k], if angle < 0.0 { -1.0 } else { 1.0 });
@@ -55,7 +55,7 @@ impl Reader {
     fn open_arc(&mut self, arc: PendingArc) -> Outcome {
         self.checked = None;
         if let Some(before) = self.pending.replace(arc) {
-            self.refuse(before.record, ARC_WITHOUT_END.into());
+            self.refuse(before.record, Reason::ArcWithoutEnd.into());
         }
         Ok(())
     }
@@ -67,7 +67,7 @@ impl Reader {
         let Some(round) = circle.or(cylinder) else {
             self.source_word(record);
             self.modal.position = None;
-            return Err("motion along symbolic geometry".into());
+            return Err(Reason::SymbolicGeometry.into());
         };
         let line = s.nested(b"LINE");
         let radius = match cylinder {
@@ -78,17 +78,17 @@ impl Reader {
             (round.first::<3>(), radius, line, line.and_then(|l| l.first::<6>()))
         else {
             self.modal.position = None;
-            return Err("arc without circle and line".into());
+            return Err(Reason::ArcWithoutLine.into());
         };
         if round.iter().any(|number| line.iter().any(|other| other.span == number.span)) {
             self.modal.position = None;
-            return Err("arc whose circle and line are not apart".into());
+            return Err(Reason::ArcLineNotApart.into());
         }
         let (from, to) = ([ends[0], ends[1], ends[2]], [ends[3], ends[4], ends[5]]);
         // An end is put onto the circle along its line: from far off, a shift of it would be lost.
         if !sub(to, from).iter().all(|along| along.abs() <= FAR * radius.abs()) {
             self.modal.position = None;
-            return Err("arc that ends far off its circle".into());
+            return Err(Reason::ArcEndsFarOff.into());
         }
         self.ensure_units(record, s)?;
         let end = on_circle(centre, radius, from, to);
@@ -108,7 +108,7 @@ impl Reader {
     /// along when its end does, so that it reads the same afterwards.
     pub(super) fn arc_points(&mut self, pending: PendingArc, end: [f64; 3], ahead: bool) -> u32 {
         let tolerance = self.options.arc_tolerance_mm / self.mm_per_unit();
-        let path = self.modal.position.ok_or("arc without a start").and_then(|start| {
+        let path = self.modal.position.ok_or(Reason::ArcWithoutStart).and_then(|start| {
             let arc = Arc::new(&pending.circle, start, end)?;
             arc.chords(tolerance).map(|n| (start, arc, n))
         });

@@ -5,7 +5,7 @@ use super::lex::Record;
 use super::number::number;
 use super::reader::Reader;
 use super::state::MatrixRows;
-use crate::program::{CutterInfo, Mark};
+use crate::program::{CutterInfo, Mark, Reason};
 
 impl Reader {
     pub(super) fn comment(&mut self, record: Record, text: &[u8]) {
@@ -41,7 +41,7 @@ impl Reader {
                 }
                 match Frame::from_rows(self.matrix.values, self.mm_per_unit()) {
                     Some(frame) => self.set_frame(frame, self.dialect.positions_follow_frame()),
-                    None => self.refuse(record, "matrix of the axis system is no rotation".into()),
+                    None => self.refuse(record, Reason::MatrixNoRotation.into()),
                 }
             }
             _ if self.matrix.rows > 0 => self.matrix.open = false,
@@ -55,7 +55,7 @@ impl Reader {
         const INSERT: &[u8] = b"INSERT";
         let begins = |word: &[u8]| text.len() >= word.len() && text[..word.len()].eq_ignore_ascii_case(word);
         if begins(INSERT) {
-            self.list(record, "text for a numerical control (INSERT) that is not written");
+            self.list(record, Reason::InsertUnwritten);
         } else if begins(MARK) {
             let said: Vec<u8> = text[MARK.len()..]
                 .iter()
@@ -68,7 +68,7 @@ impl Reader {
                 match words.next() {
                     Some(b"AIR") => self.modal.mark = Some(Mark::Air),
                     Some(b"CUT") => self.modal.mark = Some(Mark::Cut),
-                    _ => self.list(record, "mark of deflex not known: expected DEFLEX AIR or DEFLEX CUT"),
+                    _ => self.list(record, Reason::UnknownMark),
                 }
             }
         }

@@ -11,7 +11,7 @@ use super::lex::{Lexer, Record, RecordKind, Token, chunks};
 use super::statement::Statement;
 use super::vector::{add, norm, scale, sub};
 use super::words::{self, Meaning};
-use crate::program::{ActionKind, Goal, Program};
+use crate::program::{ActionKind, Goal, Program, Reason};
 use crate::text::number::write_fixed;
 use crate::text::{Content, Diagnostic, Edit, Span, apply};
 use std::ops::Range;
@@ -75,7 +75,7 @@ pub fn write(program: &Program, points: &[CorrectedPoint], title: &[String]) -> 
             here.push(*point);
         }
         let written = writer.statement(record, &statement, first..at, here);
-        errors.extend(written.err().map(|message| refused(record, message)));
+        errors.extend(written.err().map(|reason| refused(record, reason.text())));
     }
     if at != program.targets.len() && errors.is_empty() {
         let message = "statements that are run more than once are not written as points";
@@ -135,7 +135,7 @@ impl<'a> Writer<'a> {
         statement: &Statement<'_>,
         targets: Range<usize>,
         mut points: Vec<CorrectedPoint>,
-    ) -> Result<(), &'static str> {
+    ) -> Result<(), Reason> {
         // `RAPID, GOTO/…` is two statements in a line.
         let behind_rapid = statement.behind_rapid();
         let statement = behind_rapid.as_ref().unwrap_or(statement);
@@ -167,7 +167,7 @@ impl<'a> Writer<'a> {
         points.splice(..0, self.on_way.drain(..));
         let own = match (meaning, targets.len(), self.layout.slots[targets.start]) {
             (Some(Meaning::Goto | Meaning::GoHome), 1, Slot::Point { .. } | Slot::GroupEnd { .. }) => {
-                Some(points.pop().ok_or("a target is without its point")?)
+                Some(points.pop().ok_or(Reason::NoPoint)?)
             }
             _ => None,
         };
@@ -226,18 +226,18 @@ impl<'a> Writer<'a> {
     }
 
     /// The numbers of one `GOTO`.
-    fn position(&mut self, statement: &Statement<'_>, frame: &Frame, own: &CorrectedPoint) -> Result<(), &'static str> {
+    fn position(&mut self, statement: &Statement<'_>, frame: &Frame, own: &CorrectedPoint) -> Result<(), Reason> {
         let numbers: Vec<&Token> = statement.numbers().map(|numbers| numbers.iter().collect()).unwrap_or_default();
         let ([x, y, z, rest @ ..], 3 | 6 | 9) = (&numbers[..], numbers.len()) else {
-            return Err("a position of this form is not written as a point and an axis");
+            return Err(Reason::FormUnwritten);
         };
         let Goal::Axis { position_mm, axis, .. } = self.program.targets[own.target].goal else {
-            return Err("a position without a tool axis");
+            return Err(Reason::NoToolAxis);
         };
         let was = CorrectedPoint { position_mm, axis, ..*own };
         let off = scale(sub(self.printed(&was, frame).0, [x.value, y.value, z.value]), frame.mm_per_unit);
         if norm(off) > OFF_MM {
-            return Err("the printed point is neither the tip nor on the tool axis");
+            return Err(Reason::PointOffAxis);
         }
         let (at, axis) = self.printed(own, frame);
         for (token, value) in [x, y, z].into_iter().zip(at) {

@@ -3,7 +3,7 @@
 use super::lex::{Record, TokenKind};
 use super::modal::{Feed, INCH_MM, Modal};
 use super::statement::Statement;
-use crate::program::Target;
+use crate::program::{Reason, Target};
 
 /// Feeds this close, as a part of them, are one: digits of conversion between units.
 const SAME: f64 = 1e-9;
@@ -40,7 +40,7 @@ impl<'a> Feeds<'a> {
     }
 
     /// The statement that a move needs before it, in the form and the unit of the file's last.
-    pub(super) fn before(&mut self, target: &Target) -> Result<Option<Vec<u8>>, &'static str> {
+    pub(super) fn before(&mut self, target: &Target) -> Result<Option<Vec<u8>>, Reason> {
         if target.rapid {
             return Ok(None);
         }
@@ -48,14 +48,14 @@ impl<'a> Feeds<'a> {
         let Some(wanted) = target.feed_mm_s else {
             return match now {
                 None => Ok(None),
-                Some(_) => Err("a motion without a feed after a cycle that has its own"),
+                Some(_) => Err(Reason::FeedAfterCycle),
             };
         };
         if now.is_some_and(|now| (now - wanted).abs() <= SAME * wanted) {
             return Ok(None);
         }
         let unit = self.modal.feed(self.mm_per_unit).1;
-        let value = unit.value(wanted, rpm).ok_or("a feed of a cycle that needs a spindle speed to be written")?;
+        let value = unit.value(wanted, rpm).ok_or(Reason::CycleFeedNeedsSpindle)?;
         self.in_force = unit.feed(value);
         let [before, behind] = self.form.unwrap_or([b"FEDRAT/", if self.is_in_inches() { b",IPM" } else { b",MMPM" }]);
         Ok(Some([before, short(value).as_bytes(), behind].concat()))

@@ -15,7 +15,7 @@ use super::refusal::{self, Outcome, Refusal};
 use super::state::Hole;
 use super::statement::Statement;
 use super::vector::{add, dot, norm, scale, sub};
-use crate::program::Role;
+use crate::program::{Reason, Role};
 
 /// How far over the last peck rapid travel ends, and how far a broken chip is lifted, mm: what controls have by default.
 const PECK_GAP_MM: f64 = 1.0;
@@ -166,7 +166,7 @@ impl Reader {
                 b"DWELL" => {
                     said.dwell = value()?;
                     if tokens.next_if(|t| bytes[t.span.range()].eq_ignore_ascii_case(b"REV")).is_some() {
-                        let rpm = self.modal.rpm().ok_or("dwell in revolutions without a spindle speed")?;
+                        let rpm = self.modal.rpm().ok_or(Reason::DwellWithoutSpindle)?;
                         said.dwell *= 60.0 / rpm;
                     }
                 }

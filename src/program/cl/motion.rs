@@ -10,7 +10,7 @@ use super::refusal::{self, Outcome};
 use super::state::PendingArc;
 use super::statement::{Numbers, Statement};
 use super::vector::{add, dot, norm, scale, sub, unit};
-use crate::program::{Editable, Goal, Motion, Predecessor, Role, Target};
+use crate::program::{Editable, Goal, Motion, Predecessor, Reason, Role, Target};
 use crate::text::number;
 
 /// A printed axis shorter or longer than this is no unit vector; four printed digits give 0.9998.
@@ -55,14 +55,14 @@ impl Reader {
             if s.items.first().is_some_and(|t| t.kind == TokenKind::Word && is_name(&s.bytes[t.span.range()])) {
                 self.source_word(record);
             }
-            return Err("position is not given by numbers".into());
+            return Err(Reason::PositionNotNumbers.into());
         };
         let triples = triples(&numbers);
         match numbers.count() {
-            0..3 => return Err("position without three numbers".into()),
-            n if n % 3 != 0 => return Err("position with a wrong count of numbers".into()),
+            0..3 => return Err(Reason::PositionNotThree.into()),
+            n if n % 3 != 0 => return Err(Reason::PositionCount.into()),
             _ if s.items.windows(2).any(|two| two.iter().all(|item| item.kind == TokenKind::Comma)) => {
-                return Err("position that leaves a number out".into());
+                return Err(Reason::PositionLeavesOut.into());
             }
             _ => {}
         }
@@ -105,7 +105,7 @@ impl Reader {
                 (true, true, true) => Err(refusal::AMBIGUOUS_LIST),
                 (true, false, _) => Ok(plain()),
                 _ if axis(second).is_some() => Ok(with_axes()),
-                _ => Err("tool axis is no unit vector".into()),
+                _ => Err(Reason::ToolAxisNotUnit.into()),
             },
             [point, (_, second), (_, third)] => match (is_unit(second), is_unit(third)) {
                 (true, true) if on_arc(second) && on_arc(third) => Err(refusal::AMBIGUOUS_LIST),
@@ -238,27 +238,27 @@ impl Reader {
     }
 
     fn increment(&mut self, record: Record, s: &Statement) -> Outcome {
-        let numbers = s.numbers().ok_or("increment is not given by numbers")?;
-        let start = self.modal.position.ok_or("increment from an unknown position")?;
+        let numbers = s.numbers().ok_or(Reason::IncrementNotNumbers)?;
+        let start = self.modal.position.ok_or(Reason::IncrementFromUnknown)?;
         if self.cycle.is_active() {
             return Err(refusal::CYCLE_FORM);
         }
         self.ensure_units(record, s)?;
         let (step, slot) = match (numbers.count(), &triples(&numbers)[..]) {
             (1, _) => {
-                let [along] = numbers.first().ok_or("increment with a wrong count of numbers")?;
+                let [along] = numbers.first().ok_or(Reason::IncrementCount)?;
                 (scale(self.modal.axis, along), Slot::AlongAxis { frame: self.frame })
             }
             (3 | 6, [(xyz, step), printed @ ..]) => {
                 if let [(_, printed)] = printed {
-                    self.modal.axis = axis(*printed).ok_or("tool axis is no unit vector")?;
+                    self.modal.axis = axis(*printed).ok_or(Reason::ToolAxisNotUnit)?;
                 }
                 (*step, Slot::Step { xyz: *xyz, frame: self.frame })
             }
-            _ => return Err("increment with a wrong count of numbers".into()),
+            _ => return Err(Reason::IncrementCount.into()),
         };
         if self.pending.is_some() && matches!(slot, Slot::AlongAxis { .. }) {
-            return Err("arc that ends along the tool axis".into());
+            return Err(Reason::ArcAlongAxis.into());
         }
         self.literal_targets += 1;
         self.arrive_in(record, add(start, step), slot, true, |group, frame| Slot::StepEnd { frame, group });
@@ -268,7 +268,7 @@ impl Reader {
     pub(super) fn from(&mut self, s: &Statement) -> Outcome {
         let numbers = s.number_items();
         let Some([x, y, z]) = numbers.first::<3>() else {
-            return if s.items.is_empty() { Ok(()) } else { Err("start is not given by numbers".into()) };
+            return if s.items.is_empty() { Ok(()) } else { Err(Reason::StartNotNumbers.into()) };
         };
         if let Some(axis) = numbers.first::<6>().and_then(|v| axis([v[3], v[4], v[5]])) {
             self.modal.axis = axis;

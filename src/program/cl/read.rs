@@ -2,15 +2,10 @@
 
 use super::lex::{Lexer, Record, RecordKind, Token, TokenKind};
 use super::reader::Reader;
-use super::refusal::{self, ARC_WITHOUT_END, Outcome};
+use super::refusal::{self, Outcome};
 use super::statement::Statement;
 use super::words::{self, Class, Meaning, Word, decides_motion, looks_like_motion};
-
-/// Why a statement with an unknown word is listed.
-const UNKNOWN: &str = "statement not known, taken as one that moves nothing";
-
-/// Why a statement is listed that the cell declares to be harmless.
-const DECLARED: &str = "taken as harmless, as the cell declares (`[cl] harmless`)";
+use crate::program::Reason;
 
 impl Reader {
     /// Reads all records that `lexer` has.
@@ -41,7 +36,7 @@ impl Reader {
     /// There are no more records.
     pub(super) fn end(&mut self) {
         if let Some(arc) = self.pending.take() {
-            self.refuse(arc.record, ARC_WITHOUT_END.into());
+            self.refuse(arc.record, Reason::ArcWithoutEnd.into());
         }
         self.checked = None;
         self.machine.end(self.targets.len(), &mut self.actions);
@@ -56,18 +51,18 @@ impl Reader {
                 && numbers >= POSITION
             {
                 true => self.refuse(record, refusal::LOOSE_NUMBERS),
-                false => self.list(record, "no statement"),
+                false => self.list(record, Reason::NoStatement),
             };
         };
         if statement.defines {
             self.source_word(record);
-            return self.list(record, "symbolic definition");
+            return self.list(record, Reason::SymbolicDefinition);
         }
         let word = words::find(statement.major);
         let slash = tokens.iter().any(|t| t.kind == TokenKind::Slash);
         self.understood += usize::from(slash && word.is_some_and(|word| word.class != Class::Source));
         if self.options.is_harmless(statement.major) {
-            return self.list(record, DECLARED);
+            return self.list(record, Reason::DeclaredHarmless);
         }
         let Some(word) = word else {
             // Three numbers alone are what a position looks like.
@@ -75,7 +70,7 @@ impl Reader {
             return match (looks_like_motion(statement.major), like_position) {
                 (true, _) => self.refuse(record, refusal::UNKNOWN_MOTION),
                 (false, true) => self.refuse(record, refusal::UNKNOWN_NUMBERS),
-                (false, false) => self.list(record, UNKNOWN),
+                (false, false) => self.list(record, Reason::UnknownStatement),
             };
         };
         if let Err(why) = self.statement(record, &statement, word) {
@@ -102,7 +97,7 @@ impl Reader {
             Meaning::Indirv => self.modal.tangent = s.number_items().first(),
             Meaning::TlAxis => {
                 let axis = s.number_items().first().and_then(super::motion::axis);
-                self.modal.axis = axis.ok_or("tool axis is not given by numbers")?;
+                self.modal.axis = axis.ok_or(Reason::ToolAxisNotNumbers)?;
             }
             Meaning::Feed => {
                 let mm = self.mm_per_unit();
@@ -115,7 +110,7 @@ impl Reader {
             Meaning::Delay => return self.delay(record, s),
             Meaning::LoadTool => return self.load_tool(record, s),
             Meaning::Load if s.has(b"TOOL") => return self.load_tool(record, s),
-            Meaning::Load => self.list(record, "something is loaded that is no tool"),
+            Meaning::Load => self.list(record, Reason::NoToolLoaded),
             Meaning::ToolPath => self.tool_path(record, s),
             Meaning::Cutter => self.read_cutter(record, s),
             Meaning::Cycle => return self.define_cycle(s),
@@ -141,7 +136,7 @@ impl Reader {
             Meaning::Passes => {}
             Meaning::Source => {
                 self.source_word(record);
-                return Err("APT-360 source statement".into());
+                return Err(Reason::SourceStatement.into());
             }
         }
         Ok(())
@@ -155,7 +150,7 @@ impl Reader {
             Some(Meaning::Goto) => self.goto(record, &next),
             Some(Meaning::Godlta) => self.godlta(record, &next),
             Some(Meaning::Passes | Meaning::Finish) => Ok(()),
-            _ => Err("what follows RAPID is not known".into()),
+            _ => Err(Reason::AfterRapid.into()),
         }
     }
 
@@ -169,7 +164,7 @@ impl Reader {
         if name == "PREFUN" && s.number_items().iter().any(|t| changes(t.value)) {
             return Err(refusal::CONTROL_CODE);
         }
-        self.list(record, "code of a numerical control that is not written");
+        self.list(record, Reason::CodeUnwritten);
         Ok(())
     }
 
@@ -179,7 +174,7 @@ impl Reader {
         if s.words().any(renames) {
             return Err(refusal::SYNONYM);
         }
-        self.list(record, "SYN gives words other names, which are not known here");
+        self.list(record, Reason::SynNames);
         Ok(())
     }
 }

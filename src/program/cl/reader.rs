@@ -9,7 +9,7 @@ use super::refusal::Refusal;
 use super::state::{Checked, Cycle, MatrixRows, PendingArc};
 use super::units::unit_at_start;
 use super::{ClOptions, Layout, Point};
-use crate::program::{Action, CutterInfo, Kept, Language, Program, Target, Tool, Wobj};
+use crate::program::{Action, CutterInfo, Kept, Language, Program, Reason, Target, Tool, Wobj};
 use crate::text::{Diagnostic, Severity, Source, Span};
 
 /// Everything that reading collects, and all that holds from one record to the next.
@@ -55,7 +55,7 @@ pub(super) struct Reader {
     /// Warnings, code and message, each once.
     pub(super) said: Vec<(&'static str, &'static str)>,
     /// Reasons why statements are kept, at the first of each, and how many there are.
-    pub(super) told: Vec<(Diagnostic, usize)>,
+    pub(super) told: Vec<(Reason, Diagnostic, usize)>,
 }
 
 impl Reader {
@@ -127,12 +127,12 @@ impl Reader {
     /// Statements that mean something to a machine tool, by reason at the first of each.
     fn tell_what_is_kept(&mut self, source: &Source) {
         for kept in self.kept.iter().filter(|kept| !kept.fault) {
-            match self.told.iter_mut().find(|(first, _)| first.message == kept.reason) {
-                Some((_, count)) => *count += 1,
+            match self.told.iter_mut().find(|(reason, ..)| *reason == kept.reason) {
+                Some((.., count)) => *count += 1,
                 None => {
-                    let warning = Diagnostic::error("cl.kept", &source.name, kept.reason).at(source, kept.span);
+                    let warning = Diagnostic::error("cl.kept", &source.name, kept.reason.text()).at(source, kept.span);
                     let help = "it has no part in the program that is written";
-                    self.told.push((warning.severity(Severity::Warning).help(help), 1));
+                    self.told.push((kept.reason, warning.severity(Severity::Warning).help(help), 1));
                 }
             }
         }
@@ -141,7 +141,7 @@ impl Reader {
     /// What was noticed so far.
     pub(super) fn warnings(&self, name: &str) -> Vec<Diagnostic> {
         let said = |&(code, message)| Diagnostic::error(code, name, message).severity(Severity::Warning);
-        let told = |(first, count): &(Diagnostic, usize)| match count {
+        let told = |(_, first, count): &(Reason, Diagnostic, usize)| match count {
             1 => first.clone(),
             more => Diagnostic { message: format!("{} ({more} statements)", first.message), ..first.clone() },
         };
@@ -149,7 +149,7 @@ impl Reader {
     }
 
     /// Lists a statement that passes.
-    pub(super) fn list(&mut self, record: Record, reason: &'static str) {
+    pub(super) fn list(&mut self, record: Record, reason: Reason) {
         self.kept.push(kept(record, reason.into(), false));
     }
 

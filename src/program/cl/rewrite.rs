@@ -6,7 +6,7 @@ use super::modal::Xyz;
 use super::number::number;
 use super::vector::{add, norm, scale, sub};
 use crate::program::front_end::FrontEnd;
-use crate::program::{Change, Goal, Insert, Program, RewriteOptions, Rewritten};
+use crate::program::{Change, Goal, Insert, Program, Reason, RewriteOptions, Rewritten};
 use crate::text::{Content, Edit, Source, Span, number as text_number};
 
 /// Two corrections this close, mm, are one: below the last printed digit.
@@ -36,7 +36,7 @@ impl FrontEnd for Layout {
             let wanted = change.as_ref().map_or([0.0; 3], |c| sub(c.position_mm, position_mm));
             let before = at.checked_sub(1).map_or([0.0; 3], |b| moved[b]);
             let result = if change.as_ref().is_some_and(|c| c.quat.is_some()) {
-                Err("tool axis is left as printed")
+                Err(Reason::ToolAxisLeft)
             } else {
                 writer.write(program, changes, at, wanted, before)
             };
@@ -68,7 +68,7 @@ struct Writer<'a> {
     edits: Vec<Edit>,
     grown: Grown,
     /// Whether the arc or hole that is being written stays one.
-    group: Result<(), &'static str>,
+    group: Result<(), Reason>,
 }
 
 /// How many bytes each card has grown by.
@@ -83,7 +83,7 @@ impl Writer<'_> {
         at: usize,
         wanted: [f64; 3],
         before: [f64; 3],
-    ) -> Result<(), &'static str> {
+    ) -> Result<(), Reason> {
         let slot = self.layout.slots[at];
         let start = self.layout.starts.binary_search_by_key(&at, |s| s.first).ok().map(|i| self.layout.starts[i]);
         // What counts on from a printed start takes the start along.
@@ -92,7 +92,7 @@ impl Writer<'_> {
             Slot::Point { xyz, frame } => return self.shift(&[xyz], frame, wanted),
             Slot::Step { xyz, frame } => self.shift(&[xyz], frame, sub(wanted, before))?,
             Slot::AlongAxis { .. } if norm(sub(wanted, before)) > SAME_MM => {
-                return Err("increment along the tool axis");
+                return Err(Reason::IncrementAlongAxis);
             }
             Slot::AlongAxis { .. } => {}
             Slot::OnWay { group } | Slot::GroupEnd { group, .. } | Slot::StepEnd { group, .. } => {
@@ -128,7 +128,7 @@ impl Writer<'_> {
         group: u32,
         wanted: [f64; 3],
         before: [f64; 3],
-    ) -> Result<(), &'static str> {
+    ) -> Result<(), Reason> {
         let GroupSlot { first, with_start, .. } = self.layout.groups[group as usize];
         let alike = |at: usize| match (&changes[at], program.targets[at].goal) {
             (Some(c), Goal::Axis { position_mm, .. }) => norm(sub(sub(c.position_mm, position_mm), wanted)) <= SAME_MM,
@@ -136,12 +136,12 @@ impl Writer<'_> {
         };
         let mut members = (first..changes.len()).take_while(|&at| self.layout.slots[at].group() == Some(group));
         let from_start = !with_start || norm(sub(wanted, before)) <= SAME_MM;
-        let varies = if with_start { "correction varies along an arc" } else { "correction varies along a hole" };
+        let varies = if with_start { Reason::VariesAlongArc } else { Reason::VariesAlongHole };
         if from_start && members.all(alike) { Ok(()) } else { Err(varies) }
     }
 
     /// Moves printed positions by an offset in the work object, mm; all of them or none.
-    fn shift(&mut self, positions: &[Xyz], frame: u16, offset_mm: [f64; 3]) -> Result<(), &'static str> {
+    fn shift(&mut self, positions: &[Xyz], frame: u16, offset_mm: [f64; 3]) -> Result<(), Reason> {
         let frame = &self.layout.frames[frame as usize];
         let offset = scale(frame.back(offset_mm), 1.0 / frame.mm_per_unit);
         // An inch needs more digits than a millimetre for the same step.
@@ -160,7 +160,7 @@ impl Writer<'_> {
         Ok(())
     }
 
-    fn number(&mut self, token: Span, by: f64, more: usize) -> Result<(), &'static str> {
+    fn number(&mut self, token: Span, by: f64, more: usize) -> Result<(), Reason> {
         if by == 0.0 {
             return Ok(());
         }
@@ -168,7 +168,7 @@ impl Writer<'_> {
         let [head, tail] = chunks(bytes, token);
         let mut text = bytes[head.range()].to_vec();
         text.extend_from_slice(&bytes[tail.range()]);
-        let Some(was) = number(&text) else { return Err("number cannot be read again") };
+        let Some(was) = number(&text) else { return Err(Reason::NumberUnreadable) };
         let decimals = decimals(&text).max(self.options.position_decimals + more);
         let mut new = Vec::with_capacity(text.len() + 4);
         text_number::write_fixed(&mut new, was + by, decimals);
@@ -179,7 +179,7 @@ impl Writer<'_> {
     }
 
     /// A token in one chunk: right-aligned in its field as long as the blanks before it last.
-    fn whole(&mut self, token: Span, mut new: Vec<u8>) -> Result<(), &'static str> {
+    fn whole(&mut self, token: Span, mut new: Vec<u8>) -> Result<(), Reason> {
         let bytes = &self.source.bytes;
         let start = token.start as usize;
         let blanks = bytes[..start].iter().rev().take_while(|b| **b == b' ').count();
@@ -204,9 +204,9 @@ impl Writer<'_> {
     }
 
     /// A token cut by a continuation: its first chunk keeps its length.
-    fn cut(&mut self, head: Span, tail: Span, new: Vec<u8>) -> Result<(), &'static str> {
+    fn cut(&mut self, head: Span, tail: Span, new: Vec<u8>) -> Result<(), Reason> {
         if self.layout.cards {
-            return Err("number goes over two cards");
+            return Err(Reason::NumberOverCards);
         }
         let at = head.len().min(new.len() - 1);
         self.edits.push(Edit { span: head, content: new[..at].into() });
@@ -215,14 +215,14 @@ impl Writer<'_> {
     }
 
     /// Takes blanks before column 73 of a card away for what grew on it.
-    fn grow_card(&mut self, at: usize, by: usize) -> Result<(), &'static str> {
+    fn grow_card(&mut self, at: usize, by: usize) -> Result<(), Reason> {
         let bytes = &self.source.bytes;
         let start = bytes[..at].iter().rposition(|b| matches!(b, b'\n' | b'\r')).map_or(0, |p| p + 1);
         let end = start + CARD_COLUMNS;
         let grown = self.grown.get(&start).copied().unwrap_or(0);
         let free = bytes[at..end.max(at)].iter().rev().take_while(|b| **b == b' ').count();
         if free < grown + by {
-            return Err("no room on the card");
+            return Err(Reason::NoRoomOnCard);
         }
         self.grown.insert(start, grown + by);
         self.edits.push(Edit { span: Span::new(end - grown - by, end - grown), content: Content::new() });

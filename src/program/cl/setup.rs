@@ -8,11 +8,11 @@ use super::refusal::Outcome;
 use super::statement::Statement;
 use super::units::{one_unit, unit_further_down};
 use super::vector::{cross, scale};
-use crate::program::CutterInfo;
+use crate::program::{CutterInfo, Reason};
 
 impl Reader {
     pub(super) fn units(&mut self, s: &Statement) -> Outcome {
-        let unit = one_unit(s.words()).ok_or("UNITS names no unit that is known, or two")?;
+        let unit = one_unit(s.words()).ok_or(Reason::UnitsUnnamed)?;
         self.set_units(unit);
         Ok(())
     }
@@ -46,7 +46,7 @@ impl Reader {
             }
             None => {
                 self.no_unit = Some(record.span);
-                Err("position without a unit".into())
+                Err(Reason::NoUnit.into())
             }
         }
     }
@@ -68,7 +68,7 @@ impl Reader {
                 self.set_frame(frame, self.dialect.positions_follow_frame() || self.dialect == Dialect::Unknown);
                 Ok(())
             }
-            _ => Err("MSYS is no frame".into()),
+            _ => Err(Reason::MsysNoFrame.into()),
         }
     }
 
@@ -80,12 +80,12 @@ impl Reader {
                 self.set_frame(frame, self.local);
                 Ok(())
             }
-            _ => Err("CSYS is no frame".into()),
+            _ => Err(Reason::CsysNoFrame.into()),
         }
     }
 
     pub(super) fn origin(&mut self, s: &Statement) -> Outcome {
-        let Some(origin) = s.number_items().first::<3>() else { return Err("origin is not given by numbers".into()) };
+        let Some(origin) = s.number_items().first::<3>() else { return Err(Reason::OriginNotNumbers.into()) };
         let mm = self.mm_per_unit();
         let (x, z) = match s.number_items().first::<9>() {
             Some(m) => ([m[3], m[4], m[5]], [m[6], m[7], m[8]]),
@@ -99,7 +99,7 @@ impl Reader {
                 Ok(())
             }
             // Whether positions follow a second origin depends on the post processor.
-            _ => Err("a second ORIGIN: positions are seen from another place".into()),
+            _ => Err(Reason::SecondOrigin.into()),
         }
     }
 

@@ -4,6 +4,7 @@
 //! listed where a robot's program would miss it.
 
 use super::refusal::{self, Refusal};
+use crate::program::Reason;
 
 /// What a statement does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,7 +69,7 @@ pub(super) enum Meaning {
     /// Refused as it stands.
     Refused(&'static Refusal),
     /// Passes, and is said.
-    Listed(&'static str),
+    Listed(Reason),
     /// `FINI`: the program ends.
     Finish,
     /// Passes without a word: nothing that a robot's program would miss.
@@ -99,7 +100,7 @@ const AUTODESK: &str = "Autodesk APT post";
 const MAKINO: &str = "MAKINO APTCL";
 
 const PROCESS: Meaning = Meaning::Passes;
-const UNWRITTEN: Meaning = Meaning::Listed("machine function that is not written");
+const UNWRITTEN: Meaning = Meaning::Listed(Reason::MachineFunction);
 
 const fn word(name: &'static str, class: Class, meaning: Meaning, source: &'static str) -> Word {
     Word { name, class, meaning, source }
@@ -208,7 +209,7 @@ pub(super) const WORDS: [Word; WORD_COUNT] = {
         word("OFSTNO", Positions, Refused(&refusal::OFFSET), VERICUT),
         word("OPFEATEND", Harmless, Passes, SOLIDWORKS),
         word("OPFEATSTART", Harmless, Passes, SOLIDWORKS),
-        word("OPSKIP", Harmless, Listed("optional skip: what it encloses is always run"), ISO),
+        word("OPSKIP", Harmless, Listed(Reason::OptionalSkip), ISO),
         word("OPSTOP", Cuts, Meaning::OptionalStop, ISO),
         word("ORIGIN", Positions, Meaning::Origin, CATIA),
         word("OUTTOL", Harmless, Passes, ISO),

@@ -1,21 +1,20 @@
 //! KUKA's own BAS, and what `WITH` sets for one motion.
 
 use super::calls::Argument;
-use super::changes::is_frame_function;
-use super::eval::{Path, RUN_TIME};
+use super::eval::Path;
 use super::lex::LexemeKind;
 use super::names;
 use super::run::Runner;
 use super::state::{Changes, Id, ModalState};
-use super::symbols::UNDECLARED;
 use super::value::{Step, Value, upper};
+use crate::program::Reason;
 use crate::text::{Diagnostic, Severity, Span};
 use std::rc::Rc;
 
 impl<'a> Runner<'a> {
     /// What spline inline forms use: `STOOL2(FP1)`, `SBASE(FP1.BASE_NO)`, `SVEL_CP(2.0, , LCPDAT1)`.
     pub(super) fn frame_function(&mut self, name: &[u8], first: Option<Value>) -> Value {
-        let Some(value) = first else { return Value::unknown(RUN_TIME) };
+        let Some(value) = first else { return Value::unknown(Reason::Computed) };
         self.pin(&value);
         match name {
             b"STOOL2" | b"STOOL" => {
@@ -25,9 +24,9 @@ impl<'a> Runner<'a> {
             }
             b"SBASE" => self.table(b"BASE_DATA", &value),
             b"SLOAD" => self.table(b"LOAD_DATA", &value),
-            b"SORI_TYP" => value.component(b"ORI_TYP").cloned().unwrap_or(Value::unknown(RUN_TIME)),
-            b"SCIRC_TYP" => value.component(b"CIRC_TYP").cloned().unwrap_or(Value::unknown(RUN_TIME)),
-            b"SCIRC_M" => Value::unknown(RUN_TIME),
+            b"SORI_TYP" => value.component(b"ORI_TYP").cloned().unwrap_or(Value::unknown(Reason::Computed)),
+            b"SCIRC_TYP" => value.component(b"CIRC_TYP").cloned().unwrap_or(Value::unknown(Reason::Computed)),
+            b"SCIRC_M" => Value::unknown(Reason::Computed),
             b"SVEL_CP" => Value::Record(Rc::new(vec![(upper(b"CP"), value)])),
             _ => value,
         }
@@ -44,14 +43,14 @@ impl<'a> Runner<'a> {
         for switch in switches {
             let id = self.symbols.find(self.here(), &upper(switch));
             if self.volatile.contains(&id) || self.value(id).bool() != Some(false) {
-                return Value::unknown("a frame that BAS may correct (BASE_CORR, TOOL_CORR)");
+                return Value::unknown(Reason::CorrectedFrame);
             }
         }
         let id = self.symbols.find(self.here(), &name);
         let (steps, known) = match number.index() {
             Some(0) => {
                 let zero = self.symbols.find(self.here(), &upper(b"$NULLFRAME"));
-                return if table == b"LOAD_DATA" { Value::unknown(RUN_TIME) } else { self.value(zero) };
+                return if table == b"LOAD_DATA" { Value::unknown(Reason::Computed) } else { self.value(zero) };
             }
             Some(at) => (vec![Step::Element(at)], true),
             None => (Vec::new(), false),
@@ -72,10 +71,10 @@ impl<'a> Runner<'a> {
         let Some(Value::Constant(command)) = arguments.first().map(|a| a.value.clone()) else {
             return self.frames_unknown();
         };
-        let number = arguments.get(1).map_or(Value::unknown(RUN_TIME), |a| a.value.clone());
+        let number = arguments.get(1).map_or(Value::unknown(Reason::Computed), |a| a.value.clone());
         self.pin(&number);
         if !names::KEEPS_APPROXIMATION.contains(&&command[..]) {
-            self.set(self.symbols.approximation, b"CDIS", Value::unknown(RUN_TIME));
+            self.set(self.symbols.approximation, b"CDIS", Value::unknown(Reason::Computed));
         }
         match &command[..] {
             b"BASE" => self.set_base(&number),
@@ -89,9 +88,10 @@ impl<'a> Runner<'a> {
             }
             b"CP_DAT" => {
                 let id = self.symbols.find(self.here(), &upper(b"LDAT_ACT"));
-                let speed = self.value(id).component(b"VEL").cloned().unwrap_or(Value::unknown(RUN_TIME));
+                let speed = self.value(id).component(b"VEL").cloned().unwrap_or(Value::unknown(Reason::Computed));
                 self.set_speed(speed);
-                let distance = self.value(id).component(b"APO_DIST").cloned().unwrap_or(Value::unknown(RUN_TIME));
+                let distance =
+                    self.value(id).component(b"APO_DIST").cloned().unwrap_or(Value::unknown(Reason::Computed));
                 self.pin(&distance);
                 self.set(self.symbols.approximation, b"CDIS", distance);
                 self.orientation_of_act();
@@ -108,14 +108,14 @@ impl<'a> Runner<'a> {
                 ];
                 for (id, _, own) in names {
                     if !matches!(self.value(id), Value::Own(name) if &*name == own) {
-                        let value = Value::unknown("BAS(#INITMOV) may set it");
+                        let value = Value::unknown(Reason::ByInitialisation);
                         self.state.values.insert(id, value);
                         self.name_frame(id, None);
                     }
                 }
-                let position = Value::unknown("the position before is counted in another frame");
+                let position = Value::unknown(Reason::BeforeInOtherFrame);
                 self.state.values.insert(self.symbols.position, position);
-                self.set_speed(Value::unknown(RUN_TIME));
+                self.set_speed(Value::unknown(Reason::Computed));
                 self.state.values.insert(self.symbols.orientation, Value::Constant(upper(b"VAR")));
                 self.state.values.insert(self.symbols.circle_type, Value::Constant(upper(b"BASE")));
             }
@@ -129,7 +129,7 @@ impl<'a> Runner<'a> {
         let [base, tool, load, speed] = [symbols.base, symbols.tool, symbols.load, symbols.speed];
         let turns = [symbols.orientation, symbols.circle_type];
         let ids = [base, tool, load, speed, symbols.approximation, symbols.mode, turns[0], turns[1], symbols.position];
-        self.forget(&Changes { ids: ids.into(), anything: false }, "may be set by BAS");
+        self.forget(&Changes { ids: ids.into(), anything: false }, Reason::ByBas);
     }
 
     pub(super) fn set_base(&mut self, number: &Value) {
@@ -162,7 +162,7 @@ impl<'a> Runner<'a> {
         let id = self.symbols.find(self.here(), &upper(b"FDAT_ACT"));
         let act = self.value(id);
         self.tell_frames_elsewhere(&act);
-        let part = |name: &[u8]| act.component(name).cloned().unwrap_or(Value::unknown(RUN_TIME));
+        let part = |name: &[u8]| act.component(name).cloned().unwrap_or(Value::unknown(Reason::Computed));
         let (tool, base, mode) = (part(b"TOOL_NO"), part(b"BASE_NO"), part(b"IPO_FRAME"));
         self.set_tool(&tool);
         self.set_base(&base);
@@ -171,7 +171,7 @@ impl<'a> Runner<'a> {
 
     /// Says once that the numbers of tool and base stand in none of the files, as those of `FHOME` do without `$config.dat`.
     fn tell_frames_elsewhere(&mut self, act: &Value) {
-        let undeclared = matches!(act, Value::Unknown(why, None) if *why == UNDECLARED);
+        let undeclared = matches!(act, Value::Unknown(why, None) if *why == Reason::NameUndeclared);
         // No name of a program has a blank.
         if undeclared && self.told.insert(upper(b" FDAT")) {
             let source = &self.symbols.sources[self.here()];
@@ -189,7 +189,7 @@ impl<'a> Runner<'a> {
         for (to, part) in [(self.symbols.orientation, &b"ORI_TYP"[..]), (self.symbols.circle_type, b"CIRC_TYP")] {
             let kind = match act {
                 Value::Record(_) => act.component(part).cloned(),
-                _ => self.state.values.contains_key(&id).then(|| Value::unknown(RUN_TIME)),
+                _ => self.state.values.contains_key(&id).then(|| Value::unknown(Reason::Computed)),
             };
             if let Some(kind) = kind {
                 self.state.values.insert(to, kind);
@@ -208,7 +208,7 @@ impl<'a> Runner<'a> {
             let named = {
                 let mut behind = cursor;
                 let name = upper(cursor.text(behind.next()));
-                is_frame_function(&name).then(|| (name, self.arguments(&mut behind, 0)))
+                names::is_frame_function(&name).then(|| (name, self.arguments(&mut behind, 0)))
             };
             let name = named.and_then(|(name, arguments)| {
                 let value = &arguments.first()?.value;
@@ -238,7 +238,7 @@ impl<'a> Runner<'a> {
         let symbols = &self.symbols;
         let was = |id: Id| before.values.get(&id).unwrap_or(&symbols.start[id]);
         if [symbols.base, symbols.tool].into_iter().any(|id| !was(id).is(&self.value(id))) {
-            let position = Value::unknown("the position before is counted in another frame");
+            let position = Value::unknown(Reason::BeforeInOtherFrame);
             self.state.values.insert(symbols.position, position);
         }
         for id in [

@@ -1,7 +1,6 @@
 //! Assignments, calls, and the start values of data lists.
 
-use super::changes::is_frame_function;
-use super::eval::{Path, RUN_TIME};
+use super::eval::Path;
 use super::lex::{Cursor, LexemeKind};
 use super::names;
 use super::run::{MAX_CALLS, Runner};
@@ -9,6 +8,7 @@ use super::state::{Changes, Id};
 use super::symbols::RoutineId;
 use super::tree::Param;
 use super::value::{Name, Value, upper};
+use crate::program::Reason;
 use crate::text::Span;
 use std::collections::HashSet;
 
@@ -44,7 +44,7 @@ impl<'a> Runner<'a> {
                         let value = self.expression(&mut cursor);
                         self.symbols.start[path.id].set(&path.steps, value);
                     }
-                    _ => self.keep(file, span, "statement is not understood"),
+                    _ => self.keep(file, span, Reason::NotUnderstood),
                 }
             }
             self.frames.pop();
@@ -64,7 +64,7 @@ impl<'a> Runner<'a> {
         for id in changes.ids.into_iter().filter(|id| !fixed.contains(id)) {
             let value = &self.symbols.start[id];
             if matches!(value, Value::Number(..) | Value::Bool(_) | Value::Constant(_) | Value::Text(_)) {
-                let value = value.clone().forgotten("holds what the last run left");
+                let value = value.clone().forgotten(Reason::LastRun);
                 self.symbols.start[id] = value;
             }
         }
@@ -128,10 +128,10 @@ impl<'a> Runner<'a> {
         let mut whole = self.state.values.remove(&path.id).unwrap_or_else(|| self.symbols.start[path.id].clone());
         if path.known {
             let fits = !self.symbols.is_whole(path.id) || value.number().is_none_or(|v| v.fract() == 0.0);
-            whole.set(&path.steps, if fits { value } else { Value::unknown(RUN_TIME) });
+            whole.set(&path.steps, if fits { value } else { Value::unknown(Reason::Computed) });
         } else {
             self.pin(&value);
-            whole = whole.forgotten("an element whose index is known only at run time was changed");
+            whole = whole.forgotten(Reason::ElementUnknown);
         }
         self.state.values.insert(path.id, whole);
         if is_frame {
@@ -145,7 +145,7 @@ impl<'a> Runner<'a> {
             if id == self.symbols.base { (self.symbols.base_name, "$BASE") } else { (self.symbols.tool_name, "$TOOL") };
         let name = Value::Own(name.as_deref().unwrap_or(own).into());
         self.state.values.insert(names, name);
-        let position = Value::unknown("the position before is counted in another frame");
+        let position = Value::unknown(Reason::BeforeInOtherFrame);
         self.state.values.insert(self.symbols.position, position);
     }
 
@@ -155,7 +155,7 @@ impl<'a> Runner<'a> {
         while !cursor.is_done() && !cursor.accept_mark(b')') {
             if cursor.accept_mark(b',') {
                 // One that is left out.
-                out.push(Argument { value: Value::unknown("argument that is not given"), path: None });
+                out.push(Argument { value: Value::unknown(Reason::ArgumentMissing), path: None });
                 continue;
             }
             let mut behind = *cursor;
@@ -180,12 +180,12 @@ impl<'a> Runner<'a> {
         let arguments = self.arguments(cursor, depth);
         if let Some(id) = self.symbols.find_routine(self.here(), name) {
             let changes = self.known_changes(id);
-            self.forget(&changes, "may be changed by a function");
+            self.forget(&changes, Reason::ByFunction);
             self.give_away(&arguments, true);
-            return Value::unknown("a function's value");
+            return Value::unknown(Reason::FunctionValue);
         }
         let first = arguments.first().map(|argument| argument.value.clone());
-        if is_frame_function(name) {
+        if names::is_frame_function(name) {
             return self.frame_function(name, first);
         }
         let starts = first.as_ref().and_then(Value::index) == Some(1);
@@ -194,7 +194,7 @@ impl<'a> Runner<'a> {
         if effect.changes.anything {
             self.tell_unknown(name, at);
         }
-        self.forget(&effect.changes, "may be changed by a routine that is not in the files");
+        self.forget(&effect.changes, Reason::Foreign);
         let number = first.and_then(|value| value.number());
         let computed = match (&name[..], number) {
             (b"ABS", Some(v)) => v.abs(),
@@ -202,7 +202,7 @@ impl<'a> Runner<'a> {
             (b"COS", Some(v)) => v.to_radians().cos(),
             (b"TAN", Some(v)) => v.to_radians().tan(),
             (b"SQRT", Some(v)) if v >= 0.0 => v.sqrt(),
-            _ => return Value::unknown(RUN_TIME),
+            _ => return Value::unknown(Reason::Computed),
         };
         Value::Number(computed, None)
     }
@@ -212,7 +212,7 @@ impl<'a> Runner<'a> {
         for argument in arguments {
             self.pin(&argument.value);
             if let (Some(path), true) = (&argument.path, changed) {
-                let value = self.value(path.id).forgotten("may be changed by what it is given to");
+                let value = self.value(path.id).forgotten(Reason::ByReceiver);
                 self.state.values.insert(path.id, value);
             }
         }
@@ -231,9 +231,9 @@ impl<'a> Runner<'a> {
         let around = self.frames.iter().filter(|frame| frame.routine == id).count();
         if around > 0 || self.symbols.routine(id).is_function {
             // Not followed: its own targets stay.
-            self.keep(self.here(), span, "routine that calls itself");
+            self.keep(self.here(), span, Reason::RoutineCallsItself);
             let changes = self.known_changes(id);
-            self.forget(&changes, "may be changed by a routine that calls itself");
+            self.forget(&changes, Reason::ByRecursiveRoutine);
             return self.give_away(&arguments, true);
         }
         if self.frames.len() >= MAX_CALLS {
@@ -258,7 +258,7 @@ impl<'a> Runner<'a> {
         let mut held = Vec::new();
         for path in (0..params.len()).filter_map(lent) {
             held.push((path.id, self.value(path.id)));
-            let value = self.value(path.id).forgotten("lent to a parameter");
+            let value = self.value(path.id).forgotten(Reason::LentToParameter);
             self.state.values.insert(path.id, value);
         }
         let left = self.enter(id, &values, &aliased);
@@ -273,14 +273,14 @@ impl<'a> Runner<'a> {
         for i in 0..params.len() {
             let Some(path) = lent(i).cloned() else { continue };
             if aliased[i] || self.resumes {
-                let value = self.value(path.id).forgotten("may be changed under two names");
+                let value = self.value(path.id).forgotten(Reason::UnderTwoNames);
                 self.state.values.insert(path.id, value);
             } else if let Some(left) = left.get(i) {
                 self.assign(&path, left.value.clone(), None);
             }
         }
         if self.resumes {
-            self.forget(&changes, "may be left half done by RESUME");
+            self.forget(&changes, Reason::Resume);
         }
     }
 

@@ -8,6 +8,7 @@ use super::symbols::{RoutineId, spans};
 use super::system::{System, system};
 use super::tree::{Statement, walk};
 use super::value::{Name, Value, upper};
+use crate::program::Reason;
 use crate::text::{Diagnostic, Severity, Span, decode};
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::rc::Rc;
@@ -125,7 +126,7 @@ impl<'a> Runner<'a> {
     pub(super) fn effect(&mut self, name: &[u8], starts: bool) -> Effect {
         let mut effect = Effect { changes: Changes::default(), arguments: false };
         match system(name) {
-            _ if is_frame_function(name) => {}
+            _ if names::is_frame_function(name) => {}
             Some(System::Nothing) => {}
             Some(System::TouchSense) if starts => {}
             Some(System::Arguments) => effect.arguments = true,
@@ -231,7 +232,7 @@ impl<'a> Runner<'a> {
     }
 
     /// Makes unknown what may have changed.
-    pub(super) fn forget(&mut self, changes: &Changes, why: &'static str) {
+    pub(super) fn forget(&mut self, changes: &Changes, why: Reason) {
         let mut ids: BTreeSet<Id> = changes.ids.clone();
         if changes.anything {
             ids.extend(self.symbols.visible());
@@ -401,13 +402,6 @@ impl<'a> Runner<'a> {
         }
         named
     }
-}
-
-/// Functions that name a table's frame, a speed, or how the orientation turns.
-pub(super) fn is_frame_function(name: &[u8]) -> bool {
-    const CIRCLES: [&[u8]; 2] = [b"SCIRC_TYP", b"SCIRC_M"];
-    CIRCLES.contains(&name)
-        || matches!(name, b"STOOL" | b"STOOL2" | b"SBASE" | b"SLOAD" | b"SIPO_MODE" | b"SORI_TYP" | b"SVEL_CP")
 }
 
 /// Whether a statement is one of those that are known, by how it begins.

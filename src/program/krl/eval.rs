@@ -4,14 +4,11 @@ use super::lex::{Cursor, LexemeKind};
 use super::names;
 use super::run::Runner;
 use super::state::Id;
-use super::value::{NO_VALUE, Name, NumberToken, REST, Step, Value, chained, flat, upper};
+use super::value::{Name, NumberToken, REST, Step, Value, chained, flat, upper};
+use crate::program::Reason;
 use crate::text::{Span, decode, number};
 use std::rc::Rc;
 
-/// Why a value is not known.
-pub(super) const RUN_TIME: &str = "worked out when the program runs";
-/// Why an aggregate has no value.
-const TWICE: &str = "an aggregate has a component twice";
 /// Brackets within one another.
 const MAX_DEPTH: usize = 40;
 /// Computed numbers closer than this count as equal: controllers count in single precision.
@@ -41,7 +38,7 @@ impl<'a> Runner<'a> {
     /// What a variable holds here.
     pub(super) fn value(&self, id: Id) -> Value {
         let held = self.state.values.get(&id).or_else(|| self.symbols.start.get(id));
-        held.cloned().unwrap_or(Value::unknown(NO_VALUE))
+        held.cloned().unwrap_or(Value::unknown(Reason::Unset))
     }
 
     pub(super) fn pin(&mut self, value: &Value) {
@@ -102,7 +99,7 @@ impl<'a> Runner<'a> {
             value = operate(&operator, &value, &other);
         }
         mixed |= compared > 1 || compared > 0 && combined.is_some();
-        if mixed { Value::unknown(RUN_TIME) } else { value }
+        if mixed { Value::unknown(Reason::Computed) } else { value }
     }
 
     fn sum(&mut self, cursor: &mut Cursor<'a>, depth: usize) -> Value {
@@ -128,18 +125,18 @@ impl<'a> Runner<'a> {
     fn arithmetic(&mut self, operator: u8, a: &Value, b: &Value) -> Value {
         self.pin(a);
         self.pin(b);
-        let (Some(a), Some(b)) = (a.number(), b.number()) else { return Value::unknown(RUN_TIME) };
+        let (Some(a), Some(b)) = (a.number(), b.number()) else { return Value::unknown(Reason::Computed) };
         let value = match operator {
             b'+' => a + b,
             b'-' => a - b,
             b'*' => a * b,
             // Two INT give an INT: where that matters, which they are is not looked at.
             _ if b == 0.0 || a.fract() == 0.0 && b.fract() == 0.0 && (a / b).fract() != 0.0 => {
-                return Value::unknown(RUN_TIME);
+                return Value::unknown(Reason::Computed);
             }
             _ => a / b,
         };
-        if value.is_finite() { Value::Number(value, None) } else { Value::unknown(RUN_TIME) }
+        if value.is_finite() { Value::Number(value, None) } else { Value::unknown(Reason::Computed) }
     }
 
     /// `frame : position`
@@ -149,7 +146,7 @@ impl<'a> Runner<'a> {
             let other = self.unary(cursor, depth);
             self.pin(&value);
             self.pin(&other);
-            value = chained(&value, &other).unwrap_or(Value::unknown("frames chained that are not known"));
+            value = chained(&value, &other).unwrap_or(Value::unknown(Reason::ChainOfUnknown));
         }
         value
     }
@@ -158,7 +155,7 @@ impl<'a> Runner<'a> {
         let lexeme = cursor.peek();
         if depth > MAX_DEPTH {
             cursor.next();
-            return Value::unknown("brackets are nested too deep");
+            return Value::unknown(Reason::ExpressionTooDeep);
         }
         match lexeme.kind {
             LexemeKind::Mark(sign @ (b'-' | b'+')) => {
@@ -171,12 +168,12 @@ impl<'a> Runner<'a> {
                 let value = self.unary(cursor, depth + 1);
                 self.pin(&value);
                 let signed = |v: f64| Value::Number(if sign == b'-' { -v } else { v }, None);
-                value.number().map_or(Value::unknown(RUN_TIME), signed)
+                value.number().map_or(Value::unknown(Reason::Computed), signed)
             }
             LexemeKind::Word if cursor.is_at(b"NOT") || cursor.is_at(b"B_NOT") => {
                 cursor.next();
                 let value = self.unary(cursor, depth + 1);
-                value.bool().map_or(Value::unknown(RUN_TIME), |v| Value::Bool(!v))
+                value.bool().map_or(Value::unknown(Reason::Computed), |v| Value::Bool(!v))
             }
             _ => self.primary(cursor, depth),
         }
@@ -191,7 +188,7 @@ impl<'a> Runner<'a> {
             }
             LexemeKind::Bits => {
                 cursor.next();
-                bits(cursor.text(lexeme)).map_or(Value::unknown("not a bit string"), |v| Value::Number(v, None))
+                bits(cursor.text(lexeme)).map_or(Value::unknown(Reason::NotABitString), |v| Value::Number(v, None))
             }
             LexemeKind::Text => {
                 cursor.next();
@@ -213,7 +210,7 @@ impl<'a> Runner<'a> {
             LexemeKind::Word => self.word(cursor, depth),
             _ => {
                 cursor.next();
-                Value::unknown("not an expression")
+                Value::unknown(Reason::Expression)
             }
         }
     }
@@ -235,7 +232,7 @@ impl<'a> Runner<'a> {
         }
         match self.path(cursor, depth) {
             Some(path) => self.read(&path),
-            None => Value::unknown("not a name"),
+            None => Value::unknown(Reason::NotAName),
         }
     }
 
@@ -280,16 +277,16 @@ impl<'a> Runner<'a> {
     /// What stands at a path; what it may be is pinned where it is not known.
     pub(super) fn read(&mut self, path: &Path) -> Value {
         if path.name.first() == Some(&b'$') && !names::SETTLED.contains(&&path.name[..]) {
-            return Value::unknown("a system value that is known only at run time");
+            return Value::unknown(Reason::SystemValue);
         }
         let whole = self.value(path.id);
         if self.volatile.contains(&path.id) {
             self.pin(&whole);
-            return whole.get(&path.steps).forgotten("may be changed at any moment");
+            return whole.get(&path.steps).forgotten(Reason::AnyMoment);
         }
         if !path.known {
             self.pin(&whole);
-            return Value::unknown("index known only at run time");
+            return Value::unknown(Reason::IndexUnknown);
         }
         if self.symbols.is_table(path.id)
             && let (Value::Array(items), Some(Step::Element(at))) = (&whole, path.steps.first())
@@ -339,8 +336,8 @@ impl<'a> Runner<'a> {
         if twice {
             fields.iter().for_each(|(_, value)| self.pin(value));
             cursor.accept_mark(b'}');
-            self.refuse(Span { start, end: cursor.rest().start }, TWICE);
-            Value::unknown(TWICE)
+            self.refuse(Span { start, end: cursor.rest().start }, Reason::ComponentTwice);
+            Value::unknown(Reason::ComponentTwice)
         } else if cursor.accept_mark(b'}') {
             Value::Record(Rc::new(fields))
         } else {
@@ -349,7 +346,7 @@ impl<'a> Runner<'a> {
             while !cursor.is_done() && !cursor.accept_mark(b'}') {
                 cursor.next();
             }
-            Value::unknown("aggregate is not understood")
+            Value::unknown(Reason::Aggregate)
         }
     }
 }
@@ -360,7 +357,7 @@ fn literal(cursor: &Cursor<'_>, span: Span, negative: bool) -> Value {
     let digits = text.strip_prefix(b"-").or_else(|| text.strip_prefix(b"+")).unwrap_or(text).trim_ascii_start();
     match number::read(digits) {
         Some(value) => Value::Number(if negative { -value } else { value }, NumberToken::new(cursor.source, span)),
-        None => Value::unknown("not a number"),
+        None => Value::unknown(Reason::NotANumber),
     }
 }
 
@@ -379,7 +376,7 @@ fn bits(text: &[u8]) -> Option<f64> {
 
 /// Comparisons and logic of known values.
 fn operate(operator: &[u8], a: &Value, b: &Value) -> Value {
-    let unknown = Value::unknown(RUN_TIME);
+    let unknown = Value::unknown(Reason::Computed);
     if let (Some(a), Some(b)) = (a.bool(), b.bool()) {
         return match operator {
             b"AND" => Value::Bool(a && b),

@@ -1,17 +1,14 @@
 //! Branches and loops.
 
-use super::run::{Flow, Runner, place};
+use super::run::{Flow, Runner, VALUES_PER_STEP, place};
 use super::state::{Id, ModalState};
 use super::tree::{Condition, Statement};
 use super::value::{Value, upper};
+use crate::program::Reason;
 use crate::text::Span;
 
 /// A WHILE that goes round more often is taken for one whose end is known only at run time.
 pub(super) const MAX_ROUNDS: usize = 100_000;
-/// Values that are compared and copied in about the time of a statement.
-pub(super) const VALUES_PER_STEP: usize = 256;
-/// Why data are not known in a loop.
-pub(super) const LOOP: &str = "changed in a loop whose rounds are known only at run time";
 
 impl<'a> Runner<'a> {
     /// What holds where any of these may.
@@ -114,7 +111,7 @@ impl<'a> Runner<'a> {
         }
         let mut left = self.loops.pop().unwrap_or_default();
         if flow == Flow::Next {
-            self.state.values.insert(counter, Value::unknown("a counter after its loop"));
+            self.state.values.insert(counter, Value::unknown(Reason::CounterAfterLoop));
             left.push(std::mem::take(&mut self.state));
         }
         self.go_on(left)
@@ -166,7 +163,7 @@ impl<'a> Runner<'a> {
     pub(super) fn rounds(&mut self, body: &'a [Statement], counter: Option<Id>) -> Flow {
         let mut changes = self.changes_in(body);
         changes.ids.extend(counter);
-        self.forget(&changes, LOOP);
+        self.forget(&changes, Reason::Loop);
         loop {
             let (before, targets, volatile) = (self.state.clone(), self.marker(), self.volatile.len());
             let partials = self.open_partials;
@@ -195,7 +192,7 @@ impl<'a> Runner<'a> {
             }
             left.push(before);
             let flow = self.go_on(left);
-            self.forget(&changes, LOOP);
+            self.forget(&changes, Reason::Loop);
             return flow;
         }
     }

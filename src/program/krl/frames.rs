@@ -3,7 +3,7 @@
 use super::run::Runner;
 use super::state::Id;
 use super::value::Value;
-use crate::program::{Tool, ToolData, Wobj, WobjData};
+use crate::program::{Reason, Tool, ToolData, Wobj, WobjData};
 use crate::text::{Diagnostic, Severity};
 use std::sync::Arc;
 
@@ -15,15 +15,15 @@ impl Runner<'_> {
         }
     }
 
-    pub(super) fn tool_index(&mut self) -> Result<u16, &'static str> {
+    pub(super) fn tool_index(&mut self) -> Result<u16, Reason> {
         let value = self.value(self.symbols.tool);
         if self.volatile.contains(&self.symbols.tool) {
-            return Err("tool may be changed at any moment");
+            return Err(Reason::ToolAnyMoment);
         }
         let tool = match &value {
             Value::Own(name) => Tool { name: (&**name).into(), data: None },
             Value::Record(_) => {
-                let (tcp_mm, tcp_quat) = value.frame().ok_or("tool known only at run time")?;
+                let (tcp_mm, tcp_quat) = value.frame().ok_or(Reason::Tool)?;
                 let load = self.value(self.symbols.load);
                 let mass = load.component(b"M").and_then(Value::number).filter(|mass| *mass >= 0.0);
                 let cog = load.component(b"CM").and_then(|cm| cm.numbers([b"X", b"Y", b"Z"]));
@@ -36,10 +36,10 @@ impl Runner<'_> {
                 };
                 Tool { name: self.name(self.symbols.tool_name), data: Some(data) }
             }
-            _ => return Err("tool known only at run time"),
+            _ => return Err(Reason::Tool),
         };
         if let Some(at) = self.tools.iter().rposition(|known| known.is(&tool)) {
-            return u16::try_from(at).map_err(|_| "too many tools");
+            return u16::try_from(at).map_err(|_| Reason::TooManyFrames);
         }
         if tool.data.is_some_and(|data| data.mass_kg == 0.0) {
             let message = format!("the load of `{}` is in none of the files: it is taken as 0 kg", tool.name);
@@ -48,18 +48,18 @@ impl Runner<'_> {
             self.diagnostics.push(warning.severity(Severity::Warning).help(help));
         }
         self.tools.push(tool);
-        u16::try_from(self.tools.len() - 1).map_err(|_| "too many tools")
+        u16::try_from(self.tools.len() - 1).map_err(|_| Reason::TooManyFrames)
     }
 
-    pub(super) fn wobj_index(&mut self) -> Result<u16, &'static str> {
+    pub(super) fn wobj_index(&mut self) -> Result<u16, Reason> {
         let value = self.value(self.symbols.base);
         if self.volatile.contains(&self.symbols.base) {
-            return Err("base may be changed at any moment");
+            return Err(Reason::BaseAnyMoment);
         }
         let wobj = match &value {
             Value::Own(name) => Wobj { name: (&**name).into(), data: None, unit: None },
             Value::Record(_) => {
-                let (uframe_mm, uframe_quat) = value.frame().ok_or("base known only at run time")?;
+                let (uframe_mm, uframe_quat) = value.frame().ok_or(Reason::Base)?;
                 let data = WobjData {
                     robhold: false,
                     fixed: true,
@@ -70,13 +70,13 @@ impl Runner<'_> {
                 };
                 Wobj { name: self.name(self.symbols.base_name), data: Some(data), unit: None }
             }
-            _ => return Err("base known only at run time"),
+            _ => return Err(Reason::Base),
         };
         let known = self.wobjs.iter().rposition(|known| known.is(&wobj));
         let at = known.unwrap_or_else(|| {
             self.wobjs.push(wobj);
             self.wobjs.len() - 1
         });
-        u16::try_from(at).map_err(|_| "too many bases")
+        u16::try_from(at).map_err(|_| Reason::TooManyFrames)
     }
 }

@@ -6,16 +6,12 @@ use super::numbers::{ANGLE_DECIMALS, POSITION_DECIMALS, bytes, near};
 use super::value::{EXTERNAL, POSE, upper};
 use crate::program::orientation::{quaternion_of_zyx_deg, rotation, zyx_deg};
 use crate::program::token::signed;
-use crate::program::{Editable, Insert, Motion, Passing, Program, Rewritten, Role, Target};
+use crate::program::{Editable, Insert, Motion, Passing, Program, Reason, Rewritten, Role, Target};
 use crate::text::{Edit, Source, Span, number};
 use std::ops::Range;
 
 /// Words that begin what the controller does at the end of a motion.
 pub(super) const APPROXIMATE: [&[u8]; 6] = [b"WITH", b"C_DIS", b"C_VEL", b"C_ORI", b"C_PTP", b"C_SPL"];
-
-const SPLINE: &str = "in a spline block: a point between would make it another curve";
-const FORM: &str = "in an inline form, which the controller would write anew without it";
-const TRIGGERED: &str = "a TRIGGER before it counts from this motion";
 
 /// Writes the inserts into `out`; gives each as the controller will hold it, where it could be written.
 pub(super) fn write(program: &Program, layout: &Layout, inserts: &[Insert], out: &mut Rewritten) {
@@ -74,14 +70,14 @@ impl Barred {
         Self { splines, forms: forms(&source.bytes), triggered }
     }
 
-    fn why(&self, target: &Target) -> Option<&'static str> {
+    fn why(&self, target: &Target) -> Option<Reason> {
         let at = target.span.range().start;
         let within = |ranges: &[Range<usize>]| ranges.iter().any(|range| range.contains(&at));
         match () {
-            () if within(&self.splines) => Some(SPLINE),
+            () if within(&self.splines) => Some(Reason::InSpline),
             // Forms go to named points alone.
-            () if target.name.is_some() && within(&self.forms) => Some(FORM),
-            () if self.triggered.contains(&target.span.start) => Some(TRIGGERED),
+            () if target.name.is_some() && within(&self.forms) => Some(Reason::InInlineForm),
+            () if self.triggered.contains(&target.span.start) => Some(Reason::Triggered),
             () => None,
         }
     }
@@ -135,34 +131,34 @@ pub(super) fn without_approximation(program: &Program, wanted: &[(usize, Passing
 
 type Written = (usize, Span, Vec<u8>, ([f64; 3], [f64; 4]));
 
-fn line(program: &Program, layout: &Layout, insert: &Insert, barred: &[Barred]) -> Result<Written, &'static str> {
-    let target = program.targets.get(insert.before).ok_or("no such target")?;
+fn line(program: &Program, layout: &Layout, insert: &Insert, barred: &[Barred]) -> Result<Written, Reason> {
+    let target = program.targets.get(insert.before).ok_or(Reason::NoSuchTarget)?;
     let source = usize::from(target.source);
-    let text = program.sources[source].bytes.get(target.span.range()).ok_or("no such statement")?;
-    let barred = barred.get(source).ok_or("in a context file")?;
+    let text = program.sources[source].bytes.get(target.span.range()).ok_or(Reason::NoSuchStatement)?;
+    let barred = barred.get(source).ok_or(Reason::InContextFile)?;
     if !matches!(target.motion, Motion::Linear | Motion::Circular) || target.role != Role::End {
-        return Err("only lines and arcs can be subdivided");
+        return Err(Reason::OnlyLinesAndArcs);
     }
     if let Some(why) = barred.why(target) {
         return Err(why);
     }
     let site = &layout.sites[insert.before];
     let [_, _, _, Some(a), Some(b), Some(c)] = site.tokens else {
-        return Err("its position leaves components to the motion before");
+        return Err(Reason::LeavesComponents);
     };
     if target.editable != Editable::Pose {
-        return Err("its position leaves components to the motion before");
+        return Err(Reason::LeavesComponents);
     }
     let same = |other: &&Target| (other.source, other.span, other.role) == (target.source, target.span, Role::End);
     if program.targets.iter().filter(same).take(2).count() != 1 {
-        return Err("motion runs more than once: a point before it would too");
+        return Err(Reason::RunsAgain);
     }
     let mut cursor = Cursor::new(&program.sources[source].bytes, 0, target.span);
     let word = cursor.next();
     let spline = match &upper(cursor.text(word))[..] {
         b"LIN" | b"CIRC" => false,
         b"SLIN" | b"SCIRC" => true,
-        _ => return Err("motion is not understood"),
+        _ => return Err(Reason::Motion),
     };
     // What it does at its end, the point does too.
     let (point, _) = cursor.until(&APPROXIMATE);

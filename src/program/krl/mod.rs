@@ -40,7 +40,7 @@ mod tests;
 
 pub use chunks::{CHUNK, Chunk, Chunks};
 
-use super::{Kept, Language, Program};
+use super::{Kept, Language, Program, Reason};
 use crate::text::{Diagnostic, Severity, Source, Span};
 use lex::{Cursor, LexemeKind, lines};
 use run::{Runner, Site};
@@ -96,7 +96,7 @@ fn read_cut(mut sources: Vec<Source>, context: Vec<Source>, look: bool) -> Resul
         } else if let Some(at) = file.cut {
             if look {
                 let line = source.line_column(at.range().start).line;
-                let reason = "the file ends inside a routine or a block";
+                let reason = Reason::FileEndsInBlock;
                 cuts.push(Kept { source: index, span: at, line, reason, fault: true, help: "" });
             } else {
                 let message =

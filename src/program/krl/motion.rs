@@ -1,16 +1,12 @@
 //! Executed motions: their targets, tools, bases and speeds, and what of them may be edited.
 
-use super::eval::RUN_TIME;
 use super::lex::Cursor;
 use super::run::{Runner, Site};
 use super::value::{AXES, EXTERNAL, Name, NumberToken, POSE, Value};
 use crate::program::orientation::{from_zyx_deg, halfway, quaternion, quaternion_of_zyx_deg};
-use crate::program::{Conf, Editable, Goal, Mark, Motion, Predecessor, Role, Status, Target};
+use crate::program::{Conf, Editable, Goal, Mark, Motion, Predecessor, Reason, Role, Status, Target};
 use crate::text::Span;
 use std::sync::Arc;
-
-/// Why motions of handlers, functions and routines that call themselves stay.
-pub(super) const BESIDE: &str = "in a routine that may run at any moment";
 
 /// Words that say how a motion goes over into the next.
 const APPROXIMATE: [&[u8]; 5] = [b"C_DIS", b"C_VEL", b"C_ORI", b"C_PTP", b"C_SPL"];
@@ -34,7 +30,7 @@ impl Position {
 
 impl<'a> Runner<'a> {
     /// A motion that is not followed: its start is not known.
-    pub(super) fn relative(&mut self, mut cursor: Cursor<'a>, span: Span, reason: &'static str) {
+    pub(super) fn relative(&mut self, mut cursor: Cursor<'a>, span: Span, reason: Reason) {
         self.motions += 1;
         cursor.next();
         let value = self.expression(&mut cursor);
@@ -57,7 +53,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    fn lose_position(&mut self, why: &'static str) {
+    fn lose_position(&mut self, why: Reason) {
         for id in [self.symbols.position, self.symbols.turned, self.symbols.stands] {
             self.state.values.insert(id, Value::unknown(why));
         }
@@ -86,16 +82,16 @@ impl<'a> Runner<'a> {
             None => (None, (first, name)),
         };
         let invalid = if via.is_some() && motion != Motion::Circular {
-            Some("only a circle has two positions")
+            Some(Reason::TwoPositions)
         } else if !is_whole {
-            Some("what stands after the position is not understood")
+            Some(Reason::AfterPosition)
         } else {
             let other = via.iter().chain([&end]).any(has_other_components);
-            other.then_some("the position has a component that no position has")
+            other.then_some(Reason::UnknownComponent)
         };
         let done = match (motion, &via) {
-            (Motion::Circular, None) => Err("circle without an end"),
-            (Motion::Circular, Some(_)) if angle => Err("circle with an angle"),
+            (Motion::Circular, None) => Err(Reason::CircleWithoutEnd),
+            (Motion::Circular, Some(_)) if angle => Err(Reason::CircleWithAngle),
             _ => invalid.map_or_else(|| self.go(motion, via.as_ref(), &end, name, span), Err),
         };
         if let Some(reason) = invalid {
@@ -104,7 +100,7 @@ impl<'a> Runner<'a> {
         if let Err(reason) = done {
             self.use_axes_of(&end);
             [via, Some(end)].iter().flatten().for_each(|value| self.pin(value));
-            self.lose_position("the position before is not known");
+            self.lose_position(Reason::PositionBefore);
             self.keep_motion(span, reason);
         }
         if let Some(before) = before {
@@ -130,7 +126,7 @@ impl<'a> Runner<'a> {
         end: &Value,
         name: Option<Arc<str>>,
         span: Span,
-    ) -> Result<(), &'static str> {
+    ) -> Result<(), Reason> {
         if let Some(joints) = axes(end)? {
             return self.go_to_joints(motion, joints, end, span);
         }
@@ -141,9 +137,7 @@ impl<'a> Runner<'a> {
         let elsewhere = self.leave_axes(&mut to);
         let on_arc = if motion == Motion::Circular { self.turns_on_arc() } else { Ok(()) };
         let from = match motion {
-            Motion::Circular if self.orientation_before().is_none() => Err(
-                "the orientation at the auxiliary point is not known: that before the arc is not, or in another frame",
-            ),
+            Motion::Circular if self.orientation_before().is_none() => Err(Reason::AuxiliaryOrientation),
             _ => Ok(()),
         };
         let turns = if motion == Motion::Joint { Ok(true) } else { self.turns(&to) };
@@ -167,9 +161,9 @@ impl<'a> Runner<'a> {
         let unlocated = elsewhere.or_else(|| self.unlocated(&to)).or(turns.err()).or(on_arc.err());
         let editable = match unlocated.or(from.err()) {
             Some(reason) => Editable::No(reason),
-            None if !mark_known => Editable::No("air or cut is known only at run time"),
-            None if self.is_beside() => Editable::No(BESIDE),
-            None if posture => Editable::No("joint motion of which status or turn is not known"),
+            None if !mark_known => Editable::No(Reason::MarkUnknown),
+            None if self.is_beside() => Editable::No(Reason::Beside),
+            None if posture => Editable::No(Reason::StatusUnknown),
             None if turns == Ok(false) => Editable::Position,
             None => Editable::Pose,
         };
@@ -225,7 +219,7 @@ impl<'a> Runner<'a> {
             let all = angles.chain(frames).map(|(name, value)| (Name::from_slice(name), value));
             Value::Record(std::rc::Rc::new(all.collect()))
         } else {
-            Value::unknown("the programmed orientation is disregarded")
+            Value::unknown(Reason::OrientationDisregarded)
         };
         self.state.values.insert(self.symbols.turned, turned);
     }
@@ -240,7 +234,7 @@ impl<'a> Runner<'a> {
     }
 
     /// The auxiliary point of a circle: its angles are ignored, the orientation turns from that before to that at the end.
-    fn via(&mut self, via: &Value, to: &Position, target: &Target) -> Result<(), &'static str> {
+    fn via(&mut self, via: &Value, to: &Position, target: &Target) -> Result<(), Reason> {
         let [x, y, z] = via.numbers([b"X", b"Y", b"Z"]).ok_or_else(|| why(via))?;
         let before = self.orientation_before();
         let located = target.located && before.is_some();
@@ -259,9 +253,9 @@ impl<'a> Runner<'a> {
         Ok(())
     }
 
-    fn go_to_joints(&mut self, motion: Motion, deg: [f64; 6], end: &Value, span: Span) -> Result<(), &'static str> {
+    fn go_to_joints(&mut self, motion: Motion, deg: [f64; 6], end: &Value, span: Span) -> Result<(), Reason> {
         if motion != Motion::Joint {
-            return Err("path motion to axis angles");
+            return Err(Reason::PathToAxes);
         }
         let (tool, wobj) = (self.tool_index()?, self.wobj_index()?);
         #[allow(clippy::cast_possible_truncation)]
@@ -277,7 +271,7 @@ impl<'a> Runner<'a> {
             spindle_rpm: None,
             rapid: false,
             mark: self.mark().0,
-            editable: Editable::No("joint target"),
+            editable: Editable::No(Reason::Joints),
             located: true,
             extra_load: false,
             external: None,
@@ -291,16 +285,16 @@ impl<'a> Runner<'a> {
         let record = Value::Record(std::rc::Rc::new(external.collect()));
         self.external.push(EXTERNAL.map(|name| end.component(name).and_then(Value::number)));
         self.state.values.insert(self.symbols.position, record);
-        self.state.values.insert(self.symbols.turned, Value::unknown("the motion before goes to axis angles"));
+        self.state.values.insert(self.symbols.turned, Value::unknown(Reason::BeforeOnAxes));
         self.push(target, Site::default());
         Ok(())
     }
 
     /// The numbers of a position; those that it does not name are those of the position before.
-    fn position(&mut self, value: &Value) -> Result<Position, &'static str> {
+    fn position(&mut self, value: &Value) -> Result<Position, Reason> {
         let Value::Record(_) = value else { return Err(why(value)) };
         let before = if self.volatile.contains(&self.symbols.position) {
-            Value::unknown(RUN_TIME)
+            Value::unknown(Reason::Computed)
         } else {
             self.value(self.symbols.position)
         };
@@ -313,7 +307,7 @@ impl<'a> Runner<'a> {
                 self.open_partials += 1;
                 let before = self.value(self.symbols.position);
                 self.pin(&before);
-                return Err(component.map_or("components are missing, and the position before is not known", why));
+                return Err(component.map_or(Reason::ComponentsMissing, why));
             };
             (found.numbers[i], found.places[i]) = (*number, *at);
             if own.is_none() {
@@ -330,25 +324,25 @@ impl<'a> Runner<'a> {
     }
 
     /// Why it is not known where the controller goes, if that is so.
-    fn unlocated(&self, to: &Position) -> Option<&'static str> {
+    fn unlocated(&self, to: &Position) -> Option<Reason> {
         if to.external.iter().flatten().any(|axis| axis.number().is_none()) {
-            return Some("external axis known only at run time");
+            return Some(Reason::ExternalAxisUnknown);
         }
         match self.value(self.symbols.mode) {
-            _ if self.volatile.contains(&self.symbols.mode) => Some("$IPO_MODE known only at run time"),
+            _ if self.volatile.contains(&self.symbols.mode) => Some(Reason::InterpolationUnknown),
             Value::Constant(mode) if &mode[..] == b"BASE" => None,
-            Value::Constant(_) => Some("the robot holds the part ($IPO_MODE is #TCP)"),
-            _ => Some("$IPO_MODE known only at run time"),
+            Value::Constant(_) => Some(Reason::RobotHoldsPart),
+            _ => Some(Reason::InterpolationUnknown),
         }
     }
 
     /// Whether a path motion turns to the orientation at its end (`$ORI_TYPE`): with `#CONSTANT` the controller disregards it,
     /// which is all the same where it is that of the start. KUKA System Software, *Operating and Programming Instructions for
     /// System Integrators*, orientation control of LIN and CIRC.
-    fn turns(&self, to: &Position) -> Result<bool, &'static str> {
+    fn turns(&self, to: &Position) -> Result<bool, Reason> {
         let kind = match self.value(self.symbols.orientation) {
             Value::Constant(kind) if !self.volatile.contains(&self.symbols.orientation) => kind,
-            _ => return Err("$ORI_TYPE known only at run time"),
+            _ => return Err(Reason::OrientationTypeUnknown),
         };
         let before =
             Some(self.value(self.symbols.position)).filter(|_| !self.volatile.contains(&self.symbols.position));
@@ -356,7 +350,7 @@ impl<'a> Runner<'a> {
         match &kind[..] {
             b"VAR" | b"JOINT" => Ok(true),
             b"CONSTANT" if before.is_some_and(|before| before[..] == to.numbers[3..]) => Ok(false),
-            _ => Err("the programmed orientation is disregarded ($ORI_TYPE)"),
+            _ => Err(Reason::OrientationType),
         }
     }
 
@@ -365,10 +359,10 @@ impl<'a> Runner<'a> {
     /// A bit of `$EX_AX_IGNORE` lets the controller choose the axis between the points of a spline around it; one of
     /// `$ASYNC_AXIS` leaves it to `ASYPTP` and to the operator. KUKA System Software 8, *Operating and Programming Instructions
     /// for System Integrators*, and *System Variables*.
-    fn leave_axes(&self, to: &mut Position) -> Option<&'static str> {
+    fn leave_axes(&self, to: &mut Position) -> Option<Reason> {
         let rules = [
-            (self.symbols.ignored_axes, "an external axis that the controller chooses ($EX_AX_IGNORE)"),
-            (self.symbols.asynchronous_axes, "an external axis that moves by itself ($ASYNC_AXIS)"),
+            (self.symbols.ignored_axes, Reason::IgnoredAxis),
+            (self.symbols.asynchronous_axes, Reason::AsynchronousAxis),
         ];
         let mut found = None;
         for (id, reason) in rules {
@@ -385,16 +379,14 @@ impl<'a> Runner<'a> {
 
     /// Whether the orientation turns on an arc as it does on a line, which the auxiliary point is corrected for: so it does where
     /// `$CIRC_TYPE` is #BASE, and `$CIRC_MODE`, which says more of SCIRC, is as it was.
-    fn turns_on_arc(&self) -> Result<(), &'static str> {
+    fn turns_on_arc(&self) -> Result<(), Reason> {
         let [kind, mode] = [self.symbols.circle_type, self.symbols.circle_mode]
             .map(|id| Some(self.value(id)).filter(|_| !self.volatile.contains(&id)));
         match (kind, mode) {
-            (_, mode) if !matches!(&mode, Some(Value::Record(said)) if said.is_empty()) => {
-                Err("how the orientation turns on the arc is set ($CIRC_MODE)")
-            }
+            (_, mode) if !matches!(&mode, Some(Value::Record(said)) if said.is_empty()) => Err(Reason::ArcModeSet),
             (Some(Value::Constant(kind)), _) if &kind[..] == b"BASE" => Ok(()),
-            (Some(Value::Constant(_)), _) => Err("the orientation turns with the arc ($CIRC_TYPE)"),
-            _ => Err("$CIRC_TYPE known only at run time"),
+            (Some(Value::Constant(_)), _) => Err(Reason::ArcTurns),
+            _ => Err(Reason::ArcTypeUnknown),
         }
     }
 
@@ -435,25 +427,25 @@ fn has_other_components(value: &Value) -> bool {
 }
 
 /// Why a value is no position.
-fn why(value: &Value) -> &'static str {
+fn why(value: &Value) -> Reason {
     match value {
-        Value::Unknown(why, _) => why,
-        Value::Own(_) => "a position that only the controller has",
+        Value::Unknown(why, _) => *why,
+        Value::Own(_) => Reason::ControllerPosition,
         Value::Record(fields) => {
             let unknown =
                 fields.iter().find_map(|(_, v)| if let Value::Unknown(why, _) = v { Some(*why) } else { None });
-            unknown.unwrap_or("not a complete position")
+            unknown.unwrap_or(Reason::NotACompletePosition)
         }
-        _ => "not a position",
+        _ => Reason::NotAPosition,
     }
 }
 
 /// Axis angles, degrees, where the value has any.
-fn axes(value: &Value) -> Result<Option<[f64; 6]>, &'static str> {
+fn axes(value: &Value) -> Result<Option<[f64; 6]>, Reason> {
     if AXES.iter().all(|name| value.component(name).is_none()) {
         return Ok(None);
     }
-    value.numbers(AXES).map(Some).ok_or("axis angles are missing or not known")
+    value.numbers(AXES).map(Some).ok_or(Reason::AxesMissing)
 }
 
 fn place(value: &Value) -> Option<NumberToken> {

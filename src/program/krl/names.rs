@@ -3,7 +3,7 @@
 //! Source: KUKA System Software, *Operating and Programming Instructions for System Integrators*, KSS 8.3, chapter on KRL, and
 //! the comments of the controller's own BAS.SRC, as cited in public programs.
 
-use crate::program::Motion;
+use crate::program::{Motion, Reason};
 
 /// A motion statement.
 pub(super) fn motion(word: &[u8]) -> Option<Motion> {
@@ -16,12 +16,12 @@ pub(super) fn motion(word: &[u8]) -> Option<Motion> {
 }
 
 /// A motion that counts from where the robot stands, or moves external axes asynchronously to the program.
-pub(super) fn relative(word: &[u8]) -> Option<&'static str> {
+pub(super) fn relative(word: &[u8]) -> Option<Reason> {
     Some(match word {
         b"PTP_REL" | b"LIN_REL" | b"CIRC_REL" | b"SPTP_REL" | b"SLIN_REL" | b"SCIRC_REL" | b"SPL_REL" => {
-            "relative motion, counted from the position before"
+            Reason::RelativeMotion
         }
-        b"ASYPTP" | b"ASYCONT" => "motion of asynchronous axes",
+        b"ASYPTP" | b"ASYCONT" => Reason::AsynchronousMotion,
         _ => return None,
     })
 }
@@ -80,3 +80,10 @@ pub(super) const HARMLESS_COMMANDS: [&[u8]; 10] = [
     b"OV_PRO",
     b"GROUP",
 ];
+
+/// Functions that name a table's frame, a speed, or how the orientation turns.
+pub(super) fn is_frame_function(name: &[u8]) -> bool {
+    const CIRCLES: [&[u8]; 2] = [b"SCIRC_TYP", b"SCIRC_M"];
+    CIRCLES.contains(&name)
+        || matches!(name, b"STOOL" | b"STOOL2" | b"SBASE" | b"SLOAD" | b"SIPO_MODE" | b"SORI_TYP" | b"SVEL_CP")
+}

@@ -7,14 +7,12 @@ use super::{Layout, insert};
 use crate::program::front_end::FrontEnd;
 use crate::program::orientation::{quaternion_of_zyx_deg, rotation, zyx_deg};
 use crate::program::token::{New, signed};
-use crate::program::{Change, Goal, Insert, Passing, Program, RewriteOptions, Rewritten, Role};
+use crate::program::{Change, Goal, Insert, Passing, Program, Reason, RewriteOptions, Rewritten, Role};
 use crate::text::{Content, Edit, Span, Token};
 use std::collections::{HashMap, HashSet};
 
 /// Two orientations closer than this are the same: rounding of the arithmetic between reading and writing.
 const SAME_QUAT: f64 = 1e-12;
-const STATUS: &str = "joint motion whose status or turn (S, T) would be another, or is not that of the arm";
-const SHARED: &str = "point used by motions whose corrections differ";
 
 /// What one motion wants of its six tokens; `None` where one stays.
 #[derive(Clone, Debug, Default)]
@@ -73,8 +71,8 @@ impl FrontEnd for Layout {
                 if changes[i].as_ref().is_some_and(|change| differs(program, i, change)) {
                     let own = match program.targets[i].editable {
                         crate::program::Editable::No(reason) => reason,
-                        _ if untrue => STATUS,
-                        _ => SHARED,
+                        _ if untrue => Reason::StatusChanges,
+                        _ => Reason::SharedNumbers,
                     };
                     out.kept.push((i, own));
                 }

@@ -6,7 +6,7 @@ use super::state::{Changes, Id, ModalState};
 use super::symbols::{RoutineId, Symbols};
 use super::tree::{File, Routine, Statement};
 use super::value::{Name, NumberToken, Value, upper};
-use crate::program::{Kept, Mark, Target, Tool, UnknownMotion, Wobj};
+use crate::program::{Kept, Mark, Reason, Target, Tool, UnknownMotion, Wobj};
 use crate::text::{Diagnostic, LineIndex, Severity, Source, Span, decode};
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::rc::Rc;
@@ -21,6 +21,9 @@ const TARGETS_PER_BYTE: usize = 1;
 pub(super) const MAX_CALLS: usize = 60;
 /// Blocks within one another, through calls: more than anybody writes, and what a thread's stack holds.
 const MAX_NESTING: usize = 250;
+
+/// Values that are compared and copied in about the time of a statement.
+pub(super) const VALUES_PER_STEP: usize = 256;
 
 /// Whether the next statement is run.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -105,7 +108,7 @@ pub(super) struct Runner<'a> {
     /// Motions without a target, by reason.
     pub(super) unknown: Vec<UnknownMotion>,
     pub(super) kept: Vec<Kept>,
-    seen: HashSet<(usize, Span, &'static str)>,
+    seen: HashSet<(usize, Span, Reason)>,
     pub(super) told: BTreeSet<Name>,
     pub(super) diagnostics: Vec<Diagnostic>,
     pub(super) lines: Vec<LineIndex>,
@@ -196,20 +199,20 @@ impl<'a> Runner<'a> {
     /// Runs a routine with values for its parameters, of which some may change under another name.
     pub(super) fn enter(&mut self, id: RoutineId, values: &[Value], aliased: &[bool]) -> Vec<Left> {
         self.entered.insert(id);
-        self.steps += (self.state.values.len() + self.volatile.len()) / super::flow::VALUES_PER_STEP;
+        self.steps += (self.state.values.len() + self.volatile.len()) / VALUES_PER_STEP;
         let routine = self.symbols.routine(id);
         let bytes = self.bytes(id.file);
         let mut names = HashMap::new();
         let mut own = Vec::new();
         for (i, param) in routine.params.iter().enumerate() {
-            let value = values.get(i).cloned().unwrap_or(Value::unknown("parameter without an argument"));
+            let value = values.get(i).cloned().unwrap_or(Value::unknown(Reason::ParameterWithoutArgument));
             let name = upper(&bytes[param.name.range()]);
-            let local = self.symbols.local(Value::unknown(super::value::NO_VALUE));
+            let local = self.symbols.local(Value::unknown(Reason::Unset));
             if let Some(data) = routine.data.iter().find(|data| upper(&bytes[data.name.range()]) == name) {
                 self.symbols.declare_type(local, &bytes[data.kind.range()]);
             }
             let whole = self.symbols.is_whole(local) && value.number().is_some_and(|v| v.fract() != 0.0);
-            let value = if whole { value.forgotten("a whole number") } else { value };
+            let value = if whole { value.forgotten(Reason::WholeNumber) } else { value };
             self.symbols.start[local] = self.symbols.converted(local, &[], value);
             names.insert(name, local);
             own.push(local);
@@ -219,7 +222,7 @@ impl<'a> Runner<'a> {
         // A parameter is declared within, too: that says its type.
         let given = names.clone();
         for data in routine.data.iter().filter(|data| !given.contains_key(&upper(&bytes[data.name.range()]))) {
-            let local = self.symbols.local(Value::unknown(super::value::NO_VALUE));
+            let local = self.symbols.local(Value::unknown(Reason::Unset));
             self.symbols.declare_type(local, &bytes[data.kind.range()]);
             names.insert(upper(&bytes[data.name.range()]), local);
         }
@@ -316,7 +319,7 @@ impl<'a> Runner<'a> {
             Statement::Label => {
                 let jumps = self.frames.last().and_then(|frame| frame.jumps.clone());
                 if let Some(changes) = jumps {
-                    self.forget(&changes, "changed in a routine with GOTO");
+                    self.forget(&changes, Reason::Jumps);
                 }
                 Flow::Next
             }
@@ -341,12 +344,12 @@ impl<'a> Runner<'a> {
         }
     }
 
-    pub(super) fn keep(&mut self, source: usize, span: Span, reason: &'static str) {
+    pub(super) fn keep(&mut self, source: usize, span: Span, reason: Reason) {
         self.note(Kept { source, span, line: 0, reason, fault: false, help: "" });
     }
 
     /// What a controller does not load: no program is written from this one.
-    pub(super) fn refuse(&mut self, span: Span, reason: &'static str) {
+    pub(super) fn refuse(&mut self, span: Span, reason: Reason) {
         self.note(Kept { source: self.here(), span, line: 0, reason, fault: true, help: "" });
     }
 
@@ -358,7 +361,7 @@ impl<'a> Runner<'a> {
     }
 
     /// A motion whose target is not known.
-    pub(super) fn keep_motion(&mut self, span: Span, reason: &'static str) {
+    pub(super) fn keep_motion(&mut self, span: Span, reason: Reason) {
         let line = self.lines[self.here()].line(span.start);
         #[allow(clippy::cast_possible_truncation)] // as a target has it
         let source = self.here() as u16;
@@ -396,7 +399,7 @@ impl<'a> Runner<'a> {
         // Where it fails the program goes on all the same, and what it sets is as it was.
         let changes = self.changes_by(span);
         let flow = self.run_simple(span);
-        self.forget(&changes, "set by a statement that may fail (ON_ERROR_PROCEED)");
+        self.forget(&changes, Reason::StatementMayFail);
         flow
     }
 
@@ -419,7 +422,7 @@ impl<'a> Runner<'a> {
         } else if names::HARMLESS_STATEMENTS.contains(&&word[..]) {
             self.look_through(cursor);
         } else if !self.assignment_or_call(cursor, span) {
-            self.keep(self.here(), span, "statement is not understood");
+            self.keep(self.here(), span, Reason::NotUnderstood);
             let mut ids = std::collections::BTreeSet::new();
             let mut cursor = self.cursor(span);
             while !cursor.is_done() {
@@ -428,7 +431,7 @@ impl<'a> Runner<'a> {
                     ids.insert(self.resolve(&upper(cursor.text(lexeme))));
                 }
             }
-            self.forget(&Changes { anything: true, ids }, "may be changed by a statement that is not understood");
+            self.forget(&Changes { anything: true, ids }, Reason::ByStatement);
         }
         Flow::Next
     }

@@ -1,12 +1,10 @@
 //! What of the targets may be edited, once all that reads their numbers is known.
 
-use super::eval::RUN_TIME;
 use super::lex::Cursor;
-use super::motion::BESIDE;
 use super::run::{Runner, Site};
 use super::symbols::spans;
 use super::value::{EXTERNAL, NumberToken};
-use crate::program::{Editable, ExternalAxes, Motion, Role};
+use crate::program::{Editable, ExternalAxes, Motion, Reason, Role};
 use crate::text::Span;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -112,24 +110,22 @@ impl Runner<'_> {
     }
 
     /// Why a number stays as it is.
-    pub(super) fn holds(&self, place: Option<NumberToken>) -> Option<&'static str> {
+    pub(super) fn holds(&self, place: Option<NumberToken>) -> Option<Reason> {
         match place {
-            None => Some(RUN_TIME),
-            Some(place) if usize::from(place.source) >= self.written => Some("declared in a context file"),
-            Some(place) if self.pinned.contains(&place) => {
-                Some("its numbers are read by more than motions that are known")
-            }
+            None => Some(Reason::Computed),
+            Some(place) if usize::from(place.source) >= self.written => Some(Reason::InContextFile),
+            Some(place) if self.pinned.contains(&place) => Some(Reason::ReadByOthers),
             Some(_) => None,
         }
     }
 
     /// Why a target stays as it is.
-    pub(super) fn fixed(&self, i: usize) -> Option<&'static str> {
+    pub(super) fn fixed(&self, i: usize) -> Option<Reason> {
         if let Editable::No(reason) = self.targets[i].editable {
             return Some(reason);
         }
         let [x, y, z, ..] = self.sites[i].tokens;
-        let one = (x == y || y == z || x == z).then_some("one number is several components");
+        let one = (x == y || y == z || x == z).then_some(Reason::OneNumberOfSeveral);
         [x, y, z].into_iter().find_map(|place| self.holds(place)).or(one)
     }
 
@@ -149,7 +145,7 @@ impl Runner<'_> {
                 if self.is_motion(id.file, span) {
                     self.use_axes_in(id.file, span);
                     let beside = self.beside.contains(&id);
-                    self.keep(id.file, span, if beside { BESIDE } else { "routine that nothing in the files runs" });
+                    self.keep(id.file, span, if beside { Reason::Beside } else { Reason::NotRun });
                 }
             }
         }

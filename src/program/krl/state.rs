@@ -1,6 +1,7 @@
 //! What may hold at a place of the program: values of data by number, those that differ from what the text says.
 
 use super::value::{NumberToken, Value};
+use crate::program::Reason;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Number of a variable.
@@ -23,7 +24,7 @@ pub(super) struct ModalState {
 impl ModalState {
     /// Whether all that is known here holds there as well.
     pub(super) fn covers(&self, other: &Self, start: &[Value]) -> bool {
-        let missing = Value::unknown(super::value::NO_VALUE);
+        let missing = Value::unknown(Reason::Unset);
         let at = |state: &'_ Self, id: Id| state.values.get(&id).or_else(|| start.get(id)).unwrap_or(&missing).clone();
         let ids = self.values.keys().chain(other.values.keys().filter(|id| !self.values.contains_key(id)));
         ids.into_iter().all(|id| at(self, *id).covers(&at(other, *id)))
@@ -38,7 +39,7 @@ impl ModalState {
         position: Id,
         lost: &mut impl FnMut(NumberToken),
     ) -> Self {
-        let missing = Value::unknown(super::value::NO_VALUE);
+        let missing = Value::unknown(Reason::Unset);
         let at_start = |id: Id| start.get(id).unwrap_or(&missing);
         let mut join = |id: Id, a: &Value, b: &Value| if id == position { a.either(b, lost) } else { a.join(b, lost) };
         for (id, value) in &other.values {

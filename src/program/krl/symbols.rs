@@ -1,11 +1,11 @@
 //! Names of data and routines, and what data hold at the start.
 
-use super::changes::is_frame_function;
 use super::lex::{Cursor, LexemeKind};
 use super::names;
 use super::state::Id;
 use super::tree::{File, Routine, Statement, walk};
-use super::value::{AXES, EXTERNAL, NO_VALUE, Name, POSE, Step, Value, pose_record, upper};
+use super::value::{AXES, EXTERNAL, Name, POSE, Step, Value, pose_record, upper};
+use crate::program::Reason;
 use crate::text::{Source, Span};
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::rc::Rc;
@@ -71,9 +71,6 @@ enum Type {
     Pos,
 }
 
-/// Why data of which the files say nothing are not known.
-pub(super) const UNDECLARED: &str = "declared in none of the files";
-
 /// Tables of frames and loads that the controller has under these names.
 const TABLES: [&[u8]; 3] = [b"BASE_DATA", b"TOOL_DATA", b"LOAD_DATA"];
 
@@ -123,9 +120,9 @@ impl<'a> Symbols<'a> {
         let own = |name: &str| Value::Own(name.into());
         symbols.base = symbols.global(b"$BASE", own("$BASE"));
         symbols.tool = symbols.global(b"$TOOL", own("$TOOL"));
-        symbols.load = symbols.global(b"$LOAD", Value::unknown(NO_VALUE));
-        symbols.speed = symbols.global(b"$VEL", Value::unknown(NO_VALUE));
-        symbols.approximation = symbols.global(b"$APO", Value::unknown(NO_VALUE));
+        symbols.load = symbols.global(b"$LOAD", Value::unknown(Reason::Unset));
+        symbols.speed = symbols.global(b"$VEL", Value::unknown(Reason::Unset));
+        symbols.approximation = symbols.global(b"$APO", Value::unknown(Reason::Unset));
         symbols.mode = symbols.global(b"$IPO_MODE", Value::Constant(upper(b"BASE")));
         symbols.orientation = symbols.global(b"$ORI_TYPE", Value::Constant(upper(b"VAR")));
         symbols.ignored_axes = symbols.global(b"$EX_AX_IGNORE", Value::Number(0.0, None));
@@ -146,9 +143,9 @@ impl<'a> Symbols<'a> {
         // Names that no program can have.
         symbols.base_name = symbols.global(b" BASE", own("$BASE"));
         symbols.tool_name = symbols.global(b" TOOL", own("$TOOL"));
-        symbols.position = symbols.global(b" POSITION", Value::unknown("the position before is not known"));
-        symbols.turned = symbols.global(b" TURNED", Value::unknown("the orientation before is not known"));
-        symbols.stands = symbols.global(b" STANDS", Value::unknown("the motion before is not known"));
+        symbols.position = symbols.global(b" POSITION", Value::unknown(Reason::PositionBefore));
+        symbols.turned = symbols.global(b" TURNED", Value::unknown(Reason::OrientationBefore));
+        symbols.stands = symbols.global(b" STANDS", Value::unknown(Reason::MotionBefore));
         symbols.mark = symbols.global(b" MARK", Value::Bool(false));
         symbols
     }
@@ -173,7 +170,7 @@ impl<'a> Symbols<'a> {
         let all = module.first() == Some(&b'$');
         for data in &found.data {
             let name = upper(source.slice(data.name));
-            let value = if data.is_array { Value::Array(Rc::default()) } else { Value::unknown(NO_VALUE) };
+            let value = if data.is_array { Value::Array(Rc::default()) } else { Value::unknown(Reason::Unset) };
             let id = self.local(value);
             self.declare_type(id, source.slice(data.kind));
             if data.is_constant {
@@ -232,7 +229,7 @@ impl<'a> Symbols<'a> {
         if let Some(id) = module.or_else(|| self.globals.get(name)) {
             return *id;
         }
-        self.global(name, Value::unknown(UNDECLARED))
+        self.global(name, Value::unknown(Reason::NameUndeclared))
     }
 
     /// Variables that are the run's own.
@@ -283,7 +280,7 @@ impl<'a> Symbols<'a> {
             self.files[file].routines.iter().position(|r| self.sources[file].slice(r.name).eq_ignore_ascii_case(name));
         let found = own.map(|at| RoutineId { file, at }).or_else(|| self.routines.get(&upper(name)).copied());
         // What those of the controller's own BAS.SRC say is known.
-        found.filter(|id| !self.is_bas(id.file) || !is_frame_function(&upper(name)))
+        found.filter(|id| !self.is_bas(id.file) || !names::is_frame_function(&upper(name)))
     }
 
     /// Whether a file is the controller's own BAS.SRC.

@@ -2,6 +2,7 @@
 
 use super::lex::{Cursor, LexemeKind, Line, lines};
 use super::tree::{Condition, Data, File, Param, Routine, Statement};
+use crate::program::Reason;
 use crate::text::{Source, Span};
 
 /// Blocks within one another: more than anybody writes.
@@ -126,7 +127,7 @@ impl<'a> Parser<'a> {
                 self.file.module = name(&mut cursor);
                 self.data_list();
             } else {
-                self.file.odd.push((line.code, "statement outside a routine"));
+                self.file.odd.push((line.code, Reason::StatementOutside));
             }
         }
         Ok(())

@@ -1,5 +1,5 @@
 use super::*;
-use crate::program::{Change, Editable, Goal, Mark, Motion, RewriteOptions, Role};
+use crate::program::{Change, Editable, Goal, Mark, Motion, Reason, RewriteOptions, Role};
 use crate::text::apply;
 
 fn program_of(texts: &[(&str, &str)], context: &[(&str, &str)]) -> Program {
@@ -36,7 +36,7 @@ fn moved(program: &Program, by: f64) -> Vec<String> {
     program.sources.iter().zip(&rewritten.edits).map(write).collect()
 }
 
-fn reasons(program: &Program) -> Vec<&'static str> {
+fn reasons(program: &Program) -> Vec<Reason> {
     program.kept.iter().map(|kept| kept.reason).collect()
 }
 
@@ -90,7 +90,7 @@ fn a_loop_over_an_array_is_one_visit_an_element() {
     assert_eq!(p.targets[1].name.as_deref(), Some("gP[2]"));
     assert_eq!(moved(&p, 0.5)[1].matches(".500,").count(), 9);
     let alone = program_of(&[("a.src", src)], &[("points.dat", dat)]);
-    assert_eq!(alone.targets[0].editable, Editable::No("declared in a context file"));
+    assert_eq!(alone.targets[0].editable, Editable::No(Reason::InContextFile));
 }
 
 #[test]
@@ -135,7 +135,7 @@ fn arcs_have_a_via_and_splines_their_points() {
     assert_eq!((p.targets[2].motion, p.arcs, p.targets.len()), (Motion::Circular, 2, 4));
     assert_eq!(p.targets[3].feed_mm_s, Some(500.0));
     assert_eq!(p.diagnostics.iter().filter(|told| told.code == "krl.spline").count(), 1);
-    assert_eq!(reasons(&p), ["circle with an angle"]);
+    assert_eq!(reasons(&p), [Reason::CircleWithAngle]);
     assert_eq!(moved(&p, 0.5)[0].matches(".500").count(), 12);
 }
 
@@ -143,15 +143,15 @@ fn arcs_have_a_via_and_splines_their_points() {
 fn what_is_known_only_at_run_time_stays() {
     let line = "{X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
     for (body, reason) in [
-        ("LIN_REL {X 1.0}", "relative motion, counted from the position before"),
-        ("LIN $POS_ACT", "a system value that is known only at run time"),
-        ("P.X = $TIMER[1]\nLIN P", "a system value that is known only at run time"),
-        ("LIN XHOME", "declared in none of the files"),
-        (&*format!("$IPO_MODE=#TCP\nLIN {line}"), "the robot holds the part ($IPO_MODE is #TCP)"),
-        (&*format!("spindle()\nLIN {line}"), "tool known only at run time"),
-        (&*format!("PTP {}", line.replace("}", ",S 2}")), "joint motion of which status or turn is not known"),
-        ("LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0,E1 $TIMER[1]}", "external axis known only at run time"),
-        (&*format!("BAS(#BASE,$IN_NUM)\nLIN {line}"), "base known only at run time"),
+        ("LIN_REL {X 1.0}", Reason::RelativeMotion),
+        ("LIN $POS_ACT", Reason::SystemValue),
+        ("P.X = $TIMER[1]\nLIN P", Reason::SystemValue),
+        ("LIN XHOME", Reason::NameUndeclared),
+        (&*format!("$IPO_MODE=#TCP\nLIN {line}"), Reason::RobotHoldsPart),
+        (&*format!("spindle()\nLIN {line}"), Reason::Tool),
+        (&*format!("PTP {}", line.replace("}", ",S 2}")), Reason::StatusUnknown),
+        ("LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0,E1 $TIMER[1]}", Reason::ExternalAxisUnknown),
+        (&*format!("BAS(#BASE,$IN_NUM)\nLIN {line}"), Reason::Base),
     ] {
         let p = program(body);
         assert!(reasons(&p).contains(&reason), "{body}: {:?}", reasons(&p));
@@ -179,7 +179,7 @@ fn a_point_under_two_bases_stays_where_they_disagree() {
         "DEF a()\n$BASE=BASE_DATA[1]\nLIN XP1\n$BASE=BASE_DATA[2]\nLIN XP1\nLIN XP2\nIF XP2.X > 0 THEN\nENDIF\nEND\n";
     let dat = "DEFDAT a\nDECL E6POS XP1={X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}\nDECL E6POS XP2={X 9.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}\nENDDAT\n";
     let p = program_of(&[("a.src", src), ("a.dat", dat)], &[]);
-    assert_eq!(p.targets[2].editable, Editable::No("its numbers are read by more than motions that are known"));
+    assert_eq!(p.targets[2].editable, Editable::No(Reason::ReadByOthers));
     let change = |by: f64| Some(Change { position_mm: [1.0 + by, 2.0, 3.0], quat: None, conf: None, external: None });
     let rewritten = p.rewrite(&[change(0.1), change(0.2), None], &[], &RewriteOptions::default());
     assert!(rewritten.edits.iter().all(Vec::is_empty));
@@ -228,7 +228,7 @@ fn an_orientation_that_the_controller_disregards_is_not_edited() {
     let lines = format!("LIN {}\nLIN {}\nLIN {}\n", to(1.0, 0.0), to(2.0, 0.0), to(3.0, 5.0));
     let held = program(&format!("PTP {}\n$ORI_TYPE=#CONSTANT\n{lines}LIN {}", to(0.0, 0.0), to(4.0, 5.0)));
     assert_eq!(editable(&held), ['P', 'p', 'p', '-', '-'], "the robot still stands as before the first");
-    assert!(!held.targets[3].located && held.kept[0].reason == "the programmed orientation is disregarded ($ORI_TYPE)");
+    assert!(!held.targets[3].located && held.kept[0].reason == Reason::OrientationType);
     let edited = &moved(&held, 0.5)[0];
     assert!(edited.contains("LIN {X 1.500,Y 2.500,Z 3.500,A 0.0,B 0.0,C 0.0}"), "{edited}");
     assert_eq!(editable(&program(&format!("$ORI_TYPE=#CONSTANT\n{lines}"))), ['-'; 3], "nobody knows how it begins");
@@ -267,7 +267,7 @@ fn the_orientation_of_inline_forms_is_that_of_their_data() {
 fn external_axes_that_do_not_go_where_positions_say_keep_their_targets() {
     let line = |x: u8, axes: &str| format!("SLIN {{X {x}.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0{axes}}}");
     let all = |body: &str| (editable(&program(body)), reasons(&program(body)));
-    let chosen = "an external axis that the controller chooses ($EX_AX_IGNORE)";
+    let chosen = Reason::IgnoredAxis;
     // For one motion, and of the axis whose bit is set; who leaves it out has it from there.
     let first = line(1, ",E1 5.0,E2 7.0");
     let with = |bits: &str| format!("{} WITH $EX_AX_IGNORE='B{bits}'", line(2, ",E1 6.0,E2 7.0"));
@@ -279,7 +279,7 @@ fn external_axes_that_do_not_go_where_positions_say_keep_their_targets() {
     let spline =
         format!("{first}\nSPLINE WITH $EX_AX_IGNORE='B10'\n{behind}\nENDSPLINE\n{}", line(4, ",E1 1.0,E2 7.0"));
     assert_eq!(editable(&program(&spline)), ['P', '-', 'P']);
-    let alone = "an external axis that moves by itself ($ASYNC_AXIS)";
+    let alone = Reason::AsynchronousAxis;
     assert_eq!(all(&format!("$ASYNC_AXIS='B1'\n{first}\n$ASYNC_AXIS=0\n{behind}")), (vec!['-', 'P'], vec![alone]));
     assert_eq!(all(&format!("$ASYNC_AXIS=$ASYNC_AXIS B_AND 'B110'\n{first}")).0, ['-'], "what it was is not known");
     assert_eq!(all(&format!("$ASYNC_AXIS='B1'\n{}", line(1, ""))).0, ['P'], "no axis is named");
@@ -314,7 +314,7 @@ fn interrupts_and_triggers_change_at_any_moment_what_they_change() {
     let p = program(&format!(
         "INTERRUPT DECL 5 WHEN $IN[1] DO isr()\n$BASE=BASE_DATA[1]\n{line}\nEND\nDEF isr()\n$BASE=BASE_DATA[2]"
     ));
-    assert_eq!(reasons(&p), ["base may be changed at any moment"]);
+    assert_eq!(reasons(&p), [Reason::BaseAnyMoment]);
     let p = program(&format!("GLOBAL INTERRUPT DECL 3 WHEN $STOPMESS==TRUE DO IR_STOPM ( )\nINTERRUPT ON 3\n{line}"));
     assert_eq!(p.targets[0].editable, Editable::Pose);
     let p = program(&format!("TRIGGER WHEN DISTANCE=0 DELAY=0 DO other() PRIO=-1\n{line}"));
@@ -340,14 +340,14 @@ fn jumps_leave_what_the_routine_changes_unknown() {
     let line = "LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
     let again = format!("{line}\n$BASE=BASE_DATA[2]\nIF $IN[1] THEN\nGOTO again\nENDIF");
     let p = program(&format!("$BASE=BASE_DATA[1]\nagain:\n{again}"));
-    assert_eq!(reasons(&p), ["base known only at run time"]);
+    assert_eq!(reasons(&p), [Reason::Base]);
     let set_again = program(&format!("again:\n$BASE=BASE_DATA[1]\n{again}"));
     assert_eq!((editable(&set_again), &*set_again.wobjs[0].name), (vec!['P'], "BASE_DATA[1]"));
     // What the label is reached with has run through all rounds before.
     let counted = program(&format!(
         "INT i\ni=1\n$BASE=BASE_DATA[1]\nnext:\nIF i>1 THEN\n$BASE=BASE_DATA[3]\nENDIF\n{line}\ni=i+1\nIF i<3 THEN\nGOTO next\nENDIF"
     ));
-    assert_eq!(reasons(&counted), ["base known only at run time"]);
+    assert_eq!(reasons(&counted), [Reason::Base]);
 }
 
 const POINT: &str = "{X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
@@ -495,7 +495,7 @@ fn a_statement_that_may_fail_leaves_what_it_sets_unknown() {
     let p = program(&format!(
         "$BASE=BASE_DATA[1]\nON_ERROR_PROCEED\n$BASE=BASE_DATA[2]\nLIN {POINT}\n$BASE=BASE_DATA[2]\nLIN {POINT}"
     ));
-    assert_eq!((reasons(&p), editable(&p)), (vec!["base known only at run time"], vec!['P']));
+    assert_eq!((reasons(&p), editable(&p)), (vec![Reason::Base], vec!['P']));
 }
 
 /// Who leaves components out has them from the motion before, whichever that was; all others leave it alone.
@@ -614,7 +614,7 @@ fn numbers_that_last_are_unknown_at_the_start() {
     let src = "DEF a()\nIF first THEN\n$BASE=BASE_DATA[1]\nELSE\n$BASE=BASE_DATA[2]\nENDIF\nfirst=FALSE\nLIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}\nEND\n";
     let dat = "DEFDAT a\nDECL BOOL first=TRUE\nENDDAT\n";
     let p = program_of(&[("a.src", src), ("a.dat", dat)], &[]);
-    assert_eq!(reasons(&p), ["base known only at run time"]);
+    assert_eq!(reasons(&p), [Reason::Base]);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! What a file is made of: spans, not texts.
 
-use crate::program::Mark;
+use crate::program::{Mark, Reason};
 use crate::text::Span;
 
 /// One file: routines (`.src`), data (`.dat`), or both.
@@ -13,7 +13,7 @@ pub(super) struct File {
     /// Elements that a data list sets, in text order: `Points[1]={X 1,…}`.
     pub(super) values: Vec<Span>,
     /// Statements that are not understood, with the reason.
-    pub(super) odd: Vec<(Span, &'static str)>,
+    pub(super) odd: Vec<(Span, Reason)>,
     /// The last mark before the first routine: in force from the start.
     pub(super) mark: Option<Mark>,
     /// Where the file ends within a routine or a block.

@@ -1,5 +1,6 @@
 //! What an expression is worth, as far as it is known when reading, and where its numbers stand.
 
+use crate::program::Reason;
 use crate::program::orientation::{from_zyx_deg, quaternion, zyx_deg};
 use crate::text::Span;
 use nalgebra::Vector3;
@@ -42,7 +43,7 @@ impl NumberToken {
 #[derive(Clone, Debug)]
 pub(super) enum Value {
     /// Known only when the program runs, and why; it may be this one.
-    Unknown(&'static str, Option<Rc<Value>>),
+    Unknown(Reason, Option<Rc<Value>>),
     /// A number; its token where it is a literal, or a copy of one.
     Number(f64, Option<NumberToken>),
     Bool(bool),
@@ -60,13 +61,6 @@ pub(super) enum Value {
 /// What an array holds of all elements that it does not list; no index is below 0.
 pub(super) const REST: i64 = -1;
 
-/// Why a value that two branches leave is not known.
-const DIFFERS: &str = "differs by what is known only at run time";
-/// Why data have no value.
-pub(super) const NO_VALUE: &str = "has no value in the files";
-/// Why a frame's components are not known.
-pub(super) const CELL_KNOWS: &str = "a frame whose numbers only the cell has";
-
 /// One step into a record or array.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Step {
@@ -75,7 +69,7 @@ pub(super) enum Step {
 }
 
 impl Value {
-    pub(super) fn unknown(why: &'static str) -> Self {
+    pub(super) fn unknown(why: Reason) -> Self {
         Self::Unknown(why, None)
     }
 
@@ -103,15 +97,15 @@ impl Value {
         let Some((first, rest)) = path.split_first() else { return self.clone() };
         match (self, first) {
             (Self::Record(_), Step::Component(name)) => {
-                self.component(name).map_or(Self::unknown(NO_VALUE), |value| value.get(rest))
+                self.component(name).map_or(Self::unknown(Reason::Unset), |value| value.get(rest))
             }
             (Self::Array(items), Step::Element(at)) => {
-                items.get(at).or_else(|| items.get(&REST)).map_or(Self::unknown(NO_VALUE), |value| value.get(rest))
+                items.get(at).or_else(|| items.get(&REST)).map_or(Self::unknown(Reason::Unset), |value| value.get(rest))
             }
-            (Self::Own(_), Step::Component(_)) => Self::unknown(CELL_KNOWS),
-            (Self::Unknown(why, None), _) => Self::unknown(why),
-            (Self::Unknown(why, Some(was)), _) => was.get(path).forgotten(why),
-            _ => Self::unknown("not a record or an array"),
+            (Self::Own(_), Step::Component(_)) => Self::unknown(Reason::CellFrame),
+            (Self::Unknown(why, None), _) => Self::unknown(*why),
+            (Self::Unknown(why, Some(was)), _) => was.get(path).forgotten(*why),
+            _ => Self::unknown(Reason::NotARecordOrArray),
         }
     }
 
@@ -122,7 +116,7 @@ impl Value {
             if let (Self::Record(old), Self::Record(new)) = (&*self, &value) {
                 let named = |name: &Name| new.iter().any(|(known, _)| known == name);
                 let rest = old.iter().filter(|(name, _)| !named(name));
-                let rest = rest.map(|(name, value)| (name.clone(), value.clone().forgotten(NO_VALUE)));
+                let rest = rest.map(|(name, value)| (name.clone(), value.clone().forgotten(Reason::Unset)));
                 *self = Self::Record(Rc::new(new.iter().cloned().chain(rest).collect()));
             } else {
                 *self = value;
@@ -135,12 +129,12 @@ impl Value {
                     *self = Self::Record(Rc::default());
                 }
                 let Self::Record(fields) = self else {
-                    *self = std::mem::replace(self, Self::Bool(false)).forgotten(NO_VALUE);
+                    *self = std::mem::replace(self, Self::Bool(false)).forgotten(Reason::Unset);
                     return;
                 };
                 let fields = Rc::make_mut(fields);
                 if !fields.iter().any(|(known, _)| known == name) {
-                    fields.push((name.clone(), Self::unknown(NO_VALUE)));
+                    fields.push((name.clone(), Self::unknown(Reason::Unset)));
                 }
                 if let Some((_, old)) = fields.iter_mut().find(|(known, _)| known == name) {
                     old.set(rest, value);
@@ -151,10 +145,10 @@ impl Value {
                     *self = Self::Array(Rc::default());
                 }
                 let Self::Array(items) = self else {
-                    *self = std::mem::replace(self, Self::Bool(false)).forgotten(NO_VALUE);
+                    *self = std::mem::replace(self, Self::Bool(false)).forgotten(Reason::Unset);
                     return;
                 };
-                Rc::make_mut(items).entry(*at).or_insert(Self::unknown(NO_VALUE)).set(rest, value);
+                Rc::make_mut(items).entry(*at).or_insert(Self::unknown(Reason::Unset)).set(rest, value);
             }
         }
     }
@@ -174,7 +168,7 @@ impl Value {
     pub(super) fn is(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Unknown(a, was), Self::Unknown(b, other)) => {
-                std::ptr::eq(*a, *b) && was.as_ref().map(Rc::as_ptr) == other.as_ref().map(Rc::as_ptr)
+                a == b && was.as_ref().map(Rc::as_ptr) == other.as_ref().map(Rc::as_ptr)
             }
             #[allow(clippy::float_cmp)] // the very number
             (Self::Number(a, at), Self::Number(b, other)) => a == b && at == other,
@@ -232,7 +226,7 @@ impl Value {
             other.places(lost);
             all.clear();
         }
-        Self::Unknown(DIFFERS, Some(Rc::new(Self::Array(Rc::new(all)))))
+        Self::Unknown(Reason::Branches, Some(Rc::new(Self::Array(Rc::new(all)))))
     }
 
     /// What holds where either may; tokens of what differs go to `lost`.
@@ -254,13 +248,13 @@ impl Value {
                 b.places(lost);
                 let why =
                     [a, b].into_iter().find_map(|v| if let Self::Unknown(why, _) = v { Some(*why) } else { None });
-                Self::unknown(why.unwrap_or(DIFFERS))
+                Self::unknown(why.unwrap_or(Reason::Branches))
             }
         }
     }
 
     /// As something may have changed it.
-    pub(super) fn forgotten(self, why: &'static str) -> Self {
+    pub(super) fn forgotten(self, why: Reason) -> Self {
         match self {
             Self::Unknown(_, was) => Self::Unknown(why, was),
             known => Self::Unknown(why, Some(Rc::new(known))),
@@ -268,7 +262,7 @@ impl Value {
     }
 
     /// The same of an array whose elements are known again once they are set.
-    pub(super) fn all_forgotten(self, why: &'static str) -> Self {
+    pub(super) fn all_forgotten(self, why: Reason) -> Self {
         let Self::Array(mut items) = self else { return self.forgotten(why) };
         let own = Rc::make_mut(&mut items);
         own.values_mut().for_each(|value| *value = std::mem::replace(value, Self::Bool(false)).forgotten(why));

@@ -2,19 +2,14 @@
 
 use super::Layout;
 use super::rewrite::print;
-use crate::program::{Change, Editable, Insert, Motion, Passing, Program, RewriteOptions, Rewritten, Role};
+use crate::program::{Change, Editable, Insert, Motion, Passing, Program, Reason, RewriteOptions, Rewritten, Role};
 use crate::text::{Content, Edit, Span};
 
-const ARC: &str = "only lines can be subdivided in this language";
-const ELSEWHERE: &str = "its numbers do not stand in the statement of the motion";
-const WIDE: &str = "its blend radius is wider than the room between the points";
-const ALONE: &str = "the statement shares its line with another";
-
 /// Why nothing can be inserted before a target.
-pub(super) fn refusal(program: &Program, layout: &Layout, before: usize) -> Option<&'static str> {
+pub(super) fn refusal(program: &Program, layout: &Layout, before: usize) -> Option<Reason> {
     let target = program.targets.get(before)?;
     if target.motion != Motion::Linear || target.role != Role::End {
-        return Some(ARC);
+        return Some(Reason::OnlyLines);
     }
     let within = |at: usize| {
         let affine = layout.sites[before].as_ref()?.affine[at]?;
@@ -24,13 +19,13 @@ pub(super) fn refusal(program: &Program, layout: &Layout, before: usize) -> Opti
         inside.then_some(())
     };
     if target.editable != Editable::Pose || (0..6).any(|at| within(at).is_none()) {
-        return Some(ELSEWHERE);
+        return Some(Reason::NumbersElsewhere);
     }
     let bytes = &program.sources[usize::from(target.source)].bytes;
     let begins = |at: usize| bytes[..at].iter().rposition(|b| *b == b'\n').map_or(0, |end| end + 1);
     let blank =
         bytes[begins(target.span.start as usize)..target.span.start as usize].iter().all(u8::is_ascii_whitespace);
-    (!blank).then_some(ALONE)
+    (!blank).then_some(Reason::SharesLine)
 }
 
 /// Writes the inserts into `out`; gives each as the controller will hold it, where it could be written.
@@ -65,27 +60,22 @@ pub(super) fn write(
 
 type Written = (Vec<u8>, ([f64; 3], [f64; 4]));
 
-fn statement(
-    program: &Program,
-    layout: &Layout,
-    insert: &Insert,
-    options: &RewriteOptions,
-) -> Result<Written, &'static str> {
+fn statement(program: &Program, layout: &Layout, insert: &Insert, options: &RewriteOptions) -> Result<Written, Reason> {
     if let Some(why) = refusal(program, layout, insert.before) {
         return Err(why);
     }
     if insert.via.is_some() {
-        return Err(ARC);
+        return Err(Reason::OnlyLines);
     }
     let (target, site) = match (program.targets.get(insert.before), &layout.sites[insert.before]) {
         (Some(target), Some(site)) => (target, site),
-        _ => return Err(ELSEWHERE),
+        _ => return Err(Reason::NumbersElsewhere),
     };
     // Blends of neighbours must not overlap.
     if let Passing::Zone(radius_mm) = layout.passings[insert.before]
         && 2.0 * radius_mm > insert.room_mm
     {
-        return Err(WIDE);
+        return Err(Reason::BlendTooWide);
     }
     let change = Change { position_mm: insert.position_mm, quat: Some(insert.quat), conf: None, external: None };
     let printed = print(program, layout, insert.before, site, &change, false, options)?;

@@ -13,7 +13,7 @@ mod targets;
 pub(super) use targets::{Lowering, read};
 
 use super::front_end::FrontEnd;
-use super::{Change, Insert, Passing, Program, RewriteOptions, Rewritten};
+use super::{Change, Insert, Passing, Program, Reason, RewriteOptions, Rewritten};
 use crate::program::orientation::quaternion;
 use deflex_lang::dialect::Dialect;
 use deflex_lang::ir::{SourceSpan, TokenId};
@@ -108,7 +108,7 @@ impl FrontEnd for Layout {
         self.passings[target]
     }
 
-    fn insertion_refused(&self, program: &Program, before: usize) -> Option<&'static str> {
+    fn insertion_refused(&self, program: &Program, before: usize) -> Option<Reason> {
         insert::refusal(program, self, before)
     }
 

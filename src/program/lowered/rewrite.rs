@@ -2,7 +2,7 @@
 
 use super::{Layout, Site};
 use crate::program::token::New;
-use crate::program::{Change, Editable, Goal, Program, RewriteOptions, Rewritten};
+use crate::program::{Change, Editable, Goal, Program, Reason, RewriteOptions, Rewritten};
 use crate::text::{Content, Edit, Token};
 use deflex_lang::ir::TokenId;
 use deflex_lang::shared::agree;
@@ -10,9 +10,6 @@ use std::collections::BTreeMap;
 
 /// Two orientations closer than this are the same: rounding of the arithmetic between reading and writing.
 const SAME_QUAT: f64 = 1e-12;
-
-const SHARED: &str = "numbers used by motions whose corrections differ";
-const POSITION_ONLY: &str = "the numbers of the orientation cannot be edited";
 
 /// What becomes of the tokens of one target.
 pub(super) struct Print {
@@ -84,7 +81,7 @@ pub(super) fn rewrite(
         for i in group.clone() {
             let wanted = changes[i].as_ref().is_some_and(|change| differs(&program.targets[i].goal, change));
             if wanted && !kept.iter().any(|(kept, _)| *kept == i) {
-                kept.push((i, SHARED));
+                kept.push((i, Reason::SharedNumbers));
             }
         }
     }
@@ -119,7 +116,7 @@ pub(super) fn print(
     change: &Change,
     position_only: bool,
     options: &RewriteOptions,
-) -> Result<Print, &'static str> {
+) -> Result<Print, Reason> {
     let (style, goal) = (layout.style, &program.targets[target].goal);
     if !differs(goal, change) {
         return Ok(unchanged(site, goal));
@@ -128,7 +125,7 @@ pub(super) fn print(
     let quat = change.quat.filter(|quat| turned(*quat, was));
     let mut values = site.numbers;
     let changed = match quat {
-        Some(_) if position_only => return Err(POSITION_ONLY),
+        Some(_) if position_only => return Err(Reason::PositionOnly),
         Some(quat) => {
             let wanted = layout.pose(change.position_mm, quat);
             let own = site.left.inverse() * wanted * site.right.inverse();

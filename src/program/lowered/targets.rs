@@ -2,23 +2,21 @@
 
 use super::{Layout, Site, Style};
 use crate::program::{
-    Conf, Editable, Goal, Kept, Language, Mark, Motion, Passing, Predecessor, Program, Role, Target, Tool, ToolData,
-    UnknownMotion, Wobj,
+    Conf, Editable, Goal, Kept, Language, Mark, Motion, Passing, Predecessor, Program, Reason, Role, Target, Tool,
+    ToolData, UnknownMotion, Wobj,
 };
 use crate::text::{Diagnostic, Severity, Source, Span};
 use deflex_lang::dialect::Dialect;
 use deflex_lang::ir::{self, Path, SourceSpan, Switch};
 use deflex_lang::run::{From, Moved, run};
 use deflex_lang::shared::{Edit, editable};
-use deflex_lang::value::{Content, Pose, Reason, Value};
+use deflex_lang::value::{Content, Pose, Value};
 use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::Arc;
 
 const ENDLESS: &str =
     "the program does not end within 5 million statements, or its loops make more than 200,000 motions";
-const NO_CIRCLE: &str = "circle through axis angles";
-const NO_VIA: &str = "circle without a point on the way";
 
 /// How programs of a language are read.
 pub(in crate::program) struct Lowering {
@@ -101,7 +99,7 @@ fn build(
         }
     }
     for place in &program.not_understood {
-        builder.keep(*place, Reason::NotUnderstood.text());
+        builder.keep(*place, Reason::NotUnderstood);
     }
     let mut diagnostics = (lowering.warnings)(&sources[..written]);
     diagnostics.extend(not_given(program, &sources, style.dialect));
@@ -227,41 +225,41 @@ impl Builder<'_> {
         }
     }
 
-    fn points(&mut self, motion: &Moved, edit: Edit, follows: bool) -> Result<(), &'static str> {
+    fn points(&mut self, motion: &Moved, edit: Edit, follows: bool) -> Result<(), Reason> {
         let switch = |switch: Switch| &motion.switches[switch as usize];
         if motion.in_thread {
-            return Err(Reason::InThread.text());
+            return Err(Reason::InThread);
         }
         if let Path::Unknown(why) = motion.path {
-            return Err(why.text());
+            return Err(why);
         }
         for value in motion.via.iter().chain([&motion.to]) {
             if let Some(why) = value.reason() {
-                return Err(why.text());
+                return Err(why);
             }
         }
         for (of, why) in
             [(Switch::Tool, Some(Reason::Tool)), (Switch::Frame, Some(Reason::Frame)), (Switch::Shift, None)]
         {
             if let Some(reason) = switch(of).reason() {
-                return Err(why.unwrap_or(reason).text());
+                return Err(why.unwrap_or(reason));
             }
         }
-        let (to, joints) = self.goal(&motion.to).ok_or(Reason::Computed.text())?;
+        let (to, joints) = self.goal(&motion.to).ok_or(Reason::Computed)?;
         let path = match (motion.path, joints) {
             (Path::Joint, true) => Motion::AbsoluteJoint,
             (Path::Joint, false) => Motion::Joint,
-            (Path::Circular, true) => return Err(NO_CIRCLE),
+            (Path::Circular, true) => return Err(Reason::CircleThroughAxes),
             (Path::Circular, false) => Motion::Circular,
             _ => Motion::Linear,
         };
         let via = match (&motion.via, path) {
             (Some(via), Motion::Circular) => match self.goal(via) {
                 Some((goal, false)) => Some(goal),
-                _ => return Err(NO_CIRCLE),
+                _ => return Err(Reason::CircleThroughAxes),
             },
             (None, Motion::Circular) if matches!(motion.path, Path::Circular) && self.style.tool == "TCP" => {
-                return Err(NO_VIA);
+                return Err(Reason::CircleWithoutPoint);
             }
             _ => None,
         };
@@ -275,7 +273,7 @@ impl Builder<'_> {
         let editable = match edit {
             Edit::Pose => Editable::Pose,
             Edit::Position => Editable::Position,
-            Edit::No(why) => Editable::No(why.text()),
+            Edit::No(why) => Editable::No(why),
         };
         let is_path = matches!(path, Motion::Linear | Motion::Circular);
         let end = Target {
@@ -352,7 +350,7 @@ impl Builder<'_> {
     }
 
     /// Indices of tool and work object.
-    fn frames(&mut self, motion: &Moved) -> Result<(u16, u16), &'static str> {
+    fn frames(&mut self, motion: &Moved) -> Result<(u16, u16), Reason> {
         if let Some(given) = motion.to.pose().and_then(|pose| pose.given.as_ref()) {
             let tool = intern(&mut self.tools, Tool { name: Arc::clone(&given.tool), data: None });
             let wobj = Wobj { name: Arc::clone(&given.frame), data: None, unit: None };
@@ -413,7 +411,7 @@ impl Builder<'_> {
         u32::try_from(source.line_column(place.span.start as usize).line).unwrap_or(u32::MAX)
     }
 
-    fn keep(&mut self, place: SourceSpan, reason: &'static str) {
+    fn keep(&mut self, place: SourceSpan, reason: Reason) {
         let (source, span) = (usize::from(place.source), Span { start: place.span.start, end: place.span.end });
         let line = self.line(place) as usize;
         let known = |kept: &Kept| (kept.source, kept.span, kept.reason) == (source, span, reason);

@@ -3,12 +3,12 @@
 //! Each chunk says what its motions want; of what those that are alike want, so much is held that who does not agree is known. From
 //! that the numbers of the text follow as from a program that is held as a whole, and each chunk receives them.
 
-use super::rewrite::{FROZEN, SHARED_OFFSET, Settled, rewrite_settled};
+use super::rewrite::{Settled, rewrite_settled};
 use super::value::Step;
-use super::writer::{Print, SHARED, Writer};
+use super::writer::{Print, Writer};
 use super::{Layout, Site};
 use crate::program::token::MAX_DECIMALS;
-use crate::program::{Change, Editable, Goal, Program, RewriteOptions, Rewritten, Target};
+use crate::program::{Change, Editable, Goal, Program, Reason, RewriteOptions, Rewritten, Target};
 use crate::text::Edit;
 use smallvec::SmallVec;
 use std::collections::HashMap;
@@ -210,9 +210,9 @@ impl Agreed {
                     let Some(change) = change else { continue };
                     let print = || writer.print(i, &layout.literals[literal as usize], change);
                     if self.settled.frozen.contains(&literal) {
-                        differs(writer).then_some(FROZEN)
+                        differs(writer).then_some(Reason::MovesKept)
                     } else if self.settled.disputed.contains(&literal) {
-                        (print() != Print::default()).then_some(SHARED)
+                        (print() != Print::default()).then_some(Reason::SharedTarget)
                     } else {
                         None
                     }
@@ -225,7 +225,7 @@ impl Agreed {
     }
 
     /// Why an offset stays, where another is wanted.
-    fn offset(&self, writer: &Writer<'_>, i: usize, at: u32, change: Option<&Change>) -> Option<&'static str> {
+    fn offset(&self, writer: &Writer<'_>, i: usize, at: u32, change: Option<&Change>) -> Option<Reason> {
         let offset = writer.layout.offsets.get(at as usize)?;
         let Goal::Pose { position_mm, .. } = writer.program.targets[i].goal else { return None };
         let wanted = change.map_or(position_mm, |change| change.position_mm);
@@ -233,11 +233,11 @@ impl Agreed {
         let settled = (&self.settled.prints[..], &self.settled.offsets);
         let wish = writer.wish(offset, (position_mm, wanted), settled);
         match self.settled.offsets.get(&place) {
-            None => wish.map(|_| SHARED_OFFSET),
+            None => wish.map(|_| Reason::SharedOffset),
             Some(agreed) if wish.unwrap_or_default() == *agreed => None,
             Some(_) => {
                 self.contradicted.store(true, Ordering::Relaxed);
-                Some(SHARED_OFFSET)
+                Some(Reason::SharedOffset)
             }
         }
     }

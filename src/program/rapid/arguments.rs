@@ -1,13 +1,12 @@
 //! What the tool, work object and speed arguments of a motion mean.
 
-use super::eval::{RUN_TIME, Scope};
+use super::eval::Scope;
 use super::motion::Call;
-use super::parameters::ABSENT;
 use super::runner::{Cached, Mode, Runner};
 use super::symbols::{Upper, first_word};
-use super::value::{MAX_NORM_ERROR, NOT_UNIT};
+use super::value::MAX_NORM_ERROR;
 use super::value::{SourceSpan, Value, predefined, unit};
-use crate::program::{Tool, ToolData, Wobj, WobjData};
+use crate::program::{Reason, Tool, ToolData, Wobj, WobjData};
 use crate::text::{Severity, Span, decode};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -15,7 +14,7 @@ use std::sync::Arc;
 pub(super) const MANY_FRAMES: &str = "the program has more than 65,536 tools or work objects";
 
 impl<'a> Runner<'a> {
-    pub(super) fn tool_index(&mut self, scope: Scope, argument: Span) -> Result<u16, &'static str> {
+    pub(super) fn tool_index(&mut self, scope: Scope, argument: Span) -> Result<u16, Reason> {
         let place = SourceSpan { source: scope.source, span: argument };
         if self.fresh(self.tool, place) {
             return Ok(self.tool.index);
@@ -24,10 +23,10 @@ impl<'a> Runner<'a> {
         let data = value.tool();
         if declared && data.is_none() {
             self.tell_frame(argument, "tool", &name, &value);
-            return Err("tool known only at run time");
+            return Err(Reason::Tool);
         }
         if data.is_some_and(|data| !is_unit(data.tcp_quat)) {
-            return Err(NOT_UNIT);
+            return Err(Reason::NotUnit);
         }
         let numbers = data.map_or(Vec::new(), |d| {
             [&d.tcp_mm[..], &d.tcp_quat, &[d.mass_kg], &d.cog_mm, &[f64::from(u8::from(d.robhold))]].concat()
@@ -37,23 +36,23 @@ impl<'a> Runner<'a> {
         let index = number(&mut self.tools, &mut self.tool_numbers, key, self.mode, Tool { name, data })?;
         let Some(index) = index else {
             self.refuse(scope.source, argument, "rapid.frames", MANY_FRAMES, "split the program");
-            return Err("too many tools");
+            return Err(Reason::TooManyFrames);
         };
         self.tool = self.cached(scope, place, index);
         Ok(index)
     }
 
-    pub(super) fn wobj_index(&mut self, scope: Scope, argument: Option<Span>) -> Result<u16, &'static str> {
+    pub(super) fn wobj_index(&mut self, scope: Scope, argument: Option<Span>) -> Result<u16, Reason> {
         let argument = argument.filter(|a| !a.is_empty());
         // No argument: the same empty place whatever the instruction.
         let place = SourceSpan { source: scope.source, span: argument.unwrap_or_default() };
         if self.fresh(self.wobj, place) {
             return Ok(self.wobj.index);
         }
-        let wobj0 = || ("wobj0".into(), predefined(b"WOBJ0").unwrap_or(Value::Unknown(RUN_TIME)), true);
+        let wobj0 = || ("wobj0".into(), predefined(b"WOBJ0").unwrap_or(Value::Unknown(Reason::Computed)), true);
         let (name, value, declared) = match argument {
             Some(argument) => match self.named(scope, argument) {
-                (_, Value::Unknown(ABSENT), _) => wobj0(),
+                (_, Value::Unknown(Reason::OptionalArgumentMissing), _) => wobj0(),
                 named => named,
             },
             None => wobj0(),
@@ -61,10 +60,10 @@ impl<'a> Runner<'a> {
         let data = value.wobj();
         if let Some(argument) = argument.filter(|_| declared && data.is_none()) {
             self.tell_frame(argument, "work object", &name, &value);
-            return Err("work object known only at run time");
+            return Err(Reason::WorkObject);
         }
         if data.as_ref().is_some_and(|data| !is_unit(data.uframe_quat) || !is_unit(data.oframe_quat)) {
-            return Err(NOT_UNIT);
+            return Err(Reason::NotUnit);
         }
         let numbers = data.map_or(Vec::new(), |d| {
             let flags = [f64::from(u8::from(d.robhold)), f64::from(u8::from(d.fixed))];
@@ -87,7 +86,7 @@ impl<'a> Runner<'a> {
         )?;
         let Some(index) = index else {
             self.refuse(scope.source, argument.unwrap_or_default(), "rapid.frames", MANY_FRAMES, "split the program");
-            return Err("too many work objects");
+            return Err(Reason::TooManyFrames);
         };
         self.wobj = self.cached(scope, place, index);
         Ok(index)
@@ -102,7 +101,7 @@ impl<'a> Runner<'a> {
 
     /// Says why a frame is not known, once a place.
     pub(super) fn tell_frame(&mut self, argument: Span, what: &str, name: &str, value: &Value) {
-        let why = value.unknown().unwrap_or("not of numbers");
+        let why = value.unknown().unwrap_or(Reason::NotANumberList);
         let message = format!("{what} `{name}` is known only at run time here: {why}");
         self.tell(argument, "rapid.frame", &message, Severity::Note);
     }
@@ -131,7 +130,7 @@ impl<'a> Runner<'a> {
             }
             let known = predefined(&key);
             let declared = known.is_some() || self.symbols.foreign_assigned.contains(&*key);
-            let value = known.unwrap_or(Value::Unknown("name is not declared in the files given"));
+            let value = known.unwrap_or(Value::Unknown(Reason::NameUndeclared));
             return (decode(&bytes[argument.range()]).as_ref().into(), value, declared);
         }
         (decode(&bytes[argument.range()]).as_ref().into(), self.evaluate(scope, argument), true)
@@ -183,12 +182,12 @@ pub(super) fn number<T>(
     key: Vec<u8>,
     mode: Mode,
     one: T,
-) -> Result<Option<u16>, &'static str> {
+) -> Result<Option<u16>, Reason> {
     if let Some(known) = numbers.get(&key) {
         return Ok(Some(*known));
     }
     if mode != Mode::Real {
-        return Err("not a frame of the program as it runs");
+        return Err(Reason::NotAFrame);
     }
     let Ok(number) = u16::try_from(all.len()) else { return Ok(None) };
     all.push(one);

@@ -11,15 +11,9 @@ use super::runner::{Mode, Runner};
 use super::state::Axes;
 use super::symbols::{Upper, first_word};
 use super::value::axes_in_use;
-use crate::program::{EXTERNAL_AXES, External};
-use crate::program::{ExternalAxes, InactiveUnit, Role};
+use crate::program::{EXTERNAL_AXES, External, ExternalAxes, InactiveUnit, Reason, Role};
 use crate::text::{Span, decode};
 use std::sync::Arc;
-
-/// Why external axes of a target are not known.
-pub(super) const COMPUTED: &str = "external axes computed at run time";
-const OFFSET_UNKNOWN: &str = "offset of external axes is known only at run time";
-const UNITS_UNKNOWN: &str = "which mechanical units are active is known only at run time";
 
 /// External axes of a target that has them in use, where the controller adds nothing to them and all units are active.
 pub(super) fn as_written(external: &External) -> Option<Arc<ExternalAxes>> {
@@ -135,15 +129,15 @@ impl Runner<'_> {
     }
 
     /// Why it is not known where external axes stand, if that is so.
-    pub(super) fn axes_unknown(&self, external: &External) -> Option<&'static str> {
+    pub(super) fn axes_unknown(&self, external: &External) -> Option<Reason> {
         let Axes { offset, inactive, .. } = self.state.axes;
         let in_use = axes_in_use(external);
         if external.iter().any(|v| v.is_nan()) {
-            Some(COMPUTED)
+            Some(Reason::ExternalAxesComputed)
         } else if in_use && offset.is_none() {
-            Some(OFFSET_UNKNOWN)
+            Some(Reason::ExternalOffsetUnknown)
         } else if in_use && inactive.is_none() {
-            Some(UNITS_UNKNOWN)
+            Some(Reason::UnitsUnknown)
         } else {
             None
         }

@@ -1,7 +1,6 @@
 //! Calls of procedures: what parameters stand for while a routine runs, and what it leaves, at its end or by an error.
 
-use super::errors::FAILED;
-use super::eval::{RUN_TIME, Scope};
+use super::eval::Scope;
 use super::known::RoutineId;
 use super::layers::Left;
 use super::memory::note;
@@ -12,19 +11,16 @@ use super::state::{Switch, Switches};
 use super::symbols::{Content, Upper, first_word};
 use super::tree::{Param, Statement, any, simple_statements};
 use super::value::Value;
+use crate::program::Reason;
 use crate::text::{Diagnostic, Severity, Span};
 use std::collections::HashSet;
 
 /// Calls deeper than this are not followed: a procedure that calls itself has no end when reading.
 const MAX_CALLS: usize = 48;
-/// Why data are not known after a procedure that is not in the files.
-const UNDECLARED: &str = "may be changed by a procedure that is not in the files";
-const CALLS_ITSELF: &str = "may be changed by a procedure that calls itself";
-const JUMPS: &str = "changed in a routine with GOTO";
 /// What was known before a routine with labels was entered.
 struct Loosened {
     /// Data and why each was not known.
-    data: Vec<(usize, Option<&'static str>)>,
+    data: Vec<(usize, Option<Reason>)>,
     jumping: Switches,
 }
 
@@ -58,7 +54,7 @@ impl<'a> Runner<'a> {
         let may_end = self.layers.len() <= self.frames.len() && !self.endless.contains(&id);
         let ring = !may_end && self.frames.iter().any(|f| f.routine == id);
         if self.frames.len() >= MAX_CALLS || ring {
-            let reason = if ring { "procedure that calls itself" } else { "calls are nested too deeply" };
+            let reason = if ring { Reason::RoutineCallsItself } else { Reason::CallsTooDeep };
             self.keep_here(span, reason);
             self.endless.insert(id);
             self.not_followed(scope, id, call);
@@ -101,7 +97,7 @@ impl<'a> Runner<'a> {
                 self.open();
                 let mut again = raised.clone();
                 again.state = again.state.join(self.state);
-                again.changed.values_mut().for_each(|value| *value = Value::Unknown(FAILED));
+                again.changed.values_mut().for_each(|value| *value = Value::Unknown(Reason::ByRetriedProcedure));
                 self.apply(again);
                 self.run_handler();
                 if let Some((Some(normal), _)) = self.quietly(Mode::Aside, |this| this.call(id, bound)) {
@@ -139,7 +135,7 @@ impl<'a> Runner<'a> {
         match self.symbols.find_routine(scope.module, name) {
             Some(id) => self.enter(scope, id, call, span),
             None => {
-                self.keep_here(span, "procedure is not in the files given");
+                self.keep_here(span, Reason::ProcedureMissing);
                 self.unknown_procedure(scope, call, span);
                 Flow::Next
             }
@@ -166,7 +162,7 @@ impl<'a> Runner<'a> {
 
     /// A call of a procedure that is chosen at run time: any whose name begins so, in the files or not.
     fn enter_any(&mut self, scope: Scope, call: &Call, span: Span, begins: &[u8]) -> Flow {
-        self.keep_here(span, "procedure chosen at run time");
+        self.keep_here(span, Reason::ProcedureChosen);
         self.called_late.push(begins.to_ascii_uppercase().into());
         self.unknown_call(scope, call);
         self.tell(
@@ -203,7 +199,7 @@ impl<'a> Runner<'a> {
             if self.mode == Mode::Real {
                 self.motions += 1;
             }
-            self.keep_motion(span, "robtarget given to a procedure that is not known");
+            self.keep_motion(span, Reason::GivenAway);
         }
         self.unknown_call(scope, call);
         self.tell_undeclared(scope, &bytes[call.name.range()], span);
@@ -223,7 +219,7 @@ impl<'a> Runner<'a> {
              after it"
         );
         let source = scope.source;
-        if self.mode == Mode::Real && self.seen.insert((usize::from(source), span, "rapid.undeclared")) {
+        if self.mode == Mode::Real && self.told.insert((usize::from(source), span, "rapid.undeclared")) {
             let named = |d: &Diagnostic| d.code == "rapid.undeclared" && d.message == message;
             if !self.diagnostics.iter().any(named) {
                 let told = Diagnostic::error("rapid.undeclared", "", message)
@@ -242,13 +238,13 @@ impl<'a> Runner<'a> {
         self.stands = None;
         let everything = self.symbols.everything();
         for &at in everything.iter() {
-            self.forget_data(at, UNDECLARED);
+            self.forget_data(at, Reason::Foreign);
         }
         let given: Vec<Span> = call.given().collect();
         for argument in given {
             let value = self.evaluate(scope, argument);
             self.pin_value(&value);
-            self.forget_argument(scope, argument, UNDECLARED);
+            self.forget_argument(scope, argument, Reason::Foreign);
         }
         self.state.lose(Switches::FOREIGN);
     }
@@ -259,7 +255,7 @@ impl<'a> Runner<'a> {
         let changes = self.symbols.changed_by(id).clone();
         let own = changes.own.clone();
         let here = super::known::Changes { own: Default::default(), ..changes };
-        self.forget(&here, CALLS_ITSELF);
+        self.forget(&here, Reason::ByRecursiveRoutine);
         self.state.lose(here.switches);
         self.may_have_moved(id, &self.symbols.routine(id).body);
         let routine = self.symbols.routine(id);
@@ -278,12 +274,12 @@ impl<'a> Runner<'a> {
         let undeclared =
             undeclared(self.symbols.routine(id), self.bytes(id.file), self.bytes(scope.source as usize), call);
         for argument in given.into_iter().chain(undeclared) {
-            self.forget_argument(scope, argument, RUN_TIME);
+            self.forget_argument(scope, argument, Reason::Computed);
         }
     }
 
     /// Takes an argument by reference for unknown.
-    pub(super) fn forget_argument(&mut self, scope: Scope, argument: Span, why: &'static str) {
+    pub(super) fn forget_argument(&mut self, scope: Scope, argument: Span, why: Reason) {
         if let Some(part) = self.place(scope, argument) {
             self.store(&part, &Value::Unknown(why));
         }
@@ -366,9 +362,9 @@ impl<'a> Runner<'a> {
         }));
         let mut before = Vec::new();
         for at in all {
-            self.forget_data(at, JUMPS);
+            self.forget_data(at, Reason::Jumps);
             before.push((at, self.symbols.variables[at].volatile));
-            self.symbols.variables[at].volatile.get_or_insert(JUMPS);
+            self.symbols.variables[at].volatile.get_or_insert(Reason::Jumps);
         }
         let loosened = Loosened { data: before, jumping: self.jumping };
         // What is on may stay so: the jump may pass over what switches it off.

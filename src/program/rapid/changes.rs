@@ -8,6 +8,7 @@ use super::predefined::{self, Function, Instruction};
 use super::state::Switches;
 use super::symbols::{Symbols, Upper, first_word};
 use super::tree::{Param, RoutineKind, Statement, Storage};
+use crate::program::Reason;
 use crate::text::Span;
 use std::cell::RefCell;
 use std::collections::{BTreeSet, HashMap, HashSet};
@@ -176,7 +177,7 @@ impl<'a> Symbols<'a> {
         }
         for &at in &at_any_moment.data {
             self.variables[at].assigned = true;
-            self.variables[at].volatile = Some(CHANGED_AT_ANY_MOMENT);
+            self.variables[at].volatile = Some(Reason::Trap);
         }
         self.known = Known {
             routines,
@@ -241,9 +242,6 @@ impl<'a> Symbols<'a> {
         scan.out
     }
 }
-
-/// Why data that a trap or a handler assigns are not known.
-pub(super) const CHANGED_AT_ANY_MOMENT: &str = "may be changed by a trap at any moment";
 
 /// A walk over statements.
 struct Scan<'s, 'a> {

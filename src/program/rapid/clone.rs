@@ -3,7 +3,7 @@
 use super::Site;
 use super::value::SourceSpan;
 use super::writer::{Print, Writer};
-use crate::program::{Change, Editable};
+use crate::program::{Change, Editable, Reason};
 use crate::text::{Edit, Source, Span};
 use std::collections::HashMap;
 
@@ -17,7 +17,7 @@ pub(super) fn resolve(
     changes: &[Option<Change>],
     prints: &mut [Option<Print>],
     cloned: &mut HashMap<usize, Print>,
-    reason: &'static str,
+    reason: Reason,
 ) {
     let mut groups: Vec<(Print, Vec<usize>)> = Vec::new();
     for (i, site) in writer.layout.sites.iter().enumerate() {

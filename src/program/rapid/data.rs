@@ -1,18 +1,18 @@
 //! What variables hold while the program runs.
 
-use super::eval::{RUN_TIME, Scope};
+use super::eval::Scope;
 use super::lex::{Cursor, LexemeKind};
 use super::motion::{self, Call};
 use super::runner::Runner;
 use super::symbols::{Content, Part, Upper, Variable, first_word};
 use super::tree::Storage;
 use super::value::{Value, parts};
+use crate::program::Reason;
 use crate::text::{Span, decode};
 use std::sync::Arc;
 
 /// So many parts of a value that is copied count as a statement more.
 const PARTS_PER_STEP: usize = 16;
-const CHANGED: &str = "target changed at run time";
 
 impl<'a> Runner<'a> {
     /// The variable that a name means.
@@ -26,7 +26,7 @@ impl<'a> Runner<'a> {
         let variable = &self.symbols.variables[at];
         let span = match &variable.content {
             Content::Is(value) => return value.clone(),
-            Content::Busy => return Value::Unknown("initial value needs itself"),
+            Content::Busy => return Value::Unknown(Reason::InitialValueNeedsItself),
             Content::Part(part) => {
                 let part = std::rc::Rc::clone(part);
                 return self.part(&part);
@@ -52,7 +52,7 @@ impl<'a> Runner<'a> {
             // PERS data keep what the last run left: the text is not what is there.
             let lost =
                 storage == Storage::Pers && *kind != *b"TOOLDATA" && *kind != *b"WOBJDATA" && *kind != *b"ROBTARGET";
-            value = if lost { Value::Unknown(CHANGED) } else { value.detached(CHANGED) };
+            value = if lost { Value::Unknown(Reason::TargetChanged) } else { value.detached(Reason::TargetChanged) };
         }
         self.symbols.variables[at].content = Content::Is(value.clone());
         value
@@ -63,7 +63,7 @@ impl<'a> Runner<'a> {
         let mut value = self.content(part.of);
         if !part.known {
             self.pin_value(&value);
-            return Value::Unknown(RUN_TIME);
+            return Value::Unknown(Reason::Computed);
         }
         for at in &part.path {
             if let Value::Target(pose) = &value {
@@ -72,7 +72,7 @@ impl<'a> Runner<'a> {
             }
             value = match value.list().and_then(|items| items.get(*at)) {
                 Some(item) => item.clone(),
-                None => return Value::Unknown(value.unknown().unwrap_or(RUN_TIME)),
+                None => return Value::Unknown(value.unknown().unwrap_or(Reason::Computed)),
             };
         }
         value
@@ -193,15 +193,15 @@ impl<'a> Runner<'a> {
 
     /// Stores a value; where its place is not known, all that it may be is unknown.
     pub(super) fn store(&mut self, place: &Part, value: &Value) {
-        let value = if place.known { value.detached(RUN_TIME) } else { Value::Unknown(RUN_TIME) };
+        let value = if place.known { value.detached(Reason::Computed) } else { Value::Unknown(Reason::Computed) };
         if place.path.is_empty() {
             return self.set(place.of, value);
         }
         let old = self.content(place.of);
         self.steps = self.steps.saturating_add(old.parts().unwrap_or(0) / PARTS_PER_STEP);
         self.pin_value(&old);
-        let new = replaced(&old.detached(RUN_TIME), &place.path, &value);
-        self.set(place.of, new.unwrap_or(Value::Unknown(RUN_TIME)));
+        let new = replaced(&old.detached(Reason::Computed), &place.path, &value);
+        self.set(place.of, new.unwrap_or(Value::Unknown(Reason::Computed)));
     }
 
     /// `Incr`, `Decr`, `Add`, `Clear`.
@@ -220,7 +220,7 @@ impl<'a> Runner<'a> {
             (Some(old), Some(by)) => Some(old + by),
             _ => None,
         };
-        let value = new.map_or(Value::Unknown(RUN_TIME), |v| Value::Num(v, None));
+        let value = new.map_or(Value::Unknown(Reason::Computed), |v| Value::Num(v, None));
         self.store(&place, &value);
     }
 }

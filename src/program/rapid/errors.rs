@@ -2,15 +2,13 @@
 
 use super::known::RoutineId;
 use super::memory::note;
-use super::motion::{self};
+use super::motion;
 use super::runner::{Flow, Runner};
 use super::symbols::first_word;
 use super::tree::{Statement, any, simple_statements};
 use super::uses::texts;
+use crate::program::Reason;
 use crate::text::Span;
-
-pub(super) const HANDLED: &str = "may be changed by an error handler";
-pub(super) const FAILED: &str = "may be changed by a procedure that is run again after an error";
 
 /// What an ERROR handler may do with an error.
 #[derive(Clone, Copy)]
@@ -67,7 +65,7 @@ impl<'a> Runner<'a> {
             return;
         }
         let changes = self.symbols.changed_in(id, routine.on_error());
-        self.forget(&changes, HANDLED);
+        self.forget(&changes, Reason::ByErrorHandler);
         self.state.lose(changes.switches);
         self.may_have_moved(id, routine.on_error());
     }

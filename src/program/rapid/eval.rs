@@ -9,20 +9,16 @@ use super::motion::{self, Call};
 use super::runner::Runner;
 use super::symbols::Upper;
 use super::value::{self, Pose, SourceSpan, Value};
+use crate::program::Reason;
 use crate::program::token;
 use crate::text::{self, Span};
-pub(super) use operators::{TOO_LONG, equal};
+pub(super) use operators::equal;
 use operators::{apply, operator};
 use std::rc::Rc;
 use std::sync::Arc;
 
 /// Brackets deeper than this are not looked into.
 const MAX_DEPTH: usize = 40;
-const TOO_DEEP: &str = "expression is nested too deeply";
-pub(super) const RUN_TIME: &str = "target computed at run time";
-/// What no controller loads.
-pub(super) const NOT_A_NUMBER: &str = "not a number";
-pub(super) const BROKEN_AGGREGATE: &str = "aggregate is not understood";
 
 /// Where an expression stands: decides what its names mean.
 #[derive(Clone, Copy, Debug)]
@@ -41,28 +37,28 @@ impl Runner<'_> {
         let sources = self.symbols.sources;
         let mut cursor = Cursor::new(&sources[scope.source as usize].bytes, span);
         let value = self.expression(scope, &mut cursor, 0, 0);
-        if matches!(value, Value::Unknown(TOO_LONG)) {
+        if matches!(value, Value::Unknown(Reason::TextTooLong)) {
             let help = "a controller stops here: RAPID texts have at most 80 characters";
-            self.refuse(scope.source, span, "rapid.text-length", TOO_LONG, help);
+            self.refuse(scope.source, span, "rapid.text-length", Reason::TextTooLong.text(), help);
         }
         if cursor.peek().kind == LexemeKind::End {
             return value;
         }
         self.pin_value(&value);
-        Value::Unknown("expression is not understood")
+        Value::Unknown(Reason::Expression)
     }
 
     /// Operators of at least `level`: OR XOR (0), AND (1), NOT (2), relations (3), + − (4), * / DIV MOD (5).
     fn expression(&mut self, scope: Scope, cursor: &mut Cursor<'_>, level: u8, depth: usize) -> Value {
         if depth > MAX_DEPTH {
-            return Value::Unknown(TOO_DEEP);
+            return Value::Unknown(Reason::ExpressionTooDeep);
         }
         let mut left = match level {
             6 => return self.unary(scope, cursor, depth),
             2 if cursor.accept_word(b"NOT") => {
                 return match self.expression(scope, cursor, 2, depth + 1) {
                     Value::Bool(b) => Value::Bool(!b),
-                    _ => Value::Unknown(RUN_TIME),
+                    _ => Value::Unknown(Reason::Computed),
                 };
             }
             _ => self.expression(scope, cursor, level + 1, depth),
@@ -87,7 +83,7 @@ impl Runner<'_> {
 
     fn unary(&mut self, scope: Scope, cursor: &mut Cursor<'_>, depth: usize) -> Value {
         if depth > MAX_DEPTH {
-            return Value::Unknown(TOO_DEEP);
+            return Value::Unknown(Reason::ExpressionTooDeep);
         }
         let sign = cursor.peek();
         if !matches!(sign.kind, LexemeKind::Mark(b'-' | b'+')) {
@@ -104,7 +100,7 @@ impl Runner<'_> {
             }
             Value::List(items, _) if minus => match items.iter().map(Value::num).collect::<Option<Vec<_>>>() {
                 Some(nums) => Value::List(nums.into_iter().map(|v| Value::Num(-v, None)).collect(), None),
-                None => Value::Unknown(RUN_TIME),
+                None => Value::Unknown(Reason::Computed),
             },
             other => other,
         }
@@ -115,7 +111,7 @@ impl Runner<'_> {
         match lexeme.kind {
             LexemeKind::Number => {
                 cursor.pass(lexeme);
-                token::unsigned(cursor.text(lexeme)).map_or(Value::Unknown(NOT_A_NUMBER), |v| {
+                token::unsigned(cursor.text(lexeme)).map_or(Value::Unknown(Reason::NotANumber), |v| {
                     Value::Num(v, Some(SourceSpan { source: scope.source, span: lexeme.span() }))
                 })
             }
@@ -147,10 +143,10 @@ impl Runner<'_> {
                 }
                 self.variable(scope, cursor, lexeme, depth)
             }
-            LexemeKind::End => Value::Unknown("expression is not understood"),
+            LexemeKind::End => Value::Unknown(Reason::Expression),
             _ => {
                 cursor.pass(lexeme);
-                Value::Unknown("expression is not understood")
+                Value::Unknown(Reason::Expression)
             }
         }
     }
@@ -163,7 +159,7 @@ impl Runner<'_> {
         }
         if depth > MAX_DEPTH {
             skip_brackets(cursor, open.start);
-            return Value::Unknown(TOO_DEEP);
+            return Value::Unknown(Reason::ExpressionTooDeep);
         }
         cursor.pass(open);
         let mut items = Vec::new();
@@ -174,7 +170,7 @@ impl Runner<'_> {
                 // Not understood: its bracket is passed so that what follows is.
                 cursor.at = cursor.at.max(before);
                 skip_brackets(cursor, open.start);
-                return Value::Unknown(BROKEN_AGGREGATE);
+                return Value::Unknown(Reason::Aggregate);
             }
         }
         cursor.accept(LexemeKind::Mark(b']'));
@@ -195,7 +191,7 @@ impl Runner<'_> {
                 let root = literal.and_then(|l| self.own_literal(l));
                 self.unassembled.extend(place.filter(|_| root.is_none()));
                 let text = matches!(value, Value::List(_, Some(_)));
-                let why = if text { "target with an expression in it" } else { RUN_TIME };
+                let why = if text { Reason::TargetWithExpression } else { Reason::Computed };
                 let fixed = root.is_none().then_some(why);
                 Some(Rc::new(Pose { written, root, steps: Vec::new(), fixed }))
             }
@@ -213,7 +209,7 @@ impl Runner<'_> {
                 let kind = Arc::clone(&variable.kind);
                 let mut value = self.content(at);
                 if changes {
-                    value = Value::Unknown("initial value from data that change");
+                    value = Value::Unknown(Reason::InitialValueChanges);
                 }
                 self.component(scope, cursor, value, &kind, Some(at), depth)
             }
@@ -259,7 +255,7 @@ impl Runner<'_> {
                 LexemeKind::Mark(b'.') => {
                     cursor.pass(lexeme);
                     let Some(field) = cursor.accept(LexemeKind::Word) else {
-                        return Value::Unknown("component is not understood");
+                        return Value::Unknown(Reason::Component);
                     };
                     if let Value::Target(pose) = &value {
                         self.pin(pose.root);
@@ -267,12 +263,12 @@ impl Runner<'_> {
                         kind = b"ROBTARGET".to_vec();
                     }
                     let Some((at, next)) = self.field(&kind, &Upper::new(cursor.text(field))) else {
-                        value = Value::Unknown("component is not known");
+                        value = Value::Unknown(Reason::ComponentUnknown);
                         kind.clear();
                         continue;
                     };
                     let item = value.list().and_then(|items| items.get(at)).map(Value::without_tokens);
-                    value = item.unwrap_or(Value::Unknown(RUN_TIME));
+                    value = item.unwrap_or(Value::Unknown(Reason::Computed));
                     kind = next.to_vec();
                 }
                 _ => {
@@ -302,9 +298,9 @@ impl Runner<'_> {
 /// An element by an index counted from 1.
 fn element(value: &Value, index: &Value) -> Value {
     let (Some(items), Some(index)) = (value.list(), index.num()) else {
-        return Value::Unknown(value.unknown().or(index.unknown()).unwrap_or(RUN_TIME));
+        return Value::Unknown(value.unknown().or(index.unknown()).unwrap_or(Reason::Computed));
     };
-    at(index).and_then(|at| items.get(at)).cloned().unwrap_or(Value::Unknown("index outside the array"))
+    at(index).and_then(|at| items.get(at)).cloned().unwrap_or(Value::Unknown(Reason::IndexOutside))
 }
 
 /// Whether an array is known to have an element of this index.
@@ -338,6 +334,6 @@ fn skip_brackets(cursor: &mut Cursor<'_>, open: usize) {
 }
 
 /// Why a name that nothing declares has no value.
-fn undeclared(name: &[u8]) -> &'static str {
-    if text::number::is_none(name) { NOT_A_NUMBER } else { "name is not declared in the files given" }
+fn undeclared(name: &[u8]) -> Reason {
+    if text::number::is_none(name) { Reason::NotANumber } else { Reason::NameUndeclared }
 }

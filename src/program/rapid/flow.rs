@@ -10,6 +10,7 @@ use super::state::Switches;
 use super::symbols::{Content, Upper};
 use super::tree::{Statement, any};
 use super::value::Value;
+use crate::program::Reason;
 use crate::text::Span;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -23,8 +24,6 @@ const MARGIN: f64 = 4.0;
 const DRY_ROUNDS: usize = 3;
 /// Loops within one another that are run like this; deeper ones leave it unknown.
 const DRY_DEPTH: usize = 2;
-/// Why data are not known in a loop.
-const LOOP: &str = "changed in a loop whose rounds are known only at run time";
 
 /// A place in what is found.
 #[derive(Clone)]
@@ -118,8 +117,14 @@ impl<'a> Runner<'a> {
         let step = step.map(|s| self.evaluate(scope, s).num());
         let key: Box<[u8]> = Box::from(&*Upper::new(&self.bytes(scope.source as usize)[variable.range()]));
         let bytes = self.bytes(scope.source as usize);
-        let counter =
-            self.new_variable(bytes, scope.source as usize, scope.module, variable, variable, Value::Unknown(LOOP));
+        let counter = self.new_variable(
+            bytes,
+            scope.source as usize,
+            scope.module,
+            variable,
+            variable,
+            Value::Unknown(Reason::Loop),
+        );
         let hidden = self.frames.last_mut().and_then(|f| f.names.insert(key.clone(), counter));
         self.epoch += 1;
         let known = match (from, to, step) {
@@ -227,7 +232,7 @@ impl<'a> Runner<'a> {
         let Some(routine) = self.frames.last().map(|frame| frame.routine) else { return Flow::Next };
         self.events += 1;
         let changes = self.symbols.changed_in(routine, body);
-        self.forget(&changes, LOOP);
+        self.forget(&changes, Reason::Loop);
         self.state.axes.lose_positions();
         // An error in a round before may have gone to the handler.
         self.run_handler();

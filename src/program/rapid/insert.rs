@@ -7,7 +7,7 @@ use super::value::{SourceSpan, unit};
 use super::writer::{Writer, single};
 use super::{Layout, Site};
 use crate::program::Passing;
-use crate::program::{Conf, Goal, Insert, Motion, Program, Role, Target};
+use crate::program::{Conf, Goal, Insert, Motion, Program, Reason, Role, Target};
 use crate::text::{Edit, Span, number};
 
 /// Zones of a point that the controller flies by, by the room that they take: radius of the TCP path, mm.
@@ -65,30 +65,30 @@ fn instruction(
     insert: &Insert,
     via: Option<&[u8]>,
     numbers: &[u8],
-) -> Result<(usize, Edit), &'static str> {
-    let target = writer.program.targets.get(insert.before).ok_or("no such target")?;
+) -> Result<(usize, Edit), Reason> {
+    let target = writer.program.targets.get(insert.before).ok_or(Reason::NoSuchTarget)?;
     let source = &writer.program.sources[target.source as usize];
     let bytes = &source.bytes;
     if target.source as usize >= writer.program.written {
-        return Err("declared in a context module");
+        return Err(Reason::InContextFile);
     }
     if !matches!(target.motion, Motion::Linear | Motion::Circular) {
-        return Err("only lines and arcs can be subdivided");
+        return Err(Reason::OnlyLinesAndArcs);
     }
     let same = |t: &&crate::program::Target| t.source == target.source && t.span == target.span;
     let same = |t: &&crate::program::Target| same(t) && t.role == Role::End;
     let near = writer.program.targets[insert.before.saturating_sub(1)..].iter().take(3).filter(same).count();
     if near != 1 || writer.program.targets.iter().filter(same).take(2).count() != 1 {
-        return Err("motion runs more than once: a point before it would too");
+        return Err(Reason::RunsAgain);
     }
     let Some(Simple::Call(call)) = motion::split(bytes, target.source, target.span) else {
-        return Err("motion is not understood");
+        return Err(Reason::Motion);
     };
     let Some(shape) = motion::shape(&bytes[call.name.range()]) else {
-        return Err("not a known motion instruction: its zone is not known");
+        return Err(Reason::ZoneUnknown);
     };
     if call.option(bytes, b"T").is_some() {
-        return Err("motion with a time of its own");
+        return Err(Reason::OwnTime);
     }
     let arguments = call.positional();
     let tool_at = match shape.tool {
@@ -96,12 +96,12 @@ fn instruction(
         ToolAt::Last => arguments.len() - 1,
     };
     let text = |span: Span| &bytes[span.range()];
-    let argument = |at: usize| arguments.get(at).map(|s| text(*s)).ok_or("motion is not understood");
+    let argument = |at: usize| arguments.get(at).map(|s| text(*s)).ok_or(Reason::Motion);
     let (indent, line_end) = layout_at(source, target.span.start);
     let line =
         bytes[..target.span.start as usize].iter().rposition(|b| matches!(b, b'\n' | b'\r')).map_or(0, |p| p + 1);
     if line + indent.len() != target.span.start as usize {
-        return Err("motion does not begin its line");
+        return Err(Reason::NotAtLineStart);
     }
     let (conf, axes) = rest(writer.layout, writer, insert.before, insert.conf, &target.goal);
     let axes = insert.external.map_or(axes, |external| external_axes(&external, writer.options.position_decimals));

@@ -1,13 +1,13 @@
 //! Instructions of the controller that are no motions: what they set, switch and forget.
 
-use super::eval::{RUN_TIME, Scope};
+use super::eval::Scope;
 use super::motion::Call;
 use super::predefined::Instruction;
 use super::runner::{Flow, Runner};
 use super::state::{Switch, Switches, Velocity};
 use super::symbols::Upper;
 use super::value::Value;
-use crate::program::Editable;
+use crate::program::{Editable, Reason};
 use crate::text::Span;
 use smallvec::SmallVec;
 
@@ -37,12 +37,12 @@ impl<'a> Runner<'a> {
                     named.into_iter().for_each(|at| self.pin_read(at));
                 }
                 for argument in call.given().collect::<SmallVec<[Span; 4]>>() {
-                    self.forget_argument(scope, argument, RUN_TIME);
+                    self.forget_argument(scope, argument, Reason::Computed);
                 }
             }
             Instruction::Options => {
                 for (_, argument) in call.optional().iter().copied().collect::<SmallVec<[(Span, Span); 4]>>() {
-                    self.forget_argument(scope, argument, RUN_TIME);
+                    self.forget_argument(scope, argument, Reason::Computed);
                 }
             }
             Instruction::Steps => self.step_variable(scope, call, &Upper::new(&bytes[call.name.range()])),
@@ -79,7 +79,7 @@ impl<'a> Runner<'a> {
             | Instruction::UnitOff => self.axes_instruction(scope, call, known),
             Instruction::MovesAxes => {
                 self.axes_instruction(scope, call, known);
-                self.keep_here(span, "moves external axes only, or along a recorded path");
+                self.keep_here(span, Reason::ExternalAxesOnly);
             }
             Instruction::DataByName => {
                 let named = match call.positional().first().map(|name| self.evaluate(scope, *name)) {
@@ -88,11 +88,11 @@ impl<'a> Runner<'a> {
                     }
                     _ => self.symbols.data_named(None),
                 };
-                named.into_iter().for_each(|at| self.forget_data(at, RUN_TIME));
+                named.into_iter().for_each(|at| self.forget_data(at, Reason::Computed));
             }
             Instruction::Moves => {
                 self.stands = None;
-                self.keep_here(span, "moves external axes only, or along a recorded path");
+                self.keep_here(span, Reason::ExternalAxesOnly);
             }
             Instruction::Ends => return Flow::Gone,
             Instruction::Raises => return self.raise(),
@@ -106,7 +106,7 @@ impl<'a> Runner<'a> {
             if let Some(target) = self.targets.get_mut(at)
                 && !matches!(target.editable, Editable::No(_))
             {
-                target.editable = Editable::No("program displacement is counted from it");
+                target.editable = Editable::No(Reason::DisplacementCounts);
             }
         }
     }

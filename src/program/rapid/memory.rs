@@ -1,6 +1,5 @@
 //! What data hold, branch by branch: what one branch changes is taken back before the next runs, and what they leave is joined.
 
-use super::eval::RUN_TIME;
 use super::known::Changes;
 use super::layers::{Layer, Left};
 use super::lex::{Cursor, LexemeKind};
@@ -8,10 +7,8 @@ use super::runner::Runner;
 use super::state::ModalState;
 use super::symbols::{Content, Upper, Variable};
 use super::value::Value;
+use crate::program::Reason;
 use std::collections::{BTreeMap, BTreeSet};
-
-/// Why a value is not known after branches.
-const BRANCHES: &str = "different from branch to branch";
 
 /// More returns of one routine are taken together.
 const MOST_RETURNS: usize = 8;
@@ -122,7 +119,7 @@ impl Runner<'_> {
             (Value::Unknown(why), _) | (_, Value::Unknown(why)) => {
                 self.pin_value(a);
                 self.pin_value(b);
-                Value::Unknown(why)
+                Value::Unknown(*why)
             }
             #[allow(clippy::float_cmp)] // the very number
             (Value::Num(a, _), Value::Num(b, _)) if a == b => Value::Num(*a, None),
@@ -140,13 +137,13 @@ impl Runner<'_> {
             _ => {
                 self.pin_value(a);
                 self.pin_value(b);
-                Value::Unknown(BRANCHES)
+                Value::Unknown(Reason::Branches)
             }
         }
     }
 
     /// Takes what may have been changed for unknown.
-    pub(super) fn forget(&mut self, changes: &Changes, why: &'static str) {
+    pub(super) fn forget(&mut self, changes: &Changes, why: Reason) {
         for &at in &changes.data {
             self.forget_data(at, why);
         }
@@ -164,7 +161,7 @@ impl Runner<'_> {
     }
 
     /// Takes a variable, or the one that it is a part of, for unknown.
-    pub(super) fn forget_data(&mut self, at: usize, why: &'static str) {
+    pub(super) fn forget_data(&mut self, at: usize, why: Reason) {
         let at = match &self.symbols.variables[at].content {
             Content::Part(part) => part.of,
             Content::Is(Value::Unknown(_)) => {
@@ -226,9 +223,9 @@ pub(super) fn note(states: &mut Vec<Left>, left: Left) {
         for other in all.by_ref() {
             state = state.join(other.state);
             for at in other.changed.keys() {
-                changed.insert(*at, Value::Unknown(RUN_TIME));
+                changed.insert(*at, Value::Unknown(Reason::Computed));
             }
-            changed.values_mut().for_each(|value| *value = Value::Unknown(RUN_TIME));
+            changed.values_mut().for_each(|value| *value = Value::Unknown(Reason::Computed));
         }
         drop(all);
         states.push(Left { changed, state });

@@ -75,7 +75,7 @@ pub use lines::CHUNK;
 use rewrite::rewrite;
 
 use super::front_end::FrontEnd;
-use super::{Change, Insert, Kept, Language, Passing, Program, RewriteOptions, Rewritten};
+use super::{Change, Insert, Kept, Language, Passing, Program, Reason, RewriteOptions, Rewritten};
 use crate::text::{Diagnostic, Edit, Severity, Source, Span};
 use lex::{Cursor, LexemeKind};
 use literal::Literal;
@@ -249,7 +249,7 @@ fn parsed(
             Ok(file) => {
                 if let Some(last) = file.cut.filter(|_| cut == Cut::Looked) {
                     let line = source.line_column(last.range().start).line;
-                    let reason = "the file ends inside a module";
+                    let reason = Reason::FileEndsInModule;
                     cuts.push(Kept { source: index.into(), span: last, line, reason, fault: true, help: "" });
                 } else if let Some(last) = file.cut {
                     let message = "the file ends inside a module: expected ENDMODULE";
@@ -302,17 +302,17 @@ fn program_of(
 }
 
 /// What stays as it is because it cannot be read: a warning a reason, at the first place.
-fn not_read(source: &Source, odd: &[(Span, &'static str)]) -> Vec<Diagnostic> {
-    let mut reasons: Vec<(&'static str, Span, usize)> = Vec::new();
+fn not_read(source: &Source, odd: &[(Span, Reason)]) -> Vec<Diagnostic> {
+    let mut reasons: Vec<(Reason, Span, usize)> = Vec::new();
     for (span, reason) in odd {
         match reasons.iter_mut().find(|(known, ..)| known == reason) {
             Some((.., count)) => *count += 1,
-            None => reasons.push((reason, *span, 1)),
+            None => reasons.push((*reason, *span, 1)),
         }
     }
-    let said = |(reason, first, count): (&str, Span, usize)| {
+    let said = |(reason, first, count): (Reason, Span, usize)| {
         let message = match count {
-            1 => reason.to_owned(),
+            1 => reason.to_string(),
             more => format!("{reason} ({more} statements)"),
         };
         let warning = Diagnostic::error("rapid.not-read", &source.name, message).at(source, first);

@@ -2,30 +2,25 @@
 
 use super::arguments::is_unit;
 use super::changes::is_synchronised;
-use super::eval::{RUN_TIME, Scope};
+use super::eval::Scope;
 use super::known::Changes;
 use super::motion::{Call, Shape, ToolAt, Zone};
 use super::runner::{Mode, Runner};
 use super::state::{Switch, Switches};
-use super::value::NOT_UNIT;
 use super::value::{Pose, SourceSpan, Value, unit};
 use super::{Offset, Site};
-use crate::program::{Editable, Goal, Motion, Predecessor, Role, Target, ToolData};
+use crate::program::{Editable, Goal, Motion, Predecessor, Reason, Role, Target, ToolData};
 use crate::text::{Span, decode};
 use smallvec::SmallVec;
 use std::rc::Rc;
 use std::sync::Arc;
-
-const BY_SYNCHRONISED: &str = "may be changed by the procedure of a synchronised motion";
-const SHIFTED: &str = "its path is shifted at run time (\\Corr)";
-const CONTEXT: &str = "declared in a context module";
 
 impl<'a> Runner<'a> {
     /// One executed motion.
     pub(super) fn motion(&mut self, scope: Scope, call: &Call, shape: Shape, span: Span) {
         let arguments = call.positional();
         let Some(&to) = arguments.get(shape.to) else {
-            return self.keep_here(span, "motion without a target");
+            return self.keep_here(span, Reason::MotionWithoutTarget);
         };
         let tool_at = match shape.tool {
             ToolAt::Index(at) => Some(at),
@@ -35,7 +30,7 @@ impl<'a> Runner<'a> {
             .filter(|at| *at > shape.to + 1 || *at > shape.to && shape.zone == Zone::Absent)
             .and_then(|at| Some((at, arguments.get(at)?)))
         else {
-            return self.keep_here(span, "motion without a tool");
+            return self.keep_here(span, Reason::MotionWithoutTool);
         };
         let via = shape.via.and_then(|at| Some((at, *arguments.get(at)?)));
         if self.mode == Mode::Real {
@@ -58,7 +53,7 @@ impl<'a> Runner<'a> {
             return self.found_by_search(scope, arguments, shape);
         }
         let shifted = call.option(bytes, b"Corr").is_some();
-        let frames = if shifted { Err(SHIFTED) } else { self.frames_of(scope, call, tool) };
+        let frames = if shifted { Err(Reason::PathShifted) } else { self.frames_of(scope, call, tool) };
         let frames = match frames {
             Ok(frames) => frames,
             Err(reason) => {
@@ -81,7 +76,7 @@ impl<'a> Runner<'a> {
             spindle_rpm: None,
             rapid: false,
             mark: self.state.mark,
-            editable: Editable::No("joint target"),
+            editable: Editable::No(Reason::Joints),
             located: true,
             extra_load: self.state.load != Switch::Off || own_load.is_some_and(|load| !self.is_no_load(scope, load)),
             external: None,
@@ -96,7 +91,7 @@ impl<'a> Runner<'a> {
             let (external, plain) = (value.joints_external(), call.option(bytes, b"NoEOffs").is_some());
             self.axes_go_to(&external, plain);
             let Some(deg) = value.joints() else {
-                return self.keep_motion(span, "joint target computed at run time");
+                return self.keep_motion(span, Reason::JointsComputed);
             };
             let external_axes = self.external_axes(&external, Role::End, plain);
             let located = self.axes_unknown(&external).is_none();
@@ -121,7 +116,7 @@ impl<'a> Runner<'a> {
                         Err(why) => reason = Some(why),
                     }
                 }
-                self.keep_motion(span, reason.unwrap_or(RUN_TIME));
+                self.keep_motion(span, reason.unwrap_or(Reason::Computed));
             }
         }
         self.found_by_search(scope, arguments, shape);
@@ -140,11 +135,11 @@ impl<'a> Runner<'a> {
             _ => None,
         };
         let changes = id.map(|id| self.symbols.changed_by(id).clone()).unwrap_or_else(Changes::anything);
-        self.forget(&changes, BY_SYNCHRONISED);
+        self.forget(&changes, Reason::BySynchronisedProcedure);
         let everything = self.symbols.everything();
         let others = everything.iter().filter(|_| changes.anything);
         for at in changes.data.iter().chain(others) {
-            self.symbols.variables[*at].volatile.get_or_insert(BY_SYNCHRONISED);
+            self.symbols.variables[*at].volatile.get_or_insert(Reason::BySynchronisedProcedure);
         }
         let at_any_moment = &mut self.symbols.known.at_any_moment;
         at_any_moment.switches |= changes.switches;
@@ -152,7 +147,7 @@ impl<'a> Runner<'a> {
     }
 
     /// Tool and work object of a motion, or why they are not known.
-    fn frames_of(&mut self, scope: Scope, call: &Call, tool: Span) -> Result<(u16, u16), &'static str> {
+    fn frames_of(&mut self, scope: Scope, call: &Call, tool: Span) -> Result<(u16, u16), Reason> {
         let bytes = self.bytes(scope.source as usize);
         let tool = self.tool_index(scope, tool)?;
         Ok((tool, self.wobj_index(scope, call.option(bytes, b"WObj"))?))
@@ -165,7 +160,7 @@ impl<'a> Runner<'a> {
         {
             self.events += 1;
             self.stands = None;
-            self.forget_argument(scope, *point, RUN_TIME);
+            self.forget_argument(scope, *point, Reason::Computed);
         }
     }
 
@@ -192,7 +187,7 @@ impl<'a> Runner<'a> {
     }
 
     /// What a robtarget of a motion is worth, or why that is not known.
-    fn pose(&mut self, scope: Scope, call: &Call, at: usize, argument: Span) -> Result<Rc<Pose>, &'static str> {
+    fn pose(&mut self, scope: Scope, call: &Call, at: usize, argument: Span) -> Result<Rc<Pose>, Reason> {
         let pose = match call.literal(at) {
             Some((_, literal, written)) => {
                 let (literal, written) = (*literal, *written);
@@ -205,14 +200,14 @@ impl<'a> Runner<'a> {
                     None => {
                         self.pin_value(&value);
                         return Err(match value {
-                            Value::List(..) => value.unknown().unwrap_or("not a complete robtarget"),
-                            _ => value.unknown().unwrap_or("not a robtarget"),
+                            Value::List(..) => value.unknown().unwrap_or(Reason::NotACompleteRobtarget),
+                            _ => value.unknown().unwrap_or(Reason::NotARobtarget),
                         });
                     }
                 }
             }
         };
-        if is_unit(pose.written.quat) { Ok(pose) } else { Err(NOT_UNIT) }
+        if is_unit(pose.written.quat) { Ok(pose) } else { Err(Reason::NotUnit) }
     }
 
     /// One robtarget of a motion.
@@ -280,7 +275,7 @@ impl<'a> Runner<'a> {
     }
 
     /// Why the controller does not go where the numbers say, as far as that is so.
-    fn unlocated(&self, target: &Target, pose: &Pose) -> Option<&'static str> {
+    fn unlocated(&self, target: &Target, pose: &Pose) -> Option<Reason> {
         let tool = self.tools[target.tool as usize].data;
         let wobj = self.wobjs[target.wobj as usize].data;
         // Either the robot holds the tool, or the part; what is not declared here is the usual way.
@@ -288,11 +283,11 @@ impl<'a> Runner<'a> {
         let misfit =
             tool.is_none_or(|t: ToolData| t.robhold) == holds_part || wobj.is_some_and(|w| w.robhold && !w.fixed);
         match self.state.displacement {
-            Switch::On => Some("program displacement is active"),
-            Switch::Unknown => Some("program displacement is known only at run time"),
-            Switch::Off if self.state.soft == Switch::On => Some("soft servo is active: the axes yield"),
-            Switch::Off if self.state.soft == Switch::Unknown => Some("soft servo is known only at run time"),
-            Switch::Off if misfit => Some("tool and work object are both held by the robot, or neither is"),
+            Switch::On => Some(Reason::DisplacementActive),
+            Switch::Unknown => Some(Reason::DisplacementUnknown),
+            Switch::Off if self.state.soft == Switch::On => Some(Reason::SoftServoActive),
+            Switch::Off if self.state.soft == Switch::Unknown => Some(Reason::SoftServoUnknown),
+            Switch::Off if misfit => Some(Reason::BothHeld),
             Switch::Off => self.axes_unknown(&pose.written.external),
         }
     }
@@ -301,22 +296,24 @@ impl<'a> Runner<'a> {
         let reason = if let Some(why) = self.unlocated(target, pose) {
             Some(why)
         } else if self.state.mark_unknown {
-            Some("air or cut is known only at run time")
+            Some(Reason::MarkUnknown)
         } else if let Some(why) = pose.fixed {
             Some(why)
         } else if let Some(last) = pose.steps.last() {
             match last.tokens {
-                None => Some("offset computed from an expression"),
-                Some(tokens) if tokens.iter().any(|t| t.source as usize >= self.written) => Some(CONTEXT),
+                None => Some(Reason::OffsetWithExpression),
+                Some(tokens) if tokens.iter().any(|t| t.source as usize >= self.written) => Some(Reason::InContextFile),
                 Some(_) => return Editable::Position,
             }
         } else {
             match pose.root {
-                None => Some(RUN_TIME),
-                Some(root) if self.literals[root as usize].source as usize >= self.written => Some(CONTEXT),
+                None => Some(Reason::Computed),
+                Some(root) if self.literals[root as usize].source as usize >= self.written => {
+                    Some(Reason::InContextFile)
+                }
                 Some(_) => return Editable::Pose,
             }
         };
-        Editable::No(reason.unwrap_or(RUN_TIME))
+        Editable::No(reason.unwrap_or(Reason::Computed))
     }
 }

@@ -4,7 +4,7 @@ use super::runner::Runner;
 use super::tree::{File, RoutineKind, Statement};
 use super::value::SourceSpan;
 use super::{Layout, Site};
-use crate::program::{Editable, Goal, Kept, Motion, Role, Target, Tool, UnknownMotion, Wobj};
+use crate::program::{Editable, Goal, Kept, Motion, Reason, Role, Target, Tool, UnknownMotion, Wobj};
 use crate::text::Diagnostic;
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -107,7 +107,7 @@ impl Runner<'_> {
             };
             let shared = offset(site).is_some_and(|place| held.contains(&place) || of_statement(&place));
             if shared && target.editable == Editable::Position {
-                target.editable = Editable::No("its offset is also used where it cannot be edited");
+                target.editable = Editable::No(Reason::OffsetUsedElsewhere);
             }
         }
     }
@@ -124,7 +124,7 @@ impl Runner<'_> {
             let pinned = self.root(&self.sites[i]).is_some_and(|r| self.pinned.contains(&r));
             let target = &mut self.targets[i];
             if pinned && target.editable == Editable::Pose {
-                target.editable = Editable::No("its declaration is also used where it cannot be edited");
+                target.editable = Editable::No(Reason::DeclarationUsedElsewhere);
             }
         }
     }

@@ -1,21 +1,17 @@
 //! What a routine is given: copies, and names for the places of others.
 
-use super::eval::{RUN_TIME, Scope};
+use super::eval::Scope;
 use super::known::RoutineId;
 use super::motion::Call;
 use super::runner::Runner;
 use super::symbols::{Content, Names, Part, Upper, declared, first_word};
 use super::tree::{Param, Routine};
 use super::value::Value;
+use crate::program::Reason;
 use crate::text::Span;
 use std::collections::HashSet;
 use std::rc::Rc;
 use std::sync::Arc;
-
-/// What an optional parameter holds that the call does not give.
-pub(super) const ABSENT: &str = "optional argument that is not given";
-/// What a parameter holds of a procedure that nothing in the files calls.
-pub(super) const NOT_KNOWN: &str = "argument is not known";
 
 /// What a parameter stands for.
 #[derive(Clone, Debug)]
@@ -63,7 +59,7 @@ impl<'a> Runner<'a> {
         for argument in undeclared(routine, callee, self.bytes(scope.source as usize), call) {
             let value = self.evaluate(scope, argument);
             self.pin_value(&value);
-            self.forget_argument(scope, argument, RUN_TIME);
+            self.forget_argument(scope, argument, Reason::Computed);
         }
         bound
     }
@@ -84,7 +80,7 @@ impl<'a> Runner<'a> {
             let at = match bound {
                 Some(Bound::Variable(at)) => at,
                 Some(Bound::Part(part)) => {
-                    let at = new(self, Value::Unknown(RUN_TIME));
+                    let at = new(self, Value::Unknown(Reason::Computed));
                     self.symbols.variables[at].content = Content::Part(part);
                     at
                 }
@@ -98,16 +94,18 @@ impl<'a> Runner<'a> {
                     self.symbols.variables[at].foreign = !declared;
                     at
                 }
-                None if param.optional && !self.frames.is_empty() => new(self, Value::Unknown(ABSENT)),
-                None => new(self, Value::Unknown(NOT_KNOWN)),
+                None if param.optional && !self.frames.is_empty() => {
+                    new(self, Value::Unknown(Reason::OptionalArgumentMissing))
+                }
+                None => new(self, Value::Unknown(Reason::ArgumentUnknown)),
             };
             if volatile.contains(&Box::from(&*key)) {
                 let of = match &self.symbols.variables[at].content {
                     Content::Part(part) => part.of,
                     _ => at,
                 };
-                self.forget_data(of, super::changes::CHANGED_AT_ANY_MOMENT);
-                self.symbols.variables[of].volatile = Some(super::changes::CHANGED_AT_ANY_MOMENT);
+                self.forget_data(of, Reason::Trap);
+                self.symbols.variables[of].volatile = Some(Reason::Trap);
             }
             if routine.error.is_some()
                 && let Value::Target(pose) = self.content(at)
@@ -130,7 +128,7 @@ impl<'a> Runner<'a> {
             let key = Upper::new(&bytes[data.name.range()]);
             variable.assigned = assigned.contains(&*key);
             if volatile.contains(&Box::from(&*key)) {
-                variable.volatile = Some(super::changes::CHANGED_AT_ANY_MOMENT);
+                variable.volatile = Some(Reason::Trap);
             }
             names.insert(Box::from(&*key), self.symbols.variables.len());
             self.symbols.variables.push(variable);

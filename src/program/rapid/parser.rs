@@ -2,16 +2,14 @@
 
 use super::lex::{Cursor, Key, Lexeme, LexemeKind, key};
 use super::tree::File;
+use crate::program::Reason;
 use crate::text::Span;
 
 /// How a simple statement's scan ended.
 pub(super) enum Scan {
     Done,
-    Broken(&'static str),
+    Broken(Reason),
 }
-
-pub(super) const NO_SEMICOLON: &str = "missing semicolon";
-pub(super) const UNCLOSED: &str = "bracket without an end";
 
 pub(super) struct Parser<'a> {
     pub(super) cursor: Cursor<'a>,
@@ -31,7 +29,7 @@ impl<'a> Parser<'a> {
         self.key_of(lexeme)
     }
 
-    pub(super) fn odd(&mut self, from: usize, reason: &'static str) {
+    pub(super) fn odd(&mut self, from: usize, reason: Reason) {
         let end = self.cursor.behind.max(from);
         self.file.odd.push((Span::new(from, end), reason));
     }

@@ -1,15 +1,12 @@
 //! Corrected poses back into number tokens: nothing but sign and digits changes.
 
 use super::value::{SourceSpan, Step, rotate, unit};
-use super::writer::{Pose, Print, SHARED, Writer, single};
+use super::writer::{Pose, Print, Writer, single};
 use super::{Layout, Offset, Site, clone, insert, own};
 use crate::program::token::{New, signed};
-use crate::program::{Change, Editable, Goal, Insert, Program, RewriteOptions, Rewritten, Role};
+use crate::program::{Change, Editable, Goal, Insert, Program, Reason, RewriteOptions, Rewritten, Role};
 use crate::text::{Content, Edit, Token};
 use std::collections::{BTreeSet, HashMap, HashSet};
-
-pub(super) const FROZEN: &str = "would move a target that cannot be edited";
-pub(super) const SHARED_OFFSET: &str = "offset used by motions whose corrections differ";
 
 /// New arguments of `Offs` and `RelTool`, by the place of the first; none of them where it stays.
 pub(super) type NewOffsets = HashMap<SourceSpan, NewOffset>;
@@ -170,7 +167,7 @@ impl Writer<'_> {
             };
             if self.frozen.contains(&literal) {
                 if change.as_ref().is_some_and(|c| self.differs(i, c)) {
-                    self.kept.push((i, FROZEN));
+                    self.kept.push((i, Reason::MovesKept));
                 }
                 continue;
             }
@@ -187,7 +184,7 @@ impl Writer<'_> {
         let mut cloned = HashMap::new();
         for &literal in &disputed {
             prints[literal as usize] = None;
-            clone::resolve(self, literal, changes, &mut prints, &mut cloned, SHARED);
+            clone::resolve(self, literal, changes, &mut prints, &mut cloned, Reason::SharedTarget);
         }
         for print in &mut prints {
             if print.as_ref().is_some_and(|p| p.tokens.iter().all(Option::is_none) && p.axes.is_empty()) {
@@ -228,7 +225,7 @@ impl Writer<'_> {
         let mut done = HashSet::new();
         for (i, place, tokens) in users {
             match wishes.get(&place) {
-                None => self.kept.push((i, SHARED_OFFSET)),
+                None => self.kept.push((i, Reason::SharedOffset)),
                 Some(print) if done.insert(place) => {
                     for (token, content) in tokens.iter().zip(print) {
                         if let (Some(content), Some(edits)) = (content, self.edits.get_mut(token.source as usize)) {

@@ -1,6 +1,6 @@
 //! The program as it runs: calls, loops and branches followed as far as they are known when reading.
 
-use super::eval::{BROKEN_AGGREGATE, NOT_A_NUMBER, Scope};
+use super::eval::Scope;
 use super::gathering::Gathering;
 use super::known::RoutineId;
 use super::motion::{self, Simple};
@@ -8,9 +8,8 @@ use super::outcome::Outcome;
 use super::predefined;
 use super::runner::{Flow, Mode, Runner};
 use super::tree::{File, RoutineKind, Statement};
-use super::value::NOT_UNIT;
 use crate::limits::RUN_MOTIONS;
-use crate::program::{Kept, UnknownMotion};
+use crate::program::{Kept, Reason, UnknownMotion};
 use crate::text::{Diagnostic, Severity, Span};
 
 /// So many bytes of a statement count as one more: long ones take longer.
@@ -185,7 +184,7 @@ impl<'a> Runner<'a> {
 
     /// The program does what no controller lets it do.
     pub(super) fn refuse(&mut self, source: u16, span: Span, code: &'static str, message: &str, help: &str) {
-        if self.mode == Mode::Real && self.seen.insert((usize::from(source), span, code)) {
+        if self.mode == Mode::Real && self.told.insert((usize::from(source), span, code)) {
             let error = Diagnostic::error(code, "", message).at(&self.symbols.sources[usize::from(source)], span);
             self.diagnostics.push(error.help(help));
         }
@@ -197,20 +196,20 @@ impl<'a> Runner<'a> {
 
     pub(super) fn tell(&mut self, span: Span, code: &'static str, message: &str, severity: Severity) {
         let source = self.scope().source as usize;
-        if self.mode == Mode::Real && self.seen.insert((source, span, code)) {
+        if self.mode == Mode::Real && self.told.insert((source, span, code)) {
             let told = Diagnostic::error(code, "", message).at(&self.symbols.sources[source], span);
             self.diagnostics.push(told.severity(severity));
         }
     }
 
     /// Keeps a motion whose target is not known.
-    pub(super) fn keep_motion(&mut self, span: Span, reason: &'static str) {
+    pub(super) fn keep_motion(&mut self, span: Span, reason: Reason) {
         self.stands = None;
         if self.mode != Mode::Real {
             return;
         }
         // What no controller loads, whatever runs before.
-        let fault = matches!(reason, NOT_A_NUMBER | BROKEN_AGGREGATE | NOT_UNIT);
+        let fault = matches!(reason, Reason::NotANumber | Reason::Aggregate | Reason::NotUnit);
         let source = self.scope().source;
         self.keep_as(source as usize, span, reason, fault);
         let line = self.lines[source as usize].line(span.start);
@@ -218,17 +217,17 @@ impl<'a> Runner<'a> {
     }
 
     /// Keeps a statement of the running routine.
-    pub(super) fn keep_here(&mut self, span: Span, reason: &'static str) {
+    pub(super) fn keep_here(&mut self, span: Span, reason: Reason) {
         if self.mode == Mode::Real {
             self.keep(self.scope().source as usize, span, reason);
         }
     }
 
-    pub(super) fn keep(&mut self, source: usize, span: Span, reason: &'static str) {
+    pub(super) fn keep(&mut self, source: usize, span: Span, reason: Reason) {
         self.keep_as(source, span, reason, false);
     }
 
-    fn keep_as(&mut self, source: usize, span: Span, reason: &'static str, fault: bool) {
+    fn keep_as(&mut self, source: usize, span: Span, reason: Reason, fault: bool) {
         if source < self.written && self.seen.insert((source, span, reason)) {
             let line = self.lines[source].line(span.start);
             let help = "";
@@ -240,7 +239,7 @@ impl<'a> Runner<'a> {
         let scope = self.scope();
         let bytes = self.bytes(scope.source as usize);
         let Some(simple) = motion::split(bytes, scope.source, span) else {
-            self.keep_here(span, "statement is not understood");
+            self.keep_here(span, Reason::NotUnderstood);
             self.events += 1;
             return Flow::Next;
         };

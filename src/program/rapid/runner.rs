@@ -10,7 +10,7 @@ use super::symbols::{Content, Names, Symbols};
 use super::tree::File;
 use super::value::SourceSpan;
 use super::{Offset, Site};
-use crate::program::{ExternalAxes, InactiveUnit, Kept, Target, Tool, UnknownMotion, Wobj};
+use crate::program::{ExternalAxes, InactiveUnit, Kept, Reason, Target, Tool, UnknownMotion, Wobj};
 use crate::text::{Diagnostic, LineIndex, Source, Span};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::sync::Arc;
@@ -150,7 +150,10 @@ pub(super) struct Runner<'a> {
     /// The external axes have moved by themselves since the last target.
     pub(super) axes_moved: bool,
     pub(super) kept: Vec<Kept>,
-    pub(super) seen: HashSet<(usize, Span, &'static str)>,
+    /// What was kept, and where.
+    pub(super) seen: HashSet<(usize, Span, Reason)>,
+    /// What was said, by its code, and where.
+    pub(super) told: HashSet<(usize, Span, &'static str)>,
     pub(super) diagnostics: Vec<Diagnostic>,
     pub(super) lines: Vec<LineIndex>,
     pub(super) motions: u32,
@@ -226,6 +229,7 @@ impl<'a> Runner<'a> {
             axes_moved: false,
             kept: Vec::new(),
             seen: HashSet::new(),
+            told: HashSet::new(),
             diagnostics: Vec::new(),
             lines: sources.iter().map(LineIndex::new).collect(),
             motions: 0,

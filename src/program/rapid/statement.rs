@@ -2,8 +2,9 @@
 
 use super::lex::{Key, Lexeme, LexemeKind, key};
 use super::literal::Literal;
-use super::parser::{NO_SEMICOLON, Parser, Scan, UNCLOSED};
+use super::parser::{Parser, Scan};
 use super::tree::Statement;
+use crate::program::Reason;
 use crate::text::Span;
 
 impl Parser<'_> {
@@ -24,7 +25,7 @@ impl Parser<'_> {
         match end {
             Scan::Broken(reason) => self.odd(start.start, reason),
             Scan::Done if !matches!(start.kind, LexemeKind::Word | LexemeKind::Mark(b'%')) => {
-                self.odd(start.start, "not a statement")
+                self.odd(start.start, Reason::NotAStatement)
             }
             Scan::Done => return Some(Statement::Simple(span)),
         }
@@ -43,13 +44,15 @@ impl Parser<'_> {
             let before = self.cursor.behind;
             let lexeme = self.cursor.peek();
             match lexeme.kind {
-                LexemeKind::End => return Scan::Broken(if depth > 0 { UNCLOSED } else { NO_SEMICOLON }),
+                LexemeKind::End => {
+                    return Scan::Broken(if depth > 0 { Reason::BracketUnclosed } else { Reason::NoSemicolon });
+                }
                 LexemeKind::Mark(b';') => {
                     self.cursor.pass(lexeme);
                     return match depth {
-                        0 if placeholder => Scan::Broken("placeholder in a statement"),
+                        0 if placeholder => Scan::Broken(Reason::PlaceholderStatement),
                         0 => Scan::Done,
-                        _ => Scan::Broken(UNCLOSED),
+                        _ => Scan::Broken(Reason::BracketUnclosed),
                     };
                 }
                 LexemeKind::Mark(b'[') => {
@@ -74,7 +77,7 @@ impl Parser<'_> {
                             self.cursor.next();
                         }
                         self.cursor.accept(LexemeKind::Mark(b';'));
-                        return Scan::Broken("bracket closed that was not opened");
+                        return Scan::Broken(Reason::BracketUnopened);
                     }
                     (depth, operand) = (depth - 1, true);
                 }
@@ -86,13 +89,13 @@ impl Parser<'_> {
                         && !(matches!(found, Key::Error | Key::Default | Key::Exit | Key::Test | Key::Task)
                             && depth > 0)
                     {
-                        return Scan::Broken(if depth > 0 { UNCLOSED } else { NO_SEMICOLON });
+                        return Scan::Broken(if depth > 0 { Reason::BracketUnclosed } else { Reason::NoSemicolon });
                     }
                     let operator = is_operator(text);
                     if operand && depth == 0 && !operator && words > 0 {
                         let gap = &self.cursor.bytes[before..lexeme.start];
                         if gap.iter().any(|b| matches!(b, b'\n' | b'\r')) {
-                            return Scan::Broken(NO_SEMICOLON);
+                            return Scan::Broken(Reason::NoSemicolon);
                         }
                     }
                     words += usize::from(operand);

@@ -4,6 +4,7 @@ use super::known::{Known, RoutineId};
 use super::lex::{Cursor, LexemeKind};
 use super::tree::{Data, File, Routine, Storage};
 use super::value::Value;
+use crate::program::Reason;
 use crate::text::{Source, Span, decode};
 use std::collections::{BTreeSet, HashMap};
 use std::rc::Rc;
@@ -74,7 +75,7 @@ pub(super) struct Variable {
     /// The program assigns it somewhere.
     pub(super) assigned: bool,
     /// Why it may change at any moment (traps, error handlers).
-    pub(super) volatile: Option<&'static str>,
+    pub(super) volatile: Option<Reason>,
     /// Stands for a name that the files do not declare.
     pub(super) foreign: bool,
     /// Declared data (not a parameter or a loop's variable): its statement.
@@ -221,7 +222,7 @@ pub(super) fn declared(bytes: &[u8], file: usize, module: usize, data: &Data) ->
         b"NUM" | b"DNUM" if data.dims.is_none() => Value::Num(0.0, None),
         b"BOOL" if data.dims.is_none() => Value::Bool(false),
         b"STRING" if data.dims.is_none() => Value::Text(Rc::from(&b""[..])),
-        _ => Value::Unknown("data without an initial value"),
+        _ => Value::Unknown(Reason::Unset),
     };
     Variable {
         name: decode(&bytes[data.name.range()]).as_ref().into(),

@@ -3,8 +3,9 @@
 mod blocks;
 
 use super::lex::{Cursor, Key, Lexeme, LexemeKind, key};
-use super::parser::{NO_SEMICOLON, Parser, Scan};
+use super::parser::{Parser, Scan};
 use super::tree::{Data, File, Module, Param, Record, Routine, RoutineKind, Storage};
+use crate::program::Reason;
 use crate::text::{Source, Span};
 
 /// Deeper nesting of blocks is refused: real programs do not have it, and the walk over it is recursive.
@@ -81,7 +82,7 @@ impl Parser<'_> {
                 _ => {
                     self.cursor.pass(lexeme);
                     let end = self.scan();
-                    let reason = if let Scan::Broken(reason) = end { reason } else { "outside a module" };
+                    let reason = if let Scan::Broken(reason) = end { reason } else { Reason::OutsideModule };
                     self.odd(lexeme.start, reason);
                 }
             }
@@ -118,7 +119,7 @@ impl Parser<'_> {
                     return Ok(module);
                 }
                 Some(Key::Module) => {
-                    self.odd(start.start, "module without ENDMODULE before it");
+                    self.odd(start.start, Reason::ModuleUnclosed);
                     return Ok(module);
                 }
                 Some(
@@ -140,7 +141,7 @@ impl Parser<'_> {
                     self.cursor.pass(start);
                     let reason = match self.scan() {
                         Scan::Broken(reason) => reason,
-                        Scan::Done => "statement outside a routine",
+                        Scan::Done => Reason::StatementOutside,
                     };
                     if start.kind != LexemeKind::Placeholder {
                         self.odd(start.start, reason);
@@ -185,7 +186,9 @@ impl Parser<'_> {
     }
 
     fn record(&mut self, module: &mut Module, start: usize) {
-        let Some(name) = self.cursor.accept(LexemeKind::Word) else { return self.odd(start, "record without a name") };
+        let Some(name) = self.cursor.accept(LexemeKind::Word) else {
+            return self.odd(start, Reason::RecordWithoutName);
+        };
         let mut fields = Vec::new();
         loop {
             let kind = self.cursor.next();
@@ -207,8 +210,8 @@ impl Parser<'_> {
             let placeholder = self.cursor.peek().kind == LexemeKind::Placeholder;
             let reason = match self.scan() {
                 Scan::Broken(reason) => reason,
-                Scan::Done if placeholder => "declaration with a placeholder",
-                Scan::Done => "declaration without type and name",
+                Scan::Done if placeholder => Reason::PlaceholderDeclaration,
+                Scan::Done => Reason::DeclarationIncomplete,
             };
             self.odd(start, reason);
             return None;
@@ -230,7 +233,7 @@ impl Parser<'_> {
         let behind = self.cursor.behind;
         if let Scan::Broken(reason) = end {
             self.odd(start, reason);
-            if reason != NO_SEMICOLON {
+            if reason != Reason::NoSemicolon {
                 return None;
             }
         }
@@ -287,17 +290,17 @@ impl Parser<'_> {
                 }
                 // The end is missing; the next member or the module's end says so.
                 Some(Key::EndModule | Key::Module | Key::Proc | Key::Func | Key::Trap | Key::Local | Key::Record) => {
-                    self.file.odd.push((end.span(), "routine before it has no end"));
+                    self.file.odd.push((end.span(), Reason::RoutineUnclosedBefore));
                     break;
                 }
                 _ if end.kind == LexemeKind::End => {
-                    self.file.odd.push((Span::new(name.start as usize, end.end), "routine without an end"));
+                    self.file.odd.push((Span::new(name.start as usize, end.end), Reason::RoutineUnclosed));
                     break;
                 }
                 _ => {
                     // A part of a block without its head: ELSE, ENDIF, CASE, …
                     self.cursor.pass(end);
-                    self.odd(end.start, "no block that this belongs to");
+                    self.odd(end.start, Reason::NoBlock);
                     routine.body.append(&mut self.block(&mut routine.data, 0)?);
                 }
             }

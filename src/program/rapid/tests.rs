@@ -1,7 +1,7 @@
 //! Text in, targets and edits out.
 
 use super::read;
-use crate::program::{Change, Editable, Goal, Insert, Mark, Program, RewriteOptions, round_trip};
+use crate::program::{Change, Editable, Goal, Insert, Mark, Program, Reason, RewriteOptions, round_trip};
 use crate::text::{Source, apply};
 
 fn program(text: &str) -> Program {
@@ -53,7 +53,7 @@ fn offsets_follow_their_base() {
 fn loops_with_known_bounds_run() {
     let p = program(&module("FOR i FROM 1 TO 3 DO\nMoveL Offs(p1,i*10,0,0),v100,fine,tool0;\nENDFOR"));
     assert_eq!(positions(&p), [[11.0, 2.0, 3.0], [21.0, 2.0, 3.0], [31.0, 2.0, 3.0]]);
-    assert_eq!(p.targets[0].editable, Editable::No("offset computed from an expression"));
+    assert_eq!(p.targets[0].editable, Editable::No(Reason::OffsetWithExpression));
     holds(&p);
 }
 
@@ -61,7 +61,7 @@ fn loops_with_known_bounds_run() {
 fn a_missing_semicolon_takes_no_neighbour() {
     let p = program(&module("MoveL p1,v100,fine,tool0\nMoveL p2,v100,fine,tool0;\nMoveL p1,v100,fine,tool0;"));
     assert_eq!(p.targets.len(), 2);
-    assert_eq!((p.kept.len(), p.kept[0].reason, p.kept[0].line), (1, "missing semicolon", 5));
+    assert_eq!((p.kept.len(), p.kept[0].reason, p.kept[0].line), (1, Reason::NoSemicolon, 5));
     holds(&p);
 }
 

@@ -1,7 +1,7 @@
 //! What a file is made of: spans, not texts.
 
 use super::literal::Literal;
-use crate::program::Mark;
+use crate::program::{Mark, Reason};
 use crate::text::Span;
 
 /// One file's modules, and every complete robtarget literal in it in text order.
@@ -10,7 +10,7 @@ pub(super) struct File {
     pub(super) modules: Vec<Module>,
     pub(super) literals: Vec<Literal>,
     /// Statements that are not understood, with the reason.
-    pub(super) odd: Vec<(Span, &'static str)>,
+    pub(super) odd: Vec<(Span, Reason)>,
     /// The last mark before the first routine: in force from the start.
     pub(super) mark: Option<Mark>,
     /// The file ends inside a module: its last lexeme.

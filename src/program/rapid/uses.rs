@@ -10,7 +10,7 @@ use super::state::{ModalState, Switches};
 use super::symbols::{Upper, first_word};
 use super::tree::{Routine, RoutineKind, Statement, Storage, simple_statements};
 use super::value::{Pose, SourceSpan, axes_in_use};
-use crate::program::{Editable, Motion, Target};
+use crate::program::{Editable, Motion, Reason, Target};
 use crate::text::{Diagnostic, Severity, Span};
 use std::collections::{BTreeSet, HashSet};
 
@@ -73,7 +73,7 @@ impl<'a> Runner<'a> {
         };
         let changing: Vec<usize> = (0..self.symbols.data).filter(open).collect();
         for at in changing {
-            self.forget_data(at, "may be anything when this is called");
+            self.forget_data(at, Reason::ByHand);
         }
         let mut anywhere = Switches::NONE;
         self.symbols.all().for_each(|id| anywhere |= self.symbols.changed_by(id).switches);
@@ -165,7 +165,7 @@ impl<'a> Runner<'a> {
         for target in &mut self.targets {
             let inside = statements.contains(&(usize::from(target.source), target.span.start));
             if inside && !matches!(target.editable, Editable::No(_)) {
-                target.editable = Editable::No("procedure that calls itself");
+                target.editable = Editable::No(Reason::RoutineCallsItself);
             }
         }
     }
@@ -240,12 +240,12 @@ impl<'a> Runner<'a> {
             let routine = self.symbols.routine(id);
             let entered = self.entered.contains(&id);
             let body = match routine.kind {
-                RoutineKind::Trap => "motion in a trap routine",
-                RoutineKind::Func => "motion in a function",
-                RoutineKind::Proc if !entered => "routine that nothing in the files runs",
-                RoutineKind::Proc => "motion that nothing reaches",
+                RoutineKind::Trap => Reason::InTrap,
+                RoutineKind::Func => Reason::InFunction,
+                RoutineKind::Proc if !entered => Reason::NotRun,
+                RoutineKind::Proc => Reason::NotReached,
             };
-            for (block, reason) in [(&routine.body, body), (&routine.handlers, "motion in an error handler")] {
+            for (block, reason) in [(&routine.body, body), (&routine.handlers, Reason::InErrorHandler)] {
                 let idle: Vec<Span> = simple_statements(block)
                     .into_iter()
                     .filter(|span| !self.ran.has(id.file, span.start))

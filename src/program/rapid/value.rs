@@ -1,16 +1,13 @@
 //! What an expression is worth, as far as it is known when reading, and where its numbers stand.
 
 use super::literal::{self, Literal, UNUSED_AXIS, Written};
-use crate::program::{Conf, ToolData, WobjData};
+use crate::program::{Conf, Reason, ToolData, WobjData};
 use crate::text::Span;
 use std::rc::Rc;
 
 /// Largest deviation of |q|² from 1 that a controller takes for a matter of printing: its length is 1 ± 0.001 then. ABB's page
 /// on `orient` asks for a sum of squares of 1; three decimals, the fewest that posts print, keep within this.
 pub(super) const MAX_NORM_ERROR: f64 = 2e-3;
-
-/// What no controller moves to.
-pub(super) const NOT_UNIT: &str = "orientation is not a unit quaternion";
 
 /// A span in one of the sources.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -22,7 +19,7 @@ pub(crate) struct SourceSpan {
 #[derive(Clone, Debug)]
 pub(super) enum Value {
     /// Known only when the program runs, and why.
-    Unknown(&'static str),
+    Unknown(Reason),
     /// A number; its token (sign included) where it is a literal.
     Num(f64, Option<SourceSpan>),
     Bool(bool),
@@ -41,7 +38,7 @@ pub(super) struct Pose {
     /// `Offs` and `RelTool` around it, innermost first.
     pub(super) steps: Vec<Step>,
     /// Why it cannot be edited, though its value is known.
-    pub(super) fixed: Option<&'static str>,
+    pub(super) fixed: Option<Reason>,
 }
 
 /// One `Offs` or `RelTool`.
@@ -148,16 +145,16 @@ impl Value {
     }
 
     /// Why it is not known, if that is so.
-    pub(super) fn unknown(&self) -> Option<&'static str> {
+    pub(super) fn unknown(&self) -> Option<Reason> {
         match self {
-            Value::Unknown(why) => Some(why),
+            Value::Unknown(why) => Some(*why),
             Value::List(items, _) => items.iter().find_map(Value::unknown),
             _ => None,
         }
     }
 
     /// The value alone: what a variable holds is not the text that it came from.
-    pub(super) fn detached(&self, why: &'static str) -> Self {
+    pub(super) fn detached(&self, why: Reason) -> Self {
         match self {
             Value::Num(value, _) => Value::Num(*value, None),
             Value::List(items, _) => Value::List(items.iter().map(|v| v.detached(why)).collect(), None),
@@ -345,7 +342,7 @@ pub(super) fn component(kind: &[u8], name: &[u8]) -> Option<(usize, &'static [u8
 pub(super) fn parts(pose: &Pose) -> Value {
     let w = &pose.written;
     let conf = w.conf.and_then(quarters);
-    let conf = conf.map_or(Value::Unknown("configuration is not known"), |c| l(c.map(|v| n(f64::from(v)))));
+    let conf = conf.map_or(Value::Unknown(Reason::Configuration), |c| l(c.map(|v| n(f64::from(v)))));
     l([l(w.position_mm.map(n)), l(w.quat.map(n)), conf, l(w.external.map(n))])
 }
 

@@ -5,13 +5,12 @@ use super::literal::Literal;
 use super::value::{SourceSpan, quarters, unit};
 use crate::program::EXTERNAL_AXES;
 use crate::program::token::{New, signed};
-use crate::program::{Change, Editable, Goal, Program, RewriteOptions};
+use crate::program::{Change, Editable, Goal, Program, Reason, RewriteOptions};
 use crate::text::{Content, Edit, Span, Token};
 use std::collections::{BTreeSet, HashSet};
 
 /// Two orientations closer than this are the same: rounding of the arithmetic between reading and writing.
 const SAME_QUAT: f64 = 1e-12;
-pub(super) const SHARED: &str = "declared target used by motions whose corrections differ";
 
 /// New token texts of one literal; `None` where a token stays.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -32,11 +31,11 @@ pub(super) struct Writer<'a> {
     pub(super) layout: &'a Layout,
     pub(super) options: &'a RewriteOptions,
     pub(super) edits: Vec<Vec<Edit>>,
-    pub(super) kept: Vec<(usize, &'static str)>,
+    pub(super) kept: Vec<(usize, Reason)>,
     /// Literals and offsets, these by their first number, that stay for the sake of others.
     pub(super) frozen: BTreeSet<u32>,
     pub(super) frozen_offsets: HashSet<SourceSpan>,
-    pub(super) not_inserted: Vec<(usize, &'static str)>,
+    pub(super) not_inserted: Vec<(usize, Reason)>,
 }
 
 impl<'a> Writer<'a> {
@@ -61,8 +60,8 @@ impl<'a> Writer<'a> {
         self.bytes(SourceSpan { source: literal.source, span: literal.token(i) })
     }
 
-    pub(super) fn reason(&self, i: usize) -> &'static str {
-        if let Editable::No(reason) = self.program.targets[i].editable { reason } else { SHARED }
+    pub(super) fn reason(&self, i: usize) -> Reason {
+        if let Editable::No(reason) = self.program.targets[i].editable { reason } else { Reason::SharedTarget }
     }
 
     /// Whether a change asks for anything else than what is there.

@@ -9,16 +9,13 @@ use super::lines::Line;
 use super::run::Visit;
 use super::statement::StatementKind;
 use crate::program::orientation::halfway;
-use crate::program::{Editable, Goal, Motion as Path, Role, Target};
+use crate::program::{Editable, Goal, Motion as Path, Reason, Role, Target};
 use nalgebra::{Unit, Vector3};
 use std::collections::BTreeSet;
 use std::ops::Range;
 
 /// The fewest `A` motions in a row that make an arc.
 const FEWEST_MOTIONS: usize = 3;
-
-const FEW: &str = "fewer than three circle arc motions (A) in a row";
-const HALF_ARC: &str = "arc with a point that is not edited";
 
 /// `A` motions in a row, as ranges of statements: only remarks stand between them.
 pub(super) fn rows(lines: &[Line<'_>], kinds: &[StatementKind<'_>]) -> Vec<Range<usize>> {
@@ -89,7 +86,7 @@ impl Builder<'_> {
         match poses.filter(|poses| poses.len() == count && count >= FEWEST_MOTIONS && are_in_one_frame(&own)) {
             Some(poses) => self.arc(points, &poses),
             None => {
-                let why = if count < FEWEST_MOTIONS { FEW } else { HALF_ARC };
+                let why = if count < FEWEST_MOTIONS { Reason::FewArcs } else { Reason::Arc };
                 for (at, (mut target, site)) in points {
                     refuse(&mut target, why);
                     self.push(at, (target, site));
@@ -134,7 +131,7 @@ impl Builder<'_> {
                 let stays = |i: usize| matches!(built.targets[i].editable, Editable::No(_));
                 if points.clone().any(stays) && !points.clone().all(stays) {
                     held.extend(points.clone().filter_map(|i| built.sites[i]));
-                    points.clone().for_each(|i| refuse(&mut built.targets[i], HALF_ARC));
+                    points.clone().for_each(|i| refuse(&mut built.targets[i], Reason::Arc));
                 }
             }
             if held.is_empty() {
@@ -142,7 +139,7 @@ impl Builder<'_> {
             }
             for (target, site) in built.targets.iter_mut().zip(&built.sites) {
                 if site.is_some_and(|site| held.contains(&site)) {
-                    refuse(target, HALF_ARC);
+                    refuse(target, Reason::Arc);
                 }
             }
         }

@@ -3,7 +3,7 @@
 use super::flow::Flow;
 use super::lines::Line;
 use super::position::Position;
-use crate::program::{AxisName, EXTERNAL_AXES};
+use crate::program::{AxisName, EXTERNAL_AXES, Reason};
 use crate::program::{Editable, Kept, Target, Tool, UnknownMotion, Wobj};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -52,9 +52,9 @@ pub(super) struct Builder<'a> {
     /// Index of each number; the second where a number is there twice.
     pub(super) numbers: BTreeMap<u32, (usize, bool)>,
     /// Positions that stay for the sake of other uses, with the reason.
-    pub(super) frozen: BTreeMap<usize, &'static str>,
+    pub(super) frozen: BTreeMap<usize, Reason>,
     /// The same of every position.
-    pub(super) all_frozen: Option<&'static str>,
+    pub(super) all_frozen: Option<Reason>,
     /// Targets of each motion.
     pub(super) ends: BTreeMap<usize, Vec<usize>>,
     /// External axes that any position has elsewhere than at zero.
@@ -102,7 +102,7 @@ pub(super) fn are_in_one_frame(points: &[(Target, Site)]) -> bool {
     points.windows(2).all(|two| (two[0].0.tool, two[0].0.wobj) == (two[1].0.tool, two[1].0.wobj))
 }
 
-pub(super) fn refuse(target: &mut Target, why: &'static str) {
+pub(super) fn refuse(target: &mut Target, why: Reason) {
     if !matches!(target.editable, Editable::No(_)) {
         target.editable = Editable::No(why);
     }

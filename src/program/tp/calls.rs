@@ -3,9 +3,9 @@
 use super::expression::{self, Registers};
 use super::flow::Flow;
 use super::lines::{Line, sections, statements};
-use super::motion::INCREMENT;
 use super::run;
 use super::statement::{self, Frame, StatementKind};
+use crate::program::Reason;
 use crate::text::Source;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -23,7 +23,7 @@ pub(super) struct Called {
     /// Values of any frame.
     pub(super) all_redefined: BTreeSet<Frame>,
     /// Why paths are moved at run time after it, where they are.
-    pub(super) displaces: Option<&'static str>,
+    pub(super) displaces: Option<Reason>,
     /// Whether something runs in parallel after it.
     pub(super) concurrent: bool,
     /// Whether it may move the robot.
@@ -136,7 +136,7 @@ fn increments(lines: &[Line<'_>]) -> bool {
     let mut flow = Flow::new(lines, &none, None);
     flow.start.standing.insert(at_start);
     let counts =
-        |at: usize| matches!(&flow.kinds[at], StatementKind::Motion(motion) if motion.moved == Some(INCREMENT));
+        |at: usize| matches!(&flow.kinds[at], StatementKind::Motion(motion) if motion.moved == Some(Reason::Increment));
     run::run(&flow).iter().any(|(at, state)| counts(*at) && state.standing.contains(&at_start))
 }
 
@@ -163,7 +163,7 @@ fn take(kind: &StatementKind<'_>, called: &mut Called) {
             called.concurrent |= motion.runs_others;
             called.moves = true;
         }
-        StatementKind::Displace(why) => called.displaces = Some(why),
+        StatementKind::Displace(why) => called.displaces = Some(*why),
         StatementKind::RedefineAny => {
             called.selects = [true; 2];
             called.all_redefined.extend([Frame::User, Frame::Tool]);

@@ -5,6 +5,7 @@ use super::expression::{self, Registers};
 use super::lines::Line;
 use super::state::{Marked, ModalState};
 use super::statement::{self, Frame, StatementKind};
+use crate::program::Reason;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Where a run may go on.
@@ -37,7 +38,7 @@ pub(super) struct Flow<'a> {
 
 impl<'a> Flow<'a> {
     /// `displaced`: why the paths of the whole program are moved at run time, where they are.
-    pub(super) fn new(lines: &'a [Line<'a>], calls: &'a Calls, displaced: Option<&'static str>) -> Self {
+    pub(super) fn new(lines: &'a [Line<'a>], calls: &'a Calls, displaced: Option<Reason>) -> Self {
         let kinds: Vec<StatementKind<'a>> = lines.iter().map(statement::kind).collect();
         let mut flow = Self {
             inner: inner(lines, &kinds),
@@ -228,7 +229,7 @@ impl<'a> Flow<'a> {
                 state.elsewhere = elsewhere;
                 state.runs_beside();
             }
-            StatementKind::Displace(why) => state.displaced = Some(why),
+            StatementKind::Displace(why) => state.displaced = Some(*why),
             StatementKind::RedefineAny => {
                 state.selected = [None; 2];
                 state.all_redefined.extend([Frame::User, Frame::Tool]);

@@ -7,11 +7,11 @@ use super::lines::{Line, numbers, sections};
 use super::motion::{Lasting, lasting};
 use super::position::{self, Body, Pose, Position};
 use super::renumber::{Shifts, counted, line_end, line_start, renumber};
-use super::written::{DECIMALS, POSTURE, nearest, single};
+use super::written::{DECIMALS, nearest, single};
 use crate::program::EXTERNAL_AXES;
 use crate::program::orientation::{from_zyx_deg, quaternion, rotation, zyx_deg};
 use crate::program::token::New;
-use crate::program::{Conf, Editable, Insert, Motion, Program, RewriteOptions, Rewritten, Role, Target};
+use crate::program::{Conf, Editable, Insert, Motion, Program, Reason, RewriteOptions, Rewritten, Role, Target};
 use crate::text::{Content, Edit, Span, apply};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -21,17 +21,8 @@ pub(crate) const MOST_POINTS: usize = 999;
 /// The most statements: where RoboDK's post for these controllers splits a program (`MAX_LINES_X_PROG`).
 const MOST_LINES: usize = 9999;
 
-const A_ARC: &str = "circle arc motion (A): a point between would make it another curve";
-const AGAIN: &str = "motion runs more than once: a point before it would too";
-const NOT_A_PATH: &str = "only lines and arcs can be subdivided";
-const NOT_A_POSE: &str = "its position has no pose that can be edited";
-const HALF_ARC: &str = "arc with a point that is not edited";
-const GROUPS: &str = "another motion group moves on the way";
-const NO_NUMBERS: &str = "the program would have positions beyond P[999]: split it";
-const NO_LINES: &str = "the program would have more than 9999 lines: split it";
-
 /// Why nothing can be inserted before a target, as far as its statement and its position say.
-pub(super) fn refusal(program: &Program, layout: &Layout, before: usize) -> Option<&'static str> {
+pub(super) fn refusal(program: &Program, layout: &Layout, before: usize) -> Option<Reason> {
     statement(program, layout, before).err()
 }
 
@@ -51,28 +42,28 @@ impl Like<'_> {
     }
 }
 
-fn statement<'a>(program: &'a Program, layout: &'a Layout, before: usize) -> Result<Like<'a>, &'static str> {
-    let target = program.targets.get(before).ok_or(NOT_A_PATH)?;
+fn statement<'a>(program: &'a Program, layout: &'a Layout, before: usize) -> Result<Like<'a>, Reason> {
+    let target = program.targets.get(before).ok_or(Reason::OnlyLinesAndArcs)?;
     if !matches!(target.motion, Motion::Linear | Motion::Circular) || target.role != Role::End {
-        return Err(NOT_A_PATH);
+        return Err(Reason::OnlyLinesAndArcs);
     }
     let text = &program.sources[0].bytes[target.span.range()];
     let lasting = lasting(text)?;
     if lasting.letter.eq_ignore_ascii_case(&b'A') {
-        return Err(A_ARC);
+        return Err(Reason::ArcMotion);
     }
     if target.editable != Editable::Pose {
-        return Err(NOT_A_POSE);
+        return Err(Reason::NoEditablePose);
     }
     let groups =
         |i: usize| program.targets[i].external.as_ref().map(|external| &external.groups[..]).unwrap_or_default();
     if before.checked_sub(1).is_some_and(|last| groups(last) != groups(before)) {
-        return Err(GROUPS);
+        return Err(Reason::OtherGroupMoves);
     }
-    let site = layout.sites.get(before).copied().flatten().ok_or(NOT_A_POSE)?;
+    let site = layout.sites.get(before).copied().flatten().ok_or(Reason::NoEditablePose)?;
     match layout.positions.get(site as usize) {
         Some(position @ Position { body: Body::Pose(pose), .. }) => Ok(Like { text, lasting, position, pose }),
-        _ => Err(NOT_A_POSE),
+        _ => Err(Reason::NoEditablePose),
     }
 }
 
@@ -94,7 +85,7 @@ pub(super) fn write(
         let before = beside[0].before;
         let arc = program.targets.get(before).is_some_and(|target| target.motion == Motion::Circular);
         let whole = !arc || !(is_kept(before) || before.checked_sub(1).is_some_and(is_kept));
-        let written = if whole { writer.positions(before, beside) } else { Err(HALF_ARC) };
+        let written = if whole { writer.positions(before, beside) } else { Err(Reason::Arc) };
         match written {
             Ok((like, numbers, poses)) => {
                 lines.insert(program.targets[before].span.start as usize, (like, numbers));
@@ -190,24 +181,24 @@ impl<'a> Writer<'a> {
 
     /// Positions of motions before a target, of all of them or none: what the motions are like, the numbers of their circle
     /// points and ends, and what the controller will hold.
-    fn positions(&mut self, before: usize, inserts: &[Insert]) -> Result<Written<'a>, &'static str> {
+    fn positions(&mut self, before: usize, inserts: &[Insert]) -> Result<Written<'a>, Reason> {
         let like = statement(self.program, self.layout, before)?;
         if self.runs.get(&self.program.targets[before].span) != Some(&1) {
-            return Err(AGAIN);
+            return Err(Reason::RunsAgain);
         }
         let points = inserts.len() + inserts.iter().filter(|insert| insert.via.is_some()).count();
         if self.largest + points > MOST_POINTS {
-            return Err(NO_NUMBERS);
+            return Err(Reason::NoPositionNumbers);
         }
         if self.count + inserts.len() > MOST_LINES {
-            return Err(NO_LINES);
+            return Err(Reason::NoLineNumbers);
         }
         let (mut text, mut numbers, mut poses, mut largest) = (Vec::new(), Vec::new(), Vec::new(), self.largest);
         for insert in inserts {
             let mut add = |pose, conf, external| {
                 largest += 1;
                 let held = self.position(&like, largest, pose, conf, external, &mut text)?;
-                Ok::<_, &'static str>((largest, held))
+                Ok::<_, Reason>((largest, held))
             };
             let via = insert.via.map(|via| add(via, None, insert.external)).transpose()?;
             let (end, pose) = add((insert.position_mm, insert.quat), insert.conf, insert.external)?;
@@ -228,10 +219,10 @@ impl<'a> Writer<'a> {
         conf: Option<Conf>,
         external: Option<[Option<f64>; EXTERNAL_AXES]>,
         out: &mut Vec<u8>,
-    ) -> Result<Pair, &'static str> {
+    ) -> Result<Pair, Reason> {
         let bytes = &self.program.sources[0].bytes;
         let (span, pose) = (like.position.span.range(), like.pose);
-        let (behind, _) = position::head(&bytes[span.clone()]).map_err(|_| NOT_A_POSE)?;
+        let (behind, _) = position::head(&bytes[span.clone()]).map_err(|_| Reason::NoEditablePose)?;
         let body = span.end - behind.len();
         let decimals = DECIMALS.min(self.options.position_decimals);
         let mut edits = Vec::new();
@@ -253,7 +244,7 @@ impl<'a> Writer<'a> {
         }
         if let (Some(Conf::Turns(wanted)), Some(written)) = (conf, pose.config) {
             if wanted.posture != written.config.posture {
-                return Err(POSTURE);
+                return Err(Reason::ConfigChanges);
             }
             for (place, turn) in written.tokens.iter().zip(wanted.turns) {
                 put(*place, f64::from(turn), 0);

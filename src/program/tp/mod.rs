@@ -30,7 +30,7 @@ mod targets;
 mod written;
 
 use super::front_end::FrontEnd;
-use super::{Change, Insert, Kept, Language, Passing, Program, RewriteOptions, Rewritten};
+use super::{Change, Insert, Kept, Language, Passing, Program, Reason, RewriteOptions, Rewritten};
 use crate::text::{Diagnostic, Edit, Severity, Source, Span};
 pub(super) use insert::MOST_POINTS;
 use position::{Body, Position};
@@ -90,7 +90,7 @@ impl FrontEnd for Layout {
         wanted.iter().map(edit).collect()
     }
 
-    fn insertion_refused(&self, program: &Program, before: usize) -> Option<&'static str> {
+    fn insertion_refused(&self, program: &Program, before: usize) -> Option<Reason> {
         insert::refusal(program, self, before)
     }
 
@@ -138,7 +138,7 @@ pub fn read(mut sources: Vec<Source>, context: Vec<Source>) -> Result<Program, V
         source: 0,
         span: *span,
         line: source.line_column(span.start as usize).line,
-        reason: NOT_READ,
+        reason: Reason::PositionUnread,
         fault: false,
         help: "",
     }));
@@ -170,14 +170,12 @@ pub fn read(mut sources: Vec<Source>, context: Vec<Source>) -> Result<Program, V
 }
 
 /// Why the program as a whole follows something at run time: a schedule of line tracking other than 0 in its head.
-fn follows(head: &[u8]) -> Option<&'static str> {
+fn follows(head: &[u8]) -> Option<Reason> {
     const SCHEDULE: &[u8] = b"LINE_TRACK_SCHEDULE_NUMBER";
     let at = memchr::memmem::find(&head.to_ascii_uppercase(), SCHEDULE)? + SCHEDULE.len();
     let number = head[at..].iter().skip_while(|b| matches!(b, b' ' | b'\t' | b':')).take_while(|b| b.is_ascii_digit());
-    number.copied().any(|digit| digit != b'0').then_some("follows a conveyor (LINE_TRACK)")
+    number.copied().any(|digit| digit != b'0').then_some(Reason::LineTracking)
 }
-
-const NOT_READ: &str = "position that cannot be read";
 
 /// Positions, and the heads of those that cannot be read.
 fn positions(source: &Source, section: std::ops::Range<usize>) -> (Vec<Position>, Vec<Span>) {
@@ -229,8 +227,8 @@ fn without_section(source: &Source, has_statements: bool) -> Diagnostic {
 /// A warning for positions that cannot be read, at the first of them.
 fn not_read(source: &Source, odd: &[Span]) -> Option<Diagnostic> {
     let message = match odd.len() {
-        1 => NOT_READ.to_owned(),
-        more => format!("{NOT_READ} ({more} of them)"),
+        1 => Reason::PositionUnread.to_string(),
+        more => format!("{} ({more} of them)", Reason::PositionUnread),
     };
     let warning = Diagnostic::error("ls.not-read", &source.name, message).at(source, *odd.first()?);
     let help = "expected P[n]{ GP1: UF : u, UT : t, CONFIG : '…', X = … mm, … R = … deg };";

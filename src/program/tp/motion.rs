@@ -2,6 +2,7 @@
 
 use super::lex::{Parsed, blanks, brackets, index, number_token, spaced, value_of, word};
 use crate::program::Motion as Path;
+use crate::program::Reason;
 use nom::Parser;
 use nom::branch::alt;
 use nom::bytes::complete::{tag, tag_no_case, take_while};
@@ -21,7 +22,7 @@ pub(super) struct Motion<'a> {
     /// Speed of the TCP, mm/s, where it is a number and says so.
     pub(super) feed_mm_s: Option<f64>,
     /// Why the motion does not end at its point, or not with this robot alone.
-    pub(super) moved: Option<&'static str>,
+    pub(super) moved: Option<Reason>,
     /// On the way, it stays on a line or an arc in what another motion group carries (`COORD`).
     pub(super) coordinated: bool,
     /// Other statements run in parallel with it.
@@ -42,7 +43,7 @@ pub(super) enum Point<'a> {
     /// `P[…]`: the index as written.
     Position(&'a [u8]),
     /// Something whose value only a run knows, and what.
-    RunTime(&'static str),
+    RunTime(Reason),
 }
 
 /// Reads a motion; `None` where the statement is another.
@@ -61,7 +62,7 @@ pub(super) fn motion(text: &[u8]) -> Option<Motion<'_>> {
         _ => Path::Linear,
     };
     let moved = match letter.to_ascii_uppercase() {
-        'S' => Some("spline motion (S)"),
+        'S' => Some(Reason::SplineOption),
         _ => None,
     };
     let is_arc = letter.eq_ignore_ascii_case(&'A');
@@ -89,14 +90,11 @@ fn point(input: &[u8]) -> Parsed<'_, Point<'_>> {
     let (rest, (_, name, _, within)) = (blanks, name, blanks, brackets).parse(input)?;
     let point = match name.len() {
         1 => Point::Position(index(within)),
-        2 => Point::RunTime("motion to a position register (PR)"),
-        _ => Point::RunTime("palletizing motion (PAL)"),
+        2 => Point::RunTime(Reason::PositionRegister),
+        _ => Point::RunTime(Reason::Palletizing),
     };
     Ok((rest, point))
 }
-
-/// Why a motion that counts from where the robot stands is moved.
-pub(super) const INCREMENT: &str = "incremental motion (INC)";
 
 /// Millimetres in an inch, and seconds in a minute.
 const INCH: f64 = 25.4;
@@ -126,7 +124,7 @@ enum Meaning {
     /// Nothing for where the motion ends.
     Plain,
     /// It ends elsewhere.
-    Moved(&'static str),
+    Moved(Reason),
     /// It may end before, at a condition.
     Skip,
     /// Something runs shortly before or after the point: the rest says what.
@@ -172,18 +170,18 @@ const WORDS: [(&[u8], Meaning); 51] = [
     (b"CALL", Meaning::Timed),
     (b"AUFRUF", Meaning::Timed),
     (b"POINT_LOGIC", Meaning::Timed),
-    (b"EV", Meaning::Moved("external axis with a speed of its own (EV)")),
-    (b"IND", Meaning::Moved("external axis with a speed of its own (EV)")),
-    (b"OFFSET", Meaning::Moved("moved by a position register (Offset)")),
-    (b"TOOL_OFFSET", Meaning::Moved("moved by a position register (Tool_Offset)")),
-    (b"VOFFSET", Meaning::Moved("moved by a vision register (VOFFSET)")),
-    (b"VR", Meaning::Moved("moved by a vision register (VOFFSET)")),
-    (b"INC", Meaning::Moved(INCREMENT)),
+    (b"EV", Meaning::Moved(Reason::ExternalAxisSpeed)),
+    (b"IND", Meaning::Moved(Reason::ExternalAxisSpeed)),
+    (b"OFFSET", Meaning::Moved(Reason::MovedByRegister)),
+    (b"TOOL_OFFSET", Meaning::Moved(Reason::ToolMovedByRegister)),
+    (b"VOFFSET", Meaning::Moved(Reason::MovedByVision)),
+    (b"VR", Meaning::Moved(Reason::MovedByVision)),
+    (b"INC", Meaning::Moved(Reason::Increment)),
     (b"COORD", Meaning::Coordinated),
-    (b"RTCP", Meaning::Moved("stationary tool (RTCP)")),
-    (b"SEARCH", Meaning::Moved("ends where a search finds something")),
-    (b"WEAVE", Meaning::Moved("weaving motion")),
-    (b"TRACK", Meaning::Moved("path is moved at run time (tracking)")),
+    (b"RTCP", Meaning::Moved(Reason::StationaryTool)),
+    (b"SEARCH", Meaning::Moved(Reason::Search)),
+    (b"WEAVE", Meaning::Moved(Reason::Weaving)),
+    (b"TRACK", Meaning::Moved(Reason::Tracking)),
     (b"SKIP", Meaning::Skip),
     (b"QUICK_SKIP", Meaning::Skip),
     (b"SKIPJUMP", Meaning::Skip),
@@ -216,10 +214,10 @@ fn modifiers<'a>(text: &'a [u8], motion: &mut Motion<'a>) {
             match WORDS.iter().find(|(known, _)| *known == upper).map(|(_, meaning)| meaning) {
                 Some(Meaning::Plain) => {}
                 Some(Meaning::Moved(why)) => {
-                    motion.moved.get_or_insert(why);
+                    motion.moved.get_or_insert(*why);
                 }
                 Some(Meaning::Skip) => {
-                    motion.moved.get_or_insert("ends where a condition is met (Skip)");
+                    motion.moved.get_or_insert(Reason::Skip);
                     motion.skip = label(behind);
                     return;
                 }
@@ -234,7 +232,7 @@ fn modifiers<'a>(text: &'a [u8], motion: &mut Motion<'a>) {
                 None if within.is_some() && matches!(&upper[..], b"R" | b"AR" | b"PR") => {}
                 None if beside => {}
                 None => {
-                    motion.moved.get_or_insert("motion option that is not known");
+                    motion.moved.get_or_insert(Reason::MotionOption);
                 }
             }
             rest = behind;
@@ -242,7 +240,7 @@ fn modifiers<'a>(text: &'a [u8], motion: &mut Motion<'a>) {
         }
         let mark = |b: &u8| matches!(b, b',' | b'=' | b'%' | b'.' | b'(' | b')') || b.is_ascii_digit();
         if !beside && !mark(&rest[0]) {
-            motion.moved.get_or_insert("motion option that is not known");
+            motion.moved.get_or_insert(Reason::MotionOption);
         }
         rest = &rest[1..];
     }
@@ -263,10 +261,6 @@ pub(super) struct Lasting<'a> {
     pub(super) options: Vec<&'a [u8]>,
 }
 
-const TIMED: &str = "speed that is the time of the whole motion (sec)";
-const ONCE: &str = "motion option that a point between would repeat or shift";
-const UNREAD: &str = "motion is not understood";
-
 /// Words that say how a motion ends, and those that hold all of its way.
 const ENDS: [&[u8]; 5] = [b"FINE", b"FEIN", b"CNT", b"CR", b"CD"];
 const LASTS: [&[u8]; 6] = [b"ACC", b"WJNT", b"PTH", b"MAX_SPEED", b"WELD_SPEED", b"COORD"];
@@ -275,17 +269,17 @@ const LASTS: [&[u8]; 6] = [b"ACC", b"WJNT", b"PTH", b"MAX_SPEED", b"WELD_SPEED",
 ///
 /// # Errors
 /// Why there can be none.
-pub(super) fn lasting(text: &[u8]) -> Result<Lasting<'_>, &'static str> {
+pub(super) fn lasting(text: &[u8]) -> Result<Lasting<'_>, Reason> {
     let place = |rest: &[u8]| text.len() - rest.len();
     let body = text[super::lines::numbers(text).unwrap_or(0)..].trim_ascii_start();
     let body = body.strip_prefix(b":").unwrap_or(body).trim_ascii_start();
-    let letter = *body.first().ok_or(UNREAD)?;
+    let letter = *body.first().ok_or(Reason::Motion)?;
     let (mut rest, mut points) = (&body[1..], Vec::new());
     for _ in 0..1 + usize::from(letter.eq_ignore_ascii_case(&b'C')) {
         // The colon of a continuation line.
         rest = rest.trim_ascii_start();
         rest = rest.strip_prefix(b":").unwrap_or(rest).trim_ascii_start();
-        let (behind, _) = point(rest).map_err(|_| UNREAD)?;
+        let (behind, _) = point(rest).map_err(|_| Reason::Motion)?;
         points.push(place(rest)..place(behind));
         rest = behind;
     }
@@ -294,7 +288,7 @@ pub(super) fn lasting(text: &[u8]) -> Result<Lasting<'_>, &'static str> {
     // Millimetres, degrees, inches by a time have a stroke.
     let timed = speed.to_ascii_lowercase();
     if (timed.ends_with(b"sec") || timed.ends_with(b"sek")) && !timed.contains(&b'/') {
-        return Err(TIMED);
+        return Err(Reason::Timed);
     }
     let mut lasting = Lasting { letter, letter_at: place(body), points, speed, options: Vec::new() };
     let mut rest = behind;
@@ -303,7 +297,7 @@ pub(super) fn lasting(text: &[u8]) -> Result<Lasting<'_>, &'static str> {
         if rest.is_empty() || rest == b";" {
             return Ok(lasting);
         }
-        let (behind, name) = word(rest).map_err(|_| ONCE)?;
+        let (behind, name) = word(rest).map_err(|_| Reason::OptionOnce)?;
         let letters = name.iter().rposition(|b| !b.is_ascii_digit()).map_or(0, |last| last + 1);
         let upper = name[..letters].to_ascii_uppercase();
         // `ACC R[3]`
@@ -312,7 +306,7 @@ pub(super) fn lasting(text: &[u8]) -> Result<Lasting<'_>, &'static str> {
         if LASTS.contains(&&upper[..]) {
             lasting.options.push(&rest[..rest.len() - behind.len()]);
         } else if !ENDS.contains(&&upper[..]) {
-            return Err(ONCE);
+            return Err(Reason::OptionOnce);
         }
         rest = behind;
     }
@@ -361,13 +355,13 @@ mod tests {
     #[test]
     fn what_moves_the_point_is_said() {
         for (text, why) in [
-            ("L P[1] 500mm/sec FINE Offset,PR[1:off]", "moved by a position register (Offset)"),
-            ("L P[1] 500mm/sec FINE Offset", "moved by a position register (Offset)"),
-            ("L P[1] 500mm/sec CNT R[2] Tool_Offset,PR[1]", "moved by a position register (Tool_Offset)"),
-            ("L P[1] 500mm/sec FINE INC", "incremental motion (INC)"),
-            ("L P[1] 500mm/sec FINE Frobnicate", "motion option that is not known"),
-            ("S P[1] 500mm/sec FINE", "spline motion (S)"),
-            ("A P[1] 500mm/sec FINE INC", "incremental motion (INC)"),
+            ("L P[1] 500mm/sec FINE Offset,PR[1:off]", Reason::MovedByRegister),
+            ("L P[1] 500mm/sec FINE Offset", Reason::MovedByRegister),
+            ("L P[1] 500mm/sec CNT R[2] Tool_Offset,PR[1]", Reason::ToolMovedByRegister),
+            ("L P[1] 500mm/sec FINE INC", Reason::Increment),
+            ("L P[1] 500mm/sec FINE Frobnicate", Reason::MotionOption),
+            ("S P[1] 500mm/sec FINE", Reason::SplineOption),
+            ("A P[1] 500mm/sec FINE INC", Reason::Increment),
         ] {
             assert_eq!(read(text).moved, Some(why), "{text}");
         }
@@ -381,7 +375,7 @@ mod tests {
         let timed = read("J P[1] 10% CNT0 ACC100 ZEIT VOR   0.00sek,P-SPS");
         assert!(timed.point_logic && timed.runs_others && timed.moved.is_none());
         let moved = read("J P[1] 10% CNT0 ACC100 TB    .10sec,P-SPS Tool_Offset,PR[2] Offset,PR[1]");
-        assert_eq!(moved.moved, Some("moved by a position register (Tool_Offset)"));
+        assert_eq!(moved.moved, Some(Reason::ToolMovedByRegister));
         assert!(read("L P[1] 5mm/sec FINE TB .10sec,CALL OFFSET").moved.is_none());
         assert!(!read("L P[1] 5mm/sec CNT100 ACC80 TB .10sec,DO[1]=ON").runs_others);
     }

@@ -1,7 +1,7 @@
 //! `/POS`: positions as written, and where their numbers stand.
 
 use super::lex::{Parsed, blanks, number_token, spaced, value_of, word};
-use crate::program::{AxisName, EXTERNAL_AXES};
+use crate::program::{AxisName, EXTERNAL_AXES, Reason};
 use crate::program::{Config as Said, GroupAxis};
 use crate::text::Span;
 use nom::Parser;
@@ -39,7 +39,7 @@ pub(super) enum Body {
         frames: [Number; 2],
     },
     /// No numbers to go by, for this reason.
-    None(&'static str),
+    None(Reason),
 }
 
 /// A pose in a user frame, with its number tokens.
@@ -74,11 +74,6 @@ pub(super) struct Config {
 }
 
 const EXTERNAL: [&str; EXTERNAL_AXES] = ["E1", "E2", "E3", "E4", "E5", "E6"];
-
-const UNITS: &str = "position whose units are not millimetres and degrees";
-const UNSET: &str = "position that is not taught (********)";
-const INCOMPLETE: &str = "position without all numbers of motion group 1";
-const OTHERS: &str = "position of other motion groups alone";
 
 /// The first position of `input`, after whatever stands before it; `None` where there is none any more. Offsets count
 /// from `base`, the whole text.
@@ -240,10 +235,10 @@ fn has_other_units(items: &[Item<'_>]) -> bool {
 
 fn body(items: &[Item<'_>]) -> Body {
     if has_other_units(items) {
-        return Body::None(UNITS);
+        return Body::None(Reason::PositionUnits);
     }
     if !items.is_empty() && items.iter().all(|item| item.group != 1) {
-        return Body::None(OTHERS);
+        return Body::None(Reason::PositionOfOtherGroups);
     }
     let frame = |key: &str| match numbers(items, [key]) {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
@@ -255,7 +250,7 @@ fn body(items: &[Item<'_>]) -> Body {
         Some(_) => None,
     };
     let (Some(uf), Some(ut)) = (frame("UF"), frame("UT")) else {
-        return Body::None("position whose frames cannot be read");
+        return Body::None(Reason::PositionFrames);
     };
     let frames = [uf, ut];
     if let Some(found) = numbers(items, ["X", "Y", "Z", "W", "P", "R"]) {
@@ -263,17 +258,19 @@ fn body(items: &[Item<'_>]) -> Body {
         for (i, value) in found.into_iter().enumerate() {
             match value {
                 Value::Number { token, value } => (pose.tokens[i], pose.values[i]) = (token, value),
-                _ => return Body::None(UNSET),
+                _ => return Body::None(Reason::PositionUntaught),
             }
         }
         return Body::Pose(Box::new(pose));
     }
-    let Some(found) = numbers(items, ["J1", "J2", "J3", "J4", "J5", "J6"]) else { return Body::None(INCOMPLETE) };
+    let Some(found) = numbers(items, ["J1", "J2", "J3", "J4", "J5", "J6"]) else {
+        return Body::None(Reason::PositionIncomplete);
+    };
     let mut deg = [0.0; 6];
     for (deg, value) in deg.iter_mut().zip(found) {
         match value {
             Value::Number { value, .. } => *deg = value,
-            _ => return Body::None(UNSET),
+            _ => return Body::None(Reason::PositionUntaught),
         }
     }
     Body::Joints { deg, frames }
@@ -381,10 +378,10 @@ mod tests {
         };
         assert_eq!(
             none(b"P[1]{GP1: UF:F,UT:F, X = ******** mm, Y = 0 mm, Z = 0 mm, W = 0 deg, P = 0 deg, R = 0 deg};"),
-            UNSET
+            Reason::PositionUntaught
         );
-        assert_eq!(none(b"P[1:]{GP1: UF:F,UT:F, X = 1 mm, Y = 0 mm};"), INCOMPLETE);
-        assert_eq!(none(b"P[1]{GP2: UF:F,UT:F, J1 = 1 mm};"), OTHERS);
+        assert_eq!(none(b"P[1:]{GP1: UF:F,UT:F, X = 1 mm, Y = 0 mm};"), Reason::PositionIncomplete);
+        assert_eq!(none(b"P[1]{GP2: UF:F,UT:F, J1 = 1 mm};"), Reason::PositionOfOtherGroups);
         assert!(next(b"P[1]{ GP1: UF 1 };", b"P[1]{ GP1: UF 1 };").unwrap().1.is_err());
     }
 }

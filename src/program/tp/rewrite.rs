@@ -2,19 +2,16 @@
 
 use super::Layout;
 use super::position::{Body, Config as Written, Pose};
-use super::written::{DECIMALS, POSTURE, nearest, single};
+use super::written::{DECIMALS, nearest, single};
 use super::{arcs, insert};
 use crate::program::orientation::{from_zyx_deg, halfway, quaternion, rotation, zyx_deg};
 use crate::program::token::New;
-use crate::program::{Change, Conf, Editable, Goal, Insert, Program, RewriteOptions, Rewritten};
+use crate::program::{Change, Conf, Editable, Goal, Insert, Program, Reason, RewriteOptions, Rewritten};
 use crate::text::{Content, Edit, Span, Token};
 use std::collections::BTreeSet;
 
 /// Two orientations closer than this are the same: rounding of the arithmetic between reading and writing.
 const SAME_QUAT: f64 = 1e-12;
-
-const SHARED: &str = "position used by motions whose corrections differ";
-const HALF_ARC: &str = "other point of an arc that is not edited";
 
 /// New token texts of one position; `None` where a token stays.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -89,10 +86,10 @@ struct Writer<'a> {
 
 impl Writer<'_> {
     /// What each position is to become, agreed among all motions that use it, and targets whose change is not written.
-    fn prints(&self, changes: &[Option<Change>]) -> (Vec<Option<Print>>, Vec<(usize, &'static str)>) {
+    fn prints(&self, changes: &[Option<Change>]) -> (Vec<Option<Print>>, Vec<(usize, Reason)>) {
         let mut prints: Vec<Option<Print>> = vec![None; self.layout.positions.len()];
         let (mut kept, mut refused) = (Vec::new(), BTreeSet::new());
-        let mut wishes: Vec<(usize, u32, Result<Print, &'static str>)> = Vec::new();
+        let mut wishes: Vec<(usize, u32, Result<Print, Reason>)> = Vec::new();
         for (i, (site, change)) in self.layout.sites.iter().zip(changes).enumerate() {
             let target = &self.program.targets[i];
             let pose = site.and_then(|site| Some((site, self.pose(site)?)));
@@ -123,7 +120,7 @@ impl Writer<'_> {
             if refused.contains(&site) || frozen {
                 prints[site as usize] = None;
                 if changes[i].as_ref().is_some_and(|change| self.differs(i, change)) {
-                    kept.push((i, wish.err().unwrap_or(if frozen { HALF_ARC } else { SHARED })));
+                    kept.push((i, wish.err().unwrap_or(if frozen { Reason::Arc } else { Reason::SharedNumbers })));
                 }
             }
         }
@@ -134,7 +131,7 @@ impl Writer<'_> {
     }
 
     /// Holds the other points of arcs of which one is kept; whether there is any.
-    fn freeze(&mut self, kept: &[(usize, &'static str)]) -> bool {
+    fn freeze(&mut self, kept: &[(usize, Reason)]) -> bool {
         let count = self.frozen.len();
         let points = &self.layout.points;
         for &(i, _) in kept {
@@ -160,7 +157,7 @@ impl Writer<'_> {
     }
 
     /// New tokens of a position for one user's change.
-    fn print(&self, i: usize, pose: &Pose, change: &Change) -> Result<Print, &'static str> {
+    fn print(&self, i: usize, pose: &Pose, change: &Change) -> Result<Print, Reason> {
         let mut print = Print::of(pose);
         let Goal::Pose { quat, .. } = self.program.targets[i].goal else { return Ok(print) };
         let put = |print: &mut Print, at: usize, value: f64| {
@@ -186,9 +183,9 @@ impl Writer<'_> {
     }
 
     /// New turn numbers. Letters are no numbers: they stay, and so does what would need others.
-    fn turns(&self, print: &mut Print, written: Written, posture: i32, turns: [i32; 3]) -> Result<(), &'static str> {
+    fn turns(&self, print: &mut Print, written: Written, posture: i32, turns: [i32; 3]) -> Result<(), Reason> {
         if posture != written.config.posture {
-            return Err(POSTURE);
+            return Err(Reason::ConfigChanges);
         }
         for (at, turn) in turns.into_iter().enumerate() {
             let old = self.program.sources[0].slice(written.tokens[at]);

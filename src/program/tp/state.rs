@@ -3,7 +3,7 @@
 use super::calls::Called;
 use super::expression::{self, Registers};
 use super::statement::Frame;
-use crate::program::Mark;
+use crate::program::{Mark, Reason};
 use std::collections::BTreeSet;
 
 /// What is known before a statement.
@@ -20,7 +20,7 @@ pub(super) struct ModalState {
     /// The same of any frame, for want of a number that is known.
     pub(super) all_redefined: BTreeSet<Frame>,
     /// Why paths are moved at run time, where they are.
-    pub(super) displaced: Option<&'static str>,
+    pub(super) displaced: Option<Reason>,
     /// Something runs in parallel: nothing that it could change stays known.
     pub(super) concurrent: bool,
     /// Motions that the robot may stand at the end of.

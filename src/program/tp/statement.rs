@@ -4,7 +4,7 @@ use super::expression::{self, Registers};
 use super::lex::{Parsed, brackets, index, is_letter, keyword, spaced, word};
 use super::lines::Line;
 use super::motion::{self, Motion};
-use crate::program::Mark;
+use crate::program::{Mark, Reason};
 use nom::Parser;
 use nom::branch::alt;
 use nom::bytes::complete::{tag, tag_no_case};
@@ -54,7 +54,7 @@ pub(super) enum StatementKind<'a> {
     /// `WAIT …,TIMEOUT,LBL[…]`
     Timeout(&'a [u8]),
     /// Paths are moved at run time from here on, in this way.
-    Displace(&'static str),
+    Displace(Reason),
     /// `$MNUFRAME[…]=…`: values of frames or tools by their system variables.
     RedefineAny,
     /// `END`, `ABORT`
@@ -149,9 +149,9 @@ fn of(text: &[u8], nested: bool) -> StatementKind<'_> {
         b"UTOOL" => redefined(Frame::Tool, rest),
         b"WAIT" if contains(&text.to_ascii_uppercase(), b"TIMEOUT") => timeout(text),
         b"TRACK" | b"TOUCH" | b"DPM" | b"LINE" | b"FORCE" | b"WEAVE" | b"SEARCH" | b"MP" => {
-            StatementKind::Displace(TRACKING)
+            StatementKind::Displace(Reason::Tracking)
         }
-        b"SOFTFLOAT" => StatementKind::Displace(SOFT),
+        b"SOFTFLOAT" => StatementKind::Displace(Reason::Softfloat),
         b"INDEPENDENT" | b"SIMULTANEOUS" => grouped(trimmed),
         [b'$', ..] => system_variable(&text.to_ascii_uppercase()),
         word if PLAIN.iter().any(|plain| plain.as_bytes() == word) => StatementKind::Plain,
@@ -160,15 +160,11 @@ fn of(text: &[u8], nested: bool) -> StatementKind<'_> {
     }
 }
 
-const TRACKING: &str = "path is moved at run time (tracking)";
-const SOFT: &str = "axes yield at run time (SOFTFLOAT)";
-const UNCHECKED: &str = "the check of frame numbers is set at run time ($FRM_CHKTYP)";
-
 /// `$MNUFRAME[1,3]=PR[2]`, `$MNUFRAMENUM[1]=3`, `$FRM_CHKTYP=-2`, upper case: what it sets, wherever in it the name stands.
 fn system_variable(upper: &[u8]) -> StatementKind<'static> {
     let has = |wanted: &[u8]| contains(upper, wanted);
     match () {
-        () if has(b"FRM_CHKTYP") => StatementKind::Displace(UNCHECKED),
+        () if has(b"FRM_CHKTYP") => StatementKind::Displace(Reason::FrameCheckUnknown),
         () if has(b"FRAMENUM") || has(b"TOOLNUM") => StatementKind::Macro,
         () if has(b"FRAME") || has(b"TOOL") => StatementKind::RedefineAny,
         () => StatementKind::Plain,
@@ -180,10 +176,7 @@ fn grouped(rest: &[u8]) -> StatementKind<'_> {
     let upper = rest.to_ascii_uppercase();
     let own = memchr::memmem::find(&upper, b"GP1").and_then(|at| motion::motion(rest[at + 3..].trim_ascii_start()));
     match own {
-        Some(own) => StatementKind::Motion(Box::new(Motion {
-            moved: Some("motion groups that move each in its own way"),
-            ..own
-        })),
+        Some(own) => StatementKind::Motion(Box::new(Motion { moved: Some(Reason::OneGroupOfMany), ..own })),
         None => StatementKind::Unknown,
     }
 }
@@ -448,9 +441,9 @@ mod tests {
         assert_eq!(is("SPRUNG MARKE[1]"), StatementKind::Unknown);
         assert_eq!(is("$MNUFRAMENUM[1]=2"), StatementKind::Macro);
         assert_eq!(is("$GROUP[1].$UFRAME=PR[1]"), StatementKind::RedefineAny);
-        assert_eq!(is("$FRM_CHKTYP=(-2)"), StatementKind::Displace(UNCHECKED));
+        assert_eq!(is("$FRM_CHKTYP=(-2)"), StatementKind::Displace(Reason::FrameCheckUnknown));
         assert_eq!(is("$MCR.$GENOVERRIDE=50"), StatementKind::Plain);
-        assert_eq!(is("SOFTFLOAT[1]"), StatementKind::Displace(SOFT));
+        assert_eq!(is("SOFTFLOAT[1]"), StatementKind::Displace(Reason::Softfloat));
         assert!(matches!(is("Independent GP GP1 L P[1] 5mm/sec FINE GP2 J P[1] 5% FINE"), StatementKind::Motion(_)));
     }
 

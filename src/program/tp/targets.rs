@@ -3,7 +3,7 @@
 use super::arcs;
 use super::builder::{Builder, Built, Site, are_in_one_frame, refuse};
 use super::expression;
-use super::motion::{INCREMENT, Motion, Point};
+use super::motion::{Motion, Point};
 use super::position::{Body, Number, Pose, Position};
 use super::run::Visit;
 use super::state::{Marked, ModalState};
@@ -11,33 +11,22 @@ use super::statement::{self, Frame, StatementKind};
 use crate::program::EXTERNAL_AXES;
 use crate::program::orientation::{from_zyx_deg, quaternion};
 use crate::program::{
-    Conf, Editable, ExternalAxes, Goal, GroupAxis, Kept, Motion as Path, Predecessor, Role, Target, Tool, ToolData,
-    UnknownMotion, Wobj, WobjData,
+    Conf, Editable, ExternalAxes, Goal, GroupAxis, Kept, Motion as Path, Predecessor, Reason, Role, Target, Tool,
+    ToolData, UnknownMotion, Wobj, WobjData,
 };
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-const SELECTED_LATER: [&str; 2] = ["user frame selected at run time", "tool selected at run time"];
-const OTHER_SELECTED: [&str; 2] =
-    ["recorded in another user frame than is selected", "recorded with another tool than is selected"];
-const REDEFINED: [&str; 2] = ["user frame whose values a program sets", "tool whose values a program sets"];
-const NOT_THERE: &str = "position that is not in /POS";
-const TWICE: &str = "position that is twice in /POS";
-const ANY: &str = "position known only at run time";
-const MAY_BE_ANY: &str = "a motion to a position known only at run time may go there";
-const NAMED: &str = "position that another instruction reads or changes";
-const MOVED_TOO: &str = "position of a motion that is moved at run time, too";
-const COUNTED_FROM: &str = "an incremental motion is counted from it";
-const FRAMES: &str = "arc whose points are recorded in different frames";
-const COORDINATED: &str = "coordinated (COORD) with a motion group that its position does not have";
-const MARKS: &str = "air or cut is known only at run time";
+const SELECTED_LATER: [Reason; 2] = [Reason::FrameSelected, Reason::ToolSelected];
+const OTHER_SELECTED: [Reason; 2] = [Reason::OtherFrameSelected, Reason::OtherToolSelected];
+const REDEFINED: [Reason; 2] = [Reason::FrameRedefined, Reason::ToolRedefined];
 
 impl Builder<'_> {
     /// All of it.
     pub(super) fn build(mut self, visits: &[Visit]) -> Built {
         for (line, kind) in self.lines.iter().zip(&self.flow.kinds) {
             for index in statement::positions_named(line, kind) {
-                self.freeze(index, &ModalState::default(), NAMED);
+                self.freeze(index, &ModalState::default(), Reason::PositionNamed);
             }
         }
         let rows = arcs::rows(self.lines, &self.flow.kinds);
@@ -65,19 +54,19 @@ impl Builder<'_> {
     }
 
     /// The position of an index.
-    fn position(&self, index: &[u8], state: &ModalState) -> Result<usize, &'static str> {
-        let number = expression::count(index, &state.registers).ok_or(ANY)?;
+    fn position(&self, index: &[u8], state: &ModalState) -> Result<usize, Reason> {
+        let number = expression::count(index, &state.registers).ok_or(Reason::PositionUnknown)?;
         match self.numbers.get(&number) {
             Some((at, false)) => Ok(*at),
-            Some((_, true)) => Err(TWICE),
-            None => Err(NOT_THERE),
+            Some((_, true)) => Err(Reason::PositionTwice),
+            None => Err(Reason::PositionMissing),
         }
     }
 
-    fn freeze(&mut self, index: &[u8], state: &ModalState, why: &'static str) {
+    fn freeze(&mut self, index: &[u8], state: &ModalState, why: Reason) {
         match self.position(index, state) {
             Ok(at) => drop(self.frozen.entry(at).or_insert(why)),
-            Err(ANY) => drop(self.all_frozen.get_or_insert(MAY_BE_ANY)),
+            Err(Reason::PositionUnknown) => drop(self.all_frozen.get_or_insert(Reason::MayGoThere)),
             Err(_) => {}
         }
     }
@@ -85,7 +74,7 @@ impl Builder<'_> {
     /// Counts a motion that runs.
     pub(super) fn count(&mut self, motion: &Motion<'_>, state: &ModalState) {
         self.built.motions += 1;
-        if motion.moved == Some(INCREMENT) {
+        if motion.moved == Some(Reason::Increment) {
             // What the robot stands at is part of where it goes.
             self.counted_from.extend(&state.standing);
         }
@@ -101,7 +90,8 @@ impl Builder<'_> {
                 .collect(),
             None => self.point(at, motion, motion.end, Role::End, state).map(|point| vec![point]),
         };
-        let points = points.and_then(|points| if are_in_one_frame(&points) { Ok(points) } else { Err(FRAMES) });
+        let points =
+            points.and_then(|points| if are_in_one_frame(&points) { Ok(points) } else { Err(Reason::ArcFrames) });
         match points {
             Ok(points) => {
                 let first = self.built.targets.len();
@@ -131,10 +121,10 @@ impl Builder<'_> {
     }
 
     /// A motion whose end is not known: what it names stays.
-    pub(super) fn lose(&mut self, at: usize, motion: &Motion<'_>, state: &ModalState, why: &'static str) {
+    pub(super) fn lose(&mut self, at: usize, motion: &Motion<'_>, state: &ModalState, why: Reason) {
         for point in motion.via.iter().chain([&motion.end]) {
             if let Point::Position(index) = *point {
-                self.freeze(index, state, MOVED_TOO);
+                self.freeze(index, state, Reason::MovedToo);
             }
         }
         self.unknown(at, why);
@@ -148,7 +138,7 @@ impl Builder<'_> {
         point: Point<'_>,
         role: Role,
         state: &ModalState,
-    ) -> Result<(Target, Site), &'static str> {
+    ) -> Result<(Target, Site), Reason> {
         let index = match point {
             Point::Position(index) => index,
             Point::RunTime(why) => return Err(why),
@@ -163,18 +153,18 @@ impl Builder<'_> {
             return Err(why);
         }
         if motion.coordinated && position.groups.is_empty() {
-            return Err(COORDINATED);
+            return Err(Reason::Coordinated);
         }
         let (goal, frames, site, why) = match &position.body {
-            Body::None(why) => return Err(why),
+            Body::None(why) => return Err(*why),
             Body::Pose(pose) => (goal(pose), pose.frames, Some(known as u32), spline),
-            Body::Joints { deg, frames } => (Goal::Joints { deg: *deg }, *frames, None, Some("joint target")),
+            Body::Joints { deg, frames } => (Goal::Joints { deg: *deg }, *frames, None, Some(Reason::Joints)),
         };
         let mark = match state.mark {
             Marked::Known(mark) => mark,
             Marked::Unknown => None,
         };
-        let unmarked = (state.mark == Marked::Unknown).then_some(MARKS);
+        let unmarked = (state.mark == Marked::Unknown).then_some(Reason::MarkUnknown);
         let why = why.or(unmarked).or(self.all_frozen);
         let [wobj, tool] = self.frames(frames, state)?;
         let path = match (motion.path, &goal) {
@@ -219,7 +209,7 @@ impl Builder<'_> {
     }
 
     /// Indices of work object and tool.
-    fn frames(&mut self, recorded: [Number; 2], state: &ModalState) -> Result<[u16; 2], &'static str> {
+    fn frames(&mut self, recorded: [Number; 2], state: &ModalState) -> Result<[u16; 2], Reason> {
         let mut numbers = [0; 2];
         for (i, frame) in [Frame::User, Frame::Tool].into_iter().enumerate() {
             numbers[i] = match (recorded[i], state.selected[i]) {
@@ -239,7 +229,7 @@ impl Builder<'_> {
     }
 
     /// A motion whose end is not known.
-    fn unknown(&mut self, at: usize, why: &'static str) {
+    fn unknown(&mut self, at: usize, why: Reason) {
         let (line, most) = (&self.lines[at], u32::MAX);
         self.built.unknown.push(UnknownMotion {
             ordinal: u32::try_from(self.built.motions).unwrap_or(most),
@@ -251,7 +241,7 @@ impl Builder<'_> {
         self.keep(at, why);
     }
 
-    fn keep(&mut self, at: usize, reason: &'static str) {
+    fn keep(&mut self, at: usize, reason: Reason) {
         let line = &self.lines[at];
         let known = self.built.kept.iter().any(|kept| kept.span == line.span && kept.reason == reason);
         if !known {
@@ -263,7 +253,7 @@ impl Builder<'_> {
     fn hold_what_others_use(&mut self) {
         let built = &mut self.built;
         for target in self.counted_from.iter().filter_map(|at| self.ends.get(at)).flatten() {
-            refuse(&mut built.targets[*target], COUNTED_FROM);
+            refuse(&mut built.targets[*target], Reason::CountedFrom);
         }
         for (target, site) in built.targets.iter_mut().zip(&built.sites) {
             let Some(site) = site else { continue };
@@ -272,14 +262,14 @@ impl Builder<'_> {
             }
         }
         // One that stays for a reason of its own holds its numbers for all that use them.
-        let mut held: BTreeMap<u32, &'static str> = BTreeMap::new();
+        let mut held: BTreeMap<u32, Reason> = BTreeMap::new();
         for (target, site) in built.targets.iter().zip(&built.sites) {
             if let (Editable::No(why), Some(site)) = (target.editable, site) {
                 held.entry(*site).or_insert(why);
             }
         }
         for (target, site) in built.targets.iter_mut().zip(&built.sites) {
-            if let Some(why) = site.and_then(|site| held.get(&site)) {
+            if let Some(why) = site.and_then(|site| held.get(&site).copied()) {
                 refuse(target, why);
             }
         }
@@ -305,7 +295,7 @@ impl Builder<'_> {
 
 /// Options that leave the end of a motion where its position says.
 fn stays_at_its_point(motion: &Motion<'_>) -> bool {
-    motion.moved == Some("spline motion (S)")
+    motion.moved == Some(Reason::SplineOption)
 }
 
 fn intern<T: PartialEq>(known: &mut Vec<T>, wanted: T) -> u16 {

@@ -3,9 +3,6 @@
 /// Least decimals of X … R: as many as every controller prints, and reads (`docs/formats.md`).
 pub(super) const DECIMALS: usize = 3;
 
-/// Why a pose is not written.
-pub(super) const POSTURE: &str = "the correction would change the letters of CONFIG";
-
 /// Of the angles of one orientation, those next to others: half a turn of the first and the last goes with the second counted
 /// from the other side.
 pub(super) fn nearest(wpr: [f64; 3], before: [f64; 3]) -> [f64; 3] {

@@ -17,7 +17,7 @@ fn inserted(program: &Program, before: usize) -> (String, Option<&'static str>) 
     let rewritten = program.rewrite(&changes, &[insert.clone(), insert], &RewriteOptions::default());
     let mut out = Vec::new();
     apply(&program.sources[0].bytes, &rewritten.edits[0], &mut out).unwrap();
-    let why = rewritten.not_inserted.first().map(|(_, why)| *why);
+    let why = rewritten.not_inserted.first().map(|(_, why)| why.text());
     assert_eq!(rewritten.inserted.iter().all(Option::is_some), why.is_none());
     (String::from_utf8(out).unwrap(), why)
 }

@@ -1,6 +1,6 @@
 //! RAPID in and out: targets by hand, edits on number tokens only, nothing lost and nothing panics.
 
-use deflex::program::{Change, Conf, Editable, Goal, Insert, Program, RewriteOptions, Role, rapid, round_trip};
+use deflex::program::{Change, Conf, Editable, Goal, Insert, Program, Reason, RewriteOptions, Role, rapid, round_trip};
 use deflex::text::{Diagnostic, Source, apply};
 use proptest::prelude::*;
 use std::fmt::Write;
@@ -52,7 +52,7 @@ fn declared_inline_array_offs_and_reltool_targets() {
     assert_eq!(program.targets[0].feed_mm_s, Some(20.0));
     assert_eq!(program.targets[4].feed_mm_s, None);
     assert_eq!(program.targets[2].editable, Editable::Position);
-    assert_eq!(program.targets[5].editable, Editable::No("joint target"));
+    assert_eq!(program.targets[5].editable, Editable::No(Reason::Joints));
     assert_eq!(program.targets[0].name.as_deref(), Some("p1"));
 }
 
@@ -69,11 +69,7 @@ fn loops_calls_arcs_and_run_time_targets() {
     assert_eq!(ordinals, [1, 2, 3, 4, 6, 6], "the run-time target is the fifth motion, the arc the sixth");
     assert_eq!(program.targets[4].role, Role::Via);
     assert_eq!(program.arcs, 1);
-    assert!(
-        program.kept.iter().any(|k| k.reason == "target computed at run time" && k.line == 11),
-        "{:?}",
-        program.kept
-    );
+    assert!(program.kept.iter().any(|k| k.reason == Reason::Computed && k.line == 11), "{:?}", program.kept);
     assert_eq!(program.targets[3].mark, Some(deflex::program::Mark::Air));
 }
 
@@ -257,7 +253,7 @@ fn several_modules_are_one_program() {
     assert_eq!(positions(&program), [[1., 2., 3.], [4., 5., 6.]]);
     assert_eq!(program.targets[0].source, 1);
     assert_eq!(program.wobjs[0].data.unwrap().uframe_mm[0].to_bits(), 7.0_f64.to_bits());
-    assert_eq!(program.targets[1].editable, Editable::No("declared in a context module"));
+    assert_eq!(program.targets[1].editable, Editable::No(Reason::InContextFile));
     let trip = round_trip(&program, rapid::read);
     assert!(trip.holds(), "{trip:?}");
 }
@@ -339,5 +335,5 @@ fn a_file_that_is_cut_off_may_be_looked_at() {
     assert_eq!(rapid::read(source(), Vec::new()).unwrap_err()[0].code, "rapid.truncated");
     let program = rapid::look(source(), Vec::new()).unwrap();
     assert_eq!((program.targets.len(), program.literal_targets), (1, 1));
-    assert!(program.kept.iter().any(|kept| kept.reason == "the file ends inside a module" && kept.line == 3));
+    assert!(program.kept.iter().any(|kept| kept.reason == Reason::FileEndsInModule && kept.line == 3));
 }

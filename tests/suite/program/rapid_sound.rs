@@ -4,7 +4,7 @@
 
 use deflex::cell::Cell;
 use deflex::correct::{Options, Status};
-use deflex::program::{Change, Editable, Goal, Program, RewriteOptions, rapid};
+use deflex::program::{Change, Editable, Goal, Program, Reason, RewriteOptions, rapid};
 use deflex::text::{Source, apply};
 use std::collections::BTreeMap;
 
@@ -76,12 +76,12 @@ fn fates(text: &str, clones: bool) -> BTreeMap<u32, Result<(), &'static str>> {
     let again = read(std::str::from_utf8(&out).unwrap());
     let mut fates: BTreeMap<u32, Result<(), &'static str>> = BTreeMap::new();
     for kept in &program.kept {
-        fates.insert(u32::try_from(kept.line).unwrap(), Err(kept.reason));
+        fates.insert(u32::try_from(kept.line).unwrap(), Err(kept.reason.text()));
     }
     assert_eq!(program.targets.len(), again.targets.len(), "{text}");
     for (i, (was, is)) in program.targets.iter().zip(&again.targets).enumerate() {
         let said = rewritten.kept.iter().find(|kept| kept.0 == i).map(|kept| kept.1);
-        let said = said.or(if let Editable::No(reason) = was.editable { Some(reason) } else { None });
+        let said = said.or(if let Editable::No(reason) = was.editable { Some(reason) } else { None }).map(Reason::text);
         let (before, behind) = (position(&was.goal), position(&is.goal));
         match said {
             Some(reason) => {
@@ -204,7 +204,7 @@ fn routines_that_are_not_known_make_unknown_what_they_could_see() {
     let text = module("rElsewhere @,t1;", "");
     let program = read(&text);
     assert!(program.targets.is_empty());
-    assert_eq!(program.unknown_targets(), [("robtarget given to a procedure that is not known", 1)]);
+    assert_eq!(program.unknown_targets(), [(Reason::GivenAway, 1)]);
 }
 
 #[test]
@@ -545,9 +545,9 @@ fn what_is_said_agrees_with_what_is_counted() {
         "PROC rSpare()\nMoveL p3,v50,fine,t1;\nENDPROC",
     ));
     assert_eq!(program.motion_targets(), 2);
-    assert_eq!(program.unknown_targets(), [("work object known only at run time", 1)]);
-    let kept: Vec<&str> = program.kept.iter().map(|kept| kept.reason).collect();
-    assert_eq!(kept, ["work object known only at run time", "routine that nothing in the files runs"]);
+    assert_eq!(program.unknown_targets(), [(Reason::WorkObject, 1)]);
+    let kept: Vec<Reason> = program.kept.iter().map(|kept| kept.reason).collect();
+    assert_eq!(kept, [Reason::WorkObject, Reason::NotRun]);
     assert!(program.diagnostics.iter().any(|d| d.code == "rapid.not-run"), "{:?}", program.diagnostics);
     assert!(program.diagnostics.iter().any(|d| d.code == "rapid.frame" && d.message.contains("`wSet`")));
 }

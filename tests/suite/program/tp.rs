@@ -7,7 +7,7 @@ use deflex::cell::Cell;
 use deflex::correct::{Options, PostOptions, Prepared, compensate, post};
 use deflex::program::orientation::{from_zyx_deg, quaternion};
 use deflex::program::{
-    Change, Conf, Config, Goal, Language, Motion, Program, RewriteOptions, Role, rapid, round_trip, tp,
+    Change, Conf, Config, Goal, Language, Motion, Program, Reason, RewriteOptions, Role, rapid, round_trip, tp,
 };
 use deflex::robot::{BUILTIN, Joints, conf_like};
 use deflex::text::{Diagnostic, Source, apply};
@@ -39,7 +39,7 @@ fn to(position_mm: [f64; 3]) -> Option<Change> {
     Some(Change { position_mm, quat: None, conf: None, external: None })
 }
 
-fn written(program: &Program, changes: &[Option<Change>]) -> (String, Vec<(usize, &'static str)>) {
+fn written(program: &Program, changes: &[Option<Change>]) -> (String, Vec<(usize, Reason)>) {
     let rewritten = program.rewrite(changes, &[], &RewriteOptions::default());
     let mut out = Vec::new();
     apply(&program.sources[0].bytes, &rewritten.edits[0], &mut out).unwrap();
@@ -130,7 +130,7 @@ fn a_position_used_twice_is_written_where_all_agree() {
     let (out, kept) = written(&program, &[to([1.1, 2.0, 3.0]), to([1.1, 2.0, 3.0])]);
     assert!(kept.is_empty() && out.contains("X = 1.100  mm"), "{out}");
     let (_, kept) = written(&program, &[to([1.1, 2.0, 3.0]), None]);
-    assert_eq!(kept, [(0, "position used by motions whose corrections differ")]);
+    assert_eq!(kept, [(0, Reason::SharedNumbers)]);
 }
 
 fn listed(program: &Program) -> String {
@@ -306,7 +306,7 @@ fn an_unmodelled_axis_and_an_option_of_the_motion_keep_the_target() {
     let program = read(&text);
     assert!(program.targets.len() == 1 && program.motion_targets() == 3);
     assert_eq!(program.targets[0].external.as_ref().unwrap().written[0], Some(850.0));
-    let reasons: Vec<_> = program.kept.iter().map(|kept| (kept.line, kept.reason)).collect();
+    let reasons: Vec<_> = program.kept.iter().map(|kept| (kept.line, kept.reason.text())).collect();
     assert_eq!(reasons, [(4, "moved by a position register (Offset)"), (6, "motion to a position register (PR)")]);
 }
 
@@ -321,7 +321,7 @@ fn options_of_the_grammar_are_known() {
     assert!(words.len() > 20, "{words:?}");
     for word in words {
         let program = read(&program(&format!("L P[1] 20mm/sec FINE {word}"), &positions));
-        assert!(program.kept.iter().all(|kept| kept.reason != "motion option that is not known"), "{word}");
+        assert!(program.kept.iter().all(|kept| kept.reason != Reason::MotionOption), "{word}");
     }
 }
 

@@ -68,7 +68,7 @@ fn judge(hard: &Hard) -> Program {
     edited.dedup();
     assert_eq!(edited, hard.edited, "{}: {:?}", hard.what, program.kept);
     let before = 3 + hard.head.lines().count();
-    let kept: Vec<(usize, &str)> = program.kept.iter().map(|kept| (kept.line - before, kept.reason)).collect();
+    let kept: Vec<(usize, &str)> = program.kept.iter().map(|kept| (kept.line - before, kept.reason.text())).collect();
     assert_eq!(kept, hard.kept, "{}", hard.what);
     program
 }
@@ -542,7 +542,7 @@ fn frames_that_called_programs_set_hold_no_longer() {
         other += " ;\n/POS\n/END\n";
         let hard = Hard { what: called, statements: "L P[1] 10mm/sec FINE\nCALL OTHER\nL P[2] 10mm/sec FINE", ..PLAIN };
         let program = read(&hard, &[&other, SUB1, SUB2]);
-        let kept: Vec<_> = program.kept.iter().map(|kept| (kept.line, kept.reason)).collect();
+        let kept: Vec<_> = program.kept.iter().map(|kept| (kept.line, kept.reason.text())).collect();
         assert_eq!(kept, [(6, REDEFINED)], "{called}");
         // The same in the program itself.
         let own = format!("L P[3] 10mm/sec FINE\n{}\nL P[2] 10mm/sec FINE", called.replace("\n-", "\n "));
@@ -554,13 +554,13 @@ fn frames_that_called_programs_set_hold_no_longer() {
         text += &format!("/POS\nP[1]{{ {0} }};\nP[2]{{ {0} }};\nP[3]{{ {0} }};\n/END\n", body("UF : 1, UT : 1", 1));
         let context = [SUB1, SUB2].map(|text| Source::new("other.ls", text.as_bytes())).to_vec();
         let program = tp::read(vec![Source::new("m.ls", text)], context).unwrap();
-        let last = program.kept.last().map(|kept| kept.reason);
+        let last = program.kept.last().map(|kept| kept.reason.text());
         assert_eq!(last, Some(REDEFINED), "{}: {:?}", hard.what, program.kept);
     }
     // Statements of point logic, and a program that calls itself.
     let logic = "L P[1] 10mm/sec FINE TB .10sec,P-SPS\nUFRAME[1]=PR[3]\n------\nL P[2] 10mm/sec FINE";
     let program = read(&Hard { what: "point logic", statements: logic, ..PLAIN }, &[]);
-    assert!(program.kept.iter().any(|kept| kept.reason == REDEFINED), "{:?}", program.kept);
+    assert!(program.kept.iter().any(|kept| kept.reason.text() == REDEFINED), "{:?}", program.kept);
 }
 
 /// A called program whose first motion is an increment counts from where the program that calls it stands.
@@ -595,7 +595,7 @@ fn a_called_program_may_count_from_where_the_robot_stands() {
 fn options_behind_a_timed_call_count() {
     let statements = "L P[1] 10mm/sec FINE TB .10sec,CALL SUB2 Offset,PR[1]\nL P[2] 10mm/sec FINE TB .10sec,DO[1]=ON";
     let program = read(&Hard { what: "timed", statements, ..PLAIN }, &[SUB2]);
-    let kept: Vec<_> = program.kept.iter().map(|kept| (kept.line - 3, kept.reason)).collect();
+    let kept: Vec<_> = program.kept.iter().map(|kept| (kept.line - 3, kept.reason.text())).collect();
     assert_eq!(kept, [(1, "moved by a position register (Offset)")]);
 }
 

@@ -5,7 +5,7 @@
 use super::krl_insert::CELL;
 use deflex::cell::Cell;
 use deflex::correct::{Options, Summary, compensate, predict};
-use deflex::program::{Conf, Config, Goal, Insert, Motion, Program, RewriteOptions, Role, rapid, tp};
+use deflex::program::{Conf, Config, Goal, Insert, Motion, Program, Reason, RewriteOptions, Role, rapid, tp};
 use deflex::report::difference;
 use deflex::text::{Source, apply};
 use proptest::prelude::*;
@@ -34,7 +34,7 @@ fn program(statements: &str, positions: &str) -> String {
 }
 
 /// The text with these inserts, and why there are none.
-fn inserted(program: &Program, inserts: &[Insert]) -> (String, Vec<(usize, &'static str)>) {
+fn inserted(program: &Program, inserts: &[Insert]) -> (String, Vec<(usize, Reason)>) {
     let changes = vec![None; program.targets.len()];
     let rewritten = program.rewrite(&changes, inserts, &RewriteOptions::default());
     let mut out = Vec::new();
@@ -146,29 +146,13 @@ fn a_count_that_is_not_the_last_number_stays() {
 fn where_a_point_between_would_be_wrong_none_is_written() {
     let positions: String = (1..=4).map(|n| position(n, [n as f64, (n * n) as f64, 0.0])).collect();
     for (statements, before, reason) in [
-        ("J P[1] 20% FINE", 0, "only lines and arcs can be subdivided"),
-        (
-            "J P[1] 20% FINE\nA P[2] 30mm/sec CNT100\nA P[3] 30mm/sec CNT100\nA P[4] 30mm/sec FINE",
-            3,
-            "circle arc motion (A): a point between would make it another curve",
-        ),
-        (
-            "J P[1] 20% FINE\nFOR R[1]=1 TO 2\nL P[2] 30mm/sec FINE\nENDFOR",
-            1,
-            "motion runs more than once: a point before it would too",
-        ),
-        ("J P[1] 20% FINE\nL P[2] 2.5sec FINE", 1, "speed that is the time of the whole motion (sec)"),
-        ("J P[1] 20% FINE\nL P[2] R[3]sec FINE", 1, "speed that is the time of the whole motion (sec)"),
-        (
-            "J P[1] 20% FINE\nL P[2] 30mm/sec CNT100 TB .10sec,DO[1]=ON",
-            1,
-            "motion option that a point between would repeat or shift",
-        ),
-        (
-            "J P[1] 20% FINE\nL P[2] 30mm/sec CNT100 RT_LD10",
-            1,
-            "motion option that a point between would repeat or shift",
-        ),
+        ("J P[1] 20% FINE", 0, Reason::OnlyLinesAndArcs),
+        ("J P[1] 20% FINE\nA P[2] 30mm/sec CNT100\nA P[3] 30mm/sec CNT100\nA P[4] 30mm/sec FINE", 3, Reason::ArcMotion),
+        ("J P[1] 20% FINE\nFOR R[1]=1 TO 2\nL P[2] 30mm/sec FINE\nENDFOR", 1, Reason::RunsAgain),
+        ("J P[1] 20% FINE\nL P[2] 2.5sec FINE", 1, Reason::Timed),
+        ("J P[1] 20% FINE\nL P[2] R[3]sec FINE", 1, Reason::Timed),
+        ("J P[1] 20% FINE\nL P[2] 30mm/sec CNT100 TB .10sec,DO[1]=ON", 1, Reason::OptionOnce),
+        ("J P[1] 20% FINE\nL P[2] 30mm/sec CNT100 RT_LD10", 1, Reason::OptionOnce),
     ] {
         let text = program(statements, &positions);
         let (out, why) = inserted(&read(&text), &[line(before, [4.0, 0.0, 0.0]), line(before, [5.0, 0.0, 0.0])]);
@@ -183,7 +167,7 @@ fn no_more_positions_than_the_controller_numbers() {
     let text = program(statements, &positions);
     let between = |before| [line(before, [4.0, 0.0, 0.0]), line(before, [5.0, 0.0, 0.0])];
     let (out, why) = inserted(&read(&text), &[between(1), between(2)].concat());
-    assert_eq!(why, [(2, "the program would have positions beyond P[999]: split it")]);
+    assert_eq!(why, [(2, Reason::NoPositionNumbers)]);
     assert!(out.contains("P[998]{") && !out.contains("P[999]"));
 }
 
@@ -352,7 +336,7 @@ fn circle_arc_motions_stay_whole() {
         corrected
     });
     let refused = &with.rewritten.as_ref().unwrap().not_inserted;
-    let arc = |(_, why): &(usize, &str)| why.starts_with("circle arc motion (A)");
+    let arc = |(_, why): &(usize, Reason)| *why == Reason::ArcMotion;
     assert!(!refused.is_empty() && refused.iter().all(arc), "{refused:?}");
     let [a, b] = [&with, &without].map(|corrected| Summary::of(&corrected.rows));
     // The cut of arcs is that of the path's direction then, not of the chord.

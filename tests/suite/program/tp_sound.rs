@@ -412,7 +412,7 @@ fn said(statements: &str) -> String {
         .iter()
         .map(|target| match target.editable {
             Editable::Pose => "+".to_owned(),
-            Editable::No(why) => why.to_owned(),
+            Editable::No(why) => why.to_string(),
             Editable::Position | _ => unreachable!(),
         })
         .collect();
@@ -421,7 +421,7 @@ fn said(statements: &str) -> String {
             .kept
             .iter()
             .filter(|kept| program.targets.iter().all(|t| t.span != kept.span))
-            .map(|kept| kept.reason.to_owned()),
+            .map(|kept| kept.reason.to_string()),
     );
     out.join("; ")
 }

@@ -7,8 +7,8 @@ use deflex::cell::Cell;
 use deflex::correct::{Options, PostOptions, compensate, post, predict};
 use deflex::program::orientation::{quaternion, rotation};
 use deflex::program::{
-    Change, Conf, Editable, Goal, Insert, Language, Mark, Motion, Passing, Predecessor, Program, RewriteOptions, Role,
-    rapid, round_trip, ur,
+    Change, Conf, Editable, Goal, Insert, Language, Mark, Motion, Passing, Predecessor, Program, Reason,
+    RewriteOptions, Role, rapid, round_trip, ur,
 };
 use deflex::text::{Diagnostic, Severity, Source, apply};
 use std::fmt::Write;
@@ -25,7 +25,7 @@ fn to(position_mm: [f64; 3]) -> Option<Change> {
     Some(Change { position_mm, quat: None, conf: None, external: None })
 }
 
-fn written(program: &Program, changes: &[Option<Change>], inserts: &[Insert]) -> (String, Vec<(usize, &'static str)>) {
+fn written(program: &Program, changes: &[Option<Change>], inserts: &[Insert]) -> (String, Vec<(usize, Reason)>) {
     let rewritten = program.rewrite(changes, inserts, &RewriteOptions::default());
     let mut out = Vec::new();
     apply(&program.sources[0].bytes, &rewritten.edits[0], &mut out).unwrap();
@@ -84,7 +84,7 @@ fn targets_by_hand() {
     assert_eq!(program.targets[4].conf(), Some(Conf::near([0.0, -57.295_779_5, 57.295_779_5, 0.0, 0.0, 0.0])));
     assert!(program.targets.iter().all(|target| target.mark == Some(Mark::Cut)));
     assert_eq!(program.targets[0].predecessor, Predecessor::Start);
-    assert_eq!(program.targets[0].editable, Editable::No("joint target"));
+    assert_eq!(program.targets[0].editable, Editable::No(Reason::Joints));
     let tool = program.tools[0].data.unwrap();
     assert_eq!((tool.tcp_mm, tool.mass_kg, tool.cog_mm), ([0.0, 0.0, 100.0], 2.0, [0.0, 0.0, 50.0]));
     assert_eq!((program.arcs, program.literal_targets, program.motion_targets()), (1, 6, 4));

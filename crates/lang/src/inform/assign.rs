@@ -8,7 +8,7 @@ use crate::Span;
 use crate::cursor::text;
 use crate::ir::{Binary, Expression, ExpressionKind as Is, Slot, StatementKind};
 use crate::lexeme::LexemeKind;
-use crate::value::Reason;
+use crate::reason::Reason;
 
 impl Variables {
     /// They get a value that is not known: which one of them is changed is not known either.

@@ -4,7 +4,7 @@ use super::parse::Parser;
 use crate::cursor::{Level, SUM};
 use crate::ir::{Binary, Expression, ExpressionKind as Is, Slot, Unary};
 use crate::lexeme::{Lexeme, LexemeKind};
-use crate::value::Reason;
+use crate::reason::Reason;
 
 /// A variable as a word names it.
 #[derive(Clone, Copy)]

@@ -7,7 +7,7 @@ use crate::ir::{
     Argument, Binary, Callee, Expression, ExpressionKind as Is, Fault, Slot, Statement, StatementKind, Switch,
 };
 use crate::lexeme::Lexeme;
-use crate::value::Reason;
+use crate::reason::Reason;
 
 /// What a loop counts, from where to where, and by how much.
 struct Count {

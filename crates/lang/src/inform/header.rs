@@ -4,7 +4,8 @@ use super::lex::{Line, lines};
 use crate::Span;
 use crate::cursor::text;
 use crate::ir::{Expression, ExpressionKind as Is, Fault, Program, SourceSpan};
-use crate::value::{Given, Reason};
+use crate::reason::Reason;
+use crate::value::Given;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 

@@ -19,8 +19,9 @@ mod words;
 
 use crate::dialect::{Arguments, Dialect};
 use crate::ir::{Fault, Program, Slot, Switch};
+use crate::reason::Reason;
 use crate::store::Store;
-use crate::value::{Content, Given, Number, Pose, Reason, Value, is_whole};
+use crate::value::{Content, Given, Number, Pose, Value, is_whole};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use std::sync::Arc;
 
@@ -33,7 +34,7 @@ pub struct Inform;
 /// Numbers of what jobs lower to.
 mod builtin {
     use crate::ir::{Expression, SourceSpan};
-    use crate::value::Reason;
+    use crate::reason::Reason;
 
     /// The value, where it is whole, as integer variables hold it.
     pub(super) const WHOLE: u16 = 0;

@@ -6,7 +6,7 @@ use super::words::{self, Does};
 use crate::Span;
 use crate::ir::{Binary, Expression, ExpressionKind as Is, Motion, Path, StatementKind};
 use crate::lexeme::{Lexeme, LexemeKind};
-use crate::value::Reason;
+use crate::reason::Reason;
 
 /// Whether circles of a job are three points in a row each, with another motion before them that always comes first.
 pub(super) fn has_plain_circles(lines: &[Line<'_>]) -> bool {

@@ -13,7 +13,7 @@ use crate::ir::{
     Binary, Callee, Expression, ExpressionKind as Is, Fault, Function, FunctionId, Program, Slot, SourceSpan,
     Statement, StatementKind,
 };
-use crate::value::Reason;
+use crate::reason::Reason;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// A variable's kind, `b"P"`, and its number.

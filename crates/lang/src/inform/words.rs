@@ -4,7 +4,7 @@
 
 use super::builtin::{SHIFT, UNSHIFT, UNWEAVE, WEAVE};
 use crate::ir::Switch;
-use crate::value::Reason;
+use crate::reason::Reason;
 
 /// What an instruction does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -10,8 +10,9 @@ mod parse;
 
 use crate::dialect::{Arguments, Dialect};
 use crate::ir::{Fault, Program, Slot, Switch};
+use crate::reason::Reason;
 use crate::store::Store;
-use crate::value::{Affine, Content, Number, Pose, Reason, Value};
+use crate::value::{Affine, Content, Number, Pose, Value};
 use builtins::Builtin;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use std::f64::consts::PI;

@@ -9,7 +9,7 @@ use crate::ir::{
     Program, Slot, SourceSpan, Statement, StatementKind, Unary,
 };
 use crate::lexeme::{self, Lexeme, LexemeKind};
-use crate::value::Reason;
+use crate::reason::Reason;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// What is known of names before statements are read.

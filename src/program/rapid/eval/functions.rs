@@ -2,12 +2,12 @@
 
 use super::super::lex::Cursor;
 use super::super::motion::Call;
-use super::super::parameters::{ABSENT, NOT_KNOWN};
 use super::super::predefined;
 use super::super::runner::Runner;
 use super::super::symbols::Upper;
 use super::super::value::{NO_TURN, Step, Value, multiply};
-use super::{MAX_DEPTH, RUN_TIME, Scope, TOO_DEEP};
+use super::{MAX_DEPTH, Scope};
+use crate::program::Reason;
 use crate::text::number::write_fixed;
 use std::rc::Rc;
 
@@ -18,7 +18,7 @@ impl Runner<'_> {
         let bytes: &[u8] = &sources[scope.source as usize].bytes;
         let name = Upper::new(&bytes[call.name.range()]);
         if depth > MAX_DEPTH {
-            return Value::Unknown(TOO_DEEP);
+            return Value::Unknown(Reason::ExpressionTooDeep);
         }
         let mut values = Vec::new();
         for span in call.positional() {
@@ -29,14 +29,14 @@ impl Runner<'_> {
             values.iter().for_each(|v| self.pin_value(v));
             self.not_followed(scope, id, call);
             self.expression_may_fail();
-            return Value::Unknown(RUN_TIME);
+            return Value::Unknown(Reason::Computed);
         }
         match predefined::function(&name) {
             Some(predefined::Function::Nothing) => {}
             Some(predefined::Function::Arguments) => {
                 self.events += 1;
                 for argument in call.given().collect::<Vec<_>>() {
-                    self.forget_argument(scope, argument, RUN_TIME);
+                    self.forget_argument(scope, argument, Reason::Computed);
                 }
             }
             None => self.unknown_function(scope, call),
@@ -65,7 +65,7 @@ impl Runner<'_> {
         }
         known.unwrap_or_else(|| {
             values.iter().for_each(|v| self.pin_value(v));
-            Value::Unknown(RUN_TIME)
+            Value::Unknown(Reason::Computed)
         })
     }
 
@@ -97,7 +97,7 @@ impl Runner<'_> {
             // What another run of the same statement would edit is used here too.
             self.held.extend(tokens.map(|tokens| tokens[0]));
             self.pin_value(&values[0]);
-            return Value::Unknown(values[0].unknown().unwrap_or(RUN_TIME));
+            return Value::Unknown(values[0].unknown().unwrap_or(Reason::Computed));
         };
         let step = Step { offset_mm, tokens, in_tool, turn };
         let mut pose = (*base).clone();
@@ -112,8 +112,8 @@ impl Runner<'_> {
 /// `Present`: whether an optional parameter is given.
 fn present(value: &Value) -> Value {
     match value {
-        Value::Unknown(ABSENT) => Value::Bool(false),
-        Value::Unknown(NOT_KNOWN) => Value::Unknown(RUN_TIME),
+        Value::Unknown(Reason::OptionalArgumentMissing) => Value::Bool(false),
+        Value::Unknown(Reason::ArgumentUnknown) => Value::Unknown(Reason::Computed),
         _ => Value::Bool(true),
     }
 }

@@ -3,11 +3,10 @@
 use super::super::lex::{Cursor, Lexeme, LexemeKind};
 use super::super::symbols::Upper;
 use super::super::value::Value;
-use super::RUN_TIME;
+use crate::program::Reason;
 
 /// ABB, *RAPID overview*: a string has at most 80 characters.
 const MOST_TEXT: usize = 80;
-pub(in super::super) const TOO_LONG: &str = "a text of more than 80 characters";
 
 /// Whether single precision, in which the controller counts, sees the same of two numbers: they are one, or are apart.
 #[allow(clippy::float_cmp)] // the very number
@@ -55,7 +54,7 @@ pub(super) fn operator(cursor: &Cursor<'_>, lexeme: Lexeme) -> Option<(u8, &'sta
 }
 
 pub(super) fn apply(operator: &str, left: &Value, right: &Value) -> Value {
-    let unknown = || Value::Unknown(left.unknown().or(right.unknown()).unwrap_or(RUN_TIME));
+    let unknown = || Value::Unknown(left.unknown().or(right.unknown()).unwrap_or(Reason::Computed));
     // One side can be enough.
     match (operator, left.bool(), right.bool()) {
         ("OR", Some(true), _) | ("OR", _, Some(true)) => return Value::Bool(true),
@@ -77,7 +76,7 @@ pub(super) fn apply(operator: &str, left: &Value, right: &Value) -> Value {
             _ => unknown(),
         },
         (Value::Text(a), Value::Text(b)) => match operator {
-            "+" if a.len() + b.len() > MOST_TEXT => Value::Unknown(TOO_LONG),
+            "+" if a.len() + b.len() > MOST_TEXT => Value::Unknown(Reason::TextTooLong),
             "+" => Value::Text([&**a, &**b].concat().into()),
             _ => unknown(),
         },

@@ -4,6 +4,7 @@ use super::super::lex::{Key, LexemeKind};
 use super::super::parser::{Parser, Scan};
 use super::super::tree::{Data, Statement};
 use super::{MAX_DEPTH, TooDeep, storage};
+use crate::program::Reason;
 use crate::text::Span;
 
 impl Parser<'_> {
@@ -74,7 +75,7 @@ impl Parser<'_> {
             // `ENDIF;` is not RAPID, yet there.
             self.cursor.accept(LexemeKind::Mark(b';'));
         } else {
-            self.file.odd.push((head, "block without an end"));
+            self.file.odd.push((head, Reason::BlockUnclosed));
         }
     }
 
@@ -111,7 +112,7 @@ impl Parser<'_> {
             }
             None if start.kind != LexemeKind::End => self.simple(start),
             _ => {
-                self.odd(at, "IF without THEN or statement");
+                self.odd(at, Reason::IfIncomplete);
                 None
             }
         };
@@ -131,7 +132,7 @@ impl Parser<'_> {
         let body = self.block(data, depth + 1)?;
         self.close(Key::EndFor, head);
         let (Some(variable), true, true) = (variable, from_word, to_word) else {
-            self.file.odd.push((head, "FOR without variable, FROM or TO"));
+            self.file.odd.push((head, Reason::ForIncomplete));
             return Ok(None);
         };
         Ok(Some(Statement::For { variable: variable.span(), from, to, step, body, at: head }))

@@ -10,7 +10,7 @@ mod machine;
 mod syntax;
 mod value;
 
-use deflex::program::{Change, Editable, Goal, Program, RewriteOptions, krl};
+use deflex::program::{Change, Editable, Goal, Program, Reason, RewriteOptions, krl};
 use deflex::text::{Source, apply};
 use machine::{FIRST_BASE, FIRST_TOOL, Machine, Motion, TABLE};
 use std::collections::BTreeSet;
@@ -95,7 +95,7 @@ fn apart(a: &Matrix, b: &Matrix) -> f64 {
 }
 
 /// What is said to stay, by file and line, and of which files lines nothing at all is known.
-fn said(program: &Program, changes: &[Option<Change>], kept: &[(usize, &'static str)]) -> BTreeSet<(usize, u32)> {
+fn said(program: &Program, changes: &[Option<Change>], kept: &[(usize, Reason)]) -> BTreeSet<(usize, u32)> {
     let place = |i: usize| (usize::from(program.targets[i].source), program.targets[i].line);
     let whole = program.kept.iter().map(|kept| (kept.source, kept.line as u32));
     let unchanged = (0..changes.len()).filter(|i| changes[*i].is_none()).map(place);
