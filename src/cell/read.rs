@@ -212,11 +212,11 @@ fn robot(check: &mut Check, raw: &raw::Robot) -> Option<Robot> {
             );
         }
     }
-    if !own.parallelogram && (own.elbow_min_deg.is_some() || own.elbow_max_deg.is_some()) {
+    if !own.parallelogram && !own.coupled_23 && (own.elbow_min_deg.is_some() || own.elbow_max_deg.is_some()) {
         check.error(
             &format!("{key}.elbow_min_deg"),
-            "elbow limits are those of a parallelogram, but parallelogram = false",
-            "remove them, or set parallelogram = true",
+            "elbow limits are those of an arm with parallelogram = true or coupled_23 = true; this one has neither",
+            "remove them: axis 3 is the elbow",
         );
     }
     let elbow = match (own.elbow_min_deg, own.elbow_max_deg) {
