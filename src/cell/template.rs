@@ -401,7 +401,8 @@ fn kinematics(robot: &Builtin) -> String {
     };
     let rows: String = robot.rows.iter().map(row).collect();
     let elbow = robot.elbow_deg.map_or_else(String::new, |[min, max]| {
-        format!("# elbow_min_deg = {min:?}             # motor 3 − motor 2\n# elbow_max_deg = {max:?}\n")
+        let what = if robot.parallelogram { "motor 3 − motor 2" } else { "axis 3 + axis 2" };
+        format!("# elbow_min_deg = {min:?}             # {what}\n# elbow_max_deg = {max:?}\n")
     });
     let (parallelogram, min, max) = (robot.parallelogram, robot.min_deg, robot.max_deg);
     let mut counting = String::new();

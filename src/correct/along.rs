@@ -96,7 +96,8 @@ pub struct WayFinding {
     pub index: usize,
     /// Share of the way into it.
     pub share: f64,
-    /// Axis from 1; 7 is the parallelogram's own axis 3 − axis 2, 0 none.
+    /// Axis from 1; 7 is the parallelogram's own axis 3 − axis 2, 8 is axis 3 + axis 2 where axis 3 is counted against the
+    /// ground, 0 none.
     pub axis: usize,
     /// In the unit of the fault.
     pub value: f64,
@@ -147,7 +148,11 @@ impl WayFinding {
             share if *share >= 1.0 => "at it".to_owned(),
             share => format!("{:.1} % of the way into it", 100.0 * share),
         };
-        let axis = if *axis == 7 { "axis 3 − axis 2".to_owned() } else { format!("axis {axis}") };
+        let axis = match axis {
+            7 => "axis 3 − axis 2".to_owned(),
+            8 => "axis 3 + axis 2".to_owned(),
+            axis => format!("axis {axis}"),
+        };
         match fault {
             WayFault::AxisLimit => format!("{place} {axis} is at {value:.2}°, and its limit is {limit:.2}°"),
             WayFault::AxisSpeed => {

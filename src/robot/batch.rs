@@ -229,8 +229,8 @@ impl<'a> BatchArm<'a> {
         for (i, axis) in [motor[0], motor[1], counted, motor[3], motor[4], motor[5]].into_iter().enumerate() {
             valid = valid & self.inside(axis, limits.min[i], limits.max[i]);
         }
-        if let (true, Some((min, max))) = (self.robot.axes.parallelogram, limits.elbow) {
-            valid = valid & self.inside(motor[2] - motor[1], min, max);
+        if let Some((min, max)) = limits.elbow {
+            valid = valid & self.inside(motor[2] + motor[1] * self.robot.axes.elbow_of_second(), min, max);
         }
         // Of the others, axis 1 is a quarter turn off, axis 2 twice the lift, or axis 4 half a turn.
         let (far, lift) = (FRAC_PI_4 * FRAC_PI_4, sine * sine);

@@ -32,7 +32,8 @@ pub struct Builtin {
     /// Largest axis angles, degrees.
     #[serde(rename = "axis_max_deg")]
     pub max_deg: [f64; 6],
-    /// Parallelogram: least and largest motor 3 − motor 2, degrees.
+    /// Least and largest angle of the forearm to the upper arm, degrees: motor 3 − motor 2 of a parallelogram, axis 3 + axis 2
+    /// where axis 3 is counted against the ground.
     pub elbow_deg: Option<[f64; 2]>,
     /// Largest axis speeds, degrees per second, where they are known.
     pub axis_speed_deg_s: Option<[f64; 6]>,
@@ -126,11 +127,20 @@ mod tests {
         assert!(!Builtin::is_listed("irb") && !Builtin::is_listed("my arm"));
     }
 
-    /// Published reaches are rounded to 10 mm, and some makers count to where the arm can really stretch: 22 mm less than
-    /// the links' sum on the IRB 2400, up to 38 mm on arms whose axis 3 stops short of it (FANUC R-2000, Yaskawa GP180).
-    const REACH_MM: f64 = 40.0;
+    /// Published reaches are rounded to 10 mm.
+    const REACH_MM: f64 = 10.0;
+    /// Models whose published reach is farther from what their links and axis 2 allow, and by how much at most: ABB counts some
+    /// to where a parallelogram or axis 3 ends, and rounds others to 50 mm.
+    const REACH_DIFFERS: [(&str, f64); 6] = [
+        ("irb1600-", 26.0),
+        ("irb1660id-", 14.0),
+        ("irb2400-", 23.0),
+        ("irb6600-", 16.0),
+        ("irb6650s-200-", 40.0),
+        ("irb6700-", 34.0),
+    ];
     /// Robots whose axis speeds no source tells: their speeds are not judged.
-    const WITHOUT_SPEEDS: usize = 96;
+    const WITHOUT_SPEEDS: usize = 118;
     /// A working radius lies within this share of the links' sum.
     const WORKING_RADIUS: f64 = 0.13;
 
@@ -138,10 +148,15 @@ mod tests {
     fn links_add_up_to_the_published_reach() {
         for robot in BUILTIN.iter() {
             let [_, [_, a1, ..], [_, a2, ..], [_, a3, d4, _], _, [_, _, d6, _]] = robot.rows;
-            let wrist = a1 + a2 + a3.hypot(d4);
+            // The upper arm leans forward as far as axis 2 lets it, the forearm is stretched ahead.
+            let lean = |axis_deg: f64| robot.axis_sign[1] * axis_deg + robot.rows[1][3] + 90.0;
+            let (one, other) = (lean(robot.min_deg[1]), lean(robot.max_deg[1]));
+            let wrist = a1 + a2 * 90_f64.clamp(one.min(other), one.max(other)).to_radians().sin() + a3.hypot(d4);
+            let differs = REACH_DIFFERS.iter().find(|(models, _)| robot.model.starts_with(models));
+            let within = differs.map_or(REACH_MM, |&(_, by)| by);
             let (reach, within) = match robot.reach_to {
-                Reach::Wrist => (wrist, REACH_MM),
-                Reach::Flange => (wrist + d6, REACH_MM),
+                Reach::Wrist => (wrist, within),
+                Reach::Flange => (wrist + d6, within),
                 Reach::WorkingRadius => (a2 + a3, WORKING_RADIUS * robot.reach_mm),
             };
             assert!((reach - robot.reach_mm).abs() < within, "{}: {reach}", robot.model);
@@ -159,7 +174,7 @@ mod tests {
             assert!(robot.payload_kg > 0.0 && !robot.source.is_empty(), "{}", robot.model);
             // From a heavy palletizer's to a small arm's.
             if let Some(speed) = robot.axis_speed_deg_s {
-                assert!(speed.iter().all(|speed| (20.0..=1500.0).contains(speed)), "{}: {speed:?}", robot.model);
+                assert!(speed.iter().all(|speed| (20.0..=1600.0).contains(speed)), "{}: {speed:?}", robot.model);
             }
         }
         // No source was found for these; each that is found lowers the number.

@@ -76,9 +76,9 @@ impl Robot {
             let reached = excursion[i] + if i == 2 { with_second } else { 0.0 };
             most = most.max((limits.min[i] - value).max(value - limits.max[i]) + reached);
         }
-        if let Some((min, max)) = limits.elbow.filter(|_| self.axes.parallelogram) {
-            let value = motor[2] - motor[1];
-            most = most.max((min - value).max(value - max) + excursion[1] + excursion[2]);
+        if let Some((min, max)) = limits.elbow {
+            let (value, of_second) = (self.elbow(motor), self.axes.elbow_of_second().abs());
+            most = most.max((min - value).max(value - max) + of_second * excursion[1] + excursion[2]);
         }
         most
     }

@@ -60,6 +60,8 @@ mod tests {
             let robot = builtin.robot();
             let home = robot.home_deg();
             let own = match &builtin.maker[..] {
+                // At its zero, the upper arm of a rack-mounted arm lies level.
+                "FANUC" if builtin.rows[1][3] == 0.0 => [0.0, -90.0, 90.0, 0.0, 0.0, 0.0],
                 "ABB" | "FANUC" | "Yaskawa" => [0.0; 6],
                 "KUKA" => [0.0, -90.0, 90.0, 0.0, 0.0, 0.0],
                 "Stäubli" => [0.0, 0.0, 90.0, 0.0, 0.0, 0.0],

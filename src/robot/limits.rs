@@ -7,7 +7,8 @@ pub struct Limits {
     pub min: Joints,
     /// Largest axis angles.
     pub max: Joints,
-    /// Parallelogram: least and largest motor 3 − motor 2.
+    /// Least and largest angle of the forearm to the upper arm, where this is no axis of its own: motor 3 − motor 2 of a
+    /// parallelogram, axis 2 + axis 3 where axis 3 is counted against the ground.
     pub elbow: Option<(f64, f64)>,
 }
 
@@ -15,7 +16,7 @@ pub struct Limits {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("{name} at {value_deg:.3}°, {by_deg:.3}° beyond its limit of {limit_deg:.3}°", name = self.name())]
 pub struct LimitViolation {
-    /// Axis 0 to 5; 6 is the parallelogram's own motor 3 − motor 2.
+    /// Axis 0 to 5; 6 is a parallelogram's motor 3 − motor 2; 7 is axis 3 + axis 2 where axis 3 is counted against the ground.
     pub axis: usize,
     /// Where it would be, degrees.
     pub value_deg: f64,
@@ -27,7 +28,11 @@ pub struct LimitViolation {
 
 impl LimitViolation {
     fn name(&self) -> String {
-        if self.axis < 6 { format!("axis {}", self.axis + 1) } else { "elbow (axis 3 − axis 2)".to_owned() }
+        match self.axis {
+            6 => "elbow (axis 3 − axis 2)".to_owned(),
+            7 => "elbow (axis 3 + axis 2)".to_owned(),
+            axis => format!("axis {}", axis + 1),
+        }
     }
 }
 
@@ -35,13 +40,17 @@ impl LimitViolation {
 const LIMIT_SLACK: f64 = 1e-9;
 
 impl Robot {
+    /// The angle that [`Limits::elbow`] bounds, rad.
+    pub(super) fn elbow(&self, motor: &Joints) -> f64 {
+        motor[2] + self.axes.elbow_of_second() * motor[1]
+    }
+
     /// How far motor angles (rad) are from the nearest limit, rad; negative beyond it.
     #[must_use]
     pub fn limit_margin(&self, motor: &Joints) -> f64 {
         let (limits, counted) = (&self.limits, self.axes_from_motor(motor));
-        let elbow = limits.elbow.filter(|_| self.axes.parallelogram);
         let axes = (0..6).map(|i| (counted[i], limits.min[i], limits.max[i]));
-        let margins = axes.chain(elbow.map(|(min, max)| (motor[2] - motor[1], min, max)));
+        let margins = axes.chain(limits.elbow.map(|(min, max)| (self.elbow(motor), min, max)));
         margins.map(|(value, min, max)| (value - min).min(max - value)).fold(f64::INFINITY, f64::min)
     }
 
@@ -50,15 +59,15 @@ impl Robot {
     pub fn limit_violation(&self, motor: &Joints) -> Option<LimitViolation> {
         let limits = &self.limits;
         let inside = |value: f64, min: f64, max: f64| (value >= min) & (value <= max);
-        let elbow = limits.elbow.filter(|_| self.axes.parallelogram);
-        let counted = self.axes_from_motor(motor);
+        let (counted, elbow) = (self.axes_from_motor(motor), self.elbow(motor));
         if (0..6).fold(true, |all, i| all & inside(counted[i], limits.min[i], limits.max[i]))
-            && elbow.is_none_or(|(min, max)| inside(motor[2] - motor[1], min, max))
+            && limits.elbow.is_none_or(|(min, max)| inside(elbow, min, max))
         {
             return None;
         }
         let axes = (0..6).map(|i| (i, counted[i], limits.min[i], limits.max[i]));
-        axes.chain(elbow.map(|(min, max)| (6, motor[2] - motor[1], min, max)))
+        let which = if self.axes.parallelogram { 6 } else { 7 };
+        axes.chain(limits.elbow.map(|(min, max)| (which, elbow, min, max)))
             .filter_map(|(axis, value, min, max)| {
                 let (limit, by) = if value < min { (min, min - value) } else { (max, value - max) };
                 (by > LIMIT_SLACK).then(|| LimitViolation {
@@ -80,7 +89,12 @@ impl Robot {
             // Axis 2 is settled before axis 3.
             let counted = if i == 2 { self.axes.counted_23() * out[1] } else { 0.0 };
             let (min, max) = (self.limits.min[i] - LIMIT_SLACK, self.limits.max[i] + LIMIT_SLACK);
-            let inside = |v: f64| v + counted >= min && v + counted <= max;
+            let elbow = self.limits.elbow.filter(|_| i == 2);
+            let folded = self.axes.elbow_of_second() * out[1];
+            let bends = |v: f64| {
+                elbow.is_none_or(|(min, max)| v + folded >= min - LIMIT_SLACK && v + folded <= max + LIMIT_SLACK)
+            };
+            let inside = |v: f64| v + counted >= min && v + counted <= max && bends(v);
             // On a path: less than half a turn away.
             if (near[i] - motor[i]).abs() < 3.0 && inside(motor[i]) {
                 continue;
@@ -93,5 +107,50 @@ impl Robot {
                 .unwrap_or(nearest);
         }
         out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::robot::BUILTIN;
+
+    fn beyond(model: &str, axes_deg: [f64; 6]) -> String {
+        let robot = BUILTIN.iter().find(|robot| robot.model == model).unwrap().robot();
+        let motor = robot.motor_from_axes_deg(&axes_deg);
+        let violation = robot.limit_violation(&motor);
+        // The margin is that of the same limit.
+        let by_deg = violation.map_or(0.0, |violation| violation.by_deg);
+        assert!((robot.limit_margin(&motor).min(0.0).to_degrees() + by_deg).abs() < 1e-9, "{violation:?}");
+        violation.map_or_else(String::new, |violation| violation.to_string())
+    }
+
+    /// The M-710iC/50 folds its forearm to 80.5° below the square with its upper arm and to 205° above it, wherever axis 2 stands:
+    /// each axis alone is within its own limits in all these postures.
+    #[test]
+    fn the_elbow_of_an_arm_that_counts_axis_3_against_the_ground_has_limits() {
+        assert_eq!(beyond("m-710ic-50", [0.0, -80.0, 0.0, 0.0, 30.0, 0.0]), "");
+        assert_eq!(
+            beyond("m-710ic-50", [0.0, -80.0, -10.0, 0.0, 30.0, 0.0]),
+            "elbow (axis 3 + axis 2) at -90.000°, 9.500° beyond its limit of -80.500°"
+        );
+        assert_eq!(
+            beyond("m-710ic-50", [0.0, 130.0, 80.0, 0.0, 30.0, 0.0]),
+            "elbow (axis 3 + axis 2) at 210.000°, 5.000° beyond its limit of 205.000°"
+        );
+        assert_eq!(beyond("m-710ic-50", [0.0, 130.0, -160.0, 0.0, 30.0, 0.0]), "");
+    }
+
+    /// A small arm's forearm points 80° down, which its upper arm allows when it leans forward.
+    #[test]
+    fn a_forearm_may_point_down_where_the_upper_arm_leans_forward() {
+        assert_eq!(beyond("lr-mate-200id", [0.0, 60.0, -80.0, 0.0, 30.0, 0.0]), "");
+    }
+
+    #[test]
+    fn a_parallelogram_has_the_limits_of_motor_3_against_motor_2() {
+        assert_eq!(
+            beyond("irb6660-205-1.9", [0.0, -40.0, 40.0, 0.0, 30.0, 0.0]),
+            "elbow (axis 3 − axis 2) at 80.000°, 10.000° beyond its limit of 70.000°"
+        );
     }
 }

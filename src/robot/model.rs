@@ -65,6 +65,12 @@ impl Axes {
     pub(super) fn counted_23(&self) -> f64 {
         if self.coupled_23 { self.sign[1] * self.sign[2] } else { 0.0 }
     }
+
+    /// How much of motor 2 is counted in the angle of the forearm to the upper arm: a parallelogram's motor 3 turns the forearm
+    /// against the ground.
+    pub(super) fn elbow_of_second(&self) -> f64 {
+        if self.parallelogram { -1.0 } else { 0.0 }
+    }
 }
 
 impl Robot {
