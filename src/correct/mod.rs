@@ -291,6 +291,11 @@ impl Prepared {
         Self { points, between: Vec::new(), before: None, started, shared, turns_are_chosen: false, notes: Vec::new() }
     }
 
+    /// Whether the robot holds the part against a stationary tool at point `i`.
+    pub(crate) fn is_held(&self, i: usize) -> bool {
+        self.setting(i).held
+    }
+
     fn setting(&self, i: usize) -> &Setting {
         let point = &self.points[i];
         point.moved.as_ref().map_or_else(|| &self.mount(i).setting, |moved| &moved.setting)

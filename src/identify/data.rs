@@ -2,6 +2,7 @@
 
 use super::device::{Device, fixed_point};
 use super::noise::{OVER, Places, Sample, Series};
+use super::probing::Probing;
 use crate::cell::Cell;
 use crate::correct::Prepared;
 use crate::effects::{Cutting, Situation};
@@ -76,6 +77,8 @@ pub(super) struct Observation {
     /// The point before it, where it was taken on the way into a target.
     pub(super) way_from: Option<usize>,
     pub(super) seen: Seen,
+    /// How the arm stood when its own probe touched, where the robot itself probed the row.
+    pub(super) probing: Option<Probing>,
     /// How the probe was turned, in the device's frame.
     pub(super) turned: Option<UnitQuaternion<f64>>,
     /// Relative standard deviation, as given.
@@ -150,17 +153,45 @@ const LOST: Parts = [[f64::NAN; 3]; 2];
 /// Rows that share a workspace.
 const TOGETHER: usize = 128;
 
-/// What some rows are solved with.
+/// A state of the arm that a row depends on.
+#[derive(Clone, Copy)]
+enum Visit<'a> {
+    /// The arm at the row's place on the program.
+    Ran(&'a Observation),
+    /// The arm that touches there with its own probe.
+    Touched(&'a Observation, &'a Probing),
+}
+
+impl<'a> Visit<'a> {
+    fn situation(self, problem: &'a Problem) -> Situation<'a> {
+        let (Self::Ran(row) | Self::Touched(row, _)) = self;
+        let ran = problem.runs[row.run].situation(row.point);
+        match self {
+            Self::Ran(_) => ran,
+            Self::Touched(_, probing) => probing.situation(ran),
+        }
+    }
+
+    /// Motor angles, and the travel into them.
+    fn joints(self) -> (&'a Joints, &'a Joints) {
+        match self {
+            Self::Ran(row) => (&row.motor, &row.travel),
+            Self::Touched(_, probing) => (&probing.motor, &probing.travel),
+        }
+    }
+}
+
+/// What some visits are solved with.
 struct Sites<'a> {
     situations: Vec<Situation<'a>>,
     settings: Vec<Setting>,
-    /// Index of each row's.
+    /// Index of each visit's.
     setting: Vec<usize>,
 }
 
 impl<'a> Sites<'a> {
-    fn of(problem: &'a Problem, rows: &[Observation]) -> Self {
-        let situations: Vec<Situation> = rows.iter().map(|row| problem.runs[row.run].situation(row.point)).collect();
+    fn of(problem: &'a Problem, visits: &[Visit<'a>]) -> Self {
+        let situations: Vec<Situation> = visits.iter().map(|visit| visit.situation(problem)).collect();
         // Neighbours share theirs, but where units move.
         let mut settings: Vec<Setting> = Vec::new();
         let setting = |situation: &Situation| {
@@ -225,6 +256,7 @@ impl Problem {
             travel,
             way_from: None,
             seen,
+            probing: None,
             turned: None,
             weight: row.sigma_mm.unwrap_or(1.0),
             tail: 1.0,
@@ -233,6 +265,11 @@ impl Problem {
             outlier: false,
             offset,
         });
+    }
+
+    /// Whether the robot itself probed some rows.
+    pub(super) fn is_probed(&self) -> bool {
+        self.rows.iter().any(|row| row.probing.is_some())
     }
 
     /// Cuts the stocks with the poses that an arm takes: where forces follow from them, rows are predicted under those that act on
@@ -257,86 +294,112 @@ impl Problem {
         arm: &Arm,
         force: impl Fn(usize, Vector3<f64>) -> Vector3<f64> + Sync,
     ) -> DVector<f64> {
-        let parts = self.solved(arm, force, |row, there| self.gap(row, &there.wobj_from_tcp));
-        self.stacked(parts.into_iter().map(|parts| parts.unwrap_or(LOST)))
+        let parts = self.solved(arm, force, |visit, there| self.gap(visit, &there.wobj_from_tcp));
+        self.stacked_visits(&parts.into_iter().map(|parts| parts.unwrap_or(LOST)).collect::<Vec<_>>())
     }
 
-    /// Equilibrium at every row, where there is one.
+    /// The states that the rows depend on: one for each row, then one more for each that the robot itself probed.
+    fn visits(&self) -> Vec<Visit<'_>> {
+        let touched = self.rows.iter().filter_map(|row| Some(Visit::Touched(row, row.probing.as_ref()?)));
+        self.rows.iter().map(Visit::Ran).chain(touched).collect()
+    }
+
+    /// A stacked vector from the parts of all visits.
+    fn stacked_visits(&self, parts: &[Parts]) -> DVector<f64> {
+        let (ran, touched) = parts.split_at(self.rows.len());
+        let mut out = self.stacked(ran.iter().copied());
+        let probed = self.rows.iter().filter(|row| row.probing.is_some());
+        probed.zip(touched).for_each(|(row, [moved, _])| out[row.offset] += moved[0]);
+        out
+    }
+
+    /// Equilibrium at every row, then at every touch of the robot's own probe, where there is one.
     pub(super) fn equilibria(&self, arm: &Arm) -> Vec<Option<Settled>> {
         self.solved(arm, |_, read| read, |_, there| there)
     }
 
-    /// What is taken of the equilibrium at every row, where there is one.
+    /// What is taken of the equilibrium at every visit, where there is one.
     fn solved<T: Send>(
         &self,
         arm: &Arm,
         force: impl Fn(usize, Vector3<f64>) -> Vector3<f64> + Sync,
-        take: impl Fn(&Observation, Settled) -> T + Sync,
+        take: impl Fn(Visit<'_>, Settled) -> T + Sync,
     ) -> Vec<Option<T>> {
         let batch = Batch::new(arm);
-        let of = |(chunk, rows): (usize, &[Observation])| {
-            let mut sites = Sites::of(self, rows);
+        let visits = self.visits();
+        let of = |(chunk, visits): (usize, &[Visit])| {
+            let mut sites = Sites::of(self, visits);
             for (i, situation) in sites.situations.iter_mut().enumerate() {
                 if let Cutting::Constant(read) = situation.cutting {
                     situation.cutting = Cutting::Constant(force(chunk * TOGETHER + i, read));
                 }
             }
             let mut room = Room::default();
-            let mut found: Vec<Option<T>> = rows.iter().map(|_| None).collect();
-            for from in (0..rows.len()).step_by(WIDTH) {
+            let mut found: Vec<Option<T>> = visits.iter().map(|_| None).collect();
+            for from in (0..visits.len()).step_by(WIDTH) {
                 let given = |lane: usize| {
-                    let row = &rows[from + lane];
-                    (sites.site(from + lane), &row.motor, &row.travel)
+                    let (motor, travel) = visits[from + lane].joints();
+                    (sites.site(from + lane), motor, travel)
                 };
-                batch.settle(&mut room, WIDTH.min(rows.len() - from), given, |lane, there| {
-                    found[from + lane] = Some(take(&rows[from + lane], there));
+                batch.settle(&mut room, WIDTH.min(visits.len() - from), given, |lane, there| {
+                    found[from + lane] = Some(take(visits[from + lane], there));
                 });
             }
-            let left = found.iter_mut().zip(rows).zip(&sites.situations).filter(|((found, _), _)| found.is_none());
-            for ((found, row), situation) in left {
-                let there = arm.predict(situation, &row.motor, &row.travel).ok();
-                *found = there.map(|there| take(row, there.into()));
+            let left = found.iter_mut().zip(visits).zip(&sites.situations).filter(|((found, _), _)| found.is_none());
+            for ((found, visit), situation) in left {
+                let (motor, travel) = visit.joints();
+                let there = arm.predict(situation, motor, travel).ok();
+                *found = there.map(|there| take(*visit, there.into()));
             }
             found
         };
-        self.rows.par_chunks(TOGETHER).enumerate().flat_map_iter(of).collect()
+        visits.par_chunks(TOGETHER).enumerate().flat_map_iter(of).collect()
     }
 
     /// As [`Problem::residual`], for arms near the one that settled at `known`.
     pub(super) fn residuals_near(&self, arms: &[Arm], known: &[Option<Settled>]) -> Vec<DVector<f64>> {
         let batches: Vec<Batch> = arms.iter().map(Batch::new).collect();
-        let of = |(rows, known): (&[Observation], &[Option<Settled>])| {
-            let sites = Sites::of(self, rows);
+        let visits = self.visits();
+        let of = |(visits, known): (&[Visit], &[Option<Settled>])| {
+            let sites = Sites::of(self, visits);
             let mut room = Room::default();
             // Those of one arm together.
-            let mut parts = vec![LOST; rows.len() * arms.len()];
-            let found: Vec<usize> = (0..rows.len()).filter(|&i| known[i].is_some()).collect();
+            let mut parts = vec![LOST; visits.len() * arms.len()];
+            let found: Vec<usize> = (0..visits.len()).filter(|&i| known[i].is_some()).collect();
             for lanes in found.chunks(WIDTH) {
                 let near = |&i: &usize| {
-                    let Observation { motor, travel, .. } = &rows[i];
+                    let (motor, travel) = visits[i].joints();
                     known[i].as_ref().map(|from| Nearby { site: sites.site(i), motor, travel, from })
                 };
                 room.near(&lanes.iter().filter_map(near).collect::<SmallVec<[Nearby; WIDTH]>>());
-                for (batch, parts) in batches.iter().zip(parts.chunks_exact_mut(rows.len())) {
+                for (batch, parts) in batches.iter().zip(parts.chunks_exact_mut(visits.len())) {
                     batch.resolve_from_nearby(&mut room, |lane, there| {
                         let i = lanes[lane];
-                        parts[i] = self.gap(&rows[i], &there);
+                        parts[i] = self.gap(visits[i], &there);
                     });
                 }
             }
             parts
         };
-        let chunks = self.rows.par_chunks(TOGETHER).zip(known.par_chunks(TOGETHER));
+        let chunks = visits.par_chunks(TOGETHER).zip(known.par_chunks(TOGETHER));
         let chunks: Vec<(usize, Vec<Parts>)> = chunks.map(|chunk| (chunk.0.len(), of(chunk))).collect();
         let of_arm = |n: usize| {
-            let parts = chunks.iter().flat_map(|(rows, parts)| &parts[n * rows..(n + 1) * rows]);
-            self.stacked(parts.copied())
+            let parts = chunks.iter().flat_map(|(visits, parts)| &parts[n * visits..(n + 1) * visits]);
+            self.stacked_visits(&parts.copied().collect::<Vec<_>>())
         };
         (0..arms.len()).map(of_arm).collect()
     }
 
-    /// What was measured minus where the TCP is, both in the work object or both in what stands for it.
-    fn gap(&self, row: &Observation, wobj_from_tcp: &Pose) -> Parts {
+    /// What was measured minus where the TCP is, both in the work object or both in what stands for it. Where the robot touches with
+    /// its own probe, what it is off by there was not read: it adds to what was.
+    fn gap(&self, visit: Visit<'_>, wobj_from_tcp: &Pose) -> Parts {
+        let row = match visit {
+            Visit::Ran(row) => row,
+            Visit::Touched(row, probing) => {
+                let normal = &self.runs[row.run].points[row.point].normal;
+                return [[probing.normal_error_mm(wobj_from_tcp, normal), 0.0, 0.0], [0.0; 3]];
+            }
+        };
         let wobj_from_tcp = &self.runs[row.run].seen(row.point, *wobj_from_tcp);
         let moved = match row.seen {
             Seen::Position(seen) => (seen - wobj_from_tcp.translation.vector * 1e3).into(),

@@ -101,7 +101,8 @@ impl Design {
                     candidate.columns().zip(columns).for_each(|(at, column)| design.kept.set_column(at, &column));
                 }
                 // A curve is moved as a whole: what each knot counts for is known.
-                (None, _) => match curve_of(candidate) {
+                // Where the robot itself probed a row, the joint had two angles.
+                (None, _) => match curve_of(candidate).filter(|_| !problem.is_probed()) {
                     Some(curve) => differences.push((c, 0..candidate.values.len(), Some(curve))),
                     None => differences.extend((0..candidate.values.len()).map(|k| (c, k..k + 1, None))),
                 },
@@ -191,7 +192,7 @@ const STEP: f64 = 0.05;
 const TOGETHER: usize = 64;
 
 /// An arm with some numbers of a candidate moved alike, by one step, and what makes a difference one per typical size.
-fn moved(arm: &Arm, candidate: &Candidate, numbers: Range<usize>) -> (Arm, f64) {
+pub(super) fn moved(arm: &Arm, candidate: &Candidate, numbers: Range<usize>) -> (Arm, f64) {
     let mut values = candidate.values.clone();
     let k = numbers.start;
     let (low, high) = candidate.bounds[k];

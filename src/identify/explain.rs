@@ -12,6 +12,7 @@ use super::outcome::{
     ResidualRow, Unexplained,
 };
 use super::pattern::{Pattern, Standing, TYPICAL_MM};
+use super::probing;
 use super::returns::never_returns;
 use super::score::posterior;
 use super::search::Search;
@@ -246,6 +247,7 @@ impl Engine {
             )
         }));
         advice.extend(controller::corrected_twice(&self.declared, &self.problem, before));
+        advice.extend(probing::cancelled(&mut self.problem, &self.declared, &self.candidates));
         let mut found = Identification {
             rows: self.problem.rows.len(),
             held_out_rows,

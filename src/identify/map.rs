@@ -145,11 +145,16 @@ impl Engine {
         (evidence - price > likeliest.1.evidence_of_none()).then_some(likeliest)
     }
 
-    /// What the chosen effects leave of the fitted rows, and whether all of them are whole positions; `None` where lengths were measured.
+    /// What the chosen effects leave of the fitted rows, and whether all of them are whole positions;
+    /// `None` where lengths were measured, or the robot itself probed all rows.
     fn left(&self) -> Option<(Vec<Scalar>, bool)> {
         let residual = self.residual() - self.shifted_by(|pattern| pattern.standing() != Standing::Unlisted);
-        let fitted = |row: &&Observation| !row.held_out && !row.outlier;
+        // Where the robot itself probed, what is left is a difference of two places and postures.
+        let fitted = |row: &&Observation| !row.held_out && !row.outlier && row.probing.is_none();
         let rows: Vec<&Observation> = self.problem.rows.iter().filter(fitted).collect();
+        if rows.is_empty() {
+            return None;
+        }
         let whole = rows.iter().all(|row| matches!(row.seen, Seen::Position(_)) && row.seen.count() == row.seen.len());
         let groups = self.place_groups();
         let mut scalars = Vec::new();

@@ -32,6 +32,7 @@ mod places;
 mod plan;
 mod poses;
 mod presliding;
+mod probing;
 mod profile;
 mod questioned;
 mod returns;

@@ -71,9 +71,10 @@ impl<'a> Path<'a> {
         if let Some(force) = row.force_n {
             point.set_force(force.into());
         }
-        point.time = row.time_s.unwrap_or(point.time);
-        point.temperature = row.temperature_c.or(point.temperature);
-        point.payload = row.payload_kg.unwrap_or(point.payload);
+        let cut = row.force();
+        point.time = cut.time.unwrap_or(point.time);
+        point.temperature = cut.temperature.or(point.temperature);
+        point.payload = cut.payload.unwrap_or(point.payload);
         let way_from = place.at.target.checked_sub(1).filter(|_| place.at.share < 1.0);
         Ok(Placed { point: added, way_from })
     }

@@ -96,6 +96,13 @@ fn readable<'a>(robot: &Robot, table: &'a Table) -> Result<Vec<Read<'a>>, Vec<Di
     let mut errors = Vec::new();
     for row in &table.rows {
         let seen = Seen::of(row).filter(|seen| !matches!(seen, Seen::Normal(_)) && seen.count() == seen.len());
+        if row.probe_tool.is_some() {
+            errors.push(
+                at(table, row, "probe_tool says that the robot itself probed this row".to_owned())
+                    .help("give such rows with --run and the program that cut the part"),
+            );
+            continue;
+        }
         let (Some(deg), Some(seen)) = (row.motor_deg, seen) else {
             errors.push(
                 at(table, row, "a row of --poses lacks its motor angles or what was measured".to_owned())

@@ -23,6 +23,7 @@ impl Problem {
         self.presliding_rad = presliding_rad;
         let into: Vec<Vec<Joints>> = self.runs.iter().map(|run| run.travels(presliding_rad)).collect();
         for row in &mut self.rows {
+            row.probing.iter_mut().for_each(|probing| probing.set_presliding(presliding_rad));
             row.travel = match row.way_from {
                 None => into[row.run][row.point],
                 Some(from) => Dragged { motor: self.runs[row.run].points[from].motor, travel: into[row.run][from] }

@@ -4,6 +4,7 @@ use super::data::{Blocks, Problem, Seen, StockCut};
 use super::device::Device;
 use super::engine::MeasuredRun;
 use super::places::{Path, Placed, misplaced};
+use super::probing::Probing;
 use super::questioned::{Taken, belongs, steps_mm};
 use crate::cell::Cell;
 use crate::correct::{Options, Point, Prepared};
@@ -46,7 +47,8 @@ impl Problem {
         table: &Table,
     ) -> Result<(), Vec<Diagnostic>> {
         let has_force = table.rows.iter().any(|row| row.force_n.is_some());
-        let covariates = table.rows.iter().any(|row| row.time_s.or(row.temperature_c).or(row.payload_kg).is_some());
+        let covariates = table.rows.iter().map(MeasuredRow::force);
+        let covariates = covariates.clone().any(|row| row.time.or(row.temperature).or(row.payload).is_some());
         let mut forces = table.forces();
         forces.forces_given = has_force;
         let options = Options { forces: (has_force || covariates).then_some(forces), ..Options::default() };
@@ -92,6 +94,8 @@ impl Problem {
         }
         let blocks = Blocks::of(&taken.iter().map(|(_, row, _)| row.holdout).collect::<Vec<_>>());
         for (order, (point, row, seen)) in taken.into_iter().enumerate() {
+            let probing =
+                Probing::of(cell, &prepared, point, row).map_err(|message| table.row_error(row.line, message))?;
             let at = &prepared.points[point];
             let (motor, travel) = (at.motor, at.travel);
             self.orientations += usize::from(row.quat.is_some());
@@ -99,6 +103,7 @@ impl Problem {
             if let Some(row) = self.rows.last_mut() {
                 row.target = program.targets.get(point).map(|target| target.ordinal);
                 row.way_from = ways.get(&point).copied();
+                row.probing = probing;
             }
         }
         self.runs.push(prepared);

@@ -3,7 +3,7 @@
 use crate::text::Diagnostic;
 
 /// Columns of `docs/formats.md`.
-pub(super) const COLUMNS: [&str; 29] = [
+pub(super) const COLUMNS: [&str; 30] = [
     "target",
     "x_mm",
     "y_mm",
@@ -32,6 +32,7 @@ pub(super) const COLUMNS: [&str; 29] = [
     "nominal_x_mm",
     "nominal_y_mm",
     "nominal_z_mm",
+    "probe_tool",
     "",
 ];
 
@@ -42,6 +43,8 @@ pub fn names() -> impl Iterator<Item = &'static str> {
 
 /// What `--forces` takes of a file: target, forces and covariates.
 pub(super) const FORCE_COLUMNS: [usize; 7] = [0, 16, 17, 18, 19, 20, 21];
+/// Where a row has this, time and temperature are not those of the cut.
+pub(super) const PROBE_TOOL: usize = 28;
 
 /// Where each of [`COLUMNS`] stands.
 pub(super) type Places = [Option<usize>; COLUMNS.len()];

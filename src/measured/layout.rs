@@ -1,6 +1,6 @@
 //! How a table is laid out: its separator, its decimal sign, and which of its columns is which.
 
-use super::columns::{COLUMNS, FORCE_COLUMNS, Places, wrong};
+use super::columns::{COLUMNS, FORCE_COLUMNS, PROBE_TOOL, Places, wrong};
 use crate::limits;
 use crate::text::nearest;
 use crate::text::{Diagnostic, Severity};
@@ -183,7 +183,7 @@ pub(super) fn places(
             (Some(column), _) if place[column].is_some() => {
                 errors.push(wrong(format!("column `{name}` stands twice"), "remove one of them".into()));
             }
-            (Some(column), What::Forces) if !FORCE_COLUMNS.contains(&column) => {}
+            (Some(column), What::Forces) if !FORCE_COLUMNS.contains(&column) && column != PROBE_TOOL => {}
             (Some(column), _) => place[column] = Some(at),
             (None, _) if given.is_some() => {}
             (None, What::Forces) => {

@@ -1,5 +1,5 @@
 use super::clock::Clock;
-use super::columns::{COLUMNS, Places, wrong};
+use super::columns::{COLUMNS, PROBE_TOOL, Places, wrong};
 use super::layout::{ColumnNames, Decimal, Wanted, What, places, separator};
 use super::text::LineFeeds;
 use super::{ForceRow, Forces};
@@ -53,6 +53,8 @@ pub struct MeasuredRow {
     pub run: Option<String>,
     /// Never fitted, only scored.
     pub holdout: Option<bool>,
+    /// The tool with which the robot itself probed the row; `motor_deg` and `time_s` are then those of the touch.
+    pub probe_tool: Option<String>,
 }
 
 /// A measured file.
@@ -109,6 +111,7 @@ const LARGEST: [f64; COLUMNS.len()] = {
         PLACE_MM,
         PLACE_MM,
         f64::INFINITY,
+        f64::INFINITY,
     ]
 };
 
@@ -164,13 +167,14 @@ impl Table {
 }
 
 impl MeasuredRow {
-    /// Force and covariates.
+    /// Force and covariates of the cut. Time and temperature of a row that the robot probed are those of its touch.
     #[must_use]
     pub fn force(&self) -> ForceRow {
+        let cut = self.probe_tool.is_none();
         ForceRow {
             force: self.force_n.map(Vector3::from),
-            time: self.time_s,
-            temperature: self.temperature_c,
+            time: self.time_s.filter(|_| cut),
+            temperature: self.temperature_c.filter(|_| cut),
             payload: self.payload_kg,
         }
     }
@@ -438,6 +442,7 @@ impl Cells<'_> {
             sigma_mm: self.size(22, false)?,
             run: self.text(23),
             holdout,
+            probe_tool: self.text(PROBE_TOOL),
         })
     }
 }
@@ -457,6 +462,16 @@ mod tests {
         assert_eq!(table.rows[0].force_n, Some([1.0, 2.0, 3.0]));
         assert_eq!(table.rows[1].target, Some(TargetRef::Name("p10".into())));
         assert_eq!((table.rows[1].force_n, table.rows[1].time_s), (None, Some(4.5)));
+    }
+
+    #[test]
+    fn time_and_temperature_of_a_row_that_the_robot_probed_are_not_those_of_the_cut() {
+        let text = "target,fx_n,fy_n,fz_n,time_s,temperature_c,probe_tool\n3,1,2,3,700,25,tProbe\n4,1,2,3,12,20,\n";
+        let rows = Rows::of_forces("m.csv", text.as_bytes(), None).unwrap();
+        let rows: Vec<ForceRow> = rows.map(|row| row.unwrap().force()).collect();
+        assert_eq!(rows, read(text).unwrap().rows.iter().map(MeasuredRow::force).collect::<Vec<_>>());
+        assert_eq!((rows[0].force, rows[0].time, rows[0].temperature), (rows[1].force, None, None));
+        assert_eq!((rows[1].time, rows[1].temperature), (Some(12.0), Some(20.0)));
     }
 
     #[test]

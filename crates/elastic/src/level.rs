@@ -343,7 +343,7 @@ pub(crate) enum Sweep<'a> {
 
 /// What a node has, for the loads of a register. No closure here: the compiler would not inline it.
 #[inline(always)]
-fn rows<S: Simd>(node: &Node, part: usize) -> [S::f32s; 3] {
+pub(crate) fn rows<S: Simd>(node: &Node, part: usize) -> [S::f32s; 3] {
     let [x, y, z] = node;
     [S::as_simd_f32s(x).0[part], S::as_simd_f32s(y).0[part], S::as_simd_f32s(z).0[part]]
 }

@@ -10,7 +10,7 @@
 //! motions of the stage before span much of what is wanted still: those that move the surface most are kept.
 
 use crate::body::{Body, Load, Solved, Spot};
-use crate::level::{LANES, Node, Vector};
+use crate::level::{LANES, Node, Vector, rows};
 use crate::widest::widest;
 use nalgebra::{DMatrix, DVector, Matrix3, SymmetricEigen, Vector3};
 use rayon::prelude::*;
@@ -488,12 +488,20 @@ impl ComplianceMap {
     fn add(&self, factors: &[[f32; LANES]], x: &mut Vector) {
         let nodes = self.nodes.len();
         x[..nodes].par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, x)| {
-            for (field, factor) in self.fields.iter().zip(factors) {
-                widest!(<'a> _simd: S; (x: &'a mut [Node] = x, field: &'a [[f32; 3]] = &field[chunk * CHUNK..], factor: &'a [f32; LANES] = factor) -> () {
-                    for (x, v) in x.iter_mut().zip(field) {
-                        for k in 0..3 {
-                            for l in 0..LANES {
-                                x[k][l] += factor[l] * v[k];
+            // Some fields at a time: a processor reads ahead in a few arrays, not in hundreds.
+            for (fields, factors) in self.fields.chunks(LANES).zip(factors.chunks(LANES)) {
+                widest!(<'a> simd: S; (x: &'a mut [Node] = x, fields: &'a [Field] = fields, factors: &'a [[f32; LANES]] = factors, first: usize = chunk * CHUNK) -> () {
+                    for (i, x) in x.iter_mut().enumerate() {
+                        for part in 0..LANES / S::F32_LANES {
+                            let mut sums = rows::<S>(x, part);
+                            for (field, factor) in fields.iter().zip(factors) {
+                                let (v, factor) = (&field[first + i], S::as_simd_f32s(factor).0[part]);
+                                for k in 0..3 {
+                                    sums[k] = simd.add_f32s(sums[k], simd.mul_f32s(factor, simd.splat_f32s(v[k])));
+                                }
+                            }
+                            for k in 0..3 {
+                                S::as_mut_simd_f32s(&mut x[k]).0[part] = sums[k];
                             }
                         }
                     }

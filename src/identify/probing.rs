@@ -1,0 +1,299 @@
+//! Rows that the robot probed itself, with a touch probe in its own spindle, before the part was unclamped.
+//!
+//! Such a row is the surface as the controller reads it: what the arm that cut was off by at the place, less what the same arm is off by
+//! where it touches, without a force, in its own posture and coming along the surface normal. What is alike in both cancels. The
+//! effects that a cell has act in both, and what they do to the row is the difference.
+
+use super::candidate::Candidate;
+use super::data::{Problem, Seen};
+use super::differences::moved;
+use super::questioned::ELSEWHERE_MM;
+use crate::cell::Cell;
+use crate::correct::{Prepared, named_tool};
+use crate::effects::{Cutting, Situation, ToolFrame};
+use crate::equilibrium::{Arm, Dragged};
+use crate::measured::MeasuredRow;
+use crate::robot::{Joints, Pose};
+use nalgebra::{Vector3, Vector6};
+
+/// The last stretch of a probing move, mm, straight along the surface normal. Measuring cycles begin it 2 to 10 mm in front of the
+/// surface. Only friction that builds up over an angle depends on it.
+const APPROACH_MM: f64 = 5.0;
+
+/// How the arm stood when its probe touched.
+#[derive(Clone, Debug)]
+pub(super) struct Probing {
+    tool: ToolFrame,
+    /// Where the controller took the probe to be.
+    wobj_from_tcp: Pose,
+    pub(super) motor: Joints,
+    pub(super) travel: Joints,
+    /// Motor angles from which on it came along the normal.
+    from: Joints,
+    time: f64,
+    temperature: Option<f64>,
+}
+
+impl Probing {
+    /// What a row that the robot probed says, at its place on the path; `None` for one of another instrument.
+    ///
+    /// # Errors
+    /// What the row lacks, or why it cannot be true.
+    pub(super) fn of(
+        cell: &Cell,
+        prepared: &Prepared,
+        point: usize,
+        row: &MeasuredRow,
+    ) -> Result<Option<Self>, String> {
+        let Some(name) = &row.probe_tool else { return Ok(None) };
+        let tool = named_tool(cell, name)
+            .map_err(|errors| errors.into_iter().map(|error| error.message).collect::<Vec<_>>().join("; "))?;
+        let (Some(deg), Some(Seen::Normal(_))) = (row.motor_deg, Seen::of(row)) else {
+            return Err(
+                "a row with probe_tool needs normal_mm and no position, and q1_deg … q6_deg, the motor angles where the probe touched"
+                    .to_owned(),
+            );
+        };
+        if prepared.is_held(point) {
+            return Err(
+                "the robot holds the part at this target, and cannot probe it with a tool of its own".to_owned()
+            );
+        }
+        let robot = &cell.arm.robot;
+        let motor = robot.motor_from_axes_deg(&deg);
+        let frames = robot.frames(&motor);
+        let base_from_tcp = frames.base_from_flange() * tool.flange_from_tcp;
+        let base_from_wobj = prepared.base_from_wobj(point);
+        let wobj_from_tcp = base_from_wobj.inv_mul(&base_from_tcp);
+        let there = &prepared.points[point];
+        let off_mm = 1e3 * (wobj_from_tcp.translation.vector - there.reference.translation.vector).norm();
+        if off_mm > ELSEWHERE_MM {
+            return Err(format!(
+                "by q1_deg … q6_deg the tool `{name}` was {off_mm:.0} mm from the place that the row names (at most {ELSEWHERE_MM} mm)"
+            ));
+        }
+        let back = base_from_wobj.rotation * there.normal * (1e-3 * APPROACH_MM);
+        let step = Vector6::new(back.x, back.y, back.z, 0.0, 0.0, 0.0);
+        let turned = robot.jacobian(&frames, &base_from_tcp.translation.vector).lu().solve(&step);
+        let Some(from) = turned.map(|turned| motor + turned) else {
+            return Err("the wrist is singular where the probe touched: probe the place in another posture".to_owned());
+        };
+        // It touches when the part has been cut, where the row does not say when.
+        let end = prepared.points.iter().map(|point| point.time).fold(0.0, f64::max);
+        let mut probing = Self {
+            tool,
+            wobj_from_tcp,
+            motor,
+            travel: Joints::zeros(),
+            from,
+            time: row.time_s.unwrap_or(end),
+            temperature: row.temperature_c.or(there.temperature),
+        };
+        probing.set_presliding(0.0);
+        Ok(Some(probing))
+    }
+
+    /// Takes friction to build up over an angle, rad.
+    pub(super) fn set_presliding(&mut self, presliding_rad: f64) {
+        let start = Dragged { motor: self.from, travel: Joints::zeros() };
+        self.travel = start.travel_to(&self.motor, presliding_rad);
+    }
+
+    /// The circumstances of the touch, from those of the cut at the place.
+    pub(super) fn situation<'a>(&self, cut: Situation<'a>) -> Situation<'a> {
+        Situation {
+            wobj_from_tcp: self.wobj_from_tcp,
+            tool: self.tool,
+            cutting: Cutting::Air,
+            velocity: Vector3::zeros(),
+            time: self.time,
+            temperature: self.temperature,
+            ..cut
+        }
+    }
+
+    /// How far the probe was from where the controller took it to be, along a normal, mm.
+    pub(super) fn normal_error_mm(&self, wobj_from_tcp: &Pose, normal: &Vector3<f64>) -> f64 {
+        1e3 * (wobj_from_tcp.translation.vector - self.wobj_from_tcp.translation.vector).dot(normal)
+    }
+}
+
+/// What cancels in rows that the robot probed, in words; `None` where there are none.
+pub(super) fn cancelled(problem: &mut Problem, declared: &Arm, candidates: &[Candidate]) -> Option<String> {
+    /// Where the rows show less than this share of an effect, more of it stays in the part than they can take away.
+    const MOST: f64 = 0.5;
+    let count = problem.rows.iter().filter(|row| row.probing.is_some()).count();
+    if count == 0 {
+        return None;
+    }
+    let mut kinds: Vec<(&str, Vec<Arm>)> = Vec::new();
+    for candidate in candidates.iter().filter(|candidate| !candidate.is_pattern()) {
+        if kinds.iter().all(|(known, _)| *known != candidate.kind) {
+            let declared_numbers = Candidate { values: candidate.start.clone(), ..candidate.clone() };
+            let arms = (0..candidate.values.len()).map(|k| moved(declared, &declared_numbers, k..k + 1).0);
+            kinds.push((&candidate.kind, arms.collect()));
+        }
+    }
+    let sizes = |problem: &Problem| -> Vec<f64> {
+        let known = problem.equilibria(declared);
+        let base = problem.residual(declared);
+        let size = |(_, arms): &(&str, Vec<Arm>)| {
+            let moved = problem.residuals_near(arms, &known).into_iter().map(|moved| (moved - &base).norm_squared());
+            moved.filter(|square| square.is_finite()).sum::<f64>().sqrt()
+        };
+        kinds.iter().map(size).collect()
+    };
+    let seen = sizes(problem);
+    let probings: Vec<Option<Probing>> = problem.rows.iter_mut().map(|row| row.probing.take()).collect();
+    let cut = sizes(problem);
+    problem.rows.iter_mut().zip(probings).for_each(|(row, probing)| row.probing = probing);
+    let share = |((kind, _), (seen, cut)): (&(&str, Vec<Arm>), (&f64, &f64))| {
+        (*seen < MOST * cut).then(|| format!("`{kind}` ({:.0} %)", 100.0 * seen / cut))
+    };
+    let shares: Vec<String> = kinds.iter().zip(seen.iter().zip(&cut)).filter_map(share).collect();
+    let what = match &shares[..] {
+        [] => "Of every effect they show more than half".to_owned(),
+        shares => format!(
+            "Of these effects they show the share that is given, and what is hidden stays in the part: {}",
+            shares.join(", ")
+        ),
+    };
+    Some(format!(
+        "the robot itself probed {count} rows: `before` and `after` are errors by its own reading, in which what is off alike in cutting and \
+         probing cancels. {what}. To correct it, measure the part with another instrument"
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::program::rapid;
+    use crate::text::Source;
+
+    /// One place, 1.18 m in front of the axis of joint 2 of an arm that only this joint's spring and gap bend, approached from `above_mm`.
+    /// Cut under 410 N along the upward normal. Measured by the robot itself, with motor angles as they cut, and by another instrument.
+    struct Bench {
+        cell: Cell,
+        above_mm: f64,
+    }
+
+    impl Bench {
+        fn new(effect: &str, above_mm: f64) -> Self {
+            let text = format!(
+                "[robot]\nmodel = \"irb6700-150-3.20\"\n[robot.stiffness]\njoint_nm_per_rad = [1e12, 2e6, 1e12, 1e12, 1e12, 1e12]\n\
+                 [tools.tProbe]\ntcp_mm = [0, 0, 150]\ntcp_quat = [1, 0, 0, 0]\n\
+                 [cut]\nforce = \"constant\"\nforce_n = [0.0, 0.0, 410.0]\nframe = \"wobj\"\n{effect}"
+            );
+            Self { cell: Cell::read(&Source::new("cell.toml", text.into_bytes())).unwrap(), above_mm }
+        }
+
+        fn problem(&self, rows: &str) -> Result<Problem, Vec<crate::text::Diagnostic>> {
+            let target = |z: f64| {
+                format!("MoveL [[0,0,{z}],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v20,z0,tMill\\WObj:=wPart;\n")
+            };
+            let program = format!(
+                "MODULE Part\nPERS tooldata tMill:=[TRUE,[[0,0,150],[1,0,0,0]],[4,[0,0,80],[1,0,0,0],0,0,0]];\n\
+                 PERS wobjdata wPart:=[FALSE,TRUE,\"\",[[1500,0,900],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\n\
+                 PROC main()\n{}{}ENDPROC\nENDMODULE\n",
+                target(self.above_mm),
+                target(0.0)
+            );
+            let program = rapid::read(vec![Source::new("part.mod", program.into_bytes())], Vec::new()).unwrap();
+            let table = crate::measured::Table::read(&Source::new("probed.csv", rows.as_bytes())).unwrap();
+            Problem::of_runs(&self.cell, vec![(program, table).into()])
+        }
+
+        /// Motor angles at the place, degrees, as the pendant shows them.
+        fn axes(&self) -> String {
+            let problem = self.problem("target,normal_mm\n2,0\n").unwrap();
+            let deg = self.cell.arm.robot.axes_deg_from_motor(&problem.rows[0].motor);
+            deg.map(|deg| deg.to_string()).join(",")
+        }
+
+        /// Readings of 0 mm less what the robot's own probe, and another instrument, are predicted to show, mm.
+        fn residuals(&self) -> [f64; 2] {
+            let own = format!(
+                "target,normal_mm,probe_tool,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n2,0,tProbe,{}\n",
+                self.axes()
+            );
+            [&own[..], "target,normal_mm\n2,0\n"].map(|rows| self.problem(rows).unwrap().residual(&self.cell.arm)[0])
+        }
+    }
+
+    /// Joint 2 of this arm is 0.32 m in front of joint 1.
+    const LEVER_M: f64 = 1.5 - 0.32;
+
+    #[track_caller]
+    fn near(found: f64, right: f64) {
+        assert!((found - right).abs() < 2e-3 * right.abs().max(0.1), "{found} for {right}");
+    }
+
+    #[test]
+    fn a_zero_that_is_off_cancels_and_the_spring_under_the_force_does_not() {
+        let spring = 1e3 * 410.0 * LEVER_M.powi(2) / 2e6;
+        let [own, other] = Bench::new("", 5.0).residuals();
+        near(own, -spring);
+        near(other, -spring);
+        // Forward is down.
+        let zero = "[[effect]]\nkind = \"zero_offset\"\noffset_rad = [0, 1e-3, 0, 0, 0, 0]\n";
+        let [own, other] = Bench::new(zero, 5.0).residuals();
+        near(own, -spring);
+        near(other, -spring + 1e3 * LEVER_M * 1e-3);
+    }
+
+    #[test]
+    fn a_gap_cancels_where_the_cut_came_down_like_the_probe() {
+        let gap = "[[effect]]\nkind = \"backlash\"\nhalf_gap_rad = [0, 1e-4, 0, 0, 0, 0]\n";
+        let of = |above_mm: f64| {
+            let [without, _] = Bench::new("", above_mm).residuals();
+            let [own, other] = Bench::new(gap, above_mm).residuals();
+            [own - without, other - without]
+        };
+        let once = 1e3 * LEVER_M * 1e-4;
+        let ([own_down, other_down], [own_up, other_up]) = (of(5.0), of(-5.0));
+        near(own_down, 0.0);
+        near(own_up.abs(), 2.0 * once);
+        near(other_down.abs(), once);
+        near(other_up, -other_down);
+        near(own_up, other_up - other_down);
+    }
+
+    #[test]
+    fn what_a_probed_row_lacks_is_said_with_its_line() {
+        let bench = Bench::new("", 5.0);
+        let message = |rows: &str| {
+            let error = bench.problem(rows).unwrap_err().swap_remove(0);
+            assert_eq!((error.file.as_str(), error.line), ("probed.csv", 2), "{error}");
+            error.message
+        };
+        assert!(message("target,normal_mm,probe_tool\n2,0,tProbe\n").contains("q1_deg … q6_deg"));
+        let with = |tool: &str, axes: &str| {
+            format!("target,normal_mm,probe_tool,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n2,0,{tool},{axes}\n")
+        };
+        assert!(message("target,x_mm,normal_mm,probe_tool,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n2,0,0,tProbe,0,0,0,0,30,0\n").contains("no position"));
+        assert!(message(&with("tProb", &bench.axes())).contains("tProb"));
+        assert!(message(&with("tProbe", "40,0,0,0,30,0")).contains("mm from the place"));
+    }
+
+    /// Friction that builds up over more than the approach has not done so at the touch; time is that of the touch.
+    #[test]
+    fn the_touch_has_a_travel_and_a_time_of_its_own() {
+        let bench = Bench::new("", 5.0);
+        let rows = format!(
+            "target,normal_mm,time_s,probe_tool,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n2,0,700,tProbe,{}\n",
+            bench.axes()
+        );
+        let mut problem = bench.problem(&rows).unwrap();
+        let ran = problem.runs[0].situation(problem.rows[0].point);
+        let probing = problem.rows[0].probing.clone().unwrap();
+        assert!(ran.time < 1.0, "{}", ran.time);
+        assert!((probing.situation(ran).time - 700.0).abs() < 1e-9);
+        let sharp = probing.travel;
+        problem.set_presliding(0.1);
+        let soft = problem.rows[0].probing.as_ref().unwrap().travel;
+        for joint in [1, 2, 4] {
+            assert!((sharp[joint].abs() - 1.0).abs() < 1e-12, "{sharp}");
+            assert!(soft[joint] * sharp[joint] > 0.0 && soft[joint].abs() < 0.2, "{soft}");
+        }
+    }
+}
