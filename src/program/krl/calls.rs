@@ -42,7 +42,9 @@ impl<'a> Runner<'a> {
                 match path {
                     Some(path) if path.known => {
                         let value = self.expression(&mut cursor);
-                        self.symbols.start[path.id].set(&path.steps, value);
+                        let mut whole = std::mem::replace(&mut self.symbols.start[path.id], Value::Bool(false));
+                        self.put(&mut whole, &path.steps, value);
+                        self.symbols.start[path.id] = whole;
                     }
                     _ => self.keep(file, span, Reason::NotUnderstood),
                 }
@@ -128,7 +130,8 @@ impl<'a> Runner<'a> {
         let mut whole = self.state.values.remove(&path.id).unwrap_or_else(|| self.symbols.start[path.id].clone());
         if path.known {
             let fits = !self.symbols.is_whole(path.id) || value.number().is_none_or(|v| v.fract() == 0.0);
-            whole.set(&path.steps, if fits { value } else { Value::unknown(Reason::Computed) });
+            let value = if fits { value } else { value.forgotten(Reason::Computed) };
+            self.put(&mut whole, &path.steps, value);
         } else {
             self.pin(&value);
             whole = whole.forgotten(Reason::ElementUnknown);
