@@ -183,7 +183,7 @@ impl<'a> Runner<'a> {
         let arguments = self.arguments(cursor, depth);
         if let Some(id) = self.symbols.find_routine(self.here(), name) {
             let changes = self.known_changes(id);
-            self.forget(&changes, Reason::ByFunction);
+            self.run_unfollowed(&changes, Reason::ByFunction);
             self.give_away(&arguments, true);
             return Value::unknown(Reason::FunctionValue);
         }
@@ -208,6 +208,14 @@ impl<'a> Runner<'a> {
             _ => return Value::unknown(Reason::Computed),
         };
         Value::Number(computed, None)
+    }
+
+    /// What a routine that is not followed changes; its first motion may leave components to the motion before.
+    fn run_unfollowed(&mut self, changes: &Changes, why: Reason) {
+        if changes.ids.contains(&self.symbols.stands) {
+            self.hold_position_before();
+        }
+        self.forget(changes, why);
     }
 
     /// What was handed to a routine that is not followed: it may be read, and changed where it is a variable.
@@ -236,7 +244,7 @@ impl<'a> Runner<'a> {
             // Not followed: its own targets stay.
             self.keep(self.here(), span, Reason::RoutineCallsItself);
             let changes = self.known_changes(id);
-            self.forget(&changes, Reason::ByRecursiveRoutine);
+            self.run_unfollowed(&changes, Reason::ByRecursiveRoutine);
             return self.give_away(&arguments, true);
         }
         if self.frames.len() >= MAX_CALLS {

@@ -329,7 +329,7 @@ impl<'a> Runner<'a> {
     }
 
     /// A component that is not known may still be that of the motion before, whichever that is.
-    fn hold_position_before(&mut self) {
+    pub(super) fn hold_position_before(&mut self) {
         self.open_partials += 1;
         let before = self.value(self.symbols.position);
         self.pin(&before);

@@ -592,6 +592,7 @@ fn a_position_that_may_be_incomplete_holds_the_one_before() {
         ("an interrupt", &*format!("{interrupt}XP3={{X 5.0}}")),
         ("another branch", "POS p\nIF $IN[1] THEN\np=XP3\nELSE\np={X 5.0}\nENDIF\nL\nLIN p"),
         ("a function", "L\nLIN f()\nEND\nDEFFCT POS f()\nPOS p\np.X=5.0\nRETURN p"),
+        ("a motion of a function", "REAL r\nL\nr=f()\nEND\nDEFFCT REAL f()\nLIN {X 5.0,Y 6.0,Z 7.0}\nRETURN 1.0"),
         ("a trigger", "POS p\nTRIGGER WHEN DISTANCE=0 DELAY=0 DO p.X=5.0\nL\nLIN p"),
         ("a circle with an angle", "L\nCIRC XP3,{X 5.0},CA 90.0"),
         ("parts set in a loop", "POS p\nWHILE $IN[1]\np.X=5.0\np.Y=6.0\np.Z=7.0\nL\nLIN p\np=XP3\nENDWHILE"),
