@@ -153,7 +153,7 @@ impl<'a> Runner<'a> {
     /// Sets a component of a record.
     fn set(&mut self, id: Id, component: &[u8], value: Value) {
         let mut record = self.value(id);
-        record.set(&[Step::Component(upper(component))], value);
+        self.put(&mut record, &[Step::Component(upper(component))], value);
         self.state.values.insert(id, record);
     }
 

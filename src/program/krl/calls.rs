@@ -42,7 +42,9 @@ impl<'a> Runner<'a> {
                 match path {
                     Some(path) if path.known => {
                         let value = self.expression(&mut cursor);
-                        self.symbols.start[path.id].set(&path.steps, value);
+                        let mut whole = std::mem::replace(&mut self.symbols.start[path.id], Value::Bool(false));
+                        self.put(&mut whole, &path.steps, value);
+                        self.symbols.start[path.id] = whole;
                     }
                     _ => self.keep(file, span, Reason::NotUnderstood),
                 }
@@ -128,7 +130,8 @@ impl<'a> Runner<'a> {
         let mut whole = self.state.values.remove(&path.id).unwrap_or_else(|| self.symbols.start[path.id].clone());
         if path.known {
             let fits = !self.symbols.is_whole(path.id) || value.number().is_none_or(|v| v.fract() == 0.0);
-            whole.set(&path.steps, if fits { value } else { Value::unknown(Reason::Computed) });
+            let value = if fits { value } else { value.forgotten(Reason::Computed) };
+            self.put(&mut whole, &path.steps, value);
         } else {
             self.pin(&value);
             whole = whole.forgotten(Reason::ElementUnknown);
@@ -180,7 +183,7 @@ impl<'a> Runner<'a> {
         let arguments = self.arguments(cursor, depth);
         if let Some(id) = self.symbols.find_routine(self.here(), name) {
             let changes = self.known_changes(id);
-            self.forget(&changes, Reason::ByFunction);
+            self.run_unfollowed(&changes, Reason::ByFunction);
             self.give_away(&arguments, true);
             return Value::unknown(Reason::FunctionValue);
         }
@@ -205,6 +208,14 @@ impl<'a> Runner<'a> {
             _ => return Value::unknown(Reason::Computed),
         };
         Value::Number(computed, None)
+    }
+
+    /// What a routine that is not followed changes; its first motion may leave components to the motion before.
+    fn run_unfollowed(&mut self, changes: &Changes, why: Reason) {
+        if changes.ids.contains(&self.symbols.stands) {
+            self.hold_position_before();
+        }
+        self.forget(changes, why);
     }
 
     /// What was handed to a routine that is not followed: it may be read, and changed where it is a variable.
@@ -233,7 +244,7 @@ impl<'a> Runner<'a> {
             // Not followed: its own targets stay.
             self.keep(self.here(), span, Reason::RoutineCallsItself);
             let changes = self.known_changes(id);
-            self.forget(&changes, Reason::ByRecursiveRoutine);
+            self.run_unfollowed(&changes, Reason::ByRecursiveRoutine);
             return self.give_away(&arguments, true);
         }
         if self.frames.len() >= MAX_CALLS {

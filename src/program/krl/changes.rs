@@ -7,7 +7,7 @@ use super::state::{Changes, Id};
 use super::symbols::{RoutineId, spans};
 use super::system::{System, system};
 use super::tree::{Statement, walk};
-use super::value::{Name, Value, upper};
+use super::value::{INERTIA, Name, POSE, Value, upper};
 use crate::program::Reason;
 use crate::text::{Diagnostic, Severity, Span, decode};
 use std::collections::{BTreeSet, HashMap, HashSet};
@@ -163,8 +163,8 @@ impl<'a> Runner<'a> {
             return;
         }
         // `name … =` at the beginning of a statement.
-        if let Some(name) = assigned(cursor).filter(|_| !moves) {
-            self.changed(&name, scope, changes);
+        if let Some(assigned) = assigned(cursor).filter(|_| !moves) {
+            self.changed(&assigned.variable, scope, changes);
         }
         while !cursor.is_done() {
             let lexeme = cursor.next();
@@ -358,6 +358,35 @@ impl<'a> Runner<'a> {
         }
     }
 
+    /// Whether the program puts positions into data that leave components out: such data take these from the motion before.
+    pub(super) fn finds_incomplete_positions(&mut self) -> bool {
+        let in_lists = self.symbols.start.iter().any(Value::leaves_components_out);
+        in_lists || self.symbols.all().collect::<Vec<_>>().into_iter().any(|id| self.leaves_components_out_in(id))
+    }
+
+    fn leaves_components_out_in(&mut self, id: RoutineId) -> bool {
+        let routine = self.symbols.routine(id);
+        let bytes = self.bytes(id.file);
+        let own = routine.data.iter().map(|data| data.name).chain(routine.params.iter().map(|param| param.name));
+        let own: HashSet<Name> = own.map(|name| upper(&bytes[name.range()])).collect();
+        spans(&routine.body).into_iter().any(|span| {
+            let mut cursor = Cursor::new(bytes, 0, span);
+            if [&b"TRIGGER"[..], b"INTERRUPT", b"GLOBAL"].iter().any(|word| cursor.is_at(word)) {
+                cursor.until(&[b"DO"]);
+            }
+            // An aggregate that a motion goes to is put into no data, but one that it gives a function is.
+            if has_incomplete_position(cursor, self.is_motion(id.file, span)) {
+                return true;
+            }
+            let Some(Assigned { variable, component: Some(component) }) = assigned(cursor) else { return false };
+            if !POSE.contains(&&component[..]) || variable.first() == Some(&b'$') {
+                return false;
+            }
+            let at = self.symbols.find(id.file, &variable);
+            own.contains(&variable) || !is_complete(&self.symbols.start[at])
+        })
+    }
+
     /// Whether a statement moves the robot.
     pub(super) fn is_motion(&self, file: usize, span: Span) -> bool {
         let cursor = Cursor::new(self.bytes(file), 0, span);
@@ -415,24 +444,75 @@ fn is_understood(mut cursor: Cursor<'_>) -> bool {
     cursor.peek().kind == LexemeKind::Mark(b'(')
 }
 
-/// The variable that a statement assigns to.
-fn assigned(mut cursor: Cursor<'_>) -> Option<Name> {
+/// What a statement assigns to.
+struct Assigned {
+    variable: Name,
+    /// The last component of the path.
+    component: Option<Name>,
+}
+
+/// What a statement assigns to, where it is an assignment.
+fn assigned(mut cursor: Cursor<'_>) -> Option<Assigned> {
     let first = cursor.accept(LexemeKind::Word)?;
-    let name = upper(cursor.text(first));
+    let mut assigned = Assigned { variable: upper(cursor.text(first)), component: None };
     let mut depth = 0_usize;
     loop {
         let lexeme = cursor.next();
         match lexeme.kind {
             LexemeKind::Mark(b'[') => depth += 1,
             LexemeKind::Mark(b']') => depth = depth.saturating_sub(1),
-            LexemeKind::Mark(b'=') if depth == 0 => return Some(name),
+            LexemeKind::Mark(b'=') if depth == 0 => return Some(assigned),
             LexemeKind::Mark(b'.') => {}
             LexemeKind::End => return None,
-            LexemeKind::Word if depth == 0 => {}
+            LexemeKind::Word if depth == 0 => assigned.component = Some(upper(cursor.text(lexeme))),
             _ if depth == 0 => return None,
             _ => {}
         }
     }
+}
+
+/// Whether data hold positions alone, each with all components.
+fn is_complete(value: &Value) -> bool {
+    match value {
+        Value::Array(items) => !items.is_empty() && items.values().all(is_complete),
+        value => POSE.iter().all(|name| value.component(name).is_some()),
+    }
+}
+
+/// Whether a statement has an aggregate with some components of a position but not all; of those of a motion, within round
+/// brackets.
+fn has_incomplete_position(mut cursor: Cursor<'_>, is_motion: bool) -> bool {
+    // Components that each open aggregate names, and how many round brackets are open where it begins.
+    let mut open: Vec<(u8, usize)> = Vec::new();
+    let (mut depth, mut begins, mut is_inertia) = (0_usize, false, false);
+    while !cursor.is_done() {
+        let lexeme = cursor.next();
+        let of = std::mem::replace(&mut begins, matches!(lexeme.kind, LexemeKind::Mark(b'{' | b',' | b':')));
+        let inertia = std::mem::replace(&mut is_inertia, cursor.text(lexeme).eq_ignore_ascii_case(INERTIA));
+        match lexeme.kind {
+            LexemeKind::Mark(b'(') => depth += 1,
+            LexemeKind::Mark(b')') => depth = depth.saturating_sub(1),
+            LexemeKind::Mark(b'{') if inertia => open.push((0, usize::MAX)),
+            LexemeKind::Mark(b'{') => open.push((0, depth)),
+            LexemeKind::Mark(b'}') => {
+                let Some((named, at)) = open.pop() else { continue };
+                if named != 0 && named != 0b11_1111 && (!is_motion || at > 0) {
+                    return true;
+                }
+            }
+            LexemeKind::Word if of => {
+                let name = upper(cursor.text(lexeme));
+                let component = POSE.iter().position(|known| name[..] == **known);
+                if let (Some(component), Some((named, at))) = (component, open.last_mut())
+                    && *at == depth
+                {
+                    *named |= 1 << component;
+                }
+            }
+            _ => {}
+        }
+    }
+    false
 }
 
 /// Names within the brackets that follow.

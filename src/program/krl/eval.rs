@@ -48,6 +48,13 @@ impl<'a> Runner<'a> {
         });
     }
 
+    /// Puts a value at a path; its numbers stay where the way there is not known.
+    pub(super) fn put(&mut self, whole: &mut Value, path: &[Step], value: Value) {
+        whole.set(path, value, &mut |place| {
+            self.pinned.insert(place);
+        });
+    }
+
     pub(super) fn evaluate(&mut self, span: Span) -> Value {
         let mut cursor = self.cursor(span);
         let value = self.expression(&mut cursor);

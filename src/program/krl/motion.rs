@@ -91,7 +91,10 @@ impl<'a> Runner<'a> {
         };
         let done = match (motion, &via) {
             (Motion::Circular, None) => Err(Reason::CircleWithoutEnd),
-            (Motion::Circular, Some(_)) if angle => Err(Reason::CircleWithAngle),
+            (Motion::Circular, Some(_)) if angle => {
+                drop(self.position(&end));
+                Err(Reason::CircleWithAngle)
+            }
             _ => invalid.map_or_else(|| self.go(motion, via.as_ref(), &end, name, span), Err),
         };
         if let Some(reason) = invalid {
@@ -292,7 +295,12 @@ impl<'a> Runner<'a> {
 
     /// The numbers of a position; those that it does not name are those of the position before.
     fn position(&mut self, value: &Value) -> Result<Position, Reason> {
-        let Value::Record(_) = value else { return Err(why(value)) };
+        let Value::Record(_) = value else {
+            if self.leaves_components_out {
+                self.hold_position_before();
+            }
+            return Err(why(value));
+        };
         let before = if self.volatile.contains(&self.symbols.position) {
             Value::unknown(Reason::Computed)
         } else {
@@ -303,10 +311,7 @@ impl<'a> Runner<'a> {
             let own = value.component(name);
             let component = own.or_else(|| before.component(name));
             let Some(Value::Number(number, at)) = component else {
-                // It may still be that of the motion before, whichever that is.
-                self.open_partials += 1;
-                let before = self.value(self.symbols.position);
-                self.pin(&before);
+                self.hold_position_before();
                 return Err(component.map_or(Reason::ComponentsMissing, why));
             };
             (found.numbers[i], found.places[i]) = (*number, *at);
@@ -321,6 +326,13 @@ impl<'a> Runner<'a> {
             }
         }
         Ok(found)
+    }
+
+    /// A component that is not known may still be that of the motion before, whichever that is.
+    pub(super) fn hold_position_before(&mut self) {
+        self.open_partials += 1;
+        let before = self.value(self.symbols.position);
+        self.pin(&before);
     }
 
     /// Why it is not known where the controller goes, if that is so.

@@ -93,6 +93,8 @@ pub(super) struct Runner<'a> {
     proceeds: bool,
     /// Motions that leave components to a motion before that is not known.
     pub(super) open_partials: usize,
+    /// Whether the program puts positions into data that leave components out.
+    pub(super) leaves_components_out: bool,
     /// What routines could change, each found once.
     pub(super) changes: HashMap<RoutineId, Rc<Changes>>,
     pub(super) tools: Vec<Tool>,
@@ -136,6 +138,7 @@ impl<'a> Runner<'a> {
             resumes: false,
             proceeds: false,
             open_partials: 0,
+            leaves_components_out: false,
             changes: HashMap::new(),
             tools: Vec::new(),
             wobjs: Vec::new(),
@@ -165,6 +168,7 @@ impl<'a> Runner<'a> {
     pub(super) fn run(&mut self) {
         self.expect_interrupts();
         self.find_beside();
+        self.leaves_components_out = self.finds_incomplete_positions();
         for root in self.symbols.roots(self.written) {
             self.state = ModalState::default();
             let mark = self.symbols.files[root.file].mark;

@@ -579,6 +579,65 @@ fn motions_stay_where_another_run_could_make_them_others() {
 }
 
 #[test]
+fn a_position_that_may_be_incomplete_holds_the_one_before() {
+    let dat = "DEFDAT a\nDECL E6POS XP3={X 1.0,Y 2.0,Z 3.0,A 4.0,B 5.0,C 6.0}\nENDDAT\n";
+    let line = "LIN {X 10.0,Y 20.0,Z 30.0,A 0.0,B 0.0,C 0.0}";
+    let interrupt =
+        "INTERRUPT DECL 3 WHEN $IN[9] DO isr()\nINTERRUPT ON 3\nL\nLIN XP3\nEND\nDEF isr()\ns()\nEND\nDEF s()\n";
+    let of = |body: &str| {
+        let src = format!("DEF a()\n{}\nEND\n", body.replace("L\n", &format!("{line}\n")));
+        program_of(&[("a.src", &src), ("a.dat", dat)], &[])
+    };
+    for (what, body) in [
+        ("an interrupt", &*format!("{interrupt}XP3={{X 5.0}}")),
+        ("another branch", "POS p\nIF $IN[1] THEN\np=XP3\nELSE\np={X 5.0}\nENDIF\nL\nLIN p"),
+        ("a function", "L\nLIN f()\nEND\nDEFFCT POS f()\nPOS p\np.X=5.0\nRETURN p"),
+        ("a motion of a function", "REAL r\nL\nr=f()\nEND\nDEFFCT REAL f()\nLIN {X 5.0,Y 6.0,Z 7.0}\nRETURN 1.0"),
+        ("a trigger", "POS p\nTRIGGER WHEN DISTANCE=0 DELAY=0 DO p.X=5.0\nL\nLIN p"),
+        ("a circle with an angle", "L\nCIRC XP3,{X 5.0},CA 90.0"),
+        ("parts set in a loop", "POS p\nWHILE $IN[1]\np.X=5.0\np.Y=6.0\np.Z=7.0\nL\nLIN p\np=XP3\nENDWHILE"),
+        (
+            "parts set of what one branch sets",
+            "POS p\nIF $IN[1] THEN\np=XP3\nENDIF\np.X=5.0\np.Y=6.0\np.Z=7.0\nL\nLIN p",
+        ),
+        ("parts set of a point of another file", "XP9.X=5.0\nXP9.Y=6.0\nXP9.Z=7.0\nL\nLIN XP9"),
+    ] {
+        let p = of(body);
+        assert_eq!(p.targets[0].editable, Editable::No(Reason::ReadByOthers), "{what}");
+        let texts = moved(&p, 0.5);
+        assert_eq!(texts[0], String::from_utf8(p.sources[0].bytes.clone()).unwrap(), "{what}");
+    }
+    for (what, body) in [
+        ("a complete position", &*format!("{interrupt}XP3={{X 5.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}}")),
+        ("a part of a complete position", &*format!("{interrupt}XP3.X=5.0")),
+        ("a point of another file", "L\nLIN XP9"),
+        (
+            "the load of a tool",
+            "$LOAD={M 1.0,CM {X 0.0,Y 0.0,Z 9.0,A 0.0,B 0.0,C 0.0},J {X 0.0,Y 0.0,Z 0.1}}\nL\nLIN XP9",
+        ),
+        ("an aggregate that is no data", "L\nLIN XP9\nLIN {X 5.0}"),
+    ] {
+        assert_eq!(of(body).targets[0].editable, Editable::Pose, "{what}");
+    }
+}
+
+#[test]
+fn numbers_put_where_what_stands_is_not_known_stay() {
+    let line = "LIN {X r1,Y 0.0,Z 5.0,A 0.0,B 0.0,C 0.0}";
+    let full = "{X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
+    for (what, body) in [
+        ("a component", format!("m:\nXP1.X=r1\nIF $IN[1] THEN\nGOTO m\nENDIF\nCIRC XP1,{full}")),
+        ("an INT", format!("INT i\ni=r1\nIF i>2 THEN\nLIN {full}\nENDIF")),
+    ] {
+        let src = format!("DEF a()\n{line}\n{body}\nEND\n");
+        let dat = format!("DEFDAT a\nDECL E6POS XP1={full}\nDECL REAL r1=2.5\nENDDAT\n");
+        let p = program_of(&[("a.src", &src), ("a.dat", &dat)], &[]);
+        assert_eq!(moved(&p, 0.5)[1], dat, "{what}");
+        assert_eq!(p.targets[0].editable, Editable::No(Reason::ReadByOthers), "{what}");
+    }
+}
+
+#[test]
 fn what_stands_behind_a_return_is_read_where_a_label_leads_there() {
     let line = "LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
     let p = program(&format!("IF $IN[1] THEN\nGOTO far\nENDIF\n{line}\nRETURN\nfar:\n{line}"));

@@ -109,8 +109,8 @@ impl Value {
         }
     }
 
-    /// Puts a value at a path; where the way there is not known, the whole stays unknown.
-    pub(super) fn set(&mut self, path: &[Step], value: Self) {
+    /// Puts a value at a path; where the way there is not known, the whole stays unknown, and the value's tokens go to `lost`.
+    pub(super) fn set(&mut self, path: &[Step], value: Self, lost: &mut impl FnMut(NumberToken)) {
         let Some((first, rest)) = path.split_first() else {
             // What becomes of components that an aggregate does not name is left open.
             if let (Self::Record(old), Self::Record(new)) = (&*self, &value) {
@@ -125,10 +125,15 @@ impl Value {
         };
         match first {
             Step::Component(name) => {
-                if matches!(self, Self::Unknown(_, None)) {
-                    *self = Self::Record(Rc::default());
+                if let Self::Unknown(why, None) = self {
+                    // Only data that nothing has set yet are without the other components of a position.
+                    let open = *why != Reason::Unset && POSE.contains(&&name[..]);
+                    let others = POSE.iter().filter(|_| open);
+                    let fields = others.map(|name| (Name::from_slice(name), Self::unknown(*why))).collect();
+                    *self = Self::Record(Rc::new(fields));
                 }
                 let Self::Record(fields) = self else {
+                    value.places(lost);
                     *self = std::mem::replace(self, Self::Bool(false)).forgotten(Reason::Unset);
                     return;
                 };
@@ -137,18 +142,20 @@ impl Value {
                     fields.push((name.clone(), Self::unknown(Reason::Unset)));
                 }
                 if let Some((_, old)) = fields.iter_mut().find(|(known, _)| known == name) {
-                    old.set(rest, value);
+                    old.set(rest, value, lost);
                 }
             }
             Step::Element(at) => {
-                if matches!(self, Self::Unknown(_, None)) {
-                    *self = Self::Array(Rc::default());
+                if let Self::Unknown(why, None) = self {
+                    *self = Self::Array(Rc::new(BTreeMap::from([(REST, Self::unknown(*why))])));
                 }
                 let Self::Array(items) = self else {
+                    value.places(lost);
                     *self = std::mem::replace(self, Self::Bool(false)).forgotten(Reason::Unset);
                     return;
                 };
-                Rc::make_mut(items).entry(*at).or_insert(Self::unknown(Reason::Unset)).set(rest, value);
+                let before = items.get(&REST).cloned().unwrap_or(Self::unknown(Reason::Unset));
+                Rc::make_mut(items).entry(*at).or_insert(before).set(rest, value, lost);
             }
         }
     }
@@ -246,9 +253,10 @@ impl Value {
             (a, b) => {
                 a.places(lost);
                 b.places(lost);
-                let why =
-                    [a, b].into_iter().find_map(|v| if let Self::Unknown(why, _) = v { Some(*why) } else { None });
-                Self::unknown(why.unwrap_or(Reason::Branches))
+                // What is set on one of two ways may be set.
+                let set = |why: &Reason| *why != Reason::Unset;
+                let unknown = |v: &Self| if let Self::Unknown(why, _) = v { Some(*why).filter(set) } else { None };
+                Self::unknown([a, b].into_iter().find_map(unknown).unwrap_or(Reason::Branches))
             }
         }
     }
@@ -270,6 +278,19 @@ impl Value {
         Self::Array(items)
     }
 
+    /// Whether it is, or has, a position that leaves components out.
+    pub(super) fn leaves_components_out(&self) -> bool {
+        match self {
+            Self::Record(fields) => {
+                let named = POSE.iter().filter(|name| self.component(name).is_some()).count();
+                let parts = || fields.iter().filter(|(name, _)| name[..] != *INERTIA);
+                (1..POSE.len()).contains(&named) || parts().any(|(_, value)| value.leaves_components_out())
+            }
+            Self::Array(items) => items.values().any(Self::leaves_components_out),
+            _ => false,
+        }
+    }
+
     /// Numbers of components; `None` where one is missing or unknown.
     pub(super) fn numbers<const N: usize>(&self, names: [&[u8]; N]) -> Option<[f64; N]> {
         let mut out = [0.0; N];
@@ -288,6 +309,8 @@ impl Value {
 
 /// Components of a pose: mm, and degrees about z, the turned y, the turned x.
 pub(super) const POSE: [&[u8]; 6] = [b"X", b"Y", b"Z", b"A", b"B", b"C"];
+/// The component of a LOAD whose X, Y, Z are no position: moments of inertia, kg m².
+pub(super) const INERTIA: &[u8] = b"J";
 /// Axis angles, degrees.
 pub(super) const AXES: [&[u8]; 6] = [b"A1", b"A2", b"A3", b"A4", b"A5", b"A6"];
 /// External axes, mm or degrees.
