@@ -1,6 +1,7 @@
 //! From the chosen effects to an answer that people can check: errors, intervals, rivals, what is left, advice.
 
 use super::advice::{advice, faintly, slipped_or_soft};
+use super::cancelled;
 use super::candidate::{Candidate, Home, fitted, with};
 use super::controller;
 use super::data::Observation;
@@ -12,7 +13,6 @@ use super::outcome::{
     ResidualRow, Unexplained,
 };
 use super::pattern::{Pattern, Standing, TYPICAL_MM};
-use super::probing;
 use super::returns::never_returns;
 use super::score::posterior;
 use super::search::Search;
@@ -247,7 +247,7 @@ impl Engine {
             )
         }));
         advice.extend(controller::corrected_twice(&self.declared, &self.problem, before));
-        advice.extend(probing::cancelled(&mut self.problem, &self.declared, &self.candidates));
+        advice.extend(cancelled::cancelled(&mut self.problem, &self.declared, &self.candidates));
         let mut found = Identification {
             rows: self.problem.rows.len(),
             held_out_rows,

@@ -6,13 +6,14 @@
 //! raise the error of blocks that its fit has not seen. A cell file cannot have a thousand centres: the mean is the one that few centres
 //! spread over the rows can show (subset of regressors; Quiñonero-Candela and Rasmussen 2005, section 4).
 
-use super::data::{Observation, Seen};
+use super::data::Observation;
 use super::engine::Engine;
 use super::found::{Map, Posterior};
 use super::noise::{self, Field, Over, Places, Sample, Series, whiten};
 use super::outcome::NAMED;
 use super::pattern::Standing;
 use super::score::in_standard_errors;
+use super::seen::Seen;
 use super::whole_arm::VARIANCES;
 use crate::effects::{Bell, Effect, discrepancy};
 use nalgebra::{Cholesky, DMatrix, Dyn, Vector3};

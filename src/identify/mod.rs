@@ -7,6 +7,7 @@
 
 mod advice;
 mod all_rows;
+mod cancelled;
 mod candidate;
 mod candidates;
 mod columns;
@@ -40,6 +41,7 @@ mod run_drift;
 mod runs;
 mod score;
 mod search;
+mod seen;
 mod separability;
 mod smooth;
 mod springs;

@@ -1,7 +1,8 @@
 //! What no effect of the cell describes: where each run is clamped, faults of the measurement, and patterns that stand
 //! for anything unlisted.
 
-use super::data::{Observation, Parts, Problem, Seen};
+use super::data::{Observation, Parts, Problem};
+use super::seen::Seen;
 use crate::equilibrium::Arm;
 use nalgebra::{DVector, Matrix3, Vector3};
 

@@ -1,8 +1,8 @@
 //! Rows that carry their own motor angles: whether they can be true, and where the instrument stood.
 
-use super::data::{Blocks, Problem, Seen};
+use super::data::{Blocks, Problem};
 use super::device::Device;
-use super::questioned::ELSEWHERE_MM;
+use super::seen::{ELSEWHERE_MM, Seen};
 use crate::cell::Cell;
 use crate::correct::{Point, Prepared, named_tool};
 use crate::effects::ToolFrame;

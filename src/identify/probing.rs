@@ -4,14 +4,11 @@
 //! where it touches, without a force, in its own posture and coming along the surface normal. What is alike in both cancels. The
 //! effects that a cell has act in both, and what they do to the row is the difference.
 
-use super::candidate::Candidate;
-use super::data::{Problem, Seen};
-use super::differences::moved;
-use super::questioned::ELSEWHERE_MM;
+use super::seen::{ELSEWHERE_MM, Seen};
 use crate::cell::Cell;
 use crate::correct::{Prepared, named_tool};
 use crate::effects::{Cutting, Situation, ToolFrame};
-use crate::equilibrium::{Arm, Dragged};
+use crate::equilibrium::Dragged;
 use crate::measured::MeasuredRow;
 use crate::robot::{Joints, Pose};
 use nalgebra::{Vector3, Vector6};
@@ -118,54 +115,9 @@ impl Probing {
     }
 }
 
-/// What cancels in rows that the robot probed, in words; `None` where there are none.
-pub(super) fn cancelled(problem: &mut Problem, declared: &Arm, candidates: &[Candidate]) -> Option<String> {
-    /// Where the rows show less than this share of an effect, more of it stays in the part than they can take away.
-    const MOST: f64 = 0.5;
-    let count = problem.rows.iter().filter(|row| row.probing.is_some()).count();
-    if count == 0 {
-        return None;
-    }
-    let mut kinds: Vec<(&str, Vec<Arm>)> = Vec::new();
-    for candidate in candidates.iter().filter(|candidate| !candidate.is_pattern()) {
-        if kinds.iter().all(|(known, _)| *known != candidate.kind) {
-            let declared_numbers = Candidate { values: candidate.start.clone(), ..candidate.clone() };
-            let arms = (0..candidate.values.len()).map(|k| moved(declared, &declared_numbers, k..k + 1).0);
-            kinds.push((&candidate.kind, arms.collect()));
-        }
-    }
-    let sizes = |problem: &Problem| -> Vec<f64> {
-        let known = problem.equilibria(declared);
-        let base = problem.residual(declared);
-        let size = |(_, arms): &(&str, Vec<Arm>)| {
-            let moved = problem.residuals_near(arms, &known).into_iter().map(|moved| (moved - &base).norm_squared());
-            moved.filter(|square| square.is_finite()).sum::<f64>().sqrt()
-        };
-        kinds.iter().map(size).collect()
-    };
-    let seen = sizes(problem);
-    let probings: Vec<Option<Probing>> = problem.rows.iter_mut().map(|row| row.probing.take()).collect();
-    let cut = sizes(problem);
-    problem.rows.iter_mut().zip(probings).for_each(|(row, probing)| row.probing = probing);
-    let share = |((kind, _), (seen, cut)): (&(&str, Vec<Arm>), (&f64, &f64))| {
-        (*seen < MOST * cut).then(|| format!("`{kind}` ({:.0} %)", 100.0 * seen / cut))
-    };
-    let shares: Vec<String> = kinds.iter().zip(seen.iter().zip(&cut)).filter_map(share).collect();
-    let what = match &shares[..] {
-        [] => "Of every effect they show more than half".to_owned(),
-        shares => format!(
-            "Of these effects they show the share that is given, and what is hidden stays in the part: {}",
-            shares.join(", ")
-        ),
-    };
-    Some(format!(
-        "the robot itself probed {count} rows: `before` and `after` are errors by its own reading, in which what is off alike in cutting and \
-         probing cancels. {what}. To correct it, measure the part with another instrument"
-    ))
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::data::Problem;
     use super::*;
     use crate::program::rapid;
     use crate::text::Source;

@@ -3,15 +3,14 @@
 //!
 //! What is clear is refused with what would mend it; nothing is mended here.
 
-use super::data::{Problem, Seen};
+use super::data::Problem;
 use super::engine::Engine;
+use super::seen::{ELSEWHERE_MM, Seen};
 use crate::correct::Prepared;
 use crate::measured::{MeasuredRow, Table};
 use crate::text::Diagnostic;
 use nalgebra::{DVector, Vector3};
 
-/// A measured point this far from its target does not belong to it, mm.
-pub(super) const ELSEWHERE_MM: f64 = 50.0;
 /// Nearer than this points need no other reading, mm: a work object off by as much is nothing unusual.
 const NEAR_MM: f64 = 2.0;
 /// A reading must bring points ten times nearer to be what was meant.

@@ -1,11 +1,12 @@
 //! Rows measured on a program: which target each belongs to, and whether the table is the program's at all.
 
-use super::data::{Blocks, Problem, Seen, StockCut};
+use super::data::{Blocks, Problem, StockCut};
 use super::device::Device;
 use super::engine::MeasuredRun;
 use super::places::{Path, Placed, misplaced};
 use super::probing::Probing;
 use super::questioned::{Taken, belongs, steps_mm};
+use super::seen::Seen;
 use crate::cell::Cell;
 use crate::correct::{Options, Point, Prepared};
 use crate::measured::{MeasuredRow, Table, TargetRef};

@@ -6,8 +6,9 @@
 //! be, gives the uncertainty of the prediction there.
 
 use super::candidate::{Home, with};
-use super::data::{Observation, Problem, Seen};
+use super::data::{Observation, Problem};
 use super::engine::Engine;
+use super::seen::Seen;
 use crate::correct::Prepared;
 use crate::equilibrium::Arm;
 use crate::robot::Pose;

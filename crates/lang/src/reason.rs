@@ -9,7 +9,7 @@ macro_rules! reasons {
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
         #[non_exhaustive]
         pub enum Reason {
-            $(#[doc = $text] $name,)*
+            $(#[doc = concat!("`` ", $text, " ``")] $name,)*
         }
 
         impl Reason {
