@@ -73,6 +73,7 @@ pub use post::{Outline, PostOptions, PostedProgram, Poster, post};
 pub use removal::{CutProgress, Cuts, Removal};
 pub use row::{Row, RowNames, Status, Summary};
 pub use shaped::{DrivenCompensation, DrivenFigures, DrivenSummary, compensate_driven};
+pub(crate) use sigma::SIGMA_STEP;
 pub use stance::Stance;
 pub(crate) use stance::millimetres_and_degrees;
 pub use stiffness::Stiffness;

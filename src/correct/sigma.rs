@@ -10,7 +10,7 @@ use crate::robot::Joints;
 use nalgebra::{DMatrix, DVector, Vector3};
 
 /// Step along a direction for its derivative, in standard deviations: the model is smooth on that scale.
-const STEP: f64 = 0.5;
+pub(crate) const SIGMA_STEP: f64 = 0.5;
 
 /// Change of the parameters of some effects together, by one standard deviation along one direction of their covariance.
 type Direction = Vec<(usize, DVector<f64>)>;
@@ -109,9 +109,9 @@ fn slopes(
         };
         parallelism.map(at.len(), place)
     };
-    let (up, down) = (at(STEP), at(-STEP));
+    let (up, down) = (at(SIGMA_STEP), at(-SIGMA_STEP));
     let slope = |(up, down): (Option<Vector3<f64>>, Option<Vector3<f64>>)| match (up, down) {
-        (Some(up), Some(down)) => (up - down) / (2.0 * STEP),
+        (Some(up), Some(down)) => (up - down) / (2.0 * SIGMA_STEP),
         _ => Vector3::zeros(),
     };
     up.into_iter().zip(down).map(slope).collect()

@@ -201,7 +201,12 @@ impl Engine {
     pub(super) fn arm(&self) -> Arm {
         let changes: Vec<(&Home, &[f64])> =
             self.chosen.iter().map(|&c| (&self.candidates[c].home, &self.candidates[c].values[..])).collect();
-        let mut arm = with(&self.declared, &changes);
+        self.arm_of(&changes)
+    }
+
+    /// The arm with some numbers of its effects, and the map.
+    pub(super) fn arm_of(&self, changes: &[(&Home, &[f64])]) -> Arm {
+        let mut arm = with(&self.declared, changes);
         arm.effects.extend(self.map.iter().map(|map| map.effect.clone_box()));
         arm
     }

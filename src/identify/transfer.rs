@@ -5,11 +5,11 @@
 //! of its work object, forwards and backwards. The posterior covariance of the effects, as wide as the left-out rows show that it must
 //! be, gives the uncertainty of the prediction there.
 
-use super::candidate::{Home, with};
+use super::candidate::Home;
 use super::data::{Observation, Problem};
 use super::engine::Engine;
 use super::seen::Seen;
-use crate::correct::Prepared;
+use crate::correct::{Prepared, SIGMA_STEP};
 use crate::equilibrium::Arm;
 use crate::robot::Pose;
 use nalgebra::{DVector, Rotation3, Translation3, Vector3};
@@ -17,8 +17,6 @@ use std::sync::Arc;
 
 /// Rows of each run that are moved: the root of a mean over as many places is known to a tenth.
 const MOVED_ROWS: usize = 64;
-/// Step along a direction of the covariance, in standard deviations: the model is smooth on that scale.
-const STEP: f64 = 0.5;
 
 impl Engine {
     /// Standard deviation, for each axis, of what the prediction of another program may be off, mm; `wider` is the variance that
@@ -30,9 +28,9 @@ impl Engine {
         let mut variance = DVector::zeros(moved.scalars);
         if let Some(factor) = self.wider_covariance(wider).cholesky().map(|factor| factor.l()) {
             for direction in factor.column_iter() {
-                let arms = [STEP, -STEP].map(|step| self.arm_along(&direction.into_owned(), step));
+                let arms = [SIGMA_STEP, -SIGMA_STEP].map(|step| self.arm_along(&direction.into_owned(), step));
                 let ends = moved.residuals_near(&arms, &known);
-                let slope = (&ends[0] - &ends[1]) / (2.0 * STEP);
+                let slope = (&ends[0] - &ends[1]) / (2.0 * SIGMA_STEP);
                 variance += slope.component_mul(&slope);
             }
         }
@@ -57,9 +55,7 @@ impl Engine {
         };
         let values: Vec<(&Home, Vec<f64>)> = self.chosen.iter().map(moved).collect();
         let changes: Vec<(&Home, &[f64])> = values.iter().map(|(home, values)| (*home, &values[..])).collect();
-        let mut arm = with(&self.declared, &changes);
-        arm.effects.extend(self.map.iter().map(|map| map.effect.clone_box()));
-        arm
+        self.arm_of(&changes)
     }
 
     /// Rows of the measured programs, moved to where other programs would be.

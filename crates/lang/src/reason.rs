@@ -204,7 +204,7 @@ reasons! {
     Motion = "motion is not understood",
     StatusUnknown = "joint motion of which status or turn is not known",
     // Where a motion or a routine stands.
-    Beside = "in a routine that may run at any moment",
+    RunsAtAnyMoment = "in a routine that may run at any moment",
     InTrap = "motion in a trap routine",
     InFunction = "motion in a function",
     InErrorHandler = "motion in an error handler",

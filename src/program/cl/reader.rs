@@ -55,7 +55,7 @@ pub(super) struct Reader {
     /// Warnings, code and message, each once.
     pub(super) said: Vec<(&'static str, &'static str)>,
     /// Reasons why statements are kept, at the first of each, and how many there are.
-    pub(super) told: Vec<(Reason, Diagnostic, usize)>,
+    pub(super) reported: Vec<(Reason, Diagnostic, usize)>,
 }
 
 impl Reader {
@@ -91,7 +91,7 @@ impl Reader {
             finished: false,
             no_unit: None,
             said: Vec::new(),
-            told: Vec::new(),
+            reported: Vec::new(),
         }
     }
 
@@ -127,12 +127,12 @@ impl Reader {
     /// Statements that mean something to a machine tool, by reason at the first of each.
     fn tell_what_is_kept(&mut self, source: &Source) {
         for kept in self.kept.iter().filter(|kept| !kept.fault) {
-            match self.told.iter_mut().find(|(reason, ..)| *reason == kept.reason) {
+            match self.reported.iter_mut().find(|(reason, ..)| *reason == kept.reason) {
                 Some((.., count)) => *count += 1,
                 None => {
                     let warning = Diagnostic::error("cl.kept", &source.name, kept.reason.text()).at(source, kept.span);
                     let help = "it has no part in the program that is written";
-                    self.told.push((kept.reason, warning.severity(Severity::Warning).help(help), 1));
+                    self.reported.push((kept.reason, warning.severity(Severity::Warning).help(help), 1));
                 }
             }
         }
@@ -141,11 +141,11 @@ impl Reader {
     /// What was noticed so far.
     pub(super) fn warnings(&self, name: &str) -> Vec<Diagnostic> {
         let said = |&(code, message)| Diagnostic::error(code, name, message).severity(Severity::Warning);
-        let told = |(_, first, count): &(Reason, Diagnostic, usize)| match count {
+        let counted = |(_, first, count): &(Reason, Diagnostic, usize)| match count {
             1 => first.clone(),
             more => Diagnostic { message: format!("{} ({more} statements)", first.message), ..first.clone() },
         };
-        self.said.iter().map(said).chain(self.told.iter().map(told)).collect()
+        self.said.iter().map(said).chain(self.reported.iter().map(counted)).collect()
     }
 
     /// Lists a statement that passes.

@@ -165,7 +165,7 @@ impl<'a> Runner<'a> {
         let editable = match unlocated.or(from.err()) {
             Some(reason) => Editable::No(reason),
             None if !mark_known => Editable::No(Reason::MarkUnknown),
-            None if self.is_beside() => Editable::No(Reason::Beside),
+            None if self.is_beside() => Editable::No(Reason::RunsAtAnyMoment),
             None if posture => Editable::No(Reason::StatusUnknown),
             None if turns == Ok(false) => Editable::Position,
             None => Editable::Pose,

@@ -145,7 +145,7 @@ impl Runner<'_> {
                 if self.is_motion(id.file, span) {
                     self.use_axes_in(id.file, span);
                     let beside = self.beside.contains(&id);
-                    self.keep(id.file, span, if beside { Reason::Beside } else { Reason::NotRun });
+                    self.keep(id.file, span, if beside { Reason::RunsAtAnyMoment } else { Reason::NotRun });
                 }
             }
         }

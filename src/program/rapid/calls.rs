@@ -219,7 +219,7 @@ impl<'a> Runner<'a> {
              after it"
         );
         let source = scope.source;
-        if self.mode == Mode::Real && self.told.insert((usize::from(source), span, "rapid.undeclared")) {
+        if self.mode == Mode::Real && self.reported.insert((usize::from(source), span, "rapid.undeclared")) {
             let named = |d: &Diagnostic| d.code == "rapid.undeclared" && d.message == message;
             if !self.diagnostics.iter().any(named) {
                 let told = Diagnostic::error("rapid.undeclared", "", message)

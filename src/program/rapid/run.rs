@@ -184,7 +184,7 @@ impl<'a> Runner<'a> {
 
     /// The program does what no controller lets it do.
     pub(super) fn refuse(&mut self, source: u16, span: Span, code: &'static str, message: &str, help: &str) {
-        if self.mode == Mode::Real && self.told.insert((usize::from(source), span, code)) {
+        if self.mode == Mode::Real && self.reported.insert((usize::from(source), span, code)) {
             let error = Diagnostic::error(code, "", message).at(&self.symbols.sources[usize::from(source)], span);
             self.diagnostics.push(error.help(help));
         }
@@ -196,7 +196,7 @@ impl<'a> Runner<'a> {
 
     pub(super) fn tell(&mut self, span: Span, code: &'static str, message: &str, severity: Severity) {
         let source = self.scope().source as usize;
-        if self.mode == Mode::Real && self.told.insert((source, span, code)) {
+        if self.mode == Mode::Real && self.reported.insert((source, span, code)) {
             let told = Diagnostic::error(code, "", message).at(&self.symbols.sources[source], span);
             self.diagnostics.push(told.severity(severity));
         }

@@ -153,7 +153,7 @@ pub(super) struct Runner<'a> {
     /// What was kept, and where.
     pub(super) seen: HashSet<(usize, Span, Reason)>,
     /// What was said, by its code, and where.
-    pub(super) told: HashSet<(usize, Span, &'static str)>,
+    pub(super) reported: HashSet<(usize, Span, &'static str)>,
     pub(super) diagnostics: Vec<Diagnostic>,
     pub(super) lines: Vec<LineIndex>,
     pub(super) motions: u32,
@@ -229,7 +229,7 @@ impl<'a> Runner<'a> {
             axes_moved: false,
             kept: Vec::new(),
             seen: HashSet::new(),
-            told: HashSet::new(),
+            reported: HashSet::new(),
             diagnostics: Vec::new(),
             lines: sources.iter().map(LineIndex::new).collect(),
             motions: 0,
