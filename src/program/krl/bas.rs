@@ -113,8 +113,7 @@ impl<'a> Runner<'a> {
                         self.name_frame(id, None);
                     }
                 }
-                let position = Value::unknown(Reason::BeforeInOtherFrame);
-                self.state.values.insert(self.symbols.position, position);
+                self.leave_frame();
                 self.set_speed(Value::unknown(Reason::Computed));
                 self.state.values.insert(self.symbols.orientation, Value::Constant(upper(b"VAR")));
                 self.state.values.insert(self.symbols.circle_type, Value::Constant(upper(b"BASE")));
@@ -238,9 +237,9 @@ impl<'a> Runner<'a> {
         let symbols = &self.symbols;
         let was = |id: Id| before.values.get(&id).unwrap_or(&symbols.start[id]);
         if [symbols.base, symbols.tool].into_iter().any(|id| !was(id).is(&self.value(id))) {
-            let position = Value::unknown(Reason::BeforeInOtherFrame);
-            self.state.values.insert(symbols.position, position);
+            self.leave_frame();
         }
+        let symbols = &self.symbols;
         for id in [
             symbols.base,
             symbols.tool,

@@ -148,7 +148,12 @@ impl<'a> Runner<'a> {
             if id == self.symbols.base { (self.symbols.base_name, "$BASE") } else { (self.symbols.tool_name, "$TOOL") };
         let name = Value::Own(name.as_deref().unwrap_or(own).into());
         self.state.values.insert(names, name);
-        let position = Value::unknown(Reason::BeforeInOtherFrame);
+        self.leave_frame();
+    }
+
+    /// Another frame may be in force: where the robot stands has other numbers in it. They still follow those of the motion before.
+    pub(super) fn leave_frame(&mut self) {
+        let position = self.value(self.symbols.position).forgotten(Reason::BeforeInOtherFrame);
         self.state.values.insert(self.symbols.position, position);
     }
 

@@ -595,6 +595,8 @@ fn a_position_that_may_be_incomplete_holds_the_one_before() {
         ("a motion of a function", "REAL r\nL\nr=f()\nEND\nDEFFCT REAL f()\nLIN {X 5.0,Y 6.0,Z 7.0}\nRETURN 1.0"),
         ("a trigger", "POS p\nTRIGGER WHEN DISTANCE=0 DELAY=0 DO p.X=5.0\nL\nLIN p"),
         ("a circle with an angle", "L\nCIRC XP3,{X 5.0},CA 90.0"),
+        ("frames that may stay as they are", "L\nBAS(#INITMOV,0)\nLIN {Z 50.0}"),
+        ("a base in which the robot stands elsewhere", "L\n$BASE=BASE_DATA[1]\nLIN {Z 50.0}"),
         ("parts set in a loop", "POS p\nWHILE $IN[1]\np.X=5.0\np.Y=6.0\np.Z=7.0\nL\nLIN p\np=XP3\nENDWHILE"),
         (
             "parts set of what one branch sets",

@@ -45,7 +45,7 @@ impl Velocity {
 pub(super) struct Axes {
     /// Added by the controller, mm or degrees.
     pub(super) offset: Option<External>,
-    /// Which units are deactivated: a number of [`Runner::inactive`](super::runner::Runner).
+    /// Which units are deactivated: an index into the list that the runner keeps of the sets it has met.
     pub(super) inactive: Option<u32>,
     /// Where the last motion left them, offset included.
     pub(super) positions: [Option<f64>; EXTERNAL_AXES],

@@ -14,6 +14,13 @@ pub(super) const CASES: &[Case] = &[
         "MoveL p1,v50,fine,t1\\WObj:=w1; MoveL p2,v50,fine,t1\\WObj:=w1; MoveL p1,v50,fine,t1\\WObj:=w1;",
         "",
     ),
+    case(
+        "inline target with external axes that another module may change between its two motions",
+        0,
+        "VAR extjoint e1:=[9E9,9E9,9E9,9E9,9E9,9E9]; VAR num n:=1;",
+        "rD; n:=fElsewhere(n); rD;",
+        "PROC rD() MoveL Offs([[40,70,130],[0,0.1305262,0.9914449,0],[0,0,0,0],e1],0,0,20),v50,fine,t1\\WObj:=w1; ENDPROC",
+    ),
     case("one target, cut and air", 0, P, "MoveJ p1,v50,fine,t1\\WObj:=w1; MoveL p1,v50,fine,t1\\WObj:=w1;", ""),
     case(
         "one target, displacement on and off",
