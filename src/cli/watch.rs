@@ -2,7 +2,7 @@
 
 use super::file_state::{FileState, Identity};
 use super::message;
-use super::output::{marker, refuse};
+use super::output::marker;
 use deflex::text::{Diagnostic, Severity};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -59,15 +59,11 @@ pub(super) fn watch(path: &Path) {
     }
 }
 
-/// Refuses an output that goes into a file which the run reads.
-pub(super) fn not_an_input(path: &Path, identity: &Identity) -> Result<(), Vec<Diagnostic>> {
-    match watched().iter().flat_map(|all| &all.files).find(|(_, file)| file.identity == *identity) {
-        Some((input, _)) => {
-            let why = format!("it is an input of this run, {}", input.display());
-            Err(refuse(path, &why, "choose another name: the original is needed again"))
-        }
-        None => Ok(()),
-    }
+/// The input of this run that a file is.
+pub(super) fn input_that_is(identity: &Identity) -> Option<PathBuf> {
+    let watched = watched();
+    let mut files = watched.iter().flat_map(|all| &all.files);
+    files.find(|(_, file)| file.identity == *identity).map(|(input, _)| input.clone())
 }
 
 /// A warning for a file that belongs to a set which is unfinished.

@@ -171,7 +171,7 @@ impl Outputs {
         self.make_folder_of(path).map_err(|error| cannot_write(path, &error))?;
         let target = resolved(path).map_err(|error| cannot_write(path, &error))?;
         let identity = Identity::of(&target);
-        watch::not_an_input(path, &identity)?;
+        not_an_input(path, &identity)?;
         self.claim(path, &identity)?;
         let (staged, file) = stage(target, identity).map_err(|error| cannot_write(path, &error))?;
         self.staged.push(staged);
@@ -203,7 +203,7 @@ impl Outputs {
     /// Prints, then gives every file its name, if the inputs are still what they were.
     pub(super) fn commit(mut self) -> Result<(), Vec<Diagnostic>> {
         // Some inputs may have been opened after an output was staged.
-        self.staged.iter().try_for_each(|staged| watch::not_an_input(&staged.target, &staged.identity))?;
+        self.staged.iter().try_for_each(|staged| not_an_input(&staged.target, &staged.identity))?;
         let files = || self.staged.iter().filter(|staged| staged.goes != Goes::Poured);
         for staged in files() {
             let kept = staged.temporary.reopen().and_then(|file| file.sync_all());
@@ -345,6 +345,14 @@ fn not_a_program(path: &Path) -> Result<(), Vec<Diagnostic>> {
         return Err(refuse(path, "a program stands there", "choose another name for the report"));
     }
     Ok(())
+}
+
+/// Refuses an output that goes into a file which the run reads.
+fn not_an_input(path: &Path, identity: &Identity) -> Result<(), Vec<Diagnostic>> {
+    watch::input_that_is(identity).map_or(Ok(()), |input| {
+        let why = format!("it is an input of this run, {}", input.display());
+        Err(refuse(path, &why, "choose another name: the original is needed again"))
+    })
 }
 
 pub(super) fn refuse(path: &Path, why: &str, help: &str) -> Vec<Diagnostic> {
