@@ -8,14 +8,13 @@ use super::design::Design;
 use super::device::Device;
 use super::device_pose;
 use super::differences::Reuse;
-use super::found::{Choice, Findings, Linearised, Map, Posterior, Ranking, Refused};
+use super::found::{Choice, Findings, Linearised, Map, Members, Posterior, Ranking, Refused};
 use super::gear::{self, Comb, Grid, Term};
 use super::moments::Moments;
 use super::noise;
 use super::outcome::{Identification, NAMED, SetShare};
 use super::score::{Score, posterior, score};
 use super::search::{Search, sorted};
-use super::whole_arm::{Elsewhere, Members};
 use crate::cell::Cell;
 use crate::effects::Shape;
 use crate::equilibrium::Arm;
@@ -491,6 +490,14 @@ impl Engine {
             Written::WholeModel if !whole && !engine.forces_are_wrong() => engine.field_map(posteriors),
             _ => None,
         };
+        // A cell that is worse than the declared one where nothing was measured is none.
+        if self.is_whole_arm() && !posteriors.is_empty() {
+            self.refused = self.worse_where_left_out();
+            if self.refused.is_some() {
+                posteriors.clear();
+                self.take_back();
+            }
+        }
         self.map = discrepancy(self, &posteriors);
         if self.gains_nothing(before) {
             posteriors.clear();
@@ -499,17 +506,7 @@ impl Engine {
             self.gains_nothing(before);
         }
         reached(progress, JUDGED)?;
-        let mut elsewhere = self.elsewhere(before);
-        // A cell that is worse than the declared one where nothing was measured is none.
-        let worse = |there: &Elsewhere| there.extended.rms_mm > there.declared.rms_mm;
-        if self.is_whole_arm() && !posteriors.is_empty() && elsewhere.as_ref().is_some_and(worse) {
-            posteriors.clear();
-            self.take_back();
-            self.refused = elsewhere.take().map(|there| Refused::Elsewhere(there.extended.rms_mm));
-            self.map = discrepancy(self, &posteriors);
-            self.gains_nothing(before);
-            elsewhere = self.elsewhere(before);
-        }
+        let elsewhere = self.elsewhere();
         let map = self.map.take();
         drop(linear.take());
         let unexplained = self.unexplained();

@@ -6,7 +6,7 @@ use super::candidate::{Candidate, Home, fitted, with};
 use super::controller;
 use super::data::Observation;
 use super::engine::Engine;
-use super::found::{Findings, Linearised, MAP, Map, Posterior, Ranking, Refused};
+use super::found::{Elsewhere, Findings, LeavingOut, Linearised, MAP, Map, Posterior, Ranking, Refused};
 use super::noise;
 use super::outcome::{
     Added, Correlate, Coverage, Errors, FittedParameter, Identification, InModel, MENTIONED, NAMED, Ranked,
@@ -18,7 +18,6 @@ use super::score::posterior;
 use super::search::Search;
 use super::separability::{self, Trace};
 use super::ties;
-use super::whole_arm::Elsewhere;
 use crate::cell::{NewEffect, Uncertainty};
 use crate::effects::{Shape, kind};
 use nalgebra::{DMatrix, DVector};
@@ -107,8 +106,7 @@ impl Engine {
         let left_after = after - &run_drift;
         let errors_before = self.errors(&(left_before - &run_drift), held_out);
         let errors_after = self.errors(&left_after, held_out);
-        let over_all = Elsewhere { declared: errors_before, extended: errors_after, wider: 1.0 };
-        let elsewhere = elsewhere.unwrap_or(over_all);
+        let elsewhere = elsewhere.unwrap_or(Elsewhere { extended: errors_after, wider: 1.0 });
         let unlisted = self.is_unlisted();
         let (mut added, mut shares_mm) = (Vec::new(), Vec::new());
         let rows = i64::try_from(self.problem.rows.len()).unwrap_or(i64::MAX);
@@ -234,15 +232,14 @@ impl Engine {
         }
         advice.extend(replaced);
         advice.extend(self.doubt.take());
-        advice.extend(self.refused.map(|refused| {
-            let (rows, error_mm, declared_mm) = match refused {
-                Refused::HeldOut(error_mm) => ("held-out rows", error_mm, errors_before.rms_mm),
-                Refused::Elsewhere(error_mm) => {
-                    ("rows left out by place, posture and load", error_mm, elsewhere.declared.rms_mm)
-                }
+        advice.extend(self.refused.map(|Refused { leaving_out, extended_mm, declared_mm }| {
+            let rows = match leaving_out {
+                None => "held-out rows",
+                Some(LeavingOut::Stretches) => "rows left out stretch by stretch",
+                Some(LeavingOut::Places) => "rows left out by place, posture and load",
             };
             format!(
-                "no effect is added: with those that were found, the error on {rows} would be {error_mm:.4} mm instead of \
+                "no effect is added: with those that were found, the error on {rows} would be {extended_mm:.4} mm instead of \
                  {declared_mm:.4}. The fitted rows are too few, or unlike the others: measure more rows over the same area"
             )
         }));

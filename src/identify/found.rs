@@ -2,8 +2,7 @@
 
 use super::design::Design;
 use super::moments::Moments;
-use super::outcome::{Ranked, Separation, Unexplained};
-use super::whole_arm::Elsewhere;
+use super::outcome::{Errors, Ranked, Separation, Unexplained};
 use crate::effects::Effect;
 use nalgebra::DVector;
 
@@ -32,6 +31,20 @@ pub(super) struct Linearised {
     pub(super) data: DVector<f64>,
 }
 
+/// Candidates of the whole arm.
+pub(super) struct Members {
+    /// Those that the search found, at their own sizes.
+    pub(super) found: Vec<usize>,
+    /// One of every other family, at a common share of the typical sizes.
+    pub(super) others: Vec<usize>,
+}
+
+impl Members {
+    pub(super) fn all(&self) -> Vec<usize> {
+        [&self.found[..], &self.others].concat()
+    }
+}
+
 /// What was chosen: candidates, the noise, and which of its shapes.
 pub(super) struct Choice {
     pub(super) set: Vec<usize>,
@@ -39,13 +52,29 @@ pub(super) struct Choice {
     pub(super) shape: usize,
 }
 
-/// The error of effects that were found and not added, mm rms: more than the declared cell's.
+/// Which fitted rows are left out together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum LeavingOut {
+    /// Stretches of a run, or whole runs where there are several.
+    Stretches,
+    /// Rows near one another in place, posture and load, whenever they were measured.
+    Places,
+}
+
+/// Errors on rows that were left out, of the extended cell.
+pub(super) struct Elsewhere {
+    pub(super) extended: Errors,
+    /// Variance that was found over the one that was promised.
+    pub(super) wider: f64,
+}
+
+/// Why effects that were found are not added: the error with them, and the declared cell's, mm rms.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Refused {
-    /// On held-out rows.
-    HeldOut(f64),
-    /// On rows that are left out by place, posture and load.
-    Elsewhere(f64),
+pub(super) struct Refused {
+    /// Which fitted rows were left out of the fit; `None`: the held-out rows.
+    pub(super) leaving_out: Option<LeavingOut>,
+    pub(super) extended_mm: f64,
+    pub(super) declared_mm: f64,
 }
 
 /// Every kind alone, and how far apart they are.

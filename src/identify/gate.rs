@@ -348,39 +348,6 @@ impl Engine {
         }
     }
 
-    /// Sums of squares of each fitted block, predicted by columns that were fitted to the others.
-    pub(super) fn block_errors(&self, linear: &Linearised, columns: &Columns) -> Vec<f64> {
-        let of_row = |row: &Observation| self.problem.validation_block(row);
-        let mut blocks: Vec<(usize, usize)> =
-            self.problem.rows.iter().filter(|row| !row.held_out).map(of_row).collect();
-        blocks.dedup();
-        let kept = linear.design.kept().select_columns(columns.list.iter().map(|column| &column.0));
-        let stacked = stacked(&kept, &linear.data);
-        let local = columns.numbered();
-        let in_cell: Vec<bool> = columns
-            .list
-            .iter()
-            .map(|&(column, _)| {
-                !self.chosen.iter().any(|&c| {
-                    let candidate = &self.candidates[c];
-                    candidate.standing() == Some(Standing::Unlisted) && candidate.columns().contains(&column)
-                })
-            })
-            .collect();
-        let of_block = |&block: &(usize, usize)| {
-            let series = self.problem.series(|row| !row.held_out && of_row(row) != block);
-            let moments = Moments::of(&stacked, &series, self.shape);
-            let mut left = linear.data.clone();
-            if let Some((mean, _)) = posterior(&moments, &local, self.sigma) {
-                let numbers = columns.list.iter().enumerate().filter(|(k, _)| in_cell[*k]);
-                linear.design.add(numbers.map(|(k, &(column, scale))| (column, -mean[k] * scale)), &mut left);
-            }
-            let rows = self.problem.rows.iter().filter(|row| !row.outlier && !row.held_out && of_row(row) == block);
-            rows.map(|row| left.rows(row.offset, row.seen.len()).norm_squared()).sum()
-        };
-        blocks.par_iter().map(of_block).collect()
-    }
-
     /// Takes everything back that makes the held-out rows worse than the declared cell does; whether it had to.
     ///
     /// A model that predicts the held-out rows worse than the declared cell is rejected: the fitted rows are not like them. With six
@@ -400,8 +367,10 @@ impl Engine {
         let least = if gains.len() > FEW { 0.0 } else { AGAINST };
         let worse = any && in_standard_errors(&gains) < least;
         if worse {
+            let [declared_mm, extended_mm] =
+                [&self.left_by_declared_as_found(before), &with].map(|left| self.errors(left, held_out).rms_mm);
+            self.refused = Some(Refused { leaving_out: None, extended_mm, declared_mm });
             self.take_back();
-            self.refused = Some(Refused::HeldOut(self.errors(&with, held_out).rms_mm));
         }
         worse
     }

@@ -8,7 +8,7 @@
 
 use super::data::Observation;
 use super::engine::Engine;
-use super::found::{Map, Posterior};
+use super::found::{LeavingOut, Map, Posterior};
 use super::noise::{self, Field, Over, Places, Sample, Series, whiten};
 use super::outcome::NAMED;
 use super::pattern::Standing;
@@ -158,7 +158,7 @@ impl Engine {
             return None;
         }
         let whole = rows.iter().all(|row| matches!(row.seen, Seen::Position(_)) && row.seen.count() == row.seen.len());
-        let groups = self.place_groups();
+        let groups = self.groups(LeavingOut::Places);
         let mut scalars = Vec::new();
         for row in rows {
             let run = &self.problem.runs[row.run];

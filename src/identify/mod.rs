@@ -47,6 +47,7 @@ mod smooth;
 mod springs;
 mod ties;
 mod transfer;
+mod unseen;
 mod whole;
 mod whole_arm;
 

@@ -3,12 +3,13 @@
 use super::candidate::{Candidate, Home, Shape};
 use super::data::Problem;
 use super::engine::{Engine, stacked};
+use super::found::Members;
 use super::moments::Moments;
 use super::noise;
 use super::pattern::Pattern;
 use super::score::score;
 use super::search::Search;
-use super::whole_arm::{Members, Shares};
+use super::whole_arm::Shares;
 use crate::equilibrium::Dragged;
 use crate::robot::Joints;
 

@@ -12,19 +12,15 @@
 
 use super::candidate::Candidate;
 use super::columns::Columns;
-use super::data::Observation;
 use super::engine::{Engine, stacked};
-use super::found::Posterior;
+use super::found::{Members, Posterior};
 use super::moments::Moments;
 use super::noise::{self, Field, Over};
-use super::outcome::Errors;
 use super::pattern::Standing;
-use super::score::{posterior, score};
+use super::score::score;
 use super::search::{Search, UNLISTED, caution};
 use crate::effects::Shape;
-use nalgebra::{DVector, Vector3};
-use rayon::prelude::*;
-use std::collections::BTreeMap;
+use nalgebra::Vector3;
 
 /// Common sizes of effects that are tried, as shares of their typical sizes.
 const SHARES: [f64; 5] = [0.05, 0.125, 0.25, 0.5, 1.0];
@@ -32,19 +28,9 @@ const SHARES: [f64; 5] = [0.05, 0.125, 0.25, 0.5, 1.0];
 const REACHES: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
 /// Its variance over that of the white noise: from half of its size to eight times.
 pub(super) const VARIANCES: [f64; 5] = [0.25, 1.0, 4.0, 16.0, 64.0];
-/// Groups of rows near one another in place, posture and load: each is left out in turn.
-const GROUPS: usize = 8;
 
 /// Share of what all effects together explain, nats, that a fault of the table must explain beyond them.
 const FAULT: f64 = 0.1;
-
-/// Candidates of the whole arm.
-pub(super) struct Members {
-    /// Those that the search found, at their own sizes.
-    found: Vec<usize>,
-    /// One of every other family, at a common share of the typical sizes.
-    others: Vec<usize>,
-}
 
 /// Sizes of effects as shares of their typical ones.
 #[derive(Clone, Copy, Debug)]
@@ -79,22 +65,6 @@ struct Sizes {
     shape: noise::Shape,
     sigma: f64,
     evidence: f64,
-}
-
-/// What rows say of places, postures and loads that no fit has seen.
-pub(super) struct Elsewhere {
-    /// Of the declared cell.
-    pub(super) declared: Errors,
-    /// Of the extended one.
-    pub(super) extended: Errors,
-    /// Variance that was found over the one that was promised.
-    pub(super) wider: f64,
-}
-
-impl Members {
-    pub(super) fn all(&self) -> Vec<usize> {
-        [&self.found[..], &self.others].concat()
-    }
 }
 
 impl Engine {
@@ -264,16 +234,6 @@ impl Engine {
         best.filter(|&(gain, c)| gain > FAULT * (value - none) || scaled_away(gain, c)).map(|(_, c)| c)
     }
 
-    /// The group of every row, by the row's first scalar: fitted rows of a group are near one another in place, posture and load. Rows
-    /// that are not fitted are in none.
-    pub(super) fn place_groups(&self) -> BTreeMap<usize, usize> {
-        let (fitted, others): (Vec<&Observation>, Vec<&Observation>) =
-            self.problem.rows.iter().partition(|row| !row.held_out);
-        let places: Vec<noise::Places> = fitted.iter().map(|row| self.problem.places(row)).collect();
-        let own = fitted.iter().map(|row| row.offset).zip(groups(&places, self.spreads()));
-        own.chain(others.iter().map(|row| (row.offset, usize::MAX))).collect()
-    }
-
     /// Whether the fitted factor of the cutting force is at an end of the range that it may have.
     fn force_is_scaled_away(&self) -> bool {
         let at_end = |candidate: &Candidate| {
@@ -282,60 +242,6 @@ impl Engine {
             candidate.kind == "force_scale" && candidate.values.iter().zip(&candidate.bounds).any(ends)
         };
         self.chosen.iter().any(|&c| at_end(&self.candidates[c]))
-    }
-
-    /// Errors of fitted rows, each left out with all rows near it in place, posture and load: by the declared cell, whose residual is
-    /// `before`, and by the chosen effects, fitted to the other rows; and the variance that was found there over the one that the fit
-    /// promised. `None` over the whole robot, where held-out rows are elsewhere already.
-    pub(super) fn elsewhere(&mut self, before: &DVector<f64>) -> Option<Elsewhere> {
-        if self.problem.free_device {
-            return None;
-        }
-        let chosen = self.chosen.clone();
-        let linear = self.linearise(&chosen, &[]);
-        let stacked = stacked(linear.design.kept(), &linear.data);
-        let search = Search::new(&self.candidates, &[], &linear.always);
-        let columns = search.columns(&chosen);
-        let of_row = self.place_groups();
-        let parts: Vec<Option<(DVector<f64>, f64, f64)>> = (0..GROUPS)
-            .into_par_iter()
-            .map(|left_out| {
-                let kept = |row: &Observation| !row.held_out && of_row[&row.offset] != left_out;
-                let moments = Moments::of(&stacked, &self.problem.series(kept), self.shape);
-                let (mean, covariance) = posterior(&moments, &columns, self.sigma)?;
-                let mut left = linear.data.clone();
-                let sizes = || columns.list.iter().map(|(column, size)| (*column, *size));
-                linear
-                    .design
-                    .add(sizes().zip(mean.iter()).map(|((column, size), mean)| (column, -size * mean)), &mut left);
-                let (mut off, mut promised) = (0.0, 0.0);
-                let own = self.problem.rows.iter().filter(|row| !row.outlier && of_row[&row.offset] == left_out);
-                for row in own {
-                    for k in row.offset..row.offset + row.seen.len() {
-                        let slope = DVector::from_iterator(
-                            columns.list.len(),
-                            sizes().map(|(column, size)| stacked[(k, column)] * size),
-                        );
-                        promised +=
-                            slope.dot(&(&covariance * &slope)) + self.sigma * self.sigma * (1.0 + self.shape.drift);
-                        off += left[k] * left[k];
-                    }
-                }
-                Some((left, off, promised))
-            })
-            .collect();
-        let (mut after, mut variances) = (before.clone(), (0.0, 0.0));
-        for (left_out, part) in parts.into_iter().enumerate() {
-            let Some((left, off, promised)) = part else { continue };
-            let own = self.problem.rows.iter().filter(|row| of_row[&row.offset] == left_out);
-            own.for_each(|row| row.scalars().for_each(|k| after[k] = left[k]));
-            variances = (variances.0 + off, variances.1 + promised);
-        }
-        Some(Elsewhere {
-            declared: self.errors(before, |row| !row.held_out),
-            extended: self.errors(&after, |row| !row.held_out),
-            wider: if variances.1 > 0.0 { variances.0 / variances.1 } else { 1.0 },
-        })
     }
 
     /// How likely each effect of the whole arm acts, all others free to stand in for it.
@@ -354,38 +260,4 @@ impl Engine {
             })
             .collect()
     }
-}
-
-/// Rows of one group each: near one another in place, posture and load (Lloyd 1982, from rows spread evenly along the table).
-fn groups(places: &[noise::Places], spreads: [f64; noise::OVER.len()]) -> Vec<usize> {
-    /// Rounds after which rows hardly change their group.
-    const LLOYD_ROUNDS: usize = 20;
-    let scaled = |place: &noise::Places| -> DVector<f64> {
-        DVector::from_iterator(
-            9,
-            (0..3).flat_map(|k| {
-                let spread = if spreads[k] > 0.0 { spreads[k] } else { 1.0 };
-                (place[k] / spread).iter().copied().collect::<Vec<_>>()
-            }),
-        )
-    };
-    let points: Vec<DVector<f64>> = places.iter().map(scaled).collect();
-    let count = GROUPS.min(points.len());
-    let mut centres: Vec<DVector<f64>> =
-        (0..count).map(|g| points[g * (points.len() - 1) / (count - 1).max(1)].clone()).collect();
-    let mut nearest = vec![0; points.len()];
-    for _ in 0..LLOYD_ROUNDS {
-        for (group, point) in nearest.iter_mut().zip(&points) {
-            let apart = |g: &usize| (point - &centres[*g]).norm_squared();
-            *group = (0..count).min_by(|a, b| apart(a).total_cmp(&apart(b))).unwrap_or(0);
-        }
-        for (g, centre) in centres.iter_mut().enumerate() {
-            let own: Vec<&DVector<f64>> =
-                points.iter().zip(&nearest).filter(|(_, n)| **n == g).map(|(p, _)| p).collect();
-            if !own.is_empty() {
-                *centre = own.iter().fold(DVector::zeros(9), |sum, p| sum + *p) / own.len() as f64;
-            }
-        }
-    }
-    nearest
 }
