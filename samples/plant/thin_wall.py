@@ -10,6 +10,7 @@ The arm bends under the whole force and its moment. What all slices push is brou
 """
 
 import argparse
+import itertools
 import pathlib
 import subprocess
 import tempfile
@@ -89,47 +90,95 @@ def program():
     return text.replace("MoveL", "MoveJ", 1) + "  ENDPROC\nENDMODULE\n"
 
 
-class Plate:
-    """Deflection along y of a plate in the x–z plane, clamped along its lower edge."""
+class Wall:
+    """Deflection along y of a solid wall that is clamped along its lower edge: hexahedra of 20 nodes, 2 × 1 × 1 mm along x, y and z.
+
+    Every pass goes along the whole wall, so that all slices of it along x are alike before and after a pass. The equations are a chain of
+    equal blocks, one for the nodes at each x, and are solved from both ends.
+    """
 
     def __init__(self):
-        self.nodes = round(LENGTH / SPACING) + 1, round(HEIGHT / SPACING) + 1
-        powers = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3), (3, 1), (1, 3)]
+        self.slices, self.rows, self.layers = round(LENGTH / SPACING), round(HEIGHT / STEP), round(BLANK / STEP)
+        self.corners = [c for c in itertools.product((-1, 0, 1), repeat=3) if c.count(0) < 2]
+        self.element = self.stiffness()
+        # Nodes of a slice, in half elements (x, y, z): at its low end, within it, at its high end. The lowest are clamped.
+        lattice = itertools.product((0, 1, 2), range(2 * self.layers + 1), range(1, 2 * self.rows + 1))
+        nodes = sorted(n for n in lattice if sum(i % 2 for i in n) < 2)
+        self.node = {n: i for i, n in enumerate(nodes)}
+        self.at = [np.array([i for n, i in self.node.items() if n[0] == x]) for x in (0, 1, 2)]
+        self.known = {}
 
-        def derivative(x, z, dx, dz):
-            def one(p, n, v):
-                return np.prod([p - i for i in range(n)]) * v ** (p - n) if p >= n else 0.0
+    def stiffness(self):
+        """Of one element, N/mm, by Gauss's rule with three points along each axis."""
+        size = np.array([SPACING, STEP, STEP])
+        corners = np.array(self.corners, float)
+        law = np.zeros((6, 6))
+        law[:3, :3] = NU
+        law[range(6), range(6)] = [1 - NU] * 3 + [(1 - 2 * NU) / 2] * 3
+        law *= E / ((1 + NU) * (1 - 2 * NU))
 
-            return np.array([one(p, dx, x) * one(q, dz, z) for p, q in powers])
+        def shapes(at):
+            own = np.where(corners == 0, 1 - at**2, (1 + corners * at) / 2).prod(1)
+            return np.where((corners == 0).any(1), own, own * ((corners * at).sum(1) - 2))
 
-        corners = [(0, 0), (SPACING, 0), (SPACING, SPACING), (0, SPACING)]
-        freedoms = np.array([derivative(x, z, *d) for x, z in corners for d in ((0, 0), (1, 0), (0, 1))])
-        law = np.array([[1, NU, 0], [NU, 1, 0], [0, 0, (1 - NU) / 2]]) * E / (12 * (1 - NU**2))
         points, weights = np.polynomial.legendre.leggauss(3)
-        self.element = np.zeros((12, 12))
-        for u, wu in zip(points, weights):
-            for v, wv in zip(points, weights):
-                x, z = (1 + u) * SPACING / 2, (1 + v) * SPACING / 2
-                bent = np.array([derivative(x, z, 2, 0), derivative(x, z, 0, 2), 2 * derivative(x, z, 1, 1)]) @ np.linalg.inv(freedoms)
-                self.element += bent.T @ law @ bent * wu * wv * SPACING**2 / 4
+        total = np.zeros((60, 60))
+        for at in itertools.product(range(3), repeat=3):
+            place, step = points[list(at)], 1e-4
+            slope = np.array([(shapes(place + step * d) - shapes(place - step * d)) / (2 * step) for d in np.eye(3)]) * (2 / size)[:, None]
+            strain = np.zeros((6, 20, 3))
+            for row, (i, j) in enumerate([(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)]):
+                strain[row, :, i] = slope[j]
+                strain[row, :, j] = slope[i]
+            strain = strain.reshape(6, 60)
+            total += strain.T @ law @ strain * weights[list(at)].prod() * size.prod() / 8
+        return total
 
-    def compliance(self, thickness):
-        """Of the nodes above each x, mm/N, under forces there and at the next nodes to low x and to high x: [x, which, z, z].
+    def block(self, passes_done):
+        """Stiffness of a slice, N/mm, its inner nodes free: low end, coupling, high end."""
+        there = np.ones((self.layers, self.rows))
+        for side, _, level, _ in list(passes())[:passes_done]:
+            there[-1 if side else 0, self.rows + round(level / STEP)] = 0.0
+        matrix = np.zeros((3 * len(self.node),) * 2)
+        for y, z in itertools.product(range(self.layers), range(self.rows)):
+            own = [(1 + c[0], 2 * y + 1 + c[1], 2 * z + 1 + c[2]) for c in self.corners]
+            free = [k for k, n in enumerate(own) if n in self.node]
+            at = (3 * np.array([self.node[own[k]] for k in free])[:, None] + np.arange(3)).ravel()
+            here = (3 * np.array(free)[:, None] + np.arange(3)).ravel()
+            # What is cut away is as good as nothing.
+            matrix[np.ix_(at, at)] += self.element[np.ix_(here, here)] * max(there[y, z], 1e-8)
+        low, inner, high = ((3 * at[:, None] + np.arange(3)).ravel() for at in self.at)
+        ends = np.r_[low, high]
+        matrix = matrix[np.ix_(ends, ends)] - matrix[np.ix_(ends, inner)] @ np.linalg.solve(matrix[np.ix_(inner, inner)], matrix[np.ix_(inner, ends)])
+        n = len(low)
+        return matrix[:n, :n], matrix[:n, n:], matrix[n:, n:]
 
-        `thickness` is that of each element, [x, z], in mm.
-        """
-        nx, nz = self.nodes
-        matrix = np.zeros((nx * nz * 3,) * 2)
-        for i in range(nx - 1):
-            for k in range(nz - 1):
-                at = np.array([i * nz + k, (i + 1) * nz + k, (i + 1) * nz + k + 1, i * nz + k + 1])
-                at = (3 * at[:, None] + np.arange(3)).ravel()
-                matrix[np.ix_(at, at)] += self.element * thickness[i, k] ** 3
-        free = np.array([3 * (i * nz + k) + d for i in range(nx) for k in range(1, nz) for d in range(3)])
-        inverse = np.zeros_like(matrix)
-        inverse[np.ix_(free, free)] = np.linalg.inv(matrix[np.ix_(free, free)])
-        rows = [3 * (i * nz + np.arange(nz)) for i in range(nx)]
-        return np.array([[inverse[np.ix_(rows[i], rows[min(max(i + by, 0), nx - 1)])] for by in (0, -1, 1)] for i in range(nx)])
+    def compliance(self, passes_done):
+        """Of each face's height at each x, mm/N, under forces there and at the next nodes to low x and to high x: [side, x, which, z, z]."""
+        if passes_done not in self.known:
+            first, coupling, last = self.block(passes_done)
+            blocks = [first] + [first + last] * (self.slices - 1) + [last]
+            ends = sorted(n for n in self.node if n[0] == 0)
+            face = [[3 * ends.index((0, 2 * round(y / STEP), 2 * k)) + 1 for k in range(1, self.rows + 1)] for y in FACES]
+            unit = np.eye(len(first))[:, sum(face, [])]
+            # What all slices at lower x add to the block at an x; from the other end it is the mirror image.
+            added, inverse = [np.zeros_like(first)], []
+            for block in blocks[:-1]:
+                inverse.append(np.linalg.inv(block - added[-1]))
+                added.append(coupling.T @ inverse[-1] @ coupling)
+            mirror = np.tile([-1.0, 1.0, 1.0], len(first) // 3)
+            mirror = mirror[:, None] * mirror
+            out = np.zeros((2, self.slices + 1, 3, self.rows + 1, self.rows + 1))
+            for i, block in enumerate(blocks):
+                moved = np.linalg.solve(block - added[i] - mirror * added[self.slices - i], unit)
+                lower = -inverse[i - 1] @ (coupling @ moved) if i else moved
+                for side in (0, 1):
+                    own = slice(side * self.rows, (side + 1) * self.rows)
+                    out[side, i, 0, 1:, 1:] = moved[face[side], own]
+                    out[side, i, 1, 1:, 1:] = lower[face[side], own].T
+            out[:, :, 2] = out[:, ::-1, 1]
+            self.known[passes_done] = out
+        return self.known[passes_done]
 
 
 def cut(depth, side, ahead):
@@ -149,20 +198,15 @@ def cut(depth, side, ahead):
 class Mill:
     """The arm, and the wall as it is."""
 
-    def __init__(self, cell, is_rigid):
-        self.cell, self.plate, self.is_rigid = cell, Plate(), is_rigid
+    def __init__(self, cell, wall, is_rigid):
+        self.cell, self.wall, self.is_rigid = cell, wall, is_rigid
         self.z = np.arange(-HEIGHT + SLICE / 2, 0, SLICE)
-        self.x = np.linspace(0, LENGTH, self.plate.nodes[0])
+        self.x = np.linspace(0, LENGTH, wall.slices + 1)
         # Of each face, the free wall, mm.
         self.face = np.tile(np.array([0.0, BLANK])[:, None, None], (1, len(self.x), len(self.z)))
-        knots = np.linspace(-HEIGHT, 0, self.plate.nodes[1])
+        knots = np.linspace(-HEIGHT, 0, wall.rows + 1)
         self.to_slices = np.array([np.interp(self.z, knots, row) for row in np.eye(len(knots))]).T
         self.depths = np.linspace(0, RADIUS, 501)
-
-    def thickness(self):
-        each = self.face[1] - self.face[0]
-        each = (each[1:] + each[:-1]) / 2
-        return np.cbrt((each**3).reshape(each.shape[0], -1, round(SPACING / SLICE)).mean(2))
 
     def arm(self, motor, tool, world):
         """Shift and turn of the tip, mm and rad, work object axes, under a force (N) and moment (N mm) there: 6 × 6."""
@@ -185,10 +229,9 @@ class Mill:
         motor = solve_path(self.cell, flanges, [m.conf for m in moves])
         cutting = [k for k, m in enumerate(moves) if m.speed_m_s < 0.1]
         starts = [k for k in cutting if k - 1 not in cutting]
-        stiff = self.plate.compliance(self.thickness())
         angle = np.arcsin(np.linspace(-1, (FACES[0] - RADIUS) / RADIUS, 100))
         reach = RADIUS * np.cos(angle).mean() / SPACING
-        for (side, _, level, along), start in zip(passes(), starts, strict=True):
+        for done, ((side, _, _, along), start) in enumerate(zip(passes(), starts, strict=True)):
             end = start
             while end + 1 in cutting:
                 end += 1
@@ -197,21 +240,16 @@ class Mill:
             axes = np.array([-moves[k].wobj_from_tcp.rot[:, 2] for k in own])
             order = np.argsort(tips[:, 0])
             arms = {k: self.arm(motor[k], tools[moves[k].tool], wobjs[moves[k].wobj]) for k in (start, end)}
-            before = stiff
             # From as it was before the pass to as it is after it, evenly as the tool goes along.
-            after = self.face.copy()
-            after[side][:, self.z > level] = FACES[side]
-            kept, self.face = self.face, after
-            stiff = self.plate.compliance(self.thickness())
-            self.face = kept
+            before, after = (self.wall.compliance(done + n)[side] for n in (0, 1))
             for i, x in enumerate(self.x):
                 at = [np.interp(x, tips[order, 0], values[order]) for values in (*tips.T, *axes.T)]
                 share = x / LENGTH if tips[0, 0] < tips[-1, 0] else 1 - x / LENGTH
                 arm = arms[start] * (1 - share) + arms[end] * share
-                plate = before[i] * (1 - share) + stiff[i] * share
+                wall = before[i] * (1 - share) + after[i] * share
                 # The force acts in front of where the face is left.
-                plate = plate[0] * (1 - reach) + plate[1 if along < 0 else 2] * reach
-                wall = self.to_slices @ plate @ self.to_slices.T * (0.0 if self.is_rigid else 1.0)
+                wall = wall[0] * (1 - reach) + wall[1 if along < 0 else 2] * reach
+                wall = self.to_slices @ wall @ self.to_slices.T * (0.0 if self.is_rigid else 1.0)
                 self.settle(side, i, np.array(at), (1 - share) * LENGTH, arm, wall)
         return self
 

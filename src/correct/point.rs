@@ -57,7 +57,9 @@ pub(super) struct Milled {
     /// Axial depth (m) and arc of engagement (rad) at the target, where the force follows from the stock.
     pub(super) engaged: Option<[f64; 2]>,
     /// From the tip to where it cuts, m, stock's axes.
-    pub(super) offset: Vector3<f64>,
+    pub(super) cut: Vector3<f64>,
+    /// From the tip to the face that it leaves, m, stock's axes.
+    pub(super) left: Vector3<f64>,
     /// On the way into the target, m³.
     pub(super) removed: f64,
     /// Shares of the way, rising from 0 to 1, and the force there.

@@ -154,11 +154,30 @@ impl ComplianceMap {
     /// material within two cells of the place. `body` is the one that the map is of.
     #[must_use]
     pub fn at(&self, body: &Body, place: [f64; 3]) -> Matrix3<f64> {
-        let mut sampled = Sampled::new();
-        self.sample(&body.spread(place), &mut sampled);
-        let known = self.known(&sampled);
-        let lacks = self.lacking(&place, &known, self.nearest(&place, &known));
-        known.compliance + lacks.unwrap_or_else(Matrix3::zeros)
+        self.between(body, place, place)
+    }
+
+    /// Displacement of one place by axis (rows) under a unit force by axis (columns) at another, mm/N. What the fields lack is taken
+    /// to be that of the place of the force: the two are to be near one another against the size of the body.
+    ///
+    /// By Maxwell and Betti this is the transpose of the displacement of the other place under a force at the one.
+    #[must_use]
+    pub fn between(&self, body: &Body, moved: [f64; 3], loaded: [f64; 3]) -> Matrix3<f64> {
+        let sampled = |place: [f64; 3]| {
+            let mut sampled = Sampled::new();
+            self.sample(&body.spread(place), &mut sampled);
+            sampled
+        };
+        let under = sampled(loaded);
+        let known = self.known(&under);
+        let lacks = self.lacking(&loaded, &known, self.nearest(&loaded, &known));
+        let found = if moved == loaded {
+            known.compliance
+        } else {
+            let products = self.orthonormal(&sampled(moved)).tr_mul(&self.orthonormal(&under));
+            products.fixed_view::<3, 3>(0, 0).into()
+        };
+        found + lacks.unwrap_or_else(Matrix3::zeros)
     }
 
     /// Compliances at places, solved for one by one, mm/N: what [`ComplianceMap::at`] comes close to.
@@ -219,10 +238,15 @@ impl ComplianceMap {
         }
     }
 
+    /// Displacements at a spot in each combination of fields that is orthonormal in energy, an axis a column.
+    fn orthonormal(&self, sampled: &Sampled) -> DMatrix<f64> {
+        let sampled = DMatrix::from_fn(self.basis.nrows(), 3, |row, k| sampled[row][k]);
+        self.basis.tr_mul(&sampled)
+    }
+
     /// What the fields know of a place, by Galerkin.
     fn known(&self, sampled: &Sampled) -> Known {
-        let sampled = DMatrix::from_fn(self.basis.nrows(), 3, |row, k| sampled[row][k]);
-        let moved = self.basis.tr_mul(&sampled);
+        let moved = self.orthonormal(sampled);
         let compliance = Matrix3::from_fn(|i, j| moved.column(i).dot(&moved.column(j)));
         let eigen = compliance.symmetric_eigen();
         let most = eigen.eigenvalues.imax();

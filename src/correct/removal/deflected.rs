@@ -161,7 +161,7 @@ fn step(walk: &mut Walk<'_>, prepared: &mut Prepared, i: usize, before: Option<L
         if let Some(feed_per_tooth) = feed_per_tooth {
             let engaged = settled.engaged;
             let force = FedForce::new(&wobj_from_stock, &engaged.force, feed_per_tooth);
-            passed.push(place.share, &Met { engaged, force, offset: engaged.place - tool.tip });
+            passed.push(place.share, &Met::new(engaged, force, &tool, &way));
             if !begins {
                 walk.weigh(&settled.engaged, &settled.force, feed_per_tooth);
             }

@@ -231,9 +231,10 @@ struct Passed {
     /// At its end.
     engaged: Engaged,
     /// Sums over the way, with what is cut on each metre and the share of the way as weights: of the weights (m²), and of
-    /// [`Met::offset`] (m³).
+    /// [`Met::cut`] and [`Met::left`] (m³).
     weight: f64,
-    offset: Vector3<f64>,
+    cut: Vector3<f64>,
+    left: Vector3<f64>,
 }
 
 /// What the tool meets at a place.
@@ -243,7 +244,19 @@ struct Met {
     /// Where it follows from the stock.
     force: FedForce,
     /// From the tip to where it cuts, m, stock's axes.
-    offset: Vector3<f64>,
+    cut: Vector3<f64>,
+    /// From the tip to the face that it leaves, m, stock's axes. The face is the envelope of the cutter on its way: it touches the
+    /// cutter where the way runs along it, which is level with the axis of the tool and not in front of it.
+    left: Vector3<f64>,
+}
+
+impl Met {
+    /// What a tool meets at the end of a way (stock's axes).
+    fn new(engaged: Engaged, force: FedForce, tool: &ToolPose, way: &Vector3<f64>) -> Self {
+        let cut = engaged.place - tool.tip;
+        let forward = way.try_normalize(0.0).map_or_else(Vector3::zeros, |along| along * along.dot(&cut));
+        Self { engaged, force, cut, left: cut - forward }
+    }
 }
 
 impl Passed {
@@ -256,7 +269,8 @@ impl Passed {
             forces: Vec::new(),
             engaged: Engaged::default(),
             weight: 0.0,
-            offset: Vector3::zeros(),
+            cut: Vector3::zeros(),
+            left: Vector3::zeros(),
         }
     }
 
@@ -264,7 +278,8 @@ impl Passed {
     fn push(&mut self, share: f64, met: &Met) {
         let weight = share * met.engaged.section;
         self.weight += weight;
-        self.offset += met.offset * weight;
+        self.cut += met.cut * weight;
+        self.left += met.left * weight;
         self.engaged = met.engaged;
         if self.through.feed_per_tooth.is_some() {
             self.forces.push((share, met.force));
@@ -362,7 +377,7 @@ impl Walk<'_> {
 
     /// Takes in what a move came to.
     fn finish(&mut self, prepared: &mut Prepared, passed: Passed) {
-        let Passed { target: i, through, length, removed, forces, engaged, weight, offset } = passed;
+        let Passed { target: i, through, length, removed, forces, engaged, weight, cut, left } = passed;
         let collides = !through.cuts && removed > COLLISION;
         if collides && !self.collided {
             self.collision(i, removed);
@@ -378,8 +393,8 @@ impl Walk<'_> {
             prepared.points[via].cut_length = self.cut_length;
         }
         // Where it leaves the material the flank touches what it has left, anywhere, and cuts next to nothing.
-        let offset = if weight > 0.0 { offset / weight } else { Vector3::zeros() };
-        let mut milled = Milled { removed, offset, ..Milled::default() };
+        let mean = |sum: Vector3<f64>| if weight > 0.0 { sum / weight } else { Vector3::zeros() };
+        let mut milled = Milled { removed, cut: mean(cut), left: mean(left), ..Milled::default() };
         if through.feed_per_tooth.is_some() {
             milled.engaged = Some([engaged.depth, engaged.arc]);
             milled.forces = forces.into();

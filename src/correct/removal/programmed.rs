@@ -140,7 +140,7 @@ impl Batch {
                 {
                     let force = |feed_per_tooth| FedForce::new(&wobj_from_stock, &engaged.force, feed_per_tooth);
                     let force = passed.through.feed_per_tooth.map_or_else(FedForce::default, force);
-                    self.met = Met { engaged, force, offset: engaged.place - asked.tool.tip };
+                    self.met = Met::new(engaged, force, &asked.tool, &asked.way);
                 }
                 passed.push(*share, &self.met);
                 if let Some(feed_per_tooth) = passed.through.feed_per_tooth.filter(|_| !begins) {

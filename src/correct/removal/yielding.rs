@@ -45,8 +45,10 @@ struct Cut {
     target: usize,
     /// Volume removed up to it, m³.
     removed: f64,
-    /// mm, stock's axes.
+    /// Where the force acts, mm, stock's axes.
     place: [f64; 3],
+    /// Where the face is left whose error counts, mm, stock's axes.
+    face: [f64; 3],
 }
 
 impl Stages {
@@ -145,14 +147,14 @@ impl Stages {
             places += map.places();
             off = off.max(map.off());
             let motions = (clamps <= MOST_CLAMPS).then(|| ClampMotions::of(&body));
-            let found = |place: &[f64; 3]| PartYield {
-                compliance: map.at(&body, *place) * 1e-3,
+            let found = |Cut { place, face, .. }: &Cut| PartYield {
+                compliance: map.between(&body, *face, *place) * 1e-3,
                 motions: motions.as_ref().map_or_else(Vec::new, |motions| motions.at(&body, *place)),
                 stiffness: motions.as_ref().map_or_else(|| DMatrix::zeros(0, 0), |motions| motions.stiffness() * 1e3),
             };
-            let found: Vec<PartYield> = at.par_iter().map(found).collect();
+            let found: Vec<PartYield> = of_stage.par_iter().map(|(number, _)| found(&cuts[*number])).collect();
             for ((number, share), found) in of_stage.iter().zip(found) {
-                softest = softest.max(1e3 * found.compliance.symmetric_eigenvalues().max());
+                softest = softest.max(1e3 * found.compliance.singular_values().max());
                 yields[*number].push((found, *share));
             }
             before = Some(map);
@@ -196,10 +198,9 @@ fn cuts(walk: &Walk<'_>, prepared: &Prepared) -> Vec<Cut> {
             continue;
         }
         // Where nothing is cut, it is touched by the tip.
-        let offset = point.milled.as_ref().map_or_else(Vector3::zeros, |milled| milled.offset);
         let tip = walk.tool(prepared, target, &point.reference.translation.vector, &tool_axis(&point.reference)).tip;
-        let place = tip + offset;
-        cuts.push(Cut { target, removed, place: (place * 1e3).into() });
+        let [cut, left] = point.milled.as_ref().map_or([Vector3::zeros(); 2], |milled| [milled.cut, milled.left]);
+        cuts.push(Cut { target, removed, place: ((tip + cut) * 1e3).into(), face: ((tip + left) * 1e3).into() });
     }
     cuts
 }
