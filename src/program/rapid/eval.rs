@@ -187,11 +187,7 @@ impl Runner<'_> {
         match value {
             Value::Target(pose) => Some(Rc::clone(pose)),
             Value::List(_, place) => {
-                let Some((written, literal)) = value.assemble() else {
-                    // A part is not known now. Another run of the same text may know it, and must not edit its numbers.
-                    self.pin_value(value);
-                    return None;
-                };
+                let (written, literal) = value.assemble()?;
                 let root = literal.and_then(|l| self.own_literal(l));
                 self.unassembled.extend(place.filter(|_| root.is_none()));
                 let text = matches!(value, Value::List(_, Some(_)));

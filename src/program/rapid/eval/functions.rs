@@ -104,6 +104,9 @@ impl Runner<'_> {
         (pose.written.position_mm, pose.written.quat) = step.apply(pose.written.position_mm, pose.written.quat);
         if pose.root.is_some() {
             pose.steps.push(step);
+        } else {
+            // This pose cannot be edited, and another run of the same statement must not edit the offset.
+            self.held.extend(tokens.map(|tokens| tokens[0]));
         }
         Value::Target(Rc::new(pose))
     }
