@@ -197,11 +197,11 @@ pub fn identify_text(found: &Identification) -> String {
     let close: Vec<_> = found.separability.iter().filter(|pair| pair.d_prime < 5.0).take(PAIRS).collect();
     if !close.is_empty() {
         out.push_str(
-            "\nhard to distinguish on these rows      d′ (effects of 0.03 mm; 5 and more can be distinguished)\n",
+            "\nhard to distinguish on these rows                  d′ (effects of 0.03 mm; from 5 on they can be distinguished)\n",
         );
     }
     for pair in close {
-        let _ = writeln!(out, "  {:36} {:4.1}", format!("{} from {}", pair.of, pair.from), pair.d_prime);
+        let _ = writeln!(out, "  {:46} {:4.1}", format!("{} from {}", pair.of, pair.from), pair.d_prime);
     }
     if found.coverage.rows_outside > 0 {
         let _ = writeln!(
