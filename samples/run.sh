@@ -16,7 +16,7 @@ for program in slot/slot.mod blade/blade.mod blade/blade.aptsource; do
     echo "== $program"
     "$deflex" compensate "$program" --cell "$folder/cell.toml" -o "out/$name.corrected.mod" \
         --report "out/$name.report.csv" --html "out/$name.html"
-    # The targets; what is left on the ways between them, most where the cutter enters, compensate has said above.
+    # The targets only: `compensate` has reported above what remains between them, most of it where the cutter enters.
     "$deflex" check "out/$name.corrected.mod" --cell "$folder/cell.toml" --against "$program" --at-targets --max-error 0.001
 done
 

@@ -7,18 +7,18 @@
 pub struct Bound {
     /// What is counted.
     pub what: &'static str,
-    /// The most that is taken.
+    /// The most that deflex accepts.
     pub most: u64,
     /// What to change beyond it.
     pub help: &'static str,
 }
 
 impl Bound {
-    /// What an input has more of than is taken; `None` within the bound. A count that is no number is beyond it.
+    /// The message for an input beyond the bound; `None` within it. A count that is not a number is beyond it.
     #[must_use]
     pub fn exceeded(&self, count: f64) -> Option<String> {
         let within = count <= self.most as f64;
-        (!within).then(|| format!("{}: {count:.0} are more than the {} that are taken", self.what, self.most))
+        (!within).then(|| format!("{}: {count:.0} are more than the {} that deflex accepts", self.what, self.most))
     }
 }
 

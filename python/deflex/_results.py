@@ -145,7 +145,7 @@ class Correction(_Run):
         self._done.write(paths, [])
 
     def _remaining(self) -> str:
-        return f"; remaining max {self.summary.max_remaining_mm:.6f} mm"
+        return f"; remaining at targets max {self.summary.max_remaining_mm:.6f} mm"
 
 
 class Identification:

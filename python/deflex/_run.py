@@ -94,8 +94,8 @@ def compensate(
     """Corrects a program so that the loaded tool lands where it says: `deflex compensate`.
 
     `program`, `forces`, `tool`, `free_spin` and `progress` are those of `predict`. `correct` is what of a target changes; `subdivide_mm`
-    inserts targets until no more is left on the way between two; `allow_clones` gives a declared target that is used with
-    different corrections a clone for each; `again` corrects a program that has its correction in it already. CL data are
+    inserts targets until at most this error remains between two of them; `allow_clones` declares a copy of a target for each of several
+    motions that use it with different corrections; `again` corrects a program that was corrected before. CL data are
     posted in the language `post` as `name`, in modules of at most `max_targets`, with `rapid_mm_s` for rapid travel and `feed_mm_s` where the file
     has no feed.
 

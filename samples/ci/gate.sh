@@ -22,7 +22,7 @@ rm -f -- "$out"/corrected/* "$out/check.sarif" "$out/check.xml"
 judge() { "$deflex" check --cell="$cell" --quiet "${how[@]}" --output-format "$1" -- "${judged[@]}"; }
 if "$deflex" compensate --cell="$cell" --quiet --out-dir="$out/corrected" --report="$out/report.csv" \
   --json="$out/summary.json" --html="$out/report.html" -- "${files[@]}"; then
-  # At the targets, which a correction alone can mend; what is left on the way to them takes `compensate --subdivide`.
+  # Only the targets: a correction alone removes their errors. The error between them needs `compensate --subdivide`.
   how=(--against="$programs" --max-error="$max_error" --at-targets)
   judged=("$out/corrected"/*.mod)
   failed=0

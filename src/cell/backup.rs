@@ -28,7 +28,7 @@ const SAME_DEG: f64 = 0.05;
 /// A unit's bound from which on it is none, rad or m: turntables and conveyors without an end have 10⁶.
 const UNBOUNDED: f64 = 1e5;
 
-/// The cell file of a backup: what it does not tell is marked as in [`template`](super::template).
+/// The cell file of a backup. Values that the backup does not contain are marked as in [`template`](super::template).
 ///
 /// `model` names the built-in robot where the backup's type is not one of them.
 ///

@@ -41,7 +41,7 @@ impl<'a> Check<'a> {
     /// the file has is marked.
     pub(super) fn error(&mut self, key: &str, message: impl Into<String>, help: impl Into<String>) {
         let diagnostic = Diagnostic::error("cell.value", &self.source.name, message).help(help);
-        // Lines are counted from the top for each place: many more than are printed would take longer than anybody waits.
+        // Line numbers are counted from the top for each place, so many more messages than are printed would take too long.
         let placed = self.errors.len() + self.warnings.len() < MOST_PLACED;
         let diagnostic = match self.span(key).filter(|_| placed) {
             Some(span) => diagnostic.at(self.source, span),

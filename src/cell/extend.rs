@@ -65,7 +65,7 @@ pub fn with_path_law(text: &str, found: &FittedLaw) -> Result<String, Vec<Diagno
     let Some(controller) = controller.as_table_like_mut() else { return Ok(document.to_string()) };
     let path = controller.entry("path").or_insert(Item::Table(Table::new()));
     if let Some(path) = path.as_table_like_mut() {
-        // Four digits are more than a log can tell.
+        // Four digits are more than a log can determine.
         let rounded = |value: f64| format!("{value:.3e}").parse().unwrap_or(value);
         let numbers = |values: &[f64]| Item::Value(Value::Array(values.iter().map(|v| float(rounded(*v))).collect()));
         path.insert("zone_share", Item::Value(float(rounded(law.zone_share))));

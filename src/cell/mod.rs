@@ -86,7 +86,7 @@ pub struct Cell {
     pub plan: Option<PlanSection>,
     /// `[measured] columns`: what the shop's measured files and tables of forces call their columns.
     pub columns: Option<ColumnNames>,
-    /// What the robot's controller runs, where the cell tells it.
+    /// The language of the robot's controller; `None` if the cell does not show it.
     pub language: Option<Language>,
 }
 
@@ -105,7 +105,7 @@ pub struct CorrectionLimits {
     pub max_correction: f64,
     /// Largest difference between the corrections of neighbouring targets.
     pub max_step: f64,
-    /// What may be left on the way between targets without being said.
+    /// Largest error between targets, m, that is not reported.
     pub max_path_error: f64,
 }
 

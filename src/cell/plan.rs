@@ -29,7 +29,7 @@ pub struct PlanSection {
     pub noise_mm: f64,
     /// Size of the effect that must be detected, mm rms at the TCP.
     pub effect_mm: f64,
-    /// Kinds of effects to tell apart; empty: all that the data could show.
+    /// Kinds of effects to distinguish; empty for all that the data could show.
     pub effects: Vec<&'static str>,
 }
 

@@ -36,7 +36,7 @@ impl Cell {
             Err(error) => {
                 let at = error.valid_up_to();
                 let end = (at + 1).min(source.bytes.len());
-                let message = "the cell file is not UTF-8, which TOML asks for";
+                let message = "the cell file is not UTF-8, which TOML requires";
                 return Err(vec![
                     Diagnostic::error("cell.encoding", &source.name, message)
                         .at(source, Span::new(at, end))
@@ -358,7 +358,7 @@ fn one_name<'a>(check: &mut Check, section: &str, names: impl Iterator<Item = &'
     for name in names {
         if let Some(known) = seen.insert(name.to_ascii_uppercase(), name) {
             let message =
-                format!("{section}.{known} and {section}.{name} are one name: RAPID does not tell case apart");
+                format!("{section}.{known} and {section}.{name} are one name: RAPID ignores upper and lower case");
             check.error(&format!("{section}.{name}"), message, "remove one of them");
         }
     }

@@ -30,7 +30,7 @@ model = "{model}"     # geometry from: {source}
     cell(&head, &stiffness(robot.stiffness_nm_per_rad), &Frames::examples(speech, ""), speech)
 }
 
-/// The same for a robot that a description (URDF) tells of; `file` is named in it.
+/// The same for a robot from a description (URDF); the comment names `file`.
 #[must_use]
 pub fn described_template(described: &Described, file: &str) -> String {
     let robot = &described.robot;
@@ -232,7 +232,7 @@ impl Frames {
     }
 }
 
-/// The file of a robot that a controller's backup tells of: `head` is all of it up to the stiffness.
+/// The file of a robot from the backup of a controller; `head` is the text before the stiffness.
 pub(super) fn backup_cell(head: &str, published: Option<[f64; 6]>, frames: &Frames) -> String {
     let mut own = frames.clone();
     if frames.tool.is_none() {
@@ -245,12 +245,12 @@ pub(super) fn backup_cell(head: &str, published: Option<[f64; 6]>, frames: &Fram
     cell(head, &stiffness(published), &own, &RAPID)
 }
 
-/// Text of somebody else's as a TOML string.
+/// Text from another file as a TOML string.
 pub(super) fn quoted(text: &str) -> String {
     toml_edit::Value::from(text).to_string()
 }
 
-/// Text of somebody else's in one line of a comment.
+/// Text from another file in one line of a comment.
 pub(super) fn comment(text: &str) -> String {
     text.chars().filter(|c| !c.is_control()).collect()
 }
@@ -443,6 +443,6 @@ pub fn examples_left(source: &Source) -> Option<Diagnostic> {
     };
     let diagnostic = Diagnostic::error("cell.example", &source.name, message)
         .severity(Severity::Warning)
-        .help("put in the cell's own value, then delete the `<<` behind it");
+        .help("put in the value of your cell, then delete the `<<` after it");
     first.map(|span| diagnostic.at(source, span))
 }

@@ -20,8 +20,9 @@ pub(super) fn units(check: &mut Check, raw: &[raw::Unit]) -> Units {
             other.zip(named).is_some_and(|(other, own)| other.covers(own) || own.covers(other))
         };
         if let Some((same, _)) = seen.iter().find(|(other, _)| other.eq_ignore_ascii_case(&keys.name)) {
-            let message = format!("unit `{same}` is declared twice: case does not tell names apart");
-            check.error(&key, message, "remove one of them, or name the axes of one unit apart");
+            let message =
+                format!("unit `{same}` is declared twice: names that differ in upper and lower case only are the same");
+            check.error(&key, message, "remove one of them, or give each axis of the unit a name of its own");
         } else if let Some((same, _)) = seen.iter().find(|(_, other)| common(*other)) {
             let message = format!("units `{same}` and `{}` are both moved by {}", keys.name, keys.axis);
             check.error(&key, message, "each unit has an external axis of its own");
@@ -54,8 +55,11 @@ pub(super) fn units(check: &mut Check, raw: &[raw::Unit]) -> Units {
     let all: Vec<Unit> = carrying.iter().zip(places).map(read).collect();
     let mut free = all.iter().enumerate().filter(|(_, unit)| unit.free);
     if let Some((at, unit)) = free.nth(MOST_FREE) {
-        let message = format!("unit `{}` is free besides {MOST_FREE} others: so many are chosen together", unit.name);
-        let help = "leave `free` to those that the tool path leaves most open";
+        let message = format!(
+            "unit `{}` is free, in addition to {MOST_FREE} others: deflex chooses at most {MOST_FREE} positions together",
+            unit.name
+        );
+        let help = "keep `free` for the units whose position matters least to the toolpath";
         check.error(&format!("unit.{}.free", carrying[at]), message, help);
     }
     let units = Units::new(all).unwrap_or_else(|(at, message)| {

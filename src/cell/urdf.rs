@@ -79,7 +79,7 @@ pub fn described(source: &Source, tip: Option<&str>) -> Result<Described, Vec<Di
         let [roll, pitch, yaw] = joint.rpy;
         Pose::from_parts(Translation3::from(Vector3::from(joint.xyz)), Rotation3::from_euler_angles(roll, pitch, yaw))
     };
-    // What the controller counts from, where the description tells it apart from its own root.
+    // The base frame of the controller, if the description has one that differs from its root.
     let root = chain.first().map_or_else(|| tip.clone(), |joint| joint.parent.clone());
     let start = urdf.chain_to("base");
     let counted = start.first().is_some_and(|joint| joint.parent == root)

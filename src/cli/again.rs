@@ -9,7 +9,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 
-/// Rows that are compared: their beginning tells two programs apart.
+/// Rows that are compared: the first ones distinguish two programs.
 const MOST_ROWS: usize = 4096;
 /// Smaller corrections are lost in the digits of a program, mm.
 const TELLING_MM: f64 = 0.004;
@@ -22,7 +22,7 @@ const POSTED: &str = "posted by deflex";
 /// Bytes of its head.
 const HEAD: usize = 4096;
 
-/// What tells whether a program was written by `compensate`.
+/// What shows that a program was written by `compensate`.
 #[derive(Debug, Default)]
 pub(super) struct Again {
     reports: Vec<(PathBuf, Vec<[f64; 3]>)>,

@@ -321,17 +321,17 @@ impl<'a> Places<'a> {
 
     fn path(&self, row: &Row, left: f64, most: f64) -> Diagnostic {
         let message = format!(
-            "target {}: on the way into it the tip is {left:.4} mm off the programmed path, more than the {most} mm allowed",
+            "target {}: on the path to it the tip is {left:.4} mm off the programmed path, more than the {most} mm allowed",
             row.target
         );
-        let help = "insert targets with `deflex compensate --subdivide MM`; `--max-path-error` is the limit of the ways alone, \
-                    `--at-targets` judges none";
+        let help = "insert targets with `deflex compensate --subdivide MM`; `--max-path-error` is a limit for the paths alone, \
+                    `--at-targets` leaves them unjudged";
         self.at(row.target, "check.max-path-error", message, help)
     }
 
     fn jump(&self, row: &Row, left: f64, most: f64) -> Diagnostic {
         let message = format!(
-            "target {}: on the way into it the force sets in, ends or turns at once, and the tip is {left:.4} mm off the \
+            "target {}: on the path to it the force sets in, ends or turns at once, and the tip is {left:.4} mm off the \
              programmed path there, more than the {most} mm allowed",
             row.target
         );

@@ -119,8 +119,9 @@ impl Batch<'_> {
 
 /// Only one thing goes to stdout, and several programs go to a folder.
 fn one_stdout(args: &Compensate, jobs: &[Job]) -> Result<(), Vec<Diagnostic>> {
-    if args.out_dir.is_none() && (jobs.len() > 1 || jobs.iter().any(|job| job.texts.len() > 1)) {
-        let message = format!("{} inputs are several files, which need a folder", args.inputs.len());
+    let files: usize = jobs.iter().map(|job| job.texts.len()).sum();
+    if args.out_dir.is_none() && files > 1 {
+        let message = format!("{files} files will be written, which need a folder");
         return Err(vec![Diagnostic::error("usage.out-dir", "", message).help("give --out-dir DIR")]);
     }
     let program = args.out_dir.is_none() && args.output.as_deref().is_none_or(is_stdout);

@@ -112,7 +112,7 @@ impl ForceFile {
         Self::of(file, input, names)
     }
 
-    /// What a table says of targets, and what is needed to tell whether it is a program's own.
+    /// The rows of a table by target, and what is needed to check that the table belongs to a program.
     pub(super) fn of(
         file: String,
         input: impl Read,

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 /// Endings of programs that are looked for in a folder, besides those of the languages.
 const LISTS: &str = "pgf";
-/// Endings that other files have too: what stands in the file tells.
+/// Endings that files of other kinds have too: the content decides.
 const SHARED: [&str; 2] = ["txt", "dat"];
 
 pub(super) fn run(args: &Inspect) -> Outcome {
@@ -55,7 +55,7 @@ fn programs(path: &Path) -> Result<Vec<PathBuf>, Vec<Diagnostic>> {
         return Ok(vec![path.to_owned()]);
     }
     let failed = |error: std::io::Error| {
-        Diagnostic::error("io.read", &path.display().to_string(), format!("cannot be read: {error}"))
+        Diagnostic::error("io.read", &path.display().to_string(), format!("the file cannot be read: {error}"))
     };
     let mut found = Vec::new();
     for entry in std::fs::read_dir(path).map_err(failed)? {

@@ -11,7 +11,7 @@ use std::sync::LazyLock;
 /// More messages than this of one run are only counted.
 const MOST_SHOWN: usize = 50;
 
-/// Whether stderr is read by a program: `DEFLEX_MESSAGES=json` asks for one JSON object a line instead of text for people.
+/// Whether stderr is read by a program: with `DEFLEX_MESSAGES=json` each line is a JSON object instead of text for people.
 pub(super) static FOR_A_PROGRAM: LazyLock<bool> =
     LazyLock::new(|| std::env::var_os("DEFLEX_MESSAGES").is_some_and(|form| form == "json"));
 

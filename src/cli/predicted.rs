@@ -44,7 +44,7 @@ impl Batch<'_> {
     }
 }
 
-/// What a check asks of each chunk.
+/// What `check` needs from each chunk.
 #[derive(Clone, Copy)]
 pub(super) struct Question<'a> {
     /// Whether the program is corrected too.
@@ -69,7 +69,7 @@ pub(super) struct Predicted {
     pub(super) path: Option<PathTrace>,
 }
 
-/// Streams a program; `None` where only the whole of it, or of its original, tells what it means.
+/// Streams a program; `None` if it, or its original, can be understood only as a whole.
 pub(super) fn streamed(
     batch: &Batch<'_>,
     job: &Job,

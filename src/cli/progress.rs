@@ -92,7 +92,7 @@ impl TermLike for Lines {
 /// Parts that the share of a work is shown in.
 const PARTS: u64 = 1000;
 
-/// A bar over one work that tells its share; hidden where stderr is no terminal.
+/// A bar for one task that reports its progress; hidden if stderr is not a terminal.
 pub(super) fn shares(what: &'static str, quiet: bool) -> ProgressBar {
     let bar = bar(1, quiet);
     bytes(&bar, PARTS);

@@ -277,7 +277,7 @@ pub(super) fn json(
     outputs.add_report(path, pretty(&Files { deflex: VERSION, cell, files })?.as_bytes())
 }
 
-/// JSON for people and scripts, keys in their own order, with a final line end.
+/// Indented JSON with the keys in their own order and a final line end.
 pub(super) fn pretty(value: &impl Serialize) -> Result<String, Vec<Diagnostic>> {
     match serde_json::to_string_pretty(value) {
         Ok(text) => Ok(text + "\n"),
@@ -285,20 +285,20 @@ pub(super) fn pretty(value: &impl Serialize) -> Result<String, Vec<Diagnostic>> 
     }
 }
 
-/// The sentence about one program, for stderr.
+/// The summary line of one program, for stderr.
 pub(super) fn line(summary: &FileSummary, kind: PathKind) -> String {
     let mut line = format!("{}: {}", printable_line(&summary.path), deflex::report::summary_line(summary, kind));
     if summary.max_error_mm > 0.0 {
         line += &format!("; error rms {:.4} mm, max {:.4} mm", summary.rms_error_mm, summary.max_error_mm);
     }
     if kind == PathKind::Compensate && summary.corrected > 0 {
-        line += &format!("; remaining max {:.4} mm", summary.max_remaining_mm);
+        line += &format!("; remaining at targets max {:.4} mm", summary.max_remaining_mm);
         if summary.max_kept_mm > 0.0 {
-            line += &format!(", and {:.4} mm on kept targets", summary.max_kept_mm);
+            line += &format!(", at kept targets {:.4} mm", summary.max_kept_mm);
         }
         if summary.remaining_path_max_mm > 0.0 {
             let (rms, max) = (summary.remaining_path_rms_mm, summary.remaining_path_max_mm);
-            line += &format!(", on the path rms {rms:.4} mm, max {max:.4} mm");
+            line += &format!(", between targets rms {rms:.4} mm, max {max:.4} mm");
         }
     }
     if let Some(path) = &summary.driven_path {

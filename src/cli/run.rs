@@ -110,18 +110,18 @@ fn left_on_the_way(setup: &Setup, summaries: &[FileSummary]) -> Option<Diagnosti
     let worst = over().max_by(|a, b| a.remaining_path_max_mm.total_cmp(&b.remaining_path_max_mm))?;
     let others = match over().count() {
         1 => String::new(),
-        count => format!(", the most of {count} programs"),
+        count => format!(", the largest of {count} programs"),
     };
     let message = format!(
-        "up to {:.4} mm are left on the way between targets (rms {:.4} mm){others}, more than max_path_error_mm = {most}",
+        "an error of up to {:.4} mm remains between targets (rms {:.4} mm){others}, more than max_path_error_mm = {most}",
         worst.remaining_path_max_mm, worst.remaining_path_rms_mm
     );
     let help = match setup.options.subdivide {
-        None => "`--subdivide MM` inserts targets; remaining_path_mm of the report shows where",
+        None => "`--subdivide MM` inserts targets; the column remaining_path_mm of the report shows where",
         // No target is nearer to such a place than the correction can follow.
         Some(_) => {
-            "the tip jumps where the force sets in, ends or turns at once: lead in and out of the cut gently; remaining_path_mm of \
-             the report shows where"
+            "the tip jumps where the force sets in, ends or turns at once: lead in and out of the cut gently; the column \
+             remaining_path_mm of the report shows where"
         }
     };
     let note = Diagnostic::error("limits.max-path-error", &worst.path, message);

@@ -21,7 +21,7 @@ pub(super) enum Text {
     },
 }
 
-/// Files up to this are read at once; as much of longer ones tells their language.
+/// Files up to this size are read at once. The same number of bytes of a longer file is enough to recognise its language.
 const HEAD: u64 = 64 * 1024;
 
 impl Text {
@@ -79,7 +79,7 @@ impl Text {
         }
     }
 
-    /// The bytes that tell the language.
+    /// The bytes from which the language is recognised.
     pub(super) fn head(&self) -> Result<Vec<u8>, Vec<Diagnostic>> {
         match self {
             Self::Held(source) => Ok(source.bytes.clone()),

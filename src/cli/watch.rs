@@ -16,7 +16,7 @@ use std::time::{Duration, SystemTime};
 struct Watched {
     identity: Identity,
     state: FileState,
-    /// Of the content, where the file was written so shortly before that times do not tell a later write.
+    /// Hash of the content, for files that were written so recently that a later write may have the same time.
     hash: Option<u64>,
 }
 
@@ -97,7 +97,7 @@ fn told(path: &Path) -> Diagnostic {
         .help("run again when no other program writes to it")
 }
 
-/// FNV-1a of a file's bytes: tells states apart, guards against nothing.
+/// FNV-1a of the bytes of a file. It distinguishes states; it is no protection against forgery.
 fn hash(path: &Path) -> io::Result<u64> {
     let (mut file, mut block) = (File::open(path)?, vec![0; 64 * 1024]);
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;

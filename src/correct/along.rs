@@ -117,7 +117,7 @@ impl WayFinding {
             }
             WayFault::AxisSpeed => "lower the feed here, or lead the tool past the singular posture",
             WayFault::Singular => "lead the tool past it: turn or lean it, or move the part",
-            WayFault::Unreachable => "move the part, or shorten the way",
+            WayFault::Unreachable => "move the part, or shorten the path",
         };
         let figures = vec![
             ("target", f64::from(target.ordinal)),
@@ -133,20 +133,20 @@ impl WayFinding {
     pub(super) fn warning(&self, program: &Program) -> Diagnostic {
         let target = &program.targets[self.index];
         let message = match self.fault {
-            WayFault::AxisLimit => "an axis passes its limit on the way into a target",
-            WayFault::AxisSpeed => "an axis would have to be faster than it is on the way into a target",
-            WayFault::Singular => "the arm comes to a singular posture on the way into a target",
+            WayFault::AxisLimit => "an axis passes its limit on the path to a target",
+            WayFault::AxisSpeed => "an axis would have to turn faster than it can on the path to a target",
+            WayFault::Singular => "the arm comes to a singular posture on the path to a target",
             WayFault::Unreachable => "the path between two targets is out of the arm's reach",
         };
-        let help = format!("target {}: {}; `deflex check` lists every such way", target.ordinal, self.text());
+        let help = format!("target {}: {}; `deflex check` lists all of them", target.ordinal, self.text());
         program.error_at(target, self.fault.code(), message).help(help).severity(Severity::Warning)
     }
 
     pub(super) fn text(&self) -> String {
         let Self { fault, share, axis, value, limit, .. } = self;
         let place = match share {
-            share if *share >= 1.0 => "at it".to_owned(),
-            share => format!("{:.1} % of the way into it", 100.0 * share),
+            share if *share >= 1.0 => "at the target".to_owned(),
+            share => format!("after {:.1} % of the path to it", 100.0 * share),
         };
         let axis = match axis {
             7 => "axis 3 − axis 2".to_owned(),
@@ -157,11 +157,13 @@ impl WayFinding {
             WayFault::AxisLimit => format!("{place} {axis} is at {value:.2}°, and its limit is {limit:.2}°"),
             WayFault::AxisSpeed => {
                 format!(
-                    "{place} {axis} would turn at {value:.0}°/s at the programmed feed, and {limit:.0}°/s is its most"
+                    "{place} {axis} would turn at {value:.0}°/s at the programmed feed, and its limit is {limit:.0}°/s"
                 )
             }
             WayFault::Singular if axis == "axis 1" => {
-                format!("{place} the wrist centre is {value:.1} mm from axis 1, where that has no one angle")
+                format!(
+                    "{place} the wrist centre is {value:.1} mm from axis 1, where the angle of axis 1 is not defined"
+                )
             }
             WayFault::Singular => format!("{place} {axis} is {value:.2}° from a singular posture"),
             WayFault::Unreachable => format!("{place} the path is {value:.2} mm out of reach"),

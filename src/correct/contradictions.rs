@@ -34,7 +34,7 @@ fn told(program: &Program, key: &str, own: &Pose, of_cell: &Pose) -> Option<Diag
     }
     let file = program.sources.first().map_or("", |source| &source.name);
     let message = format!(
-        "[{key}] of the cell is {:.3} mm and {:.4}° from what the program declares, which is taken",
+        "[{key}] of the cell is {:.3} mm and {:.4}° from what the program declares: the program's values are used",
         1e3 * apart,
         turned.to_degrees()
     );

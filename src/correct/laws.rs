@@ -182,8 +182,8 @@ impl<'a> Laws<'a> {
             Some(CutForce::None) => Ok(PointLoad::Air),
             Some(CutForce::Table) => Err((
                 "cell.no-forces",
-                "[cut] force = \"table\" needs a table of forces".to_owned(),
-                "give --forces CSV with `target` and `fx_n,fy_n,fz_n`".to_owned(),
+                "[cut] force = \"table\" needs forces, and neither --forces nor a measured file gives them".to_owned(),
+                "give --forces CSV with the columns `target`, `fx_n`, `fy_n` and `fz_n`; with `identify`, put these columns into the measured file".to_owned(),
             )),
             Some(CutForce::Constant { force, frame: axes }) => Ok(match (axes, frame) {
                 (ForceFrame::Wobj, _) => constant(*force, Follows::WorkObject),

@@ -9,7 +9,7 @@ use crate::robot::{AxisName, EXTERNAL_AXES, External, Pose, Units, gravity_at};
 use std::sync::Arc;
 
 /// The cutting force follows the way into a target, and lost motion the joints' travel on it.
-pub(super) const PREDECESSOR_UNKNOWN: &str = "the way into it begins at a place that is known only at run time";
+pub(super) const PREDECESSOR_UNKNOWN: &str = "the path to it begins at a point that is known only at run time";
 
 /// A tool and a work object, and what moves them.
 #[derive(Clone, Debug)]
@@ -239,7 +239,7 @@ pub(super) fn help(reason: &str, language: Language) -> Option<String> {
         NO_POSITION => "give every target the position of each unit that carries the robot or its work object",
         PREDECESSOR_UNKNOWN => {
             return Some(format!(
-                "enter it from a motion that does not cut, or mark it `{}`",
+                "put a motion that does not cut, to a known target, before it, or mark it `{}`",
                 language.mark(Mark::Air)
             ));
         }

@@ -54,16 +54,19 @@ fn doubtful_cuts(Context { program, cell, options, .. }: Context<'_>, prepared: 
                 Language::Cl => "no FEDRAT gives a feed here",
                 _ => "the speed is known only at run time",
             };
-            let message = format!("{why}: `max_cutting_feed_mm_s` cannot tell whether this cuts, and it counts as air");
+            let message =
+                format!("{why}: `max_cutting_feed_mm_s` cannot decide whether this motion cuts, and it counts as air");
             let [cut, air] = [Mark::Cut, Mark::Air].map(|mark| program.language.mark(mark));
             let said = program.error_at(target, "cut.unknown-speed", message).severity(Severity::Warning);
             repeated.say(said.help(format!("mark the motion `{cut}` or `{air}`")));
         }
         if point.plunges {
-            let message = "this motion feeds along the tool axis, and [cut] does not know its force: the force of the cut \
-                           before it is used, or none";
+            let message = "this motion feeds along the tool axis, whose force [cut] does not describe: the force of the \
+                           previous cut is used, and no force before the first one";
             let air = program.language.mark(Mark::Air);
-            let help = format!("[stock] with `mode = \"stock\"` finds what it cuts; `{air}` says that it cuts nothing");
+            let help = format!(
+                "[stock] with `mode = \"stock\"` computes it from the stock; `{air}` marks a motion that cuts nothing"
+            );
             repeated.say(program.error_at(target, "cut.plunge", message).severity(Severity::Note).help(help));
         }
     }
@@ -75,8 +78,8 @@ fn unweighed_loads(Context { program, cell, .. }: Context<'_>, repeated: &mut Re
         return;
     }
     for target in program.targets.iter().filter(|target| target.is_end() && target.extra_load) {
-        let message = "a load besides that of the tool (`GripLoad`, `\\TLoad`) is not weighed: gravity acts on the mass of \
-                       the tool's own tooldata";
+        let message = "a load in addition to that of the tool (`GripLoad`, `\\TLoad`) is ignored: gravity acts on the mass in \
+                       the tooldata";
         let said = program.error_at(target, "rapid.load", message).severity(Severity::Warning);
         repeated.say(said.help("give the tool's tooldata the whole load where it holds for all of the program"));
     }
@@ -105,7 +108,12 @@ pub(super) fn insertions(
     };
     for &(i, reason) in &rewritten.not_inserted {
         let message = format!("no target can be inserted here: {reason}");
-        say(i, "subdivide.not-inserted", message, "what is left on the way stays: see remaining_path_mm");
+        say(
+            i,
+            "subdivide.not-inserted",
+            message,
+            "the error between the targets stays: see the column remaining_path_mm of the report",
+        );
     }
     let zones = |i: usize| {
         let start = program.targets[..i].iter().rposition(Target::is_end);

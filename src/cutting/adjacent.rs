@@ -1,12 +1,12 @@
-//! The pass before, beside this one: what the same cutter has swept there, a stepover away and at the same depth, is no material.
+//! The neighbouring pass: the same cutter has passed a stepover away, at the same depth, and has removed the material there.
 //!
-//! Seen along the feed a cutter is a convex figure, its silhouette: the rim of the flat, an ellipse, grown by the corner
-//! radius and going on upwards along the axis. A point of the front is in material where the silhouette a stepover away does
-//! not hold it. On the front that boundary is a curve over the silhouette's own angle: the points of the near silhouette
-//! moved by the stepover, each followed along the feed to the front. It begins at the cusp between the passes.
+//! Seen along the feed, a cutter is a convex figure, its silhouette: the rim of the flat (an ellipse) grown by the corner radius, and
+//! extended upwards along the axis. A point on the front of the cutter is in material if the silhouette a stepover away does not contain
+//! it. On the front, this boundary is a curve over the angle of the silhouette: each point of the silhouette, moved by the stepover, is
+//! followed along the feed to the front. The curve begins at the cusp between the passes.
 //!
-//! Both passes are off by the same deflection, so that the curve stays on the cutter where it is at the programmed pose: it is
-//! found once, and followed by cubics between its nodes.
+//! Both passes have the same deflection, so the curve stays at the same place on the cutter as in the programmed pose. It is computed
+//! once, and interpolated by cubics between its nodes.
 
 use super::Cutter;
 use super::ring::{Arc, End, HalfSpace, Ring};
@@ -18,13 +18,13 @@ use std::f64::consts::FRAC_PI_2;
 /// Intervals of the boundary.
 const NODES: usize = 160;
 
-/// The boundary is followed so far above the programmed top of the stock, diameters: farther than any deflection.
+/// How far above the programmed top of the stock the boundary is followed, in diameters: farther than any deflection.
 const ABOVE: f64 = 1.0;
 
-/// A place on the boundary is found so closely, intervals.
+/// Accuracy of a place on the boundary, in intervals.
 const CLOSE: f64 = 1e-9;
 
-/// Where the pass beside has been, cutter frame at the programmed pose.
+/// The boundary of the neighbouring pass on the cutter, in the cutter frame at the programmed pose.
 #[derive(Clone, Debug)]
 pub(super) struct AdjacentPass {
     flat: f64,
@@ -32,7 +32,7 @@ pub(super) struct AdjacentPass {
     /// The feed direction in the cutter frame is (across, 0, along).
     feed_across: f64,
     feed_along: f64,
-    /// To the cutter beside, seen along the feed, m.
+    /// Vector to the cutter in the neighbouring pass, seen along the feed, m.
     stepover: [f64; 2],
     /// Which side it is on.
     side: f64,
@@ -50,8 +50,8 @@ struct Stretch {
 }
 
 impl AdjacentPass {
-    /// The pass a stepover `width` (m) away on the side of `to_pass`, a unit vector across the feed; `top` is the stock's.
-    /// All in the cutter frame. `None` where it leaves all of the material.
+    /// The pass a stepover `width` (m) away in the direction `to_pass`, a unit vector across the feed; `top` is the top of the stock. All
+    /// vectors are in the cutter frame. `None` if that pass has removed nothing of what this one cuts.
     pub(super) fn new(
         cutter: &Cutter,
         (feed_across, feed_along): (f64, f64),
@@ -110,8 +110,8 @@ impl AdjacentPass {
         [sin * (self.corner + over_rim), self.corner * self.feed_across - cos * (self.corner + over_rim * oblique)]
     }
 
-    /// The side of this cutter's silhouette that is away from the pass beside: below 90° the angle of its normal, above it
-    /// the height on the shaft in radii.
+    /// A place on the side of this cutter's silhouette that faces away from the neighbouring pass: below 90° it is the angle of the normal,
+    /// above 90° the height on the shaft in radii.
     fn near_silhouette(&self, angle: f64) -> [f64; 2] {
         let [x, y] = self.silhouette(angle.min(FRAC_PI_2).sin_cos());
         [-self.side * x, y + (angle - FRAC_PI_2).max(0.0) * self.radius()]
@@ -124,7 +124,7 @@ impl AdjacentPass {
         if x >= self.radius() {
             return -x;
         }
-        // The width over the sine of the normal is concave: Newton from below comes up to the root and never passes it.
+        // The width as a function of the sine of the normal is concave: Newton's method from below approaches the root and never passes it.
         let oblique = self.feed_along * self.feed_along;
         let steepest = self.corner + if oblique > 0.0 { self.flat / oblique.sqrt() } else { f64::INFINITY };
         let mut sin = x / steepest;
@@ -161,7 +161,7 @@ impl AdjacentPass {
         self.depth_in_silhouette(self.boundary(angle))
     }
 
-    /// Whether the cutter beside has taken a point of the cutter frame.
+    /// Whether the cutter in the neighbouring pass has removed a point, given in the cutter frame.
     fn takes(&self, point: &Vector3<f64>) -> bool {
         let [x, y] = self.seen(point);
         self.depth_in_silhouette([x - self.stepover[0], y - self.stepover[1]]) > 0.0
@@ -176,8 +176,8 @@ impl AdjacentPass {
 
     /// The foremost point of the cutter on the line along the feed through a point.
     ///
-    /// The corner is the surface at its radius from a disk; distance is convex along a line, so Newton from ahead comes down to
-    /// the foremost point and never passes it.
+    /// The corner is the surface at a distance of its radius from a disk. Distance is convex along a line, so Newton's method from ahead
+    /// approaches the foremost point and never passes it.
     fn foremost(&self, origin: &Vector3<f64>) -> Vector3<f64> {
         /// A point is off by this share of the radius.
         const THERE: f64 = 1e-12;
@@ -256,7 +256,7 @@ impl AdjacentPass {
         ends.chain(out.map(|place| self.at(place)[0]))
     }
 
-    /// Where a function of the place changes its sign between two: false position, halving where that creeps.
+    /// The place between two others at which a function changes its sign: false position, with bisection where that is slow.
     #[inline]
     fn root(&self, mut low: (f64, f64), mut high: (f64, f64), f: impl Fn(f64) -> f64) -> Option<f64> {
         if low.1 * high.1 >= 0.0 {
@@ -277,7 +277,7 @@ impl AdjacentPass {
         Some(0.5 * (low.0 + high.0))
     }
 
-    /// Calls `each` with the parts of a ring's arc that the cutter beside has left.
+    /// Calls `each` with the parts of a ring's arc that the neighbouring pass has left.
     #[inline]
     pub(super) fn left(&self, ring: &Ring, (from, to): Arc, mut each: impl FnMut(Arc)) {
         let mut ends: SmallVec<[End; 6]> = SmallVec::new();

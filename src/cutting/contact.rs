@@ -11,10 +11,10 @@ const SQUARE_SINE: f64 = 1e-9;
 pub enum ContactPoint {
     /// One point.
     Point(Vector3<f64>),
-    /// The axis is the normal and the cutter has a flat: the whole disk touches, no one point.
+    /// The axis is along the normal and the cutter has a flat: the whole disk touches the surface.
     FlatDisk,
-    /// The tool leans back and its flat drags behind the point given (or lies over entirely):
-    /// the surface is cut by the heel, which the force model does not cover.
+    /// The tool leans back, so that the rear of its flat cuts the surface (heel cutting), or it lies down entirely. The force model does not
+    /// cover this.
     Heel(Vector3<f64>),
 }
 
@@ -40,7 +40,7 @@ fn sine(axis: &Unit<Vector3<f64>>) -> f64 {
     (axis.x * axis.x + axis.y * axis.y).sqrt()
 }
 
-/// Height of the contact point over the tip, m, negative, where it is one point.
+/// Height of the contact point above the tip, m (not positive); `None` if the contact is not a single point.
 pub(super) fn height(cutter: &Cutter, axis: &Unit<Vector3<f64>>) -> Option<f64> {
     let flat = cutter.radius() - cutter.corner_radius;
     let disk = flat > 0.0 && sine(axis) <= SQUARE_SINE;

@@ -10,7 +10,7 @@ use std::sync::Arc;
 pub struct FeedTable {
     table: Arc<ForceTable>,
     feed_per_tooth: f64,
-    /// Whether the grid holds at that feed.
+    /// Whether the grid is valid at that feed.
     holds: bool,
     cells: Vec<Cell>,
 }
@@ -26,10 +26,10 @@ struct Places {
     /// Where the places are along the depth, cells, and which one that is in.
     at: Lanes,
     cell: Lanes,
-    /// Where the table holds, and does not fade.
+    /// Lanes in which the table is valid and not blended.
     inside: LaneMask,
     kinks: [Lanes; 2],
-    /// Those whose force is wanted and not found yet.
+    /// Lanes whose force is wanted and not computed yet.
     left: LaneMask,
 }
 

@@ -2,7 +2,7 @@
 
 use super::Coefficients;
 
-/// What every preset must be read with.
+/// The warning that belongs to every preset.
 pub const CALIBRATE: &str = "typical values from the literature: calibrate them with a measured \
      force, tool and material batch easily differ by 30 %";
 

@@ -26,7 +26,7 @@ pub struct Milling {
     /// Height of the tip over the stock's top at the programmed pose, m.
     tip_z: f64,
     /// Up and down milling.
-    beside: Option<AdjacentPass>,
+    neighbouring_pass: Option<AdjacentPass>,
 }
 
 /// Mean forces on the tool over a revolution at many engagements, N, each in its own feed frame, for a cutter that is where it
@@ -88,8 +88,8 @@ impl Milling {
                  does not cover: expected a lead of zero or more, or a ball end",
             ));
         }
-        let beside = beside(&cutter, &engagement, &axis, tip_z);
-        let milling = Milling { cutter, engagement, coefficients, axis, tip_z, beside };
+        let neighbouring_pass = neighbouring_pass(&cutter, &engagement, &axis, tip_z);
+        let milling = Milling { cutter, engagement, coefficients, axis, tip_z, neighbouring_pass };
         if milling.mean_force(&Vector3::zeros(), &axis) == Vector3::zeros() {
             return Err(error(
                 "coefficients",
@@ -117,8 +117,8 @@ impl Milling {
     /// Mean force on the tool over a revolution, N, in the feed frame.
     ///
     /// `shift` is the tip's displacement from the programmed one (m, feed frame; only that along z
-    /// counts), `axis` the tool axis where it really is, tip to spindle. In up and down milling the
-    /// pass beside was off by as much. Zero out of the material.
+    /// counts), `axis` the actual direction of the tool axis, tip to spindle. In up and down milling the
+    /// neighbouring pass is assumed to have the same displacement. Zero out of the material.
     pub fn mean_force(&self, shift: &Vector3<f64>, axis: &Unit<Vector3<f64>>) -> Vector3<f64> {
         self.force_parts(shift, axis).at(self.engagement.feed_per_tooth)
     }
@@ -138,7 +138,7 @@ impl Milling {
             feed_across,
             feed_along: axis.x,
             top: HalfSpace::new(to_cutter(Vector3::z()), self.tip_z + shift.z),
-            beside: self.beside.as_ref(),
+            neighbouring_pass: self.neighbouring_pass.as_ref(),
         };
         let parts = self.integrate(&patch);
         ForceParts { edge: feed_from_cutter * parts.edge, cutting: feed_from_cutter * parts.cutting }
@@ -201,8 +201,13 @@ fn ring_force(k: [f64; 3], ring: &Ring, (one, cos, sin): (f64, f64, f64)) -> Vec
     Vector3::new(-kt * sin - inward * cos, kt * cos - inward * sin, (kr * ring.cos - ka * ring.sin) * one)
 }
 
-/// What the pass beside leaves of the cut at the programmed pose; `None` where that is all of it.
-fn beside(cutter: &Cutter, engagement: &Engagement, axis: &Unit<Vector3<f64>>, tip_z: f64) -> Option<AdjacentPass> {
+/// The neighbouring pass at the programmed pose; `None` if it has removed nothing of this cut.
+fn neighbouring_pass(
+    cutter: &Cutter,
+    engagement: &Engagement,
+    axis: &Unit<Vector3<f64>>,
+    tip_z: f64,
+) -> Option<AdjacentPass> {
     let to_pass = match engagement.mode {
         Mode::Slot => return None,
         Mode::Down => Vector3::y(),

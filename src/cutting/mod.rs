@@ -51,9 +51,9 @@ pub struct Cutter {
 pub enum Mode {
     /// Material on both sides; the width plays no part.
     Slot,
-    /// Conventional milling: material to the left of the feed, at +y; the pass before was to the right.
+    /// Conventional milling: material to the left of the feed, at +y; the previous pass was to the right.
     Up,
-    /// Climb milling: material to the right of the feed, at −y; the pass before was to the left.
+    /// Climb milling: material to the right of the feed, at −y; the previous pass was to the left.
     Down,
 }
 
@@ -64,7 +64,7 @@ pub struct Engagement {
     pub mode: Mode,
     /// Depth along the surface normal from the stock's top to the cutter's lowest point, m.
     pub depth: f64,
-    /// Stepover, m: in up and down milling the same cutter has passed so far beside, at the same
+    /// Stepover, m: in up and down milling the same cutter has made a pass this far away, at the same
     /// depth. For an upright flat end mill it is the radial width of cut.
     pub width: f64,
     /// Feed per tooth, m.

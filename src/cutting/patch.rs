@@ -2,7 +2,7 @@
 //!
 //! A ring is the circle at one profile angle κ (on the corner) or one height (on the cylinder
 //! above it). A point of it cuts where it lies inside the stock (below its top, and in up and down
-//! milling outside of what the pass beside has taken) and where it faces the feed (chip thickness
+//! milling outside of what the neighbouring pass has removed) and where it faces the feed (chip thickness
 //! h > 0). What cuts is the intersection of the arcs that each condition keeps.
 
 use super::adjacent::AdjacentPass;
@@ -20,7 +20,7 @@ pub(super) struct Patch<'a> {
     pub(super) feed_along: f64,
     pub(super) top: HalfSpace,
     /// Up and down milling.
-    pub(super) beside: Option<&'a AdjacentPass>,
+    pub(super) neighbouring_pass: Option<&'a AdjacentPass>,
 }
 
 /// Integrals over the cutting arcs of a ring: 1, cos, sin, cos², sin·cos.
@@ -81,7 +81,7 @@ impl Patch<'_> {
             any = true;
             sum.add(&arc);
         };
-        overlaps(facing, &top, |arc| match self.beside {
+        overlaps(facing, &top, |arc| match self.neighbouring_pass {
             None => add(arc),
             Some(pass) => pass.left(ring, arc, &mut add),
         });

@@ -28,10 +28,10 @@ pub(super) struct HalfSpace {
     /// Unit vector out of the material, square to the feed.
     pub(super) direction: Vector3<f64>,
     pub(super) offset: f64,
-    /// Length of `direction` across the tool axis, and the way into the material there.
+    /// Length of the part of `direction` across the tool axis, and the direction into the material there.
     pub(super) slope: f64,
     pub(super) inward: (f64, f64),
-    /// Of `inward`, rad.
+    /// Angle of `inward`, rad.
     pub(super) angle: f64,
 }
 

@@ -1,6 +1,6 @@
 //! Roots of functions of one number.
 
-/// Where a break is off by this (rad), the integral is off by its square.
+/// Accuracy of the places at which intervals end, rad. The error of the integral is its square.
 const BREAK_WIDTH: f64 = 1e-10;
 
 /// Root of an increasing function by false position (Illinois) with bisection as a guard.
@@ -11,7 +11,7 @@ pub(super) fn increasing_root(mut lo: f64, mut hi: f64, f: impl Fn(f64) -> f64) 
     }
     let (mut last, mut kept_lo, mut kept_hi) = (lo, false, false);
     for pass in 0..100 {
-        // Every fifth step halves, so that a jump cannot stall the secant.
+        // Every fifth step is a bisection, so that a jump of the function cannot stall the secant.
         let at = if pass % 5 == 4 { 0.5 * (lo + hi) } else { hi - f_hi * (hi - lo) / (f_hi - f_lo) };
         if (at - last).abs() < BREAK_WIDTH {
             return Some(at);

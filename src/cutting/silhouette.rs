@@ -1,4 +1,4 @@
-//! Where the set of cutting arcs changes its make-up along the profile.
+//! The places along the profile at which the set of cutting arcs changes.
 //!
 //! Between these breaks the arc integrals are smooth in κ (or in height) but for square roots at
 //! the breaks themselves, which is what the quadrature is made for. An arc appears, vanishes or
@@ -12,14 +12,14 @@ use super::root::increasing_root;
 use nalgebra::Vector3;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// Most breaks a profile can have: its two ends, 4 of the stock's top, 2 of the facing condition, 2 of both, and of the pass
-/// beside its ends and as many turns as are likely.
+/// The largest number of breaks of a profile: its two ends, 4 of the stock's top, 2 of the facing condition, 2 of both, and the ends and
+/// a few turning points of the boundary of the neighbouring pass.
 const MOST_BREAKS: usize = 20;
 
-/// A point this far outside (m, and as a cosine) is off the patch; nearer may be rounding.
+/// A point farther outside than this (m, and as a cosine) is not on the patch; less may be rounding.
 const OFF_PATCH: f64 = 1e-9;
 
-/// Chunks shorter than this (rad, or of the cylinder's height) hold no force worth a rule.
+/// Intervals shorter than this (rad, or share of the cylinder's height) have a negligible force.
 const NO_CHUNK: f64 = 1e-12;
 
 /// A facing arc that opens at less than this κ (rad) needs a second interval to unfold.
@@ -109,7 +109,7 @@ impl Patch<'_> {
                 breaks.push(kappa);
             }
         }
-        for along in self.beside.iter().flat_map(|pass| pass.breaks(&self.top, |along| self.ring(along))) {
+        for along in self.neighbouring_pass.iter().flat_map(|pass| pass.breaks(&self.top, |along| self.ring(along))) {
             let kappa = along / self.corner;
             if breaks.holds(kappa) {
                 breaks.push(kappa);
@@ -135,7 +135,7 @@ impl Patch<'_> {
                 breaks.push(height);
             }
         }
-        for along in self.beside.iter().flat_map(|pass| pass.breaks(&self.top, |along| self.ring(along))) {
+        for along in self.neighbouring_pass.iter().flat_map(|pass| pass.breaks(&self.top, |along| self.ring(along))) {
             let height = along + self.corner * (1.0 - FRAC_PI_2);
             if breaks.holds(height) {
                 breaks.push(height);
@@ -144,7 +144,7 @@ impl Patch<'_> {
         Some(breaks)
     }
 
-    /// Does this point of a ring lie on the cutting patch or its rim?
+    /// Whether a point of a ring lies on the cutting patch or its rim.
     fn cuts(&self, ring: &Ring, angle: (f64, f64)) -> bool {
         self.facing(ring, angle.0) > -OFF_PATCH && self.in_stock(&ring.point(angle))
     }
@@ -159,8 +159,8 @@ impl Patch<'_> {
     /// only grows with the angle between its normal and the way into the material.
     fn silhouette_crossing(&self, space: &HalfSpace, side: f64) -> Option<(f64, Vector3<f64>)> {
         let feed = Vector3::new(self.feed_across, 0.0, self.feed_along);
-        let beside = feed.cross(&space.direction) * side;
-        let normal = |theta: f64| beside * theta.sin() - space.direction * theta.cos();
+        let across = feed.cross(&space.direction) * side;
+        let normal = |theta: f64| across * theta.sin() - space.direction * theta.cos();
         let point = |n: &Vector3<f64>| {
             let flat = self.radius - self.corner;
             // A ball has no flat to reach across, whichever way it faces.

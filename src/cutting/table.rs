@@ -12,22 +12,22 @@ use std::f64::consts::PI;
 /// Guaranteed error of a look-up over the force.
 pub const TABLE_BOUND: f64 = 1e-3;
 
-/// Error that construction aims for at its check points; a tenth of the bound, for what lies between.
+/// Error that the construction aims for at its check points: a tenth of the bound, because it may be larger between them.
 const WANTED: f64 = 0.1 * TABLE_BOUND;
-/// What it puts up with in a cut that has kinks: the bound is kept with half of it to spare.
+/// Error that is accepted in a cut whose force has kinks: half of the bound.
 const ALLOWED: f64 = 0.5 * TABLE_BOUND;
 
-/// Depth range towards less, a share of the programmed depth: the force goes to zero with the depth, and with it what a
-/// relative error may be.
+/// Range towards smaller depths, as a share of the programmed depth. It ends before zero depth, where the force is zero and its relative
+/// error is not defined.
 const LESS: f64 = 0.5;
 
-/// Depth range towards more, first what is tried first. Weight alone sags a large arm by some millimetres, whatever the depth.
+/// Ranges towards larger depths, in the order in which they are tried. Weight alone bends a large arm by some millimetres.
 fn ranges_towards_more(depth: f64) -> [f64; 3] {
     const SAG: f64 = 2.5e-3;
     [SAG.max(1.5 * depth), 1.5 * depth, LESS * depth]
 }
 
-/// First try of the turn of the axis, rad, halved until the table is good enough. Joints yield by some 1e-4 rad in a cut.
+/// The first range of turns of the axis that is tried, rad; it is halved until the table is accurate enough. Joints yield by some 1e-4 rad.
 const TURN: f64 = 5e-3;
 const HALVINGS: usize = 5;
 
@@ -37,7 +37,7 @@ const CELLS: [usize; 3] = [16, 48, 96];
 /// Feeds per tooth over the programmed one for which the bound is checked.
 const FEEDS: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];
 
-/// From this share of a range on, the table fades into the integral.
+/// Share of a range from which on the table is blended into the integral.
 pub(super) const FADE: f64 = 0.9;
 
 /// Smooth terms, and two that are used about a lead of zero.
@@ -97,7 +97,7 @@ impl ForceTable {
                     if grid.error_along_depth(&milling, allowed) > allowed {
                         continue;
                     }
-                    // More cells do not mend what turns do.
+                    // More cells along the depth do not reduce the error of the turns.
                     if grid.error_across_depth(&milling, allowed) > allowed {
                         break;
                     }
@@ -377,7 +377,7 @@ impl Grid {
     fn least_squares(&self, places: &[TablePoint]) -> DMatrix<f64> {
         let terms = if self.level { TERMS } else { SMOOTH };
         let design = DMatrix::from_fn(places.len(), terms, |i, m| self.terms(&places[i])[m]);
-        // The points outnumber the terms and tell them apart: the matrix is positive definite.
+        // There are more points than terms, and they distinguish the terms: the matrix is positive definite.
         match design.tr_mul(&design).cholesky() {
             Some(cholesky) => cholesky.solve(&design.transpose()),
             None => DMatrix::zeros(terms, places.len()),

@@ -1,6 +1,8 @@
-//! Lost motion: a gear's gap lets the joint trail its motor on whichever side the motion comes from.
+//! Backlash, or lost motion: after a reversal, the joint stays where it is until the motor has crossed the gap of the gear.
 
-use super::{Effect, Kind, NOT_NEGATIVE, Offset, Parameter, Physics, Site, checked, indexed, is_sharp, table_of, take};
+use super::{
+    Effect, Kind, NOT_NEGATIVE, Offset, Parameter, Physics, Site, checked, is_sharp, per_axis, table_of, take,
+};
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -20,9 +22,9 @@ pub(super) const KIND: Kind = Kind {
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Backlash {
-    /// Half of what the joint loses when its motor turns back, rad.
+    /// Half of the angle that the joint loses when its motor reverses, rad, for each joint.
     half_gap_rad: [f64; 6],
-    /// Angle over which it builds up after the joint turns back, rad: the same in all effects of an arm.
+    /// Angle over which the lost motion builds up after a reversal, rad; the same in all effects of an arm.
     #[serde(default, skip_serializing_if = "is_sharp")]
     presliding_rad: f64,
 }
@@ -47,7 +49,7 @@ impl Effect for Backlash {
 
     fn parameters(&self) -> Vec<Parameter> {
         // Makers quote up to an arc minute; 10 to 20 arc seconds are usual.
-        indexed("half_gap_rad", &self.half_gap_rad, "rad", 1e-4, 0.0, NOT_NEGATIVE)
+        per_axis("half_gap_rad", &self.half_gap_rad, "rad", 1e-4, 0.0, NOT_NEGATIVE)
     }
 
     fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {

@@ -1,7 +1,8 @@
-//! A pedestal or foundation that yields under everything that the arm carries.
+//! A pedestal or foundation that yields under all loads on the arm.
 
 use super::{
-    Deflection, Effect, Kind, Load, NOT_NEGATIVE, Parameter, Parts, Physics, State, checked, indexed, table_of, take,
+    Deflection, Effect, Kind, Load, NOT_NEGATIVE, Parameter, Parts, Physics, State, checked, per_direction, table_of,
+    take,
 };
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
@@ -40,8 +41,8 @@ impl Physics for BaseCompliance {
 impl Effect for BaseCompliance {
     fn parameters(&self) -> Vec<Parameter> {
         // Foundations measure 1e6 to 5e7 N·m/rad; a pedestal on a plate is softer than a cast floor.
-        let mut all = indexed("mm_per_n", &self.mm_per_n, "mm/N", 4e-5, 0.0, NOT_NEGATIVE);
-        all.extend(indexed("rad_per_nm", &self.rad_per_nm, "rad/(N·m)", 1e-6, 0.0, NOT_NEGATIVE));
+        let mut all = per_direction("mm_per_n", &self.mm_per_n, "mm/N", 4e-5, 0.0, NOT_NEGATIVE);
+        all.extend(per_direction("rad_per_nm", &self.rad_per_nm, "rad/(N·m)", 1e-6, 0.0, NOT_NEGATIVE));
         all
     }
 

@@ -1,4 +1,4 @@
-//! Links and bearings that yield across the joint axes, where the gears' springs do not count.
+//! Links and bearings that yield about axes perpendicular to the joint axis, in addition to the springs of the gears.
 
 use super::{
     Deflection, Effect, Kind, Load, NOT_NEGATIVE, Parameter, Parts, Physics, State, checked, indexed, table_of, take,
@@ -18,7 +18,7 @@ pub(super) const KIND: Kind = Kind {
     ..Kind::PLAIN
 };
 
-/// Turn of each link about x and y of its own frame, under what acts on it and beyond.
+/// Each link turns about x and y of its own frame under the moment of all loads that act on it and on the links after it.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct BearingCompliance {
@@ -44,7 +44,7 @@ impl Physics for BearingCompliance {
 
 impl Effect for BearingCompliance {
     fn parameters(&self) -> Vec<Parameter> {
-        // Bearings are some five times stiffer across than the gears are along: 1e6 to 5e7 N·m/rad.
+        // Typical bearings have 1e6 to 5e7 N·m/rad, about five times the stiffness of the gears.
         let of = |(i, pair): (usize, &[f64; 2])| {
             indexed(&format!("rad_per_nm[{i}]"), pair, "rad/(N·m)", 6e-7, 0.0, NOT_NEGATIVE)
         };

@@ -16,25 +16,25 @@ pub(super) const KIND: Kind = Kind {
     ..Kind::PLAIN
 };
 
-/// Lengths below this have no direction, m: both ends are fastened at one place.
+/// Below this distance of its ends, m, the spring has no direction and pulls with no force.
 const NO_LENGTH: f64 = 1e-9;
 
-/// A spring between a point on the base or the column and a point on the forearm: it pulls by stiffness · (length − rest) along
-/// itself, and hangs slack where it is shorter than at rest.
+/// A spring between a point on the base or the column and a point on the forearm. It pulls with stiffness · (length − rest) along its
+/// own direction, and with no force where it is shorter than at rest.
 ///
-/// Where it is fastened is declared: position errors of some poses do not tell two points apart.
+/// The two points have to be declared: position errors at some poses cannot determine them.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct CablePull {
     stiffness_n_per_m: f64,
     rest_mm: f64,
-    /// In the frame of `from_link`.
+    /// Point where it is fastened, mm, in the frame of `from_link`.
     from_mm: [f64; 3],
-    /// 0 (base) or 1 (column).
+    /// The link that carries this point: 0 (base) or 1 (column).
     from_link: usize,
-    /// In the frame of `to_link`.
+    /// The other point, mm, in the frame of `to_link`.
     to_mm: [f64; 3],
-    /// 3 or 4.
+    /// The link that carries this point: 3 or 4 (forearm).
     to_link: usize,
 }
 
@@ -55,7 +55,7 @@ fn read(table: toml::Table) -> Result<Box<dyn Effect>, toml::de::Error> {
     Ok(Box::new(effect))
 }
 
-/// None: where it would be fastened is not in the data. One that is declared is fitted anew.
+/// No candidates: the data cannot show where a cable is fastened. A declared one is fitted again.
 fn candidates(_: &Survey) -> Vec<Box<dyn Effect>> {
     Vec::new()
 }
@@ -95,7 +95,7 @@ impl Effect for CablePull {
     fn parameters(&self) -> Vec<Parameter> {
         vec![
             scalar("stiffness_n_per_m", self.stiffness_n_per_m, "N/m", 300.0, 0.0, NOT_NEGATIVE),
-            // A length does nothing whatever its value while the stiffness is zero.
+            // At zero stiffness the rest length has no effect, so any value is neutral.
             scalar("rest_mm", self.rest_mm, "mm", 100.0, self.rest_mm, ANY),
         ]
     }

@@ -1,4 +1,4 @@
-//! Clamps of the part give way, beyond what `[[part.clamp]]` declares.
+//! Clamps of the part that yield more than `[[part.clamp]]` declares.
 
 use super::physics::MOTIONS;
 use super::{
@@ -29,9 +29,9 @@ pub(super) const KIND: Kind = Kind {
     ..Kind::PLAIN
 };
 
-/// Each clamp moves as a whole by its compliance times the force that the part presses on it with: with the motions W of the place
-/// under motions of the clamps, and the forces K that these take, the place yields by W (1 + c K)⁻¹ c Wᵀ more. That is exact for
-/// any c. The part's stiffness K goes with the factor of `part_stiffness`.
+/// Each clamp moves as a rigid body by its compliance c times the force with which the part presses on it. Let W be the shifts of the
+/// place of the cut under unit motions of the clamps, and K the stiffness of the part against these motions. The compliance at the place
+/// then grows by W (1 + c K)⁻¹ c Wᵀ, which is exact for any c. K is multiplied by the factor of the effect `part_stiffness`.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ClampCompliance {
@@ -41,9 +41,9 @@ pub(super) struct ClampCompliance {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SoftClamp {
-    /// Number of the `[[part.clamp]]`, from 1.
+    /// Number of the `[[part.clamp]]` in the cell file, counted from 1.
     clamp: usize,
-    /// Along x, y and z of the stock, on top of the declared stiffness.
+    /// Compliance along x, y and z of the stock, mm/N, in addition to that of the declared stiffness.
     mm_per_n: [f64; 3],
 }
 
@@ -62,7 +62,7 @@ fn read(table: toml::Table) -> Result<Box<dyn Effect>, toml::de::Error> {
 }
 
 impl ClampCompliance {
-    /// Number of each motion, and the root of its compliance, √(m/N).
+    /// The index of each motion whose compliance is not zero, and the square root of the compliance, √(m/N).
     fn motions(&self) -> impl Iterator<Item = (usize, f64)> {
         let of = |soft: &SoftClamp| [0, 1, 2].map(|k| (3 * (soft.clamp - 1) + k, (1e-3 * soft.mm_per_n[k]).sqrt()));
         self.clamps.iter().flat_map(of)
@@ -79,8 +79,8 @@ impl Physics for ClampCompliance {
         let part = &state.site.part;
         // What acts on the tool acts on the part the other way.
         let force = state.site.base_from_wobj.turn_back(load.cut);
-        // With s = √c that is W s (1 + s K s)⁻¹ s Wᵀ: the matrix between is symmetric, and its eigenvalues are not below 1, so that
-        // it is eliminated in order.
+        // With s = √c the formula is W s (1 + s K s)⁻¹ s Wᵀ. The matrix in brackets is symmetric with eigenvalues of at least 1, so
+        // the elimination needs no pivots.
         let mut matrix = [[R::ZERO; MOTIONS]; MOTIONS];
         let mut right = [R::ZERO; MOTIONS];
         let mut count = 0;

@@ -1,8 +1,8 @@
-//! No named effect explains it: the mean of a Gaussian process over place, posture and cutting force, only near where it was seen.
+//! A map of errors that no physical effect explains: the mean of a Gaussian process over place, posture and cutting force.
 //!
-//! The third form of `empirical`: a sum of bells about centres. Each of the three coordinates counts in units of its spread over the
-//! rows that the process was fitted to, so that the correction fades to nothing some reaches away from every centre, whether the tool
-//! is elsewhere, the wrist is turned otherwise, or the cut pulls differently.
+//! This is the third form of the effect `empirical`: a sum of Gaussian bells about measured rows. Distances are measured in units of the
+//! spread of place, wrist angles and force over the rows of the fit. The correction therefore fades to zero when the tool is elsewhere,
+//! the wrist has other angles, or the cutting force is another.
 
 use super::empirical_field::{NAME, NOTHING};
 use super::{Cutting, Deflection, Effect, Load, Parameter, Parts, Physics, Situation, State, table_of};
@@ -17,19 +17,19 @@ use serde::{Deserialize, Serialize};
 pub(super) struct Discrepancy {
     /// Length scale of a bell exp(−½ d²/reach²), in spreads.
     reach: f64,
-    /// Standard deviations over the rows of place (mm), wrist (degrees) and force (N): a coordinate whose spread is 0 does not count.
+    /// Standard deviation over the rows of place (mm), wrist angles (degrees) and force (N). A coordinate with spread 0 is ignored.
     spread: [f64; 3],
-    /// Places in the base.
+    /// Places of the centres in the base frame, mm.
     at_mm: Vec<[f64; 3]>,
-    /// Commanded motor angles of axes 4 to 6.
+    /// Commanded motor angles of axes 4 to 6 at the centres, degrees.
     wrist_deg: Vec<[f64; 3]>,
-    /// Cutting force on the tool, work object axes.
+    /// Cutting force on the tool at the centres, N, work object axes.
     force_n: Vec<[f64; 3]>,
-    /// What each centre's bell shifts by.
+    /// Shift of the TCP by the bell of each centre, mm, base axes.
     shift_mm: Vec<[f64; 3]>,
 }
 
-/// Where a row was measured, in the coordinates of a discrepancy, and by how much the tool is off there.
+/// A measured row as the centre of a bell: place, wrist angles and force, and the shift of the TCP there.
 #[derive(Clone, Copy, Debug)]
 pub struct Bell {
     /// Place in the base, mm.
@@ -42,7 +42,8 @@ pub struct Bell {
     pub shift: Vector3<f64>,
 }
 
-/// A sum of bells of a reach in spreads of place (mm), wrist (rad) and force (N): an `empirical` effect.
+/// The effect `empirical` as a sum of bells. `reach` is their length scale in units of the spreads of place (mm), wrist angles (rad) and
+/// force (N).
 #[must_use]
 pub fn discrepancy(reach: f64, [place, wrist, force]: [f64; 3], bells: &[Bell]) -> Box<dyn Effect> {
     let all = |of: &dyn Fn(&Bell) -> Vector3<f64>| bells.iter().map(|bell| of(bell).into()).collect();
@@ -80,12 +81,12 @@ impl Discrepancy {
         Ok(self)
     }
 
-    /// What turns a difference in each coordinate into reaches; 0 where it does not count.
+    /// Factors from a difference in each coordinate to units of the reach; 0 for a coordinate that is ignored.
     fn scales(&self) -> [f64; 3] {
         self.spread.map(|spread| if spread > 0.0 { 1.0 / (spread * self.reach) } else { 0.0 })
     }
 
-    /// Squared distance from each centre, in reaches.
+    /// Squared distance from each centre, in units of the reach.
     #[inline(always)]
     fn apart<R: Real>(&self, i: usize, scales: [f64; 3], here: [Vector<R>; 3]) -> R {
         let centre = [self.at_mm[i], self.wrist_deg[i], self.force_n[i]];
@@ -131,7 +132,7 @@ impl Effect for Discrepancy {
             motor_commanded.fixed_rows::<3>(3).map(f64::to_degrees),
             match situation.cutting {
                 Cutting::Constant(force) => force,
-                // The law's force is near those that were seen where place and posture are.
+                // Where place and posture are near measured ones, so is the force of the cutting law.
                 Cutting::Air | Cutting::Law { .. } => Vector3::zeros(),
             },
         ];
@@ -140,7 +141,7 @@ impl Effect for Discrepancy {
         (0..self.shift_mm.len()).any(|i| self.apart(i, scales, here) <= 1.0)
     }
 
-    /// None: bells about neighbouring centres are nothing one by one.
+    /// No parameters to fit: neighbouring bells overlap, so that single heights mean nothing.
     fn parameters(&self) -> Vec<Parameter> {
         Vec::new()
     }

@@ -1,7 +1,7 @@
-//! No named effect explains it: a smooth map of what is left, used only in the domain where it was seen to hold.
+//! A smooth map of errors that no physical effect explains, used only in the domain in which it was measured.
 //!
-//! Over the position in the work object it shifts the TCP in the work object's axes; over the commanded motor angles, in
-//! the base's. It fades to nothing over the outer tenth of its domain, so that no correction jumps at the edge.
+//! A map over positions in the work object shifts the TCP in work object axes; one over commanded motor angles shifts it in base axes. It
+//! fades to zero over the outer tenth of its domain, so that the correction does not jump at the edge.
 
 pub(super) use super::discrepancy::Discrepancy;
 pub(super) use super::empirical_field::EmpiricalField;
@@ -26,7 +26,7 @@ pub(super) const KIND: Kind = Kind {
     ..Kind::PLAIN
 };
 
-/// One of three forms: a field has a reach in mm, a discrepancy one in spreads.
+/// Chooses the form of the table by its keys: a field has `reach_mm`, a discrepancy has `reach`, a polynomial has neither.
 fn read(table: toml::Table) -> Result<Box<dyn Effect>, toml::de::Error> {
     if table.contains_key("reach") {
         return checked(table.try_into::<Discrepancy>()?.check().map_err(toml::de::Error::custom)?);
@@ -37,13 +37,13 @@ fn read(table: toml::Table) -> Result<Box<dyn Effect>, toml::de::Error> {
     checked(Empirical::try_from(table.try_into::<Keys>()?).map_err(toml::de::Error::custom)?)
 }
 
-/// Degrees a radian.
+/// Degrees per radian.
 const RAD_TO_DEG: f64 = 180.0 / std::f64::consts::PI;
 
-/// Share of the half range, from the middle, where the map acts in full.
+/// Share of the half range, from the middle of the domain, within which the map acts in full.
 const FULL: f64 = 0.9;
 
-/// Highest total degree: beyond it a polynomial follows noise between the data.
+/// Highest total degree. Polynomials of higher degree follow the noise between the measured points.
 const MAX_DEGREE: usize = 5;
 
 /// A polynomial shift of the TCP.
@@ -69,10 +69,10 @@ enum Over {
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Keys {
-    /// Of x, y, z in the work object.
+    /// Domain over x, y, z in the work object.
     #[serde(skip_serializing_if = "Option::is_none")]
     domain_mm: Option<[[f64; 2]; 3]>,
-    /// Of the commanded motor angles.
+    /// Domain over the commanded motor angles.
     #[serde(skip_serializing_if = "Option::is_none")]
     domain_deg: Option<[[f64; 2]; 6]>,
     degree: usize,
@@ -187,7 +187,7 @@ impl Physics for Empirical {
         let weight = fade(&scaled[..self.domain.len()]);
         let [x, y, z] = self.sums(&scaled);
         let shift = Vector::new(x, y, z) * (weight * 1e-3);
-        // Far outside a polynomial may be anything.
+        // Far outside its domain a polynomial can be arbitrarily large.
         let acts = R::ZERO.lt(weight);
         let within = |value: R| acts.select(value, R::ZERO);
         let shift = Vector::new(within(shift.x), within(shift.y), within(shift.z));

@@ -1,8 +1,8 @@
-//! No named effect explains it: a field over the place of what was left there, used only near where it was seen.
+//! A map over places of errors that no physical effect explains, used only near the places where it was measured.
 //!
-//! The second form of `empirical`: a sum of bells about the places where something was left. It acts in full as near to one
-//! of them as it was seen to hold, and fades to nothing over as much again, so that no correction jumps. What is left in one
-//! clamping may belong to the place in the base or to that on the part: it acts where both are near.
+//! This is the second form of the effect `empirical`: a sum of Gaussian bells about measured places. It acts in full within the distance
+//! at which it was tested, and fades to zero over the same distance again, so that the correction does not jump. With a single clamping
+//! the data cannot show whether an error belongs to the place in the base or to the place on the part; it acts where both are near.
 
 use super::{Effect, Offset, Parameter, Parts, Physics, Site, Situation, table_of};
 use crate::lanes::{Mask, Real, Vector};
@@ -10,7 +10,7 @@ use crate::robot::Joints;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// The kind that it is a form of.
+/// The kind of which this is a form.
 pub(super) const NAME: &str = "empirical";
 
 /// A shift of the TCP in base axes: a sum of bells about places.
@@ -21,26 +21,26 @@ pub(super) struct EmpiricalField {
     reach_mm: f64,
     /// Distance from the nearest place up to which the field acts in full.
     within_mm: f64,
-    /// Places in the base.
+    /// Places in the base frame, mm.
     at_mm: Vec<[f64; 3]>,
-    /// The same places in the work object; without them the field is of the base alone.
+    /// The same places in the work object, mm; without them only the place in the base counts.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     on_part_mm: Vec<[f64; 3]>,
-    /// What each place's bell shifts by.
+    /// Shift of the TCP by the bell of each place, mm, base axes.
     shift_mm: Vec<[f64; 3]>,
 }
 
 /// A place of a field, mm.
 #[derive(Clone, Copy, Debug)]
 struct FieldPlace {
-    /// In the base.
+    /// In the base frame.
     at: Vector3<f64>,
     /// In the work object.
     on_part: Vector3<f64>,
 }
 
 impl FieldPlace {
-    /// How far two places are from one another, in the base or on the part, whichever is more.
+    /// The distance of two places in the base or on the part, whichever is larger.
     fn apart(&self, other: &Self) -> f64 {
         (self.at - other.at).norm().max((self.on_part - other.on_part).norm())
     }
@@ -67,7 +67,7 @@ impl EmpiricalField {
         Ok(self)
     }
 
-    /// Distance from where the TCP is sent to the nearest place, in those up to which the field holds.
+    /// Distance of the commanded TCP from the nearest place, in units of the distance within which the field acts in full.
     fn off(&self, situation: &Situation) -> f64 {
         let on_part = 1e3 * situation.wobj_from_tcp.translation.vector;
         let at = 1e3 * (situation.base_from_wobj * situation.wobj_from_tcp).translation.vector;
@@ -79,14 +79,15 @@ impl EmpiricalField {
     }
 }
 
-/// How much of a field acts so far from the nearest place, in distances up to which it holds: 1 up to one, 0 from two on.
+/// Share of a field that acts at a distance from the nearest place, in units of the distance within which it acts in full: 1 up to 1, 0
+/// from 2 on, smooth between.
 #[must_use]
 pub(crate) fn fade(off: f64) -> f64 {
     let left = (2.0 - off).clamp(0.0, 1.0);
     left * left * (3.0 - 2.0 * left)
 }
 
-/// Exponents below this leave nothing of a bell, compared with the others.
+/// A bell with an exponent below this is negligible.
 pub(super) const NOTHING: f64 = -40.0;
 
 impl Physics for EmpiricalField {
@@ -125,7 +126,7 @@ impl Effect for EmpiricalField {
         self.off(situation) <= 1.0
     }
 
-    /// None: bells about neighbouring places are nothing one by one.
+    /// No parameters to fit: neighbouring bells overlap, so that single heights mean nothing.
     fn parameters(&self) -> Vec<Parameter> {
         Vec::new()
     }

@@ -1,4 +1,4 @@
-//! A cutting force that is off by a factor: another alloy, a dynamometer out of calibration.
+//! A cutting force that is wrong by a factor: another alloy, a dynamometer out of calibration.
 
 use super::{Effect, FACTOR, Kind, Load, Need, Parameter, Parts, Physics, State, checked, scalar, table_of, take};
 use crate::lanes::Real;
@@ -8,7 +8,7 @@ pub(super) const KIND: Kind = Kind {
     name: "force_scale",
     summary: "the cutting force is off by a factor",
     forms: &["factor = 1.2"],
-    // Where the joints' springs are all that yields.
+    // If only the springs of the joints yield, a factor on the force and a factor on all stiffnesses are the same.
     nested_in: &[super::joint_stiffness::KIND.name],
     read: |table| checked(table.try_into::<ForceScale>()?),
     candidates: |survey| if survey.has_force { vec![Box::new(ForceScale { factor: 1.0 })] } else { vec![] },
@@ -39,7 +39,7 @@ impl Effect for ForceScale {
     }
 
     fn parameters(&self) -> Vec<Parameter> {
-        // Coefficients from tables are off by 10 to 30 %.
+        // Published coefficients are wrong by 10 to 30 % for another batch of material.
         vec![scalar("factor", self.factor, "1", 0.2, 1.0, FACTOR)]
     }
 

@@ -14,13 +14,13 @@ pub(super) const KIND: Kind = Kind {
     shape: super::Shape::Periodic,
     locally_like: &[super::joint_error_curve::KIND.name],
     read,
-    // Joints times orders are too many to list: a search builds them with `gear_harmonic`.
+    // There are too many combinations of joints and orders to list. A search builds the candidates with `gear_harmonic`.
     candidates: |_| vec![],
     ..Kind::PLAIN
 };
 
-/// Actual = commanded + Σ (cos_rad · cos(order · angle) + sin_rad · sin(order · angle)), angle as commanded: the motor
-/// is where the controller holds it.
+/// Actual = commanded + Σ (cos_rad · cos(order · angle) + sin_rad · sin(order · angle)). The angle is the commanded motor angle, because
+/// the controller holds the motor there whatever the load.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct GearHarmonic {
@@ -30,9 +30,9 @@ pub(super) struct GearHarmonic {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Term {
-    /// 1 to 6.
+    /// The joint, 1 to 6.
     joint: usize,
-    /// Periods a turn of the joint.
+    /// Periods per turn of the joint.
     order: f64,
     cos_rad: f64,
     sin_rad: f64,

@@ -2,7 +2,7 @@
 
 use super::{
     ANY, Covered, Deflection, Effect, Kind, Load, NOT_NEGATIVE, Parameter, Parts, Physics, State, Survey, checked,
-    indexed, table_of, take,
+    indexed, per_axis, table_of, take,
 };
 use crate::lanes::{Real, Vector};
 use crate::robot::Joints;
@@ -17,12 +17,12 @@ pub(super) const KIND: Kind = Kind {
     ..Kind::PLAIN
 };
 
-/// Masses of the links of a 100 kg class arm, kg, and their first moments, kg·m: an arm grows lighter towards its wrist, and what
-/// hangs on its flange without being declared is a few kilograms.
+/// Typical masses of the links of an arm with a payload of about 100 kg, kg, and their first moments, kg·m. Link 6 is an undeclared load
+/// on the flange of a few kilograms.
 const TYPICAL_MASS: [f64; 6] = [100.0, 100.0, 60.0, 20.0, 10.0, 10.0];
 const TYPICAL_MOMENT: [f64; 6] = [30.0, 30.0, 20.0, 5.0, 2.0, 2.0];
 
-/// Compliance of a joint of a 100 kg class arm, rad/(N·m): where a fit without a declared stiffness starts.
+/// Typical compliance of a joint of such an arm, rad/(N·m), from which a fit without a declared stiffness starts.
 const TYPICAL_COMPLIANCE: f64 = 3e-6;
 
 fn candidates(survey: &Survey) -> Vec<Box<dyn Effect>> {
@@ -32,7 +32,7 @@ fn candidates(survey: &Survey) -> Vec<Box<dyn Effect>> {
 
 /// Weights as base parameters: mass and first moment of each link in its modified-DH frame.
 ///
-/// Many sets give the same joint torques: an identified set is one of them.
+/// Many sets of these numbers give the same joint torques; an identified set is one of them.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Gravity {
@@ -40,10 +40,10 @@ pub(super) struct Gravity {
     mass_kg: [f64; 6],
     /// Mass times centre of gravity of each link, in the link's frame, kg·m.
     first_moment_kg_m: [[f64; 3]; 6],
-    /// Adds the mass that tooldata declares.
+    /// Whether the declared mass of the tool acts too.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     tool: bool,
-    /// Joint compliance times weight where no stiffness is declared, rad/(N·m).
+    /// Compliance of each joint under weights, rad/(N·m), for cells without a declared stiffness.
     #[serde(skip_serializing_if = "Option::is_none")]
     compliance_rad_per_nm: Option<[f64; 6]>,
 }
@@ -93,14 +93,14 @@ impl Effect for Gravity {
     }
 
     fn parameters(&self) -> Vec<Parameter> {
-        let mut all = indexed("mass_kg", &self.mass_kg, "kg", 1.0, 0.0, ANY);
+        let mut all = per_axis("mass_kg", &self.mass_kg, "kg", 1.0, 0.0, ANY);
         all.iter_mut().zip(TYPICAL_MASS).for_each(|(mass, typical)| mass.typical = typical);
         for (i, (moment, typical)) in self.first_moment_kg_m.iter().zip(TYPICAL_MOMENT).enumerate() {
             all.extend(indexed(&format!("first_moment_kg_m[{i}]"), moment, "kg·m", typical, 0.0, ANY));
         }
         if let Some(compliance) = &self.compliance_rad_per_nm {
             let key = "compliance_rad_per_nm";
-            all.extend(indexed(key, compliance, "rad/(N·m)", TYPICAL_COMPLIANCE, 0.0, NOT_NEGATIVE));
+            all.extend(per_axis(key, compliance, "rad/(N·m)", TYPICAL_COMPLIANCE, 0.0, NOT_NEGATIVE));
         }
         all
     }

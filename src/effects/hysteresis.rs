@@ -1,7 +1,7 @@
-//! Friction in the gears: lost motion that grows with the torque they carry.
+//! Friction in the gears: lost motion that is proportional to the torque of the joint.
 
 use super::{
-    Deflection, Effect, Kind, Load, Need, Parameter, Parts, Physics, State, checked, indexed, is_sharp, table_of, take,
+    Deflection, Effect, Kind, Load, Need, Parameter, Parts, Physics, State, checked, is_sharp, per_axis, table_of, take,
 };
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
@@ -26,9 +26,9 @@ pub(super) const KIND: Kind = Kind {
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Hysteresis {
-    /// Share of the torque that friction holds back.
+    /// Share of the torque that friction carries, 0 to 1, for each joint.
     fraction: [f64; 6],
-    /// Angle over which it builds up after the joint turns back, rad: the same in all effects of an arm.
+    /// Angle over which the friction builds up after a reversal, rad; the same in all effects of an arm.
     #[serde(default, skip_serializing_if = "is_sharp")]
     presliding_rad: f64,
 }
@@ -63,7 +63,7 @@ impl Effect for Hysteresis {
 
     fn parameters(&self) -> Vec<Parameter> {
         // 5 to 20 % of the drives' deflection; friction that holds all of it would not move.
-        indexed("fraction", &self.fraction, "1", 0.12, 0.0, (0.0, 1.0))
+        per_axis("fraction", &self.fraction, "1", 0.12, 0.0, (0.0, 1.0))
     }
 
     fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {

@@ -1,4 +1,4 @@
-//! A wrist whose gears couple its axes by another ratio than the controller takes off.
+//! A wrist whose gears couple its axes by a ratio that differs from the one that the controller compensates.
 
 use super::{ANY, Covered, Effect, Kind, Offset, Parameter, Physics, Site, Survey, checked, scalar, table_of};
 use crate::lanes::Real;
@@ -14,10 +14,10 @@ pub(super) const KIND: Kind = Kind {
     ..Kind::PLAIN
 };
 
-/// Typical error of a ratio: wrist ratios stand in tables with two or three decimals, rounded by up to 5e-3 or 5e-4.
+/// Typical error of a ratio. Ratios of wrists are given with two or three decimals, so rounding errors are up to 5e-3 or 5e-4.
 const ROUNDED: f64 = 2e-3;
 
-/// Actual = commanded + ratio · motor angle of `on`, as commanded: the motor is where the controller holds it.
+/// Actual = commanded + ratio · commanded motor angle of `on`; the controller holds the motor there whatever the load.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct JointCoupling {
@@ -27,9 +27,9 @@ pub(super) struct JointCoupling {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Term {
-    /// 1 to 6.
+    /// The joint that turns, 1 to 6.
     joint: usize,
-    /// Another one.
+    /// The joint whose motor turns it, 1 to 6, another one than `joint`.
     on: usize,
     ratio: f64,
 }
@@ -49,8 +49,8 @@ fn read(table: toml::Table) -> Result<Box<dyn Effect>, toml::de::Error> {
     checked(effect)
 }
 
-/// Where the motors of a hollow wrist drive through one another: axes 5 and 6. Offered however little these turned:
-/// over a little of a turn a coupling and a zero are one thing, which only both together can say.
+/// The couplings of a hollow wrist, in which the drives of axes 5 and 6 run through the axes before them. They are candidates even if
+/// these axes turn little: over a small range a coupling looks like a wrong zero, and the answer can name both only if both were tried.
 fn candidates(_: &Survey) -> Vec<Box<dyn Effect>> {
     const WRIST: [(usize, usize); 3] = [(5, 4), (6, 4), (6, 5)];
     vec![Box::new(JointCoupling { terms: WRIST.map(|(joint, on)| Term { joint, on, ratio: 0.0 }).into() })]

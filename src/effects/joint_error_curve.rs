@@ -1,7 +1,7 @@
-//! A joint's own error as a smooth curve of its angle, where no few harmonics describe it.
+//! The error of a single joint as a smooth curve over its angle, for errors that a few harmonics do not describe.
 //!
-//! Valid only where it was seen: beyond its first and last knot the curve fades to nothing, so that no correction jumps, and
-//! [`Effect::covers`] says so.
+//! The curve is valid only between its first and last knot, and [`Effect::covers`] reports that. Beyond them it fades to zero, so that the
+//! correction does not jump.
 
 use super::spline::{Place, Spline};
 use super::{
@@ -25,10 +25,10 @@ pub(super) const KIND: Kind = Kind {
     ..Kind::PLAIN
 };
 
-/// Knot spacings to choose from, degrees: finer curves follow a gear's waves, coarser ones need fewer data.
+/// Knot spacings among which a fit chooses, degrees. Finer curves would follow the waves of a gear; coarser ones need fewer data.
 const SPACINGS_DEG: [f64; 4] = [2.5, 4.0, 8.0, 20.0];
 
-/// A joint that moved less shows no curve, degrees.
+/// No curve is fitted to a joint that moved less than this, degrees.
 const LEAST_RANGE_DEG: f64 = 4.0;
 
 /// Actual = commanded + curve(commanded), by natural cubic splines through the knots.
@@ -38,13 +38,13 @@ pub(super) struct JointErrorCurve {
     curves: Vec<(usize, Spline)>,
 }
 
-/// How a curve's values make its course: it is linear in them.
+/// The curve as a linear function of its values at the knots.
 #[derive(Debug)]
 pub struct JointCurve {
-    /// 0 to 5.
+    /// Index of the joint, 0 to 5.
     pub joint: usize,
     knots_deg: Vec<f64>,
-    /// Second derivative at each knot by each knot's value, those of a knot together.
+    /// Derivatives of the second derivative at each knot with respect to the value at each knot, stored knot by knot.
     bends: Vec<Vec<f64>>,
 }
 
@@ -55,8 +55,7 @@ impl JointCurve {
         &self.knots_deg
     }
 
-    /// What each knot's value counts for at a commanded motor angle, degrees; one in all where the curve holds. As many as there are
-    /// knots.
+    /// The weight of each knot's value at a commanded motor angle (degrees). Within the range of the curve they add up to 1.
     pub fn weights(&self, angle_deg: f64, out: &mut [f64]) {
         let Place { i, values, bends } = Place::of(&self.knots_deg, angle_deg);
         for (out, (low, high)) in out.iter_mut().zip(self.bends[i].iter().zip(&self.bends[i + 1])) {
@@ -76,7 +75,7 @@ struct Keys {
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Curve {
-    /// 1 to 6.
+    /// The joint, 1 to 6.
     joint: usize,
     angle_deg: Vec<f64>,
     error_rad: Vec<f64>,
@@ -105,10 +104,10 @@ impl TryFrom<Keys> for JointErrorCurve {
     }
 }
 
-/// A flat curve of a joint (1 to 6) over a range (degrees), with knots about `spacing_deg` apart, to be fitted.
+/// A curve of zeros for a joint (1 to 6) over a range (degrees), with knots about `spacing_deg` apart, from which a fit starts.
 #[must_use]
 pub fn joint_error_curve(joint: usize, from_deg: f64, to_deg: f64, spacing_deg: f64) -> Box<dyn Effect> {
-    // As many as the range holds, but three at least: two are a scale of the joint, which gears do not have.
+    // At least three: a curve through two knots would be a scale error of the joint, which gears do not have.
     let steps = ((to_deg - from_deg) / spacing_deg).round().max(2.0);
     let knots: Vec<f64> = (0..=steps as usize).map(|i| from_deg + (to_deg - from_deg) * i as f64 / steps).collect();
     let values = vec![0.0; knots.len()];
@@ -149,7 +148,7 @@ impl Effect for JointErrorCurve {
         self.curves.iter().all(|(joint, curve)| curve.covers(motor_commanded[*joint].to_degrees()))
     }
 
-    /// A curve is as large elsewhere as where it was seen, and has less and less to do with its end.
+    /// Beyond its end the error is assumed to be as large as within, and less and less correlated with the value at the end.
     fn unseen(&self, motor_commanded: &Joints) -> Joints {
         let mut sigma = Joints::zeros();
         for (joint, curve) in &self.curves {

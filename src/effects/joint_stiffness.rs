@@ -1,7 +1,7 @@
 //! Elastic joints: gearboxes twist under the torque that they carry (Tang et al., Eq. 3).
 
 use super::{
-    Deflection, Effect, FACTOR, Kind, Load, Need, Parameter, Physics, State, checked, indexed, table_of, take,
+    Deflection, Effect, FACTOR, Kind, Load, Need, Parameter, Physics, State, checked, per_axis, table_of, take,
 };
 use crate::lanes::Real;
 use crate::robot::Joints;
@@ -57,8 +57,8 @@ impl Effect for JointStiffness {
     }
 
     fn parameters(&self) -> Vec<Parameter> {
-        // Declared values are off by 20 to 50 % on real robots; a spring that gives nothing back is none.
-        indexed("scale", &self.scale, "1", 0.3, 1.0, FACTOR)
+        // Declared values of real robots are wrong by 20 to 50 %. A factor of 0 would be no spring.
+        per_axis("scale", &self.scale, "1", 0.3, 1.0, FACTOR)
     }
 
     fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {

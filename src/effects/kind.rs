@@ -1,95 +1,96 @@
-//! What is known of an effect before it has numbers: all that the rest of the tool may ask about a kind.
+//! The properties of a kind of effect that hold whatever its numbers are. Other modules decide by these properties, never by the name
+//! of a kind.
 
 use super::{Effect, Survey};
 
 /// An entry of the registry.
 ///
-/// A kind that says nothing about itself beyond its name, its reader and its candidates is `Kind::PLAIN`: a physical law of
-/// its own, not nested in another, of few numbers.
+/// `Kind::PLAIN` has the values of an ordinary kind: a physical law with few numbers that is independent of all other kinds. An entry
+/// states its name, its reader and its candidates, and only those properties in which it differs.
 #[non_exhaustive]
 pub struct Kind {
     /// Name in the cell file.
     pub name: &'static str,
-    /// One line for people: what happens physically.
+    /// What happens physically, in one line for the user.
     pub summary: &'static str,
-    /// A `[[effect]]` table of each form that it has, `kind` left out, in which every number acts: tests run over them.
+    /// An example of each form of its `[[effect]]` table, without `kind`. Tests read all of them, so every number must have an effect.
     pub forms: &'static [&'static str],
-    /// What it is a law of: a set of effects has one of each part.
+    /// The part of the arm that it describes. A set of effects has at most one law for each part.
     pub part: Part,
-    /// What its numbers can follow.
+    /// What its numbers can describe: a law, waves, a curve or a map.
     pub shape: Shape,
-    /// Whether it turns loads into motion: it does nothing where nothing acts on the arm.
+    /// Whether it turns loads into motion, and so does nothing while no load acts on the arm.
     pub bends_under_load: bool,
-    /// Whether its numbers multiply one another: its slopes about a fit do not tell what there would be without it.
+    /// Whether its numbers multiply one another. Then derivatives at a fit do not predict the residual without the effect.
     pub multiplies: bool,
-    /// Kinds that have every effect of this kind among them, whatever the data, where nothing else acts.
+    /// Kinds that contain this one as a special case: no data can distinguish it from them while no other effect acts.
     pub nested_in: &'static [&'static str],
-    /// Kinds that pass for this one where each joint was seen over a little of a turn only.
+    /// Kinds that look like this one in data in which each joint turns over a small range only.
     pub locally_like: &'static [&'static str],
-    /// Whether a measuring device that stands elsewhere than thought looks the same.
+    /// Whether a wrong position of the measuring device looks the same.
     pub like_device_frame: bool,
-    /// Whether it adds one number to each joint's angle, so that it stands for any error of a joint in a linear model.
+    /// Whether it adds a constant to each joint's angle. In a linear model it then represents any error of a joint.
     pub is_joint_constant: bool,
-    /// The stage at which data over the whole robot are searched for it.
+    /// The stage at which it is searched for in data over the whole robot.
     pub stage: Stage,
-    /// The time constant among its numbers, which is searched over shares of the run and not fitted from nothing.
+    /// The name of its time constant, if it has one. A fit cannot find it from a neutral start, so the search tries shares of the run.
     pub time_constant: Option<&'static str>,
-    /// Numbers that have one sign at a time: of an arm that warms all links grow, of one that cools all shrink.
+    /// Names of numbers that always have the same sign as one another: all links of an arm that warms up grow.
     pub one_sign: &'static [&'static str],
-    /// Whether a cell with `[robot.stiffness]` has it without saying so.
+    /// Whether every cell with `[robot.stiffness]` has it, also without an `[[effect]]` table.
     pub implied_by_stiffness: bool,
-    /// Whether a cell with `[part.material]` has it without saying so.
+    /// Whether every cell with `[part.material]` has it, also without an `[[effect]]` table.
     pub implied_by_part: bool,
-    /// Reads the `[[effect]]` table, `kind` removed; unknown keys are errors.
+    /// Reads the `[[effect]]` table, from which `kind` has been removed. Unknown keys and numbers out of bounds are errors.
     pub read: fn(toml::Table) -> Result<Box<dyn Effect>, toml::de::Error>,
-    /// Variants that do nothing yet, to be fitted to data of this kind; empty where the data cannot show the effect, or
-    /// where a search builds them ([`Shape::Periodic`]).
+    /// Variants with neutral numbers, from which a fit to such data starts. Empty if the data cannot show the effect, or if a search
+    /// builds the variants ([`Shape::Periodic`]).
     pub candidates: fn(&Survey) -> Vec<Box<dyn Effect>>,
 }
 
-/// What an effect is a law of.
+/// The part of the arm that an effect describes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Part {
-    /// Of something that no other kind is a law of.
+    /// A part that no other kind describes.
     Own,
-    /// The springs of the joints: one that is off and one that is bent are two laws of one spring.
+    /// The springs of the joints: a wrong stiffness and a curved characteristic are two laws for the same spring.
     JointSpring,
-    /// One joint each: several of a kind stand side by side, one a joint.
+    /// One joint. A set can have several effects of this kind, one for each joint.
     EachJoint,
 }
 
-/// What the numbers of an effect can follow.
+/// What the numbers of an effect can describe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Shape {
     /// A physical law of few numbers.
     Law,
-    /// Waves of a joint's angle: their orders are searched in what others leave.
+    /// Waves over a joint's angle. A search finds their orders in the residuals of the other effects.
     Periodic,
-    /// A smooth curve of a joint's angle: passes for anything smooth, and holds only where it was seen.
+    /// A smooth curve over a joint's angle. It can imitate any smooth error of the joint, and is valid only where it was measured.
     Curve,
-    /// A smooth map over the place: names no effect, and holds only where it was seen.
+    /// A smooth map over places. It names no cause, and is valid only where it was measured.
     Map,
 }
 
 /// The order in which data over the whole robot are explained.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stage {
-    /// Where the tool is.
+    /// The frame of the tool.
     ToolFrame,
-    /// Where the joints are zero.
+    /// The zeros of the joints.
     JointZeros,
-    /// How long the links are, and how they stand to one another.
+    /// The lengths, offsets and twists of the links.
     Links,
-    /// What is left of that, but for the joints' own curves.
+    /// All other effects except error curves of joints.
     Remainder,
-    /// Curves of the joints, which pass for anything smooth.
+    /// Error curves of joints: last, because they can imitate any smooth error.
     Curves,
 }
 
 impl Kind {
-    /// A physical law of its own, with no name yet.
+    /// An ordinary kind: a physical law with few numbers, independent of all other kinds. An entry replaces what differs.
     pub(super) const PLAIN: Self = Self {
         name: "",
         summary: "",
@@ -111,7 +112,7 @@ impl Kind {
         candidates: |_| Vec::new(),
     };
 
-    /// Whether it passes for anything smooth or periodic in a joint's angle.
+    /// Whether it can imitate any smooth or periodic error over a joint's angle.
     #[must_use]
     pub fn follows_angle(&self) -> bool {
         matches!(self.shape, Shape::Periodic | Shape::Curve)

@@ -1,6 +1,6 @@
-//! Links that are not as drawn: lengths, offsets and twists of the modified-DH rows.
+//! Errors of the lengths, offsets and twists of the links (modified Denavit-Hartenberg rows).
 
-use super::{ANY, Covered, Effect, Kind, Offset, Parameter, Parts, Physics, Site, checked, indexed, table_of, take};
+use super::{ANY, Covered, Effect, Kind, Offset, Parameter, Parts, Physics, Site, checked, per_axis, table_of, take};
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -15,7 +15,7 @@ pub(super) const KIND: Kind = Kind {
     ..Kind::PLAIN
 };
 
-/// Added to the rows. Two parallel axes make some of these one and the same: a fit takes the set it can hold.
+/// Numbers that are added to the rows. Where two axes are parallel, some of them have the same effect, and a fit finds only their sum.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct LinkGeometry {
@@ -48,10 +48,10 @@ impl Effect for LinkGeometry {
 
     fn parameters(&self) -> Vec<Parameter> {
         // 0.3 to 1 mm at the TCP of an uncalibrated arm.
-        let mut all = indexed("d_alpha_rad", &self.d_alpha_rad, "rad", 2e-4, 0.0, ANY);
-        all.extend(indexed("d_a_mm", &self.d_a_mm, "mm", 0.2, 0.0, ANY));
-        all.extend(indexed("d_d_mm", &self.d_d_mm, "mm", 0.2, 0.0, ANY));
-        all.extend(indexed("d_theta_rad", &self.d_theta_rad, "rad", 2e-4, 0.0, ANY));
+        let mut all = per_axis("d_alpha_rad", &self.d_alpha_rad, "rad", 2e-4, 0.0, ANY);
+        all.extend(per_axis("d_a_mm", &self.d_a_mm, "mm", 0.2, 0.0, ANY));
+        all.extend(per_axis("d_d_mm", &self.d_d_mm, "mm", 0.2, 0.0, ANY));
+        all.extend(per_axis("d_theta_rad", &self.d_theta_rad, "rad", 2e-4, 0.0, ANY));
         all
     }
 

@@ -1,8 +1,8 @@
-//! What makes the real arm differ from the one that the controller believes in.
+//! The physical effects that make the real arm differ from the arm of the controller's model.
 //!
-//! One file is one physical effect. An effect adds **loads** (to the cutting force or as weights), moves the geometry whatever
-//! the load (**offsets**), or turns loads into motion (**deflections**): see `Physics`, written once over any number of targets.
-//! What the rest of the tool asks about it stands in its [`Kind`]: nothing outside this folder knows an effect by name.
+//! Each file is one effect. An effect adds **loads** (to the cutting force, or weights), moves the geometry independently of the
+//! load (**offsets**), or turns loads into motion (**deflections**); see `Physics`, which is written once for any number of targets.
+//! Everything that other modules need to know about an effect is in its [`Kind`]: no code outside this folder names an effect.
 
 mod backlash;
 mod base_compliance;
@@ -55,14 +55,14 @@ pub use survey::Survey;
 use crate::lanes::Real;
 use crate::robot::Joints;
 use std::fmt::Debug;
-use table::{ANY, FACTOR, NOT_NEGATIVE, checked, indexed, is_sharp, scalar, table_of, take};
+use table::{ANY, FACTOR, NOT_NEGATIVE, checked, indexed, is_sharp, per_axis, per_direction, scalar, table_of, take};
 
-/// What the list of effects says of each ([`KINDS`]).
+/// The part of [`Effect`] that the registry ([`KINDS`]) implements for every effect.
 pub trait Listed {
-    /// Name in the cell file.
+    /// The `kind` of the effect in the cell file.
     fn kind(&self) -> &'static str;
 
-    /// What it does.
+    /// The physics of the effect, as the solver of equilibria calls it.
     fn law(&self) -> Law<'_>;
 }
 
@@ -70,61 +70,62 @@ pub trait Listed {
 ///
 /// All methods are pure: the same state gives the same answer, so that rows can be solved in any order.
 pub trait Effect: Listed + Debug + Send + Sync {
-    /// Whether what is off depends on the **commanded** motor angles: the inverse then iterates.
+    /// Whether its offsets depend on the **commanded** motor angles. Then the command that reaches a wanted pose has to be found by
+    /// iteration.
     fn follows_command(&self) -> bool {
         false
     }
 
-    /// Angle over which the friction that the effect acts by builds up after a joint turns back, rad: 0 if at once; `None` where
-    /// what is off does not depend on the direction in which the joints came.
+    /// Angle over which the friction of the effect builds up after a joint has reversed, rad; 0 if it is there at once. `None` if the
+    /// effect does not depend on the direction of travel.
     fn presliding_rad(&self) -> Option<f64> {
         None
     }
 
-    /// The same effect with another presliding angle, rad, where it has one.
+    /// The same effect with another presliding angle, rad; an unchanged copy if it has none.
     fn with_presliding(&self, _presliding_rad: f64) -> Box<dyn Effect> {
         self.clone_box()
     }
 
-    /// Whether what the arm carries weighs.
+    /// Whether the weight of the tool or the payload acts on the arm by this effect.
     fn weighs_payload(&self) -> bool {
         false
     }
 
-    /// What must be declared or measured for the effect to act.
+    /// What the cell must declare or the data must contain for the effect to act.
     fn needs(&self) -> &'static [Need] {
         &[]
     }
 
-    /// The mechanical unit that it is of, by its name.
+    /// The name of the mechanical unit whose error this is; `None` for effects of the arm, the tool or the part.
     fn unit(&self) -> Option<&str> {
         None
     }
 
-    /// How many of the part's clamps (`[[part.clamp]]`) there must be for it.
+    /// How many clamps (`[[part.clamp]]`) the cell must declare for it.
     fn clamps(&self) -> usize {
         0
     }
 
-    /// Which of `[controller] compensates` covers it, if any.
+    /// The entry of `[controller] compensates` with which the controller corrects this effect itself; `None` if no entry does.
     fn covered_by(&self) -> Option<Covered> {
         None
     }
 
-    /// Whether the effect was seen in these circumstances (commanded motor angles, rad): a fitted curve or map holds
-    /// only where its data were. Outside it acts as its own file says, and the caller says so.
+    /// Whether the effect was measured in this situation (commanded motor angles, rad). A fitted curve or map is valid only where its
+    /// data were. Outside, the effect still acts as its own file says, and the caller reports it.
     fn covers(&self, motor_commanded: &Joints, situation: &Situation) -> bool {
         let _ = (motor_commanded, situation);
         true
     }
 
-    /// Standard deviation, rad, of what each joint may be off beyond what the effect says where it was not seen.
+    /// Standard deviation of each joint's remaining error where the effect was not measured, rad; zero where it was.
     fn unseen(&self, motor_commanded: &Joints) -> Joints {
         let _ = motor_commanded;
         Joints::zeros()
     }
 
-    /// The curve of one joint's angle that the effect is, where it is nothing else.
+    /// The effect as the error curve of a single joint; `None` if it is anything else.
     fn joint_curve(&self) -> Option<JointCurve> {
         None
     }
@@ -135,7 +136,7 @@ pub trait Effect: Listed + Debug + Send + Sync {
     /// The same effect with other numbers, in the order of [`Effect::parameters`].
     fn with_values(&self, values: &[f64]) -> Box<dyn Effect>;
 
-    /// Other numbers that act much like these: where a fit by small steps may be stuck.
+    /// The same effect with other numbers that act nearly alike. A fit by small steps can be stuck at one of them.
     fn lookalikes(&self) -> Vec<Box<dyn Effect>> {
         Vec::new()
     }
@@ -154,22 +155,36 @@ pub trait Effect: Listed + Debug + Send + Sync {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Parameter {
-    /// As in the cell file, with its index: `half_gap_rad[0]`.
+    /// Key in the cell file, with its index: `half_gap_rad[0]`.
     pub name: String,
+    /// What the number belongs to.
+    pub owner: ParameterOwner,
     /// Value, in `unit`.
     pub value: f64,
     /// Unit, as `docs/effects.md` writes it: `rad`, `mm/N`, `kg·m`, …
     pub unit: &'static str,
     /// Typical size on a real robot: standard deviation of the physical prior about `neutral`, in `unit`.
     pub typical: f64,
-    /// The value at which the effect does nothing (0, or 1 for factors), and the prior's mean. A shape (a time constant,
-    /// a width) does nothing whatever its value while its sizes are neutral.
+    /// The value at which the effect does nothing (0, or 1 for factors); also the mean of the prior. A number that gives a shape (a time
+    /// constant, a width) does nothing at any value while the sizes of the effect are neutral.
     pub neutral: f64,
     /// Physical bounds, in `unit`: a half gap is not negative.
     pub bounds: (f64, f64),
 }
 
-/// What an effect needs beyond the command.
+/// What a number of an effect belongs to. The index in its name counts from 0, whatever it counts; this says what it means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum ParameterOwner {
+    /// The effect as a whole, or the term of it that the name says.
+    Effect,
+    /// An axis of the arm, from 1 to 6.
+    Axis(usize),
+    /// A direction, `x`, `y` or `z`, of the frame that `docs/effects.md` names.
+    Direction(char),
+}
+
+/// What an effect needs in addition to the commanded pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Need {
@@ -241,19 +256,19 @@ physics::registry! {
     empirical: Empirical, EmpiricalField, Discrepancy;
 }
 
-/// Springs as declared: what a cell with `[robot.stiffness]` has without saying so.
+/// The declared springs of the joints: the effect that every cell with `[robot.stiffness]` has, also without an `[[effect]]` table.
 #[must_use]
 pub fn declared_springs() -> Box<dyn Effect> {
     Box::new(joint_stiffness::JointStiffness::declared())
 }
 
-/// The part as declared: what a cell with `[part.material]` has without saying so.
+/// The declared stiffness of the part: the effect that every cell with `[part.material]` has, also without an `[[effect]]` table.
 #[must_use]
 pub fn declared_part() -> Box<dyn Effect> {
     Box::new(part_stiffness::PartStiffness::declared())
 }
 
-/// Effects of a cell file, with the declared part after them where they do not say it; whether it was added.
+/// Appends [`declared_part`] to the effects of a cell file unless one of them stands for it. Returns whether it was appended.
 pub fn add_implied_part(effects: &mut Vec<Box<dyn Effect>>) -> bool {
     let missing = !effects.iter().any(|effect| kind(effect.kind()).is_some_and(|kind| kind.implied_by_part));
     if missing {
@@ -262,7 +277,7 @@ pub fn add_implied_part(effects: &mut Vec<Box<dyn Effect>>) -> bool {
     missing
 }
 
-/// Effects of a cell file, with what its `[robot.stiffness]` implies in front where they do not say it; whether it was added.
+/// Puts [`declared_springs`] before the effects of a cell file unless one of them stands for it. Returns whether it was added.
 pub fn add_implied(effects: &mut Vec<Box<dyn Effect>>) -> bool {
     let implied = |name| kind(name).is_some_and(|kind| kind.implied_by_stiffness);
     let missing = !effects.iter().any(|effect| implied(effect.kind()));
@@ -272,7 +287,7 @@ pub fn add_implied(effects: &mut Vec<Box<dyn Effect>>) -> bool {
     missing
 }
 
-/// The registry's entry of a name.
+/// The registry's entry of the effect with this `kind` in the cell file; `None` for any other name.
 #[must_use]
 pub fn kind(name: &str) -> Option<&'static Kind> {
     KINDS.iter().find(|kind| kind.name == name)

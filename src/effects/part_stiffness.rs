@@ -1,4 +1,5 @@
-//! The clamped part yields where it is cut, as its shape and its clamps have it (`[part.material]`, `[[part.clamp]]`).
+//! The clamped part yields where it is cut. Its stiffness follows from its shape, its material and its clamps (`[part.material]`,
+//! `[[part.clamp]]`).
 
 use super::{
     Deflection, Effect, FACTOR, Kind, Load, Need, Parameter, Parts, Physics, State, checked, scalar, table_of, take,
@@ -61,7 +62,7 @@ impl Effect for PartStiffness {
     }
 
     fn parameters(&self) -> Vec<Parameter> {
-        // A modulus is known to a twentieth; what a clamp does to a part is not.
+        // A modulus is known to 5 %; the stiffness of a clamping is known far less.
         vec![scalar("scale", self.scale, "1", 0.2, 1.0, FACTOR)]
     }
 

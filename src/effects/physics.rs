@@ -1,4 +1,4 @@
-//! What an effect does, written once over any number of targets.
+//! The physics of an effect, written once for a single target and for several at a time (lanes).
 
 use super::{MOST_CLAMPS, PartAt, UnitAt};
 use crate::lanes::{Frame, Real, Vector, six};
@@ -6,13 +6,13 @@ use crate::robot::kinematics::{Chain, Six};
 use crate::robot::{EXTERNAL_AXES, Joints, Robot};
 use nalgebra::{Matrix3, Vector3};
 
-/// The physics of an effect, over one target or several: **loads**, **offsets** that move the geometry whatever the load, and
-/// **deflections** that turn loads into motion.
+/// The physics of an effect: the **loads** that it adds, the **offsets** by which it moves the geometry independently of the load, and
+/// the **deflections** into which it turns loads.
 ///
-/// All methods are pure: the same state gives the same answer, so that targets can be solved in any order. Every method adds
-/// to what other effects have put there.
+/// All methods are pure: the same state gives the same answer, so that targets can be solved in any order. Every method adds to the
+/// values of the effects before it.
 pub(crate) trait Physics {
-    /// What it touches beyond cutting force and joint angles.
+    /// The fields of [`Load`], [`Offset`] and [`Deflection`] that the effect changes, except cutting force and joint angles.
     fn parts(&self) -> Parts {
         Parts::NONE
     }
@@ -23,27 +23,27 @@ pub(crate) trait Physics {
         let _ = (state, load);
     }
 
-    /// Adds what is off whatever the load: evaluated once for a command.
+    /// Adds the offsets, which do not depend on the load; called once for each command.
     #[inline(always)]
     fn offset<R: Real>(&self, site: &Site<R>, out: &mut Offset<R>) {
         let _ = (site, out);
     }
 
-    /// Adds what yields to `load`, in which all loads are known and motor torques filled in.
+    /// Adds the deflections under `load`, which has the loads of all effects and the motor torques.
     #[inline(always)]
     fn deflect<R: Real>(&self, state: &State<'_, R>, load: &Load<R>, out: &mut Deflection<R>) {
         let _ = (state, load, out);
     }
 
-    /// Compliance of the joints at the motors, rad/(N·m), about: a guess at how a change of the force feeds back. `stiffness`
-    /// is the declared one.
+    /// An estimate of the compliance of the joints at the motors, rad/(N·m), with which the solver starts. `stiffness` is the declared one,
+    /// N·m/rad.
     fn compliance(&self, stiffness: Option<&Joints>) -> [f64; 6] {
         let _ = stiffness;
         [0.0; 6]
     }
 }
 
-/// What effects touch beyond cutting force and joint angles: the rest is not looked at.
+/// A set of the fields that the effects of a cell change, except cutting force and joint angles. The solver skips all other fields.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Parts(u16);
 
@@ -51,7 +51,7 @@ impl Parts {
     pub(crate) const NONE: Self = Self(0);
     /// [`Load::links`].
     pub(crate) const WEIGHTS: Self = Self(1);
-    /// [`Load::cut`] is not the law's.
+    /// [`Load::cut`]: the effect changes the force of the cutting law.
     pub(crate) const CUT: Self = Self(1 << 1);
     /// [`Offset::rows`].
     pub(crate) const ROWS: Self = Self(1 << 2);
@@ -74,19 +74,19 @@ impl Parts {
     /// [`Deflection::part`].
     pub(crate) const PART: Self = Self(1 << 11);
 
-    /// Both.
+    /// The union of two sets.
     #[must_use]
     pub(crate) const fn and(self, other: Self) -> Self {
         Self(self.0 | other.0)
     }
 
-    /// Whether any of these is among them.
+    /// Whether the two sets have a field in common.
     #[inline(always)]
     pub(crate) const fn has(self, any: Self) -> bool {
         self.0 & any.0 != 0
     }
 
-    /// Whether the TCP is elsewhere than joint angles say.
+    /// Whether the TCP differs from the nominal forward kinematics of the actual joint angles.
     pub(crate) const fn moves_geometry(self) -> bool {
         const OFFSETS: Parts = Parts::ROWS.and(Parts::TCP).and(Parts::WOBJ).and(Parts::LAG);
         const DEFLECTIONS: Parts = Parts::TILT.and(Parts::BASE).and(Parts::FLANGE).and(Parts::TIP).and(Parts::PART);
@@ -94,7 +94,7 @@ impl Parts {
     }
 }
 
-/// What is known of targets before their equilibria are solved: as much of a [`Situation`](super::Situation) as effects ask.
+/// The inputs of the equilibria that effects use, lane by lane; see [`Situation`](super::Situation).
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Site<R> {
     /// Commanded motor angles, rad.
@@ -103,7 +103,7 @@ pub(crate) struct Site<R> {
     pub(crate) base_from_wobj: Frame<R>,
     /// Gravity, base axes, m/s².
     pub(crate) gravity: Vector<R>,
-    /// Where the TCP should be, work object axes, m.
+    /// Wanted position of the TCP, work object axes, m.
     pub(crate) wanted: Vector<R>,
     /// Surface normal, out of the material, unit, work object axes.
     pub(crate) normal: Vector<R>,
@@ -113,38 +113,37 @@ pub(crate) struct Site<R> {
     pub(crate) cut_length: R,
     /// Time since the start from cold, s.
     pub(crate) time: R,
-    /// Temperature, °C; NaN where it was not measured.
+    /// Temperature, °C; NaN if it was not measured.
     pub(crate) temperature: R,
-    /// Payload besides the tool, kg.
+    /// Payload in addition to the tool, kg.
     pub(crate) payload: R,
-    /// The cell's mechanical units, as many as there are.
+    /// The mechanical units of the cell; unused entries have the key 0.
     pub(crate) units: [UnitSite<R>; EXTERNAL_AXES],
     /// Mass of the declared tool, kg, and its centre of gravity in the flange frame, m.
     pub(crate) tool_mass: R,
     pub(crate) tool_cog: Vector<R>,
-    /// How the clamped part yields where it is cut.
+    /// The compliance of the clamped part where it is cut.
     pub(crate) part: PartSite<R>,
 }
 
-/// Motions of clamps, along three axes each.
+/// Number of motions of the clamps: each moves along three axes.
 pub(super) const MOTIONS: usize = 3 * MOST_CLAMPS;
 
-/// How clamped parts yield where they are cut; see [`PartYield`](super::PartYield).
+/// The compliance of clamped parts where they are cut, lane by lane; see [`PartYield`](super::PartYield).
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct PartSite<R> {
     /// The shift under a unit force along x, y and z, m/N, work object axes.
     pub(crate) compliance: [Vector<R>; 3],
-    /// The shift under motions of 1 m of the clamps, m, work object axes; zero where there is no such clamp.
+    /// The shift of the place under motions of the clamps by 1 m, m, work object axes; zero for clamps that do not exist.
     pub(crate) motions: [Vector<R>; MOTIONS],
-    /// Forces that these take, N/m.
+    /// Stiffness against these motions, N/m.
     pub(crate) stiffness: [[R; MOTIONS]; MOTIONS],
-    /// Whether a lane may have a part. Where none has, there is nothing to clear: most programs cut parts that are not declared, and
-    /// these fields are some ten kilobytes.
+    /// Whether any lane may have a part. Most cells declare no part, and then these fields (some ten kilobytes) need no clearing.
     occupied: bool,
 }
 
 impl<R: Real> PartSite<R> {
-    /// Puts a part into a lane, or none.
+    /// Sets or removes the part of a lane.
     pub(crate) fn set(&mut self, lane: usize, part: Option<&PartAt<'_>>) {
         if part.is_none() && !self.occupied {
             return;
@@ -171,16 +170,16 @@ impl<R: Real> PartSite<R> {
 /// A mechanical unit at targets; see [`UnitAt`](super::UnitAt).
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct UnitSite<R> {
-    /// Of its name; 0 of none.
+    /// Hash of its name ([`unit_key`](super::unit_key)); 0 for an unused entry.
     pub(crate) key: u64,
     pub(crate) wobj_from_unit: Frame<R>,
-    /// 1 where the part is on it, and where the robot is, else 0.
+    /// 1 if the part (or the robot) stands on it, else 0.
     pub(crate) part: R,
     pub(crate) robot: R,
 }
 
 impl<R: Real> Site<R> {
-    /// Puts mechanical units into a lane: the same in all of them, but for those that have none.
+    /// Sets the mechanical units of a lane. All lanes with units must have the same ones.
     pub(crate) fn set_units(&mut self, lane: usize, units: &[UnitAt]) {
         let of = |on: bool| f64::from(u8::from(on));
         for (i, slot) in self.units.iter_mut().enumerate() {
@@ -195,16 +194,16 @@ impl<R: Real> Site<R> {
     }
 }
 
-/// The arms' state at targets: what an effect may depend on.
+/// The state of the arm at a target, on which an effect may depend.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct State<'a, R> {
-    /// Declared joint stiffness, N·m/rad at the motors, where the cell has one.
+    /// Declared joint stiffness at the motors, N·m/rad; `None` if the cell declares none.
     pub(crate) stiffness: Option<&'a Joints>,
     /// Actual frames of the links in the base.
     pub(crate) chain: &'a Chain<R>,
     /// Actual TCP in the base, m.
     pub(crate) base_from_tcp: &'a Frame<R>,
-    /// The targets' circumstances.
+    /// The inputs of the target.
     pub(crate) site: &'a Site<R>,
 }
 
@@ -224,25 +223,25 @@ impl<R: Real> Wrench<R> {
     }
 }
 
-/// All loads on arms at targets.
+/// All loads on the arm at a target.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Load<R> {
     /// Cutting force on the tool at the TCP, base axes, N.
     pub(crate) cut: Vector<R>,
-    /// Weights on links 1 to 6 (tool and payload on link 6); looked at where [`Parts::WEIGHTS`] says so.
+    /// Weights on links 1 to 6 (tool and payload on link 6); used only with [`Parts::WEIGHTS`].
     pub(crate) links: [Wrench<R>; 6],
-    /// What acts on link i and beyond but for the cut; filled in as the torques are.
+    /// Sum of the weights on link i and all links after it; set together with the torques.
     beyond: [Wrench<R>; 6],
-    /// Whether there are weights.
+    /// Whether any effect adds weights.
     weights: bool,
-    /// Torques that cut and weights put on the motors, N·m, in motor coordinates (τ = Jᵀ F).
+    /// Torques of the cutting force and the weights at the motors, N·m, in motor coordinates (τ = Jᵀ F).
     pub(crate) torque: Six<R>,
-    /// Factor on the declared stiffness of the part: what yields with it has to be by the same factor.
+    /// Factor on the declared stiffness of the part. Effects that use that stiffness have to apply the same factor.
     pub(crate) part_stiffness: R,
 }
 
 impl<R: Real> Load<R> {
-    /// Nothing but a cutting force, N, base axes.
+    /// Resets the loads to a cutting force alone, N, base axes.
     #[inline(always)]
     pub(crate) fn start(&mut self, cut: Vector<R>, parts: Parts) {
         self.cut = cut;
@@ -253,7 +252,7 @@ impl<R: Real> Load<R> {
         }
     }
 
-    /// Moment about the origin of link i (0 to 5) of everything that acts on it and beyond, base axes, N·m.
+    /// Moment of all loads on link i (0 to 5) and the links after it, about the origin of link i, base axes, N·m.
     #[inline(always)]
     pub(crate) fn moment_about(&self, i: usize, chain: &Chain<R>, tcp: Vector<R>) -> Vector<R> {
         let origin = chain.links[i].origin;
@@ -261,7 +260,7 @@ impl<R: Real> Load<R> {
         if self.weights { cut + (self.beyond[i].moment - origin.cross(self.beyond[i].force)) } else { cut }
     }
 
-    /// Everything that acts on the arm, about the base origin.
+    /// Sum of all loads on the arm, about the base origin.
     #[inline(always)]
     pub(crate) fn all(&self, tcp: Vector<R>) -> Wrench<R> {
         let mut all = if self.weights { self.beyond[0] } else { Wrench { force: Vector::ZERO, moment: Vector::ZERO } };
@@ -269,7 +268,7 @@ impl<R: Real> Load<R> {
         all
     }
 
-    /// Fills in the motor torques: each joint carries what acts beyond it, about its own axis.
+    /// Computes the motor torques: each joint carries the moment of all loads after it, about its own axis.
     #[inline(always)]
     pub(crate) fn fill_torque(&mut self, robot: &Robot, chain: &Chain<R>, tcp: Vector<R>) {
         if self.weights {
@@ -292,7 +291,7 @@ pub(crate) struct Twist<R> {
 }
 
 impl<R: Real> Twist<R> {
-    /// Adds a shift in mm and a rotation vector in rad, as cells have them.
+    /// Adds a shift in mm and a rotation vector in rad, the units of cell files.
     #[inline(always)]
     pub(crate) fn add_mm(&mut self, shift_mm: [f64; 3], turn: [f64; 3]) {
         let shift = Vector3::from(shift_mm) * 1e-3;
@@ -300,13 +299,13 @@ impl<R: Real> Twist<R> {
         self.turn = self.turn + Vector::of(&turn.into());
     }
 
-    /// The motion as a pose: turn, then shift, in the axes it is given in; of any size.
+    /// The motion as a pose: the turn, then the shift, in the axes of the motion. Exact for any size.
     #[inline(always)]
     pub(crate) fn pose(&self) -> Frame<R> {
         Frame { origin: self.shift, ..Frame::of_rotation_vector(self.turn) }
     }
 
-    /// The motion as a pose where it is small, exact to rounding up to 0.2 rad.
+    /// The motion as a pose, by a series that is exact to rounding for turns up to 0.2 rad.
     #[inline(always)]
     pub(crate) fn small(&self) -> Frame<R> {
         Frame { origin: self.shift, ..Frame::identity().turned_by(self.turn) }
@@ -322,7 +321,7 @@ pub(crate) struct RowOffset<R> {
     pub(crate) theta: R,
 }
 
-/// By how much the real arm is off whatever the load, at targets; effects add to it.
+/// The offsets of the real arm, which do not depend on the load. Effects add to it.
 ///
 /// ```text
 /// base_from_tcp = T(lag) · base · chain(rows, actual joints, tilt) · flange · flange_from_tcp · tcp · T(tip)
@@ -330,27 +329,27 @@ pub(crate) struct RowOffset<R> {
 /// actual joints = commanded + joints − travel ∘ lost
 /// ```
 ///
-/// where base, tilt, flange, tip and part are a [`Deflection`]'s, and joints and lost the sums of both.
+/// Here base, tilt, flange, tip and part are those of [`Deflection`]; joints and lost are the sums of both structs.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Offset<R> {
-    /// Actual minus commanded motor angles, but for lost motion, rad.
+    /// Actual minus commanded motor angles, without lost motion, rad.
     pub(crate) joints: Six<R>,
-    /// Lost motion: half of what the joint gives when its travel turns, rad, not negative.
+    /// Lost motion: half of the angle that each joint loses when it reverses, rad, not negative.
     pub(crate) lost: Six<R>,
-    /// Added to the rows.
+    /// Additions to the modified Denavit-Hartenberg rows.
     pub(crate) rows: [RowOffset<R>; 6],
-    /// Actual TCP in the declared one.
+    /// Actual TCP frame in the declared one.
     pub(crate) tcp: Twist<R>,
-    /// Actual work object in the declared one.
+    /// Actual work object frame in the declared one.
     pub(crate) wobj: Twist<R>,
     /// Shift of the TCP, base axes, m.
     pub(crate) lag: Vector<R>,
 }
 
-/// By how much the real arm yields to its loads, at targets; effects add to it.
+/// The deflections of the real arm under its loads. Effects add to it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Deflection<R> {
-    /// Actual minus commanded motor angles, but for lost motion, rad.
+    /// Actual minus commanded motor angles, without lost motion, rad.
     pub(crate) joints: Six<R>,
     /// Lost motion that grows with the load, rad, not negative.
     pub(crate) lost: Six<R>,
@@ -367,7 +366,7 @@ pub(crate) struct Deflection<R> {
 }
 
 impl<R: Real> Deflection<R> {
-    /// None, as far as the parts that are looked at go.
+    /// Resets those fields to zero that the given parts use.
     #[inline(always)]
     pub(crate) fn clear(&mut self, parts: Parts) {
         self.joints = [R::ZERO; 6];
@@ -377,7 +376,7 @@ impl<R: Real> Deflection<R> {
         }
     }
 
-    /// Puts another target's into a lane.
+    /// Sets a lane to the deflection of one target.
     pub(crate) fn set(&mut self, lane: usize, one: &Deflection<f64>) {
         for i in 0..6 {
             self.joints[i].set(lane, one.joints[i]);
@@ -391,7 +390,7 @@ impl<R: Real> Deflection<R> {
         self.part.set(lane, &one.part.lane(0));
     }
 
-    /// One target's.
+    /// The deflection of one lane.
     pub(crate) fn lane(&self, lane: usize) -> Deflection<f64> {
         let vector = |v: &Vector<R>| Vector::of(&v.lane(lane));
         Deflection {
@@ -412,7 +411,7 @@ impl<R: Real> Deflection<R> {
         Self { joints: none, lost: none, tilt: [[R::ZERO; 2]; 6], base, flange: zero, tip: zero, part: zero }
     }
 
-    /// Each number from those of three, of the parts that are looked at.
+    /// Replaces each number by `f` of it and the same numbers of `a` and `b`, in the fields that the parts use.
     #[inline(always)]
     pub(crate) fn mix(&mut self, a: &Self, b: &Self, parts: Parts, f: impl Fn(R, R, R) -> R) {
         for i in 0..6 {
@@ -448,7 +447,7 @@ impl<R: Real> Deflection<R> {
         }
     }
 
-    /// Sum of products, rad and m alike: an arm is some metres long.
+    /// Sum of the products of all numbers. Radians and metres are added as they are, because an arm is about a metre long.
     #[inline(always)]
     pub(crate) fn dot(&self, other: &Self, parts: Parts) -> R {
         use crate::robot::kinematics::dot;
@@ -477,7 +476,7 @@ impl<R: Real> Deflection<R> {
     }
 }
 
-/// The registry as an enum over borrowed effects, so that the physics of each is compiled for every number.
+/// Makes the registry: an enum over borrowed effects, so that the physics of each is compiled for single targets and for lanes.
 macro_rules! registry {
     ($($kind:ident: $($effect:ident),+;)*) => {
         /// Every effect that deflex knows, in the order of the documentation.
@@ -544,6 +543,6 @@ macro_rules! registry {
 }
 pub(super) use registry;
 
-/// The physics of an effect: what equilibria ask of it.
+/// The physics of an effect, as the solver of equilibria calls it.
 #[derive(Clone, Copy, Debug)]
 pub struct Law<'a>(pub(super) super::AnyEffect<'a>);

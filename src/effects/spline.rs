@@ -1,9 +1,9 @@
-//! A smooth curve through knots that claims nothing beyond them.
+//! A smooth curve through knots that fades to zero beyond them.
 
 use super::fade;
 
-/// Natural cubic spline through knots: smooth to the second derivative, linear in its values. Beyond the first and the last knot
-/// their value fades to nothing over a step as wide as the one before: nothing is known there.
+/// Natural cubic spline through knots. It is continuous to the second derivative, and linear in the values at the knots. Beyond the first
+/// and the last knot nothing is known, so the value there fades to zero over a step as wide as the nearest one.
 #[derive(Clone, Debug)]
 pub(super) struct Spline {
     knots: Vec<f64>,
@@ -13,7 +13,7 @@ pub(super) struct Spline {
 }
 
 impl Spline {
-    /// Through at least two knots, strictly rising, as many values.
+    /// The spline through at least two strictly rising knots, with a value for each.
     pub(super) fn new(knots: Vec<f64>, values: Vec<f64>) -> Self {
         let last = knots.len().saturating_sub(1);
         let mut bends = vec![0.0; knots.len()];
@@ -45,7 +45,7 @@ impl Spline {
         self.knots.first().is_some_and(|first| *first <= x) && self.knots.last().is_some_and(|last| x <= *last)
     }
 
-    /// How much of the nearest knot's value is left beyond the first or the last one; one between them.
+    /// Share of the nearest knot's value that remains beyond the first or the last knot; 1 between them.
     pub(super) fn held(&self, x: f64) -> f64 {
         Place::of(&self.knots, x).values.iter().sum()
     }
@@ -61,7 +61,7 @@ impl Spline {
     }
 }
 
-/// Between which knots a place lies, and what their values and second derivatives count for there.
+/// The two knots between which a place lies, and the weights of their values and second derivatives there.
 pub(super) struct Place {
     /// The lower knot.
     pub(super) i: usize,
@@ -100,7 +100,7 @@ mod tests {
     #[test]
     fn beyond_the_knots_the_last_value_fades_over_a_step() {
         let spline = Spline::new(vec![0.0, 1.0, 3.0], vec![4.0, 1.0, 8.0]);
-        // 3 t² − 2 t³ of what is left of the step: 1 before, 2 behind.
+        // The share 3 t² − 2 t³ remains, with t the part of the step that is left: half of it here, nothing after the step.
         for (x, value) in [(0.0, 4.0), (-0.5, 2.0), (-1.0, 0.0), (-7.0, 0.0), (3.0, 8.0), (3.5, 6.75), (5.0, 0.0)] {
             assert_relative_eq!(spline.at(x), value, max_relative = 1e-15, epsilon = 1e-15);
         }

@@ -3,24 +3,24 @@ use crate::robot::Pose;
 use nalgebra::{DMatrix, Matrix3, Rotation3, Vector3};
 use std::fmt;
 
-/// A tool as the equilibrium sees it.
+/// The geometry and mass of a tool.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToolFrame {
     /// TCP in the flange frame, m.
     pub flange_from_tcp: Pose,
-    /// Mass, kg; acts through a `gravity` effect only.
+    /// Mass, kg. It has no weight unless the cell has a `gravity` effect.
     pub mass: f64,
     /// Centre of gravity in the flange frame, m.
     pub cog: Vector3<f64>,
 }
 
-/// A law that gives the mean cutting force from where the cutter really is.
+/// A law of the mean cutting force, which depends on the actual pose of the cutter.
 pub trait ForceLaw: Sync {
-    /// Force on the tool, N, feed frame. `shift` is the tip's, m, feed frame, actual minus wanted; `axis` the
-    /// actual tool axis (tip to spindle), unit, feed frame.
+    /// The force on the tool, N, feed frame. `shift` is the actual minus the wanted position of the tip, m, feed frame; `axis` is the
+    /// actual direction of the tool axis from tip to spindle, a unit vector in the feed frame.
     fn force(&self, shift: &Vector3<f64>, axis: &Vector3<f64>) -> Vector3<f64>;
 
-    /// The same at those of eight places that are wanted.
+    /// [`ForceLaw::force`] for those of eight poses whose lane is set in `wanted`.
     #[doc(hidden)]
     fn forces(&self, wanted: LaneMask, shift: &Vector, axis: &Vector, force: &mut Vector) {
         for lane in (0..WIDTH).filter(|lane| wanted.lane(*lane)) {
@@ -28,14 +28,14 @@ pub trait ForceLaw: Sync {
         }
     }
 
-    /// What a lift of the tip along the surface normal adds to the force at the wanted pose, N/m, feed frame, about: a guess
-    /// at how the force feeds back. Zero where nothing is known.
+    /// An estimate of the derivative of the force with respect to a lift of the tip along the surface normal, N/m, feed frame, at the
+    /// wanted pose. The solver starts from it; zero if no estimate is known.
     fn slope(&self) -> Vector3<f64> {
         Vector3::zeros()
     }
 
-    /// Force at the wanted pose of a tool that leans against the surface as the law has it, N, feed frame; `None` where it
-    /// has no lean of its own.
+    /// The force at the wanted pose if the tool leans by the angles of the law itself, N, feed frame; `None` if the law has no such
+    /// angles.
     fn rest(&self) -> Option<Vector3<f64>> {
         None
     }
@@ -67,14 +67,14 @@ impl fmt::Debug for Cutting<'_> {
     }
 }
 
-/// What is known of one target before its equilibrium is solved.
+/// The inputs of the equilibrium at one target.
 #[derive(Clone, Copy, Debug)]
 pub struct Situation<'a> {
     /// Declared work object, m.
     pub base_from_wobj: Pose,
     /// Gravity where the base stands, base axes, m/s²: see [`Robot::gravity`](crate::robot::Robot::gravity).
     pub gravity: Vector3<f64>,
-    /// Where the TCP should be: defines depth and force, and errors are counted from it, m.
+    /// The wanted pose of the TCP, m. Depth and force are defined at it, and errors are counted from it.
     pub wobj_from_tcp: Pose,
     /// Declared tool.
     pub tool: ToolFrame,
@@ -88,44 +88,44 @@ pub struct Situation<'a> {
     pub cut_length: f64,
     /// Time since the start from cold, s.
     pub time: f64,
-    /// Temperature, °C, where measured.
+    /// Temperature, °C; `None` if it was not measured.
     pub temperature: Option<f64>,
-    /// Payload besides the tool, kg.
+    /// Payload in addition to the tool, kg.
     pub payload: f64,
-    /// The cell's mechanical units, where there are any.
+    /// The mechanical units of the cell; empty if it has none.
     pub units: &'a [UnitAt],
-    /// How the clamped part yields where it is cut; where `[part.material]` makes it known.
+    /// The compliance of the clamped part where it is cut; `None` without `[part.material]`.
     pub part: Option<PartAt<'a>>,
 }
 
-/// How a clamped part yields at a place where it is cut.
+/// The compliance of a clamped part at the place where it is cut.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PartYield {
-    /// Compliance with the clamps as declared, m/N: the place's shift by axis (rows) under a force by axis (columns).
+    /// Compliance with the clamps as declared, m/N: shift of the place along each axis (rows) under a unit force along each (columns).
     pub compliance: Matrix3<f64>,
-    /// The place's shift, m, under a motion of 1 m of a clamp along an axis of the stock: number 3·clamp + axis. Empty where the
-    /// part has more than [`MOST_CLAMPS`].
+    /// Shift of the place, m, when a clamp moves by 1 m along an axis of the stock; the index is 3·clamp + axis. Empty if the part has
+    /// more than [`MOST_CLAMPS`] clamps.
     pub motions: Vec<Vector3<f64>>,
-    /// Forces that such motions take at the clamps, N/m, rows and columns by motion.
+    /// Stiffness against these motions: force along each of them (rows) per metre of each of them (columns), N/m.
     pub stiffness: DMatrix<f64>,
 }
 
-/// The effect of clamps that give way is for parts with no more clamps than this.
+/// The largest number of clamps for which the effect `clamp_compliance` is computed.
 pub const MOST_CLAMPS: usize = 4;
 
 impl PartYield {
-    /// A part whose clamps hold as declared.
+    /// A part whose clamps have their declared stiffness and cannot give way further.
     #[must_use]
     pub fn held_as_declared(compliance: Matrix3<f64>) -> Self {
         Self { compliance, motions: Vec::new(), stiffness: DMatrix::zeros(0, 0) }
     }
 
-    /// How many clamps it has, where it is known how it yields with them.
+    /// The number of clamps whose motions are known; 0 for [`PartYield::held_as_declared`].
     pub(crate) fn clamps(&self) -> usize {
         self.motions.len() / 3
     }
 
-    /// A mixture by shares. All have the same clamps.
+    /// The mean of several compliances, weighted by shares. All of them must have the same clamps.
     pub(crate) fn mixed<'a>(parts: impl IntoIterator<Item = (&'a Self, f64)>) -> Self {
         let mut sum = Self::held_as_declared(Matrix3::zeros());
         for (part, share) in parts {
@@ -138,7 +138,7 @@ impl PartYield {
         sum
     }
 
-    /// The same in other axes.
+    /// The same compliance in turned axes.
     pub(crate) fn turned(self, rotation: &Rotation3<f64>) -> Self {
         Self {
             compliance: rotation.matrix() * self.compliance * rotation.matrix().transpose(),
@@ -148,28 +148,28 @@ impl PartYield {
     }
 }
 
-/// A [`PartYield`], and its axes in the work object.
+/// A [`PartYield`] and the orientation of its axes in the work object.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PartAt<'a> {
-    /// How it yields.
+    /// The compliance, in the axes of the part.
     pub yields: &'a PartYield,
-    /// Work object axes from its axes.
+    /// Rotation from the axes of the part to those of the work object.
     pub wobj_from_part: Rotation3<f64>,
 }
 
 impl<'a> PartAt<'a> {
-    /// Of what is in work object axes already.
+    /// A compliance that is already given in work object axes.
     #[must_use]
     pub fn in_wobj(yields: &'a PartYield) -> Self {
         Self { yields, wobj_from_part: Rotation3::identity() }
     }
 }
 
-/// A mechanical unit at a target.
+/// The place of a mechanical unit at a target, for errors of its frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UnitAt {
     pub(crate) key: u64,
-    /// Its frame at zero, in what it stands on there, in the declared work object, m.
+    /// Frame of the unit at position zero, on whatever it stands on at this target, in the declared work object, m.
     pub wobj_from_unit: Pose,
     /// Whether the work object is on it, and the robot is not.
     pub part: bool,
@@ -178,14 +178,14 @@ pub struct UnitAt {
 }
 
 impl UnitAt {
-    /// A unit by its name, whatever the case.
+    /// A unit by its name; upper and lower case are the same.
     #[must_use]
     pub fn new(name: &str, wobj_from_unit: Pose, part: bool, robot: bool) -> Self {
         Self { key: unit_key(name), wobj_from_unit, part, robot }
     }
 }
 
-/// A unit's name as a number, whatever the case (FNV-1a).
+/// A hash (FNV-1a) of the name of a unit, the same for upper and lower case.
 pub(crate) fn unit_key(name: &str) -> u64 {
     let byte = |key: u64, byte: u8| (key ^ u64::from(byte.to_ascii_uppercase())).wrapping_mul(0x0100_0000_01b3);
     name.bytes().fold(0xcbf2_9ce4_8422_2325, byte)

@@ -1,9 +1,9 @@
 //! Gears whose torque-deflection curve is not a straight line: soft while the teeth take up load, or hardening.
 //!
-//! The declared spring stays in the cell; this effect adds what the curve deflects beyond it.
+//! The declared spring stays in the cell; this effect adds the difference between the curve and that straight line.
 
 use super::{
-    Deflection, Effect, FACTOR, Kind, Load, NOT_NEGATIVE, Need, Parameter, Physics, State, Survey, checked, indexed,
+    Deflection, Effect, FACTOR, Kind, Load, NOT_NEGATIVE, Need, Parameter, Physics, State, Survey, checked, per_axis,
     table_of, take,
 };
 use crate::lanes::{Mask, Real};
@@ -24,20 +24,20 @@ pub(super) const KIND: Kind = Kind {
     ..Kind::PLAIN
 };
 
-/// Deflection within which a gear is soft, rad: typical, and where a fit starts.
+/// Typical deflection within which a gear is soft, rad; the prior mean.
 const TYPICAL_WIDTH: f64 = 2e-4;
 
-/// Widths from which a fit starts, rad: where the slopes meet cannot be seen from afar.
+/// Widths from which a fit starts, rad. It needs several, because small steps do not find where the two slopes meet.
 const STARTS: [f64; 3] = [0.5 * TYPICAL_WIDTH, TYPICAL_WIDTH, 2.0 * TYPICAL_WIDTH];
 
-/// Steps of Newton's method: monotone and, near the root, quadratic; a hardening of 1e6 times takes 40.
+/// Steps of Newton's method. It converges monotonically, and quadratically near the root; a spring that hardens 1e6 times takes 40.
 const STEPS: usize = 60;
 
 /// Curve of every joint.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(tag = "form", rename_all = "snake_case", deny_unknown_fields)]
 pub(super) enum StiffnessCurve {
-    /// `ratio` times the declared slope up to a deflection of `width_rad` either side, the declared slope beyond.
+    /// `ratio` times the declared slope up to a deflection of `width_rad` on either side, the declared slope beyond.
     TwoSlope { width_rad: [f64; 6], ratio: [f64; 6] },
     /// τ = k (δ + c δ³): hardening.
     Cubic { c_per_rad2: [f64; 6] },
@@ -55,7 +55,7 @@ fn candidates(survey: &Survey) -> Vec<Box<dyn Effect>> {
     all
 }
 
-/// What a two-slope spring deflects beyond a straight one, both in torque over declared stiffness, rad.
+/// Additional deflection of a two-slope spring compared with a straight one, rad. `straight` is torque / declared stiffness.
 #[inline(always)]
 fn two_slope_excess<R: Real>(straight: R, width: f64, ratio: f64) -> R {
     let (size, soft) = (straight.abs(), R::of(ratio * width));
@@ -63,14 +63,15 @@ fn two_slope_excess<R: Real>(straight: R, width: f64, ratio: f64) -> R {
     straight.lt(0.0).negate(inside * (1.0 / ratio) - inside)
 }
 
-/// What δ + c δ³ = `straight` deflects beyond `straight`, rad; NaN where a softening spring (c < 0) gives way.
+/// Additional deflection δ − `straight` of a cubic spring, rad, with δ + c δ³ = `straight`. NaN where a softening spring (c < 0) cannot carry
+/// the torque.
 #[inline(always)]
 fn cubic_excess<R: Real>(straight: R, c: f64) -> R {
     let mut excess = R::ZERO;
     if c == 0.0 {
         return excess;
     }
-    // From `straight`, Newton's method nears the root from one side only, whatever the sign of c.
+    // Started at `straight`, Newton's method approaches the root from one side only, for either sign of c.
     let mut done = R::Mask::default();
     for _ in 0..STEPS {
         let delta = straight + excess;
@@ -78,7 +79,7 @@ fn cubic_excess<R: Real>(straight: R, c: f64) -> R {
         let step = (excess + delta * delta * delta * c) / slope;
         let next = R::ZERO.lt(slope).select(excess - step, R::of(f64::NAN));
         excess = done.select(excess, next);
-        // NaN is done too.
+        // A lane with NaN has finished too.
         done = done.or((straight.abs() * 1e-15).lt(step.abs()).not()).or(R::ZERO.lt(slope).not());
         if !done.not().any() {
             break;
@@ -111,12 +112,12 @@ impl Effect for StiffnessCurve {
         match self {
             // Gears are about twice as soft below some 3 % of their rated torque.
             TwoSlope { width_rad, ratio } => {
-                let mut all = indexed("width_rad", width_rad, "rad", 1e-4, TYPICAL_WIDTH, NOT_NEGATIVE);
-                all.extend(indexed("ratio", ratio, "1", 0.4, 1.0, FACTOR));
+                let mut all = per_axis("width_rad", width_rad, "rad", 1e-4, TYPICAL_WIDTH, NOT_NEGATIVE);
+                all.extend(per_axis("ratio", ratio, "1", 0.4, 1.0, FACTOR));
                 all
             }
-            // A quarter stiffer at a deflection of 4e-4 rad. A softening cubic would let go under a finite torque.
-            Cubic { c_per_rad2 } => indexed("c_per_rad2", c_per_rad2, "1/rad²", 1.5e6, 0.0, NOT_NEGATIVE),
+            // A quarter stiffer at a deflection of 4e-4 rad. Negative values are excluded: a softening cubic has a largest torque.
+            Cubic { c_per_rad2 } => per_axis("c_per_rad2", c_per_rad2, "1/rad²", 1.5e6, 0.0, NOT_NEGATIVE),
         }
     }
 
@@ -127,7 +128,7 @@ impl Effect for StiffnessCurve {
         })
     }
 
-    /// Beyond the kink only `width · (1 − ratio)` shows: other widths with the same, one joint at a time.
+    /// Beyond the kink only `width · (1 − ratio)` has an effect: the same spring with other widths and this product, joint by joint.
     fn lookalikes(&self) -> Vec<Box<dyn Effect>> {
         const FACTORS: [f64; 6] = [0.4, 0.6, 0.8, 1.25, 1.7, 2.5];
         let TwoSlope { width_rad, ratio } = self else { return Vec::new() };

@@ -1,7 +1,7 @@
-//! Gears that are softer when they are warm.
+//! Joint stiffness that falls as the gears warm up.
 
 use super::{
-    Deflection, Effect, Kind, Load, Need, Parameter, Physics, State, Survey, checked, indexed, table_of, take,
+    Deflection, Effect, Kind, Load, Need, Parameter, Physics, State, Survey, checked, per_axis, table_of, take,
 };
 use crate::lanes::{Mask, Real};
 use serde::de::Error;
@@ -17,12 +17,12 @@ pub(super) const KIND: Kind = Kind {
     ..Kind::PLAIN
 };
 
-/// Most that a joint's stiffness falls by a kelvin: beyond, it is none of a gear's.
+/// Largest share of a joint's stiffness that is lost per kelvin, 1/K: no gear loses more.
 const MOST_PER_K: f64 = 0.05;
 
 /// k(T) = (1 − per_k · (T − reference)) · k, with the declared stiffness k at the reference temperature.
 ///
-/// The declared spring stays in the cell; this effect adds what the warm one yields beyond it.
+/// The declared spring stays in the cell; this effect adds the additional deflection of the warm spring.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct StiffnessTemperature {
@@ -55,12 +55,12 @@ impl Physics for StiffnessTemperature {
     fn deflect<R: Real>(&self, state: &State<'_, R>, load: &Load<R>, out: &mut Deflection<R>) {
         let Some(stiffness) = state.stiffness else { return };
         let above = state.site.temperature - self.reference_c;
-        // NaN, where it was not measured, is no warming.
+        // NaN means that the temperature was not measured: then there is no warming.
         let above = above.abs().lt(f64::INFINITY).select(above, R::ZERO);
         for i in 0..6 {
             let softer = above * self.per_k[i];
             let left = R::of(1.0) - softer;
-            // A spring that has gone altogether gives no answer.
+            // Where nothing of the stiffness remains there is no equilibrium.
             let beyond = R::ZERO.lt(left).select(softer / left, R::of(f64::NAN));
             out.joints[i] = out.joints[i] + load.torque[i] * (1.0 / stiffness[i]) * beyond;
         }
@@ -74,7 +74,7 @@ impl Effect for StiffnessTemperature {
 
     fn parameters(&self) -> Vec<Parameter> {
         // Grease and preload: some per cent over 20 K.
-        indexed("per_k", &self.per_k, "1/K", 3e-3, 0.0, (0.0, MOST_PER_K))
+        per_axis("per_k", &self.per_k, "1/K", 3e-3, 0.0, (0.0, MOST_PER_K))
     }
 
     fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {

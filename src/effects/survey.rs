@@ -1,39 +1,39 @@
 use crate::robot::{Joints, Robot};
 
-/// What measured data offer: which effects they can show at all, and over which range.
+/// What a set of measured data contains: it decides which effects the data can show, and over which range.
 #[derive(Clone, Debug)]
 pub struct Survey<'a> {
     /// The nominal robot.
     pub robot: &'a Robot,
     /// Whether the cell declares a joint stiffness.
     pub stiffness_declared: bool,
-    /// Whether the cell declares what a part that rows cut is made of, and how it is held.
+    /// Whether the cell declares the material and the clamps of a part that the rows cut.
     pub part_declared: bool,
-    /// How many clamps that part has, where it is known how it yields with them.
+    /// How many clamps that part has; 0 if the compliance with moving clamps is not known.
     pub clamps: usize,
-    /// Whether any row cuts.
+    /// Whether any row has a cutting force.
     pub has_force: bool,
-    /// Lowest and highest x, then y, of the places that rows cut at, mm in their work object.
+    /// Lowest and highest x, then y, of the places where rows cut, mm, work object axes; `None` if no row cuts.
     pub cut_mm: Option<[[f64; 2]; 2]>,
-    /// Whether any row carries a payload besides its tool.
+    /// Whether the arm carries a payload in addition to the tool in any row.
     pub has_payload: bool,
     /// Whether programmed speeds are known.
     pub has_speed: bool,
-    /// First and last time, s, where rows have one.
+    /// First and last time, s; `None` if no row has a time.
     pub time: Option<(f64, f64)>,
-    /// Lowest and highest temperature, °C, where measured.
+    /// Lowest and highest temperature, °C; `None` if none was measured.
     pub temperature: Option<(f64, f64)>,
-    /// Names of mechanical units that move.
+    /// Names of the mechanical units that move during the run.
     pub moving_units: Vec<String>,
-    /// Least commanded motor angles, rad.
+    /// Smallest commanded motor angle of each joint, rad.
     pub motor_min: Joints,
-    /// Largest commanded motor angles, rad.
+    /// Largest commanded motor angle of each joint, rad.
     pub motor_max: Joints,
 }
 
 impl Survey<'_> {
-    /// Whether loads that change are known: what yields to loads only cannot be seen by the arm's own weight alone,
-    /// which is to be found too.
+    /// Whether the data have a load that changes and is known. Without one, a compliance cannot be found: the arm's own weight, the
+    /// only load, is unknown itself.
     #[must_use]
     pub fn is_loaded(&self) -> bool {
         self.has_force || self.has_payload

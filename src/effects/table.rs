@@ -1,18 +1,21 @@
-//! Effects as tables of numbers: what every effect's file shares in reading, writing and listing them.
+//! Functions with which the effects read their `[[effect]]` tables, write them, and list their numbers.
 
-use super::{Effect, Parameter};
+use super::{Effect, Parameter, ParameterOwner};
 use serde::de::Error;
 
-/// Bounds of what may have either sign.
+/// Bounds of a number that may have either sign.
 pub(super) const ANY: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
 
-/// Bounds of what is a size.
+/// Bounds of a size.
 pub(super) const NOT_NEGATIVE: (f64, f64) = (0.0, f64::INFINITY);
 
-/// Bounds of factors: beyond twenty-fold the declared value means something else than the key says.
+/// Bounds of factors. Beyond a factor of twenty the declared value cannot be the quantity that its key names.
 pub(super) const FACTOR: (f64, f64) = (0.05, 20.0);
 
-/// An effect as read, refused where a number is not finite or outside its physical bounds.
+/// Checks an effect that was read.
+///
+/// # Errors
+/// A number that is not finite, or outside its physical bounds; the message names it.
 pub(super) fn checked<E: Effect + 'static>(effect: E) -> Result<Box<dyn Effect>, toml::de::Error> {
     if let Some(angle) = effect.presliding_rad().filter(|angle| !angle.is_finite() || *angle < 0.0) {
         let message = format!("`presliding_rad` is {angle}, expected a finite number not below 0 (unit rad)");
@@ -32,7 +35,7 @@ pub(super) fn checked<E: Effect + 'static>(effect: E) -> Result<Box<dyn Effect>,
     Ok(Box::new(effect))
 }
 
-/// The `[[effect]]` table of anything that serialises to its keys.
+/// The `[[effect]]` table of an effect whose fields serialise to the keys of the table.
 pub(super) fn table_of(kind: &str, keys: &impl serde::Serialize) -> toml::Table {
     let mut table = toml::Table::new();
     table.insert("kind".to_owned(), kind.into());
@@ -43,7 +46,7 @@ pub(super) fn table_of(kind: &str, keys: &impl serde::Serialize) -> toml::Table 
     table
 }
 
-/// One parameter.
+/// A parameter that is a single number.
 pub(super) fn scalar(
     name: &str,
     value: f64,
@@ -52,10 +55,10 @@ pub(super) fn scalar(
     neutral: f64,
     bounds: (f64, f64),
 ) -> Parameter {
-    Parameter { name: name.to_owned(), value, unit, typical, neutral, bounds }
+    Parameter { name: name.to_owned(), owner: ParameterOwner::Effect, value, unit, typical, neutral, bounds }
 }
 
-/// Parameters `name[0]`, `name[1]`, … of one array.
+/// Parameters `name[0]`, `name[1]`, … of a list whose index counts neither axes nor directions.
 pub(super) fn indexed(
     name: &str,
     values: &[f64],
@@ -68,13 +71,41 @@ pub(super) fn indexed(
     values.iter().enumerate().map(one).collect()
 }
 
-/// Whether friction does not build up over an angle: its key is then left out.
+/// Parameters `name[0]` … `name[5]` of a list with one number for each axis of the arm.
+pub(super) fn per_axis(
+    name: &str,
+    values: &[f64; 6],
+    unit: &'static str,
+    typical: f64,
+    neutral: f64,
+    bounds: (f64, f64),
+) -> Vec<Parameter> {
+    let mut all = indexed(name, values, unit, typical, neutral, bounds);
+    all.iter_mut().zip(1..).for_each(|(parameter, axis)| parameter.owner = ParameterOwner::Axis(axis));
+    all
+}
+
+/// Parameters `name[0]` … `name[2]` of a vector: along, or about, x, y and z of a frame.
+pub(super) fn per_direction(
+    name: &str,
+    values: &[f64; 3],
+    unit: &'static str,
+    typical: f64,
+    neutral: f64,
+    bounds: (f64, f64),
+) -> Vec<Parameter> {
+    let mut all = indexed(name, values, unit, typical, neutral, bounds);
+    all.iter_mut().zip("xyz".chars()).for_each(|(parameter, axis)| parameter.owner = ParameterOwner::Direction(axis));
+    all
+}
+
+/// Whether friction is there at once after a reversal; serde then leaves the key `presliding_rad` out.
 #[allow(clippy::trivially_copy_pass_by_ref)] // the signature that serde calls
 pub(super) fn is_sharp(presliding_rad: &f64) -> bool {
     *presliding_rad <= 0.0
 }
 
-/// Takes the next `N` of the values that [`Effect::with_values`] was given; what is missing reads as 0.
+/// Removes the first `N` of the values given to [`Effect::with_values`] and returns them, padded with 0 if there are fewer.
 pub(super) fn take<const N: usize>(values: &mut &[f64]) -> [f64; N] {
     let (head, rest) = values.split_at(N.min(values.len()));
     *values = rest;

@@ -21,26 +21,26 @@ pub(super) const KIND: Kind = Kind {
     ..Kind::PLAIN
 };
 
-/// Time constant of an arm, s: typical, and the prior's mean.
+/// Typical time constant of an arm, s; the prior mean.
 const TYPICAL_TAU: f64 = 1500.0;
 
-/// Growth of the rows that are the column (d of row 1), the upper arm (a of row 3) and the forearm (d of row 4).
+/// Growth of the column (d of row 1), the upper arm (a of row 3) and the forearm (d of row 4).
 #[derive(Clone, Debug)]
 pub(super) struct ThermalGrowth {
-    /// Column, upper arm, forearm: mm at the end of warming, or mm/K.
+    /// Growth of column, upper arm and forearm: mm when fully warm, or mm/K.
     growth: [f64; 3],
     by: By,
 }
 
 #[derive(Clone, Copy, Debug)]
 enum By {
-    /// 1 − exp(−t/τ), s.
+    /// By time: the share 1 − exp(−t/τ) of the growth, with the time constant τ, s.
     Time { tau: f64 },
-    /// Temperature above this one, °C.
+    /// By temperature: the difference from this reference, °C.
     Temperature { reference: f64 },
 }
 
-/// As in the cell file: by time, or by temperature.
+/// The keys of the cell file: those by time, or those by temperature.
 #[derive(Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Keys {
@@ -111,7 +111,7 @@ impl Physics for ThermalGrowth {
             By::Time { tau } => site.time.each(|time| -(-time / tau).exp_m1()),
             By::Temperature { reference } => {
                 let above = site.temperature - reference;
-                // NaN, where it was not measured, is no growth.
+                // NaN means that the temperature was not measured: then there is no growth.
                 above.abs().lt(f64::INFINITY).select(above, R::ZERO)
             }
         };

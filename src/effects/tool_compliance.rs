@@ -1,7 +1,7 @@
 //! Tool, holder and spindle that yield under the cutting force.
 //!
-//! Only the cutting force bends them here: their own weight is the same in every cut of a posture, and is part of a TCP
-//! that was measured with the tool on.
+//! Only the cutting force bends them here. Their own weight bends them equally in every cut of a posture, and is contained in a TCP that
+//! was measured with the tool mounted.
 
 use super::{
     Deflection, Effect, Kind, Load, NOT_NEGATIVE, Need, Parameter, Parts, Physics, State, checked, indexed, scalar,
@@ -20,15 +20,15 @@ pub(super) const KIND: Kind = Kind {
     ..Kind::PLAIN
 };
 
-/// Turn at the flange under the cut's moment there, and shift of the tip along and across the tool axis.
+/// The flange turns under the moment of the cutting force, and the tip shifts along and across the tool axis.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct ToolCompliance {
-    /// About x and y of the flange.
+    /// Turn about x and y of the flange for each N·m, rad.
     rad_per_nm: [f64; 2],
-    /// Along the tool axis (−z of the TCP frame).
+    /// Shift along the tool axis (−z of the TCP frame) for each newton, mm.
     axial_mm_per_n: f64,
-    /// Across the tool axis.
+    /// Shift across the tool axis for each newton, mm.
     radial_mm_per_n: f64,
 }
 

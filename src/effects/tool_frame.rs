@@ -1,6 +1,6 @@
-//! A TCP that was taught or measured wrong.
+//! A TCP that was taught or measured wrongly.
 
-use super::{ANY, Effect, Kind, Offset, Parameter, Parts, Physics, Site, checked, indexed, table_of, take};
+use super::{ANY, Effect, Kind, Offset, Parameter, Parts, Physics, Site, checked, per_direction, table_of, take};
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -19,7 +19,7 @@ pub(super) const KIND: Kind = Kind {
 #[serde(deny_unknown_fields, default)]
 pub(super) struct ToolFrameError {
     d_mm: [f64; 3],
-    /// Rotation vector.
+    /// Rotation vector, rad.
     d_rad: [f64; 3],
 }
 
@@ -36,8 +36,8 @@ impl Physics for ToolFrameError {
 
 impl Effect for ToolFrameError {
     fn parameters(&self) -> Vec<Parameter> {
-        let mut all = indexed("d_mm", &self.d_mm, "mm", 0.2, 0.0, ANY);
-        all.extend(indexed("d_rad", &self.d_rad, "rad", 5e-4, 0.0, ANY));
+        let mut all = per_direction("d_mm", &self.d_mm, "mm", 0.2, 0.0, ANY);
+        all.extend(per_direction("d_rad", &self.d_rad, "rad", 5e-4, 0.0, ANY));
         all
     }
 

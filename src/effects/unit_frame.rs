@@ -1,6 +1,8 @@
-//! A mechanical unit that stands elsewhere than declared: what is on it moves with it, robot or part.
+//! A mechanical unit that is not where it was declared. The robot or the part on it is displaced with it.
 
-use super::{ANY, Effect, Kind, Offset, Parameter, Parts, Physics, Site, Survey, checked, indexed, take, unit_key};
+use super::{
+    ANY, Effect, Kind, Offset, Parameter, Parts, Physics, Site, Survey, checked, per_direction, take, unit_key,
+};
 use crate::lanes::{Frame, Real, Vector};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -14,7 +16,7 @@ pub(super) const KIND: Kind = Kind {
     ..Kind::PLAIN
 };
 
-/// Of units that move: one that stands is a work object, or a base, that is elsewhere.
+/// Candidates for units that move. A unit that stands still is displaced like a work object or a base.
 fn candidates(survey: &Survey) -> Vec<Box<dyn Effect>> {
     let of = |unit: &String| -> Box<dyn Effect> {
         Box::new(UnitFrame { unit: unit.clone(), d_mm: [0.0; 3], d_rad: [0.0; 3] })
@@ -22,14 +24,14 @@ fn candidates(survey: &Survey) -> Vec<Box<dyn Effect>> {
     survey.moving_units.iter().map(of).collect()
 }
 
-/// Actual frame at zero = declared frame ∘ (d), in what it stands on.
+/// Actual frame at position zero = declared frame ∘ (d), relative to what the unit stands on.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct UnitFrame {
     unit: String,
     #[serde(default)]
     d_mm: [f64; 3],
-    /// Rotation vector.
+    /// Rotation vector, rad.
     #[serde(default)]
     d_rad: [f64; 3],
 }
@@ -62,8 +64,8 @@ impl Effect for UnitFrame {
     }
 
     fn parameters(&self) -> Vec<Parameter> {
-        let mut all = indexed("d_mm", &self.d_mm, "mm", 0.5, 0.0, ANY);
-        all.extend(indexed("d_rad", &self.d_rad, "rad", 5e-4, 0.0, ANY));
+        let mut all = per_direction("d_mm", &self.d_mm, "mm", 0.5, 0.0, ANY);
+        all.extend(per_direction("d_rad", &self.d_rad, "rad", 5e-4, 0.0, ANY));
         all
     }
 

@@ -1,6 +1,6 @@
-//! A work object that does not lie where it was declared; a base that stands wrong looks the same.
+//! A work object that is not where it was declared. A base that is not where it was declared looks the same.
 
-use super::{ANY, Effect, Kind, Offset, Parameter, Parts, Physics, Site, checked, indexed, table_of, take};
+use super::{ANY, Effect, Kind, Offset, Parameter, Parts, Physics, Site, checked, per_direction, table_of, take};
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -19,7 +19,7 @@ pub(super) const KIND: Kind = Kind {
 #[serde(deny_unknown_fields, default)]
 pub(super) struct WorkObjectFrame {
     d_mm: [f64; 3],
-    /// Rotation vector.
+    /// Rotation vector, rad.
     d_rad: [f64; 3],
 }
 
@@ -36,8 +36,8 @@ impl Physics for WorkObjectFrame {
 
 impl Effect for WorkObjectFrame {
     fn parameters(&self) -> Vec<Parameter> {
-        let mut all = indexed("d_mm", &self.d_mm, "mm", 0.3, 0.0, ANY);
-        all.extend(indexed("d_rad", &self.d_rad, "rad", 5e-4, 0.0, ANY));
+        let mut all = per_direction("d_mm", &self.d_mm, "mm", 0.3, 0.0, ANY);
+        all.extend(per_direction("d_rad", &self.d_rad, "rad", 5e-4, 0.0, ANY));
         all
     }
 

@@ -43,13 +43,13 @@ pub(super) const KIND: Kind = Kind {
     ..Kind::PLAIN
 };
 
-/// The tool's force F pushes the part by −c (F·n) along its normal n, so that the tool stands c (F·n) too far out.
+/// The force F on the tool pushes the part back by c (F·n) along its surface normal n, so that the tool is too far out by c (F·n).
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct WorkpieceCompliance {
     mm_per_n: Compliance,
-    /// Lowest and highest x, then y, in the work object, where the compliance was seen. Beyond them it is as at the nearest place
-    /// within: a polynomial that grows without end says nothing of places that it was not fitted to.
+    /// Lowest and highest x, then y, in the work object, between which the compliance was measured, mm. Outside, the value at the nearest
+    /// place inside is used, because a polynomial is meaningless where it was not fitted.
     #[serde(skip_serializing_if = "Option::is_none")]
     domain_mm: Option<[[f64; 2]; 2]>,
 }
@@ -58,7 +58,7 @@ pub(super) struct WorkpieceCompliance {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(untagged, expecting = "expected a number, or six: the coefficients of 1, x, y, x², xy, y² with x and y in mm")]
 enum Compliance {
-    /// The same everywhere.
+    /// The same compliance everywhere.
     Alike(f64),
     /// Coefficients of 1, x, y, x², xy, y², with x and y of the work object in mm.
     Polynomial([f64; 6]),
@@ -74,7 +74,7 @@ const TERMS: [(&str, f64); 6] = [
     ("mm/(N·mm²)", 7e-9),
 ];
 
-/// The number of a range that is nearest to a value.
+/// A value limited to a range.
 fn within<R: Real>(value: R, [low, high]: [f64; 2]) -> R {
     let value = value.lt(low).select(R::of(low), value);
     value.ge(high).select(R::of(high), value)

@@ -1,6 +1,6 @@
-//! Joint zeros that are off: resolvers synchronised at the wrong angle.
+//! Wrong zero positions of joints: resolvers synchronised at the wrong angle.
 
-use super::{ANY, Covered, Effect, Kind, Offset, Parameter, Physics, Site, checked, indexed, table_of, take};
+use super::{ANY, Covered, Effect, Kind, Offset, Parameter, Physics, Site, checked, per_axis, table_of, take};
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -39,7 +39,7 @@ impl Effect for ZeroOffset {
     }
 
     fn parameters(&self) -> Vec<Parameter> {
-        indexed("offset_rad", &self.offset_rad, "rad", 3e-4, 0.0, ANY)
+        per_axis("offset_rad", &self.offset_rad, "rad", 3e-4, 0.0, ANY)
     }
 
     fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {

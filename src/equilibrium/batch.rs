@@ -1,6 +1,6 @@
-//! The forward prediction and the inverse solution for as many targets at once as there are lanes. The scalar solver takes over the
-//! targets that do not converge here. It starts from the [`Feedback`] that the evaluation at the wanted pose gives: that saves
-//! iterations and changes no result.
+//! Forward and inverse equilibria of as many targets at once as there are lanes. Targets that do not converge here go to the scalar
+//! solver. The forward equilibrium starts from the [`Feedback`] of the evaluation at the wanted pose, which saves iterations and changes no
+//! result.
 
 use super::Arm;
 use super::block::{Setting, Site};
@@ -16,37 +16,37 @@ use crate::robot::batch::turn_of;
 use crate::robot::kinematics::{Six, dot, one, set};
 use crate::robot::{BatchSolutions, Joints, Pose, turns_between};
 
-/// Rounds before the scalar solver takes over: with the secant real arms take four.
+/// Iterations before the scalar solver takes over. Real arms take four with the secant.
 const BATCH_ROUNDS: usize = 8;
 
-/// An arm that solves many targets at once.
+/// An arm for which many targets are solved at once.
 #[derive(Debug)]
 pub(crate) struct Batch<'a> {
     model: Model<'a>,
 }
 
-/// A command whose pose is sought.
+/// A command whose actual pose is to be computed.
 pub(crate) struct Given<'a, 'b> {
     pub(crate) site: Site<'a>,
     /// Commanded motor angles, rad.
     pub(crate) motor: &'b Joints,
-    /// Direction of travel into them.
+    /// Direction of travel of each joint, −1 to 1.
     pub(crate) travel: &'b Joints,
     pub(crate) near: WarmStart,
 }
 
-/// A command near an equilibrium of an arm that differs from the batch's by little.
+/// A command and an equilibrium of a slightly different arm there, from which the solution starts.
 #[derive(Clone, Copy)]
 pub(crate) struct Nearby<'a, 'b> {
     pub(crate) site: Site<'a>,
     /// Commanded motor angles, rad.
     pub(crate) motor: &'b Joints,
-    /// Direction of travel into them.
+    /// Direction of travel of each joint, −1 to 1.
     pub(crate) travel: &'b Joints,
     pub(crate) from: &'b Settled,
 }
 
-/// What of an equilibrium arms that differ by little begin at.
+/// The part of an equilibrium from which slightly different arms start.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Settled {
     /// Actual TCP in the actual work object, m.
@@ -62,38 +62,38 @@ impl From<Equilibrium> for Settled {
     }
 }
 
-/// What a batch is solved in, some kilobytes that are used again.
+/// The memory in which batches are solved, some kilobytes that are reused.
 #[derive(Default)]
 pub(crate) struct Room<'a> {
     workspace: Workspace<'a, Lanes>,
-    /// Nominal arm's motor angles at the wanted poses, rad.
+    /// Motor angles of the nominal arm at the wanted poses, rad.
     at: Six<Lanes>,
     feedback: evaluation::Feedback<Lanes>,
     nominal: Frame,
     predicted_poses: PredictedPoses,
     pub(crate) found: BatchSolutions,
-    /// What rounds begin at, of so many lanes, see [`Room::near`].
+    /// Starting values of `count` lanes, see [`Room::near`].
     from: Deflection<Lanes>,
     mixing: Lanes,
     count: usize,
 }
 
-/// As many of [`PredictedPose`], but for what rounds know.
+/// The poses of [`PredictedPose`], lane by lane.
 #[derive(Default)]
 struct PredictedPoses {
     /// Actual TCP in the work object.
     seen: Frame,
     shift: Vector,
     turn: Vector,
-    /// Where `turn` is right.
+    /// Lanes in which `turn` is small enough to be valid.
     small: LaneMask,
     cut: Vector,
-    /// Whether an effect says how the part yields.
+    /// Whether an effect describes how the part yields.
     has_part: bool,
 }
 
 impl PredictedPoses {
-    /// Takes what the rounds have come to.
+    /// Reads the poses that the iteration has reached.
     fn take(&mut self, model: &Model<'_>, workspace: &mut Workspace<'_, Lanes>) {
         let Workspace { block, at, forward, .. } = workspace;
         forward.place(model, block, at, PRINTED);
@@ -112,7 +112,7 @@ impl PredictedPoses {
         });
     }
 
-    /// Where a lane has come to, if it has.
+    /// The pose of a lane; `None` if the lane did not converge.
     #[inline(always)]
     fn predicted(&self, workspace: &Workspace<'_, Lanes>, lane: usize) -> Option<PredictedPose> {
         let forward = &workspace.forward;
@@ -137,9 +137,9 @@ impl<'a> Batch<'a> {
         Self { model: Model::new(arm) }
     }
 
-    /// [`Arm::command_from`] of up to eight targets, at the nominal arm's motor angles (rad) there; where the TCP of the nominal
-    /// arm is at the command, if that does not depend on the travel; and where the targets end up uncorrected, with the
-    /// direction of travel into them, see [`Arm::land`].
+    /// Solves up to eight targets. `wanted` gives the site of a lane, the motor angles (rad) of the nominal arm there, and the direction of
+    /// travel. `put` receives, for each lane that converges, the command ([`Arm::command_from`]), the TCP of the nominal arm at the
+    /// command (unless it depends on the travel), and the pose of the loaded arm without a correction ([`Arm::land`]).
     pub(crate) fn aim<'s, 'm>(
         &self,
         room: &mut Room<'s>,
@@ -172,7 +172,7 @@ impl<'a> Batch<'a> {
             });
             Ok(found)
         };
-        // It cannot fail: what is not found is left open.
+        // The inverse returns no error: lanes without a solution stay open.
         let _ = inverse.run(model, block, at, (valid, inverse::BATCH_ROUNDS), invert);
         let valid = inverse.done;
         block.site.commanded = *nominal_motor;
@@ -221,7 +221,7 @@ impl<'a> Batch<'a> {
         }
     }
 
-    /// The TCP in the work object, of the nominal arm, at up to eight motor angles (rad), where they are known.
+    /// The TCP of the nominal arm in the work object, for up to eight motor angles (rad); lanes for which `given` returns `None` are skipped.
     pub(crate) fn nominal<'s>(
         &self,
         room: &mut Room<'s>,
@@ -251,7 +251,7 @@ impl<'a> Batch<'a> {
         }
     }
 
-    /// [`Arm::land`] of up to eight commands.
+    /// [`Arm::land`] for up to eight commands; `put` receives those that converge.
     pub(crate) fn land<'s, 'm>(
         &self,
         room: &mut Room<'s>,
@@ -285,7 +285,8 @@ impl<'a> Batch<'a> {
         }
     }
 
-    /// [`Arm::predict`] of up to eight commands with the direction of travel into them, bit by bit, where these rounds settle.
+    /// [`Arm::predict`] for up to eight commands (motor angles, rad, and directions of travel), with the same bits. `put` receives those that
+    /// converge.
     pub(crate) fn settle<'s, 'm>(
         &self,
         room: &mut Room<'s>,
@@ -293,7 +294,7 @@ impl<'a> Batch<'a> {
         given: impl Fn(usize) -> (Site<'s>, &'m Joints, &'m Joints),
         mut put: impl FnMut(usize, Settled),
     ) {
-        /// Twice what arms that settle take.
+        /// Twice as many iterations as arms take that converge.
         const SETTLING_ROUNDS: usize = 20;
         let model = &self.model;
         let Workspace { block, at, forward, .. } = &mut room.workspace;
@@ -316,9 +317,10 @@ impl<'a> Batch<'a> {
         }
     }
 
-    /// The TCP in the actual work object, at the commands that a room was taken to by [`Room::near`].
+    /// The TCP in the actual work object at the commands that [`Room::near`] has set.
     ///
-    /// Some rounds from there instead of all from nothing: for differences, of which they leave a thousandth.
+    /// A fixed number of iterations from the known equilibrium of another arm. They leave a thousandth of the difference of the two arms,
+    /// which is enough for derivatives.
     pub(crate) fn resolve_from_nearby(&self, room: &mut Room<'_>, mut put: impl FnMut(usize, Pose)) {
         const DIFFERENCE_ROUNDS: usize = 2;
         let model = &self.model;
@@ -338,7 +340,8 @@ impl<'a> Batch<'a> {
 }
 
 impl<'a> Room<'a> {
-    /// Takes up to eight commands near what is known of another arm: any number of arms can be evaluated then.
+    /// Sets up to eight commands with known equilibria of another arm. Any number of arms can then be solved with
+    /// [`Batch::resolve_from_nearby`].
     pub(crate) fn near(&mut self, near: &[Nearby<'a, '_>]) {
         let Workspace { block, forward, .. } = &mut self.workspace;
         for (lane, Nearby { site, motor, travel, from }) in near.iter().enumerate() {

@@ -5,28 +5,28 @@ use crate::robot::Pose;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use smallvec::SmallVec;
 
-/// A tool and a work object that targets are run with, as units that move them stand there.
+/// The tool and the work object of targets, at the positions of the mechanical units there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Setting {
-    /// Declared work object in the base.
+    /// Declared work object in the base, m.
     pub(crate) base_from_wobj: Pose,
     /// Gravity, base axes, m/s².
     pub(crate) gravity: Vector3<f64>,
     /// Declared tool.
     pub(crate) tool: ToolFrame,
-    /// Whether the robot holds the part: the work object's place is then the stationary tool's, and the tool's frame in the
-    /// flange that of the work object.
+    /// Whether the robot holds the part against a stationary tool. Then `base_from_wobj` is the frame of the stationary tool, and the frame
+    /// of `tool` in the flange is the work object.
     pub(crate) held: bool,
 }
 
-/// A [`Situation`] that borrows what many targets have in common.
+/// A [`Situation`] that borrows the values which many targets share.
 #[derive(Clone, Copy)]
 pub(crate) struct Site<'a> {
     pub(crate) setting: &'a Setting,
-    /// Where the TCP should be, m.
+    /// Wanted pose of the TCP, m.
     pub(crate) wobj_from_tcp: &'a Pose,
     pub(crate) cutting: Cutting<'a>,
-    /// Whether the tool leans against the surface as the law of the cut has it.
+    /// Whether the tool leans by the angles of the cutting law, so that [`ForceLaw::rest`] is the force at the wanted pose.
     pub(crate) leaned: bool,
     /// See [`Situation`].
     pub(crate) normal: Vector3<f64>,
@@ -45,13 +45,13 @@ impl Setting {
         Self { base_from_wobj, gravity, tool, held: false }
     }
 
-    /// The flange where the TCP is at a pose in the work object.
+    /// The flange pose at which the TCP has a pose in the work object.
     pub(crate) fn base_from_flange(&self, wobj_from_tcp: &Pose) -> Pose {
         let pose = if self.held { wobj_from_tcp.inverse() } else { *wobj_from_tcp };
         self.base_from_wobj * pose * self.tool.flange_from_tcp.inverse()
     }
 
-    /// The TCP in the work object where the flange is at a pose.
+    /// The pose of the TCP in the work object at a flange pose.
     pub(crate) fn wobj_from_tcp(&self, base_from_flange: &Pose) -> Pose {
         let pose = self.base_from_wobj.inv_mul(&(base_from_flange * self.tool.flange_from_tcp));
         if self.held { pose.inverse() } else { pose }
@@ -90,37 +90,37 @@ impl<'a> Site<'a> {
     }
 }
 
-/// What is known of targets, lane by lane.
+/// The inputs of targets, lane by lane.
 #[derive(Default)]
 pub(super) struct Block<'a, R: Number> {
-    /// As effects see it, the commanded angles being filled in as they are found.
+    /// The inputs of the effects. The solver sets the commanded angles as it finds them.
     pub(super) site: effects::Site<R>,
-    /// Where the TCP should be, in the declared work object.
+    /// Wanted pose of the TCP in the declared work object.
     pub(super) wanted: Frame<R>,
-    /// Declared.
+    /// The declared TCP in the flange.
     pub(super) flange_from_tcp: Frame<R>,
-    /// Axes only.
+    /// Orientation of the feed frame; its origin is not used.
     pub(super) wobj_from_feed: Frame<R>,
     /// See [`ForceLaw::slope`].
     pub(super) slope: Vector<R>,
-    /// See [`ForceLaw::rest`]; where there is one; and where it is the force at the wanted pose.
+    /// [`ForceLaw::rest`] of each lane, the lanes that have one, and the lanes in which it is the force at the wanted pose.
     rest: Vector<R>,
     has_rest: [bool; WIDTH],
     rests: [bool; WIDTH],
-    /// What is in the lanes already: it seldom changes.
+    /// The setting and the law that a lane has already; they seldom change from target to target.
     settings: [Option<&'a Setting>; WIDTH],
     laws: [Option<&'a dyn ForceLaw>; WIDTH],
-    /// The lanes of each law.
+    /// For each law, the lanes that have it.
     lanes: SmallVec<[R::Mask; 2]>,
-    /// Whether laws have changed since these were found.
+    /// Whether laws have changed since `lanes` was computed.
     changed: bool,
-    /// Whether any lane has had mechanical units, and a part that yields.
+    /// Whether any lane has ever had mechanical units, or a part that yields.
     units: bool,
     part: bool,
 }
 
 impl<'a, R: Number> Block<'a, R> {
-    /// Puts another site into a lane.
+    /// Sets the site of a lane.
     pub(super) fn set(&mut self, lane: usize, site: &Site<'a>) {
         self.run_with(lane, site.setting);
         self.wanted.set(lane, site.wobj_from_tcp);
@@ -142,7 +142,7 @@ impl<'a, R: Number> Block<'a, R> {
         }
         match &site.cutting {
             Cutting::Air => self.cut(lane, &NOWHERE, None),
-            // As a law whose frame is the force's own: along its first axis.
+            // A constant force is the unit force `FORCE` along x of a frame whose x axis is the force itself.
             Cutting::Constant(force) => {
                 self.cut(lane, &NOWHERE, None);
                 self.wobj_from_feed.x.set(lane, force);
@@ -152,7 +152,7 @@ impl<'a, R: Number> Block<'a, R> {
         self.rests[lane] = self.has_rest[lane] && (site.leaned || self.laws[lane].is_none());
     }
 
-    /// All lanes are set that are of interest: the first ones.
+    /// Completes a block of which the first `count` lanes are set: the others get no force.
     pub(super) fn first(&mut self, count: usize) {
         if !std::mem::take(&mut self.changed) && count == R::WIDTH {
             return;
@@ -171,7 +171,7 @@ impl<'a, R: Number> Block<'a, R> {
         }
     }
 
-    /// Puts another setting into a lane.
+    /// Sets the setting of a lane.
     pub(super) fn run_with(&mut self, lane: usize, setting: &'a Setting) {
         if self.settings[lane].is_some_and(|here| std::ptr::eq(here, setting)) {
             return;
@@ -198,12 +198,12 @@ impl<'a, R: Number> Block<'a, R> {
         self.laws[lane] = law;
     }
 
-    /// Cutting forces at the wanted poses, N, feed frame, where all are known.
+    /// Cutting forces at the wanted poses, N, feed frame; `None` unless they are known in all lanes.
     pub(super) fn resting(&self) -> Option<&Vector<R>> {
         self.rests.iter().take(R::WIDTH).all(|rests| *rests).then_some(&self.rest)
     }
 
-    /// Cutting forces, N, feed frame, for shifts of the tip, m, and tool axes there.
+    /// Computes the cutting forces, N, feed frame, for shifts of the tip, m, and directions of the tool axis, both in the feed frame.
     pub(super) fn forces(&self, shift: &Vector<R>, axis: &Vector<R>, force: &mut Vector<R>) {
         *force = Vector::of(&FORCE);
         for here in &self.lanes {
@@ -214,10 +214,10 @@ impl<'a, R: Number> Block<'a, R> {
     }
 }
 
-/// Without a law the frame is the force's own.
+/// The force of lanes without a law, in a frame whose x axis is the force itself.
 const FORCE: Vector3<f64> = Vector3::new(1.0, 0.0, 0.0);
 
-/// The axes of no frame: nothing that is turned into it is left.
+/// The frame of lanes without a force: every vector that is turned by it becomes zero.
 const NOWHERE: Rotation3<f64> =
     Rotation3::from_matrix_unchecked(Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0));
 

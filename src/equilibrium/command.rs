@@ -7,60 +7,61 @@ use crate::lanes::Frame;
 use crate::robot::kinematics::one;
 use crate::robot::{Joints, Pose};
 
-/// The command that ends up where it should.
+/// The command with which the loaded arm reaches a wanted pose.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Command {
     /// Actual motor angles at the wanted pose, rad.
     pub motor: Joints,
-    /// Commanded motor angles but for lost motion, rad.
+    /// Commanded motor angles without the compensation of lost motion, rad.
     pub free: Joints,
     /// Lost motion to add in the direction of travel, rad, not negative.
     pub lost: Joints,
-    /// What the arm carries at the wanted pose.
+    /// The loads at the wanted pose.
     pub load: Load,
 }
 
-/// As much of a [`Command`] as a path needs.
+/// The part of a [`Command`] that the correction of a path uses.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct InverseSolution {
     /// Actual motor angles at the wanted pose, rad.
     pub(crate) motor: Joints,
-    /// Commanded motor angles but for lost motion, rad.
+    /// Commanded motor angles without the compensation of lost motion, rad.
     pub(crate) free: Joints,
     /// Lost motion to add in the direction of travel, rad, not negative.
     pub(crate) lost: Joints,
-    /// How its equilibria and those close by feed back.
+    /// Starting values for forward equilibria at this command and at commands nearby.
     pub(crate) feedback: Feedback,
 }
 
-/// How the depth of cut feeds back: a lift of the tip changes the force, to which the joints yield, which lifts the tip.
+/// The feedback of the depth of cut at a target: a lift of the tip changes the force, the joints yield to that change, and this lifts the
+/// tip again. Forward equilibria start from it; it changes no result.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Feedback {
-    /// By how much the joints yield at the wanted pose, rad.
+    /// Deflection of the joints at the wanted pose, rad.
     pub(crate) under: Joints,
-    /// What the joints yield by to a lift of the tip along the surface normal, rad/m.
+    /// Change of the joints' deflection for a lift of the tip along the surface normal, rad/m.
     pub(crate) yielding: Joints,
     /// See [`PredictedPose`].
     pub(crate) mixing: f64,
-    /// Of the tip from the wanted pose at the equilibrium of the nominal arm's motor angles there, about, m.
+    /// Estimated lift of the tip above the wanted pose if the motors stand at the angles of the nominal arm there (no correction), m.
     pub(crate) lift: f64,
 }
 
 impl InverseSolution {
-    /// Where to begin with the equilibrium of the nominal arm's motor angles.
+    /// Start for the equilibrium of the uncorrected command: the motor angles of the nominal arm at the wanted pose.
     pub(crate) fn uncorrected(&self) -> WarmStart {
         self.warm_start(self.feedback.lift, 1.0)
     }
 
-    /// Where to begin with the equilibrium of a command that puts the nominal tip `lift` (m) over where the aim's puts it: what
-    /// feeds back is much the same as `uncorrected`.
+    /// Start for the equilibrium of a command that puts the nominal tip `lift` (m) above the tip of this command. The feedback is nearly
+    /// that of the equilibrium `uncorrected`.
     pub(crate) fn corrected(&self, lift: f64, uncorrected: &PredictedPose) -> WarmStart {
         let near = self.warm_start(lift * (1.0 - self.feedback.mixing), uncorrected.gain);
         WarmStart { mixing: uncorrected.mixing, ..near }
     }
 
-    /// Where to begin with the equilibria of commands close by: the joints yield by much the same.
+    /// Start for the equilibria of commands nearby, where the joints have nearly the same deflection.
     pub(crate) fn nearby(&self) -> WarmStart {
         WarmStart { under: self.feedback.under, ..WarmStart::default() }
     }
@@ -70,60 +71,60 @@ impl InverseSolution {
         WarmStart { under: under + yielding * lift, mixing, left: under.norm_squared(), gain }
     }
 
-    /// Commanded motor angles for a direction of travel (−1, 0, 1 a joint), rad.
+    /// Commanded motor angles for a direction of travel (−1 to 1 for each joint), rad.
     pub(crate) fn commanded(&self, travel: &Joints) -> Joints {
         self.free + travel.component_mul(&self.lost)
     }
 }
 
-/// Where the search for a command begins.
+/// Where the search for a command starts.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Start<'a> {
-    /// Motor angles that choose the branch, rad.
+    /// Motor angles that choose the branch of the nominal inverse, rad.
     Near(&'a Joints),
     /// Motor angles of the nominal arm at the wanted pose itself, rad.
     At(&'a Joints),
 }
 
 impl Command {
-    /// A command that nothing corrects.
+    /// A command without a correction: the motors are commanded to `motor`, rad.
     #[must_use]
     pub fn held(motor: &Joints) -> Self {
         Self { motor: *motor, free: *motor, lost: Joints::zeros(), load: Load::default() }
     }
 
-    /// Actual minus commanded motor angles, but for lost motion, rad.
+    /// Actual minus commanded motor angles, without lost motion, rad.
     #[must_use]
     pub fn deflection(&self) -> Joints {
         self.motor - self.free
     }
 
-    /// Commanded motor angles for a direction of travel (−1, 0, 1 a joint), rad.
+    /// Commanded motor angles for a direction of travel (−1 to 1 for each joint), rad.
     #[must_use]
     pub fn commanded(&self, travel: &Joints) -> Joints {
         self.aim().commanded(travel)
     }
 
-    /// What a path needs of it; nothing is known of how it feeds back.
+    /// The part that the correction of a path uses, without knowledge of the feedback of the cut.
     pub(crate) fn aim(&self) -> InverseSolution {
         let feedback = Feedback { under: self.deflection(), ..Feedback::default() };
         InverseSolution { motor: self.motor, free: self.free, lost: self.lost, feedback }
     }
 }
 
-/// Rounds for effects that move the geometry or depend on the command; each gains three digits or more.
+/// Most iterations for effects that move the geometry or depend on the command. Each of them gains three digits or more.
 const MOST_CORRECTIONS: usize = 50;
 
 impl Arm {
     /// Inverse equilibrium: the command that puts the loaded TCP on `wobj_from_tcp`.
     ///
-    /// Not an iteration where only joints yield: at equilibrium the **actual** joints carry the load, so with
-    /// q_a = IK(wanted) the torque is known and q_c = q_a − K⁻¹ τ(q_a), exact for finite deflections and for any joint
-    /// curve. Effects that move the geometry or depend on the command take a few rounds from there. `near` chooses the
-    /// branch, rad. Limits are the caller's to check, on the command.
+    /// If only joints yield, no iteration is needed. At equilibrium the **actual** joints carry the load: q_a = IK(wanted) gives the torque,
+    /// and q_c = q_a − K⁻¹ τ(q_a) is exact for finite deflections and for any spring curve. Effects that move the geometry or depend on
+    /// the command take a few iterations from there. `near` (motor angles, rad) chooses the branch, `travel` is the direction of travel
+    /// of each joint, −1 to 1. The caller has to check axis limits, on the command.
     ///
     /// # Errors
-    /// The pose is not reached, or no command settles.
+    /// The arm does not reach the pose, or the iteration does not converge.
     pub fn command(
         &self,
         situation: &Situation,
@@ -134,7 +135,7 @@ impl Arm {
         self.command_from(situation, wobj_from_tcp, Start::Near(near), travel)
     }
 
-    /// The same from where the nominal arm is known.
+    /// [`Arm::command`] from a start at which the motor angles of the nominal arm may be known already.
     pub(crate) fn command_from(
         &self,
         situation: &Situation,
@@ -178,14 +179,14 @@ impl Arm {
         Ok(Command { motor, free, lost, load: Load::of(&at) })
     }
 
-    /// Inverse equilibrium of the TCP alone: `programmed` keeps its orientation as commanded, and the command's
-    /// position is found that lands the loaded TCP on the situation's wanted point.
+    /// Inverse equilibrium of the position alone: the command has the orientation of `programmed`, and the position with which the loaded
+    /// TCP comes to the wanted point of the situation.
     ///
-    /// An iteration, since the command's orientation is held instead of the actual one; a round gains the ratio of
-    /// deflection to arm, three digits.
+    /// This takes an iteration, because the commanded orientation is given and not the actual one. Each step gains the ratio of the
+    /// arm's size to its deflection, about three digits.
     ///
     /// # Errors
-    /// The pose is not reached, or no command settles.
+    /// The arm does not reach the pose, or the iteration does not converge.
     pub fn command_position(
         &self,
         situation: &Situation,

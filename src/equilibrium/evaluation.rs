@@ -5,13 +5,13 @@ use crate::effects::{Deflection, Load, Offset, Parts, State};
 use crate::lanes::{Frame, Mask, SinCos, Vector, six, widest};
 use crate::robot::kinematics::{Chain, Rows, Six, dot};
 
-/// Mixing coefficients that are used: loop gains of ±0.9.
+/// Mixing coefficients at which the secant is used: those of loop gains between −0.9 and 0.9.
 pub(super) const STABLE: std::ops::Range<f64> = -9.0..0.475;
 
-/// Arms evaluated in one state: where they are, what acts on them, by how much they yield to it.
+/// The arms in one state: their poses, their loads, and their deflections under these loads.
 #[derive(Default)]
 pub(super) struct Evaluation<R> {
-    /// What is off whatever the load, the rows with it, and where work object and TCP really are.
+    /// The offsets, which do not depend on the load, and with them the actual rows, work object and TCP.
     pub(super) offset: Offset<R>,
     rows: Rows<R>,
     base_from_wobj: Frame<R>,
@@ -20,32 +20,32 @@ pub(super) struct Evaluation<R> {
     pub(super) joints: [SinCos<R>; 6],
     pub(super) chain: Chain<R>,
     pub(super) base_from_tcp: Frame<R>,
-    /// Actual TCP's place in the actual work object, m.
+    /// Position of the actual TCP in the actual work object, m.
     seen: Vector<R>,
-    /// From where it should be, feed frame, m.
+    /// Its shift from the wanted position, feed frame, m.
     shift: Vector<R>,
-    /// Tip to spindle, feed frame.
+    /// Direction of the tool axis, tip to spindle, feed frame.
     axis: Vector<R>,
-    /// Of the law, feed frame, N.
+    /// Force of the cutting law, feed frame, N.
     pub(super) force: Vector<R>,
     pub(super) load: Load<R>,
-    /// By how much the arms yield to it.
+    /// The deflections under these loads.
     pub(super) give: Deflection<R>,
 }
 
-/// How the depth of cut feeds back: a lift of the tip changes the force, to which the joints yield, which lifts the tip.
+/// The feedback of the depth of cut, lane by lane; see the scalar [`Feedback`](super::command::Feedback).
 #[derive(Default)]
 pub(super) struct Feedback<R> {
-    /// What the joints yield by to a lift of the tip along the surface normal, rad/m.
+    /// Change of the joints' deflection for a lift of the tip along the surface normal, rad/m.
     pub(super) yielding: Six<R>,
-    /// Mixing coefficient of a forward equilibrium close by.
+    /// Estimated mixing coefficient of forward equilibria nearby.
     pub(super) mixing: R,
-    /// Of the tip from the wanted pose at the equilibrium of the nominal arm's motor angles there, about, m.
+    /// Estimated lift of the tip above the wanted pose if the motors stand at the angles of the nominal arm there, m.
     pub(super) lift: R,
 }
 
 impl<R: Number> Evaluation<R> {
-    /// Finds what is off whatever the load, for the commanded angles of the block.
+    /// Computes the offsets at the commanded angles of the block.
     pub(super) fn set_offsets(&mut self, model: &Model<'_>, block: &Block<'_, R>) {
         widest!(<R: Number; 'a, 'b, 's> (
             model: &'a Model<'b> = model,
@@ -87,13 +87,13 @@ impl<R: Number> Evaluation<R> {
         }
     }
 
-    /// Takes the joints to actual motor angles, rad.
+    /// Sets the actual motor angles, rad.
     #[inline(always)]
     pub(super) fn turn_to(&mut self, model: &Model<'_>, motor: &Six<R>) {
         self.joints = model.robot.joints(&self.rows.theta, motor);
     }
 
-    /// Frames of the links and the place of the cutter, under a deflection.
+    /// Computes the frames of the links and the pose of the cutter under a deflection.
     pub(super) fn place(&mut self, model: &Model<'_>, block: &Block<'_, R>, under: &Deflection<R>) {
         widest!(<R: Number; 'a, 'b, 's> (
             model: &'a Model<'b> = model,
@@ -139,19 +139,19 @@ impl<R: Number> Evaluation<R> {
         self.base_from_tcp = tcp;
     }
 
-    /// The cutting force there.
+    /// Computes the cutting force at that pose.
     pub(super) fn cut(&mut self, block: &Block<'_, R>) {
         block.forces(&self.shift, &self.axis, &mut self.force);
     }
 
-    /// The cutting force where the TCP stands at a pose in the work object.
+    /// Computes the cutting force at a pose of the TCP in the work object.
     pub(super) fn cut_at(&mut self, block: &Block<'_, R>, pose: &Frame<R>) {
         let shift = block.wobj_from_feed.turn_back(pose.origin - block.site.wanted);
         let axis = -block.wobj_from_feed.turn_back(pose.z);
         block.forces(&shift, &axis, &mut self.force);
     }
 
-    /// By how much the arms yield to the cutting force and whatever else acts.
+    /// Computes all loads and the deflections under them.
     pub(super) fn bear(&mut self, model: &Model<'_>, block: &Block<'_, R>) {
         widest!(<R: Number; 'a, 'b, 's> (
             model: &'a Model<'b> = model,
@@ -192,7 +192,8 @@ impl<R: Number> Evaluation<R> {
         Frame { x: wobj.turn_back(tcp.x), y: wobj.turn_back(tcp.y), z: wobj.turn_back(tcp.z), origin: self.seen }
     }
 
-    /// The motion in the base that takes the TCP from where it is to a pose in the work object.
+    /// The motion in the base frame that moves the TCP from its actual pose to a pose in the work object; `part` is the shift of the part, m,
+    /// base axes.
     #[inline(always)]
     pub(super) fn motion_to(&self, wobj_from_tcp: &Frame<R>, part: Option<Vector<R>>) -> Frame<R> {
         let mut wanted = self.base_from_wobj.then(wobj_from_tcp);
@@ -202,21 +203,21 @@ impl<R: Number> Evaluation<R> {
         wanted.without(&self.base_from_tcp)
     }
 
-    /// How the depth of cut feeds back here, where the tip should be; uncorrected the motors come `aside` of here, rad, before
-    /// the depth feeds back.
+    /// The feedback of the depth of cut in a state in which the tip is at the wanted pose. `aside` is the difference of the motor angles
+    /// without a correction from those of this state, rad, before the feedback acts.
     #[inline(always)]
     pub(super) fn feedback(&self, model: &Model<'_>, block: &Block<'_, R>, aside: &Six<R>) -> Feedback<R> {
         let in_base = |v: Vector<R>| block.site.base_from_wobj.turn(block.wobj_from_feed.turn(v));
         let mut slope = in_base(block.slope);
         if model.parts.has(Parts::CUT) {
-            // By how much effects change the force, they change its slope.
+            // Effects that change the force change its slope by the same factor.
             let law = in_base(self.force);
             let square = law.dot(law);
             let factor = R::ZERO.lt(square).select(self.load.cut.dot(law) / square, R::of(1.0));
             slope = slope * factor;
         }
         let normal = block.site.base_from_wobj.turn(block.wobj_from_feed.z);
-        // What the tip does as a joint turns, along the normal, and its torque as the tip is lifted.
+        // Motion of the tip along the normal for a turn of each motor, and deflection of each motor for a lift of the tip.
         let levers = six!(i => self.chain.axes[i].cross(self.base_from_tcp.origin - self.chain.links[i].origin));
         let levers = model.robot.by_motor(&levers);
         let lifts = six!(i => levers[i].dot(normal));
@@ -230,7 +231,7 @@ impl<R: Number> Evaluation<R> {
     }
 }
 
-/// The TCP in the work object as the controller believes, at motor angles, rad.
+/// The TCP of the nominal arm in the work object, at motor angles in rad.
 #[inline(always)]
 pub(super) fn nominal<R: Number>(model: &Model<'_>, block: &Block<'_, R>, motor: &Six<R>) -> Frame<R> {
     let rows = model.robot.rows::<R>();

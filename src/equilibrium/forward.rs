@@ -7,72 +7,72 @@ use crate::lanes::{Mask, SinCos, Vector, six, widest};
 use crate::robot::NUDGE;
 use crate::robot::kinematics::Six;
 
-/// What a round is trusted to leave of what it finds, at least: a secant gains three digits, until what it did not see is all
-/// that is left.
+/// The smallest ratio of successive residuals that is believed when the next one is predicted. A secant step gains up to three digits, but
+/// then the parts of the residual remain that it does not reduce.
 const TRUSTED: f64 = 0.03;
 
-/// The rounds of forward equilibria: each puts the arms where the last round's loads would bend them, by a step along the
-/// secant through the last two (Anderson 1965, with one round of memory): the depth of cut is nearly all that feeds back, so
-/// that this is nearly Newton's step.
+/// The iteration of forward equilibria. Each step puts the arms where the loads of the last two steps would bend them, on the secant
+/// through both (Anderson 1965, with a memory of one step). Nearly all feedback is that of the depth of cut, so this is nearly Newton's
+/// method.
 ///
-/// The force depends on where the cutter really is (Tang et al., Eqs 5, 9–11), for finite deflections. A lane that is done
-/// stands still: what it comes to does not depend on how long others take.
+/// The force depends on the actual position of the cutter (Tang et al., Eqs 5, 9–11), for finite deflections. A lane that has converged
+/// does not change any more, so its result does not depend on how long other lanes take.
 #[derive(Default)]
 pub(super) struct Forward<R: Number> {
     /// Actual motor angles without any deflection, rad.
     rigid: Six<R>,
-    /// Direction of travel, −1, 0 or 1 a joint.
+    /// Direction of travel of each joint, −1 to 1.
     pub(super) travel: Six<R>,
-    /// By how much the arms yield.
+    /// The deflection that the iteration has reached.
     pub(super) under: Deflection<R>,
-    /// The secant's mixing coefficient, zero where none was found.
+    /// Mixing coefficient of the secant; 0 if none was found.
     pub(super) mixing: R,
-    /// Square of what was left by the evaluation that `under` comes from, and what rounds left of it.
+    /// Squared residual of the evaluation from which the starting value comes, and the ratio of successive squared residuals there.
     pub(super) left: R,
     pub(super) gain: R,
     /// Cutting force, base axes, N.
     pub(super) cut: Vector<R>,
-    /// Where `under` is found.
+    /// Lanes that have converged.
     pub(super) done: R::Mask,
-    /// Where the arm is near enough to `start` for sums of angles.
+    /// Lanes so near to `start` that sines and cosines may be found from those at `start` by a series.
     pub(super) close: R::Mask,
-    /// The most that a round has left of what it found, squared; 0 where none was seen yet.
+    /// The largest ratio of successive squared residuals; 0 before the second step.
     pub(super) most: R,
-    /// `mixing` before the first round.
+    /// `mixing` before the first step.
     first_mixing: R,
-    /// Motor angles that the rounds begin at, rad, and the joints' sines and cosines there.
+    /// Motor angles at which the iteration starts, rad, and the sines and cosines of the joints there.
     start: Six<R>,
     start_joints: [SinCos<R>; 6],
     residual: Deflection<R>,
     before: Round<R>,
 }
 
-/// What a round found.
+/// The result of one step.
 #[derive(Default)]
 struct Round<R> {
     give: Deflection<R>,
     residual: Deflection<R>,
     /// Square of `residual`.
     size: R,
-    /// What of the size of the round before it is.
+    /// Ratio of `size` to that of the step before.
     gain: R,
 }
 
-/// When rounds end and how they step.
+/// When the iteration ends, and how it steps.
 #[derive(Clone, Copy)]
 pub(super) struct Rules {
-    /// What a round may add to the deflection, rad and m.
+    /// Size of the residual at which a lane has converged, rad and m.
     pub(super) tolerance: f64,
-    /// Whether the last step is taken without an evaluation where the two rounds before show what it would leave.
+    /// Whether a lane has also converged when the last two residuals predict that the next one is below the tolerance.
     pub(super) skip_last_evaluation: bool,
-    /// Share of each step; below 1 without the secant.
+    /// Share of each step that is taken. Below 1 the secant is not used.
     pub(super) relaxation: f64,
-    /// Whether arms may go far from where the rounds began.
+    /// Whether arms may move far from the start of the iteration.
     pub(super) far: bool,
 }
 
 impl<R: Number> Forward<R> {
-    /// Begins close to motor angles (rad), of commands whose offsets `at` has.
+    /// Starts the iteration at the commands of the block, whose offsets `at` has, and at the deflection `under`.
     pub(super) fn begin(&mut self, model: &Model<'_>, block: &Block<'_, R>, at: &mut Evaluation<R>) {
         widest!(<R: Number; 'a, 'b, 's> (
             forward: &'a mut Forward<R> = self,
@@ -105,7 +105,7 @@ impl<R: Number> Forward<R> {
         }
     }
 
-    /// Puts the arms where they would be bent, or where the rounds ended.
+    /// Puts the arms into the pose of the deflection `under`.
     pub(super) fn place(&mut self, model: &Model<'_>, block: &Block<'_, R>, at: &mut Evaluation<R>, rules: Rules) {
         widest!(<R: Number; 'a, 'b> (
             forward: &'a mut Forward<R> = self,
@@ -132,7 +132,7 @@ impl<R: Number> Forward<R> {
         } else if close.not().any() {
             let near = at.joints;
             at.turn_to(model, &motor);
-            // A lane that is close comes to the same whatever the others do.
+            // A lane that is close gets the same numbers whether or not other lanes are.
             for (joint, near) in at.joints.iter_mut().zip(&near) {
                 joint.sin = close.select(near.sin, joint.sin);
                 joint.cos = close.select(near.cos, joint.cos);
@@ -140,7 +140,7 @@ impl<R: Number> Forward<R> {
         }
     }
 
-    /// One evaluation and one step.
+    /// One evaluation and one step; `number` counts from 0.
     pub(super) fn round(
         &mut self,
         number: usize,
@@ -170,17 +170,17 @@ impl<R: Number> Forward<R> {
         let size = self.residual.dot(&self.residual, parts);
         let going = self.done.not();
         let before = &self.before;
-        // Towards this round's answer, and from there a share of the way back to that of the round before.
+        // The step goes to the deflection under the loads of this step, and from there a share back to that of the step before.
         let (onwards, back, gain, gain_before);
         if number == 0 || rules.relaxation < 1.0 {
-            // As if a round before had come here.
+            // The first step uses the mixing coefficient of the starting value, as if there had been a step before it.
             let share = if rules.relaxation < 1.0 { R::of(rules.relaxation) } else { one - self.first_mixing };
             (onwards, back, gain, gain_before) = (share, R::ZERO, size / self.left, self.gain);
         } else {
             let both = self.residual.dot(&before.residual, parts);
             let apart = size - both * 2.0 + before.size;
             let mixing = (size - both) / apart;
-            // Where rounds do not shrink by themselves the secant is not used: what runs away shall do so.
+            // If the residuals do not shrink, the secant is not used: a divergence has to show.
             let stable = R::ZERO.lt(apart) & mixing.ge(STABLE.start) & mixing.lt(STABLE.end);
             (onwards, back, gain, gain_before) = (one, stable.select(mixing, R::ZERO), size / before.size, before.gain);
             if number == 1 {
@@ -190,7 +190,7 @@ impl<R: Number> Forward<R> {
             let more = self.most.lt(gain) & going;
             self.most = more.select(gain, self.most);
         }
-        // The next round would leave too little to be evaluated, if it gains as much as the worse of the last two.
+        // The next residual is estimated with the slower convergence of the last two steps.
         let worse = gain.lt(gain_before).select(gain_before, gain);
         let worse = worse.lt(TRUSTED * TRUSTED).select(R::of(TRUSTED * TRUSTED), worse);
         let tolerance = rules.tolerance * rules.tolerance;
@@ -217,7 +217,7 @@ impl<R: Number> Forward<R> {
         (before.size, before.gain) = (size, gain);
     }
 
-    /// Rounds until all of the wanted lanes are done, or `most` of them.
+    /// Steps until all of the wanted lanes have converged, `most` at most.
     pub(super) fn run(
         &mut self,
         model: &Model<'_>,
@@ -234,7 +234,7 @@ impl<R: Number> Forward<R> {
         }
     }
 
-    /// Square of what the last round left, and how far its answer is from the one put in, rad, of a motor (0 to 5) of a lane.
+    /// Of a lane, the squared residual of the last step, rad², and the motor (0 to 5) with the largest residual.
     pub(super) fn last_step(&self, lane: usize) -> (f64, usize) {
         let steps = six!(i => self.before.residual.joints[i].lane(lane).abs());
         let most = (0..6).fold(0, |most, i| if steps[i] > steps[most] { i } else { most });

@@ -1,22 +1,23 @@
-//! Friction in the joints along the commanded motion: on which side of its gap each joint is dragged, and how far it has built up.
+//! The travel of the joints along the commanded motion: the direction in which each joint was last moved, and how far its friction has
+//! built up since it reversed.
 
 use super::arm::Arm;
 use crate::robot::Joints;
 
-/// Commanded motions smaller than this are stops, rad (`docs/effects.md`).
+/// Commanded motions smaller than this count as a stop, rad (`docs/effects.md`).
 pub(crate) const TRAVEL_THRESHOLD: f64 = 1e-7;
 
 impl Arm {
-    /// Travel of each joint after a commanded motion, in −1 … 1: by how much lost motion pulls it against its direction.
+    /// Travel of each joint after a commanded motion, −1 to 1: the share of the lost motion that acts, with the sign of the direction.
     ///
-    /// `held` is the travel before. Sharp friction takes the sign of the motion, and keeps it through stops. With a presliding
-    /// angle w, friction builds up as the joint turns: dz/dq = (1 − z·sgn q̇) / w (Dahl 1968), whose solution over one motion is
-    /// exact for any length of it, so that a motion in several steps ends as it does in one.
+    /// `held` is the travel before the motion. Without a presliding angle the travel is the sign of the motion, and stays the same at
+    /// stops. With a presliding angle w, friction builds up as the joint turns: dz/dq = (1 − z·sgn q̇) / w (Dahl 1968). The solution over
+    /// one motion is exact for any length, so that a motion in several steps ends with the same travel as in one.
     pub(crate) fn travel(&self, previous: &Joints, now: &Joints, held: &Joints) -> Joints {
         Dragged { motor: *previous, travel: *held }.travel_to(now, self.presliding_rad())
     }
 
-    /// Goes on to commanded motor angles, rad; the first have no travel.
+    /// The travel after a motion from `last` to commanded motor angles, rad; zero for the first motion. `last` becomes the new state.
     pub(crate) fn go_on(&self, motor: Joints, last: &mut Option<Dragged>) -> Dragged {
         let travel = last.map_or_else(Joints::zeros, |last| self.travel(&last.motor, &motor, &last.travel));
         let there = Dragged { motor, travel };
@@ -24,12 +25,12 @@ impl Arm {
         there
     }
 
-    /// Travel after a corrected motion, whose command depends on it: the command is `free + travel · lost`, rad, and `programmed` the
+    /// Travel after a corrected motion. It depends on the command, and the command on it: `free + travel · lost`, rad. `programmed` is the
     /// travel of the motion as programmed.
     ///
-    /// Of sharp friction a direction holds if the command made with it moves that way; of two that hold, the joint keeps the one that
-    /// it has. With a presliding angle the command is a continuous function of the travel, and the direction is that in which a joint
-    /// with the travel before would have to move.
+    /// Without a presliding angle, a direction is consistent if the command computed with it moves the joint in that direction. If both are
+    /// consistent, the joint keeps its direction. With a presliding angle the command is a continuous function of the travel; the joint
+    /// moves in the direction in which it would have to move with its previous travel.
     pub(crate) fn settled_travel(&self, from: &Dragged, free: &Joints, lost: &Joints, programmed: &Joints) -> Joints {
         let width = self.presliding_rad();
         Joints::from_fn(|i, _| {
@@ -39,13 +40,13 @@ impl Arm {
         })
     }
 
-    /// Angle over which friction builds up after a joint turns back, rad: one for the arm; 0 where it is sharp.
+    /// Angle over which friction builds up after a joint has reversed, rad, the same for all joints; 0 if it is there at once.
     pub(crate) fn presliding_rad(&self) -> f64 {
         self.effects.iter().filter_map(|effect| effect.presliding_rad()).fold(0.0, f64::max)
     }
 }
 
-/// Where the joints were commanded to, rad, and their travel there.
+/// The commanded motor angles of the joints, rad, and their travel there, −1 to 1.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Dragged {
     pub(crate) motor: Joints,
@@ -53,15 +54,15 @@ pub(crate) struct Dragged {
 }
 
 impl Dragged {
-    /// Travel after a motion to commanded motor angles, with friction that builds up over an angle (rad).
+    /// Travel after a motion to commanded motor angles, rad, with a presliding angle, rad (0 for none).
     pub(crate) fn travel_to(&self, motor: &Joints, presliding_rad: f64) -> Joints {
         Joints::from_fn(|i, _| driven(self.travel[i], motor[i] - self.motor[i], presliding_rad))
     }
 }
 
-/// Travel after a step, rad, from the travel before.
+/// Travel after a step, rad, from the travel `held` before it; `width` is the presliding angle, rad.
 fn driven(held: f64, step: f64, width: f64) -> f64 {
-    // Also where it is not known from where the joint comes: NaN is a stop.
+    // NaN, which means that the previous position is not known, counts as a stop.
     let moves = step.abs() > if width > 0.0 { 0.0 } else { TRAVEL_THRESHOLD };
     match step.signum() {
         _ if !moves => held,
@@ -70,11 +71,11 @@ fn driven(held: f64, step: f64, width: f64) -> f64 {
     }
 }
 
-/// One joint on its way to a corrected command.
+/// One joint in a motion to a corrected command.
 struct Joint {
     held: f64,
     programmed: f64,
-    /// Command without lost motion, from the command before, rad.
+    /// Command without lost motion, relative to the previous command, rad.
     free: f64,
     lost: f64,
 }
@@ -84,7 +85,7 @@ impl Joint {
         let Self { held, programmed, free, lost } = *self;
         let step = |travel: f64| free + travel * lost;
         let holds = |travel: f64| travel * step(travel) > TRAVEL_THRESHOLD;
-        // Most often it goes on.
+        // The usual case: the joint keeps its direction, or stops.
         if holds(held) || step(held).abs() <= TRAVEL_THRESHOLD {
             return held;
         }
@@ -92,9 +93,9 @@ impl Joint {
         [other, -other].into_iter().find(|&sign| sign != 0.0 && holds(sign)).unwrap_or(programmed)
     }
 
-    /// The travel z whose command moves the joint by the step x that builds up z: x = free + z(x) · lost.
+    /// The travel z(x) that builds up over the step x of its own command: x = free + z(x) · lost.
     fn built_up(&self, width: f64) -> f64 {
-        /// Halvings after which a step of a radian is known to 1e-16 rad.
+        /// Bisections after which a step of a radian is known to 1e-16 rad.
         const HALVINGS: usize = 54;
         let away = self.free + self.held * self.lost;
         let sign = away.signum();

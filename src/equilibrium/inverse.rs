@@ -6,50 +6,53 @@ use crate::effects::{Deflection, Parts};
 use crate::lanes::{Frame, Mask, six, widest};
 use crate::robot::kinematics::{Six, dot};
 
-/// The rounds of inverse equilibria: which commands put the loaded TCPs on wanted poses.
+/// The iteration of inverse equilibria: the commands that put the loaded TCPs on wanted poses.
 ///
-/// Not an iteration where only joints yield: at equilibrium the **actual** joints carry the load, so with q_a = IK(wanted)
-/// the torque is known and q_c = q_a − K⁻¹ τ(q_a), exact for finite deflections and for any joint curve. Effects that move the
-/// geometry or follow the command take a few rounds from there: the pose that the nominal inverse solves is moved by
-/// what the real arm missed. The force is that at the wanted pose, whatever the round.
+/// If only joints yield, one evaluation is enough: at equilibrium the **actual** joints carry the load, so q_a = IK(wanted) gives the
+/// torque, and q_c = q_a − K⁻¹ τ(q_a) is exact for finite deflections and for any spring curve. Effects that move the geometry or depend
+/// on the command take a few iterations from there: each moves the pose that the nominal inverse solves by the remaining error of the
+/// real arm. The force is that at the wanted pose in all of them.
 #[derive(Default)]
 pub(super) struct Inverse<R: Number> {
     /// Wanted TCPs in the work object.
     pub(super) wanted: Frame<R>,
-    /// Whether those are the poses that the force laws take as theirs.
+    /// Whether `wanted` are the wanted poses of the block, at which the force laws are defined.
     pub(super) at_reference: bool,
-    /// Direction of travel, −1, 0 or 1 a joint.
+    /// Direction of travel of each joint, −1 to 1.
     pub(super) travel: Six<R>,
     /// Actual motor angles, rad.
     pub(super) motor: Six<R>,
-    /// Commanded motor angles but for lost motion, rad.
+    /// Commanded motor angles without the compensation of lost motion, rad.
     pub(super) free: Six<R>,
     /// Lost motion to add in the direction of travel, rad.
     pub(super) lost: Six<R>,
-    /// By how much the arms yield there.
+    /// Deflection of the arms at the wanted poses.
     pub(super) under: Deflection<R>,
-    /// Where the command is found, and where it may be yet.
+    /// The lanes whose command is found, and those whose command can still be found.
     pub(super) done: R::Mask,
     pub(super) open: R::Mask,
-    /// Flange poses that the nominal inverse has solved.
+    /// Flange poses that the nominal inverse has to solve, base frame.
     asked: Frame<R>,
     /// Square of the last change of the commands, rad².
     pub(super) change: R,
 }
 
-/// Rounds that a batch takes; the scalar solver takes more.
+/// Most iterations of a batch; the scalar solver takes over the targets that need more.
 pub(super) const BATCH_ROUNDS: usize = 8;
 
-/// Commands that would change by less than this in another round are found, rad: 1e-9 mm at 3 m.
+/// A command is found when another iteration would change it by less than this, rad: 1e-9 mm at 3 m.
 pub(super) const FOUND: f64 = 3e-13;
 
-/// Most that a round is trusted to gain: rounding hides more.
+/// The smallest ratio of successive changes that is believed. Rounding hides a faster convergence.
 const TRUSTED: f64 = 1e-4;
 
 impl<R: Number> Inverse<R> {
-    /// From actual motor angles in `motor`, at which the nominal arm has its TCP at the wanted pose.
+    /// Iterates from `motor`, the actual motor angles at which the nominal arm has its TCP at the wanted pose. `open` are the lanes to solve,
+    /// `most` is the largest number of iterations. `invert` returns the motor angles, rad, of flange poses, near given ones, and the lanes
+    /// in which it found them.
     ///
-    /// `invert` gives motor angles, rad, of flange poses near others, where it can.
+    /// # Errors
+    /// Those of `invert`.
     pub(super) fn run<E>(
         &mut self,
         model: &Model<'_>,
@@ -87,7 +90,7 @@ impl<R: Number> Inverse<R> {
         Ok(())
     }
 
-    /// Evaluates the arms at their motor angles, and moves the poses to be solved by what was missed.
+    /// Evaluates the arms at their motor angles, and moves the poses to solve by the remaining error.
     fn evaluate(&mut self, first: bool, model: &Model<'_>, block: &Block<'_, R>, at: &mut Evaluation<R>) {
         at.set_offsets(model, block);
         widest!(<R: Number; 'a, 'b> (
@@ -140,8 +143,8 @@ impl<R: Number> Inverse<R> {
             let steps = six!(i => command[i] - commanded[i]);
             *commanded = command;
             let now = dot(&steps, &steps);
-            // A round gains what the last one did, or what rounding lets be seen; the first has none before it. Without a
-            // quotient: a command that needs no correction at all changes by nothing in either round.
+            // The next change is estimated from the last two, with a ratio that rounding allows to be seen. The first iteration has none
+            // before it. The comparison has no quotient, because a command that needs no correction changes by 0 each time.
             let small = (FOUND / TRUSTED) * (FOUND / TRUSTED);
             let found = if number == 0 {
                 R::Mask::default()

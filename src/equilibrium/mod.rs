@@ -1,12 +1,12 @@
-//! The two questions put to a cell: where does a command end up ([`Arm::predict`]), and which command ends up where it should
-//! ([`Arm::command`]), for one target or for a batch. Knows no text.
+//! Static equilibria of the loaded arm, for one target or for a batch: the actual pose of a command ([`Arm::predict`]), and the command
+//! that reaches a wanted pose ([`Arm::command`]). This module knows neither programs nor files.
 //!
 //! ```text
-//! Model      the arm with its effects, ready to be evaluated
-//! Block      what is known of targets, lane by lane
-//! Evaluation the arm in one state: where it is, what acts on it, by how much it yields
-//! Forward    rounds of evaluations until what yields is what was put in
-//! Inverse    rounds of evaluations at the wanted pose until the command is found
+//! Model      the arm with its effects, prepared for evaluations
+//! Block      the inputs of the targets, lane by lane
+//! Evaluation the arm in one state: its pose, its loads, and its deflection under them
+//! Forward    evaluations until the deflection that was assumed is the one that the loads cause
+//! Inverse    evaluations at the wanted pose until the command no longer changes
 //! ```
 
 mod arm;
@@ -33,26 +33,27 @@ pub(crate) use predict::{PredictedPose, WarmStart};
 
 use crate::robot::Unreachable;
 
-/// Why a target has no answer.
+/// Why a target has no equilibrium or cannot be reached.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum EquilibriumError {
-    /// The arm does not get there.
+    /// The arm does not reach the pose.
     #[error(transparent)]
     Unreachable(#[from] Unreachable),
-    /// The load grows faster than the arm gives way: it is pulled in without end.
+    /// The iteration does not converge. Usually the force grows faster with the deflection than the springs of the arm do, so that the
+    /// tool is pulled into the material.
     #[error(
-        "no equilibrium: after {rounds} rounds the tool still moves {step_mm:.4} mm a round, mostly by axis {axis}"
+        "no equilibrium: after {rounds} iterations the tool still moves by {step_mm:.4} mm in each, mostly with axis {axis}"
     )]
     NoEquilibrium {
-        /// Rounds tried.
+        /// Number of iterations.
         rounds: usize,
         /// Last step of the TCP, mm.
         step_mm: f64,
-        /// Axis (1 to 6) that still moves most.
+        /// The axis, 1 to 6, that still moves most; 0 where that is not known.
         axis: usize,
     },
-    /// A parameter or a load is not a number.
+    /// A parameter or a load is infinite or not a number.
     #[error("the equilibrium is not finite: a parameter of the cell or a force is out of range")]
     NotFinite,
 }

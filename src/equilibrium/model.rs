@@ -3,19 +3,19 @@ use crate::effects::{Law, Parts};
 use crate::robot::{BatchArm, Joints, Robot};
 use smallvec::SmallVec;
 
-/// An arm with its effects, ready to be evaluated.
+/// An arm with its effects, prepared for evaluations.
 #[derive(Debug)]
 pub(crate) struct Model<'a> {
     pub(super) robot: &'a Robot,
-    /// Where there is an explicit inverse.
+    /// The inverse kinematics for several targets at once; `None` if the arm has no explicit inverse.
     pub(super) inverse: Option<BatchArm<'a>>,
-    /// N·m/rad
+    /// Declared joint stiffness at the motors, N·m/rad.
     pub(super) stiffness: Option<&'a Joints>,
     pub(super) laws: SmallVec<[Law<'a>; 4]>,
-    /// What any of them touches.
+    /// The fields that any of the effects changes.
     pub(super) parts: Parts,
     pub(super) follows_command: bool,
-    /// Of the joints at the motors, about, rad/(N·m).
+    /// Estimated compliance of the joints at the motors, rad/(N·m).
     pub(super) compliance: [f64; 6],
 }
 
@@ -38,7 +38,7 @@ impl<'a> Model<'a> {
         }
     }
 
-    /// Whether a command is explicit: what is off are joint angles, whatever the command.
+    /// Whether a command needs no iteration: all effects change joint angles only, and none depends on the command.
     pub(super) fn is_explicit(&self) -> bool {
         !self.parts.moves_geometry() && !self.follows_command
     }

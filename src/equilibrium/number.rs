@@ -1,9 +1,10 @@
 use crate::effects::ForceLaw;
 use crate::lanes::{LaneMask, Lanes, Real, Vector};
 
-/// A number that equilibria are solved over: one that a force law answers for.
+/// A number type over which equilibria are solved: a single number, or several lanes.
 pub(crate) trait Number: Real {
-    /// Forces, N, feed frame, of those targets that are wanted: for shifts of the tip, m, and tool axes there.
+    /// Writes the forces of a law into `out`, N, feed frame, for those targets whose lane is set in `wanted`. `shift` is the shift of the
+    /// tip, m, and `axis` the direction of the tool axis, both in the feed frame.
     fn force(law: &dyn ForceLaw, wanted: Self::Mask, shift: &Vector<Self>, axis: &Vector<Self>, out: &mut Vector<Self>);
 }
 

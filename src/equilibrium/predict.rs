@@ -10,7 +10,7 @@ use crate::robot::{Joints, Pose, turn_between};
 use nalgebra::Vector3;
 use std::f64::consts::FRAC_1_SQRT_2;
 
-/// Where a command ends up.
+/// The equilibrium of the loaded arm at a command.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Equilibrium {
@@ -18,19 +18,19 @@ pub struct Equilibrium {
     pub motor: Joints,
     /// Actual TCP in the actual work object, m.
     pub wobj_from_tcp: Pose,
-    /// What the arm carries there.
+    /// The loads there.
     pub load: Load,
     /// Lost motion there, rad, not negative.
     pub(super) lost: Joints,
     pub(super) under: Deflection<f64>,
 }
 
-/// What an arm carries.
+/// The loads on an arm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Load {
     /// Cutting force on the tool at the TCP, base axes, N.
     pub cut: Vector3<f64>,
-    /// Torques that cut and weights put on the motors, N·m, in motor coordinates (τ = Jᵀ F).
+    /// Torques of the cutting force and the weights at the motors, N·m, in motor coordinates (τ = Jᵀ F).
     pub torque: Joints,
 }
 
@@ -46,24 +46,24 @@ impl Load {
     }
 }
 
-/// 1e-9 mm at 3 m, seen by an evaluation.
+/// For results that are differentiated: 1e-9 mm at 3 m, confirmed by an evaluation.
 pub(super) const EXACT: Rules = Rules { tolerance: 3e-13, skip_last_evaluation: false, relaxation: 1.0, far: true };
 
-/// 6e-9 mm at 3 m, less than a hundredth of the last printed digit.
+/// For reports: 6e-9 mm at 3 m, less than a hundredth of the last printed digit.
 pub(super) const PRINTED: Rules = Rules { tolerance: 2e-12, skip_last_evaluation: true, relaxation: 1.0, far: false };
 
-/// Rounds of one attempt. With the secant real arms take six; where it is not used, twenty.
+/// Most iterations of one attempt. Real arms take six with the secant, and twenty without it.
 const MOST_EVALUATIONS: usize = 200;
 
-/// Steps of the TCP that go on and on and are this small, m or rad, are no running away: the force itself has steps of a
-/// millionth where its table ends, and the tool goes to and fro over one. A hundredth of a micrometre.
+/// An iteration that ends with steps of the TCP below this, m or rad, counts as converged: a hundredth of a micrometre. The tables of the
+/// force have steps of a millionth at their ends, and the iteration can alternate between the two sides of such a step.
 const LIMIT_CYCLE_TOLERANCE: f64 = 1e-8;
 
-/// Relaxation of the attempts: a smaller one calms strong negative feedback, which is stable at the machine but overshoots as
-/// a plain iteration.
+/// Relaxation of the successive attempts. Strong negative feedback is stable on the machine, but a plain iteration overshoots; a smaller
+/// relaxation damps it.
 const RELAXATIONS: [f64; 4] = [1.0, 0.5, 0.2, 0.05];
 
-/// What the solvers work in, some kilobytes a lane.
+/// The memory of the solvers, some kilobytes for each lane.
 #[derive(Default)]
 pub(super) struct Workspace<'a, R: Number> {
     pub(super) block: Block<'a, R>,
@@ -80,14 +80,14 @@ impl<'a> Workspace<'a, f64> {
         workspace
     }
 
-    /// Puts a command in, with the direction of travel into it.
+    /// Sets the command, motor angles in rad, and the direction of travel of each joint.
     fn command(&mut self, model: &Model<'_>, (motor, travel): (&Joints, &Joints)) {
         set(&mut self.block.site.commanded, 0, motor);
         set(&mut self.forward.travel, 0, travel);
         self.at.set_offsets(model, &self.block);
     }
 
-    /// Rounds from what is known, and with a smaller and smaller relaxation until one attempt settles.
+    /// Iterates from a starting value, with smaller and smaller relaxation until an attempt converges.
     fn settle(&mut self, model: &Model<'_>, near: &WarmStart, rules: Rules) -> Result<(), EquilibriumError> {
         let mut failure = EquilibriumError::NotFinite;
         for relaxation in RELAXATIONS {
@@ -117,19 +117,19 @@ impl<'a> Workspace<'a, f64> {
                 }
                 return Ok(());
             }
-            // Comparisons pass over NaN, so the pose itself is checked.
+            // Every comparison with NaN is false, so the pose has to be checked itself.
             if !seen.origin.lane(0).iter().all(|v| v.is_finite()) {
                 return Err(EquilibriumError::NotFinite);
             }
             if round > 0 {
-                // The chord of a small turn is its angle.
+                // For small turns the chord equals the angle.
                 let (now, last) = (seen.lane(0), before.lane(0));
                 let turn = FRAC_1_SQRT_2 * (now.rotation.matrix() - last.rotation.matrix()).norm();
                 step = (now.translation.vector - last.translation.vector).norm().max(turn);
                 if round == 1 {
                     first_step = step;
                 }
-                // A hundred times the first step and growing: it runs away.
+                // A step a hundred times as large as the first one: the iteration diverges.
                 if step > 100.0 * first_step {
                     break;
                 }
@@ -150,9 +150,8 @@ impl<'a> Workspace<'a, f64> {
 impl Arm {
     /// Forward equilibrium: the actual pose at commanded motor angles (rad).
     ///
-    /// `travel` is the direction of the commanded motion into the target, −1, 0 or 1 a joint. The force depends on
-    /// where the cutter really is (Tang et al., Eqs 5, 9–11), for finite deflections: each round puts the arm where
-    /// the last round's loads would bend it.
+    /// `travel` is the direction of travel of each joint into the target, −1 to 1. The force depends on the actual position of the cutter
+    /// (Tang et al., Eqs 5, 9–11), for finite deflections: each iteration puts the arm where the loads of the previous one bend it.
     ///
     /// # Errors
     /// There is no equilibrium, or it is not finite.
@@ -176,7 +175,7 @@ impl Arm {
         })
     }
 
-    /// As much of it as a report asks, to its printed digits, from what is known close by.
+    /// [`Arm::predict`] with the accuracy of a report, from a starting value; `command` is the motor angles, rad, and the direction of travel.
     pub(crate) fn land(
         &self,
         situation: &Situation,
@@ -201,7 +200,7 @@ impl Arm {
     }
 }
 
-/// Where a command ends up, as far as a report asks, in the axes of the actual work object.
+/// The part of an [`Equilibrium`] that reports use, in the axes of the actual work object.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PredictedPose {
     /// Actual minus wanted TCP, m.
@@ -212,22 +211,22 @@ pub(crate) struct PredictedPose {
     pub(crate) axis: Vector3<f64>,
     /// Cutting force on the tool, N.
     pub(crate) cut: Vector3<f64>,
-    /// By how much the part yields, m, where an effect says so.
+    /// By how much the part yields, m; `None` if no effect describes it.
     pub(crate) part: Option<f64>,
-    /// The secant's mixing coefficient, for starts close by; zero where none was found.
+    /// Mixing coefficient of the secant, as a start for targets nearby; 0 if none was found.
     pub(crate) mixing: f64,
-    /// The most that a round left of what it found, squared; 1 where that is not known.
+    /// The slowest convergence of an iteration: ratio of successive squared residuals; 1 if it is not known.
     pub(crate) gain: f64,
 }
 
-/// What is known of a forward equilibrium beforehand: it saves rounds and decides nothing.
+/// Starting values of a forward equilibrium. They save iterations and change no result.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct WarmStart {
-    /// By how much the joints yield, about, rad.
+    /// Estimated deflection of the joints, rad.
     pub(crate) under: Joints,
     /// See [`PredictedPose`].
     pub(crate) mixing: f64,
-    /// What the evaluation that this comes from had left, rad², or 0.
+    /// Squared residual of the evaluation from which this comes, rad²; 0 if there was none.
     pub(crate) left: f64,
     /// See [`PredictedPose`].
     pub(crate) gain: f64,

@@ -7,7 +7,7 @@ use super::pattern::{CLAMP_SLIP, Pattern};
 /// A rival with its d′ on these rows, where it is small.
 fn name_with_distance(effect: &Added, rival: &str, pairs: &[Separation]) -> String {
     match pairs.iter().find(|pair| pair.of == effect.kind && pair.from == *rival) {
-        Some(pair) => format!("`{rival}` (d′ {:.1}; 5 would do)", pair.d_prime),
+        Some(pair) => format!("`{rival}` (d′ {:.1}; 5 is enough)", pair.d_prime),
         None => format!("`{rival}`"),
     }
 }
@@ -25,7 +25,7 @@ pub(super) fn advice(
     let mut all = Vec::new();
     if let Some(step) = problem.steps_mm.filter(|step| noise_mm < HIDDEN * step) {
         all.push(format!(
-            "readings come in steps of {step} mm, more than they scatter: let the instrument write more digits, or what is smaller is lost"
+            "readings come in steps of {step} mm, more than they scatter: let the instrument write more digits: smaller errors cannot be seen"
         ));
     }
     let drift = Pattern::Drift { settles: None }.name();
@@ -48,11 +48,11 @@ pub(super) fn advice(
     }
     if unexplained.significant {
         let follows = unexplained.correlates.first().map_or(String::new(), |c| format!(" (it follows {})", c.with));
-        all.push(format!("something that no listed effect explains is left{follows}: repeat the run at another time and place to see what it is tied to"));
+        all.push(format!("an error remains that no known effect explains{follows}: repeat the run at another time and place to see what it depends on"));
     }
     if problem.orientations > 0 {
         all.push(format!(
-            "the {} measured orientations are not used: positions alone are fitted where a table has a program, or measured lengths",
+            "the {} measured orientations are not used: with a program, or with measured distances, only positions are fitted",
             problem.orientations
         ));
     }
@@ -62,7 +62,7 @@ pub(super) fn advice(
     all
 }
 
-/// Whether a clamp of the part slipped or gives way, where the rows leave that open.
+/// That a clamp of the part either slipped or gives way, where the rows cannot decide between the two.
 pub(super) fn slipped_or_soft(found: &Identification) -> Option<String> {
     let soft = "clamp_compliance";
     let has = |set: &SetShare, kind: &str| set.kinds.iter().any(|own| own == kind);
@@ -72,18 +72,18 @@ pub(super) fn slipped_or_soft(found: &Identification) -> Option<String> {
     let (slipped, gives) = (share(CLAMP_SLIP, soft), share(soft, CLAMP_SLIP));
     (slipped > MENTIONED && gives > MENTIONED).then(|| {
         format!(
-            "a clamp of the part that slipped ({slipped:.2}) and one that gives way ({gives:.2}) cannot be distinguished on these rows: probe the              same places with and without the force, before the part is unclamped"
+            "a clamp of the part that slipped ({slipped:.2}) and one that gives way ({gives:.2}) cannot be distinguished on these rows: probe the same places with and without the force, before the part is unclamped"
         )
     })
 }
 
-/// What may act and is too faint to be named, where nothing is added.
+/// The effects that may act but are too small to be named, where no effect is added.
 pub(super) fn faintly(found: &Identification) -> Option<String> {
     let of = |set: &&SetShare| format!("`{}` ({:.2})", set.kinds.join("` with `"), set.probability);
     let faint: Vec<String> = found.faint().iter().map(of).collect();
     (!faint.is_empty()).then(|| {
         format!(
-            "too faint to be named: {} may act; twice the rows, or readings that scatter less, would tell",
+            "too small to be named: {} may act; twice the rows, or readings that scatter less, would decide",
             faint.join(", or ")
         )
     })

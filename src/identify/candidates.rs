@@ -138,7 +138,7 @@ fn time_constants(variants: Vec<Box<dyn Effect>>, name: &str, survey: &Survey) -
 
 /// Names of the units that move over the rows.
 fn moving_units(problem: &Problem) -> Vec<String> {
-    /// Less than this tells nothing of where a unit stands, mm or degrees.
+    /// Motions of a unit below this, mm or degrees, cannot show where the unit stands.
     const LEAST_TRAVEL: f64 = 1.0;
     let mut range = [(f64::INFINITY, f64::NEG_INFINITY); EXTERNAL_AXES];
     for row in &problem.rows {

@@ -460,7 +460,7 @@ impl Problem {
     /// What is left out together when something is tried on rows that its fit has not seen: whole runs where there are
     /// several, else stretches of one.
     pub(super) fn validation_block(&self, row: &Observation) -> (usize, usize) {
-        /// Runs from which on the others tell enough without one.
+        /// From this number of runs on, one run can be left out and the others are still enough.
         const RUNS: usize = 3;
         (row.run, if self.runs.len() >= RUNS { 0 } else { row.block })
     }

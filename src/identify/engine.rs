@@ -36,7 +36,7 @@ pub struct Input<'a> {
     pub poses: Vec<Table>,
     /// The tool of `poses`, where the cell has several.
     pub tool: Option<&'a str>,
-    /// Goes into the provenance of what is added: tells which data it came from.
+    /// Hash of the data, for the provenance of the effects that are added.
     pub data_hash: &'a str,
     /// Which effects of the model go into the cell.
     pub written: Written,
@@ -74,7 +74,7 @@ pub enum Written {
 /// Receives the share of the work that is done, from 0 to 1; returning `false` cancels it.
 pub type Progress<'a> = dyn Fn(f64) -> bool + Sync + 'a;
 
-/// Tells how far it is, and ends the run that is called off.
+/// Reports the progress; an error if the run was cancelled.
 fn reached(progress: &Progress<'_>, share: f64) -> Result<(), Vec<Diagnostic>> {
     if progress(share) {
         return Ok(());
@@ -116,7 +116,7 @@ pub(super) struct Engine {
     pub(super) reuse: Reuse,
     /// Columns of the last search for gear harmonics.
     comb: Option<Grid>,
-    /// Rows that are scored and not searched on: of a dense table every so-many-th row tells as much.
+    /// Rows that are scored and not used in the search: in a dense table neighbouring rows contain nearly the same information.
     aside: Vec<Observation>,
     /// Posterior over sets: what each names, most likely first.
     pub(super) sets: Vec<SetShare>,

@@ -19,7 +19,7 @@ use super::search::Search;
 use super::separability::{self, Trace};
 use super::ties;
 use crate::cell::{NewEffect, Uncertainty};
-use crate::effects::{Shape, kind};
+use crate::effects::{ParameterOwner, Shape, kind};
 use nalgebra::{DMatrix, DVector};
 
 /// Variances of fitted numbers that stand for one: models are never quite true, and the noise's shape is fitted too.
@@ -180,13 +180,13 @@ impl Engine {
             let kind = &self.candidates[*c].kind;
             if added.kind != *kind {
                 replaced.push(format!(
-                    "all rows together speak for `{kind}`, and the fitted rows alone for `{}`. The cell has the first, and the errors above \
+                    "all rows together favour `{kind}`, and the fitted rows alone `{}`. The extended cell has the first, and the errors above \
                      are those of `{}`. Measure once more before you rely on this cell",
                     added.kind, added.kind
                 ));
                 added.kind.clone_from(kind);
             }
-            // Where something is left that no effect explains, no name is sure.
+            // While an error remains that no effect explains, no name is certain.
             added.posterior = if unlisted { posterior.min(EVEN) } else { *posterior };
             let is_sure = added.posterior >= NAMED || self.is_whole_arm();
             let mentioned = rivals.iter().filter(|(_, share)| !is_sure && *share >= MENTIONED);
@@ -226,8 +226,8 @@ impl Engine {
         let mut advice = advice(&added, &unexplained, &ranking.separability, &self.problem, noise_mm);
         if self.is_whole_arm() {
             advice.push(format!(
-                "the same program next to this place may be off by {transfer_sigma_mm:.3} mm per axis (one standard deviation): rows in \
-                 other places, postures and loads make that less; more rows of this program do not"
+                "for the same program at a neighbouring place the standard uncertainty is {transfer_sigma_mm:.3} mm per axis: rows in \
+                 other places, postures and loads make it smaller; more rows of this program do not"
             ));
         }
         advice.extend(replaced);
@@ -235,8 +235,8 @@ impl Engine {
         advice.extend(self.refused.map(|Refused { leaving_out, extended_mm, declared_mm }| {
             let rows = match leaving_out {
                 None => "held-out rows",
-                Some(LeavingOut::Stretches) => "rows left out stretch by stretch",
-                Some(LeavingOut::Places) => "rows left out by place, posture and load",
+                Some(LeavingOut::Stretches) => "rows of stretches left out of the fit",
+                Some(LeavingOut::Places) => "rows at places, postures and loads left out of the fit",
             };
             format!(
                 "no effect is added: with those that were found, the error on {rows} would be {extended_mm:.4} mm instead of \
@@ -317,7 +317,7 @@ impl Engine {
             let parameter = |(k, p): (usize, crate::effects::Parameter)| {
                 let half = 1.96 * scaled[(own.start + k, own.start + k)].max(0.0).sqrt();
                 let ci95 = [(p.value - half).max(p.bounds.0), (p.value + half).min(p.bounds.1)];
-                FittedParameter { name: p.name, value: p.value, unit: p.unit, ci95, neutral: p.neutral }
+                FittedParameter { name: p.name, value: p.value, unit: p.unit, ci95, neutral: p.neutral, owner: p.owner }
             };
             let parameters = effect.parameters().into_iter().enumerate().map(parameter).collect();
             let uncertainty = match &factor {
@@ -398,8 +398,10 @@ impl Engine {
             correlates.push(Correlate { with, r: 1.0, fault: None, parameters: Vec::new() });
         }
         if let Some(declared) = self.problem.declared_sigma_mm.filter(|_| self.scatters_more()) {
-            let with =
-                format!("nothing that is known: it scatters by {:.4} mm where sigma_mm says {declared:.4}", self.sigma);
+            let with = format!(
+                "nothing that is known: the rows scatter by {:.4} mm, and their sigma_mm says {declared:.4}",
+                self.sigma
+            );
             correlates.push(Correlate { with, r: 1.0, fault: None, parameters: Vec::new() });
         }
         correlates.sort_by(|a, b| b.r.abs().total_cmp(&a.r.abs()));
@@ -414,7 +416,8 @@ impl Engine {
             let variance = covariance.get((first + k, first + k)).copied().unwrap_or(f64::INFINITY);
             let half = 1.96 * TYPICAL_MM * variance.max(0.0).sqrt();
             let name = format!("shift_mm[{k}]");
-            FittedParameter { name, value, unit: "mm", ci95: [value - half, value + half], neutral: 0.0 }
+            let owner = ParameterOwner::Effect;
+            FittedParameter { name, value, unit: "mm", ci95: [value - half, value + half], neutral: 0.0, owner }
         };
         (0..candidate.values.len()).map(of).collect()
     }

@@ -328,7 +328,7 @@ impl Engine {
         self.choose(set);
     }
 
-    /// Withdraws what only nothing stands against, and not clearly enough for a name: there is nothing to tell it apart from.
+    /// Removes an effect whose only rival is no effect at all, and that is not certain enough to be named.
     pub(super) fn withdraw_faint(&mut self, posteriors: &mut Vec<Posterior>) {
         let against = |rivals: &[(String, f64)]| rivals.iter().any(|(_, share)| *share >= MENTIONED);
         self.withdraw_unless(posteriors, |_, share, rivals| share >= NAMED || against(rivals));

@@ -1,4 +1,5 @@
 use crate::cell::NewEffect;
+use crate::effects::ParameterOwner;
 use serde::Serialize;
 
 /// A name needs this posterior; below it, the set of effects that cannot be distinguished.
@@ -29,7 +30,7 @@ pub struct Identification {
     pub after: Errors,
     /// 95 % interval of `after.rms_mm` by bootstrap over blocks, mm.
     pub after_rms_ci95_mm: [f64; 2],
-    /// What the run's drift at held-out rows is, rms, mm, as the fitted rows about them tell it: taken off `before` and `after` alike,
+    /// The drift of the run at held-out rows, rms, mm, estimated from neighbouring fitted rows. It is subtracted from `before` and `after`,
     /// for it is in no cell. `None` for parts, and where the noise has no drift.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub run_drift_rms_mm: Option<f64>,
@@ -156,6 +157,9 @@ pub struct FittedParameter {
     /// The value at which the effect does nothing.
     #[serde(skip)]
     pub neutral: f64,
+    /// What the number belongs to.
+    #[serde(skip)]
+    pub owner: ParameterOwner,
 }
 
 /// One kind alone.

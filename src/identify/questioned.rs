@@ -1,7 +1,7 @@
 //! Questions put to a table before anything is fitted: whether its points can be those of the targets that its rows name, and
 //! whether they can be what an instrument measured on a robot.
 //!
-//! What is clear is refused with what would mend it; nothing is mended here.
+//! Clear mistakes are refused with a message that says how to correct them; nothing is corrected here.
 
 use super::data::Problem;
 use super::engine::Engine;
@@ -32,8 +32,8 @@ type Change = fn(&Vector3<f64>) -> Vector3<f64>;
 
 /// What points might have been meant as, in words.
 const READINGS: [(&str, Change); 11] = [
-    ("they are inches: multiply by 25.4", |v| v * 25.4),
-    ("they are metres: multiply by 1000", |v| v * 1e3),
+    ("the numbers are inches: multiply by 25.4", |v| v * 25.4),
+    ("the numbers are metres: multiply by 1000", |v| v * 1e3),
     ("x and y are swapped", |v| Vector3::new(v.y, v.x, v.z)),
     ("y and z are swapped", |v| Vector3::new(v.x, v.z, v.y)),
     ("x and z are swapped", |v| Vector3::new(v.z, v.y, v.x)),
@@ -55,7 +55,7 @@ struct Pair<'a> {
 /// Rows that a table takes part with: point of the program, row, what was seen.
 pub(super) type Taken<'a> = (usize, &'a MeasuredRow, Seen);
 
-/// Refuses tables whose points lie elsewhere, or are no measurements, and says what would mend them.
+/// Refuses tables whose points are elsewhere, or are no measurements, and says how to correct them.
 pub(super) fn belongs(prepared: &Prepared, table: &Table, taken: &[Taken], errors: &mut Vec<Diagnostic>) {
     let pair = |&(point, row, seen): &Taken<'_>| match seen {
         Seen::Position(seen) if seen.iter().all(|v| v.is_finite()) => Some((point, row.line, seen)),
@@ -129,7 +129,7 @@ impl Asked<'_> {
             let shift = SHIFTS.into_iter().find(|&shift| self.off(|v| *v, shift, keep) < CLEARLY * off)?;
             let (way, mend) = if shift > 0 { ("after", "add") } else { ("before", "subtract") };
             let by = shift.unsigned_abs();
-            Some(format!("each is that of the target {by} {way} the one that the row names: {mend} {by} in `target`"))
+            Some(format!("each point belongs to the target {by} {way} the one that its row names: {mend} {by} in the column `target`"))
         })
     }
 
@@ -139,7 +139,7 @@ impl Asked<'_> {
             return None;
         }
         let reason = self.meant(off, &|_| true).or_else(|| self.shuffled(off)).or_else(|| {
-            let elsewhere = "they are not in the work object's frame, or belong to another program";
+            let elsewhere = "the points are not in the work object's frame, or belong to another program";
             (off >= ELSEWHERE_MM).then(|| elsewhere.to_owned())
         });
         reason.map(|reason| (0, format!("measured points lie {off:.1} mm (median) from their targets: {reason}")))
@@ -152,7 +152,7 @@ impl Asked<'_> {
         let nearest = |pair: &Pair| places.iter().map(|place| (pair.seen - place).norm()).fold(f64::INFINITY, f64::min);
         let nearest = median(self.pairs.iter().step_by(every).map(nearest).collect());
         (nearest < CLEARLY * off)
-            .then(|| "each lies at another target of the path: the rows are out of order".to_owned())
+            .then(|| "each point lies at another target of the path: the rows are out of order".to_owned())
     }
 
     /// A stretch of rows that lies apart from the others.
@@ -174,7 +174,7 @@ impl Asked<'_> {
                 return Some((
                     first,
                     format!(
-                        "lines {first} to {last} lie {off:.1} mm from their targets, and the others otherwise: {reason}"
+                        "lines {first} to {last} lie {off:.1} mm from their targets, and the other lines do not: {reason}"
                     ),
                 ));
             }
@@ -213,7 +213,7 @@ fn doubled(taken: &[Taken]) -> Option<(u64, u64)> {
     (timed || 2 * again().filter(same).count() > again().count()).then(|| (found[0].1.line, found[1].1.line))
 }
 
-/// Steps that all readings come in, mm, where they are coarse enough to tell.
+/// The step in which all readings come, mm; `None` if it is too fine to be seen.
 pub(super) fn steps_mm<'a>(rows: impl Iterator<Item = &'a MeasuredRow> + Clone) -> Option<f64> {
     const STEPS_MM: [f64; 8] = [1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005];
     /// Decimal numbers are not held exactly.
@@ -225,12 +225,13 @@ pub(super) fn steps_mm<'a>(rows: impl Iterator<Item = &'a MeasuredRow> + Clone) 
 }
 
 impl Engine {
-    /// Refuses residuals that no robot leaves; what is possible only is kept to be said.
+    /// Refuses residuals that no robot leaves; keeps a mere suspicion about the forces for the advice.
     pub(super) fn questioned(&mut self, before: &DVector<f64>) -> Result<(), Vec<Diagnostic>> {
         let noise_mm = row_to_row_mm(&self.problem, before);
         if noise_mm > MOST_NOISE_MM {
-            let message =
-                format!("the rows scatter by {noise_mm:.2} mm an axis from one to the next, which no robot does");
+            let message = format!(
+                "the rows scatter by {noise_mm:.2} mm per axis from one row to the next, more than any robot does"
+            );
             let help = "check the unit, the instrument, and whether the rows belong to this program";
             return Err(vec![Diagnostic::error("identify.noise", "", message).help(help)]);
         }
@@ -245,7 +246,7 @@ impl Engine {
             return Err(vec![Diagnostic::error("identify.forces", "", told(what)).help(help)]);
         }
         self.doubt = possible.map(|(what, help)| {
-            format!("{}, or the part lies elsewhere than declared: {help} if so; a row in air tells", told(what))
+            format!("{}, or the part lies elsewhere than declared. If the forces are wrong: {help}. A row measured in air would decide", told(what))
         });
         Ok(())
     }

@@ -1,4 +1,5 @@
-//! How far the instrument or the arm had drifted at each row, as neighbours in the run tell: in no cell, and in neither error.
+//! The drift of the instrument or the arm at each row, estimated from neighbouring rows of the run. It belongs to no cell, and both errors
+//! are without it.
 
 use super::engine::Engine;
 use super::noise::{Sample, Shape};

@@ -1,4 +1,4 @@
-//! What data over a part cannot tell apart by construction, whatever the evidence says.
+//! Effects that data over a part can never distinguish, whatever the evidence is.
 //!
 //! A joint's error by its angle has many names: a constant is a zero offset, a bend a curve, a wave a gear's harmonic.
 //! Seen over a little of a turn they are one thing, and the evidence only says which of them is the simplest.

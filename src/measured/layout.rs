@@ -29,7 +29,7 @@ impl ColumnNames {
     /// Reads `target=Punkt Nr,x_mm=X Ist`.
     ///
     /// # Errors
-    /// What is wrong with it, and how to mend that.
+    /// What is wrong with it, and what to do.
     pub fn parse(text: &str) -> Result<Self, Vec<Diagnostic>> {
         let bad = |message: String, help: String| vec![Diagnostic::error("usage.columns", "", message).help(help)];
         let mut renamed: Vec<(usize, String)> = Vec::new();

@@ -285,7 +285,7 @@ impl<R: Read> Iterator for Rows<R> {
         let record = match self.records.next()? {
             Ok(record) => record,
             Err(reason) => {
-                // What stands behind it is not looked at.
+                // The text after it is ignored.
                 self.wrong = MESSAGES;
                 let line = (self.before + self.records.reader().position().line()).saturating_sub(1);
                 let message = match reason.kind() {

@@ -331,7 +331,7 @@ pub fn read(
         Language::Rapid => rapid::read(sources, context),
         Language::Cl if sources.len() == 1 => cl::read(sources.remove(0), options.cl),
         Language::Cl => {
-            let message = format!("{} CL files are as many programs", sources.len());
+            let message = format!("{} CL files are separate programs", sources.len());
             Err(Diagnostic::error("cl.several", "", message).help("give them one by one").into())
         }
         Language::Krl if options.look => krl::look(sources, context),

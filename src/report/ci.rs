@@ -7,23 +7,23 @@ use serde::Serialize;
 use serde_json::{Value, json};
 use std::fmt::Write;
 
-/// The check of one program.
+/// The result of `check` for one program.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct CheckFile {
     /// Program, as the user typed it.
     pub path: String,
-    /// What was judged of it.
+    /// Which targets were judged, and the verdicts.
     pub judgement: Judgement,
-    /// What is wrong, at its place.
+    /// The findings, each with its line.
     pub findings: Vec<Diagnostic>,
-    /// How many findings there are besides.
+    /// How many more findings there are that are not listed.
     pub more: usize,
     /// The program's files, where they were requested.
     pub sources: Vec<Origin>,
 }
 
-/// What a check judged of a program: each target is judged, in the air or not judged.
+/// What a check judged of a program. Each target is judged, in the air, or not judged.
 #[derive(Clone, Debug, Default)]
 pub struct Judgement {
     /// Executed motions.
@@ -36,42 +36,42 @@ pub struct Judgement {
     pub skipped: Vec<Diagnostic>,
     /// How many more have a place.
     pub more_skipped: usize,
-    /// Whether the check may pass though there are some.
+    /// Whether the check may pass although some targets are not judged (`--allow-unjudged`).
     pub allows_unjudged: bool,
-    /// What was found, and what is allowed.
+    /// The largest errors that were found, and the limits.
     pub verdicts: Verdicts,
 }
 
-/// Three questions, each with its own limit.
+/// The three verdicts, each with a limit of its own.
 #[derive(Clone, Debug, Default, Serialize)]
 #[non_exhaustive]
 pub struct Verdicts {
     /// Errors of the targets: `--max-error`.
     pub targets: Verdict,
-    /// Distances from the path on the ways between them: `--max-path-error`.
+    /// Distances from the programmed path between targets: `--max-path-error`.
     pub ways: Verdict,
     /// Jumps of the tip where the force sets in, ends or turns at once: `--max-jump`.
     pub jumps: Verdict,
 }
 
-/// The largest of a kind, and how large it may be.
+/// The largest error of a kind, and its limit.
 #[derive(Clone, Debug, Default, Serialize)]
 #[non_exhaustive]
 pub struct Verdict {
-    /// Largest that is allowed, mm; `None` where it is reported and not judged.
+    /// Limit, mm; `None` if the error is reported and not judged.
     pub limit_mm: Option<f64>,
-    /// Largest found; `None` where none was found.
+    /// The largest error that was found; `None` if there was none.
     pub largest: Option<Spot>,
 }
 
 impl Verdict {
-    /// Of the largest that was found, and the largest that is allowed, mm.
+    /// From the largest error that was found, and the limit, mm.
     #[must_use]
     pub fn new(largest: Option<Spot>, limit_mm: Option<f64>) -> Self {
         Self { limit_mm, largest }
     }
 
-    /// Whether the largest is more than what is allowed.
+    /// Whether the largest error is above the limit.
     #[must_use]
     pub fn fails(&self) -> bool {
         self.largest.as_ref().zip(self.limit_mm).is_some_and(|(largest, limit)| largest.mm > limit)
@@ -79,19 +79,19 @@ impl Verdict {
 }
 
 impl Verdicts {
-    /// Of targets, of the ways between them, and of jumps.
+    /// Of targets, of the paths between them, and of jumps.
     #[must_use]
     pub fn new(targets: Verdict, ways: Verdict, jumps: Verdict) -> Self {
         Self { targets, ways, jumps }
     }
 
-    /// The verdicts with their names, what is measured, and what mends a failure.
+    /// The verdicts with the words for what is measured, and the help for a failure.
     fn all(&self) -> [(&Verdict, &'static str, &'static str); 3] {
         [
             (&self.targets, "targets: largest error", "correct the program with `deflex compensate`"),
             (
                 &self.ways,
-                "ways between them: largest distance from the path",
+                "paths between targets: largest distance from the programmed path",
                 "insert targets with `deflex compensate --subdivide MM`; `--max-path-error` is the limit",
             ),
             (
@@ -116,7 +116,7 @@ impl Judgement {
         self.targets.saturating_sub(self.air + self.unjudged_count())
     }
 
-    /// Targets that were not judged and must have been.
+    /// Number of targets that had to be judged and were not.
     fn missing(&self) -> usize {
         if self.allows_unjudged { 0 } else { self.unjudged_count() }
     }
@@ -129,7 +129,7 @@ impl CheckFile {
         Self { path: path.into(), judgement, findings, more, sources: Vec::new() }
     }
 
-    /// Whether nothing is wrong, and all was judged that must be.
+    /// Whether there are no findings, and every target was judged that had to be.
     #[must_use]
     pub fn passed(&self) -> bool {
         self.findings.is_empty() && self.judgement.missing() == 0
@@ -141,13 +141,13 @@ impl CheckFile {
         self.findings.len() + self.more
     }
 
-    /// The words for those that are not listed.
+    /// The sentence about the findings that are not listed.
     #[must_use]
     pub fn rest(&self) -> Option<String> {
         (self.more > 0).then(|| format!("{}: --report CSV has every target", more_of(self.more, "finding")))
     }
 
-    /// What the check came to: `ok`, `2 findings, 3 not judged`.
+    /// The result in words: `ok`, `2 findings, 3 not judged`.
     fn verdict(&self) -> String {
         let findings = (self.count() > 0).then(|| counted(self.count(), "finding"));
         let missing = self.judgement.missing();
@@ -162,7 +162,7 @@ fn more_of(count: usize, what: &str) -> String {
     format!("{count} more {what}{}", if count == 1 { "" } else { "s" })
 }
 
-/// One line a finding, and what each program came to.
+/// The answer as text: one line for each finding, then the result of each program.
 #[must_use]
 pub fn check_text(files: &[CheckFile]) -> String {
     let mut out = String::new();
@@ -194,8 +194,8 @@ pub fn check_text(files: &[CheckFile]) -> String {
     out
 }
 
-/// JUnit XML: one test case a program, one failure for what is wrong with it, and one test case that is skipped for each target that
-/// was not judged. Elements and attributes are those that the strictest reader in use (Jenkins' junit-10.xsd) knows.
+/// JUnit XML: one test case for each program, with a failure if it has findings, and one skipped test case for each target that was not
+/// judged. Elements and attributes are those that the strictest reader in use (Jenkins' junit-10.xsd) knows.
 #[must_use]
 pub fn junit(files: &[CheckFile]) -> String {
     let failed = files.iter().filter(|file| !file.passed()).count();
@@ -259,7 +259,8 @@ fn escape(text: &str) -> String {
 /// Results of one SARIF run: code scanning on GitHub refuses files with more than 25,000.
 const MOST_RESULTS: usize = 24_999;
 
-/// SARIF 2.1.0: one result a finding, on its line, and one of kind `notApplicable` a target that was not judged. What is over the number that services take is counted in a last note.
+/// SARIF 2.1.0: one result for each finding, on its line, and one of kind `notApplicable` for each target that was not judged. Results
+/// beyond the number that services accept are counted in a last note.
 #[must_use]
 pub fn sarif(files: &[CheckFile]) -> Value {
     let findings = || {
@@ -318,14 +319,14 @@ pub fn sarif(files: &[CheckFile]) -> Value {
     })
 }
 
-/// What a rule asks, in a phrase.
+/// A short description of a rule.
 fn short(code: &str) -> String {
     match code {
-        "check.max-path-error" => "Error above the tolerance on the way into a target".to_owned(),
+        "check.max-path-error" => "Error above the tolerance on the path to a target".to_owned(),
         "check.max-error" => "Error above the tolerance".to_owned(),
-        "axis-limit" => "An axis beyond its limit on the way into a target".to_owned(),
-        "axis-speed" => "An axis too slow for the feed on the way into a target".to_owned(),
-        "singular" => "A singular posture on the way into a target".to_owned(),
+        "axis-limit" => "An axis beyond its limit on the path to a target".to_owned(),
+        "axis-speed" => "An axis too slow for the feed on the path to a target".to_owned(),
+        "singular" => "A singular posture on the path to a target".to_owned(),
         "unreachable" => "A path out of reach between targets".to_owned(),
         "limits.max-correction" => "Correction above the limit".to_owned(),
         "limits.max-step" => "Correction steps too far between neighbours".to_owned(),
@@ -356,7 +357,7 @@ fn uri(path: &str) -> String {
     out
 }
 
-/// The check for scripts.
+/// The answer as JSON.
 #[must_use]
 pub fn check_json(files: &[CheckFile]) -> Value {
     let finding = |finding: &Diagnostic| {

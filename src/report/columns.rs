@@ -1,12 +1,12 @@
 use super::csv::{ColumnKind, REPORT_COLUMNS};
 use crate::text::Diagnostic;
 
-/// Columns of counts, lines and marks that only the residuals of an identification have.
+/// Columns of whole numbers that only the residuals of an identification have.
 const WHOLES: [&str; 4] = ["run", "block", "held_out", "outlier"];
-/// The column of words that only the report of several files has.
+/// The column of text that only the report of several files has.
 const FILE: &str = "file";
 
-/// What stands in a column of that name.
+/// The kind of the values in the column of this name.
 fn kind(name: &str) -> ColumnKind {
     match REPORT_COLUMNS.iter().find(|column| column.name == name) {
         Some(column) => column.kind,
@@ -16,31 +16,31 @@ fn kind(name: &str) -> ColumnKind {
     }
 }
 
-/// A column of a report: its name, and what stands in it row by row.
+/// A column of a report: its name and its values.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Column {
-    /// As in the header.
+    /// Name in the header.
     pub name: String,
-    /// Its values.
+    /// The values, row by row.
     pub values: ColumnValues,
 }
 
-/// What stands in a column.
+/// The values of a column.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ColumnValues {
-    /// Counts and lines.
+    /// Whole numbers: counts and lines.
     Whole(Vec<i64>),
     /// Numbers, each the one nearest to the digits in the file; NaN where a field is empty.
     Number(Vec<f64>),
-    /// Words.
+    /// Text.
     Text(Vec<String>),
 }
 
-/// The columns of a report, of whatever program or identification: the very figures that stand in the file.
+/// Reads the columns of a report of deflex, or of the residuals of an identification, with exactly the numbers in the file.
 ///
 /// # Errors
-/// The text is no table, or a figure is none.
+/// The text is not a table, or a field of a column of numbers is not a number.
 pub fn columns(csv: &[u8]) -> Result<Vec<Column>, Vec<Diagnostic>> {
     let wrong = |what: String| Diagnostic::error("report.columns", "", what);
     let mut reader = csv::Reader::from_reader(csv);

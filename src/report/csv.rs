@@ -1,4 +1,4 @@
-//! The report as CSV: its columns stand in one table, which the rows, the header and the documents are made from.
+//! The report as CSV. Its columns are declared in one table, from which the rows, the header and the documentation are made.
 
 use crate::correct::{Row, Status};
 use crate::text::number::{self, Digits, Fixed, SIDE};
@@ -10,23 +10,23 @@ use std::io::{self, Write};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct ReportColumn {
-    /// As in the header, with the unit.
+    /// Name in the header, with the unit.
     pub name: &'static str,
-    /// What stands in it.
+    /// The kind of its values.
     pub kind: ColumnKind,
-    /// What it means.
+    /// Its meaning, for the documentation.
     pub doc: &'static str,
 }
 
-/// What stands in a column.
+/// The kind of the values of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ColumnKind {
-    /// Counts and lines.
+    /// Whole numbers: counts and lines.
     Whole,
-    /// Words.
+    /// Text.
     Text,
-    /// Numbers with so many decimals; empty where not known.
+    /// Numbers with this many decimals; the field is empty if the number is not known.
     Number {
         /// At most eight.
         decimals: usize,
@@ -166,8 +166,8 @@ columns! { |row|
     optional<ERROR> "sigma_mm" row.sigma_mm; "standard uncertainty of the predicted error, per axis"
     optional<POSITION> "depth_mm" row.depth_mm; "axial depth of the cutter in the stock, where the force follows from one"
     optional<FORCE> "engaged_deg" row.engaged_deg; "arc of engagement at half that depth"
-    optional<POSITION> "removed_mm3" row.removed_mm3; "removed on the way into the target"
-    optional<ERROR> "remaining_path_mm" row.remaining_path_mm(); "largest distance of the tip from the programmed path on the way into the target"
+    optional<POSITION> "removed_mm3" row.removed_mm3; "material removed on the path to the target"
+    optional<ERROR> "remaining_path_mm" row.remaining_path_mm(); "largest distance of the tip from the programmed path, on the path to the target"
     optional<POSITION> "spin_deg" row.spin_deg; "turn about the tool axis, where it was chosen"
     text "reason" row.reason(); "why the target is kept, or not judged"
     optional<POSITION> "q1_deg" joint(row, 0); "motor angles that the controller is sent to, as the pendant shows them: those of the corrected numbers where the target is corrected"
@@ -226,16 +226,16 @@ const ROW: number::Row<BLOCKS> = number::Row::new(&{
     decimals
 });
 
-/// Writes report rows, one a target.
+/// Writes the header and the rows of a report.
 ///
 /// # Errors
-/// What `out` reports.
+/// Those of `out`.
 pub fn write_csv(rows: &[Row], out: &mut impl Write) -> io::Result<()> {
     out.write_all(CSV_HEADER.as_bytes())?;
     out.write_all(&csv_rows(rows))
 }
 
-/// The rows alone, one line a target.
+/// The rows without the header, one line for each target.
 #[must_use]
 pub fn csv_rows(rows: &[Row]) -> Vec<u8> {
     let mut text = Text { done: Vec::with_capacity(USUAL * rows.len()), next: [0; AT_ONCE], len: 0 };
@@ -261,14 +261,14 @@ pub fn csv_rows(rows: &[Row]) -> Vec<u8> {
     text.into_bytes()
 }
 
-/// The report's columns of numbers as they are before they are printed, row by row.
+/// The numbers of a report before they are rounded for printing.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Unrounded {
     columns: Vec<(&'static str, Vec<f64>)>,
 }
 
 impl Unrounded {
-    /// Takes in rows in running order.
+    /// Adds rows, in running order.
     pub fn take(&mut self, rows: &[Row]) {
         if self.columns.is_empty() {
             let is_number = |column: &&ReportColumn| matches!(column.kind, ColumnKind::Number { .. });
@@ -284,15 +284,15 @@ impl Unrounded {
         }
     }
 
-    /// Their names and values; NaN where the report has nothing.
+    /// Names and values of the columns; NaN where the report has an empty field.
     #[must_use]
     pub fn columns(self) -> Vec<(&'static str, Vec<f64>)> {
         self.columns
     }
 }
 
-/// Text as a field of a CSV file (RFC 4180), on one line whatever it holds. What a spreadsheet would take for a formula, by its
-/// first character, gets an apostrophe before it.
+/// Text as a field of a CSV file (RFC 4180), always on one line. If its first character would make it a formula in a spreadsheet, it gets an
+/// apostrophe before it.
 #[must_use]
 pub fn csv_field(text: &str) -> Cow<'_, str> {
     let usual = |b: u8| b.is_ascii_alphanumeric() || matches!(b, b'_' | b'.' | b'/' | b'{' | b'}' | b'[' | b']' | b' ');
@@ -300,7 +300,7 @@ pub fn csv_field(text: &str) -> Cow<'_, str> {
         return Cow::Borrowed(text);
     }
     let text = printable_line(text);
-    // The wide forms too: spreadsheets for East Asian languages take them for the narrow ones.
+    // Full-width forms too: spreadsheets for East Asian languages read them as the usual characters.
     let formula = text.starts_with(['=', '+', '-', '@', '\u{ff1d}', '\u{ff0b}', '\u{ff0d}', '\u{ff20}']);
     if !formula && !text.contains([',', '"']) {
         return text;

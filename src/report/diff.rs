@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use serde::Serialize;
 use std::fmt::Write;
 
-/// Moves below this are none, mm and degrees: the same printed numbers read twice.
+/// Differences below this, mm and degrees, are rounding: the same printed numbers read twice.
 const SAME: f64 = 1e-9;
 
 /// The differences of two programs.
@@ -27,9 +27,9 @@ pub struct Difference {
     pub max_deg: f64,
     /// Largest difference between the shifts of neighbours, mm.
     pub max_step_mm: f64,
-    /// Targets of the second program on the way between those of the first.
+    /// Targets that were inserted into the second program.
     pub inserted: Vec<InsertedTarget>,
-    /// Anything other than a number of a target: lines of the first program, and what is different.
+    /// Differences that are not a number of a target.
     pub other: Vec<OtherDifference>,
 }
 
@@ -44,13 +44,13 @@ pub struct MovedTarget {
     pub target: u32,
     /// Line in the first program.
     pub line: u32,
-    /// Second minus first, mm.
+    /// Position in the second program minus that in the first, mm.
     pub shift_mm: [f64; 3],
-    /// Its size, mm.
+    /// Length of the shift, mm.
     pub mm: f64,
     /// Turn, degrees.
     pub deg: f64,
-    /// Difference to the neighbour before, mm.
+    /// Difference from the shift of the previous target, mm.
     pub step_mm: f64,
     /// confdata before and after, where changed.
     pub conf: Option<([i32; 4], [i32; 4])>,
@@ -139,7 +139,7 @@ fn list(conf: Conf) -> [i32; 4] {
     }
 }
 
-/// How far apart two goals are, mm.
+/// Distance of the positions of two goals, mm.
 #[must_use]
 pub fn shift_mm(a: &Goal, b: &Goal) -> f64 {
     compare(a, b).0.norm()
@@ -147,7 +147,7 @@ pub fn shift_mm(a: &Goal, b: &Goal) -> f64 {
 
 /// Text outside of the targets' numbers: `first` rewritten to the targets of `second` must read as `second` does.
 fn other_text(first: &Program, second: &Program, pairs: &Pairs, out: &mut Vec<OtherDifference>) {
-    // A few lines tell; a wholly different file needs no list.
+    // A few lines show what is different; a list of all lines of another file would not help.
     const MOST_COMPARED: usize = 50;
     let as_second = if pairs.same.len() == first.targets.len() {
         let wanted = pairs.same.iter().map(|(i, k, _)| change(&first.targets[*i].goal, &second.targets[*k].goal));
@@ -189,7 +189,7 @@ fn other_text(first: &Program, second: &Program, pairs: &Pairs, out: &mut Vec<Ot
     }
 }
 
-/// What a rewrite would have to change to come from one goal to another.
+/// The changes with which a rewrite turns one goal into another.
 fn change(from: &Goal, to: &Goal) -> Option<Change> {
     match (from, to) {
         (Goal::Pose { quat: before, conf: c, .. }, Goal::Pose { position_mm, quat, conf }) => Some(Change {
@@ -237,7 +237,7 @@ fn skeleton(bytes: &[u8]) -> impl Iterator<Item = (usize, String, Vec<f64>)> + '
                         out.push('#');
                         numbers.push(value);
                     }
-                    // A version, an address: text.
+                    // Part of a version or an address: not a number.
                     None => out.extend(line[start..at].iter().map(|&b| char::from(b))),
                 }
             } else {
@@ -249,16 +249,16 @@ fn skeleton(bytes: &[u8]) -> impl Iterator<Item = (usize, String, Vec<f64>)> + '
     })
 }
 
-/// The differences for people: a line a target, what else changed, and the sizes.
+/// The differences as text: a line for each target, all other differences, and a summary.
 #[must_use]
 pub fn diff_text(found: &Difference) -> String {
     text_of(found, &found.moved.iter().collect::<Vec<_>>(), found.other.len())
 }
 
-/// The same with the targets that moved farthest alone.
+/// [`diff_text`] with only the targets that moved farthest.
 #[must_use]
 pub fn diff_summary(found: &Difference) -> String {
-    /// Targets and other differences that are named.
+    /// How many targets and other differences are listed.
     const MOST_NAMED: usize = 10;
     let mut moved: Vec<&MovedTarget> = found.moved.iter().collect();
     moved.sort_by(|a, b| b.mm.total_cmp(&a.mm));
@@ -336,7 +336,7 @@ fn plain(value: f64) -> String {
     decimals(value, 6)
 }
 
-/// As many as a program is written with: four decimals, and no negative zero.
+/// Four decimals, as programs are written, and no negative zero.
 fn short(value: f64) -> String {
     decimals(value, 4)
 }

@@ -1,4 +1,4 @@
-//! The worst of a program, as its rows pass.
+//! The largest errors of a program, collected from its rows.
 
 use super::FileSummary;
 use super::html::PathKind;
@@ -7,10 +7,10 @@ use crate::correct::Row;
 use serde::Serialize;
 use std::fmt::Write;
 
-/// Targets that are named.
+/// How many targets are listed.
 const WORST: usize = 10;
 
-/// The worst of a program for people: sizes, where they are, and the targets with the largest errors.
+/// The largest errors of a program as text: their sizes, their places, and the targets with the largest errors.
 #[must_use]
 pub fn digest_text(summary: &FileSummary, digest: &Digest) -> String {
     let mut out = format!("{}: {}\n", summary.path, summary_line(summary, PathKind::Predict));
@@ -26,7 +26,7 @@ pub fn digest_text(summary: &FileSummary, digest: &Digest) -> String {
     if let Some(way) = &digest.way {
         let rms = summary.remaining_path_rms_mm;
         let _ =
-            writeln!(out, "on the way between targets: rms {rms:.4} mm, largest distance from the path {}", at(way));
+            writeln!(out, "between targets: rms {rms:.4} mm, largest distance from the programmed path {}", at(way));
     }
     if let Some(jump) = &digest.jump {
         let _ = writeln!(out, "where the force sets in, ends or turns at once: largest jump {}", at(jump));
@@ -50,24 +50,24 @@ pub fn digest_text(summary: &FileSummary, digest: &Digest) -> String {
     out
 }
 
-/// A place of a program, and how far the tip is off there.
+/// A place in a program, and the error of the tip there.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Spot {
-    /// How far, mm.
+    /// The error, mm.
     pub mm: f64,
-    /// Ordinal of the motion; of a way or a jump, of the motion into whose target it leads.
+    /// Ordinal of the motion. For the path between targets and for jumps, it is the motion that leads to the next target.
     pub target: u32,
     /// Line of the instruction.
     pub line: u32,
     /// Name of the declared target.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
-    /// File that the motion stands in; empty where that is not known.
+    /// File of the motion; empty if it is not known.
     pub file: String,
 }
 
-/// What is worst in rows that pass in running order: of equals the first.
+/// Collects the largest errors from rows in running order. Of equal errors the first one counts.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Digest {
@@ -80,7 +80,7 @@ pub struct Digest {
 }
 
 impl Digest {
-    /// Takes in rows in running order.
+    /// Adds rows, in running order.
     pub fn take(&mut self, rows: &[Row]) {
         for row in rows.iter().filter(|row| row.is_solved()) {
             let error = row.error_norm_mm();

@@ -32,7 +32,7 @@ pub fn path_csv(samples: &[LoadedSample]) -> Vec<u8> {
     out
 }
 
-/// What a law was found to be, in words.
+/// The result of fitting the law of a controller to logs, as text.
 #[must_use]
 pub fn path_law_text(found: &FittedLaw) -> String {
     let FittedLaw { law, before, after, run_time_s, .. } = found;

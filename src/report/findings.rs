@@ -1,9 +1,9 @@
-//! What is wrong with a program, as much of it as anybody reads.
+//! The findings of a program, limited to a number that can be read.
 
 use crate::text::Diagnostic;
 
-/// Findings of one program, by place. The first [`Findings::MOST`] are held; others are only counted: the report has a row
-/// for every target.
+/// The findings of one program, by line. The first [`Findings::MOST`] are kept, the others only counted: the report has a row for every
+/// target.
 #[derive(Clone, Debug, Default)]
 pub struct Findings {
     first: Vec<Diagnostic>,
@@ -11,10 +11,10 @@ pub struct Findings {
 }
 
 impl Findings {
-    /// Most findings that are held.
+    /// The largest number of findings that are kept.
     pub const MOST: usize = 10_000;
 
-    /// Takes in what was found at some targets, all that concerns any of them.
+    /// Adds findings. All findings about a target have to come in one call.
     pub fn add(&mut self, mut found: Vec<Diagnostic>) {
         sort(&mut found);
         // A correction and a prediction fail at the same targets.
@@ -31,7 +31,7 @@ impl Findings {
         self.first.truncate(Self::MOST);
     }
 
-    /// Those that are held, by file, line and column, and how many there are besides.
+    /// The findings that are kept, sorted by file, line and column, and the number of all others.
     #[must_use]
     pub fn into_parts(mut self) -> (Vec<Diagnostic>, usize) {
         self.settle();

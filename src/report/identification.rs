@@ -1,29 +1,31 @@
-//! What an identification came to, for people, and its residuals row by row.
+//! The summary of an identification for people, and its residuals row by row.
 
+use crate::effects::ParameterOwner;
 use crate::identify::{Added, FittedParameter, Identification, ResidualRow};
 use crate::text::number::write_fixed;
 use std::fmt::Write;
 
-/// The answer in one sentence: what is wrong with the data, what was found where, what it changes, what else shows.
+/// The answer in one sentence: what is wrong with the data, which effects were found in which axes, how much smaller the error is with
+/// them, and whether anything else remains.
 #[must_use]
 pub fn identify_answer(found: &Identification) -> String {
     let mut parts = Vec::new();
-    // A doubtful table is said before anything else.
+    // With a doubtful table nothing else holds.
     let faults = || found.unexplained.correlates.iter().filter(|correlate| correlate.fault.is_some());
     if let Some(fault) = faults().next() {
         parts.push(format!("the measurement is doubtful: the rows follow {}", fault.with));
     } else if found.is_whole_arm() {
-        parts.push(format!("everything is a little off: {} effects are fitted together", found.effects.len()));
+        parts.push(format!("many effects together are needed: {} are fitted at once", found.effects.len()));
     } else if found.unexplained.significant {
         let follows = found.unexplained.correlates.first().map(|first| format!("; it follows {}", first.with));
-        parts.push(format!("more shows than this cell and noise explain{}", follows.unwrap_or_default()));
+        parts.push(format!("an error remains that neither the cell nor noise explains{}", follows.unwrap_or_default()));
     }
     let sure: Vec<String> = found.added.iter().map(named).collect();
     if found.is_whole_arm() {
         let sure = if sure.is_empty() {
-            "none of them is sure by itself".to_owned()
+            "none of them is certain by itself".to_owned()
         } else {
-            format!("sure are {}", sure.join(", "))
+            format!("certain are {}", sure.join(", "))
         };
         parts.push(sure);
         parts.push(format!("rms error {:.3} mm, before {:.3} mm", found.after.rms_mm, found.before.rms_mm));
@@ -32,18 +34,18 @@ pub fn identify_answer(found: &Identification) -> String {
         parts.push(match faint.first() {
             _ if found.unexplained.significant => "nothing is added to the cell".to_owned(),
             Some(set) => format!(
-                "nothing shows for sure: {} may act ({:.2}); the declared cell explains the rows to {:.3} mm",
+                "nothing certain: {} may act (probability {:.2}); the declared cell explains the rows to {:.3} mm",
                 set.kinds.join(" and ").replace('_', " "),
                 set.probability,
                 found.after.rms_mm
             ),
-            None => format!("nothing shows: the declared cell explains the rows to {:.3} mm", found.after.rms_mm),
+            None => format!("no effect found: the declared cell explains the rows to {:.3} mm", found.after.rms_mm),
         });
     } else {
         parts.push(sure.join(" and "));
         parts.push(format!("rms error {:.3} mm, before {:.3} mm", found.after.rms_mm, found.before.rms_mm));
         if !found.unexplained.significant {
-            parts.push("nothing else shows".to_owned());
+            parts.push("nothing else found".to_owned());
         }
     }
     parts.join("; ")
@@ -67,29 +69,55 @@ fn named(added: &Added) -> String {
     }
     if !added.not_told_apart_from.is_empty() {
         let spoken = |kind: &String| match &kind[..] {
-            "unlisted" => "something in no list".to_owned(),
+            "unlisted" => "an effect that deflex does not know".to_owned(),
             kind => kind.replace('_', " "),
         };
         let others: Vec<String> = added.not_told_apart_from.iter().map(spoken).collect();
-        text += &format!(" (or {}: these rows do not tell)", others.join(", "));
+        text += &format!(" (or {}: these rows cannot decide)", others.join(", "));
     }
     text
 }
 
-/// The axes, from 1, whose numbers are not what does nothing; `None` where numbers are not one list over the axes.
+/// The axes, from 1, in which an effect acts: the 95 % interval of their number excludes the value that does nothing. `None` unless the
+/// effect has exactly one number for each axis.
 fn axes_of(added: &Added) -> Option<Vec<usize>> {
-    let index = |p: &FittedParameter| p.name.split_once('[')?.1.strip_suffix(']')?.parse::<usize>().ok();
-    let (first, _) = added.parameters.first()?.name.split_once('[')?;
-    let same = added.parameters.iter().all(|p| p.name.split_once('[').is_some_and(|(name, _)| name == first));
-    if added.parameters.len() != 6 || !same {
+    let axis = |p: &FittedParameter| match p.owner {
+        ParameterOwner::Axis(axis) => Some(axis),
+        _ => None,
+    };
+    if !added.parameters.iter().map(axis).eq((1..=6).map(Some)) {
         return None;
     }
-    let outside = |p: &&FittedParameter| p.ci95[0] > p.neutral || p.ci95[1] < p.neutral;
-    added.parameters.iter().filter(outside).map(|p| index(p).map(|index| index + 1)).collect()
+    let acts = |p: &&FittedParameter| p.ci95[0] > p.neutral || p.ci95[1] < p.neutral;
+    added.parameters.iter().filter(acts).map(axis).collect()
 }
 
-/// The summary: the answer, error before and after, what was added, what could not be distinguished, what is left, what to do
-/// next.
+/// A parameter's name in two parts: the key of the cell file, and what its index stands for: `half_gap_rad`, `, axis 2`. An index that
+/// counts anything else stays in the name.
+pub(super) fn named_parameter(parameter: &FittedParameter) -> (&str, String) {
+    let key = parameter.name.split_once('[').map_or(&*parameter.name, |(key, _)| key);
+    match parameter.owner {
+        ParameterOwner::Axis(axis) => (key, format!(", axis {axis}")),
+        ParameterOwner::Direction(direction) => (key, format!(", {direction}")),
+        ParameterOwner::Effect => (&parameter.name, String::new()),
+    }
+}
+
+/// Four significant digits; powers of ten only where a number would have more than seven digits.
+pub(super) fn significant(value: f64) -> String {
+    let size = value.abs();
+    if value == 0.0 || !(1e-3..1e7).contains(&size) {
+        return if value == 0.0 { "0".to_owned() } else { format!("{value:.3e}") };
+    }
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    let decimals = (3.0 - size.log10().floor()).max(0.0) as usize;
+    let mut text = Vec::new();
+    write_fixed(&mut text, value, decimals);
+    String::from_utf8_lossy(&text).into_owned()
+}
+
+/// The summary: the answer in one sentence, the errors before and after, the effects that were added, those that the rows cannot
+/// distinguish, what remains unexplained, and what to measure next.
 #[must_use]
 pub fn identify_text(found: &Identification) -> String {
     let mut out = identify_answer(found);
@@ -105,20 +133,21 @@ pub fn identify_text(found: &Identification) -> String {
         let _ = writeln!(out, "  {name:18} {:9.4} {:9.4} {:9.4}", errors.rms_mm, errors.mean_mm, errors.max_mm);
     }
     let [low, high] = found.after_rms_ci95_mm;
-    let _ = writeln!(out, "  extended cell's rms lies in [{low:.4}, {high:.4}] mm (95 %, bootstrap over blocks)");
-    out.push_str(
-        "  both are of rows that no fit has seen; the numbers written are then fitted to all rows of a part\n",
+    let _ = writeln!(
+        out,
+        "  rms of the extended cell: 95 % interval [{low:.4}, {high:.4}] mm (bootstrap over blocks of rows)"
     );
+    out.push_str("  no fit has seen the held-out rows; the numbers in the extended cell are then fitted to all rows\n");
 
     let _ = writeln!(out, "  {}", elsewhere(found));
     if let Some(rms_mm) = found.run_drift_rms_mm {
         let _ = writeln!(
             out,
-            "  the run drifts by {rms_mm:.4} mm rms, as the fitted rows about each tell: taken off both, for it is in no cell"
+            "  both errors are without the drift of the run, {rms_mm:.4} mm rms: it is estimated from neighbouring rows and belongs in no cell"
         );
     }
     if found.is_whole_arm() {
-        out.push_str("\nevery effect of the written cell   probability   its part (mm rms)\n");
+        out.push_str("\neffects of the extended cell        probability   its part (mm rms)\n");
         let mut effects: Vec<_> = found.effects.iter().collect();
         effects.sort_by(|a, b| b.share_rms_mm.total_cmp(&a.share_rms_mm));
         for effect in effects {
@@ -126,14 +155,14 @@ pub fn identify_text(found: &Identification) -> String {
         }
     }
     if found.added.is_empty() && found.is_whole_arm() {
-        out.push_str("\nNone of them is sure by itself.\n");
+        out.push_str("\nNone of them is certain by itself.\n");
     } else if found.added.is_empty() {
         out.push_str(match found.unexplained.significant {
             true => "\nNothing is added to the cell.\n",
             false if !found.faint().is_empty() => {
-                "\nNothing is added: what may act is too faint on these rows to be named.\n"
+                "\nNothing is added: the effects that may act are too small in these rows to be named.\n"
             }
-            false => "\nNothing is added: the declared cell explains the data to the noise.\n",
+            false => "\nNothing is added: the declared cell explains the data down to the noise.\n",
         });
     } else {
         out.push_str("\nadded\n");
@@ -141,7 +170,7 @@ pub fn identify_text(found: &Identification) -> String {
     for added in &found.added {
         let _ = writeln!(
             out,
-            "  {}: posterior {:.3}; held-out rms {:.4} mm before it, {:.4} mm with it",
+            "  {}: probability {:.3}; held-out rms {:.4} mm without it, {:.4} mm with it",
             added.kind, added.posterior, added.held_out_rms_before_mm, added.held_out_rms_after_mm
         );
         write_parameters(&mut out, &added.parameters);
@@ -151,7 +180,7 @@ pub fn identify_text(found: &Identification) -> String {
     }
     const SETS: usize = 5; // the whole list is in the JSON
     if found.sets.len() > 1 {
-        out.push_str("\nwhat the rows leave open (posterior over sets)\n");
+        out.push_str("\nprobability of each set of effects, after these rows\n");
     }
     for set in found.sets.iter().take(if found.sets.len() > 1 { SETS } else { 0 }) {
         let kinds = if set.kinds.is_empty() { "nothing".to_owned() } else { set.kinds.join(" + ") };
@@ -159,7 +188,7 @@ pub fn identify_text(found: &Identification) -> String {
     }
     const RANKED: usize = 8; // the whole list is in the JSON
     if !found.ranking.is_empty() {
-        out.push_str("\nranking, each alone          held-out rms (mm)   delta BIC\n");
+        out.push_str("\neach effect alone            held-out rms (mm)   delta BIC (less is better)\n");
     }
     for ranked in found.ranking.iter().take(RANKED) {
         let _ = writeln!(out, "  {:26} {:14.4} {:14.1}", ranked.kind, ranked.held_out_rms_mm, ranked.delta_bic);
@@ -167,20 +196,22 @@ pub fn identify_text(found: &Identification) -> String {
     const PAIRS: usize = 6; // the whole list is in the JSON
     let close: Vec<_> = found.separability.iter().filter(|pair| pair.d_prime < 5.0).take(PAIRS).collect();
     if !close.is_empty() {
-        out.push_str("\nhard to distinguish on these rows (d′ at 0.03 mm; from 5 on they can be distinguished)\n");
+        out.push_str(
+            "\nhard to distinguish on these rows                  d′ (effects of 0.03 mm; from 5 on they can be distinguished)\n",
+        );
     }
     for pair in close {
-        let _ = writeln!(out, "  {:26} taken for {:26} {:5.1}", pair.of, pair.from, pair.d_prime);
+        let _ = writeln!(out, "  {:46} {:4.1}", format!("{} from {}", pair.of, pair.from), pair.d_prime);
     }
     if found.coverage.rows_outside > 0 {
         let _ = writeln!(
             out,
-            "\n{} held-out rows lie outside what the curves were fitted on (joints {:?}): no gain is claimed there.",
+            "\n{} held-out rows lie outside the range of the fitted curves (axes {:?}): the extended cell is not judged there.",
             found.coverage.rows_outside, found.coverage.joints_outside
         );
     }
     if found.unexplained.significant {
-        out.push_str("\nUnexplained: more is left than noise, and no named effect explains it.\n");
+        out.push_str("\nUnexplained: more remains than noise, and no known effect explains it.\n");
         for correlate in &found.unexplained.correlates {
             let _ = writeln!(out, "  follows {} (r = {:.2})", correlate.with, correlate.r);
             for FittedParameter { name, value, unit, ci95: [low, high], .. } in &correlate.parameters {
@@ -198,12 +229,15 @@ pub fn identify_text(found: &Identification) -> String {
     out
 }
 
-/// What the rows say of places, postures and loads where nothing was measured.
+/// How well the extended cell predicts places, postures and loads that were not measured.
 pub(super) fn elsewhere(found: &Identification) -> String {
-    let left_out = format!("left out by place, posture and load: {:.4} mm rms", found.after_other_places.rms_mm);
+    let left_out =
+        format!("at places, postures and loads left out of the fit: {:.4} mm rms", found.after_other_places.rms_mm);
     match found.transfer_sigma_mm {
         sigma_mm if sigma_mm > 0.0 => {
-            format!("{left_out}; the same program next to this place may be off by {sigma_mm:.4} mm per axis")
+            format!(
+                "{left_out}; for this program at a neighbouring place: standard uncertainty {sigma_mm:.4} mm per axis"
+            )
         }
         _ => left_out,
     }
@@ -215,7 +249,15 @@ fn write_parameters(out: &mut String, parameters: &[FittedParameter]) {
     if parameters.len() <= MOST_PRINTED {
         for p in parameters {
             let [low, high] = p.ci95;
-            let _ = writeln!(out, "    {:26} {:12.4e} {}  [{low:.4e}, {high:.4e}]", p.name, p.value, p.unit);
+            let ((key, of), value) = (named_parameter(p), significant(p.value));
+            let _ = writeln!(
+                out,
+                "    {:26} {value:>10} {}  [{}, {}]",
+                key.to_owned() + &of,
+                p.unit,
+                significant(low),
+                significant(high)
+            );
         }
         return;
     }
@@ -224,7 +266,8 @@ fn write_parameters(out: &mut String, parameters: &[FittedParameter]) {
         let (name, values) = (&knots[0].name[..family(&knots[0])], || knots.iter().map(|p| p.value));
         let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
         let count = knots.len();
-        let _ = writeln!(out, "    {name:26} {count} values from {low:.4e} to {high:.4e} {}", knots[0].unit);
+        let (low, high) = (significant(low), significant(high));
+        let _ = writeln!(out, "    {name:26} {count} values from {low} to {high} {}", knots[0].unit);
     }
 }
 
@@ -255,13 +298,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_effect_is_told_with_the_axes_that_it_is_in() {
+    fn an_effect_is_named_with_the_axes_in_which_it_acts() {
         let gap = |(i, value): (usize, f64)| FittedParameter {
             name: format!("half_gap_rad[{i}]"),
             value,
             unit: "rad",
             ci95: [value - 1e-5, value + 1e-5],
             neutral: 0.0,
+            owner: ParameterOwner::Axis(i + 1),
         };
         let mut backlash = Added {
             kind: "backlash".to_owned(),
@@ -274,7 +318,25 @@ mod tests {
         assert_eq!(named(&backlash), "backlash in axes 2 and 5");
         backlash.not_told_apart_from.push("zero_offset".to_owned());
         backlash.parameters.truncate(5);
-        assert_eq!(named(&backlash), "backlash (or zero offset: these rows do not tell)");
+        assert_eq!(named(&backlash), "backlash (or zero offset: these rows cannot decide)");
+    }
+
+    #[test]
+    fn an_index_is_named_by_what_it_counts() {
+        let named = |kind: &str, rest: &str| -> Vec<String> {
+            let effect = toml::from_str(rest).map(|table| (crate::effects::kind(kind).unwrap().read)(table)).unwrap();
+            let of = |p: crate::effects::Parameter| {
+                let (name, value, owner) = (p.name, p.value, p.owner);
+                let fitted = FittedParameter { name, value, unit: p.unit, ci95: [value; 2], neutral: p.neutral, owner };
+                let (key, of) = named_parameter(&fitted);
+                key.to_owned() + &of
+            };
+            effect.unwrap().parameters().into_iter().map(of).collect()
+        };
+        assert_eq!(named("backlash", "half_gap_rad = [0, 0, 0, 0, 0, 0]")[1], "half_gap_rad, axis 2");
+        assert_eq!(named("tool_frame", "d_mm = [0, 0, 0]\nd_rad = [0, 0, 0]")[5], "d_rad, z");
+        // Six coefficients of a polynomial over the part are not six axes.
+        assert_eq!(named("workpiece_compliance", "mm_per_n = [0, 0, 0, 0, 0, 0]")[1], "mm_per_n[1]");
     }
 
     #[test]
@@ -285,19 +347,20 @@ mod tests {
             unit: "rad",
             ci95: [value - 1.0, value + 1.0],
             neutral: 0.0,
+            owner: ParameterOwner::Effect,
         };
         let few: Vec<_> = (0..6).map(|i| parameter(format!("half_gap_rad[{i}]"), f64::from(i))).collect();
         let mut out = String::new();
         write_parameters(&mut out, &few);
         assert_eq!(out.lines().count(), 6);
-        assert!(out.contains("half_gap_rad[5]                5.0000e0 rad  [4.0000e0, 6.0000e0]"), "{out}");
+        assert!(out.contains("half_gap_rad[5]                 5.000 rad  [4.000, 6.000]"), "{out}");
         let knots = (0..80).map(|i| parameter(format!("curves[{}].error_rad[{}]", i / 40, i % 40), f64::from(i)));
         let mut out = String::new();
         write_parameters(&mut out, &knots.collect::<Vec<_>>());
         assert_eq!(
             out,
-            "    curves[0].error_rad        40 values from 0.0000e0 to 3.9000e1 rad\n    \
-             curves[1].error_rad        40 values from 4.0000e1 to 7.9000e1 rad\n"
+            "    curves[0].error_rad        40 values from 0 to 39.00 rad\n    \
+             curves[1].error_rad        40 values from 40.00 to 79.00 rad\n"
         );
     }
 }

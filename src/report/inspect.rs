@@ -1,4 +1,4 @@
-//! What was understood of programs, as a table and as JSON (`docs/reference.md`, `inspect --json`).
+//! The answer of `inspect` as a table and as JSON (`docs/reference.md`, `inspect --json`).
 
 use crate::program::{Goal, Language, Program, RoundTrip};
 use crate::text::{Diagnostic, printable_line};
@@ -16,7 +16,7 @@ pub struct InspectFile {
     pub path: String,
     /// Its [word](Language::word); `None` where it was not recognised.
     pub language: Option<&'static str>,
-    /// Who made it, as far as the text tells.
+    /// The CAM system or post that wrote it, if the text shows it.
     pub dialect: Option<&'static str>,
     /// Executed motions.
     pub motion_targets: usize,
@@ -26,23 +26,23 @@ pub struct InspectFile {
     pub arcs: usize,
     /// Why the file as a whole is not read.
     pub refused: Option<String>,
-    /// Statements that come out as they went in, and why.
+    /// Statements that are left as they are, with the reason.
     pub kept: Vec<KeptLine>,
-    /// Whether it survives a write, unchanged and shifted.
+    /// Whether the round trip succeeds: unchanged targets give the same bytes, and shifted ones are read back.
     pub round_trip: bool,
-    /// What differed, where it does not.
+    /// The difference, if it does not succeed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub round_trip_fault: Option<String>,
     /// Names of the tools used.
     pub tools: Vec<String>,
     /// Names of the work objects used.
     pub wobjs: Vec<String>,
-    /// Where it goes and how fast.
+    /// Extents, feeds and run time.
     #[serde(flatten)]
     pub reach: Reached,
 }
 
-/// Where a program goes, how fast, and how long that takes.
+/// The extents of a program, its feeds and its run time.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Reached {
@@ -62,9 +62,9 @@ pub struct Reached {
 pub struct Extent {
     /// The work object.
     pub wobj: String,
-    /// Least x, y, z, mm.
+    /// Smallest x, y and z, mm.
     pub min_mm: [f64; 3],
-    /// Largest x, y, z, mm.
+    /// Largest x, y and z, mm.
     pub max_mm: [f64; 3],
 }
 
@@ -125,7 +125,7 @@ impl Reached {
         lines
     }
 
-    /// Takes in another box.
+    /// Extends the box so that it contains another one.
     fn widen(&mut self, other: &Extent) {
         match self.extents.iter_mut().find(|known| known.wobj.eq_ignore_ascii_case(&other.wobj)) {
             Some(known) => {
@@ -139,12 +139,12 @@ impl Reached {
     }
 }
 
-/// The range that holds both.
+/// The range that contains both.
 fn wider(a: Option<[f64; 2]>, b: [f64; 2]) -> [f64; 2] {
     a.map_or(b, |a| [a[0].min(b[0]), a[1].max(b[1])])
 }
 
-/// Statements that are kept or refused, and the actions of the machine besides motion, by line.
+/// Statements that are kept or refused, and actions of the machine that are not motions, by line.
 fn kept_lines(program: &Program) -> Vec<KeptLine> {
     let kept = program.kept.iter().map(|kept| KeptLine { line: kept.line, reason: kept.reason.text() });
     let actions = program.actions.iter().map(|action| KeptLine { line: action.line, reason: action.kind.what() });
@@ -211,14 +211,14 @@ impl InspectFile {
     }
 }
 
-/// The answer for scripts.
+/// The answer as JSON.
 #[derive(Clone, Debug, Serialize)]
 pub struct InspectFiles<'a> {
     /// In the order given.
     pub files: &'a [InspectFile],
 }
 
-/// The answer for people: a row a file, then what was kept and refused.
+/// The answer as text: a row for each file, then what was kept and refused.
 #[must_use]
 pub fn inspect_table(files: &[InspectFile]) -> String {
     let width = files.iter().map(|file| file.path.chars().count()).max().unwrap_or(0).max(4);
@@ -286,7 +286,7 @@ fn together(files: &[&InspectFile], out: &mut String) {
     }
 }
 
-/// Tools, kept statements by reason and what is wrong, of one file.
+/// Tools, kept statements by reason, and faults of one file.
 fn details(file: &InspectFile, out: &mut String) {
     let mut say = |line: String| {
         // Writing to a String cannot fail.

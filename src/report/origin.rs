@@ -1,13 +1,13 @@
-//! What a result was made from.
+//! The files from which a result was made.
 
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use std::io::{self, Read};
 
-/// Version of deflex, as results name it.
+/// Version of deflex, as it stands in results.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
-/// A file that a result was made from, as it was then: `sha256sum` tells whether it still is.
+/// A file from which a result was made, with its hash. `sha256sum` shows whether it has changed since.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub struct Origin {
@@ -18,16 +18,16 @@ pub struct Origin {
 }
 
 impl Origin {
-    /// A file that is held.
+    /// From the content of a file in memory.
     #[must_use]
     pub fn of(path: &str, bytes: &[u8]) -> Self {
         Self { path: path.to_owned(), sha256: hexadecimal(&Sha256::digest(bytes)) }
     }
 
-    /// A file that is read for it.
+    /// From the content of a file, which is read in parts.
     ///
     /// # Errors
-    /// What `input` reports.
+    /// Those of `input`.
     pub fn read(path: &str, mut input: impl Read) -> io::Result<Self> {
         let (mut hash, mut block) = (Sha256::new(), vec![0; 64 * 1024]);
         loop {

@@ -1,4 +1,4 @@
-//! Which targets of two programs belong together, where the second has some inserted.
+//! Matches the targets of two programs of which the second has inserted targets.
 
 use crate::drive::Track;
 use crate::program::alignment::{Fit, align};
@@ -8,8 +8,7 @@ use crate::text::{Edit, Span};
 use nalgebra::{Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3};
 use serde::Serialize;
 
-/// Inserted targets are looked for so far from the path of the first program, mm: the largest correction of a cell that does not
-/// say another.
+/// How far from the path of the first program an inserted target may be, mm: the largest correction of a cell without `[limits]`.
 const NEAR: f64 = 5.5;
 
 /// A target that only the second program has.
@@ -20,15 +19,15 @@ pub struct InsertedTarget {
     pub target: u32,
     /// Line there.
     pub line: u32,
-    /// Ordinal of the first program's target on whose way it is.
+    /// Ordinal of the target of the first program before which it was inserted.
     pub before: u32,
 }
 
-/// Which targets of two programs belong together.
+/// The targets of two programs that belong together.
 pub(super) struct Pairs {
-    /// Indices into both, and whether they are the same place: the circle point of an arc that was split is elsewhere.
+    /// Indices into both, and whether both are the same place. The circle point of an arc that was split is another place.
     pub(super) same: Vec<(usize, usize, bool)>,
-    /// What the second has besides, and the span of its instruction: source, start and end.
+    /// The inserted targets of the second program, with the span of their instruction: source, start and end.
     pub(super) inserted: Vec<(InsertedTarget, (usize, Span))>,
 }
 
@@ -38,7 +37,7 @@ impl Pairs {
         Self { same, inserted: Vec::new() }
     }
 
-    /// `None` where the second program is not the first with targets inserted on its way.
+    /// `None` if the second program is not the first one with inserted targets.
     pub(super) fn subdivided(first: &Program, second: &Program) -> Option<Self> {
         let matched = align(first, second, &Near { first, second }).ok()?;
         let mut pairs = Self { same: Vec::with_capacity(first.targets.len()), inserted: Vec::new() };
@@ -67,14 +66,14 @@ impl Pairs {
     }
 }
 
-/// Targets about the path of the first program, without a cell: by their numbers.
+/// The path of the first program by the numbers in its text, without a cell.
 struct Near<'a> {
     first: &'a Program,
     second: &'a Program,
 }
 
 impl Near<'_> {
-    /// The way into a target of the first program, mm; `None` where it begins in other axes.
+    /// The path to a target of the first program, mm; `None` if it begins in the axes of another work object.
     fn way(&self, i: usize) -> Option<Track> {
         let targets = &self.first.targets;
         let pose = |target: &Target| {
@@ -150,7 +149,7 @@ fn position(goal: &Goal) -> Option<Vector3<f64>> {
     }
 }
 
-/// What of a target's settings is different.
+/// The settings in which two targets differ.
 pub(super) fn settings(first: &Program, a: &Target, second: &Program, b: &Target) -> Vec<&'static str> {
     [
         (a.feed_mm_s != b.feed_mm_s, "the speed"),

@@ -1,4 +1,4 @@
-//! The part before it is cut: how far the surface that the loaded arm leaves is from the one that is programmed.
+//! The part, before it is really cut: the deviation of the surface that the loaded arm leaves from the programmed surface.
 
 use crate::stock::{Blank, Mesh, Stock};
 use crate::text::number::write_fixed;
@@ -6,31 +6,31 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// Corners of the map at most, about: its cells grow with the stock.
+/// Approximate largest number of corners of the map; for larger stocks its cells are larger.
 const MOST_NODES: f64 = 6e6;
 
-/// A corner of the map that did not come onto the surface this closely is on an edge, where no one deviation is, m.
+/// A corner of the map that is farther from the surface than this, m, is on an edge, where the deviation is not defined.
 const ON_SURFACE: f64 = 2e-6;
 
-/// Nearer to the blank's own surface than this nothing was cut, m.
+/// Where the surface is nearer to that of the blank than this, m, nothing was cut.
 const UNCUT: f64 = 2e-6;
 
-/// Farther than this along its normal a probed point has no surface, m.
+/// How far along its normal a probed point is searched for the surface, m.
 const PROBE_REACH: f64 = 10e-3;
 
 /// A point of the programmed surface and the deviation there: actual minus programmed, out of the material, mm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfacePoint {
-    /// Stock's frame, mm.
+    /// Position in the frame of the stock, mm.
     pub position_mm: [f64; 3],
-    /// Above zero: left over; below: gouged.
+    /// Deviation, mm: above zero material is left over, below zero the part is gouged.
     pub deviation_mm: f64,
 }
 
 /// One side of the deviations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct OneSide {
-    /// Share of the surface.
+    /// Share of the surface, 0 to 1.
     pub share: f64,
     /// Mean over it, mm.
     pub mean_mm: f64,
@@ -52,9 +52,9 @@ pub struct MapFigures {
     pub mean_signed_mm: f64,
     /// Largest size, mm.
     pub max_mm: f64,
-    /// Too much taken.
+    /// Where too much was cut.
     pub gouge: OneSide,
-    /// Too little.
+    /// Where too little was cut.
     pub leftover: OneSide,
 }
 
@@ -95,8 +95,8 @@ pub struct DeviationMap {
 }
 
 impl DeviationMap {
-    /// Holds an actual stock against an intended one, which has this surface: the programmed one, or the nominal part. Where
-    /// the surface is that of the `blank`, nothing is to be cut.
+    /// Compares an actual stock with the intended surface, which is the programmed one or that of the nominal part. Where this surface is that
+    /// of the `blank`, nothing has to be cut.
     #[must_use]
     pub fn new(programmed: Mesh, intended: &Stock, blank: &Blank, actual: &Stock) -> Self {
         let deviation = |point: &Vector3<f64>| {
@@ -131,8 +131,8 @@ pub fn map_cell(stock: &Stock) -> f64 {
     stock.spacing().max(((high - low).product() / MOST_NODES).cbrt())
 }
 
-/// Deviation at a nominal point (m) of a part, along its normal where one is given, mm: a virtual CMM. `None` where there is no
-/// surface near.
+/// Deviation at a nominal point (m) of a part, mm, along its normal if one is given: a virtual measuring machine. `None` if no surface is
+/// near.
 #[must_use]
 pub fn probe(actual: &Stock, point: &Vector3<f64>, normal: Option<&Vector3<f64>>) -> Option<f64> {
     let Some(normal) = normal else {
@@ -142,7 +142,7 @@ pub fn probe(actual: &Stock, point: &Vector3<f64>, normal: Option<&Vector3<f64>>
     let depth = actual.depth(point);
     let sign = if depth > 0.0 { 1.0 } else { -1.0 };
     let at = |way: f64| sign * actual.depth(&(point + normal * (sign * way)));
-    // The depth changes no faster than the way: steps of its size do not pass the surface.
+    // The depth changes by at most the length of a step, so steps as long as the depth cannot pass the surface.
     let (mut low, mut way) = (0.0, 0.0);
     const LEAST_STEP: f64 = 1e-6;
     while at(way) > 0.0 {
@@ -164,7 +164,7 @@ pub fn probe(actual: &Stock, point: &Vector3<f64>, normal: Option<&Vector3<f64>>
     Some(1e3 * sign * 0.5 * (low + high))
 }
 
-/// `x_mm,y_mm,z_mm,deviation_mm`, one row a point.
+/// CSV with the columns `x_mm,y_mm,z_mm,deviation_mm`, one row for each point.
 #[must_use]
 pub fn map_csv(points: &[SurfacePoint]) -> Vec<u8> {
     let mut out = b"x_mm,y_mm,z_mm,deviation_mm\n".to_vec();

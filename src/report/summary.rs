@@ -5,7 +5,7 @@ use crate::text::Diagnostic;
 use serde::Serialize;
 use std::fmt;
 
-/// What one program came to, for `--json`.
+/// The summary of one program, for `--json`.
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct FileSummary {
@@ -15,15 +15,15 @@ pub struct FileSummary {
     pub targets: usize,
     /// Targets whose numbers changed.
     pub corrected: usize,
-    /// Targets that cut and whose numbers did not change, though they might: all that cut in a prediction.
+    /// Cutting targets whose numbers could change and did not. In a prediction these are all targets that cut.
     pub unchanged: usize,
     /// Targets without cutting force whose numbers did not change.
     pub air: usize,
     /// Targets that `--subdivide` inserted.
     pub inserted: usize,
-    /// Not to be changed, by reason.
+    /// Kept targets, counted by reason.
     pub kept: Vec<KeptCount>,
-    /// Of the kept ones those that were not judged, because it is not known where the controller goes, by reason.
+    /// The kept targets that were not judged, because it is not known where the controller goes, counted by reason.
     pub unjudged: Vec<KeptCount>,
     /// Largest predicted error without correction, mm.
     pub max_error_mm: f64,
@@ -33,18 +33,18 @@ pub struct FileSummary {
     pub max_correction_mm: f64,
     /// Largest error that remains on a cutting target, mm.
     pub max_remaining_mm: f64,
-    /// Largest error of a kept target, which stays, mm.
+    /// Largest error of a kept target, mm; it remains.
     pub max_kept_mm: f64,
-    /// Largest distance of the tip from the programmed path on the way into cutting targets, mm; into all where none cuts.
+    /// Largest distance of the tip from the programmed path, on the paths to cutting targets, mm; on all paths if none cuts.
     pub remaining_path_max_mm: f64,
     /// Root mean square of it over their length, mm.
     pub remaining_path_rms_mm: f64,
-    /// How the controller drives it, where that was looked at.
+    /// The path that the controller drives; `None` if it was not computed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub driven_path: Option<DrivenSummary>,
-    /// Targets without an answer or over a limit.
+    /// Targets that were not solved or exceed a limit.
     pub failures: Vec<FailureLine>,
-    /// How many there are besides.
+    /// How many more failures there are that are not listed.
     #[serde(skip)]
     pub more_failures: usize,
     /// The program's files, where they were requested.
@@ -62,7 +62,7 @@ pub struct KeptCount {
 }
 
 impl KeptCount {
-    /// One a reason.
+    /// The counts of targets, one for each reason.
     #[must_use]
     pub fn all(counts: &[(&'static str, usize)]) -> Vec<Self> {
         counts.iter().map(|&(reason, count)| Self { reason, count }).collect()
@@ -71,7 +71,7 @@ impl KeptCount {
 
 impl fmt::Display for KeptCount {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} {}", grouped(self.count), self.reason)
+        write!(f, "{} ({})", self.reason, grouped(self.count))
     }
 }
 
@@ -79,7 +79,7 @@ impl fmt::Display for KeptCount {
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct FailureLine {
-    /// File; empty where the program as a whole is meant.
+    /// File; empty if the failure is about the program as a whole.
     pub file: String,
     /// Line in the program.
     pub line: usize,
@@ -88,14 +88,14 @@ pub struct FailureLine {
 }
 
 impl FileSummary {
-    /// Sums up a run.
+    /// The summary of a run.
     #[must_use]
     pub fn new(path: &str, corrected: &Corrected) -> Self {
         let sum = Summary::of(&corrected.rows).with_inserted(corrected.inserted);
         Self { driven_path: corrected.driven, ..Self::of(path, &sum, &corrected.failures) }
     }
 
-    /// Parts of the targets, whose sum they are.
+    /// The number of targets of each status. They add up to the number of all targets.
     pub(super) fn parts(&self, kind: PathKind) -> Vec<(&'static str, usize)> {
         let kept = self.kept.iter().map(|kept| kept.count).sum();
         let rest = [("air", self.air), ("inserted", self.inserted), ("kept", kept)];
@@ -107,13 +107,13 @@ impl FileSummary {
         }
     }
 
-    /// The same with what a check found for failures.
+    /// The same summary with the findings of `check` as failures.
     #[must_use]
     pub fn with_findings(self, found: &CheckFile) -> Self {
         Self { failures: lines(&found.findings), more_failures: found.more, ..self }
     }
 
-    /// The same from what was counted already.
+    /// The summary from counts that were collected in parts.
     #[must_use]
     pub fn of(path: &str, sum: &Summary, failures: &[Diagnostic]) -> Self {
         Self {
@@ -149,8 +149,8 @@ fn lines(failures: &[Diagnostic]) -> Vec<FailureLine> {
     failures.iter().map(line).collect()
 }
 
-/// `1,236 targets: 1,211 corrected, 20 air, 5 kept: 3 computed at run time, 2 …`: the parts are the whole. Nothing is corrected in
-/// a prediction: targets cut, are in the air or kept.
+/// `1,236 targets: 1,211 corrected, 20 air, 5 kept: target computed at run time (3), … (2)`: the parts add up to the number of targets.
+/// A prediction corrects nothing: there the targets cut, are in the air, or are kept.
 #[must_use]
 pub fn summary_line(summary: &FileSummary, kind: PathKind) -> String {
     let first = match kind {
@@ -165,7 +165,7 @@ pub fn summary_line(summary: &FileSummary, kind: PathKind) -> String {
     line
 }
 
-/// Parts of the targets; those of which there are none are left out, but for what was corrected or cut, and what is air.
+/// The counts as text. Counts of 0 are left out, except those of corrected or cut targets and of air.
 pub(super) fn parts_text(parts: &[(&'static str, usize)]) -> String {
     let named = |(what, count): &(&str, usize)| *count > 0 || ["corrected", "cut", "air"].contains(what);
     let parts: Vec<String> =
@@ -178,7 +178,7 @@ pub(crate) fn counted(count: usize, what: &str) -> String {
     format!("{} {what}{}", grouped(count), if count == 1 { "" } else { "s" })
 }
 
-/// A count with thousands set apart.
+/// A count with a comma between thousands.
 pub(crate) fn grouped(count: usize) -> String {
     let digits = count.to_string();
     let mut out = String::new();

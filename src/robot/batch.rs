@@ -15,7 +15,8 @@ pub(crate) struct BatchArm<'a> {
     form: &'a ClosedForm,
 }
 
-/// Below this sine between upper arm and forearm, or of axis 5, digits are lost and branches meet: not here.
+/// Below this sine of the angle between upper arm and forearm, or of axis 5, digits are lost and branches meet; such targets are left to the
+/// scalar inverse.
 const CLOSE: f64 = 0.05;
 
 /// A target as a program writes it.
@@ -26,7 +27,7 @@ pub(crate) struct WrittenTarget<'a> {
     /// Scalar first, of any length.
     pub(crate) quat: &'a [f64; 4],
     pub(crate) flange_from_tcp: &'a Pose,
-    /// Motor angles close by, which choose the branch, rad.
+    /// Motor angles nearby, which choose the branch, rad.
     pub(crate) near: &'a Joints,
 }
 
@@ -42,7 +43,7 @@ pub(crate) struct BatchSolutions {
     pub(crate) wobj_from_tcp: Frame,
     /// Motor angles that reach it, rad.
     motor: Six<Lanes>,
-    /// From closer than this they are surely the nearest, square of rad; 0 where another solution has to be found.
+    /// Squared distance, rad², within which these motor angles are certainly the nearest solution; 0 if the scalar inverse has to decide.
     reach: Lanes,
     from: Frame,
     turn: Vector,
@@ -77,7 +78,7 @@ impl BatchSolutions {
         (self.motor, self.reach) = robot.inverse(&base_from_flange, &self.near);
     }
 
-    /// Finds by how much the targets are turned from orientations in the work object.
+    /// Computes the rotations of the targets relative to orientations in the work object.
     pub(crate) fn turn_from<'p>(&mut self, count: usize, from: impl Fn(usize) -> &'p Rotation3<f64>) {
         for lane in 0..count {
             self.from.set_axes(lane, from(lane));
@@ -93,7 +94,7 @@ impl BatchSolutions {
         turn_of(lane, (&self.turn, self.small), &self.from, &self.wobj_from_tcp)
     }
 
-    /// A target's motor angles, where they are surely the nearest to others (rad).
+    /// The motor angles of a target; `None` unless they are certainly the solution nearest to the given ones, rad.
     pub(crate) fn nearest(&self, lane: usize, near: &Joints) -> Option<Joints> {
         let motor = one(&self.motor, lane);
         ((motor - near).norm_squared() < self.reach.lane(lane)).then_some(motor)
@@ -108,7 +109,7 @@ pub(crate) fn turn_of<R: Real>(
     from: &Frame<R>,
     to: &Frame<R>,
 ) -> Vector3<f64> {
-    // In numbers: as a whole it would be put in memory and read again.
+    // Element by element: the whole matrix would be written to memory and read again.
     let [x, y, z] = if right.lane(lane) {
         [turn.x.lane(lane), turn.y.lane(lane), turn.z.lane(lane)]
     } else {
@@ -118,12 +119,12 @@ pub(crate) fn turn_of<R: Real>(
 }
 
 impl<'a> BatchArm<'a> {
-    /// The arm in lanes, where it has an explicit inverse.
+    /// The arm for several lanes; `None` if it has no explicit inverse.
     pub(crate) fn of(robot: &'a Robot) -> Option<Self> {
         Some(Self { robot, form: robot.closed_form()? })
     }
 
-    /// What the first `count` of eight targets come to.
+    /// Solves the first `count` of eight targets.
     pub(crate) fn find<'p>(
         &self,
         count: usize,
@@ -154,7 +155,7 @@ impl<'a> BatchArm<'a> {
         });
     }
 
-    /// Motor angles at flange poses near others, rad, and where they are surely the nearest.
+    /// Motor angles at flange poses in the branch of others, rad, and the lanes in which they are certainly the nearest solution.
     #[inline(always)]
     pub(crate) fn nearest<R: Real>(&self, base_from_flange: &Frame<R>, near: &Six<R>) -> (Six<R>, R::Mask) {
         let (motor, reach) = self.inverse(base_from_flange, near);
@@ -301,7 +302,7 @@ mod tests {
                     let reached = robot.forward(&motor).to_homogeneous() - flange.to_homogeneous();
                     prop_assert!(reached.norm() < SAME, "{reached}");
                 }
-                // Who asks from where the arm is gets an answer wherever no branch is close.
+                // Started at the solution itself, the batch must find it wherever no other branch is near.
                 let sine = |angle: f64| angle.sin().abs();
                 let (serial, form) = (robot.serial_from_motor(&motors[i]), robot.closed_form().unwrap());
                 let wrist = robot.frames(&motors[i]).origin(4);

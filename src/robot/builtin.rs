@@ -3,14 +3,14 @@ use crate::program::Language;
 use serde::Deserialize;
 use std::sync::LazyLock;
 
-/// A robot that needs no `[robot.kinematics]`.
+/// A built-in robot, for which a cell needs no `[robot.kinematics]`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct Builtin {
     /// Name in the cell file.
     pub model: String,
-    /// Who makes it.
+    /// The maker.
     pub maker: String,
     /// Where the figures come from.
     pub source: String,
@@ -67,7 +67,7 @@ fn forward() -> [f64; 6] {
 }
 
 impl Builtin {
-    /// What its maker's controllers run, where deflex reads and writes it.
+    /// The language of its maker's controllers; `None` if deflex does not read it.
     #[must_use]
     pub fn language(&self) -> Option<Language> {
         Language::ALL.into_iter().find(|language| language.about().maker == self.maker)
@@ -103,7 +103,7 @@ struct Library {
 const LIBRARY: &str = include_str!("library.toml");
 
 impl Builtin {
-    /// Whether the library has a robot of just this name: its text is looked through and not read.
+    /// Whether the library has a robot of exactly this name. It searches the text of the library without parsing it.
     pub(crate) fn is_listed(model: &str) -> bool {
         LIBRARY.contains(&format!("model = \"{model}\"\n"))
     }
@@ -139,7 +139,7 @@ mod tests {
         ("irb6650s-200-", 40.0),
         ("irb6700-", 34.0),
     ];
-    /// Robots whose axis speeds no source tells: their speeds are not judged.
+    /// Robots for which no source gives axis speeds: their speeds are not judged.
     const WITHOUT_SPEEDS: usize = 118;
     /// A working radius lies within this share of the links' sum.
     const WORKING_RADIUS: f64 = 0.13;

@@ -1,4 +1,4 @@
-//! Configurations as controllers write them, of motor angles.
+//! Configurations (confdata, S and T, CONFIG) of motor angles, as the controllers write them.
 
 use super::{Joints, Robot};
 use crate::program::{Conf, Confdata, Config, Status};
@@ -15,8 +15,8 @@ pub(crate) fn quarter_turn(angle: f64) -> i32 {
     index
 }
 
-/// Half turns that miss this are half turns, rad: FANUC counts 180° ± 0.0005° in turn 1 (measured on a virtual
-/// controller: GitHub, LeroyDu56/CrossArm, validation, section 14).
+/// Angles that differ from half a turn by at most this, rad, count as half a turn: FANUC counts 180° ± 0.0005° in turn 1 (measured on a
+/// virtual controller: GitHub, LeroyDu56/CrossArm, validation, section 14).
 const HALF_TURN: f64 = 0.0005 / 180.0 * PI;
 
 /// FANUC's turn number of an axis: 0 between −180° and 180° without these, 1 from 180° on, −1 from −180° down.
@@ -32,7 +32,7 @@ pub(crate) fn turn_numbers(axes_deg: &[f64; 6]) -> [i32; 3] {
     [axes_deg[0], axes_deg[3], axes_deg[5]].map(|deg| whole_turn(deg.to_radians()))
 }
 
-/// 4·(wrist centre behind axis 1) + 2·(behind the lower arm) + (axis 5 negative as its joint turns).
+/// 4 if the wrist centre is behind axis 1, plus 2 if it is behind the lower arm, plus 1 if joint 5 is negative.
 fn posture(robot: &Robot, motor: &Joints) -> i32 {
     let (rear, behind) = robot.posture(motor);
     4 * i32::from(rear) + 2 * i32::from(behind) + i32::from(robot.axes.sign[4] * motor[4] < 0.0)
@@ -71,7 +71,7 @@ pub fn config_of(robot: &Robot, motor: &Joints) -> Config {
 
 /// KUKA's turn bit of an axis.
 fn below_zero(angle: f64) -> i32 {
-    /// What arithmetic leaves of zero, rad.
+    /// Rounding errors of a zero, rad.
     const ZERO: f64 = 1e-12;
     i32::from(angle < -ZERO)
 }
@@ -129,7 +129,7 @@ pub(super) fn branch_index(robot: &Robot, conf: Conf) -> Option<usize> {
             let below = (status & 4 != 0) == (robot.axes.sign[4] > 0.0);
             4 * (status & 1) + 2 * i32::from(status & 2 == 0) + i32::from(below)
         }
-        // It names no branch, but angles.
+        // Such a configuration names no branch.
         Conf::Near(_) => return None,
     };
     usize::try_from(posture).ok()

@@ -1,4 +1,5 @@
-//! How far each axis can get while the flange goes no farther than a given way: bounds for what lies between two places of a path.
+//! Bounds on the motion of each axis while the flange moves by at most a given length and turn. They hold everywhere on a piece of path
+//! between two places.
 
 use super::inverse::ClosedForm;
 use super::{Joints, Robot};
@@ -7,36 +8,36 @@ use std::f64::consts::{FRAC_PI_2, PI, SQRT_2};
 /// Bounds over a piece of path that begins at known motor angles.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Excursion {
-    /// How far each motor can get from where it is, rad.
+    /// The largest change of each motor angle from the start of the piece, rad.
     pub(crate) axes: [f64; 6],
-    /// See [`Robot::clearance`], where the piece begins; infinite of arms without an explicit inverse.
+    /// [`Robot::clearance`] at the start of the piece; infinite for arms without an explicit inverse.
     pub(crate) clearance: [f64; 3],
-    /// The least that can be left of it.
+    /// The smallest clearance that is possible on the piece.
     pub(crate) left: [f64; 3],
-    /// By what share of these bounds the speed of an axis can differ from its mean over the piece.
+    /// The largest difference of the speed of an axis from its mean over the piece, as a share of the bound of the axis.
     pub(crate) bend: f64,
 }
 
-/// Safety of the share that speeds can differ by: the bounds of each axis' own change are summed, not their products.
+/// Safety factor for the share by which speeds can differ: it is computed from sums of the bounds, without their products.
 const SAFE: f64 = 2.0;
 
-/// Second derivatives of the flange's place by two joints are this large at most, over the reach of the arm.
+/// The largest second derivative of the flange position with respect to two joints, divided by the reach of the arm.
 const CURVED: f64 = 6.0;
 
 impl Robot {
-    /// How far an arm with an explicit inverse is from its singular postures: axis 5 from where axes 4 and 6 line up (rad), the
-    /// elbow from stretched or folded (rad), and the wrist centre from axis 1 (m); `None` of other arms.
+    /// Distance from the singular postures: of axis 5 from where axes 4 and 6 line up (rad), of the elbow from stretched or folded (rad),
+    /// and of the wrist centre from axis 1 (m). `None` for arms without an explicit inverse.
     pub(crate) fn clearance(&self, motor: &Joints) -> Option<[f64; 3]> {
         self.closed_form().map(|form| form.clearance(&self.serial_from_motor(motor)))
     }
 
-    /// From the wrist centre to the flange, m; 0 of arms without an explicit inverse, which are bounded at the flange.
+    /// Distance from the wrist centre to the flange, m; 0 for arms without an explicit inverse, whose path is bounded at the flange.
     pub(crate) fn wrist_lever(&self) -> f64 {
         self.closed_form().map_or(0.0, |form| form.d6.abs())
     }
 
-    /// Bounds on a piece of path along which the wrist centre (without an explicit inverse, the flange) moves by `length` (m) and
-    /// the flange turns by `turn` (rad) at most; `None` where a singular posture may be met.
+    /// Bounds on a piece of path on which the wrist centre (without an explicit inverse: the flange) moves by at most `length` (m) and the
+    /// flange turns by at most `turn` (rad). `None` if the piece may contain a singular posture.
     pub(crate) fn excursion(&self, from: &Joints, length: f64, turn: f64) -> Option<Excursion> {
         let Some(form) = self.closed_form() else { return self.excursion_by_jacobian(from, length, turn) };
         let clearance = form.clearance(&self.serial_from_motor(from));
@@ -52,22 +53,22 @@ impl Robot {
         Some(Excursion { axes: [q1, q2, q3, turned, omega, turned], clearance, left, bend })
     }
 
-    /// The same by the smallest singular value of the Jacobian.
+    /// [`Robot::excursion`] for arms without an explicit inverse, from the smallest singular value of the Jacobian.
     fn excursion_by_jacobian(&self, from: &Joints, length: f64, turn: f64) -> Option<Excursion> {
         let frames = self.frames(from);
         let reach: f64 = self.links.rows().iter().map(|row| row.a.abs() + row.d.abs()).sum();
         let mut jacobian = self.jacobian(&frames, &frames.base_from_flange().translation.vector);
         jacobian.rows_mut(0, 3).unscale_mut(reach.max(f64::MIN_POSITIVE));
         let least = jacobian.svd(false, false).singular_values.min();
-        // Along the way it stays at least half as large.
+        // On the piece it stays at least half as large.
         let step = 2.0 * (length / reach).hypot(turn) / least;
         let bend = 2.0 * CURVED * step / least;
         let free = [f64::INFINITY; 3];
         (bend <= 1.0).then_some(Excursion { axes: [step; 6], clearance: free, left: free, bend })
     }
 
-    /// By how much an axis may pass its limit when each gets no farther from motor angles (rad) than these bounds (rad); negative
-    /// where none can.
+    /// By how much an axis can pass its limit at most, rad, if no axis moves farther from motor angles (rad) than these bounds (rad). Negative
+    /// if none can pass it.
     pub(crate) fn limit_excess(&self, motor: &Joints, excursion: &[f64; 6]) -> f64 {
         let (limits, counted) = (&self.limits, self.axes_from_motor(motor));
         let with_second = self.axes.counted_23().abs() * excursion[1];
@@ -109,7 +110,7 @@ impl ClosedForm {
     fn bounds(&self, [_, elbow, shoulder]: [f64; 3], length: f64, turn: f64) -> Option<Bounds> {
         let length = self.across() * length;
         let ahead = shoulder - length;
-        // With an offset beyond that, axis 1 turns faster than the plane's distance tells.
+        // With a larger offset, axis 1 turns faster than the distance in the plane implies.
         if ahead <= self.b.abs() {
             return None;
         }

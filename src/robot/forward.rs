@@ -3,13 +3,12 @@ use super::{DhRow, Jacobian, Joints, Pose, Robot};
 use crate::lanes::{Real, SinCos, six};
 use nalgebra::Vector3;
 
-/// Where each link is: `base_from_link[i]` for links 1 to 6 (index 0 to 5); link 6 ends in the flange.
+/// The frames of links 1 to 6 (index 0 to 5); link 6 ends in the flange.
 #[derive(Clone, Copy, Debug)]
 pub struct Frames {
     /// Modified-DH frames of the links in the base frame, m.
     pub base_from_link: [Pose; 6],
-    /// Joint axes in base axes. They are the links' z axes, but for the share of a link's tilt that
-    /// lies behind its own joint.
+    /// Directions of the joint axes in base axes: the z axes of the links, without the tilt of a link that acts after its own joint.
     pub axes: [Vector3<f64>; 6],
 }
 
@@ -39,7 +38,7 @@ impl Frames {
     }
 }
 
-/// Modified-DH rows with the sines of their twists: a chain that is gone through many times.
+/// Modified-DH rows with the sines and cosines of their twists, for chains that are evaluated many times.
 #[derive(Clone, Copy, Debug)]
 pub struct Links {
     rows: [DhRow; 6],

@@ -1,9 +1,9 @@
-//! How an arm stands at home: the posture that a program starts near where nothing says another.
+//! The home posture of an arm, from which the branch of the first target is chosen unless the program or the cell names another.
 
 use super::{Joints, Robot};
 use nalgebra::Vector3;
 
-/// Home angles are multiples of this, degrees: what lies below is rounding.
+/// Home angles are multiples of this, degrees; smaller differences are rounding.
 const STEP_DEG: f64 = 1e-6;
 /// Two axes are parallel where the sine between them is below this.
 const PARALLEL: f64 = 1e-6;
@@ -21,7 +21,7 @@ impl Robot {
         let frames = self.links.chain(&serial);
         let (elbow, roll) = (frames.axis(2), frames.axis(3));
         let to_wrist = frames.origin(3) - frames.origin(2);
-        // A forearm that turns about its own length points along that axis; the wrist may lie beside it.
+        // The forearm points along the axis about which it turns; the wrist centre can be off that axis.
         let forearm = if elbow.cross(&roll).norm() > PARALLEL { roll * roll.dot(&to_wrist).signum() } else { to_wrist };
         serial[2] = turn_to(&forearm, &elbow.cross(&frames.axis(0)), &elbow);
         let frames = self.links.chain(&serial);
@@ -39,7 +39,7 @@ impl Robot {
     }
 }
 
-/// The angle about `axis` that turns one direction to another, both as seen along the axis, rad; 0 where one has no part across it.
+/// The angle about `axis` that turns one direction into another, both projected along the axis, rad; 0 if one of them is parallel to it.
 fn turn_to(from: &Vector3<f64>, to: &Vector3<f64>, axis: &Vector3<f64>) -> f64 {
     axis.dot(&from.cross(to)).atan2(from.dot(to) - axis.dot(from) * axis.dot(to))
 }

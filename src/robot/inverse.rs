@@ -2,7 +2,7 @@ use super::{DhRow, Joints, LimitViolation, Links, Pose, Robot, turn_between};
 use nalgebra::{Matrix3, Rotation3, Vector3, Vector6};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
-/// Which of the eight solutions: the signs that the explicit inverse chose.
+/// One of the eight solutions of the explicit inverse, by its three signs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Branch {
     /// Wrist centre behind axis 1.
@@ -45,13 +45,13 @@ pub enum Unreachable {
         /// How far, mm.
         by_mm: f64,
     },
-    /// The polish from a seed did not converge.
+    /// Newton's method did not converge from the start that was given.
     #[error("no motor angles near the previous ones reach it; {left_mm:.3} mm are left")]
     NotConverged {
         /// Distance left, mm.
         left_mm: f64,
     },
-    /// It is reached beyond an axis limit only.
+    /// The pose can be reached only beyond an axis limit.
     #[error(transparent)]
     Limit(#[from] LimitViolation),
 }
@@ -60,7 +60,7 @@ pub enum Unreachable {
 /// is missed by at most this angle, 3e-5 µm·rad at 0.3 m, far below printed digits.
 const SINGULAR_WRIST: f64 = 1e-7;
 
-/// Angles and lengths this close to a special value are that value: declared to 1e-9 at best.
+/// Angles (rad) and lengths (m) that differ from a special value by less than this are that value: cells declare them to 1e-9 at best.
 const SAME: f64 = 1e-9;
 
 /// Explicit inverse of an arm with parallel axes 2 and 3 and a spherical wrist.
@@ -241,7 +241,7 @@ impl Wrist {
 
 /// An angle within ±π, rad.
 pub(crate) fn wrap(angle: f64) -> f64 {
-    // Rounding is a call where the processor's own is not assumed.
+    // Written without `round`, which is a function call on processors without that instruction.
     if angle.abs() < 3.0 { angle } else { angle - (angle / TAU).round() * TAU }
 }
 
@@ -358,7 +358,7 @@ impl Robot {
 /// # Errors
 /// It did not converge: the seed is too far or the pose cannot be reached.
 pub fn polish(links: &Links, base_from_last: &Pose, seed: &Joints) -> Result<Joints, Unreachable> {
-    // Newton doubles its digits: 50 rounds are reached only where it wanders.
+    // Newton's method doubles the digits in each step, so 50 steps are reached only if it does not converge.
     const NEWTON_STEPS: usize = 50;
     // m and rad: two orders above f64 noise over 4 m, four below a printed digit.
     const DONE: f64 = 1e-13;
@@ -388,7 +388,7 @@ pub fn polish(links: &Links, base_from_last: &Pose, seed: &Joints) -> Result<Joi
             jacobian.fixed_view_mut::<3, 1>(0, i).copy_from(&axis.cross(&arm));
             jacobian.fixed_view_mut::<3, 1>(3, i).copy_from(&axis);
         }
-        // Damped least squares close to singular poses: a little damping costs rounds, not exactness.
+        // Damped least squares near singular poses: damping costs steps, not accuracy.
         let damping = 1e-12 + 1e-6 * size * size;
         let normal = jacobian.transpose() * jacobian + nalgebra::Matrix6::identity() * damping;
         let Some(step) = normal.cholesky().map(|c| c.solve(&(jacobian.transpose() * gap))) else { break };
@@ -398,7 +398,7 @@ pub fn polish(links: &Links, base_from_last: &Pose, seed: &Joints) -> Result<Joi
     if best.0 < GOOD_ENOUGH { Ok(best.1) } else { Err(Unreachable::NotConverged { left_mm: 1e3 * best.0 }) }
 }
 
-/// What is left to go from one pose to another: (shift, rotation vector) in base axes, m and rad.
+/// The motion from one pose to another: shift and rotation vector in base axes, m and rad.
 #[must_use]
 pub(crate) fn pose_gap(from: &Pose, to: &Pose) -> Vector6<f64> {
     let shift = to.translation.vector - from.translation.vector;

@@ -1,14 +1,14 @@
-//! The chain of the arm over any number of targets: what the scalar functions of [`Robot`] and the equilibria of many at
-//! once both go through.
+//! The kinematic chain of the arm, for a single target or for several lanes. The scalar functions of [`Robot`] and the equilibria of batches
+//! both use it.
 
 use super::{Joints, Robot};
 use crate::lanes::{Frame, Real, SinCos, Vector, six};
 use std::ops::{Neg, Sub};
 
-/// Six numbers of one target or of several: motor angles, rad, or what goes with them.
+/// Six numbers, one for each joint, of one target or of several lanes: motor angles, rad, torques, N·m, …
 pub(crate) type Six<R> = [R; 6];
 
-/// Puts one target's into a lane.
+/// Sets a lane to the numbers of one target.
 #[inline(always)]
 pub(crate) fn set<R: Real>(all: &mut Six<R>, lane: usize, one: &Joints) {
     // A slice: the matrix's own iterator counts strides.
@@ -17,7 +17,7 @@ pub(crate) fn set<R: Real>(all: &mut Six<R>, lane: usize, one: &Joints) {
     }
 }
 
-/// One target's.
+/// The numbers of one lane.
 #[inline(always)]
 pub(crate) fn one<R: Real>(all: &Six<R>, lane: usize) -> Joints {
     Joints::from(six!(i => all[i].lane(lane)))
@@ -38,9 +38,9 @@ pub(crate) struct Rows<R> {
     pub(crate) alpha: [SinCos<R>; 6],
 }
 
-/// Where the links are: modified-DH frames in the base, m, and the axes of the joints in base axes.
+/// The frames of the links in the base, m, and the directions of the joint axes in base axes.
 ///
-/// An axis is its link's z, but for the share of a link's tilt that lies behind its own joint.
+/// A joint axis is the z axis of its link, without the tilt of the link that acts after its own joint.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Chain<R> {
     pub(crate) links: [Frame<R>; 6],
@@ -113,7 +113,7 @@ impl Robot {
         six!(i => motor[i] * self.axes.sign[i])
     }
 
-    /// What is had by serial joints (torques, N·m; velocities of a point by angle) by motors: power is the same in both.
+    /// Torques (N·m), or derivatives with respect to angles, of the motors from those of the serial joints: the power is the same in both.
     #[inline(always)]
     pub(crate) fn by_motor<T: Copy + Sub<Output = T> + Neg<Output = T>>(&self, serial: &[T; 6]) -> [T; 6] {
         let mut motor = *serial;

@@ -18,11 +18,11 @@ pub struct Limits {
 pub struct LimitViolation {
     /// Axis 0 to 5; 6 is a parallelogram's motor 3 − motor 2; 7 is axis 3 + axis 2 where axis 3 is counted against the ground.
     pub axis: usize,
-    /// Where it would be, degrees.
+    /// The angle of the axis, degrees.
     pub value_deg: f64,
     /// The limit that it passes, degrees.
     pub limit_deg: f64,
-    /// By how much, degrees, positive.
+    /// By how much it passes the limit, degrees, positive.
     pub by_deg: f64,
 }
 
@@ -86,7 +86,7 @@ impl Robot {
         use std::f64::consts::TAU;
         let mut out = *motor;
         for i in [0, 1, 2, 3, 4, 5] {
-            // Axis 2 is settled before axis 3.
+            // Axis 2 is final before axis 3 is chosen.
             let counted = if i == 2 { self.axes.counted_23() * out[1] } else { 0.0 };
             let (min, max) = (self.limits.min[i] - LIMIT_SLACK, self.limits.max[i] + LIMIT_SLACK);
             let elbow = self.limits.elbow.filter(|_| i == 2);
@@ -95,7 +95,7 @@ impl Robot {
                 elbow.is_none_or(|(min, max)| v + folded >= min - LIMIT_SLACK && v + folded <= max + LIMIT_SLACK)
             };
             let inside = |v: f64| v + counted >= min && v + counted <= max && bends(v);
-            // On a path: less than half a turn away.
+            // The usual case on a path: less than half a turn away.
             if (near[i] - motor[i]).abs() < 3.0 && inside(motor[i]) {
                 continue;
             }

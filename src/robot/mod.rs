@@ -1,10 +1,10 @@
-//! Geometry of the arm: motor angles to poses and back. Knows no text and no loads.
+//! Geometry of the arm: motor angles to poses and back. This module knows neither programs nor loads.
 //!
 //! Modified Denavit-Hartenberg rows (Craig): `T_i = Rx(alpha) Tx(a) Rz(theta + joint) Tz(d)`,
 //! `base_from_flange = T_1 … T_6`. Lengths are metres, angles radians. All joint vectors are
 //! **motor angles**, with the maker's signs and zero positions: on a parallelogram arm motor 3 sets the
-//! forearm's angle to link 1, so that serial joint 3 is motor 3 − motor 2. What the controller shows are
-//! **axis angles**; they differ from motor angles only where it counts axis 3 against the ground (see [`Axes`]).
+//! forearm's angle to link 1, so that serial joint 3 is motor 3 − motor 2. The controller shows **axis
+//! angles**; they differ from motor angles only if it counts axis 3 against the ground (see [`Axes`]).
 
 pub(crate) mod batch;
 mod builtin;

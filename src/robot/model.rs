@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 /// Standard gravity, m/s².
 const GRAVITY: f64 = 9.806_65;
 
-/// Gravity in the axes of a base that stands somewhere, m/s²: along world −z.
+/// Gravity in the axes of a base, m/s², for a pose of the base in the world; it acts along world −z.
 pub(crate) fn gravity_at(world_from_base: &Pose) -> Vector3<f64> {
     world_from_base.rotation.inverse_transform_vector(&Vector3::new(0.0, 0.0, -GRAVITY))
 }
@@ -23,7 +23,7 @@ pub struct DhRow {
     pub theta: f64,
 }
 
-/// The arm that the controller believes in.
+/// The controller's model of the arm.
 #[derive(Clone, Debug)]
 pub struct Robot {
     /// Name for messages.
@@ -36,9 +36,9 @@ pub struct Robot {
     pub limits: Limits,
     /// Largest axis speeds, rad/s, where they are known.
     pub axis_speed: Option<Joints>,
-    /// Where the base stands; gravity is along world −z.
+    /// Pose of the base in the world, m; gravity acts along world −z.
     pub world_from_base: Pose,
-    /// Explicit inverse, where the geometry has one.
+    /// The explicit inverse; `None` if the geometry has none.
     closed_form: Option<ClosedForm>,
 }
 
@@ -48,7 +48,7 @@ pub struct Robot {
 pub struct Axes {
     /// +1, or −1 for an axis whose positive direction is the joint's negative one: joint = sign · motor.
     pub sign: [f64; 6],
-    /// Motor 3 sets the forearm's angle to link 1 instead of to link 2, by a parallelogram: it bears the load so, too.
+    /// Motor 3 sets the angle of the forearm to link 1 instead of to link 2, through a parallelogram, and carries the torque between them.
     pub parallelogram: bool,
     /// The controller counts axis 3 against the ground, though its motor sits on link 2 (FANUC): axis 3 stays the same
     /// while axis 2 moves and the forearm keeps its direction.
@@ -114,7 +114,7 @@ impl Robot {
         self.closed_form.as_ref()
     }
 
-    /// Whether the inverse is explicit; else it is a polish from a seed.
+    /// Whether the inverse is explicit. Otherwise it is Newton's method from a start.
     #[must_use]
     pub fn has_closed_form(&self) -> bool {
         self.closed_form.is_some()

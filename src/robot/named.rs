@@ -1,8 +1,8 @@
-//! Built-in robots by the names that people type: "IRB 6700-150/3.20", "kr240".
+//! Search for built-in robots by the names that users type: "IRB 6700-150/3.20", "kr240".
 
 use super::{BUILTIN, Builtin};
 
-/// As many robots are named where none was found.
+/// How many similar robots a message names if none was found.
 const FEW: usize = 8;
 
 /// A part of a name: letters, or a number, of which 3.2 and 3.20 are one.
@@ -12,7 +12,7 @@ enum Part {
     Number(f64),
 }
 
-/// The parts of a name; blanks and what joins words do not count.
+/// The parts of a name, without blanks and signs that join words.
 fn parts(name: &str) -> Vec<Part> {
     let number = |c: char| c.is_ascii_digit() || c == '.';
     let mut parts = Vec::new();
@@ -30,7 +30,7 @@ fn parts(name: &str) -> Vec<Part> {
     parts
 }
 
-/// Whether parts stand in a name one behind the other; the last letters may be cut off.
+/// Whether parts occur in a name one after another; the last word may be abbreviated.
 fn stand_in(wanted: &[Part], name: &[Part]) -> bool {
     let alike = |(i, (a, b)): (usize, (&Part, &Part))| match (a, b) {
         (Part::Letters(a), Part::Letters(b)) if i + 1 == wanted.len() => b.starts_with(&a[..]),
@@ -52,7 +52,7 @@ impl Builtin {
             let letters = |name: &str| parts_text(&parts(name));
             let distance = |robot: &&Self| strsim::osa_distance(&letters(name), &letters(&robot.model));
             if holding.is_empty() {
-                // About half of the letters may differ: a number in a name is soon another robot's.
+                // At most about half of the letters may differ, because another number is often another robot.
                 let near = |robot: &&Self| 2 * distance(robot) <= letters(&robot.model).len();
                 let mut near: Vec<&Self> = BUILTIN.iter().filter(near).collect();
                 near.sort_by_key(distance);
@@ -87,7 +87,7 @@ impl Builtin {
         robots
     }
 
-    /// What to say of robots that are near to a name which none has: a sentence.
+    /// A sentence that names the robots most similar to an unknown name.
     #[must_use]
     pub fn meant(near: &[&Self]) -> String {
         let Some((first, others)) = near.split_first() else {

@@ -2,16 +2,16 @@ use super::configuration::{branch_index, turned_to};
 use super::{Branch, Joints, Pose, Robot, Unreachable, conf_is};
 use crate::program::Conf;
 
-/// Where a program starts, and why there.
+/// The motor angles at which a program starts, and how they were chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Start {
     /// Motor angles, rad.
     pub motor: Joints,
-    /// What decided.
+    /// How they were chosen.
     pub how: StartedFrom,
 }
 
-/// What decided the first target's branch.
+/// How the branch of the first target was chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum StartedFrom {
@@ -23,7 +23,7 @@ pub enum StartedFrom {
     Confdata,
     /// The turn about the tool axis is free, and was chosen with its branch.
     FreeTurn,
-    /// Nothing said: the branch nearest home ([`Robot::home_deg`]).
+    /// Neither the program nor the cell names it: the branch nearest home ([`Robot::home_deg`]).
     NearestHome,
 }
 

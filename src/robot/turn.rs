@@ -3,10 +3,10 @@
 use crate::lanes::{Frame, Real, Vector};
 use nalgebra::{Rotation3, Vector3};
 
-/// Sines up to here: the series of the arc sine is exact to rounding.
+/// Up to this sine the series of the arc sine is exact to rounding.
 const SMALL: f64 = 0.01;
 
-/// Of x², the powers of the arc sine over x behind the first.
+/// Coefficients of the series of arcsin(x)/x in powers of x², after the first.
 const ARC_SINE: [f64; 3] = [1.0 / 6.0, 3.0 / 40.0, 15.0 / 336.0];
 
 /// Rotation vector that turns one orientation into another, in the axes that both are given in, exact for small angles too, rad.
@@ -25,7 +25,7 @@ pub(crate) fn turn_between(from: &Rotation3<f64>, to: &Rotation3<f64>) -> Vector
     nalgebra::UnitQuaternion::from_rotation_matrix(&(to * from.inverse())).scaled_axis()
 }
 
-/// [`turn_between`] where turns are small, and where they are.
+/// [`turn_between`] for small turns, and the lanes in which they are small.
 #[inline(always)]
 pub(crate) fn turns_between<R: Real>(from: &Frame<R>, to: &Frame<R>) -> (Vector<R>, R::Mask) {
     // The axis times the sine: most rotations are those by which an arm yields, some 1e-4 rad.

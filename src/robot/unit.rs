@@ -1,4 +1,4 @@
-//! Mechanical units besides the robot: tracks, positioners, and where they put the base and the work objects.
+//! Mechanical units (tracks, positioners), and the poses of the base and the work objects that they carry.
 //!
 //! ```text
 //! world_from_unit(e) = world_from_on(e) · Frame(base) · Rz(e)                 rotary
@@ -28,10 +28,10 @@ pub enum Carries {
     Part,
 }
 
-/// One axis besides the robot's.
+/// A mechanical unit: one axis in addition to the six of the arm.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unit {
-    /// As the program names it (`ActUnit`, `ufmec`).
+    /// Its name in the program (`ActUnit`, `ufmec`).
     pub name: String,
     /// The axis that moves it.
     pub named: AxisName,
@@ -45,13 +45,13 @@ pub struct Unit {
     pub frame: Pose,
     /// Index of the unit that it stands on.
     pub on: Option<usize>,
-    /// Least position, mm or degrees.
+    /// Smallest position, mm or degrees.
     pub min: f64,
-    /// Largest position.
+    /// Largest position, mm or degrees.
     pub max: f64,
     /// Largest speed, mm/s or degrees/s, where it is known.
     pub max_speed: Option<f64>,
-    /// Its position may be chosen where the turn about the tool axis is.
+    /// Whether its position may be chosen together with the turn about the tool axis.
     pub free: bool,
 }
 
@@ -163,7 +163,7 @@ impl Units {
         below * self.all[unit].frame
     }
 
-    /// Where the base of a robot stands that stands at `world_from_base` with all units at zero, m.
+    /// Pose in the world of a base that is at `world_from_base` when all units are at zero, m.
     #[must_use]
     pub fn world_from_base(&self, world_from_base: &Pose, external: &External) -> Pose {
         match self.robot {

@@ -2,7 +2,7 @@
 //!
 //! The stock is kept as **dexels that know who cut them**: parallel lines through the blank with the intervals of material on
 //! each, and at every end the sweep that made it. Between the lines nothing is interpolated: whether a point is in material
-//! is asked of the sweeps that own the ends about it, by their exact distance. So walls, corners and cusps lie where the
+//! is computed from the sweeps that own the ends near it, by their exact distance. So walls, corners and cusps lie where the
 //! cutter left them, whatever the spacing of the lines, and one set of lines does what a tri-dexel needs three for. What
 //! the spacing limits is what fits between lines unseen: a sliver thinner than it whose owner no line has met.
 //!
@@ -14,8 +14,8 @@
 //! the engagement counted by the share that a straight rim leaves of them; these are quartered, the worst first, until the
 //! rim can put the force off by little.
 //!
-//! What a tool meets can be asked later of the stock as it was at that [moment](Moment), for lines keep what they were before
-//! while their history is wanted. So a batch of places is asked in parallel, and the cuts of a batch are made in parallel too:
+//! The engagement of a tool can be computed later for the stock as it was at that [moment](Moment), because lines keep what they were before
+//! while their history is wanted. So a batch of places is computed in parallel, and the cuts of a batch are made in parallel too:
 //! one after the other on each line, but bands of the lattice know nothing of each other.
 //!
 //! Lengths are metres, in the stock's frame (the axes of its work object), volumes m³. A tool is as long as it needs to be:

@@ -38,7 +38,7 @@ pub enum StlError {
 /// # Errors
 /// A file that is none, or is cut off.
 pub fn read_stl(bytes: &[u8]) -> Result<Vec<[Vector3<f64>; 3]>, StlError> {
-    // Binary files may begin with `solid` too: their length tells.
+    // Binary files may begin with `solid` too: their length decides.
     let said = bytes.get(HEADER..HEADER + 4).and_then(|said| <[u8; 4]>::try_from(said).ok());
     let triangles = said.map(|said| u32::from_le_bytes(said) as usize);
     let expected = triangles.map(|triangles| HEADER + 4 + TRIANGLE * triangles);

@@ -12,7 +12,7 @@ pub enum Severity {
     Error,
 }
 
-/// One message about one place: what is wrong, what was expected, how to mend it.
+/// One message about one place: what is wrong, what was expected, what to do.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Diagnostic {
@@ -22,7 +22,7 @@ pub struct Diagnostic {
     pub severity: Severity,
     /// What is wrong and what was expected, one sentence.
     pub message: String,
-    /// How to mend it.
+    /// What to do.
     pub help: Option<String>,
     /// File, as the user typed it; empty where no file is concerned.
     pub file: String,
@@ -32,7 +32,7 @@ pub struct Diagnostic {
     pub column: usize,
     /// The source line, for the caret, and the bytes marked in it (byte range into `snippet`).
     pub snippet: Option<(String, std::ops::Range<usize>)>,
-    /// Numbers that the message tells, under their names, for scripts.
+    /// The numbers in the message under their names, for scripts.
     pub figures: Vec<(&'static str, f64)>,
 }
 
@@ -70,7 +70,7 @@ impl Diagnostic {
         self
     }
 
-    /// The same, with how to mend it.
+    /// The same message with what to do.
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(readable(help.into()));
@@ -88,7 +88,7 @@ impl Diagnostic {
 /// A message that quotes a word of an input is no longer than this, bytes: as long as a page.
 const LONGEST: usize = 4000;
 
-/// A text with its middle left out where it is longer than anybody reads.
+/// A text without its middle if it is too long to be read.
 fn readable(text: String) -> String {
     if text.len() <= LONGEST {
         return text;
@@ -129,7 +129,7 @@ impl From<Diagnostic> for Vec<Diagnostic> {
 
 /// The line around a span, cut to a readable length, and the marked bytes within it.
 fn snippet(source: &Source, span: Span) -> (String, std::ops::Range<usize>) {
-    const AROUND: usize = 4000; // longer lines are not text that anybody reads
+    const AROUND: usize = 4000; // longer lines are no text for people
     let bytes = &source.bytes;
     let ends = |b: &u8| matches!(b, b'\n' | b'\r');
     let start = (span.start as usize).min(bytes.len());

@@ -71,7 +71,7 @@ impl IntoIterator for Diagnostics {
 pub(crate) fn cannot_read(name: &str, error: &io::Error) -> Vec<Diagnostic> {
     let folder = Path::new(name).is_dir();
     let help = if folder { "give the files in it, for example FOLDER/*.mod" } else { "check the path" };
-    Diagnostic::error("io.read", name, format!("cannot be read: {error}")).help(help).into()
+    Diagnostic::error("io.read", name, format!("the file cannot be read: {error}")).help(help).into()
 }
 
 #[cfg(test)]

@@ -67,7 +67,7 @@ impl<S: Read + Write + Seek> Patch<S> {
     }
 }
 
-/// Copies so many bytes: between buffers, where `io::copy` would ask the system for each stretch.
+/// Copies a number of bytes between buffers. `io::copy` would make a system call for each part.
 fn pass(from: &mut impl BufRead, mut count: u64, out: &mut impl Write) -> io::Result<()> {
     while count > 0 {
         let bytes = from.fill_buf()?;

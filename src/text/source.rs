@@ -61,7 +61,7 @@ impl Source {
         LineColumn { line, column: decode(&self.bytes[start..offset]).chars().count() + 1 }
     }
 
-    /// The line around an offset; of a line that is no text anybody reads, what follows the offset.
+    /// The line around an offset; if the line is too long to be read, the part after the offset.
     #[must_use]
     pub fn line_at(&self, offset: usize) -> Cow<'_, str> {
         const NEAR: usize = 1000;

@@ -262,7 +262,7 @@ const tests = {
     await page.getByLabel("Largest error of a target, mm").fill("0.02");
     await page.getByLabel("Pass though some targets cannot be judged").check();
     await page.getByText("More options").click();
-    await page.getByLabel("Judge the targets alone, not the ways between them").check();
+    await page.getByLabel("Judge only the targets, not the path between them").check();
     await choose("The original, if this is a corrected program", "part.mod");
     await press("Run check");
     await outcome("bad");

@@ -272,7 +272,7 @@ fn what_cannot_be_free_is_refused() {
     let endless = free(TABLE).replace("min = -360.0\nmax = 360.0\n", "");
     assert!(refused(&endless).contains("free and has no limits"));
     let third = free(TABLE).replace("STN1", "STN2").replace("eax_b", "eax_c");
-    assert!(refused(&format!("{}{}{third}", free(TRACK), free(TABLE))).contains("besides 2 others"));
+    assert!(refused(&format!("{}{}{third}", free(TRACK), free(TABLE))).contains("in addition to 2 others"));
     assert!(refused(&format!("{TRACK}max_speed = 0.0\n")).contains("max_speed"));
 }
 

@@ -410,12 +410,12 @@ fn what_is_too_faint_to_be_named_is_said() {
     assert!(found.added.is_empty() && !found.unexplained.significant);
     assert_eq!(found.faint()[0].kinds, ["work_object_frame"]);
     assert!(
-        found.advice.iter().any(|line| line.starts_with("too faint to be named: `work_object_frame` (0.")),
+        found.advice.iter().any(|line| line.starts_with("too small to be named: `work_object_frame` (0.")),
         "{:?}",
         found.advice
     );
     let text = deflex::report::identify_answer(&found);
-    assert!(text.starts_with("nothing shows for sure: work object frame may act (0."), "{text}");
+    assert!(text.starts_with("nothing certain: work object frame may act (probability 0."), "{text}");
 }
 
 /// Some cells of the blind table, wandering noise mostly; all of it is `examples/blind_table.rs`.

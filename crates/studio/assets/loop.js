@@ -119,7 +119,7 @@ const identification = async (app, outcome) => {
       h("details", { className: "more" }, h("summary", {}, "More options"),
         carriesPosture || programs.length === 0 ? "" : pairControls(app, further, "Further runs that were measured", { program: "Program", table: "Table", add: "Add a run" }),
         h("div", { className: "fields" },
-          typed("Tool of the cell that the rows are about", "tool", "Empty: as the program says."),
+          typed("Tool of the cell with which the rows were measured", "tool", "Empty: as the program says."),
           typed("How far from the path a row may lie, mm", "match", "For rows with nominal coordinates and no target. Empty: 5 mm."))),
       h("div", { className: "actions" }, button("Find the cause", start, { className: "main", disabled: !carriesPosture && programs.length === 0 })));
   };

@@ -7,10 +7,10 @@ import { cancel, frame, listen, readJson, run, succeeded } from "./server.js";
 export const title = "Run";
 
 const WHAT = {
-  predict: "What error the cell would cut, without a correction.",
-  compensate: "Writes the corrected program, so that the loaded tool lands where the program says.",
+  predict: "Reports the errors of a program as it is, without a correction.",
+  compensate: "Writes the corrected program, so that the loaded tool goes where the program says.",
   check: "A verdict: is each target within tolerance, and is it reached?",
-  simulate: "Cuts the stock with the poses that the loaded arm takes: the part before it is cut, and its deviation.",
+  simulate: "Cuts the stock in the computer with the poses that the loaded arm takes: the part and its deviation, before you cut it.",
 };
 
 const ending = (name) => name.split(".").at(-1).toLowerCase();
@@ -51,21 +51,21 @@ export const show = (body, app) => {
         several ? labelled("Folder for the corrected programs", h("input", { type: "text", value: options.folder ?? "corrected", oninput: (event) => { options.folder = event.target.value; } }))
           : labelled("Name of the corrected program", h("input", { type: "text", spellcheck: false, value: options.output ?? proposed(chosen[0], app, options.post), oninput: (event) => { options.output = event.target.value; } })),
         isCl ? labelled("Language of the corrected program", select((app.facts.languages ?? []).map(({ word }) => word), options.post ?? "rapid", (value) => { options.post = value; delete options.output; draw(); })) : "",
-        text("Insert targets until at most this is left on the way, mm", "subdivide", "Empty: no targets are inserted."),
+        text("Insert targets until at most this error remains between them, mm", "subdivide", "Empty: no targets are inserted."),
         text("Keep the driven path within, mm", "maxPathError", "Needs [controller.path] in the cell. Empty: not bounded."),
         read(),
         more(flag("Correct the position alone", "position", "orientations stay as they are written"),
           flag("Correct a corrected program once more", "again"),
-          flag("Give a target that is used with different corrections a clone for each", "allowClones"),
+          flag("Declare copies of a target that several motions use with different corrections", "allowClones"),
           isCl ? [text("Split into modules of at most so many targets", "maxTargets", "Empty: one module."), text("Speed of rapid travel, mm/s", "rapidSpeed", "Empty: 200 mm/s."), text("Speed of moves without one, mm/s", "feed")] : ""),
       ],
       check: () => [
-        text("Largest error of a target, mm", "maxError"), text("Largest error on the way, mm", "checkedPathError", "Empty: as that of a target."),
+        text("Largest error of a target, mm", "maxError"), text("Largest error between targets, mm", "checkedPathError", "Empty: as that of a target."),
         text("Largest jump where the force sets in or ends, mm", "maxJump", "Empty: reported, not judged."),
         against(), read(), flag("Pass though some targets cannot be judged", "allowUnjudged"),
-        more(flag("Judge the targets alone, not the ways between them", "atTargets"), text("Largest correction of a target, mm", "maxCorrection", "Empty: not judged.")),
+        more(flag("Judge only the targets, not the path between them", "atTargets"), text("Largest correction of a target, mm", "maxCorrection", "Empty: not judged.")),
       ],
-      simulate: () => [against(), read(), pick("Nominal points to tell the deviation at", "probe", app.names("table"), "none"),
+      simulate: () => [against(), read(), pick("Nominal points whose deviation is reported", "probe", app.names("table"), "none"),
         h("p", { className: "hint" }, "The cell needs a section [stock], and a cutter for each tool that cuts it.")],
     }[choice.command];
     const tabs = h("div", { className: "tabs", role: "group", "aria-label": "Command" }, Object.keys(WHAT).map((command) =>
@@ -94,7 +94,7 @@ export const show = (body, app) => {
     if (choice.command === "predict") return { ...base, against, path: options.path ?? false };
     if (choice.command === "simulate") return { ...base, against, probe: options.probe || undefined };
     if (choice.command === "check") {
-      // A bound of the ways says nothing where the targets alone are judged.
+      // A limit for the paths between targets has no effect if only the targets are judged.
       const ways = options.atTargets ? { "at-targets": true } : { "max-path-error": given("checkedPathError"), "max-jump": given("maxJump") };
       return { ...base, against, "max-error": given("maxError") ?? "", ...ways, "max-correction": given("maxCorrection"), "allow-unjudged": options.allowUnjudged ?? false };
     }

@@ -14,13 +14,13 @@ pub(in crate::cli) struct Init {
     /// Backup of an ABB controller: robot, base, axis limits, mechanical units, tools and work objects
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, conflicts_with = "urdf")]
     pub(in crate::cli) backup: Option<PathBuf>,
-    /// Its last link; without it `tool0`, `flange`, or the end of the only chain of six joints
+    /// Last link of the description; without it `tool0`, `flange`, or the end of the only chain of six joints
     #[arg(long, value_name = "LINK", requires = "urdf")]
     pub(in crate::cli) tip: Option<String>,
     /// Show the built-in robots: all, or those of a maker or with a name such as "kr240"
     #[arg(long, value_name = "FILTER", num_args = 0..=1, default_missing_value = "")]
     pub(in crate::cli) list: Option<String>,
-    /// Where to; stdout without it
+    /// Cell file to write; without it stdout
     #[arg(long, short, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) output: Option<PathBuf>,
 }
@@ -43,7 +43,7 @@ pub(in crate::cli) struct Pose {
     /// Tool of the cell; without it the flange
     #[arg(long, value_name = "NAME")]
     pub(in crate::cli) tool: Option<String>,
-    /// Work object of the cell in which the TCP counts; without it the world
+    /// Work object of the cell in which the pose of the TCP is given; without it the world
     #[arg(long, value_name = "NAME")]
     pub(in crate::cli) wobj: Option<String>,
     /// The answer as JSON; `-` or nothing for stdout
@@ -56,7 +56,7 @@ pub(in crate::cli) struct Studio {
     /// Folder to show; no file outside of it is read or written
     #[arg(default_value = ".", value_hint = ValueHint::DirPath)]
     pub(in crate::cli) folder: PathBuf,
-    /// Port on the loopback address; a free one without it
+    /// Port on the loopback address; without it a free one
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(in crate::cli) port: Option<u16>,
     /// Print the address and start no browser
@@ -78,9 +78,9 @@ pub(in crate::cli) enum Generated {
         /// The shell
         shell: clap_complete::Shell,
     },
-    /// Manual pages, one a command, into a folder
+    /// Manual pages, one per command, into a folder
     Man {
-        /// Where to
+        /// Folder to write to
         #[arg(value_hint = ValueHint::DirPath)]
         dir: PathBuf,
     },

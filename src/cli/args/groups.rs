@@ -20,7 +20,7 @@ pub(in crate::cli) enum Corrected {
     /// Position and orientation
     #[default]
     Pose,
-    /// Position only: orientation tokens stay, and the TCP is brought to its place all the same
+    /// Position only: the TCP goes to its programmed position, and the numbers of the orientation stay as they are
     Position,
 }
 
@@ -30,7 +30,7 @@ pub(in crate::cli) struct Reading {
     /// Modules that declare tools, work objects and targets; never written
     #[arg(long, value_name = "FILE", num_args = 1.., value_hint = ValueHint::FilePath)]
     pub(in crate::cli) context: Vec<PathBuf>,
-    /// Kind of the input, where content and ending do not tell
+    /// Language of the input, where neither its content nor its ending shows it
     #[arg(long = "input-format", alias = "format", value_enum, value_name = "KIND")]
     pub(in crate::cli) format: Option<Language>,
 }
@@ -38,7 +38,7 @@ pub(in crate::cli) struct Reading {
 /// Options that every run has.
 #[derive(Clone, Debug, Args)]
 pub(in crate::cli) struct Common {
-    /// Threads; all cores without it
+    /// Number of threads; without it one for each core
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(in crate::cli) jobs: Option<u16>,
     /// No progress, notes or summary on stderr
@@ -58,7 +58,7 @@ pub(in crate::cli) struct Model {
     /// Tool of the cell for every target, instead of the program's
     #[arg(long, value_name = "NAME")]
     pub(in crate::cli) tool: Option<String>,
-    /// Choose the turn about the tool axis of RAPID targets for the least predicted error (CL: `[cl] spin = "stiffest"`)
+    /// Choose the turn about the tool axis of RAPID targets for the smallest predicted error (CL: `[cl] spin = "stiffest"`)
     #[arg(long)]
     pub(in crate::cli) free_spin: bool,
 }
@@ -66,7 +66,7 @@ pub(in crate::cli) struct Model {
 /// Where reports go.
 #[derive(Clone, Debug, Args)]
 pub(in crate::cli) struct Reports {
-    /// Report, one row a target; `-` for stdout
+    /// Report, one row per target; `-` for stdout
     #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) report: Option<PathBuf>,
     /// Summary as JSON; `-` for stdout
@@ -75,7 +75,7 @@ pub(in crate::cli) struct Reports {
     /// Page with the toolpath in 3-D and the errors along it, complete in one file; `-` for stdout
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) html: Option<PathBuf>,
-    /// Several programs: do those that can be done, name the others, and end with exit code 2 where there is one
+    /// Several programs: do those that can be done, list the others, and end with exit code 2 if there are any
     #[arg(long)]
     pub(in crate::cli) keep_going: bool,
 }

@@ -8,20 +8,20 @@ use std::path::PathBuf;
 
 #[derive(Debug, Args)]
 pub(in crate::cli) struct Identify {
-    /// A program and what was measured on it; any number
+    /// A program and the points measured on it; may be given several times
     #[arg(long, num_args = 2, value_names = ["PROGRAM", "MEASURED"], required_unless_present_any = ["poses", "log"], conflicts_with = "poses", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) run: Vec<PathBuf>,
     /// The program that the one of --run was corrected from: normal_mm and nominal places are counted from its path; of
     /// several, the folder with originals of the same file names
     #[arg(long, value_name = "ORIGINAL", requires = "run", value_hint = ValueHint::AnyPath)]
     pub(in crate::cli) against: Option<PathBuf>,
-    /// Measured rows that carry their own motor angles; any number, no program needed
+    /// Measured rows with motor angles, without a program; may be given several times
     #[arg(long, value_name = "MEASURED", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) poses: Vec<PathBuf>,
-    /// A program and the controller's log of its axes while it ran (time_s, q1_deg … q6_deg); any number, from two on
+    /// A program and the controller's log of its axes while it ran (time_s, q1_deg … q6_deg); give at least two
     #[arg(long, num_args = 2, value_names = ["PROGRAM", "LOG"], value_hint = ValueHint::FilePath)]
     pub(in crate::cli) log: Vec<PathBuf>,
-    /// How the file calls its columns, where otherwise; others are then not looked at: "target=Punkt Nr,x_mm=X Ist"
+    /// Names of the columns in the file, where they differ: "target=Punkt Nr,x_mm=X Ist"; other columns are then ignored
     #[arg(long, value_name = "NAME=COLUMN,…")]
     pub(in crate::cli) columns: Option<String>,
     /// How far from the path a row with nominal_x_mm, nominal_y_mm, nominal_z_mm and no target may lie
@@ -33,10 +33,10 @@ pub(in crate::cli) struct Identify {
     /// The cell file with the effects found; `-` for stdout
     #[arg(long, short, value_name = "CELL2", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) output: Option<PathBuf>,
-    /// Write the effects that are named alone, fitted without the others
+    /// Write only the effects that are named, fitted without the others
     #[arg(long)]
     pub(in crate::cli) sparse: bool,
-    /// Tool of the cell that the rows are about
+    /// Tool of the cell with which the rows were measured
     #[arg(long, value_name = "NAME")]
     pub(in crate::cli) tool: Option<String>,
     /// Residuals row by row: before, after, whitened, block, outlier
@@ -45,7 +45,7 @@ pub(in crate::cli) struct Identify {
     /// The answer as JSON; `-` or nothing for stdout
     #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = "-", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) json: Option<PathBuf>,
-    /// Page with residuals before and after, the ranking and what is left, complete in one file; `-` for stdout
+    /// Page with residuals before and after, the ranking and what remains, complete in one file; `-` for stdout
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) html: Option<PathBuf>,
     #[command(flatten)]
@@ -68,7 +68,7 @@ pub(in crate::cli) struct Plan {
     /// The table to fill in: target, load and time of each row, measured columns empty; `-` for stdout
     #[arg(long, value_name = "PLAN.csv", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) measured: Option<PathBuf>,
-    /// What the rows will tell as JSON: d' of each pair of effects, the chance to be named rightly; `-` for stdout
+    /// What the rows can distinguish, as JSON: d' of each pair of effects, chance of the right name; `-` for stdout
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) json: Option<PathBuf>,
     /// The same as a page, complete in one file; `-` for stdout
@@ -77,14 +77,14 @@ pub(in crate::cli) struct Plan {
     /// Programs whose targets are the places to choose from, instead of the box of [plan]
     #[arg(long, value_name = "PROGRAM", num_args = 1.., value_hint = ValueHint::FilePath)]
     pub(in crate::cli) pool: Vec<PathBuf>,
-    /// Language of the program; left out, that of the cell's controller, and RAPID where the cell does not tell it
+    /// Language of the program; left out, that of the cell's controller, and RAPID where the cell does not show it
     #[arg(long, value_name = "LANGUAGE", value_parser = posted)]
     pub(in crate::cli) post: Option<Language>,
     /// Stop with a message until the operator lets the program go on: at each change of the load, or at each target too;
     /// without it the arm waits ten seconds at each target
     #[arg(long, value_name = "WHEN")]
     pub(in crate::cli) ask: Option<AskWhen>,
-    /// JSON of an identification: the rows are to settle what it left undecided
+    /// JSON of an identification: the rows are to decide what it left open
     #[arg(long, value_name = "ID.json", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) after: Option<PathBuf>,
     #[command(flatten)]
@@ -93,7 +93,7 @@ pub(in crate::cli) struct Plan {
     pub(in crate::cli) common: Common,
 }
 
-/// When the program of a plan asks the operator.
+/// When the program of a plan waits for the operator.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(in crate::cli) enum AskWhen {
     /// Never

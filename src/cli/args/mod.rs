@@ -44,56 +44,54 @@ const EXAMPLES: &str = "\
 Examples:
   deflex init --robot irb6660-205-1.9 > cell.toml          a cell file to start from
   deflex inspect part.mod                                  what is understood of a program
-  deflex predict part.mod --cell cell.toml                 the error that the cell would cut
-  deflex compensate part.mod --cell cell.toml -o out.mod   the program that cuts true
+  deflex predict part.mod --cell cell.toml                 the error of the part without a correction
+  deflex compensate part.mod --cell cell.toml -o out.mod   the corrected program
   deflex diff part.mod out.mod                             what changed
   deflex plan --cell cell.toml --rows 24 -o plan.mod --measured plan.csv
-                                                           what to measure to find that out
+                                                           what to measure on the real robot
   deflex identify --run part.mod measured.csv --cell cell.toml -o cell2.toml
-                                                           which effect the cell lacks
+                                                           which effect the cell file lacks
 
-Exit codes: 0 done; 1 done, and the answer is no (check, diff); 2 could not do it, nothing was written.";
+Exit codes: 0 done; 1 done, and `check` or `diff` found something; 2 failed, nothing was written.";
 
 #[derive(Debug, Subcommand)]
 pub(super) enum Command {
-    /// Correct programs so that the loaded tool lands where they say
+    /// Correct programs so that the loaded tool goes where they say
     #[command(after_help = COMPENSATE)]
     Compensate(Compensate),
-    /// Report what the cell would cut, without a correction
+    /// Report the errors of a program as it is, without a correction
     #[command(after_help = PREDICT)]
     Predict(Predict),
-    /// Cut the stock with the poses that the loaded arm takes: the part before it is cut, and its deviation
+    /// Cut the stock in the computer with the poses that the loaded arm takes: the part and its deviation, before you cut it
     #[command(after_help = SIMULATE)]
     Simulate(Simulate),
-    /// Say what changed between two programs, target by target
-    #[command(
-        after_help = "Exit code 1 where anything differs. Quaternions of opposite sign are the same orientation."
-    )]
+    /// List what changed between two programs, target by target
+    #[command(after_help = "Exit code 1 if anything differs. Quaternions of opposite sign are the same orientation.")]
     Diff(Diff),
-    /// For CI: is each target within tolerance, reachable and convergent?
+    /// Check whether each target and the path to it is within tolerance and the limits of the robot
     #[command(after_help = CHECK)]
     Check(Check),
-    /// Find the effect that the cell lacks from measured data, and extend the cell with it
+    /// Find the effect that the cell file lacks from measured points, and write an extended cell file
     #[command(after_help = IDENTIFY)]
     Identify(Identify),
-    /// Plan what to measure, so that effects can be distinguished: the program and the table to fill in
+    /// Plan a measurement that can distinguish effects: a program to run, and a table to fill in
     #[command(after_help = PLAN)]
     Plan(Plan),
-    /// Say what is understood of programs; no cell needed
+    /// Show what deflex understands of programs; needs no cell file
     #[command(after_help = INSPECT)]
     Inspect(Inspect),
     /// Print a commented cell file to start from
     #[command(
-        after_help = "Put your own values in where `# <<` stands behind one; as long as one is left, each run says so."
+        after_help = "Replace each value that is marked `# <<` by that of your cell, and delete the mark. Each run warns about the marks that are left."
     )]
     Init(Init),
-    /// Joints to TCP and back: a check of the cell's robot against the pendant
+    /// Convert joint angles to a TCP pose and back, to compare the cell file's robot with the pendant
     #[command(after_help = POSE)]
     Pose(Pose),
-    /// Open a window in the browser: cells, programs, runs and results of a folder with the mouse
+    /// Open a window in the browser, to work with the cells, programs and results of a folder without a shell
     #[command(after_help = STUDIO)]
     Studio(Studio),
-    /// Completions for a shell, and manual pages
+    /// Write completions for a shell, or manual pages
     #[command(after_help = GENERATE)]
     Generate(Generate),
 }
@@ -110,11 +108,11 @@ Nothing is written unless every target is solved and within the cell's [limits].
 const PREDICT: &str = "\
 Examples:
   deflex predict part.mod --cell cell.toml                       report on stdout
-  deflex predict out.mod --cell cell.toml --against part.mod     judges a corrected program";
+  deflex predict out.mod --cell cell.toml --against part.mod     errors of a corrected program";
 
 const SIMULATE: &str = "\
 Examples:
-  deflex simulate part.mod --cell cell.toml --html part.html                    where the part will be off
+  deflex simulate part.mod --cell cell.toml --html part.html                    how far the part will be off, and where
   deflex simulate out.mod --cell cell.toml --against part.mod --html part.html  before and after a correction
   deflex simulate part.mod --cell cell.toml --probe points.csv                  a virtual CMM
 
@@ -125,7 +123,7 @@ Examples:
   deflex check part.mod --cell cell.toml --max-error 0.1
   deflex check corrected/*.mod --cell cell.toml --against original --max-error 0.02 --output-format sarif > check.sarif
 
-Exit code 1 where a target is out of tolerance, not reached, over a limit, without equilibrium or not judged.";
+Exit code 1 if a target is out of tolerance, not reached, over a limit, without equilibrium or not judged.";
 
 const IDENTIFY: &str = "\
 Examples:
@@ -137,12 +135,12 @@ Errors before and after are those of held-out rows, which no fit has seen.";
 
 const PLAN: &str = "\
 Examples:
-  deflex plan --cell cell.toml --rows 24 -o plan.mod --measured plan.csv      then run, measure, fill in, and
+  deflex plan --cell cell.toml --rows 24 -o plan.mod --measured plan.csv      then run, measure, fill in the table, and
   deflex identify --run plan.mod plan.csv --cell cell.toml
-  deflex plan --cell cell.toml --rows 12 -o part.mod --pool production.mod    places of a production program only
+  deflex plan --cell cell.toml --rows 12 -o part.mod --pool production.mod    only places of a production program
   deflex plan --cell cell.toml --rows 12 -o next.mod --after found.json       what an identification left undecided
 
-The cell's [plan] says where the tool may go, which loads can be applied and what is measured with (docs/formats.md).";
+The cell's [plan] says where the tool may go, which loads can be applied and which instrument measures (docs/formats.md).";
 
 const INSPECT: &str = "\
 Examples:

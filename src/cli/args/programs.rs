@@ -17,7 +17,7 @@ pub(in crate::cli) struct Compensate {
     /// Corrected program; `-` or nothing for stdout
     #[arg(long, short, value_name = "FILE", conflicts_with = "out_dir", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) output: Option<PathBuf>,
-    /// Folder for corrected programs and their reports (NAME.report.csv); made where missing
+    /// Folder for corrected programs and their reports (NAME.report.csv); created if missing
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pub(in crate::cli) out_dir: Option<PathBuf>,
     #[command(flatten)]
@@ -25,20 +25,20 @@ pub(in crate::cli) struct Compensate {
     /// What is corrected
     #[arg(long, value_enum, default_value_t, value_name = "WHAT")]
     pub(in crate::cli) correct: Corrected,
-    /// Insert targets until no more than this is left on the way between two
+    /// Insert targets until at most this error remains between two of them
     #[arg(long, value_name = "MM", value_parser = positive)]
     pub(in crate::cli) subdivide: Option<f64>,
     /// Keep the driven, loaded path within this distance of the programmed one; needs [controller.path] in the cell, and adds
     /// targets where --subdivide is given
     #[arg(long, value_name = "MM", value_parser = positive)]
     pub(in crate::cli) max_path_error: Option<f64>,
-    /// Give a declared target that is used with different corrections a clone for each
+    /// Where several motions use one declared target and need different corrections: declare a copy for each
     #[arg(long)]
     pub(in crate::cli) allow_clones: bool,
     /// Correct a program that `compensate` has written once more; without it, such a program is refused
     #[arg(long)]
     pub(in crate::cli) again: bool,
-    /// CL input: language of the corrected program; `cl` for a post of your own, `ls` takes frames by the numbers in their names
+    /// CL input: language of the corrected program; `cl` keeps CL data for your own post-processor, `ls` needs frames with numbers in their names
     #[arg(long, value_enum, default_value_t = Language::Rapid, value_name = "LANGUAGE")]
     pub(in crate::cli) post: Language,
     /// CL input: split into modules of at most this many targets, loaded one after the other
@@ -47,7 +47,7 @@ pub(in crate::cli) struct Compensate {
     /// CL input: speed of rapid travel in the posted program
     #[arg(long, value_name = "MM_S", default_value_t = RAPID_MM_S, value_parser = positive)]
     pub(in crate::cli) rapid_speed: f64,
-    /// CL input without a feed: speed of its moves
+    /// CL input without a feed: feed of its moves
     #[arg(long, value_name = "MM_S", value_parser = positive)]
     pub(in crate::cli) feed: Option<f64>,
     #[command(flatten)]
@@ -87,7 +87,7 @@ pub(in crate::cli) struct Simulate {
     pub(in crate::cli) inputs: Vec<PathBuf>,
     #[command(flatten)]
     pub(in crate::cli) model: Model,
-    /// The original of a corrected program (or the folder of originals): the part is held against what it programs
+    /// The original of a corrected program (or the folder of originals): the part is compared with its programmed shape
     #[arg(long, value_name = "ORIGINAL", value_hint = ValueHint::AnyPath)]
     pub(in crate::cli) against: Option<PathBuf>,
     /// The part as it will be cut, as binary STL; `-` for stdout
@@ -102,7 +102,7 @@ pub(in crate::cli) struct Simulate {
     /// Figures as JSON; `-` for stdout
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) json: Option<PathBuf>,
-    /// Nominal points (x_mm, y_mm, z_mm; nx, ny, nz for their normals) to tell the deviation at, in --report or on stdout
+    /// Nominal points (x_mm, y_mm, z_mm; nx, ny, nz for their normals) whose deviation goes to --report or stdout
     #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) probe: Option<PathBuf>,
     #[command(flatten)]
@@ -161,19 +161,19 @@ pub(in crate::cli) struct Check {
     pub(in crate::cli) inputs: Vec<PathBuf>,
     #[command(flatten)]
     pub(in crate::cli) model: Model,
-    /// Largest error of a target; and of the way into it, unless --max-path-error gives another
+    /// Largest error of a target, and of the path to it unless --max-path-error gives another
     #[arg(long, value_name = "MM", value_parser = positive)]
     pub(in crate::cli) max_error: f64,
-    /// Largest distance from the programmed path on the way between targets (`compensate --subdivide` makes it smaller)
+    /// Largest distance from the programmed path between targets (`compensate --subdivide` makes it smaller)
     #[arg(long, value_name = "MM", value_parser = positive)]
     pub(in crate::cli) max_path_error: Option<f64>,
-    /// Largest jump of the tip where the force sets in, ends or turns at once; reported and not judged without it
+    /// Largest jump of the tip where the force sets in, ends or turns at once; without it jumps are reported and not judged
     #[arg(long, value_name = "MM", value_parser = positive)]
     pub(in crate::cli) max_jump: Option<f64>,
-    /// Judge the targets alone, not the ways between them
+    /// Judge only the targets, not the path between them
     #[arg(long, conflicts_with_all = ["max_path_error", "max_jump"])]
     pub(in crate::cli) at_targets: bool,
-    /// Pass though there are targets that cannot be judged
+    /// Pass even if targets cannot be judged
     #[arg(long)]
     pub(in crate::cli) allow_unjudged: bool,
     /// Largest correction of a target
@@ -185,7 +185,7 @@ pub(in crate::cli) struct Check {
     /// Form of the answer on stdout
     #[arg(long, value_enum, value_name = "FORM")]
     pub(in crate::cli) output_format: Option<Form>,
-    /// Kind of the input, where content and ending do not tell
+    /// Language of the input, where neither its content nor its ending shows it
     #[arg(long, value_enum, value_name = "KIND")]
     pub(in crate::cli) input_format: Option<Language>,
     /// An old spelling of both
@@ -214,7 +214,7 @@ pub(in crate::cli) struct Diff {
     /// Every target that moved as CSV; `-` for stdout
     #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) report: Option<PathBuf>,
-    /// All of it as JSON; `-` for stdout
+    /// All differences as JSON; `-` for stdout
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) json: Option<PathBuf>,
     /// Page with the toolpath in 3-D and the shifts along it, complete in one file; `-` for stdout
@@ -222,7 +222,7 @@ pub(in crate::cli) struct Diff {
     pub(in crate::cli) html: Option<PathBuf>,
     #[command(flatten)]
     pub(in crate::cli) reading: Reading,
-    /// Only the exit code tells
+    /// Print nothing; only the exit code is the answer
     #[arg(long, short)]
     pub(in crate::cli) quiet: bool,
 }

@@ -245,7 +245,7 @@ fn finish(here: &Path, id: &str, user: u32) -> Result<(), Doubt> {
             continue;
         }
         let Some(turn) = lock::try_lock_folder(folder).filter(|_| !lock::is_held(folder, id)) else {
-            // Somebody is at it.
+            // Another run is working with it.
             return Ok(());
         };
         turns.push(turn);

@@ -115,7 +115,7 @@ static PLACING: Mutex<()> = Mutex::new(());
 pub(super) fn clean_up_when_interrupted() {
     /// As a shell reports a process that SIGINT ended.
     const INTERRUPTED: i32 = 130;
-    // Without a handler an interruption leaves hidden files behind, no half outputs.
+    // Without a handler, an interruption leaves hidden files, but no incomplete output.
     let _ = ctrlc::set_handler(|| {
         // Kept locked: from here on no file gets its name, and none is made.
         let _placing = PLACING.lock().unwrap_or_else(PoisonError::into_inner);
@@ -342,7 +342,7 @@ fn not_a_program(path: &Path) -> Result<(), Vec<Diagnostic>> {
     let there = !is_stdout(path) && fs::metadata(path).is_ok_and(|metadata| metadata.is_file());
     let read = there && File::open(path).and_then(|file| file.take(LOOK).read_to_end(&mut start)).is_ok();
     if read && detect("", &start).is_some() {
-        return Err(refuse(path, "a program stands there", "choose another name for the report"));
+        return Err(refuse(path, "a program is in this file", "choose another name for the report"));
     }
     Ok(())
 }
@@ -356,7 +356,10 @@ fn not_an_input(path: &Path, identity: &Identity) -> Result<(), Vec<Diagnostic>>
 }
 
 pub(super) fn refuse(path: &Path, why: &str, help: &str) -> Vec<Diagnostic> {
-    vec![Diagnostic::error("io.write", &path.display().to_string(), format!("is not written: {why}")).help(help)]
+    vec![
+        Diagnostic::error("io.write", &path.display().to_string(), format!("the file is not written: {why}"))
+            .help(help),
+    ]
 }
 
 pub(super) fn cannot_write(path: &Path, error: &io::Error) -> Vec<Diagnostic> {
@@ -364,5 +367,7 @@ pub(super) fn cannot_write(path: &Path, error: &io::Error) -> Vec<Diagnostic> {
         io::ErrorKind::TimedOut => "run again when it has ended, or wait longer with `--lock-timeout SECONDS`",
         _ => "check that the folder exists and that you may write there",
     };
-    Diagnostic::error("io.write", &path.display().to_string(), format!("cannot be written: {error}")).help(help).into()
+    Diagnostic::error("io.write", &path.display().to_string(), format!("the file cannot be written: {error}"))
+        .help(help)
+        .into()
 }

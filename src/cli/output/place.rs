@@ -24,7 +24,7 @@ pub(super) struct Move {
     pub(super) how: How,
 }
 
-/// The file that a path means: through symbolic links, so that the file behind one is replaced, not the link; behind a link to
+/// The file that a path means: through symbolic links, so that the target of a link is replaced, not the link; for a link to
 /// nothing, the file that it names.
 ///
 /// # Errors

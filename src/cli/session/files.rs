@@ -17,7 +17,7 @@ pub struct ProgramFiles {
 
 impl ProgramFiles {
     /// Reads files that are one program: RAPID modules or a `.pgf` list, or one file of CL data. `context` are modules that
-    /// declare names and are never written; `format` is that of `--input-format`, where content and ending do not tell.
+    /// declare names and are never written; `format` is that of `--input-format`, where neither content nor ending show it.
     ///
     /// # Errors
     /// Files that cannot be read or are of no known language; several that are no RAPID modules.

@@ -206,7 +206,7 @@ fn log_error(error: LogError, logs: &[(ProgramFiles, MeasuredFile)]) -> Diagnost
     Diagnostic::error("log.program", file(at), message).help(help)
 }
 
-/// FNV-1a over all files that the answer depends on: tells data apart, guards against nothing.
+/// FNV-1a over all files on which the answer depends. It distinguishes data; it is no protection against forgery.
 fn hash<'a>(sources: impl Iterator<Item = &'a Source>) -> String {
     let bytes = sources.flat_map(|source| &source.bytes);
     let hash =

@@ -40,7 +40,7 @@ impl<'a> Long<'a> {
         files.companions().is_empty().then(|| Self { files, program, run, stopped: AtomicBool::new(false) })
     }
 
-    /// `None` where only the whole of it tells what it means.
+    /// `None` if it can be understood only as a whole.
     pub(super) fn compensate(&self) -> Answer {
         self.program.by_chunks(|program| match self.files.language().is_edited() {
             true => self.edit(&program),
@@ -80,7 +80,7 @@ impl<'a> Long<'a> {
         self.done(done, reports, files)
     }
 
-    /// What becomes of it as it is; `None` where only the whole of it, or of its original, tells what it means.
+    /// Its prediction without a correction; `None` if it, or its original, can be understood only as a whole.
     pub(super) fn predict(&self, against: Option<&ProgramFiles>) -> Answer {
         let original = match against {
             Some(original) => match original.long(self.run) {

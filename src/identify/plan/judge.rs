@@ -198,14 +198,18 @@ fn why(a: &str, b: &str) -> &'static str {
     let nested = one.nested_in.contains(&b) || other.nested_in.contains(&a);
     let local = one.locally_like.contains(&b) || other.locally_like.contains(&a);
     match () {
-        () if nested => "every effect of the one kind is also one of the other: no rows tell them apart for sure",
-        () if local => "alike where each joint is seen over a little of its turn only: a larger box, more tilt",
+        () if nested => {
+            "every effect of the one kind is also one of the other: no rows can distinguish them with certainty"
+        }
+        () if local => {
+            "alike while each joint turns over a small range only: a larger box, or more tilt, would distinguish them"
+        }
         () if one.bends_under_load && other.bends_under_load => {
-            "both follow the load: more loads, in other directions, and more tilt under load"
+            "both follow the load: more loads in other directions, and more tilt under load, would distinguish them"
         }
         () if one.like_device_frame || other.like_device_frame => {
-            "a frame that is off looks alike in a small area: a larger box, more tilt, more turns about the tool axis"
+            "wrong frames look alike in a small area: a larger box, more tilt, or more turns about the tool axis would distinguish them"
         }
-        () => "their traces are alike on these rows: more rows, a larger box, more tilt, or less noise",
+        () => "alike on these rows: more rows, a larger box, more tilt, or less noise would distinguish them",
     }
 }

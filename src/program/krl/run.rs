@@ -390,7 +390,7 @@ impl<'a> Runner<'a> {
     fn tell_curve(&mut self, span: Span) {
         if self.told.insert(upper(b" SPL")) {
             let source = &self.symbols.sources[self.here()];
-            let message = "the curve that joins SPL points is taken for straight lines: figures at the points hold, those on the way as far as the curve keeps to the lines";
+            let message = "the curve through SPL points is computed as straight lines: figures at the points are right, those between them only as far as the curve keeps to the lines";
             let note = Diagnostic::error("krl.spline", &source.name, message).at(source, span);
             self.diagnostics.push(note.severity(Severity::Note).help("put SPL points close together, or use SLIN"));
         }

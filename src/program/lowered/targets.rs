@@ -184,8 +184,8 @@ fn not_given(program: &ir::Program, sources: &[Source], dialect: &dyn Dialect) -
     let source = &sources[usize::from(first.source)];
     let is_tool_left = dialect.left_by_foreign().contains(&Switch::Tool);
     let changed = if is_tool_left { "every variable and shift" } else { "the tool and every global variable" };
-    let message = format!("not given, so taken to change {changed}: {}", listed.join(", "));
-    let help = "give the files that define them with --context; or name those that do not in `[controller] harmless` of the cell";
+    let message = format!("these routines are in no file, and may change {changed}: {}", listed.join(", "));
+    let help = "give the files that define them with --context, or name those that do not change them in `[controller] harmless` of the cell";
     let warning = Diagnostic::error("program.called", &source.name, message).at(source, first.span);
     Some(warning.severity(Severity::Warning).help(help))
 }

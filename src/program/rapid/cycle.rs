@@ -54,19 +54,24 @@ impl Runner<'_> {
             if let Some(declared) = data.declared
                 && (tool_of(&began), wobj_of(&began)) != (tool_of(&ends), wobj_of(&ends))
             {
-                let message = format!("where `main` ends, `{}` is not what its first motions take it for", data.name);
+                let message = format!(
+                    "at the end of `main`, `{}` differs from the value that its first motions expect",
+                    data.name
+                );
                 self.tell_cycle(usize::from(data.source), declared, &message);
             }
         }
         if self.state.displacement != Switch::Off && moved_before_displacement == Some(true) {
-            let message = "where `main` ends, program displacement may be on, and its first motions take it to be off";
+            let message =
+                "at the end of `main`, program displacement may be on, and its first motions expect it to be off";
             self.tell_cycle(main.file, self.symbols.routine(main).name, message);
         }
     }
 
     fn tell_cycle(&mut self, source: usize, span: Span, message: &str) {
         let note = Diagnostic::error("rapid.next-cycle", "", message).at(&self.symbols.sources[source], span);
-        let help = "set it before the first motion: in a next cycle, those that come before are elsewhere than is corrected for";
+        let help =
+            "set it before the first motion: in the next cycle the motions before that go elsewhere than corrected for";
         self.diagnostics.push(note.severity(Severity::Note).help(help));
     }
 }

@@ -2,8 +2,8 @@
 
 use super::markup::{Document, Table, Tile, bar, decimals, escape, section, tiles};
 use super::trace::{Channel, MOST_STRETCHES, Sample, Trace};
-use crate::identify::{FittedParameter, Identification, ResidualRow, Separation, SetShare};
-use crate::report::identification::elsewhere;
+use crate::identify::{Identification, ResidualRow, Separation, SetShare};
+use crate::report::identification::{elsewhere, named_parameter, significant};
 use crate::report::{Origin, identify_answer};
 use serde_json::json;
 use std::fmt::Write;
@@ -135,9 +135,11 @@ fn added(found: &Identification) -> String {
         for p in &effect.parameters {
             let (unit, size) = workshop_unit(p.unit);
             let [value, low, high] = [p.value, p.ci95[0], p.ci95[1]].map(|number| significant(number * size));
-            table.row([named(&effect.parameters, p), value, format!("[{low}, {high}]"), escape(unit)]);
+            let (key, of) = named_parameter(p);
+            let name = format!("<code>{}</code>{of}", escape(key));
+            table.row([name, value, format!("[{low}, {high}]"), escape(unit)]);
         }
-        // A curve has dozens of numbers: they are there for who wants them.
+        // A curve has dozens of numbers, which are shown on request.
         const SHOWN: usize = 12;
         if effect.parameters.is_empty() {
             continue;
@@ -172,7 +174,7 @@ fn effects(found: &Identification) -> String {
     format!("<p>Rows {}.</p>\n{}", elsewhere(found), table.html())
 }
 
-/// The posterior over sets.
+/// The probabilities of the sets of effects.
 fn sets(sets: &[SetShare]) -> String {
     if sets.is_empty() {
         return "<p>Over the whole robot, effects are found in stages and are not compared with one another.</p>\n"
@@ -205,12 +207,12 @@ fn ranking(found: &Identification) -> String {
     table.html()
 }
 
-/// Pairs that are shown: those that follow are easier to distinguish.
+/// How many pairs are shown; the others are easier to distinguish.
 const MOST_PAIRS: usize = 10;
 
-/// Pairs of effects that these rows hold close together, closest first.
+/// Pairs of effects that these rows can hardly distinguish, the hardest first.
 fn separability(pairs: &[Separation]) -> String {
-    /// Below the first d′ a pair cannot be distinguished; from the second on it can.
+    /// Below the first d′ a pair cannot be distinguished; from the second one on it can.
     const TOLD_APART: [f64; 2] = [3.0, 5.0];
     let shown = &pairs[..pairs.len().min(MOST_PAIRS)];
     let most = shown.iter().map(|pair| pair.d_prime).fold(TOLD_APART[1], f64::max);
@@ -241,35 +243,6 @@ fn workshop_unit(unit: &str) -> (&str, f64) {
         "mm" => ("µm", 1e3),
         "m" => ("µm", 1e6),
         other => (other, 1.0),
-    }
-}
-
-/// Four significant digits; powers of ten only where a number would have more than seven digits.
-fn significant(value: f64) -> String {
-    let size = value.abs();
-    if value == 0.0 || !(1e-3..1e7).contains(&size) {
-        return if value == 0.0 { "0".to_owned() } else { format!("{value:.3e}") };
-    }
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    decimals(value, (3.0 - size.log10().floor()).max(0.0) as usize)
-}
-
-/// A parameter's name, with the axis or the direction that its index means: a list of six has a number for each axis, a list of three
-/// alike ones for X, Y and Z.
-fn named(all: &[FittedParameter], parameter: &FittedParameter) -> String {
-    let list = |name: &str| -> Option<(String, usize)> {
-        let (list, index) = name.strip_suffix(']')?.split_once('[')?;
-        Some((list.to_owned(), index.parse().ok()?))
-    };
-    let code = |name: &str| format!("<code>{}</code>", escape(name));
-    let Some((own, index)) = list(&parameter.name) else { return code(&parameter.name) };
-    let alike = |other: &&FittedParameter| {
-        other.unit == parameter.unit && list(&other.name).is_some_and(|(other, _)| other == own)
-    };
-    match all.iter().filter(alike).count() {
-        6 => format!("{}, axis {}", code(&own), index + 1),
-        3 => format!("{}, {}", code(&own), ["X", "Y", "Z"][index % 3]),
-        _ => code(&parameter.name),
     }
 }
 

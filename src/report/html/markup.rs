@@ -1,4 +1,4 @@
-//! The shell of a page, and what its tables are made of.
+//! The frame of a page, and its tables and tiles.
 
 use crate::report::{Origin, VERSION};
 use crate::text::printable;
@@ -27,17 +27,17 @@ const UPLOT_LICENSE: &str = include_str!("vendor/uplot-1.6.32/LICENSE");
 
 /// A whole page.
 pub(super) struct Document<'a> {
-    /// What was done, in a word.
+    /// The command.
     pub(super) kicker: &'a str,
-    /// What it was done to.
+    /// The name of the program or the cell.
     pub(super) title: &'a str,
-    /// With what.
+    /// The line below it, which names the cell.
     pub(super) subtitle: &'a str,
     /// HTML between the heading and the footer.
     pub(super) body: &'a str,
-    /// What the scripts draw.
+    /// The data that the scripts draw.
     pub(super) data: &'a Value,
-    /// What it was made from.
+    /// The files from which the page was made.
     pub(super) origins: &'a [&'a Origin],
 }
 
@@ -55,7 +55,7 @@ impl Document<'_> {
         let made_from = made_from(self.origins);
         let charts = format!("\n{UPLOT}\n");
         let own = format!("\n\"use strict\";\n(() => {{\n{scripts}}})();\n");
-        // These scripts run and no other, whatever a program or a file name brings into the page.
+        // Only these scripts run, even if the text of a program or a file name contains another one.
         let allowed =
             [&charts, &own].map(|script| format!("'sha256-{}'", BASE64.encode(Sha256::digest(script)))).join(" ");
         format!(

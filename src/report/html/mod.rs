@@ -1,8 +1,8 @@
-//! Pages for people: one self-contained HTML file each, that opens from disk and asks nothing of a network.
+//! The pages of `--html`: each is one self-contained HTML file that opens from disk and needs no network.
 //!
 //! The tables of a page are plain HTML, written here; its pictures are drawn in the browser from columns of numbers
-//! that are those of the CSV report, digit for digit. A [`PathTrace`] holds the path, however
-//! long, in bounded memory.
+//! with the same digits as in the CSV report. A [`PathTrace`] holds a path of any length in
+//! bounded memory.
 //!
 //! Charts are uPlot's (MIT, 51 kB, shipped inside the page with its licence). The 3-D view is our own: a path is one
 //! coloured line, which a plain canvas draws in 200 lines, works without a graphics card and prints; a general 3-D

@@ -10,15 +10,15 @@ use crate::report::{FileSummary, KeptCount, Origin};
 use serde_json::json;
 use std::collections::BTreeSet;
 
-/// What a page is about.
+/// The command that made a page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum PathKind {
     /// A program was corrected.
     Compensate,
-    /// What the cell would cut.
+    /// The errors of a program as it is.
     Predict,
-    /// What the cell would cut, judged: [`FileSummary::failures`] are listed.
+    /// The errors of a program, judged by `check`; [`FileSummary::failures`] are listed.
     Check,
 }
 
@@ -132,7 +132,7 @@ fn values(row: &Row, kind: PathKind) -> Vec<f64> {
 #[derive(Clone, Debug)]
 pub struct PathTrace {
     kind: PathKind,
-    /// One a file that motions stand in, by name; a program in one file has one without.
+    /// One path for each file that contains motions, by its name; a program in one file has one without a name.
     parts: Vec<(Option<String>, Trace)>,
     /// Which of them takes the next rows.
     at: usize,
@@ -190,7 +190,7 @@ impl PathTrace {
 /// The page of a run over one or more programs.
 #[derive(Clone, Copy, Debug)]
 pub struct PathPage<'a> {
-    /// What was done.
+    /// The command.
     pub kind: PathKind,
     /// Cell file.
     pub cell: &'a Origin,
@@ -329,15 +329,15 @@ impl PathPage<'_> {
             });
         }
         let rms = match self.programs {
-            [(one, _)] => format!("rms {} mm along the way", mm(one.remaining_path_rms_mm)),
-            _ => "along the way".to_owned(),
+            [(one, _)] => format!("rms {} mm along the path", mm(one.remaining_path_rms_mm)),
+            _ => "along the path".to_owned(),
         };
         let (label, aside) = match self.kind {
             PathKind::Compensate => {
                 let at_targets = mm(most(|sum| sum.max_remaining_mm));
                 ("Largest remaining error", format!("{rms}; at the targets up to {at_targets} mm"))
             }
-            PathKind::Predict | PathKind::Check => ("Largest error along the way", rms),
+            PathKind::Predict | PathKind::Check => ("Largest error along the path", rms),
         };
         all.push(Tile {
             key: "remaining_path_max_mm",
@@ -384,13 +384,13 @@ impl PathPage<'_> {
             ("largest error, mm", true),
             ("rms error, mm", true),
             ("largest correction, mm", true),
-            ("largest remaining, mm", true),
-            ("on the path rms, mm", true),
-            ("largest on the path, mm", true),
+            ("largest remaining at targets, mm", true),
+            ("rms between targets, mm", true),
+            ("largest between targets, mm", true),
         ];
         let mut table = Table::new("sums", &head);
         for (sum, _) in self.programs {
-            let mut kept: Vec<String> = sum.kept.iter().map(|kept| format!("{} {}", kept.count, kept.reason)).collect();
+            let mut kept: Vec<String> = sum.kept.iter().map(ToString::to_string).collect();
             if sum.max_kept_mm > 0.0 {
                 kept.push(format!("with up to {} mm", decimals(sum.max_kept_mm, 4)));
             }
@@ -413,7 +413,7 @@ impl PathPage<'_> {
 
 const WORDS: &str = "<dl>
 <dt>Error</dt><dd>Actual minus programmed position of the loaded tool centre point (TCP), as the cell predicts it, in the axes of the target's work object. <em>Along the normal</em>: at the point of contact, out of the material.</dd>
-<dt>Remaining on the path</dt><dd>Largest distance, on the way into the target, between the path that the tip takes and the path programmed: the same prediction between the targets, under the force that acts there.</dd>
+<dt>Remaining on the path</dt><dd>Largest distance between the path that the tip takes to the target and the programmed path: the same prediction between the targets, under the force that acts there.</dd>
 <dt>Force</dt><dd>What the workpiece exerts on the tool, in work object axes.</dd>
 <dt>Stiffness</dt><dd>Force on the tool that moves the TCP by a millimetre, through every effect of the cell, at the force that acts there. Along the surface normal n it is 1/(nᵀCn). In the softest and the stiffest direction it is one over the largest and the smallest eigenvalue of the compliance C.</dd>
 </dl>

@@ -129,7 +129,7 @@ fn kinds(plan: &Plan) -> String {
 }
 
 fn pairs(plan: &Plan) -> String {
-    /// Pairs that are shown: those that follow are further apart.
+    /// How many pairs are shown; the others are easier to distinguish.
     const SHOWN: usize = 10;
     let mut table = Table::new("separations", &[("effect", false), ("taken for", false), ("d′", true), ("why", false)]);
     for pair in plan.pairs.iter().take(SHOWN) {

@@ -1,4 +1,4 @@
-//! What stands about a path on its page: the arm, its tracks, the blank and the nominal part.
+//! The surroundings of a path on its page: the arm, its tracks, the blank and the nominal part.
 
 use crate::cell::Cell;
 use crate::robot::{Carries, EXTERNAL_AXES, UnitKind};
@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 /// A surface that turns by more at an edge, rad, shows it: chords of round faces turn by less.
 const EDGE: f64 = 0.35;
-/// Edges that are drawn of a body, the sharpest first: more are a blot.
+/// How many edges of a body are drawn, the sharpest first; more would hide the form.
 const MOST_EDGES: usize = 4_000;
 
 /// A line on the page, mm.

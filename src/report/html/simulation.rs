@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 const SCRIPT: &str = include_str!("assets/part.js");
 
-/// The part before it is cut, coloured by its deviation: each of the maps under its name, of one and the same surface.
+/// The page of a simulated part, coloured by its deviation. All maps are of the same surface, and each has a name.
 #[must_use]
 pub fn simulation_page(
     program: &str,

@@ -25,9 +25,9 @@ pub(super) struct Sample {
     pub(super) name: Option<Arc<str>>,
     /// The tool and the work object whose axes its position is in, where the rows say.
     pub(super) names: Option<Arc<RowNames>>,
-    /// What happened to it, in a word or two.
+    /// Its status, in a word or two.
     pub(super) status: &'static str,
-    /// One number a channel; what is not finite is absent.
+    /// One number for each channel; a number that is not finite means an absent value.
     pub(super) values: Vec<f64>,
     /// Sizes whose largest samples are kept whatever the level of detail.
     pub(super) peaks: [f64; 2],
@@ -64,7 +64,7 @@ const QUOTED: usize = 160;
 pub(super) struct Trace {
     channels: &'static [Channel],
     most: usize,
-    /// Samples a stretch.
+    /// Number of samples in a stretch.
     stride: usize,
     count: usize,
     stretches: Vec<Stretch>,
@@ -85,7 +85,7 @@ impl Stretch {
         self.peaks[i].as_ref().unwrap_or(&self.first)
     }
 
-    /// Takes in a later sample where it is larger.
+    /// Replaces peaks by those of a later sample that are larger.
     fn take(&mut self, later: &Kept) {
         for i in 0..self.peaks.len() {
             if later.peaks[i] > self.peak(i).peaks[i] {
@@ -110,7 +110,7 @@ impl Trace {
         Self { channels, most, stride: 1, count: 0, stretches: Vec::new(), last: None, quotes: Vec::new() }
     }
 
-    /// Another one like it, without samples.
+    /// An empty path with the same channels and limits.
     pub(super) fn emptied(&self) -> Self {
         Self::new(self.channels, self.most)
     }
@@ -211,7 +211,7 @@ impl Trace {
     }
 }
 
-/// A line as it is shown: without what stands around it, and no longer than anybody reads.
+/// A line of a program as a page quotes it: without blanks at its ends, and cut to a length that can be read.
 fn quoted(line: &str) -> String {
     let line = line.trim().replace(char::is_control, " ");
     match line.char_indices().nth(QUOTED) {

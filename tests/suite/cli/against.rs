@@ -18,7 +18,7 @@ fn judged(program: &Program, original: &Program, cell: &Cell) -> Corrected {
     predict(program, cell, &Options::default(), Some(original)).expect("matched")
 }
 
-/// Figures of a corrected program by its original: what is left on the way is what the correction has told.
+/// A corrected program compared with its original: between the targets remains what the correction has reported.
 fn agree(name: &str, told: &Corrected, judged: &Corrected) {
     assert!(judged.failures.is_empty(), "{name}: {:?}", judged.failures);
     let (told, own) = (Summary::of(&told.rows), Summary::of(&judged.rows));
@@ -120,7 +120,7 @@ fn the_command_checks_a_subdivided_program() {
     bench.write("walk.mod", module(&body)).write("walk.toml", CELL);
     let ran = bench.run("compensate walk.mod --cell walk.toml --subdivide 0.01 -o out.mod --json told.json").exits(0);
     assert!(
-        ran.stderr.contains("are left on the way") && ran.stderr.contains("lead in and out of the cut gently"),
+        ran.stderr.contains("remains between targets") && ran.stderr.contains("lead in and out of the cut gently"),
         "{}",
         ran.stderr
     );
@@ -129,7 +129,7 @@ fn the_command_checks_a_subdivided_program() {
     // Where the force begins, the command jumps: on a stretch that no target can shorten.
     let ran = bench.run(&format!("{check} --max-jump 0.011")).exits(1);
     assert!(ran.stdout.contains("out.mod: 11 targets, 1 finding ("), "{}", ran.stdout);
-    assert!(ran.stdout.contains("target 2: on the way into it"), "{}", ran.stdout);
+    assert!(ran.stdout.contains("target 2: on the path to it"), "{}", ran.stdout);
     let ran =
         bench.run("check out.mod --cell walk.toml --against walk.mod --max-error 0.011 --max-correction 0.1").exits(1);
     assert!(ran.stdout.contains("limits.max-correction"), "{}", ran.stdout);

@@ -262,7 +262,7 @@ fn reports_and_check_follow_the_driven_path() {
     let check =
         |arguments: &str, code: i32| bench.run(&format!("check {arguments} --max-error 0.05")).exits(code).stdout;
     check("p.mod --cell as-written.toml", 0);
-    assert!(check("p.mod --cell cell.toml", 1).contains("ways between them"));
+    assert!(check("p.mod --cell cell.toml", 1).contains("paths between targets"));
     bench.run("compensate p.mod --cell cell.toml --max-path-error 0.05 -o out.mod -q").exits(0);
     check("out.mod --against p.mod --cell cell.toml", 0);
 }

@@ -17,7 +17,7 @@ fn the_effect_is_named_and_the_extended_cell_corrects_another_program() {
     let bench = sample();
     let run = "identify --run part.mod measured.csv --cell cell.toml";
     let ran = bench.run(&format!("{run} -o cell2.toml --json found.json --report rows.csv")).exits(0);
-    assert!(ran.stdout.contains("backlash: posterior") && ran.stdout.contains("extended cell"), "{}", ran.stdout);
+    assert!(ran.stdout.contains("backlash: probability") && ran.stdout.contains("extended cell"), "{}", ran.stdout);
     let found: serde_json::Value = serde_json::from_str(&bench.read("found.json")).unwrap();
     assert_eq!(found["added"][0]["kind"], "backlash");
     assert_eq!(bench.read("rows.csv").lines().count(), 1 + usize::try_from(found["rows"].as_u64().unwrap()).unwrap());

@@ -120,7 +120,7 @@ fn a_corrected_long_program_is_judged_alike_against_its_original() {
         let against = format!("--against {streamed} --max-error 0.001");
         let on_the_way = format!("{against} --max-jump 0.001");
         let said = alike(&bench, "check", &corrected, "corrected-whole.mod", &on_the_way, 1);
-        assert!(said.stdout.contains("on the way into it"), "{:.1000}", said.stdout);
+        assert!(said.stdout.contains("on the path to it"), "{:.1000}", said.stdout);
         let options = format!("{against} --at-targets --max-correction");
         alike(&bench, "check", &corrected, "corrected-whole.mod", &format!("{options} 1"), 0);
         let said = alike(&bench, "check", &corrected, "corrected-whole.mod", &format!("{options} 0.84"), 1);

@@ -179,7 +179,7 @@ fn what_an_arc_misses_between_its_points_is_said() {
     let arc = format!("    MoveC {},{},v20,fine,tMill\\WObj:=wPart;", point(150, 100), point(50, 200));
     bench.write("arc.mod", PROGRAM.replace(line, &arc));
     let said = bench.run("compensate arc.mod --cell cell.toml -o out.mod").exits(0).stderr;
-    assert!(said.contains("are left on the way between targets") && said.contains("`--subdivide MM`"), "{said}");
+    assert!(said.contains("remains between targets") && said.contains("`--subdivide MM`"), "{said}");
     // A correction that is the same everywhere moves the circle as a whole.
     let shifted = "[[effect]]\nkind = \"work_object_frame\"\nd_mm = [0.3, -0.2, 0.1]\nd_rad = [0, 0, 0]\n";
     bench.write(
@@ -187,7 +187,7 @@ fn what_an_arc_misses_between_its_points_is_said() {
         super::bench::CELL.split("[cut]").next().unwrap().to_owned() + "[cut]\nforce = \"none\"\n" + shifted,
     );
     let said = bench.run("compensate arc.mod --cell shifted.toml -o out.mod").exits(0).stderr;
-    assert!(said.contains("4 corrected") && !said.contains("left on the way"), "{said}");
+    assert!(said.contains("4 corrected") && !said.contains("remains between targets"), "{said}");
 }
 
 #[test]
