@@ -31,11 +31,11 @@ pub(super) struct LeftOut {
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Explained {
     /// An effect: of the extended cell.
-    ByCell,
+    Effect,
     /// Of the clamping, the frames or the instrument: it is in neither cell, and no error of either.
-    ByEither,
+    Measurement,
     /// A pattern that no effect explains: both cells have this error.
-    ByNothing,
+    Unlisted,
 }
 
 /// What the fit without a group comes to on its rows.
@@ -76,9 +76,9 @@ impl Engine {
         let explained = |&(column, _): &(usize, f64)| {
             let own = self.chosen.iter().map(|&c| &self.candidates[c]).find(|own| own.columns().contains(&column));
             match own {
-                Some(effect) if !effect.is_pattern() => Explained::ByCell,
-                Some(pattern) if pattern.standing() == Some(Standing::Unlisted) => Explained::ByNothing,
-                _ => Explained::ByEither,
+                Some(effect) if !effect.is_pattern() => Explained::Effect,
+                Some(pattern) if pattern.standing() == Some(Standing::Unlisted) => Explained::Unlisted,
+                _ => Explained::Measurement,
             }
         };
         let explained: Vec<Explained> = columns.list.iter().map(explained).collect();
@@ -91,9 +91,9 @@ impl Engine {
                 linear.design.add(numbers.map(|(k, &(column, size))| (column, -size * mean[k])), &mut left);
                 left
             };
-            let declared = less(&linear.data, Explained::ByEither);
-            let extended = less(&declared, Explained::ByCell);
-            let all = less(&extended, Explained::ByNothing);
+            let declared = less(&linear.data, Explained::Measurement);
+            let extended = less(&declared, Explained::Effect);
+            let all = less(&extended, Explained::Unlisted);
             let (mut found, mut promised) = (0.0, 0.0);
             for k in self.scalars_of(&groups, group) {
                 let sizes = columns.list.iter().enumerate();

@@ -171,6 +171,7 @@ impl ComplianceMap {
         let under = sampled(loaded);
         let known = self.known(&under);
         let lacks = self.lacking(&loaded, &known, self.nearest(&loaded, &known));
+        #[allow(clippy::float_cmp)] // the same place, not two that are near
         let found = if moved == loaded {
             known.compliance
         } else {
