@@ -7,10 +7,11 @@ use super::parallelism::Parallelism;
 use super::point::Point;
 use super::segment::{Kind, Segment, Start};
 use super::solve::Solver;
+use super::context::Context;
 use super::{Corrected, DrivenFigures, DrivenSummary, Options, PathDeviation, Prepared, frames};
 use crate::cell::Cell;
 use crate::drive::{
-    DriveError, DrivenSample, Lead, Offset, PathLaw, ProgrammedPath, SAMPLE_S, Waypoint, drive, nearest_between,
+    DriveError, DrivenSample, Lead, Offset, PathLaw, ProgrammedPath, SAMPLE_S, Waypoint, drive, nearest_between, timeline,
 };
 use crate::equilibrium::{Arm, Setting, WarmStart};
 use crate::program::{Passing, Program};
@@ -24,14 +25,23 @@ use std::sync::Arc;
 
 /// Samples that are solved at once: some ten megabytes.
 const BATCH: usize = 16_384;
-/// The equilibrium of the loaded arm is solved at least so often along a driven path, m: engagement changes within a fraction of a cutter,
-/// and a deflection of 1 mm of an arm of 1 m bends by less than a nanometre over it.
-const SOLVED_EVERY: f64 = 2e-3;
+/// The equilibrium of the loaded arm is solved at least so often along a driven path, m: a deflection of 1 mm of an arm of 1 m bends by
+/// 0.01 µm over it.
+const SOLVED_EVERY: f64 = 1e-2;
 /// And at least once in so many samples, which are a quarter of a second.
 const MOST_BETWEEN: usize = 64;
 /// Feeds of a cutter at which the force is known, up to its largest one. Half a step is 3 % of the chip load: less than any coefficient of
 /// a material is known to.
 const FEED_STEPS: usize = 16;
+
+/// Which moments of a driven path are looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Sampling {
+    /// All, every [`SAMPLE_S`].
+    All,
+    /// So many of them that what happens between two of them is known.
+    Sparse,
+}
 
 /// A program as a controller is sent along it.
 #[derive(Clone, Debug)]
@@ -148,6 +158,27 @@ impl Course {
             course.targets.push(i);
         }
         Ok(course)
+    }
+
+    /// For each waypoint the number of its stretch: consecutive ways with one tool, work object and speed, whose loads go on from each other.
+    /// What a way from stock meets changes along it.
+    fn stretches(&self, prepared: &Prepared) -> Vec<usize> {
+        let goes_on = |waypoint: usize| {
+            let [before, here] = [waypoint - 1, waypoint].map(|at| &prepared.points[self.targets[at]]);
+            before.setting == here.setting
+                && self.waypoints[waypoint - 1].feed == self.waypoints[waypoint].feed
+                && before.milled.is_none()
+                && here.milled.is_none()
+                && before.part.is_none()
+                && here.part.is_none()
+                && before.load.is_near(&here.load)
+        };
+        let mut stretch = 0;
+        let number = |waypoint: usize| {
+            stretch += usize::from(waypoint > 0 && !goes_on(waypoint));
+            stretch
+        };
+        (0..self.waypoints.len()).map(number).collect()
     }
 
     /// What is said about it, once.
@@ -348,9 +379,8 @@ pub(super) struct Original<'a> {
 /// the rows' [`path`](super::Row::path), and how long the program runs. Where that path cannot be computed, a note says why.
 pub(super) fn follow_law(
     corrected: &mut Corrected,
-    program: &Program,
-    cell: &Cell,
-    options: &Options,
+    prepared: &mut Prepared,
+    Context { program, cell, options, .. }: Context<'_>,
     original: Option<Original<'_>>,
 ) {
     if cell.controller.path.is_none() || !corrected.failures.is_empty() {
@@ -358,15 +388,21 @@ pub(super) fn follow_law(
     }
     let motions = original.as_ref().and_then(|original| original.motions.as_ref());
     let motion_of = |motion: usize| motions.and_then(|motions| motions.get(motion)).copied().unwrap_or(motion);
-    let base = original.as_ref().map_or(program, |original| original.program);
-    let judged = || -> Result<(DrivenWays, Vec<Diagnostic>), Vec<Diagnostic>> {
-        let mut prepared = Prepared::new(base, cell, options)?;
-        let course = Course::new(base, cell, &prepared)?;
-        let path = match original {
-            Some(_) => loaded_path(program, cell, options)?,
-            None => loaded_along(&mut prepared, program, cell)?,
-        };
-        Ok((driven_ways(&prepared, &course, &cell.arm.robot, &path, &motion_of), path.notes))
+    let mut judged = || -> Result<(DrivenWays, Vec<Diagnostic>), Vec<Diagnostic>> {
+        let (path, ways);
+        match &original {
+            Some(original) => {
+                let prepared = Prepared::new(original.program, cell, options)?;
+                let course = Course::new(original.program, cell, &prepared)?;
+                path = loaded_along(&mut Prepared::new(program, cell, options)?, program, cell, Sampling::Sparse)?;
+                ways = driven_ways(&prepared, &course, &cell.arm.robot, &path, &motion_of);
+            }
+            None => {
+                path = loaded_along(prepared, program, cell, Sampling::Sparse)?;
+                ways = driven_ways(prepared, &path.course, &cell.arm.robot, &path, &motion_of);
+            }
+        }
+        Ok((ways, path.course.notes(program, cell)))
     };
     match judged() {
         Ok((driven, notes)) => {
@@ -411,7 +447,14 @@ pub(super) fn as_written(error: Diagnostic) -> Diagnostic {
 /// # Errors
 /// What [`Prepared::new`] and [`Course::new`] refuse; a place on the way that is out of reach or has no equilibrium.
 pub fn loaded_path(program: &Program, cell: &Cell, options: &Options) -> Result<LoadedPath, Vec<Diagnostic>> {
-    loaded_along(&mut Prepared::new(program, cell, options)?, program, cell)
+    let path = loaded_along(&mut Prepared::new(program, cell, options)?, program, cell, Sampling::All)?;
+    Ok(LoadedPath { samples: path.samples, notes: path.course.notes(program, cell) })
+}
+
+/// A course as it is driven by the loaded arm.
+pub(super) struct LoadedCourse {
+    pub(super) course: Course,
+    samples: Vec<LoadedSample>,
 }
 
 /// The same of a program that is prepared.
@@ -419,8 +462,9 @@ pub(super) fn loaded_along(
     prepared: &mut Prepared,
     program: &Program,
     cell: &Cell,
-) -> Result<LoadedPath, Vec<Diagnostic>> {
-    let mut motion = DrivenMotion::new(program, cell, prepared)?;
+    sampling: Sampling,
+) -> Result<LoadedCourse, Vec<Diagnostic>> {
+    let mut motion = DrivenMotion::new(program, cell, prepared, sampling)?;
     let mut samples: Vec<LoadedSample> = Vec::with_capacity(motion.samples.len());
     for from in (0..motion.samples.len()).step_by(BATCH) {
         let batch: Vec<usize> = (from..motion.samples.len().min(from + BATCH)).collect();
@@ -483,7 +527,7 @@ pub(super) fn loaded_along(
         let after = neighbour(Some(i + 1)).unwrap_or(i);
         samples[i].feed = speed(&samples[before], &samples[after]).unwrap_or(0.0);
     }
-    Ok(LoadedPath { samples, notes: motion.course.notes(program, cell) })
+    Ok(LoadedCourse { course: motion.course, samples })
 }
 
 /// What the load makes of a driven pose.
@@ -551,7 +595,7 @@ pub(super) fn driven_ways(
     prepared: &Prepared,
     course: &Course,
     robot: &Robot,
-    path: &LoadedPath,
+    path: &LoadedCourse,
     waypoint_of: &(dyn Fn(usize) -> usize + Sync),
 ) -> DrivenWays {
     let programmed = ProgrammedPath::new(robot, &course.waypoints);
@@ -684,11 +728,28 @@ impl<'a> DrivenMotion<'a> {
     ///
     /// # Errors
     /// What [`Course::new`] refuses; a place on the way that is out of reach.
-    pub(super) fn new(program: &'a Program, cell: &'a Cell, prepared: &Prepared) -> Result<Self, Vec<Diagnostic>> {
+    pub(super) fn new(
+        program: &'a Program,
+        cell: &'a Cell,
+        prepared: &Prepared,
+        sampling: Sampling,
+    ) -> Result<Self, Vec<Diagnostic>> {
         let course = Course::new(program, cell, prepared)?;
         let law = cell.controller.path.map_or(PathLaw::AS_WRITTEN, |path| path.law);
         let arm = &cell.arm;
-        let samples = drive(&arm.robot, &law, &course.waypoints).map_err(|error| course.refused(program, error))?;
+        let route = timeline(&arm.robot, &law, &course.waypoints).map_err(|error| course.refused(program, error))?;
+        let samples = match sampling {
+            Sampling::All => route.samples(),
+            Sampling::Sparse => {
+                let stretches = course.stretches(prepared);
+                // On one stretch, the equilibria decide.
+                let longest = |from: usize, to: usize| match stretches.get(from) == stretches.get(to) {
+                    true => SOLVED_EVERY / course.waypoints[from.min(course.waypoints.len() - 1)].feed,
+                    false => 0.0,
+                };
+                route.sparse_samples(&longest)
+            }
+        };
         let speeds = speeds(&course, &arm.robot, &samples);
         let feeds = DrivenFeeds::new(&prepared.shared.laws);
         Ok(Self { program, arm, course, samples, speeds, feeds, last: None })

@@ -60,9 +60,8 @@ pub fn predict(
     };
     driven::follow_law(
         &mut predicted,
-        program,
-        cell,
-        options,
+        &mut prepared,
+        context,
         against.map(|program| driven::Original { program, motions }),
     );
     Ok(predicted)

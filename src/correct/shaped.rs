@@ -5,7 +5,7 @@
 //! What comes of both is judged on the final text: the path that the controller drives and the loaded arm takes, against the path
 //! of the program as it was given.
 
-use super::driven::{Course, DrivenWays, as_written, driven_ways, loaded_along, loaded_path};
+use super::driven::{Course, DrivenWays, Sampling, as_written, driven_ways, loaded_along};
 use super::line::compensate;
 use super::{Corrected, Options, Prepared, Row, frames};
 use crate::cell::{Cell, ControllerPath};
@@ -127,13 +127,14 @@ fn judge_corrected(
 ) {
     let judged = || -> Result<([DrivenWays; 2], Vec<Diagnostic>), Vec<Diagnostic>> {
         let mut prepared = Prepared::new(program, cell, options)?;
-        let course = Course::new(program, cell, &prepared)?;
         let robot = &cell.arm.robot;
-        let path = loaded_along(&mut prepared, program, cell)?;
-        let before = driven_ways(&prepared, &course, robot, &path, &|motion| motion);
+        let path = loaded_along(&mut prepared, program, cell, Sampling::Sparse)?;
+        let before = driven_ways(&prepared, &path.course, robot, &path, &|motion| motion);
         let motion_of = |motion: usize| motions.get(motion).copied().unwrap_or(motion);
-        let after = driven_ways(&prepared, &course, robot, &loaded_path(written, cell, options)?, &motion_of);
-        Ok(([before, after], course.notes(program, cell)))
+        let mut corrected = Prepared::new(written, cell, options)?;
+        let driven = loaded_along(&mut corrected, written, cell, Sampling::Sparse)?;
+        let after = driven_ways(&prepared, &path.course, robot, &driven, &motion_of);
+        Ok(([before, after], path.course.notes(program, cell)))
     };
     match judged() {
         Ok(([before, after], notes)) => {
@@ -326,7 +327,8 @@ impl Given<'_> {
     /// How a program is driven, against the path of the given one; each of its motions belongs to the waypoint in `origins`, which
     /// is empty for the given program itself.
     fn judged(&self, program: &Program, origins: &[usize]) -> Result<DrivenWays, Vec<Diagnostic>> {
-        let path = loaded_path(program, self.cell, self.options)?;
+        let mut prepared = Prepared::new(program, self.cell, self.options)?;
+        let path = loaded_along(&mut prepared, program, self.cell, Sampling::Sparse)?;
         let waypoint_of = |waypoint: usize| origins.get(waypoint).copied().unwrap_or(waypoint);
         Ok(driven_ways(self.prepared, self.course, &self.cell.arm.robot, &path, &waypoint_of))
     }

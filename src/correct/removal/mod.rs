@@ -8,7 +8,7 @@ mod yielding;
 
 use super::Prepared;
 use super::context::Context;
-use super::driven::{DrivenMotion, as_written};
+use super::driven::{Sampling, DrivenMotion, as_written};
 use super::frames;
 use super::load::{Follows, PointLoad, Through};
 use super::mount::Mount;
@@ -103,7 +103,7 @@ pub(super) fn run(
     };
     let mut notes = Vec::new();
     if cuts == Cuts::Driven {
-        match DrivenMotion::new(program, cell, prepared) {
+        match DrivenMotion::new(program, cell, prepared, Sampling::All) {
             Ok(motion) => {
                 notes.extend(motion.course().notes(program, cell));
                 walk.motion = cell.controller.path.is_some().then_some(motion);
