@@ -88,7 +88,11 @@ impl<'w> Way<'w> {
         if length <= PARABOLA && turn <= PARABOLA_TURN {
             let mean = (from.motor + to.motor) / 2.0;
             let is_straight = way.track.is_none() || length <= STEP && turn <= TURN;
-            way.bow = if is_straight { Some(Joints::zeros()) } else { way.motor(robot, 0.5, &mean).ok().map(|motor| motor - mean) };
+            way.bow = if is_straight {
+                Some(Joints::zeros())
+            } else {
+                way.motor(robot, 0.5, &mean).ok().map(|motor| motor - mean)
+            };
         }
         way
     }
@@ -259,10 +263,13 @@ impl Route {
                     (way.inverse(robot, &pose, &self.near())?, pose.translation.vector)
                 }
                 (first, second) => {
-                    let ways = [way.motor(robot, shares[0], &way.to.motor)?, next.motor(robot, shares[1], &way.to.motor)?];
+                    let ways =
+                        [way.motor(robot, shares[0], &way.to.motor)?, next.motor(robot, shares[1], &way.to.motor)?];
                     let motor = ways[0] + ways[1] - way.to.motor;
                     let place = match (first, second) {
-                        (Some(first), Some(second)) => first.place(shares[0]) + second.place(shares[1]) - second.place(0.0),
+                        (Some(first), Some(second)) => {
+                            first.place(shares[0]) + second.place(shares[1]) - second.place(0.0)
+                        }
                         _ => (robot.forward(&motor) * way.to.flange_from_tcp).translation.vector,
                     };
                     (motor, place)

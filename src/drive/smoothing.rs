@@ -142,8 +142,11 @@ impl Timeline {
     fn stretch(&self, periods: &[usize]) -> Vec<DrivenSample> {
         #[allow(clippy::cast_precision_loss)]
         let time_of = |period: &usize| *period as f64 * SAMPLE_S;
-        let Some((begins, ends)) = periods.first().map(time_of).zip(periods.last().map(time_of)) else { return Vec::new() };
-        let first = self.moments.partition_point(|moment| moment.time <= begins - self.law.settling()).saturating_sub(1);
+        let Some((begins, ends)) = periods.first().map(time_of).zip(periods.last().map(time_of)) else {
+            return Vec::new();
+        };
+        let first =
+            self.moments.partition_point(|moment| moment.time <= begins - self.law.settling()).saturating_sub(1);
         let last = self.moments.partition_point(|moment| moment.time < ends).max(first);
         let moments = &self.moments[first..(last + 1).min(self.moments.len())];
         let from = moments[0].state;
