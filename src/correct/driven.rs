@@ -736,14 +736,23 @@ pub(super) fn driven_ways(
     }
     let about = |sample: &LoadedSample| waypoint_of(sample.waypoint);
     let mut missed = vec![None; ways.len()];
+    let (mut from, mut to) = (0, 0);
     for (i, way) in ways.iter_mut().enumerate() {
         let Some(way) = way else { continue };
         // A corner that the path does not come near is missed, however near the path is to both ways.
-        let from = path.samples.partition_point(|sample| about(sample) < i);
-        let to = path.samples.partition_point(|sample| about(sample) <= (i + 1).min(course.waypoints.len()));
+        let is_about =
+            |sample: usize, most: usize| path.samples.get(sample).is_some_and(|sample| about(sample) <= most);
+        while i > 0 && is_about(from, i - 1) {
+            from += 1;
+        }
+        while is_about(to, i + 1) {
+            to += 1;
+        }
         let corner = &course.waypoints[i].base_from_tcp.translation.vector;
         let back = prepared.base_from_wobj(course.targets[i]).rotation.inverse();
-        missed[i] = nearest_between(corner, &places[from.saturating_sub(1)..to]).map(|(vector, _)| back * vector);
+        // From the last sample before both ways to the first one after them.
+        let places = &places[from.saturating_sub(1)..(to + 1).min(places.len())];
+        missed[i] = nearest_between(corner, places).map(|(vector, _)| back * vector);
         let off = |corner: Option<usize>| corner.and_then(|i| missed[i]).map_or(0.0, |missed| 1e3 * missed.norm());
         let [begin, end] = [off(i.checked_sub(1)), off(Some(i))];
         if driven_length[i] > 0.0 {
