@@ -827,6 +827,8 @@ pub(super) struct DrivenMotion<'a> {
     arm: &'a Arm,
     course: Course,
     samples: Vec<DrivenSample>,
+    /// The flange at each sample, base frame, m.
+    flanges: Vec<Pose>,
     /// Speed of the TCP at each sample over the programmed one, 0 to 1.
     speeds: Vec<f64>,
     feeds: DrivenFeeds,
@@ -870,9 +872,10 @@ impl<'a> DrivenMotion<'a> {
                 route.sparse_samples(&longest)
             }
         };
-        let speeds = speeds(&course, &arm.robot, &samples);
+        let flanges: Vec<Pose> = samples.par_iter().map(|sample| arm.robot.forward(&sample.motor)).collect();
+        let speeds = speeds(&course, &samples, &flanges);
         let feeds = DrivenFeeds::new(&prepared.shared.laws);
-        Ok(Self { program, arm, course, samples, speeds, feeds, last: None })
+        Ok(Self { program, arm, course, samples, flanges, speeds, feeds, last: None })
     }
 
     pub(super) fn course(&self) -> &Course {
@@ -894,7 +897,7 @@ impl<'a> DrivenMotion<'a> {
 
     /// Where a sample leads the tool of a setting, in its work object.
     pub(super) fn pose(&self, setting: &Setting, sample: usize) -> Pose {
-        setting.wobj_from_tcp(&self.arm.robot.forward(&self.samples[sample].motor))
+        setting.wobj_from_tcp(&self.flanges[sample])
     }
 
     /// Speed of the TCP at a sample over the programmed one, 0 to 1.
@@ -963,8 +966,7 @@ impl<'a> DrivenMotion<'a> {
 }
 
 /// The speed of the TCP at each sample over the programmed one, 0 to 1.
-fn speeds(course: &Course, robot: &Robot, driven: &[DrivenSample]) -> Vec<f64> {
-    let flanges: Vec<Pose> = driven.par_iter().map(|sample| robot.forward(&sample.motor)).collect();
+fn speeds(course: &Course, driven: &[DrivenSample], flanges: &[Pose]) -> Vec<f64> {
     let share = |i: usize| {
         let tool = &course.waypoints[driven[i].waypoint].flange_from_tcp;
         let [before, after] = [i.saturating_sub(1), (i + 1).min(driven.len() - 1)];
