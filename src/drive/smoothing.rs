@@ -10,9 +10,10 @@ use rayon::prelude::*;
 const STEP_S: f64 = 0.5 * SAMPLE_S;
 /// Samples that have their integrals from one start: over some seconds, sums of angles keep their digits.
 const TOGETHER: usize = 256;
-/// Between two samples, a path that is sampled sparsely is straight to this, m: below what programs are printed to.
+/// Between two samples, a path that is sampled sparsely is straight to this, m: a fiftieth of what the best law that was fitted to a real
+/// controller leaves unexplained (docs/driven-path.md).
 const STRAIGHT: f64 = 1e-6;
-/// Most periods of [`SAMPLE_S`] between two of its samples: a quarter of a second.
+/// Most periods of [`SAMPLE_S`] between two of its samples: a quarter of a second, in which nothing of the cell changes by much.
 const MOST_PERIODS: usize = 64;
 
 /// Motor angles and, last, the length of route that has been covered, m: what is averaged. Of the progress, waypoints that lie close
