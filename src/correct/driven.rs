@@ -216,7 +216,7 @@ impl Course {
         let goes_on = |waypoint: usize| {
             let [before, here] = [waypoint - 1, waypoint].map(|at| &prepared.points[self.targets[at]]);
             before.setting == here.setting
-                && self.waypoints[waypoint - 1].feed == self.waypoints[waypoint].feed
+                && self.waypoints[waypoint - 1].feed.total_cmp(&self.waypoints[waypoint].feed).is_eq()
                 && before.milled.is_none()
                 && here.milled.is_none()
                 && before.part.is_none()
@@ -435,10 +435,10 @@ pub(super) fn follow_law(
     prepared: &mut Prepared,
     context: Context<'_>,
     original: Option<Original<'_>>,
-) -> Result<(), Option<Diagnostic>> {
+) -> Result<(), Vec<Diagnostic>> {
     let Context { program, cell, options, .. } = context;
     if !corrected.failures.is_empty() {
-        return Err(None);
+        return Err(Vec::new());
     }
     let motions = original.as_ref().and_then(|original| original.motions.as_ref());
     let motion_of = |motion: usize| motions.and_then(|motions| motions.get(motion)).copied().unwrap_or(motion);
@@ -461,7 +461,7 @@ pub(super) fn follow_law(
         }
         Ok((ways, path.course.notes(program, cell)))
     };
-    let (driven, notes) = judged().map_err(|errors| errors.into_iter().next().map(as_written))?;
+    let (driven, notes) = judged().map_err(|errors| errors.into_iter().take(1).map(as_written).collect::<Vec<_>>())?;
     let ends: Vec<u32> = program.targets.iter().filter(|target| target.is_end()).map(|target| target.ordinal).collect();
     for row in corrected.rows.iter_mut().filter(|row| row.is_solved()) {
         let Ok(motion) = ends.binary_search(&row.target) else { continue };
@@ -512,7 +512,7 @@ pub(super) fn judge_corrected(
     context: Context<'_>,
     prepared: &mut Prepared,
     commanded: &Commanded,
-) -> Result<Judged, Option<Diagnostic>> {
+) -> Result<Judged, Vec<Diagnostic>> {
     let Context { program, cell, .. } = context;
     let mut judged = || -> Result<Judged, Vec<Diagnostic>> {
         let robot = &cell.arm.robot;
@@ -536,7 +536,7 @@ pub(super) fn judge_corrected(
         let notes = course.notes(program, cell);
         Ok(Judged { after, targets: course.targets, summary, notes })
     };
-    judged().map_err(|errors| errors.into_iter().next().map(as_written))
+    judged().map_err(|errors| errors.into_iter().take(1).map(as_written).collect())
 }
 
 /// Says why corners are taken as written although the cell has the law of its controller.
