@@ -435,7 +435,8 @@ fn a_path_that_is_sampled_sparsely_is_straight_between_its_samples() {
     ];
     let route = timeline(&bench.robot, &law, &waypoints).expect("within reach");
     let (all, sparse) = (route.samples(), route.sparse_samples(&|_, _| 0.1));
-    assert!(3 * sparse.len() < all.len(), "{} of {}", sparse.len(), all.len());
+    // The arc bends and the motors lead all along it; on the straight lines most samples are left out.
+    assert!(4 * sparse.len() < 3 * all.len(), "{} of {}", sparse.len(), all.len());
     assert_eq!(sparse.last().map(|last| last.time), all.last().map(|last| last.time));
     let place = |sample: &DrivenSample| bench.robot.forward(&sample.motor).translation.vector;
     for pair in sparse.windows(2) {
