@@ -64,14 +64,12 @@ impl Batch<'_> {
         let cell = &setup.cell.cell;
         // The program that is edited, where that is not the one that was given.
         let mut shaped = None;
-        let tolerance = args.max_path_error.map(|mm| 1e-3 * mm);
-        let corrected = if tolerance.is_some() || cell.controller.path.is_some() {
-            correct::compensate_driven(&program, cell, &options, tolerance).map(|driven| {
-                shaped = driven.program;
+        let corrected = match args.max_path_error.map(|mm| 1e-3 * mm) {
+            Some(tolerance) => correct::compensate_driven(&program, cell, &options, tolerance).map(|driven| {
+                shaped = Some(driven.program);
                 driven.corrected
-            })
-        } else {
-            correct::compensate(&program, cell, &options)
+            }),
+            None => correct::compensate(&program, cell, &options),
         };
         let corrected = corrected.map_err(|e| setup.cell.own(e))?;
         if !corrected.failures.is_empty() {

@@ -7,7 +7,7 @@ use super::input::{self, CellFile, Context};
 use super::job::{Job, Long};
 use super::progress;
 use deflex::cell::examples_left;
-use deflex::correct::{Correct, Options, StreamError, Streamed};
+use deflex::correct::{Correct, Options, StreamError, Streamed, holds_whole};
 use deflex::program::Program;
 use deflex::program::cl::ClOptions;
 use deflex::text::{Diagnostic, cannot_read};
@@ -58,6 +58,9 @@ impl Setup {
 
     /// The program in one text, where it may be read in chunks.
     pub(super) fn long<'a>(&'a self, job: &'a Job) -> Option<Long<'a>> {
+        if holds_whole(&self.cell.cell) {
+            return None;
+        }
         job.long(self.context.knowing(&self.cell.cell, job.language), self.cl_options())
     }
 

@@ -4,7 +4,7 @@
 //! judged by the place of the original's path that is nearest to where the loaded tool lands: its error is a contour error,
 //! under the depth and the force of the original's cut there.
 
-use super::context::Context;
+use super::context::{Context, Ways};
 use super::deviation::{self, Commanded, Deviations, Node, PathDeviation, WalkedPath};
 use super::inserted::{self, Inserted, segments};
 use super::mount::Moved;
@@ -218,7 +218,7 @@ impl<'a> Subdivided<'a> {
         };
         let solver = Solver::new(&context.cell.arm, &judged, context.parallelism);
         let way = WalkedPath { program: self.original, prepared: &judged, commanded: &commanded, last: None };
-        let Deviations { targets, nodes } = deviation::measure(&way, &solver, &|_| WarmStart::default());
+        let Deviations { targets, nodes } = deviation::measure(&way, &solver, &|_| WarmStart::default(), Ways::Written);
         let mut out = vec![None; points.points.len()];
         for &(wanted, end) in &self.matched {
             out[end] = targets[wanted];

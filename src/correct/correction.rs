@@ -52,7 +52,7 @@ pub(super) fn solve(
     stages: &Stages<'_>,
     prepared: &mut Prepared,
 ) -> Result<(Commanded, Stops, Correction), Unsolved> {
-    let Context { program, cell, options, parallelism } = context;
+    let Context { program, cell, options, parallelism, .. } = context;
     let arm = &cell.arm;
     if options.subdivide.is_some() {
         segment::follow_arcs(program, prepared);

@@ -5,6 +5,7 @@
 //! small: a segment so short that the joints hardly move is known from its ends.
 
 use super::Prepared;
+use super::context::Ways;
 use super::mount::Moved;
 use super::point::Point;
 use super::segment::{Kind, SMOOTH, Segment, Start};
@@ -218,8 +219,8 @@ impl Deviations {
 }
 
 /// What is left on the way into every target and node, in their order; `near` is about how the joints yield at each target, to
-/// begin with.
-pub(super) fn measure(way: &WalkedPath<'_>, solver: &Solver<'_>, near: &Near<'_>) -> Deviations {
+/// begin with. Lines and arcs are left open where they are looked at as they are driven.
+pub(super) fn measure(way: &WalkedPath<'_>, solver: &Solver<'_>, near: &Near<'_>, ways: Ways) -> Deviations {
     let WalkedPath { program, commanded, .. } = *way;
     let count = solver.prepared.points.len();
     let mut out = Deviations { targets: vec![None; count], nodes: vec![None; commanded.nodes.len()] };
@@ -240,6 +241,9 @@ pub(super) fn measure(way: &WalkedPath<'_>, solver: &Solver<'_>, near: &Near<'_>
         if kind == Kind::Joint || is_first {
             out.targets[i] = Some(PathDeviation::at_end(&landed.shift));
             before = None;
+            continue;
+        }
+        if ways == Ways::Driven {
             continue;
         }
         match way.known_from_ends(i, start, motor, &mut before) {

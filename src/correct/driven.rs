@@ -1,16 +1,19 @@
 //! The path that the controller drives and the loaded arm takes, sampled over time.
 
+use super::context::Context;
+use super::deviation::Commanded;
 use super::laws::Law;
 use super::load::PointLoad;
 use super::mount::PREDECESSOR_UNKNOWN;
 use super::parallelism::Parallelism;
 use super::point::Point;
 use super::segment::{Kind, Segment, Start};
-use super::solve::Solver;
+use super::solve::{Solver, controller_motor};
 use super::{Corrected, DrivenFigures, DrivenSummary, Options, PathDeviation, Prepared, frames};
 use crate::cell::Cell;
 use crate::drive::{
     DriveError, DrivenSample, Lead, Offset, PathLaw, ProgrammedPath, SAMPLE_S, Waypoint, drive, nearest_between,
+    timeline,
 };
 use crate::equilibrium::{Arm, Setting, WarmStart};
 use crate::program::{Passing, Program};
@@ -24,22 +27,33 @@ use std::sync::Arc;
 
 /// Samples that are solved at once: some ten megabytes.
 const BATCH: usize = 16_384;
-/// The equilibrium of the loaded arm is solved at least so often along a driven path, m: engagement changes within a fraction of a cutter,
-/// and a deflection of 1 mm of an arm of 1 m bends by less than a nanometre over it.
-const SOLVED_EVERY: f64 = 2e-3;
+/// The equilibrium of the loaded arm is solved at least so often along a driven path, m: a deflection of 1 mm of an arm of 1 m bends by
+/// 0.01 µm over it.
+const SOLVED_EVERY: f64 = 1e-2;
 /// And at least once in so many samples, which are a quarter of a second.
 const MOST_BETWEEN: usize = 64;
 /// Feeds of a cutter at which the force is known, up to its largest one. Half a step is 3 % of the chip load: less than any coefficient of
 /// a material is known to.
 const FEED_STEPS: usize = 16;
 
+/// Which moments of a driven path are looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Sampling {
+    /// All, every [`SAMPLE_S`].
+    All,
+    /// So many of them that what happens between two of them is known.
+    Sparse,
+}
+
 /// A program as a controller is sent along it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Course {
     /// Ends of its motions.
     pub waypoints: Vec<Waypoint>,
-    /// Index of the target that each waypoint is.
+    /// Index of the target that each waypoint is, or on whose way it is.
     pub(super) targets: Vec<usize>,
+    /// Share of the way into that target; 1 at the target.
+    shares: Vec<f64>,
     /// Waypoints that are passed though nothing says how near: they are taken as stops.
     unstated: usize,
     /// Waypoints that the text has the controller pass, and at which it comes to rest all the same, with what it waits for.
@@ -91,7 +105,7 @@ impl Course {
     /// A target whose place is not known, external axes that move the base or the part, a motion without a speed.
     pub fn new(program: &Program, cell: &Cell, prepared: &Prepared) -> Result<Self, Vec<Diagnostic>> {
         let unstated_zone = cell.controller.path.and_then(|path| path.zone);
-        let mut course = Self { waypoints: Vec::new(), targets: Vec::new(), unstated: 0, waits: Vec::new() };
+        let mut course = Self::default();
         let mut feed = None;
         let ends: Vec<usize> = (0..prepared.points.len()).filter(|i| Kind::of(program, *i) != Kind::Point).collect();
         for (at, i) in ends.iter().copied().enumerate() {
@@ -137,17 +151,84 @@ impl Course {
                 Kind::Arc => Lead::Arc(in_base(&prepared.points[i - 1].wobj_from_tcp)),
                 Kind::Joint | Kind::Point => Lead::Joints,
             };
-            course.waypoints.push(Waypoint {
+            let waypoint = Waypoint {
                 lead,
                 base_from_tcp: in_base(&point.wobj_from_tcp),
                 flange_from_tcp: setting.tool.flange_from_tcp,
                 motor: point.motor,
                 feed,
                 zone,
-            });
-            course.targets.push(i);
+            };
+            course.push(waypoint, i, 1.0);
         }
         Ok(course)
+    }
+
+    fn push(&mut self, waypoint: Waypoint, target: usize, share: f64) {
+        self.waypoints.push(waypoint);
+        self.targets.push(target);
+        self.shares.push(share);
+    }
+
+    /// The course of the corrected program: the controller is sent to its commands, and to the targets that are inserted.
+    fn corrected(&self, program: &Program, cell: &Cell, prepared: &Prepared, commanded: &Commanded) -> Self {
+        let robot = &cell.arm.robot;
+        let unstated_zone = cell.controller.path.and_then(|path| path.zone);
+        let mut course = Self::default();
+        for (waypoint, &i) in self.waypoints.iter().zip(&self.targets) {
+            let base_from_wobj = prepared.base_from_wobj(i);
+            let first = commanded.nodes.partition_point(|node| node.before < i);
+            for node in commanded.nodes[first..].iter().take_while(|node| node.before == i) {
+                let near = course.waypoints.last().map_or(waypoint.motor, |last: &Waypoint| last.motor);
+                let motor = controller_motor(robot, prepared.setting(i), &node.commanded, &near).unwrap_or(near);
+                let zone = match program.inserted_passing(i) {
+                    Passing::Stop => None,
+                    Passing::Zone(mm) => Some(1e-3 * mm),
+                    Passing::Unstated => unstated_zone,
+                };
+                let lead = node.via.map_or(Lead::Line, |via| Lead::Arc(base_from_wobj * via));
+                let base_from_tcp = base_from_wobj * node.commanded;
+                course.push(Waypoint { lead, base_from_tcp, motor, zone, ..*waypoint }, i, node.share);
+            }
+            let lead = match waypoint.lead {
+                Lead::Arc(_) => Lead::Arc(base_from_wobj * commanded.poses[i - 1]),
+                lead => lead,
+            };
+            let base_from_tcp = base_from_wobj * commanded.poses[i];
+            course.push(Waypoint { lead, base_from_tcp, motor: commanded.steps[i].motor, ..*waypoint }, i, 1.0);
+        }
+        course
+    }
+
+    /// The target that the way to a waypoint begins at, and the share of the way into the waypoint's target that is behind it there.
+    fn begins(&self, waypoint: usize) -> (usize, f64) {
+        let (before, target) = (waypoint - 1, self.targets[waypoint]);
+        if self.targets[before] != target {
+            return (self.targets[before], 0.0);
+        }
+        let from = self.targets[..before].partition_point(|other| *other < target);
+        (self.targets[from.saturating_sub(1)], self.shares[before])
+    }
+
+    /// For each waypoint the number of its stretch: consecutive ways with one tool, work object and speed, whose loads go on from each other.
+    /// What a way from stock meets changes along it.
+    fn stretches(&self, prepared: &Prepared) -> Vec<usize> {
+        let goes_on = |waypoint: usize| {
+            let [before, here] = [waypoint - 1, waypoint].map(|at| &prepared.points[self.targets[at]]);
+            before.setting == here.setting
+                && self.waypoints[waypoint - 1].feed.total_cmp(&self.waypoints[waypoint].feed).is_eq()
+                && before.milled.is_none()
+                && here.milled.is_none()
+                && before.part.is_none()
+                && here.part.is_none()
+                && before.load.is_near(&here.load)
+        };
+        let mut stretch = 0;
+        let number = |waypoint: usize| {
+            stretch += usize::from(waypoint > 0 && !goes_on(waypoint));
+            stretch
+        };
+        (0..self.waypoints.len()).map(number).collect()
     }
 
     /// What is said about it, once.
@@ -345,59 +426,117 @@ pub(super) struct Original<'a> {
 }
 
 /// Puts the path that the controller drives in place of the ways as they are written, where the cell has the law of its controller:
-/// the rows' [`path`](super::Row::path), and how long the program runs. Where that path cannot be computed, a note says why.
+/// the rows' [`path`](super::Row::path), and how long the program runs.
+///
+/// # Errors
+/// That path cannot be computed: a note says why. Targets without an answer say so themselves.
 pub(super) fn follow_law(
     corrected: &mut Corrected,
-    program: &Program,
-    cell: &Cell,
-    options: &Options,
+    prepared: &mut Prepared,
+    context: Context<'_>,
     original: Option<Original<'_>>,
-) {
-    if cell.controller.path.is_none() || !corrected.failures.is_empty() {
-        return;
+) -> Result<(), Vec<Diagnostic>> {
+    let Context { program, cell, options, .. } = context;
+    if !corrected.failures.is_empty() {
+        return Err(Vec::new());
     }
     let motions = original.as_ref().and_then(|original| original.motions.as_ref());
     let motion_of = |motion: usize| motions.and_then(|motions| motions.get(motion)).copied().unwrap_or(motion);
-    let base = original.as_ref().map_or(program, |original| original.program);
-    let judged = || -> Result<(DrivenWays, Vec<Diagnostic>), Vec<Diagnostic>> {
-        let mut prepared = Prepared::new(base, cell, options)?;
-        let course = Course::new(base, cell, &prepared)?;
-        let path = match original {
-            Some(_) => loaded_path(program, cell, options)?,
-            None => loaded_along(&mut prepared, program, cell)?,
-        };
-        Ok((driven_ways(&prepared, &course, &cell.arm.robot, &path, &motion_of), path.notes))
-    };
-    match judged() {
-        Ok((driven, notes)) => {
-            let ends: Vec<u32> =
-                program.targets.iter().filter(|target| target.is_end()).map(|target| target.ordinal).collect();
-            for row in corrected.rows.iter_mut().filter(|row| row.is_solved()) {
-                let Ok(motion) = ends.binary_search(&row.target) else { continue };
-                // What is left on a way is said once, at its end.
-                let is_last = motion + 1 >= ends.len() || motion_of(motion + 1) != motion_of(motion);
-                match driven.ways[motion_of(motion)] {
-                    Some(way) if is_last => row.path = Some(way),
-                    // Of the way to an added target, too.
-                    Some(_) if original.is_some() => row.path = Some(PathDeviation::default()),
-                    _ => {}
-                }
-                // The points of a corrected program are moved on purpose: what counts is where the path passes the original's, and
-                // how far it is from the original's way where it passes one that was added.
-                let passes = if is_last {
-                    driven.missed[motion_of(motion)]
-                } else {
-                    driven.passed.get(motion).copied().flatten()
-                };
-                if let Some(off) = passes.filter(|_| original.is_some()) {
-                    row.error_mm = (1e3 * off).into();
-                }
+    let mut judged = || -> Result<(DrivenWays, Vec<Diagnostic>), Vec<Diagnostic>> {
+        let (path, ways);
+        match &original {
+            Some(original) => {
+                let prepared = Prepared::new(original.program, cell, options)?;
+                let course = Course::new(original.program, cell, &prepared)?;
+                let mut own = Prepared::new(program, cell, options)?;
+                let driven = Course::new(program, cell, &own)?;
+                path = loaded_along(&mut own, driven, context, Sampling::Sparse)?;
+                ways = driven_ways(&prepared, &course, &cell.arm.robot, &path, &motion_of);
             }
-            corrected.driven = Some(DrivenSummary { programmed: driven.figures, corrected: None, tolerance_mm: None });
-            corrected.notes.extend(notes);
+            None => {
+                let course = Course::new(program, cell, prepared)?;
+                path = loaded_along(prepared, course, context, Sampling::Sparse)?;
+                ways = driven_ways(prepared, &path.course, &cell.arm.robot, &path, &motion_of);
+            }
         }
-        Err(errors) => corrected.notes.extend(errors.into_iter().next().map(as_written)),
+        Ok((ways, path.course.notes(program, cell)))
+    };
+    let (driven, notes) = judged().map_err(|errors| errors.into_iter().take(1).map(as_written).collect::<Vec<_>>())?;
+    let ends: Vec<u32> = program.targets.iter().filter(|target| target.is_end()).map(|target| target.ordinal).collect();
+    for row in corrected.rows.iter_mut().filter(|row| row.is_solved()) {
+        let Ok(motion) = ends.binary_search(&row.target) else { continue };
+        // What is left on a way is said once, at its end.
+        let is_last = motion + 1 >= ends.len() || motion_of(motion + 1) != motion_of(motion);
+        match driven.ways[motion_of(motion)] {
+            Some(way) if is_last => row.path = Some(way),
+            // Of the way to an added target, too.
+            Some(_) if original.is_some() => row.path = Some(PathDeviation::default()),
+            _ => {}
+        }
+        // The points of a corrected program are moved on purpose: what counts is where the path passes the original's, and
+        // how far it is from the original's way where it passes one that was added.
+        let passes =
+            if is_last { driven.missed[motion_of(motion)] } else { driven.passed.get(motion).copied().flatten() };
+        if let Some(off) = passes.filter(|_| original.is_some()) {
+            row.error_mm = (1e3 * off).into();
+        }
     }
+    corrected.driven = Some(DrivenSummary { programmed: driven.figures, corrected: None, tolerance_mm: None });
+    corrected.notes.extend(notes);
+    Ok(())
+}
+
+/// What the controller makes of the ways of a corrected program.
+pub(super) struct Judged {
+    after: DrivenWays,
+    /// Index of the target that each of them leads to.
+    targets: Vec<usize>,
+    pub(super) summary: DrivenSummary,
+    pub(super) notes: Vec<Diagnostic>,
+}
+
+impl Judged {
+    /// Puts what is left on the driven ways into columns of targets.
+    pub(super) fn fill(&self, paths: &mut [Option<PathDeviation>]) {
+        for (way, &target) in self.after.ways.iter().zip(&self.targets) {
+            paths[target] = way.or(paths[target]);
+        }
+    }
+}
+
+/// Drives a program along its own targets and along its corrected ones.
+///
+/// # Errors
+/// That path cannot be computed: a note says why.
+pub(super) fn judge_corrected(
+    context: Context<'_>,
+    prepared: &mut Prepared,
+    commanded: &Commanded,
+) -> Result<Judged, Vec<Diagnostic>> {
+    let Context { program, cell, .. } = context;
+    let mut judged = || -> Result<Judged, Vec<Diagnostic>> {
+        let robot = &cell.arm.robot;
+        let course = Course::new(program, cell, prepared)?;
+        let path = loaded_along(prepared, course, context, Sampling::Sparse)?;
+        let before = driven_ways(prepared, &path.course, robot, &path, &|waypoint| waypoint);
+        let course = path.course;
+        let sent = course.corrected(program, cell, prepared, commanded);
+        let corrected = loaded_along(prepared, sent, context, Sampling::Sparse)?;
+        let mut waypoint = 0;
+        let origin = |target: &usize| {
+            while course.targets[waypoint] < *target {
+                waypoint += 1;
+            }
+            waypoint
+        };
+        let origins: Vec<usize> = corrected.course.targets.iter().map(origin).collect();
+        let waypoint_of = |sent: usize| origins.get(sent).copied().unwrap_or(sent);
+        let after = driven_ways(prepared, &course, robot, &corrected, &waypoint_of);
+        let summary = DrivenSummary { programmed: before.figures, corrected: Some(after.figures), tolerance_mm: None };
+        let notes = course.notes(program, cell);
+        Ok(Judged { after, targets: course.targets, summary, notes })
+    };
+    judged().map_err(|errors| errors.into_iter().take(1).map(as_written).collect())
 }
 
 /// Says why corners are taken as written although the cell has the law of its controller.
@@ -411,16 +550,27 @@ pub(super) fn as_written(error: Diagnostic) -> Diagnostic {
 /// # Errors
 /// What [`Prepared::new`] and [`Course::new`] refuse; a place on the way that is out of reach or has no equilibrium.
 pub fn loaded_path(program: &Program, cell: &Cell, options: &Options) -> Result<LoadedPath, Vec<Diagnostic>> {
-    loaded_along(&mut Prepared::new(program, cell, options)?, program, cell)
+    let mut prepared = Prepared::new(program, cell, options)?;
+    let course = Course::new(program, cell, &prepared)?;
+    let path = loaded_along(&mut prepared, course, Context::whole(program, cell, options), Sampling::All)?;
+    Ok(LoadedPath { samples: path.samples, notes: path.course.notes(program, cell) })
 }
 
-/// The same of a program that is prepared.
+/// A course as it is driven by the loaded arm.
+pub(super) struct LoadedCourse {
+    pub(super) course: Course,
+    samples: Vec<LoadedSample>,
+}
+
+/// The same along a course of a program that is prepared.
 pub(super) fn loaded_along(
     prepared: &mut Prepared,
-    program: &Program,
-    cell: &Cell,
-) -> Result<LoadedPath, Vec<Diagnostic>> {
-    let mut motion = DrivenMotion::new(program, cell, prepared)?;
+    course: Course,
+    context: Context<'_>,
+    sampling: Sampling,
+) -> Result<LoadedCourse, Vec<Diagnostic>> {
+    let Context { program, cell, .. } = context;
+    let mut motion = DrivenMotion::along(course, context, prepared, sampling)?;
     let mut samples: Vec<LoadedSample> = Vec::with_capacity(motion.samples.len());
     for from in (0..motion.samples.len()).step_by(BATCH) {
         let batch: Vec<usize> = (from..motion.samples.len().min(from + BATCH)).collect();
@@ -483,7 +633,7 @@ pub(super) fn loaded_along(
         let after = neighbour(Some(i + 1)).unwrap_or(i);
         samples[i].feed = speed(&samples[before], &samples[after]).unwrap_or(0.0);
     }
-    Ok(LoadedPath { samples, notes: motion.course.notes(program, cell) })
+    Ok(LoadedCourse { course: motion.course, samples })
 }
 
 /// What the load makes of a driven pose.
@@ -551,7 +701,7 @@ pub(super) fn driven_ways(
     prepared: &Prepared,
     course: &Course,
     robot: &Robot,
-    path: &LoadedPath,
+    path: &LoadedCourse,
     waypoint_of: &(dyn Fn(usize) -> usize + Sync),
 ) -> DrivenWays {
     let programmed = ProgrammedPath::new(robot, &course.waypoints);
@@ -586,18 +736,33 @@ pub(super) fn driven_ways(
     }
     let about = |sample: &LoadedSample| waypoint_of(sample.waypoint);
     let mut missed = vec![None; ways.len()];
+    let (mut from, mut to) = (0, 0);
     for (i, way) in ways.iter_mut().enumerate() {
         let Some(way) = way else { continue };
-        if driven_length[i] > 0.0 {
-            way.mean_square_mm2 /= driven_length[i];
-        }
         // A corner that the path does not come near is missed, however near the path is to both ways.
-        let from = path.samples.partition_point(|sample| about(sample) < i);
-        let to = path.samples.partition_point(|sample| about(sample) <= (i + 1).min(course.waypoints.len()));
+        let is_about =
+            |sample: usize, most: usize| path.samples.get(sample).is_some_and(|sample| about(sample) <= most);
+        while i > 0 && is_about(from, i - 1) {
+            from += 1;
+        }
+        while is_about(to, i + 1) {
+            to += 1;
+        }
         let corner = &course.waypoints[i].base_from_tcp.translation.vector;
         let back = prepared.base_from_wobj(course.targets[i]).rotation.inverse();
-        missed[i] = nearest_between(corner, &places[from.saturating_sub(1)..to]).map(|(vector, _)| back * vector);
-        way.max_mm = way.max_mm.max(missed[i].map_or(0.0, |missed| 1e3 * missed.norm()));
+        // From the last sample before both ways to the first one after them.
+        let places = &places[from.saturating_sub(1)..(to + 1).min(places.len())];
+        missed[i] = nearest_between(corner, places).map(|(vector, _)| back * vector);
+        let off = |corner: Option<usize>| corner.and_then(|i| missed[i]).map_or(0.0, |missed| 1e3 * missed.norm());
+        let [begin, end] = [off(i.checked_sub(1)), off(Some(i))];
+        if driven_length[i] > 0.0 {
+            way.mean_square_mm2 /= driven_length[i];
+        } else {
+            // No sample is on it: what is left changes evenly from corner to corner.
+            way.max_mm = begin;
+            way.mean_square_mm2 = (begin * begin + begin * end + end * end) / 3.0;
+        }
+        way.max_mm = way.max_mm.max(end);
         way.way_mm = way.max_mm;
     }
     let counted = ways.iter().zip(&counts).filter(|(_, counts)| **counts).filter_map(|(way, _)| way.as_ref());
@@ -662,6 +827,8 @@ pub(super) struct DrivenMotion<'a> {
     arm: &'a Arm,
     course: Course,
     samples: Vec<DrivenSample>,
+    /// The flange at each sample, base frame, m.
+    flanges: Vec<Pose>,
     /// Speed of the TCP at each sample over the programmed one, 0 to 1.
     speeds: Vec<f64>,
     feeds: DrivenFeeds,
@@ -680,18 +847,35 @@ pub(super) struct DrivenPoint {
 }
 
 impl<'a> DrivenMotion<'a> {
-    /// The motion along a program, by the law of the cell's controller; without a law corners are driven as written.
+    /// The motion along a course, by the law of the cell's controller; without a law corners are driven as written.
     ///
     /// # Errors
-    /// What [`Course::new`] refuses; a place on the way that is out of reach.
-    pub(super) fn new(program: &'a Program, cell: &'a Cell, prepared: &Prepared) -> Result<Self, Vec<Diagnostic>> {
-        let course = Course::new(program, cell, prepared)?;
+    /// A place on the way is out of reach; the motion takes too long.
+    pub(super) fn along(
+        course: Course,
+        Context { program, cell, .. }: Context<'a>,
+        prepared: &Prepared,
+        sampling: Sampling,
+    ) -> Result<Self, Vec<Diagnostic>> {
         let law = cell.controller.path.map_or(PathLaw::AS_WRITTEN, |path| path.law);
         let arm = &cell.arm;
-        let samples = drive(&arm.robot, &law, &course.waypoints).map_err(|error| course.refused(program, error))?;
-        let speeds = speeds(&course, &arm.robot, &samples);
+        let route = timeline(&arm.robot, &law, &course.waypoints).map_err(|error| course.refused(program, error))?;
+        let samples = match sampling {
+            Sampling::All => route.samples(),
+            Sampling::Sparse => {
+                let stretches = course.stretches(prepared);
+                // On one stretch, the equilibria decide.
+                let longest = |from: usize, to: usize| match stretches.get(from) == stretches.get(to) {
+                    true => SOLVED_EVERY / course.waypoints[from.min(course.waypoints.len() - 1)].feed,
+                    false => 0.0,
+                };
+                route.sparse_samples(&longest)
+            }
+        };
+        let flanges: Vec<Pose> = samples.par_iter().map(|sample| arm.robot.forward(&sample.motor)).collect();
+        let speeds = speeds(&course, &samples, &flanges);
         let feeds = DrivenFeeds::new(&prepared.shared.laws);
-        Ok(Self { program, arm, course, samples, speeds, feeds, last: None })
+        Ok(Self { program, arm, course, samples, flanges, speeds, feeds, last: None })
     }
 
     pub(super) fn course(&self) -> &Course {
@@ -713,7 +897,7 @@ impl<'a> DrivenMotion<'a> {
 
     /// Where a sample leads the tool of a setting, in its work object.
     pub(super) fn pose(&self, setting: &Setting, sample: usize) -> Pose {
-        setting.wobj_from_tcp(&self.arm.robot.forward(&self.samples[sample].motor))
+        setting.wobj_from_tcp(&self.flanges[sample])
     }
 
     /// Speed of the TCP at a sample over the programmed one, 0 to 1.
@@ -746,7 +930,9 @@ impl<'a> DrivenMotion<'a> {
         points: &mut Vec<DrivenPoint>,
     ) {
         let Some(waypoint) = samples.first().map(|i| self.samples[*i].waypoint) else { return };
-        let (begin, end) = (self.course.targets[waypoint - 1], self.course.targets[waypoint]);
+        let end = self.course.targets[waypoint];
+        let (begin, gone) = self.course.begins(waypoint);
+        let share = |own: f64| gone + (self.course.shares[waypoint] - gone) * own;
         let from = &prepared.points[begin];
         let start = Start {
             point: from.clone(),
@@ -762,12 +948,13 @@ impl<'a> DrivenMotion<'a> {
             let (sample, speed) = (&self.samples[*i], self.speeds[*i]);
             let driven = self.pose(prepared.setting(end), *i);
             let mut point = match &segment {
-                Some(segment) => segment.at_speed(sample.share, speed),
+                Some(segment) => segment.at_speed(share(sample.share), speed),
                 // Joint motions do not cut and have no programmed path: the reference is where they lead.
                 None => Point { reference: driven, ..prepared.points[end].clone() },
             };
             let shift = driven.translation.vector - point.reference.translation.vector;
-            let aside = segment.as_ref().map_or(0.0, |segment| segment.track.across(sample.share, &shift).norm());
+            let aside =
+                segment.as_ref().map_or(0.0, |segment| segment.track.across(share(sample.share), &shift).norm());
             let held =
                 last.map_or_else(|| point.travel, |(before, held)| self.arm.travel(&before, &sample.motor, &held));
             *last = Some((sample.motor, held));
@@ -779,8 +966,7 @@ impl<'a> DrivenMotion<'a> {
 }
 
 /// The speed of the TCP at each sample over the programmed one, 0 to 1.
-fn speeds(course: &Course, robot: &Robot, driven: &[DrivenSample]) -> Vec<f64> {
-    let flanges: Vec<Pose> = driven.par_iter().map(|sample| robot.forward(&sample.motor)).collect();
+fn speeds(course: &Course, driven: &[DrivenSample], flanges: &[Pose]) -> Vec<f64> {
     let share = |i: usize| {
         let tool = &course.waypoints[driven[i].waypoint].flange_from_tcp;
         let [before, after] = [i.saturating_sub(1), (i + 1).min(driven.len() - 1)];

@@ -13,7 +13,7 @@
 
 use super::against::{self, Original};
 use super::collected::Collected;
-use super::context::Context;
+use super::context::{Context, Ways};
 use super::corrected::Corrected;
 use super::correction::{self, Correction};
 use super::deviation::{self, Commanded, WalkedPath};
@@ -51,20 +51,27 @@ pub fn predict(
     if removal::run(context, &mut prepared, (Cuts::Deflected, &cell.arm))?.is_some() {
         original.settle(&mut prepared, &cell.arm);
     }
-    let (order, stages) = (Order::default(), Stages::new(carried::Carried::new(cell)));
-    let predicted = stages.predict(context, &order.turn(0), &prepared, &original);
-    let mut predicted = predicted.map_err(Unsolved::from).map_err(Unsolved::refused)?.with_repeated();
-    let motions = match &original {
-        Original::Subdivided(subdivided) => Some(subdivided.motions(program)),
-        Original::Itself | Original::Alike => None,
+    let rows = |prepared: &Prepared, ways: Ways| {
+        let (order, stages) = (Order::default(), Stages::new(carried::Carried::new(cell)));
+        let predicted = stages.predict(Context { ways, ..context }, &order.turn(0), prepared, &original);
+        Ok::<_, Vec<Diagnostic>>(predicted.map_err(Unsolved::from).map_err(Unsolved::refused)?.with_repeated())
     };
-    driven::follow_law(
-        &mut predicted,
-        program,
-        cell,
-        options,
-        against.map(|program| driven::Original { program, motions }),
-    );
+    if cell.controller.path.is_none() {
+        return rows(&prepared, Ways::Written);
+    }
+    let (ways, motions) = match &original {
+        Original::Itself => (Ways::Driven, None),
+        Original::Alike => (Ways::Written, None),
+        Original::Subdivided(subdivided) => (Ways::Written, Some(subdivided.motions(program))),
+    };
+    let mut predicted = rows(&prepared, ways)?;
+    let judged_by = against.map(|program| driven::Original { program, motions });
+    if let Err(why) = driven::follow_law(&mut predicted, &mut prepared, context, judged_by) {
+        if ways == Ways::Driven {
+            predicted = rows(&prepared, Ways::Written)?;
+        }
+        predicted.notes.extend(why);
+    }
     Ok(predicted)
 }
 
@@ -75,7 +82,13 @@ pub fn predict(
 /// # Errors
 /// What [`Prepared::new`] refuses. Targets without an answer are in [`Corrected::failures`].
 pub fn compensate(program: &Program, cell: &Cell, options: &Options) -> Result<Corrected, Vec<Diagnostic>> {
-    let context = Context::whole(program, cell, options);
+    let is_driven = cell.controller.path.is_some() && program.language.is_edited();
+    let ways = if is_driven { Ways::Driven } else { Ways::Written };
+    compensate_in(Context { ways, ..Context::whole(program, cell, options) })
+}
+
+/// The same in a context.
+pub(super) fn compensate_in(context: Context<'_>) -> Result<Corrected, Vec<Diagnostic>> {
     let (order, stages) = (Order::default(), Stages::new(free_turn::carried(context)?));
     Ok(stages.correct(context, &order.turn(0)).map_err(Unsolved::refused)?.with_repeated())
 }
@@ -164,11 +177,28 @@ impl<'a> Stages<'a> {
         let last = before.as_ref();
         let way = WalkedPath { program, prepared: &prepared, commanded: &commanded, last };
         commanded.nodes = stops.place(&way, &context.cell.arm);
+        let driven = match context.ways {
+            Ways::Driven => Some(driven::judge_corrected(context, &mut prepared, &commanded)),
+            Ways::Written => None,
+        };
         let way = WalkedPath { program, prepared: &prepared, commanded: &commanded, last };
         let near = |i: usize| correction.nearby(i);
         let solver = Solver::new(&context.cell.arm, &prepared, context.parallelism);
-        let paths = deviation::measure(&way, &solver, &near).whole(&commanded.nodes);
-        Ok(self.rows(context, turn, &way, paths, Some(correction))?)
+        let ways = if matches!(driven, Some(Ok(_))) { Ways::Driven } else { Ways::Written };
+        let mut paths = deviation::measure(&way, &solver, &near, ways).whole(&commanded.nodes);
+        if let Some(Ok(driven)) = &driven {
+            driven.fill(&mut paths);
+        }
+        let mut corrected = self.rows(context, turn, &way, paths, Some(correction))?;
+        match driven {
+            Some(Ok(driven)) => {
+                corrected.driven = Some(driven.summary);
+                corrected.notes.extend(driven.notes);
+            }
+            Some(Err(why)) => corrected.notes.extend(why),
+            None => {}
+        }
+        Ok(corrected)
     }
 
     /// All stages but `solve`, of a program that is prepared.
@@ -187,7 +217,9 @@ impl<'a> Stages<'a> {
         let way = WalkedPath { program, prepared, commanded: &commanded, last: before.as_ref() };
         let paths = match original {
             Original::Subdivided(subdivided) => subdivided.measure(prepared, &commanded.landed, context),
-            Original::Itself | Original::Alike => deviation::measure(&way, &solver, &|_| WarmStart::default()).targets,
+            Original::Itself | Original::Alike => {
+                deviation::measure(&way, &solver, &|_| WarmStart::default(), context.ways).targets
+            }
         };
         let moved_mm = if matches!(original, Original::Itself) { Vec::new() } else { prepared.moved_mm() };
         Ok(Corrected { moved_mm, ..self.rows(context, turn, &way, paths, None)? })

@@ -141,13 +141,17 @@ impl Options {
     }
 }
 
-/// Whether a program can only be corrected as a whole: it cuts a stock, the law of its controller leads along all of it, or its turns about the tool axis are still to be chosen
-/// along it.
+/// Whether programs of a cell can only be corrected as a whole: they cut a stock, or the law of their controller leads along all of them.
+#[must_use]
+pub fn holds_whole(cell: &Cell) -> bool {
+    cell.stock.is_some() || cell.controller.path.is_some()
+}
+
+/// Whether a program can only be corrected as a whole: that is so in its cell, or its turns about the tool axis are still to be chosen along
+/// it.
 fn is_held_whole(cell: &Cell, options: &Options) -> bool {
     let stiffest = cell.cl.as_ref().is_some_and(|cl| cl.spin.rule == SpinRule::Stiffest);
-    cell.stock.is_some()
-        || cell.controller.path.is_some()
-        || (options.turns.is_none() && (options.free_spin || stiffest))
+    holds_whole(cell) || (options.turns.is_none() && (options.free_spin || stiffest))
 }
 
 /// A program with everything solved before its equilibria: for callers that have questions of their own, such as

@@ -5,8 +5,9 @@
 //! What comes of both is judged on the final text: the path that the controller drives and the loaded arm takes, against the path
 //! of the program as it was given.
 
-use super::driven::{Course, DrivenWays, as_written, driven_ways, loaded_along, loaded_path};
-use super::line::compensate;
+use super::context::Context;
+use super::driven::{Course, DrivenWays, Sampling, driven_ways, loaded_along};
+use super::line::compensate_in;
 use super::{Corrected, Options, Prepared, Row, frames};
 use crate::cell::{Cell, ControllerPath};
 use crate::drive::{CommandedMotion, DriveError, Freedom, ShapedCommand, Wanted, shape};
@@ -31,9 +32,8 @@ const NAMED: usize = 5;
 /// A program that was corrected for its driven path.
 #[derive(Debug)]
 pub struct DrivenCompensation {
-    /// The program before the deflection is corrected, where that is not the one that was given: [`Corrected::rewritten`] has edits
-    /// of its sources.
-    pub program: Option<Program>,
+    /// The program before the deflection is corrected: [`Corrected::rewritten`] has edits of its sources.
+    pub program: Program,
     /// What became of it; the rows are those of the program as it was given.
     pub corrected: Corrected,
 }
@@ -62,17 +62,16 @@ pub struct DrivenSummary {
 }
 
 /// Corrects a program so that the path that the cell's controller drives, and the loaded arm takes, stays within a tolerance (m)
-/// of the programmed one. Without a tolerance, the deflection is corrected and what the controller makes of the ways is judged.
+/// of the programmed one.
 ///
 /// # Errors
-/// What [`compensate`] and [`Course::new`] refuse; a cell without the law of its controller; CL data, which are not edited.
+/// What [`compensate`](super::compensate) and [`Course::new`] refuse; a cell without the law of its controller; CL data, which are not edited.
 pub fn compensate_driven(
     program: &Program,
     cell: &Cell,
     options: &Options,
-    tolerance: Option<f64>,
+    tolerance: f64,
 ) -> Result<DrivenCompensation, Vec<Diagnostic>> {
-    let Some(tolerance) = tolerance else { return as_it_is(program, cell, options) };
     let name = program.sources.first().map_or("", |source| &source.name);
     let refuse = |code, message: &str, help: &str| vec![Diagnostic::error(code, name, message.to_owned()).help(help)];
     let Some(path) = cell.controller.path else {
@@ -90,9 +89,9 @@ pub fn compensate_driven(
     let given = Given { program, cell, options, prepared: &prepared, course: &course, path, tolerance };
     let shaped = given.shaped()?;
     // Targets that are inserted for the deflection are inserted between those of the shaped program.
-    let mut corrected = compensate(&shaped.program, cell, options)?;
+    let mut corrected = compensate_in(Context::whole(&shaped.program, cell, options))?;
     if !corrected.failures.is_empty() {
-        return Ok(DrivenCompensation { program: Some(shaped.program), corrected });
+        return Ok(DrivenCompensation { program: shaped.program, corrected });
     }
     let before = given.judged(program, &[])?;
     let edits = corrected.rewritten.as_ref().map_or(&[][..], |rewritten| &rewritten.edits);
@@ -100,56 +99,7 @@ pub fn compensate_driven(
     let further = inserted_before(&shaped.program, corrected.rewritten.as_ref());
     let after = given.judged(&written, &given.origins(&shaped, &further))?;
     given.tell(&shaped, &mut corrected, &before, &after);
-    Ok(DrivenCompensation { program: Some(shaped.program), corrected })
-}
-
-/// Corrects the deflection alone, and judges the path that the controller drives along the corrected program.
-fn as_it_is(program: &Program, cell: &Cell, options: &Options) -> Result<DrivenCompensation, Vec<Diagnostic>> {
-    let mut corrected = compensate(program, cell, options)?;
-    if program.language.is_edited() && corrected.failures.is_empty() {
-        let edits = corrected.rewritten.as_ref().map_or(&[][..], |rewritten| &rewritten.edits);
-        let written = edited(program, edits)?;
-        let inserted = inserted_before(program, corrected.rewritten.as_ref());
-        let motions = inserted.iter().enumerate().flat_map(|(i, inserted)| vec![i; inserted + 1]).collect();
-        judge_corrected(&mut corrected, program, cell, options, (&written, motions));
-    }
-    Ok(DrivenCompensation { program: None, corrected })
-}
-
-/// Completes the rows of a corrected program by the path that its controller drives along what is written. `motions` has the motion
-/// of the program on whose way each written one is.
-fn judge_corrected(
-    corrected: &mut Corrected,
-    program: &Program,
-    cell: &Cell,
-    options: &Options,
-    (written, motions): (&Program, Vec<usize>),
-) {
-    let judged = || -> Result<([DrivenWays; 2], Vec<Diagnostic>), Vec<Diagnostic>> {
-        let mut prepared = Prepared::new(program, cell, options)?;
-        let course = Course::new(program, cell, &prepared)?;
-        let robot = &cell.arm.robot;
-        let path = loaded_along(&mut prepared, program, cell)?;
-        let before = driven_ways(&prepared, &course, robot, &path, &|motion| motion);
-        let motion_of = |motion: usize| motions.get(motion).copied().unwrap_or(motion);
-        let after = driven_ways(&prepared, &course, robot, &loaded_path(written, cell, options)?, &motion_of);
-        Ok(([before, after], course.notes(program, cell)))
-    };
-    match judged() {
-        Ok(([before, after], notes)) => {
-            corrected.notes.extend(notes);
-            let ends: Vec<u32> =
-                program.targets.iter().filter(|target| target.is_end()).map(|target| target.ordinal).collect();
-            for row in corrected.rows.iter_mut().filter(|row| row.is_solved()) {
-                if let Ok(motion) = ends.binary_search(&row.target) {
-                    row.path = after.ways[motion].or(row.path);
-                }
-            }
-            corrected.driven =
-                Some(DrivenSummary { programmed: before.figures, corrected: Some(after.figures), tolerance_mm: None });
-        }
-        Err(errors) => corrected.notes.extend(errors.into_iter().next().map(as_written)),
-    }
+    Ok(DrivenCompensation { program: shaped.program, corrected })
 }
 
 /// A program as it was given, and the options of the run.
@@ -326,7 +276,10 @@ impl Given<'_> {
     /// How a program is driven, against the path of the given one; each of its motions belongs to the waypoint in `origins`, which
     /// is empty for the given program itself.
     fn judged(&self, program: &Program, origins: &[usize]) -> Result<DrivenWays, Vec<Diagnostic>> {
-        let path = loaded_path(program, self.cell, self.options)?;
+        let mut prepared = Prepared::new(program, self.cell, self.options)?;
+        let course = Course::new(program, self.cell, &prepared)?;
+        let context = Context::whole(program, self.cell, self.options);
+        let path = loaded_along(&mut prepared, course, context, Sampling::Sparse)?;
         let waypoint_of = |waypoint: usize| origins.get(waypoint).copied().unwrap_or(waypoint);
         Ok(driven_ways(self.prepared, self.course, &self.cell.arm.robot, &path, &waypoint_of))
     }

@@ -8,10 +8,42 @@ use nalgebra::Vector3;
 /// corner at milling speeds.
 const REACH: f64 = 0.03;
 
+/// Consecutive ways whose tracks are passed over at once where none of them is near.
+const TOGETHER: usize = 8;
+
 /// The programmed lines and arcs.
 pub(crate) struct ProgrammedPath {
     /// The way to each waypoint; `None` of joint motions, which have no programmed path, and of the first waypoint.
     tracks: Vec<Option<Track>>,
+    /// Length of the path up to the end of each way, m; a way without a track is longer than [`REACH`].
+    along: Vec<f64>,
+    /// Around each [`TOGETHER`] ways.
+    balls: Vec<Ball>,
+}
+
+/// Around a part of a path.
+#[derive(Clone, Copy)]
+struct Ball {
+    centre: Vector3<f64>,
+    radius: f64,
+}
+
+impl Ball {
+    /// No place of a curve is farther from its middle than half its length.
+    fn around(track: &Track) -> Self {
+        Self { centre: track.place(0.5), radius: 0.5 * track.length() }
+    }
+
+    /// Around several; `None` around nothing.
+    fn around_all(balls: &[Self]) -> Option<Self> {
+        let centre = balls.iter().map(|ball| ball.centre).sum::<Vector3<f64>>() / balls.len() as f64;
+        let radius = balls.iter().map(|ball| (ball.centre - centre).norm() + ball.radius).reduce(f64::max)?;
+        Some(Self { centre, radius })
+    }
+
+    fn is_within(&self, distance: f64, place: &Vector3<f64>) -> bool {
+        (place - self.centre).norm_squared() < (self.radius + distance).powi(2)
+    }
 }
 
 /// Where a place lies off the programmed path.
@@ -27,14 +59,27 @@ impl ProgrammedPath {
     pub(crate) fn new(robot: &Robot, waypoints: &[Waypoint]) -> Self {
         let track = |i: usize| {
             let (from, to) = (&waypoints[i.checked_sub(1)?], &waypoints[i]);
-            let start = robot.forward(&from.motor) * to.flange_from_tcp;
+            let start = from.start_of(robot, to);
             match &to.lead {
                 Lead::Line => Some(Track::line(&start, &to.base_from_tcp)),
                 Lead::Arc(via) => Some(Track::arc(&start, via, &to.base_from_tcp)),
                 Lead::Joints => None,
             }
         };
-        Self { tracks: (0..waypoints.len()).map(track).collect() }
+        let tracks: Vec<Option<Track>> = (0..waypoints.len()).map(track).collect();
+        let mut end = 0.0;
+        let lengths = tracks.iter().map(|track| track.as_ref().map_or(2.0 * REACH, Track::length));
+        let along = lengths.map(|length| {
+            end += length;
+            end
+        });
+        let along = along.collect();
+        let ball = |tracks: &[Option<Track>]| {
+            let balls: Vec<Ball> = tracks.iter().flatten().map(Ball::around).collect();
+            Ball::around_all(&balls).unwrap_or(Ball { centre: Vector3::zeros(), radius: f64::INFINITY })
+        };
+        let balls = tracks.chunks(TOGETHER).map(ball).collect();
+        Self { tracks, along, balls }
     }
 
     /// The line or arc that leads to a waypoint.
@@ -46,27 +91,32 @@ impl ProgrammedPath {
     /// the path.
     pub(crate) fn offset(&self, place: &Vector3<f64>, waypoint: usize) -> Option<Offset> {
         let mut best: Option<(f64, Offset)> = None;
-        let mut look = |track: &Track| {
+        let look = |track: &Track, best: &mut Option<(f64, Offset)>| {
             let share = track.nearest(place);
             let vector = place - track.place(share);
             let distance = vector.norm_squared();
             if best.as_ref().is_none_or(|(least, _)| distance < *least) {
                 let tangent = if share > 0.0 && share < 1.0 { track.tangent(share) } else { None };
-                best = Some((distance, Offset { vector, tangent }));
+                *best = Some((distance, Offset { vector, tangent }));
             }
         };
-        self.track(waypoint).into_iter().for_each(&mut look);
-        let mut within = |track: &Option<Track>, left: &mut f64| {
-            let Some(track) = track.as_ref().filter(|_| *left > 0.0) else { return false };
-            look(track);
-            *left -= track.length();
-            true
-        };
-        let (before, after) = self.tracks.split_at(waypoint.min(self.tracks.len()));
-        let mut left = REACH;
-        let _ = before.iter().rev().take_while(|track| within(track, &mut left)).count();
-        left = REACH;
-        let _ = after.iter().skip(1).take_while(|track| within(track, &mut left)).count();
+        self.track(waypoint).into_iter().for_each(|track| look(track, &mut best));
+        // The ways that begin or end within reach along the path.
+        let own = waypoint.min(self.along.len().saturating_sub(1));
+        let (begins, ends) = (self.along[own.saturating_sub(1)], self.along[own]);
+        let first = self.along[..own].partition_point(|along| begins - along >= REACH);
+        let mut way = first;
+        while way < self.along.len() && (way <= own || self.along[way - 1] - ends < REACH) {
+            let least = best.as_ref().map_or(f64::INFINITY, |(least, _)| least.sqrt());
+            if way % TOGETHER == 0 && !self.balls[way / TOGETHER].is_within(least, place) {
+                way += TOGETHER;
+                continue;
+            }
+            if let Some(track) = self.track(way).filter(|_| way != own) {
+                look(track, &mut best);
+            }
+            way += 1;
+        }
         best.map(|(_, offset)| offset)
     }
 }

@@ -33,6 +33,7 @@ pub(crate) use distance::{Offset, ProgrammedPath, nearest_between};
 pub use fit::{FittedLaw, LogError, fit_law};
 pub use log::{Log, LogSample};
 pub use shape::{AddedPoint, CommandedMotion, DrivenResult, Freedom, ShapedCommand, Wanted, shape};
+pub(crate) use smoothing::Timeline;
 pub(crate) use track::Track;
 
 use crate::robot::{Joints, Pose, Robot};
@@ -139,6 +140,16 @@ pub struct Waypoint {
     pub zone: Option<f64>,
 }
 
+impl Waypoint {
+    /// The TCP of the next motion where the arm stands here, base frame, m.
+    fn start_of(&self, robot: &Robot, next: &Self) -> Pose {
+        if self.flange_from_tcp == next.flange_from_tcp {
+            return self.base_from_tcp;
+        }
+        robot.forward(&self.motor) * next.flange_from_tcp
+    }
+}
+
 /// One moment of a driven path.
 #[derive(Clone, Copy, Debug)]
 pub struct DrivenSample {
@@ -172,10 +183,12 @@ pub const LONGEST_S: f64 = 86_400.0;
 /// # Errors
 /// A place on the way is out of reach, or the path is too long to be sampled.
 pub fn drive(robot: &Robot, law: &PathLaw, waypoints: &[Waypoint]) -> Result<Vec<DrivenSample>, DriveError> {
+    Ok(timeline(robot, law, waypoints)?.samples())
+}
+
+/// The route of that path over time.
+pub(crate) fn timeline(robot: &Robot, law: &PathLaw, waypoints: &[Waypoint]) -> Result<Timeline, DriveError> {
     let route = Route::new(robot, law, waypoints)?;
-    let times = speed::times(law, &route);
-    if times.last().is_some_and(|end| *end > LONGEST_S) {
-        return Err(DriveError::TooLong);
-    }
-    Ok(smoothing::smoothed(law, &route, &times))
+    let times = speed::times(law, &route)?;
+    Ok(Timeline::new(law, &route, &times))
 }

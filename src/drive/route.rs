@@ -15,6 +15,10 @@ const FLAT: f64 = 1e-6;
 /// The tool turns by so much between two places, rad, unless that takes more than [`ENOUGH`] of them: with a lever of half a metre motor
 /// angles that run straight leave 0.5 µm.
 const TURN: f64 = 2.8e-3;
+/// Motor angles along a way of this length (m) and turn of the tool (rad) follow the parabola through its ends and its middle. On an arm of
+/// 1 m, and with a lever of half a metre, what is of third order leaves 0.3 µm.
+const PARABOLA: f64 = 1e-2;
+const PARABOLA_TURN: f64 = 0.04;
 /// Least length of a rounding over that of the ways that it rounds: the middle of a turn back has no length, and still takes time.
 const LEAST_SHARE: f64 = 0.05;
 /// A way shorter than this is none, m: below what any controller resolves.
@@ -25,6 +29,8 @@ const NO_WAY: f64 = 1e-9;
 pub(super) struct Knot {
     /// Motor angles, rad.
     pub(super) motor: Joints,
+    /// Of the TCP, base frame, m.
+    pub(super) place: Vector3<f64>,
     /// Length of the route from the place before, m; a reorientation counts as the length that takes as long at the feed.
     pub(super) length: f64,
     /// Largest speed from the place before to this one, m/s.
@@ -57,12 +63,15 @@ struct Way<'w> {
     radius: f64,
     /// Whether the speed changes at its start, and at its end.
     changes: [bool; 2],
+    /// By what the motor angles in its middle differ from the mean of those at its ends, rad, where it is so short that they follow a
+    /// parabola.
+    bow: Option<Joints>,
 }
 
 impl<'w> Way<'w> {
     fn new(robot: &Robot, from: &'w Waypoint, to: &'w Waypoint, index: usize) -> Self {
         // The tool of the motion is that of its end.
-        let start = robot.forward(&from.motor) * to.flange_from_tcp;
+        let start = from.start_of(robot, to);
         let track = match &to.lead {
             Lead::Line => Some(Track::line(&start, &to.base_from_tcp)),
             Lead::Arc(via) => Some(Track::arc(&start, via, &to.base_from_tcp)),
@@ -70,18 +79,33 @@ impl<'w> Way<'w> {
         };
         let chord = (to.base_from_tcp.translation.vector - start.translation.vector).norm();
         let straight = track.as_ref().map_or(chord, Track::length);
-        let turn = turn_between(&start.rotation, &to.base_from_tcp.rotation).norm();
+        let turn = match track.as_ref().filter(|track| !track.is_arc()) {
+            Some(line) => line.turn(),
+            None => turn_between(&start.rotation, &to.base_from_tcp.rotation).norm(),
+        };
         let length = straight.max(turn * to.feed / REORIENTATION_RAD_S);
-        Self { from, to, index, track, length, turn, radius: 0.0, changes: [true; 2] }
+        let mut way = Self { from, to, index, track, length, turn, radius: 0.0, changes: [true; 2], bow: None };
+        if length <= PARABOLA && turn <= PARABOLA_TURN {
+            let mean = (from.motor + to.motor) / 2.0;
+            let is_straight = way.track.is_none() || length <= STEP && turn <= TURN;
+            way.bow = if is_straight {
+                Some(Joints::zeros())
+            } else {
+                way.motor(robot, 0.5, &mean).ok().map(|motor| motor - mean)
+            };
+        }
+        way
     }
 
     /// Motor angles at a share of the way, near known ones.
     fn motor(&self, robot: &Robot, share: f64, near: &Joints) -> Result<Joints, DriveError> {
-        match &self.track {
-            None => Ok(self.from.motor + (self.to.motor - self.from.motor) * share),
-            Some(_) if share <= 0.0 => Ok(self.from.motor),
-            Some(_) if share >= 1.0 => Ok(self.to.motor),
-            Some(track) => self.inverse(robot, &track.pose(share), near),
+        let even = || self.from.motor.lerp(&self.to.motor, share);
+        match (&self.track, &self.bow) {
+            (None, _) => Ok(even()),
+            (_, Some(bow)) => Ok(even() + bow * (4.0 * share * (1.0 - share))),
+            _ if share <= 0.0 => Ok(self.from.motor),
+            _ if share >= 1.0 => Ok(self.to.motor),
+            (Some(track), None) => self.inverse(robot, &track.pose(share), near),
         }
     }
 
@@ -128,7 +152,8 @@ impl Route {
             (ways[i - 1].changes[1], ways[i].changes[0]) = (!keeps, !keeps);
         }
         #[allow(clippy::cast_precision_loss)]
-        let start = Knot { motor: first.motor, length: 0.0, speed: first.feed, stops: true, progress: 0.0 };
+        let place = first.base_from_tcp.translation.vector;
+        let start = Knot { motor: first.motor, place, length: 0.0, speed: first.feed, stops: true, progress: 0.0 };
         let mut route = Self { knots: vec![start] };
         let mut begins = 0.0;
         for (i, way) in ways.iter().enumerate() {
@@ -192,9 +217,13 @@ impl Route {
         for k in 1..=count {
             let share = from + (to - from) * part(k, count);
             let motor = way.motor(robot, share, &self.near())?;
+            let place = match &way.track {
+                Some(track) => track.place(share),
+                None => (robot.forward(&motor) * way.to.flange_from_tcp).translation.vector,
+            };
             let speed = way.speed(law);
             let progress = progress(way.index, share);
-            self.knots.push(Knot { motor, length: length * part(1, count), speed, stops: false, progress });
+            self.knots.push(Knot { motor, place, length: length * part(1, count), speed, stops: false, progress });
         }
         Ok(())
     }
@@ -207,8 +236,12 @@ impl Route {
         let turn = (directions[1] - directions[0]).norm();
         let speed = way.speed(law).min(next.speed(law)).min(law.corner_speed(turn, radius));
         let turned = (way.turn / way.length + next.turn / next.length) * radius;
-        let bends = (0.25 * radius * turn / FLAT).sqrt().max(turned / TURN).max(2.0);
+        let bends = (0.25 * radius * turn / FLAT).sqrt().max(turned / TURN);
         let is_path = way.track.is_some() && next.track.is_some();
+        // Sums of motor angles and of poses differ by the product of what both ways have of it in the middle, on an arm of 1 m with a lever
+        // of half a metre.
+        let differs = (0.25 * radius).powi(2) + 0.5 * (turned / 8.0).powi(2);
+        let is_sum = way.bow.is_some() && next.bow.is_some() && differs <= FLAT;
         let count = intervals(2.0 * radius, if is_path { bends } else { f64::INFINITY });
         // A parabola is shorter than the two ways that it rounds; a reorientation is as long as it was counted.
         let shorter = |passed: f64| match &directions {
@@ -217,24 +250,29 @@ impl Route {
             }
             _ => 1.0,
         };
-        let before = way.motor(robot, 1.0 - radius / way.length, &self.near())?;
-        let (mut near_way, mut near_next) = (before, way.to.motor);
         for k in 1..=count {
             let passed = part(k, count);
             let (left, gone) = (radius * (1.0 - passed).powi(2), radius * passed.powi(2));
             let shares = [1.0 - left / way.length, gone / next.length];
-            let motor = match (&way.track, &next.track) {
-                (Some(first), Some(second)) => {
+            let (motor, place) = match (&way.track, &next.track) {
+                (Some(first), Some(second)) if !is_sum => {
                     let corner = first.pose(1.0);
                     // The next way may have another tool: both are led by the tool of the one that ends here.
                     let other = next.to.flange_from_tcp.inverse() * way.to.flange_from_tcp;
                     let pose = sum(&first.pose(shares[0]), &(second.pose(shares[1]) * other), &corner);
-                    way.inverse(robot, &pose, &self.near())?
+                    (way.inverse(robot, &pose, &self.near())?, pose.translation.vector)
                 }
-                _ => {
-                    near_way = way.motor(robot, shares[0], &near_way)?;
-                    near_next = next.motor(robot, shares[1], &near_next)?;
-                    near_way + near_next - way.to.motor
+                (first, second) => {
+                    let ways =
+                        [way.motor(robot, shares[0], &way.to.motor)?, next.motor(robot, shares[1], &way.to.motor)?];
+                    let motor = ways[0] + ways[1] - way.to.motor;
+                    let place = match (first, second) {
+                        (Some(first), Some(second)) => {
+                            first.place(shares[0]) + second.place(shares[1]) - second.place(0.0)
+                        }
+                        _ => (robot.forward(&motor) * way.to.flange_from_tcp).translation.vector,
+                    };
+                    (motor, place)
                 }
             };
             let progress = if passed < 0.5 {
@@ -243,7 +281,7 @@ impl Route {
                 progress(next.index, radius * (2.0 * passed - 1.0) / next.length)
             };
             let length = 2.0 * radius * part(1, count) * shorter(passed - 0.5 * part(1, count));
-            self.knots.push(Knot { motor, length, speed, stops: false, progress });
+            self.knots.push(Knot { motor, place, length, speed, stops: false, progress });
         }
         Ok(())
     }

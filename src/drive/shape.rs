@@ -14,8 +14,8 @@ use super::distance::{Offset, ProgrammedPath, nearest_between};
 use super::envelope::Envelope;
 use super::route::Route;
 use super::smoothing;
-use super::smoothing::Response;
-use super::{DriveError, DrivenSample, LONGEST_S, Lead, PathLaw, Waypoint, log, speed};
+use super::smoothing::{Response, Timeline};
+use super::{DriveError, DrivenSample, Lead, PathLaw, Waypoint, log, speed};
 use crate::robot::{Pose, Robot};
 use nalgebra::{Matrix3, Translation3, Vector3};
 use rayon::prelude::*;
@@ -384,11 +384,8 @@ impl Shaper<'_> {
             DriveError::TooLong => DriveError::TooLong,
         };
         let route = Route::new(self.robot, self.law, &command).map_err(of_programmed)?;
-        let times = speed::times(self.law, &route);
-        if times.last().is_some_and(|end| *end > LONGEST_S) {
-            return Err(DriveError::TooLong);
-        }
-        let samples = smoothing::smoothed(self.law, &route, &times);
+        let times = speed::times(self.law, &route)?;
+        let samples = Timeline::new(self.law, &route, &times).samples();
         let hats: Vec<[f64; 3]> = layout.nodes.iter().map(|node| node.hat).collect();
         let responses = smoothing::responses(self.law, &route, &times, &hats);
         let places: Vec<Vector3<f64>> = samples

@@ -1,65 +1,237 @@
 //! Two moving averages over time, and the lag of each axis.
 
-use super::route::{Knot, Route};
+use super::route::Route;
 use super::{DrivenSample, PathLaw, SAMPLE_S};
 use crate::robot::Joints;
-use nalgebra::SVector;
+use nalgebra::{SVector, Vector3};
 use rayon::prelude::*;
 
-/// Step of the averages, s: half a sample.
+/// Step of the averages of [`responses`], s: half a sample.
 const STEP_S: f64 = 0.5 * SAMPLE_S;
+/// Samples that have their integrals from one start: over some seconds, sums of angles keep their digits.
+const TOGETHER: usize = 256;
+/// Between two samples, a path that is sampled sparsely is straight to this, m: a fiftieth of what the best law that was fitted to a real
+/// controller leaves unexplained (docs/driven-path.md).
+const STRAIGHT: f64 = 1e-6;
+/// Most periods of [`SAMPLE_S`] between two of its samples: a quarter of a second, in which nothing of the cell changes by much.
+const MOST_PERIODS: usize = 64;
 
 /// Motor angles and, last, the length of route that has been covered, m: what is averaged. Of the progress, waypoints that lie close
 /// together would weigh more than others.
 type State = SVector<f64, 7>;
 
-/// The route as it is driven, one sample every [`SAMPLE_S`] from the start of the first motion until the axes are at rest.
-pub(super) fn smoothed(law: &PathLaw, route: &Route, times: &[f64]) -> Vec<DrivenSample> {
-    let Some(first) = route.knots.first() else { return Vec::new() };
-    let along = lengths(route);
-    let from = state(&first.motor, 0.0);
-    let end = times.last().copied().unwrap_or(0.0) + law.settling();
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    let cells = (end / STEP_S).ceil() as usize + 2;
-    let mut means = cell_means(route, &along, times, law.settling(), cells);
-    for width in law.smoothing {
-        means = moving_average(&means, width, &from);
+/// A route over time. Between two of its moments, everything changes evenly.
+#[derive(Clone, Debug)]
+pub(crate) struct Timeline {
+    law: PathLaw,
+    moments: Vec<Moment>,
+}
+
+/// A moment at which the route turns, or changes its speed.
+#[derive(Clone, Debug)]
+struct Moment {
+    /// Since the start of the first motion, s.
+    time: f64,
+    state: State,
+    /// See [`Knot::progress`](super::route::Knot::progress).
+    progress: f64,
+    /// Sum of what the velocity of the TCP has changed by up to here, m/s.
+    turned: f64,
+}
+
+/// From a moment on: rate of the state, and its first and second integral over time, from the start of a stretch and of what the state
+/// has changed by since.
+#[derive(Clone, Copy)]
+struct Integrals {
+    rate: State,
+    once: State,
+    twice: State,
+}
+
+impl Timeline {
+    /// Of a route that is at its knots at `times`, s. At a stop it rests until the axes have come to rest.
+    pub(super) fn new(law: &PathLaw, route: &Route, times: &[f64]) -> Self {
+        let knots = &route.knots;
+        let mut moments: Vec<Moment> = Vec::with_capacity(knots.len() + 1);
+        let (mut along, mut turned, mut velocity) = (0.0, 0.0, Vector3::zeros());
+        for (i, (knot, time)) in knots.iter().zip(times).enumerate() {
+            along += knot.length;
+            let state = State::from_fn(|i, _| if i < 6 { knot.motor[i] } else { along });
+            let moment = Moment { time: *time, state, progress: knot.progress, turned: 0.0 };
+            if i > 0 {
+                let way = knot.place - knots[i - 1].place;
+                let last = moments.len() - 1;
+                let lasts = time - moments[last].time;
+                let next = if lasts > 0.0 { way / lasts } else { velocity };
+                turned += (next - velocity).norm();
+                (moments[last].turned, velocity) = (turned, next);
+            }
+            moments.push(moment.clone());
+            if knot.stops && i > 0 && i + 1 < knots.len() {
+                turned += velocity.norm();
+                velocity = Vector3::zeros();
+                moments.push(Moment { time: time + law.settling(), ..moment });
+                let rests = moments.len() - 2;
+                moments[rests].turned = turned;
+            }
+        }
+        if let Some(last) = moments.last_mut() {
+            last.turned = turned + velocity.norm();
+        }
+        Self { law: *law, moments }
     }
-    let samples = cells / 2;
-    (0..samples)
-        .map(|k| {
-            let (at, before) = (means[2 * k], if k > 0 { means[2 * k - 1] } else { from });
-            let rate = (at - before) / STEP_S;
-            let acceleration = (means[2 * k + 1] - 2.0 * at + before) / STEP_S.powi(2);
-            let motor = |joint| at[joint] - law.lag[joint] * rate[joint] + law.axis_lead[joint] * acceleration[joint];
-            let (waypoint, share) = place(progress_at(route, &along, at[6]));
+
+    /// How many samples the path has, every [`SAMPLE_S`], until the axes are at rest.
+    fn count(&self) -> usize {
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        self.moments.last().map_or(0, |last| ((last.time + self.law.settling()) / SAMPLE_S).ceil() as usize + 1)
+    }
+
+    /// The path, sampled every [`SAMPLE_S`].
+    pub(crate) fn samples(&self) -> Vec<DrivenSample> {
+        self.at((0..self.count()).collect())
+    }
+
+    /// The same at periods that are chosen from those, so that the path between two of them is straight to [`STRAIGHT`]. `longest` has the
+    /// longest time (s) between two of them where the route leads from the way to one waypoint up to the way to another.
+    pub(crate) fn sparse_samples(&self, longest: &dyn Fn(usize, usize) -> f64) -> Vec<DrivenSample> {
+        let count = self.count();
+        let settling = self.law.settling();
+        let (mut chosen, mut period) = (Vec::new(), 0);
+        // The last moments that do not count any more, and before the next sample.
+        let (mut left, mut reached) = (0, 0);
+        while period < count {
+            chosen.push(period);
             #[allow(clippy::cast_precision_loss)]
-            let time = (2 * k) as f64 * STEP_S;
-            DrivenSample { time, motor: Joints::from_fn(|joint, _| motor(joint)), waypoint, share }
-        })
-        .collect()
+            let time = period as f64 * SAMPLE_S;
+            let advance = |from: &mut usize, until: f64| {
+                while self.moments.get(*from + 1).is_some_and(|next| next.time <= until) {
+                    *from += 1;
+                }
+            };
+            advance(&mut left, time - settling);
+            advance(&mut reached, time);
+            let (mut periods, mut ahead) = (1, reached);
+            while 2 * periods <= MOST_PERIODS && period + 2 * periods < count {
+                #[allow(clippy::cast_precision_loss)]
+                let step = (2 * periods) as f64 * SAMPLE_S;
+                advance(&mut ahead, time + step);
+                let (from, to) = (&self.moments[left], &self.moments[ahead]);
+                let next = self.moments.get(ahead + 1).unwrap_or(to);
+                let before = if from.time <= time - settling { from.turned } else { 0.0 };
+                if self.law.bend(to.turned - before, step) > STRAIGHT
+                    || longest(place(from.progress).0, place(next.progress).0) < step
+                {
+                    break;
+                }
+                periods *= 2;
+            }
+            period += periods;
+        }
+        if let Some(last) = count.checked_sub(1).filter(|last| chosen.last() != Some(last)) {
+            chosen.push(last);
+        }
+        self.at(chosen)
+    }
+
+    /// The path at periods of [`SAMPLE_S`], in their order.
+    fn at(&self, periods: Vec<usize>) -> Vec<DrivenSample> {
+        let stretches = periods.par_chunks(TOGETHER).map(|periods| self.stretch(periods));
+        stretches.flatten_iter().collect()
+    }
+
+    fn stretch(&self, periods: &[usize]) -> Vec<DrivenSample> {
+        #[allow(clippy::cast_precision_loss)]
+        let time_of = |period: &usize| *period as f64 * SAMPLE_S;
+        let Some((begins, ends)) = periods.first().map(time_of).zip(periods.last().map(time_of)) else {
+            return Vec::new();
+        };
+        let first =
+            self.moments.partition_point(|moment| moment.time <= begins - self.law.settling()).saturating_sub(1);
+        let last = self.moments.partition_point(|moment| moment.time < ends).max(first);
+        let moments = &self.moments[first..(last + 1).min(self.moments.len())];
+        let from = moments[0].state;
+        let (mut once, mut twice) = (State::zeros(), State::zeros());
+        let integrals: Vec<Integrals> = (0..moments.len())
+            .map(|i| {
+                let (here, next) = (&moments[i], moments.get(i + 1).unwrap_or(&moments[i]));
+                let lasts = next.time - here.time;
+                let rate = if lasts > 0.0 { (next.state - here.state) / lasts } else { State::zeros() };
+                let integrals = Integrals { rate, once, twice };
+                let changed = here.state - from;
+                twice += (once + (changed / 2.0 + rate * (lasts / 6.0)) * lasts) * lasts;
+                once += (changed + rate * (lasts / 2.0)) * lasts;
+                integrals
+            })
+            .collect();
+        // A mean over a width is a difference of the integral; a mean of a mean is a difference of differences of the second one.
+        let widths: Vec<f64> = self.law.smoothing.into_iter().filter(|width| *width > 0.0).collect();
+        let mut terms = vec![(0.0, 1.0)];
+        for width in &widths {
+            let later: Vec<_> = terms.iter().map(|(delay, weight)| (delay + width, -weight / width)).collect();
+            terms.iter_mut().for_each(|(_, weight)| *weight /= width);
+            terms.extend(later);
+        }
+        let mut at = vec![0; terms.len()];
+        let sample = |period: &usize| {
+            let time = time_of(period);
+            let mut means = [State::zeros(); 3];
+            for ((delay, weight), at) in terms.iter().zip(&mut at) {
+                let then = time - delay;
+                while moments.get(*at + 1).is_some_and(|next| next.time <= then) {
+                    *at += 1;
+                }
+                let (here, Integrals { rate, once, twice }) = (&moments[*at], &integrals[*at]);
+                let since = then - here.time;
+                if since < 0.0 {
+                    // Before the first moment, nothing has changed.
+                    continue;
+                }
+                let changed = here.state - from;
+                let integrals = [
+                    twice + (once + (changed / 2.0 + rate * (since / 6.0)) * since) * since,
+                    once + (changed + rate * (since / 2.0)) * since,
+                    changed + rate * since,
+                    *rate,
+                    State::zeros(),
+                ];
+                for (mean, integral) in means.iter_mut().zip(&integrals[2 - widths.len()..]) {
+                    *mean += integral * *weight;
+                }
+            }
+            let [changed, rate, acceleration] = means;
+            let state = from + changed;
+            let law = &self.law;
+            let motor = |i: usize| state[i] - law.lag[i] * rate[i] + law.axis_lead[i] * acceleration[i];
+            let (waypoint, share) = place(progress_at(moments, state[6]));
+            DrivenSample { time, motor: Joints::from_fn(|i, _| motor(i)), waypoint, share }
+        };
+        periods.iter().map(sample).collect()
+    }
 }
 
-fn state(motor: &Joints, along: f64) -> State {
-    State::from_fn(|i, _| if i < 6 { motor[i] } else { along })
-}
-
-/// Length of the route up to each knot, m.
-fn lengths(route: &Route) -> Vec<f64> {
-    let mut along = 0.0;
-    let up_to = |knot: &Knot| {
-        along += knot.length;
-        along
-    };
-    route.knots.iter().map(up_to).collect()
+impl PathLaw {
+    /// By how much the driven path leaves the straight way between two samples, which are a `step` (s) apart, at most, m: the velocity of
+    /// the route changes by `change` (m/s) while it counts there.
+    ///
+    /// The mean over the wider average has accelerations of `change` over its width at most, which change over the narrower one.
+    fn bend(&self, change: f64, step: f64) -> f64 {
+        let [narrow, wide] = [f64::min, f64::max].map(|of| of(self.smoothing[0], self.smoothing[1]).max(SAMPLE_S));
+        // Axes of which one leads or trails may turn against each other.
+        let (lead, lag) = (2.0 * self.axis_lead.amax(), 2.0 * self.lag.amax());
+        let acceleration = change / wide;
+        acceleration * step * step / 8.0 + acceleration * (lead + lag * step / 4.0) * (step / narrow).min(1.0)
+    }
 }
 
 /// The progress at a length of the route.
-fn progress_at(route: &Route, along: &[f64], length: f64) -> f64 {
-    let after = along.partition_point(|along| *along < length).clamp(1, along.len().max(2) - 1);
-    let Some((from, to)) = route.knots.get(after - 1).zip(route.knots.get(after)) else { return 0.0 };
-    let span = along[after] - along[after - 1];
-    let share = if span > 0.0 { ((length - along[after - 1]) / span).clamp(0.0, 1.0) } else { 1.0 };
+fn progress_at(moments: &[Moment], length: f64) -> f64 {
+    let after = moments.partition_point(|moment| moment.state[6] < length).clamp(1, moments.len().max(2) - 1);
+    let Some((from, to)) = moments.get(after - 1).zip(moments.get(after)) else {
+        return moments.last().map_or(0.0, |last| last.progress);
+    };
+    let span = to.state[6] - from.state[6];
+    let share = if span > 0.0 { ((length - from.state[6]) / span).clamp(0.0, 1.0) } else { 1.0 };
     from.progress + (to.progress - from.progress) * share
 }
 
@@ -68,78 +240,6 @@ fn progress_at(route: &Route, along: &[f64], length: f64) -> f64 {
 fn place(progress: f64) -> (usize, f64) {
     let before = (progress - 1e-9).max(0.0).floor();
     (before as usize + 1, (progress - before).clamp(0.0, 1.0))
-}
-
-/// The mean of the route over each step of time; between knots everything changes evenly, at a stop it stands for `rest` s.
-fn cell_means(route: &Route, along: &[f64], times: &[f64], rest: f64, cells: usize) -> Vec<State> {
-    let knots = &route.knots;
-    let at = |i: usize| state(&knots[i].motor, along[i]);
-    let mut means = vec![State::zeros(); cells];
-    // A stretch of time over which the state changes evenly is spread over the cells that it touches.
-    let mut spread = |[begins, ends]: [f64; 2], from: State, to: State| {
-        if ends <= begins {
-            return;
-        }
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        let (first, last) = ((begins / STEP_S).floor() as usize, (ends / STEP_S).ceil() as usize);
-        for cell in first..last.min(cells) {
-            #[allow(clippy::cast_precision_loss)]
-            let (left, right) = ((cell as f64 * STEP_S).max(begins), ((cell + 1) as f64 * STEP_S).min(ends));
-            if right > left {
-                let middle = (0.5 * (left + right) - begins) / (ends - begins);
-                means[cell] += (from + (to - from) * middle) * ((right - left) / STEP_S);
-            }
-        }
-    };
-    for i in 1..knots.len() {
-        let mut begins = times[i - 1];
-        if knots[i - 1].stops && i > 1 {
-            spread([begins, begins + rest], at(i - 1), at(i - 1));
-            begins += rest;
-        }
-        spread([begins, times[i]], at(i - 1), at(i));
-    }
-    if let (Some(end), Some(time)) = (knots.len().checked_sub(1), times.last()) {
-        #[allow(clippy::cast_precision_loss)]
-        spread([*time, cells as f64 * STEP_S], at(end), at(end));
-    }
-    means
-}
-
-/// The mean over the `width` s before the middle of each step; before the first step stands the given state, after the last one the
-/// last.
-fn moving_average(means: &[State], width: f64, before: &State) -> Vec<State> {
-    if width <= 0.0 {
-        return means.to_vec();
-    }
-    // Sums of differences from the start, which stay small.
-    let mut sums = Vec::with_capacity(means.len() + 1);
-    let mut sum = State::zeros();
-    sums.push(sum);
-    for mean in means {
-        sum += mean - before;
-        sums.push(sum);
-    }
-    let last = means.last().map_or_else(State::zeros, |last| last - before);
-    #[allow(clippy::cast_precision_loss)]
-    let end = means.len() as f64;
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    let up_to = |at: f64| {
-        if at >= end {
-            return sums[means.len()] + (at - end) * last;
-        }
-        let cell = at.max(0.0).floor();
-        let low = cell as usize;
-        sums[low] + (sums[low + 1] - sums[low]) * (at.max(0.0) - cell)
-    };
-    let window = width / STEP_S;
-    (0..means.len())
-        .map(|cell| {
-            #[allow(clippy::cast_precision_loss)]
-            let middle = cell as f64 + 0.5;
-            before + (up_to(middle) - up_to(middle - window)) / window
-        })
-        .collect()
 }
 
 /// How the driven path follows something that happens along the route: values of consecutive samples, zero elsewhere.

@@ -1,10 +1,13 @@
 //! When the route is at each of its places.
 
-use super::PathLaw;
 use super::route::Route;
+use super::{DriveError, LONGEST_S, PathLaw};
 
 /// The time (s) at each knot of a route; at a stop the route rests until the axes have come to rest.
-pub(super) fn times(law: &PathLaw, route: &Route) -> Vec<f64> {
+///
+/// # Errors
+/// It takes longer than [`LONGEST_S`].
+pub(super) fn times(law: &PathLaw, route: &Route) -> Result<Vec<f64>, DriveError> {
     let knots = &route.knots;
     let gains = |i: usize| 2.0 * law.acceleration * knots[i].length;
     // Squares of the largest speeds, m²/s²: those that hold on both sides of a knot, then what braking and accelerating allow.
@@ -34,5 +37,5 @@ pub(super) fn times(law: &PathLaw, route: &Route) -> Vec<f64> {
         }
         times.push(time);
     }
-    times
+    if time > LONGEST_S { Err(DriveError::TooLong) } else { Ok(times) }
 }

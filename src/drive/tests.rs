@@ -398,3 +398,53 @@ fn a_motor_leads_its_axis_by_its_share_of_the_acceleration() {
     assert_relative_eq!(leading[8] - plain[8], 5e-4 * rate / 0.06, max_relative = 1e-6);
     assert_abs_diff_eq!(leading[150], plain[150], epsilon = 1e-12);
 }
+
+#[test]
+fn the_mean_of_an_even_motion_is_exact() {
+    let bench = Bench::new();
+    let waypoints = [[-100.0, 0.0], [100.0, 0.0]].map(|at| bench.waypoint(at, Lead::Joints, None));
+    let (widths, lead) = ([0.08, 0.03], 4e-4);
+    let law = PathLaw { smoothing: widths, axis_lead: Joints::repeat(lead), ..PLAIN };
+    let samples = drive(&bench.robot, &law, &waypoints).expect("within reach");
+    // 200 mm at 100 mm/s without inertia.
+    let rate = (waypoints[1].motor - waypoints[0].motor) / 2.0;
+    let moved = |at: usize| samples[at].motor - waypoints[0].motor;
+    // Within the narrower window: t³ / (6 w₁ w₂) of the rate, and the lead of its acceleration, t / (w₁ w₂).
+    let (time, product) = (samples[6].time, widths[0] * widths[1]);
+    assert!(time > 0.0 && time < widths[1]);
+    let expected = rate * ((time.powi(3) / 6.0 + lead * time) / product);
+    assert_abs_diff_eq!(moved(6), expected, epsilon = 1e-12);
+    // After both windows the motion is late by half of them.
+    let later = samples[300].time - 0.5 * (widths[0] + widths[1]);
+    assert_abs_diff_eq!(moved(300), rate * later, epsilon = 1e-12);
+}
+
+#[test]
+fn a_path_that_is_sampled_sparsely_is_straight_between_its_samples() {
+    let bench = Bench::new();
+    let lead = Joints::new(4e-4, 2e-4, 4e-4, 1e-4, 3e-4, 1e-4);
+    let law = PathLaw { axis_lead: lead, ..PathLaw::TYPICAL };
+    let line = |at, zone_mm| bench.waypoint(at, Lead::Line, zone_mm);
+    let arc = bench.waypoint([100.0, 100.0], Lead::Arc(bench.at(50.0, 150.0)), None);
+    let waypoints = [
+        line([-100.0, 0.0], None),
+        line([-20.0, 0.0], Some(1.0)),
+        line([0.0, 2.0], Some(5.0)),
+        line([0.0, 100.0], None),
+        arc,
+    ];
+    let route = timeline(&bench.robot, &law, &waypoints).expect("within reach");
+    let (all, sparse) = (route.samples(), route.sparse_samples(&|_, _| 0.1));
+    // The arc bends and the motors lead all along it; on the straight lines most samples are left out.
+    assert!(4 * sparse.len() < 3 * all.len(), "{} of {}", sparse.len(), all.len());
+    assert_eq!(sparse.last().map(|last| last.time), all.last().map(|last| last.time));
+    let place = |sample: &DrivenSample| bench.robot.forward(&sample.motor).translation.vector;
+    for pair in sparse.windows(2) {
+        let span = pair[1].time - pair[0].time;
+        for between in all.iter().filter(|sample| sample.time > pair[0].time && sample.time < pair[1].time) {
+            let straight = place(&pair[0]).lerp(&place(&pair[1]), (between.time - pair[0].time) / span);
+            let off = 1e6 * (place(between) - straight).norm();
+            assert!(off < 1.0, "{off} µm at {} s", between.time);
+        }
+    }
+}

@@ -8,7 +8,7 @@ mod yielding;
 
 use super::Prepared;
 use super::context::Context;
-use super::driven::{DrivenMotion, as_written};
+use super::driven::{Course, DrivenMotion, Sampling, as_written};
 use super::frames;
 use super::load::{Follows, PointLoad, Through};
 use super::mount::Mount;
@@ -66,10 +66,11 @@ const RESOLUTION: std::ops::RangeInclusive<f64> = 0.1e-3..=1e-3;
 /// # Errors
 /// A stock in a work object that is not declared; moves that do not cut and run through material; `run.called-off`.
 pub(super) fn run(
-    Context { program, cell, options, .. }: Context<'_>,
+    context: Context<'_>,
     prepared: &mut Prepared,
     (cuts, arm): (Cuts, &Arm),
 ) -> Result<Option<Removal>, Vec<Diagnostic>> {
+    let Context { program, cell, options, .. } = context;
     let Some(section) = &cell.stock else { return Ok(None) };
     let Some((mount, base_from_stock)) = stock_frame(program, cell, prepared)? else { return Ok(None) };
     let Some(blank) = &section.blank else {
@@ -103,7 +104,8 @@ pub(super) fn run(
     };
     let mut notes = Vec::new();
     if cuts == Cuts::Driven {
-        match DrivenMotion::new(program, cell, prepared) {
+        let course = Course::new(program, cell, prepared);
+        match course.and_then(|course| DrivenMotion::along(course, context, prepared, Sampling::All)) {
             Ok(motion) => {
                 notes.extend(motion.course().notes(program, cell));
                 walk.motion = cell.controller.path.is_some().then_some(motion);

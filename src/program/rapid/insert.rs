@@ -1,13 +1,15 @@
 //! Points between two targets: motions of their own before the instruction, in the file's layout.
 
 use super::clone::layout_at;
-use super::motion::{self, Simple, ToolAt, Zone};
+use super::lex::{Cursor, LexemeKind};
+use super::literal::Literal;
+use super::motion::{self, Call, Simple, ToolAt, Zone};
 use super::value::quarters;
 use super::value::{SourceSpan, unit};
 use super::writer::{Writer, single};
 use super::{Layout, Site};
 use crate::program::Passing;
-use crate::program::{Conf, Goal, Insert, Motion, Program, Reason, Role, Target};
+use crate::program::{Conf, Goal, Insert, Motion, Program, Reason, Role};
 use crate::text::{Edit, Span, number};
 
 /// Zones of a point that the controller flies by, by the room that they take: radius of the TCP path, mm.
@@ -175,22 +177,42 @@ fn radius_mm(zone: &[u8]) -> Option<f64> {
 }
 
 /// The argument that tells the zone of a target's instruction; `None` of instructions without one.
-fn zone_argument(program: &Program, target: &Target) -> Option<Span> {
+fn zone_argument(program: &Program, i: usize) -> Option<Span> {
+    let (target, layout) = (program.targets.get(i)?, Layout::of(program)?);
     let bytes = &program.sources[target.source as usize].bytes;
-    let Some(Simple::Call(call)) = motion::split(bytes, target.source, target.span) else { return None };
-    let shape = motion::shape(&bytes[call.name.range()]).filter(|shape| shape.zone == Zone::BeforeTool)?;
+    let shape = |name: Span| motion::shape(&bytes[name.range()]).filter(|shape| shape.zone == Zone::BeforeTool);
+    let inline = match layout.sites.get(i)? {
+        Site::Literal { literal, argument: None } => layout.literals.get(*literal as usize).map(Literal::span),
+        _ => None,
+    };
+    let (call, shape, passed) = match inline.filter(|literal| target.span.range().contains(&(literal.start as usize))) {
+        // Of a target that is written out, its numbers need not be read again.
+        Some(literal) => {
+            let mut cursor = Cursor::new(bytes, target.span);
+            let name = cursor.accept(LexemeKind::Word)?.span();
+            let shape = shape(name)?;
+            (cursor.at, cursor.behind) = (literal.end as usize, literal.end as usize);
+            let mut call = Call::empty(name);
+            motion::arguments(&mut cursor, target.source, &mut call)?;
+            (call, shape, shape.to + 1)
+        }
+        None => {
+            let Some(Simple::Call(call)) = motion::split(bytes, target.source, target.span) else { return None };
+            (*call, shape(call.name)?, 0)
+        }
+    };
     let arguments = call.positional();
     let tool_at = match shape.tool {
-        ToolAt::Index(at) => at,
+        ToolAt::Index(at) => at.checked_sub(passed)?,
         ToolAt::Last => arguments.len().checked_sub(1)?,
     };
     arguments.get(tool_at.checked_sub(1)?).copied()
 }
 
 /// See [`Program::passing`](crate::program::Program::passing); `None` of instructions without a zone.
-pub(super) fn passing(program: &Program, target: &Target) -> Option<Passing> {
-    let bytes = &program.sources[target.source as usize].bytes;
-    let zone = &bytes[zone_argument(program, target)?.range()];
+pub(super) fn passing(program: &Program, i: usize) -> Option<Passing> {
+    let bytes = &program.sources[program.targets.get(i)?.source as usize].bytes;
+    let zone = &bytes[zone_argument(program, i)?.range()];
     let written_out = zone.strip_prefix(b"[").and_then(|fields| fields.split(|byte| *byte == b',').next());
     if zone.eq_ignore_ascii_case(b"fine")
         || written_out.is_some_and(|fine| fine.trim_ascii().eq_ignore_ascii_case(b"TRUE"))
@@ -206,10 +228,10 @@ pub(super) fn passing_edits(program: &Program, wanted: &[(usize, Passing)]) -> V
     let is_predefined = |name: &&[u8]| !is_declared(name);
     let stop = Some(&b"fine"[..]).filter(is_predefined);
     let zones: Vec<_> = FLY_BY.iter().rev().filter(|(name, _)| is_predefined(name)).collect();
-    let edit = |(target, wanted): &(usize, Passing)| {
-        let target = program.targets.get(*target).filter(|target| usize::from(target.source) < program.written)?;
-        let span = zone_argument(program, target)?;
-        let name = match (wanted, passing(program, target)) {
+    let edit = |(i, wanted): &(usize, Passing)| {
+        program.targets.get(*i).filter(|target| usize::from(target.source) < program.written)?;
+        let span = zone_argument(program, *i)?;
+        let name = match (wanted, passing(program, *i)) {
             (Passing::Stop, _) => stop?,
             // Only a zone whose radius is known is known to become smaller.
             (Passing::Zone(most), Some(Passing::Zone(radius))) => {

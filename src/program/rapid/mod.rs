@@ -152,7 +152,7 @@ impl FrontEnd for Layout {
     }
 
     fn passing(&self, program: &Program, target: usize) -> Passing {
-        insert::passing(program, &program.targets[target]).unwrap_or(Passing::Unstated)
+        insert::passing(program, target).unwrap_or(Passing::Unstated)
     }
 
     fn passing_edits(&self, program: &Program, wanted: &[(usize, Passing)]) -> Vec<Option<Edit>> {

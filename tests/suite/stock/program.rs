@@ -231,8 +231,9 @@ fn a_driven_way_that_is_the_written_one_leaves_the_same_part() {
                 probe(&cut.stock, &(Vector3::from(place) * 1e-3), Some(&normal)).unwrap()
             };
             let (wanted, found) = (left(&deflected), left(&driven));
-            // The walls are 0.28 mm off; where the block ends, the force changes within a fraction of a place.
-            let most = if y < 31.0 { 2e-3 } else { 0.02 };
+            // The walls are 0.28 mm off. While the cutter of 4 mm radius leaves the slot before the corner, and where the block ends, the
+            // force changes within a fraction of a place.
+            let most = if (24.0..30.0).contains(&y) { 2e-3 } else { 0.02 };
             assert!((found - wanted).abs() < most, "{place:?}: {found} for {wanted} mm");
         }
     }
