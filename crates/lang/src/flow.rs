@@ -27,7 +27,7 @@ pub(crate) struct Flow<'a> {
     pub(crate) nodes: Vec<Node<'a>>,
     /// First node and exit of each routine.
     pub(crate) routines: Vec<(usize, usize)>,
-    /// Nodes that more than one node, or a branch, goes on at.
+    /// Nodes that more than one node, a branch or a jump goes on at: what is run from one to the next stands in a row in the text.
     pub(crate) leads: Vec<bool>,
     /// Where all ways from a node that end the routine meet again.
     pub(crate) meets: Vec<Option<usize>>,
@@ -90,9 +90,9 @@ impl<'a> Flow<'a> {
     fn lead(&mut self, first: usize, exit: usize) {
         let mut seen = vec![false; exit + 1 - first];
         for node in first..=exit {
-            let branches = matches!(self.nodes[node], Node::Branch { .. });
+            let leaps = matches!(self.nodes[node], Node::Branch { .. } | Node::Jump(_));
             for to in self.next(node, exit) {
-                self.leads[to] |= branches || seen[to - first];
+                self.leads[to] |= leaps || seen[to - first];
                 seen[to - first] = true;
             }
         }

@@ -1,6 +1,6 @@
 //! Reads robot programs and says which numbers of the text decide where each motion goes, in every run.
 //!
-//! A front end ([`urscript`], [`inform`]) turns text into one intermediate representation ([`ir`]), every node with its span. One
+//! A front end ([`urscript`], [`inform`], [`tp`]) turns text into one intermediate representation ([`ir`]), every node with its span. One
 //! abstract run ([`run`]) follows it with values that are known, with the literal tokens that they come from and how, or unknown,
 //! with a reason ([`value`]). What a branch, a loop or a routine that is not given could change is unknown afterwards, so that what is
 //! known holds in every run that a controller could make. A language's own semantics are its [`Dialect`](dialect::Dialect).
@@ -26,6 +26,7 @@ pub mod run;
 pub mod shared;
 mod span;
 mod store;
+pub mod tp;
 pub mod urscript;
 pub mod value;
 

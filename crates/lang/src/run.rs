@@ -266,7 +266,7 @@ impl<'a> Runner<'a> {
                 Goes::Either(..) => {
                     let (mut from, mut meets) = (node, self.flow.meets[node]);
                     let within = |meets: Option<usize>| meets.is_some_and(|meets| self.flow.cycle[meets] == cycle);
-                    if let Some(entered) = entered.take().filter(|_| !within(meets)) {
+                    if let Some(entered) = entered.take_if(|_| !within(meets)) {
                         // Whether the loop goes on is not known: all of its rounds are one, from the first on.
                         (from, store, self.last) = (entered.node, entered.store, entered.last);
                         self.out.motions.truncate(entered.motions);

@@ -10,7 +10,7 @@ mod insert;
 mod rewrite;
 mod targets;
 
-pub(super) use targets::{Lowering, read};
+pub(super) use targets::{Lowering, endless, intern, read};
 
 use super::front_end::FrontEnd;
 use super::{Change, Insert, Passing, Program, Reason, RewriteOptions, Rewritten};

@@ -18,6 +18,11 @@ use std::sync::Arc;
 const ENDLESS: &str =
     "the program does not end within 5 million statements, or its loops make more than 200,000 motions";
 
+/// Why a program is refused that is too long to be run.
+pub(in crate::program) fn endless(source: &Source) -> Diagnostic {
+    Diagnostic::error("program.endless", &source.name, ENDLESS).help("split it into several programs")
+}
+
 /// How programs of a language are read.
 pub(in crate::program) struct Lowering {
     pub(in crate::program) language: Language,
@@ -63,10 +68,7 @@ fn build(
     written: usize,
 ) -> Result<Program, Vec<Diagnostic>> {
     let style = lowering.style;
-    let Ok(mut outcome) = run(program, style.dialect) else {
-        let error = Diagnostic::error("program.endless", &sources[0].name, ENDLESS);
-        return Err(error.help("split it into several programs").into());
-    };
+    let Ok(mut outcome) = run(program, style.dialect) else { return Err(endless(&sources[0]).into()) };
     // What stands in a file that is only read is never edited.
     for (at, token) in program.tokens.iter().enumerate() {
         let before = &sources[usize::from(token.source)].bytes[..token.span.start as usize];
@@ -428,7 +430,8 @@ fn content_of(pose: &Pose) -> Content {
     Content::Pose(Arc::new(Pose::constant(pose.pose())))
 }
 
-fn intern<T: PartialEq>(known: &mut Vec<T>, wanted: T) -> u16 {
+/// The index of something in a list, which it is added to where it is not there.
+pub(in crate::program) fn intern<T: PartialEq>(known: &mut Vec<T>, wanted: T) -> u16 {
     let at = known.iter().position(|known| *known == wanted).unwrap_or_else(|| {
         known.push(wanted);
         known.len() - 1

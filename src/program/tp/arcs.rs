@@ -5,11 +5,10 @@
 //! R-30iB Operator's Manual (Basic Operation), circle arc motion; robot-forum.com, thread 43838.
 
 use super::builder::{Between, Builder, Site, are_in_one_frame, refuse};
-use super::lines::Line;
-use super::run::Visit;
-use super::statement::StatementKind;
+use super::targets::Visit;
 use crate::program::orientation::halfway;
 use crate::program::{Editable, Goal, Motion as Path, Reason, Role, Target};
+use deflex_lang::tp::{Code, StatementKind};
 use nalgebra::{Unit, Vector3};
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -18,10 +17,10 @@ use std::ops::Range;
 const FEWEST_MOTIONS: usize = 3;
 
 /// `A` motions in a row, as ranges of statements: only remarks stand between them.
-pub(super) fn rows(lines: &[Line<'_>], kinds: &[StatementKind<'_>]) -> Vec<Range<usize>> {
+pub(super) fn rows(code: &Code<'_>) -> Vec<Range<usize>> {
     let mut found: Vec<Range<usize>> = Vec::new();
     let mut open = false;
-    for (at, (line, kind)) in lines.iter().zip(kinds).enumerate() {
+    for (at, (line, kind)) in code.lines.iter().zip(&code.kinds).enumerate() {
         let remark =
             || [&b"!"[..], b"//", b"--"].iter().any(|sign| line.text.starts_with(sign)) || line.text.is_empty();
         match kind {
@@ -60,19 +59,18 @@ pub(super) fn middle([a, b, c]: [[f64; 3]; 3], first_half: bool) -> [f64; 3] {
 
 impl Builder<'_> {
     /// The `A` motions of a row, which `visits` begin with; how many of them run.
-    pub(super) fn row(&mut self, visits: &[Visit], row: Range<usize>) -> usize {
-        let on = |two: &&[Visit]| row.contains(&two[1].0) && two[1].0 > two[0].0;
+    pub(super) fn row(&mut self, visits: &[Visit<'_>], row: Range<usize>) -> usize {
+        let on = |two: &&[Visit<'_>]| row.contains(&two[1].at) && two[1].at > two[0].at;
         let run = 1 + visits.windows(2).take_while(on).count();
-        let kinds = &self.flow.kinds;
+        let kinds = &self.code.kinds;
         let motions =
             || kinds[row.clone()].iter().filter(|kind| matches!(kind, StatementKind::Motion(motion) if motion.is_arc));
         let (count, mut points) = (motions().count(), Vec::with_capacity(run));
-        for (at, state) in &visits[..run] {
-            let StatementKind::Motion(motion) = &self.flow.kinds[*at] else { continue };
-            self.count(motion, state);
-            match self.point(*at, motion, motion.end, Role::End, state) {
-                Ok(point) => points.push((*at, point)),
-                Err(why) => self.lose(*at, motion, state, why),
+        for visit in &visits[..run] {
+            self.built.motions += 1;
+            match self.point(visit, Role::End) {
+                Ok(point) => points.push((visit.run, point)),
+                Err(why) => self.lose(visit, why),
             }
         }
         let own: Vec<(Target, Site)> = points.iter().map(|(_, point)| point.clone()).collect();
@@ -87,9 +85,9 @@ impl Builder<'_> {
             Some(poses) => self.arc(points, &poses),
             None => {
                 let why = if count < FEWEST_MOTIONS { Reason::FewArcs } else { Reason::Arc };
-                for (at, (mut target, site)) in points {
+                for (run, (mut target, site)) in points {
                     refuse(&mut target, why);
-                    self.push(at, (target, site));
+                    self.push(run, (target, site));
                 }
             }
         }
@@ -101,7 +99,7 @@ impl Builder<'_> {
         let first = self.built.targets.len();
         // Between two points there is a circle point.
         let index = |k: usize| first + 2 * k;
-        for (k, (at, (mut target, site))) in points.into_iter().enumerate() {
+        for (k, (run, (mut target, site))) in points.into_iter().enumerate() {
             if let Some(before) = k.checked_sub(1) {
                 let start = before.saturating_sub(1);
                 let first_half = k == 1;
@@ -115,9 +113,9 @@ impl Builder<'_> {
                 target.motion = Path::Circular;
                 self.built.arcs += 1;
                 let via = Target { role: Role::Via, goal, name: None, ..target.clone() };
-                self.push(at, (via, None));
+                self.push(run, (via, None));
             }
-            self.push(at, (target, site));
+            self.push(run, (target, site));
         }
         self.built.points.push(first..self.built.targets.len());
     }

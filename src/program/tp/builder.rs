@@ -1,10 +1,9 @@
 //! What a run comes to, as it is built.
 
-use super::flow::Flow;
-use super::lines::Line;
 use super::position::Position;
 use crate::program::{AxisName, EXTERNAL_AXES, Reason};
 use crate::program::{Editable, Kept, Target, Tool, UnknownMotion, Wobj};
+use deflex_lang::tp::Code;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
@@ -46,8 +45,7 @@ pub(super) struct Built {
 
 /// Builds targets from what runs.
 pub(super) struct Builder<'a> {
-    pub(super) lines: &'a [Line<'a>],
-    pub(super) flow: &'a Flow<'a>,
+    pub(super) code: &'a Code<'a>,
     pub(super) positions: &'a [Position],
     /// Index of each number; the second where a number is there twice.
     pub(super) numbers: BTreeMap<u32, (usize, bool)>,
@@ -55,33 +53,27 @@ pub(super) struct Builder<'a> {
     pub(super) frozen: BTreeMap<usize, Reason>,
     /// The same of every position.
     pub(super) all_frozen: Option<Reason>,
-    /// Targets of each motion.
-    pub(super) ends: BTreeMap<usize, Vec<usize>>,
     /// External axes that any position has elsewhere than at zero.
     pub(super) axes: [bool; EXTERNAL_AXES],
     /// Axes of other motion groups that any position has elsewhere than at zero.
     pub(super) groups: BTreeSet<AxisName>,
-    /// Motions that others count on from.
-    pub(super) counted_from: BTreeSet<usize>,
-    /// Statement of the last motion that gave a target.
+    /// The last motion that gave a target, among those that run.
     pub(super) last: Option<usize>,
     pub(super) built: Built,
 }
 
 impl<'a> Builder<'a> {
-    pub(super) fn new(lines: &'a [Line<'a>], flow: &'a Flow<'a>, positions: &'a [Position]) -> Self {
+    pub(super) fn new(code: &'a Code<'a>, positions: &'a [Position]) -> Self {
         let mut numbers = BTreeMap::new();
         for (at, position) in positions.iter().enumerate() {
             numbers.entry(position.number).and_modify(|(_, twice)| *twice = true).or_insert((at, false));
         }
         Self {
-            lines,
-            flow,
+            code,
             positions,
             numbers,
             frozen: BTreeMap::new(),
             all_frozen: None,
-            ends: BTreeMap::new(),
             axes: std::array::from_fn(|i| {
                 positions.iter().any(|position| position.external[i].is_some_and(|value| value != 0.0))
             }),
@@ -91,7 +83,6 @@ impl<'a> Builder<'a> {
                 .filter(|axis| axis.position != Some(0.0))
                 .map(|axis| axis.axis)
                 .collect(),
-            counted_from: BTreeSet::new(),
             last: None,
             built: Built::default(),
         }

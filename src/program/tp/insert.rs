@@ -2,9 +2,6 @@
 //! statements that follow counted on, as a controller prints them.
 
 use super::Layout;
-use super::lex::brackets;
-use super::lines::{Line, numbers, sections};
-use super::motion::{Lasting, lasting};
 use super::position::{self, Body, Pose, Position};
 use super::renumber::{Shifts, counted, line_end, line_start, renumber};
 use super::written::{DECIMALS, nearest, single};
@@ -13,6 +10,9 @@ use crate::program::orientation::{from_zyx_deg, quaternion, rotation, zyx_deg};
 use crate::program::token::New;
 use crate::program::{Conf, Editable, Insert, Motion, Program, Reason, RewriteOptions, Rewritten, Role, Target};
 use crate::text::{Content, Edit, Span, apply};
+use deflex_lang::tp::lex::brackets;
+use deflex_lang::tp::lines::{Line, numbers, sections};
+use deflex_lang::tp::{Lasting, lasting};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 

@@ -1,37 +1,26 @@
-//! FANUC TP programs as text (`.ls`).
+//! FANUC TP programs as text (`.ls`). Their statements are read and run by `deflex-lang`.
 //!
 //! | file | from | to |
 //! |---|---|---|
-//! | `lines` | bytes | sections; the statements of `/MN` with their continuations |
-//! | `lex`, `statement`, `motion`, `expression` | statements | what they do to where the robot goes |
 //! | `position` | `/POS` | positions, and where their numbers stand |
-//! | `flow`, `state`, `calls` | statements | what each makes of what is known, and where a run goes on |
-//! | `run` | flow | the motions that run, with what is known at each |
-//! | `targets`, `arcs` | motions and positions | targets |
+//! | `targets`, `arcs` | motions that run, and positions | targets |
 //! | `rewrite`, `insert`, `renumber` | wanted poses | edits on numbers of `/POS`, points between |
 
 mod arcs;
 mod builder;
-mod calls;
 mod dialect;
-mod expression;
-mod flow;
 mod insert;
-mod lex;
-mod lines;
-mod motion;
 mod position;
 mod renumber;
 mod rewrite;
-mod run;
-mod state;
-mod statement;
 mod targets;
 mod written;
 
 use super::front_end::FrontEnd;
-use super::{Change, Insert, Kept, Language, Passing, Program, Reason, RewriteOptions, Rewritten};
+use super::{Change, Insert, Kept, Language, Passing, Program, Reason, RewriteOptions, Rewritten, lowered};
 use crate::text::{Diagnostic, Edit, Severity, Source, Span};
+use deflex_lang::run::run;
+use deflex_lang::tp::{Calls, Code, StatementKind, lines, lower, runs};
 pub(super) use insert::MOST_POINTS;
 use position::{Body, Position};
 
@@ -128,11 +117,13 @@ pub fn read(mut sources: Vec<Source>, context: Vec<Source>) -> Result<Program, V
         let error = Diagnostic::error("ls.truncated", &source.name, message).at(source, *cut);
         return Err(error.help("the file is cut off; get it again from its source").into());
     }
-    let calls = calls::Calls::new(sources.iter());
-    let flow = flow::Flow::new(&lines, &calls, follows(&source.bytes[sections.head.clone()]));
-    let built = builder::Builder::new(&lines, &flow, &positions).build(&run::run(&flow));
+    let (calls, code) = (Calls::new(sources.iter().map(|source| &source.bytes[..])), Code::new(&lines));
+    let places: Vec<_> = positions.iter().map(|position| (position.number, position.span)).collect();
+    let (lowered, tp) = lower(&code, &places, &calls, follows(&source.bytes[sections.head.clone()]));
+    let Ok(outcome) = run(&lowered, &tp) else { return Err(lowered::endless(source).into()) };
+    let built = builder::Builder::new(&code, &positions).build(&outcome);
     let mut diagnostics: Vec<Diagnostic> = not_read(source, &odd).into_iter().collect();
-    diagnostics.extend(not_given(source, &lines, &flow, &calls));
+    diagnostics.extend(not_given(source, &code, &calls));
     let mut kept = built.kept;
     kept.extend(odd.iter().map(|span| Kept {
         source: 0,
@@ -236,17 +227,11 @@ fn not_read(source: &Source, odd: &[Span]) -> Option<Diagnostic> {
 }
 
 /// A warning for programs that are called and not given, at the first of them.
-fn not_given(
-    source: &Source,
-    lines: &[lines::Line<'_>],
-    flow: &flow::Flow<'_>,
-    calls: &calls::Calls,
-) -> Option<Diagnostic> {
+fn not_given(source: &Source, code: &Code<'_>, calls: &Calls) -> Option<Diagnostic> {
     let mut names: Vec<(String, Span)> = Vec::new();
-    for (line, kind) in lines.iter().zip(&flow.kinds) {
-        let plain = matches!(kind, statement::StatementKind::Macro | statement::StatementKind::Unknown)
-            .then_some(&line.text[..]);
-        for name in statement::runs(kind).into_iter().filter(|name| !name.is_empty()).chain(plain) {
+    for (line, kind) in code.lines.iter().zip(&code.kinds) {
+        let plain = matches!(kind, StatementKind::Macro | StatementKind::Unknown).then_some(&line.text[..]);
+        for name in runs(kind).into_iter().filter(|name| !name.is_empty()).chain(plain) {
             let text = String::from_utf8_lossy(name).into_owned();
             if !calls.knows(name) && names.iter().all(|(known, _)| *known != text) {
                 names.push((text, line.span));

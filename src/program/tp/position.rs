@@ -1,9 +1,9 @@
 //! `/POS`: positions as written, and where their numbers stand.
 
-use super::lex::{Parsed, blanks, number_token, spaced, value_of, word};
 use crate::program::{AxisName, EXTERNAL_AXES, Reason};
 use crate::program::{Config as Said, GroupAxis};
 use crate::text::Span;
+use deflex_lang::tp::lex::{Parsed, blanks, number_token, spaced, value_of, word};
 use nom::Parser;
 use nom::branch::alt;
 use nom::bytes::complete::{tag_no_case, take, take_until, take_while1};

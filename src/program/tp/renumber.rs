@@ -1,9 +1,8 @@
 //! Statements are counted from 1, and the attributes say how many there are: what changes where some are added or taken out.
 
-use super::flow;
-use super::lines::{Line, numbers, sections, statements};
-use super::statement::{StatementKind, kind};
 use crate::text::{Content, Edit, Span};
+use deflex_lang::tp::Code;
+use deflex_lang::tp::lines::{Line, numbers, sections, statements};
 
 /// Names of the line count among the attributes, in English and German.
 const COUNTS: [&[u8]; 2] = [b"LINE_COUNT", b"ZEILEN"];
@@ -36,9 +35,7 @@ impl Shifts {
 /// The statements, and which of them are counted apart: those of point logic.
 pub(super) fn counted(bytes: &[u8]) -> (Vec<Line<'_>>, Vec<bool>) {
     let lines = sections(bytes).statements.map_or_else(Vec::new, |section| statements(bytes, section));
-    let kinds: Vec<StatementKind<'_>> = lines.iter().map(kind).collect();
-    let inner = flow::inner(&lines, &kinds);
-    drop(kinds);
+    let inner = Code::new(&lines).inner;
     (lines, inner)
 }
 

@@ -2,18 +2,17 @@
 
 use super::arcs;
 use super::builder::{Builder, Built, Site, are_in_one_frame, refuse};
-use super::expression;
-use super::motion::{Motion, Point};
 use super::position::{Body, Number, Pose, Position};
-use super::run::Visit;
-use super::state::{Marked, ModalState};
-use super::statement::{self, Frame, StatementKind};
 use crate::program::EXTERNAL_AXES;
+use crate::program::lowered::intern;
 use crate::program::orientation::{from_zyx_deg, quaternion};
 use crate::program::{
-    Conf, Editable, ExternalAxes, Goal, GroupAxis, Kept, Motion as Path, Predecessor, Reason, Role, Target, Tool,
+    Conf, Editable, ExternalAxes, Goal, GroupAxis, Kept, Mark, Motion as Path, Predecessor, Reason, Role, Target, Tool,
     ToolData, UnknownMotion, Wobj, WobjData,
 };
+use deflex_lang::ir;
+use deflex_lang::run::{From, Outcome};
+use deflex_lang::tp::{self, Frame, Held, Motion, Point, StatementKind};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -21,135 +20,141 @@ const SELECTED_LATER: [Reason; 2] = [Reason::FrameSelected, Reason::ToolSelected
 const OTHER_SELECTED: [Reason; 2] = [Reason::OtherFrameSelected, Reason::OtherToolSelected];
 const REDEFINED: [Reason; 2] = [Reason::FrameRedefined, Reason::ToolRedefined];
 
-impl Builder<'_> {
+/// A motion that runs.
+#[derive(Clone, Copy)]
+pub(super) struct Visit<'a> {
+    /// Its place among those that run.
+    pub(super) run: usize,
+    /// Its statement.
+    pub(super) at: usize,
+    motion: &'a Motion<'a>,
+    held: Held<'a>,
+}
+
+impl Visit<'_> {
+    /// The number of the position in a role; `Err` where what it goes to is no position.
+    fn number(&self, role: Role) -> Result<Option<u32>, Reason> {
+        let (point, number) = match (role, self.motion.via) {
+            (Role::Via, Some(via)) => (via, self.held.via()),
+            _ => (self.motion.end, self.held.end()),
+        };
+        match point {
+            Point::Position(_) => Ok(number),
+            Point::RunTime(why) => Err(why),
+        }
+    }
+
+    fn roles(&self) -> &'static [Role] {
+        if self.motion.via.is_some() { &[Role::Via, Role::End] } else { &[Role::End] }
+    }
+}
+
+impl<'a> Builder<'a> {
     /// All of it.
-    pub(super) fn build(mut self, visits: &[Visit]) -> Built {
-        for (line, kind) in self.lines.iter().zip(&self.flow.kinds) {
-            for index in statement::positions_named(line, kind) {
-                self.freeze(index, &ModalState::default(), Reason::PositionNamed);
+    pub(super) fn build(mut self, outcome: &Outcome) -> Built {
+        let code = self.code;
+        for (line, kind) in code.lines.iter().zip(&code.kinds) {
+            for index in tp::positions_named(line, kind) {
+                self.freeze(tp::count(index), Reason::PositionNamed);
             }
         }
-        let rows = arcs::rows(self.lines, &self.flow.kinds);
-        let mut open = visits;
-        while let Some((at, state)) = open.first() {
-            let row = &rows[rows.partition_point(|row| row.end <= *at)..];
-            let count = match (row.first().filter(|row| row.contains(at)), &self.flow.kinds[*at]) {
-                (Some(row), _) => self.row(open, row.clone()),
-                (None, StatementKind::Motion(motion)) => {
-                    self.motion(*at, motion, state);
-                    1
-                }
-                // Something is called that counts from where the robot stands.
-                _ => {
-                    self.counted_from.extend(&state.standing);
+        let visits: Vec<Visit<'_>> = outcome
+            .motions
+            .iter()
+            .enumerate()
+            .filter_map(|(run, moved)| {
+                let at = code.lines.binary_search_by_key(&moved.place.span, |line| line.span).ok()?;
+                let StatementKind::Motion(motion) = &code.kinds[at] else { return None };
+                Some(Visit { run, at, motion, held: Held(moved) })
+            })
+            .collect();
+        let rows = arcs::rows(code);
+        let mut open = &visits[..];
+        while let Some(visit) = open.first() {
+            let row = &rows[rows.partition_point(|row| row.end <= visit.at)..];
+            let count = match row.first().filter(|row| row.contains(&visit.at)) {
+                Some(row) => self.row(open, row.clone()),
+                None => {
+                    self.motion(visit);
                     1
                 }
             };
             open = &open[count..];
         }
-        self.hold_what_others_use();
+        self.hold_what_others_use(outcome);
         self.keep_halves_of_arcs();
         self.say_what_is_kept();
         self.built
     }
 
-    /// The position of an index.
-    fn position(&self, index: &[u8], state: &ModalState) -> Result<usize, Reason> {
-        let number = expression::count(index, &state.registers).ok_or(Reason::PositionUnknown)?;
-        match self.numbers.get(&number) {
+    /// The position of a number.
+    fn position(&self, number: Option<u32>) -> Result<usize, Reason> {
+        match self.numbers.get(&number.ok_or(Reason::PositionUnknown)?) {
             Some((at, false)) => Ok(*at),
             Some((_, true)) => Err(Reason::PositionTwice),
             None => Err(Reason::PositionMissing),
         }
     }
 
-    fn freeze(&mut self, index: &[u8], state: &ModalState, why: Reason) {
-        match self.position(index, state) {
+    fn freeze(&mut self, number: Option<u32>, why: Reason) {
+        match self.position(number) {
             Ok(at) => drop(self.frozen.entry(at).or_insert(why)),
             Err(Reason::PositionUnknown) => drop(self.all_frozen.get_or_insert(Reason::MayGoThere)),
             Err(_) => {}
         }
     }
 
-    /// Counts a motion that runs.
-    pub(super) fn count(&mut self, motion: &Motion<'_>, state: &ModalState) {
+    fn motion(&mut self, visit: &Visit<'_>) {
         self.built.motions += 1;
-        if motion.moved == Some(Reason::Increment) {
-            // What the robot stands at is part of where it goes.
-            self.counted_from.extend(&state.standing);
-        }
-    }
-
-    fn motion(&mut self, at: usize, motion: &Motion<'_>, state: &ModalState) {
-        self.count(motion, state);
-        self.built.arcs += usize::from(motion.path == Path::Circular);
-        let points: Result<Vec<_>, _> = match motion.via {
-            Some(via) => [(via, Role::Via), (motion.end, Role::End)]
-                .into_iter()
-                .map(|(point, role)| self.point(at, motion, point, role, state))
-                .collect(),
-            None => self.point(at, motion, motion.end, Role::End, state).map(|point| vec![point]),
-        };
+        self.built.arcs += usize::from(visit.motion.path == ir::Path::Circular);
+        let points: Result<Vec<_>, _> = visit.roles().iter().map(|role| self.point(visit, *role)).collect();
         let points =
             points.and_then(|points| if are_in_one_frame(&points) { Ok(points) } else { Err(Reason::ArcFrames) });
         match points {
             Ok(points) => {
                 let first = self.built.targets.len();
-                points.into_iter().for_each(|point| self.push(at, point));
-                if motion.via.is_some() {
+                points.into_iter().for_each(|point| self.push(visit.run, point));
+                if visit.motion.via.is_some() {
                     self.built.points.push(first..self.built.targets.len());
                 }
             }
-            Err(why) => self.lose(at, motion, state, why),
+            Err(why) => self.lose(visit, why),
         }
     }
 
     /// Where the way into a point of a motion begins.
-    fn predecessor(&self, motion: &Motion<'_>, role: Role, state: &ModalState) -> Predecessor {
+    fn predecessor(&self, visit: &Visit<'_>, role: Role) -> Predecessor {
         let Some(last) = self.last else { return Predecessor::Start };
-        let behind_via = role == Role::End && motion.via.is_some();
-        let stands = state.standing.len() == 1 && state.standing.contains(&last) && !state.elsewhere;
+        let behind_via = role == Role::End && visit.motion.via.is_some();
+        let stands = visit.held.0.from == From::Previous && last + 1 == visit.run;
         if behind_via || stands { Predecessor::Previous } else { Predecessor::Unknown }
     }
 
-    /// Takes a point of the motion of statement `at`.
-    pub(super) fn push(&mut self, at: usize, (target, site): (Target, Site)) {
-        self.ends.entry(at).or_default().push(self.built.targets.len());
-        self.last = Some(at);
+    /// Takes a point of a motion, by its place among those that run.
+    pub(super) fn push(&mut self, run: usize, (target, site): (Target, Site)) {
+        self.last = Some(run);
         self.built.targets.push(target);
         self.built.sites.push(site);
     }
 
     /// A motion whose end is not known: what it names stays.
-    pub(super) fn lose(&mut self, at: usize, motion: &Motion<'_>, state: &ModalState, why: Reason) {
-        for point in motion.via.iter().chain([&motion.end]) {
-            if let Point::Position(index) = *point {
-                self.freeze(index, state, Reason::MovedToo);
-            }
+    pub(super) fn lose(&mut self, visit: &Visit<'_>, why: Reason) {
+        for number in visit.roles().iter().filter_map(|role| visit.number(*role).ok()) {
+            self.freeze(number, Reason::MovedToo);
         }
-        self.unknown(at, why);
+        self.unknown(visit.at, why);
     }
 
     /// A point that a motion goes to or through; or why its place is not known.
-    pub(super) fn point(
-        &mut self,
-        at: usize,
-        motion: &Motion<'_>,
-        point: Point<'_>,
-        role: Role,
-        state: &ModalState,
-    ) -> Result<(Target, Site), Reason> {
-        let index = match point {
-            Point::Position(index) => index,
-            Point::RunTime(why) => return Err(why),
-        };
-        let known = self.position(index, state)?;
+    pub(super) fn point(&mut self, visit: &Visit<'_>, role: Role) -> Result<(Target, Site), Reason> {
+        let motion = visit.motion;
+        let known = self.position(visit.number(role)?)?;
         let position = &self.positions[known];
         let spline = motion.moved.filter(|_| stays_at_its_point(motion));
         if let Some(why) = motion.moved.filter(|_| spline.is_none()) {
             return Err(why);
         }
-        if let Some(why) = state.displaced {
+        if let Some(why) = visit.held.displaced() {
             return Err(why);
         }
         if motion.coordinated && position.groups.is_empty() {
@@ -160,18 +165,21 @@ impl Builder<'_> {
             Body::Pose(pose) => (goal(pose), pose.frames, Some(known as u32), spline),
             Body::Joints { deg, frames } => (Goal::Joints { deg: *deg }, *frames, None, Some(Reason::Joints)),
         };
-        let mark = match state.mark {
-            Marked::Known(mark) => mark,
-            Marked::Unknown => None,
+        let mark = visit.held.mark();
+        let why = why.or(mark.err()).or(self.all_frozen);
+        let mark = match mark {
+            Ok(Some(b"air")) => Some(Mark::Air),
+            Ok(Some(b"cut")) => Some(Mark::Cut),
+            _ => None,
         };
-        let unmarked = (state.mark == Marked::Unknown).then_some(Reason::MarkUnknown);
-        let why = why.or(unmarked).or(self.all_frozen);
-        let [wobj, tool] = self.frames(frames, state)?;
+        let [wobj, tool] = self.frames(frames, visit.held)?;
         let path = match (motion.path, &goal) {
-            (Path::Joint, Goal::Joints { .. }) => Path::AbsoluteJoint,
-            (path, _) => path,
+            (ir::Path::Joint, Goal::Joints { .. }) => Path::AbsoluteJoint,
+            (ir::Path::Joint, _) => Path::Joint,
+            (ir::Path::Circular, _) => Path::Circular,
+            _ => Path::Linear,
         };
-        let line = &self.lines[at];
+        let line = &self.code.lines[visit.at];
         let target = Target {
             ordinal: u32::try_from(self.built.motions).unwrap_or(u32::MAX),
             role,
@@ -191,7 +199,7 @@ impl Builder<'_> {
             source: 0,
             span: line.span,
             line: u32::try_from(line.line).unwrap_or(u32::MAX),
-            predecessor: self.predecessor(motion, role, state),
+            predecessor: self.predecessor(visit, role),
         };
         Ok((target, site))
     }
@@ -209,16 +217,16 @@ impl Builder<'_> {
     }
 
     /// Indices of work object and tool.
-    fn frames(&mut self, recorded: [Number; 2], state: &ModalState) -> Result<[u16; 2], Reason> {
+    fn frames(&mut self, recorded: [Number; 2], held: Held<'_>) -> Result<[u16; 2], Reason> {
         let mut numbers = [0; 2];
         for (i, frame) in [Frame::User, Frame::Tool].into_iter().enumerate() {
-            numbers[i] = match (recorded[i], state.selected[i]) {
+            numbers[i] = match (recorded[i], held.selected(frame)) {
                 (Number::Known(own), Some(selected)) if own != selected => return Err(OTHER_SELECTED[i]),
                 (Number::Known(own), _) => own,
                 (Number::Selected, Some(selected)) => selected,
                 (Number::Selected, None) => return Err(SELECTED_LATER[i]),
             };
-            if state.all_redefined.contains(&frame) || state.redefined.contains(&(frame, numbers[i])) {
+            if held.is_redefined(frame, numbers[i]) {
                 return Err(REDEFINED[i]);
             }
         }
@@ -230,7 +238,7 @@ impl Builder<'_> {
 
     /// A motion whose end is not known.
     fn unknown(&mut self, at: usize, why: Reason) {
-        let (line, most) = (&self.lines[at], u32::MAX);
+        let (line, most) = (&self.code.lines[at], u32::MAX);
         self.built.unknown.push(UnknownMotion {
             ordinal: u32::try_from(self.built.motions).unwrap_or(most),
             reason: why,
@@ -242,7 +250,7 @@ impl Builder<'_> {
     }
 
     fn keep(&mut self, at: usize, reason: Reason) {
-        let line = &self.lines[at];
+        let line = &self.code.lines[at];
         let known = self.built.kept.iter().any(|kept| kept.span == line.span && kept.reason == reason);
         if !known {
             self.built.kept.push(Kept { source: 0, span: line.span, line: line.line, reason, fault: false, help: "" });
@@ -250,13 +258,13 @@ impl Builder<'_> {
     }
 
     /// Numbers that something else uses, too, stay as they are.
-    fn hold_what_others_use(&mut self) {
+    fn hold_what_others_use(&mut self, outcome: &Outcome) {
         let built = &mut self.built;
-        for target in self.counted_from.iter().filter_map(|at| self.ends.get(at)).flatten() {
-            refuse(&mut built.targets[*target], Reason::CountedFrom);
-        }
         for (target, site) in built.targets.iter_mut().zip(&built.sites) {
             let Some(site) = site else { continue };
+            if outcome.used.contains_key(&ir::TokenId(*site)) {
+                refuse(target, Reason::CountedFrom);
+            }
             if let Some(why) = self.frozen.get(&(*site as usize)).copied().or(self.all_frozen) {
                 refuse(target, why);
             }
@@ -276,7 +284,7 @@ impl Builder<'_> {
     }
 
     fn say_what_is_kept(&mut self) {
-        let spans: BTreeMap<_, _> = self.lines.iter().enumerate().map(|(at, line)| (line.span, at)).collect();
+        let spans: BTreeMap<_, _> = self.code.lines.iter().enumerate().map(|(at, line)| (line.span, at)).collect();
         let kept: BTreeSet<_> = self
             .built
             .targets
@@ -296,14 +304,6 @@ impl Builder<'_> {
 /// Options that leave the end of a motion where its position says.
 fn stays_at_its_point(motion: &Motion<'_>) -> bool {
     motion.moved == Some(Reason::SplineOption)
-}
-
-fn intern<T: PartialEq>(known: &mut Vec<T>, wanted: T) -> u16 {
-    let at = known.iter().position(|known| *known == wanted).unwrap_or_else(|| {
-        known.push(wanted);
-        known.len() - 1
-    });
-    u16::try_from(at).unwrap_or(u16::MAX)
 }
 
 /// A pose as the correction sees it: W, P, R turn about the fixed x, y, z.

@@ -52,14 +52,16 @@ fn rules_are_names_in_the_code() {
     let mut missing = Vec::new();
     for language in Language::ALL {
         let known = known(language);
-        let source = match language {
-            Language::Ur => root().join("crates/lang/src/urscript"),
-            Language::Jbi => root().join("crates/lang/src/inform"),
-            _ => root().join("src/program").join(folder(language)),
+        let own = root().join("src/program").join(folder(language));
+        let sources = match language {
+            Language::Ur => vec![root().join("crates/lang/src/urscript")],
+            Language::Jbi => vec![root().join("crates/lang/src/inform")],
+            Language::Ls => vec![root().join("crates/lang/src/tp"), own],
+            _ => vec![own],
         };
         for (name, rule) in known.grammar.rules.iter().filter(|(_, rule)| !rule.lexical) {
             let mut code = String::new();
-            for file in &rule.files {
+            for (file, source) in rule.files.iter().flat_map(|file| sources.iter().map(move |source| (file, source))) {
                 let within = source.join(file.trim_end_matches(".rs"));
                 let parts = if within.is_dir() { files(&within, &["rs"]) } else { Vec::new() };
                 for part in parts.iter().chain([&source.join(file)]).filter(|part| part.exists()) {

@@ -320,14 +320,13 @@ const HARD: &[Hard] = &[
         ..PLAIN
     },
     Hard {
-        what: "a jump to a label by a register goes anywhere",
+        what: "a jump to a label by a register goes to any label",
         statements: "R[1]=GI[1]\nUFRAME_NUM=1\nL P[1] 10mm/sec FINE\nUFRAME_NUM=2\nJMP LBL[R[1]]\nLBL[1]\nL P[2] 10mm/sec FINE\nLBL[2]",
         positions: &[
             (1, "GP1: UF : F, UT : 1, X = 1 mm, Y = 1 mm, Z = 0 mm, W = 0 deg, P = 0 deg, R = 0 deg"),
             (2, "GP1: UF : F, UT : 1, X = 2 mm, Y = 1 mm, Z = 0 mm, W = 0 deg, P = 0 deg, R = 0 deg"),
         ],
-        edited: &[2],
-        kept: &[(3, "user frame selected at run time")],
+        edited: &[1, 2],
         ..PLAIN
     },
     Hard {

@@ -7,6 +7,7 @@
 use deflex::program::{Editable, Goal, Program, tp};
 use deflex::text::Source;
 use proptest::prelude::*;
+use proptest::test_runner::{RngAlgorithm, TestRng, TestRunner};
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
@@ -16,6 +17,8 @@ enum Op {
     Tool(u32),
     FrameOf(u32),
     Set(u32, i32),
+    /// Of the register whose number a register holds.
+    SetOf(u32, i32),
     Add(u32, i32),
     Take(u32),
     Move(u32),
@@ -26,8 +29,12 @@ enum Op {
     Read(u32),
     Redefine(u32),
     Call,
+    /// Runs a program beside this one.
+    Beside,
     Label(u32),
     Jump(u32),
+    /// To the label whose number a register holds.
+    JumpTo(u32),
     JumpIf(u32, i32, u32),
     MayJump(u32),
     If(u32, i32, Vec<Op>, Vec<Op>),
@@ -78,6 +85,7 @@ fn flatten(ops: &[Op], lines: &mut Vec<(String, Does)>) {
             Op::Tool(n) => plain(format!("UTOOL_NUM={n}")),
             Op::FrameOf(r) => plain(format!("UFRAME_NUM=R[{r}:f]")),
             Op::Set(r, v) => plain(format!("R[{r}]={v}")),
+            Op::SetOf(r, v) => plain(format!("R[R[{r}]]={v}")),
             Op::Add(r, v) => plain(format!("R[{r}:x]=R[{r}:x]+({v})")),
             Op::Take(r) => plain(format!("R[{r}]=GI[1]")),
             Op::Move(p) => plain(format!("L P[{p}] 10mm/sec FINE")),
@@ -88,8 +96,10 @@ fn flatten(ops: &[Op], lines: &mut Vec<(String, Does)>) {
             Op::Read(p) => plain(format!("PR[1]=P[{p}]")),
             Op::Redefine(n) => plain(format!("UFRAME[{n}]=PR[2]")),
             Op::Call => plain("CALL OTHER(1,2)".into()),
+            Op::Beside => plain("RUN WATCH".into()),
             Op::Label(l) => plain(format!("LBL[{l}:here]")),
             Op::Jump(l) => plain(format!("JMP LBL[{l}]")),
+            Op::JumpTo(r) => plain(format!("JMP LBL[R[{r}:l]]")),
             Op::JumpIf(r, v, l) => plain(format!("IF R[{r}]={v},JMP LBL[{l}]")),
             Op::MayJump(l) => plain(format!("IF DI[1]=ON,JMP LBL[{l}]")),
             Op::If(..) | Op::MayIf(..) => {
@@ -172,6 +182,7 @@ struct Machine<'a> {
     frame: u32,
     tool: u32,
     redefined: BTreeSet<u32>,
+    beside: bool,
     last: [Option<i32>; 64],
     seen: Vec<Seen>,
 }
@@ -189,10 +200,21 @@ impl Machine<'_> {
         self.lines.iter().position(|(_, does)| matches!(does, Does::Op(Op::Label(l)) if *l == wanted))
     }
 
+    /// What another program may do at any moment.
+    fn others(&mut self) {
+        for r in 1..5 {
+            self.registers[r] = self.random(5) as i32;
+        }
+        self.frame = 1 + self.random(u64::from(FRAMES)) as u32;
+    }
+
     fn run(&mut self) {
         let (mut at, mut steps, mut before) = (0, 0, None);
         while at < self.lines.len() && steps < 400 {
             steps += 1;
+            if self.beside && self.random(3) == 0 {
+                self.others();
+            }
             let mut next = Some(at + 1);
             match self.lines[at].1.clone() {
                 Does::Op(op) => match op {
@@ -203,6 +225,10 @@ impl Machine<'_> {
                         Err(_) => return,
                     },
                     Op::Set(r, v) => self.registers[r as usize] = v,
+                    Op::SetOf(r, v) => match usize::try_from(self.registers[r as usize]) {
+                        Ok(r) if r < self.registers.len() => self.registers[r] = v,
+                        _ => return,
+                    },
                     Op::Add(r, v) => self.registers[r as usize] += v,
                     Op::Take(r) => self.registers[r as usize] = self.random(5) as i32,
                     Op::Move(p) | Op::Arc(p) | Op::Offset(p) | Op::Increment(p) => {
@@ -219,13 +245,13 @@ impl Machine<'_> {
                         }
                     }
                     Op::Redefine(n) => drop(self.redefined.insert(n)),
-                    Op::Call => {
-                        for r in 1..5 {
-                            self.registers[r] = self.random(5) as i32;
-                        }
-                        self.frame = 1 + self.random(u64::from(FRAMES)) as u32;
-                    }
+                    Op::Call => self.others(),
+                    Op::Beside => self.beside = true,
                     Op::Jump(l) => next = self.label(l),
+                    Op::JumpTo(r) => {
+                        let number = u32::try_from(self.registers[r as usize]);
+                        next = number.ok().and_then(|number| self.label(number));
+                    }
                     Op::JumpIf(r, v, l) if self.registers[r as usize] == v => next = self.label(l),
                     Op::MayJump(l) if self.random(2) == 0 => next = self.label(l),
                     _ => {}
@@ -322,6 +348,7 @@ fn judge(lines: &[(String, Does)], seed: u64) -> Result<usize, TestCaseError> {
             frame: 1,
             tool: 1,
             redefined: BTreeSet::new(),
+            beside: false,
             last: [None; 64],
             seen: Vec::new(),
         };
@@ -359,6 +386,7 @@ fn op() -> impl Strategy<Value = Op> {
         1 => (1..3_u32).prop_map(Op::Tool),
         1 => r.clone().prop_map(Op::FrameOf),
         2 => (r.clone(), 0..4).prop_map(|(r, v)| Op::Set(r, v)),
+        1 => (r.clone(), 0..4).prop_map(|(r, v)| Op::SetOf(r, v)),
         2 => (r.clone(), -1..2).prop_map(|(r, v)| Op::Add(r, v)),
         1 => r.clone().prop_map(Op::Take),
         1 => r.clone().prop_map(Op::MoveTo),
@@ -367,8 +395,10 @@ fn op() -> impl Strategy<Value = Op> {
         1 => p.prop_map(Op::Read),
         1 => f.prop_map(Op::Redefine),
         1 => Just(Op::Call),
+        1 => Just(Op::Beside),
         2 => l.clone().prop_map(Op::Label),
         1 => l.clone().prop_map(Op::Jump),
+        1 => r.clone().prop_map(Op::JumpTo),
         1 => (r.clone(), 0..4, l.clone()).prop_map(|(r, v, l)| Op::JumpIf(r, v, l)),
         1 => l.clone().prop_map(Op::MayJump),
         1 => (r, l.clone(), l).prop_map(|(r, a, b)| Op::Select(r, a, b)),
@@ -385,15 +415,32 @@ fn op() -> impl Strategy<Value = Op> {
     })
 }
 
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(600))]
-    #[test]
-    fn what_is_edited_is_right_in_every_run(ops in prop::collection::vec(op(), 1..9), seed in any::<u64>()) {
-        let mut lines = Vec::new();
-        flatten(&ops, &mut lines);
-        prop_assume!(lines.len() < 64);
-        judge(&lines, seed)?;
+/// More of them with `DEFLEX_TP_PROGRAMS`; `DEFLEX_TP_FIRST` is the first seed.
+#[test]
+fn what_is_edited_is_right_in_every_run() {
+    let number = |name: &str, default: u64| {
+        std::env::var(name).map_or(default, |text| text.parse().unwrap_or_else(|_| panic!("{name} is no number")))
+    };
+    let (count, first) = (number("DEFLEX_TP_PROGRAMS", 600), number("DEFLEX_TP_FIRST", 0));
+    let programs = prop::collection::vec(op(), 1..9);
+    let edited = std::cell::Cell::new(0);
+    for seed in first..first + count {
+        let mut bytes = [0; 32];
+        bytes[..8].copy_from_slice(&seed.to_le_bytes());
+        let config = ProptestConfig { failure_persistence: None, ..ProptestConfig::default() };
+        let mut runner = TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &bytes));
+        let tree = programs.new_tree(&mut runner).unwrap();
+        let judged = runner.run_one(tree, |ops| {
+            let mut lines = Vec::new();
+            flatten(&ops, &mut lines);
+            prop_assume!(lines.len() < 64);
+            edited.set(edited.get() + usize::from(judge(&lines, seed)? > 0));
+            Ok(())
+        });
+        judged.unwrap_or_else(|why| panic!("{seed}: {why}"));
     }
+    // Leaving everything alone is no answer.
+    assert!(edited.get() as u64 * 4 > count, "only {} of {count} have a position that may be edited", edited.get());
 }
 
 fn reads(statements: &str) -> Program {

@@ -1,8 +1,8 @@
 //! Motion instructions: `L P[3:corner] 500mm/sec CNT50 ACC80 Offset,PR[1]`.
 
 use super::lex::{Parsed, blanks, brackets, index, number_token, spaced, value_of, word};
-use crate::program::Motion as Path;
-use crate::program::Reason;
+use crate::ir::Path;
+use crate::reason::Reason;
 use nom::Parser;
 use nom::branch::alt;
 use nom::bytes::complete::{tag, tag_no_case, take_while};
@@ -12,34 +12,42 @@ use std::ops::Range;
 
 /// A motion as written.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Motion<'a> {
+pub struct Motion<'a> {
     /// Into its last point.
-    pub(super) path: Path,
+    pub path: Path,
     /// Circle point of `C`.
-    pub(super) via: Option<Point<'a>>,
+    pub via: Option<Point<'a>>,
     /// Where it ends.
-    pub(super) end: Point<'a>,
+    pub end: Point<'a>,
     /// Speed of the TCP, mm/s, where it is a number and says so.
-    pub(super) feed_mm_s: Option<f64>,
+    pub feed_mm_s: Option<f64>,
     /// Why the motion does not end at its point, or not with this robot alone.
-    pub(super) moved: Option<Reason>,
+    pub moved: Option<Reason>,
     /// On the way, it stays on a line or an arc in what another motion group carries (`COORD`).
-    pub(super) coordinated: bool,
+    pub coordinated: bool,
     /// Other statements run in parallel with it.
-    pub(super) runs_others: bool,
+    pub runs_others: bool,
     /// Programs that it calls (`TB .10sec,CALL OPEN`), as written.
-    pub(super) calls: Vec<&'a [u8]>,
+    pub calls: Vec<&'a [u8]>,
     /// Where it goes on when a condition was not met (`Skip,LBL[n]`).
-    pub(super) skip: Option<&'a [u8]>,
+    pub skip: Option<&'a [u8]>,
     /// `A`: on a circle with its neighbours.
-    pub(super) is_arc: bool,
+    pub is_arc: bool,
     /// A block of statements that run in parallel with it follows.
-    pub(super) point_logic: bool,
+    pub point_logic: bool,
+}
+
+impl Motion<'_> {
+    /// Whether it is counted from where the arm stands.
+    #[must_use]
+    pub fn counts_on(&self) -> bool {
+        self.moved == Some(Reason::Increment)
+    }
 }
 
 /// What a motion goes to.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Point<'a> {
+pub enum Point<'a> {
     /// `P[…]`: the index as written.
     Position(&'a [u8]),
     /// Something whose value only a run knows, and what.
@@ -248,17 +256,17 @@ fn modifiers<'a>(text: &'a [u8], motion: &mut Motion<'a>) {
 
 /// What a motion on a part of the way of another has in common with it.
 #[derive(Debug, PartialEq)]
-pub(super) struct Lasting<'a> {
+pub struct Lasting<'a> {
     /// `L`, `C`, `A`, as written.
-    pub(super) letter: u8,
+    pub letter: u8,
     /// Where it stands.
-    pub(super) letter_at: usize,
+    pub letter_at: usize,
     /// Where its points stand: circle point and end, or the end.
-    pub(super) points: Vec<Range<usize>>,
+    pub points: Vec<Range<usize>>,
     /// As written; empty where there is none.
-    pub(super) speed: &'a [u8],
+    pub speed: &'a [u8],
     /// Those that hold all of the way, as written.
-    pub(super) options: Vec<&'a [u8]>,
+    pub options: Vec<&'a [u8]>,
 }
 
 /// Words that say how a motion ends, and those that hold all of its way.
@@ -269,7 +277,7 @@ const LASTS: [&[u8]; 6] = [b"ACC", b"WJNT", b"PTH", b"MAX_SPEED", b"WELD_SPEED",
 ///
 /// # Errors
 /// Why there can be none.
-pub(super) fn lasting(text: &[u8]) -> Result<Lasting<'_>, Reason> {
+pub fn lasting(text: &[u8]) -> Result<Lasting<'_>, Reason> {
     let place = |rest: &[u8]| text.len() - rest.len();
     let body = text[super::lines::numbers(text).unwrap_or(0)..].trim_ascii_start();
     let body = body.strip_prefix(b":").unwrap_or(body).trim_ascii_start();

@@ -1,22 +1,22 @@
 //! `/PROG … /END`: sections, and the statements of `/MN` with their continuations.
 
-use crate::text::Span;
+use crate::Span;
 use std::borrow::Cow;
 use std::ops::Range;
 
 /// Where the sections are that are read.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Sections {
+pub struct Sections {
     /// Name that `/PROG` gives.
-    pub(super) name: Option<Span>,
+    pub name: Option<Span>,
     /// `/ATTR` and `/APPL`, from the first of them on.
-    pub(super) head: Range<usize>,
+    pub head: Range<usize>,
     /// `/MN`.
-    pub(super) statements: Option<Range<usize>>,
+    pub statements: Option<Range<usize>>,
     /// `/POS`.
-    pub(super) positions: Option<Range<usize>>,
+    pub positions: Option<Range<usize>>,
     /// Whether `/END` is there.
-    pub(super) ends: bool,
+    pub ends: bool,
 }
 
 /// Lines without their ends, as ranges.
@@ -37,7 +37,7 @@ fn lines(bytes: &[u8], from: usize) -> impl Iterator<Item = Range<usize>> {
 }
 
 /// Finds the sections.
-pub(super) fn sections(bytes: &[u8]) -> Sections {
+pub fn sections(bytes: &[u8]) -> Sections {
     let mut found = Sections::default();
     let mut open: Option<(&'static str, usize)> = None;
     let close = |open: &mut Option<(&'static str, usize)>, found: &mut Sections, end: usize| {
@@ -80,17 +80,17 @@ pub(super) fn sections(bytes: &[u8]) -> Sections {
 
 /// A statement of `/MN` with its continuation lines.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Line<'a> {
+pub struct Line<'a> {
     /// Without number, colon and the semicolon at its end; continuation lines joined by a blank.
-    pub(super) text: Cow<'a, [u8]>,
+    pub text: Cow<'a, [u8]>,
     /// First to last byte.
-    pub(super) span: Span,
+    pub span: Span,
     /// Line of the first byte, from 1.
-    pub(super) line: usize,
+    pub line: usize,
 }
 
 /// The statements of `/MN`.
-pub(super) fn statements(bytes: &[u8], section: Range<usize>) -> Vec<Line<'_>> {
+pub fn statements(bytes: &[u8], section: Range<usize>) -> Vec<Line<'_>> {
     let mut out: Vec<Line<'_>> = Vec::new();
     let mut open = false;
     let (mut counted, mut number) = (0, 1);
@@ -132,14 +132,14 @@ fn is_case(before: &[u8], body: &[u8]) -> bool {
     row(body) && (row(before) || starts(before, b"SELECT"))
 }
 
-/// Line ends in a stretch, as [`Source::line_column`](crate::text::Source::line_column) counts them.
+/// Line ends in a stretch, as editors do.
 fn line_ends(bytes: &[u8]) -> usize {
     let lone = |at: usize| bytes[at] == b'\r' && !matches!(bytes.get(at + 1), Some(b'\n' | b'\r'));
     memchr::memchr2_iter(b'\n', b'\r', bytes).filter(|&at| bytes[at] == b'\n' || lone(at)).count()
 }
 
 /// How many digits the number of a statement has, which it begins with; `None` where it has none.
-pub(super) fn numbers(statement: &[u8]) -> Option<usize> {
+pub fn numbers(statement: &[u8]) -> Option<usize> {
     let digits = statement.iter().take_while(|b| b.is_ascii_digit()).count();
     (unnumbered(statement).0).then_some(digits)
 }

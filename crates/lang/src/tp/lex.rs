@@ -1,6 +1,5 @@
 //! What statements and positions have in common: blanks, words, numbers, brackets.
 
-use crate::text::number;
 use nom::branch::alt;
 use nom::bytes::complete::{tag, tag_no_case, take_while, take_while1};
 use nom::character::complete::{char, digit0, digit1, one_of};
@@ -9,15 +8,15 @@ use nom::sequence::{pair, preceded, terminated};
 use nom::{IResult, Parser};
 
 /// What a parser of a piece of a TP text gives.
-pub(super) type Parsed<'a, T> = IResult<&'a [u8], T>;
+pub type Parsed<'a, T> = IResult<&'a [u8], T>;
 
 /// Blanks, and the ends of lines that a position is wrapped over.
-pub(super) fn blanks(input: &[u8]) -> Parsed<'_, &[u8]> {
+pub fn blanks(input: &[u8]) -> Parsed<'_, &[u8]> {
     take_while(|b: u8| b.is_ascii_whitespace()).parse(input)
 }
 
 /// `parser` with blanks before and after it.
-pub(super) fn spaced<'a, T>(
+pub fn spaced<'a, T>(
     parser: impl Parser<&'a [u8], Output = T, Error = nom::error::Error<&'a [u8]>>,
 ) -> impl Parser<&'a [u8], Output = T, Error = nom::error::Error<&'a [u8]>> {
     terminated(preceded(blanks, parser), blanks)
@@ -29,7 +28,7 @@ pub(super) fn is_letter(b: u8) -> bool {
 }
 
 /// A word: a letter, then letters, digits and underscores.
-pub(super) fn word(input: &[u8]) -> Parsed<'_, &[u8]> {
+pub fn word(input: &[u8]) -> Parsed<'_, &[u8]> {
     verify(take_while1(is_letter), |word: &[u8]| !word[0].is_ascii_digit()).parse(input)
 }
 
@@ -41,19 +40,19 @@ pub(super) fn keyword<'a>(
 }
 
 /// A number token with its sign: `-12.5`, `.000`, `100.`, `4.29497e+09`.
-pub(super) fn number_token(input: &[u8]) -> Parsed<'_, &[u8]> {
+pub fn number_token(input: &[u8]) -> Parsed<'_, &[u8]> {
     let digits = alt((recognize((digit1, opt(pair(char('.'), digit0)))), recognize(pair(char('.'), digit1))));
     let exponent = (tag_no_case("e"), opt(one_of("+-")), digit1);
     recognize((opt(one_of("+-")), digits, opt(exponent))).parse(input)
 }
 
-/// The value of a number token.
-pub(super) fn value_of(token: &[u8]) -> Option<f64> {
-    number::read(token)
+/// The value of a number token; `None` beyond the numbers of this machine.
+pub fn value_of(token: &[u8]) -> Option<f64> {
+    std::str::from_utf8(token).ok()?.parse().ok().filter(|value: &f64| value.is_finite())
 }
 
 /// `[…]`: what stands within, brackets in it balanced.
-pub(super) fn brackets(input: &[u8]) -> Parsed<'_, &[u8]> {
+pub fn brackets(input: &[u8]) -> Parsed<'_, &[u8]> {
     let (rest, _) = tag("[").parse(input)?;
     let mut depth = 1_usize;
     for (at, byte) in rest.iter().enumerate() {

@@ -1,10 +1,9 @@
 //! What a statement of `/MN` does to where the robot goes.
 
-use super::expression::{self, Registers};
 use super::lex::{Parsed, brackets, index, is_letter, keyword, spaced, word};
 use super::lines::Line;
 use super::motion::{self, Motion};
-use crate::program::{Mark, Reason};
+use crate::reason::Reason;
 use nom::Parser;
 use nom::branch::alt;
 use nom::bytes::complete::{tag, tag_no_case};
@@ -12,11 +11,11 @@ use nom::combinator::{opt, recognize};
 
 /// A statement.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum StatementKind<'a> {
+pub enum StatementKind<'a> {
     /// Nothing for motion: outputs, waits, messages, speeds, remarks.
     Plain,
     /// `! deflex air`, `! deflex cut`
-    Mark(Mark),
+    Mark(&'static [u8]),
     /// A motion.
     Motion(Box<Motion<'a>>),
     /// `UFRAME_NUM=…`, `UTOOL_NUM=…`: which, and the value.
@@ -67,7 +66,7 @@ pub(super) enum StatementKind<'a> {
 
 /// User frame or tool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Frame {
+pub enum Frame {
     /// `UFRAME`
     User,
     /// `UTOOL`
@@ -108,7 +107,8 @@ const DATA: [&str; 21] = [
 ];
 
 /// The statement.
-pub(super) fn kind<'a>(line: &'a Line<'_>) -> StatementKind<'a> {
+#[must_use]
+pub fn kind<'a>(line: &'a Line<'_>) -> StatementKind<'a> {
     of(&line.text, true)
 }
 
@@ -191,13 +191,13 @@ fn contains(text: &[u8], wanted: &[u8]) -> bool {
 }
 
 /// `deflex air`, `deflex cut`
-fn mark(remark: &[u8]) -> Option<Mark> {
+fn mark(remark: &[u8]) -> Option<&'static [u8]> {
     let apart = |b: &u8| b.is_ascii_whitespace() || *b == b';';
     let mut words = remark.split(apart).filter(|word| !word.is_empty());
     words.next().filter(|word| word.eq_ignore_ascii_case(b"deflex"))?;
     match words.next()?.to_ascii_lowercase().as_slice() {
-        b"air" => Some(Mark::Air),
-        b"cut" => Some(Mark::Cut),
+        b"air" => Some(b"air"),
+        b"cut" => Some(b"cut"),
         _ => None,
     }
 }
@@ -316,7 +316,8 @@ pub(super) fn guarded_by<'a>(kind: &StatementKind<'a>) -> Option<StatementKind<'
 }
 
 /// Programs that a statement runs, guarded by a condition or not; an empty name where only a run knows it.
-pub(super) fn runs<'a>(kind: &StatementKind<'a>) -> Vec<&'a [u8]> {
+#[must_use]
+pub fn runs<'a>(kind: &StatementKind<'a>) -> Vec<&'a [u8]> {
     match kind {
         StatementKind::Call(name) | StatementKind::Concurrent(name) => vec![name],
         StatementKind::Motion(motion) => motion.calls.clone(),
@@ -358,14 +359,15 @@ pub(super) fn guarded<'a>(text: &'a [u8]) -> StatementKind<'a> {
 }
 
 /// The value of a case and what follows it.
-pub(super) fn case<'a>(text: &'a [u8], registers: &Registers) -> (Option<f64>, StatementKind<'a>) {
+pub(super) fn case(text: &[u8]) -> (&[u8], StatementKind<'_>) {
     // Quotes and brackets hold no comma: a value is a number, a constant or a register.
     let at = text.iter().position(|b| *b == b',').unwrap_or(text.len());
-    (expression::value(&text[..at], registers), guarded(&text[at..]))
+    (&text[..at], guarded(&text[at..]))
 }
 
 /// Indices of the positions that a statement names besides those that it moves to, as written.
-pub(super) fn positions_named<'a>(line: &'a Line<'_>, kind: &StatementKind<'_>) -> Vec<&'a [u8]> {
+#[must_use]
+pub fn positions_named<'a>(line: &'a Line<'_>, kind: &StatementKind<'_>) -> Vec<&'a [u8]> {
     let text = &line.text[..];
     if matches!(kind, StatementKind::Mark(_))
         || text.starts_with(b"!")
@@ -404,7 +406,7 @@ mod tests {
     #[test]
     fn statements_are_what_they_do() {
         let is = |text: &'static str| of(text.as_bytes(), true);
-        assert_eq!(is("! deflex air"), StatementKind::Mark(Mark::Air));
+        assert_eq!(is("! deflex air"), StatementKind::Mark(b"air"));
         assert_eq!(is("! deflexion of the arm"), StatementKind::Plain);
         assert_eq!(is("UFRAME_NUM=R[1]"), StatementKind::Select(Frame::User, b"R[1]"));
         assert_eq!(is("WKZ_NUM=1"), StatementKind::Select(Frame::Tool, b"1"));
@@ -416,7 +418,7 @@ mod tests {
         assert_eq!(guarded(b",JMP LBL[3:end]"), StatementKind::Jump(b"3"));
         assert_eq!(is("FOR R[1:i]=1 TO R[2]"), StatementKind::For(b"1", b"1", b"R[2]", false));
         assert_eq!(is("SELECT R[1]=1,CALL A"), StatementKind::SelectCase(b"R[1]", b"1,CALL A"));
-        assert_eq!(case(b"(-1),CALL SUB(1,2)", &Registers::new()), (Some(-1.0), StatementKind::Call(b"SUB")));
+        assert_eq!(case(b"(-1),CALL SUB(1,2)"), (&b"(-1)"[..], StatementKind::Call(b"SUB")));
         assert_eq!(is("=2,CALL B"), StatementKind::Case(b"2,CALL B"));
         assert_eq!(is("ELSE,JMP LBL[1]"), StatementKind::ElseCase(b"JMP LBL[1]"));
         assert_eq!(is("WAIT DI[1]=ON TIMEOUT,LBL[4]"), StatementKind::Timeout(b"4"));
@@ -450,7 +452,7 @@ mod tests {
     #[test]
     fn positions_beside_those_moved_to_are_found() {
         let named = |text: &'static str| {
-            let line = Line { text: text.as_bytes().into(), span: crate::text::Span::default(), line: 1 };
+            let line = Line { text: text.as_bytes().into(), span: crate::Span::default(), line: 1 };
             let kind = of(text.as_bytes(), true);
             positions_named(&line, &kind).into_iter().map(<[u8]>::to_vec).collect::<Vec<_>>()
         };

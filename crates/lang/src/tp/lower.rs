@@ -1,0 +1,495 @@
+//! Statements as the representation that is run.
+
+use super::calls::{Calls, Effect};
+use super::code::Code;
+use super::expression::{self, condition, expression};
+use super::motion::{Motion, Point};
+use super::statement::{self, Frame, StatementKind as Written};
+use super::{ANY, CONCURRENT, FRAMES, POSITIONS, STANDS, Tp, builtin};
+use crate::Span;
+use crate::ir::{
+    self, Binary, Callee, Expression, ExpressionKind as Is, Function, FunctionId, Program, Slot, SourceSpan, Statement,
+    StatementKind, Switch, TokenId, Unary,
+};
+use crate::reason::Reason;
+use crate::run::{self, Moved};
+use crate::value::{Content, Value, is_whole};
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+/// Numbers of registers that are followed, where the text computes some: as many as a controller has that is not configured otherwise.
+const REGISTERS: u32 = 200;
+/// The same of user frames and of tools, with number 0.
+const NUMBERED: u32 = 11;
+/// Larger numbers of registers, frames and positions are not followed: no controller has them.
+const MOST: u32 = 32_768;
+
+/// The name of the place that a statement goes on at which may go on anywhere.
+const ANYWHERE: &str = "anywhere";
+
+/// Lowers a program. `positions` are the numbers of those in `/POS`, each with its place, which is the token with its index;
+/// `displaced` is why the paths of the whole program are moved at run time, where they are.
+///
+/// The tokens that a run uses are positions that something counts from.
+///
+/// ```
+/// use deflex_lang::tp::{Calls, Code, Held, lower, lines};
+/// let text = b"1:R[1]=2 ;\n2:L P[R[1]+1] 10mm/sec FINE ;\n";
+/// let lines = lines::statements(text, 0..text.len());
+/// let (program, tp) = lower(&Code::new(&lines), &[], &Calls::default(), None);
+/// let outcome = deflex_lang::run::run(&program, &tp).unwrap();
+/// assert_eq!(Held(&outcome.motions[0]).end(), Some(3));
+/// ```
+#[must_use]
+pub fn lower(code: &Code<'_>, positions: &[(u32, Span)], calls: &Calls, displaced: Option<Reason>) -> (Program, Tp) {
+    let tokens = positions.iter().map(|(_, span)| SourceSpan { source: 0, span: *span }).collect();
+    let stands = Expression { kind: Is::Truth(false), place: SourceSpan::default() };
+    Lowering::new(code, calls).program(tokens, positions, stands, displaced)
+}
+
+/// Whether a program counts from where the arm stands when it begins: no other motion comes before on some way. The programs that it calls
+/// are looked at apart; whether they move the arm makes no difference to those that do not.
+pub(super) fn counts_from_its_start(code: &Code<'_>) -> bool {
+    let stands = Expression { kind: Is::Number(0.0, TokenId(0)), place: SourceSpan::default() };
+    let (program, tp) = Lowering::new(code, &Calls::default()).program(vec![SourceSpan::default()], &[], stands, None);
+    run::run(&program, &tp).map_or(true, |outcome| !outcome.used.is_empty())
+}
+
+/// What is known where a motion of a lowered program runs.
+#[derive(Clone, Copy, Debug)]
+pub struct Held<'a>(pub &'a Moved);
+
+impl Held<'_> {
+    /// The number of the position that it goes to, where it is known.
+    #[must_use]
+    pub fn end(self) -> Option<u32> {
+        number(item(&self.0.to, 0)?)
+    }
+
+    /// The same of the point on the way of a circle.
+    #[must_use]
+    pub fn via(self) -> Option<u32> {
+        number(item(self.0.via.as_ref()?, 0)?)
+    }
+
+    /// The user frame or tool that is selected, where it is known.
+    #[must_use]
+    pub fn selected(self, frame: Frame) -> Option<u32> {
+        number(self.switch([Switch::Frame, Switch::Tool][frame as usize]))
+    }
+
+    /// Whether a program may have set the values of a user frame or a tool.
+    #[must_use]
+    pub fn is_redefined(self, frame: Frame, wanted: u32) -> bool {
+        match item(&self.0.to, 1 + frame as usize).map(|value| &value.content) {
+            Some(Content::Nothing) => false,
+            Some(Content::List(numbers)) => numbers.iter().any(|value| number(value) == Some(wanted)),
+            _ => true,
+        }
+    }
+
+    /// Why paths are moved at run time, where they are.
+    #[must_use]
+    pub fn displaced(self) -> Option<Reason> {
+        self.switch(Switch::Shift).reason()
+    }
+
+    /// What the mark in force says, if one is; `Err` where it depends on the run.
+    ///
+    /// # Errors
+    /// It depends on the run.
+    pub fn mark(&self) -> Result<Option<&[u8]>, Reason> {
+        match &self.switch(Switch::Mark).content {
+            Content::Text(said) => Ok(Some(said)),
+            Content::Unknown(_) => Err(Reason::MarkUnknown),
+            _ => Ok(None),
+        }
+    }
+
+    fn switch(&self, switch: Switch) -> &Value {
+        &self.0.switches[switch as usize]
+    }
+}
+
+fn item(value: &Value, at: usize) -> Option<&Value> {
+    match &value.content {
+        Content::List(items) => items.get(at),
+        _ => None,
+    }
+}
+
+fn number(value: &Value) -> Option<u32> {
+    value.number().and_then(expression::counted)
+}
+
+struct Lowering<'a> {
+    code: &'a Code<'a>,
+    calls: &'a Calls,
+    /// Whether anything may count from where the arm stands.
+    counts: bool,
+    /// Whether a statement may be a label that is not known.
+    has_odd_labels: bool,
+    /// Statements that something jumps to, and whether something may go on at any.
+    wanted: BTreeSet<usize>,
+    goes_anywhere: bool,
+    /// The statement that is lowered.
+    place: SourceSpan,
+}
+
+impl<'a> Lowering<'a> {
+    fn new(code: &'a Code<'a>, calls: &'a Calls) -> Self {
+        let counts_on = |kind: &Written<'_>| matches!(kind, Written::Motion(motion) if motion.counts_on());
+        let is_odd = |kind: &Written<'_>| match kind {
+            Written::Label(number) => expression::count(number).is_none(),
+            kind => *kind == Written::Unknown || statement::guarded_by(kind) == Some(Written::Unknown),
+        };
+        Self {
+            code,
+            calls,
+            counts: calls.may_count() || code.kinds.iter().any(counts_on),
+            has_odd_labels: code.kinds.iter().any(is_odd),
+            wanted: BTreeSet::new(),
+            goes_anywhere: false,
+            place: SourceSpan::default(),
+        }
+    }
+
+    fn program(
+        mut self,
+        tokens: Vec<SourceSpan>,
+        positions: &[(u32, Span)],
+        stands: Expression,
+        displaced: Option<Reason>,
+    ) -> (Program, Tp) {
+        let count = self.code.kinds.len();
+        let lowered: Vec<Vec<StatementKind>> = (0..count).map(|at| self.statement(at)).collect();
+        let place = |at: usize| self.code.lines.get(at).map_or(SourceSpan::default(), |line| placed(line.span));
+        let mut all: Vec<Statement> = Vec::new();
+        let mut put = |at, kind| all.push(Statement { kind, place: place(at) });
+        for (at, kinds) in lowered.into_iter().chain([Vec::new()]).enumerate() {
+            if self.goes_anywhere || self.wanted.contains(&at) {
+                put(at, StatementKind::Label(name(at)));
+            }
+            kinds.into_iter().for_each(|kind| put(at, kind));
+        }
+        if self.goes_anywhere {
+            put(count, StatementKind::Return(None));
+            put(count, StatementKind::Label(ANYWHERE.into()));
+            for at in 0..count {
+                let condition = Some(Expression::unknown(Reason::Input, Vec::new(), place(at)));
+                put(count, StatementKind::Jump { to: name(at), condition });
+            }
+        }
+        let users = extent(&all, &[builtin::REDEFINE[Frame::User as usize]], NUMBERED);
+        let tools = extent(&all, &[builtin::REDEFINE[Frame::Tool as usize]], NUMBERED);
+        let registers = extent(&all, &[builtin::REGISTER, builtin::SET], REGISTERS);
+        let [tool, register] = [FRAMES + users, FRAMES + users + tools];
+        let tp = Tp { frames: [FRAMES..tool, tool..register], registers: register..register + registers };
+        // What holds before the first statement.
+        let unknown = |reason| Expression::unknown(reason, Vec::new(), SourceSpan::default());
+        let no = || Expression { kind: Is::Truth(false), place: SourceSpan::default() };
+        let mut begins = vec![
+            (Switch::Frame.slot(), unknown(Reason::FrameSelected)),
+            (Switch::Tool.slot(), unknown(Reason::ToolSelected)),
+        ];
+        let unset = [CONCURRENT, ANY[0], ANY[1]].into_iter().chain(FRAMES..register);
+        begins.extend(unset.map(|slot| (Slot::Global(slot), no())));
+        begins.extend(displaced.map(|why| (Switch::Shift.slot(), unknown(why))));
+        if self.counts {
+            begins.push((Slot::Global(POSITIONS), table(positions)));
+            begins.push((Slot::Global(STANDS), stands));
+        }
+        let begins = begins.into_iter().map(|(slot, value)| assign(slot, value));
+        let body = begins.map(|kind| Statement { kind, place: SourceSpan::default() }).chain(all).collect();
+        let functions = vec![Function { name: "/MN".into(), body, ..Function::default() }];
+        let globals = (0..tp.registers.end).map(|slot| name(slot as usize)).collect();
+        (Program { functions, entries: vec![FunctionId(0)], tokens, globals, ..Program::default() }, tp)
+    }
+
+    /// What a statement is made of.
+    fn statement(&mut self, at: usize) -> Vec<StatementKind> {
+        self.place = placed(self.code.lines[at].span);
+        let partner = self.code.partner.get(&at).copied();
+        match (&self.code.kinds[at], partner) {
+            // Its effects come with the motion that it belongs to.
+            _ if self.code.inner[at] => Vec::new(),
+            (Written::If(text), Some(partner)) => {
+                let holds = expression(text, self.place);
+                vec![self.go(partner, Some(self.not(holds)))]
+            }
+            (Written::Else, Some(partner)) => vec![self.go(partner, None)],
+            (Written::When(text), _) => {
+                let (rest, holds) = match condition(text, self.place) {
+                    (rest, holds) if rest.trim_ascii_start().starts_with(b",") => (rest, holds),
+                    _ => (statement::behind_condition(text), self.unknown()),
+                };
+                let guarded = self.plain(at, &statement::guarded(rest));
+                vec![guard(holds, guarded, self.place)]
+            }
+            (Written::SelectCase(..) | Written::Case(_) | Written::ElseCase(_), Some(partner)) => {
+                self.case(at, partner)
+            }
+            (Written::For(register, from, to, down), Some(end)) => {
+                let enters = self.within(expression(from, self.place), expression(to, self.place), *down);
+                let over = StatementKind::Jump { to: over(end), condition: Some(self.not(enters)) };
+                let from = expression(from, self.place);
+                vec![over, self.set(register, from)]
+            }
+            (Written::EndFor, Some(start)) => self.again(at, start),
+            (kind, _) => self.plain(at, kind),
+        }
+    }
+
+    /// A statement that is not one of several that belong together.
+    fn plain(&mut self, at: usize, kind: &Written<'_>) -> Vec<StatementKind> {
+        match kind {
+            Written::Mark(said) => {
+                let said = Expression { kind: Is::Text((*said).into()), place: self.place };
+                vec![assign(Switch::Mark.slot(), said)]
+            }
+            Written::Motion(motion) => self.motion(at, motion),
+            Written::Select(frame, value) => {
+                let value = expression(value, self.place);
+                vec![self.does(builtin::SELECT[*frame as usize], vec![value])]
+            }
+            Written::Redefine(frame, index) => {
+                let index = expression(index, self.place);
+                vec![self.does(builtin::REDEFINE[*frame as usize], vec![index])]
+            }
+            Written::Register(register, value) => {
+                let value = expression(value, self.place);
+                vec![self.set(register, value)]
+            }
+            Written::Jump(label) => self.jump(label, None),
+            Written::Timeout(label) => self.jump(label, Some(self.unknown())),
+            Written::Call(_) | Written::Macro | Written::Displace(_) | Written::RedefineAny => {
+                self.effects(self.calls.of_statement(kind))
+            }
+            // What moves the arm does not run in parallel.
+            Written::Concurrent(_) => self.effects(without(self.calls.of_statement(kind), &[Effect::Moves])),
+            Written::End => vec![StatementKind::Return(None)],
+            Written::Unknown => {
+                let mut kinds = self.effects(without(self.calls.of_statement(kind), &[Effect::Moves]));
+                kinds.push(self.anywhere());
+                kinds
+            }
+            // Within a condition none of these is a statement.
+            Written::If(_)
+            | Written::Else
+            | Written::When(_)
+            | Written::SelectCase(..)
+            | Written::Case(_)
+            | Written::ElseCase(_) => Vec::new(),
+            Written::For(..) | Written::EndFor | Written::EndIf | Written::Label(_) | Written::Plain => Vec::new(),
+        }
+    }
+
+    fn motion(&mut self, at: usize, motion: &Motion<'_>) -> Vec<StatementKind> {
+        let index = |point: Point<'_>| match point {
+            Point::Position(index) => expression(index, self.place),
+            Point::RunTime(why) => Expression::unknown(why, Vec::new(), self.place),
+        };
+        let position = |point| Expression::builtin(builtin::POSITION, vec![index(point)], self.place);
+        let counts = motion.counts_on().then(|| self.read(STANDS));
+        let moves = ir::Motion {
+            path: motion.path,
+            via: motion.via.map(position),
+            to: Some(position(motion.end)),
+            speed: None,
+            blend: None,
+            others: counts.into_iter().collect(),
+        };
+        let mut kinds = vec![StatementKind::Move(Box::new(moves))];
+        if self.counts {
+            let item = |point| {
+                let two = Box::new([self.read(POSITIONS), index(point)]);
+                Expression { kind: Is::Item(two), place: self.place }
+            };
+            let points = motion.via.into_iter().chain([motion.end]).map(item).collect();
+            kinds.push(assign(Slot::Global(STANDS), Expression { kind: Is::List(points), place: self.place }));
+        }
+        let inner = (at + 1..self.code.inner.len()).take_while(|at| self.code.inner[*at]);
+        let logic = inner.flat_map(|at| self.calls.of_statement(&self.code.kinds[at]));
+        let beside = motion.calls.iter().flat_map(|name| self.calls.of(name)).chain(logic);
+        let beside = beside.chain(motion.runs_others.then_some(Effect::Concurrent)).collect();
+        kinds.extend(self.effects(without(beside, &[Effect::Moves, Effect::Counts])));
+        if let Some(label) = motion.skip {
+            kinds.extend(self.jump(label, Some(self.unknown())));
+        }
+        kinds
+    }
+
+    /// A case of a `SELECT`: its statement, and after all cases; or the next case.
+    fn case(&mut self, at: usize, partner: usize) -> Vec<StatementKind> {
+        let first = self.code.first_case.get(&at).map(|first| &self.code.kinds[*first]);
+        let Some(Written::SelectCase(operand, first)) = first else { return vec![self.anywhere()] };
+        let (value, guarded) = match &self.code.kinds[at] {
+            Written::Case(text) => statement::case(text),
+            Written::ElseCase(text) => (&b""[..], statement::guarded(text)),
+            _ => statement::case(first),
+        };
+        let mut kinds = self.plain(at, &guarded);
+        kinds.push(self.go(partner, None));
+        if matches!(self.code.kinds[at], Written::ElseCase(_)) {
+            return kinds;
+        }
+        let two = [*operand, value].map(|text| expression(text, self.place));
+        let holds = Expression { kind: Is::Binary(Binary::Equal, Box::new(two)), place: self.place };
+        vec![guard(holds, kinds, self.place)]
+    }
+
+    /// `ENDFOR`: once more, or on.
+    fn again(&mut self, at: usize, start: usize) -> Vec<StatementKind> {
+        let Written::For(register, _, to, down) = &self.code.kinds[start] else { return vec![self.anywhere()] };
+        let counter = || Expression::builtin(builtin::REGISTER, vec![expression(register, self.place)], self.place);
+        let step = if *down { Binary::Subtract } else { Binary::Add };
+        // A bound in a register may have been changed on the way.
+        let mut last = expression(to, self.place);
+        let mut is_fixed = true;
+        last.each(&mut |part| is_fixed &= !matches!(part.kind, Is::Call(Callee::Builtin(builtin::REGISTER), _)));
+        if !is_fixed {
+            last = self.unknown();
+        }
+        let enters = self.within(counter(), last, *down);
+        let next = self.set(register, counter().with(step, 1.0));
+        // What is left in the counter after the loop is the controller's affair.
+        let lost = self.set(register, self.unknown());
+        vec![next, self.go(start + 1, Some(enters)), StatementKind::Label(over(at)), lost]
+    }
+
+    /// Whether a count has not passed its end.
+    fn within(&self, count: Expression, end: Expression, down: bool) -> Expression {
+        let compare = if down { Binary::AtLeast } else { Binary::AtMost };
+        Expression { kind: Is::Binary(compare, Box::new([count, end])), place: self.place }
+    }
+
+    /// A jump to a label by its number, where a condition holds; without one always.
+    fn jump(&mut self, label: &[u8], condition: Option<Expression>) -> Vec<StatementKind> {
+        if let Some(number) = expression::count(label) {
+            let to = self.code.labels.get(&number).copied();
+            // A controller stops at a label that is not there.
+            let stops = || condition.is_none().then_some(StatementKind::Halt);
+            return to.map_or_else(|| stops().into_iter().collect(), |to| vec![self.go(to, condition.clone())]);
+        }
+        let mut kinds = Vec::new();
+        for (number, at) in &self.code.labels {
+            let two = [expression(label, self.place), Expression::constant(f64::from(*number))];
+            let is_this = Expression { kind: Is::Binary(Binary::Equal, Box::new(two)), place: self.place };
+            kinds.push(self.go(*at, Some(is_this)));
+        }
+        kinds.push(if self.has_odd_labels { self.anywhere() } else { StatementKind::Halt });
+        match condition {
+            Some(condition) => vec![guard(condition, kinds, self.place)],
+            None => kinds,
+        }
+    }
+
+    fn effects(&self, effects: BTreeSet<Effect>) -> Vec<StatementKind> {
+        let number =
+            |number: Option<u32>| number.map_or_else(|| self.unknown(), |number| Expression::constant(number.into()));
+        let lower = |effect| match effect {
+            Effect::Register(register) => self.does(builtin::SET, vec![number(register), self.unknown()]),
+            Effect::Select(frame) => self.does(builtin::SELECT[frame as usize], vec![self.unknown()]),
+            Effect::Redefine(frame, of) => self.does(builtin::REDEFINE[frame as usize], vec![number(of)]),
+            Effect::Displace(why) => assign(Switch::Shift.slot(), Expression::unknown(why, Vec::new(), self.place)),
+            Effect::Concurrent => self.does(builtin::CONCURRENT, Vec::new()),
+            Effect::Moves => self.does(builtin::ELSEWHERE, Vec::new()),
+            Effect::Counts => {
+                StatementKind::Evaluate(Expression::unknown(Reason::Input, vec![self.read(STANDS)], self.place))
+            }
+        };
+        effects.into_iter().map(lower).collect()
+    }
+
+    fn does(&self, builtin: u16, arguments: Vec<Expression>) -> StatementKind {
+        StatementKind::Evaluate(Expression::builtin(builtin, arguments, self.place))
+    }
+
+    fn set(&self, register: &[u8], value: Expression) -> StatementKind {
+        self.does(builtin::SET, vec![expression(register, self.place), value])
+    }
+
+    fn go(&mut self, to: usize, condition: Option<Expression>) -> StatementKind {
+        self.wanted.insert(to);
+        StatementKind::Jump { to: name(to), condition }
+    }
+
+    /// Goes on at any statement.
+    fn anywhere(&mut self) -> StatementKind {
+        self.goes_anywhere = true;
+        StatementKind::Jump { to: ANYWHERE.into(), condition: None }
+    }
+
+    fn not(&self, holds: Expression) -> Expression {
+        Expression { kind: Is::Unary(Unary::Not, Box::new(holds)), place: self.place }
+    }
+
+    fn read(&self, slot: u32) -> Expression {
+        Expression { kind: Is::Read(Slot::Global(slot)), place: self.place }
+    }
+
+    fn unknown(&self) -> Expression {
+        Expression::unknown(Reason::Input, Vec::new(), self.place)
+    }
+}
+
+fn placed(span: Span) -> SourceSpan {
+    SourceSpan { source: 0, span }
+}
+
+fn name(at: usize) -> Arc<str> {
+    at.to_string().into()
+}
+
+/// The name of the place after a loop.
+fn over(end: usize) -> Arc<str> {
+    format!("after {end}").into()
+}
+
+fn assign(slot: Slot, value: Expression) -> StatementKind {
+    StatementKind::assign(slot, value)
+}
+
+fn guard(condition: Expression, kinds: Vec<StatementKind>, place: SourceSpan) -> StatementKind {
+    let body = kinds.into_iter().map(|kind| Statement { kind, place }).collect();
+    StatementKind::If { arms: vec![(condition, body)], otherwise: Vec::new() }
+}
+
+fn without(mut effects: BTreeSet<Effect>, others: &[Effect]) -> BTreeSet<Effect> {
+    effects.retain(|effect| !others.contains(effect));
+    effects
+}
+
+/// All positions by their numbers, each of which depends on its token.
+fn table(positions: &[(u32, Span)]) -> Expression {
+    let place = SourceSpan::default();
+    let count = positions.iter().map(|(number, _)| number + 1).filter(|count| *count <= MOST).max();
+    let mut items = vec![Expression::constant(0.0); count.unwrap_or(0) as usize];
+    for (at, (number, _)) in positions.iter().enumerate() {
+        if let Some(item) = items.get_mut(*number as usize) {
+            item.kind = Is::Number(0.0, TokenId(at as u32));
+        }
+    }
+    Expression { kind: Is::List(items), place }
+}
+
+/// How many numbers are followed of what these routines are called with first; `computed` of them where some are computed.
+fn extent(all: &[Statement], routines: &[u16], computed: u32) -> u32 {
+    let mut count = 0;
+    let mut number = |part: &Expression| {
+        let Is::Call(Callee::Builtin(routine), arguments) = &part.kind else { return };
+        let Some(first) = arguments.first().filter(|_| routines.contains(routine)) else { return };
+        count = count.max(match first.value.kind {
+            Is::Constant(number) if is_whole(number) => {
+                expression::counted(number).filter(|number| *number < MOST).map_or(0, |number| number + 1)
+            }
+            _ => computed,
+        });
+    };
+    for statement in all {
+        statement.each(&mut |statement| {
+            statement.expressions().into_iter().for_each(|part| part.each(&mut number));
+        });
+    }
+    count
+}

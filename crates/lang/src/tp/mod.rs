@@ -1,0 +1,199 @@
+//! FANUC TP, as controllers print their programs (`.ls`).
+//!
+//! A program is statements (`/MN`) and positions (`/POS`). A position is known by its number, and counts from the user frame and the tool
+//! that it was recorded with, or that are selected when the motion runs. Registers (`R[…]`), the selected frames and the values of frames
+//! belong to the controller: any program may change them. The lowering therefore takes a program that is called as what it and those that
+//! it calls may do, in any order. A register is known where the program has given it a whole number: the controller holds reals in single
+//! precision, and whether two of those are equal is not known here.
+//!
+//! Source: FANUC, *R-30iB Operator's Manual (Basic Operation)*.
+
+mod calls;
+mod code;
+mod expression;
+pub mod lex;
+pub mod lines;
+mod lower;
+mod motion;
+mod statement;
+
+use crate::dialect::{Arguments, Dialect};
+use crate::inform::Inform;
+use crate::ir::{Slot, Switch};
+use crate::reason::Reason;
+use crate::store::Store;
+use crate::value::{Content, Value, is_whole};
+use nalgebra::Isometry3;
+use std::ops::Range;
+
+pub use calls::Calls;
+pub use code::Code;
+pub use expression::count;
+pub use lower::{Held, lower};
+pub use motion::{Lasting, Motion, Point, lasting};
+pub use statement::{Frame, StatementKind, kind, positions_named, runs};
+
+/// Numbers of the routines that programs lower to.
+mod builtin {
+    /// The whole part of a quotient of whole numbers.
+    pub(super) const QUOTIENT: u16 = 0;
+    /// What a register holds, by its number.
+    pub(super) const REGISTER: u16 = 1;
+    /// Gives a register, by its number, a value.
+    pub(super) const SET: u16 = 2;
+    /// Selects a user frame or a tool, by its number.
+    pub(super) const SELECT: [u16; 2] = [3, 4];
+    /// A user frame or a tool, by its number, has other values from here on.
+    pub(super) const REDEFINE: [u16; 2] = [5, 6];
+    /// A program runs in parallel from here on.
+    pub(super) const CONCURRENT: u16 = 7;
+    /// Another program may have moved the arm.
+    pub(super) const ELSEWHERE: u16 = 8;
+    /// A position, by its number, with the frames whose values a program has set.
+    pub(super) const POSITION: u16 = 9;
+}
+
+/// Whether something runs in parallel.
+const CONCURRENT: u32 = Switch::ALL.len() as u32;
+/// Where the arm stands: it depends on the position that it was sent to last.
+const STANDS: u32 = CONCURRENT + 1;
+/// All positions.
+const POSITIONS: u32 = STANDS + 1;
+/// Whether any user frame, any tool may have other values than in the cell.
+const ANY: [u32; 2] = [POSITIONS + 1, POSITIONS + 2];
+/// The first user frame.
+const FRAMES: u32 = ANY[1] + 1;
+
+/// What TP means, of one program.
+#[derive(Clone, Debug)]
+pub struct Tp {
+    /// Variables that say whether a program has set the values of each user frame, of each tool.
+    frames: [Range<u32>; 2],
+    /// Registers, from `R[0]` on.
+    registers: Range<u32>,
+}
+
+impl Tp {
+    fn register(&self, index: &Value) -> Option<Slot> {
+        slot(&self.registers, index)
+    }
+
+    /// A register gets a value; each may, where its number is not known.
+    fn set(&self, arguments: &Arguments<'_>, store: &mut Store) {
+        let (Some(index), Some(value)) = (arguments.get("", 0), arguments.get("", 1)) else { return };
+        if whole(index).is_none() {
+            self.registers.clone().for_each(|slot| store.lose(Slot::Global(slot), Reason::Computed));
+        } else if let Some(slot) = self.register(index) {
+            let is_concurrent = runs_beside(store);
+            *store.get_mut(slot) = known(value, is_concurrent);
+        }
+    }
+
+    /// Numbers of frames whose values a program has set; unknown where it may be any.
+    fn redefined(&self, frame: usize, store: &Store) -> Value {
+        let is_set = |slot: u32| !matches!(store.get(Slot::Global(slot)).content, Content::Truth(false));
+        if is_set(ANY[frame]) {
+            return Value::unknown([Reason::FrameRedefined, Reason::ToolRedefined][frame]);
+        }
+        let own = &self.frames[frame];
+        let numbers: Vec<Value> =
+            own.clone().filter(|slot| is_set(*slot)).map(|slot| number(f64::from(slot - own.start))).collect();
+        if numbers.is_empty() { Content::Nothing.into() } else { Content::List(numbers.into()).into() }
+    }
+}
+
+fn number(value: f64) -> Value {
+    Content::Number(crate::value::Number::constant(value)).into()
+}
+
+/// A whole number from 0 on that a value is in every arithmetic.
+fn whole(value: &Value) -> Option<u32> {
+    match value.content {
+        Content::Number(number) if number.exact => expression::counted(number.value),
+        _ => None,
+    }
+}
+
+/// The variable of a number.
+fn slot(all: &Range<u32>, index: &Value) -> Option<Slot> {
+    let slot = all.start.checked_add(whole(index)?)?;
+    all.contains(&slot).then_some(Slot::Global(slot))
+}
+
+fn runs_beside(store: &Store) -> bool {
+    !matches!(store.get(Slot::Global(CONCURRENT)).content, Content::Truth(false))
+}
+
+/// A value as far as it is known: whole, and nothing that runs in parallel may change it.
+fn known(value: &Value, is_concurrent: bool) -> Value {
+    match value.content {
+        _ if is_concurrent => Value::unknown(Reason::Thread),
+        Content::Number(number) if !(number.exact && is_whole(number.value)) => Value::unknown(Reason::Rounding),
+        _ => value.clone(),
+    }
+}
+
+impl Dialect for Tp {
+    /// X, Y, Z in millimetres, and W, P, R in degrees about the fixed axes x, y, z, as in INFORM.
+    fn pose(&self, numbers: &[f64]) -> Option<Isometry3<f64>> {
+        Inform.pose(numbers)
+    }
+
+    fn numbers(&self, pose: &Isometry3<f64>, near: &[f64]) -> Vec<f64> {
+        Inform.numbers(pose, near)
+    }
+
+    fn call(&self, builtin: u16, arguments: &Arguments<'_>, store: &mut Store) -> Value {
+        let first = || arguments.get("", 0).cloned().unwrap_or_else(|| Value::unknown(Reason::Input));
+        match builtin {
+            builtin::QUOTIENT => {
+                let exact = |at| match arguments.get("", at)?.content {
+                    Content::Number(number) if number.exact => Some(number.value),
+                    _ => None,
+                };
+                let whole = exact(0).zip(exact(1)).filter(|(_, by)| *by != 0.0).map(|(of, by)| (of / by).trunc());
+                return whole.map_or_else(|| Value::unknown(Reason::Rounding), number);
+            }
+            builtin::REGISTER => {
+                let known = self.register(&first()).map(|slot| store.get(slot).clone());
+                return known.unwrap_or_else(|| Value::unknown(Reason::Input));
+            }
+            builtin::SET => self.set(arguments, store),
+            builtin::CONCURRENT => {
+                store.lose(Slot::Global(CONCURRENT), Reason::Thread);
+                self.registers.clone().for_each(|slot| store.lose(Slot::Global(slot), Reason::Thread));
+                [Switch::Frame, Switch::Tool].into_iter().for_each(|of| store.lose(of.slot(), Reason::Thread));
+            }
+            builtin::ELSEWHERE => store.lose_place(),
+            builtin::POSITION => {
+                let index = match whole(&first()) {
+                    Some(index) => number(f64::from(index)),
+                    None => Value::unknown(Reason::PositionUnknown),
+                };
+                return Content::List([index, self.redefined(0, store), self.redefined(1, store)].into()).into();
+            }
+            _ => {
+                for (frame, switch) in [Switch::Frame, Switch::Tool].into_iter().enumerate() {
+                    if builtin == builtin::SELECT[frame] {
+                        let is_concurrent = runs_beside(store);
+                        store.set(switch, known(&first(), is_concurrent));
+                    } else if builtin == builtin::REDEFINE[frame] {
+                        let slot = slot(&self.frames[frame], &first()).unwrap_or(Slot::Global(ANY[frame]));
+                        store.lose(slot, Reason::Computed);
+                    }
+                }
+            }
+        }
+        Content::Nothing.into()
+    }
+
+    /// Programs that are called, which alone would be asked, are no routines here.
+    fn writes(&self, _: u16) -> &[Slot] {
+        &[]
+    }
+
+    /// What a program that is not given may change is said where it is called.
+    fn left_by_foreign(&self) -> &[Switch] {
+        &Switch::ALL
+    }
+}
