@@ -3,10 +3,10 @@
 use super::along::WayFinding;
 use super::messages::Repeated;
 use super::row::Row;
-use super::shaped::DrivenSummary;
 use crate::program::{Confdata, Rewritten};
 use crate::robot::EXTERNAL_AXES;
 use crate::text::Diagnostic;
+use serde::Serialize;
 
 /// A corrected program.
 #[derive(Debug, Default)]
@@ -60,5 +60,25 @@ pub struct Posted {
     pub external: Option<Box<[Option<f64>; EXTERNAL_AXES]>>,
 }
 
-/// Decimals of a program that is written anew: 4 of a millimetre, 8 of a quaternion (see `RewriteOptions`).
-pub(crate) const POSTED_DECIMALS: (usize, usize) = (4, 8);
+/// How a program is driven.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct DrivenFigures {
+    /// Largest distance between the driven, loaded path and the programmed one, mm: on the way into cutting targets, into all where
+    /// none cuts.
+    pub max_mm: f64,
+    /// How long the program runs, s.
+    pub run_time_s: f64,
+}
+
+/// What a run says about the path that the controller drives.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct DrivenSummary {
+    /// As the program is written.
+    pub programmed: DrivenFigures,
+    /// As it is corrected.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub corrected: Option<DrivenFigures>,
+    /// Largest distance that is allowed, mm (`--max-path-error`).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tolerance_mm: Option<f64>,
+}

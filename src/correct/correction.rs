@@ -3,11 +3,12 @@
 use super::context::Context;
 use super::corrected::Posted;
 use super::deviation::{self, Commanded};
+use super::flow::Unsolved;
 use super::inserted::Stops;
-use super::line::{Stages, Unsolved};
-use super::ordered::Turn;
+use super::ordered::{Ordered, Turn};
 use super::point::Point;
-use super::solve::{self, CorrectionMode, First, Reached, Solved, Solver};
+use super::segment::Start;
+use super::solve::{self, CorrectionMode, First, Last, Reached, Solved, Solver};
 use super::{Prepared, frames, segment, subdivide};
 use crate::equilibrium::{Dragged, EquilibriumError, InverseSolution, WarmStart};
 use crate::program::{Change, Conf, Editable, Goal, Insert, Program, Reason, RewriteOptions, Rewritten, Target};
@@ -42,6 +43,23 @@ pub(super) struct Correction {
     pub(super) rewritten: Option<Rewritten>,
 }
 
+/// What the stage carries from chunk to chunk of a program.
+pub(super) struct Carried {
+    /// Of the corrected motion before rounding, which decides the directions of travel.
+    settled: Ordered<Last>,
+    /// Where the way to the next chunk begins, before rounding.
+    unwritten_end: Ordered<Option<Start>>,
+    /// Of the motion as written.
+    travelled: Ordered<Last>,
+}
+
+impl Carried {
+    /// Before the first chunk.
+    pub(super) fn new() -> Self {
+        Self { settled: Ordered::new(None), unwritten_end: Ordered::new(None), travelled: Ordered::new(None) }
+    }
+}
+
 /// Finds the commands, and where the loaded arm is then.
 ///
 /// # Errors
@@ -49,7 +67,7 @@ pub(super) struct Correction {
 pub(super) fn solve(
     context: Context<'_>,
     turn: &Turn<'_>,
-    stages: &Stages<'_>,
+    carried: &Carried,
     prepared: &mut Prepared,
 ) -> Result<(Commanded, Stops, Correction), Unsolved> {
     let Context { program, cell, options, parallelism, .. } = context;
@@ -64,13 +82,13 @@ pub(super) fn solve(
     let modes: Vec<CorrectionMode> = program.targets.iter().zip(&prepared.points).map(mode).collect();
     let solver = Solver::new(arm, prepared, parallelism);
     let first = solver.first(&modes);
-    let travels = turn.take(&stages.settled, |last| solve::settle_travel(arm, prepared, &first, last))?;
+    let travels = turn.take(&carried.settled, |last| solve::settle_travel(arm, prepared, &first, last))?;
     let mut solved = solver.commands(&modes, &first, &travels);
     let (mut nodes, mut vias) = (Vec::new(), Vec::new());
     if let Some(tolerance) = options.subdivide {
         let commanded = Commanded::as_solved(prepared, &solved, &travels);
         let before =
-            turn.take(&stages.unwritten_end, |last| deviation::pass_end(program, prepared, &commanded, last))?;
+            turn.take(&carried.unwritten_end, |last| deviation::pass_end(program, prepared, &commanded, last))?;
         let found = subdivide::subdivide(program, &solver, &commanded, &modes, before.as_ref(), tolerance);
         (nodes, vias) = (found.nodes, found.vias);
     }
@@ -113,7 +131,7 @@ pub(super) fn solve(
     let reached = solver.reached(&written, (&modes, &first), &solved, &is_changed);
     let mut stops = Stops::of(&nodes, prepared, arm);
     let motors: Vec<Joints> = (0..reached.len()).map(|i| held(prepared, i, &solved[i], &reached[i])).collect();
-    let steps = turn.take(&stages.travelled, |last| stops.travels(arm, program, &nodes, &motors, last))?;
+    let steps = turn.take(&carried.travelled, |last| stops.travels(arm, program, &nodes, &motors, last))?;
     let landed = solver.forward(
         |i| (&steps[i].motor, &steps[i].travel),
         |i| {

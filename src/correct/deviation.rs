@@ -10,7 +10,6 @@ use super::mount::Moved;
 use super::point::Point;
 use super::segment::{Kind, SMOOTH, Segment, Start};
 use super::solve::{Solved, Solver, controller_motor};
-use super::subdivide::JUMP_WITHIN;
 use super::travel;
 use crate::drive::Track;
 use crate::equilibrium::{Dragged, EquilibriumError, PredictedPose, WarmStart};
@@ -19,6 +18,9 @@ use crate::robot::{Joints, Pose};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::sync::Arc;
+
+/// A jump is over within this length of path, m; shorter segments have none inserted for it.
+pub(super) const JUMP_WITHIN: f64 = 0.5e-3;
 
 /// What is left on the way into a target.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

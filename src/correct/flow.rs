@@ -3,7 +3,6 @@
 //! A thread takes a chunk all the way; what depends on the chunks before goes through [`Ordered`] stages, of which the last is the
 //! writing. So any number of threads gives the same bytes.
 
-use super::line::Unsolved;
 use super::messages::{Messages, Repeated};
 use super::ordered::{Order, Ordered, Stopped, Turn};
 use super::row::Tally;
@@ -78,6 +77,38 @@ pub(super) struct Source<'a, C, T> {
     pub(super) solve: &'a Solve<'a, T>,
     /// Where refusals go: none yet.
     pub(super) refusals: Messages,
+}
+
+/// Why a chunk of a program has no result.
+pub(super) enum Unsolved {
+    /// The program has no answer; its other chunks are looked at all the same.
+    Refused(Vec<Diagnostic>),
+    /// The run has to stop.
+    Failed(StreamError),
+    /// The run stops already.
+    Stopped,
+}
+
+impl Unsolved {
+    /// Why a program that is held whole has no answer: no other chunk stops its run.
+    pub(super) fn refused(self) -> Vec<Diagnostic> {
+        match self {
+            Self::Refused(why) => why,
+            Self::Failed(_) | Self::Stopped => Vec::new(),
+        }
+    }
+}
+
+impl From<Vec<Diagnostic>> for Unsolved {
+    fn from(refused: Vec<Diagnostic>) -> Self {
+        Self::Refused(refused)
+    }
+}
+
+impl From<Stopped> for Unsolved {
+    fn from(_: Stopped) -> Self {
+        Self::Stopped
+    }
 }
 
 type Solve<'a, T> = dyn Fn(&Turn<'_>, &StreamableChunk) -> Result<(T, Corrected), Unsolved> + Sync + 'a;

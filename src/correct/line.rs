@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | path | poses, joints, feed and load of every target | [`carried::Carried`] |
 //! | load | the forces that follow from a stock | nothing: a program that cuts one is held whole |
-//! | solve | the commands as they are written, and where the arm ends up | [`Stages::settled`], [`Stages::unwritten_end`], [`Stages::travelled`] |
+//! | solve | the commands as they are written, and where the arm ends up | [`correction::Carried`] |
 //! | deviation | how far the tip is off on the way into every target | [`Stages::end`] |
 //! | rows | the report's rows, and what is to be said | [`Stages::corrected`] |
 //!
@@ -17,10 +17,10 @@ use super::context::{Context, Ways};
 use super::corrected::Corrected;
 use super::correction::{self, Correction};
 use super::deviation::{self, Commanded, WalkedPath};
-use super::flow::StreamError;
+use super::flow::Unsolved;
 use super::ordered::{Order, Ordered, Stopped, Turn};
 use super::segment::Start;
-use super::solve::{Last, Solver};
+use super::solve::Solver;
 use super::{
     Cuts, Options, PathDeviation, Prepared, along, carried, driven, free_turn, path, remarks, removal, sigma, stance,
     stiffness,
@@ -93,47 +93,10 @@ pub(super) fn compensate_in(context: Context<'_>) -> Result<Corrected, Vec<Diagn
     Ok(stages.correct(context, &order.turn(0)).map_err(Unsolved::refused)?.with_repeated())
 }
 
-/// Why a chunk of a program has no result.
-pub(super) enum Unsolved {
-    /// The program has no answer; its other chunks are looked at all the same.
-    Refused(Vec<Diagnostic>),
-    /// The run has to stop.
-    Failed(StreamError),
-    /// The run stops already.
-    Stopped,
-}
-
-impl Unsolved {
-    /// Why a program that is held whole has no answer: no other chunk stops its run.
-    fn refused(self) -> Vec<Diagnostic> {
-        match self {
-            Self::Refused(why) => why,
-            Self::Failed(_) | Self::Stopped => Vec::new(),
-        }
-    }
-}
-
-impl From<Vec<Diagnostic>> for Unsolved {
-    fn from(refused: Vec<Diagnostic>) -> Self {
-        Self::Refused(refused)
-    }
-}
-
-impl From<Stopped> for Unsolved {
-    fn from(_: Stopped) -> Self {
-        Self::Stopped
-    }
-}
-
 /// What the stages carry from chunk to chunk of a program.
 pub(super) struct Stages<'a> {
     path: Ordered<carried::Carried<'a>>,
-    /// Of the corrected motion before rounding, which decides the directions of travel.
-    pub(super) settled: Ordered<Last>,
-    /// Where the way to the next chunk begins, before rounding.
-    pub(super) unwritten_end: Ordered<Option<Start>>,
-    /// Of the motion as written.
-    pub(super) travelled: Ordered<Last>,
+    solve: correction::Carried,
     /// Where the way to the next chunk begins, as written.
     end: Ordered<Option<Start>>,
     corrected: Ordered<LastCorrected>,
@@ -153,9 +116,7 @@ impl<'a> Stages<'a> {
     pub(super) fn new(path: carried::Carried<'a>) -> Self {
         Self {
             path: Ordered::new(path),
-            settled: Ordered::new(None),
-            unwritten_end: Ordered::new(None),
-            travelled: Ordered::new(None),
+            solve: correction::Carried::new(),
             end: Ordered::new(None),
             corrected: Ordered::new(LastCorrected::default()),
         }
@@ -172,7 +133,7 @@ impl<'a> Stages<'a> {
     pub(super) fn correct(&self, context: Context<'_>, turn: &Turn<'_>) -> Result<Corrected, Unsolved> {
         let program = context.program;
         let mut prepared = self.prepare(context, turn)?;
-        let (mut commanded, stops, correction) = correction::solve(context, turn, self, &mut prepared)?;
+        let (mut commanded, stops, correction) = correction::solve(context, turn, &self.solve, &mut prepared)?;
         let before = turn.take(&self.end, |last| deviation::pass_end(program, &prepared, &commanded, last))?;
         let last = before.as_ref();
         let way = WalkedPath { program, prepared: &prepared, commanded: &commanded, last };

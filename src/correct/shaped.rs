@@ -6,6 +6,7 @@
 //! of the program as it was given.
 
 use super::context::Context;
+use super::corrected::DrivenSummary;
 use super::driven::{Course, DrivenWays, Sampling, driven_ways, loaded_along};
 use super::line::compensate_in;
 use super::{Corrected, Options, Prepared, Row, frames};
@@ -17,7 +18,6 @@ use crate::program::{
 };
 use crate::text::{Diagnostic, Edit, Severity, Source, apply};
 use nalgebra::Vector3;
-use serde::Serialize;
 use std::collections::BTreeSet;
 
 /// Smaller displacements are not written, m: half the last digit of a position.
@@ -36,29 +36,6 @@ pub struct DrivenCompensation {
     pub program: Program,
     /// What became of it; the rows are those of the program as it was given.
     pub corrected: Corrected,
-}
-
-/// How a program is driven.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct DrivenFigures {
-    /// Largest distance between the driven, loaded path and the programmed one, mm: on the way into cutting targets, into all where
-    /// none cuts.
-    pub max_mm: f64,
-    /// How long the program runs, s.
-    pub run_time_s: f64,
-}
-
-/// What a run says about the path that the controller drives.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct DrivenSummary {
-    /// As the program is written.
-    pub programmed: DrivenFigures,
-    /// As it is corrected.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub corrected: Option<DrivenFigures>,
-    /// Largest distance that is allowed, mm (`--max-path-error`).
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub tolerance_mm: Option<f64>,
 }
 
 /// Corrects a program so that the path that the cell's controller drives, and the loaded arm takes, stays within a tolerance (m)

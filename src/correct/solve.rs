@@ -1,6 +1,5 @@
 //! Commands for every point: equilibria in parallel, directions of travel in order.
 
-use super::corrected::POSTED_DECIMALS;
 use super::parallelism::{Answer, Answers, Parallelism, WorkspacePool};
 use super::{Correct, Prepared, frames};
 use crate::equilibrium::{
@@ -11,6 +10,9 @@ use crate::program::{Editable, Language};
 use crate::robot::{BatchArm, Joints, Pose, Robot, Unreachable, WrittenTarget, turn_between};
 use crate::text::number;
 use nalgebra::Vector3;
+
+/// Decimals of a program that is written anew: 4 of a millimetre, 8 of a quaternion (see `RewriteOptions`).
+const POSTED_DECIMALS: (usize, usize) = (4, 8);
 
 /// A solved command.
 #[derive(Clone, Debug)]

@@ -6,7 +6,7 @@
 //! may jump, since the force of the next move begins there: the first target inserted is so close after it that the jump is
 //! over before it is seen. [`deviation`](super::deviation) judges what comes out, by the forward model.
 
-use super::deviation::{Commanded, Node, WalkedPath};
+use super::deviation::{Commanded, JUMP_WITHIN, Node, WalkedPath};
 use super::point::Point;
 use super::segment::{Kind, Segment, Start};
 use super::solve::{CorrectionMode, Solved, Solver, controller_motor};
@@ -24,9 +24,6 @@ const SHARE: f64 = 0.8;
 
 /// Single precision does not distinguish less than this, m.
 const RESOLUTION: f64 = 2e-7;
-
-/// A jump is over within this length of path, m; shorter segments have none inserted for it.
-pub(super) const JUMP_WITHIN: f64 = 0.5e-3;
 
 /// The least length that a jump is given, m: what a controller still tells from a standstill.
 const JUMP_LEAST: f64 = 0.02e-3;

@@ -33,7 +33,7 @@ pub(super) struct Evaluation<R> {
     pub(super) give: Deflection<R>,
 }
 
-/// The feedback of the depth of cut, lane by lane; see the scalar [`Feedback`](super::command::Feedback).
+/// The feedback of the depth of cut, lane by lane. The scalar form is `Feedback`, of the command.
 #[derive(Default)]
 pub(super) struct Feedback<R> {
     /// Change of the joints' deflection for a lift of the tip along the surface normal, rad/m.

@@ -4,8 +4,7 @@
 //! third on that of the first three, each later one on that of itself and the two before. Three are the least. Source: FANUC,
 //! R-30iB Operator's Manual (Basic Operation), circle arc motion; robot-forum.com, thread 43838.
 
-use super::builder::{Between, Builder, Site, are_in_one_frame, refuse};
-use super::targets::Visit;
+use super::builder::{Between, Builder, Site, Visit, are_in_one_frame, refuse};
 use crate::program::orientation::halfway;
 use crate::program::{Editable, Goal, Motion as Path, Reason, Role, Target};
 use deflex_lang::tp::{Code, StatementKind};

@@ -2,8 +2,8 @@
 
 use super::position::Position;
 use crate::program::{AxisName, EXTERNAL_AXES, Reason};
-use crate::program::{Editable, Kept, Target, Tool, UnknownMotion, Wobj};
-use deflex_lang::tp::Code;
+use crate::program::{Editable, Kept, Role, Target, Tool, UnknownMotion, Wobj};
+use deflex_lang::tp::{Code, Held, Motion, Point};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
@@ -22,6 +22,35 @@ pub(super) struct Between {
     pub(super) circle: [usize; 3],
     /// Whether it is on the way to the second of them; else to the third.
     pub(super) first_half: bool,
+}
+
+/// A motion that runs.
+#[derive(Clone, Copy)]
+pub(super) struct Visit<'a> {
+    /// Its place among those that run.
+    pub(super) run: usize,
+    /// Its statement.
+    pub(super) at: usize,
+    pub(super) motion: &'a Motion<'a>,
+    pub(super) held: Held<'a>,
+}
+
+impl Visit<'_> {
+    /// The number of the position in a role; `Err` where what it goes to is no position.
+    pub(super) fn number(&self, role: Role) -> Result<Option<u32>, Reason> {
+        let (point, number) = match (role, self.motion.via) {
+            (Role::Via, Some(via)) => (via, self.held.via()),
+            _ => (self.motion.end, self.held.end()),
+        };
+        match point {
+            Point::Position(_) => Ok(number),
+            Point::RunTime(why) => Err(why),
+        }
+    }
+
+    pub(super) fn roles(&self) -> &'static [Role] {
+        if self.motion.via.is_some() { &[Role::Via, Role::End] } else { &[Role::End] }
+    }
 }
 
 /// What a run comes to.

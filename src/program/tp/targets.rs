@@ -1,7 +1,7 @@
 //! Motions that run to targets: which position, in which frames, and whether its numbers may be edited.
 
 use super::arcs;
-use super::builder::{Builder, Built, Site, are_in_one_frame, refuse};
+use super::builder::{Builder, Built, Site, Visit, are_in_one_frame, refuse};
 use super::position::{Body, Number, Pose, Position};
 use crate::program::EXTERNAL_AXES;
 use crate::program::lowered::intern;
@@ -12,42 +12,13 @@ use crate::program::{
 };
 use deflex_lang::ir;
 use deflex_lang::run::{From, Outcome};
-use deflex_lang::tp::{self, Frame, Held, Motion, Point, StatementKind};
+use deflex_lang::tp::{self, Frame, Held, Motion, StatementKind};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 const SELECTED_LATER: [Reason; 2] = [Reason::FrameSelected, Reason::ToolSelected];
 const OTHER_SELECTED: [Reason; 2] = [Reason::OtherFrameSelected, Reason::OtherToolSelected];
 const REDEFINED: [Reason; 2] = [Reason::FrameRedefined, Reason::ToolRedefined];
-
-/// A motion that runs.
-#[derive(Clone, Copy)]
-pub(super) struct Visit<'a> {
-    /// Its place among those that run.
-    pub(super) run: usize,
-    /// Its statement.
-    pub(super) at: usize,
-    motion: &'a Motion<'a>,
-    held: Held<'a>,
-}
-
-impl Visit<'_> {
-    /// The number of the position in a role; `Err` where what it goes to is no position.
-    fn number(&self, role: Role) -> Result<Option<u32>, Reason> {
-        let (point, number) = match (role, self.motion.via) {
-            (Role::Via, Some(via)) => (via, self.held.via()),
-            _ => (self.motion.end, self.held.end()),
-        };
-        match point {
-            Point::Position(_) => Ok(number),
-            Point::RunTime(why) => Err(why),
-        }
-    }
-
-    fn roles(&self) -> &'static [Role] {
-        if self.motion.via.is_some() { &[Role::Via, Role::End] } else { &[Role::End] }
-    }
-}
 
 impl<'a> Builder<'a> {
     /// All of it.
