@@ -204,7 +204,8 @@ fn a_corner_that_the_controller_rounds_is_left_in_the_part() {
     let shorter = radius * (1.0 - 1.0_f64.asinh() / std::f64::consts::SQRT_2);
     let expected = (1.5 * 8.0 - section_left()) * shorter + 1.5 * radius * radius / 6.0;
     let volume = 1e9 * (sharp.stock.removed() - rounded.stock.removed());
-    assert!((volume / expected - 1.0).abs() < 0.01, "{volume} for {expected} mm³");
+    // Two lines of the stock are 0.48 mm³.
+    assert!((volume - expected).abs() < 0.5, "{volume} for {expected} mm³");
     // Where it stops at the corner, nothing is left but what the 0.08 mm between two samples cut off.
     let stopped = cut("fine", Cuts::Driven);
     assert!((left(&stopped) - left(&sharp)).abs() < 0.08 / 8.0_f64.sqrt(), "{}", left(&stopped));
