@@ -200,7 +200,7 @@ impl Course {
         course
     }
 
-    /// The target that the way to a waypoint begins at, and the share of the way into the waypoint's target that is behind it there.
+    /// The target that the way to a waypoint begins at, and the share of the way into the waypoint's target that has been passed there.
     fn begins(&self, waypoint: usize) -> (usize, f64) {
         let (before, target) = (waypoint - 1, self.targets[waypoint]);
         if self.targets[before] != target {

@@ -80,9 +80,7 @@ pub(super) fn per_axis(
     neutral: f64,
     bounds: (f64, f64),
 ) -> Vec<Parameter> {
-    let mut all = indexed(name, values, unit, typical, neutral, bounds);
-    all.iter_mut().zip(1..).for_each(|(parameter, axis)| parameter.owner = ParameterOwner::Axis(axis));
-    all
+    owned_by(indexed(name, values, unit, typical, neutral, bounds), (1..).map(ParameterOwner::Axis))
 }
 
 /// Parameters `name[0]` … `name[2]` of a vector: along, or about, x, y and z of a frame.
@@ -94,8 +92,12 @@ pub(super) fn per_direction(
     neutral: f64,
     bounds: (f64, f64),
 ) -> Vec<Parameter> {
-    let mut all = indexed(name, values, unit, typical, neutral, bounds);
-    all.iter_mut().zip("xyz".chars()).for_each(|(parameter, axis)| parameter.owner = ParameterOwner::Direction(axis));
+    owned_by(indexed(name, values, unit, typical, neutral, bounds), "xyz".chars().map(ParameterOwner::Direction))
+}
+
+/// The same parameters, each with what it belongs to.
+fn owned_by(mut all: Vec<Parameter>, owners: impl Iterator<Item = ParameterOwner>) -> Vec<Parameter> {
+    all.iter_mut().zip(owners).for_each(|(parameter, owner)| parameter.owner = owner);
     all
 }
 

@@ -132,10 +132,11 @@ impl Engine {
         (0..count).map(sum).collect()
     }
 
-    fn chosen_left_out(&mut self, leaving_out: LeavingOut) -> LeftOut {
+    /// The present fit, linearised, and the columns of what is chosen.
+    fn linear_of_chosen(&mut self) -> (Linearised, Columns) {
         let linear = self.linearise(&self.chosen.clone(), &[]);
-        let search = Search::new(&self.candidates, &[], &linear.always);
-        self.left_out(&linear, &search.columns(&self.chosen), leaving_out)
+        let columns = Search::new(&self.candidates, &[], &linear.always).columns(&self.chosen);
+        (linear, columns)
     }
 
     /// Errors of the extended cell at places, postures and loads that its fit has not seen. `None` over the whole robot, where held-out
@@ -144,14 +145,16 @@ impl Engine {
         if self.problem.free_device {
             return None;
         }
-        let there = self.chosen_left_out(LeavingOut::Places);
+        let (linear, columns) = self.linear_of_chosen();
+        let there = self.left_out(&linear, &columns, LeavingOut::Places);
         Some(Elsewhere { extended: self.errors(&there.extended, |row| !row.held_out), wider: there.wider })
     }
 
     /// Why the chosen effects are worse than none on rows that are left out, if they are: stretches of the runs, or places.
     pub(super) fn worse_where_left_out(&mut self) -> Option<Refused> {
+        let (linear, columns) = self.linear_of_chosen();
         [LeavingOut::Stretches, LeavingOut::Places].into_iter().find_map(|leaving_out| {
-            let there = self.chosen_left_out(leaving_out);
+            let there = self.left_out(&linear, &columns, leaving_out);
             let [declared_mm, extended_mm] =
                 [&there.declared, &there.extended].map(|left| self.errors(left, |row| !row.held_out).rms_mm);
             let leaving_out = Some(leaving_out);

@@ -171,13 +171,8 @@ impl ComplianceMap {
         let under = sampled(loaded);
         let known = self.known(&under);
         let lacks = self.lacking(&loaded, &known, self.nearest(&loaded, &known));
-        #[allow(clippy::float_cmp)] // the same place, not two that are near
-        let found = if moved == loaded {
-            known.compliance
-        } else {
-            let products = self.orthonormal(&sampled(moved)).tr_mul(&self.orthonormal(&under));
-            products.fixed_view::<3, 3>(0, 0).into()
-        };
+        let [moved, under] = [&sampled(moved), &under].map(|sampled| self.orthonormal(sampled));
+        let found = Matrix3::from_fn(|i, j| moved.column(i).dot(&under.column(j)));
         found + lacks.unwrap_or_else(Matrix3::zeros)
     }
 

@@ -140,8 +140,8 @@ fn effects(kind: &StatementKind<'_>) -> Vec<Effect> {
         StatementKind::Macro | StatementKind::Unknown => NOT_GIVEN.into(),
         StatementKind::Concurrent(_) => vec![Effect::Concurrent],
         StatementKind::Motion(motion) => {
-            let beside = motion.runs_others.then_some(Effect::Concurrent);
-            beside.into_iter().chain([Effect::Moves]).collect()
+            let concurrent = motion.runs_others.then_some(Effect::Concurrent);
+            concurrent.into_iter().chain([Effect::Moves]).collect()
         }
         StatementKind::Displace(why) => vec![Effect::Displace(*why)],
         _ => statement::guarded_by(kind).map_or_else(Vec::new, |guarded| effects(&guarded)),

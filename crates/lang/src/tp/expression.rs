@@ -92,9 +92,9 @@ const LEVELS: [Level; 5] = [ANY_OF, ALL_OF, COMPARISON, SUM, PRODUCT];
 fn operator(input: &[u8], level: Level) -> Option<(&[u8], Joins)> {
     let input = input.trim_ascii_start();
     level.iter().find_map(|(sign, joins)| {
-        let (head, behind) = input.split_at_checked(sign.len())?;
-        let goes_on = is_letter(head[0]) && behind.first().is_some_and(|b| is_letter(*b));
-        (head.eq_ignore_ascii_case(sign.as_bytes()) && !goes_on).then_some((behind, *joins))
+        let (head, rest) = input.split_at_checked(sign.len())?;
+        let goes_on = is_letter(head[0]) && rest.first().is_some_and(|b| is_letter(*b));
+        (head.eq_ignore_ascii_case(sign.as_bytes()) && !goes_on).then_some((rest, *joins))
     })
 }
 
@@ -112,9 +112,9 @@ impl Terms {
     fn joined<'a>(&self, input: &'a [u8], levels: &[Level], depth: usize) -> Parsed<'a, Expression> {
         let Some((level, tighter)) = levels.split_first() else { return self.operand(input, depth) };
         let (mut rest, mut left) = self.joined(input, tighter, depth)?;
-        while let Some((behind, joins)) = operator(rest, level) {
-            let (behind, right) = self.joined(behind, tighter, depth)?;
-            rest = behind;
+        while let Some((operand, joins)) = operator(rest, level) {
+            let (after, right) = self.joined(operand, tighter, depth)?;
+            rest = after;
             left = match joins {
                 Joins::By(operator) => self.of(Is::Binary(operator, Box::new([left, right]))),
                 Joins::Quotient => Expression::builtin(builtin::QUOTIENT, vec![left, right], self.place),
@@ -151,8 +151,8 @@ impl Terms {
         if !name.eq_ignore_ascii_case(b"R") {
             return Ok((rest, unknown(self.place)));
         }
-        let (behind, number) = self.joined(index(within), &LEVELS, inner)?;
-        let number = if behind.is_empty() { number } else { unknown(self.place) };
+        let (left_over, number) = self.joined(index(within), &LEVELS, inner)?;
+        let number = if left_over.is_empty() { number } else { unknown(self.place) };
         Ok((rest, Expression::builtin(builtin::REGISTER, vec![number], self.place)))
     }
 }

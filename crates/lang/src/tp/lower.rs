@@ -310,9 +310,9 @@ impl<'a> Lowering<'a> {
         }
         let inner = (at + 1..self.code.inner.len()).take_while(|at| self.code.inner[*at]);
         let logic = inner.flat_map(|at| self.calls.of_statement(&self.code.kinds[at]));
-        let beside = motion.calls.iter().flat_map(|name| self.calls.of(name)).chain(logic);
-        let beside = beside.chain(motion.runs_others.then_some(Effect::Concurrent)).collect();
-        kinds.extend(self.effects(without(beside, &[Effect::Moves, Effect::Counts])));
+        let on_the_way = motion.calls.iter().flat_map(|name| self.calls.of(name)).chain(logic);
+        let on_the_way = on_the_way.chain(motion.runs_others.then_some(Effect::Concurrent)).collect();
+        kinds.extend(self.effects(without(on_the_way, &[Effect::Moves, Effect::Counts])));
         if let Some(label) = motion.skip {
             kinds.extend(self.jump(label, Some(self.unknown())));
         }

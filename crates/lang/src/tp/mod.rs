@@ -84,7 +84,7 @@ impl Tp {
         if whole(index).is_none() {
             self.registers.clone().for_each(|slot| store.lose(Slot::Global(slot), Reason::Computed));
         } else if let Some(slot) = self.register(index) {
-            let is_concurrent = runs_beside(store);
+            let is_concurrent = runs_in_parallel(store);
             *store.get_mut(slot) = known(value, is_concurrent);
         }
     }
@@ -120,7 +120,7 @@ fn slot(all: &Range<u32>, index: &Value) -> Option<Slot> {
     all.contains(&slot).then_some(Slot::Global(slot))
 }
 
-fn runs_beside(store: &Store) -> bool {
+fn runs_in_parallel(store: &Store) -> bool {
     !matches!(store.get(Slot::Global(CONCURRENT)).content, Content::Truth(false))
 }
 
@@ -175,7 +175,7 @@ impl Dialect for Tp {
             _ => {
                 for (frame, switch) in [Switch::Frame, Switch::Tool].into_iter().enumerate() {
                     if builtin == builtin::SELECT[frame] {
-                        let is_concurrent = runs_beside(store);
+                        let is_concurrent = runs_in_parallel(store);
                         store.set(switch, known(&first(), is_concurrent));
                     } else if builtin == builtin::REDEFINE[frame] {
                         let slot = slot(&self.frames[frame], &first()).unwrap_or(Slot::Global(ANY[frame]));
@@ -187,7 +187,7 @@ impl Dialect for Tp {
         Content::Nothing.into()
     }
 
-    /// Programs that are called, which alone would be asked, are no routines here.
+    /// Called programs are no routines here: their effects stand where they are called. No routine therefore needs an answer.
     fn writes(&self, _: u16) -> &[Slot] {
         &[]
     }
