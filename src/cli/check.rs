@@ -12,7 +12,7 @@ use super::report::{self, Noticed, Rows};
 use super::run::each;
 use super::setup::Setup;
 use super::{Answer, Outcome, message};
-use deflex::correct::{Judged, Messages, Row, Summary, WayFault, compensate, predict};
+use deflex::correct::{Judged, KeptReason, Messages, Row, Summary, WayFault, compensate, predict};
 use deflex::program::{Language, Program, Role, Target};
 use deflex::report::html::{PathKind, PathPage, PathTrace};
 use deflex::report::{
@@ -22,9 +22,6 @@ use deflex::report::{
 use deflex::text::{Diagnostic, Severity};
 use indicatif::ProgressBar;
 use std::sync::Arc;
-
-/// Why the others of a program are not judged where a target is not reached.
-const REFUSED: &str = "in a program of which a target is not reached";
 
 /// Refusals that are an answer about the program, not a failure of the run.
 const ABOUT_THE_PROGRAM: [&str; 1] = ["robot.unreachable"];
@@ -202,7 +199,7 @@ fn judgement(args: &Check, targets: usize, sum: &Summary, (unjudged, digest): (F
 
 /// The same of a program that is refused, because some target of it is not reached.
 fn refused_judgement(args: &Check, targets: usize) -> Judgement {
-    let unjudged = vec![KeptCount { reason: REFUSED, count: targets }];
+    let unjudged = vec![KeptCount { reason: KeptReason::ProgramRefused, count: targets }];
     Judgement { targets, unjudged, allows_unjudged: args.allow_unjudged, ..Judgement::default() }
 }
 
@@ -264,7 +261,7 @@ fn whole(args: &Check, batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result
 
 /// Targets that were not judged, by reason.
 fn not_judged<'a>(name: &'a str, judgement: &'a Judgement) -> impl Iterator<Item = Diagnostic> + 'a {
-    judgement.unjudged.iter().filter(|unjudged| unjudged.reason != REFUSED).map(move |unjudged| {
+    judgement.unjudged.iter().filter(|unjudged| unjudged.reason != KeptReason::ProgramRefused).map(move |unjudged| {
         let said = Diagnostic::error("check.not-judged", name, format!("not judged: {unjudged}"));
         said.severity(Severity::Warning).help(match judgement.allows_unjudged {
             true => "`deflex predict --report` names their lines",

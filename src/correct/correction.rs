@@ -9,9 +9,9 @@ use super::ordered::{Ordered, Turn};
 use super::point::Point;
 use super::segment::Start;
 use super::solve::{self, CorrectionMode, First, Last, Reached, Solved, Solver};
-use super::{Prepared, frames, segment, subdivide};
+use super::{KeptReason, Prepared, frames, segment, subdivide};
 use crate::equilibrium::{Dragged, EquilibriumError, InverseSolution, WarmStart};
-use crate::program::{Change, Conf, Editable, Goal, Insert, Program, Reason, RewriteOptions, Rewritten, Target};
+use crate::program::{Change, Conf, Editable, Goal, Insert, Program, RewriteOptions, Rewritten, Target};
 use crate::robot::{
     AxisName, EXTERNAL_AXES, External, Joints, Unreachable, conf_is, conf_like, confdata_of, turn_between,
 };
@@ -207,14 +207,14 @@ impl Correction {
     }
 
     /// Why the numbers of target `i` are not to be changed, or could not be.
-    pub(super) fn kept(&self, program: &Program, i: usize) -> Option<&'static str> {
+    pub(super) fn kept(&self, program: &Program, i: usize) -> Option<KeptReason> {
         let kept = self.rewritten.as_ref().map_or(&[][..], |rewritten| &rewritten.kept);
         let unwritten = kept.binary_search_by_key(&i, |(target, _)| *target).ok().map(|at| kept[at].1);
         let reason = unwritten.or(match program.targets[i].editable {
             Editable::No(reason) => Some(reason),
             _ => None,
         });
-        reason.map(Reason::text)
+        reason.map(KeptReason::from)
     }
 
     /// Commanded minus programmed position of target `i`, work object axes, m.

@@ -1,10 +1,10 @@
 //! The path that the controller drives and the loaded arm takes, sampled over time.
 
+use super::KeptReason;
 use super::context::Context;
 use super::deviation::Commanded;
 use super::laws::Law;
 use super::load::PointLoad;
-use super::mount::PREDECESSOR_UNKNOWN;
 use super::parallelism::Parallelism;
 use super::point::Point;
 use super::segment::{Kind, Segment, Start};
@@ -118,7 +118,7 @@ impl Course {
                         .help(help),
                 ]
             };
-            if let Some(why) = point.unsolved.filter(|why| *why != PREDECESSOR_UNKNOWN) {
+            if let Some(why) = point.unsolved.filter(|why| *why != KeptReason::PredecessorUnknown) {
                 let message = format!("the path cannot be followed beyond this target: {why}");
                 return Err(refuse(&message, "the path that a controller drives needs every target of the program"));
             }
@@ -337,8 +337,8 @@ impl Course {
         worst.retain(|_, (share, ..)| *share > 1.0);
         let (&waypoint, &(_, axis, acceleration)) = worst.iter().max_by(|a, b| a.1.0.total_cmp(&b.1.0))?;
         let message = format!(
-            "axis {} would have to accelerate by {acceleration:.0} °/s² on the way into this target, and {:.0} °/s² is its most; axes do so on \
-             {} of {} ways",
+            "axis {} would have to accelerate by {acceleration:.0} °/s² on the path to this target, and its limit is {:.0} °/s²; this \
+             is so on {} of {} paths",
             axis + 1,
             limits[axis],
             worst.len(),
@@ -349,7 +349,7 @@ impl Course {
         Some(warning.help("lower the feed there, make the zone larger, or lead the tool past a singular posture"))
     }
 
-    /// Says how many zones are larger than half the way to a neighbouring point. Controllers cut them to that: "Interpolation with
+    /// Says how many zones are larger than half the distance to a neighbouring point. Controllers cut them to that: "Interpolation with
     /// overlapping position zones", RAPID Reference Manual, Motion and I/O Principles.
     fn cut_zones(&self, program: &Program) -> Option<Diagnostic> {
         let is_cut = |i: &usize| {
@@ -360,7 +360,7 @@ impl Course {
         let first = *all.first()?;
         let (zones, are) = if all.len() == 1 { ("zone", "is") } else { ("zones", "are") };
         let message = format!(
-            "{} {zones} {are} larger than half the way to a neighbouring point: the controller cuts {} to that",
+            "{} {zones} {are} larger than half the distance to a neighbouring point: the controller cuts {} to that",
             all.len(),
             if all.len() == 1 { "it" } else { "them" }
         );
@@ -373,7 +373,7 @@ impl Course {
     pub(super) fn refused(&self, program: &Program, error: DriveError) -> Vec<Diagnostic> {
         match error {
             DriveError::Unreachable { waypoint } => {
-                let message = "the arm does not reach every place on the way to this target".to_owned();
+                let message = "the arm does not reach every position on the path to this target".to_owned();
                 self.refused_at(program, waypoint, message, "move the target or the part")
             }
             DriveError::TooLong => {
@@ -582,7 +582,7 @@ pub(super) fn loaded_along(
         let mut bends: Vec<Bend> = Vec::with_capacity(solved.len());
         for ((k, point), landed) in solved.iter().zip(&solved_points.points).zip(landed) {
             let landed = landed.map_err(|error| {
-                let message = format!("the loaded arm has no equilibrium on the way to this target: {error}");
+                let message = format!("the loaded arm has no equilibrium on the path to this target: {error}");
                 let help = "check the forces and the stiffness of the cell";
                 motion.course.refused_at(program, motion.samples[batch[*k]].waypoint, message, help)
             })?;

@@ -1,15 +1,12 @@
 //! Tools and work objects of a program, from the program itself or from the cell, in SI.
 
-use super::Options;
+use super::{KeptReason, Options};
 use crate::cell::{Cell, nearest};
 use crate::effects::ToolFrame;
 use crate::program::{Language, Program, ToolData, Wobj, WobjData};
 use crate::robot::Pose;
 use crate::text::Diagnostic;
 use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
-
-/// Why targets are kept, unsolved.
-pub(super) const NO_WOBJ_UNIT: &str = "work object on a mechanical unit without a [[unit]] in the cell";
 
 /// Pose from millimetres and a quaternion, scalar first.
 pub(super) fn pose(position_mm: [f64; 3], quat: [f64; 4]) -> Pose {
@@ -107,7 +104,7 @@ impl WobjFrame {
 }
 
 /// A work object that is declared; `Err` where a unit moves it that the cell does not declare, and why it is not solved.
-pub(super) type Declared = Result<WobjFrame, &'static str>;
+pub(super) type Declared = Result<WobjFrame, KeptReason>;
 
 /// A work object of the cell.
 pub(super) fn of_cell(cell: &Cell, name: &str) -> Option<WobjFrame> {
@@ -128,7 +125,7 @@ fn declared(wobj: &Wobj, cell: &Cell, language: Language) -> Option<Declared> {
         None => Ok(WobjFrame::fixed(object_frame(data))),
         Some(name) => match cell.units.named(name) {
             unit @ Some(_) => Ok(WobjFrame { unit, frame: pose(data.oframe_mm, data.oframe_quat) }),
-            None => Err(NO_WOBJ_UNIT),
+            None => Err(KeptReason::WobjWithoutUnit),
         },
     })
 }

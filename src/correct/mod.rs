@@ -26,6 +26,7 @@ mod frames;
 mod free_turn;
 mod inserted;
 mod judge;
+mod kept;
 mod laws;
 mod line;
 mod load;
@@ -64,6 +65,7 @@ pub use flow::{Sinks, StreamError, Streamed};
 pub(crate) use frames::named_tool;
 pub use free_turn::{choose_turns, has_free_turns};
 pub use judge::{Judge, Judged, predict_chunks};
+pub use kept::KeptReason;
 pub use line::{compensate, predict};
 pub use long::{LaidOut, compensate_long, post_long, predict_long};
 pub use messages::Messages;
@@ -319,7 +321,7 @@ impl Prepared {
 
     /// Why the target of point `i` is not solved, where that is so.
     #[must_use]
-    pub fn unsolved(&self, i: usize) -> Option<&'static str> {
+    pub fn unsolved(&self, i: usize) -> Option<KeptReason> {
         self.points[i].unsolved
     }
 

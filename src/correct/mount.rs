@@ -1,15 +1,13 @@
 //! What a target is run with, as the mechanical units that carry robot and part stand there.
 
-use super::frames::{NO_WOBJ_UNIT, WobjFrame};
+use super::KeptReason;
+use super::frames::WobjFrame;
 use crate::cell::Cell;
 use crate::effects::{ToolFrame, UnitAt};
 use crate::equilibrium::Setting;
-use crate::program::{ExternalAxes, Language, Mark, Motion, Predecessor, Target};
+use crate::program::{ExternalAxes, Motion, Predecessor, Target};
 use crate::robot::{AxisName, EXTERNAL_AXES, External, Pose, Units, gravity_at};
 use std::sync::Arc;
-
-/// The cutting force follows the way into a target, and lost motion the joints' travel on it.
-pub(super) const PREDECESSOR_UNKNOWN: &str = "the path to it begins at a point that is known only at run time";
 
 /// A tool and a work object, and what moves them.
 #[derive(Clone, Debug)]
@@ -105,7 +103,7 @@ impl Mount {
 
     /// Why the way into a target is no line or arc in its work object: motion groups move on it that the robot does not follow,
     /// or follows where the work object does not.
-    fn misled(&self, cell: &Cell, motion: Motion, axes: &ExternalAxes, before: &ExternalAxes) -> Option<&'static str> {
+    fn misled(&self, cell: &Cell, motion: Motion, axes: &ExternalAxes, before: &ExternalAxes) -> Option<KeptReason> {
         if !matches!(motion, Motion::Linear | Motion::Circular) {
             return None;
         }
@@ -115,11 +113,11 @@ impl Mount {
         let groups = || axes.used().filter(|axis| axis.group().is_some());
         let carries = |axis: AxisName| of(axis).is_some_and(|unit| self.is_moved_by(unit.axis));
         if !axes.coordinated {
-            return groups().filter(moves).any(carries).then_some(NOT_LED);
+            return groups().filter(moves).any(carries).then_some(KeptReason::NotCoordinated);
         }
         // One that carries nothing does not lead, unless there is no other.
         let leads = |axis: AxisName| of(axis).is_some() || groups().all(|axis| of(axis).is_none());
-        groups().filter(moves).any(|axis| leads(axis) && !carries(axis)).then_some(LED_ELSEWHERE)
+        groups().filter(moves).any(|axis| leads(axis) && !carries(axis)).then_some(KeptReason::CoordinatedElsewhere)
     }
 
     /// With the units at these positions (mm or degrees); `None` where nothing moves it.
@@ -200,7 +198,7 @@ impl Moving {
 pub(super) struct Stand {
     pub(super) moved: Option<Arc<Moved>>,
     /// Why it is not known where the controller goes.
-    pub(super) unsolved: Option<&'static str>,
+    pub(super) unsolved: Option<KeptReason>,
     /// The way into the target begins elsewhere than at the target before.
     pub(super) apart: bool,
 }
@@ -208,50 +206,6 @@ pub(super) struct Stand {
 /// Whether the way into a target does not begin at the point before it.
 pub(super) fn is_entered_elsewhere(target: &Target) -> bool {
     target.predecessor != Predecessor::Previous || target.external.as_ref().is_some_and(|external| external.moved_alone)
-}
-
-/// Why targets are kept, unsolved.
-pub(super) const NO_UNIT: &str = "external axis in use without a [[unit]] in the cell";
-/// The same of an axis of motion groups 2 to 9.
-const NO_GROUP: [&str; 8] = [
-    "motion group 2 in use without a [[unit]] in the cell (axis = \"gp2_j1\", …)",
-    "motion group 3 in use without a [[unit]] in the cell (axis = \"gp3_j1\", …)",
-    "motion group 4 in use without a [[unit]] in the cell (axis = \"gp4_j1\", …)",
-    "motion group 5 in use without a [[unit]] in the cell (axis = \"gp5_j1\", …)",
-    "motion group 6 in use without a [[unit]] in the cell (axis = \"gp6_j1\", …)",
-    "motion group 7 in use without a [[unit]] in the cell (axis = \"gp7_j1\", …)",
-    "motion group 8 in use without a [[unit]] in the cell (axis = \"gp8_j1\", …)",
-    "motion group 9 in use without a [[unit]] in the cell (axis = \"gp9_j1\", …)",
-];
-const LED_ELSEWHERE: &str = "coordinated (COORD) with a motion group that moves, and does not carry its user frame";
-const NOT_LED: &str = "the motion group that carries its user frame moves, and the motion is not coordinated (COORD)";
-pub(super) const NO_POSITION: &str = "position of a mechanical unit is not programmed here";
-pub(super) const STANDS_SOMEWHERE: &str = "where a deactivated mechanical unit stands is not known";
-
-/// A stationary tool needs a part that the robot holds, and any other tool one that it does not.
-pub(super) const MISFIT: &str = "tool and work object are both held by the robot, or neither is";
-
-/// What to do about a reason of the cell's.
-pub(super) fn help(reason: &str, language: Language) -> Option<String> {
-    let help = match reason {
-        NO_UNIT => "declare what the axis moves: [[unit]] with its name, axis, kind and what it carries",
-        NO_WOBJ_UNIT => "declare the unit that ufmec names: [[unit]] with its axis, kind and base",
-        NO_POSITION => "give every target the position of each unit that carries the robot or its work object",
-        PREDECESSOR_UNKNOWN => {
-            return Some(format!(
-                "put a motion that does not cut, to a known target, before it, or mark it `{}`",
-                language.mark(Mark::Air)
-            ));
-        }
-        LED_ELSEWHERE => "put the user frame on the unit where it moves along with it: [wobjs.\"UF 1\"] unit = …",
-        NOT_LED => "let the group stand still on the way, or move it with a J motion",
-        _ if NO_GROUP.contains(&reason) => {
-            "declare each axis: [[unit]] with carries = \"part\", or \"nothing\" for a gun, a gripper or another arm"
-        }
-        STANDS_SOMEWHERE => "a unit stands where the last target before DeactUnit has sent it",
-        _ => return None,
-    };
-    Some(help.to_owned())
 }
 
 impl Stand {
@@ -277,8 +231,8 @@ impl Stand {
         };
         let units = cell.units.all();
         if let Some(axis) = axes.used().find(|axis| !cell.units.knows(*axis)) {
-            let group = axis.group().and_then(|group| NO_GROUP.get(usize::from(group).checked_sub(2)?));
-            return unsolved(group.copied().unwrap_or(NO_UNIT));
+            let group = axis.group().filter(|group| (2..=9).contains(group));
+            return unsolved(group.map_or(KeptReason::AxisWithoutUnit, KeptReason::GroupWithoutUnit));
         }
         if let Some(why) = before.filter(|_| !apart).and_then(|before| mount.misled(cell, target.motion, axes, before))
         {
@@ -318,7 +272,7 @@ impl Stand {
             });
         };
         if moving.needed().any(|axis| external[axis].is_nan()) {
-            return unsolved(if stands { STANDS_SOMEWHERE } else { NO_POSITION });
+            return unsolved(if stands { KeptReason::UnitDeactivated } else { KeptReason::UnitPositionMissing });
         }
         // Most often as before.
         let same = |last: &&Arc<Moved>| last.external.map(f64::to_bits) == external.map(f64::to_bits);

@@ -1,11 +1,12 @@
 //! Ordered pass over the targets: wanted poses, nominal joints, feed, what cuts.
 
+use super::KeptReason;
 use super::ahead::{Ahead, Approach};
 use super::carried::{Carried, Chosen, Free, RunWith};
 use super::context::Context;
 use super::frames::{self, WobjFrame, pose};
 use super::load::PointLoad;
-use super::mount::{MISFIT, Mount, Moved, PREDECESSOR_UNKNOWN, Stand, is_entered_elsewhere};
+use super::mount::{Mount, Moved, Stand, is_entered_elsewhere};
 use super::point::{Point, tool_axis};
 use super::spin;
 use super::travel::CHORD;
@@ -41,7 +42,7 @@ pub(super) fn prepare(context: Context<'_>, carried: &mut Carried<'_>) -> Result
     let holds_part = |target: &Target| program.wobjs[usize::from(target.wobj)].data.is_some_and(|wobj| wobj.robhold);
     let misfit = |target: &Target| {
         let tool = program.tools[usize::from(target.tool)].data.filter(|_| options.tool.is_none());
-        (tool.is_none_or(|tool| tool.robhold) == holds_part(target)).then_some(MISFIT)
+        (tool.is_none_or(|tool| tool.robhold) == holds_part(target)).then_some(KeptReason::Misfit)
     };
     if program.targets.iter().any(holds_part) {
         stationary(program, cell)?;
@@ -217,11 +218,11 @@ impl Walk<'_, '_> {
         &mut self,
         (i, target): (usize, &Target),
         RunWith { setting, .. }: RunWith,
-        wobj: Option<&'static str>,
+        wobj: Option<KeptReason>,
     ) -> Stand {
         let apart = is_entered_elsewhere(target);
         let why = match target.editable {
-            Editable::No(why) if !target.located => Some(why.text()),
+            Editable::No(why) if !target.located => Some(why.into()),
             _ => wobj,
         };
         if why.is_some() {
@@ -257,7 +258,7 @@ impl Walk<'_, '_> {
     }
 
     /// Takes in a target of which it is not known where the controller goes.
-    fn pass_over(&mut self, target: &Target, why: &'static str, RunWith { setting, tool }: RunWith) {
+    fn pass_over(&mut self, target: &Target, why: KeptReason, RunWith { setting, tool }: RunWith) {
         if self.cell.stock.is_some() && self.carried.laws.may_cut(target, tool) {
             let message = format!("what this move cuts of the stock is not known: {why}");
             let help = format!("mark it `{}`, or leave [stock] out", self.program.language.mark(Mark::Air));
@@ -372,7 +373,7 @@ impl Walk<'_, '_> {
         if (unlocated || target.predecessor == Predecessor::Unknown) && self.rests_on_predecessor(target) {
             return self.leave(
                 target,
-                PREDECESSOR_UNKNOWN,
+                KeptReason::PredecessorUnknown,
                 (wobj_from_tcp, Dragged { motor, travel }),
                 run_with,
                 stand,
@@ -446,7 +447,7 @@ impl Walk<'_, '_> {
     fn leave(
         &mut self,
         target: &Target,
-        why: &'static str,
+        why: KeptReason,
         (wobj_from_tcp, dragged): (Pose, Dragged),
         RunWith { setting, tool }: RunWith,
         stand: &Stand,

@@ -1,8 +1,9 @@
 //! What is known of one target before its equilibrium, and as whose circumstances the arm and its effects see it.
 
+use super::KeptReason;
 use super::laws::Law;
 use super::load::{Follows, PointLoad, Through};
-use super::mount::{Moved, PREDECESSOR_UNKNOWN};
+use super::mount::Moved;
 use crate::cutting::ForceParts;
 use crate::effects::{Cutting, PartAt, PartYield, Situation, ToolFrame, UnitAt};
 use crate::equilibrium::{Dragged, PredictedPose, Setting, Site};
@@ -18,7 +19,7 @@ pub struct Point {
     /// External axes, where there are any, and what the target is run with there.
     pub(super) moved: Option<Arc<Moved>>,
     /// Why it is not known where the controller goes: the target is not solved.
-    pub(super) unsolved: Option<&'static str>,
+    pub(super) unsolved: Option<KeptReason>,
     /// Where the program sends the TCP.
     pub wobj_from_tcp: Pose,
     /// Where errors are counted from, and what defines depth and force: the same, but for `--against`.
@@ -238,7 +239,7 @@ impl Point {
     /// A target of which it is not known where the controller goes, after another point, with the arm about at these motor angles (rad) and
     /// with this travel.
     pub(super) fn unsolved(
-        why: &'static str,
+        why: KeptReason,
         at: Pose,
         Dragged { motor, travel }: Dragged,
         setting: u32,
@@ -255,7 +256,7 @@ impl Point {
 
     /// Whether it is known where the controller goes.
     pub(super) fn is_located(&self) -> bool {
-        self.unsolved.is_none_or(|why| why == PREDECESSOR_UNKNOWN)
+        self.unsolved.is_none_or(|why| why == KeptReason::PredecessorUnknown)
     }
 
     /// A measured force, base axes while the point is still placed there, N.

@@ -194,7 +194,7 @@ fn mount_in(cell: &Cell, name: &str, tool: ToolFrame) -> Result<Mount, Vec<Diagn
 
 fn unplaced(cell: &Cell, pose: usize) -> Vec<Diagnostic> {
     let names = cell.units.all().iter().map(|unit| &*unit.name).collect::<Vec<_>>().join(", ");
-    let message = format!("pose {}: it is not said where the mechanical units stand", pose + 1);
+    let message = format!("pose {}: the positions of the mechanical units are missing", pose + 1);
     vec![Diagnostic::error("cell.unit", "", message).help(format!("give the positions of {names}, mm or degrees"))]
 }
 

@@ -5,10 +5,10 @@ use super::contradictions::contradictions;
 use super::correction::Correction;
 use super::laws::Laws;
 use super::messages::Repeated;
-use super::{Prepared, mount};
+use super::{KeptReason, Prepared};
 use crate::program::{Language, Mark, Target};
 use crate::robot::StartedFrom;
-use crate::text::{Diagnostic, Severity};
+use crate::text::{Diagnostic, Severity, Span};
 
 /// What is said of chunk `number` of a run. Frames may be met in any chunk: what was said of one is not said again.
 pub(super) fn notes(context: Context<'_>, prepared: &Prepared, number: usize) -> Vec<Diagnostic> {
@@ -85,14 +85,31 @@ fn unweighed_loads(Context { program, cell, .. }: Context<'_>, repeated: &mut Re
     }
 }
 
-/// Why targets are not solved, where that can be corrected.
+/// Why targets are not solved, where the user can do something about it.
 fn unsolved(Context { program, .. }: Context<'_>, prepared: &Prepared, repeated: &mut Repeated) {
+    let mut say = |reason: KeptReason, place: Place| {
+        let Some(help) = reason.help(program.language) else { return };
+        let message = format!("{reason}: the target stays unchanged and is not solved");
+        let source = &program.sources[usize::from(place.source)];
+        let said = Diagnostic::error("target.kept", "", message).on_line(source, place.span, place.line);
+        repeated.say(said.severity(Severity::Warning).help(help));
+    };
     for (target, point) in program.targets.iter().zip(&prepared.points).filter(|(target, _)| target.is_end()) {
-        if let Some((why, help)) = point.unsolved.and_then(|why| Some((why, mount::help(why, program.language)?))) {
-            let message = format!("{why}: the target stays unchanged and is not solved");
-            repeated.say(program.error_at(target, "target.kept", message).severity(Severity::Warning).help(help));
+        if let Some(reason) = point.unsolved {
+            say(reason, Place { source: target.source, span: target.span, line: target.line });
         }
     }
+    for motion in &program.unknown {
+        say(motion.reason.into(), Place { source: motion.source, span: motion.span, line: motion.line });
+    }
+}
+
+/// A motion in the text: index into [`Program::sources`](crate::program::Program::sources), bytes of the instruction, and its line
+/// from 1.
+struct Place {
+    source: u16,
+    span: Span,
+    line: u32,
 }
 
 /// Warnings about what was to be inserted; `before` is the zone of the target before the program's first, mm.

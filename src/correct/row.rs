@@ -1,5 +1,5 @@
 use super::point::Point;
-use super::{PathDeviation, Stance, Stiffness};
+use super::{KeptReason, PathDeviation, Stance, Stiffness};
 use crate::equilibrium::PredictedPose;
 use crate::program::{Editable, Goal, Target, UnknownMotion};
 use nalgebra::Vector3;
@@ -14,7 +14,7 @@ pub enum Status {
     /// No cutting force.
     Air,
     /// Not changed, for this reason.
-    Kept(&'static str),
+    Kept(KeptReason),
 }
 
 /// Names that many rows share, as the program has them.
@@ -143,7 +143,7 @@ impl Row {
     };
 
     /// Of a target that is kept because it is not known where the controller goes.
-    pub(super) fn unsolved(target: &Target, why: &'static str) -> Self {
+    pub(super) fn unsolved(target: &Target, why: KeptReason) -> Self {
         let position_mm = match target.goal {
             Goal::Pose { position_mm, .. } | Goal::Axis { position_mm, .. } => position_mm,
             Goal::Joints { .. } => [f64::NAN; 3],
@@ -158,11 +158,11 @@ impl Row {
 
     /// Of a motion of which it is known only at run time where it goes.
     pub(super) fn unknown(motion: &UnknownMotion) -> Self {
-        Self::without_errors(motion.ordinal, motion.line, motion.reason.text())
+        Self::without_errors(motion.ordinal, motion.line, motion.reason.into())
     }
 
     /// Of a target that is kept for this reason: neither its place nor its errors are known (NaN).
-    fn without_errors(target: u32, line: u32, why: &'static str) -> Self {
+    fn without_errors(target: u32, line: u32, why: KeptReason) -> Self {
         let none = [f64::NAN; 3];
         Self {
             target,
@@ -181,7 +181,7 @@ impl Row {
     /// Why the target is kept or not judged; empty of others.
     #[must_use]
     pub fn reason(&self) -> &'static str {
-        if let Status::Kept(reason) = self.status { reason } else { "" }
+        if let Status::Kept(reason) = self.status { reason.text() } else { "" }
     }
 
     /// Whether its numbers changed by more than printing them does.
@@ -204,7 +204,7 @@ impl Row {
         self.line = target.line;
         self.name.clone_from(&target.name);
         self.status = match target.editable {
-            Editable::No(reason) => Status::Kept(reason.text()),
+            Editable::No(reason) => Status::Kept(reason.into()),
             _ if point.cuts() => Status::Ok,
             _ => Status::Air,
         };
@@ -240,9 +240,9 @@ pub struct Summary {
     /// Targets that `--subdivide` inserted.
     pub inserted: usize,
     /// Not to be changed, by reason, in the order first met.
-    pub kept: Vec<(&'static str, usize)>,
+    pub kept: Vec<(KeptReason, usize)>,
     /// Of the kept ones those that were not judged, because it is not known where the controller goes, by reason.
-    pub unjudged: Vec<(&'static str, usize)>,
+    pub unjudged: Vec<(KeptReason, usize)>,
     /// Largest predicted error without correction, mm.
     pub max_error_mm: f64,
     /// Root mean square of it over cutting targets, kept ones among them, mm; over all where none cuts.
@@ -278,7 +278,7 @@ impl Summary {
 }
 
 /// Counts more of a reason, in the order first met.
-fn count_in(counts: &mut Vec<(&'static str, usize)>, reason: &'static str, more: usize) {
+fn count_in(counts: &mut Vec<(KeptReason, usize)>, reason: KeptReason, more: usize) {
     match counts.iter_mut().find(|(known, _)| *known == reason) {
         Some((_, count)) => *count += more,
         None => counts.push((reason, more)),
@@ -422,7 +422,8 @@ mod tests {
 
     #[test]
     fn the_mean_is_over_what_cuts_corrected_or_kept() {
-        let (ok, air, kept) = (row(Status::Ok, 3.0, 9.0), row(Status::Air, 8.0, 0.0), row(Status::Kept("k"), 4.0, 9.0));
+        let (ok, air, kept) =
+            (row(Status::Ok, 3.0, 9.0), row(Status::Air, 8.0, 0.0), row(Status::Kept(KeptReason::Misfit), 4.0, 9.0));
         let sum = Summary::of(&[ok, air.clone(), kept.clone()]);
         assert_relative_eq!(sum.rms_error_mm, 12.5_f64.sqrt());
         assert_relative_eq!(sum.max_error_mm, 8.0);

@@ -360,7 +360,7 @@ impl Given<'_> {
                 over.iter().take(NAMED).map(|i| program.targets[course.targets[*i]].line.to_string()).collect();
             let more = if over.len() > NAMED { ", …" } else { "" };
             let message = format!(
-                "--max-path-error {asked} is not kept on the way into {} of {} targets (lines {}{more}): {:.3} mm can be kept",
+                "--max-path-error {asked} is not kept on the path to {} of {} targets (lines {}{more}): {:.3} mm can be kept",
                 over.len(),
                 after.ways.len(),
                 lines.join(", "),

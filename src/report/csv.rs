@@ -407,7 +407,7 @@ fn plain_number(line: &mut Vec<u8>, value: Option<f64>, decimals: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::correct::{PathDeviation, RowNames};
+    use crate::correct::{KeptReason, PathDeviation, RowNames};
     use proptest::prelude::*;
     use std::sync::Arc;
 
@@ -473,7 +473,7 @@ mod tests {
                 let [tool, wobj] = [&frames.0, &frames.1].map(|name| name.as_str().into());
                 Arc::new(RowNames { file: "".into(), tool, wobj })
             });
-            row.status = [Status::Ok, Status::Air, Status::Kept("so"), Status::Ok][kind];
+            row.status = [Status::Ok, Status::Air, Status::Kept(KeptReason::Misfit), Status::Ok][kind];
             if kind == 3 {
                 row.sigma_mm = None;
             }

@@ -1,6 +1,6 @@
 use super::html::PathKind;
 use super::{CheckFile, Origin};
-use crate::correct::{Corrected, DrivenSummary, Summary};
+use crate::correct::{Corrected, DrivenSummary, KeptReason, Summary};
 use crate::text::Diagnostic;
 use serde::Serialize;
 use std::fmt;
@@ -56,7 +56,7 @@ pub struct FileSummary {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct KeptCount {
     /// Reason.
-    pub reason: &'static str,
+    pub reason: KeptReason,
     /// Targets.
     pub count: usize,
 }
@@ -64,7 +64,7 @@ pub struct KeptCount {
 impl KeptCount {
     /// The counts of targets, one for each reason.
     #[must_use]
-    pub fn all(counts: &[(&'static str, usize)]) -> Vec<Self> {
+    pub fn all(counts: &[(KeptReason, usize)]) -> Vec<Self> {
         counts.iter().map(|&(reason, count)| Self { reason, count }).collect()
     }
 }

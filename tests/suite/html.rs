@@ -1,6 +1,7 @@
 //! Pages of a path: their figures are those of the CSV report, and their size is bounded.
 
-use deflex::correct::{PathDeviation, Row, Stance, Status, Stiffness, Summary};
+use deflex::correct::{KeptReason, PathDeviation, Row, Stance, Status, Stiffness, Summary};
+use deflex::program::Reason;
 use deflex::report::html::{PathKind, PathPage, PathTrace};
 use deflex::report::{FileSummary, Origin, write_csv};
 use serde_json::Value;
@@ -17,7 +18,7 @@ fn row(i: usize) -> Row {
         target: i as u32 + 1,
         line: 10 + i as u32,
         name: Some(format!("pTarget_with_a_name_of_its_{i:06}").into()),
-        status: [Status::Ok, Status::Air, Status::Kept("computed at run time")]
+        status: [Status::Ok, Status::Air, Status::Kept(KeptReason::Program(Reason::Computed))]
             [usize::from(i.is_multiple_of(97)) + usize::from(i.is_multiple_of(194))],
         position_mm: [0.01 * t - 500.0, 80.0 * wave(0.1), -12.345_67 * wave(0.2)],
         error_mm: [0.1 * wave(1.0), -0.2 * wave(1.3), 0.05 * wave(2.0)],

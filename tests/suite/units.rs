@@ -286,7 +286,7 @@ fn kept(program: &Program, cell: &Cell) -> Vec<&'static str> {
     let reason = |row: &deflex::correct::Row| match row.status {
         Status::Kept(reason) => {
             assert!(!row.is_solved() && row.correction_norm_mm() <= 0.0);
-            Some(reason)
+            Some(reason.text())
         }
         _ => None,
     };

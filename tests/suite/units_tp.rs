@@ -66,7 +66,7 @@ fn group_table() -> String {
 /// Why its targets are not solved, each once.
 fn reasons(corrected: &Corrected) -> Vec<&str> {
     let reason = |status: &Status| match status {
-        Status::Kept(reason) => Some(*reason),
+        Status::Kept(reason) => Some(reason.text()),
         _ => None,
     };
     let mut all: Vec<&str> = corrected.rows.iter().filter_map(|row| reason(&row.status)).collect();

@@ -1,10 +1,10 @@
 //! What the search keeps of each target, so that a million of them take half a gigabyte: the points of a whole program, with
 //! what a correction takes along, would take four.
 
-use crate::correct::Prepared;
 use crate::correct::load::{PointLoad, Through};
 use crate::correct::mount::Moved;
 use crate::correct::point::{Milled, Point};
+use crate::correct::{KeptReason, Prepared};
 use crate::effects::PartYield;
 use crate::program::{Goal, Program};
 use crate::robot::{Joints, Pose};
@@ -16,7 +16,7 @@ use std::sync::Arc;
 pub(super) struct Site {
     pub(super) setting: u32,
     pub(super) moved: Option<Arc<Moved>>,
-    pub(super) unsolved: Option<&'static str>,
+    pub(super) unsolved: Option<KeptReason>,
     pub(super) wobj_from_tcp: Pose,
     pub(super) motor: Joints,
     /// In single precision.
