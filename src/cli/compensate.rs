@@ -3,7 +3,7 @@
 use super::Outcome;
 use super::args::Compensate;
 use super::batch::{self, Batch, in_one_file, post_options, report_beside};
-use super::files::both;
+use super::files::{both, other_ending};
 use super::input::Context;
 use super::job::Job;
 use super::output::{Outputs, cannot_write, is_stdout, one_thing};
@@ -15,7 +15,7 @@ use super::stream;
 use deflex::correct::{self, Corrected};
 use deflex::program::{Language, Program};
 use deflex::report::html::{PathKind, PathTrace};
-use deflex::text::{Diagnostic, Source, apply};
+use deflex::text::{Diagnostic, Severity, Source, apply};
 use indicatif::ProgressBar;
 use std::io::Write;
 use std::path::PathBuf;
@@ -29,7 +29,6 @@ pub(super) fn run(args: &Compensate) -> Outcome {
     setup.options.allow_clones = args.allow_clones;
     setup.options.post = Some(args.post);
     one_stdout(args, &jobs)?;
-    named_as_written(args, &jobs)?;
     let outputs = Outputs::default();
     let batch = Batch {
         args,
@@ -40,13 +39,15 @@ pub(super) fn run(args: &Compensate) -> Outcome {
     };
     let done = each(jobs, (args.common.quiet, args.reports.keep_going), failed, |job, bar| {
         job.marked()?;
+        let named_otherwise = named_otherwise(args, &job)?;
         let origins = job.origins_for(&args.reports)?;
         // The driven path is that of the whole program.
         let streamed = if args.max_path_error.is_none() { stream::compensate(&batch, &job, bar)? } else { None };
-        let done = match streamed {
+        let mut done = match streamed {
             Some(done) => done,
             None => batch.whole(job, bar)?,
         };
+        done.notes.extend(named_otherwise);
         Ok(done.made_from(origins))
     });
     let done = done.map_err(|errors| setup.failed(errors))?;
@@ -126,20 +127,17 @@ fn one_stdout(args: &Compensate, jobs: &[Job]) -> Result<(), Vec<Diagnostic>> {
     one_thing(usize::from(program) + args.reports.to_stdout())
 }
 
-/// RAPID under the name of CL data would be taken for CL data by its next reader.
-fn named_as_written(args: &Compensate, jobs: &[Job]) -> Result<(), Vec<Diagnostic>> {
-    let Some(output) = args.output.as_deref().filter(|path| !is_stdout(path)) else { return Ok(()) };
-    let ending = output.extension().map_or_else(String::new, |ending| ending.to_string_lossy().to_ascii_lowercase());
-    if args.post == Language::Cl
-        || !Language::Cl.endings().contains(&&*ending)
-        || !jobs.iter().any(|job| job.language == Language::Cl)
-    {
-        return Ok(());
+/// A warning where the file of the corrected program has the ending of another language.
+///
+/// # Errors
+/// CL data were given, and the program that is posted from them would be named as CL data, which its next reader would take it for.
+fn named_otherwise(args: &Compensate, job: &Job) -> Result<Option<Diagnostic>, Vec<Diagnostic>> {
+    let Some(output) = args.output.as_deref().filter(|path| !is_stdout(path)) else { return Ok(None) };
+    let written = if job.language == Language::Cl { args.post } else { job.language };
+    match other_ending(output, written) {
+        Some((Language::Cl, warning)) if job.language == Language::Cl => Err(vec![warning.severity(Severity::Error)]),
+        other => Ok(other.map(|(_, warning)| warning)),
     }
-    let posted = args.post;
-    let message = format!("is not written: `.{ending}` is for CL data, but what is posted is {}", posted.name());
-    let help = format!("write it to {}", output.with_extension(posted.endings()[0]).display());
-    Err(Diagnostic::error("usage.output", &output.display().to_string(), message).help(help).into())
 }
 
 /// Bytes of each corrected source.

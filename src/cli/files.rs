@@ -2,7 +2,8 @@
 
 use super::watch::watch;
 use deflex::limits::FILE_BYTES;
-use deflex::text::{Diagnostic, Source, cannot_read};
+use deflex::program::Language;
+use deflex::text::{Diagnostic, Severity, Source, cannot_read};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -31,6 +32,18 @@ fn whole(file: impl Read) -> std::io::Result<Vec<u8>> {
 /// Reads every file; all that cannot be read are named.
 pub(super) fn sources(paths: &[PathBuf]) -> Result<Vec<Source>, Vec<Diagnostic>> {
     all(paths.iter().map(|path| source(path)))
+}
+
+/// The other language whose ending the file of a program has, and a warning: a controller would not load it, and deflex would read
+/// it as a program of that language.
+pub(super) fn other_ending(path: &Path, written: Language) -> Option<(Language, Diagnostic)> {
+    let ending = path.extension()?.to_string_lossy().to_ascii_lowercase();
+    let is_for = |language: &Language| language.endings().contains(&&ending[..]);
+    let named = Language::ALL.into_iter().find(is_for).filter(|_| !is_for(&written))?;
+    let message = format!("the program is {}, but the ending .{ending} is for {}", written.name(), named.name());
+    let help = format!("write it to {}", path.with_extension(written.endings()[0]).display());
+    let warning = Diagnostic::error("usage.ending", &path.display().to_string(), message);
+    Some((named, warning.severity(Severity::Warning).help(help)))
 }
 
 /// Every value, or every error.

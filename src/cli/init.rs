@@ -23,7 +23,7 @@ pub(super) fn run(args: &Init) -> Outcome {
         let moc = folder.join("SYSPAR/MOC.cfg");
         if moc.exists() && !moc.is_file() {
             let error =
-                Diagnostic::error("init.backup", &moc.display().to_string(), "is no file, but a pipe or a device");
+                Diagnostic::error("init.backup", &moc.display().to_string(), "is not a file, but a pipe or a device");
             return Err(error.help("give the folder of a backup, in which SYSPAR/MOC.cfg is").into());
         }
         let moc = super::files::source(&moc)?;
@@ -88,7 +88,7 @@ fn modules(folder: &Path) -> Result<Vec<Source>, Vec<Diagnostic>> {
 /// Writes the cell file, which is one whatever the names and numbers of the source are.
 fn write(args: &Init, cell: &str) -> Outcome {
     if let Err(error) = cell.parse::<toml_edit::DocumentMut>() {
-        let message = format!("no cell file comes of this: {}", error.message());
+        let message = format!("no cell file can be made from this: {}", error.message());
         let help =
             "look for names and numbers in the source that are none, such as nan; please report it if there are none";
         return Err(Diagnostic::error("init.toml", "", message).help(help).into());

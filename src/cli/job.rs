@@ -47,7 +47,7 @@ impl Job {
         let jobs = grouped(jobs)?;
         let are_modules = |job: &Self| job.language == jobs[0].language && job.language.about().has_modules;
         if jobs.len() > 1 && !jobs.iter().all(are_modules) {
-            let message = "several files that are not all modules of one language are no one program";
+            let message = "several files are one program only if all of them are modules of one language";
             return Err(Diagnostic::error("program.several", &jobs[0].name, message)
                 .help("give them one by one")
                 .into());

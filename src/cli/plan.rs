@@ -1,7 +1,7 @@
 //! `plan`: what to measure, so that effects can be distinguished.
 
 use super::args::Plan as Arguments;
-use super::files::{all, both, source};
+use super::files::{all, both, other_ending, source};
 use super::input::{CellFile, Context};
 use super::job::Job;
 use super::output::{Outputs, is_stdout, one_thing};
@@ -10,8 +10,7 @@ use super::{Answer, Outcome, message, progress};
 use deflex::identify::PlanProgram;
 use deflex::program::Language;
 use deflex::report::plan_text;
-use deflex::text::{Diagnostic, Severity};
-use std::path::Path;
+use deflex::text::Diagnostic;
 
 pub(super) fn run(args: &Arguments) -> Outcome {
     let written = [Some(&args.output), args.measured.as_ref(), args.json.as_ref(), args.html.as_ref()];
@@ -52,19 +51,8 @@ pub(super) fn run(args: &Arguments) -> Outcome {
         message::say(&[text]);
     }
     outputs.commit()?;
-    message::print(&[other_ending(&args.output, language), cell.cell.notes.clone()].concat(), args.common.quiet);
+    let warning = other_ending(&args.output, language).map(|(_, warning)| warning);
+    let notes: Vec<Diagnostic> = warning.into_iter().chain(cell.cell.notes.iter().cloned()).collect();
+    message::print(&notes, args.common.quiet);
     Ok(Answer::Yes)
-}
-
-/// A note where the name of the program has another language's ending: the controller would not load it.
-fn other_ending(path: &Path, language: Language) -> Vec<Diagnostic> {
-    let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
-    let other = |ending: &String| Language::ALL.iter().any(|known| known.endings().contains(&&ending[..]));
-    let wrong = ending.filter(|ending| !language.endings().contains(&&ending[..]) && other(ending));
-    let note = wrong.map(|ending| {
-        let message = format!("the program is {}, and the file is named .{ending}", language.name());
-        let help = format!("name it .{}, or give the language with --post", language.endings()[0]);
-        Diagnostic::error("plan.ending", &path.display().to_string(), message).severity(Severity::Note).help(help)
-    });
-    note.into_iter().collect()
 }

@@ -60,7 +60,7 @@ pub(super) fn run(args: &Predict) -> Outcome {
     let mut done = done.map_err(|errors| setup.failed(errors))?;
     if is_read {
         for done in &mut done.0 {
-            done.line.clear();
+            done.text.clear();
             outputs.add_summary(&printable(&digest_text(&done.summary, &done.digest)));
         }
     }

@@ -12,6 +12,7 @@ use deflex::report::{CSV_HEADER, Digest, FileSummary, Origin, VERSION, csv_field
 use deflex::text::{Diagnostic, printable_line};
 use indicatif::ProgressBar;
 use serde::Serialize;
+use std::fmt::Write as _;
 use std::io::{self, BufRead, BufReader, Seek, Write};
 use std::path::{Path, PathBuf};
 
@@ -285,25 +286,30 @@ pub(super) fn pretty(value: &impl Serialize) -> Result<String, Vec<Diagnostic>> 
     }
 }
 
-/// The summary line of one program, for stderr.
-pub(super) fn line(summary: &FileSummary, kind: PathKind) -> String {
-    let mut line = format!("{}: {}", printable_line(&summary.path), deflex::report::summary_line(summary, kind));
+/// The summary of one program for stderr: what became of its targets, and a row for each kind of error, mm.
+pub(super) fn summary_text(summary: &FileSummary, kind: PathKind) -> String {
+    let mut text = format!("{}: {}", printable_line(&summary.path), deflex::report::summary_line(summary, kind));
+    let mut add = |what: &str, rms: Option<f64>, max: f64| {
+        let rms = rms.map_or_else(String::new, |rms| format!("rms {rms:.4} mm"));
+        // Writing to a String cannot fail.
+        let _ = write!(text, "\n  {what:<27}{rms:<16}max {max:.4} mm");
+    };
     if summary.max_error_mm > 0.0 {
-        line += &format!("; error rms {:.4} mm, max {:.4} mm", summary.rms_error_mm, summary.max_error_mm);
+        add("error as programmed", Some(summary.rms_error_mm), summary.max_error_mm);
     }
     if kind == PathKind::Compensate && summary.corrected > 0 {
-        line += &format!("; remaining at targets max {:.4} mm", summary.max_remaining_mm);
+        add("remaining at targets", None, summary.max_remaining_mm);
         if summary.max_kept_mm > 0.0 {
-            line += &format!(", at kept targets {:.4} mm", summary.max_kept_mm);
+            add("remaining at kept targets", None, summary.max_kept_mm);
         }
         if summary.remaining_path_max_mm > 0.0 {
-            let (rms, max) = (summary.remaining_path_rms_mm, summary.remaining_path_max_mm);
-            line += &format!(", between targets rms {rms:.4} mm, max {max:.4} mm");
+            add("remaining between targets", Some(summary.remaining_path_rms_mm), summary.remaining_path_max_mm);
         }
     }
     if let Some(path) = &summary.driven_path {
         let figures = path.corrected.unwrap_or(path.programmed);
-        line += &format!("; driven path max {:.4} mm, run time {:.2} s", figures.max_mm, figures.run_time_s);
+        add("driven path", None, figures.max_mm);
+        let _ = write!(text, ", run time {:.2} s", figures.run_time_s);
     }
-    line
+    text
 }

@@ -24,7 +24,8 @@ pub(super) struct Done {
     /// For the `--report` of all programs; `None` where none is wanted, or it is staged already.
     pub(super) rows: Option<Rows>,
     pub(super) summary: FileSummary,
-    pub(super) line: String,
+    /// The summary for the terminal.
+    pub(super) text: String,
     pub(super) notes: Vec<Diagnostic>,
     /// For `--html`.
     pub(super) path: Option<PathTrace>,
@@ -53,7 +54,7 @@ impl Done {
         noticed.take(&corrected.rows);
         let said = noticed.notes(name)?;
         let summary = FileSummary::new(name, &corrected);
-        let line = report::line(&summary, kind);
+        let text = report::summary_text(&summary, kind);
         let rows = Rows::new(&corrected.rows);
         if let Some(path) = &mut path {
             rows.draw(path, &corrected.rows);
@@ -62,7 +63,7 @@ impl Done {
         let rows = Some(rows);
         let notes = corrected.notes.into_iter().chain(said).collect();
         let digest = noticed.into_digest();
-        Ok(Self { outputs, rows, summary, line, notes, path, digest })
+        Ok(Self { outputs, rows, summary, text, notes, path, digest })
     }
 
     /// A program that was predicted a chunk at a time.
@@ -72,8 +73,8 @@ impl Done {
             return Err(streamed.failures);
         }
         let summary = FileSummary::of(name, &streamed.summary, &[]);
-        let line = report::line(&summary, PathKind::Predict);
-        Ok(Self { outputs, rows, summary, line, notes: streamed.notes, path, digest })
+        let text = report::summary_text(&summary, PathKind::Predict);
+        Ok(Self { outputs, rows, summary, text, notes: streamed.notes, path, digest })
     }
 }
 
@@ -158,14 +159,14 @@ pub(super) fn finish(
     quiet: bool,
 ) -> Outcome {
     let mut notes = setup.notes();
-    let (mut rows, mut summaries, mut lines, mut paths) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let (mut rows, mut summaries, mut texts, mut paths) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for program in done {
         outputs.append(program.outputs)?;
         notes.extend(program.notes.into_iter().filter(|note| !notes.contains(note)).collect::<Vec<_>>());
         rows.extend(program.rows);
         paths.extend(program.path.map(|path| (program.summary.clone(), path)));
         summaries.push(program.summary);
-        lines.push(program.line);
+        texts.push(program.text);
     }
     if kind == PathKind::Compensate {
         notes.splice(0..0, summaries.iter().filter_map(corrected_nothing));
@@ -185,8 +186,8 @@ pub(super) fn finish(
     outputs.commit()?;
     message::print(&setup.cell.own(notes), quiet);
     if !quiet {
-        lines.retain(|line| !line.is_empty());
-        message::say(&lines);
+        texts.retain(|text| !text.is_empty());
+        message::say(&texts);
     }
     // What could be done is written; the others were named and make it exit code 2.
     if failed.is_empty() { Ok(Answer::Yes) } else { Err(failed) }

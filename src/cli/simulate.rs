@@ -105,7 +105,7 @@ fn probes(path: &Path) -> Result<Vec<Probe>, Vec<Diagnostic>> {
             for (k, column) in columns.into_iter().enumerate() {
                 let text = row.get(column).unwrap_or_default().trim();
                 let value = text.parse::<f64>().ok().filter(|value| value.is_finite());
-                out[k] = value.ok_or_else(|| fail(format!("row {}: `{text}` is no number", i + 2)))?;
+                out[k] = value.ok_or_else(|| fail(format!("row {}: `{text}` is not a number", i + 2)))?;
             }
             Ok(out)
         };

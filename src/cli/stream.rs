@@ -125,8 +125,8 @@ impl<'a> Long<'a> {
             lines::quote(path, self.program.text().open()?);
         }
         let summary = FileSummary::of(name, &done.summary, &[]);
-        let line = report::line(&summary, PathKind::Compensate);
+        let text = report::summary_text(&summary, PathKind::Compensate);
         let notes = done.notes.into_iter().chain(noticed).collect();
-        Ok(Some(Done { outputs: self.outputs, rows, summary, line, notes, path, digest }))
+        Ok(Some(Done { outputs: self.outputs, rows, summary, text, notes, path, digest }))
     }
 }

@@ -171,7 +171,7 @@ type Doubt = &'static str;
 fn read(folder: &Path, id: &str, user: u32) -> Result<Marker, Doubt> {
     let path = of(folder, id);
     if !lock::is_id(id) || !is_file_of(&path, user) {
-        return Err("it is no file that a run of yours has made");
+        return Err("it is not a file that a run of yours has made");
     }
     if fs::metadata(&path).map_or(true, |metadata| metadata.len() > MOST_BYTES) {
         return Err("it is longer than any marker");
@@ -270,7 +270,7 @@ fn finish(here: &Path, id: &str, user: u32) -> Result<(), Doubt> {
             kept.push(go.target.display().to_string());
             let _ = fs::remove_file(&go.waits);
         } else if place::place(go).is_err() {
-            return Err("a file that waits cannot get its name");
+            return Err("a staged file cannot be renamed");
         }
     }
     folders().for_each(|folder| sync_folder(folder));

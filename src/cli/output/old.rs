@@ -20,7 +20,7 @@ pub(super) enum Old {
 pub(super) fn keep_old(target: &Path, how: How) -> io::Result<Old> {
     let Ok(metadata) = fs::metadata(target) else { return Ok(Old::Nothing) };
     if !metadata.is_file() {
-        return Err(io::Error::new(io::ErrorKind::IsADirectory, "it is no file any more"));
+        return Err(io::Error::new(io::ErrorKind::IsADirectory, "it is not a file any more"));
     }
     if how == How::Rename {
         let path = staging::reserve(folder_of(target))?;

@@ -90,7 +90,7 @@ impl ProgramFiles {
 
 fn known(format: &str) -> Result<Language, Vec<Diagnostic>> {
     Language::ALL.into_iter().find(|language| language.word() == format).ok_or_else(|| {
-        Diagnostic::error("usage.format", "", format!("`{format}` is no format of programs"))
+        Diagnostic::error("usage.format", "", format!("`{format}` is not a program format"))
             .help(format!("give one of {}", Language::ALL.map(Language::word).join(", ")))
             .into()
     })

@@ -189,7 +189,7 @@ fn log_error(error: LogError, logs: &[(ProgramFiles, MeasuredFile)]) -> Diagnost
         }
         LogError::Path(i, DriveError::Unreachable { waypoint }) => {
             format!(
-                "the arm does not reach every place on the way to point {} of `{}`",
+                "the arm does not reach every position on the path to point {} of `{}`",
                 waypoint + 1,
                 logs[*i].0.name()
             )

@@ -137,7 +137,7 @@ fn a_plan_is_posted_for_the_controller_of_the_cell() {
     }
     assert!(!bench.path("q.mod").exists());
     let ran = bench.run("plan --cell shop.toml --rows 8 -o p.mod").exits(0);
-    assert!(ran.stderr.contains("the program is FANUC TP, and the file is named .mod"), "{}", ran.stderr);
+    assert!(ran.stderr.contains("the program is FANUC TP, but the ending .mod is for RAPID"), "{}", ran.stderr);
     bench.write("shop.toml", of("irb6660-205-1.9", "tMill", "wPart", "1000.0, -300.0, 700.0"));
     bench.run("plan --cell shop.toml --rows 8 -o p.mod --post rapid --ask target").exits(0);
     assert!(bench.read("p.mod").contains("UIMsgBox \"Measure, then go on.\";"));
