@@ -66,7 +66,7 @@ pub(super) fn plan<'a>(
     if (0..3).any(|k| workspace[1][k] < workspace[0][k]) {
         check.error(
             "plan.box_mm",
-            "plan.box_mm is no box: the second corner must not be below the first in x, y and z",
+            "plan.box_mm is not a box: the second corner must not be below the first in x, y and z",
             "give [[xmin, ymin, zmin], [xmax, ymax, zmax]]",
         );
     }

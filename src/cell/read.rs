@@ -189,7 +189,7 @@ fn robot(check: &mut Check, raw: &raw::Robot) -> Option<Robot> {
         return match Builtin::named(&raw.model) {
             Ok(builtin) => Some(builtin.robot().standing_at(world_from_base)),
             Err(near) => {
-                let message = format!("robot.model = \"{}\" is no built-in robot", raw.model);
+                let message = format!("robot.model = \"{}\" is not a built-in robot", raw.model);
                 check.error("robot.model", message, Builtin::meant(&near));
                 None
             }
@@ -396,7 +396,7 @@ fn controller(check: &mut Check, raw: Option<&raw::Controller>) -> Controller {
         if begins && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '$') {
             controller.harmless.insert(name.to_ascii_uppercase());
         } else {
-            let message = format!("controller.harmless: \"{name}\" is no name of a routine");
+            let message = format!("controller.harmless: \"{name}\" is not the name of a routine");
             check.error(
                 "controller.harmless",
                 message,

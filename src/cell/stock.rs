@@ -110,7 +110,7 @@ pub(super) fn stock(check: &mut Check, raw: &raw::Stock) -> Option<StockSection>
     if (0..3).any(|k| high[k] <= low[k]) {
         check.error(
             "stock.box_mm",
-            "stock.box_mm is no box: the second corner must be above the first in x, y and z",
+            "stock.box_mm is not a box: the second corner must be above the first in x, y and z",
             "give [[xmin, ymin, zmin], [xmax, ymax, zmax]]",
         );
     }
@@ -182,7 +182,7 @@ fn held(
     if !(0.0..0.5).contains(&material.nu) {
         check.error(
             "part.material.nu",
-            format!("part.material.nu = {} is no Poisson's ratio that can be computed with", material.nu),
+            format!("part.material.nu = {} cannot be a Poisson's ratio", material.nu),
             "give a number from 0 to below 0.5: 0.3 for steel, 0.33 for aluminium",
         );
     }

@@ -204,7 +204,7 @@ impl Joint {
         let of = |tag: &str, key: &str, absent: [f64; 3]| part(tag).map_or(Ok(absent), |part| three(part, key, absent));
         let limit = |key: &str| match part("limit").and_then(|limit| limit.attribute(key)) {
             None => Ok(0.0),
-            Some(text) => number(text).ok_or_else(|| format!("{}joint {name}: `{text}` is no number", at(node))),
+            Some(text) => number(text).ok_or_else(|| format!("{}joint {name}: `{text}` is not a number", at(node))),
         };
         Ok(Self {
             kind: *kind,

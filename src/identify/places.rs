@@ -99,7 +99,7 @@ impl<'a> Path<'a> {
         let apart = |place: &&PathPosition| (place.along_mm - best.along_mm).abs() > 2.0 * self.match_mm;
         match near.iter().take_while(|place| place.off_mm <= limit).find(apart) {
             Some(other) => Err(format!(
-                "the nominal point is as near to the way into target {} ({:.2} mm) as to that into target {} ({:.2} mm): name the target",
+                "the nominal point is as near to the path to target {} ({:.2} mm) as to the path to target {} ({:.2} mm): name the target",
                 self.program.targets[best.at.target].ordinal,
                 best.off_mm,
                 self.program.targets[other.at.target].ordinal,

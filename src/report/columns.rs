@@ -57,7 +57,7 @@ pub fn columns(csv: &[u8]) -> Result<Vec<Column>, Vec<Diagnostic>> {
     let mut record = csv::StringRecord::new();
     while reader.read_record(&mut record).map_err(|error| wrong(format!("not a report: {error}")))? {
         for (column, field) in columns.iter_mut().zip(&record) {
-            let bad = |_| wrong(format!("`{field}` is no figure of column {}", column.name));
+            let bad = |_| wrong(format!("`{field}` is not a figure of column {}", column.name));
             match &mut column.values {
                 ColumnValues::Whole(values) => {
                     values.push(field.parse().map_err(|error: std::num::ParseIntError| bad(error.to_string()))?)

@@ -158,7 +158,7 @@ mod tests {
         let mut matrix = pose_matrix(&Pose::identity());
         assert!(pose_of_matrix(&matrix).is_some());
         matrix[0][0] = -1.0;
-        assert!(pose_of_matrix(&matrix).is_none(), "a mirror is no rotation");
+        assert!(pose_of_matrix(&matrix).is_none(), "a mirror is not a rotation");
         matrix[0][0] = f64::NAN;
         assert!(pose_of_matrix(&matrix).is_none());
     }

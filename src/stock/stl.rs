@@ -21,7 +21,7 @@ pub enum StlError {
         expected: usize,
     },
     /// Neither form.
-    #[error("this is no STL file, neither text (`solid …`) nor binary")]
+    #[error("this is not an STL file, neither text (`solid …`) nor binary")]
     Neither,
     /// Text that is not understood.
     #[error("line {line}: expected {expected}")]

@@ -469,14 +469,14 @@ fn set(document: &Document<&str>, lines: &Lines<'_>, path: &[Step], typed: &str)
     let Found { value, span } = find(document, path)?;
     let parsed = |text: &str| {
         let parsed = text.parse::<Value>();
-        parsed.map_err(|error| format!("{text:?} is no value of TOML: {}", error.message().replace('\n', ", ")))
+        parsed.map_err(|error| format!("{text:?} is not a TOML value: {}", error.message().replace('\n', ", ")))
     };
     let written = match value {
         Value::Integer(_) | Value::Float(_) => {
             let text = with_a_point(typed.trim());
             match parsed(&text) {
                 Ok(Value::Integer(_) | Value::Float(_)) => text,
-                _ => return Err(format!("{typed:?} is no number: write it like 0.05 or 8.5e5")),
+                _ => return Err(format!("{typed:?} is not a number: write it like 0.05 or 8.5e5")),
             }
         }
         Value::String(_) => Value::from(typed).to_string(),

@@ -210,7 +210,7 @@ impl Folder {
         let refused = |error: io::Error| Refused::of(name, &error);
         // A pipe or a device under such a name may never end.
         if !fs::metadata(&path).map_err(refused)?.is_file() {
-            return Err(Refused::new(StatusCode::FORBIDDEN, format!("{name} is no file")));
+            return Err(Refused::new(StatusCode::FORBIDDEN, format!("{name} is not a file")));
         }
         let file = File::open(&path).map_err(refused)?;
         let version = version(&file.metadata().map_err(refused)?);

@@ -60,7 +60,7 @@ impl TryFrom<String> for Name {
         }
         for part in text.split('/') {
             if part.is_empty() || part == "." || part == ".." {
-                return refuse("is no path inside the folder: give a name without `..` and without `/` at its ends");
+                return refuse("is not a path inside the folder: give a name without `..` and without `/` at its ends");
             }
             if part.starts_with(['.', '-']) {
                 return refuse(

@@ -17,7 +17,7 @@ impl TryFrom<String> for Positive {
     fn try_from(text: String) -> Result<Self, String> {
         match text.trim().parse::<f64>() {
             Ok(value) if value.is_finite() && value > 0.0 => Ok(Self(text.trim().to_owned())),
-            _ => Err(format!("{text:?} is no number above 0")),
+            _ => Err(format!("{text:?} is not a number above 0")),
         }
     }
 }

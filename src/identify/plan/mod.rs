@@ -184,7 +184,9 @@ pub fn plan(input: &PlanInput) -> Result<Plan, Vec<Diagnostic>> {
     let section = section(cell)?;
     if input.rows < LEAST_ROWS {
         let message = format!("--rows {}: {LEAST_ROWS} rows are the fewest that can be fitted and judged", input.rows);
-        return Err(vec![Diagnostic::error("plan.rows", "", message).help("24 rows tell most single effects")]);
+        return Err(vec![
+            Diagnostic::error("plan.rows", "", message).help("24 rows are enough for most single effects"),
+        ]);
     }
     let world_from_wobj = cell.wobjs.get(&section.wobj.to_ascii_uppercase()).copied().unwrap_or_else(Pose::identity);
     let frames = Frames {

@@ -152,7 +152,7 @@ impl Reader {
         if along || !contact {
             self.say(
                 "cl.third-vector",
-                "the third vector of positions is taken as the forward direction where it is no surface normal",
+                "the third vector of positions is taken as the forward direction where it is not a surface normal",
             );
             return None;
         }

@@ -150,7 +150,7 @@ fn refused(source: &Source, lowering: &Lowering) -> Option<Diagnostic> {
         return Some(whole(too_large, "file is larger than 4 GiB", 0).help("split it"));
     }
     let at = crate::program::detect::no_text(&source.bytes)?;
-    Some(whole(no_text, &format!("the file is no text: expected {}", lowering.expected), at).help(lowering.which))
+    Some(whole(no_text, &format!("the file is not text: expected {}", lowering.expected), at).help(lowering.which))
 }
 
 /// Poses in the text all of whose numbers are literals.

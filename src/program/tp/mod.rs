@@ -199,7 +199,7 @@ fn refused(source: &Source) -> Option<Diagnostic> {
     let head = &bytes[..bytes.len().min(LOOK)];
     let control = |b: &&u8| b.is_ascii_control() && !b.is_ascii_whitespace() && **b != 0x1A;
     if head.iter().filter(control).count() * PER_CONTROL > head.len() {
-        let message = "the file is no text: expected a TP program in ASCII";
+        let message = "the file is not text: expected a TP program in ASCII";
         return Some(whole("ls.binary", message).help("export it as .ls, not as .tp"));
     }
     None
@@ -210,7 +210,7 @@ fn without_section(source: &Source, has_statements: bool) -> Diagnostic {
     let (message, help) = if has_statements {
         ("no /POS section: expected the positions of a TP program", "export the program again: /POS stands before /END")
     } else {
-        ("the file is no TP program: there is no /MN section in it", "give a .ls with /PROG, /MN, /POS and /END")
+        ("the file is not a TP program: there is no /MN section in it", "give a .ls with /PROG, /MN, /POS and /END")
     };
     Diagnostic::error("ls.no-section", &source.name, message).at(source, first).help(help)
 }

@@ -116,7 +116,7 @@ fn stage(maps: &[(&str, DeviationMap)]) -> String {
 <span class="buttons"><button type="button" data-view="iso">3-D</button><button type="button" data-view="top">Top</button><button type="button" data-view="front">Front</button><button type="button" data-view="side">Side</button><button type="button" data-view="fit">Fit</button><button type="button" id="worst">Worst place</button></span></div>
 <div class="views" style="grid-template-columns:repeat({columns},minmax(0,1fr))">{views}</div>
 <div class="legend"><span id="low"></span><span id="ramp"></span><span id="high"></span><span id="uncut" style="width:24px;height:11px;border-radius:3px;margin-left:16px"></span><span>not cut</span></div>
-<p class="hint">Grey: as programmed. Drag turns, shift-drag moves, wheel zooms, a click tells the deviation. Keys: arrows turn, + − zoom, <kbd>0</kbd> fits. The ring marks the worst place. <span id="there" role="status"></span></p>
+<p class="hint">Grey: as programmed. Drag turns, shift-drag moves, wheel zooms, a click shows the deviation. Keys: arrows turn, + − zoom, <kbd>0</kbd> fits. The ring marks the worst place. <span id="there" role="status"></span></p>
 </div></section>
 <section id="charts"><div class="heading"><h2>How much of the surface deviates by how much</h2><p class="key"><span class="swatch limit">as far as the full colour above</span></p></div>
 <div class="views" style="grid-template-columns:repeat({columns},minmax(0,1fr))">{bars}</div></section>
