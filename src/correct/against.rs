@@ -6,6 +6,7 @@
 
 use super::context::{Context, Ways};
 use super::deviation::{self, Commanded, Deviations, Node, PathDeviation, WalkedPath};
+use super::driven::waypoint_targets;
 use super::inserted::{self, Inserted, segments};
 use super::mount::Moved;
 use super::parallelism::Parallelism;
@@ -128,19 +129,16 @@ impl<'a> Subdivided<'a> {
         Ok(subdivided)
     }
 
-    /// For each motion of the corrected program the motion of the original on whose way it is.
-    pub(super) fn motions(&self, corrected: &Program) -> Vec<usize> {
-        let ends = |program: &Program| -> Vec<usize> {
-            (0..program.targets.len()).filter(|i| program.targets[*i].is_end()).collect()
-        };
-        let originals = ends(self.original);
-        let motion = |target: usize| originals.binary_search(&target).unwrap_or(0);
-        // The first motion of the original that ends at or after a target of the corrected program.
+    /// For each waypoint of the corrected program the waypoint of the original whose segment it is on.
+    pub(super) fn waypoints(&self, corrected: &Program) -> Vec<usize> {
+        let originals = waypoint_targets(self.original);
+        let waypoint = |target: usize| originals.binary_search(&target).unwrap_or(0);
+        // The first segment of the original that ends at or after a target of the corrected program.
         let of = |target: usize| {
             let at = self.matched.partition_point(|(_, given)| *given < target);
-            self.matched.get(at).map_or(originals.len().saturating_sub(1), |(wanted, _)| motion(*wanted))
+            self.matched.get(at).map_or(originals.len().saturating_sub(1), |(wanted, _)| waypoint(*wanted))
         };
-        ends(corrected).into_iter().map(of).collect()
+        waypoint_targets(corrected).into_iter().map(of).collect()
     }
 
     /// Puts the inserted targets where they are on the path of the original.

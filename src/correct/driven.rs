@@ -107,7 +107,7 @@ impl Course {
         let unstated_zone = cell.controller.path.and_then(|path| path.zone);
         let mut course = Self::default();
         let mut feed = None;
-        let ends: Vec<usize> = (0..prepared.points.len()).filter(|i| Kind::of(program, *i) != Kind::Point).collect();
+        let ends = waypoint_targets(program);
         for (at, i) in ends.iter().copied().enumerate() {
             let (target, point) = (&program.targets[i], &prepared.points[i]);
             let refuse = |message: &str, help: &str| {
@@ -418,11 +418,17 @@ fn undeclared(law: &PathLaw) -> Vec<&'static str> {
     keys.into_iter().filter_map(|(key, is_missing)| is_missing.then_some(key)).collect()
 }
 
+/// Indices of the targets that are [waypoints](Course::waypoints): all but the circle points of arcs.
+pub(super) fn waypoint_targets(program: &Program) -> Vec<usize> {
+    (0..program.targets.len()).filter(|i| Kind::of(program, *i) != Kind::Point).collect()
+}
+
 /// A corrected program's original, from whose path it is judged.
 pub(super) struct Original<'a> {
     pub(super) program: &'a Program,
-    /// For each motion of the corrected program the motion of the original on whose way it is; `None` where both have the same ones.
-    pub(super) motions: Option<Vec<usize>>,
+    /// For each waypoint of the corrected program the waypoint of the original whose segment it is on; `None` if both have the same
+    /// ones.
+    pub(super) waypoints: Option<Vec<usize>>,
 }
 
 /// Puts the path that the controller drives in place of the ways as they are written, where the cell has the law of its controller:
@@ -440,8 +446,8 @@ pub(super) fn follow_law(
     if !corrected.failures.is_empty() {
         return Err(Vec::new());
     }
-    let motions = original.as_ref().and_then(|original| original.motions.as_ref());
-    let motion_of = |motion: usize| motions.and_then(|motions| motions.get(motion)).copied().unwrap_or(motion);
+    let known = original.as_ref().and_then(|original| original.waypoints.as_ref());
+    let waypoint_of = |waypoint: usize| known.and_then(|known| known.get(waypoint)).copied().unwrap_or(waypoint);
     let mut judged = || -> Result<(DrivenWays, Vec<Diagnostic>), Vec<Diagnostic>> {
         let (path, ways);
         match &original {
@@ -451,32 +457,43 @@ pub(super) fn follow_law(
                 let mut own = Prepared::new(program, cell, options)?;
                 let driven = Course::new(program, cell, &own)?;
                 path = loaded_along(&mut own, driven, context, Sampling::Sparse)?;
-                ways = driven_ways(&prepared, &course, &cell.arm.robot, &path, &motion_of);
+                ways = driven_ways(&prepared, &course, &cell.arm.robot, &path, &waypoint_of);
             }
             None => {
                 let course = Course::new(program, cell, prepared)?;
                 path = loaded_along(prepared, course, context, Sampling::Sparse)?;
-                ways = driven_ways(prepared, &path.course, &cell.arm.robot, &path, &motion_of);
+                ways = driven_ways(prepared, &path.course, &cell.arm.robot, &path, &waypoint_of);
             }
         }
         Ok((ways, path.course.notes(program, cell)))
     };
     let (driven, notes) = judged().map_err(|errors| errors.into_iter().take(1).map(as_written).collect::<Vec<_>>())?;
-    let ends: Vec<u32> = program.targets.iter().filter(|target| target.is_end()).map(|target| target.ordinal).collect();
-    for row in corrected.rows.iter_mut().filter(|row| row.is_solved()) {
-        let Ok(motion) = ends.binary_search(&row.target) else { continue };
-        // What is left on a way is said once, at its end.
-        let is_last = motion + 1 >= ends.len() || motion_of(motion + 1) != motion_of(motion);
-        match driven.ways[motion_of(motion)] {
-            Some(way) if is_last => row.path = Some(way),
-            // Of the way to an added target, too.
-            Some(_) if original.is_some() => row.path = Some(PathDeviation::default()),
-            _ => {}
+    let targets = waypoint_targets(program);
+    // What is left on a segment is reported once, at its end.
+    let is_last = |waypoint: usize| waypoint + 1 >= targets.len() || waypoint_of(waypoint + 1) != waypoint_of(waypoint);
+    let way = |waypoint: usize| match driven.ways[waypoint_of(waypoint)] {
+        // Of the way to an added target, too.
+        Some(_) if original.is_some() && !is_last(waypoint) => Some(PathDeviation::default()),
+        way => way.filter(|_| is_last(waypoint)),
+    };
+    let mut first = 0;
+    for (waypoint, target) in targets.iter().map(|&i| &program.targets[i]).enumerate() {
+        if !target.is_end() {
+            continue;
+        }
+        // The lines that an arc is made of belong to the row of its end.
+        let own = std::mem::replace(&mut first, waypoint + 1)..=waypoint;
+        let at = corrected.rows.binary_search_by_key(&target.ordinal, |row| row.target);
+        let Some(row) = at.ok().map(|at| &mut corrected.rows[at]).filter(|row| row.is_solved()) else { continue };
+        if let Some(ways) = own.map(way).collect::<Option<Vec<PathDeviation>>>() {
+            row.path = ways.into_iter().reduce(PathDeviation::and);
         }
         // The points of a corrected program are moved on purpose: what counts is where the path passes the original's, and
         // how far it is from the original's way where it passes one that was added.
-        let passes =
-            if is_last { driven.missed[motion_of(motion)] } else { driven.passed.get(motion).copied().flatten() };
+        let passes = match is_last(waypoint) {
+            true => driven.missed[waypoint_of(waypoint)],
+            false => driven.passed.get(waypoint).copied().flatten(),
+        };
         if let Some(off) = passes.filter(|_| original.is_some()) {
             row.error_mm = (1e3 * off).into();
         }

@@ -59,13 +59,13 @@ pub fn predict(
     if cell.controller.path.is_none() {
         return rows(&prepared, Ways::Written);
     }
-    let (ways, motions) = match &original {
+    let (ways, waypoints) = match &original {
         Original::Itself => (Ways::Driven, None),
         Original::Alike => (Ways::Written, None),
-        Original::Subdivided(subdivided) => (Ways::Written, Some(subdivided.motions(program))),
+        Original::Subdivided(subdivided) => (Ways::Written, Some(subdivided.waypoints(program))),
     };
     let mut predicted = rows(&prepared, ways)?;
-    let judged_by = against.map(|program| driven::Original { program, motions });
+    let judged_by = against.map(|program| driven::Original { program, waypoints });
     if let Err(why) = driven::follow_law(&mut predicted, &mut prepared, context, judged_by) {
         if ways == Ways::Driven {
             predicted = rows(&prepared, Ways::Written)?;

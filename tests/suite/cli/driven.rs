@@ -267,6 +267,32 @@ fn reports_and_check_follow_the_driven_path() {
     check("out.mod --against p.mod --cell cell.toml", 0);
 }
 
+/// An arc of CL data is made of lines: what the controller leaves on them belongs to the row of the arc, and the corner after it to its
+/// own row. Without an arc, the rows are the same.
+#[test]
+fn an_arc_that_is_made_of_lines_has_one_row() {
+    let bench = Bench::new();
+    let cl = "[cl]\ntool = \"tMill\"\nwobj = \"wPart\"\nspin = \"fixed\"\n[tools.tMill]\ntcp_mm = [0, 0, 310]\ntcp_quat = [1, 0, 0, 0]\n\
+              [wobjs.wPart]\nuframe_mm = [1000, -400, 700]\nuframe_quat = [1, 0, 0, 0]\n";
+    bench.write("cell.toml", format!("{CELL}{LAW}zone_mm = 5.0\n{cl}"));
+    let end = "GOTO/150,150,50\nGOTO/150,200,50\nGOTO/250,200,50\nGOTO/350,200,50\nGOTO/450,200,50\nFINI\n";
+    let program = |arc: &str| format!("UNITS/MM\nFEDRAT/3000,MMPM\nGOTO/100,100,50,0,0,1\n{arc}{end}");
+    bench.write("arc.apt", program("CIRCLE/100,150,50,0,0,1,50\n"));
+    bench.write("line.apt", program(""));
+    let left = |file: &str| -> Vec<f64> {
+        bench.run(&format!("predict {file} --cell cell.toml --report r.csv -q")).exits(0);
+        let report = bench.read("r.csv");
+        let mut lines = report.lines();
+        let at = lines.next().unwrap().split(',').position(|name| name == "remaining_path_mm").unwrap();
+        lines.map(|line| line.split(',').nth(at).unwrap().parse().unwrap_or(0.0)).collect()
+    };
+    let (arc, line) = (left("arc.apt"), left("line.apt"));
+    assert_eq!((arc.len(), line.len()), (6, 6));
+    // A corner of 90 degrees ends the third motion. The last two go on in its line.
+    assert!(arc[1] < 0.05 && arc[2] > 0.5 && arc[3] > 0.5 && arc[4] < 0.01 && arc[5] < 0.01, "{arc:?}");
+    assert!([2, 4, 5].into_iter().all(|row| (arc[row] - line[row]).abs() < 0.02), "{arc:?} {line:?}");
+}
+
 /// A corner that the controller rounds is in the figures of the simulated part, and without a law that is said.
 #[test]
 fn a_simulated_part_has_the_corners_that_the_controller_rounds() {
@@ -346,7 +372,7 @@ fn an_axis_that_would_have_to_accelerate_too_much_is_named() {
     let figure: f64 = figure.split(' ').next().unwrap().parse().unwrap();
     assert!((79.0..82.5).contains(&figure), "{told}");
     assert!(
-        told.contains("path.axis-acceleration") && told.contains("1 of 2 ways") && told.contains("p.mod:6"),
+        told.contains("path.axis-acceleration") && told.contains("1 of 2 paths") && told.contains("p.mod:6"),
         "{told}"
     );
     assert!(!said(90.0).contains("path.axis-acceleration"));
