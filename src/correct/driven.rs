@@ -16,7 +16,7 @@ use crate::drive::{
     timeline,
 };
 use crate::equilibrium::{Arm, Setting, WarmStart};
-use crate::program::{Passing, Program};
+use crate::program::{Passing, Program, Target};
 use crate::robot::{Joints, Pose, Robot};
 use crate::text::{Diagnostic, Severity};
 use nalgebra::{Rotation3, Translation3, Vector3};
@@ -56,6 +56,8 @@ pub struct Course {
     shares: Vec<f64>,
     /// Waypoints that are passed though nothing says how near: they are taken as stops.
     unstated: usize,
+    /// Lines and arcs whose speed is not known: they are taken at that of the motion before, or of the first one after them.
+    without_speed: usize,
     /// Waypoints that the text has the controller pass, and at which it comes to rest all the same, with what it waits for.
     waits: Vec<(usize, &'static str)>,
 }
@@ -127,10 +129,14 @@ impl Course {
                     "the path that a controller drives is not computed for external axes and stationary tools";
                 return Err(refuse(message, "leave out --path, --log and --max-path-error for this program"));
             }
-            // Joint motions at a share of the axis speeds have no speed of the TCP.
-            feed = target.feed_mm_s.map(|mm_s| 1e-3 * mm_s).or(feed);
-            let Some(feed) = feed.filter(|feed| *feed > 0.0) else {
-                return Err(refuse("no speed is programmed up to here", "the path over time needs a speed"));
+            // Joint motions at a share of the axis speeds have no speed of the TCP: they take that of the path motion before, or of the
+            // first one that follows. They do not cut.
+            let programmed = |target: &Target| target.feed_mm_s.map(|mm_s| 1e-3 * mm_s).filter(|feed| *feed > 0.0);
+            let is_joint = Kind::of(program, i) == Kind::Joint;
+            course.without_speed += usize::from(!is_joint && !target.rapid && at > 0 && programmed(target).is_none());
+            feed = programmed(target).or(feed).or_else(|| program.targets[i..].iter().find_map(programmed));
+            let Some(feed) = feed else {
+                return Err(refuse("no motion of the program has a speed", "the path over time needs a speed"));
             };
             let zone = match program.passing(i) {
                 Passing::Stop => None,
@@ -252,6 +258,14 @@ impl Course {
                 self.unstated
             );
             notes.push(note(message, "give the radius in the cell: [controller.path] zone_mm"));
+        }
+        if self.without_speed > 0 {
+            let motions = if self.without_speed == 1 { "motion" } else { "motions" };
+            let message = format!(
+                "the speed of {} {motions} is known only at run time: that of the motion before is taken for it",
+                self.without_speed
+            );
+            notes.push(note(message, "write the speed into the program where the path and the run time matter"));
         }
         if let Some(missing) =
             cell.controller.path.map(|path| undeclared(&path.law)).filter(|missing| !missing.is_empty())

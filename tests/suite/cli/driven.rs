@@ -293,6 +293,35 @@ fn an_arc_that_is_made_of_lines_has_one_row() {
     assert!([2, 4, 5].into_iter().all(|row| (arc[row] - line[row]).abs() < 0.02), "{arc:?} {line:?}");
 }
 
+/// Programs of most makers begin with a joint motion at a share of the axis speeds, which is no speed of the TCP.
+#[test]
+fn a_program_that_begins_with_a_joint_motion_is_followed() {
+    let bench = Bench::new();
+    let text = "UNITS/MM\nFEDRAT/3000,MMPM\nGOTO/100,100,50,0,0,1\nGOTO/150,100,50\nGOTO/150,200,50\nFINI\n";
+    bench.write("p.apt", text);
+    let names = [
+        ("rapid", "mod", "tMill", "wPart"),
+        ("krl", "src", "tMill", "wPart"),
+        ("ls", "ls", "UT 1", "UF 1"),
+        ("ur", "script", "tMill", "wPart"),
+        ("jbi", "jbi", "TOOL 1", "USER 1"),
+    ];
+    for (post, ending, tool, wobj) in names {
+        let cl = format!(
+            "[cl]\ntool = \"{tool}\"\nwobj = \"{wobj}\"\nspin = \"fixed\"\n[tools.\"{tool}\"]\ntcp_mm = [0, 0, 310]\n\
+             tcp_quat = [1, 0, 0, 0]\n[wobjs.\"{wobj}\"]\nuframe_mm = [1000, -400, 700]\nuframe_quat = [1, 0, 0, 0]\n"
+        );
+        bench.write("as-written.toml", format!("{CELL}{cl}"));
+        bench.write("cell.toml", format!("{CELL}{LAW}zone_mm = 0.3\n{cl}"));
+        bench.run(&format!("compensate p.apt --cell as-written.toml --post {post} -o p.{ending} -q")).exits(0);
+        let ran = bench.run(&format!("predict p.{ending} --cell cell.toml --report r.csv --json r.json")).exits(0);
+        let json: Value = serde_json::from_str(&bench.read("r.json")).unwrap();
+        let time = json["files"][0]["driven_path"]["programmed"]["run_time_s"].as_f64();
+        // 150 mm at 50 mm/s, and a stop at the corner.
+        assert!(time.is_some_and(|time| (3.0..3.6).contains(&time)), "{post}: {time:?}\n{}", ran.stderr);
+    }
+}
+
 /// A corner that the controller rounds is in the figures of the simulated part, and without a law that is said.
 #[test]
 fn a_simulated_part_has_the_corners_that_the_controller_rounds() {
