@@ -5,6 +5,7 @@ use super::{Language, Program};
 use crate::text::{Diagnostic, Severity, Source};
 use deflex_lang::inform::{self, Inform};
 use std::collections::BTreeSet;
+use std::ops::Range;
 
 /// Decimals of a position, mm, and of an orientation, degrees: controllers count micrometres and ten-thousandths of a degree.
 pub(super) const DECIMALS: [usize; 2] = [3, 4];
@@ -19,6 +20,8 @@ pub(super) static STYLE: Style = Style {
     held: |at, value| crate::text::number::printed(value, DECIMALS[usize::from(at > 2)]),
     tool: "TOOL",
     frame: inform::ROBOT,
+    passes: positioning,
+    stops: b"PL=0",
 };
 
 static LOWERING: Lowering = Lowering {
@@ -57,4 +60,13 @@ fn postures(source: &Source) -> Option<Diagnostic> {
     let message = "the positions have more than one RCONF, which is not followed: each is taken in the posture nearest to the one before";
     let warning = Diagnostic::error("jbi.posture", &source.name, message).severity(Severity::Warning);
     Some(warning.help("correct the parts of the job with one posture each as jobs of their own"))
+}
+
+/// The positioning level (`PL=3`) or the radius (`CR=5.0`) of a motion.
+fn positioning(text: &[u8]) -> Option<Range<usize>> {
+    let is_word = |at: &usize| *at == 0 || text[at - 1].is_ascii_whitespace();
+    let names = |at: &usize| text[*at..].starts_with(b"PL=") || text[*at..].starts_with(b"CR=");
+    let at = (0..text.len()).find(|at| is_word(at) && names(at))?;
+    let length = text[at..].iter().take_while(|byte| !byte.is_ascii_whitespace()).count();
+    Some(at..at + length)
 }

@@ -15,6 +15,7 @@ pub(super) use targets::{Lowering, endless, intern, read};
 use super::front_end::FrontEnd;
 use super::{Change, Insert, Passing, Program, Reason, RewriteOptions, Rewritten};
 use crate::program::orientation::quaternion;
+use crate::text::{Edit, Span};
 use deflex_lang::dialect::Dialect;
 use deflex_lang::ir::{SourceSpan, TokenId};
 use deflex_lang::value::Affine;
@@ -40,6 +41,10 @@ pub(super) struct Style {
     pub(super) tool: &'static str,
     /// What the axes of poses are called.
     pub(in crate::program) frame: &'static str,
+    /// The bytes of a motion's text that have the controller pass its end without a stop.
+    pub(super) passes: fn(&[u8]) -> Option<Range<usize>>,
+    /// What has it stop there, in their place.
+    pub(super) stops: &'static [u8],
 }
 
 impl std::fmt::Debug for Style {
@@ -106,6 +111,21 @@ impl FrontEnd for Layout {
 
     fn passing(&self, _: &Program, target: usize) -> Passing {
         self.passings[target]
+    }
+
+    fn passing_edits(&self, program: &Program, wanted: &[(usize, Passing)]) -> Vec<Option<Edit>> {
+        let edit = |(target, passing): &(usize, Passing)| {
+            let target = program.targets.get(*target)?;
+            if *passing != Passing::Stop || usize::from(target.source) >= program.written {
+                return None;
+            }
+            let text = &program.sources[usize::from(target.source)].bytes[target.span.range()];
+            let passes = (self.style.passes)(text)?;
+            let start = target.span.range().start;
+            let span = Span::new(start + passes.start, start + passes.end);
+            Some(Edit { span, content: self.style.stops.to_vec().into() })
+        };
+        wanted.iter().map(edit).collect()
     }
 
     fn insertion_refused(&self, program: &Program, before: usize) -> Option<Reason> {

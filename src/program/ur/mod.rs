@@ -5,6 +5,7 @@ use super::{Language, Program};
 use crate::text::{Diagnostic, Source};
 use deflex_lang::urscript::{self, UrScript};
 use std::f64::consts::PI;
+use std::ops::Range;
 
 pub(super) static STYLE: Style = Style {
     dialect: &UrScript,
@@ -17,6 +18,8 @@ pub(super) static STYLE: Style = Style {
     held: single,
     tool: "TCP",
     frame: "base",
+    passes: blend,
+    stops: b"r=0",
 };
 
 static LOWERING: Lowering = Lowering {
@@ -50,4 +53,30 @@ fn dialect(sources: &[Source]) -> &'static str {
     ];
     let made = |text: &[u8]| sources.iter().any(|source| memchr::memmem::find(&source.bytes, text).is_some());
     makers.iter().find(|(text, _)| made(text)).map_or("ur", |(_, maker)| maker)
+}
+
+/// The blend radius of a motion, `r=0.005` among its arguments.
+fn blend(text: &[u8]) -> Option<Range<usize>> {
+    let (mut depth, mut from) = (0_usize, 0);
+    for (at, byte) in text.iter().enumerate() {
+        let is_end = matches!(byte, b',' | b')') && depth == 1;
+        if is_end {
+            let argument = &text[from..at];
+            let value =
+                argument.trim_ascii().strip_prefix(b"r").and_then(|rest| rest.trim_ascii_start().strip_prefix(b"="));
+            if value.is_some() {
+                let blanks = argument.len() - argument.trim_ascii_start().len();
+                return Some(from + blanks..from + argument.trim_ascii_end().len());
+            }
+        }
+        match byte {
+            b'(' | b'[' => depth += 1,
+            b')' | b']' => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        if is_end || depth == 1 && *byte == b'(' {
+            from = at + 1;
+        }
+    }
+    None
 }

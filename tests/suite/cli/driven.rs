@@ -233,6 +233,32 @@ fn stops_are_written_as_the_language_writes_them() {
     bench.write("p.src", krl(" C_DIS"));
     let ran = bench.run("compensate p.src --cell cell.toml -o out.src --max-path-error 0.05").exits(0);
     assert_eq!(bench.read("out.src"), krl(""), "{}", ran.stderr);
+    let ur = |blend: &str| {
+        format!(
+            "def p():\n  set_tcp(p[0, 0, 0.1, 0, 0, 0])\n  movel(p[1.1, 0, 0.9, 0, 3.14159, 0], v=0.05)\n  \
+             movel(p[1.2, 0, 0.9, 0, 3.14159, 0], v=0.05, {blend})\n  movel(p[1.2, 0.1, 0.9, 0, 3.14159, 0], v=0.05)\nend\n"
+        )
+    };
+    bench.write("p.script", ur("r=0.002"));
+    let ran = bench.run("compensate p.script --cell cell.toml -o out.script --max-path-error 0.05").exits(0);
+    assert_eq!(bench.read("out.script"), ur("r=0"), "{}", ran.stderr);
+    let jbi = |corner: &str| {
+        format!(
+            "/JOB\n//NAME P\n//POS\n///NPOS 3,0,0,0,0,0\n///TOOL 0\n///POSTYPE ROBOT\n///RECTAN\n///RCONF 0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0\n\
+             C00000=1100.000,0.000,900.000,180.0000,0.0000,0.0000\nC00001=1200.000,0.000,900.000,180.0000,0.0000,0.0000\n\
+             C00002=1200.000,100.000,900.000,180.0000,0.0000,0.0000\n//INST\n///DATE 2026/11/26 10:00\n///ATTR SC,RW\n///GROUP1 RB1\n\
+             NOP\nMOVL C00000 V=50.0 PL=0\nMOVL C00001 V=50.0 {corner}\nMOVL C00002 V=50.0 PL=0\nEND\n"
+        )
+    };
+    bench.write(
+        "jbi.toml",
+        format!("{CELL}{LAW}zone_mm = 2.0\n[tools.\"TOOL 0\"]\ntcp_mm = [0, 0, 100]\ntcp_quat = [1, 0, 0, 0]\n"),
+    );
+    for corner in ["PL=3", "CR=2.0"] {
+        bench.write("p.jbi", jbi(corner));
+        let ran = bench.run("compensate p.jbi --cell jbi.toml -o out.jbi --max-path-error 0.05").exits(0);
+        assert_eq!(bench.read("out.jbi"), jbi("PL=0"), "{}", ran.stderr);
+    }
 }
 
 #[test]
