@@ -20,7 +20,7 @@ const APART: (f64, f64) = (10.0, 20.0);
 /// Rows in a stretch: fewer are outliers.
 const STRETCH: usize = 4;
 /// Points that are compared, each with each.
-const ASKED: usize = 200;
+const COMPARED: usize = 200;
 /// Ordinals that rows may be off by.
 const SHIFTS: [isize; 4] = [-1, 1, -2, 2];
 /// Scatter from row to row that no robot has, mm an axis.
@@ -28,21 +28,29 @@ const MOST_NOISE_MM: f64 = 1.0;
 /// Standard deviation of normal numbers over the median of their sizes.
 const TO_SIGMA: f64 = 1.4826;
 
-type Change = fn(&Vector3<f64>) -> Vector3<f64>;
+/// Another reading of measured points.
+struct Reading {
+    what: &'static str,
+    help: &'static str,
+    change: fn(&Vector3<f64>) -> Vector3<f64>,
+}
 
-/// What points might have been meant as, in words.
-const READINGS: [(&str, Change); 11] = [
-    ("the numbers are inches: multiply by 25.4", |v| v * 25.4),
-    ("the numbers are metres: multiply by 1000", |v| v * 1e3),
-    ("x and y are swapped", |v| Vector3::new(v.y, v.x, v.z)),
-    ("y and z are swapped", |v| Vector3::new(v.x, v.z, v.y)),
-    ("x and z are swapped", |v| Vector3::new(v.z, v.y, v.x)),
-    ("x has the wrong sign", |v| Vector3::new(-v.x, v.y, v.z)),
-    ("y has the wrong sign", |v| Vector3::new(v.x, -v.y, v.z)),
-    ("z has the wrong sign", |v| Vector3::new(v.x, v.y, -v.z)),
-    ("x and y have the wrong sign", |v| Vector3::new(-v.x, -v.y, v.z)),
-    ("the columns are y, z, x", |v| Vector3::new(v.z, v.x, v.y)),
-    ("the columns are z, x, y", |v| Vector3::new(v.y, v.z, v.x)),
+const RENAME: &str = "name the columns rightly, in the header or with --columns";
+const TURN: &str = "turn the sign of the column";
+
+/// What points might have been meant as.
+const READINGS: [Reading; 11] = [
+    Reading { what: "the numbers are inches", help: "multiply them by 25.4", change: |v| v * 25.4 },
+    Reading { what: "the numbers are metres", help: "multiply them by 1000", change: |v| v * 1e3 },
+    Reading { what: "x and y are swapped", help: RENAME, change: |v| Vector3::new(v.y, v.x, v.z) },
+    Reading { what: "y and z are swapped", help: RENAME, change: |v| Vector3::new(v.x, v.z, v.y) },
+    Reading { what: "x and z are swapped", help: RENAME, change: |v| Vector3::new(v.z, v.y, v.x) },
+    Reading { what: "x has the wrong sign", help: TURN, change: |v| Vector3::new(-v.x, v.y, v.z) },
+    Reading { what: "y has the wrong sign", help: TURN, change: |v| Vector3::new(v.x, -v.y, v.z) },
+    Reading { what: "z has the wrong sign", help: TURN, change: |v| Vector3::new(v.x, v.y, -v.z) },
+    Reading { what: "x and y have the wrong sign", help: TURN, change: |v| Vector3::new(-v.x, -v.y, v.z) },
+    Reading { what: "the columns are y, z, x", help: RENAME, change: |v| Vector3::new(v.z, v.x, v.y) },
+    Reading { what: "the columns are z, x, y", help: RENAME, change: |v| Vector3::new(v.y, v.z, v.x) },
 ];
 
 /// A whole position with the target that its row names, mm.
@@ -55,6 +63,19 @@ struct Pair<'a> {
 /// Rows that a table takes part with: point of the program, row, what was seen.
 pub(super) type Taken<'a> = (usize, &'a MeasuredRow, Seen);
 
+/// What is wrong with a table: the line of its first row, and what to do.
+struct Fault {
+    line: u64,
+    message: String,
+    help: String,
+}
+
+/// What points were meant as, and what to do.
+struct Meaning {
+    what: String,
+    help: String,
+}
+
 /// Refuses tables whose points are elsewhere, or are no measurements, and says how to correct them.
 pub(super) fn belongs(prepared: &Prepared, table: &Table, taken: &[Taken], errors: &mut Vec<Diagnostic>) {
     let pair = |&(point, row, seen): &Taken<'_>| match seen {
@@ -65,36 +86,18 @@ pub(super) fn belongs(prepared: &Prepared, table: &Table, taken: &[Taken], error
         .iter()
         .filter_map(|taken| pair(taken).map(|(point, _, seen)| Pair { row: taken.1, point, seen }))
         .collect();
-    let asked = Asked { prepared, pairs: &pairs };
-    let doubtful = doubled(taken)
-        .map(|(first, again)| {
-            (again, format!("the row repeats line {first} number by number"), "delete one of the two")
-        })
-        .or_else(|| {
-            let (from, to) = asked.stuck()?;
-            let message = format!(
-                "lines {from} to {to} repeat one reading at targets that lie apart: the instrument stood still"
-            );
-            Some((from, message, "delete these rows"))
-        });
-    if let Some((line, message, help)) = doubtful {
-        errors.push(table.row_error(line, message).help(help));
-        return;
-    }
-    let off = asked.off(|v| *v, 0, |_| true);
-    let mean = asked.middle();
-    if let Some((line, message)) = asked.whole(off).or_else(|| asked.stretch(mean)) {
-        errors.push(table.row_error(line, message));
-    }
+    let points = MeasuredPoints { prepared, pairs: &pairs };
+    let fault = doubled(taken).or_else(|| points.stuck()).or_else(|| points.elsewhere()).or_else(|| points.stretch());
+    errors.extend(fault.map(|fault| table.row_error(fault.line, fault.message).help(fault.help)));
 }
 
 /// Points with their targets.
-struct Asked<'a> {
+struct MeasuredPoints<'a> {
     prepared: &'a Prepared,
     pairs: &'a [Pair<'a>],
 }
 
-impl Asked<'_> {
+impl MeasuredPoints<'_> {
     fn target(&self, point: usize, shift: isize) -> Option<Vector3<f64>> {
         let there = self.prepared.points.get(point.checked_add_signed(shift)?)?;
         Some(there.wobj_from_tcp.translation.vector * 1e3)
@@ -117,46 +120,56 @@ impl Asked<'_> {
     /// Where most points lie from their targets, mm.
     fn middle(&self) -> Vector3<f64> {
         let gaps: Vec<Vector3<f64>> = self.pairs.iter().map(|pair| self.gap(pair)).collect();
-        let every = gaps.len().div_ceil(ASKED).max(1);
+        let every = gaps.len().div_ceil(COMPARED).max(1);
         let alike = |gap: &Vector3<f64>| gaps.iter().filter(|other| (*other - gap).norm() < APART.0).count();
         gaps.iter().step_by(every).max_by_key(|gap| alike(gap)).copied().unwrap_or_default()
     }
 
     /// What some rows were meant as, if that brings them so much nearer.
-    fn meant(&self, off: f64, keep: &dyn Fn(usize) -> bool) -> Option<String> {
-        let reading = READINGS.iter().find(|(_, change)| self.off(change, 0, keep) < CLEARLY * off);
-        reading.map(|(reason, _)| (*reason).to_owned()).or_else(|| {
+    fn meant(&self, off: f64, keep: &dyn Fn(usize) -> bool) -> Option<Meaning> {
+        let reading = READINGS.iter().find(|reading| self.off(reading.change, 0, keep) < CLEARLY * off);
+        reading.map(|reading| Meaning { what: reading.what.to_owned(), help: reading.help.to_owned() }).or_else(|| {
             let shift = SHIFTS.into_iter().find(|&shift| self.off(|v| *v, shift, keep) < CLEARLY * off)?;
-            let (way, mend) = if shift > 0 { ("after", "add") } else { ("before", "subtract") };
+            let (side, change) = if shift > 0 { ("after", "add") } else { ("before", "subtract") };
             let by = shift.unsigned_abs();
-            Some(format!("each point belongs to the target {by} {way} the one that its row names: {mend} {by} in the column `target`"))
+            Some(Meaning {
+                what: format!("each point belongs to the target {by} {side} the one that its row names"),
+                help: format!("{change} {by} in the column `target`"),
+            })
         })
     }
 
-    /// Why the points as a whole are not the targets', if they are not.
-    fn whole(&self, off: f64) -> Option<(u64, String)> {
+    /// Points that as a whole are not the targets'.
+    fn elsewhere(&self) -> Option<Fault> {
+        let off = self.off(|v| *v, 0, |_| true);
         if off < NEAR_MM {
             return None;
         }
-        let reason = self.meant(off, &|_| true).or_else(|| self.shuffled(off)).or_else(|| {
-            let elsewhere = "the points are not in the work object's frame, or belong to another program";
-            (off >= ELSEWHERE_MM).then(|| elsewhere.to_owned())
-        });
-        reason.map(|reason| (0, format!("measured points lie {off:.1} mm (median) from their targets: {reason}")))
+        let meaning = self.meant(off, &|_| true).or_else(|| self.shuffled(off)).or_else(|| {
+            (off >= ELSEWHERE_MM).then(|| Meaning {
+                what: "they are not in the work object's frame, or belong to another program".to_owned(),
+                help: "check the work object of the points, and that this is the table of this program".to_owned(),
+            })
+        })?;
+        let message = format!("measured points lie {off:.1} mm (median) from their targets: {}", meaning.what);
+        Some(Fault { line: 0, message, help: meaning.help })
     }
 
     /// Points that are others' of the same path.
-    fn shuffled(&self, off: f64) -> Option<String> {
+    fn shuffled(&self, off: f64) -> Option<Meaning> {
         let places: Vec<Vector3<f64>> = self.pairs.iter().filter_map(|pair| self.target(pair.point, 0)).collect();
-        let every = self.pairs.len().div_ceil(ASKED).max(1);
+        let every = self.pairs.len().div_ceil(COMPARED).max(1);
         let nearest = |pair: &Pair| places.iter().map(|place| (pair.seen - place).norm()).fold(f64::INFINITY, f64::min);
         let nearest = median(self.pairs.iter().step_by(every).map(nearest).collect());
-        (nearest < CLEARLY * off)
-            .then(|| "each point lies at another target of the path: the rows are out of order".to_owned())
+        (nearest < CLEARLY * off).then(|| Meaning {
+            what: "each point lies at another target of the path, so the rows are out of order".to_owned(),
+            help: "give each row the target that was measured, in the column `target`".to_owned(),
+        })
     }
 
     /// A stretch of rows that lies apart from the others.
-    fn stretch(&self, middle: Vector3<f64>) -> Option<(u64, String)> {
+    fn stretch(&self) -> Option<Fault> {
+        let middle = self.middle();
         let gaps: Vec<f64> = self.pairs.iter().map(|pair| (self.gap(pair) - middle).norm()).collect();
         let together = median(gaps.iter().copied().filter(|gap| *gap < APART.0).collect());
         let limit = APART.0.max(APART.1 * together);
@@ -167,16 +180,16 @@ impl Asked<'_> {
             if count >= STRETCH {
                 let within = |i: usize| (from..from + count).contains(&i);
                 let off = self.off(|v| *v, 0, within);
-                let reason = self.meant(off, &within).unwrap_or_else(|| {
-                    "the part or the instrument was moved: give them a `run` of their own, or delete them".to_owned()
+                let meaning = self.meant(off, &within).unwrap_or_else(|| Meaning {
+                    what: "the part or the instrument was moved".to_owned(),
+                    help: "give these rows a `run` of their own, or delete them".to_owned(),
                 });
                 let (first, last) = (self.pairs[from].row.line, self.pairs[from + count - 1].row.line);
-                return Some((
-                    first,
-                    format!(
-                        "lines {first} to {last} lie {off:.1} mm from their targets, and the other lines do not: {reason}"
-                    ),
-                ));
+                let what = meaning.what;
+                let message = format!(
+                    "lines {first} to {last} lie {off:.1} mm from their targets, and the other lines do not: {what}"
+                );
+                return Some(Fault { line: first, message, help: meaning.help });
             }
             from += count.max(1);
         }
@@ -184,7 +197,7 @@ impl Asked<'_> {
     }
 
     /// Rows that repeat one reading where the targets lie apart.
-    fn stuck(&self) -> Option<(u64, u64)> {
+    fn stuck(&self) -> Option<Fault> {
         /// Targets nearer than this may give one reading, mm.
         const APART_MM: f64 = 1.0;
         let same = |a: &Pair, b: &Pair| {
@@ -192,13 +205,16 @@ impl Asked<'_> {
             let apart = a_target.zip(b_target).is_some_and(|(a, b)| (a - b).norm() > APART_MM);
             apart && a.seen == b.seen
         };
-        let runs = self.pairs.chunk_by(same);
-        runs.filter(|rows| rows.len() >= 3).find_map(|rows| Some((rows.first()?.row.line, rows.last()?.row.line)))
+        let rows = self.pairs.chunk_by(same).find(|rows| rows.len() >= 3)?;
+        let (from, to) = (rows.first()?.row.line, rows.last()?.row.line);
+        let message =
+            format!("lines {from} to {to} repeat one reading at targets that lie apart: the instrument stood still");
+        Some(Fault { line: from, message, help: "delete these rows".to_owned() })
     }
 }
 
-/// Lines of two rows of one target that are the same number by number, if readings with a time are, or most of those without.
-fn doubled(taken: &[Taken]) -> Option<(u64, u64)> {
+/// Two rows of one target that are the same number by number, if readings with a time are, or most of those without.
+fn doubled(taken: &[Taken]) -> Option<Fault> {
     let mut order: Vec<&Taken> = taken.iter().collect();
     order.sort_by_key(|(point, row, _)| (*point, row.line));
     let again = || order.windows(2).filter(|rows| rows[0].0 == rows[1].0);
@@ -210,7 +226,12 @@ fn doubled(taken: &[Taken]) -> Option<(u64, u64)> {
     let found = again().find(same)?;
     let timed = found[0].1.time_s.is_some();
     // Coarse readings of a target that was measured twice may well be alike.
-    (timed || 2 * again().filter(same).count() > again().count()).then(|| (found[0].1.line, found[1].1.line))
+    let is_copied = timed || 2 * again().filter(same).count() > again().count();
+    is_copied.then(|| Fault {
+        line: found[1].1.line,
+        message: format!("the row repeats line {} number by number", found[0].1.line),
+        help: "delete one of the two".to_owned(),
+    })
 }
 
 /// The step in which all readings come, mm; `None` if it is too fine to be seen.
