@@ -1,7 +1,8 @@
 //! What to measure next, and why.
 
 use super::data::Problem;
-use super::outcome::{Added, Identification, MENTIONED, Separation, SetShare, Unexplained};
+use super::decisions::MENTIONED;
+use super::outcome::{Added, Identification, Separation, SetShare, Unexplained};
 use super::pattern::{CLAMP_SLIP, Pattern};
 
 /// A rival with its d′ on these rows, where it is small.

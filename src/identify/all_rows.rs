@@ -1,15 +1,11 @@
 //! The answer from every row: once held-out rows have judged it, they are evidence like any others.
 
 use super::candidate::Candidate;
+use super::decisions::LIKELIER;
 use super::engine::Engine;
 use super::found::Posterior;
 use super::search::Search;
 use crate::effects::{Shape, kind};
-
-/// Odds from which on another effect is likelier on all rows: nearer to even noise decides as often.
-const LIKELIER: f64 = 1.5;
-/// A posterior that a quarter more rows do not undo.
-const SURE: f64 = 0.999;
 
 impl Engine {
     /// Fits the chosen numbers to every row, for the cell that is written, and weighs on all of them what could stand in
@@ -26,7 +22,7 @@ impl Engine {
         }
         if self.residual().iter().any(|v| !v.is_finite()) {
             (self.candidates, self.covariance) = state;
-        } else if !self.is_whole_arm() && posteriors.iter().any(|(_, (share, _))| *share < SURE) {
+        } else if !self.is_whole_arm() {
             self.weigh_anew(posteriors);
             self.take_likelier(posteriors);
         }

@@ -2,17 +2,13 @@
 
 use super::columns::Columns;
 use super::data::Problem;
+use super::decisions::{GONE, PRICE};
 use super::moments::Moments;
 use super::noise;
 use super::score::score;
 use crate::effects::Covered;
 use crate::equilibrium::Arm;
 use nalgebra::{DMatrix, DVector};
-
-/// Share of a declared effect that data may still show where it has been corrected away.
-const GONE: f64 = 0.3;
-/// What the data must gain without it, nats: as a name must.
-const PRICE: f64 = super::search::PRICE;
 
 /// What the controller seems to correct although the cell declares it as uncorrected, in words.
 pub(super) fn corrected_twice(declared: &Arm, problem: &Problem, before: &DVector<f64>) -> Vec<String> {

@@ -4,6 +4,7 @@ use super::candidate::{Candidate, Home, twins, with};
 use super::candidates;
 use super::columns::Columns;
 use super::data::{Observation, Problem};
+use super::decisions::NAMED;
 use super::design::Design;
 use super::device::Device;
 use super::device_pose;
@@ -12,7 +13,7 @@ use super::found::{Choice, Findings, Linearised, Map, Members, Posterior, Rankin
 use super::gear::{self, Comb, Grid, Term};
 use super::moments::Moments;
 use super::noise;
-use super::outcome::{Identification, NAMED, SetShare};
+use super::outcome::{Identification, SetShare};
 use super::score::{Score, posterior, score};
 use super::search::{Search, sorted};
 use crate::cell::Cell;

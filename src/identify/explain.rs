@@ -5,12 +5,12 @@ use super::cancelled;
 use super::candidate::{Candidate, Home, fitted, with};
 use super::controller;
 use super::data::Observation;
+use super::decisions::{EVEN, MENTIONED, MOST_WANDER, NAMED};
 use super::engine::Engine;
 use super::found::{Elsewhere, Findings, LeavingOut, Linearised, MAP, Map, Posterior, Ranking, Refused};
 use super::noise;
 use super::outcome::{
-    Added, Correlate, Coverage, Errors, FittedParameter, Identification, InModel, MENTIONED, NAMED, Ranked,
-    ResidualRow, Unexplained,
+    Added, Correlate, Coverage, Errors, FittedParameter, Identification, InModel, Ranked, ResidualRow, Unexplained,
 };
 use super::pattern::{Pattern, Standing, TYPICAL_MM};
 use super::returns::never_returns;
@@ -27,8 +27,6 @@ use nalgebra::{DMatrix, DVector};
 const WIDER: f64 = 1.5;
 /// What a name may be instead where something acts that is in no list.
 const UNLISTED: &str = "unlisted";
-/// A name's most where it may be something else.
-const EVEN: f64 = 0.5;
 
 impl Engine {
     /// Every kind alone, best variant first, and how far apart they are.
@@ -393,7 +391,7 @@ impl Engine {
             };
             correlates.push(Correlate { with: with.to_owned(), r, fault: None, parameters: Vec::new() });
         }
-        if self.shape.drift > noise::MOST_WANDER {
+        if self.shape.drift > MOST_WANDER {
             let with = "time, slowly: far beyond an arm's drift".to_owned();
             correlates.push(Correlate { with, r: 1.0, fault: None, parameters: Vec::new() });
         }

@@ -4,21 +4,19 @@ use super::candidate::{Candidate, Home, same_pattern};
 use super::candidates;
 use super::columns::Columns;
 use super::data::Observation;
+use super::decisions::{BEYOND_CHANCE, CHANCE, MENTIONED, MOST_SCATTER, MOST_WANDER, NAMED, OUTLIER, PRICE, UNLISTED};
 use super::engine::{Engine, stacked};
 use super::found::{Linearised, Posterior, Refused};
 use super::moments::Moments;
 use super::noise;
-use super::outcome::{MENTIONED, NAMED};
 use super::pattern::{self, Pattern, Standing};
 use super::score::{in_standard_errors, posterior, score};
-use super::search::{self, Search};
+use super::search::Search;
 use crate::effects::Kind;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use statrs::function::gamma::ln_gamma;
 
-/// Whitened residuals beyond this are outliers, standard deviations: one in 1.7 million by chance.
-const OUTLIER: f64 = 5.0;
 /// Standard deviation of normal numbers over the median of their sizes.
 const TO_SIGMA: f64 = 1.4826;
 /// Held-out rows are scored as they are, but for an instrument's blunders: leaving out what is predicted badly would flatter.
@@ -29,7 +27,7 @@ impl Engine {
     pub(super) fn field(&self, search: &Search, linear: &Linearised, set: &[usize]) -> Option<noise::Shape> {
         let (value, set_price) = (search.objective(set), search.prices(set));
         let fields = noise::fields(self.problem.extents());
-        let price = search::UNLISTED + (fields.len() as f64).ln();
+        let price = UNLISTED + (fields.len() as f64).ln();
         let series = self.problem.series(|row| !row.held_out);
         let columns = search.columns(set);
         let kept = linear.design.kept().select_columns(columns.list.iter().map(|column| &column.0));
@@ -152,7 +150,7 @@ impl Engine {
         let best = (FEWEST_ROWS..rows.len().saturating_sub(FEWEST_ROWS))
             .map(|at| (gain(at), at))
             .max_by(|a, b| a.0.total_cmp(&b.0))?;
-        (best.0 > search::PRICE + (rows.len() as f64).ln()).then(|| rows[best.1].order)
+        (best.0 > PRICE + (rows.len() as f64).ln()).then(|| rows[best.1].order)
     }
 
     /// What chosen patterns that shift rows add to the residual, mm.
@@ -209,8 +207,6 @@ impl Engine {
     pub(super) fn widen_tails(&mut self) -> bool {
         /// Degrees of freedom that are tried; the last is as good as normal.
         const FREEDOMS: [f64; 4] = [2.0, 3.0, 5.0, 10.0];
-        /// What heavy tails must gain over normal ones, nats.
-        const GAIN: f64 = 6.0;
         /// Share of rows whose width must change for another round.
         const MUCH: f64 = 0.01;
         if self.problem.free_device {
@@ -237,7 +233,7 @@ impl Engine {
         let normal = student(&fitted, f64::INFINITY);
         let best = FREEDOMS.iter().map(|&freedom| (freedom, student(&fitted, freedom)));
         let best = best.max_by(|a, b| a.1.1.total_cmp(&b.1.1));
-        if let Some((freedom, (scale, _))) = best.filter(|best| best.1.1 > normal.1 + GAIN) {
+        if let Some((freedom, (scale, _))) = best.filter(|best| best.1.1 > normal.1 + PRICE) {
             for (row, (square, _)) in self.problem.rows.iter_mut().zip(&sizes) {
                 row.tail = (1.0 + square / (freedom * scale)).sqrt();
             }
@@ -257,7 +253,7 @@ impl Engine {
         // Of the whole arm the discrepancy has what is in no list.
         !self.is_whole_arm()
             && (self.shape.field.is_some()
-                || self.shape.drift > noise::MOST_WANDER
+                || self.shape.drift > MOST_WANDER
                 || self.stands(Standing::Unlisted)
                 || self.scatters_more())
     }
@@ -268,8 +264,6 @@ impl Engine {
 
     /// Whether the noise is well beyond what the table declares.
     pub(super) fn scatters_more(&self) -> bool {
-        /// Times the declared standard deviation, the drift of an arm included.
-        const MOST_SCATTER: f64 = 1.6;
         let all = self.sigma * (1.0 + self.shape.drift).sqrt();
         self.problem.declared_sigma_mm.is_some_and(|declared| all > MOST_SCATTER * declared)
     }
@@ -296,14 +290,13 @@ impl Engine {
     /// the error of the blocks by more than one standard error. What is periodic or bent by a joint's angle passes for
     /// anything, and is withdrawn in any case.
     pub(super) fn withdraw(&mut self, posteriors: &mut Vec<Posterior>) {
-        /// Standard errors that an effect must gain where a fault is known, and where it is not.
-        const HOLDS: [f64; 2] = [1.0, 3.0];
         let chosen = self.chosen.clone();
         // Columns are those of the last linearisation: fits about the chosen set have numbered them anew.
         let linear = &self.linearise(&chosen, &[self.shape]);
         let search = Search::new(&self.candidates, &linear.moments, &linear.always);
         let named = |&c: &usize| !self.candidates[c].is_pattern();
         let unlisted = self.is_unlisted();
+        let least = if unlisted { BEYOND_CHANCE } else { CHANCE };
         let bent = |&c: &usize| unlisted && self.candidates[c].law().is_some_and(Kind::follows_angle);
         let mut set: Vec<usize> = self.chosen.iter().copied().filter(|c| !bent(c)).collect();
         loop {
@@ -320,7 +313,7 @@ impl Engine {
                 })
                 .min_by(|a, b| a.1.total_cmp(&b.1));
             match worst {
-                Some((c, gain)) if gain < HOLDS[usize::from(unlisted)] => set.retain(|&o| o != c),
+                Some((c, gain)) if gain < least => set.retain(|&o| o != c),
                 _ => break,
             }
         }
@@ -353,9 +346,8 @@ impl Engine {
     /// A model that predicts the held-out rows worse than the declared cell is rejected: the fitted rows are not like them. With six
     /// held-out rows of a table of 24, noise alone can do as much as an effect.
     pub(super) fn gains_nothing(&mut self, before: &DVector<f64>) -> bool {
-        /// Held-out rows up to which noise decides as often as what is fitted, and standard errors by which so few must speak against it.
+        /// Held-out rows up to which noise decides as often as what is fitted.
         const FEW: usize = 12;
-        const AGAINST: f64 = -1.0;
         let held_out = |row: &Observation| row.held_out;
         // A fault as it was fitted is taken off both: it is in neither cell.
         let faults = self.shifted_by(|pattern| pattern.standing() == Standing::Fault);
@@ -364,7 +356,7 @@ impl Engine {
         let size = |left: &DVector<f64>, row: &Observation| left.rows(row.offset, row.seen.len()).norm_squared();
         let rows = self.problem.rows.iter().filter(|row| row.held_out && !row.outlier);
         let gains: Vec<f64> = rows.map(|row| size(&without, row) - size(&with, row)).collect();
-        let least = if gains.len() > FEW { 0.0 } else { AGAINST };
+        let least = if gains.len() > FEW { 0.0 } else { -CHANCE };
         let worse = any && in_standard_errors(&gains) < least;
         if worse {
             let [declared_mm, extended_mm] =

@@ -5,9 +5,9 @@
 
 use super::candidate::{Candidate, Home, Shape};
 use super::data::Problem;
+use super::decisions::PRICE;
 use super::moments::ColumnSource;
 use super::noise::{self, Sample, Series, Step};
-use super::search::PRICE;
 use crate::effects::gear_harmonic;
 use crate::lanes::{Lanes, SinCos, WIDTH, widest};
 use crate::robot::Joints;

@@ -7,10 +7,10 @@
 //! spread over the rows can show (subset of regressors; Quiñonero-Candela and Rasmussen 2005, section 4).
 
 use super::data::Observation;
+use super::decisions::{CHANCE, MATERIAL, NAMED};
 use super::engine::Engine;
 use super::found::{LeavingOut, Map, Posterior};
 use super::noise::{self, Field, Over, Places, Sample, Series, whiten};
-use super::outcome::NAMED;
 use super::pattern::Standing;
 use super::score::in_standard_errors;
 use super::seen::Seen;
@@ -21,14 +21,6 @@ use rayon::prelude::*;
 use statrs::function::erf::erf;
 use std::collections::BTreeMap;
 
-/// Gain on unseen blocks, in standard errors, below which a map is worse than none there. It need not gain: it corrects the places that
-/// were measured, and what is left out may be far from all others.
-const WORSE: f64 = -1.0;
-/// Share of what a map takes away among the rows that follow one another which it must also take away where no row near it in place,
-/// posture and load was fitted, if no effect is sure. Less is of these rows alone, as the drag of a hose that depends on where the
-/// tool came from. On three cells of `samples/plant/generate.py` with a faint drag or a warming hall the share was below 0.02, on two of
-/// the second plant whose map holds elsewhere above 0.4. A strong drag passes.
-const MATERIAL: f64 = 0.1;
 /// Centres of bells. On the cells of `samples/plant/truer` 50, 100 and 200 leave 0.020, 0.017 and 0.0165 mm; with 200, bells of a
 /// twentieth of the area hold together.
 const CENTRES: usize = 200;
@@ -115,7 +107,7 @@ impl Engine {
         }
         let gain = in_standard_errors(&in_time);
         let effect = products.mean(&process)?;
-        (gain > WORSE).then(|| Map { effect, likely: 0.5 * (1.0 + erf(gain / std::f64::consts::SQRT_2)) })
+        (gain > -CHANCE).then(|| Map { effect, likely: 0.5 * (1.0 + erf(gain / std::f64::consts::SQRT_2)) })
     }
 
     /// A map that holds, of the rows that are fitted to now.

@@ -13,6 +13,7 @@ mod candidates;
 mod columns;
 mod controller;
 mod data;
+mod decisions;
 mod design;
 mod device;
 mod device_pose;

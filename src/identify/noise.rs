@@ -87,9 +87,6 @@ impl Field {
     }
 }
 
-/// A drift of more variance than this over the white noise is no arm's: something drifts.
-pub(super) const MOST_WANDER: f64 = 2.0;
-
 /// Fields that are tried over coordinates of these extents.
 pub(super) fn fields(extents: [f64; OVER.len()]) -> Vec<Field> {
     let mut all = Vec::new();

@@ -1,11 +1,7 @@
+use super::decisions::{MENTIONED, NAMED};
 use crate::cell::NewEffect;
 use crate::effects::ParameterOwner;
 use serde::Serialize;
-
-/// A name needs this posterior; below it, the set of effects that cannot be distinguished.
-pub(super) const NAMED: f64 = 0.9;
-/// Rivals below this share of the posterior are not mentioned.
-pub(super) const MENTIONED: f64 = 0.03;
 
 /// The answer (`docs/reference.md`, `identify --json`).
 #[derive(Clone, Debug, Serialize)]

@@ -1,15 +1,12 @@
 //! Whether the arm comes back in a run: where it never does, what follows time follows the place too.
 
 use super::data::Problem;
+use super::decisions::NEVER_RETURNS;
 use nalgebra::{Matrix3, Vector3};
-
-/// Share of the scatter of times that the place explains from which on the arm does not come back: rasters have 0.98 and more,
-/// shuffled rows less than a half.
-const TOGETHER: f64 = 0.9;
 
 /// Whether time and place go together in every run.
 pub(super) fn never_returns(problem: &Problem) -> bool {
-    (0..problem.runs.len()).all(|run| explained(problem, run) > TOGETHER)
+    (0..problem.runs.len()).all(|run| explained(problem, run) > NEVER_RETURNS)
 }
 
 /// Share of the scatter of a run's times that a linear function of the place explains.

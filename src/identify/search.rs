@@ -7,6 +7,7 @@
 
 use super::candidate::{Candidate, Home, SPRING};
 use super::columns::Columns;
+use super::decisions::{FLEXIBLE, MOVED, PRICE, UNLISTED, caution};
 use super::moments::Moments;
 use super::pattern::Standing;
 use super::profile::Profile;
@@ -16,36 +17,9 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// What a name must gain over none, nats: 3 for itself, and as much again because some twenty kinds are tried.
-pub(super) const PRICE: f64 = 8.0;
-
-/// What numbers that are known already must gain by moving, nats: for themselves, as there is nothing to name.
-const MOVED: f64 = 3.0;
-
-/// What a flexible pattern must gain beyond a physical effect, nats.
-pub(super) const FLEXIBLE: f64 = 10.0;
-
-/// What curves, over the whole robot, must gain beyond the effects, nats: they can stand for any smooth one.
-pub(super) const FIELD: f64 = PRICE + FLEXIBLE;
-
-/// What something unlisted must gain to be reported in addition to the chosen set, nats: it has no name, and only casts doubt.
-/// Seen on the shop table at 18 nats: of 84 runs without anything unlisted none is called unexplained.
-pub(super) const UNLISTED: f64 = 13.0;
-
 /// Whether every effect of the second kind is one of the first too.
 pub(super) fn contains(whole: &str, part: &str) -> bool {
     kind(part).is_some_and(|kind| kind.nested_in.contains(&whole))
-}
-
-/// A family that contains another is not ruled out by parsimony alone until it loses by this much, in [`caution`]s.
-pub(super) const NESTED: f64 = 1.0;
-
-/// Nats that count as one in a posterior of so many scalars: models are never quite true, and evidence is surer than it
-/// should be, the more so the more rows repeat what is not true.
-pub(super) fn caution(scalars: usize) -> f64 {
-    /// Scalars from which on half the evidence is believed: as calibrated on tables of 300 rows, and on those of 24.
-    const MANY: f64 = 400.0;
-    1.0 + (scalars as f64 / MANY).min(1.0)
 }
 
 /// Sets of more members than this are not what one table shows (a curve a joint is a member).
@@ -401,7 +375,7 @@ impl<'a> Search<'a> {
         let mut best: BTreeMap<&str, (f64, Vec<usize>)> = BTreeMap::new();
         for (c, set) in alone.chain(beside) {
             let kind = &self.candidates[c].kind[..];
-            let nested = if contains(kind, own) { NESTED * self.caution() } else { 0.0 };
+            let nested = if contains(kind, own) { self.caution() } else { 0.0 };
             let value = self.objective(&set) + nested;
             if best.get(kind).is_none_or(|(most, _)| value > *most) {
                 best.insert(kind, (value, set));
@@ -440,7 +414,7 @@ impl<'a> Search<'a> {
                 total += weight;
                 continue;
             }
-            let nested = if contains(&candidate.kind, &self.candidates[member].kind) { NESTED * caution } else { 0.0 };
+            let nested = if contains(&candidate.kind, &self.candidates[member].kind) { caution } else { 0.0 };
             let weight = share(&set, nested);
             total += weight;
             *weights.entry(candidate.kind.clone()).or_default() += weight;

@@ -4,9 +4,10 @@
 //! slopes where they meet tell what the rows would be without it. So each is fitted in full.
 
 use super::candidate::{Candidate, SPRING};
+use super::decisions::{MATERIAL, caution};
 use super::engine::Engine;
 use super::found::Posterior;
-use super::search::{Search, caution};
+use super::search::Search;
 use std::collections::BTreeMap;
 
 /// Evidence of what could stand in the springs' place, each about its own fit, nats, by the kinds that it names.
@@ -14,11 +15,6 @@ type Odds = BTreeMap<Vec<String>, f64>;
 
 /// Evidence of a set about its own fit, nats, with all numbers, and the set.
 type Best = (f64, Vec<Candidate>, Vec<usize>);
-
-/// Share of what one law gains that a second must gain in addition: where the spring's own is neither, the second makes up for it.
-/// Of 48 cells of the plant with springs of other laws (quadratic, tanh, three slopes) none has two of them named so, of five
-/// with both laws three.
-const NOT_QUITE: f64 = 0.1;
 
 /// What could stand in the springs' place, weighed.
 struct Springs {
@@ -114,7 +110,7 @@ impl Engine {
         let nothing = self.objective_here();
         let alone = odds.iter().filter(|(kinds, _)| kinds.len() == 1).map(|(_, value)| *value);
         let gain = (alone.fold(nothing, f64::max) - nothing).max(0.0);
-        odds.iter_mut().filter(|(kinds, _)| kinds.len() > 1).for_each(|(_, value)| *value -= NOT_QUITE * gain);
+        odds.iter_mut().filter(|(kinds, _)| kinds.len() > 1).for_each(|(_, value)| *value -= MATERIAL * gain);
     }
 
     /// Weighs nothing, and all that is no law of the springs, in the place of one, about the fit without it.

@@ -3,6 +3,7 @@
 //! A joint's error by its angle has many names: a constant is a zero offset, a bend a curve, a wave a gear's harmonic.
 //! Seen over a little of a turn they are one thing, and the evidence only says which of them is the simplest.
 
+use super::decisions::{EVEN, IS_A_WAVE};
 use super::outcome::Added;
 use super::pattern::Pattern;
 use crate::cell::NewEffect;
@@ -41,8 +42,6 @@ pub(super) fn add(added: &mut [Added], extended: &[NewEffect], never_returns: bo
 }
 
 fn tie(effect: &mut Added, other: &str) {
-    /// Two names for one thing.
-    const EVEN: f64 = 0.5;
     if !effect.not_told_apart_from.iter().any(|known| known == other) {
         effect.posterior = effect.posterior.min(EVEN);
         effect.not_told_apart_from.push(other.to_owned());
@@ -57,11 +56,8 @@ fn is_a_wave(curves: &toml::Value) -> bool {
     };
     let curves = curves.as_array().map_or(&[][..], Vec::as_slice);
     !curves.is_empty()
-        && curves.iter().all(|curve| wave_share(&numbers(curve, "angle_deg"), &numbers(curve, "error_rad")) > ALIKE)
+        && curves.iter().all(|curve| wave_share(&numbers(curve, "angle_deg"), &numbers(curve, "error_rad")) > IS_A_WAVE)
 }
-
-/// Share of a curve's variance from which a wave passes for it.
-const ALIKE: f64 = 0.98;
 
 /// Share of the knots' variance that a constant and the best harmonic of a gear's orders explain.
 fn wave_share(angle_deg: &[f64], error_rad: &[f64]) -> f64 {
@@ -97,6 +93,6 @@ mod tests {
         assert!(wave_share(&angles, &wave) > 0.999);
         let broken: Vec<f64> =
             [3.0, 1.0, -4.0, 2.0, 2.0, 5.0, -3.0, -1.0, 0.0, 4.0, -5.0, 1.0].map(|v| v * 1e-5).into();
-        assert!(wave_share(&angles, &broken) < ALIKE);
+        assert!(wave_share(&angles, &broken) < IS_A_WAVE);
     }
 }

@@ -5,16 +5,15 @@
 //! must explain a share of what is left, not only be significant: with thousands of rows any wrong detail of the model is.
 
 use super::columns::Columns;
+use super::decisions::{FLEXIBLE, GAIN_A_ROW, PRICE};
 use super::device_pose;
 use super::engine::Engine;
 use super::found::{Choice, Linearised};
-use super::search::{FIELD, FLEXIBLE, MOST_MEMBERS, PRICE, Search};
+use super::search::{MOST_MEMBERS, Search};
 use super::smooth::{Beside, Curve};
 use crate::effects::Stage;
 use nalgebra::DVector;
 
-/// Nats a row that a member must gain: half a percent of what is left.
-const SHARE: f64 = 0.0015;
 /// Times that curves and effects are tried in turns.
 const SWEEPS: usize = 8;
 
@@ -22,7 +21,7 @@ impl Engine {
     /// The set, and the smoothness of every curve in it.
     pub(super) fn staged(&mut self, linear: &Linearised) -> Choice {
         let count = linear.moments.first().map_or(0, |moments| moments.count);
-        let least = SHARE * count as f64;
+        let least = GAIN_A_ROW * count as f64;
         let mut choice = self.stiff(linear, least);
         let curves: Vec<usize> = (0..self.candidates.len()).filter(|&c| self.candidates[c].curve.is_some()).collect();
         for sweep in 0..SWEEPS {
@@ -80,7 +79,7 @@ impl Engine {
             .near(&choice.set, Some(choice.sigma))
             .evidence;
         let set = [&choice.set[..], curves].concat();
-        let mut best = (alone + FIELD + Curve::variants().ln() + least, None);
+        let mut best = (alone + PRICE + FLEXIBLE + Curve::variants().ln() + least, None);
         let take = |engine: &mut Self, number: usize| {
             for &c in curves {
                 if let Some(curve) = &mut engine.candidates[c].curve {

@@ -12,13 +12,14 @@
 
 use super::candidate::Candidate;
 use super::columns::Columns;
+use super::decisions::{MATERIAL, UNLISTED, caution};
 use super::engine::{Engine, stacked};
 use super::found::{Members, Posterior};
 use super::moments::Moments;
 use super::noise::{self, Field, Over};
 use super::pattern::Standing;
 use super::score::score;
-use super::search::{Search, UNLISTED, caution};
+use super::search::Search;
 use crate::effects::Shape;
 use nalgebra::Vector3;
 
@@ -28,9 +29,6 @@ const SHARES: [f64; 5] = [0.05, 0.125, 0.25, 0.5, 1.0];
 const REACHES: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
 /// Its variance over that of the white noise: from half of its size to eight times.
 pub(super) const VARIANCES: [f64; 5] = [0.25, 1.0, 4.0, 16.0, 64.0];
-
-/// Share of what all effects together explain, nats, that a fault of the table must explain beyond them.
-const FAULT: f64 = 0.1;
 
 /// Sizes of effects as shares of their typical ones.
 #[derive(Clone, Copy, Debug)]
@@ -231,7 +229,7 @@ impl Engine {
         // acted, whatever else explains the rows.
         let scaled_away =
             |gain: f64, fault: usize| gain > 0.0 && self.is_of_force(fault) && self.force_is_scaled_away();
-        best.filter(|&(gain, c)| gain > FAULT * (value - none) || scaled_away(gain, c)).map(|(_, c)| c)
+        best.filter(|&(gain, c)| gain > MATERIAL * (value - none) || scaled_away(gain, c)).map(|(_, c)| c)
     }
 
     /// Whether the fitted factor of the cutting force is at an end of the range that it may have.

@@ -8,8 +8,8 @@
 
 use super::draws::Draws;
 use crate::identify::candidate::Candidate;
-use crate::identify::outcome::NAMED;
-use crate::identify::search::{NESTED, PRICE, caution, contains};
+use crate::identify::decisions::{NAMED, PRICE, caution};
+use crate::identify::search::contains;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// What every pair counts in addition to the share of effects that will be named: pairs that are hopeless so far are not given up.
@@ -252,7 +252,7 @@ impl Criterion {
                 let gain = discrimination.evidence[(t, truth.kind)] - discrimination.evidence[(t, kind)];
                 let spread = discrimination.distance[(t, kind)].clamp(1.0, 1e3);
                 let nested = self.kinds.get(kind).is_some_and(|kind| contains(kind, &self.kinds[truth.kind]));
-                let needed = needed + if nested { NESTED * caution } else { 0.0 };
+                let needed = needed + if nested { caution } else { 0.0 };
                 let taken = self.weights[(truth.kind, kind)] * normal_tail((gain - needed) / spread);
                 named *= 1.0 - taken;
                 each += taken;
