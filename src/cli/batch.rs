@@ -1,12 +1,12 @@
 //! What the programs of a `compensate` have in common, and where each of their files goes.
 
 use super::again::Again;
-use super::args::{Compensate, RAPID_MM_S};
+use super::args::Compensate;
 use super::job::Job;
 use super::output::{Outputs, is_file_name, is_stdout};
 use super::report::Noticed;
 use super::setup::Setup;
-use deflex::correct::PostOptions;
+use deflex::correct::{PostOptions, RAPID_MM_S};
 use deflex::program::Language;
 use deflex::report::html::PathTrace;
 use deflex::text::Diagnostic;

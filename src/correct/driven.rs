@@ -1,6 +1,5 @@
 //! The path that the controller drives and the loaded arm takes, sampled over time.
 
-use super::KeptReason;
 use super::context::Context;
 use super::deviation::Commanded;
 use super::laws::Law;
@@ -9,7 +8,9 @@ use super::parallelism::Parallelism;
 use super::point::Point;
 use super::segment::{Kind, Segment, Start};
 use super::solve::{Solver, controller_motor};
-use super::{Corrected, DrivenFigures, DrivenSummary, Options, PathDeviation, Prepared, frames};
+use super::{
+    Corrected, DrivenFigures, DrivenSummary, KeptReason, Options, PathDeviation, Prepared, RAPID_MM_S, frames,
+};
 use crate::cell::Cell;
 use crate::drive::{
     DriveError, DrivenSample, Lead, Offset, PathLaw, ProgrammedPath, SAMPLE_S, Waypoint, drive, nearest_between,
@@ -134,7 +135,8 @@ impl Course {
             let programmed = |target: &Target| target.feed_mm_s.map(|mm_s| 1e-3 * mm_s).filter(|feed| *feed > 0.0);
             let is_joint = Kind::of(program, i) == Kind::Joint;
             course.without_speed += usize::from(!is_joint && !target.rapid && at > 0 && programmed(target).is_none());
-            feed = programmed(target).or(feed).or_else(|| program.targets[i..].iter().find_map(programmed));
+            let rapid = target.rapid.then_some(1e-3 * RAPID_MM_S);
+            feed = programmed(target).or(rapid).or(feed).or_else(|| program.targets[i..].iter().find_map(programmed));
             let Some(feed) = feed else {
                 return Err(refuse("no motion of the program has a speed", "the path over time needs a speed"));
             };

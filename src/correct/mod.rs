@@ -71,7 +71,7 @@ pub use long::{LaidOut, compensate_long, post_long, predict_long};
 pub use messages::Messages;
 pub use point::Point;
 pub use poses::{ArmState, Standing, external_of, predict_poses, tool_of};
-pub use post::{Outline, PostOptions, PostedProgram, Poster, post};
+pub use post::{Outline, PostOptions, PostedProgram, Poster, RAPID_MM_S, post};
 pub use removal::{CutProgress, Cuts, Removal};
 pub use row::{Row, RowNames, Status, Summary};
 pub use shaped::{DrivenCompensation, compensate_driven};

@@ -34,6 +34,10 @@ pub struct PostOptions {
     pub language: Language,
 }
 
+/// Speed of rapid travel, mm/s, unless `--rapid-speed` gives another one. CL data do not state it; a milling robot is not sent faster
+/// near a part.
+pub const RAPID_MM_S: f64 = 200.0;
+
 /// How far a zone may pass a cutting corner, mm: below what a robot repeats.
 const CORNER_TOLERANCE_MM: f64 = 0.05;
 

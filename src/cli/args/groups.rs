@@ -87,9 +87,6 @@ impl Reports {
     }
 }
 
-/// Rapid travel of posted programs: as fast as a milling robot is let go near a part.
-pub(in crate::cli) const RAPID_MM_S: f64 = 200.0;
-
 /// A finite number above 0.
 pub(super) fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {

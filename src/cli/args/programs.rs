@@ -1,8 +1,9 @@
 //! Commands on programs.
 
-use super::groups::{Common, Corrected, Model, RAPID_MM_S, Reading, Reports, positive};
+use super::groups::{Common, Corrected, Model, Reading, Reports, positive};
 use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum, ValueHint};
+use deflex::correct::RAPID_MM_S;
 use deflex::program::Language;
 use std::path::PathBuf;
 use std::sync::LazyLock;

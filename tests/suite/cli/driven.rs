@@ -348,6 +348,22 @@ fn a_program_that_begins_with_a_joint_motion_is_followed() {
     }
 }
 
+/// CL data do not state the speed of rapid travel: the predicted run time takes that of posted programs.
+#[test]
+fn rapid_travel_takes_the_speed_of_posted_programs() {
+    let bench = Bench::new();
+    let cl = "[cl]\ntool = \"tMill\"\nwobj = \"wPart\"\nspin = \"fixed\"\n[tools.tMill]\ntcp_mm = [0, 0, 310]\ntcp_quat = [1, 0, 0, 0]\n\
+              [wobjs.wPart]\nuframe_mm = [1000, -400, 700]\nuframe_quat = [1, 0, 0, 0]\n";
+    bench.write("cell.toml", format!("{CELL}{LAW}zone_mm = 0.3\n{cl}"));
+    let text = "UNITS/MM\nFEDRAT/300,MMPM\nGOTO/100,100,50,0,0,1\nGOTO/110,100,50\nRAPID\nGOTO/310,100,50\nGOTO/320,100,50\nFINI\n";
+    bench.write("p.apt", text);
+    bench.run("predict p.apt --cell cell.toml --report r.csv --json r.json -q").exits(0);
+    let json: Value = serde_json::from_str(&bench.read("r.json")).unwrap();
+    let time = json["files"][0]["driven_path"]["programmed"]["run_time_s"].as_f64().unwrap();
+    // 20 mm at 5 mm/s, and 200 mm at 200 mm/s.
+    assert!((4.9..5.5).contains(&time), "{time}");
+}
+
 /// A corner that the controller rounds is in the figures of the simulated part, and without a law that is said.
 #[test]
 fn a_simulated_part_has_the_corners_that_the_controller_rounds() {
