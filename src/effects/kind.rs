@@ -111,10 +111,4 @@ impl Kind {
         read: |_| Err(serde::de::Error::custom("a kind without a reader")),
         candidates: |_| Vec::new(),
     };
-
-    /// Whether it can imitate any smooth or periodic error over a joint's angle.
-    #[must_use]
-    pub fn follows_angle(&self) -> bool {
-        matches!(self.shape, Shape::Periodic | Shape::Curve)
-    }
 }

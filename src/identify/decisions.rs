@@ -43,9 +43,6 @@ pub(super) const GONE: f64 = 0.3;
 /// Gain on unseen blocks in standard errors that could be chance.
 pub(super) const CHANCE: f64 = 1.0;
 
-/// Gain on unseen blocks in standard errors that an effect needs if something is in no list: one in 740 by chance.
-pub(super) const BEYOND_CHANCE: f64 = 3.0;
-
 /// Whitened residuals of more standard deviations are outliers: one in 1.7 million by chance.
 pub(super) const OUTLIER: f64 = 5.0;
 

@@ -477,8 +477,6 @@ impl Engine {
         }
         if self.forces_are_wrong() {
             self.withdraw_all(&mut posteriors);
-        } else if whole_arm.is_none() && self.is_unexplained() {
-            self.withdraw(&mut posteriors);
         }
         if !whole && whole_arm.is_none() {
             self.withdraw_faint(&mut posteriors);

@@ -4,7 +4,7 @@ use super::candidate::{Candidate, Home, same_pattern};
 use super::candidates;
 use super::columns::Columns;
 use super::data::Observation;
-use super::decisions::{BEYOND_CHANCE, CHANCE, MENTIONED, MOST_SCATTER, MOST_WANDER, NAMED, OUTLIER, PRICE, UNLISTED};
+use super::decisions::{CHANCE, MENTIONED, MOST_SCATTER, MOST_WANDER, NAMED, OUTLIER, PRICE, UNLISTED};
 use super::engine::{Engine, stacked};
 use super::found::{Linearised, Posterior, Refused};
 use super::moments::Moments;
@@ -12,7 +12,6 @@ use super::noise;
 use super::pattern::{self, Pattern, Standing};
 use super::score::{in_standard_errors, posterior, score};
 use super::search::Search;
-use crate::effects::Kind;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use statrs::function::gamma::ln_gamma;
@@ -243,11 +242,6 @@ impl Engine {
         changed.count() as f64 > MUCH * before.len() as f64
     }
 
-    /// Whether something is left that no effect explains.
-    pub(super) fn is_unexplained(&self) -> bool {
-        self.is_unlisted() || self.stands(Standing::Fault)
-    }
-
     /// Whether something is left that is no fault of the measurement either.
     pub(super) fn is_unlisted(&self) -> bool {
         // Of the whole arm the discrepancy has what is in no list.
@@ -282,43 +276,6 @@ impl Engine {
     pub(super) fn withdraw_all(&mut self, posteriors: &mut Vec<Posterior>) {
         posteriors.clear();
         self.choose(self.chosen.iter().copied().filter(|&c| self.candidates[c].is_pattern()).collect());
-    }
-
-    /// Where something is unexplained, withdraws effects that do not hold on blocks that their fit has not seen.
-    ///
-    /// Patterns take part in the fits and not in the predictions: they are not in the cell. An effect stays if it lowers
-    /// the error of the blocks by more than one standard error. What is periodic or bent by a joint's angle passes for
-    /// anything, and is withdrawn in any case.
-    pub(super) fn withdraw(&mut self, posteriors: &mut Vec<Posterior>) {
-        let chosen = self.chosen.clone();
-        // Columns are those of the last linearisation: fits about the chosen set have numbered them anew.
-        let linear = &self.linearise(&chosen, &[self.shape]);
-        let search = Search::new(&self.candidates, &linear.moments, &linear.always);
-        let named = |&c: &usize| !self.candidates[c].is_pattern();
-        let unlisted = self.is_unlisted();
-        let least = if unlisted { BEYOND_CHANCE } else { CHANCE };
-        let bent = |&c: &usize| unlisted && self.candidates[c].law().is_some_and(Kind::follows_angle);
-        let mut set: Vec<usize> = self.chosen.iter().copied().filter(|c| !bent(c)).collect();
-        loop {
-            let with = self.block_errors(linear, &search.columns(&set));
-            let worst = set
-                .iter()
-                .copied()
-                .filter(named)
-                .map(|c| {
-                    let less: Vec<usize> = set.iter().copied().filter(|&o| o != c).collect();
-                    let without = self.block_errors(linear, &search.columns(&less));
-                    let gains: Vec<f64> = without.iter().zip(&with).map(|(without, with)| without - with).collect();
-                    (c, in_standard_errors(&gains))
-                })
-                .min_by(|a, b| a.1.total_cmp(&b.1));
-            match worst {
-                Some((c, gain)) if gain < least => set.retain(|&o| o != c),
-                _ => break,
-            }
-        }
-        posteriors.retain(|(c, _)| set.contains(c));
-        self.choose(set);
     }
 
     /// Removes an effect whose only rival is no effect at all, and that is not certain enough to be named.

@@ -18,8 +18,6 @@ const GROUPS: usize = 8;
 
 /// What is left of fitted rows, each of which was left out of a fit with all rows of its group.
 pub(super) struct LeftOut {
-    /// The group of each fitted row, by the row's first scalar.
-    groups: BTreeMap<usize, usize>,
     /// By the declared cell and by the extended one, mm: patterns that no cell has are taken off both, as far as they are listed.
     declared: DVector<f64>,
     extended: DVector<f64>,
@@ -115,21 +113,13 @@ impl Engine {
             }
             (found, promised) = (found + part.found, promised + part.promised);
         }
-        LeftOut { groups, declared, extended, wider: if promised > 0.0 { found / promised } else { 1.0 } }
+        LeftOut { declared, extended, wider: if promised > 0.0 { found / promised } else { 1.0 } }
     }
 
     /// The scalars of a group's rows, without those of outliers.
     fn scalars_of(&self, groups: &BTreeMap<usize, usize>, group: usize) -> impl Iterator<Item = usize> {
         let own = move |row: &&Observation| !row.outlier && groups.get(&row.offset) == Some(&group);
         self.problem.rows.iter().filter(own).flat_map(|row| row.offset..row.offset + row.seen.len())
-    }
-
-    /// Sums of squares of each stretch (mm²), predicted by columns that were fitted to the others.
-    pub(super) fn block_errors(&self, linear: &Linearised, columns: &Columns) -> Vec<f64> {
-        let there = self.left_out(linear, columns, LeavingOut::Stretches);
-        let count = there.groups.values().max().map_or(0, |last| last + 1);
-        let sum = |group| self.scalars_of(&there.groups, group).map(|k| there.extended[k].powi(2)).sum();
-        (0..count).map(sum).collect()
     }
 
     /// The present fit, linearised, and the columns of what is chosen.
