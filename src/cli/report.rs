@@ -295,7 +295,8 @@ pub(super) fn summary_text(summary: &FileSummary, kind: PathKind) -> String {
         let _ = write!(text, "\n  {what:<27}{rms:<16}max {max:.4} mm");
     };
     if summary.max_error_mm > 0.0 {
-        add("error as programmed", Some(summary.rms_error_mm), summary.max_error_mm);
+        let what = if kind == PathKind::Compensate { "error as programmed" } else { "error at targets" };
+        add(what, Some(summary.rms_error_mm), summary.max_error_mm);
     }
     if kind == PathKind::Compensate && summary.corrected > 0 {
         add("remaining at targets", None, summary.max_remaining_mm);
