@@ -252,3 +252,30 @@ fn a_result_for_a_closed_stdout_is_refused_and_a_summary_is_not() {
     command.current_dir(bench.path("")).args(RUN.split_whitespace()).stdout(discarded);
     assert_eq!(command.status().unwrap().code(), Some(0));
 }
+
+/// A controller loads a program by its ending.
+#[test]
+fn an_ending_of_another_language_is_said() {
+    let bench = Bench::new();
+    let ran = bench.run("compensate part.mod --cell cell.toml -o out.ls").exits(0);
+    assert!(ran.stderr.contains("usage.ending") && ran.stderr.contains("write it to out.mod"), "{}", ran.stderr);
+    let ran = bench.run("compensate part.mod --cell cell.toml -o out.sys").exits(0);
+    assert!(!ran.stderr.contains("usage.ending"), "{}", ran.stderr);
+    // CL data that are posted under their own ending would be read as CL data.
+    bench.write("p.apt", "UNITS/MM\nFEDRAT/600,MMPM\nGOTO/100,100,50,0,0,1\nGOTO/120,100,50\nFINI\n");
+    let ran = bench.run("compensate p.apt --cell cell.toml -o out.apt").exits(2);
+    assert!(ran.stderr.contains("usage.ending") && !bench.path("out.apt").exists(), "{}", ran.stderr);
+}
+
+/// KRL keeps points in a `.dat` of the same name: without it, the lines that need them are named.
+#[test]
+fn targets_that_no_file_declares_are_named_with_their_line() {
+    let bench = Bench::new();
+    let tool = "$TOOL={X 0,Y 0,Z 310,A 0,B 0,C 0}\n$BASE={X 1000,Y -400,Z 700,A 0,B 0,C 0}\n$VEL.CP=0.05\n";
+    bench.write("p.src", format!("DEF p()\n{tool}LIN {{X 100,Y 100,Z 50,A 0,B 0,C 180}}\nLIN XP1\nEND\n"));
+    let ran = bench.run("predict p.src --cell cell.toml --report r.csv").exits(0);
+    assert!(ran.stderr.contains("p.src:6:1") && ran.stderr.contains("the .dat of the same name"), "{}", ran.stderr);
+    bench.write("p.dat", "DEFDAT p\nDECL E6POS XP1={X 120,Y 100,Z 50,A 0,B 0,C 180}\nENDDAT\n");
+    let ran = bench.run("predict p.src --cell cell.toml --report r.csv").exits(0);
+    assert!(!ran.stderr.contains("target.kept"), "{}", ran.stderr);
+}
