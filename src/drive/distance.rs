@@ -4,24 +4,24 @@ use super::{Lead, Track, Waypoint};
 use crate::robot::Robot;
 use nalgebra::Vector3;
 
-/// How far along the programmed path the place nearest to a driven one is looked for, m: farther than any controller cuts a
+/// Length of programmed path on which the point nearest to a driven one is searched for, m: more than any controller cuts from a
 /// corner at milling speeds.
 const REACH: f64 = 0.03;
 
-/// Consecutive ways whose tracks are passed over at once where none of them is near.
+/// Number of consecutive segments that are skipped at once if none of them is near.
 const TOGETHER: usize = 8;
 
 /// The programmed lines and arcs.
 pub(crate) struct ProgrammedPath {
-    /// The way to each waypoint; `None` of joint motions, which have no programmed path, and of the first waypoint.
+    /// The segment to each waypoint; `None` for joint motions, which have no programmed path, and for the first waypoint.
     tracks: Vec<Option<Track>>,
-    /// Length of the path up to the end of each way, m; a way without a track is longer than [`REACH`].
+    /// Length of the path up to the end of each segment, m; a segment without a track counts as longer than [`REACH`].
     along: Vec<f64>,
-    /// Around each [`TOGETHER`] ways.
+    /// One around each [`TOGETHER`] segments.
     balls: Vec<Ball>,
 }
 
-/// Around a part of a path.
+/// A ball around a part of a path.
 #[derive(Clone, Copy)]
 struct Ball {
     centre: Vector3<f64>,
@@ -29,12 +29,12 @@ struct Ball {
 }
 
 impl Ball {
-    /// No place of a curve is farther from its middle than half its length.
+    /// No point of a curve is farther from its middle than half its length.
     fn around(track: &Track) -> Self {
         Self { centre: track.place(0.5), radius: 0.5 * track.length() }
     }
 
-    /// Around several; `None` around nothing.
+    /// The ball around several; `None` for none.
     fn around_all(balls: &[Self]) -> Option<Self> {
         let centre = balls.iter().map(|ball| ball.centre).sum::<Vector3<f64>>() / balls.len() as f64;
         let radius = balls.iter().map(|ball| (ball.centre - centre).norm() + ball.radius).reduce(f64::max)?;
@@ -46,12 +46,12 @@ impl Ball {
     }
 }
 
-/// Where a place lies off the programmed path.
+/// The offset of a point from the programmed path.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Offset {
-    /// From the nearest place of the programmed path, m.
+    /// Vector from the nearest point of the programmed path, m.
     pub(crate) vector: Vector3<f64>,
-    /// Unit vector along the path there; `None` at an end of a way, where the path may turn.
+    /// Unit vector along the path there; `None` at an end of a segment, where the path may turn.
     pub(crate) tangent: Option<Vector3<f64>>,
 }
 
@@ -87,7 +87,7 @@ impl ProgrammedPath {
         self.tracks.get(waypoint)?.as_ref()
     }
 
-    /// The offset of a place (base frame, m) that is passed on the way to a waypoint; `None` where no line or arc is near it along
+    /// The offset of a point (base frame, m) of the driven path on the segment to a waypoint; `None` if no line or arc is near it along
     /// the path.
     pub(crate) fn offset(&self, place: &Vector3<f64>, waypoint: usize) -> Option<Offset> {
         let mut best: Option<(f64, Offset)> = None;
@@ -101,7 +101,7 @@ impl ProgrammedPath {
             }
         };
         self.track(waypoint).into_iter().for_each(|track| look(track, &mut best));
-        // The ways that begin or end within reach along the path.
+        // The segments that begin or end within reach along the path.
         let own = waypoint.min(self.along.len().saturating_sub(1));
         let (begins, ends) = (self.along[own.saturating_sub(1)], self.along[own]);
         let first = self.along[..own].partition_point(|along| begins - along >= REACH);
@@ -121,7 +121,7 @@ impl ProgrammedPath {
     }
 }
 
-/// From a place to the nearest one of a path through places, and the place of the path that it is nearest to.
+/// The vector from a point to a polyline, and the index of the polyline's point that is nearest.
 pub(crate) fn nearest_between(place: &Vector3<f64>, path: &[Vector3<f64>]) -> Option<(Vector3<f64>, usize)> {
     let mut best: Option<(f64, Vector3<f64>, usize)> = None;
     for k in 1..path.len() {

@@ -1,9 +1,9 @@
-//! Normal equations of points along a path: symmetric blocks, each row from the first point that it has anything to do with.
+//! Normal equations of points along a path, in symmetric blocks. Each row begins with the first point that is coupled to it.
 
 use nalgebra::{Matrix3, Vector3};
 
-/// A symmetric, positive matrix of 3 by 3 blocks, of which each row is held from its first block to the diagonal. Cholesky's
-/// factor of it has the same first blocks.
+/// A symmetric, positive matrix of 3 by 3 blocks. Each row is stored from its first block to the diagonal; the Cholesky factor has the
+/// same first blocks.
 pub(super) struct Envelope {
     rows: Vec<Row>,
 }
@@ -20,7 +20,7 @@ impl Envelope {
         Self { rows: firsts.iter().enumerate().map(row).collect() }
     }
 
-    /// Adds to the block at row `i` and column `j`, `j <= i`; nothing left of the row's first block.
+    /// Adds to the block at row `i` and column `j`, which is between the row's first block and the diagonal.
     pub(super) fn add(&mut self, i: usize, j: usize, block: &Matrix3<f64>) {
         let row = &mut self.rows[i];
         if let Some(at) = j.checked_sub(row.first) {
@@ -87,7 +87,7 @@ mod tests {
 
     #[test]
     fn an_envelope_is_solved_as_the_whole_matrix_is() {
-        // Four points; the third has nothing to do with the first, the fourth only with the third.
+        // Four points; the third is not coupled to the first, and the fourth only to the third.
         let firsts = [0, 0, 1, 2];
         let block = |i: usize, j: usize| {
             Matrix3::from_fn(

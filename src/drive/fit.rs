@@ -1,7 +1,7 @@
 //! The law of a controller from logs of its axes.
 //!
-//! What is compared is the path and the time: a log is cut into places at even distances along it, and each has its distance
-//! from the computed path, and the time at which it was passed against the computed time.
+//! The fit compares path and time. A log is cut into places at even distances along it. Each place has its distance from the computed
+//! path, and the difference between the time at which it was passed and the computed time.
 
 use super::log::{Log, LogSample, tcp};
 use super::route::Route;
@@ -11,36 +11,36 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// Places of each log, at most: half of them even along it, the others about the waypoints between its ends.
+/// Most places of each log: half of them spread evenly along it, the others near the waypoints between its ends.
 const PLACES: usize = 400;
 /// Time before and after a waypoint, beyond its zone, within which a controller leaves the path, s.
 const BEND_S: f64 = 0.1;
-/// Largest acceleration across the path that a log may show, m/s²: twice that of gravity, which no arm reaches that mills.
+/// Largest acceleration across the path that a log may show, m/s²: twice that of gravity, which no milling arm reaches.
 const MOST_ACROSS: f64 = 20.0;
-/// What a log resolves, m.
+/// Resolution of a log, m.
 const RESOLVED: f64 = 5e-5;
-/// Standard deviation of a place of a log about the law's path, m: what a law of a few numbers is expected to miss.
+/// Standard deviation of a place of a log from the path of the law, m: the expected error of a law of a few numbers.
 const PATH_SIGMA: f64 = 5e-5;
 /// The same of the time at a place, s: two to three samples of a controller's log.
 const TIME_SIGMA: f64 = 0.01;
 /// Prior standard deviation of the logarithm of each number of the law about [`PathLaw::TYPICAL`]: a factor of e.
 const LAW_SIGMA: f64 = 1.0;
-/// What the numbers of the axes are.
+/// Meaning of the numbers of the axes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum OfAxes {
-    /// By what they lead for a unit of acceleration.
+    /// The lead of each axis for a unit of acceleration.
     Lead,
-    /// Lags.
+    /// The lag of each axis.
     Lag,
 }
 
 /// Prior standard deviation of an axis's lag, s: axes of one robot are tuned to trail their commands alike.
 const LAG_SIGMA: f64 = 0.005;
-/// How far from the computed path a place of the log is sought along it, m.
+/// Length of the computed path on which the point nearest to a place of the log is searched for, m.
 const REACH: f64 = 0.03;
-/// How near the log has to come to the program's first and last point, m: more than any zone leaves.
+/// Distance within which the log has to pass the first and the last point of the program, m: more than any zone.
 const NEAR: f64 = 0.05;
-/// Rounds of the fit; each takes one path for each log and number of the law.
+/// Rounds of the fit; each computes one path for each log and number of the law.
 const ROUNDS: usize = 12;
 /// A round that gains less than this share of the sum of squares is the last one.
 const ENOUGH: f64 = 1e-3;
@@ -51,7 +51,7 @@ const SHARED: usize = 5;
 const NUMBERS: usize = SHARED + 6;
 /// Prior standard deviation of the lead of an axis, s²: 1/ω² of an arm whose lowest natural frequency is 8 Hz.
 const LEAD_SIGMA: f64 = 4e-4;
-/// Places of a log that count as independent: what a law misses at one place it misses at its neighbours too.
+/// Number of places of a log that count as independent: the error of the law at one place is that at its neighbours too.
 const INDEPENDENT: f64 = 20.0;
 
 /// Distance of logs from a path, mm.
@@ -63,7 +63,7 @@ pub struct PathError {
     pub max_mm: f64,
 }
 
-/// How long the logs took, and what the law makes of it, s.
+/// Measured and predicted duration of the logs, s.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct RunTime {
     /// By the logs' clocks.
@@ -72,7 +72,7 @@ pub struct RunTime {
     pub predicted: f64,
 }
 
-/// A law and how it predicts logs that no fit has seen.
+/// A law, and how well it predicts logs that the fit has not seen.
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct FittedLaw {
@@ -83,11 +83,11 @@ pub struct FittedLaw {
     pub fitted_logs: usize,
     /// Logs that were only predicted.
     pub held_out_logs: usize,
-    /// Of the held-out logs from the programmed path: corners as written.
+    /// Distance of the held-out logs from the programmed path, with corners as written.
     pub before: PathError,
-    /// Of the held-out logs from the path that the law computes.
+    /// Distance of the held-out logs from the path that the law computes.
     pub after: PathError,
-    /// Over the held-out logs together.
+    /// Durations of all held-out logs together.
     pub run_time_s: RunTime,
 }
 
@@ -119,7 +119,7 @@ struct Run<'a> {
     seconds: f64,
 }
 
-/// A place of a log: where the TCP was (base frame, m), and when (s from the first place).
+/// A place of a log: the position of the TCP (base frame, m), and the time (s from the first place).
 #[derive(Clone, Copy)]
 struct Place {
     at: Vector3<f64>,
@@ -159,8 +159,8 @@ pub fn fit_law(robot: &Robot, logs: &[(&[Waypoint], &Log)]) -> Result<FittedLaw,
     })
 }
 
-/// Whether a log is held out: a quarter of them, spread by multiples of the golden ratio, since logs often stand in the order of
-/// speeds and zones, which an even count would follow.
+/// Whether a log is held out. A quarter of the logs are, spread by multiples of the golden ratio: logs often are in the order of speeds
+/// and zones, with which every fourth log would be in step.
 fn is_held_out(i: usize, count: usize) -> bool {
     #[allow(clippy::cast_precision_loss)]
     let spread = |i: usize| ((i as f64 + 0.5) * 0.618_033_988_749_895).fract();
@@ -180,11 +180,11 @@ impl PathError {
     }
 }
 
-/// A run against a computed path.
+/// Comparison of a run with a computed path.
 struct Compared {
-    /// From the nearest place of the path to each place of the log, base frame, m.
+    /// Vector from the nearest point of the path to each place of the log, base frame, m.
     off: Vec<Vector3<f64>>,
-    /// What the log is late by at each place, s, less its mean.
+    /// Delay of the log at each place, s, less the mean delay.
     late: Vec<f64>,
     /// How long the computed run takes, s.
     seconds: f64,
@@ -215,7 +215,7 @@ impl<'a> Run<'a> {
         Some(Self { waypoints, places, seconds: last.time - first.time })
     }
 
-    /// How long a driven path takes, from first point to last as [`Log::of_program`] finds them in a log.
+    /// Duration of a driven path, from the first to the last point as [`Log::of_program`] finds them in a log, s.
     fn seconds_of(&self, robot: &Robot, driven: &[DrivenSample]) -> f64 {
         let samples = driven.iter().map(|sample| LogSample { time: sample.time, motor: sample.motor }).collect();
         let log = Log { file: String::new(), samples };
@@ -223,7 +223,7 @@ impl<'a> Run<'a> {
         run.first().zip(run.last()).map_or(0.0, |(first, last)| last.time - first.time)
     }
 
-    /// Against the path of a law, or against the programmed one.
+    /// Compares the run with the path of a law, or with the programmed one.
     fn compare(&self, robot: &Robot, law: Option<&PathLaw>) -> Result<Compared, DriveError> {
         let tool = self.waypoints.last().map_or_else(crate::robot::Pose::identity, |last| last.flange_from_tcp);
         let (path, seconds) = match law {
@@ -262,8 +262,8 @@ fn even([from, to]: [f64; 2], count: usize) -> impl Iterator<Item = f64> {
     (0..count).map(move |k| from + (to - from) * k as f64 / (count - 1).max(1) as f64)
 }
 
-/// Places without those that stand aside of the way between their neighbours by more than an arm can accelerate: a logger has put
-/// them together of axes that it read at different times.
+/// The places without those that are farther from the line between their neighbours than an arm can accelerate. The logger read the axes
+/// of such a sample at different times.
 fn in_step(places: Vec<Place>) -> Vec<Place> {
     let aside = |around: &[Place]| {
         let [before, here, after] = around else { return false };
@@ -297,7 +297,7 @@ impl Line {
         for Place { at, time } in places {
             let length = line.places.last().map_or(0.0, |last| (at - last.at).norm());
             let before = line.lengths.last().copied().unwrap_or(0.0);
-            // At rest only the time goes on: the path has the moment at which it goes on.
+            // At rest only the time changes: the path keeps the moment at which the arm moves on.
             if length == 0.0 && line.places.len() > 1 {
                 if let Some(last) = line.places.last_mut() {
                     last.time = time;
@@ -314,7 +314,7 @@ impl Line {
         self.lengths.last().copied().unwrap_or(0.0)
     }
 
-    /// The place at a length.
+    /// The place at a length along the line.
     fn at(&self, along: f64) -> Place {
         let after = self.lengths.partition_point(|length| *length < along).clamp(1, self.places.len() - 1);
         let (from, to) = (self.lengths[after - 1], self.lengths[after]);
@@ -370,13 +370,13 @@ fn law_of(numbers: &DVector<f64>, of_axes: OfAxes) -> PathLaw {
     }
 }
 
-/// The law that fits better: with a lead of each axis, or with a lag. Both have as many numbers.
+/// The law that fits better: with a lead of each axis, or with a lag. Both have the same number of parameters.
 fn fit(robot: &Robot, runs: &[(usize, Run<'_>)]) -> Result<PathLaw, LogError> {
     let (lead, lag) = (fit_with(robot, runs, OfAxes::Lead)?, fit_with(robot, runs, OfAxes::Lag)?);
     Ok(if lag.1 < lead.1 { lag.0 } else { lead.0 })
 }
 
-/// Levenberg and Marquardt's least squares, with the prior as further rows: the law and its sum of squares.
+/// Least squares by the method of Levenberg and Marquardt, with the prior as further rows: the law and its sum of squares.
 fn fit_with(robot: &Robot, runs: &[(usize, Run<'_>)], of_axes: OfAxes) -> Result<(PathLaw, f64), LogError> {
     let residuals = |numbers: &DVector<f64>| -> Result<DVector<f64>, LogError> {
         let law = law_of(numbers, of_axes);

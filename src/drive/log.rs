@@ -1,11 +1,11 @@
-//! A controller's own log of the axes, and where in it a program begins and ends.
+//! A controller's own log of the axes, and the samples at which a program begins and ends.
 
 use super::Waypoint;
 use crate::robot::{Joints, Pose, Robot};
 use nalgebra::Vector3;
 
-/// How much farther from a waypoint than at its nearest a log may be and still be at it, m: what an arm at rest moves by the
-/// noise of its resolvers and the settling of its brakes stays below it.
+/// A log is at a waypoint as long as its distance from it exceeds the least one by no more than this, m. The noise of the resolvers and
+/// the settling of the brakes move an arm at rest by less.
 const AT_WAYPOINT: f64 = 5e-4;
 
 /// The axes at one moment.
@@ -37,7 +37,7 @@ impl Log {
             self.samples.iter().map(|sample| (tcp(&sample.motor) - place).norm()).collect()
         };
         let (from_first, from_last) = (distances(first), distances(last));
-        // The first stretch at the first waypoint, and the last one at the last: paths may pass either again.
+        // The first stretch at the first waypoint, and the last stretch at the last one: a path may pass either again.
         let least = |distances: &[f64]| distances.iter().copied().fold(f64::INFINITY, f64::min);
         let [begins, ends] = [least(&from_first), least(&from_last)];
         if begins > near || ends > near {

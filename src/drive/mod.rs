@@ -1,8 +1,8 @@
 //! The path that the controller drives.
 //!
-//! A controller does not lead the TCP along the path as it is written. It rounds each corner within the zone, slows down where
-//! the direction changes faster than the axes can follow, and smooths the axis commands over time, so that it cuts a bend by
-//! more the faster it goes. [`drive`] computes that path from the programmed one in four steps:
+//! A controller does not move the TCP exactly along the programmed path. It rounds each corner within the zone, slows down where
+//! the direction changes faster than the axes can follow, and smooths the axis commands over time. The faster it moves, the more
+//! it cuts a bend. [`drive`] computes that path from the programmed one in four steps:
 //!
 //! 1. *Route*: the programmed lines and arcs, with a parabola over each corner that is passed in a zone ([`PathLaw::zone_share`]).
 //! 2. *Speed*: the largest speed along the route that keeps the programmed feed, the acceleration along the path, and the
@@ -11,7 +11,7 @@
 //! 4. *Axes*: each motor leads its axis by a share of the acceleration ([`PathLaw::axis_lead`]), and trails its command by a time
 //!    of its own ([`PathLaw::lag`]).
 //!
-//! The deflection of the arm is no part of it: these are the angles of the motors, as the controller's own signals show them.
+//! The path does not include the deflection of the arm: it consists of the motor angles that the controller's own signals show.
 //!
 //! The law describes the joint logs of an IRB 6640 and of its virtual controller (`hehonglu123/ABB_Primitive_Study`); docs/driven-path.md
 //! says how well.
@@ -52,8 +52,8 @@ pub struct PathLaw {
     pub zone_share: f64,
     /// Widths of the two moving averages over time, s.
     pub smoothing: [f64; 2],
-    /// By what each motor leads its axis for a unit of the axis's acceleration, s²: inertia over stiffness. Controllers twist the
-    /// gears ahead of the torque that accelerates the arm, so that the motors leave the path wherever the motion speeds up or slows
+    /// Angle by which each motor leads its axis for each unit of the axis's acceleration, s²: inertia over stiffness. Controllers twist
+    /// the gears ahead of the torque that accelerates the arm. The motors therefore leave the path where the motion speeds up or slows
     /// down.
     pub axis_lead: Joints,
     /// Largest acceleration along the path, m/s².
@@ -65,7 +65,7 @@ pub struct PathLaw {
 }
 
 impl PathLaw {
-    /// Where a search for a controller's law begins: about the law of an IRB 6640 (IRC5).
+    /// Start of a search for the law of a controller: roughly the law of an IRB 6640 (IRC5).
     pub const TYPICAL: Self = Self {
         zone_share: 0.87,
         smoothing: [0.058, 0.058],
@@ -75,7 +75,7 @@ impl PathLaw {
         lag: Joints::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     };
 
-    /// A controller without any inertia, which drives corners as they are written.
+    /// A controller without inertia, which drives corners as they are written.
     pub const AS_WRITTEN: Self = Self {
         zone_share: 0.0,
         smoothing: [0.0; 2],
@@ -111,7 +111,7 @@ impl PathLaw {
     }
 }
 
-/// How a motion leads to its end.
+/// The kind of a motion.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum Lead {
@@ -119,14 +119,14 @@ pub enum Lead {
     Line,
     /// On an arc through this pose of the TCP, base frame, m.
     Arc(Pose),
-    /// All axes evenly.
+    /// All axes change evenly.
     Joints,
 }
 
 /// The end of one programmed motion.
 #[derive(Clone, Copy, Debug)]
 pub struct Waypoint {
-    /// How the motion leads to it.
+    /// The kind of the motion to it.
     pub lead: Lead,
     /// Pose of the TCP in the robot's base, m.
     pub base_from_tcp: Pose,
@@ -134,9 +134,9 @@ pub struct Waypoint {
     pub flange_from_tcp: Pose,
     /// Motor angles there, rad.
     pub motor: Joints,
-    /// Programmed speed of the TCP on the way, m/s.
+    /// Programmed speed of the TCP on the segment to it, m/s.
     pub feed: f64,
-    /// Radius of the zone in which the controller passes its end, m; `None` where it comes to rest there.
+    /// Radius of the zone in which the controller passes the point, m; `None` if the arm comes to rest there.
     pub zone: Option<f64>,
 }
 
@@ -157,16 +157,16 @@ pub struct DrivenSample {
     pub time: f64,
     /// Motor angles, rad.
     pub motor: Joints,
-    /// Index of the waypoint that the motion leads to.
+    /// Index of the waypoint at the end of the segment.
     pub waypoint: usize,
-    /// Share of the way to it.
+    /// Share of the segment that is covered.
     pub share: f64,
 }
 
 /// Why a path cannot be computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriveError {
-    /// The arm does not reach a place on the way to this waypoint.
+    /// The arm does not reach a point of the segment to this waypoint.
     Unreachable {
         /// Its index.
         waypoint: usize,
@@ -181,12 +181,12 @@ pub const LONGEST_S: f64 = 86_400.0;
 /// The path that a controller drives along waypoints, sampled every [`SAMPLE_S`]; it starts and ends at rest.
 ///
 /// # Errors
-/// A place on the way is out of reach, or the path is too long to be sampled.
+/// A point of the path is out of reach, or the path is too long to be sampled.
 pub fn drive(robot: &Robot, law: &PathLaw, waypoints: &[Waypoint]) -> Result<Vec<DrivenSample>, DriveError> {
     Ok(timeline(robot, law, waypoints)?.samples())
 }
 
-/// The route of that path over time.
+/// The route over time from which [`drive`] takes its samples.
 pub(crate) fn timeline(robot: &Robot, law: &PathLaw, waypoints: &[Waypoint]) -> Result<Timeline, DriveError> {
     let route = Route::new(robot, law, waypoints)?;
     let times = speed::times(law, &route)?;

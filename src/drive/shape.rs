@@ -1,14 +1,14 @@
 //! The command that makes a controller drive the programmed path.
 //!
-//! A controller that smooths its commands cuts every bend. It is sent along another path, which it cuts to the programmed one:
-//! the commanded points are moved, and where that is not enough, points are added, zones become smaller, and in the end the
-//! motion comes to rest at the corner. Each step costs more time than the one before, so that a corner takes the first one that
-//! keeps the tolerance ([`Effort`]).
+//! A controller that smooths its commands cuts every bend. The command is therefore another path, which the controller cuts to
+//! the programmed one: the commanded points are moved. If that is not enough, zones become smaller, points are added, and in the
+//! end the motion comes to rest at the corner. Each step costs more time than the one before. A corner therefore gets the first
+//! one that keeps the tolerance ([`Effort`]).
 //!
-//! How far the points are moved is found by Gauss and Newton's method. When a point is moved, the command moves along both its
-//! ways by a share that falls evenly to zero at the points before and after it (a *hat*). The driven path moves by that hat as
-//! the controller smooths it. The sum of squares of what the driven path is off is least where large distances weigh more than
-//! small ones, so that the largest of them becomes small.
+//! The displacements of the points are found by the method of Gauss and Newton. A displacement of a point moves the command on both
+//! segments at the point, by a share that falls evenly to zero at the points before and after it (a *hat*). The driven path moves
+//! by that hat as the controller smooths it. The weighted sum of squares of the distances from the programmed path is minimised.
+//! Large distances have more weight than small ones, so that the largest becomes small.
 
 use super::distance::{Offset, ProgrammedPath, nearest_between};
 use super::envelope::Envelope;
@@ -20,18 +20,18 @@ use crate::robot::{Pose, Robot};
 use nalgebra::{Matrix3, Translation3, Vector3};
 use rayon::prelude::*;
 
-/// Share of the tolerance that is aimed at: the rest is for the digits of the program and what the law does not know.
+/// Share of the tolerance that the search aims at: the rest is for the digits of the program and the errors of the law.
 const AIM: f64 = 0.8;
-/// Share of the tolerance that may be left to what the law does not explain: with more, too little is left to search for.
+/// Largest share of the tolerance that may be reserved for errors of the law: with more, too little is left for the search.
 const MOST_UNSURE: f64 = 0.5;
 /// Rounds of the search for each effort; each drives the path once.
 const ROUNDS: usize = 40;
-/// Share of a step that is taken: the driven path does not follow quite as evenly as the hats say.
+/// Share of a step that is taken: the driven path does not follow exactly as the hats predict.
 const STEP: f64 = 0.7;
 /// Weight of the displacements' own size, as a share of a point's weight in the normal equations. Smaller values let points
 /// move farther for little gain, which costs time.
 const DAMPING: f64 = 0.02;
-/// Power that weights grow with, over the tolerance, and between which shares of the tolerance.
+/// Weights are this power of the distance over the tolerance, within these bounds of that share.
 const POWER: i32 = 4;
 const WEIGHED: [f64; 2] = [0.1, 4.0];
 /// Distances of added points from their corner, in standard deviations of the smoothing at the speed in the corner: one point on
@@ -40,33 +40,33 @@ const ADDED_AT: [&[f64]; 2] = [&[0.9], &[0.5, 1.2, 2.2]];
 /// Least distance of an added point from its corner, m: twice the zone `z0`.
 const ADDED_LEAST: f64 = 6e-4;
 
-/// What may be changed of the motion to a waypoint.
+/// What may be changed in the motion to a waypoint.
 #[derive(Clone, Debug, Default)]
 pub struct Freedom {
     /// Its end may be moved.
     pub end: bool,
     /// The circle point of its arc may be moved.
     pub via: bool,
-    /// The smallest zone in which its end may be passed in place of the programmed one, m.
+    /// The smallest zone that its end may get instead of the programmed one, m.
     pub smaller_zone: Option<f64>,
     /// The motion may come to rest at its end.
     pub stop: bool,
-    /// Zone (m) of points that may be added on the way; `None` where none may be.
+    /// Zone (m) of points that may be added on its segment; `None` if none may be added.
     pub added_zone: Option<f64>,
-    /// The distance from the path on the way to it counts.
+    /// The distance of the driven path from its segment counts.
     pub counts: bool,
 }
 
-/// How near a driven path has to be.
+/// The tolerance of a driven path.
 #[derive(Clone, Copy, Debug)]
 pub struct Wanted {
     /// Largest distance from the programmed path, m.
     pub tolerance: f64,
-    /// Share of the distance of the driven path from the programmed one that the law does not explain; 0 of a law that is exact.
+    /// Share of the distance of the driven path from the programmed one that the law does not explain; 0 for an exact law.
     pub error_share: f64,
 }
 
-/// What is done about a corner, in the order of what it costs.
+/// The measures at a corner, in the order of their cost in time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 enum Effort {
     /// Points are moved.
@@ -95,16 +95,16 @@ pub struct CommandedMotion {
     pub via: Vector3<f64>,
     /// Zone in which its end is passed, m; `None` where the motion comes to rest there.
     pub zone: Option<f64>,
-    /// Points that are added on the way, in their order.
+    /// Points that are added on its segment, in their order.
     pub added: Vec<AddedPoint>,
 }
 
-/// A point that is added on the way to a waypoint.
+/// A point that is added on the segment to a waypoint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AddedPoint {
-    /// Share of the way.
+    /// Share of the segment.
     pub share: f64,
-    /// Where it is, base frame, m.
+    /// Its pose, base frame, m.
     pub base_from_tcp: Pose,
 }
 
@@ -115,11 +115,11 @@ pub struct DrivenResult {
     pub largest: f64,
     /// How long the run takes, s.
     pub seconds: f64,
-    /// Largest distance about each waypoint, m: half way to the one before and after.
+    /// Largest distance near each waypoint, m: up to halfway to the waypoints before and after it.
     pub at_waypoints: Vec<f64>,
 }
 
-/// A command, and what comes of it.
+/// A command and its result.
 #[derive(Clone, Debug)]
 pub struct ShapedCommand {
     /// One for each waypoint.
@@ -133,11 +133,11 @@ pub struct ShapedCommand {
 /// Finds the command for programmed waypoints that keeps the driven path within a tolerance (m) of the programmed one. Where the
 /// tolerance cannot be kept, the command is the best one that was found.
 ///
-/// A corner that the controller cuts by much needs a part of the tolerance for what the law does not explain of that. Where this
-/// leaves too little, the motion comes to rest: how it stops is known better than how it turns.
+/// A corner that the controller cuts by much needs a part of the tolerance for the error of the law. If too little is left, the motion
+/// comes to rest, because the law predicts a stop better than a corner.
 ///
 /// # Errors
-/// A place is out of reach.
+/// A point is out of reach.
 pub fn shape(
     robot: &Robot,
     law: &PathLaw,
@@ -163,7 +163,7 @@ pub fn shape(
         let mut has_changed = false;
         for i in 1..waypoints.len() {
             let fails = effort[i] != Effort::Stop && found.result.at_waypoints[i] > shaper.allowed[i];
-            // A stop is passed as it is: what is off near it comes from a corner that is moved.
+            // A stop stays as it is: an error near it comes from a corner that is moved.
             if !fails || waypoints[i].zone.is_none() {
                 continue;
             }
@@ -185,7 +185,7 @@ struct Shaper<'a> {
     waypoints: &'a [Waypoint],
     freedom: &'a [Freedom],
     path: ProgrammedPath,
-    /// Largest distance about each waypoint, m: the tolerance less what the law does not know.
+    /// Allowed distance near each waypoint, m: the tolerance less the error of the law.
     allowed: Vec<f64>,
 }
 
@@ -199,7 +199,7 @@ struct Layout {
 
 /// The end of a commanded motion.
 struct End {
-    /// Index of the programmed waypoint that the way leads to, and share of that way.
+    /// Index of the programmed waypoint at the end of the segment, and share of that segment.
     waypoint: usize,
     share: f64,
     zone: Option<f64>,
@@ -218,13 +218,13 @@ struct Node {
 
 /// A command, driven.
 struct Driven {
-    /// Of each sample: what it is off, where that counts.
+    /// Offset of each sample from the programmed path; `None` where it does not count.
     off: Vec<Option<Offset>>,
-    /// Programmed waypoint that each sample is nearest to along the path.
+    /// The programmed waypoint that is nearest to each sample along the path.
     about: Vec<usize>,
-    /// From each programmed waypoint to the driven path, m, and the sample that is nearest; where the distance counts.
+    /// From each programmed waypoint to the driven path, m, and the nearest sample; `None` where the distance does not count.
     corners: Vec<Option<(Vector3<f64>, usize)>>,
-    /// Of each node: the share of its displacement that each sample has.
+    /// For each node, the share of its displacement by which each sample moves.
     responses: Vec<Response>,
     seconds: f64,
 }
@@ -238,9 +238,9 @@ struct Found {
 /// Nodes that the controller smooths together.
 struct Group {
     nodes: std::ops::Range<usize>,
-    /// Largest distance over what is allowed, the least of all rounds: they do not become better from each to the next.
+    /// Largest distance over the allowed one, in the best round: rounds do not always improve it.
     least: f64,
-    /// Where the nodes were then.
+    /// Positions of the nodes in that round.
     places: Vec<Vector3<f64>>,
 }
 
@@ -270,7 +270,7 @@ impl Layout {
                 let before =
                     shaper.added(effort[i], i).into_iter().rev().map(|distance| 1.0 - distance / track.length());
                 let shares: Vec<f64> = after.chain(before).collect();
-                // Points of both ends, or of one, need room for their zones.
+                // Points near both ends, or near one, need room for their zones.
                 let begins = [0.0].iter().chain(&shares);
                 let has_room =
                     begins.zip(shares.iter().chain(&[1.0])).all(|(a, b)| (b - a) * track.length() >= 2.0 * zone);
@@ -296,7 +296,7 @@ impl Layout {
     }
 
     fn find_nodes(&mut self, shaper: &Shaper<'_>) {
-        // All points of the command in running order, moved or not: their progress along it.
+        // The progress along the command of all its points, in running order, moved or not.
         #[allow(clippy::cast_precision_loss)]
         let progress = |end: usize, share: f64| end as f64 - 1.0 + share;
         let mut points: Vec<(f64, Option<(usize, bool)>)> = Vec::new();
@@ -306,7 +306,7 @@ impl Layout {
             if let Some(via) = arc {
                 points.push((progress(k, via), freedom.via.then_some((k, true))));
             }
-            // A stop is passed as it is; an added point is free.
+            // A stop stays as it is; an added point is free.
             let moves = if end.share < 1.0 { true } else { freedom.end && end.zone.is_some() };
             points.push((progress(k, 1.0), moves.then_some((k, false))));
         }
@@ -343,7 +343,7 @@ impl Layout {
         Ok(command)
     }
 
-    /// How far each end, and its circle point, is moved, m.
+    /// Displacement of each end and of its circle point, m.
     fn shifts(&self, moved: &[Vector3<f64>]) -> Vec<[Vector3<f64>; 2]> {
         let mut shifts = vec![[Vector3::zeros(); 2]; self.ends.len()];
         for (node, moved) in self.nodes.iter().zip(moved) {
@@ -436,7 +436,7 @@ impl Shaper<'_> {
         }
     }
 
-    /// Distances from a waypoint of the points that are added on each side of it, m.
+    /// Distances from a waypoint of the points that an effort adds on each side of it, m.
     fn added(&self, effort: Effort, waypoint: usize) -> Vec<f64> {
         let distances = match effort {
             Effort::Added => ADDED_AT[0],
@@ -454,7 +454,7 @@ impl Shaper<'_> {
         distances.iter().map(at).collect()
     }
 
-    /// Whether the distance on the way to a waypoint counts.
+    /// Whether the distance from the segment to a waypoint counts.
     fn counts(&self, waypoint: usize) -> bool {
         self.path.track(waypoint).is_some() && self.freedom[waypoint].counts
     }
@@ -517,7 +517,7 @@ impl Shaper<'_> {
         Ok(Found { ends: ends.collect(), result })
     }
 
-    /// Nodes that lie so near each other that the controller smooths them together.
+    /// Groups of nodes that are so near one another that the controller smooths them together.
     fn groups(&self, layout: &Layout) -> Vec<std::ops::Range<usize>> {
         let time = |i: usize| {
             let (before, node) = (&layout.nodes[i - 1], &layout.nodes[i]);
@@ -534,11 +534,11 @@ impl Shaper<'_> {
         groups
     }
 
-    /// How the free nodes are to be moved, m.
+    /// The next step of the free nodes, m.
     fn step(&self, driven: &Driven, is_free: &[bool]) -> Vec<Vector3<f64>> {
         let unknowns: Vec<usize> = (0..is_free.len()).filter(|i| is_free[*i]).collect();
         let reach = |i: usize| &driven.responses[unknowns[i]];
-        // Where the first node begins that a node shares a sample with: the envelope of the normal equations.
+        // The first node with which each node shares a sample: the envelope of the normal equations.
         let mut first = 0;
         let starts: Vec<usize> = (0..unknowns.len())
             .map(|i| {
@@ -596,14 +596,14 @@ impl Shaper<'_> {
 }
 
 impl Layout {
-    /// Programmed waypoint that a node is nearest to along the path.
+    /// The programmed waypoint that is nearest to a node along the path.
     fn about(&self, node: &Node) -> usize {
         let end = &self.ends[node.end];
         end.waypoint - usize::from(end.share < 0.5 && end.waypoint > 0)
     }
 }
 
-/// From a place to the driven path between the samples about a waypoint, and the sample there.
+/// The vector from a point to the driven path between the samples near a waypoint, and the sample there.
 fn nearest(
     place: &Vector3<f64>,
     places: &[Vector3<f64>],

@@ -8,19 +8,19 @@ use rayon::prelude::*;
 
 /// Step of the averages of [`responses`], s: half a sample.
 const STEP_S: f64 = 0.5 * SAMPLE_S;
-/// Samples that have their integrals from one start: over some seconds, sums of angles keep their digits.
+/// Number of samples whose integrals begin at one moment: over some seconds, sums of angles keep their digits.
 const TOGETHER: usize = 256;
-/// Between two samples, a path that is sampled sparsely is straight to this, m: a fiftieth of what the best law that was fitted to a real
+/// A path that is sampled sparsely is straight to this between two samples, m: a fiftieth of what the best law that was fitted to a real
 /// controller leaves unexplained (docs/driven-path.md).
 const STRAIGHT: f64 = 1e-6;
-/// Most periods of [`SAMPLE_S`] between two of its samples: a quarter of a second, in which nothing of the cell changes by much.
+/// Most periods of [`SAMPLE_S`] between two such samples: a quarter of a second, in which nothing in the cell changes much.
 const MOST_PERIODS: usize = 64;
 
-/// Motor angles and, last, the length of route that has been covered, m: what is averaged. Of the progress, waypoints that lie close
-/// together would weigh more than others.
+/// The quantities that are averaged: motor angles, rad, and last the covered length of the route, m. In an average of the progress,
+/// waypoints that are close together would have more weight than others.
 type State = SVector<f64, 7>;
 
-/// A route over time. Between two of its moments, everything changes evenly.
+/// A route over time. Everything changes evenly between two of its moments.
 #[derive(Clone, Debug)]
 pub(crate) struct Timeline {
     law: PathLaw,
@@ -30,17 +30,17 @@ pub(crate) struct Timeline {
 /// A moment at which the route turns, or changes its speed.
 #[derive(Clone, Debug)]
 struct Moment {
-    /// Since the start of the first motion, s.
+    /// Time since the start of the first motion, s.
     time: f64,
     state: State,
     /// See [`Knot::progress`](super::route::Knot::progress).
     progress: f64,
-    /// Sum of what the velocity of the TCP has changed by up to here, m/s.
+    /// Sum of all changes of the velocity of the TCP up to here, m/s.
     turned: f64,
 }
 
-/// From a moment on: rate of the state, and its first and second integral over time, from the start of a stretch and of what the state
-/// has changed by since.
+/// From a moment on: the rate of the state, and the first and second integral over time of the change of the state since the start of a
+/// stretch.
 #[derive(Clone, Copy)]
 struct Integrals {
     rate: State,
@@ -49,7 +49,7 @@ struct Integrals {
 }
 
 impl Timeline {
-    /// Of a route that is at its knots at `times`, s. At a stop it rests until the axes have come to rest.
+    /// The timeline of a route that is at its knots at `times`, s. At a stop the route rests until the axes have come to rest.
     pub(super) fn new(law: &PathLaw, route: &Route, times: &[f64]) -> Self {
         let knots = &route.knots;
         let mut moments: Vec<Moment> = Vec::with_capacity(knots.len() + 1);
@@ -81,7 +81,7 @@ impl Timeline {
         Self { law: *law, moments }
     }
 
-    /// How many samples the path has, every [`SAMPLE_S`], until the axes are at rest.
+    /// Number of samples of the path, every [`SAMPLE_S`], until the axes are at rest.
     fn count(&self) -> usize {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         self.moments.last().map_or(0, |last| ((last.time + self.law.settling()) / SAMPLE_S).ceil() as usize + 1)
@@ -92,13 +92,13 @@ impl Timeline {
         self.at((0..self.count()).collect())
     }
 
-    /// The same at periods that are chosen from those, so that the path between two of them is straight to [`STRAIGHT`]. `longest` has the
-    /// longest time (s) between two of them where the route leads from the way to one waypoint up to the way to another.
+    /// Some of these samples, chosen so that the path between two of them is straight to [`STRAIGHT`]. `longest` gives the longest time (s)
+    /// between two samples of which the first is on the segment to one waypoint and the second on the segment to another.
     pub(crate) fn sparse_samples(&self, longest: &dyn Fn(usize, usize) -> f64) -> Vec<DrivenSample> {
         let count = self.count();
         let settling = self.law.settling();
         let (mut chosen, mut period) = (Vec::new(), 0);
-        // The last moments that do not count any more, and before the next sample.
+        // The last moments whose changes no longer act, and before the next sample.
         let (mut left, mut reached) = (0, 0);
         while period < count {
             chosen.push(period);
@@ -211,13 +211,13 @@ impl Timeline {
 }
 
 impl PathLaw {
-    /// By how much the driven path leaves the straight way between two samples, which are a `step` (s) apart, at most, m: the velocity of
-    /// the route changes by `change` (m/s) while it counts there.
+    /// Upper bound of the distance of the driven path from the straight line between two samples, m. The samples are a `step` (s) apart, and
+    /// the velocity of the route changes by `change` (m/s) in the time that acts on them.
     ///
-    /// The mean over the wider average has accelerations of `change` over its width at most, which change over the narrower one.
+    /// After the wider average, the acceleration is at most `change` over its width, and it changes over the narrower one.
     fn bend(&self, change: f64, step: f64) -> f64 {
         let [narrow, wide] = [f64::min, f64::max].map(|of| of(self.smoothing[0], self.smoothing[1]).max(SAMPLE_S));
-        // Axes of which one leads or trails may turn against each other.
+        // One axis may lead or trail while another one turns the other way.
         let (lead, lag) = (2.0 * self.axis_lead.amax(), 2.0 * self.lag.amax());
         let acceleration = change / wide;
         acceleration * step * step / 8.0 + acceleration * (lead + lag * step / 4.0) * (step / narrow).min(1.0)
@@ -242,7 +242,7 @@ fn place(progress: f64) -> (usize, f64) {
     (before as usize + 1, (progress - before).clamp(0.0, 1.0))
 }
 
-/// How the driven path follows something that happens along the route: values of consecutive samples, zero elsewhere.
+/// How the driven path follows a change along the route: values of consecutive samples, zero elsewhere.
 #[derive(Clone, Debug)]
 pub(super) struct Response {
     /// The first sample.
@@ -261,8 +261,8 @@ impl Response {
     }
 }
 
-/// Responses to hats over the progress along the route: one at the second of three places and zero at the first and the last.
-/// They are smoothed as an axis is that the law says nothing special about, and delayed by the mean lag.
+/// Responses to hats over the progress along the route: one at the second of three points, and zero at the first and the last.
+/// They are smoothed like an axis without a lead, and delayed by the mean lag.
 pub(super) fn responses(law: &PathLaw, route: &Route, times: &[f64], hats: &[[f64; 3]]) -> Vec<Response> {
     let end = times.last().copied().unwrap_or(0.0) + law.settling();
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
@@ -311,7 +311,7 @@ fn progress_in_cells(route: &Route, times: &[f64], rest: f64, cells: usize) -> V
     progress
 }
 
-/// The mean over a window of `width` s about the middle of each step less `delay` s; zero outside.
+/// Moving average over a window of `width` s about the middle of each step less `delay` s; zero outside.
 fn scalar_average(values: &[f64], width: f64, delay: f64) -> Vec<f64> {
     if width <= 0.0 {
         return values.to_vec();

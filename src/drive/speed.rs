@@ -1,4 +1,4 @@
-//! When the route is at each of its places.
+//! The time at each knot of the route.
 
 use super::route::Route;
 use super::{DriveError, LONGEST_S, PathLaw};
@@ -10,7 +10,7 @@ use super::{DriveError, LONGEST_S, PathLaw};
 pub(super) fn times(law: &PathLaw, route: &Route) -> Result<Vec<f64>, DriveError> {
     let knots = &route.knots;
     let gains = |i: usize| 2.0 * law.acceleration * knots[i].length;
-    // Squares of the largest speeds, m²/s²: those that hold on both sides of a knot, then what braking and accelerating allow.
+    // Squares of the largest speeds, m²/s²: first the limits on both sides of a knot, then what braking and accelerating allow.
     let mut squares: Vec<f64> = (0..knots.len())
         .map(|i| {
             let after = knots.get(i + 1).map_or(f64::INFINITY, |next| next.speed);
@@ -28,7 +28,7 @@ pub(super) fn times(law: &PathLaw, route: &Route) -> Result<Vec<f64>, DriveError
     for i in 0..knots.len() {
         if i > 0 {
             let (from, to) = (squares[i - 1].sqrt(), squares[i].sqrt());
-            // With an infinite acceleration a stretch between two stops is run at its speed.
+            // With an infinite acceleration, the arm has the speed limit of a stretch from its start to its end.
             let mean = if law.acceleration.is_infinite() { knots[i].speed } else { 0.5 * (from + to) };
             time += knots[i].length / mean;
             if knots[i - 1].stops && i > 1 {

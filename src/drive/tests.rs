@@ -5,10 +5,10 @@ use crate::robot::BUILTIN;
 use approx::{assert_abs_diff_eq, assert_relative_eq};
 use nalgebra::{Rotation3, Translation3, Vector3};
 
-/// A controller that smooths nothing and knows no inertia, to which each test adds what it is about.
+/// A controller without smoothing and inertia, to which each test adds what it examines.
 const PLAIN: PathLaw = PathLaw { zone_share: 1.0, ..PathLaw::AS_WRITTEN };
 
-/// A tool that points down, at a place of a horizontal plane, mm from its middle.
+/// An arm whose tool points down at a point of a horizontal plane, mm from its middle.
 struct Bench {
     robot: Robot,
 }
@@ -62,10 +62,10 @@ fn nearest(path: &[Vector3<f64>]) -> f64 {
 #[test]
 fn a_zone_rounds_a_corner_by_a_parabola() {
     let bench = Bench::new();
-    // The parabola through both ends of the zone is nearest half way between the corner and the middle of the chord: r √2 / 4.
+    // The parabola through both ends of the zone is nearest to the corner halfway to the middle of the chord: r √2 / 4.
     let path = bench.driven(&PLAIN, &bench.corner(Some(10.0)));
     assert_relative_eq!(nearest(&path), 10.0 * 2f64.sqrt() / 4.0, epsilon = 0.02);
-    // A share of the zone, a zone that is wider than half the way, and none.
+    // A share of the zone, a zone that is wider than half the segment, and no zone.
     let half = PathLaw { zone_share: 0.5, ..PLAIN };
     assert_relative_eq!(
         nearest(&bench.driven(&half, &bench.corner(Some(10.0)))),
@@ -85,7 +85,7 @@ fn a_zone_rounds_a_corner_by_a_parabola() {
 fn a_moving_average_rounds_a_corner_by_the_speed() {
     let bench = Bench::new();
     let law = PathLaw { smoothing: [0.08, 0.0], ..PLAIN };
-    // The mean of the way over the average's 80 ms: each side gives a quarter of 80 ms at 100 mm/s, 2 mm, at a right angle.
+    // The mean of the path over the average's 80 ms: each side gives a quarter of 80 ms at 100 mm/s, 2 mm, at a right angle.
     let path = bench.driven(&law, &bench.corner(Some(0.0)));
     assert_relative_eq!(nearest(&path), 2.0 * 2f64.sqrt() / 2.0 * 1.0, epsilon = 0.02);
     // At a stop the axes come to rest, whatever the smoothing.
@@ -175,8 +175,8 @@ fn the_program_is_found_in_a_log_with_lead_in_and_lead_out() {
     assert!(log.of_program(&bench.robot, &[bench.waypoint([300.0, 300.0], Lead::Line, None)], 0.05).is_none());
 }
 
-/// The search itself: logs that the law made are fitted to a few micrometres on logs that the fit has not seen. That the law is
-/// that of real controllers, only their logs show.
+/// Tests the search alone: a law is fitted to logs that a law has made, and predicts unseen logs to a few micrometres. Whether real
+/// controllers follow the law, only their logs can show.
 #[test]
 fn a_law_is_found_again_in_logs_that_it_made() {
     let bench = Bench::new();
@@ -278,7 +278,7 @@ fn a_corner_is_driven_within_the_tolerance_and_costs_less_time_with_added_points
         let cost = |shaped: &ShapedCommand| shaped.after.seconds - shaped.before.seconds;
         assert!(cost(&added) > 0.0 && cost(&added) < 0.5 * cost(&stopped), "{} {}", cost(&added), cost(&stopped));
         assert!(stopped.motions[1].zone.is_none() && added.motions[1].zone.is_some());
-        // Where neither may be, the best that points moved alone can do.
+        // Where neither is allowed, the best result of moved points alone.
         let moved = with(None, false);
         assert!(moved.after.largest > tolerance && moved.after.largest < 0.7 * moved.before.largest);
     }
@@ -313,7 +313,7 @@ fn what_may_not_be_changed_stays_and_what_is_driven_as_written_is_left_alone() {
     let movable = movable(&waypoints);
     let written = shape(&bench.robot, &PathLaw::AS_WRITTEN, &waypoints, &movable, exactly(2e-4)).expect("within reach");
     assert!(untouched(&written) && written.before.largest < 1.5e-4, "{}", written.before.largest);
-    // What does not count is no reason to move anything.
+    // An error that does not count is no reason to move a point.
     let elsewhere = vec![Freedom { end: true, stop: true, ..Freedom::default() }; 3];
     let shaped = shape(&bench.robot, &PathLaw::TYPICAL, &waypoints, &elsewhere, exactly(5e-5)).expect("within reach");
     assert!(untouched(&shaped) && shaped.after.largest <= 0.0);

@@ -1,6 +1,6 @@
-//! The curve that the controller leads the TCP along between two poses: a line or an arc, the orientation turning evenly.
+//! The curve of the TCP between two poses: a line or an arc, on which the orientation turns evenly.
 //!
-//! Positions are metres in the work object of the pose that the curve ends at.
+//! Positions are metres in the work object of the pose at the end of the curve.
 
 use crate::robot::{Pose, turn_between};
 use nalgebra::{Rotation3, Translation3, Unit, Vector3};
@@ -11,7 +11,7 @@ pub(crate) struct Track {
     from: Pose,
     to: Pose,
     curve: Curve,
-    /// Rotation vector of the whole turn, rad; through the circle point's orientation where there is one.
+    /// The turn of the orientation; through that of the circle point, if there is one.
     turn: Turn,
 }
 
@@ -27,13 +27,13 @@ enum Curve {
     },
 }
 
-/// How the orientation gets from the start to the end.
+/// How the orientation changes from the start to the end.
 #[derive(Clone, Debug)]
 enum Turn {
     None,
     /// Rotation vector, rad.
     Even(Vector3<f64>),
-    /// At the circle point, which is at this share: its orientation, and the rotation vectors to it and from it on.
+    /// Through the circle point at this share: its orientation, and the rotation vectors to it and after it.
     Through {
         share: f64,
         at: Rotation3<f64>,
@@ -71,7 +71,7 @@ impl Track {
         }
     }
 
-    /// The angle of an arc, rad; 0 of a line.
+    /// The angle of an arc, rad; 0 for a line.
     pub(crate) fn angle(&self) -> f64 {
         match &self.curve {
             Curve::Line => 0.0,
@@ -79,7 +79,7 @@ impl Track {
         }
     }
 
-    /// How far the orientation turns, rad; of an arc through a circle point as if its faster part were all of it.
+    /// Angle by which the orientation turns, rad; for an arc through a circle point, as if all of it turned as fast as the faster part.
     pub(crate) fn turn(&self) -> f64 {
         match &self.turn {
             Turn::None => 0.0,
@@ -100,7 +100,7 @@ impl Track {
         matches!(self.curve, Curve::Arc { .. })
     }
 
-    /// The place at a share of the length, m.
+    /// The position at a share of the length, m.
     pub(crate) fn place(&self, share: f64) -> Vector3<f64> {
         let (a, b) = (self.from.translation.vector, self.to.translation.vector);
         match &self.curve {
@@ -125,7 +125,7 @@ impl Track {
         Pose::from_parts(Translation3::from(at), rotation)
     }
 
-    /// The share of the length at which the curve is nearest to a place.
+    /// The share of the length at which the curve is nearest to a position.
     pub(crate) fn nearest(&self, place: &Vector3<f64>) -> f64 {
         let (a, b) = (self.from.translation.vector, self.to.translation.vector);
         match &self.curve {
@@ -139,7 +139,7 @@ impl Track {
                 let past_end = turned - angle;
                 match () {
                     () if past_end <= 0.0 => turned / angle,
-                    // Behind the arc, the end that is nearer.
+                    // Outside the angle of the arc, the end that is nearer.
                     () if past_end < std::f64::consts::TAU - turned => 1.0,
                     () => 0.0,
                 }
@@ -164,12 +164,12 @@ impl Track {
         matches!(self.turn, Turn::None)
     }
 
-    /// What of a shift away from the curve at a share of its length is across it: the nearest place of the curve is that far.
+    /// The part of a shift from the curve that is across the curve, at a share of its length: that far is the nearest point of the curve.
     pub(crate) fn across(&self, share: f64, shift: &Vector3<f64>) -> Vector3<f64> {
         self.tangent(share).map_or(*shift, |tangent| shift - tangent * tangent.dot(shift))
     }
 
-    /// The same at the start of a curve that begins with a corner: after the start there is no curve.
+    /// The same at the start of a curve that begins with a corner: before the start there is no curve.
     pub(crate) fn across_start(&self, shift: &Vector3<f64>) -> Vector3<f64> {
         self.tangent(0.0).map_or(*shift, |tangent| shift - tangent * tangent.dot(shift).max(0.0))
     }
@@ -186,7 +186,7 @@ impl Turn {
 #[derive(Clone, Debug)]
 struct Circle {
     centre: Vector3<f64>,
-    /// The points that it was made of follow each other counterclockwise about it.
+    /// The points that define the circle follow one another counterclockwise about it.
     axis: Unit<Vector3<f64>>,
     radius: f64,
 }
