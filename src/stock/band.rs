@@ -1,4 +1,4 @@
-//! A band of the lattice: rows of lines that are cut apart from all others.
+//! A band of the lattice: rows of lines that are cut independently of all others.
 
 use super::history::History;
 use super::lattice::Lattice;
@@ -8,7 +8,7 @@ use std::ops::Range;
 /// Lines along an edge of a tile, and rows of a band.
 pub(super) const TILE: usize = 16;
 
-/// Lines of a square of the lattice, made when the first of them changes.
+/// Lines of a square of the lattice, allocated when the first of them changes.
 type Tile = Option<Box<[Line]>>;
 
 /// A row of tiles, with the history of its lines.
@@ -21,7 +21,7 @@ pub(super) struct Band {
 }
 
 impl Band {
-    /// A band from its number, that nothing has cut.
+    /// The band with a number, which nothing has cut.
     pub(super) fn new(number: usize, lattice: &Lattice) -> Self {
         let tiles = vec![None; lattice.lines[0].div_ceil(TILE)];
         Self { first: number * TILE, tiles, history: History::default() }
@@ -32,19 +32,19 @@ impl Band {
         self.first..self.first + TILE
     }
 
-    /// The lines of a tile, where one of them has been touched.
+    /// The lines of a tile; `None` if nothing has touched them.
     #[inline]
     pub(super) fn tile(&self, number: usize) -> Option<&[Line]> {
         self.tiles.get(number)?.as_deref()
     }
 
-    /// A line, where one of its tile has been touched.
+    /// A line; `None` if nothing has touched its tile.
     #[inline]
     pub(super) fn line(&self, i: usize, j: usize) -> Option<&Line> {
         self.tile(i / TILE).map(|lines| &lines[(j % TILE) * TILE + i % TILE])
     }
 
-    /// A line to be changed.
+    /// A line that will be changed, and the history.
     #[inline]
     pub(super) fn line_mut(&mut self, lattice: &Lattice, i: usize, j: usize) -> (&mut Line, &mut History) {
         let first = self.first;
@@ -52,7 +52,7 @@ impl Band {
         (&mut tile[(j % TILE) * TILE + i % TILE], &mut self.history)
     }
 
-    /// Memory of its lines, bytes, about.
+    /// Approximate memory of its lines, bytes.
     pub(super) fn memory(&self) -> usize {
         self.tiles.iter().flatten().count() * TILE * TILE * size_of::<Line>() + self.tiles.len() * size_of::<Tile>()
     }

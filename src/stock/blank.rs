@@ -1,4 +1,4 @@
-//! The blank: what the stock is before the first cut.
+//! The blank: the stock before the first cut.
 
 use super::closed::ClosedMesh;
 use nalgebra::Vector3;
@@ -7,14 +7,14 @@ use std::sync::Arc;
 /// A blank in the stock's frame, m.
 #[derive(Clone, Debug)]
 pub enum Blank {
-    /// From the lower to the upper corner.
+    /// A box with its lower and upper corner.
     Box([Vector3<f64>; 2]),
-    /// Inside of a mesh.
+    /// The inside of a mesh.
     Mesh(Arc<ClosedMesh>),
 }
 
 impl Blank {
-    /// Lower and upper corner of a box about it, m.
+    /// Lower and upper corner of its bounding box, m.
     #[must_use]
     pub fn bounds(&self) -> [Vector3<f64>; 2] {
         match self {
@@ -23,7 +23,7 @@ impl Blank {
         }
     }
 
-    /// Signed depth of a point in the blank, m: above zero inside. Of a mesh it is known up to some millimetres.
+    /// Signed depth of a point in the blank, m: positive inside. For a mesh its size is known up to a bound of one millimetre.
     #[inline]
     #[must_use]
     pub fn depth(&self, point: &Vector3<f64>) -> f64 {
@@ -36,7 +36,7 @@ impl Blank {
         }
     }
 
-    /// Intervals of the blank on the line along z through a place.
+    /// Intervals of the blank on the line along z through a point.
     pub(super) fn spans(&self, x: f64, y: f64, mut each: impl FnMut(f64, f64)) {
         match self {
             Self::Box([low, high]) => {

@@ -4,16 +4,16 @@ use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::RangeInclusive;
 
-/// Farther from the surface than this, m, a depth is this: what asks for depths looks at cells of cutters, which are smaller.
+/// Bound of a depth, m: farther from the surface, a depth has this size. Depths serve cells of cutters, which are smaller.
 const FAR: f64 = 1e-3;
 
-/// Stands for a side that is zero.
+/// Replaces a side of zero.
 const TINY: f64 = 1e-200;
 
-/// Bins along the longer side at most.
+/// Most bins along the longer side.
 const MOST_BINS: f64 = 512.0;
 
-/// Bins that a triangle stands in, on average, at most; a mesh of few triangles may have this many copies more.
+/// Most bins of a triangle, on average; a mesh of few triangles may have the second number of copies in addition.
 const MOST_COPIES: usize = 16;
 const FEW_COPIES: usize = 1 << 20;
 
@@ -31,7 +31,7 @@ pub struct ClosedMesh {
     boxes: Vec<BoxNode>,
 }
 
-/// A box about some triangles, m. What stands behind a box of two is the first of them.
+/// The bounding box of some triangles, m. The first of the two boxes within a box is the next one in the list.
 #[derive(Clone, Copy, Debug)]
 struct BoxNode {
     low: Vector3<f64>,
@@ -42,22 +42,22 @@ struct BoxNode {
 #[derive(Clone, Copy, Debug)]
 enum Holds {
     Triangle(u32),
-    /// Index of the second of the two boxes in it.
+    /// Two boxes: the index of the second.
     Boxes(u32),
 }
 
 impl BoxNode {
-    /// Square of the distance of a point, m².
+    /// Square of the distance of a point from the box, m².
     fn distance_squared(&self, point: &Vector3<f64>) -> f64 {
         (self.low - point).sup(&(point - self.high)).sup(&Vector3::zeros()).norm_squared()
     }
 }
 
-/// Why triangles are no solid.
+/// Why triangles do not form a solid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum OpenMesh {
-    /// There is none.
+    /// There are no triangles.
     #[error("there is no triangle in it")]
     Empty,
     /// Edges that not exactly two triangles share, each in its own direction.
@@ -66,7 +66,7 @@ pub enum OpenMesh {
         at_mm[0], at_mm[1], at_mm[2]
     )]
     Edges {
-        /// How many.
+        /// Number of such edges.
         edges: usize,
         /// Where the first begins, mm.
         at_mm: [f64; 3],
@@ -77,10 +77,10 @@ pub enum OpenMesh {
 }
 
 impl ClosedMesh {
-    /// Of triangles, m. Corners at the same place are one; a mesh with its inside out is turned.
+    /// A mesh of triangles, m. Equal corners are merged; a mesh that is inside out is inverted.
     ///
     /// # Errors
-    /// Triangles that do not close.
+    /// The triangles do not form a closed surface.
     pub fn new(triangles: &[[Vector3<f64>; 3]]) -> Result<Self, OpenMesh> {
         if triangles.iter().flatten().any(|corner| !corner.iter().all(|v| v.is_finite())) {
             return Err(OpenMesh::NotFinite);
@@ -98,7 +98,7 @@ impl ClosedMesh {
         let mut known: BTreeMap<[u64; 3], u32> = BTreeMap::new();
         for triangle in triangles {
             let corners = triangle.map(|corner| {
-                // Zero has two signs.
+                // Zero may have either sign.
                 let key = [0, 1, 2].map(|k| (corner[k] + 0.0).to_bits());
                 *known.entry(key).or_insert_with(|| {
                     mesh.points.push(corner);
@@ -121,8 +121,8 @@ impl ClosedMesh {
         Ok(mesh)
     }
 
-    /// Boxes in boxes, each halved across its longer side: the triangles near a point are found in steps that go by the logarithm
-    /// of their number.
+    /// Sorts the triangles into nested boxes, each halved across its longer side. The number of steps to the triangles near a point then
+    /// grows with the logarithm of their number.
     fn sort_into_boxes(&mut self) {
         let mut all: Vec<BoxNode> = Vec::with_capacity(self.triangles.len());
         for number in 0..u32::try_from(self.triangles.len()).unwrap_or(u32::MAX) {
@@ -130,7 +130,7 @@ impl ClosedMesh {
             all.push(BoxNode { low: a.inf(&b).inf(&c), high: a.sup(&b).sup(&c), holds: Holds::Triangle(number) });
         }
         let mut boxes = Vec::with_capacity(2 * all.len());
-        // Parts that wait, and the box that each is the second half of.
+        // Parts that are not yet sorted, each with the box of which it is the second half.
         let mut open = vec![(0..all.len(), None::<usize>)];
         while let Some((part, second_of)) = open.pop() {
             let here = boxes.len();
@@ -171,7 +171,7 @@ impl ClosedMesh {
                 Holds::Boxes(second) => {
                     let halves = [at + 1, second];
                     let away = halves.map(|half| self.boxes[half as usize].distance_squared(point));
-                    // The nearer one first: it makes the other far.
+                    // The nearer one first: after it, the other one is often too far.
                     let [near, far] = if away[0] <= away[1] { halves } else { [second, at + 1] };
                     open.extend([far, near]);
                 }
@@ -184,7 +184,7 @@ impl ClosedMesh {
         if self.triangles.is_empty() {
             return Err(OpenMesh::Empty);
         }
-        // What is left when each edge has met the same edge the other way.
+        // Edges that have not met the same edge in the opposite direction.
         let mut open: BTreeSet<(u32, u32, usize)> = BTreeSet::new();
         for [a, b, c] in &self.triangles {
             for (from, to) in [(*a, *b), (*b, *c), (*c, *a)] {
@@ -221,7 +221,7 @@ impl ClosedMesh {
         let mut sides: BTreeMap<(u32, u32), Vec<Vector3<f64>>> = BTreeMap::new();
         for (triangle, [a, b, c]) in self.triangles.iter().enumerate() {
             let [p, q, r] = self.corners(u32::try_from(triangle).unwrap_or(u32::MAX));
-            // Slivers of no area have no side to turn from.
+            // A triangle without area has no normal.
             let Some(normal) = (q - p).cross(&(r - p)).try_normalize(0.0) else { continue };
             for (from, to) in [(*a, *b), (*b, *c), (*c, *a)] {
                 sides.entry((from.min(to), from.max(to))).or_default().push(normal);
@@ -251,7 +251,7 @@ impl ClosedMesh {
             self.count = [0, 1].map(|k| (size[k] / self.size).floor() as usize + 1);
             let places =
                 |triangle: &[u32; 3]| self.bins_of(triangle).map(|range| range.count()).iter().product::<usize>();
-            // Slivers from one side to the other lie in a whole row of bins, or in all of them: larger bins hold fewer copies.
+            // A sliver from one side to the other lies in a whole row of bins, or in all of them: larger bins need fewer copies.
             let copies: usize = self.triangles.iter().map(places).sum();
             if wanted <= 1.0 || copies <= MOST_COPIES * self.triangles.len() + FEW_COPIES {
                 break;
@@ -270,7 +270,7 @@ impl ClosedMesh {
         }
     }
 
-    /// Columns and rows of bins that a triangle lies over.
+    /// Columns and rows of the bins over which a triangle lies.
     fn bins_of(&self, triangle: &[u32; 3]) -> [RangeInclusive<usize>; 2] {
         let corners = triangle.map(|corner| self.points[corner as usize]);
         [0, 1].map(|k| {
@@ -285,7 +285,7 @@ impl ClosedMesh {
         (((at - self.low[k]) / self.size).max(0.0) as usize).min(self.count[k] - 1)
     }
 
-    /// Heights at which the line along z through a place enters and leaves, in order.
+    /// Heights at which the line along z through a point enters and leaves the solid, in order.
     pub(super) fn spans(&self, x: f64, y: f64, mut each: impl FnMut(f64, f64)) {
         if x < self.low.x || x > self.high.x || y < self.low.y || y > self.high.y {
             return;
@@ -300,16 +300,16 @@ impl ClosedMesh {
         }
     }
 
-    /// Height of a triangle over a place, where it is over it: of two triangles with an edge there, one is.
+    /// Height of a triangle over a point; `None` if it is not over it. Of two triangles that share an edge over the point, one is over it.
     fn height(&self, triangle: u32, x: f64, y: f64) -> Option<f64> {
         let corners = self.triangles[triangle as usize];
         let side = |k: usize| {
             let (a, b) = (corners[k], corners[(k + 1) % 3]);
-            // An edge is seen from the same end by both its triangles: their answers are opposite, to the last bit.
+            // Both triangles of an edge compute it from the same end: their results are opposite to the last bit.
             let (from, to, sign) = if a < b { (a, b, 1.0) } else { (b, a, -1.0) };
             let (from, to) = (self.points[from as usize], self.points[to as usize]);
             let side = (to.x - from.x) * (y - from.y) - (to.y - from.y) * (x - from.x);
-            // On it: as if a little ahead in x, and far less in y.
+            // On the edge: as if the point were a little farther in x, and far less in y.
             let beside = [side, from.y - to.y, to.x - from.x];
             sign * beside
                 .into_iter()
@@ -325,7 +325,7 @@ impl ClosedMesh {
         Some((sides[1] * a.z + sides[2] * b.z + sides[0] * c.z) / whole)
     }
 
-    /// Signed depth of a point, m: above zero inside; a distance from the surface up to a bound, from where on it is that.
+    /// Signed depth of a point, m: positive inside. Its size is the distance from the surface, up to a bound.
     #[must_use]
     pub fn depth(&self, point: &Vector3<f64>) -> f64 {
         let mut inside = false;
@@ -334,7 +334,7 @@ impl ClosedMesh {
         if inside { nearest.sqrt() } else { -nearest.sqrt() }
     }
 
-    /// Square of a point's distance from a triangle, m²; not computed where it is above `most`.
+    /// Square of a point's distance from a triangle, m²; not computed exactly if it is above `most`.
     fn distance_squared(&self, triangle: u32, point: &Vector3<f64>, most: f64) -> f64 {
         let [a, b, c] = self.corners(triangle);
         let normal = (b - a).cross(&(c - a));

@@ -1,4 +1,4 @@
-//! What a sweep takes from the lines.
+//! The material that a sweep removes from the lines.
 
 use super::band::Band;
 use super::lattice::{Lattice, turned};
@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use std::ops::Range;
 
 impl Band {
-    /// Length on the band's lines that a cut removes, m.
+    /// Removes a cut from the band's lines. Returns the removed length of all lines, m.
     pub(super) fn take(&mut self, lattice: &Lattice, cut: &Cut) -> f64 {
         let own = self.rows();
         let rows = own.start.max(cut.rows.start)..own.end.min(cut.rows.end);
@@ -20,19 +20,19 @@ impl Band {
         }
     }
 
-    /// A cutter along the lines.
+    /// Cuts with a cutter whose axis is parallel to the lines.
     fn take_upright(&mut self, lattice: &Lattice, cut: &Cut, rows: Range<usize>) -> f64 {
         let (sweep, columns) = (&cut.sweep, &cut.columns);
         let (solid, spacing) = (sweep.solid, lattice.spacing);
         let [u, v] = turned(sweep.start.tip.x, sweep.start.tip.y);
-        let way = sweep.end.tip - sweep.start.tip;
-        let [du, dv] = turned(way.x, way.y);
+        let displacement = sweep.end.tip - sweep.start.tip;
+        let [du, dv] = turned(displacement.x, displacement.y);
         let square = du * du + dv * dv;
         let per_square = if square > 0.0 { 1.0 / square } else { 0.0 };
         let reach = (solid.radius + spacing) * (solid.radius + spacing);
         let tip = sweep.start.tip.z - lattice.origin[2];
         let rise = sweep.end.tip.z - sweep.start.tip.z;
-        // Going down, the bottom cuts behind the plane of the tip too.
+        // On a descending motion, the bottom cuts on both sides of the plane through the tip.
         let ahead = (cut.continues && rise >= 0.0).then_some([du, dv]);
         let blank_top = lattice.blank.bounds()[1].z - lattice.origin[2];
         let lowest = tip + rise.min(0.0);
@@ -45,7 +45,7 @@ impl Band {
                 }
                 let from_u = lattice.origin[0] + (i as f64 + 0.5) * spacing - u;
                 let share = (from_u * du + from_v * dv) * per_square;
-                // Nearest to where it starts: the sweep before has been there.
+                // Nearest to the start: the sweep before has removed that.
                 if ahead.is_some() && share <= 0.0 {
                     continue;
                 }
@@ -57,7 +57,7 @@ impl Band {
                 }
                 let across = nearest.sqrt();
                 let meets = across < solid.radius;
-                // No lower than its lower end where it passes nearest.
+                // The surface is no lower than that of the lower end at the smallest distance.
                 let least = if meets { tip + rise.min(0.0) + solid.height(across) } else { f64::INFINITY };
                 if least > blank_top + spacing && meets {
                     continue;
@@ -84,7 +84,7 @@ impl Band {
         removed
     }
 
-    /// Any cutter on any way.
+    /// Cuts with any cutter on any motion.
     fn take_any(&mut self, lattice: &Lattice, cut: &Cut, rows: Range<usize>) -> f64 {
         let (sweep, columns) = (&cut.sweep, &cut.columns);
         let bottom = lattice.origin[2];
@@ -93,13 +93,15 @@ impl Band {
         let lowest = lowest - 1e-3;
         let ahead = sweep.ahead().filter(|_| cut.continues);
         let tip = sweep.start.tip;
-        // Seen from above: a line behind the plane at every height is left out with its row, and so is what is out of reach.
+        // Seen from above: lines that are on the near side of the plane at every height are left out with their row, and so are lines out of
+        // reach.
         let plane = ahead.map(|ahead| {
             let over = [lowest, lattice.blank.bounds()[1].z].map(|z| ahead.z * (z - tip.z));
-            let way = turned(ahead.x, ahead.y);
-            let back = over[0].max(over[1]) / (way[0] * way[0] + way[1] * way[1]).max(f64::MIN_POSITIVE);
+            let displacement = turned(ahead.x, ahead.y);
+            let back = over[0].max(over[1])
+                / (displacement[0] * displacement[0] + displacement[1] * displacement[1]).max(f64::MIN_POSITIVE);
             let [u, v] = turned(tip.x, tip.y);
-            (way, [u - way[0] * back, v - way[1] * back])
+            (displacement, [u - displacement[0] * back, v - displacement[1] * back])
         });
         let centre = spine.iter().fold(Vector3::zeros(), |sum, point| sum + point / spine.len() as f64);
         let beside = |point: &Vector3<f64>| (point.x - centre.x).hypot(point.y - centre.y);
@@ -113,12 +115,12 @@ impl Band {
             let first = columns.start.max(column(centre_u - half).floor() as usize);
             let end = columns.end.min(column(centre_u + half).ceil() as usize + 1);
             let columns = match &plane {
-                Some((way, [plane_u, plane_v])) => {
-                    lattice.ahead_in_row(&(first..end), Some(*way), v - plane_v, *plane_u)
+                Some((displacement, [plane_u, plane_v])) => {
+                    lattice.ahead_in_row(&(first..end), Some(*displacement), v - plane_v, *plane_u)
                 }
                 None => first..end,
             };
-            // Where the line before was entered: the next one is entered nearby.
+            // The height at which the line before was entered: the next one is entered nearby.
             let mut last: Option<f64> = None;
             for i in columns {
                 let [x, y] = lattice.place(i, j);
@@ -139,12 +141,12 @@ impl Band {
                         let (line, history) = self.line_mut(lattice, i, j);
                         history.pass(line, at_top.value, cut);
                     }
-                    // The cutter is above the top, or beside the line.
+                    // The cutter is above the top, or next to the line.
                     if at_top.slope <= 0.0 {
                         continue;
                     }
                 }
-                // From the top first: most lines next to a leaning cutter do not meet it, which is soon found.
+                // From the top first: most lines next to a leaning cutter do not meet it, which shows after few steps.
                 let high = if at_top.value <= 0.0 {
                     f64::INFINITY
                 } else {
@@ -166,14 +168,20 @@ impl Band {
 }
 
 impl Lattice {
-    /// The columns of a row that are ahead of a plane through a place at `u`: behind it the sweep before has been. The row is
-    /// `from_v` away from the place.
-    fn ahead_in_row(&self, columns: &Range<usize>, way: Option<[f64; 2]>, from_v: f64, u: f64) -> Range<usize> {
-        let Some([du, dv]) = way else { return columns.clone() };
+    /// The columns of a row that are ahead of a plane through a point at `u`; the sweep before has removed the others. The row is
+    /// `from_v` away from the point.
+    fn ahead_in_row(
+        &self,
+        columns: &Range<usize>,
+        displacement: Option<[f64; 2]>,
+        from_v: f64,
+        u: f64,
+    ) -> Range<usize> {
+        let Some([du, dv]) = displacement else { return columns.clone() };
         if du.abs() <= 1e-6 * dv.abs() {
             return if from_v * dv < -self.spacing * dv.abs() { 0..0 } else { columns.clone() };
         }
-        // from_u·du + from_v·dv = 0, and a line more for the rounding.
+        // from_u·du + from_v·dv = 0, and one more line for the rounding.
         let edge = (u - from_v * dv / du - self.origin[0]) / self.spacing - 0.5;
         if du > 0.0 {
             columns.start.max((edge - 1.0).max(0.0) as usize)..columns.end
@@ -183,12 +191,12 @@ impl Lattice {
     }
 }
 
-/// Where on a ramp an upright cutter is lowest over a place, at which it is nearest at a share of the way: that share, and how
-/// far the axis is then, m.
+/// The share of a ramp at which an upright cutter is lowest over a point, and the distance of the axis there, m. `nearest` is the share at
+/// which the axis is nearest to the point.
 ///
-/// The height is convex along the way: its derivative's change of sign, by false position, halving where that creeps.
-fn lowest_of_ramp(solid: &Solid, from: [f64; 2], way: [f64; 2], rise: f64, nearest: f64) -> (f64, f64) {
-    let across = |share: f64| (from[0] - share * way[0]).hypot(from[1] - share * way[1]);
+/// The height is convex along the ramp. The zero of its derivative is found by false position, with halving where that is slow.
+fn lowest_of_ramp(solid: &Solid, from: [f64; 2], displacement: [f64; 2], rise: f64, nearest: f64) -> (f64, f64) {
+    let across = |share: f64| (from[0] - share * displacement[0]).hypot(from[1] - share * displacement[1]);
     let flat = solid.flat();
     let slope = |share: f64| {
         let rho = across(share);
@@ -196,12 +204,14 @@ fn lowest_of_ramp(solid: &Solid, from: [f64; 2], way: [f64; 2], rise: f64, neare
         if out <= 0.0 {
             return rise;
         }
-        let towards = -((from[0] - share * way[0]) * way[0] + (from[1] - share * way[1]) * way[1]) / rho;
+        let towards = -((from[0] - share * displacement[0]) * displacement[0]
+            + (from[1] - share * displacement[1]) * displacement[1])
+            / rho;
         let under = solid.corner * solid.corner - out * out;
-        // At the cylinder the surface stands upright.
+        // On the cylinder the surface is vertical.
         if under <= 0.0 { 1e6 * towards } else { rise + out / under.sqrt() * towards }
     };
-    // Downhill from the nearest place, where the cutter's own height is least.
+    // Downhill from the nearest point, where the cutter's own height is least.
     let mut low = nearest;
     let mut high = if rise < 0.0 { 1.0 } else { 0.0 };
     let mut at_low = slope(low) * (high - low);
@@ -228,12 +238,12 @@ fn lowest_of_ramp(solid: &Solid, from: [f64; 2], way: [f64; 2], rise: f64, neare
     (there, across(there))
 }
 
-/// Height at which a line along z enters a sweep, coming from a height outside; `None` where it passes by.
+/// Height at which a line along z enters a sweep, from a height outside; `None` if it misses the sweep.
 ///
-/// The distance is convex along the line, so that Newton's steps come to the first place from outside and never pass it.
+/// The distance is convex along the line. Newton's steps therefore approach the first intersection from outside and never pass it.
 fn enter(sweep: &Sweep, [x, y]: [f64; 2], from: f64, upwards: f64) -> Option<f64> {
     const NEWTON_STEPS: usize = 40;
-    /// Nearer than this is there, m.
+    /// A distance below this is an intersection, m.
     const THERE: f64 = 1e-9;
     let mut z = from;
     for _ in 0..NEWTON_STEPS {
@@ -241,7 +251,7 @@ fn enter(sweep: &Sweep, [x, y]: [f64; 2], from: f64, upwards: f64) -> Option<f64
         if value <= THERE {
             return Some(z);
         }
-        // Getting no nearer.
+        // The distance no longer decreases.
         if slope * upwards >= -1e-6 {
             return None;
         }

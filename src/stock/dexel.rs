@@ -12,8 +12,8 @@ use rayon::prelude::*;
 use smallvec::SmallVec;
 use std::ops::Range;
 
-/// What a cutter has touched is no material: a pose that it comes to again has nothing left to cut. Above the rounding of a
-/// distance, m.
+/// A point this near to a sweep counts as cut, m: a pose to which the cutter returns has nothing left to cut. Above the rounding of a
+/// distance.
 const TOUCH: f64 = 2e-7;
 
 /// The stock: blank less what has been swept.
@@ -22,7 +22,7 @@ pub struct Stock {
     lattice: Lattice,
     bands: Vec<Band>,
     sweeps: Vec<Sweep>,
-    /// Cuts up to now, and of these the ones that are still to be taken from the lines, of so many moves.
+    /// Number of cuts up to now; those that are not yet taken from the lines; the number of their moves.
     cuts: u32,
     deferred: Vec<Cut>,
     moves: usize,
@@ -30,7 +30,7 @@ pub struct Stock {
 }
 
 impl Stock {
-    /// Lines that a blank takes at a spacing (m), before memory is allocated: see [`limits`](crate::limits::STOCK_LINES).
+    /// Number of lines of a blank at a spacing (m), before memory is allocated: see [`limits`](crate::limits::STOCK_LINES).
     #[must_use]
     pub fn lines_over(blank: &Blank, spacing: f64) -> f64 {
         lines_over(blank, spacing)
@@ -62,7 +62,7 @@ impl Stock {
         self.removed
     }
 
-    /// Volume of what is left, m³, summed over all lines.
+    /// Volume of the remaining material, m³, summed over all lines.
     #[must_use]
     pub fn volume(&self) -> f64 {
         let [columns, rows] = self.lattice.lines;
@@ -71,7 +71,7 @@ impl Stock {
         sum * self.lattice.spacing * self.lattice.spacing
     }
 
-    /// Memory of lines and sweeps, bytes, about.
+    /// Approximate memory of lines and sweeps, bytes.
     #[must_use]
     pub fn memory(&self) -> usize {
         self.bands.iter().map(Band::memory).sum::<usize>() + self.sweeps.len() * size_of::<Sweep>()
@@ -81,37 +81,37 @@ impl Stock {
         &self.lattice
     }
 
-    /// A line, where one of its tile has been touched.
+    /// A line; `None` if nothing has touched its tile.
     #[inline]
     pub(super) fn line(&self, i: usize, j: usize) -> Option<&Line> {
         self.bands[j / TILE].line(i, j)
     }
 
-    /// Signed depth of a point in the material, m: above zero inside. Near a surface it is the distance from it.
+    /// Signed depth of a point in the material, m: positive inside. Near a surface it is the distance from the surface.
     #[must_use]
     pub fn depth(&self, point: &Vector3<f64>) -> f64 {
         self.depth_at(&Moment::LATEST, point, BLANK).0
     }
 
-    /// Keeps from now on what is needed to tell what the stock was at each [moment](Stock::now), and forgets all before.
+    /// Keeps from now on the states of the stock at each [moment](Stock::now), and forgets all before.
     pub fn keep_history(&mut self) {
         let settled = self.cuts - self.deferred.len() as u32;
         self.bands.iter_mut().for_each(|band| band.history.begin(settled));
     }
 
-    /// Keeps no history any more.
+    /// Stops keeping the history.
     pub fn drop_history(&mut self) {
         self.bands.iter_mut().for_each(|band| band.history.end());
     }
 
-    /// This moment.
+    /// The present moment.
     #[must_use]
     pub fn now(&self) -> Moment {
         let sweeps = u32::try_from(self.sweeps.len()).unwrap_or(u32::MAX);
         Moment { cuts: self.cuts, sweeps, last: self.sweeps.last().copied() }
     }
 
-    /// [`Stock::depth`] at a moment as if one sweep had not been, and whose surface it is from: a sweep's number, 0 the blank.
+    /// [`Stock::depth`] at a moment as if one sweep had not been, and the owner of the surface: the number of a sweep, or 0 for the blank.
     #[inline]
     pub(super) fn depth_at(&self, moment: &Moment, point: &Vector3<f64>, without: u32) -> (f64, u32) {
         let (mut depth, mut whose) = (self.lattice.blank.depth(point), BLANK);
@@ -139,19 +139,19 @@ impl Stock {
                 (depth, whose) = (distance, by);
             }
         }
-        // None of the lines about it has material there: what took it has no end left.
+        // No line around the point has material there: the sweep that removed it owns no end any more.
         if depth > 0.0 && !untouched && !about.iter().flatten().any(|line| line.has_material(height, *spacing)) {
             depth = -depth.min(*spacing);
         }
         (depth, whose)
     }
 
-    /// The four lines about a square of the lattice, from its first on, as they were after so many cuts; and whether one of
+    /// The four lines at the corners of a square of the lattice, from the first one on, as they were after `cuts` cuts, and whether one of
     /// them has never been touched.
     #[inline]
     fn about(&self, i: usize, j: usize, cuts: u32) -> ([Option<&Line>; 4], bool) {
         let band = &self.bands[(j / TILE).min(self.bands.len() - 1)];
-        // Mostly they are of one tile.
+        // Mostly they are in one tile.
         if i % TILE + 1 < TILE
             && j % TILE + 1 < TILE
             && let Some(tile) = band.tile(i / TILE)
@@ -171,7 +171,7 @@ impl Stock {
         (about, untouched)
     }
 
-    /// Depth of a point in what one sweep alone, or the blank, leaves at a moment, m.
+    /// Depth of a point in the material that one sweep alone, or the blank, leaves at a moment, m.
     #[inline]
     pub(super) fn depth_of(&self, moment: &Moment, whose: u32, point: &Vector3<f64>) -> f64 {
         if whose == BLANK {
@@ -181,14 +181,14 @@ impl Stock {
         grown.unwrap_or_else(|| &self.sweeps[whose as usize - 1]).distance(point) - TOUCH
     }
 
-    /// Removes what a cutter meets on its straight way between two poses, and what was deferred before; the volume, m³.
+    /// Removes what a cutter meets on its straight motion between two poses, and what was deferred before. Returns the volume, m³.
     pub fn remove(&mut self, solid: Solid, start: &ToolPose, end: &ToolPose) -> f64 {
         self.defer(solid, start, end);
         self.settle().pop().unwrap_or(0.0)
     }
 
-    /// Takes in a cutter's straight way between two poses, and leaves to [`Stock::settle`] what it removes: from
-    /// [now](Stock::now) on it comes after each moment, so that only later moments may be read from then on.
+    /// Adds a cutter's straight motion between two poses, and leaves the removal to [`Stock::settle`]. The cut counts as later than every
+    /// moment before, so that only [later moments](Stock::now) may be read from then on.
     pub fn defer(&mut self, solid: Solid, start: &ToolPose, end: &ToolPose) {
         let [low, high] = self.lattice.blank.bounds();
         let count = Sweep::count(start, end, (high.z - low.z).max(solid.radius));
@@ -201,7 +201,7 @@ impl Stock {
         self.moves += 1;
     }
 
-    /// Removes what was deferred, band by band in parallel; the volume of each of these moves, m³.
+    /// Removes what was deferred, with the bands in parallel. Returns the volume of each of these moves, m³.
     pub fn settle(&mut self) -> Vec<f64> {
         let cuts = std::mem::take(&mut self.deferred);
         let first = cuts.iter().map(|cut| cut.rows.start).min().unwrap_or(0) / TILE;
@@ -221,7 +221,7 @@ impl Stock {
         volumes
     }
 
-    /// Takes in a sweep, whose cut is deferred.
+    /// Adds a sweep, whose cut is deferred.
     fn take_in(&mut self, sweep: Sweep) {
         let Lattice { origin, spacing, lines, .. } = self.lattice;
         let [low, high] = self.lattice.blank.bounds();
@@ -256,7 +256,7 @@ impl Stock {
     }
 }
 
-/// The few sweeps about a point, each once.
+/// The few sweeps near a point, each once.
 #[derive(Default)]
 struct Owners {
     owners: SmallVec<[u32; 16]>,
@@ -266,7 +266,7 @@ struct Owners {
 impl Owners {
     #[inline]
     fn add(&mut self, by: u32) {
-        // Most lines about a point are of one sweep, and the next one has passed over them.
+        // Most lines near a point were cut by one sweep, and the next one has passed over them.
         if by == BLANK || self.last.contains(&by) {
             return;
         }

@@ -13,48 +13,48 @@ use std::f64::consts::TAU;
 /// Sine of a ramp from which the flat bottom counts as cutting: half a degree.
 const PLUNGE_OF_BOTTOM: f64 = 0.01;
 
-/// What of a cutter is engaged.
+/// The engaged part of a cutter.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Engaged {
     /// Mean force on the tool, linear in the feed per tooth, stock's axes.
     pub force: ForceParts,
-    /// How far the rim of the engagement may put it off, the same parts as sizes: N, N/m.
+    /// Bounds of the error of the force because of the rim of the engagement, for the same parts: N, N/m.
     pub bound: [f64; 2],
     /// Extent of the engaged part along the tool axis, m.
     pub depth: f64,
     /// Angle about the axis that is engaged at half that depth, rad.
     pub arc: f64,
-    /// About where it cuts: at half that depth, towards the middle of that angle, m, stock's axes.
+    /// A point in the middle of the engaged part: at half that depth, in the middle of that angle, m, stock's axes.
     pub place: Vector3<f64>,
     /// Volume cut on each metre of feed, m².
     pub section: f64,
-    /// The flat bottom is pressed into material, on which the force model has no say.
+    /// Whether the flat bottom is pressed into material, for which the model has no force.
     pub bottom: bool,
 }
 
 impl Front {
-    /// What is in the material of a cutter at a pose, `way` (m) being the way into it, whose direction is the feed.
+    /// The engaged part of a cutter at a pose. `displacement` (m) is that of the motion to the pose; its direction is the feed.
     ///
-    /// To be called before that move is removed: on a straight move no point of the front has been there.
+    /// Call this before that motion is removed: on a straight motion no point of the front has been at the pose before.
     #[must_use]
-    pub fn engaged(&self, stock: &Stock, pose: &ToolPose, way: &Vector3<f64>) -> Engaged {
-        self.engaged_at(stock, &stock.now(), pose, way)
+    pub fn engaged(&self, stock: &Stock, pose: &ToolPose, displacement: &Vector3<f64>) -> Engaged {
+        self.engaged_at(stock, &stock.now(), pose, displacement)
     }
 
-    /// The same of the stock as it was at a moment since its history [is kept](Stock::keep_history).
+    /// The same for the stock as it was at a moment since its history [is kept](Stock::keep_history).
     #[must_use]
-    pub fn engaged_at(&self, stock: &Stock, moment: &Moment, pose: &ToolPose, way: &Vector3<f64>) -> Engaged {
-        let size = way.norm();
+    pub fn engaged_at(&self, stock: &Stock, moment: &Moment, pose: &ToolPose, displacement: &Vector3<f64>) -> Engaged {
+        let size = displacement.norm();
         if size == 0.0 {
             return Engaged::default();
         }
-        let view = View::new(self, (stock, moment), pose, way, size);
+        let view = View::new(self, (stock, moment), pose, displacement, size);
         let [low, high] = stock.blank().bounds();
         let reach = |k: usize| {
             let axis = pose.axis[k];
             axis * if axis > 0.0 { high[k] - pose.tip[k] } else { low[k] - pose.tip[k] }
         };
-        // Highest point of the blank along the axis, seen from the tip; no farther than where the whole of a ring is over it.
+        // Highest point of the blank along the axis, seen from the tip; no farther than where a whole ring is above it.
         let axis = pose.axis;
         let over_top = high.z - pose.tip.z + self.solid.radius * axis.x.hypot(axis.y);
         let rings = if axis.z > 0.0 { over_top / axis.z } else { f64::INFINITY };
@@ -80,7 +80,7 @@ impl View<'_> {
         Engaged { force, bound: sum.bound, depth, arc, place, section: sum.section, bottom: self.bottom() }
     }
 
-    /// Angle that is engaged at a height, rad, and its middle, m.
+    /// Engaged angle at a height, rad, and the point in its middle, m.
     fn arc(&self, up: f64) -> (f64, Vector3<f64>) {
         let solid = self.front.solid;
         let ring = if up < solid.corner {

@@ -5,8 +5,8 @@ use crate::cutting::{Coefficients, Cutter};
 use nalgebra::Vector3;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// Cells of the mask around the axis and along the corner's profile: at most, at least, and how large they are wanted, as a
-/// share of the diameter.
+/// Most and fewest cells of the mask around the axis and along the profile of the corner, and their wanted size as a share of the
+/// diameter.
 const AROUND: (usize, usize) = (64, 48);
 const ALONG: (usize, usize) = (16, 5);
 const CELL: f64 = 0.05;
@@ -23,11 +23,11 @@ pub struct Front {
     rise: f64,
     /// Cosine and sine of φ at the columns' edges.
     pub(super) edges: Vec<(f64, f64)>,
-    /// And of κ at the rows' edges, along the corner.
+    /// Cosine and sine of κ at the rows' edges, along the corner.
     rows: Vec<(f64, f64)>,
-    /// Rows of the corner and one of the cylinder; in each the columns.
+    /// The cells, by row and column: the rows of the corner, and one row of the cylinder.
     pub(super) cells: Vec<Vec<Cell>>,
-    /// Edge force (N) and cutting force over feed per tooth (N/m), summed as sizes, on the leading half of all these rows.
+    /// Edge force (N) and cutting force over feed per tooth (N/m), summed as sizes over the leading half of all these rows.
     pub(super) leading: [f64; 2],
 }
 
@@ -38,7 +38,7 @@ pub(super) struct Cell {
     pub(super) edge: Vector3<f64>,
     pub(super) across: Vector3<f64>,
     pub(super) along: Vector3<f64>,
-    /// What it clears on each metre of feed, m², by the same components.
+    /// Volume that it clears on each metre of feed, m², by the same components.
     pub(super) clears: [f64; 2],
 }
 
@@ -89,7 +89,7 @@ impl Front {
         self.solid
     }
 
-    /// Profile at a place counted in rows from the tip.
+    /// Profile at a position counted in rows from the tip.
     #[inline]
     pub(super) fn ring(&self, row: f64) -> Ring {
         let along = self.along as f64;
@@ -101,7 +101,7 @@ impl Front {
         Ring { sin, cos, across: self.solid.flat() + self.solid.corner * sin, up: self.solid.corner * (1.0 - cos) }
     }
 
-    /// Rows that reach as high as a height (m), or over it.
+    /// Number of rows up to a height (m).
     pub(super) fn rows_below(&self, up: f64) -> usize {
         let over = up - self.solid.corner;
         if over >= 0.0 {
@@ -110,7 +110,7 @@ impl Front {
         (0..self.along).find(|row| self.ring(*row as f64).up >= up).unwrap_or(self.along)
     }
 
-    /// Cosine and sine of φ at a place counted in columns.
+    /// Cosine and sine of φ at a position counted in columns.
     #[inline]
     pub(super) fn angle(&self, column: f64) -> (f64, f64) {
         between(&self.edges, column, TAU / self.around as f64)
@@ -121,7 +121,7 @@ impl Front {
         if row < self.along as f64 { FRAC_PI_2 * self.solid.corner / self.along as f64 } else { self.rise }
     }
 
-    /// Integrals over a whole cell: the integrand is a polynomial of third degree in sines and cosines of angles far below one.
+    /// Integrals over a whole cell by Gauss's rule: the integrand is a polynomial of third degree in sines and cosines of small angles.
     fn whole(&self, row: usize, column: usize) -> Cell {
         const GAUSS: [(f64, f64); 3] =
             [(0.112_701_665_379_258_3, 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.887_298_334_620_741_7, 5.0 / 18.0)];
@@ -141,7 +141,7 @@ impl Front {
         sum
     }
 
-    /// Integrands a unit of profile and angle (Tang et al. Eq. 6, mean over a revolution).
+    /// Integrands for each unit of profile and angle (Tang et al. Eq. 6, mean over a revolution).
     #[inline]
     pub(super) fn density(&self, ring: &Ring, (cos, sin): (f64, f64)) -> Cell {
         let k = &self.coefficients;
@@ -165,15 +165,15 @@ fn cos_sin(angle: f64) -> (f64, f64) {
     (cos, sin)
 }
 
-/// Cosine and sine at a place counted in steps (rad, a third at most) of a table of them: the nearest of its entries, turned by
-/// the series of a small angle, which leaves less than rounding does.
+/// Cosine and sine at a position counted in steps (at most 1/3 rad) of a table of them: the nearest entry, turned by the series of a
+/// small angle, whose error is below rounding.
 #[inline]
 fn between(table: &[(f64, f64)], at: f64, step: f64) -> (f64, f64) {
     let nearest = (at + 0.5) as usize;
     let (cos, sin) = table[nearest];
     let by = (at - nearest as f64) * step;
     let square = by * by;
-    // Of sine and cosine, factors of each term to the one before.
+    // Factors of each term of the sine and the cosine over the term before.
     const S: [f64; 4] = [1.0 / 6.0, 1.0 / 20.0, 1.0 / 42.0, 1.0 / 72.0];
     const C: [f64; 5] = [1.0 / 2.0, 1.0 / 12.0, 1.0 / 30.0, 1.0 / 56.0, 1.0 / 90.0];
     let s = by * (1.0 - square * S[0] * (1.0 - square * S[1] * (1.0 - square * S[2] * (1.0 - square * S[3]))));

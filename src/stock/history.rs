@@ -1,40 +1,40 @@
-//! The stock as it was at a moment: it can be read while other threads cut on, or have cut on.
+//! The stock as it was at a moment: it can be read while other threads go on cutting, or after they did.
 
 use super::line::{BLANK, Line};
 use super::sweep::{Cut, Sweep};
 use nalgebra::Vector3;
 
-/// A moment of a [`Stock`](super::Stock): what has been swept up to then.
+/// A moment of a [`Stock`](super::Stock): the cuts and sweeps up to then.
 #[derive(Clone, Copy, Debug)]
 pub struct Moment {
-    /// Cuts up to then.
+    /// Number of cuts up to then.
     pub(super) cuts: u32,
-    /// Sweeps up to then.
+    /// Number of sweeps up to then.
     pub(super) sweeps: u32,
-    /// The last of these as it was then: it grows while the tool goes straight on.
+    /// The last sweep as it was then: a sweep grows while the tool moves straight on.
     pub(super) last: Option<Sweep>,
 }
 
 impl Moment {
-    /// After all that has been swept.
+    /// The moment after all sweeps.
     pub(super) const LATEST: Self = Self { cuts: u32::MAX, sweeps: BLANK, last: None };
 
-    /// The number of the last sweep, where a way (m) goes straight on from it to a tip: no point of a cutter's front there is in
-    /// it, and those on the silhouette need no test whether they are.
-    pub(super) fn before(&self, tip: &Vector3<f64>, way: &Vector3<f64>) -> u32 {
-        self.last.filter(|last| last.leads_to(tip, way)).map_or(BLANK, |_| self.sweeps)
+    /// The number of the last sweep if a displacement (m) leads straight on from it to a tip: no point of the cutter's front at the tip is in
+    /// that sweep, and points on the silhouette need no test.
+    pub(super) fn before(&self, tip: &Vector3<f64>, displacement: &Vector3<f64>) -> u32 {
+        self.last.filter(|last| last.leads_to(tip, displacement)).map_or(BLANK, |_| self.sweeps)
     }
 }
 
-/// What the lines of a band were before they were changed, as far as it is kept.
+/// The earlier states of a band's lines, as far as they are kept.
 #[derive(Debug, Default)]
 pub(super) struct History {
-    /// Cuts before the history began.
+    /// Number of cuts before the history began.
     start: u32,
     kept: Option<Vec<Kept>>,
 }
 
-/// A line as it was until a cut, and where what it was next is.
+/// A line as it was until a cut, and the index of its next state.
 #[derive(Debug)]
 struct Kept {
     line: Line,
@@ -43,21 +43,21 @@ struct Kept {
 }
 
 impl History {
-    /// Keeps what lines are from now on, and nothing of what they were before.
+    /// Keeps the states of lines from now on, and forgets all before.
     pub(super) fn begin(&mut self, cuts: u32) {
         let mut kept = self.kept.take().unwrap_or_default();
         kept.clear();
         (self.kept, self.start) = (Some(kept), cuts);
     }
 
-    /// Keeps nothing any more.
+    /// Stops keeping states.
     pub(super) fn end(&mut self) {
         self.kept = None;
     }
 
-    /// A line as it was after so many cuts, since the history began.
+    /// A line as it was after `cuts` cuts; the history must have begun before.
     ///
-    /// From the oldest on: the places that are read are mostly about to be cut then.
+    /// The search begins with the oldest state: the lines that are read were mostly uncut at that moment.
     #[inline]
     pub(super) fn at<'a>(&'a self, line: &'a Line, cuts: u32) -> &'a Line {
         if line.changed <= cuts {
@@ -102,7 +102,7 @@ impl History {
     #[inline]
     pub(super) fn pass(&mut self, line: &mut Line, distance: f64, cut: &Cut) {
         if distance < f64::from(line.near) {
-            // Only the next move needs to know how near it came.
+            // Only the next motion needs to know how near this one came.
             if line.near_by != cut.by {
                 self.keep(line, cut.number);
             }

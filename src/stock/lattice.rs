@@ -6,25 +6,25 @@ use super::line::Line;
 /// Turn of the lattice about z: cosine and sine of the angle whose tangent is the golden section.
 const TURN: (f64, f64) = (0.850_650_808_352_04, 0.525_731_112_119_133_6);
 
-/// Where the lines stand, along z on a turned square lattice.
+/// The positions of the lines: parallel to z, on a turned square lattice.
 #[derive(Debug)]
 pub(super) struct Lattice {
     pub(super) blank: Blank,
     pub(super) spacing: f64,
     /// Lower corner of the lattice, in its turned axes, and lowest height, m.
     pub(super) origin: [f64; 3],
-    /// Lines along the lattice's axes.
+    /// Number of lines along the lattice's axes.
     pub(super) lines: [usize; 2],
 }
 
-/// To the lattice's axes.
+/// Turns a position into the lattice's axes.
 #[inline]
 pub(super) fn turned(x: f64, y: f64) -> [f64; 2] {
     let (cos, sin) = TURN;
     [cos * x + sin * y, cos * y - sin * x]
 }
 
-/// And back.
+/// Turns a position in the lattice's axes back.
 #[inline]
 fn turned_back(u: f64, v: f64) -> [f64; 2] {
     let (cos, sin) = TURN;
@@ -40,21 +40,21 @@ fn extent(blank: &Blank) -> [[f64; 2]; 2] {
     [[least(0), least(1)], [most(0), most(1)]]
 }
 
-/// Lines over a blank at a spacing (m): a number that no memory has to hold.
+/// Number of lines over a blank at a spacing (m), as a number that may exceed any memory.
 pub(super) fn lines_over(blank: &Blank, spacing: f64) -> f64 {
     let [low, high] = extent(blank);
     (0..2).map(|k| ((high[k] - low[k]) / spacing).ceil() + 1.0).product()
 }
 
 impl Lattice {
-    /// Over a blank, with lines at a spacing (m).
+    /// The lattice over a blank, with lines at a spacing (m).
     pub(super) fn new(blank: Blank, spacing: f64) -> Self {
         let [low, high] = extent(&blank);
         let lines = [0, 1].map(|k| ((high[k] - low[k]) / spacing).ceil() as usize + 1);
         Self { spacing, origin: [low[0], low[1], blank.bounds()[0].z], lines, blank }
     }
 
-    /// Where a line stands.
+    /// The position of a line, m.
     pub(super) fn place(&self, i: usize, j: usize) -> [f64; 2] {
         turned_back(self.origin[0] + (i as f64 + 0.5) * self.spacing, self.origin[1] + (j as f64 + 0.5) * self.spacing)
     }

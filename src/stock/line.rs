@@ -3,14 +3,14 @@
 use super::blank::Blank;
 use smallvec::{SmallVec, smallvec};
 
-/// Owner of the ends that nothing has cut.
+/// The owner of ends that nothing has cut.
 pub(super) const BLANK: u32 = 0;
 
-/// Less than this on a line is no cut, m: what rounding to single precision leaves of a floor that is passed twice.
+/// Less than this on a line is no cut, m: rounding to single precision leaves as much of a floor that is passed twice.
 pub(super) const LEAST_CUT: f64 = 1e-7;
 
-/// An interval of material, m above the lowest point of the blank, and who made its ends: 0 the blank, else the number of the
-/// sweep, from 1. Where nothing is left of a line an empty one stays, for its owner.
+/// An interval of material, m above the lowest point of the blank, with the owners of its ends: 0 for the blank, otherwise the number of
+/// the sweep, from 1. If a line has no material left, one empty interval remains for its owner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Span {
     pub(super) low: f32,
@@ -19,13 +19,13 @@ pub(super) struct Span {
     pub(super) high_by: u32,
 }
 
-/// A line: its material from below, and the sweep that has come nearest to its top since that was cut.
+/// A line: its intervals of material from below, and the sweep that has come nearest to its top since the top was cut.
 #[derive(Debug)]
 pub(super) struct Line {
     pub(super) spans: SmallVec<[Span; 1]>,
     pub(super) near_by: u32,
     pub(super) near: f32,
-    /// The cut that changed it last, and where the history has what it was first and last before.
+    /// The cut that changed it last, and the indices in the history of its first and its last earlier state.
     pub(super) changed: u32,
     pub(super) first: u32,
     pub(super) last: u32,
@@ -34,7 +34,7 @@ pub(super) struct Line {
 impl Clone for Line {
     #[inline]
     fn clone(&self) -> Self {
-        // A copy of bytes: `SmallVec::clone` goes span by span.
+        // Copies bytes: `SmallVec::clone` would copy span by span.
         Self { spans: SmallVec::from_slice(&self.spans), ..*self }
     }
 }
@@ -59,19 +59,19 @@ impl Line {
         self.spans.last().filter(|span| span.high > span.low).map(|span| f64::from(span.high))
     }
 
-    /// Whether a sweep has been so near to its top that none can be nearer.
+    /// Whether a sweep has touched its top, so that none can be nearer.
     #[inline]
     pub(super) fn is_touched(&self) -> bool {
         f64::from(self.near) <= LEAST_CUT
     }
 
-    /// Whether nothing at or over a height (m) can change it: its top is no higher, and has been touched already.
+    /// Whether a cut at or above a height (m) cannot change it: its top is no higher, and has been touched.
     #[inline]
     pub(super) fn lies_under(&self, height: f64) -> bool {
         self.is_touched() && self.spans.last().is_none_or(|span| f64::from(span.high) <= height + LEAST_CUT)
     }
 
-    /// Whether it has material at a height, m, or no farther from it than that.
+    /// Whether it has material within a distance of a height, m.
     #[inline]
     pub(super) fn has_material(&self, height: f64, within: f64) -> bool {
         self.spans.iter().any(|span| {
@@ -80,7 +80,7 @@ impl Line {
         })
     }
 
-    /// Takes an interval out; the length that was material, m.
+    /// Removes an interval. Returns the length that was material, m.
     pub(super) fn cut(&mut self, low: f64, high: f64, by: u32) -> f64 {
         let mut removed = 0.0;
         let mut i = 0;

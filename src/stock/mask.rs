@@ -1,4 +1,4 @@
-//! Which share of a cell of the mask is engaged, from the depth in the material at its corners and its middle.
+//! The engaged share of a cell of the mask, from the depth in the material at its corners and its middle.
 
 /// A corner of a triangle in the unit square of a cell, and the depth there.
 type Corner = ([f64; 2], f64);
@@ -12,8 +12,7 @@ pub(super) struct Part {
     pub(super) high: f64,
 }
 
-/// Calls `each` with every part where a function is above zero that is linear on the four triangles about the middle.
-/// Corners: (0,0), (1,0), (1,1), (0,1).
+/// Calls `each` with every part in which a function is positive that is linear on the four triangles around the middle. Corners: (0,0), (1,0), (1,1), (0,1).
 pub(super) fn engaged_parts(corners: [f64; 4], middle: f64, mut each: impl FnMut(Part)) {
     const PLACES: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     for k in 0..4 {
@@ -22,7 +21,7 @@ pub(super) fn engaged_parts(corners: [f64; 4], middle: f64, mut each: impl FnMut
     }
 }
 
-/// The same of one triangle, a quarter of the cell.
+/// The same for one triangle, a quarter of the cell.
 fn triangle(corners: [Corner; 3], each: &mut impl FnMut(Part)) {
     const SHARE: f64 = 0.25;
     let [a, b, c] = corners;
@@ -69,7 +68,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// A straight rim: share and first moment are those of a fine raster.
+        /// With a straight rim, share and first moment are those of a fine raster.
         #[test]
         fn a_straight_rim_is_exact(slope in -2.0_f64..2.0, across in -2.0_f64..2.0, level in -1.5_f64..1.5) {
             let f = |x: f64, y: f64| level + slope * x + across * y;

@@ -1,25 +1,25 @@
-//! The stock: what every move of a cutter removes, and which part of its front is in material.
+//! The stock: the material that each motion of a cutter removes, and the part of the cutter's front that is in material.
 //!
-//! The stock is kept as **dexels that know who cut them**: parallel lines through the blank with the intervals of material on
-//! each, and at every end the sweep that made it. Between the lines nothing is interpolated: whether a point is in material
-//! is computed from the sweeps that own the ends near it, by their exact distance. So walls, corners and cusps lie where the
-//! cutter left them, whatever the spacing of the lines, and one set of lines does what a tri-dexel needs three for. What
-//! the spacing limits is what fits between lines unseen: a sliver thinner than it whose owner no line has met.
+//! The stock consists of **dexels that know who cut them**: parallel lines through the blank with their intervals of material, and at
+//! each end of an interval the sweep that made it. Nothing is interpolated between the lines: the exact distances of the sweeps that
+//! own the nearby ends decide whether a point is in material. Walls, corners and cusps therefore lie where the cutter left them,
+//! at any spacing of the lines, and one set of lines is enough where a tri-dexel needs three. The spacing limits only what fits
+//! between lines unseen: a sliver thinner than the spacing whose owner no line has met.
 //!
-//! The lines stand along z of the stock's frame, on a square lattice that is turned about z by an angle with a golden tangent:
-//! walls along x, y and the diagonals are never in step with it, so that volumes do not alias.
+//! The lines are parallel to z of the stock's frame, on a square lattice that is turned about z by an angle with a golden tangent.
+//! Walls along x, y and the diagonals are therefore never in step with it, so that volumes do not alias.
 //!
-//! At a target the front of the cutter is a mask over the angle φ about its axis and the place along its profile. The mean
-//! force is the sum over the mask of the integrals of Tang et al. Eq. 6 (see [`cutting`](crate::cutting)), cells on the rim of
-//! the engagement counted by the share that a straight rim leaves of them; these are quartered, the worst first, until the
-//! rim can put the force off by little.
+//! At a target the front of the cutter is a mask over the angle φ about its axis and the position along its profile. The mean
+//! force is the sum over the mask of the integrals of Tang et al. Eq. 6 (see [`cutting`](crate::cutting)). A cell on the rim of the
+//! engagement counts by the share that a straight rim leaves of it. These cells are quartered, the worst first, until the rim
+//! can change the force only a little.
 //!
-//! The engagement of a tool can be computed later for the stock as it was at that [moment](Moment), because lines keep what they were before
-//! while their history is wanted. So a batch of places is computed in parallel, and the cuts of a batch are made in parallel too:
-//! one after the other on each line, but bands of the lattice know nothing of each other.
+//! The engagement of a tool can be computed later for the stock as it was at a [moment](Moment): as long as the history is kept, lines
+//! keep their earlier states. The positions of a batch are therefore computed in parallel. The cuts of a batch are made in parallel
+//! too: in their order on each line, but independently in each band of the lattice.
 //!
-//! Lengths are metres, in the stock's frame (the axes of its work object), volumes m³. A tool is as long as it needs to be:
-//! its shank removes what it meets, collisions are not looked for.
+//! Lengths are metres, in the stock's frame (the axes of its work object), volumes m³. A tool has no upper end: its shank removes
+//! what it meets. Collisions are not reported.
 
 mod band;
 mod blank;

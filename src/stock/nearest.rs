@@ -1,4 +1,4 @@
-//! How far a point is from the surface of what is left, whatever the direction.
+//! The distance of a point from the surface of the remaining material, in any direction.
 
 use super::dexel::Stock;
 use super::lattice::turned;
@@ -6,29 +6,29 @@ use super::line::{BLANK, Line};
 use nalgebra::Vector3;
 use std::collections::HashSet;
 
-/// A material point's depth up to this share of the spacing is known from the sweeps about it: they own the lines there.
+/// Up to this share of the spacing, the sweeps near a point in the material give its depth, because they own the lines there.
 const NEAR: f64 = 0.5;
 
-/// The surface is where it is looked for when it is met within this, m.
+/// A search ends at the surface within this, m.
 const MET: f64 = 2e-6;
 
-/// Halvings that lead from a line to the surface: below a micrometre from 100 mm.
+/// Number of halvings from a line to the surface: below a micrometre from 100 mm.
 const HALVINGS: usize = 20;
 
-/// Rounds that lead along a surface to its nearest place; a plane takes one.
+/// Number of rounds along a surface to its nearest point; a plane takes one.
 const PROJECTIONS: usize = 6;
 
-/// A place has to be nearer than the one before by this, m.
+/// A point has to be nearer than the one before by this, m.
 const NEARER: f64 = 1e-8;
 
-/// Directions in which the nearest material is looked for: of two faces that meet, the nearer one may lie between lines.
+/// Number of directions in which the nearest material is searched for: of two faces that meet, the nearer one may lie between lines.
 const DIRECTIONS: usize = 6;
 
 impl Stock {
-    /// Signed distance (m) of a point from the nearest place of the surface: above zero in the material.
+    /// Signed distance (m) of a point from the nearest point of the surface: positive in the material.
     ///
-    /// [`Stock::depth`] is that close to a surface. It asks the sweeps about a point only: deep in the material another one may
-    /// be nearer, and where sweeps overlap the material is farther away than the ends of each.
+    /// [`Stock::depth`] equals it close to a surface. It uses only the sweeps near the point: deep in the material another one may be
+    /// nearer, and where sweeps overlap the material is farther away than the ends of each.
     #[must_use]
     pub fn distance(&self, point: &Vector3<f64>) -> f64 {
         let depth = self.depth(point);
@@ -39,7 +39,7 @@ impl Stock {
         if self.depth(&ahead) > -MET { depth } else { -self.to_material(point).unwrap_or(-depth) }
     }
 
-    /// Distance of a point in the material from all that has been swept, and from the blank's own surface; `most` at most.
+    /// Distance of a point in the material from everything that has been swept, and from the surface of the blank; at most `most`, m.
     fn to_void(&self, point: &Vector3<f64>, most: f64) -> f64 {
         let (mut least, mut asked, now) = (most, HashSet::from([BLANK]), self.now());
         self.about_by_shells(point, |reach, lines| {
@@ -57,12 +57,12 @@ impl Stock {
         least.max(0.0)
     }
 
-    /// Distance of a point from the nearest material; `None` where none is left.
+    /// Distance of a point from the nearest material, m; `None` if none is left.
     fn to_material(&self, point: &Vector3<f64>) -> Option<f64> {
         let mut found: [Option<(f64, Vector3<f64>)>; DIRECTIONS] = [None; DIRECTIONS];
         let (mut least, spacing) = (f64::INFINITY, self.spacing());
         self.about_by_shells(point, |reach, lines| {
-            // Faces next to the nearest one are looked at as far as lines can have put them off.
+            // Faces next to the nearest one are examined as far as the spacing of the lines can shift them.
             if reach > least + 2.0 * spacing {
                 return false;
             }
@@ -76,11 +76,11 @@ impl Stock {
                     }
                 };
                 let Some(place) = self.nearest_on(line, [*i, *j], point) else { continue };
-                let way = place - point;
-                let size = way.norm();
+                let displacement = place - point;
+                let size = displacement.norm();
                 least = least.min(size);
-                let axis = way.iamax();
-                let own = &mut found[2 * axis + usize::from(way[axis] < 0.0)];
+                let axis = displacement.iamax();
+                let own = &mut found[2 * axis + usize::from(displacement[axis] < 0.0)];
                 if own.is_none_or(|(known, _)| size < known) {
                     *own = Some((size, place));
                 }
@@ -91,7 +91,7 @@ impl Stock {
         near.map(|(_, place)| self.to_surface(point, &place)).reduce(f64::min)
     }
 
-    /// Distance of a point out of the material from the surface that is met on the way to a place in it, along that surface.
+    /// Distance of a point outside the material from the surface between it and a point in the material, m.
     fn to_surface(&self, point: &Vector3<f64>, place: &Vector3<f64>) -> f64 {
         let (mut out, mut inside) = (0.0, 1.0);
         for _ in 0..HALVINGS {
@@ -121,8 +121,8 @@ impl Stock {
         nearest.map(|height| Vector3::new(x, y, height + bottom))
     }
 
-    /// Tells of the lines about a point, square by square outwards, with a distance that all of them have at least, until that is
-    /// enough or there are none.
+    /// Calls `each` with the lines around a point, square by square outwards, and with a lower bound of their distance, m. Ends when
+    /// `each` returns false or no lines are left.
     fn about_by_shells(&self, point: &Vector3<f64>, mut each: impl FnMut(f64, &[[usize; 2]]) -> bool) {
         let lattice = self.lattice();
         let at = turned(point.x, point.y);
@@ -149,7 +149,7 @@ impl Stock {
                 add(middle[0] - shell, middle[1] + across);
                 add(middle[0] + shell, middle[1] + across);
             }
-            // The point is half a line off the middle at most.
+            // The point is at most half a line from the middle.
             if !each((shell as f64 - 0.5) * lattice.spacing, &lines) {
                 return;
             }

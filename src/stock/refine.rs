@@ -1,5 +1,5 @@
-//! The sum over the mask: cells that the rim of the engagement may run through are quartered, the worst first, until what the
-//! rim can put the force off by is little of it.
+//! The sum over the mask. Cells through which the rim of the engagement may run are quartered, the worst first, until the rim can
+//! change the force only a little.
 
 use super::front::{Cell, Ring};
 use super::mask::engaged_parts;
@@ -11,19 +11,19 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 use std::f64::consts::TAU;
 
-/// Where a rim is off by so much at the middle of a cell it may be by this many times as much elsewhere.
+/// The error of a rim elsewhere in a cell may be this many times that at the middle.
 const SAFETY: f64 = 2.0;
 
-/// The rim is followed until it can put the force off by this share of it.
+/// The rim is followed until it can change the force by at most this share of it,
 const ENOUGH: f64 = 0.01;
 
-/// And by this share of what the leading half of the cutter's corner feels in full: some tenths of a newton of some hundreds.
+/// or by at most this share of the force on the whole leading half of the cutter's corner: some tenths of a newton of some hundreds.
 const NOTHING: f64 = 2e-4;
 
-/// A cell is quartered up to so many times.
+/// Most times that a cell is quartered.
 const HALVINGS: u32 = 7;
 
-/// Cells that are quartered, at most.
+/// Most cells that are quartered.
 const MOST_CELLS: usize = 2000;
 
 /// Sums over the mask, cutter frame.
@@ -31,15 +31,15 @@ const MOST_CELLS: usize = 2000;
 pub(super) struct Sum {
     pub(super) edge: Vector3<f64>,
     pub(super) cutting: Vector3<f64>,
-    /// How far the rim may put both off.
+    /// Bounds of the errors of both because of the rim.
     pub(super) bound: [f64; 2],
     pub(super) section: f64,
     /// Lowest and highest engaged row.
     pub(super) rows: Option<[f64; 2]>,
 }
 
-/// A node of the mask: where it is in the stock, m, share of the feed that goes into the surface there, depth in the material
-/// (m), and whose surface that is from.
+/// A node of the mask: its position in the stock, m; the share of the feed that goes into the surface there; its depth in the material,
+/// m, and the owner of the surface from which that depth counts.
 #[derive(Clone, Copy)]
 struct Node {
     point: Vector3<f64>,
@@ -56,26 +56,26 @@ impl Node {
     }
 }
 
-/// Where a cell of the mask is: its lower corner, in columns and rows, and its size.
+/// The position of a cell of the mask: its lower corner, in columns and rows, and its size.
 struct CellAt {
     at: [f64; 2],
     size: f64,
 }
 
-/// A cell of the mask that the rim may run through.
+/// A cell of the mask through which the rim may run.
 struct Leaf {
     /// Lower corner, in columns and rows, and size.
     at: [f64; 2],
     size: f64,
     halvings: u32,
-    /// From the lower corner around.
+    /// The corners, from the lower one around.
     corners: [Node; 4],
     middle: Node,
     sum: Sum,
     whole: bool,
 }
 
-/// A leaf by what it may put off.
+/// A leaf, ordered by the error that it may cause.
 struct Worst {
     error: f64,
     leaf: usize,
@@ -101,24 +101,24 @@ impl Ord for Worst {
     }
 }
 
-/// Over the lowest rows of the mask.
+/// The sum over the lowest rows of the mask.
 pub(super) fn sum(view: &View<'_>, rows: usize) -> Sum {
     let mut cells = Cells::new(view);
     cells.grid(rows);
     cells.refine();
     let Cells { mut sure, leaves, .. } = cells;
-    // Not the running sums: what was taken back leaves its rounding there.
+    // Not the running sums: they have the rounding of what was subtracted.
     leaves.iter().filter(|leaf| leaf.whole).for_each(|leaf| sure.add(&leaf.sum));
     sure
 }
 
 struct Cells<'a, 'b> {
     view: &'a View<'b>,
-    /// Over cells that the rim does not run through.
+    /// The sum over cells through which the rim does not run.
     sure: Sum,
     leaves: Vec<Leaf>,
     queue: BinaryHeap<Worst>,
-    /// Over all cells, and what their rims may put off, as shares of the leading half.
+    /// Running sums over all cells, and the errors that their rims may cause, as shares of the leading half.
     edge: Vector3<f64>,
     cutting: Vector3<f64>,
     error: f64,
@@ -171,7 +171,7 @@ impl<'a, 'b> Cells<'a, 'b> {
         (self.edge, self.cutting) = (self.edge + self.sure.edge, self.cutting + self.sure.cutting);
     }
 
-    /// Takes in a cell: into the sum, or into the queue where the rim may run through it.
+    /// Adds a cell: to the sum, or to the queue if the rim may run through it.
     fn take(&mut self, at: [f64; 2], size: f64, halvings: u32, corners: [Node; 4]) {
         let (view, front) = (self.view, self.view.front);
         if corners.iter().all(|node| node.chip <= 0.0) {
@@ -179,7 +179,7 @@ impl<'a, 'b> Cells<'a, 'b> {
         }
         let ring = front.ring(at[1] + 0.5 * size);
         let lengths = [size * TAU * ring.across / front.around as f64, size * front.length(at[1])];
-        // Depths change no faster than by one: what is farther than this from all corners and yet in the cell is a sliver.
+        // A depth changes by at most the distance: a feature farther than this from all corners is a sliver within the cell.
         let far = 0.4 * lengths[0].max(lengths[1]);
         let across = lengths[0].hypot_fast(lengths[1]);
         let least = corners.iter().fold(f64::INFINITY, |a, b| a.min(b.depth));
@@ -208,7 +208,7 @@ impl<'a, 'b> Cells<'a, 'b> {
         let levels = if faces {
             depths
         } else if full {
-            // All material: the silhouette alone is the rim.
+            // The cell is in material: only the silhouette is a rim.
             Levels { corners: corners.map(|node| node.chip), middle: chip }.times(front.solid.radius)
         } else {
             let level = |node: Node| view.level(node.chip, node.depth);
@@ -248,16 +248,15 @@ impl<'a, 'b> Cells<'a, 'b> {
         self.leaves.push(Leaf { at, size, halvings, corners, middle, sum, whole: true });
     }
 
-    /// How high material may be in a cell that has none at its nodes, m: no higher than any one sweep has left it, such as
-    /// that about the middle.
+    /// Upper bound of the depth of material in a cell that has none at its nodes, m: material is no higher than a single sweep, such as
+    /// that near the middle, has left it.
     fn material_unseen(&self, cell: &CellAt, nodes: &[Node; 5], depths: &Levels) -> f64 {
         let whose = nodes[4].whose;
         let highest = self.left_by(whose, nodes).highest_between(|to| self.left_at(whose, cell, to)).max(0.0);
         if nodes.iter().all(|node| node.whose == whose) { highest } else { highest.min(depths.kink()) }
     }
 
-    /// How deep a gap may be in a cell that is material at its nodes, m: no deeper than what one of the sweeps about them has
-    /// taken.
+    /// Upper bound of the depth of a gap in a cell that is material at its nodes, m: no deeper than one of the sweeps near them has cut.
     fn gap_unseen(&self, cell: &CellAt, nodes: &[Node; 5], depths: &Levels) -> f64 {
         let mut deepest = 0.0_f64;
         for (n, whose) in nodes.iter().map(|node| node.whose).enumerate() {
@@ -269,7 +268,7 @@ impl<'a, 'b> Cells<'a, 'b> {
         deepest.min(depths.kink())
     }
 
-    /// Depths at the nodes of a cell in what one sweep leaves.
+    /// Depths of the nodes of a cell in the material that one sweep leaves.
     fn left_by(&self, whose: u32, nodes: &[Node; 5]) -> Levels {
         let depth = |node: &Node| match node.whose == whose {
             true => node.depth,
@@ -278,14 +277,14 @@ impl<'a, 'b> Cells<'a, 'b> {
         Levels { corners: [0, 1, 2, 3].map(|k| depth(&nodes[k])), middle: depth(&nodes[4]) }
     }
 
-    /// And at a place in it, counted in the unit square.
+    /// The same at a point of the cell, in coordinates of the unit square.
     fn left_at(&self, whose: u32, cell: &CellAt, to: [f64; 2]) -> f64 {
         let [column, row] = [0, 1].map(|k| cell.at[k] + to[k] * cell.size);
         let ring = self.view.front.ring(row);
         self.view.depth_of(whose, &self.view.point(ring.across, ring.up, self.view.angle(column)))
     }
 
-    /// Quarters the worst cells until the rest can put off but little.
+    /// Quarters the worst cells until the others can change the force only a little.
     fn refine(&mut self) {
         for _ in 0..MOST_CELLS {
             let enough = ENOUGH * self.share([self.edge.norm(), self.cutting.norm()]) + NOTHING;
@@ -318,7 +317,7 @@ impl<'a, 'b> Cells<'a, 'b> {
 }
 
 impl View<'_> {
-    /// Adds the parts of a cell where a level is above zero.
+    /// Adds the parts of a cell in which a level is positive.
     fn add_parts(&self, sum: &mut Sum, at: [f64; 2], size: f64, levels: [f64; 4], middle: f64) {
         let front = self.front;
         let area = size * front.length(at[1] + 0.5 * size) * size * TAU / front.around as f64;

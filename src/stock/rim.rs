@@ -1,7 +1,7 @@
-//! What is known of a function over a cell of the mask from its values at the corners and the middle.
+//! Properties of a function over a cell of the mask that follow from its values at the corners and the middle.
 
-/// Values at the corners of a cell, from the lower one around, and at its middle, m: depths, or levels whose zero is the rim of
-/// the engagement.
+/// Values at the corners of a cell, from the lower one around, and at its middle: depths, m, or levels whose zero is the rim of the
+/// engagement.
 #[derive(Clone, Copy)]
 pub(super) struct Levels {
     pub(super) corners: [f64; 4],
@@ -21,21 +21,21 @@ impl Levels {
         self.corners.iter().fold(self.middle, |a, b| a.max(*b))
     }
 
-    /// How far the middle is above a plane through the corners.
+    /// Height of the middle above a plane through the corners.
     pub(super) fn bulge(&self) -> f64 {
         self.middle - 0.25 * self.corners.iter().sum::<f64>()
     }
 
-    /// How far beyond zero, where all are on one side of it, a fold between the corners may reach.
+    /// If all values have one sign: how far a fold between the corners may reach beyond zero.
     pub(super) fn kink(&self) -> f64 {
         let least = self.corners.iter().fold(self.middle.abs(), |a, b| a.min(b.abs()));
         (2.0 * self.bulge().abs() - least).max(0.0)
     }
 
-    /// The highest value in the cell, of a paraboloid through the corners and the middle.
+    /// The highest value in the cell of a paraboloid through the corners and the middle.
     ///
-    /// These do not tell its bend across from its bend along: where that matters, the middle of the highest edge, counted in
-    /// the unit square, is asked.
+    /// These values do not distinguish its bend across from its bend along. If that matters, `ask` is called with the middle of the highest
+    /// edge, in coordinates of the unit square.
     pub(super) fn highest_between(&self, ask: impl Fn([f64; 2]) -> f64) -> f64 {
         let [a, b, c, d] = self.corners;
         let (both, highest) = (4.0 * self.bulge(), self.highest());
@@ -48,7 +48,7 @@ impl Levels {
         if both <= 0.0 || top([0.5 * both; 2]) <= 0.0 {
             return highest;
         }
-        // Places, sums of their ends, and whether the edge goes across.
+        // Middles of the edges, sums of the values at their ends, and whether the edge goes across.
         let edges = [
             ([0.5, 0.0], a + b, true),
             ([1.0, 0.5], b + c, false),
@@ -69,7 +69,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Of a paraboloid with its axes along the cell's the highest value is that of a fine raster, where it is above zero.
+        /// For a paraboloid with its axes along those of the cell, a positive highest value is that of a fine raster.
         #[test]
         fn the_highest_of_a_paraboloid(
             slopes in [-1.0_f64..1.0, -1.0..1.0],
@@ -85,7 +85,7 @@ mod tests {
             const N: usize = 100;
             let place = |n: usize| [(n % (N + 1)) as f64 / N as f64, (n / (N + 1)) as f64 / N as f64];
             let raster = (0..(N + 1) * (N + 1)).map(place).map(f).fold(f64::NEG_INFINITY, f64::max);
-            // With bends of opposite signs, or where both guesses stay below zero, the edges are not tested.
+            // With bends of opposite signs, or if both guesses stay negative, the edges are not tested.
             if bends[0] >= 0.0 && bends[1] >= 0.0 && found > 0.0 {
                 prop_assert!((found - raster).abs() < 1e-3, "{found} {raster}");
             }

@@ -1,4 +1,4 @@
-//! The body of a cutter: a bull-nose of revolution about its axis, going on upwards without end.
+//! The body of a cutter: a bull-nose of revolution about its axis, without an upper end.
 
 use crate::cutting::Cutter;
 
@@ -24,8 +24,8 @@ impl Solid {
         self.radius - self.corner
     }
 
-    /// Signed distance (m) of a point at `across` the axis and `up` along it from the tip: below zero inside. Convex, and no
-    /// steeper than one.
+    /// Signed distance (m) of a point that is `across` (m) from the axis and `up` (m) above the tip: negative inside. It is convex, and its
+    /// slope is at most one.
     #[inline]
     #[must_use]
     pub fn distance(&self, across: f64, up: f64) -> f64 {
@@ -34,7 +34,7 @@ impl Solid {
         edge - self.corner
     }
 
-    /// Height of the lower surface over the tip at a distance from the axis of at most the radius, m.
+    /// Height (m) of the lower surface above the tip, at a distance (m) from the axis that is at most the radius.
     #[inline]
     #[must_use]
     pub fn height(&self, across: f64) -> f64 {
@@ -43,7 +43,7 @@ impl Solid {
     }
 }
 
-/// `hypot` without its care for overflow, which lengths of machines do not need.
+/// `hypot` without a guard against overflow, which lengths of machines do not need.
 pub(super) trait HypotFast {
     fn hypot_fast(self, other: f64) -> f64;
 }

@@ -2,33 +2,33 @@
 
 use nalgebra::Vector3;
 
-/// Of a binary file: its header, and each triangle (a normal, three corners, two bytes that mean nothing).
+/// Bytes of the header of a binary file, and of each triangle (a normal, three corners, two bytes without a meaning).
 const HEADER: usize = 80;
 const TRIANGLE: usize = 50;
 
-/// What is wrong with a file that is to be STL.
+/// Why a file is not STL.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum StlError {
-    /// It ends too early, or goes on.
+    /// It is too short or too long.
     #[error("{found} bytes, but {triangles} triangles take {expected}")]
     Length {
-        /// As the file says.
+        /// Number of triangles that the file states.
         triangles: usize,
-        /// Its length.
+        /// Its length, bytes.
         found: usize,
-        /// What it should be.
+        /// The length for this number of triangles, bytes.
         expected: usize,
     },
-    /// Neither form.
+    /// It is neither binary nor text.
     #[error("this is not an STL file, neither text (`solid …`) nor binary")]
     Neither,
     /// Text that is not understood.
     #[error("line {line}: expected {expected}")]
     Text {
-        /// From 1.
+        /// Number of the line, from 1.
         line: usize,
-        /// What should stand there.
+        /// The word that was expected.
         expected: &'static str,
     },
 }
@@ -36,9 +36,9 @@ pub enum StlError {
 /// Reads the triangles of an STL file in millimetres; corners in m.
 ///
 /// # Errors
-/// A file that is none, or is cut off.
+/// The file is not STL, or is cut off.
 pub fn read_stl(bytes: &[u8]) -> Result<Vec<[Vector3<f64>; 3]>, StlError> {
-    // Binary files may begin with `solid` too: their length decides.
+    // Binary files may begin with `solid` too: the length decides.
     let said = bytes.get(HEADER..HEADER + 4).and_then(|said| <[u8; 4]>::try_from(said).ok());
     let triangles = said.map(|said| u32::from_le_bytes(said) as usize);
     let expected = triangles.map(|triangles| HEADER + 4 + TRIANGLE * triangles);
@@ -60,7 +60,7 @@ fn binary(bytes: &[u8]) -> Vec<[Vector3<f64>; 3]> {
     bytes.chunks_exact(TRIANGLE).map(|one| [corner(&one[12..]), corner(&one[24..]), corner(&one[36..])]).collect()
 }
 
-/// The corners are all that is needed: three a facet.
+/// Reads the text form, of which only the corners are needed: three for each facet.
 fn text(bytes: &[u8]) -> Result<Vec<[Vector3<f64>; 3]>, StlError> {
     let mut triangles = Vec::new();
     let mut corners: Vec<Vector3<f64>> = Vec::new();

@@ -1,4 +1,4 @@
-//! The surface of what is left, as a mesh.
+//! The surface of the remaining material, as a mesh.
 
 use super::dexel::Stock;
 use nalgebra::Vector3;
@@ -10,18 +10,18 @@ use std::collections::BTreeMap;
 pub struct Mesh {
     /// Corners.
     pub points: Vec<Vector3<f64>>,
-    /// Out of the material, one a corner.
+    /// Normals out of the material, one for each corner.
     pub normals: Vec<Vector3<f64>>,
     /// Corners of each triangle, counterclockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// Number of its cell, place and normal.
+/// A corner: the number of its cell, its position and its normal.
 type Corner = (usize, Vector3<f64>, Vector3<f64>);
 
 /// Steps that bring a corner onto the surface.
 const STEPS: usize = 4;
-/// Half the base of a slope, m: above the rounding of a distance, below any feature.
+/// Half the step of a difference, m: above the rounding of a distance, below any feature.
 const NUDGE: f64 = 1e-6;
 
 impl Mesh {
@@ -34,8 +34,8 @@ impl Mesh {
 }
 
 impl Stock {
-    /// The surface of what is left, with corners about `cell` (m) apart that lie on it: naive surface nets on the sign of
-    /// [`Stock::depth`], each corner then led onto the surface along the depth's slope, within its cell.
+    /// The surface of the remaining material, with corners on it that are about `cell` (m) apart. It is made by naive surface nets on the
+    /// sign of [`Stock::depth`]; each corner is then moved onto the surface along the gradient of the depth, within its cell.
     #[must_use]
     pub fn surface(&self, cell: f64) -> Mesh {
         let [low, high] = self.blank().bounds();
@@ -102,7 +102,7 @@ impl Stock {
         Vector3::new(along(0), along(1), along(2)).try_normalize(1e-12).unwrap_or_else(|| -Vector3::z())
     }
 
-    /// The nearest place of the surface within a cell, about, and the normal there.
+    /// Approximately the nearest point of the surface within a cell, and the normal there.
     pub(super) fn on_surface(&self, start: &Vector3<f64>, cell: f64) -> (Vector3<f64>, Vector3<f64>) {
         let mut at = *start;
         let mut inwards = self.inwards(&at);
@@ -122,7 +122,7 @@ impl Stock {
     }
 }
 
-/// The mean of the places where the edges of a unit cell cross the surface.
+/// The mean of the points where the edges of a unit cell cross the surface.
 fn crossing(depth: &dyn Fn(usize, usize, usize) -> f64) -> Option<Vector3<f64>> {
     let corners: [f64; 8] = std::array::from_fn(|n| depth(n & 1, n >> 1 & 1, n >> 2));
     let inside = corners.iter().filter(|depth| **depth > 0.0).count();

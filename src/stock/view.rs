@@ -1,4 +1,4 @@
-//! A cutter's front as it stands in the stock.
+//! A cutter's front at a pose in the stock.
 
 use super::dexel::Stock;
 use super::front::{Front, Ring};
@@ -6,11 +6,11 @@ use super::history::Moment;
 use super::sweep::ToolPose;
 use nalgebra::Vector3;
 
-/// Below this sine of its angle to the feed the tool plunges: φ is counted from anywhere.
+/// Below this sine of its angle to the feed the tool plunges: φ then has no natural zero.
 const PLUNGE: f64 = 1e-6;
 
-/// Sines of the feed's angle to the axis between which the edges along the cylinder begin to press: below, a chip there is thinner
-/// than edges are sharp (a twentieth of a usual feed per tooth is 3 µm, their radius 5 to 15 µm), beyond it is as thick.
+/// Sines of the feed's angle to the axis between which the edge force along the cylinder sets in. Below them, a chip is thinner than the
+/// radius of the edges (a twentieth of a usual feed per tooth is 3 µm, the radius 5 to 15 µm); above them it is as thick.
 const PRESSES: [f64; 2] = [0.05, 0.2];
 
 /// A cutter in the stock.
@@ -25,9 +25,9 @@ pub(super) struct View<'a> {
     pub(super) feed: [f64; 2],
     /// Share of the edge force along the cylinder.
     pub(super) side: f64,
-    /// Chip thickness that counts as nothing compared with a depth, m.
+    /// Length by which a share of the feed is compared with a depth, m.
     pub(super) scale: f64,
-    /// The sweep that leads here.
+    /// Number of the sweep that ends here, if the motion continues straight on from it.
     pub(super) before: u32,
 }
 
@@ -36,10 +36,10 @@ impl<'a> View<'a> {
         front: &'a Front,
         (stock, moment): (&'a Stock, &'a Moment),
         pose: &'a ToolPose,
-        way: &Vector3<f64>,
+        displacement: &Vector3<f64>,
         size: f64,
     ) -> Self {
-        let feed = way / size;
+        let feed = displacement / size;
         let along = feed.dot(&pose.axis);
         let across = feed - pose.axis.into_inner() * along;
         let sine = across.norm();
@@ -51,9 +51,9 @@ impl<'a> View<'a> {
         };
         let feed = [if sine > PLUNGE { sine } else { 0.0 }, along];
         let side = ((sine - PRESSES[0]) / (PRESSES[1] - PRESSES[0])).clamp(0.0, 1.0);
-        let before = moment.before(&pose.tip, way);
-        // About as far as a point is from the silhouette; where the way bends, the depth over what the move before has left
-        // goes as chip times way.
+        let before = moment.before(&pose.tip, displacement);
+        // About the distance of a point from the silhouette. Where the path bends, the depth over what the motion before has left
+        // grows as chip times displacement.
         let scale = if before > 0 { front.solid.radius } else { size.min(front.solid.radius) };
         Self { front, stock, moment, pose, x, y: pose.axis.cross(&x), feed, side, scale, before }
     }
@@ -65,21 +65,21 @@ impl<'a> View<'a> {
     /// Share of the feed that goes into the surface.
     pub(super) fn chip(&self, ring: &Ring, angle: (f64, f64)) -> f64 {
         let chip = self.feed[0] * ring.sin * angle.0 - self.feed[1] * ring.cos;
-        // On grid lines that are the silhouette rounding is not to decide.
+        // Where a grid line is the silhouette, rounding must not decide.
         if chip.abs() < 1e-12 { 0.0 } else { chip }
     }
 
-    /// How deep a point is in material, m, and whose surface that is from.
+    /// Depth of a point in material, m, and the owner of the surface from which it counts.
     pub(super) fn depth(&self, point: &Vector3<f64>) -> (f64, u32) {
         self.stock.depth_at(self.moment, point, self.before)
     }
 
-    /// How deep a point is in what one sweep, or the blank, leaves.
+    /// Depth of a point in the material that one sweep, or the blank, leaves, m.
     pub(super) fn depth_of(&self, whose: u32, point: &Vector3<f64>) -> f64 {
         self.stock.depth_of(self.moment, whose, point)
     }
 
-    /// Above zero where there is material and a chip of it.
+    /// Positive where there is material and a chip is cut from it.
     pub(super) fn level(&self, chip: f64, depth: f64) -> f64 {
         depth.min(chip * self.scale)
     }
