@@ -1,10 +1,10 @@
-//! A corrected program judged by its original: errors are counted from the original's targets and path.
+//! Judges a corrected program by its original: errors count from the targets and the path of the original.
 //!
-//! Where the correction has inserted targets, those of the original are found among them ([`align`]), and an inserted target is
-//! judged by the place of the original's path that is nearest to where the loaded tool lands: its error is a contour error,
-//! under the depth and the force of the original's cut there.
+//! If the correction has inserted targets, those of the original are found among them ([`align`]). An inserted target is judged by the
+//! point of the original's path that is nearest to the position of the loaded tool. Its error is a contour error, under the depth and
+//! the force of the original's cut there.
 
-use super::context::{Context, Ways};
+use super::context::{Context, JudgedPath};
 use super::deviation::{self, Commanded, Deviations, Node, PathDeviation, WalkedPath};
 use super::driven::waypoint_targets;
 use super::inserted::{self, Inserted, segments};
@@ -23,40 +23,40 @@ use crate::text::Diagnostic;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// Commands are off the path by the correction; single precision and the bend between two targets come to it, m.
+/// Commands are off the path by the correction, and by this for single precision and the bend between two targets, m.
 const SLACK: f64 = 0.5e-3;
 
-/// External axes of inserted targets are as far along as the target, to this (mm, degrees) for the correction along the path.
+/// External axes of inserted targets are interpolated to this (mm, degrees), because the correction moves targets along the path.
 const EXTERNAL_SLACK: f64 = 1.0;
 
-/// Pairs of targets that are solved at once, to bound the memory of dense programs.
+/// Number of pairs of targets that are solved at once, to bound the memory of dense programs.
 const PAIRS: usize = 1 << 16;
 
 const HELP: &str = "--against takes the program that this one was corrected from";
 
-/// An original whose corrected program has targets besides its own.
+/// An original whose corrected program has inserted targets.
 pub(super) struct Subdivided<'a> {
     original: &'a Program,
     prepared: Prepared,
     starts: Vec<Option<Start>>,
-    /// Ends of the original's motions, and what they are in the corrected program.
+    /// Ends of the original's motions, and their indices in the corrected program.
     matched: Vec<(usize, usize)>,
     /// The other targets of the corrected program, in order.
     inserted: Vec<Inserted>,
 }
 
-/// What errors are counted from.
+/// The program from which errors count.
 pub(super) enum Original<'a> {
     /// The program itself.
     Itself,
-    /// A program with as many targets.
+    /// A program with the same number of targets.
     Alike,
-    /// One that has fewer.
+    /// A program with fewer targets.
     Subdivided(Box<Subdivided<'a>>),
 }
 
 impl Original<'_> {
-    /// The same once the forces are those of a stock that the loaded tool has cut.
+    /// Moves the inserted targets to their points of the path again, after the loaded tool has cut the stock and the forces are known.
     pub(super) fn settle(&mut self, points: &mut Prepared, arm: &Arm) {
         if let Self::Subdivided(subdivided) = self {
             let segments = segments(subdivided.original, &subdivided.prepared, &subdivided.starts);
@@ -65,10 +65,10 @@ impl Original<'_> {
     }
 }
 
-/// The points of a corrected program with what they are judged by.
+/// The points of a corrected program, with the poses by which they are judged.
 ///
 /// # Errors
-/// What [`Prepared::new`] refuses; targets that are neither the original's nor on its path.
+/// As [`Prepared::new`]; targets that are neither the original's nor on its path.
 pub(super) fn judged<'a>(
     context: Context<'_>,
     original: &'a Program,
@@ -106,7 +106,7 @@ impl<'a> Subdivided<'a> {
         let mut at = 0;
         let mut same = Vec::with_capacity(original.targets.len());
         for &(wanted, given) in &matched {
-            // An arc that is not split keeps its circle point.
+            // An arc that was not split keeps its circle point.
             if given == at + 1 && Kind::of(original, wanted) == Kind::Arc {
                 same.push((wanted - 1, given - 1));
                 at = given;
@@ -129,11 +129,11 @@ impl<'a> Subdivided<'a> {
         Ok(subdivided)
     }
 
-    /// For each waypoint of the corrected program the waypoint of the original whose segment it is on.
+    /// For each motion of the corrected program, the motion of the original that it is a part of.
     pub(super) fn waypoints(&self, corrected: &Program) -> Vec<usize> {
         let originals = waypoint_targets(self.original);
         let waypoint = |target: usize| originals.binary_search(&target).unwrap_or(0);
-        // The first segment of the original that ends at or after a target of the corrected program.
+        // The first motion of the original that ends at or after a target of the corrected program.
         let of = |target: usize| {
             let at = self.matched.partition_point(|(_, given)| *given < target);
             self.matched.get(at).map_or(originals.len().saturating_sub(1), |(wanted, _)| waypoint(*wanted))
@@ -141,7 +141,7 @@ impl<'a> Subdivided<'a> {
         waypoint_targets(corrected).into_iter().map(of).collect()
     }
 
-    /// Puts the inserted targets where they are on the path of the original.
+    /// Puts the inserted targets on the path of the original.
     fn place(&mut self, points: &mut Prepared, program: &Program, cell: &Cell) -> Result<(), Vec<Diagnostic>> {
         let free = free_axes(cell);
         let segments = segments(self.original, &self.prepared, &self.starts);
@@ -158,9 +158,8 @@ impl<'a> Subdivided<'a> {
             let external = |moved: &Option<Arc<Moved>>| moved.as_ref().map(|moved| moved.external);
             let apart = match (external(&own.moved), external(&segment.moved(inserted.share))) {
                 (None, None) => false,
-                (Some(own), Some(way)) => {
-                    (0..EXTERNAL_AXES).any(|axis| !free[axis] && (own[axis] - way[axis]).abs() > EXTERNAL_SLACK)
-                }
+                (Some(own), Some(interpolated)) => (0..EXTERNAL_AXES)
+                    .any(|axis| !free[axis] && (own[axis] - interpolated[axis]).abs() > EXTERNAL_SLACK),
                 _ => true,
             };
             if apart {
@@ -171,7 +170,7 @@ impl<'a> Subdivided<'a> {
         Ok(())
     }
 
-    /// What is left on the way into each target of the corrected program, along the original's path.
+    /// The deviation from the original's path on the segment to each target of the corrected program.
     pub(super) fn measure(
         &self,
         points: &Prepared,
@@ -179,7 +178,7 @@ impl<'a> Subdivided<'a> {
         context: Context<'_>,
     ) -> Vec<Option<PathDeviation>> {
         let mut judged = self.prepared.with_points(self.prepared.points.clone());
-        // Which target of the corrected program stands for each of the original's.
+        // The target of the corrected program for each target of the original.
         let mut given = vec![0; judged.points.len()];
         for &(wanted, end) in &self.matched {
             given[wanted] = end;
@@ -215,8 +214,9 @@ impl<'a> Subdivided<'a> {
             nodes: ends.iter().map(node).collect(),
         };
         let solver = Solver::new(&context.cell.arm, &judged, context.parallelism);
-        let way = WalkedPath { program: self.original, prepared: &judged, commanded: &commanded, last: None };
-        let Deviations { targets, nodes } = deviation::measure(&way, &solver, &|_| WarmStart::default(), Ways::Written);
+        let walked = WalkedPath { program: self.original, prepared: &judged, commanded: &commanded, last: None };
+        let Deviations { targets, nodes } =
+            deviation::measure(&walked, &solver, &|_| WarmStart::default(), JudgedPath::Written);
         let mut out = vec![None; points.points.len()];
         for &(wanted, end) in &self.matched {
             out[end] = targets[wanted];
@@ -227,14 +227,14 @@ impl<'a> Subdivided<'a> {
         out
     }
 
-    /// Forces along the whole way into a target of the original, where they follow from the stock.
+    /// Joins the forces along the whole segment to a target of the original, if they follow from the stock.
     fn merge_forces(&self, (wanted, end): (usize, usize), points: &Prepared, judged: &mut Point) {
         let Some(milled) = &mut judged.milled else { return };
         let first = self.inserted.partition_point(|inserted| inserted.before < wanted);
         let own = self.inserted[first..].iter().take_while(|inserted| inserted.before == wanted);
-        let ways = own.filter(|inserted| inserted.role != Role::Via).map(|inserted| (inserted.target, inserted.share));
+        let ends = own.filter(|inserted| inserted.role != Role::Via).map(|inserted| (inserted.target, inserted.share));
         let (mut forces, mut from) = (Vec::new(), 0.0);
-        for (target, to) in ways.chain([(end, 1.0)]) {
+        for (target, to) in ends.chain([(end, 1.0)]) {
             let part = points.points[target].milled.iter().flat_map(|milled| milled.forces.iter());
             forces.extend(part.map(|(share, force)| (from + share * (to - from), *force)));
             from = to;
@@ -243,19 +243,19 @@ impl<'a> Subdivided<'a> {
     }
 }
 
-/// Where the way into each target begins, as programmed; `None` where it is no line and no arc.
+/// The programmed start of the segment to each target; `None` if the segment is neither a line nor an arc.
 fn starts(program: &Program, prepared: &Prepared) -> Vec<Option<Start>> {
     let mut commanded = Commanded::as_programmed(prepared, Vec::new());
     commanded.poses = prepared.points.iter().map(|point| point.reference).collect();
-    let way = WalkedPath { program, prepared, commanded: &commanded, last: None };
+    let walked = WalkedPath { program, prepared, commanded: &commanded, last: None };
     let start = |i: usize| {
         let is_path = matches!(Kind::of(program, i), Kind::Line | Kind::Arc) && prepared.points[i].unsolved.is_none();
-        if is_path { way.start(way.before(i)?) } else { None }
+        if is_path { walked.start(walked.before(i)?) } else { None }
     };
     (0..prepared.points.len()).map(start).collect()
 }
 
-/// Corrected targets about the original's path.
+/// Costs for matching corrected targets with points of the original's path.
 struct Places<'a> {
     arm: &'a Arm,
     corrected: (&'a Program, &'a Prepared),
@@ -270,7 +270,7 @@ impl Places<'_> {
         &self.corrected.1.points[corrected].wobj_from_tcp
     }
 
-    /// Whether the numbers have been left as they were.
+    /// Whether the numbers are unchanged.
     fn is_unchanged(&self, corrected: usize, original: usize) -> bool {
         self.corrected.0.targets[corrected].goal == self.original.0.targets[original].goal
     }
@@ -296,7 +296,7 @@ impl Fit for Places<'_> {
         (place - on_path).norm() <= self.most
     }
 
-    /// By where the loaded tool lands; numbers that have been left as they were are the target's own, wherever that is.
+    /// Costs by the position of the loaded tool. Unchanged numbers belong to their own target at any distance.
     fn costs(&self, pairs: &[(usize, usize)]) -> Vec<f64> {
         let mut out = Vec::with_capacity(pairs.len());
         for pairs in pairs.chunks(PAIRS) {
@@ -320,11 +320,11 @@ impl Fit for Places<'_> {
     }
 }
 
-/// A target of the corrected program that the original has no place for.
+/// The error for a target of the corrected program that matches no point of the original.
 fn fits_nothing(program: &Program, i: usize, most: f64) -> Diagnostic {
     let target = &program.targets[i];
     let message = format!(
-        "target {} fits neither a target of the original nor its way there: no more than {:.1} mm off, in order",
+        "target {} fits neither a target of the original nor a point of its path, in order and to {:.1} mm",
         target.ordinal,
         1e3 * most
     );
@@ -342,14 +342,14 @@ fn other_axes(program: &Program, i: usize) -> Diagnostic {
     program.error_at(target, "against.external", message).help(HELP)
 }
 
-/// The original of a program with so many targets has more of them.
+/// The error for an original that has more targets than the program.
 pub(super) fn other_count(name: &str, targets: usize, original: usize) -> Diagnostic {
     let message = format!("{targets} targets, but the original has {original}");
     Diagnostic::error("against.count", name, message).help(HELP)
 }
 
 impl Prepared {
-    /// As [`Prepared::new`], with errors counted from the program that this one was corrected from.
+    /// As [`Prepared::new`], with errors counted from the original of this program.
     ///
     /// # Errors
     /// As [`Prepared::new`], of both programs; targets that are neither the original's nor on its path.
@@ -362,7 +362,7 @@ impl Prepared {
         judged(Context::whole(program, cell, options), original).map(|(prepared, _)| prepared)
     }
 
-    /// Counts errors from the targets of `original`, one for each of these: they define depth, force and the wanted poses.
+    /// Counts errors from the targets of `original`, one for each point: they define depth, force and the wanted poses.
     pub(super) fn judge_against(
         &mut self,
         original: &Self,
@@ -380,7 +380,7 @@ impl Prepared {
         Ok(())
     }
 
-    /// `free`: external axes whose positions may be others.
+    /// `free`: external axes whose positions may differ.
     fn judge_point(
         &mut self,
         i: usize,
@@ -397,14 +397,14 @@ impl Prepared {
         if own.is_some() != before.is_some() || !(0..EXTERNAL_AXES).all(is_same) {
             return Err(vec![other_axes(program, i)]);
         }
-        // The part is the same wherever it stands.
+        // Poses in the part are comparable at any position of the units.
         let (wobj_from_tcp, motor, travel, moved) =
             (point.wobj_from_tcp, point.motor, point.travel, point.moved.take());
         *point = Point { wobj_from_tcp, motor, travel, moved, ..original.clone() };
         Ok(())
     }
 
-    /// How far each target is from what it is judged by, mm.
+    /// Distance of each target from the pose by which it is judged, mm.
     pub(super) fn moved_mm(&self) -> Vec<f64> {
         let moved = |point: &Point| point.wobj_from_tcp.translation.vector - point.reference.translation.vector;
         self.points.iter().map(|point| 1e3 * moved(point).norm()).collect()

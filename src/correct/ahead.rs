@@ -1,4 +1,4 @@
-//! Looking ahead of the ordered pass, eight targets at once: all that does not depend on what the pass decides.
+//! A look-ahead of the ordered pass, eight targets at once: everything that does not depend on the decisions of the pass.
 
 use super::carried::{Carried, RunWith};
 use super::mount::Stand;
@@ -13,16 +13,16 @@ use crate::program::{Goal, Target};
 use crate::robot::{BatchArm, BatchSolutions, Joints, Pose, WrittenTarget};
 use nalgebra::{Rotation3, Unit, Vector3};
 
-/// What is known of up to eight targets before each is looked at.
+/// The results for up to eight targets before the pass reaches them.
 pub(super) struct Ahead {
-    /// Of CL targets.
+    /// The spin rule of CL targets.
     spin: Spin,
-    /// Poses and, most likely, motor angles.
+    /// Poses, and motor angles where they were found.
     found: BatchSolutions,
     posed: bool,
-    /// Of CL targets, what the rule gives x up to each; see [`spin::pose`].
+    /// For CL targets, the last direction that the rule gave x; see [`spin::pose`].
     held: [Option<Vector3<f64>>; WIDTH],
-    /// The ways into the targets, where they are all poses in the work object of the point before them.
+    /// The chords to the targets, if all are poses in the work object of the point before them.
     chords: Chords,
     stretch: bool,
 }
@@ -30,7 +30,7 @@ pub(super) struct Ahead {
 /// Lanes of [`Approach`].
 #[derive(Default)]
 struct Chords {
-    /// Where they begin, m.
+    /// Their starts, m.
     from: Vector,
     chord: Vector,
     size: Lanes,
@@ -39,11 +39,11 @@ struct Chords {
     fed: LaneMask,
 }
 
-/// The way into a target, work object axes; out of it at the first.
+/// The chord to a target, or from it for the first target, work object axes.
 pub(super) struct Approach {
     /// Its length, m.
     pub(super) size: f64,
-    /// Where it is long enough for one.
+    /// Its unit direction; `None` if it is too short for one.
     pub(super) direction: Option<Vector3<f64>>,
     pub(super) feed_frame: Option<Rotation3<f64>>,
 }
@@ -60,7 +60,7 @@ impl Ahead {
         }
     }
 
-    /// Looks at targets, with their settings and where units put them, and the point before them.
+    /// Computes poses, motor angles and chords of targets, with their settings and units, after the point before them.
     pub(super) fn look(
         &mut self,
         robot: Option<&BatchArm<'_>>,
@@ -69,7 +69,7 @@ impl Ahead {
         before: Option<&Point>,
     ) {
         (self.posed, self.stretch) = (false, false);
-        // With a stationary tool they are found one by one.
+        // With a stationary tool they are computed one by one.
         let setting = |lane: usize| stands[lane].setting(&carried.settings[settings[lane].setting as usize]);
         let robot = robot.filter(|_| (0..targets.len()).all(|lane| !setting(lane).held));
         let Some(robot) = robot else { return };
@@ -98,7 +98,7 @@ impl Ahead {
         }
     }
 
-    /// Poses of CL targets after a point in the same work object; `None` where one is none of these, or has no direction.
+    /// Poses of CL targets after a point in the same work object; `None` if one has another goal or no direction.
     fn turn(&mut self, targets: &[Target], before: &Point, mut held: Option<Vector3<f64>>) -> Option<()> {
         let mut from = before.wobj_from_tcp.translation.vector;
         for (lane, target) in targets.iter().enumerate() {
@@ -111,17 +111,17 @@ impl Ahead {
         Some(())
     }
 
-    /// The ways to come are other ones: a target was refused, after which they do not begin.
-    pub(super) fn forget_ways(&mut self) {
+    /// Discards the chords that follow: a target was refused, from which they would begin.
+    pub(super) fn forget_approaches(&mut self) {
         self.stretch = false;
     }
 
-    /// The cell's rule.
+    /// The spin rule of the cell.
     pub(super) fn spin(&self) -> &Spin {
         &self.spin
     }
 
-    /// Pose of a CL target, and what is held of the rule's directions then.
+    /// Pose of a CL target, and the last direction of the rule then.
     pub(super) fn turned(&self, lane: usize) -> Option<(Pose, Option<Vector3<f64>>)> {
         self.stretch.then(|| (self.found.wobj_from_tcp.lane(lane), self.held[lane]))
     }
@@ -130,32 +130,32 @@ impl Ahead {
         self.posed.then(|| self.found.wobj_from_tcp.lane(lane))
     }
 
-    /// Motor angles, where they are surely the nearest to others (rad).
+    /// Motor angles, if they are surely the nearest to `near` (rad).
     pub(super) fn motor(&self, lane: usize, near: &Joints) -> Option<Joints> {
         self.found.nearest(lane, near).filter(|_| self.posed)
     }
 
-    /// Whether the ways are known; they have to be set one by one elsewhere.
-    pub(super) fn knows_ways(&self) -> bool {
+    /// Whether the chords are known; otherwise they are set one by one.
+    pub(super) fn knows_approaches(&self) -> bool {
         self.stretch
     }
 
-    /// Sets the chord into a target, m.
+    /// Sets the chord to a target, m.
     pub(super) fn set_chord(&mut self, lane: usize, chord: &Vector3<f64>) {
         self.chords.chord.set(lane, chord);
     }
 
-    /// Finds what else is to be known of the way, with the tool axis, tip to spindle.
-    pub(super) fn set_way(&mut self, lane: usize, axis: &Unit<Vector3<f64>>, lean: &Lean) {
+    /// Computes the other values of the approach, with the tool axis, tip to spindle.
+    pub(super) fn set_approach(&mut self, lane: usize, axis: &Unit<Vector3<f64>>, lean: &Lean) {
         self.chords.set(lane, axis, lean);
     }
 
-    /// Chord into a target, m.
+    /// Chord to a target, m.
     pub(super) fn chord(&self, lane: usize) -> Vector3<f64> {
         self.chords.chord.lane(lane)
     }
 
-    pub(super) fn way(&self, lane: usize) -> Approach {
+    pub(super) fn approach(&self, lane: usize) -> Approach {
         self.chords.lane(lane)
     }
 }
@@ -173,7 +173,7 @@ fn place<'t>(
 }
 
 impl Chords {
-    /// Of poses one after the other, `before` being the place (m) before the first.
+    /// Computes the approaches of consecutive poses; `before` is the position (m) before the first.
     fn find(&mut self, before: &Vector3<f64>, poses: &Frame, lean: &Lean) {
         self.from = poses.origin.behind(before);
         widest!(<'a> (chords: &'a mut Chords = self, poses: &'a Frame = poses, lean: &'a Lean = lean) {
@@ -184,7 +184,7 @@ impl Chords {
         });
     }
 
-    /// What `find` finds of one chord.
+    /// Computes the approach for one chord.
     fn set(&mut self, lane: usize, axis: &Unit<Vector3<f64>>, lean: &Lean) {
         let chord = self.chord.lane(lane);
         let size = chord.norm();

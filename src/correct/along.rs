@@ -1,10 +1,10 @@
-//! What the arm does between the targets: axis limits, reach, singular postures and axis speeds anywhere on a linear or circular
-//! way, not only at its end.
+//! Checks the arm between targets: axis limits, reach, singular postures and axis speeds anywhere on a linear or circular segment, not
+//! only at its end.
 //!
-//! Branch and bound over the share of the way. How far each axis can get on a piece of it follows from the length and the turn of
-//! the piece and from how far the arm is from its singular postures ([`Robot::excursion`]): a piece whose ends keep their limits
-//! by more than that is settled, any other is halved. What stays unseen is below [`UNSEEN`], whatever the length of the way. Most
-//! ways of a dense program are settled by the angles at their ends.
+//! This is branch and bound over the share of the segment. The length and the turn of a piece, and the distance of the arm from its
+//! singular postures, bound the motion of each axis on the piece ([`Robot::excursion`]). A piece whose ends keep their limits by more
+//! than that is settled; any other is halved. Anything unseen is below [`UNSEEN`], for any length of the segment. Most segments of a
+//! dense program are settled by the angles at their ends.
 
 use super::deviation::WalkedPath;
 use super::mount::is_entered_elsewhere;
@@ -17,7 +17,8 @@ use crate::robot::{Excursion, Joints, Pose, Robot, Unreachable, turn_between};
 use crate::text::{Diagnostic, Severity};
 use std::f64::consts::PI;
 
-/// A limit that is passed by less than this between two looks is not seen, rad: a hundredth of a degree, less than arms repeat.
+/// An axis limit that is exceeded by less than this between two computed points is not seen, rad: a hundredth of a degree, less than arms
+/// repeat.
 const UNSEEN: f64 = 0.01 * PI / 180.0;
 
 /// An axis speed above its limit by less than this share is not seen: makers round theirs to 1 %.
@@ -30,28 +31,28 @@ const SINGULAR: f64 = PI / 180.0;
 /// Closer than this to axis 1, m, the wrist centre is in a singular posture: a degree's worth of half a metre.
 const SINGULAR_SHOULDER: f64 = 0.01;
 
-/// The orientation turns at most so fast, rad/s: that of ABB's predefined speeddata (500°/s), which other makers stay below.
+/// Largest speed of the orientation, rad/s: that of ABB's predefined speeddata (500°/s); other makers have smaller ones.
 const ORIENTATION_SPEED: f64 = 500.0 * PI / 180.0;
 
-/// Pieces of a way that turn more than this, or lead a moved unit so far (rad, m), are halved before they are bounded.
+/// Pieces of a segment that turn by more than this, or move a unit by more (rad, m), are halved before they are bounded.
 const STRAIGHT: f64 = 0.1;
 
-/// A piece is not halved below this share of its way: what is left of a flip of the wrist there is no speed any more.
+/// A piece is not halved below this share of its segment: a flip of the wrist within it has no meaningful speed.
 const SHORTEST: f64 = 1e-6;
 
-/// Share of the distance that is enough below which a posture counts as singular itself: nearer ones are not distinguished.
+/// A posture within this share of the sufficient distance counts as singular itself: nearer ones are not distinguished.
 const IN_IT: f64 = 0.02;
 
-/// Parts in which a long way is followed from its start.
+/// Number of parts in which a long segment is followed from its start.
 const PARTS: u16 = 32;
 
-/// Pieces of one way that are looked at: many more than any regular way needs.
+/// Most pieces of one segment: many more than any regular segment needs.
 const MOST_PIECES: usize = 20_000;
 
-/// Speeds so many times their limit are not looked at more closely.
+/// Speeds this many times their limit are not examined more closely.
 const FAR_TOO_FAST: f64 = 10.0;
 
-/// What is wrong on the way into a target.
+/// A kind of fault on the segment to a target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum WayFault {
@@ -59,7 +60,7 @@ pub enum WayFault {
     AxisLimit,
     /// An axis would have to turn faster than it can, degrees a second.
     AxisSpeed,
-    /// Two axes line up, or the arm is stretched: degrees from there; the wrist centre over axis 1: mm from there.
+    /// Two axes line up, or the arm is stretched: degrees from that posture; the wrist centre is over axis 1: mm from there.
     Singular,
     /// The arm does not reach the path: mm that are missing.
     Unreachable,
@@ -68,7 +69,7 @@ pub enum WayFault {
 impl WayFault {
     const ALL: [Self; 4] = [Self::AxisLimit, Self::AxisSpeed, Self::Singular, Self::Unreachable];
 
-    /// Whether a message is of one of these.
+    /// Whether a message has the code of one of these.
     #[must_use]
     pub fn is_code(code: &str) -> bool {
         Self::ALL.iter().any(|fault| fault.code() == code)
@@ -86,7 +87,7 @@ impl WayFault {
     }
 }
 
-/// The worst of a kind on the way into a target.
+/// The worst fault of a kind on the segment to a target.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct WayFinding {
@@ -94,19 +95,18 @@ pub struct WayFinding {
     pub fault: WayFault,
     /// Index of the target in the program.
     pub index: usize,
-    /// Share of the way into it.
+    /// Share of the segment to it.
     pub share: f64,
-    /// Axis from 1; 7 is the parallelogram's own axis 3 − axis 2, 8 is axis 3 + axis 2 where axis 3 is counted against the
-    /// ground, 0 none.
+    /// Axis from 1; 7 is axis 3 − axis 2 of a parallelogram, 8 is axis 3 + axis 2 where axis 3 is counted against the ground, 0 is none.
     pub axis: usize,
     /// In the unit of the fault.
     pub value: f64,
-    /// What it passes.
+    /// The limit that it exceeds.
     pub limit: f64,
 }
 
 impl WayFinding {
-    /// The finding at its place.
+    /// The finding as a message at its line.
     #[must_use]
     pub fn diagnostic(&self, program: &Program) -> Diagnostic {
         let target = &program.targets[self.index];
@@ -129,7 +129,7 @@ impl WayFinding {
         Diagnostic { figures, ..program.error_at(target, self.fault.code(), message).help(help) }
     }
 
-    /// The same as a warning of which the first stands for all.
+    /// The same as a warning; the first one stands for all.
     pub(super) fn warning(&self, program: &Program) -> Diagnostic {
         let target = &program.targets[self.index];
         let message = match self.fault {
@@ -171,27 +171,27 @@ impl WayFinding {
     }
 }
 
-/// One way of the TCP.
-pub(super) struct Way<'a> {
+/// A segment that the arm follows.
+pub(super) struct FollowedSegment<'a> {
     pub(super) robot: &'a Robot,
-    /// As commanded, in the work object.
+    /// The commanded curve, in the work object.
     pub(super) track: Track,
-    /// What the arm is run with at a share of the way.
+    /// The setting at a share of the segment.
     pub(super) setting: &'a dyn Fn(f64) -> Setting,
     /// Motor angles at its ends, rad.
     pub(super) motors: [Joints; 2],
-    /// mm/s.
+    /// Programmed speed of the TCP, mm/s.
     pub(super) feed_mm_s: Option<f64>,
 }
 
-/// The worst of each kind.
+/// The worst fault of each kind.
 #[derive(Clone, Copy, Debug, Default)]
 struct Worst {
-    /// By how much a limit is passed, rad, and the finding.
+    /// Largest excess over an axis limit, rad, and the finding.
     limit: Option<(f64, Fault)>,
     /// Speed over its limit.
     speed: Option<(f64, Fault)>,
-    /// Distance from a singular posture over that which is enough.
+    /// Distance from a singular posture over the sufficient distance.
     singular: Option<(f64, Fault)>,
     unreachable: Option<Fault>,
 }
@@ -207,7 +207,7 @@ pub(super) struct Fault {
 }
 
 impl Worst {
-    /// Takes in a place that is out of reach.
+    /// Adds a point that is out of reach.
     fn miss(&mut self, share: f64, unreachable: Unreachable) {
         let value = match unreachable {
             Unreachable::OutOfReach { by_mm } => by_mm,
@@ -221,15 +221,15 @@ impl Worst {
 }
 
 impl Fault {
-    /// On the way into a target, by its index.
+    /// The finding for the target with an index.
     pub(super) fn at_target(self, index: usize) -> WayFinding {
         let Self { fault, share, axis, value, limit } = self;
         WayFinding { fault, index, share, axis, value, limit }
     }
 }
 
-/// A part of a way: its length (m) and turn (rad) in the base at most, how long it takes (s), how far the TCP is from the wrist
-/// centre (m), and the motor angles at its ends, rad.
+/// A piece of a segment: upper bounds of its length (m) and turn (rad) in the base, its duration (s), the distance of the TCP from the
+/// wrist centre (m), and the motor angles at its ends, rad.
 struct Piece<'m> {
     length: f64,
     turn: f64,
@@ -239,7 +239,7 @@ struct Piece<'m> {
 }
 
 impl Piece<'_> {
-    /// Whether nothing worse than what is known can be on it.
+    /// Whether nothing worse than the known faults can be on it.
     fn is_settled(&self, robot: &Robot, worst: &Worst) -> bool {
         let [from, to] = self.motors;
         let Some(Excursion { axes, clearance, left, bend }) =
@@ -263,34 +263,34 @@ impl Piece<'_> {
         known >= FAR_TOO_FAST
             || (0..6).all(|i| {
                 let most = (to[i] - from[i]).abs() + bend * axes[i];
-                // Either bound holds.
+                // Both bounds are valid.
                 most.min(axes[i]) <= speed[i] * time * known * (1.0 + UNSEEN_SPEED)
             })
     }
 }
 
-/// A stretch of path, many pieces long, with nothing wrong on it but maybe the speed of an axis: far from axis limits and
-/// singular postures, which takes sines and cosines to know, the pieces on it take none.
+/// A stretch of path, many pieces long, that is far from axis limits and singular postures: only the speed of an axis can be wrong on it.
+/// Finding the stretch takes sines and cosines; the pieces on it take none.
 #[derive(Default)]
 struct Calm {
     /// Length (m) and turn (rad) of the stretch.
     size: [f64; 2],
-    /// See [`Excursion`], from the begin of the stretch.
+    /// See [`Excursion`], from the start of the stretch.
     axes: [f64; 6],
     bend: f64,
-    /// Share of it that is not used up.
+    /// Remaining share of it.
     left: f64,
 }
 
 impl Calm {
-    /// A stretch is so many times as long as the piece that it begins with: of many more the bounds would be loose.
+    /// Length of a stretch over that of its first piece: for longer ones the bounds would be loose.
     const PIECES: f64 = 32.0;
 
-    /// Whether nothing can be wrong on a piece that follows the ones before; false where that takes a closer look.
+    /// Whether nothing can be wrong on the next piece; false if that needs a closer look.
     fn covers(&mut self, piece: &Piece<'_>, robot: &Robot) -> bool {
         let size = [piece.length + piece.lever * piece.turn, piece.turn];
         let share = |calm: &Self| (size[0] / calm.size[0]).max(size[1] / calm.size[1]);
-        // Not so where neither has a size.
+        // False if neither has a size.
         let fits = |calm: &Self| share(calm) <= calm.left;
         if !fits(self) {
             *self = Self::from(piece.motors[0], size.map(|size| Self::PIECES * size), robot).unwrap_or_default();
@@ -303,13 +303,13 @@ impl Calm {
         let (Some(speed), Some(time)) = (&robot.axis_speed, piece.time) else { return true };
         let [from, to] = piece.motors;
         (0..6).all(|i| {
-            // Bounds shrink with the share, and so does what speeds differ by.
+            // Bounds decrease with the share, and so do differences of speed.
             let most = share * self.axes[i];
             (to[i] - from[i]).abs() + share * self.bend * most <= speed[i] * time
         })
     }
 
-    /// A stretch of a length (m) and a turn (rad) from motor angles (rad), where it is calm.
+    /// A stretch of a length (m) and a turn (rad) from motor angles (rad); `None` if it is not calm.
     fn from(motor: &Joints, size: [f64; 2], robot: &Robot) -> Option<Self> {
         let Excursion { axes, left, bend, .. } = robot.excursion(motor, size[0], size[1])?;
         let is_calm = robot.limit_excess(motor, &axes) <= 0.0
@@ -320,8 +320,8 @@ impl Calm {
     }
 }
 
-impl Way<'_> {
-    /// What is wrong on it, the worst of each kind.
+impl FollowedSegment<'_> {
+    /// The worst fault of each kind on the segment.
     pub(super) fn faults(&self) -> Vec<Fault> {
         let mut worst = Worst::default();
         let ends = [0.0, 1.0].map(|share| self.base_from_tcp(share));
@@ -329,7 +329,7 @@ impl Way<'_> {
         let there = |share: f64, near: &Joints| {
             self.robot.inverse_in(branch, &(self.setting)(share).base_from_flange(&self.track.pose(share)), near)
         };
-        // On a way the arm keeps its branch, wherever that leads.
+        // On a segment the arm keeps its branch, even beyond limits.
         let mut open = Vec::new();
         let whole = self.piece((1.0, bend), &self.motors, &ends);
         let [from, to] = &self.motors;
@@ -338,7 +338,7 @@ impl Way<'_> {
             self.look(&mut worst, 1.0, to);
             open.push(([0.0, 1.0], self.motors, ends));
         } else {
-            // Followed from the start: axes may turn by more than half a turn.
+            // Follows the segment from its start: axes may turn by more than half a turn.
             let mut last = Some((0.0, self.motors[0], ends[0]));
             let mut near = self.motors[0];
             for part in 1..=PARTS {
@@ -406,7 +406,8 @@ impl Way<'_> {
         if setting.held { flange } else { flange * setting.tool.flange_from_tcp }
     }
 
-    /// How far it is from a straight line in the base, as a whole: the angle of an arc, and what moves its work object (rad, m).
+    /// A measure of how much the whole segment differs from a straight line in the base: the angle of an arc, and the motion of its work
+    /// object (rad, m).
     fn bend(&self) -> f64 {
         let [from, to] = [0.0, 1.0].map(|share| (self.setting)(share));
         let (a, b) = (&from.base_from_wobj, &to.base_from_wobj);
@@ -418,7 +419,7 @@ impl Way<'_> {
         self.track.angle() + moved + if from.held { self.track.turn() } else { 0.0 }
     }
 
-    /// Whether the arm stays in a singular posture that is known: no bound holds there, and nothing is added.
+    /// Whether the arm stays in a singular posture that is known: no bound is valid there, and no fault is added.
     fn is_all_singular(&self, motors: &[Joints; 2], worst: &Worst) -> bool {
         let in_it = |motor: &Joints| {
             let [wrist, elbow, shoulder] = self.robot.clearance(motor).unwrap_or([f64::INFINITY; 3]);
@@ -428,7 +429,7 @@ impl Way<'_> {
     }
 
     fn piece<'m>(&self, (span, bend): (f64, f64), motors: &'m [Joints; 2], ends: &[Pose; 2]) -> Piece<'m> {
-        /// A way that bends by [`STRAIGHT`] is longer than its chord by less.
+        /// Upper bound of the length over the chord for a piece that bends by [`STRAIGHT`].
         const LONGER: f64 = 1.05;
         let setting = (self.setting)(1.0);
         let longer = if bend > 0.0 { LONGER } else { 1.0 };
@@ -440,7 +441,7 @@ impl Way<'_> {
         Piece { length, turn, time, lever: lever + self.robot.wrist_lever(), motors: [&motors[0], &motors[1]] }
     }
 
-    /// Looks at one place.
+    /// Examines one point.
     fn look(&self, worst: &mut Worst, share: f64, motor: &Joints) {
         if let Some(violation) = self.robot.limit_violation(motor) {
             let by = violation.by_deg.to_radians();
@@ -463,73 +464,73 @@ impl Way<'_> {
     }
 }
 
-/// How long a way of a length (m) and a turn (rad) takes, s; `None` where its feed is not known, or it has neither.
+/// Duration of a piece with a length (m) and a turn (rad), s; `None` if its feed is unknown, or it has neither.
 fn time(length: f64, turn: f64, feed_mm_s: Option<f64>) -> Option<f64> {
     let feed = 1e-3 * feed_mm_s.filter(|feed| *feed > 0.0)?;
     let time = (length / feed).max(turn / ORIENTATION_SPEED);
     (time > 0.0).then_some(time)
 }
 
-/// What is wrong on the ways into a program's targets, as they are commanded.
-pub(super) fn look(way: &WalkedPath<'_>, robot: &Robot) -> Vec<WayFinding> {
+/// The faults on the segments to a program's targets, as commanded.
+pub(super) fn look(walked: &WalkedPath<'_>, robot: &Robot) -> Vec<WayFinding> {
     let (mut out, mut from, mut calm) = (Vec::new(), None, Calm::default());
-    for (i, target) in way.program.targets.iter().enumerate() {
-        let kind = Kind::of(way.program, i);
+    for (i, target) in walked.program.targets.iter().enumerate() {
+        let kind = Kind::of(walked.program, i);
         if kind == Kind::Point {
             continue;
         }
         let before = from.replace(i);
-        let step = way.commanded.step(i).filter(|_| kind != Kind::Joint && !is_entered_elsewhere(target));
+        let step = walked.commanded.step(i).filter(|_| kind != Kind::Joint && !is_entered_elsewhere(target));
         let Some(Dragged { motor, .. }) = step else {
             calm = Calm::default();
             continue;
         };
-        if !is_clear(way, i, (before, motor), robot, &mut calm) {
+        if !is_clear(walked, i, (before, motor), robot, &mut calm) {
             calm = Calm::default();
-            out.extend(faults(way, i, before, motor, robot).unwrap_or_default());
+            out.extend(faults(walked, i, before, motor, robot).unwrap_or_default());
         }
     }
     out
 }
 
-/// Whether the angles at both ends of a line tell that nothing can be wrong on it.
+/// Whether the angles at both ends of a line show that nothing can be wrong on it.
 fn is_clear(
-    way: &WalkedPath<'_>,
+    walked: &WalkedPath<'_>,
     i: usize,
     (before, motor): (Option<usize>, &Joints),
     robot: &Robot,
     calm: &mut Calm,
 ) -> bool {
-    let setting = way.prepared.setting(i);
-    let Some((_, sent, at)) = way.line_from(i, before).filter(|_| !setting.held) else { return false };
-    let length = (way.commanded.poses[i].translation.vector - sent.translation.vector).norm();
+    let setting = walked.prepared.setting(i);
+    let Some((_, sent, at)) = walked.line_from(i, before).filter(|_| !setting.held) else { return false };
+    let length = (walked.commanded.poses[i].translation.vector - sent.translation.vector).norm();
     // No more than all joints together.
     let turn = moved(at, motor);
     let lever = setting.tool.flange_from_tcp.translation.vector.norm() + robot.wrist_lever();
-    let time = time(length, 0.0, way.program.targets[i].feed_mm_s);
+    let time = time(length, 0.0, walked.program.targets[i].feed_mm_s);
     let piece = Piece { length, turn, time, lever, motors: [at, motor] };
     turn < STRAIGHT
-        && (time.is_some() || robot.axis_speed.is_none() || way.program.targets[i].feed_mm_s.is_none())
+        && (time.is_some() || robot.axis_speed.is_none() || walked.program.targets[i].feed_mm_s.is_none())
         && (calm.covers(&piece, robot) || piece.is_settled(robot, &Worst::default()))
 }
 
-/// What is wrong on the way into one target.
+/// The faults on the segment to one target.
 fn faults(
-    way: &WalkedPath<'_>,
+    walked: &WalkedPath<'_>,
     i: usize,
     before: Option<usize>,
     motor: &Joints,
     robot: &Robot,
 ) -> Option<Vec<WayFinding>> {
-    let start = way.start(before)?;
-    let segment = Segment::into(way.program, way.prepared, i, &start)?;
-    let (from, to) = (start.seen(&start.commanded, way.prepared, i)?, way.commanded.poses[i]);
-    let track = match Kind::of(way.program, i) {
-        Kind::Arc => Track::arc(&from, &way.commanded.poses[i - 1], &to),
+    let start = walked.start(before)?;
+    let segment = Segment::into(walked.program, walked.prepared, i, &start)?;
+    let (from, to) = (start.seen(&start.commanded, walked.prepared, i)?, walked.commanded.poses[i]);
+    let track = match Kind::of(walked.program, i) {
+        Kind::Arc => Track::arc(&from, &walked.commanded.poses[i - 1], &to),
         _ => Track::line(&from, &to),
     };
     let setting = |share: f64| segment.setting(share);
-    let feed_mm_s = way.program.targets[i].feed_mm_s;
-    let along = Way { robot, track, setting: &setting, motors: [start.motor, *motor], feed_mm_s };
+    let feed_mm_s = walked.program.targets[i].feed_mm_s;
+    let along = FollowedSegment { robot, track, setting: &setting, motors: [start.motor, *motor], feed_mm_s };
     Some(along.faults().into_iter().map(|fault| fault.at_target(i)).collect())
 }

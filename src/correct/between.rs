@@ -1,4 +1,4 @@
-//! Places on the way into targets, added to a program's points: where something was measured.
+//! Points on segments that are added to a program's points, where something was measured.
 
 use super::context::Context;
 use super::point::Point;
@@ -12,12 +12,12 @@ use crate::robot::Pose;
 use crate::text::Diagnostic;
 use std::sync::Arc;
 
-/// A place on the way into a target.
+/// A position on the segment to a target.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Between {
     /// Index of the target's point.
     pub(crate) target: usize,
-    /// Share of the way, 1 at the target.
+    /// Share of the segment, 1 at the target.
     pub(crate) share: f64,
 }
 
@@ -27,7 +27,7 @@ impl Prepared {
         self.points.iter().any(|point| point.through.is_some_and(|through| through.feed_per_tooth.is_some()))
     }
 
-    /// Cuts the cell's stock with the poses that an arm takes: the forces at all points are those that act on it, as in a prediction.
+    /// Cuts the cell's stock with the poses of an arm: the forces at all points become those that act on this arm, as in a prediction.
     ///
     /// # Errors
     /// As [`Prepared::new`].
@@ -41,7 +41,7 @@ impl Prepared {
         Ok(())
     }
 
-    /// Adds the point at a place: straight on, evenly turned, the joints nearest to those before; its index.
+    /// Adds the point at a position: on the straight line, with an even turn, and the joints nearest to those before. Returns its index.
     pub(crate) fn add_between(&mut self, cell: &Cell, place: Between) -> Result<usize, String> {
         let mut point = self.between(cell, place)?;
         self.take_load(&mut point, place);
@@ -56,11 +56,11 @@ impl Prepared {
         let Some(before) = target.checked_sub(1).map(|before| &self.points[before]).filter(|_| share < 1.0) else {
             return Ok(point);
         };
-        let way = |from: &Pose, to: &Pose| {
-            from.try_lerp_slerp(to, share, 1e-9).ok_or("the way there turns by half a turn: its middle is not known")
+        let between = |from: &Pose, to: &Pose| {
+            from.try_lerp_slerp(to, share, 1e-9).ok_or("the path there turns by half a turn: its middle is not known")
         };
-        point.wobj_from_tcp = way(&before.wobj_from_tcp, &end.wobj_from_tcp)?;
-        point.reference = way(&before.reference, &end.reference)?;
+        point.wobj_from_tcp = between(&before.wobj_from_tcp, &end.wobj_from_tcp)?;
+        point.reference = between(&before.reference, &end.reference)?;
         let flange = self.base_from_wobj(target) * point.wobj_from_tcp * self.tool(target).flange_from_tcp.inverse();
         point.motor = cell.arm.robot.inverse_near(&flange, &before.motor).map_err(|error| error.to_string())?;
         point.travel = cell.arm.travel(&before.motor, &point.motor, &before.travel);
@@ -74,7 +74,7 @@ impl Prepared {
         Ok(point)
     }
 
-    /// Gives an added point the force that follows from the stock at its place.
+    /// Gives an added point the force that follows from the stock at its position.
     fn take_load(&self, point: &mut Point, Between { target, share }: Between) {
         let force = self.points[target].milled.as_ref().and_then(|milled| milled.at(share));
         if let Some(force) = force {

@@ -1,4 +1,4 @@
-//! What the ordered pass over the targets takes along.
+//! The state of the ordered pass over the targets.
 
 use super::Shared;
 use super::laws::Laws;
@@ -12,28 +12,28 @@ use smallvec::SmallVec;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// What the ordered pass takes along from target to target, and from chunk to chunk of a long program.
+/// The state that the ordered pass carries from target to target, and from chunk to chunk of a long program.
 pub(super) struct Carried<'a> {
     pub(super) laws: Laws<'a>,
     pub(super) settings: Vec<Mount>,
-    /// Indices of `settings` by where they are, since programs can have tens of thousands.
+    /// Indices of `settings` by the origins of tool and work object: programs can have tens of thousands.
     places: HashMap<[u64; 6], SmallVec<[u32; 1]>>,
     pub(super) started: StartedFrom,
     /// Nominal joints of the target before, which choose the branch.
     pub(super) near: Option<Joints>,
     /// The last point of the chunks before.
     pub(super) before: Option<Point>,
-    /// Last direction of the TCP's x axis (CL), held where the spin rule gives none.
+    /// Last direction of the TCP's x axis (CL data), kept where the spin rule gives none.
     pub(super) spun: Option<Vector3<f64>>,
-    /// It was said that a cutting force acts on an arm without a stiffness.
+    /// Whether the note was given that a cutting force acts on an arm without a stiffness.
     pub(super) unsprung: bool,
-    /// The turn about the tool axis, where the program leaves it free.
+    /// The turn about the tool axis, if the program leaves it free.
     pub(super) free: Free,
-    /// Targets of the chunks before.
+    /// Number of targets of the chunks before.
     pub(super) done: usize,
-    /// Targets that are not reached while it is sought, rising.
+    /// Targets that are out of reach while the turn is sought, in rising order.
     pub(super) unreached: Vec<usize>,
-    /// What is to be said of the choice, once.
+    /// Notes about the choice, each once.
     pub(super) notes: Vec<Diagnostic>,
 }
 
@@ -41,24 +41,24 @@ pub(super) struct Carried<'a> {
 #[derive(Clone, Debug)]
 pub struct ChosenTurns {
     pub(super) chosen: Arc<[Chosen]>,
-    /// What they gain.
+    /// Notes about the gain.
     pub(super) notes: Vec<Diagnostic>,
 }
 
 /// The turn about the tool axis.
 #[derive(Clone, Debug, Default)]
 pub(super) enum Free {
-    /// As the program or the cell's rule has it.
+    /// It is that of the program or of the cell's rule.
     #[default]
     No,
-    /// To be chosen: poses and cuts are computed, whether they are reached or not.
+    /// It will be chosen: poses and cuts are computed even if they are out of reach.
     Sought,
-    /// Chosen, for each target of the program.
+    /// It was chosen for each target of the program.
     Chosen(Arc<[Chosen]>),
 }
 
 impl<'a> Carried<'a> {
-    /// Before the first target.
+    /// The state before the first target.
     pub(super) fn new(cell: &'a Cell) -> Self {
         Self {
             laws: Laws::new(cell),
@@ -76,7 +76,7 @@ impl<'a> Carried<'a> {
         }
     }
 
-    /// Before the first target of a program whose turns may be chosen already.
+    /// The state before the first target of a program whose turns may be chosen already.
     pub(super) fn with_turns(cell: &'a Cell, turns: Option<&ChosenTurns>) -> Self {
         let mut carried = Self::new(cell);
         if let Some(ChosenTurns { chosen, notes }) = turns {
@@ -85,13 +85,13 @@ impl<'a> Carried<'a> {
         carried
     }
 
-    /// What points refer to.
+    /// The data to which points refer.
     pub(super) fn shared(&self) -> Arc<Shared> {
         let Laws { laws, fronts, .. } = &self.laws;
         Arc::new(Shared { settings: self.settings.clone(), laws: laws.clone(), fronts: fronts.clone() })
     }
 
-    /// Index of a mount: each stands once in `settings`.
+    /// Index of a mount in `settings`, which has each mount once.
     pub(super) fn setting(&mut self, wanted: Mount) -> u32 {
         let alike = self.places.entry(wanted.place()).or_default();
         if let Some(known) = alike.iter().find(|known| self.settings[**known as usize] == wanted) {
@@ -105,18 +105,18 @@ impl<'a> Carried<'a> {
     }
 }
 
-/// What was chosen at a target.
+/// The choice at a target.
 #[derive(Clone, Debug)]
 pub(super) struct Chosen {
-    /// About the tool axis, rad, see [`turned`](super::spin::turned); `None` where it stays as the program has it.
+    /// Turn about the tool axis, rad, see [`turned`](super::spin::turned); `None` if it stays as in the program.
     pub(super) turn: Option<f64>,
-    /// Motor angles close by, which choose branch and whole turns, rad.
+    /// Motor angles nearby, which choose branch and whole turns, rad.
     pub(super) near: Joints,
-    /// Positions of the external axes, mm or degrees; NaN where one stays as the program has it.
+    /// Positions of the external axes, mm or degrees; NaN for one that stays as in the program.
     pub(super) external: Option<Arc<External>>,
 }
 
-/// What a target is run with.
+/// Setting and tool of a target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct RunWith {
     /// Index of its setting.

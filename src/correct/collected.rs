@@ -1,4 +1,4 @@
-//! Rows and failures of a run as they come, and the limits that make a failure of a correction.
+//! Rows and failures of a run in the order of the targets, and the limits beyond which a correction is a failure.
 
 use super::context::Context;
 use super::corrected::Corrected;
@@ -12,16 +12,16 @@ use crate::text::Diagnostic;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// Rows and failures as they come.
+/// Rows and failures collected so far.
 pub(super) struct Collected<'a> {
     context: Context<'a>,
     prepared: &'a Prepared,
     pub(super) rows: Vec<Row>,
-    /// Of the file, tool and work object last met.
+    /// Names of the last file, tool and work object.
     names: Option<((u16, u16, u16), Arc<RowNames>)>,
-    /// With their points.
+    /// Failures with their points.
     failures: Vec<(usize, Diagnostic)>,
-    /// Points with a failure already: one message a point.
+    /// Whether a point has a failure already: each point has one message.
     failed: Vec<bool>,
 }
 
@@ -50,7 +50,7 @@ impl<'a> Collected<'a> {
         names
     }
 
-    /// Takes in target `i`: its row, and why it has no answer, where that is so.
+    /// Adds target `i`: its row, or the reason why it has no solution.
     pub(super) fn target(&mut self, i: usize, commanded: &Commanded, correction: Option<&Correction>) {
         let Context { program, cell, .. } = self.context;
         let (target, point) = (&program.targets[i], &self.prepared.points[i]);
@@ -73,7 +73,7 @@ impl<'a> Collected<'a> {
             return;
         }
         let names = self.names(target);
-        // Filled where it stays.
+        // Filled in place.
         self.rows.push(Row::BLANK);
         let Some(row) = self.rows.last_mut() else { return };
         let normal = point.normal_error(&self.prepared.shared.laws, &uncorrected.shift, &uncorrected.axis);
@@ -94,19 +94,19 @@ impl<'a> Collected<'a> {
         }
     }
 
-    /// What is left on the way into every point: a row has that of all points up to its end.
+    /// Adds the deviation on the segment to every point. A row has that of all points up to its end.
     pub(super) fn paths(&mut self, paths: &[Option<PathDeviation>]) {
         let mut rows = self.rows.iter_mut().peekable();
-        let mut way: Option<Option<PathDeviation>> = None;
+        let mut segment: Option<Option<PathDeviation>> = None;
         for (target, path) in self.context.program.targets.iter().zip(paths) {
             if target.role != Role::Via {
-                way = Some(match way {
+                segment = Some(match segment {
                     None => *path,
                     Some(before) => before.zip(*path).map(|(before, path)| before.and(path)),
                 });
             }
             if target.is_end() {
-                let whole = way.take().flatten();
+                let whole = segment.take().flatten();
                 if let Some(row) = rows.next_if(|row| row.target == target.ordinal) {
                     row.path = whole;
                 }
@@ -136,8 +136,8 @@ impl<'a> Collected<'a> {
         self.failures.push((i, program.error_at(target, code, message).help(help)));
     }
 
-    /// Refuses corrections that would surprise the machine: too large, or too different from the neighbour's. `last` is the
-    /// correction at the target before, base axes, m.
+    /// Refuses corrections that are too large, or too different from that of the target before. `last` is the correction at the target
+    /// before, base axes, m.
     pub(super) fn check_limits(&mut self, correction: &Correction, last: &mut Option<Vector3<f64>>) {
         let limits = &self.context.cell.limits;
         let above = |shift: &Vector3<f64>, limit: f64| shift.norm_squared() > limit * limit;
@@ -184,7 +184,7 @@ impl<'a> Collected<'a> {
     }
 }
 
-/// The point of each row: targets that failed have no row, and points on the way to an end have none either.
+/// The point of each row. Targets that failed have no row, and points between a start and an end have none either.
 pub(super) fn points_of(rows: &[Row], program: &Program) -> Vec<Option<usize>> {
     let mut ends = program.targets.iter().enumerate().filter(|(_, target)| target.is_end());
     rows.iter().map(|row| ends.find(|(_, target)| target.ordinal == row.target).map(|(i, _)| i)).collect()

@@ -1,37 +1,37 @@
-//! What all stages of the pipeline know.
+//! The input that all stages of the pipeline share.
 
 use super::Options;
 use super::parallelism::Parallelism;
 use crate::cell::Cell;
 use crate::program::Program;
 
-/// A program, or a chunk of one, the cell that runs it, and how.
+/// A program or a chunk of one, the cell that runs it, and the options of the run.
 #[derive(Clone, Copy)]
 pub(super) struct Context<'a> {
     pub(super) program: &'a Program,
     pub(super) cell: &'a Cell,
     pub(super) options: &'a Options,
     pub(super) parallelism: Parallelism,
-    pub(super) ways: Ways,
+    pub(super) judged_path: JudgedPath,
 }
 
-/// How the ways between targets are looked at.
+/// The path between targets for which the deviation is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Ways {
-    /// As they are written.
+pub(super) enum JudgedPath {
+    /// The path as written, with sharp corners.
     Written,
-    /// As the controller drives them, when the rest of the program is known: the stages leave them open.
+    /// The path that the controller drives. It depends on the whole program, so the stages leave the deviation of lines and arcs open.
     Driven,
 }
 
 impl<'a> Context<'a> {
-    /// A program that is held whole.
+    /// The context of a program that is held as a whole.
     pub(super) fn whole(program: &'a Program, cell: &'a Cell, options: &'a Options) -> Self {
-        Self { program, cell, options, parallelism: Parallelism::Threads, ways: Ways::Written }
+        Self { program, cell, options, parallelism: Parallelism::Threads, judged_path: JudgedPath::Written }
     }
 
-    /// A chunk of a program whose other chunks are on other threads.
+    /// The context of a chunk whose other chunks are on other threads.
     pub(super) fn chunk(program: &'a Program, cell: &'a Cell, options: &'a Options) -> Self {
-        Self { program, cell, options, parallelism: Parallelism::Here, ways: Ways::Written }
+        Self { program, cell, options, parallelism: Parallelism::Here, judged_path: JudgedPath::Written }
     }
 }

@@ -1,4 +1,4 @@
-//! Frames that a program declares, and the cell declares otherwise.
+//! Frames that program and cell declare differently.
 
 use super::frames::{object_frame, tool_frame};
 use crate::cell::Cell;
@@ -6,13 +6,13 @@ use crate::program::Program;
 use crate::robot::{Pose, turn_between};
 use crate::text::{Diagnostic, Severity};
 
-/// Digits and calibrations leave less, m: a frame that is further off is another one.
+/// Digits and calibrations differ by less, m: a frame that differs by more is another one.
 const NOISE_M: f64 = 1e-5;
-/// The same of a turn, rad: what moves a point 1 m away by it.
+/// The same for a turn, rad: it moves a point 1 m away by as much.
 const NOISE_RAD: f64 = 1e-5;
 
-/// A warning for each tool and work object that program and cell declare differently: the program's is the one that the
-/// controller takes, and so does deflex.
+/// A warning for each tool and work object that program and cell declare differently. The controller uses the program's, and so does
+/// deflex.
 pub(super) fn contradictions(program: &Program, cell: &Cell) -> Vec<Diagnostic> {
     let tools = program.tools.iter().filter_map(|tool| {
         let own = tool_frame(tool.data.as_ref()?).flange_from_tcp;

@@ -1,4 +1,4 @@
-//! What becomes of a program: corrected poses, report rows, and what is to be said.
+//! The result of a program: corrected poses, report rows and notes.
 
 use super::along::WayFinding;
 use super::messages::Repeated;
@@ -12,30 +12,30 @@ use serde::Serialize;
 #[derive(Debug, Default)]
 #[non_exhaustive]
 pub struct Corrected {
-    /// One row an executed motion, in running order. Targets that failed have none.
+    /// One row for each executed motion, in running order. Targets that failed have none.
     pub rows: Vec<Row>,
-    /// Targets that have no answer or pass a limit: a program with any of these is not written.
+    /// Targets that have no solution or exceed a limit: a program with any of these is not written.
     pub failures: Vec<Diagnostic>,
     /// Notes and warnings of the run.
     pub notes: Vec<Diagnostic>,
-    /// RAPID input: the edits, and what was written.
+    /// Programs that are edited: the edits, and the poses that were written.
     pub rewritten: Option<Rewritten>,
-    /// CL input: what to post, one a point of the program.
+    /// CL input: the poses to post, one for each point of the program.
     pub posted: Vec<Posted>,
     /// Motions that were inserted.
     pub inserted: usize,
-    /// A program that is judged by its original: how far each target is from its place there, mm.
+    /// For a program that is judged by its original: distance of each target from that of the original, mm.
     pub moved_mm: Vec<f64>,
-    /// What is wrong on the ways into targets, as they are commanded.
+    /// Findings on the segments to targets, as commanded.
     pub on_the_way: Vec<WayFinding>,
-    /// How the program is driven, where that was looked at.
+    /// Figures of the driven path, if it was computed.
     pub driven: Option<DrivenSummary>,
-    /// Warnings that many targets share; in `notes` when all of the program is through.
+    /// Warnings that many targets share; they go to `notes` at the end of the program.
     pub(super) repeated: Repeated,
 }
 
 impl Corrected {
-    /// All of the program is through.
+    /// Ends the program: adds the shared warnings to the notes.
     pub(super) fn with_repeated(mut self) -> Self {
         self.notes.extend(std::mem::take(&mut self.repeated).once());
         self
@@ -46,7 +46,7 @@ impl Corrected {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Posted {
-    /// Index into [`targets`](crate::program::Program::targets) of the target that it is, or that it is inserted before.
+    /// Index into [`targets`](crate::program::Program::targets) of its target, or of the target that it is inserted before.
     pub target: usize,
     /// Corrected position, work object axes, mm.
     pub position_mm: [f64; 3],
@@ -56,29 +56,29 @@ pub struct Posted {
     pub conf: Confdata,
     /// Commanded angles as the controller counts them, degrees.
     pub motor_deg: [f64; 6],
-    /// Positions of the external axes, mm or degrees, where they were chosen; `None` where the cell says where they stand.
+    /// Positions of the external axes, mm or degrees, if they were chosen; `None` if the cell states them.
     pub external: Option<Box<[Option<f64>; EXTERNAL_AXES]>>,
 }
 
-/// How a program is driven.
+/// Figures of the driven path of a program.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct DrivenFigures {
-    /// Largest distance between the driven, loaded path and the programmed one, mm: on the way into cutting targets, into all where
-    /// none cuts.
+    /// Largest distance between the driven, loaded path and the programmed one, mm: on the segments to targets that cut, or to all targets
+    /// if none cuts.
     pub max_mm: f64,
-    /// How long the program runs, s.
+    /// Run time of the program, s.
     pub run_time_s: f64,
 }
 
-/// What a run says about the path that the controller drives.
+/// The driven path of a program before and after its correction.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct DrivenSummary {
-    /// As the program is written.
+    /// Figures of the program as it is.
     pub programmed: DrivenFigures,
-    /// As it is corrected.
+    /// Figures of the corrected program.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub corrected: Option<DrivenFigures>,
-    /// Largest distance that is allowed, mm (`--max-path-error`).
+    /// Largest allowed distance, mm (`--max-path-error`).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tolerance_mm: Option<f64>,
 }

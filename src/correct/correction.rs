@@ -21,40 +21,40 @@ use nalgebra::Vector3;
 /// Corrections up to this size do not count as a change: rounding of f64.
 const NO_CHANGE_M: f64 = 1e-12;
 const NO_CHANGE_RAD: f64 = 1e-11;
-/// What holding a quaternion's components in single precision turns by itself stays below this, rad.
+/// Turns below this are the rounding of a quaternion's components to single precision, rad.
 const WRITTEN_RAD: f64 = 1e-6;
 
 /// Commands as they are written, target by target.
 pub(super) struct Correction {
     pub(super) modes: Vec<CorrectionMode>,
-    /// What is known of each before the directions of travel are, with where it ends up without a correction.
+    /// The results for each target before its direction of travel is settled, and where it ends up without a correction.
     pub(super) first: Vec<First>,
     pub(super) solved: Vec<Result<Solved, EquilibriumError>>,
-    /// Positions (mm) and orientations as the controller holds them.
+    /// Positions (mm) and orientations in the controller's precision.
     written: Vec<([f64; 3], [f64; 4])>,
-    /// Whether numbers are commanded that are not the program's.
+    /// Whether the commanded numbers differ from the program's.
     pub(super) is_commanded: Vec<bool>,
-    /// Whether the controller goes elsewhere than before.
+    /// Whether the controller goes to another pose than before.
     pub(super) is_changed: Vec<bool>,
-    /// What it makes of them.
+    /// The pose that it reaches for them.
     pub(super) reached: Vec<Result<Reached, EquilibriumError>>,
     pub(super) inserts: Vec<Insert>,
-    /// Programs that are edited: the edits.
+    /// The edits of a program that is edited.
     pub(super) rewritten: Option<Rewritten>,
 }
 
-/// What the stage carries from chunk to chunk of a program.
+/// The values that the stage carries from chunk to chunk of a program.
 pub(super) struct Carried {
-    /// Of the corrected motion before rounding, which decides the directions of travel.
+    /// The last command of the corrected motion before rounding, which decides the directions of travel.
     settled: Ordered<Last>,
-    /// Where the way to the next chunk begins, before rounding.
+    /// The start of the segment to the next chunk, before rounding.
     unwritten_end: Ordered<Option<Start>>,
-    /// Of the motion as written.
+    /// The last command of the motion as written.
     travelled: Ordered<Last>,
 }
 
 impl Carried {
-    /// Before the first chunk.
+    /// The state before the first chunk.
     pub(super) fn new() -> Self {
         Self { settled: Ordered::new(None), unwritten_end: Ordered::new(None), travelled: Ordered::new(None) }
     }
@@ -63,7 +63,7 @@ impl Carried {
 /// Finds the commands, and where the loaded arm is then.
 ///
 /// # Errors
-/// Chosen positions of external axes that cannot be written; the run stops.
+/// Chosen positions of external axes cannot be written; the run stops.
 pub(super) fn solve(
     context: Context<'_>,
     turn: &Turn<'_>,
@@ -126,7 +126,7 @@ pub(super) fn solve(
     let is_changed = |i: usize| is_commanded[i] || turns_along(program, i, &written[i]);
     let is_changed: Vec<bool> = (0..written.len()).map(is_changed).collect();
 
-    // What the controller will really hold, run forward.
+    // The forward model on the numbers that the controller will have.
     let solver = Solver::new(arm, prepared, parallelism);
     let reached = solver.reached(&written, (&modes, &first), &solved, &is_changed);
     let mut stops = Stops::of(&nodes, prepared, arm);
@@ -138,7 +138,7 @@ pub(super) fn solve(
             let (Ok(aim), Ok(solved), Ok(uncorrected)) = (first[i].aim(), &solved[i], &first[i].uncorrected) else {
                 return WarmStart::default();
             };
-            // What printing leaves of the command.
+            // The rounding of the command by printing.
             let rounded = Vector3::from(written[i].0) * 1e-3 - solved.wobj_from_tcp.translation.vector;
             aim.corrected(prepared.points[i].normal.dot(&rounded), uncorrected)
         },
@@ -161,7 +161,7 @@ pub(super) fn solve(
     Ok((commanded, stops, correction))
 }
 
-/// The motor angles that the controller goes to at target `i`, whether it has an answer or not.
+/// The motor angles to which the controller goes at target `i`, with or without a solution.
 fn held(
     prepared: &Prepared,
     i: usize,
@@ -176,12 +176,12 @@ fn held(
 }
 
 impl Correction {
-    /// About how the joints yield to the load of target `i`.
+    /// Approximate deflection of the joints under the load of target `i`.
     pub(super) fn nearby(&self, i: usize) -> WarmStart {
         self.first[i].aim().map_or_else(|_| WarmStart::default(), InverseSolution::nearby)
     }
 
-    /// How many motions are inserted, of those that are posted.
+    /// Number of inserted motions among those that are posted.
     pub(super) fn inserted(&self, posted: &[Posted]) -> usize {
         match &self.rewritten {
             Some(rewritten) => rewritten.inserted.iter().flatten().count(),
@@ -189,12 +189,12 @@ impl Correction {
         }
     }
 
-    /// The edits, with the numbers that the controller holds.
+    /// The edits, with the numbers in the controller's precision.
     pub(super) fn into_rewritten(self) -> Option<Rewritten> {
         Some(Rewritten { written: self.written, ..self.rewritten? })
     }
 
-    /// The first reason why target `i` has no answer.
+    /// The first reason why target `i` has no solution.
     pub(super) fn error(&self, context: Context<'_>, i: usize) -> Option<EquilibriumError> {
         let solved = match &self.solved[i] {
             Ok(_) if self.modes[i] == CorrectionMode::Keep => None,
@@ -206,7 +206,7 @@ impl Correction {
         solved.or_else(|| self.reached[i].as_ref().err().or(self.first[i].uncorrected.as_ref().err()).cloned())
     }
 
-    /// Why the numbers of target `i` are not to be changed, or could not be.
+    /// Why the numbers of target `i` must not or could not be changed.
     pub(super) fn kept(&self, program: &Program, i: usize) -> Option<KeptReason> {
         let kept = self.rewritten.as_ref().map_or(&[][..], |rewritten| &rewritten.kept);
         let unwritten = kept.binary_search_by_key(&i, |(target, _)| *target).ok().map(|at| kept[at].1);
@@ -222,14 +222,14 @@ impl Correction {
         Vector3::from(self.written[i].0) * 1e-3 - prepared.points[i].wobj_from_tcp.translation.vector
     }
 
-    /// Targets and the points inserted before them, in the order that they are posted in; none of a program that is edited.
+    /// Targets and the points inserted before them, in the order of the posted program; empty for a program that is edited.
     pub(super) fn posted(&self, context: Context<'_>, prepared: &Prepared, steps: &[Dragged]) -> Vec<Posted> {
         let Context { program, cell, options, .. } = context;
         if program.language.is_edited() {
             return Vec::new();
         }
         let robot = &cell.arm.robot;
-        // As they were chosen, where the cell leaves them to be.
+        // The chosen positions, if the cell leaves them free.
         let are_chosen = prepared.turns_are_chosen && cell.units.all().iter().any(|unit| unit.free);
         let chosen = |external: Option<&External>| {
             let external = external.filter(|_| are_chosen)?;
@@ -249,7 +249,7 @@ impl Correction {
             while let Some(insert) = inserts.next_if(|insert| insert.before == i) {
                 let pose = frames::pose(insert.position_mm, insert.quat);
                 let printed = solve::as_posted(&pose, options.post);
-                // Its correction was solved: a point that the arm does not reach would not stand here.
+                // Its correction was solved: a point out of reach would not be here.
                 let at = insert.external.map(|external| external.map(|position| position.unwrap_or(f64::NAN)));
                 let moved = at.and_then(|external| prepared.mount(i).moved(external));
                 let setting = moved.as_ref().map_or_else(|| prepared.setting(i), |moved| &moved.setting);
@@ -274,7 +274,7 @@ fn axes_left(program: &Program, changes: &[Option<Change>], rewritten: &Rewritte
     Some(program.error_at(target, "spin.unit", message).help(help))
 }
 
-/// The change of target `i`, or `None` where nothing is to be changed.
+/// The change of target `i`; `None` if nothing changes.
 fn change(
     Context { program, cell, .. }: Context<'_>,
     prepared: &Prepared,
@@ -297,8 +297,8 @@ fn change(
     }
     let (position_mm, quat) = frames::millimetres(&solved.wobj_from_tcp);
     let robot = &cell.arm.robot;
-    // The configuration follows only where it was true: posts write dummies.
-    // Joint motions of KRL go by S and T, whatever these are: where they are not those of the arm, that is said.
+    // The configuration is updated only if it was true: post-processors write dummies.
+    // Joint motions of KRL go by S and T, even if they are not those of the arm, which is reported.
     let goes_by = |written: &Conf| matches!(written, Conf::Status(_));
     let holds =
         |written: &Conf| prepared.turns_are_chosen || goes_by(written) || conf_is(robot, &point.motor, *written);
@@ -307,7 +307,7 @@ fn change(
     Some(Change { position_mm, quat: (mode == CorrectionMode::Pose && turned).then_some(quat), conf, external })
 }
 
-/// Positions of external axes as written, where they were chosen and are others than the program's.
+/// Positions of external axes as written, if they were chosen and differ from the program's.
 fn chosen_axes(target: &Target, prepared: &Prepared, i: usize) -> Option<Box<[Option<f64>; EXTERNAL_AXES]>> {
     let (axes, chosen) = (target.external.as_ref()?, prepared.external(i).filter(|_| prepared.turns_are_chosen)?);
     #[allow(clippy::float_cmp)] // the very number stays
@@ -319,7 +319,7 @@ fn chosen_axes(target: &Target, prepared: &Prepared, i: usize) -> Option<Box<[Op
     wanted.iter().any(Option::is_some).then(|| Box::new(wanted))
 }
 
-/// Whether a target of which only the position is edited turns because what it is made from is corrected.
+/// Whether a target of which only the position is edited turns because the pose from which it is computed is corrected.
 fn turns_along(program: &Program, i: usize, written: &([f64; 3], [f64; 4])) -> bool {
     let target = &program.targets[i];
     match target.goal {

@@ -1,4 +1,4 @@
-//! The stock that a program leaves.
+//! The stock after a program.
 
 use super::context::Context;
 use super::removal::{self, Cuts, Removal};
@@ -7,10 +7,10 @@ use crate::cell::Cell;
 use crate::program::Program;
 use crate::text::Diagnostic;
 
-/// Cuts the cell's stock with a program; errors and depth are counted from the original of a corrected one.
+/// Cuts the cell's stock with a program. For a corrected program, errors and depth count from its original.
 ///
 /// # Errors
-/// What [`Prepared::new`] refuses, a cell without `[stock]`, and `run.called-off`.
+/// As [`Prepared::new`]; a cell without `[stock]`; `run.called-off`.
 pub fn cut_stock(
     program: &Program,
     cell: &Cell,

@@ -1,11 +1,11 @@
-//! How far the tip is off the programmed path between targets, by the forward model.
+//! The error of the tip on the programmed path between targets, by the forward model.
 //!
-//! At the start of a segment acts the force of the move into its end, while the command there is that of the target before;
-//! in between, the command runs straight (or round) where the deflection does not. Both are solved where they are not surely
-//! small: a segment so short that the joints hardly move is known from its ends.
+//! At the start of a segment the force of the segment acts, while the command is still that of the target before. In between, the
+//! command follows a line or an arc, and the deflection does not. Both errors are solved unless they are surely small: on a segment so
+//! short that the joints hardly move, they follow from its ends.
 
 use super::Prepared;
-use super::context::Ways;
+use super::context::JudgedPath;
 use super::mount::Moved;
 use super::point::Point;
 use super::segment::{Kind, SMOOTH, Segment, Start};
@@ -22,30 +22,30 @@ use std::sync::Arc;
 /// A jump is over within this length of path, m; shorter segments have none inserted for it.
 pub(super) const JUMP_WITHIN: f64 = 0.5e-3;
 
-/// What is left on the way into a target.
+/// The remaining error on the segment to a target.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PathDeviation {
     /// Largest distance of the tip from the programmed path, mm.
     pub max_mm: f64,
-    /// The same without what a jump of the force makes within half a millimetre of path after it, mm.
+    /// The same without the effect of a jump of the force within half a millimetre of path after it, mm.
     pub way_mm: f64,
-    /// Largest distance that such a jump makes, where the force sets in, ends or turns at once, mm; 0 without one. No target can
-    /// be inserted near enough to mend it.
+    /// Largest distance because of such a jump, where the force sets in, ends or turns at once, mm; 0 without one. No inserted target
+    /// can be near enough to correct it.
     pub jump_mm: f64,
-    /// Mean of its square over the length, mm².
+    /// Mean of the squared distance over the length, mm².
     pub mean_square_mm2: f64,
-    /// Length of the way, mm; 0 where no path is programmed, and only its end is judged.
+    /// Length of the segment, mm; 0 if no path is programmed and only the end is judged.
     pub length_mm: f64,
 }
 
 impl PathDeviation {
-    /// Of a way of which only the end is judged: joint moves, and before the first target.
+    /// The deviation of a segment of which only the end is judged: a joint motion, or the one to the first target.
     fn at_end(shift: &Vector3<f64>) -> Self {
         let max_mm = 1e3 * shift.norm();
         Self { max_mm, way_mm: max_mm, jump_mm: 0.0, mean_square_mm2: max_mm * max_mm, length_mm: 0.0 }
     }
 
-    /// The same of a deviation that changes evenly (m) after a place where `before` is left, m.
+    /// This deviation, which changes evenly from `from` to `to` (m), with its jump. `before` is the distance before it, m.
     fn with_jump(self, before: f64, from: &Vector3<f64>, to: &Vector3<f64>) -> Self {
         let (a, b) = (from.norm_squared(), to.norm_squared());
         if a <= b || a <= before * before {
@@ -55,7 +55,7 @@ impl PathDeviation {
         self.judged(before, a.sqrt(), from.lerp(to, over).norm().max(b.sqrt()))
     }
 
-    /// The same with the jump apart from the rest: what is left before a jump, at most within its length, and at most after it, m.
+    /// This deviation with the jump separated: distances before the jump, at most within its length, and at most after it, m.
     fn judged(self, before: f64, within: f64, behind: f64) -> Self {
         let explained = before.max(behind);
         if within <= explained + KNOWN {
@@ -64,7 +64,7 @@ impl PathDeviation {
         Self { way_mm: 1e3 * explained, jump_mm: 1e3 * within, ..self }
     }
 
-    /// Of two ways one after the other.
+    /// The deviation of two consecutive segments.
     pub(super) fn and(self, other: Self) -> Self {
         let length_mm = self.length_mm + other.length_mm;
         let sum = self.mean_square_mm2 * self.length_mm + other.mean_square_mm2 * other.length_mm;
@@ -82,37 +82,37 @@ impl PathDeviation {
     }
 }
 
-/// A place on the way into a target that the controller is sent to besides it.
+/// An intermediate point that is inserted on the segment to a target.
 #[derive(Clone, Debug)]
 pub(super) struct Node {
     /// Index of the target.
     pub(super) before: usize,
-    /// Share of the way, and the length of all of it, m.
+    /// Share of the segment, and the length of the whole segment, m.
     pub(super) share: f64,
     pub(super) length: f64,
-    /// As the controller holds it.
+    /// The command in the controller's precision.
     pub(super) commanded: Pose,
-    /// Of the arc that ends here, its circle point; `None` for a line.
+    /// The circle point of the arc that ends here; `None` for a line.
     pub(super) via: Option<Pose>,
-    /// Where units are there.
+    /// Positions of the units there.
     pub(super) moved: Option<Arc<Moved>>,
 }
 
-/// A program as it is commanded, in columns of one value a target.
+/// The commands of a program, in columns with one value for each target.
 pub(super) struct Commanded {
-    /// Where the controller is sent to, work object axes.
+    /// Commanded poses, work object axes.
     pub(super) poses: Vec<Pose>,
     pub(super) steps: Vec<Dragged>,
-    /// Whether the target has an answer.
+    /// Whether the target has a solution.
     pub(super) is_known: Vec<bool>,
-    /// Where the loaded arm ends up; empty where that is not found yet.
+    /// Poses where the loaded arm ends up; empty before they are computed.
     pub(super) landed: Vec<Result<PredictedPose, EquilibriumError>>,
-    /// Places in addition to the targets, in order.
+    /// Inserted points, in order.
     pub(super) nodes: Vec<Node>,
 }
 
 impl Commanded {
-    /// A program as it is.
+    /// The commands of a program as it is.
     pub(super) fn as_programmed(prepared: &Prepared, landed: Vec<Result<PredictedPose, EquilibriumError>>) -> Self {
         let points = &prepared.points;
         Self {
@@ -124,7 +124,7 @@ impl Commanded {
         }
     }
 
-    /// Solved commands before they are written, with their directions of travel.
+    /// The solved commands before they are written, with their directions of travel.
     pub(super) fn as_solved(
         prepared: &Prepared,
         solved: &[Result<Solved, EquilibriumError>],
@@ -141,38 +141,38 @@ impl Commanded {
         commanded
     }
 
-    /// The step to a target that has an answer.
+    /// The step to target `i`; `None` if it has no solution.
     pub(super) fn step(&self, i: usize) -> Option<&Dragged> {
         self.is_known[i].then(|| &self.steps[i])
     }
 }
 
-/// Joints that move by less than this between two targets, all together (rad), change compliance and posture by no more than
-/// that share: what lies between is known from both ends.
+/// If the sum of the joint motions between two targets is below this (rad), compliance and posture change by no more than that share, and
+/// the errors between follow from both ends.
 const SHORT: f64 = 0.01;
 
-/// What a segment may be off by when it is known from its ends, m.
+/// Largest error of a segment whose deviation is taken from its ends, m.
 const KNOWN: f64 = 2e-6;
 
-/// An interval is resolved where the curve through its ends and middle meets its quarters to this, m, or to this share.
+/// An interval is resolved if the curve through its ends and middle meets its quarters to this, m, or to this share.
 const RESOLVED: f64 = 0.5e-6;
 const RESOLVED_SHARE: f64 = 0.02;
 
-/// Places on a part are counted in ticks: an interval that is not resolved is halved down to four of them, so that jumps inside (a
-/// joint that turns back) are found to that accuracy.
+/// Number of ticks by which positions on a part are counted. An interval that is not resolved is halved down to four ticks, so that jumps
+/// inside (a joint that turns back) are found to that accuracy.
 const TICKS: u16 = 256;
 
-/// A part of a segment between two commanded places.
+/// A part of a segment between two commanded points.
 struct Part {
     /// Index into the segments.
     segment: usize,
     /// Index of the node that it ends at; `None` at the target.
     node: Option<usize>,
-    /// Shares of the segment.
+    /// Shares of the segment at its start and end.
     from: f64,
     to: f64,
     commanded: Track,
-    /// Where it begins.
+    /// The arm at its start.
     start: Dragged,
     /// Motor angles at its end, rad.
     end: Joints,
@@ -181,33 +181,34 @@ struct Part {
     short: bool,
 }
 
-/// The end of these targets, where the way to further ones begins: that of the targets before, `last`, becomes it and is given.
+/// Replaces `last`, the end of the targets before, by the end of these targets, where the segment to the next one begins. Returns the
+/// former `last`.
 pub(super) fn pass_end(
     program: &Program,
     prepared: &Prepared,
     commanded: &Commanded,
     last: &mut Option<Start>,
 ) -> Option<Start> {
-    let way = WalkedPath { program, prepared, commanded, last: last.as_ref() };
+    let walked = WalkedPath { program, prepared, commanded, last: last.as_ref() };
     match (0..prepared.points.len()).rev().find(|i| Kind::of(program, *i) != Kind::Point) {
         Some(end) => {
-            let end = way.start(Some(end));
+            let end = walked.start(Some(end));
             std::mem::replace(last, end)
         }
         None => last.clone(),
     }
 }
 
-/// What is left on a program's way.
+/// The deviations of a program.
 pub(super) struct Deviations {
-    /// On the way into every target, from the last node before it where there is one.
+    /// On the segment to every target, from the last node before it if there is one.
     pub(super) targets: Vec<Option<PathDeviation>>,
-    /// On the way into every node.
+    /// On the segment to every node.
     pub(super) nodes: Vec<Option<PathDeviation>>,
 }
 
 impl Deviations {
-    /// The same on the whole way into every target.
+    /// The deviation on the whole segment to every target.
     pub(super) fn whole(mut self, nodes: &[Node]) -> Vec<Option<PathDeviation>> {
         for (node, own) in nodes.iter().zip(self.nodes).rev() {
             let behind = &mut self.targets[node.before];
@@ -220,14 +221,19 @@ impl Deviations {
     }
 }
 
-/// What is left on the way into every target and node, in their order; `near` is about how the joints yield at each target, to
-/// begin with. Lines and arcs are left open where they are looked at as they are driven.
-pub(super) fn measure(way: &WalkedPath<'_>, solver: &Solver<'_>, near: &Near<'_>, ways: Ways) -> Deviations {
-    let WalkedPath { program, commanded, .. } = *way;
+/// Computes the deviation on the segment to every target and node, in their order. `near` gives the approximate deflection of the joints
+/// at each target, from which the iterations start. Lines and arcs are left open if the driven path is judged.
+pub(super) fn measure(
+    walked: &WalkedPath<'_>,
+    solver: &Solver<'_>,
+    near: &Near<'_>,
+    judged_path: JudgedPath,
+) -> Deviations {
+    let WalkedPath { program, commanded, .. } = *walked;
     let count = solver.prepared.points.len();
     let mut out = Deviations { targets: vec![None; count], nodes: vec![None; commanded.nodes.len()] };
     let mut wanted = Vec::new();
-    let (mut from, mut before) = (None, way.last.and_then(|last| last.tangent));
+    let (mut from, mut before) = (None, walked.last.and_then(|last| last.tangent));
     for i in 0..count {
         let kind = Kind::of(program, i);
         if kind == Kind::Point {
@@ -238,36 +244,37 @@ pub(super) fn measure(way: &WalkedPath<'_>, solver: &Solver<'_>, near: &Near<'_>
             before = None;
             continue;
         };
-        // After a point that is not solved, also one of the chunk before, the way is not known.
-        let is_first = start.is_none() && way.last.is_none() && solver.prepared.before.is_none();
+        // After a point that is not solved, also in the chunk before, the segment is unknown.
+        let is_first = start.is_none() && walked.last.is_none() && solver.prepared.before.is_none();
         if kind == Kind::Joint || is_first {
             out.targets[i] = Some(PathDeviation::at_end(&landed.shift));
             before = None;
             continue;
         }
-        if ways == Ways::Driven {
+        if judged_path == JudgedPath::Driven {
             continue;
         }
-        match way.known_from_ends(i, start, motor, &mut before) {
+        match walked.known_from_ends(i, start, motor, &mut before) {
             Some(known) => out.targets[i] = Some(known),
             None => wanted.push((i, start)),
         }
     }
     if !wanted.is_empty() {
-        let starts: Vec<(usize, Start)> = wanted.iter().filter_map(|(i, from)| Some((*i, way.start(*from)?))).collect();
+        let starts: Vec<(usize, Start)> =
+            wanted.iter().filter_map(|(i, from)| Some((*i, walked.start(*from)?))).collect();
         let segments: Vec<(Segment<'_>, &Start)> = starts
             .iter()
             .filter_map(|(i, start)| Some((Segment::into(program, solver.prepared, *i, start)?, start)))
             .collect();
-        way.solve((solver, near), &segments, &mut out);
+        walked.solve((solver, near), &segments, &mut out);
     }
     out
 }
 
-/// Where the equilibrium at a target begins.
+/// The start of the iteration for the equilibrium at a target.
 pub(super) type Near<'a> = dyn Fn(usize) -> WarmStart + Sync + 'a;
 
-/// A program on its way.
+/// The commanded path of a program.
 pub(super) struct WalkedPath<'a> {
     pub(super) program: &'a Program,
     pub(super) prepared: &'a Prepared,
@@ -277,13 +284,13 @@ pub(super) struct WalkedPath<'a> {
 }
 
 impl WalkedPath<'_> {
-    /// The target that the way into target `i` begins at: one of these, or (`Some(None)`) the end of those before.
+    /// The target at which the segment to target `i` begins: one of these, or (`Some(None)`) the end of those before.
     pub(super) fn before(&self, i: usize) -> Option<Option<usize>> {
         let own = (0..i).rev().find(|before| Kind::of(self.program, *before) != Kind::Point);
         own.map(Some).or_else(|| self.last.map(|_| None))
     }
 
-    /// Target `from` as the start of the way after it, else the end of the targets before.
+    /// Target `from` as the start of the segment after it; with `None`, the end of the targets before.
     pub(super) fn start(&self, from: Option<usize>) -> Option<Start> {
         let Some(i) = from else { return self.last.cloned() };
         let Dragged { motor, travel } = *self.commanded.step(i)?;
@@ -299,14 +306,14 @@ impl WalkedPath<'_> {
         Some(Start { left, point: self.prepared.points[i].clone(), setting, commanded, motor, travel, tangent })
     }
 
-    /// How far the tip is off at target `i`, m; 0 where that is not known.
+    /// Error of the tip at target `i`, m; 0 if it is unknown.
     fn left_at(&self, i: usize) -> f64 {
         let landed = self.commanded.landed.get(i).and_then(|landed| landed.as_ref().ok());
         landed.map_or(0.0, |landed| landed.shift.norm())
     }
 
-    /// Where the way into target `i` begins, as it was prepared and as it is commanded: at target `from`, else at the end of the
-    /// targets before; `None` where that is not known, or the way is no line in one work object that stands still.
+    /// The start of the segment to target `i`, as prepared and as commanded: target `from`, or the end of the targets before. `None` if it is
+    /// unknown, or if the segment is not a line in one work object that stands still.
     pub(super) fn line_from(&self, i: usize, from: Option<usize>) -> Option<(&Point, &Pose, &Joints)> {
         let (commanded, point) = (self.commanded, &self.prepared.points[i]);
         let (start, sent, at) = match from {
@@ -322,8 +329,8 @@ impl WalkedPath<'_> {
         is_line.then_some((start, sent, at))
     }
 
-    /// The deviation on a line so short that compliance and force hardly change along it: at its start, what is left at the
-    /// end and what both commands differ by. `direction` is that of the path before, base axes, and becomes this one's.
+    /// The deviation on a line so short that compliance and force hardly change along it. At its start the deviation is that at the end plus
+    /// the difference of the two commands. `direction` is that of the path before, base axes, and becomes that of this line.
     fn known_from_ends(
         &self,
         i: usize,
@@ -360,7 +367,7 @@ impl WalkedPath<'_> {
         Some(linear(&from, &to, chord.norm()).with_jump(before, &from, &to))
     }
 
-    /// Cuts segments into parts at their nodes, and finds how far the tip is off on each.
+    /// Divides segments into parts at their nodes, and computes the deviation on each part.
     fn solve(
         &self,
         (solver, near): (&Solver<'_>, &Near<'_>),
@@ -371,7 +378,7 @@ impl WalkedPath<'_> {
         for (at, (segment, start)) in segments.iter().enumerate() {
             self.parts(solver, (at, segment), start, &mut parts);
         }
-        let measured = Measure { way: self, solver, near, segments, parts: &parts }.all();
+        let measured = Measure { walked: self, solver, near, segments, parts: &parts }.all();
         for (part, measured) in parts.iter().zip(measured) {
             match part.node {
                 Some(node) => out.nodes[node] = measured,
@@ -427,20 +434,20 @@ impl Part {
     }
 }
 
-/// Deviations on parts, found in rounds: all that a round asks is solved at once.
+/// Deviations on parts, computed in rounds: everything that a round needs is solved at once.
 struct Measure<'a, 's, 'p> {
-    way: &'a WalkedPath<'a>,
+    walked: &'a WalkedPath<'a>,
     solver: &'a Solver<'s>,
     near: &'a Near<'a>,
     segments: &'a [(Segment<'p>, &'p Start)],
     parts: &'a [Part],
 }
 
-/// What is known of a part: deviations across the programmed path by ticks, m; `None` where there is no equilibrium.
+/// The results for a part: deviations across the programmed path by ticks, m; `None` where there is no equilibrium.
 #[derive(Default)]
 struct Known {
     off: BTreeMap<u16, Option<Vector3<f64>>>,
-    /// Intervals whose ends, middle and quarters are known, and that are resolved.
+    /// Resolved intervals: their ends, middle and quarters are known.
     resolved: Vec<(u16, u16)>,
     open: Vec<(u16, u16)>,
 }
@@ -451,7 +458,7 @@ impl<'p> Measure<'_, '_, 'p> {
         &self.segments[part.segment].0
     }
 
-    /// One a part.
+    /// The deviation of each part.
     fn all(&self) -> Vec<Option<PathDeviation>> {
         let mut known: Vec<Known> = self.parts.iter().map(|part| self.begin(part)).collect();
         loop {
@@ -471,8 +478,8 @@ impl<'p> Measure<'_, '_, 'p> {
     fn begin(&self, part: &Part) -> Known {
         let mut known = Known::default();
         let segment = self.segment(part);
-        let landed = self.way.commanded.landed[segment.end].as_ref().ok();
-        // At the end of a line acts what acts at the target itself.
+        let landed = self.walked.commanded.landed[segment.end].as_ref().ok();
+        // At the end of a line the force is that at the target itself.
         if let Some(landed) = landed.filter(|_| part.to >= 1.0 && !segment.track.is_arc()) {
             known.off.insert(TICKS, Some(segment.track.across(1.0, &landed.shift)));
         }
@@ -484,7 +491,7 @@ impl<'p> Measure<'_, '_, 'p> {
         known
     }
 
-    /// How far the tip is off at ticks of parts, m.
+    /// Errors of the tip at ticks of parts, m.
     fn deviations(&self, wanted: &[(usize, u16)]) -> Vec<Option<Vector3<f64>>> {
         let prepared = self.solver.prepared;
         let points = self.solver.parallelism.map(wanted.len(), |k| {
@@ -492,7 +499,7 @@ impl<'p> Measure<'_, '_, 'p> {
             self.point(part, tick)
         });
         let reached: Vec<bool> = points.iter().map(Option::is_some).collect();
-        // Something stands in for what is not reached.
+        // A point out of reach is replaced by another, whose result is not used.
         let points = points.into_iter().zip(wanted).map(|(point, (part, _))| {
             point.unwrap_or_else(|| prepared.points[self.segment(&self.parts[*part]).end].clone())
         });
@@ -510,7 +517,7 @@ impl<'p> Measure<'_, '_, 'p> {
         (0..wanted.len()).map(off).collect()
     }
 
-    /// Circumstances at a tick of a part.
+    /// The point at a tick of a part.
     fn point(&self, part: &Part, tick: u16) -> Option<Point> {
         let segment = self.segment(part);
         let arm = self.solver.arm;
@@ -543,7 +550,7 @@ impl<'p> Measure<'_, '_, 'p> {
     fn result(&self, part: &Part, known: &Known) -> Option<PathDeviation> {
         let length = (part.to - part.from) * self.segment(part).track.length();
         let off = |tick: u16| known.off.get(&tick).copied().flatten();
-        // What is left before the part: a jump is what comes on top of it.
+        // The error before the part: a jump is what comes in addition.
         let before = match part.from <= 0.0 {
             true => self.segments[part.segment].1.left,
             false => off(0).map_or(0.0, |off| off.norm()),
@@ -565,8 +572,8 @@ impl<'p> Measure<'_, '_, 'p> {
 }
 
 impl Known {
-    /// What is left on the part, with the jump in the first [`JUMP_WITHIN`] of its length (m) apart from the rest; `before` is what
-    /// is left before it, m.
+    /// The deviation on the part, with the jump in the first [`JUMP_WITHIN`] of its length (m) separated from the rest. `before` is the
+    /// error before the part, m.
     fn with_jump(&self, all: PathDeviation, before: f64, length: f64) -> PathDeviation {
         let over = (JUMP_WITHIN / length).min(1.0) * f64::from(TICKS);
         let known = self.off.iter().filter_map(|(tick, off)| Some((f64::from(*tick), (*off)?)));
@@ -577,7 +584,7 @@ impl Known {
         all.judged(before, most(&within), at_end.max(most(&behind)))
     }
 
-    /// Ticks that are not known yet.
+    /// Ticks that have no result yet.
     fn wanted(&self) -> impl Iterator<Item = u16> {
         let open = self.open.iter().flat_map(|(from, to)| (0..=4).map(move |k| from + k * ((to - from) / 4)));
         let ends = self.resolved.iter().flat_map(|(from, to)| [*from, *to]);
@@ -587,13 +594,13 @@ impl Known {
         all.into_iter()
     }
 
-    /// Halves the intervals whose quarters are not on the curve through ends and middle.
+    /// Halves the intervals whose quarters are not on the curve through their ends and their middle.
     fn judge(&mut self) {
         for (from, to) in std::mem::take(&mut self.open) {
             let quarter = (to - from) / 4;
             let [a, b, c, d, e] = [0, 1, 2, 3, 4].map(|k| self.off.get(&(from + k * quarter)).copied().flatten());
             let (Some(a), Some(b), Some(c), Some(d), Some(e)) = (a, b, c, d, e) else {
-                // The lack of a result says so.
+                // The missing result makes the part unknown.
                 self.resolved.push((from, to));
                 continue;
             };
@@ -610,10 +617,10 @@ impl Known {
     }
 }
 
-/// Of five deviations (m) at even distances along a length (m).
+/// The deviation from five errors (m) at even distances along a length (m).
 fn resolved(off: [Vector3<f64>; 5], length: f64) -> PathDeviation {
     let squares = off.map(|off| off.norm_squared());
-    // Between three of them a parabola: its values half way.
+    // A parabola through three of them: its values halfway.
     let [a, b, c, d, e] = off;
     let between = [
         (a * 3.0 + b * 6.0 - c) / 8.0,
@@ -629,7 +636,7 @@ fn resolved(off: [Vector3<f64>; 5], length: f64) -> PathDeviation {
     PathDeviation { max_mm, way_mm: max_mm, jump_mm: 0.0, mean_square_mm2: 1e6 * mean, length_mm: 1e3 * length }
 }
 
-/// Of a deviation that changes evenly from one end to the other (m), along a length (m).
+/// The deviation of an error that changes evenly from one end to the other (m), along a length (m).
 fn linear(from: &Vector3<f64>, to: &Vector3<f64>, length: f64) -> PathDeviation {
     let (a, b) = (from.norm_squared(), to.norm_squared());
     let max_mm = 1e3 * a.max(b).sqrt();
@@ -647,25 +654,25 @@ mod tests {
     use super::*;
     use approx::assert_relative_eq;
 
-    /// Of a deviation from `from` to `to` along a length (m), where `before` is left before it.
-    fn way(before: f64, from: f64, to: f64, length: f64) -> [f64; 3] {
+    /// The deviation of an error from `from` to `to` along a length (m), with the error `before` before it.
+    fn judged(before: f64, from: f64, to: f64, length: f64) -> [f64; 3] {
         let [from, to] = [from, to].map(|off| Vector3::new(0.0, off, 0.0));
-        let way = linear(&from, &to, length).with_jump(before, &from, &to);
-        [way.max_mm, way.way_mm, way.jump_mm]
+        let judged = linear(&from, &to, length).with_jump(before, &from, &to);
+        [judged.max_mm, judged.way_mm, judged.jump_mm]
     }
 
     #[test]
     #[allow(clippy::float_cmp)] // numbers that are printed or given, to the bit
     fn a_jump_is_what_comes_on_top_of_what_is_left_before_and_behind() {
-        // The force goes on: nothing jumps, however short the way.
-        assert_eq!(way(3e-4, 3e-4, 2e-4, 2e-4), [0.3, 0.3, 0.0]);
-        assert_eq!(way(0.0, 1e-4, 2e-4, 2e-4), [0.2, 0.2, 0.0]);
-        // It sets in: within half a millimetre that is a jump, farther on it is the way.
-        assert_eq!(way(0.0, 3e-4, 1e-5, 2e-4), [0.3, 0.01, 0.3]);
-        let [most, left, jump] = way(0.0, 3e-4, 0.0, 1e-2);
+        // The force goes on: nothing jumps, however short the segment.
+        assert_eq!(judged(3e-4, 3e-4, 2e-4, 2e-4), [0.3, 0.3, 0.0]);
+        assert_eq!(judged(0.0, 1e-4, 2e-4, 2e-4), [0.2, 0.2, 0.0]);
+        // It sets in: within half a millimetre that is a jump, farther on it is part of the segment.
+        assert_eq!(judged(0.0, 3e-4, 1e-5, 2e-4), [0.3, 0.01, 0.3]);
+        let [most, left, jump] = judged(0.0, 3e-4, 0.0, 1e-2);
         assert_eq!((most, jump), (0.3, 0.3));
         assert_relative_eq!(left, 0.3 * 0.95, max_relative = 1e-12);
-        // What is left before the jump is none of it.
-        assert_eq!(way(2e-4, 3e-4, 0.0, 2e-4), [0.3, 0.2, 0.3]);
+        // The error before the jump is not part of it.
+        assert_eq!(judged(2e-4, 3e-4, 0.0, 2e-4), [0.3, 0.2, 0.3]);
     }
 }

@@ -26,40 +26,40 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Samples that are solved at once: some ten megabytes.
+/// Number of samples that are solved at once: some ten megabytes.
 const BATCH: usize = 16_384;
-/// The equilibrium of the loaded arm is solved at least so often along a driven path, m: a deflection of 1 mm of an arm of 1 m bends by
-/// 0.01 µm over it.
+/// Largest distance along a driven path between two solved equilibria, m: over it, a deflection of 1 mm of an arm of 1 m bends by
+/// 0.01 µm.
 const SOLVED_EVERY: f64 = 1e-2;
-/// And at least once in so many samples, which are a quarter of a second.
+/// Most samples between two solved equilibria: a quarter of a second.
 const MOST_BETWEEN: usize = 64;
-/// Feeds of a cutter at which the force is known, up to its largest one. Half a step is 3 % of the chip load: less than any coefficient of
-/// a material is known to.
+/// Number of feeds of a cutter, up to its largest one, for which the force is computed. Half a step is 3 % of the chip load, which is below
+/// the accuracy of the coefficients of a material.
 const FEED_STEPS: usize = 16;
 
-/// Which moments of a driven path are looked at.
+/// The moments at which a driven path is sampled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sampling {
-    /// All, every [`SAMPLE_S`].
+    /// Every [`SAMPLE_S`].
     All,
-    /// So many of them that what happens between two of them is known.
+    /// Only as many that the path between two of them is known.
     Sparse,
 }
 
-/// A program as a controller is sent along it.
+/// A program as waypoints of its controller.
 #[derive(Clone, Debug, Default)]
 pub struct Course {
     /// Ends of its motions.
     pub waypoints: Vec<Waypoint>,
-    /// Index of the target that each waypoint is, or on whose way it is.
+    /// Index of the target of each waypoint: it is the target, or a point on the segment to it.
     pub(super) targets: Vec<usize>,
-    /// Share of the way into that target; 1 at the target.
+    /// Share of the segment to that target; 1 at the target.
     shares: Vec<f64>,
-    /// Waypoints that are passed though nothing says how near: they are taken as stops.
+    /// Number of waypoints that the robot passes in a zone of unknown size: they count as stops.
     unstated: usize,
-    /// Lines and arcs whose speed is not known: they are taken at that of the motion before, or of the first one after them.
+    /// Lines and arcs of unknown speed: they get the speed of the motion before, or of the first one after them.
     without_speed: usize,
-    /// Waypoints that the text has the controller pass, and at which it comes to rest all the same, with what it waits for.
+    /// Waypoints with a zone at which the controller stops, because the program waits, with the statement.
     waits: Vec<(usize, &'static str)>,
 }
 
@@ -69,7 +69,7 @@ pub struct Course {
 pub struct LoadedSample {
     /// Time since the start, s.
     pub time: f64,
-    /// Ordinal of the target that the motion leads to.
+    /// Ordinal of the target at the end of the motion.
     pub target: u32,
     /// Actual TCP, m.
     pub wobj_from_tcp: Pose,
@@ -77,7 +77,7 @@ pub struct LoadedSample {
     pub feed: f64,
     /// Force on the tool, N.
     pub force: Vector3<f64>,
-    /// Index of the waypoint that the motion leads to.
+    /// Index of the waypoint at the end of the segment.
     waypoint: usize,
     /// Actual TCP in the robot's base, m.
     base_from_tcp: Vector3<f64>,
@@ -87,9 +87,9 @@ pub struct LoadedSample {
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct LoadedPath {
-    /// In running order, every [`SAMPLE_S`](crate::drive::SAMPLE_S).
+    /// The samples in running order, every [`SAMPLE_S`](crate::drive::SAMPLE_S).
     pub samples: Vec<LoadedSample>,
-    /// What was assumed.
+    /// Notes about assumptions.
     pub notes: Vec<Diagnostic>,
 }
 
@@ -105,7 +105,7 @@ impl Course {
     /// The ends of a program's motions; zones in SI.
     ///
     /// # Errors
-    /// A target whose place is not known, external axes that move the base or the part, a motion without a speed.
+    /// A target whose pose is unknown, external axes that move the base or the part, a motion without a speed.
     pub fn new(program: &Program, cell: &Cell, prepared: &Prepared) -> Result<Self, Vec<Diagnostic>> {
         let unstated_zone = cell.controller.path.and_then(|path| path.zone);
         let mut course = Self::default();
@@ -148,7 +148,7 @@ impl Course {
                     unstated_zone
                 }
             };
-            // A motion that is not known in time is not rounded into.
+            // The controller does not round a corner if it does not know the next motion in time.
             let waits = zone.and_then(|_| program.waits_between(i, *ends.get(at + 1)?));
             course.waits.extend(waits.map(|word| (at, word)));
             let zone = zone.filter(|_| waits.is_none());
@@ -178,7 +178,7 @@ impl Course {
         self.shares.push(share);
     }
 
-    /// The course of the corrected program: the controller is sent to its commands, and to the targets that are inserted.
+    /// The course of the corrected program: its commands and the inserted targets.
     fn corrected(&self, program: &Program, cell: &Cell, prepared: &Prepared, commanded: &Commanded) -> Self {
         let robot = &cell.arm.robot;
         let unstated_zone = cell.controller.path.and_then(|path| path.zone);
@@ -208,7 +208,7 @@ impl Course {
         course
     }
 
-    /// The target that the way to a waypoint begins at, and the share of the way into the waypoint's target that has been passed there.
+    /// The target at which the segment to a waypoint begins, and the share of the segment to the waypoint's target at that start.
     fn begins(&self, waypoint: usize) -> (usize, f64) {
         let (before, target) = (waypoint - 1, self.targets[waypoint]);
         if self.targets[before] != target {
@@ -218,8 +218,8 @@ impl Course {
         (self.targets[from.saturating_sub(1)], self.shares[before])
     }
 
-    /// For each waypoint the number of its stretch: consecutive ways with one tool, work object and speed, whose loads go on from each other.
-    /// What a way from stock meets changes along it.
+    /// For each waypoint the number of its stretch: consecutive segments with one tool, work object and speed, and a continuous load. The
+    /// load of a cut from stock changes along a segment.
     fn stretches(&self, prepared: &Prepared) -> Vec<usize> {
         let goes_on = |waypoint: usize| {
             let [before, here] = [waypoint - 1, waypoint].map(|at| &prepared.points[self.targets[at]]);
@@ -239,7 +239,7 @@ impl Course {
         (0..self.waypoints.len()).map(number).collect()
     }
 
-    /// What is said about it, once.
+    /// Notes about the course, each once.
     pub(super) fn notes(&self, program: &Program, cell: &Cell) -> Vec<Diagnostic> {
         let name = program.sources.first().map_or("", |source| &source.name);
         let note = |message: String, help: &str| {
@@ -330,14 +330,14 @@ impl Course {
         Some(warning.help("write a stop where the arm is to wait, or move the statement"))
     }
 
-    /// Warns of ways on which an axis would have to accelerate by more than its limit (°/s²). Lead and lag of the motors are no part of
-    /// the motion that the controller plans.
+    /// Warns of segments on which an axis would have to accelerate by more than its limit (°/s²). Lead and lag of the motors are not part
+    /// of the motion that the controller plans.
     fn fast_axes(&self, program: &Program, cell: &Cell, limits: &Joints) -> Option<Diagnostic> {
         let law = PathLaw { axis_lead: Joints::zeros(), lag: Joints::zeros(), ..cell.controller.path?.law };
         let samples = drive(&cell.arm.robot, &law, &self.waypoints).ok()?;
         let axes: Vec<[f64; 6]> =
             samples.iter().map(|sample| cell.arm.robot.axes_deg_from_motor(&sample.motor)).collect();
-        // Of each way the largest share of a limit, and its axis and acceleration.
+        // For each segment the largest share of a limit, with its axis and acceleration.
         let mut worst: BTreeMap<usize, (f64, usize, f64)> = BTreeMap::new();
         for k in 1..axes.len().saturating_sub(1) {
             for axis in 0..6 {
@@ -365,7 +365,7 @@ impl Course {
         Some(warning.help("lower the feed there, make the zone larger, or lead the tool past a singular posture"))
     }
 
-    /// Says how many zones are larger than half the distance to a neighbouring point. Controllers cut them to that: "Interpolation with
+    /// Notes how many zones are larger than half the distance to a neighbouring point. Controllers limit them to that: "Interpolation with
     /// overlapping position zones", RAPID Reference Manual, Motion and I/O Principles.
     fn cut_zones(&self, program: &Program) -> Option<Diagnostic> {
         let is_cut = |i: &usize| {
@@ -409,11 +409,11 @@ impl Course {
         Diagnostic::error(code, &source.name, message).at(source, target.span)
     }
 
-    /// How far zones alone may lead the TCP past a corner, m: a parabola over the whole zone.
+    /// Largest distance from a corner because of zones alone, m: with a parabola over the whole zone.
     fn widest_corner_cut(&self) -> f64 {
         let direction = |from: &Waypoint, to: &Waypoint| {
-            let way = to.base_from_tcp.translation.vector - from.base_from_tcp.translation.vector;
-            way.try_normalize(1e-9).map(|direction| (direction, way.norm()))
+            let displacement = to.base_from_tcp.translation.vector - from.base_from_tcp.translation.vector;
+            displacement.try_normalize(1e-9).map(|direction| (direction, displacement.norm()))
         };
         let corners = self.waypoints.windows(3).filter_map(|three| {
             let (before, after) = (direction(&three[0], &three[1])?, direction(&three[1], &three[2])?);
@@ -424,7 +424,7 @@ impl Course {
     }
 }
 
-/// What of a law is not declared: its keys.
+/// The keys of a law that are not declared.
 fn undeclared(law: &PathLaw) -> Vec<&'static str> {
     let keys = [
         ("smoothing_s", law.smoothing.iter().all(|width| *width <= 0.0)),
@@ -434,24 +434,24 @@ fn undeclared(law: &PathLaw) -> Vec<&'static str> {
     keys.into_iter().filter_map(|(key, is_missing)| is_missing.then_some(key)).collect()
 }
 
-/// Indices of the targets that are [waypoints](Course::waypoints): all but the circle points of arcs.
+/// Indices of the targets that are [waypoints](Course::waypoints): all except the circle points of arcs.
 pub(super) fn waypoint_targets(program: &Program) -> Vec<usize> {
     (0..program.targets.len()).filter(|i| Kind::of(program, *i) != Kind::Point).collect()
 }
 
-/// A corrected program's original, from whose path it is judged.
+/// The original of a corrected program, by whose path it is judged.
 pub(super) struct Original<'a> {
     pub(super) program: &'a Program,
-    /// For each waypoint of the corrected program the waypoint of the original whose segment it is on; `None` if both have the same
-    /// ones.
+    /// For each waypoint of the corrected program, the waypoint of the original on whose segment it is; `None` if both have the same
+    /// waypoints.
     pub(super) waypoints: Option<Vec<usize>>,
 }
 
-/// Puts the path that the controller drives in place of the ways as they are written, where the cell has the law of its controller:
-/// the rows' [`path`](super::Row::path), and how long the program runs.
+/// Replaces the path as written by the path that the controller drives, if the cell has the law of its controller: the rows'
+/// [`path`](super::Row::path), and the run time.
 ///
 /// # Errors
-/// That path cannot be computed: a note says why. Targets without an answer say so themselves.
+/// A note with the reason why that path cannot be computed. Targets without a solution have their own messages.
 pub(super) fn follow_law(
     corrected: &mut Corrected,
     prepared: &mut Prepared,
@@ -464,8 +464,8 @@ pub(super) fn follow_law(
     }
     let known = original.as_ref().and_then(|original| original.waypoints.as_ref());
     let waypoint_of = |waypoint: usize| known.and_then(|known| known.get(waypoint)).copied().unwrap_or(waypoint);
-    let mut judged = || -> Result<(DrivenWays, Vec<Diagnostic>), Vec<Diagnostic>> {
-        let (path, ways);
+    let mut judged = || -> Result<(DrivenSegments, Vec<Diagnostic>), Vec<Diagnostic>> {
+        let (path, segments);
         match &original {
             Some(original) => {
                 let prepared = Prepared::new(original.program, cell, options)?;
@@ -473,39 +473,39 @@ pub(super) fn follow_law(
                 let mut own = Prepared::new(program, cell, options)?;
                 let driven = Course::new(program, cell, &own)?;
                 path = loaded_along(&mut own, driven, context, Sampling::Sparse)?;
-                ways = driven_ways(&prepared, &course, &cell.arm.robot, &path, &waypoint_of);
+                segments = driven_segments(&prepared, &course, &cell.arm.robot, &path, &waypoint_of);
             }
             None => {
                 let course = Course::new(program, cell, prepared)?;
                 path = loaded_along(prepared, course, context, Sampling::Sparse)?;
-                ways = driven_ways(prepared, &path.course, &cell.arm.robot, &path, &waypoint_of);
+                segments = driven_segments(prepared, &path.course, &cell.arm.robot, &path, &waypoint_of);
             }
         }
-        Ok((ways, path.course.notes(program, cell)))
+        Ok((segments, path.course.notes(program, cell)))
     };
     let (driven, notes) = judged().map_err(|errors| errors.into_iter().take(1).map(as_written).collect::<Vec<_>>())?;
     let targets = waypoint_targets(program);
-    // What is left on a segment is reported once, at its end.
+    // The deviation on a segment is reported once, at its end.
     let is_last = |waypoint: usize| waypoint + 1 >= targets.len() || waypoint_of(waypoint + 1) != waypoint_of(waypoint);
-    let way = |waypoint: usize| match driven.ways[waypoint_of(waypoint)] {
-        // Of the way to an added target, too.
+    let deviation = |waypoint: usize| match driven.segments[waypoint_of(waypoint)] {
+        // For the segment to an inserted target, too.
         Some(_) if original.is_some() && !is_last(waypoint) => Some(PathDeviation::default()),
-        way => way.filter(|_| is_last(waypoint)),
+        deviation => deviation.filter(|_| is_last(waypoint)),
     };
     let mut first = 0;
     for (waypoint, target) in targets.iter().map(|&i| &program.targets[i]).enumerate() {
         if !target.is_end() {
             continue;
         }
-        // The lines that an arc is made of belong to the row of its end.
+        // The chords of an arc belong to the row of its end.
         let own = std::mem::replace(&mut first, waypoint + 1)..=waypoint;
         let at = corrected.rows.binary_search_by_key(&target.ordinal, |row| row.target);
         let Some(row) = at.ok().map(|at| &mut corrected.rows[at]).filter(|row| row.is_solved()) else { continue };
-        if let Some(ways) = own.map(way).collect::<Option<Vec<PathDeviation>>>() {
-            row.path = ways.into_iter().reduce(PathDeviation::and);
+        if let Some(segments) = own.map(deviation).collect::<Option<Vec<PathDeviation>>>() {
+            row.path = segments.into_iter().reduce(PathDeviation::and);
         }
-        // The points of a corrected program are moved on purpose: what counts is where the path passes the original's, and
-        // how far it is from the original's way where it passes one that was added.
+        // The points of a corrected program are moved on purpose. The error is the distance at which the path passes the point of the
+        // original, and the distance from the original's path at an inserted point.
         let passes = match is_last(waypoint) {
             true => driven.missed[waypoint_of(waypoint)],
             false => driven.passed.get(waypoint).copied().flatten(),
@@ -519,20 +519,20 @@ pub(super) fn follow_law(
     Ok(())
 }
 
-/// What the controller makes of the ways of a corrected program.
+/// The driven path of a corrected program, compared with the programmed one.
 pub(super) struct Judged {
-    after: DrivenWays,
-    /// Index of the target that each of them leads to.
+    after: DrivenSegments,
+    /// Index of the target at the end of each segment.
     targets: Vec<usize>,
     pub(super) summary: DrivenSummary,
     pub(super) notes: Vec<Diagnostic>,
 }
 
 impl Judged {
-    /// Puts what is left on the driven ways into columns of targets.
+    /// Puts the deviations of the driven segments into a column with one value for each target.
     pub(super) fn fill(&self, paths: &mut [Option<PathDeviation>]) {
-        for (way, &target) in self.after.ways.iter().zip(&self.targets) {
-            paths[target] = way.or(paths[target]);
+        for (segment, &target) in self.after.segments.iter().zip(&self.targets) {
+            paths[target] = segment.or(paths[target]);
         }
     }
 }
@@ -540,7 +540,7 @@ impl Judged {
 /// Drives a program along its own targets and along its corrected ones.
 ///
 /// # Errors
-/// That path cannot be computed: a note says why.
+/// A note with the reason why that path cannot be computed.
 pub(super) fn judge_corrected(
     context: Context<'_>,
     prepared: &mut Prepared,
@@ -551,7 +551,7 @@ pub(super) fn judge_corrected(
         let robot = &cell.arm.robot;
         let course = Course::new(program, cell, prepared)?;
         let path = loaded_along(prepared, course, context, Sampling::Sparse)?;
-        let before = driven_ways(prepared, &path.course, robot, &path, &|waypoint| waypoint);
+        let before = driven_segments(prepared, &path.course, robot, &path, &|waypoint| waypoint);
         let course = path.course;
         let sent = course.corrected(program, cell, prepared, commanded);
         let corrected = loaded_along(prepared, sent, context, Sampling::Sparse)?;
@@ -564,7 +564,7 @@ pub(super) fn judge_corrected(
         };
         let origins: Vec<usize> = corrected.course.targets.iter().map(origin).collect();
         let waypoint_of = |sent: usize| origins.get(sent).copied().unwrap_or(sent);
-        let after = driven_ways(prepared, &course, robot, &corrected, &waypoint_of);
+        let after = driven_segments(prepared, &course, robot, &corrected, &waypoint_of);
         let summary = DrivenSummary { programmed: before.figures, corrected: Some(after.figures), tolerance_mm: None };
         let notes = course.notes(program, cell);
         Ok(Judged { after, targets: course.targets, summary, notes })
@@ -572,16 +572,16 @@ pub(super) fn judge_corrected(
     judged().map_err(|errors| errors.into_iter().take(1).map(as_written).collect())
 }
 
-/// Says why corners are taken as written although the cell has the law of its controller.
+/// A note why corners are taken as written although the cell has the law of its controller.
 pub(super) fn as_written(error: Diagnostic) -> Diagnostic {
     let message = format!("corners are taken as written: {}", error.message);
     Diagnostic { code: "path.as-written", message, severity: Severity::Note, ..error }
 }
 
-/// The path that the cell's controller drives along a program, with the arm loaded by the forces that act on the way.
+/// The path that the cell's controller drives along a program, with the arm under the forces that act there.
 ///
 /// # Errors
-/// What [`Prepared::new`] and [`Course::new`] refuse; a place on the way that is out of reach or has no equilibrium.
+/// As [`Prepared::new`] and [`Course::new`]; a point of the path is out of reach or has no equilibrium.
 pub fn loaded_path(program: &Program, cell: &Cell, options: &Options) -> Result<LoadedPath, Vec<Diagnostic>> {
     let mut prepared = Prepared::new(program, cell, options)?;
     let course = Course::new(program, cell, &prepared)?;
@@ -589,13 +589,13 @@ pub fn loaded_path(program: &Program, cell: &Cell, options: &Options) -> Result<
     Ok(LoadedPath { samples: path.samples, notes: path.course.notes(program, cell) })
 }
 
-/// A course as it is driven by the loaded arm.
+/// The driven path of the loaded arm along a course.
 pub(super) struct LoadedCourse {
     pub(super) course: Course,
     samples: Vec<LoadedSample>,
 }
 
-/// The same along a course of a program that is prepared.
+/// The same along a course of a prepared program.
 pub(super) fn loaded_along(
     prepared: &mut Prepared,
     course: Course,
@@ -654,10 +654,10 @@ pub(super) fn loaded_along(
             });
         }
     }
-    // The speed over the step before and the step after; a change of work object is no motion.
+    // The mean speed over the step before and the step after; a change of work object is no motion.
     let speed = |from: &LoadedSample, to: &LoadedSample| {
-        let way = to.wobj_from_tcp.translation.vector - from.wobj_from_tcp.translation.vector;
-        (to.time > from.time).then(|| way.norm() / (to.time - from.time))
+        let displacement = to.wobj_from_tcp.translation.vector - from.wobj_from_tcp.translation.vector;
+        (to.time > from.time).then(|| displacement.norm() / (to.time - from.time))
     };
     let wobj = |i: usize| prepared.points[motion.target(i)].setting;
     for i in 0..samples.len() {
@@ -669,12 +669,12 @@ pub(super) fn loaded_along(
     Ok(LoadedCourse { course: motion.course, samples })
 }
 
-/// What the load makes of a driven pose.
+/// The deflection of a driven pose under its load.
 #[derive(Clone, Copy)]
 struct Bend {
-    /// From the driven place to the actual one, m, work object axes.
+    /// Vector from the driven position to the actual one, m, work object axes.
     shift: Vector3<f64>,
-    /// The same of the orientation, a rotation vector, rad.
+    /// Rotation vector from the driven orientation to the actual one, rad.
     turn: Vector3<f64>,
     /// Force on the tool, N, work object axes.
     force: Vector3<f64>,
@@ -690,14 +690,14 @@ impl Bend {
     }
 }
 
-/// Consecutive samples whose equilibria are solved, by their indices, the first and the last among them: between two of them the tool is
-/// led no farther than [`SOLVED_EVERY`], and load and travel change so little that the deflection runs straight.
+/// Indices of the samples whose equilibria are solved, including the first and the last. Between two of them the tool moves by no more than
+/// [`SOLVED_EVERY`], and load and travel change so little that the deflection can be interpolated.
 fn solved_among(points: &[Point]) -> Vec<usize> {
     let alike = |from: usize, to: usize| {
         let (a, b) = (&points[from], &points[to]);
-        let way = a.wobj_from_tcp.translation.vector - b.wobj_from_tcp.translation.vector;
+        let displacement = a.wobj_from_tcp.translation.vector - b.wobj_from_tcp.translation.vector;
         to - from <= MOST_BETWEEN
-            && way.norm_squared() <= SOLVED_EVERY.powi(2)
+            && displacement.norm_squared() <= SOLVED_EVERY.powi(2)
             && a.setting == b.setting
             && a.travel == b.travel
             && a.part.is_some() == b.part.is_some()
@@ -713,35 +713,35 @@ fn solved_among(points: &[Point]) -> Vec<usize> {
     solved
 }
 
-/// How a driven path keeps to the programmed one.
+/// A driven path compared with the programmed one.
 #[derive(Clone, Debug)]
-pub(super) struct DrivenWays {
-    /// What is left on the way to each waypoint; `None` where no path is programmed.
-    pub(super) ways: Vec<Option<PathDeviation>>,
-    /// From each waypoint to the nearest place of the driven path, work object axes, m; `None` where no path is programmed.
+pub(super) struct DrivenSegments {
+    /// The deviation on the segment to each waypoint; `None` if no path is programmed.
+    pub(super) segments: Vec<Option<PathDeviation>>,
+    /// Vector from each waypoint to the nearest point of the driven path, work object axes, m; `None` if no path is programmed.
     missed: Vec<Option<Vector3<f64>>>,
-    /// From the programmed path to the driven one where each motion of the driven program ends, work object axes, m; `None` where no
+    /// Vector from the programmed path to the driven one at the end of each motion of the driven program, work object axes, m; `None` if no
     /// path is programmed.
     passed: Vec<Option<Vector3<f64>>>,
-    /// Whether it counts: where targets cut, those alone.
+    /// Whether the segment counts: if any target cuts, only those that do.
     pub(super) counts: Vec<bool>,
     pub(super) figures: DrivenFigures,
 }
 
 /// Compares a driven path with the programmed one of a course, which may be that of another program; `waypoint_of` gives the waypoint
 /// of the course for one of the driven program.
-pub(super) fn driven_ways(
+pub(super) fn driven_segments(
     prepared: &Prepared,
     course: &Course,
     robot: &Robot,
     path: &LoadedCourse,
     waypoint_of: &(dyn Fn(usize) -> usize + Sync),
-) -> DrivenWays {
+) -> DrivenSegments {
     let programmed = ProgrammedPath::new(robot, &course.waypoints);
     let cuts = |i: &usize| prepared.points[*i].cuts();
     let any_cuts = course.targets.iter().any(cuts);
     let counts: Vec<bool> = course.targets.iter().map(|i| !any_cuts || cuts(i)).collect();
-    let mut ways: Vec<Option<PathDeviation>> = (0..course.waypoints.len())
+    let mut segments: Vec<Option<PathDeviation>> = (0..course.waypoints.len())
         .map(|i| {
             programmed
                 .track(i)
@@ -749,7 +749,7 @@ pub(super) fn driven_ways(
         })
         .collect();
     let places: Vec<Vector3<f64>> = path.samples.iter().map(|sample| sample.base_from_tcp).collect();
-    let mut driven_length = vec![0.0; ways.len()];
+    let mut driven_length = vec![0.0; segments.len()];
     let mut passed = Vec::new();
     let offset = |sample: &LoadedSample| programmed.offset(&sample.base_from_tcp, waypoint_of(sample.waypoint));
     let offsets: Vec<Option<Offset>> = path.samples.par_iter().map(offset).collect();
@@ -757,22 +757,22 @@ pub(super) fn driven_ways(
         let waypoint = waypoint_of(sample.waypoint);
         let back = || prepared.base_from_wobj(course.targets[waypoint]).rotation.inverse();
         let off = offset.map(|offset| back() * offset.vector);
-        // Motions that end between two samples have the next one's.
+        // A motion that ends between two samples has the value of the next one.
         passed.resize(sample.waypoint + 1, off);
         passed[sample.waypoint] = off;
-        let Some((way, offset)) = ways[waypoint].as_mut().zip(offset) else { continue };
+        let Some((segment, offset)) = segments[waypoint].as_mut().zip(offset) else { continue };
         let distance = 1e3 * offset.vector.norm();
         let length = k.checked_sub(1).map_or(0.0, |before| (places[k] - places[before]).norm());
-        way.max_mm = way.max_mm.max(distance);
-        way.mean_square_mm2 += length * distance * distance;
+        segment.max_mm = segment.max_mm.max(distance);
+        segment.mean_square_mm2 += length * distance * distance;
         driven_length[waypoint] += length;
     }
     let about = |sample: &LoadedSample| waypoint_of(sample.waypoint);
-    let mut missed = vec![None; ways.len()];
+    let mut missed = vec![None; segments.len()];
     let (mut from, mut to) = (0, 0);
-    for (i, way) in ways.iter_mut().enumerate() {
-        let Some(way) = way else { continue };
-        // A corner that the path does not come near is missed, however near the path is to both ways.
+    for (i, segment) in segments.iter_mut().enumerate() {
+        let Some(segment) = segment else { continue };
+        // The distance from a corner counts, however near the path is to both segments.
         let is_about =
             |sample: usize, most: usize| path.samples.get(sample).is_some_and(|sample| about(sample) <= most);
         while i > 0 && is_about(from, i - 1) {
@@ -783,35 +783,36 @@ pub(super) fn driven_ways(
         }
         let corner = &course.waypoints[i].base_from_tcp.translation.vector;
         let back = prepared.base_from_wobj(course.targets[i]).rotation.inverse();
-        // From the last sample before both ways to the first one after them.
+        // From the last sample before both segments to the first one after them.
         let places = &places[from.saturating_sub(1)..(to + 1).min(places.len())];
         missed[i] = nearest_between(corner, places).map(|(vector, _)| back * vector);
         let off = |corner: Option<usize>| corner.and_then(|i| missed[i]).map_or(0.0, |missed| 1e3 * missed.norm());
         let [begin, end] = [off(i.checked_sub(1)), off(Some(i))];
         if driven_length[i] > 0.0 {
-            way.mean_square_mm2 /= driven_length[i];
+            segment.mean_square_mm2 /= driven_length[i];
         } else {
-            // No sample is on it: what is left changes evenly from corner to corner.
-            way.max_mm = begin;
-            way.mean_square_mm2 = (begin * begin + begin * end + end * end) / 3.0;
+            // The segment has no sample: the deviation changes evenly from corner to corner.
+            segment.max_mm = begin;
+            segment.mean_square_mm2 = (begin * begin + begin * end + end * end) / 3.0;
         }
-        way.max_mm = way.max_mm.max(end);
-        way.way_mm = way.max_mm;
+        segment.max_mm = segment.max_mm.max(end);
+        segment.way_mm = segment.max_mm;
     }
-    let counted = ways.iter().zip(&counts).filter(|(_, counts)| **counts).filter_map(|(way, _)| way.as_ref());
+    let counted =
+        segments.iter().zip(&counts).filter(|(_, counts)| **counts).filter_map(|(segment, _)| segment.as_ref());
     let figures = DrivenFigures {
-        max_mm: counted.map(|way| way.max_mm).fold(0.0, f64::max),
+        max_mm: counted.map(|segment| segment.max_mm).fold(0.0, f64::max),
         run_time_s: path.samples.last().map_or(0.0, |sample| sample.time),
     };
-    DrivenWays { ways, missed, passed, counts, figures }
+    DrivenSegments { segments, missed, passed, counts, figures }
 }
 
-/// The laws of the cuts of a program at the feeds that are driven. A cutter has a law for each of [`FEED_STEPS`] feeds below its largest
-/// one, however many feeds the program states.
+/// The force laws of a program at the driven feeds. A cutter has a law for each of [`FEED_STEPS`] feeds up to its largest one, however many
+/// feeds the program states.
 struct DrivenFeeds {
-    /// For each law of the program that of the same cutter at its largest feed.
+    /// For each law of the program, the law of the same cutter at its largest feed.
     fastest: Vec<usize>,
-    /// Laws that were made, by the fastest one and the step.
+    /// Laws computed so far, by the fastest one and the step.
     known: BTreeMap<(usize, usize), usize>,
 }
 
@@ -830,7 +831,7 @@ impl DrivenFeeds {
         Self { fastest: laws.iter().enumerate().map(of).collect(), known: BTreeMap::new() }
     }
 
-    /// Gives points the law of their cut at a share of the programmed speed.
+    /// Gives points the force law at their share of the programmed speed.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss)]
     fn slow_down(&mut self, prepared: &mut Prepared, points: &mut [DrivenPoint]) {
         let steps = FEED_STEPS as f64;
@@ -840,7 +841,7 @@ impl DrivenFeeds {
             let fastest = self.fastest[*law];
             let largest = laws[fastest].feed_per_tooth();
             let step = (*speed * laws[*law].feed_per_tooth() / largest * steps).round() as usize;
-            // At the programmed feed the law is the program's own.
+            // At the programmed feed the law of the program stays.
             if (1.0 - *speed) * steps < 0.5 {
                 continue;
             }
@@ -854,7 +855,7 @@ impl DrivenFeeds {
     }
 }
 
-/// A program as its controller drives it, sample by sample; nothing loads the arm.
+/// The motion that the controller drives along a program, sample by sample, of the unloaded arm.
 pub(super) struct DrivenMotion<'a> {
     program: &'a Program,
     arm: &'a Arm,
@@ -865,17 +866,17 @@ pub(super) struct DrivenMotion<'a> {
     /// Speed of the TCP at each sample over the programmed one, 0 to 1.
     speeds: Vec<f64>,
     feeds: DrivenFeeds,
-    /// The axes at the last sample that was looked at, and their direction of travel.
+    /// The axes at the last sample that was used, and their direction of travel.
     last: Option<(Joints, Joints)>,
 }
 
-/// The circumstances of one sample of a [`DrivenMotion`].
+/// One sample of a [`DrivenMotion`] as a point.
 pub(super) struct DrivenPoint {
-    /// The programmed place on the way is its reference, the axes are where they are driven.
+    /// Its reference is the programmed pose on the segment; its axes are the driven ones.
     pub(super) point: Point,
     /// Speed of the TCP over the programmed one, 0 to 1.
     pub(super) speed: f64,
-    /// How far the TCP is driven to the side of the programmed way into its target, m.
+    /// Distance of the driven TCP from the programmed segment, m.
     pub(super) aside: f64,
 }
 
@@ -883,7 +884,7 @@ impl<'a> DrivenMotion<'a> {
     /// The motion along a course, by the law of the cell's controller; without a law corners are driven as written.
     ///
     /// # Errors
-    /// A place on the way is out of reach; the motion takes too long.
+    /// A point of the path is out of reach; the motion takes too long.
     pub(super) fn along(
         course: Course,
         Context { program, cell, .. }: Context<'a>,
@@ -897,7 +898,7 @@ impl<'a> DrivenMotion<'a> {
             Sampling::All => route.samples(),
             Sampling::Sparse => {
                 let stretches = course.stretches(prepared);
-                // On one stretch, the equilibria decide.
+                // Within a stretch, the spacing of the equilibria decides.
                 let longest = |from: usize, to: usize| match stretches.get(from) == stretches.get(to) {
                     true => SOLVED_EVERY / course.waypoints[from.min(course.waypoints.len() - 1)].feed,
                     false => 0.0,
@@ -915,20 +916,20 @@ impl<'a> DrivenMotion<'a> {
         &self.course
     }
 
-    /// Index of the target that a sample leads to.
+    /// Index of the target at the end of a sample's segment.
     fn target(&self, sample: usize) -> usize {
         self.course.targets[self.samples[sample].waypoint]
     }
 
-    /// The samples on the way into a target, none where that takes less than the time between two of them; `None` for the target that
-    /// the program begins with.
+    /// The samples on the segment to a target; empty if the segment takes less than the time between two samples; `None` for the first
+    /// target of the program.
     pub(super) fn range_before(&self, target: usize) -> Option<Range<usize>> {
         let waypoint = self.course.targets.binary_search(&target).ok().filter(|waypoint| *waypoint > 0)?;
         let first = self.samples.partition_point(|sample| sample.waypoint < waypoint);
         Some(first..self.samples.partition_point(|sample| sample.waypoint <= waypoint))
     }
 
-    /// Where a sample leads the tool of a setting, in its work object.
+    /// The driven pose of the tool of a setting at a sample, in its work object.
     pub(super) fn pose(&self, setting: &Setting, sample: usize) -> Pose {
         setting.wobj_from_tcp(&self.flanges[sample])
     }
@@ -938,23 +939,23 @@ impl<'a> DrivenMotion<'a> {
         self.speeds[sample]
     }
 
-    /// Share of the way into its target at a sample.
+    /// Share of the segment to its target at a sample.
     pub(super) fn share(&self, sample: usize) -> f64 {
         self.samples[sample].share
     }
 
-    /// The circumstances of samples, which are given in their order and looked at once.
+    /// The points of samples, which must be in running order, each once.
     pub(super) fn points(&mut self, prepared: &mut Prepared, samples: &[usize]) -> Vec<DrivenPoint> {
         let (mut points, mut last) = (Vec::with_capacity(samples.len()), self.last);
-        for way in samples.chunk_by(|a, b| self.samples[*a].waypoint == self.samples[*b].waypoint) {
-            self.points_into(prepared, way, &mut last, &mut points);
+        for segment in samples.chunk_by(|a, b| self.samples[*a].waypoint == self.samples[*b].waypoint) {
+            self.points_into(prepared, segment, &mut last, &mut points);
         }
         self.last = last;
         self.feeds.slow_down(prepared, &mut points);
         points
     }
 
-    /// The circumstances of samples on the way into one target.
+    /// The points of samples on the segment to one target.
     fn points_into(
         &self,
         prepared: &Prepared,
@@ -982,7 +983,7 @@ impl<'a> DrivenMotion<'a> {
             let driven = self.pose(prepared.setting(end), *i);
             let mut point = match &segment {
                 Some(segment) => segment.at_speed(share(sample.share), speed),
-                // Joint motions do not cut and have no programmed path: the reference is where they lead.
+                // Joint motions do not cut and have no programmed path: the reference is the driven pose.
                 None => Point { reference: driven, ..prepared.points[end].clone() },
             };
             let shift = driven.translation.vector - point.reference.translation.vector;

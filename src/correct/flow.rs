@@ -1,7 +1,7 @@
 //! Chunks of a program from their reading to their writing, on several threads.
 //!
-//! A thread takes a chunk all the way; what depends on the chunks before goes through [`Ordered`] stages, of which the last is the
-//! writing. So any number of threads gives the same bytes.
+//! A thread takes a chunk through all stages. Everything that depends on the chunks before goes through [`Ordered`] stages, of which the
+//! last is the writing. Any number of threads therefore gives the same bytes.
 
 use super::messages::{Messages, Repeated};
 use super::ordered::{Order, Ordered, Stopped, Turn};
@@ -14,38 +14,38 @@ use crate::text::Diagnostic;
 use std::io::{self, Write};
 use std::sync::{Mutex, PoisonError};
 
-/// Where goes what a streamed program comes to.
+/// The receivers of the results of a streamed program.
 pub struct Sinks<'a> {
     /// Report rows, as a format of [`report`](crate::report) writes them; flushed after the last.
     pub report: &'a mut (dyn Write + Send),
-    /// Report rows to text.
+    /// Makes text of report rows.
     pub rows: &'a (dyn Fn(&[Row]) -> Vec<u8> + Sync),
-    /// Given the report rows in running order, a chunk at a time.
+    /// Receives the report rows in running order, a chunk at a time.
     pub each: &'a mut (dyn FnMut(&[Row]) + Send),
     /// Receives the targets and the bytes of input done so far.
     pub progress: &'a (dyn Fn(usize, u64) + Sync),
 }
 
-/// A program that went through.
+/// The results of a program that was streamed to its end.
 #[derive(Debug)]
 pub struct Streamed {
     /// Counts and sizes.
     pub summary: Summary,
     /// Ordinal of the last target.
     pub last: u32,
-    /// Why there is no answer for the program as a whole, as from [`Prepared::new`](super::Prepared::new): none but where it
-    /// is only judged.
+    /// Why the program as a whole has no result, as from [`Prepared::new`](super::Prepared::new). Empty, unless the program is only
+    /// judged.
     pub refused: Messages,
-    /// Targets that have no answer or pass a limit: what was written is then no program to use.
+    /// Targets that have no solution or exceed a limit: what was written must then not be used.
     pub failures: Vec<Diagnostic>,
     /// Notes and warnings.
     pub notes: Vec<Diagnostic>,
-    /// Names of its targets and of its original's, where they have any and it is known how it was read.
+    /// Names of its targets and of those of its original, if they have any and the way of reading keeps them.
     pub(super) names: Vec<Names>,
 }
 
 impl Streamed {
-    /// Whether a target is called like that.
+    /// Whether a target has this name.
     #[must_use]
     pub fn has_target(&self, name: &str) -> bool {
         self.names.iter().any(|names| names.uses(name))
@@ -56,12 +56,12 @@ impl Streamed {
     }
 }
 
-/// Why a program did not go through.
+/// Why a program was not streamed to its end.
 #[derive(Debug)]
 pub enum StreamError {
-    /// Something in it only [`compensate`](super::compensate) on the whole can tell the meaning of.
+    /// Its meaning is known only to [`compensate`](super::compensate), which reads the whole program.
     NotStreamable,
-    /// What [`compensate`](super::compensate) refuses.
+    /// The program is refused, as by [`compensate`](super::compensate).
     Refused(Vec<Diagnostic>),
     /// The input cannot be read.
     Read(io::Error),
@@ -69,28 +69,28 @@ pub enum StreamError {
     Write(io::Error),
 }
 
-/// How a language comes in, and what is made of it.
+/// The chunks of a program, and their processing.
 pub(super) struct Source<'a, C, T> {
-    /// The next chunk's number, and where it comes from.
+    /// The number of the next chunk, and its reader.
     pub(super) chunks: Mutex<(usize, C)>,
-    /// What a chunk comes to, and what is written of it.
+    /// Computes the results of a chunk, and its text.
     pub(super) solve: &'a Solve<'a, T>,
-    /// Where refusals go: none yet.
+    /// Receives refusals; empty at the start.
     pub(super) refusals: Messages,
 }
 
 /// Why a chunk of a program has no result.
 pub(super) enum Unsolved {
-    /// The program has no answer; its other chunks are looked at all the same.
+    /// The program is refused; its other chunks are still processed, so that all reasons are reported.
     Refused(Vec<Diagnostic>),
     /// The run has to stop.
     Failed(StreamError),
-    /// The run stops already.
+    /// The run is stopping already.
     Stopped,
 }
 
 impl Unsolved {
-    /// Why a program that is held whole has no answer: no other chunk stops its run.
+    /// The reasons why a program that is held as a whole is refused: no other chunk can stop its run.
     pub(super) fn refused(self) -> Vec<Diagnostic> {
         match self {
             Self::Refused(why) => why,
@@ -113,7 +113,7 @@ impl From<Stopped> for Unsolved {
 
 type Solve<'a, T> = dyn Fn(&Turn<'_>, &StreamableChunk) -> Result<(T, Corrected), Unsolved> + Sync + 'a;
 
-/// Takes all chunks through; what they come to is written in order.
+/// Processes all chunks; their results are written in order.
 pub(super) fn run<'a, C: ChunkReader + Send, T: Send>(
     source: &'a Source<'a, C, T>,
     threads: usize,
@@ -138,15 +138,15 @@ struct Run<'a, C, T> {
     source: &'a Source<'a, C, T>,
     order: Order,
     writer: Ordered<Writer<'a, T>>,
-    /// Why all stop.
+    /// Why the run stops.
     stop: Mutex<Option<StreamError>>,
 }
 
 /// A chunk, ready to be written.
 struct Done<T> {
-    /// The program's text, the report's and what both are made from; or why there is none.
+    /// The text of the program, the text of the report, and the results that both are made from; or why there are none.
     outcome: Result<(T, Vec<u8>, Corrected), Vec<Diagnostic>>,
-    /// Ordinal of its last target, where it has any.
+    /// Ordinal of its last target; `None` if it has no target.
     last: Option<u32>,
     bytes: u64,
 }
@@ -154,7 +154,7 @@ struct Done<T> {
 impl<C: ChunkReader, T> Run<'_, C, T> {
     fn work(&self, rows: &(dyn Fn(&[Row]) -> Vec<u8> + Sync), progress: &(dyn Fn(usize, u64) + Sync)) {
         while let Some((turn, chunk)) = self.next() {
-            // The feed out of the first target lies in the first chunk, or else what follows would have to be looked at.
+            // The direction out of the first target has to be in the first chunk: the chunk after it is not available here.
             let own_start =
                 |chunk: &StreamableChunk| turn.number > 0 || chunk.last || leaves_its_start(&chunk.program.targets);
             let Some(chunk) = C::read(chunk).filter(own_start) else {
@@ -198,7 +198,7 @@ impl<C: ChunkReader, T> Run<'_, C, T> {
     }
 }
 
-/// What comes out, in order.
+/// Writes results in order.
 struct Writer<'a, T> {
     program: &'a mut (dyn FnMut(T) -> io::Result<()> + Send),
     report: &'a mut (dyn Write + Send),

@@ -33,12 +33,12 @@ pub(super) fn object_frame(data: &WobjData) -> Pose {
     pose(data.uframe_mm, data.uframe_quat) * pose(data.oframe_mm, data.oframe_quat)
 }
 
-/// The beginning of a help where a declared name is near. Names are kept in upper case: RAPID does not tell case apart.
+/// The beginning of a help text if a declared name is similar. Names are in upper case: RAPID does not distinguish case.
 fn meant(name: &str, declared: &[&str]) -> String {
     nearest(name, declared.iter().copied()).map_or_else(String::new, |near| format!("did you mean `{near}`? "))
 }
 
-/// A name as a key of TOML: quoted where it is more than a word.
+/// A name as a key of TOML: in quotes if it is more than a word.
 fn key(name: &str) -> String {
     let bare = name.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '_' | '-'));
     if bare { name.to_owned() } else { format!("\"{name}\"") }
@@ -103,7 +103,7 @@ impl WobjFrame {
     }
 }
 
-/// A work object that is declared; `Err` where a unit moves it that the cell does not declare, and why it is not solved.
+/// A declared work object. `Err` has the reason why it is not solved: a unit moves it that the cell does not declare.
 pub(super) type Declared = Result<WobjFrame, KeptReason>;
 
 /// A work object of the cell.
@@ -116,7 +116,7 @@ pub(super) fn of_cell(cell: &Cell, name: &str) -> Option<WobjFrame> {
 /// A work object of the program, as program or cell declare it.
 fn declared(wobj: &Wobj, cell: &Cell, language: Language) -> Option<Declared> {
     let Some(data) = &wobj.data else {
-        // Where the controller counts from the robot's base, the cell says where that stands.
+        // If the controller counts from the robot's base, the cell states the pose of the base.
         let is_base = language.robot_base().is_some_and(|base| wobj.name.eq_ignore_ascii_case(base));
         let base = || is_base.then(|| WobjFrame::fixed(cell.arm.robot.world_from_base));
         return of_cell(cell, &wobj.name).or_else(base).map(Ok);
@@ -162,7 +162,7 @@ pub(super) fn wobj(program: &Program, cell: &Cell, name: &str) -> Option<WobjFra
     of_program.or_else(|| of_cell(cell, name))
 }
 
-/// A maker of diagnostics at the first target that uses something; `None` where nothing does.
+/// Makes diagnostics at the first target that uses something; `None` if no target does.
 fn first_use(
     program: &Program,
     uses: impl Fn(&crate::program::Target) -> bool,

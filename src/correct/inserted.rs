@@ -1,5 +1,5 @@
-//! Inserted targets as the controller runs them: among the others, with the joints and the directions of travel that they have
-//! there, each judged by the place of the programmed path that is nearest to where the loaded tool lands.
+//! Inserted targets as the controller runs them: in running order with the others, with their joints and directions of travel. Each is
+//! judged by the point of the programmed path that is nearest to the position of the loaded tool.
 
 use super::Prepared;
 use super::deviation::{Node, WalkedPath};
@@ -11,24 +11,24 @@ use crate::equilibrium::{Arm, Dragged, WarmStart};
 use crate::program::{Program, Role};
 use crate::robot::{Joints, Pose};
 
-/// An inserted target has found its place on the path when it moves by less than this, m.
+/// An inserted target is at its point of the path when it moves by less than this, m.
 const SETTLED: f64 = 1e-9;
-/// Rounds that this may take: force and deflection hardly change on the way, and a round gains two digits or more.
+/// Most rounds of this: force and deflection hardly change along the path, and a round gains two digits or more.
 const MOST_STEPS: usize = 8;
 
-/// A target on the way into one of the original's.
+/// A target on the segment to a target of the original.
 #[derive(Clone, Debug)]
 pub(super) struct Inserted {
     /// Index among the targets of the corrected program, or among the stops of a correction.
     pub(super) target: usize,
-    /// Index into the original's.
+    /// Index of the target of the original.
     pub(super) before: usize,
-    /// Share of the way.
+    /// Share of the segment.
     pub(super) share: f64,
     pub(super) role: Role,
 }
 
-/// Puts inserted targets where they are on the path: `at` is what is known of each at its share of the way.
+/// Puts inserted targets on the path. `at` gives the point of each at its share of the segment.
 pub(super) fn place(
     inserted: &mut [Inserted],
     (prepared, segments): (&Prepared, &[Option<Segment<'_>>]),
@@ -43,7 +43,7 @@ pub(super) fn place(
     }
 }
 
-/// The same of targets whose circumstances are known and follow no law.
+/// The same for targets whose points are known and do not follow from a law.
 pub(super) fn settle(
     inserted: &mut [Inserted],
     (points, segments): (&mut Prepared, &[Option<Segment<'_>>]),
@@ -63,14 +63,14 @@ pub(super) fn settle(
     }
 }
 
-/// Moves inserted targets to the place of the path nearest to where the tool lands; whether any has moved.
+/// Moves inserted targets to the point of the path that is nearest to the position of the tool. Returns whether any has moved.
 fn nearest(inserted: &mut [Inserted], batch: &Prepared, segments: &[Option<Segment<'_>>], arm: &Arm) -> bool {
     let solver = Solver::new(arm, batch, Parallelism::Threads);
     let predicted = solver.forward(|k| batch.points[k].as_programmed(), |_| WarmStart::default());
-    let (mut moved, mut least, mut way) = (false, 0.0, None);
+    let (mut moved, mut least, mut segment) = (false, 0.0, None);
     for (k, predicted) in predicted.iter().enumerate() {
         let inserted = &mut inserted[k];
-        if way.replace(inserted.before) != Some(inserted.before) {
+        if segment.replace(inserted.before) != Some(inserted.before) {
             least = 0.0;
         }
         let (Some(segment), Ok(predicted)) = (&segments[inserted.before], predicted) else { continue };
@@ -82,7 +82,7 @@ fn nearest(inserted: &mut [Inserted], batch: &Prepared, segments: &[Option<Segme
     moved
 }
 
-/// The ways into targets from where they begin.
+/// The segments to targets from their starts.
 pub(super) fn segments<'p>(
     program: &Program,
     prepared: &'p Prepared,
@@ -92,8 +92,8 @@ pub(super) fn segments<'p>(
     starts.iter().enumerate().map(into).collect()
 }
 
-/// Where the controller is sent to on the way into a target besides it: the nodes of a correction, and the circle points of those
-/// that end arcs, in the order in which they run.
+/// The intermediate commands on the segments to targets, in running order: the nodes of a correction, and the circle points of nodes that
+/// end arcs.
 pub(super) struct Stops {
     all: Vec<Stop>,
 }
@@ -108,7 +108,7 @@ struct Stop {
 }
 
 impl Stops {
-    /// Of nodes as they are written.
+    /// The stops for nodes as written.
     pub(super) fn of(nodes: &[Node], prepared: &Prepared, arm: &Arm) -> Self {
         let mut all = Vec::with_capacity(nodes.len());
         for (k, node) in nodes.iter().enumerate() {
@@ -123,7 +123,7 @@ impl Stops {
         Self { all }
     }
 
-    /// Directions of travel into the targets, which go to these motor angles, and into the stops on their ways.
+    /// Directions of travel to the targets, which go to these motor angles, and to the stops on their segments.
     pub(super) fn travels(
         &mut self,
         arm: &Arm,
@@ -135,7 +135,7 @@ impl Stops {
         let mut next = 0;
         let mut out = Vec::with_capacity(motors.len());
         for (i, motor) in motors.iter().enumerate() {
-            // The circle point of an arc comes after what is inserted before it.
+            // The circle point of an arc comes after the stops that are inserted before it.
             let end = if Kind::of(program, i) == Kind::Point { i + 1 } else { i };
             while let Some(stop) = self.all.get_mut(next).filter(|stop| nodes[stop.node].before <= end) {
                 stop.travel = arm.go_on(stop.motor, last).travel;
@@ -146,16 +146,16 @@ impl Stops {
         out
     }
 
-    /// The nodes where the loaded tool lands on the path.
-    pub(super) fn place(&self, way: &WalkedPath<'_>, arm: &Arm) -> Vec<Node> {
-        let (program, prepared, mut nodes) = (way.program, way.prepared, way.commanded.nodes.clone());
+    /// The nodes at the points of the path where the loaded tool lands.
+    pub(super) fn place(&self, walked: &WalkedPath<'_>, arm: &Arm) -> Vec<Node> {
+        let (program, prepared, mut nodes) = (walked.program, walked.prepared, walked.commanded.nodes.clone());
         if nodes.is_empty() {
             return nodes;
         }
         let mut starts = vec![None; prepared.points.len()];
         for node in nodes.iter() {
             if starts[node.before].is_none() {
-                starts[node.before] = way.before(node.before).and_then(|from| way.start(from));
+                starts[node.before] = walked.before(node.before).and_then(|from| walked.start(from));
             }
         }
         let segments = segments(program, prepared, &starts);
@@ -166,7 +166,8 @@ impl Stops {
         let mut inserted: Vec<Inserted> = self.all.iter().enumerate().map(stop).collect();
         place(&mut inserted, (prepared, &segments), arm, |inserted| {
             let (stop, own) = (&self.all[inserted.target], &prepared.points[inserted.before]);
-            let there = segments[inserted.before].as_ref().map_or_else(|| own.clone(), |way| way.at(inserted.share));
+            let there =
+                segments[inserted.before].as_ref().map_or_else(|| own.clone(), |segment| segment.at(inserted.share));
             let moved = nodes[stop.node].moved.clone();
             Point { wobj_from_tcp: stop.pose, motor: stop.motor, travel: stop.travel, moved, ..there }
         });

@@ -1,4 +1,4 @@
-//! Long programs judged as they are, a chunk at a time: what [`predict`](super::predict) says of the whole.
+//! Judges long programs a chunk at a time, with the results of [`predict`](super::predict) for the whole program.
 
 use super::against::{Original, other_count};
 use super::along::WayFinding;
@@ -20,35 +20,35 @@ use std::collections::VecDeque;
 use std::io::{Read, Seek};
 use std::sync::Mutex;
 
-/// Who looks at what each chunk came to.
+/// The judge of the results of each chunk.
 pub struct Judge<'a> {
-    /// Whether the program is corrected too, for the limits that this would pass.
+    /// Whether the program is corrected too, for the limits that a correction would exceed.
     pub corrects: bool,
-    /// Most refusals that are held.
+    /// Most refusals that are kept.
     pub refusals: usize,
-    /// What is wrong with a chunk.
+    /// Computes the findings of a chunk.
     pub findings: &'a (dyn Fn(Judged<'_>) -> Vec<Diagnostic> + Sync),
-    /// Receives it, in running order.
+    /// Receives the findings, in running order.
     pub found: &'a mut (dyn FnMut(Vec<Diagnostic>) + Send),
 }
 
-/// A chunk of a program, or all of it, as the cell would cut it.
+/// A chunk of a program, or all of it, with the prediction for the cell.
 pub struct Judged<'a> {
     /// The program.
     pub program: &'a Program,
-    /// One row an executed motion, in running order; targets that failed have none.
+    /// One row for each executed motion, in running order; targets that failed have none.
     pub rows: &'a [Row],
-    /// Targets that have no answer, corrected or as they are.
+    /// Targets that have no solution, corrected or as they are.
     pub failures: Vec<Diagnostic>,
-    /// How far each target of the program is from its place in the original, mm, as far as there is one.
+    /// Distance of each target of the program from that of the original, mm; empty without an original.
     pub moved_mm: &'a [f64],
-    /// What is wrong on the ways into targets.
+    /// Findings on the segments to targets.
     pub on_the_way: &'a [WayFinding],
 }
 
-/// Predicts what the cell would make of a long program, `original` being what errors are counted from: the same rows as
-/// [`predict`](super::predict), in memory that does not grow with the program. With a judge, targets without an answer are
-/// for it to say and no failures, and [`Streamed::refused`] is not an error.
+/// Predicts where the cell would cut with a long program, with errors counted from `original`. The rows are those of
+/// [`predict`](super::predict); the memory does not grow with the program. With a judge, targets without a solution are its findings and
+/// no failures, and [`Streamed::refused`] is not an error.
 ///
 /// # Errors
 /// See [`StreamError`].
@@ -61,7 +61,7 @@ pub fn predict_chunks<R: Read + Seek + Send>(
     judge: Option<Judge<'_>>,
     sinks: &mut Sinks<'_>,
 ) -> Result<Streamed, StreamError> {
-    // The turns of an original are its own.
+    // An original has its own turns.
     if super::is_held_whole(cell, options) || (original.is_some() && options.turns.is_some()) {
         return Err(StreamError::NotStreamable);
     }
@@ -80,7 +80,7 @@ pub fn predict_chunks<R: Read + Seek + Send>(
         let counted_from = match &original {
             Some(chunks) => {
                 let original = turn.take(chunks, |chunks| chunks.next(context))?;
-                // Why it is refused is said when all has been looked at.
+                // The reasons of the refusal are reported at the end.
                 Some(original.map_err(Unsolved::Failed).and_then(|original| original.ok_or(Vec::new().into())))
             }
             None => None,
@@ -126,13 +126,13 @@ pub fn predict_chunks<R: Read + Seek + Send>(
 struct OriginalChunks<'a, R> {
     chunks: AnyChunks<R>,
     path: Carried<'a>,
-    /// Read, and not yet taken.
+    /// Points that are read and not yet used.
     points: VecDeque<Point>,
-    /// The points' laws and the like.
+    /// The laws and settings of the points.
     prepared: Option<Prepared>,
-    /// The corrected program's first source.
+    /// Name of the first source of the corrected program.
     name: String,
-    /// Targets of either program so far.
+    /// Number of targets of each program so far.
     asked: usize,
     came: usize,
     begun: bool,
@@ -156,8 +156,8 @@ impl<'a, R: Read + Seek> OriginalChunks<'a, R> {
         }
     }
 
-    /// As many targets as the next chunk of the program has; `None` where one is refused. A program with more targets has some
-    /// inserted: only the whole of it shows which.
+    /// As many targets as the next chunk of the program has; `None` if one is refused. If the program has more targets than the original,
+    /// some were inserted, and only the whole program shows which.
     fn next(&mut self, context: Context<'_>) -> Result<Option<Prepared>, StreamError> {
         let Context { program, cell, options, .. } = context;
         let count = program.targets.len();
@@ -185,7 +185,7 @@ impl<'a, R: Read + Seek> OriginalChunks<'a, R> {
             }
             Next::NotStreamable => return Err(StreamError::NotStreamable),
         };
-        // As of the program itself: the first chunk decides the feed out of the first target.
+        // As for the program itself: the first chunk decides the direction out of the first target.
         if !(std::mem::replace(&mut self.begun, true) || chunk.last || leaves_its_start(&chunk.program.targets)) {
             return Err(StreamError::NotStreamable);
         }
@@ -200,7 +200,7 @@ impl<'a, R: Read + Seek> OriginalChunks<'a, R> {
         Ok(())
     }
 
-    /// Whether it has no more targets than the program.
+    /// Checks that the original has no more targets than the program.
     fn done(mut self, cell: &Cell, options: &Options) -> Result<(), StreamError> {
         while !self.ended {
             self.read(cell, options)?;

@@ -1,4 +1,4 @@
-//! The cutting forces of a cell along a path: which moves cut, and by what law.
+//! The cutting forces of a cell along a path: which motions cut, and the laws of their forces.
 
 use super::load::{Follows, PointLoad, Through};
 use crate::cell::{Cell, CutForce, Engaged, ForceFrame, MillingCut};
@@ -16,21 +16,21 @@ use std::sync::Arc;
 pub(super) struct Law {
     pub(super) milling: Arc<Milling>,
     table: Arc<FeedTable>,
-    /// Of the tool against the surface.
+    /// Lean of the tool against the surface.
     pub(super) lean: Lean,
-    /// N/m, feed frame.
+    /// Change of the force with the depth, N/m, feed frame.
     slope: Vector3<f64>,
-    /// At rest: N, feed frame, and the height of the contact point over the tip, m.
+    /// Force at the programmed pose, N, feed frame, and the height of the contact point above the tip, m.
     force: Vector3<f64>,
     pub(super) height: Option<f64>,
     pub(super) mirrored: Mirrored,
 }
 
-/// The law seen from a stationary tool: the part moves, and the force on it is the other way.
+/// The law seen from a stationary tool: the part moves, and the force on it has the opposite sign.
 #[derive(Clone, Debug)]
 pub(super) struct Mirrored {
     table: Arc<FeedTable>,
-    /// Of the tool that leans as the law has it, feed frame.
+    /// Axis of the tool with the lean of the law, feed frame.
     axis: Vector3<f64>,
     slope: Vector3<f64>,
     force: Vector3<f64>,
@@ -49,17 +49,17 @@ impl Law {
         Self { milling, table, lean, slope, force, height, mirrored }
     }
 
-    /// The feed per tooth that it is of, m.
+    /// The feed per tooth of the law, m.
     pub(super) fn feed_per_tooth(&self) -> f64 {
         self.table.feed_per_tooth()
     }
 
-    /// Whether both are of the same cutter in the same engagement.
+    /// Whether both laws have the same cutter in the same engagement.
     pub(super) fn cuts_like(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.milling, &other.milling)
     }
 
-    /// The same of another feed per tooth, m.
+    /// The law for another feed per tooth, m.
     pub(super) fn at_feed(&self, feed_per_tooth: f64) -> Self {
         Self::new(Arc::clone(&self.milling), self.table.at_feed(feed_per_tooth), self.lean)
     }
@@ -67,7 +67,7 @@ impl Law {
 
 impl ForceLaw for Mirrored {
     fn force(&self, shift: &Vector3<f64>, axis: &Vector3<f64>) -> Vector3<f64> {
-        // What turns the part one way turns the tool in it the other way; turns are small.
+        // A turn of the part is the opposite turn of the tool in it; turns are small.
         let axis = Unit::new_normalize(2.0 * self.axis - axis);
         -self.table.mean_force(&-shift, &axis)
     }
@@ -99,13 +99,13 @@ impl ForceLaw for Law {
     }
 }
 
-/// The force laws of a cell, made as tools and feeds turn up.
+/// The force laws of a cell, computed when a tool or a feed first occurs.
 pub(super) struct Laws<'a> {
     cell: &'a Cell,
-    /// Of each tool met, by its name in upper case.
+    /// The cut of each tool so far, by its name in upper case.
     tools: Vec<(String, ToolCut)>,
     pub(super) laws: Vec<Law>,
-    /// Cutters that go through the stock.
+    /// Cutters that move through the stock.
     pub(super) fronts: Vec<Arc<Front>>,
 }
 
@@ -113,9 +113,9 @@ pub(super) struct Laws<'a> {
 #[derive(Clone, Debug)]
 struct ToolCut {
     lean: Lean,
-    /// Where its force is a milling force.
+    /// The milling cut, if its force is a milling force.
     milling: Option<MillingCut>,
-    /// Where that is declared engagement: found when it first cuts.
+    /// The table of forces for a declared engagement, computed when the tool first cuts.
     table: Option<(Arc<Milling>, Arc<ForceTable>)>,
     /// Index into the fronts, once it has moved through the stock.
     front: Option<u32>,
@@ -134,7 +134,7 @@ impl<'a> Laws<'a> {
         let known = self.tools.iter().position(|(known, _)| known.eq_ignore_ascii_case(name));
         known.unwrap_or_else(|| {
             let mechanistic = self.cell.cut.as_ref().is_some_and(|cut| cut.force == CutForce::Mechanistic);
-            // What is missing is said where it is needed.
+            // A missing value is reported where it is needed.
             let milling = self.cell.milling(name).ok().filter(|_| mechanistic);
             let lean = match milling.as_ref().map(|milling| milling.engagement) {
                 Some(Engaged::Declared(engagement)) => Lean::new(engagement.lead, engagement.tilt),
@@ -150,12 +150,12 @@ impl<'a> Laws<'a> {
         self.tools[tool].1.milling.is_some()
     }
 
-    /// Of a tool against the surface, where a law asks for it.
+    /// Lean of a tool against the surface, for laws that need it.
     pub(super) fn lean(&self, tool: usize) -> &Lean {
         &self.tools[tool].1.lean
     }
 
-    /// What acts at a target: the force at the end of the segment into it.
+    /// The load at a target: the force at the end of the segment to it.
     pub(super) fn load(
         &mut self,
         (target, tool): (&Target, usize),
@@ -191,7 +191,7 @@ impl<'a> Laws<'a> {
                 (ForceFrame::Feed, Some(frame)) => constant(frame * force, Follows::Feed(*force)),
                 (ForceFrame::Feed, None) => PointLoad::Air,
             }),
-            // Found when the stock is cut.
+            // Computed when the stock is cut.
             Some(CutForce::Mechanistic) if self.follows_stock(tool) => {
                 Ok(constant(Vector3::zeros(), Follows::WorkObject))
             }
@@ -210,7 +210,7 @@ impl<'a> Laws<'a> {
         self.cell.stock.is_some() && milling.is_some_and(|milling| milling.engagement == Engaged::Stock)
     }
 
-    /// Which cutter a move leads through the stock; `None` without a stock, or where the cutter is not declared.
+    /// The cutter of a motion through the stock; `None` without a stock, or if the cutter is not declared.
     pub(super) fn through(
         &mut self,
         (target, tool): (&Target, usize),
@@ -235,7 +235,7 @@ impl<'a> Laws<'a> {
         Ok(Some(Through { front, cuts, feed_per_tooth }))
     }
 
-    /// Feed per tooth of a move, m: as declared, else from feed, spindle speed and teeth.
+    /// Feed per tooth of a motion, m: as declared, or from feed, spindle speed and teeth.
     fn feed_per_tooth(&self, target: &Target, tool: usize) -> Result<f64, Refusal> {
         let (name, cut) = &self.tools[tool];
         let Some(milling) = &cut.milling else {
@@ -262,31 +262,31 @@ impl<'a> Laws<'a> {
         Ok(1e-3 * feed * 60.0 / (rpm * f64::from(milling.cutter.teeth)))
     }
 
-    /// Whether a move may cut what a tool goes through.
+    /// Whether a motion may cut the material through which a tool moves.
     pub(super) fn may_cut(&self, target: &Target, tool: usize) -> bool {
         self.cuts(target) && self.cell.milling(&self.tools[tool].0).is_ok()
     }
 
-    /// Whether the force at a target depends on the way into it.
+    /// Whether the force at a target depends on the direction of its segment.
     pub(super) fn follows_the_way(&self, target: &Target, has_table: bool) -> bool {
         let force = self.cell.cut.as_ref().map(|cut| &cut.force);
         let follows = matches!(force, Some(CutForce::Mechanistic | CutForce::Constant { frame: ForceFrame::Feed, .. }));
         follows && !has_table && self.cuts(target)
     }
 
-    /// Whether the force of a move is one of axes that only the feed tells.
+    /// Whether the force of a motion is given in axes that depend on the feed direction.
     pub(super) fn in_feed_frame(&self, (target, tool): (&Target, usize), has_table: bool) -> bool {
         self.follows_the_way(target, has_table) && !self.follows_stock(tool)
     }
 
-    /// Whether only its speed would tell if a move cuts, and that is known only at run time.
+    /// Whether the speed decides if a motion cuts, and that speed is known only at run time.
     pub(super) fn is_cut_unknown(cell: &Cell, target: &Target) -> bool {
         let limited = cell.cut.as_ref().is_some_and(|cut| cut.max_cutting_feed.is_some());
         let may_cut = !target.rapid && !matches!(target.motion, Motion::Joint | Motion::AbsoluteJoint);
         limited && may_cut && target.mark.is_none() && target.feed_mm_s.is_none()
     }
 
-    /// Which moves cut: not RAPID moves, not joint moves, not above a feed limit; markers overrule.
+    /// Whether a motion cuts. Rapid travel, joint motions and motions above a feed limit do not, unless a mark says so.
     fn cuts(&self, target: &Target) -> bool {
         match target.mark {
             Some(Mark::Air) => false,

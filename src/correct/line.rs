@@ -3,17 +3,17 @@
 //! | stage | finds | carries to the next chunk |
 //! |---|---|---|
 //! | path | poses, joints, feed and load of every target | [`carried::Carried`] |
-//! | load | the forces that follow from a stock | nothing: a program that cuts one is held whole |
-//! | solve | the commands as they are written, and where the arm ends up | [`correction::Carried`] |
-//! | deviation | how far the tip is off on the way into every target | [`Stages::end`] |
-//! | rows | the report's rows, and what is to be said | [`Stages::corrected`] |
+//! | load | the forces that follow from a stock | nothing: a program that cuts a stock is held as a whole |
+//! | solve | the commands as written, and where the loaded arm ends up | [`correction::Carried`] |
+//! | deviation | the error of the tip on the segment to every target | [`Stages::end`] |
+//! | rows | the rows of the report, and notes | [`Stages::corrected`] |
 //!
-//! [`Stages::correct`] is all of them. [`Stages::predict`] leaves out `solve`: the commands are those of the program. A chunk
-//! that is refused, or whose thread panics, needs no care: see [`ordered`](super::ordered).
+//! [`Stages::correct`] runs all stages. [`Stages::predict`] leaves out `solve`: the commands are those of the program. The stages need
+//! no code for a chunk that is refused or whose thread panics: see [`ordered`](super::ordered).
 
 use super::against::{self, Original};
 use super::collected::Collected;
-use super::context::{Context, Ways};
+use super::context::{Context, JudgedPath};
 use super::corrected::Corrected;
 use super::correction::{self, Correction};
 use super::deviation::{self, Commanded, WalkedPath};
@@ -31,12 +31,12 @@ use crate::program::{Program, Target};
 use crate::text::Diagnostic;
 use nalgebra::Vector3;
 
-/// Predicts what the cell would make of a program, without correcting it.
+/// Predicts where the cell would cut with a program, without correcting it.
 ///
-/// `against`, the original of a corrected program, is what errors are counted from; it defines depth and force too.
+/// Errors count from `against`, the original of a corrected program; it defines depth and force too.
 ///
 /// # Errors
-/// What [`Prepared::new`] refuses; an original with other targets than these: some may have been inserted on its path.
+/// As [`Prepared::new`]; an original with other targets than these, except for targets that were inserted on its path.
 pub fn predict(
     program: &Program,
     cell: &Cell,
@@ -51,24 +51,24 @@ pub fn predict(
     if removal::run(context, &mut prepared, (Cuts::Deflected, &cell.arm))?.is_some() {
         original.settle(&mut prepared, &cell.arm);
     }
-    let rows = |prepared: &Prepared, ways: Ways| {
+    let rows = |prepared: &Prepared, judged_path: JudgedPath| {
         let (order, stages) = (Order::default(), Stages::new(carried::Carried::new(cell)));
-        let predicted = stages.predict(Context { ways, ..context }, &order.turn(0), prepared, &original);
+        let predicted = stages.predict(Context { judged_path, ..context }, &order.turn(0), prepared, &original);
         Ok::<_, Vec<Diagnostic>>(predicted.map_err(Unsolved::from).map_err(Unsolved::refused)?.with_repeated())
     };
     if cell.controller.path.is_none() {
-        return rows(&prepared, Ways::Written);
+        return rows(&prepared, JudgedPath::Written);
     }
-    let (ways, waypoints) = match &original {
-        Original::Itself => (Ways::Driven, None),
-        Original::Alike => (Ways::Written, None),
-        Original::Subdivided(subdivided) => (Ways::Written, Some(subdivided.waypoints(program))),
+    let (judged_path, waypoints) = match &original {
+        Original::Itself => (JudgedPath::Driven, None),
+        Original::Alike => (JudgedPath::Written, None),
+        Original::Subdivided(subdivided) => (JudgedPath::Written, Some(subdivided.waypoints(program))),
     };
-    let mut predicted = rows(&prepared, ways)?;
+    let mut predicted = rows(&prepared, judged_path)?;
     let judged_by = against.map(|program| driven::Original { program, waypoints });
     if let Err(why) = driven::follow_law(&mut predicted, &mut prepared, context, judged_by) {
-        if ways == Ways::Driven {
-            predicted = rows(&prepared, Ways::Written)?;
+        if judged_path == JudgedPath::Driven {
+            predicted = rows(&prepared, JudgedPath::Written)?;
         }
         predicted.notes.extend(why);
     }
@@ -80,11 +80,11 @@ pub fn predict(
 /// `remaining_mm` comes from the forward model on the numbers as written, never from the inverse.
 ///
 /// # Errors
-/// What [`Prepared::new`] refuses. Targets without an answer are in [`Corrected::failures`].
+/// As [`Prepared::new`]. Targets without a solution are in [`Corrected::failures`].
 pub fn compensate(program: &Program, cell: &Cell, options: &Options) -> Result<Corrected, Vec<Diagnostic>> {
     let is_driven = cell.controller.path.is_some() && program.language.is_edited();
-    let ways = if is_driven { Ways::Driven } else { Ways::Written };
-    compensate_in(Context { ways, ..Context::whole(program, cell, options) })
+    let judged_path = if is_driven { JudgedPath::Driven } else { JudgedPath::Written };
+    compensate_in(Context { judged_path, ..Context::whole(program, cell, options) })
 }
 
 /// The same in a context.
@@ -93,16 +93,16 @@ pub(super) fn compensate_in(context: Context<'_>) -> Result<Corrected, Vec<Diagn
     Ok(stages.correct(context, &order.turn(0)).map_err(Unsolved::refused)?.with_repeated())
 }
 
-/// What the stages carry from chunk to chunk of a program.
+/// The values that the stages carry from chunk to chunk of a program.
 pub(super) struct Stages<'a> {
     path: Ordered<carried::Carried<'a>>,
     solve: correction::Carried,
-    /// Where the way to the next chunk begins, as written.
+    /// The start of the segment to the next chunk, as written.
     end: Ordered<Option<Start>>,
     corrected: Ordered<LastCorrected>,
 }
 
-/// What rows need of the targets before.
+/// Values of the targets before that rows need.
 #[derive(Default)]
 struct LastCorrected {
     /// Correction as written, base axes, m.
@@ -112,7 +112,7 @@ struct LastCorrected {
 }
 
 impl<'a> Stages<'a> {
-    /// Before the first chunk.
+    /// The state before the first chunk.
     pub(super) fn new(path: carried::Carried<'a>) -> Self {
         Self {
             path: Ordered::new(path),
@@ -122,35 +122,35 @@ impl<'a> Stages<'a> {
         }
     }
 
-    /// The stages `path` and `load`.
+    /// Runs the stages `path` and `load`.
     pub(super) fn prepare(&self, context: Context<'_>, turn: &Turn<'_>) -> Result<Prepared, Unsolved> {
         let mut prepared = turn.take(&self.path, |path| path::prepare(context, path))??;
         removal::run(context, &mut prepared, (Cuts::Programmed, &context.cell.arm))?;
         Ok(prepared)
     }
 
-    /// All stages.
+    /// Runs all stages.
     pub(super) fn correct(&self, context: Context<'_>, turn: &Turn<'_>) -> Result<Corrected, Unsolved> {
         let program = context.program;
         let mut prepared = self.prepare(context, turn)?;
         let (mut commanded, stops, correction) = correction::solve(context, turn, &self.solve, &mut prepared)?;
         let before = turn.take(&self.end, |last| deviation::pass_end(program, &prepared, &commanded, last))?;
         let last = before.as_ref();
-        let way = WalkedPath { program, prepared: &prepared, commanded: &commanded, last };
-        commanded.nodes = stops.place(&way, &context.cell.arm);
-        let driven = match context.ways {
-            Ways::Driven => Some(driven::judge_corrected(context, &mut prepared, &commanded)),
-            Ways::Written => None,
+        let walked = WalkedPath { program, prepared: &prepared, commanded: &commanded, last };
+        commanded.nodes = stops.place(&walked, &context.cell.arm);
+        let driven = match context.judged_path {
+            JudgedPath::Driven => Some(driven::judge_corrected(context, &mut prepared, &commanded)),
+            JudgedPath::Written => None,
         };
-        let way = WalkedPath { program, prepared: &prepared, commanded: &commanded, last };
+        let walked = WalkedPath { program, prepared: &prepared, commanded: &commanded, last };
         let near = |i: usize| correction.nearby(i);
         let solver = Solver::new(&context.cell.arm, &prepared, context.parallelism);
-        let ways = if matches!(driven, Some(Ok(_))) { Ways::Driven } else { Ways::Written };
-        let mut paths = deviation::measure(&way, &solver, &near, ways).whole(&commanded.nodes);
+        let judged_path = if matches!(driven, Some(Ok(_))) { JudgedPath::Driven } else { JudgedPath::Written };
+        let mut paths = deviation::measure(&walked, &solver, &near, judged_path).whole(&commanded.nodes);
         if let Some(Ok(driven)) = &driven {
             driven.fill(&mut paths);
         }
-        let mut corrected = self.rows(context, turn, &way, paths, Some(correction))?;
+        let mut corrected = self.rows(context, turn, &walked, paths, Some(correction))?;
         match driven {
             Some(Ok(driven)) => {
                 corrected.driven = Some(driven.summary);
@@ -162,7 +162,7 @@ impl<'a> Stages<'a> {
         Ok(corrected)
     }
 
-    /// All stages but `solve`, of a program that is prepared.
+    /// Runs all stages except `solve` for a prepared program.
     pub(super) fn predict(
         &self,
         context: Context<'_>,
@@ -175,15 +175,15 @@ impl<'a> Stages<'a> {
         let landed = solver.forward(|i| prepared.points[i].as_programmed(), |_| WarmStart::default());
         let commanded = Commanded::as_programmed(prepared, landed);
         let before = turn.take(&self.end, |last| deviation::pass_end(program, prepared, &commanded, last))?;
-        let way = WalkedPath { program, prepared, commanded: &commanded, last: before.as_ref() };
+        let walked = WalkedPath { program, prepared, commanded: &commanded, last: before.as_ref() };
         let paths = match original {
             Original::Subdivided(subdivided) => subdivided.measure(prepared, &commanded.landed, context),
             Original::Itself | Original::Alike => {
-                deviation::measure(&way, &solver, &|_| WarmStart::default(), context.ways).targets
+                deviation::measure(&walked, &solver, &|_| WarmStart::default(), context.judged_path).targets
             }
         };
         let moved_mm = if matches!(original, Original::Itself) { Vec::new() } else { prepared.moved_mm() };
-        Ok(Corrected { moved_mm, ..self.rows(context, turn, &way, paths, None)? })
+        Ok(Corrected { moved_mm, ..self.rows(context, turn, &walked, paths, None)? })
     }
 
     /// The stage `rows`.
@@ -191,12 +191,12 @@ impl<'a> Stages<'a> {
         &self,
         context: Context<'_>,
         turn: &Turn<'_>,
-        way: &WalkedPath<'_>,
+        walked: &WalkedPath<'_>,
         paths: Vec<Option<PathDeviation>>,
         correction: Option<Correction>,
     ) -> Result<Corrected, Stopped> {
         let Context { program, cell, options, .. } = context;
-        let WalkedPath { prepared, commanded, .. } = *way;
+        let WalkedPath { prepared, commanded, .. } = *walked;
         let mut out = Collected::new(context, prepared);
         for i in 0..prepared.points.len() {
             out.target(i, commanded, correction.as_ref());
@@ -219,7 +219,7 @@ impl<'a> Stages<'a> {
         if options.stance {
             stance::fill(rows, context, prepared);
         }
-        let on_the_way = along::look(way, &cell.arm.robot);
+        let on_the_way = along::look(walked, &cell.arm.robot);
         let mut repeated = remarks::repeated(context, prepared);
         repeated.say_on_the_way(program, &on_the_way);
         let notes = remarks::notes(context, prepared, turn.number);

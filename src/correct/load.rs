@@ -6,11 +6,11 @@ use nalgebra::{Rotation3, Vector3};
 #[derive(Clone, Copy, Debug)]
 pub(super) enum PointLoad {
     Air,
-    /// The same force, whatever the deflection.
+    /// A force that does not depend on the deflection.
     Constant {
-        /// N, work object axes.
+        /// The force, N, work object axes.
         force: Vector3<f64>,
-        /// What it turns with on the way into the point.
+        /// The axes with which it turns along the segment.
         follows: Follows,
     },
     Law {
@@ -18,14 +18,14 @@ pub(super) enum PointLoad {
         law: usize,
         /// The feed frame.
         wobj_from_feed: Rotation3<f64>,
-        /// Whether that was found for this point's own tool axis, so that the tool leans against it as the law has it.
+        /// Whether the frame was computed for this point's own tool axis, so that the tool leans against it as in the law.
         leaned: bool,
     },
 }
 
 impl PointLoad {
-    /// Whether a load differs from another by so little that what it makes of the arm runs straight from one to the other: by a fiftieth of
-    /// the force, of which the second order is 0.02 %.
+    /// Whether a load differs so little from another that the deflection between them can be interpolated: by a fiftieth of the force, for
+    /// which the second order is 0.02 %.
     pub(super) fn is_near(&self, other: &Self) -> bool {
         const SHARE: f64 = 0.02;
         match (self, other) {
@@ -37,7 +37,7 @@ impl PointLoad {
                 Self::Law { law: a, wobj_from_feed: frame, leaned },
                 Self::Law { law: b, wobj_from_feed: other, leaned: leans },
             ) => {
-                // Both axes turn by less than the share, rad.
+                // Whether an axis turns by more than the share, rad.
                 let turns = |axis: usize| (frame.matrix().column(axis) - other.matrix().column(axis)).norm() > SHARE;
                 a == b && leaned == leans && !turns(0) && !turns(2)
             }
@@ -46,7 +46,7 @@ impl PointLoad {
     }
 }
 
-/// Axes that a constant force keeps to along a segment.
+/// The axes with which a constant force turns along a segment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Follows {
     WorkObject,
@@ -55,13 +55,13 @@ pub(super) enum Follows {
     Feed(Vector3<f64>),
 }
 
-/// A cutter on its way through the stock.
+/// A cutter that moves through the stock.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Through {
     /// Index into the fronts.
     pub(super) front: u32,
-    /// Whether the move may cut: a rapid move may not.
+    /// Whether the motion may cut: rapid travel may not.
     pub(super) cuts: bool,
-    /// m, where the force follows from the stock.
+    /// Feed per tooth, m; `Some` if the force follows from the stock.
     pub(super) feed_per_tooth: Option<f64>,
 }

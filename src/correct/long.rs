@@ -1,4 +1,4 @@
-//! Long programs from text to text, whichever way they are read.
+//! Long programs from text to text, for every way of reading them in chunks.
 
 use super::flow::{Sinks, StreamError, Streamed};
 use super::judge::{Judge, predict_chunks};
@@ -10,11 +10,11 @@ use crate::text::{Diagnostic, Patch, apply};
 use std::borrow::Cow;
 use std::io::{self, Read, Seek, Write};
 
-/// Corrects a long program that is edited (RAPID, KRL): what it becomes goes to `text`. Where only what changes is collected, that
-/// waits in what `scratch` gives. The same bytes as [`compensate`](super::compensate) and a rewrite.
+/// Corrects a long program that is edited (RAPID, KRL), and writes the corrected program to `text`. If only changes are collected, they
+/// wait in the file of `scratch`. The bytes are those of [`compensate`](super::compensate) and a rewrite.
 ///
 /// # Errors
-/// See [`StreamError`]; what was written until then is of no use.
+/// See [`StreamError`]; what was written until then must not be used.
 pub fn compensate_long<T: LongText, S: Read + Write + Seek + Send>(
     program: &InChunks<'_, T>,
     scratch: impl FnOnce() -> io::Result<S>,
@@ -51,17 +51,18 @@ pub fn compensate_long<T: LongText, S: Read + Write + Seek + Send>(
     Ok(Streamed { names: names.into_iter().collect(), ..done })
 }
 
-/// What a long CL program will be posted as.
+/// The layout of the posted program for long CL data.
 pub struct LaidOut<'a> {
     poster: Poster,
     options: Cow<'a, Options>,
 }
 
 impl<'a> LaidOut<'a> {
-    /// Looks through the program for what its post depends on; `progress` receives the targets and the bytes of input done so far.
+    /// Reads the program for everything on which the posted program depends. `progress` receives the targets and the bytes of input done so
+    /// far.
     ///
     /// # Errors
-    /// See [`StreamError`]; [`StreamError::Refused`] where [`Poster::new`] does.
+    /// See [`StreamError`]; [`StreamError::Refused`] as [`Poster::new`].
     pub fn new<T: LongText>(
         program: &InChunks<'_, T>,
         (cell, options, threads): (&Cell, &'a Options, usize),
@@ -71,31 +72,31 @@ impl<'a> LaidOut<'a> {
         let options = with_turns(program, cell, options)?;
         let mut outline = Outline::of_chunks(opened(program.chunks())?, progress)?;
         if options.subdivide.is_some() && post.max_targets.is_some() {
-            // The number of parts depends on what is inserted.
+            // The number of parts depends on the inserted targets.
             count_chunks(opened(program.chunks())?, cell, &options, threads, &mut outline, progress)?;
         }
         let poster = Poster::new(outline, cell, post).map_err(StreamError::Refused)?;
         Ok(Self { poster, options })
     }
 
-    /// The file of the module that runs it.
+    /// The file that is started.
     #[must_use]
     pub fn main_file(&self) -> &str {
         self.poster.main_file()
     }
 
-    /// How many files it takes.
+    /// Number of files.
     #[must_use]
     pub fn files(&self) -> usize {
         self.poster.files()
     }
 }
 
-/// Corrects a long CL program and posts it as it was laid out. `open` gives the destination of a module's file by its name. The same
-/// bytes as [`compensate`](super::compensate) and [`post`](super::post).
+/// Corrects a long CL program and posts it with its layout. `open` gives the destination of a module's file by its name. The bytes are those
+/// of [`compensate`](super::compensate) and [`post`](super::post).
 ///
 /// # Errors
-/// See [`StreamError`]; what was written until then is of no use.
+/// See [`StreamError`]; what was written until then must not be used.
 pub fn post_long<T: LongText, W: Write + Send>(
     program: &InChunks<'_, T>,
     laid_out: &LaidOut<'_>,
@@ -107,9 +108,9 @@ pub fn post_long<T: LongText, W: Write + Send>(
     post_chunks(opened(program.chunks())?, cell, options, threads, poster, open, sinks)
 }
 
-/// Predicts what the cell would make of a long program, `original` being what errors are counted from: the same rows as
-/// [`predict`](super::predict). With a judge, targets without an answer are for it to say and no failures, and
-/// [`Streamed::refused`] is not an error.
+/// Predicts where the cell would cut with a long program, with errors counted from `original`. The rows are those of
+/// [`predict`](super::predict). With a judge, targets without a solution are its findings and no failures, and [`Streamed::refused`] is not
+/// an error.
 ///
 /// # Errors
 /// See [`StreamError`].
@@ -128,7 +129,7 @@ pub fn predict_long<T: LongText>(
     Ok(Streamed { names, ..done })
 }
 
-/// The options with the turns that are chosen along the program, where they are free.
+/// The options, with the turns that are chosen along the program if they are free.
 fn with_turns<'a, T: LongText>(
     program: &InChunks<'_, T>,
     cell: &Cell,

@@ -1,19 +1,19 @@
-//! What CL data ask of the machine besides motion, and what of it a posted program has no line for.
+//! Actions of the machine in CL data other than motion, and those for which a posted program has no line.
 
 use crate::program::post::Templates;
 use crate::program::{Action, ActionKind, Program};
 use crate::text::{Diagnostic, Severity};
 
-/// One kind of actions of a program.
+/// The actions of one kind in a program.
 #[derive(Clone, Debug)]
 struct ActionGroup {
     /// The first of them.
     kind: ActionKind,
     first: Diagnostic,
     count: usize,
-    /// The first that the cut depends on.
+    /// The first one on which the cut depends.
     needed: Option<Diagnostic>,
-    /// The first spindle speed that is not known.
+    /// The first one with an unknown spindle speed.
     without_speed: Option<Diagnostic>,
 }
 
@@ -22,7 +22,7 @@ struct ActionGroup {
 pub(super) struct MachineActions(Vec<ActionGroup>);
 
 impl MachineActions {
-    /// Takes in a program, or its next chunk, before which there are so many points.
+    /// Adds a program, or its next chunk, before which there are `points_before` points.
     pub(super) fn add(&mut self, program: &Program, points_before: usize) {
         let Some(source) = program.sources.first() else { return };
         for Action { before, kind, span, line } in &program.actions {
@@ -31,9 +31,9 @@ impl MachineActions {
                 |message: &str| Diagnostic::error("post.template", &source.name, message).on_line(source, *span, line);
             let next = program.targets.get(*before);
             let needed = match kind {
-                // The first tool is in hand when the program starts.
+                // The first tool is mounted when the program starts.
                 ActionKind::ToolChange { .. } => points_before + before > 0 && next.is_some(),
-                // Rapid travel from anywhere is what follows a home position; a cut from there is not.
+                // After a home position, rapid travel may begin anywhere; a cut may not.
                 ActionKind::Home => next.is_some_and(|next| !next.rapid),
                 _ => false,
             };
@@ -59,10 +59,10 @@ impl MachineActions {
         }
     }
 
-    /// What is not written, for lack of a template.
+    /// Warnings for actions that are not written because they have no template.
     ///
     /// # Errors
-    /// The cut depends on it.
+    /// The cut depends on such an action.
     pub(super) fn unwritten(&self, templates: &Templates) -> Result<Vec<Diagnostic>, Vec<Diagnostic>> {
         let (mut notes, mut errors) = (Vec::new(), Vec::new());
         for ActionGroup { kind, first, count, needed, without_speed } in &self.0 {

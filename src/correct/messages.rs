@@ -1,10 +1,10 @@
-//! Messages of a long run: a wrong cell fails at every target.
+//! Messages of a long run, in which a wrong cell may fail at every target.
 
 use super::along::WayFinding;
 use crate::program::Program;
 use crate::text::Diagnostic;
 
-/// The first messages, and how many there were.
+/// The first messages, and the number of all.
 #[derive(Clone, Debug)]
 pub struct Messages {
     first: Vec<Diagnostic>,
@@ -14,27 +14,27 @@ pub struct Messages {
 
 impl Default for Messages {
     fn default() -> Self {
-        /// Further ones are only counted: a user does not read on.
+        /// Further messages are only counted, because a user does not read more.
         const MOST_SHOWN: usize = 1000;
         Self::with_room(MOST_SHOWN)
     }
 }
 
 impl Messages {
-    /// None yet; more than `most` will only be counted.
+    /// An empty list; messages beyond `most` will only be counted.
     #[must_use]
     pub fn with_room(most: usize) -> Self {
         Self { first: Vec::new(), count: 0, most }
     }
 
-    /// Takes in more.
+    /// Adds messages.
     pub fn add(&mut self, messages: Vec<Diagnostic>) {
         self.count += messages.len();
         let room = self.most - self.first.len();
         self.first.extend(messages.into_iter().take(room));
     }
 
-    /// Undeclared names are missing in every chunk.
+    /// Adds messages that are not in the list yet: an undeclared name is missing in every chunk.
     pub(super) fn add_once(&mut self, mut messages: Vec<Diagnostic>) {
         let said = |new: &Diagnostic| self.first.iter().any(|old| old.message == new.message);
         messages.retain(|new| !(new.code.starts_with("cell.unknown-") && said(new)));
@@ -47,14 +47,14 @@ impl Messages {
         self.count == 0
     }
 
-    /// The first, and how many there are besides.
+    /// The first messages, and the number of the others.
     #[must_use]
     pub fn into_parts(self) -> (Vec<Diagnostic>, usize) {
         let more = self.count - self.first.len();
         (self.first, more)
     }
 
-    /// The first, and as one more message how many there are besides.
+    /// The first messages, and one more with the number of the others.
     #[must_use]
     pub fn all(mut self) -> Vec<Diagnostic> {
         let more = self.count - self.first.len();
@@ -66,7 +66,7 @@ impl Messages {
     }
 }
 
-/// What is said of many targets in the same words: once, where it is first so, with how many there are besides.
+/// Warnings with the same words for many targets: each is given once, for the first target, with the number of the others.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Repeated(Vec<(Diagnostic, usize)>);
 
@@ -82,17 +82,17 @@ impl Repeated {
         }
     }
 
-    /// Says what was found on ways.
+    /// Adds the findings on segments.
     pub(super) fn say_on_the_way(&mut self, program: &Program, found: &[WayFinding]) {
         found.iter().for_each(|found| self.say(found.warning(program)));
     }
 
-    /// Takes in what is said of targets after these.
+    /// Adds the warnings of later targets.
     pub(super) fn add(&mut self, later: Self) {
         later.0.into_iter().for_each(|(said, count)| self.say_often(said, count));
     }
 
-    /// In the order of the places where each was first said, which is the same for a program in chunks and as a whole.
+    /// The warnings in the order of their first targets, which is the same for a program in chunks and as a whole.
     pub(super) fn once(self) -> impl Iterator<Item = Diagnostic> {
         let mut all = self.0;
         all.sort_by(|(a, _), (b, _)| (&a.file, a.line, a.column).cmp(&(&b.file, b.line, b.column)));

@@ -1,11 +1,11 @@
-//! The forward line: a program and a cell in, corrected poses and report rows out.
+//! The pipeline from a program and a cell to corrected poses and report rows.
 //!
 //! ```text
-//! targets → frames (tools, work objects) → path (poses, joints, feed, what cuts)
+//! targets → frames (tools, work objects) → path (poses, joints, feed, cut)
 //!         → solve (uncorrected error, command) → rewrite → verify (forward, on the numbers as written)
 //! ```
-//! Each stage is a pass over all points in running order. What depends on the neighbour before (branch, feed,
-//! travel) is a cheap ordered pass; equilibria are solved in parallel and collected in order, so that the same
+//! Each stage is a pass over all points in running order. Everything that depends on the point before (branch, feed,
+//! travel) is computed in a cheap ordered pass. Equilibria are solved in parallel and collected in order, so that the same
 //! program gives the same bytes for any number of threads.
 
 mod against;
@@ -94,21 +94,21 @@ use context::Context;
 use mount::Mount;
 use std::sync::Arc;
 
-/// What of a target is corrected.
+/// The part of a target's pose that is corrected.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Correct {
     /// Position and orientation.
     #[default]
     Pose,
-    /// Position only: orientation tokens stay, and the TCP is brought to its place all the same.
+    /// Position only: orientation tokens stay. The loaded TCP still lands on the programmed position.
     Position,
 }
 
-/// How the line is run.
+/// Options of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// Pose or position.
+    /// Whether pose or position is corrected.
     pub correct: Correct,
     /// Forces, times, temperatures and payloads by target; overrides `[cut]`.
     pub forces: Option<Forces>,
@@ -116,81 +116,78 @@ pub struct Options {
     pub tool: Option<String>,
     /// Declared targets used with different corrections may get clones.
     pub allow_clones: bool,
-    /// What CL data are posted in: RAPID where nothing is said.
+    /// The language in which CL data are posted; `None` means RAPID.
     pub post: Option<Language>,
-    /// Insert targets where the correction bends by more than this between targets, m.
+    /// Insert targets until the error between targets is below this, m.
     pub subdivide: Option<f64>,
-    /// Find the stiffness of the TCP at every target too: six more equilibria each.
+    /// Compute the stiffness of the TCP at every target too: six more equilibria each.
     pub stiffness: bool,
-    /// Say how the arm stands at every target too.
+    /// Report the posture of the arm at every target too.
     pub stance: bool,
-    /// Choose the turn about the tool axis of RAPID targets for the least predicted error, in place of the written one.
+    /// Choose the turn about the tool axis of RAPID targets for the least predicted error, instead of the written one.
     pub free_spin: bool,
-    /// The turns about the tool axis where they are chosen already ([`choose_turns`]); else the run chooses them, where they are
-    /// free.
+    /// The turns about the tool axis, if [`choose_turns`] has chosen them already. With `None` the run chooses those that are free.
     pub turns: Option<ChosenTurns>,
-    /// Who follows the cuts of the stock that the run begins with: one of the programmed path, and where a program is predicted or
-    /// simulated one of the bent tool.
+    /// Receives the progress of the cuts of the stock with which the run begins: one along the programmed path, and one by the deflected
+    /// tool if a program is predicted or simulated.
     pub cut_progress: CutProgress,
 }
 
 impl Options {
-    /// Whether forces come from a table. One that has times or temperatures alone leaves them to the `[cut]` of the cell, where that has a
-    /// force of its own.
+    /// Whether forces come from a table. A table with times or temperatures alone leaves them to `[cut]` of the cell, if that has a force.
     fn has_force_table(&self, cell: &Cell) -> bool {
         let has_own = cell.cut.as_ref().is_some_and(|cut| !matches!(cut.force, CutForce::Table));
         self.forces.as_ref().is_some_and(|forces| forces.forces_given || !has_own)
     }
 }
 
-/// Whether programs of a cell can only be corrected as a whole: they cut a stock, or the law of their controller leads along all of them.
+/// Whether programs of a cell can only be corrected as a whole: they cut a stock, or the law of the controller depends on all of the path.
 #[must_use]
 pub fn holds_whole(cell: &Cell) -> bool {
     cell.stock.is_some() || cell.controller.path.is_some()
 }
 
-/// Whether a program can only be corrected as a whole: that is so in its cell, or its turns about the tool axis are still to be chosen along
-/// it.
+/// Whether a program can only be corrected as a whole, because of its cell or because its turns about the tool axis are still to be chosen.
 fn is_held_whole(cell: &Cell, options: &Options) -> bool {
     let stiffest = cell.cl.as_ref().is_some_and(|cl| cl.spin.rule == SpinRule::Stiffest);
     holds_whole(cell) || (options.turns.is_none() && (options.free_spin || stiffest))
 }
 
-/// A program with everything solved before its equilibria: for callers that have questions of their own, such as
-/// the alignment of measured rows.
+/// A program with everything that precedes its equilibria. Callers with computations of their own use it, such as the alignment of
+/// measured rows.
 #[derive(Debug)]
 pub struct Prepared {
-    /// One point a target of the program, in running order, then those that were added between targets.
+    /// One point for each target of the program, in running order, then those that were added between targets.
     pub points: Vec<Point>,
-    /// Where these are.
+    /// Positions of the added points.
     between: Vec<Between>,
-    /// The last point before these, where they are a chunk of a program.
+    /// The last point before these, if they are a chunk of a program.
     before: Option<Point>,
     /// How the first target's branch was chosen.
     pub started: StartedFrom,
     shared: Arc<Shared>,
-    /// The turns about the tool axis are not the program's.
+    /// Whether the turns about the tool axis were chosen, and are not the program's.
     turns_are_chosen: bool,
-    /// What the stock has to say, once.
+    /// Notes about the stock, each once.
     notes: Vec<Diagnostic>,
 }
 
-/// What many points refer to by index.
+/// Data to which many points refer by index.
 #[derive(Clone, Debug, Default)]
 struct Shared {
-    /// What they are run with.
+    /// Tools, work objects and units of the points.
     settings: Vec<Mount>,
-    /// Laws of their cuts.
+    /// Laws of the cutting force.
     laws: Vec<laws::Law>,
-    /// Cutters that they lead through the stock.
+    /// Cutters in the stock.
     fronts: Vec<Arc<Front>>,
 }
 
 impl Prepared {
-    /// Works out poses, joints, feed and cut of every target.
+    /// Computes poses, joints, feed and cut of every target.
     ///
     /// # Errors
-    /// Undeclared tools or work objects, unreachable targets, forces missing: every reason found.
+    /// Tools or work objects are not declared, targets are out of reach, forces are missing: every reason that was found.
     pub fn new(program: &Program, cell: &Cell, options: &Options) -> Result<Self, Vec<Diagnostic>> {
         let context = Context::whole(program, cell, options);
         let mut prepared = path::prepare(context, &mut free_turn::carried(context)?)?;
@@ -198,7 +195,7 @@ impl Prepared {
         Ok(prepared)
     }
 
-    /// Points that were measured without a program: their work object is the base.
+    /// Points that were measured without a program; their work object is the base.
     pub(crate) fn of_points(points: Vec<Point>, robot: &Robot, tool: ToolFrame) -> Self {
         Self::of_points_in(Pose::identity(), points, robot, tool)
     }
@@ -221,7 +218,7 @@ impl Prepared {
         self.points.iter().map(into).collect()
     }
 
-    /// Moves the work objects under points that stay where they are in the base.
+    /// Moves the work objects; the points stay where they are in the base.
     pub(crate) fn place_in(&mut self, base_from_wobj: impl Fn(&Pose) -> Pose) {
         let before = self.shared.settings.clone();
         let settings = &mut Arc::make_mut(&mut self.shared).settings;
@@ -236,8 +233,8 @@ impl Prepared {
         }
     }
 
-    /// Some of the points with the work object in another place: moved and turned by `by`, in its own axes, with all that the program
-    /// says in it. `None` for points that the arm does not reach there.
+    /// Some of the points with the work object moved and turned by `by`, in its own axes, together with all poses in it. `None` for points
+    /// that the arm does not reach there.
     pub(crate) fn relocated(&self, robot: &Robot, points: &[usize], by: &Pose) -> (Self, Vec<Option<usize>>) {
         let mut there = self.with_points(Vec::new());
         for mount in &mut Arc::make_mut(&mut there.shared).settings {
@@ -277,13 +274,13 @@ impl Prepared {
         setting.base_from_wobj
     }
 
-    /// The TCP in the work object of point `i`, from the answer to [`Prepared::situation`].
+    /// The TCP in the work object of point `i`, from a pose that was computed with [`Prepared::situation`].
     #[must_use]
     pub fn seen(&self, i: usize, pose: Pose) -> Pose {
         self.points[i].seen(self.setting(i), pose)
     }
 
-    /// Declared tool of point `i`; of a stationary one, the work object in the flange.
+    /// Declared tool of point `i`; with a stationary tool, the work object in the flange.
     #[must_use]
     pub fn tool(&self, i: usize) -> &ToolFrame {
         &self.setting(i).tool
@@ -308,18 +305,18 @@ impl Prepared {
         point.moved.as_ref().map_or_else(|| &self.mount(i).setting, |moved| &moved.setting)
     }
 
-    /// What point `i` is run with, wherever units stand.
+    /// Tool, work object and units of point `i`, at any position of the units.
     fn mount(&self, i: usize) -> &Mount {
         &self.shared.settings[self.points[i].setting as usize]
     }
 
-    /// External axes at point `i`, mm or degrees, where there are any; NaN where one is not known.
+    /// External axes at point `i`, mm or degrees; NaN for one that is not known, `None` if there are none.
     #[must_use]
     pub fn external(&self, i: usize) -> Option<&External> {
         self.points[i].moved.as_ref().map(|moved| &moved.external)
     }
 
-    /// Why the target of point `i` is not solved, where that is so.
+    /// Why the target of point `i` is not solved; `None` if it is.
     #[must_use]
     pub fn unsolved(&self, i: usize) -> Option<KeptReason> {
         self.points[i].unsolved
@@ -332,13 +329,13 @@ impl Prepared {
         point.normal_error(&self.shared.laws, &shift, &point::tool_axis(actual))
     }
 
-    /// The circumstances of point `i`, for [`Arm`](crate::equilibrium::Arm)'s two questions.
+    /// The situation of point `i`, for the two computations of [`Arm`](crate::equilibrium::Arm).
     #[must_use]
     pub fn situation(&self, i: usize) -> Situation<'_> {
         self.points[i].situation(self.setting(i), &self.shared.laws)
     }
 
-    /// As much of it as simple effects ask.
+    /// The part of the situation that simple effects need.
     pub(crate) fn site(&self, i: usize) -> Site<'_> {
         self.points[i].site(self.setting(i), &self.shared.laws)
     }

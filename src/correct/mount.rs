@@ -1,4 +1,4 @@
-//! What a target is run with, as the mechanical units that carry robot and part stand there.
+//! Tool, work object and base of a target, at the positions of the mechanical units that carry them.
 
 use super::KeptReason;
 use super::frames::WobjFrame;
@@ -9,30 +9,30 @@ use crate::program::{ExternalAxes, Motion, Predecessor, Target};
 use crate::robot::{AxisName, EXTERNAL_AXES, External, Pose, Units, gravity_at};
 use std::sync::Arc;
 
-/// A tool and a work object, and what moves them.
+/// A tool and a work object, with the units that move them.
 #[derive(Clone, Debug)]
 pub(super) struct Mount {
-    /// With every unit at zero; wherever they stand, if none of them moves base or work object.
+    /// The setting with every unit at zero; valid at all positions if no unit moves base or work object.
     pub(super) setting: Setting,
     moving: Option<Arc<Moving>>,
 }
 
-/// What of a mount moves.
+/// The moving part of a mount.
 #[derive(Debug, PartialEq)]
 struct Moving {
     units: Arc<Units>,
-    /// With every unit at zero.
+    /// The base with every unit at zero.
     world_from_base: Pose,
     wobj: WobjFrame,
 }
 
-/// A target's external axes, and what it is run with there.
+/// The external axes of a target, and the setting at their positions.
 #[derive(Clone, Debug)]
 pub(super) struct Moved {
-    /// Of the cell's units; NaN where one is not known and does not matter.
+    /// Positions of the cell's units; NaN for one that is unknown and does not matter.
     pub(super) external: External,
     pub(super) setting: Setting,
-    /// As effects see the units there.
+    /// The units as effects see them there.
     pub(super) units: Vec<UnitAt>,
 }
 
@@ -54,7 +54,7 @@ impl Mount {
     /// Origins of work object and tool, to the bit: equal mounts have equal ones.
     pub(super) fn place(&self) -> [u64; 6] {
         let origins = [self.setting.base_from_wobj.translation, self.setting.tool.flange_from_tcp.translation];
-        // Zeros of both signs are equal.
+        // Zeros of either sign are equal.
         std::array::from_fn(|i| (origins[i / 3].vector[i % 3] + 0.0).to_bits())
     }
 
@@ -65,12 +65,12 @@ impl Mount {
         mount
     }
 
-    /// One that nothing moves.
+    /// A mount that no unit moves.
     pub(super) fn fixed(setting: Setting) -> Self {
         Self { setting, moving: None }
     }
 
-    /// Whether it is in the same work object as another.
+    /// Whether it has the same work object as another.
     pub(super) fn shares_wobj(&self, other: &Self) -> bool {
         match (&self.moving, &other.moving) {
             (Some(own), Some(other)) => own.wobj == other.wobj,
@@ -79,7 +79,7 @@ impl Mount {
         }
     }
 
-    /// As the units stand at another target; `None` where that is not known.
+    /// The setting at the positions of the units at another target; `None` if they are unknown.
     pub(super) fn at(&self, there: Option<&Arc<Moved>>) -> Option<Setting> {
         match (&self.moving, there) {
             (None, _) => Some(self.setting),
@@ -90,7 +90,7 @@ impl Mount {
         }
     }
 
-    /// The unit that the work object is on, in the work object.
+    /// The unit that carries the work object, in the work object.
     pub(super) fn wobj_from_unit(&self) -> Option<Pose> {
         let wobj = &self.moving.as_ref()?.wobj;
         wobj.unit.map(|_| wobj.frame.inverse())
@@ -101,8 +101,8 @@ impl Mount {
         self.moving.as_ref().is_some_and(|moving| moving.needed().any(|needed| needed == axis))
     }
 
-    /// Why the way into a target is no line or arc in its work object: motion groups move on it that the robot does not follow,
-    /// or follows where the work object does not.
+    /// Why the segment to a target is not a line or an arc in its work object: a motion group moves on it that the robot does not follow, or
+    /// the robot follows a group that does not carry the work object.
     fn misled(&self, cell: &Cell, motion: Motion, axes: &ExternalAxes, before: &ExternalAxes) -> Option<KeptReason> {
         if !matches!(motion, Motion::Linear | Motion::Circular) {
             return None;
@@ -115,25 +115,25 @@ impl Mount {
         if !axes.coordinated {
             return groups().filter(moves).any(carries).then_some(KeptReason::NotCoordinated);
         }
-        // One that carries nothing does not lead, unless there is no other.
+        // A group that carries nothing does not lead, unless there is no other.
         let leads = |axis: AxisName| of(axis).is_some() || groups().all(|axis| of(axis).is_none());
         groups().filter(moves).any(|axis| leads(axis) && !carries(axis)).then_some(KeptReason::CoordinatedElsewhere)
     }
 
-    /// With the units at these positions (mm or degrees); `None` where nothing moves it.
+    /// The mount with the units at these positions (mm or degrees); `None` if no unit moves it.
     pub(super) fn moved(&self, external: External) -> Option<Arc<Moved>> {
         Some(Arc::new(self.moving.as_ref()?.moved(external, &self.setting)))
     }
 
-    /// The base itself, as the units carry it; `None` where it is not known how it leans.
+    /// The base itself, as the units carry it; `None` if its inclination is unknown.
     pub(super) fn base(cell: &Cell, external: External, tool: ToolFrame) -> Option<Arc<Moved>> {
         let gravity = gravity_at(&cell.units.world_from_base(&cell.arm.robot.world_from_base, &external));
         let setting = Setting { base_from_wobj: Pose::identity(), gravity, tool, held: false };
-        // Nothing that carries the robot moves it against its own base.
+        // A unit that carries the robot does not move it against its own base.
         gravity.iter().all(|g| g.is_finite()).then(|| Arc::new(Moved { external, setting, units: Vec::new() }))
     }
 
-    /// With the units at these positions; `None` where one that matters is not known.
+    /// The mount with the units at these positions; `None` if one that matters is unknown.
     pub(super) fn placed(&self, external: External) -> Option<Arc<Moved>> {
         match &self.moving {
             None => Some(Arc::new(Moved { external, setting: self.setting, units: Vec::new() })),
@@ -144,7 +144,7 @@ impl Mount {
         }
     }
 
-    /// At a share of the way from one target to another: external axes move evenly along it.
+    /// The mount at a share of the segment between two targets, on which external axes move evenly.
     pub(super) fn between(&self, from: Option<&Arc<Moved>>, to: Option<&Arc<Moved>>, share: f64) -> Option<Arc<Moved>> {
         let (Some(moving), Some(from), Some(to)) = (&self.moving, from, to) else { return to.cloned() };
         if Arc::ptr_eq(from, to) || share >= 1.0 {
@@ -166,7 +166,7 @@ impl Moving {
         Setting { base_from_wobj, gravity: gravity_at(&world_from_base), tool, held }
     }
 
-    /// A target at positions of the external axes, `zero` being its setting with every unit at zero.
+    /// A target at positions of the external axes; `zero` is its setting with every unit at zero.
     fn moved(&self, external: External, zero: &Setting) -> Moved {
         let setting = self.at(&external, zero.tool, zero.held);
         let units = &self.units;
@@ -193,27 +193,27 @@ impl Moving {
     }
 }
 
-/// Where units put a target.
+/// Position and setting of a target on units.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Stand {
     pub(super) moved: Option<Arc<Moved>>,
-    /// Why it is not known where the controller goes.
+    /// Why the pose of the target is unknown.
     pub(super) unsolved: Option<KeptReason>,
-    /// The way into the target begins elsewhere than at the target before.
+    /// Whether the segment to the target does not begin at the target before.
     pub(super) apart: bool,
 }
 
-/// Whether the way into a target does not begin at the point before it.
+/// Whether the segment to a target does not begin at the point before it.
 pub(super) fn is_entered_elsewhere(target: &Target) -> bool {
     target.predecessor != Predecessor::Previous || target.external.as_ref().is_some_and(|external| external.moved_alone)
 }
 
 impl Stand {
-    /// Where the units of a cell are at a target with this mount, `last` being its like; `before` are the axes at the target that
-    /// the way into this one begins at, `chosen` positions that stand for those of the program where they are not NaN.
+    /// The units of a cell at a target with this mount. `last` is the last such result, `before` has the axes at the start of the segment, and
+    /// `chosen` positions replace those of the program where they are not NaN.
     ///
     /// # Errors
-    /// A unit is sent beyond its limits: what is wrong.
+    /// A unit is sent beyond its limits.
     pub(super) fn of(
         cell: &Cell,
         target: &Target,
@@ -250,7 +250,7 @@ impl Stand {
                     unit.min, unit.max
                 ));
             }
-            // Several axes of one unit have names of their own here: that of the last is the program's.
+            // Several axes of one unit have names of their own here: the program has that of the last one.
             let above = |at: &usize| cell.units.chain(Some(*at)).any(|below| below == i);
             let inactive = (0..units.len()).filter(above).find_map(|at| {
                 let named =
@@ -274,14 +274,14 @@ impl Stand {
         if moving.needed().any(|axis| external[axis].is_nan()) {
             return unsolved(if stands { KeptReason::UnitDeactivated } else { KeptReason::UnitPositionMissing });
         }
-        // Most often as before.
+        // Mostly the positions are those of the last target.
         let same = |last: &&Arc<Moved>| last.external.map(f64::to_bits) == external.map(f64::to_bits);
         let moved = last.filter(same).cloned();
         let moved = moved.unwrap_or_else(|| Arc::new(moving.moved(external, &mount.setting)));
         Ok(Self { moved: Some(moved), unsolved: None, apart })
     }
 
-    /// What the target is run with.
+    /// The setting of the target.
     pub(super) fn setting<'a>(&'a self, mount: &'a Mount) -> &'a Setting {
         self.moved.as_ref().map_or(&mount.setting, |moved| &moved.setting)
     }

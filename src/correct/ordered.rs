@@ -1,8 +1,8 @@
-//! Chunks of a program in their order, whichever threads have them.
+//! Keeps the chunks of a program in their order, whichever threads process them.
 //!
-//! What one chunk leaves to the next stands in an [`Ordered`] value for each stage. A stage is free for a chunk when all chunks
-//! before have passed it or have ended, so a chunk that ends early, because it is refused, holds up none of those after it. A
-//! chunk whose thread panics stops all. Neither depends on which stages there are, so no list of them is kept.
+//! Each stage has an [`Ordered`] value, which one chunk leaves to the next. A stage is free for a chunk when all chunks before have
+//! passed it or have ended. A chunk that ends early, because it is refused, therefore holds up none of those after it. A chunk whose
+//! thread panics stops the run. Neither depends on which stages there are, so there is no list of them.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -14,9 +14,9 @@ pub(super) struct Order(Mutex<ChunkOrder>);
 
 #[derive(Debug, Default)]
 struct ChunkOrder {
-    /// The run stops: no chunk waits any more.
+    /// Whether the run stops: no chunk waits any more.
     is_stopped: bool,
-    /// Chunks that wait, and their threads.
+    /// Waiting chunks, and their threads.
     waiting: Vec<(usize, Thread)>,
     /// All chunks before this one have ended.
     ended: usize,
@@ -24,7 +24,7 @@ struct ChunkOrder {
     ended_early: Vec<usize>,
 }
 
-/// A value that goes from chunk to chunk.
+/// A value that is passed from chunk to chunk.
 #[derive(Debug)]
 pub(super) struct Ordered<T> {
     /// All chunks before this one have passed or have ended.
@@ -32,7 +32,7 @@ pub(super) struct Ordered<T> {
     value: Mutex<T>,
 }
 
-/// A chunk on its way through the stages; it has ended when this is dropped.
+/// A chunk that passes the stages; it has ended when this is dropped.
 #[derive(Debug)]
 pub(super) struct Turn<'o> {
     order: &'o Order,
@@ -49,12 +49,12 @@ impl Order {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Chunk `number`; each comes once.
+    /// The turn of chunk `number`, which has one turn only.
     pub(super) fn turn(&self, number: usize) -> Turn<'_> {
         Turn { order: self, number }
     }
 
-    /// Lets no chunk wait any more.
+    /// Stops the run: no chunk waits any more.
     pub(super) fn stop(&self) {
         self.lock().stop();
     }
@@ -66,13 +66,12 @@ impl ChunkOrder {
         self.waiting.drain(..).for_each(|(_, thread)| thread.unpark());
     }
 
-    /// Whether all chunks from `first` up to `last`, without it, have ended.
+    /// Whether all chunks from `first` up to but excluding `last` have ended.
     fn have_ended(&self, first: usize, last: usize) -> bool {
         (first.max(self.ended)..last).all(|chunk| self.ended_early.contains(&chunk))
     }
 
-    /// Wakes the chunk that may go on when chunk `number` has passed a stage or has ended: the next one that waits. Those after
-    /// it wait for it.
+    /// Wakes the next waiting chunk after chunk `number` has passed a stage or has ended. The chunks after that one wait for it.
     fn wake_after(&mut self, number: usize) {
         let later = self.waiting.iter().enumerate().filter(|(_, (waits, _))| *waits > number);
         if let Some(at) = later.min_by_key(|(_, (waits, _))| *waits).map(|(at, _)| at) {
@@ -92,7 +91,7 @@ impl<T> Ordered<T> {
 }
 
 impl Turn<'_> {
-    /// Waits until the chunks before have passed a stage, works on what they left there, and passes it on.
+    /// Waits until the chunks before have passed a stage, runs `work` on the value that they left there, and passes the value on.
     ///
     /// # Errors
     /// The run stops.
@@ -105,7 +104,7 @@ impl Turn<'_> {
             if state.have_ended(stage.next.load(Ordering::Relaxed), self.number) {
                 break;
             }
-            // A thread may wake by itself and still stand there.
+            // A thread may wake by itself and still be in the list.
             state.waiting.retain(|(waits, _)| *waits != self.number);
             state.waiting.push((self.number, thread::current()));
             drop(state);
@@ -113,7 +112,7 @@ impl Turn<'_> {
         }
         let done = work(&mut stage.value.lock().unwrap_or_else(PoisonError::into_inner));
         let mut state = self.order.lock();
-        // The lock of the state orders it.
+        // The lock of the state orders this store.
         stage.next.store(self.number + 1, Ordering::Relaxed);
         state.wake_after(self.number);
         Ok(done)
@@ -167,7 +166,7 @@ mod tests {
                 scope.spawn(move || {
                     let turn = order.turn(number);
                     turn.take(first, |seen| seen.push(number)).unwrap();
-                    // Every other chunk is refused between the stages.
+                    // Every second chunk is refused between the stages.
                     if number % 2 == 1 {
                         turn.take(second, |seen| seen.push(number)).unwrap();
                     }

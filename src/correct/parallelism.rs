@@ -1,4 +1,4 @@
-//! How the points of a pass are spread over threads and lanes; what comes out does not depend on it.
+//! How the points of a pass are spread over threads and lanes; the results do not depend on it.
 
 use crate::equilibrium::EquilibriumError;
 use crate::lanes::WIDTH;
@@ -17,7 +17,7 @@ pub(super) enum Parallelism {
 }
 
 impl Parallelism {
-    /// Every index's value, in order.
+    /// The value of every index, in order.
     pub(super) fn map<T: Send>(self, count: usize, value: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
         match self {
             Self::Threads => (0..count).into_par_iter().with_min_len(AT_LEAST).map(value).collect(),
@@ -25,8 +25,8 @@ impl Parallelism {
         }
     }
 
-    /// The same eight at a time: `many` answers for those indices that are `simple`, as far as it can, and `one` for the
-    /// others; both have room to work in.
+    /// The same, eight at a time. `many` computes the indices that are `simple`, as far as it can, and `one` computes the others; both get a
+    /// workspace.
     pub(super) fn for_each_batch<T: Answer, R: Default + Send>(
         self,
         count: usize,
@@ -63,12 +63,12 @@ impl Parallelism {
     }
 }
 
-/// What becomes of a point.
+/// The result for a point.
 pub(super) trait Answer: Send {
-    /// There is no answer yet.
+    /// A result that is still missing.
     fn open() -> Self;
 
-    /// Whether another way is to be tried.
+    /// Whether the result is still missing, so that `one` has to compute it.
     fn is_open(&self) -> bool;
 }
 
@@ -82,7 +82,7 @@ impl<T: Send> Answer for Result<T, EquilibriumError> {
     }
 }
 
-/// Where the answers of eight points go.
+/// Receives the results of eight points.
 pub(super) struct Answers<'a, T> {
     out: &'a mut [T],
     asked: &'a [usize],
@@ -90,13 +90,13 @@ pub(super) struct Answers<'a, T> {
 }
 
 impl<T> Answers<'_, T> {
-    /// The answer for the point in a lane.
+    /// Sets the result of the point in a lane.
     pub(super) fn put(&mut self, lane: usize, answer: T) {
         self.out[self.asked[lane] - self.first] = answer;
     }
 }
 
-/// WorkspacePool to work in, which are used again.
+/// Workspaces that are used again.
 #[derive(Debug)]
 pub(super) struct WorkspacePool<R>(Mutex<Vec<Box<R>>>);
 
@@ -116,5 +116,5 @@ impl<R: Default> WorkspacePool<R> {
     }
 }
 
-/// Points that a thread takes at a time: a millisecond's work.
+/// Least number of points that a thread takes at a time: a millisecond of work.
 const AT_LEAST: usize = 256;

@@ -1,4 +1,4 @@
-//! Ordered pass over the targets: wanted poses, nominal joints, feed, what cuts.
+//! The ordered pass over the targets: wanted poses, nominal joints, feed, cut.
 
 use super::KeptReason;
 use super::ahead::{Ahead, Approach};
@@ -35,7 +35,7 @@ pub(super) fn prepare(context: Context<'_>, carried: &mut Carried<'_>) -> Result
         }
     };
     let tools: Vec<ToolFrame> = tools.into_iter().map(|tool| tool.unwrap_or(NO_TOOL)).collect();
-    // Those that no target uses are of no interest.
+    // Work objects that no target uses may be missing.
     let wobjs: Vec<_> = wobjs.into_iter().map(|wobj| wobj.unwrap_or(Ok(WobjFrame::fixed(IDENTITY)))).collect();
     let wobj_of = |target: &Target| wobjs[usize::from(target.wobj)];
     unsaid_units(program, cell, !matches!(carried.free, Free::No))?;
@@ -47,7 +47,7 @@ pub(super) fn prepare(context: Context<'_>, carried: &mut Carried<'_>) -> Result
     if program.targets.iter().any(holds_part) {
         stationary(program, cell)?;
     }
-    // A chosen turn is each target's own.
+    // Chosen turns differ from target to target.
     let many = if matches!(carried.free, Free::No) { BatchArm::of(&cell.arm.robot) } else { None };
     let first = carried.done;
     carried.done += program.targets.len();
@@ -63,7 +63,7 @@ pub(super) fn prepare(context: Context<'_>, carried: &mut Carried<'_>) -> Result
         first,
         last_moved: None,
     };
-    // Program's indices of tool and work object, and what both come to.
+    // The program's indices of tool and work object, and the setting for both.
     let mut last = None;
     let mut run_with = |carried: &mut Carried<'_>, target: &Target| match last {
         Some((tool, wobj, known)) if (tool, wobj) == (target.tool, target.wobj) => known,
@@ -102,7 +102,7 @@ pub(super) fn prepare(context: Context<'_>, carried: &mut Carried<'_>) -> Result
     }
     let unsprung = cell.arm.stiffness.is_none() && !walk.carried.unsprung;
     if let Some(at) = walk.points.iter().position(Point::cuts).filter(|_| unsprung) {
-        // Rows stop at refused targets, so that the index is the target's only while there are none.
+        // Points end at a refused target: their index is that of the target only while none was refused.
         let target = &program.targets[at];
         if walk.errors.is_empty() {
             walk.carried.unsprung = true;
@@ -115,7 +115,7 @@ pub(super) fn prepare(context: Context<'_>, carried: &mut Carried<'_>) -> Result
         }
     }
     let Walk { mut points, errors, carried, .. } = walk;
-    // An arc is known by both its points, or not at all.
+    // An arc is known if both its points are.
     for end in (1..points.len()).filter(|end| errors.is_empty() && program.targets[end - 1].role == Role::Via) {
         let why = points[end - 1].unsolved.or(points[end].unsolved);
         (points[end - 1].unsolved, points[end].unsolved) = (why, why);
@@ -137,7 +137,7 @@ pub(super) fn prepare(context: Context<'_>, carried: &mut Carried<'_>) -> Result
     }
 }
 
-/// CL data do not say where units stand: the cell has to, of those that carry the robot or the work object.
+/// CL data do not state positions of units: the cell has to, for units that carry the robot or the work object.
 fn unsaid_units(program: &Program, cell: &Cell, are_chosen: bool) -> Result<(), Vec<Diagnostic>> {
     let (Language::Cl, Some(source), Some(target)) =
         (program.language, program.sources.first(), program.targets.first())
@@ -162,7 +162,7 @@ fn unsaid_units(program: &Program, cell: &Cell, are_chosen: bool) -> Result<(), 
     }
 }
 
-/// Where units stand whose position is free and has not been chosen: in the middle of their limits.
+/// Positions of units whose position is free and has not been chosen: the middle of their limits.
 fn middle(language: Language, cell: &Cell, target: &Target) -> External {
     let mut external = [f64::NAN; EXTERNAL_AXES];
     for unit in cell.units.all().iter().filter(|unit| unit.free && language == Language::Cl) {
@@ -172,7 +172,7 @@ fn middle(language: Language, cell: &Cell, target: &Target) -> External {
     external
 }
 
-/// What cannot be said of a stationary tool yet.
+/// Refuses what is not supported with a stationary tool.
 fn stationary(program: &Program, cell: &Cell) -> Result<(), Vec<Diagnostic>> {
     let on_tool = Parts::TCP.and(Parts::WOBJ).and(Parts::TIP).and(Parts::FLANGE);
     let effect = cell.arm.effects.iter().find(|effect| effect.law().parts().has(on_tool));
@@ -185,7 +185,7 @@ fn stationary(program: &Program, cell: &Cell) -> Result<(), Vec<Diagnostic>> {
     Err(vec![Diagnostic::error("cell.stationary", name, message).help("leave it out of the cell for this program")])
 }
 
-/// For kept targets whose tool is not declared: they are not solved.
+/// Stands for the tool of kept targets whose tool is not declared: they are not solved.
 pub(super) const NO_TOOL: ToolFrame =
     ToolFrame { flange_from_tcp: IDENTITY, mass: 0.0, cog: Vector3::new(0.0, 0.0, 0.0) };
 const IDENTITY: Pose = Pose {
@@ -202,9 +202,9 @@ struct Walk<'a, 'c> {
     ahead: Ahead,
     errors: Vec<Diagnostic>,
     points: Vec<Point>,
-    /// Targets of the chunks before.
+    /// Number of targets of the chunks before.
     first: usize,
-    /// Of the last target on units, with its mount.
+    /// Units of the last target that is on units, with its setting.
     last_moved: Option<(u32, Arc<Moved>)>,
 }
 
@@ -213,7 +213,7 @@ impl Walk<'_, '_> {
         &self.carried.settings[index as usize]
     }
 
-    /// Where units put a target.
+    /// The base and the work object of a target, as its units carry them.
     fn stand(
         &mut self,
         (i, target): (usize, &Target),
@@ -257,7 +257,7 @@ impl Walk<'_, '_> {
         }
     }
 
-    /// Takes in a target of which it is not known where the controller goes.
+    /// Adds a target whose pose is unknown.
     fn pass_over(&mut self, target: &Target, why: KeptReason, RunWith { setting, tool }: RunWith) {
         if self.cell.stock.is_some() && self.carried.laws.may_cut(target, tool) {
             let message = format!("what this move cuts of the stock is not known: {why}");
@@ -278,7 +278,7 @@ impl Walk<'_, '_> {
                 IDENTITY
             }
         };
-        // Where the arm comes from is not known before the first target: not a number.
+        // Before the first target the joints are unknown: not a number.
         let motor = self.carried.near.unwrap_or_else(|| Joints::repeat(f64::NAN));
         let point = Point::unsolved(why, at, Dragged { motor, travel }, setting, self.last());
         self.points.push(point);
@@ -289,7 +289,7 @@ impl Walk<'_, '_> {
         if let Some(why) = stand.unsolved {
             return self.pass_over(target, why, run_with);
         }
-        if !self.ahead.knows_ways() {
+        if !self.ahead.knows_approaches() {
             let chord = self.chord(i, target, setting, stand);
             self.ahead.set_chord(lane, &chord);
         }
@@ -344,17 +344,17 @@ impl Walk<'_, '_> {
         let feed = target.feed_mm_s.map(|feed| 1e-3 * feed);
         let row = self.options.forces.as_ref().and_then(|forces| forces.of(target.ordinal, target.name.as_deref()));
         let axis = tool_axis(&wobj_from_tcp);
-        if !self.ahead.knows_ways() {
-            self.ahead.set_way(lane, &Unit::new_unchecked(axis), self.carried.laws.lean(tool));
+        if !self.ahead.knows_approaches() {
+            self.ahead.set_approach(lane, &Unit::new_unchecked(axis), self.carried.laws.lean(tool));
         }
-        let Approach { size, direction, feed_frame } = self.ahead.way(lane);
+        let Approach { size, direction, feed_frame } = self.ahead.approach(lane);
         let joined = previous.filter(|previous| previous.is_located() && !stand.apart);
         let length = if joined.is_some() { size } else { 0.0 };
         let lag = match (feed, length) {
             (Some(feed), length) if feed > 0.0 => length / feed,
             _ => 0.0,
         };
-        // A printed surface normal tells better than the lean that the cell declares.
+        // A surface normal in the text is more accurate than the lean that the cell declares.
         let printed = surface_normal(target);
         let feed_frame = match (printed, direction) {
             (Some(normal), Some(direction)) => frame_on(normal, direction),
@@ -437,13 +437,13 @@ impl Walk<'_, '_> {
         self.carried.near.map_or(held, |near| self.cell.arm.travel(&near, motor, &held))
     }
 
-    /// Whether what acts at a target, or how far it is off, rests on where the way into it begins.
+    /// Whether the force or the error at a target depends on the start of the segment to it.
     fn rests_on_predecessor(&self, target: &Target) -> bool {
         let table = self.options.has_force_table(self.cell);
         self.carried.laws.follows_the_way(target, table) || self.cell.arm.follows_travel()
     }
 
-    /// Takes in a target that stays because the way into it is not known; where it is, is known.
+    /// Adds a target that is kept because the start of its segment is unknown; its pose is known.
     fn leave(
         &mut self,
         target: &Target,
@@ -471,19 +471,18 @@ impl Walk<'_, '_> {
     }
 
     fn refuse(&mut self, target: &Target, code: &'static str, message: &str, help: &str) {
-        self.ahead.forget_ways();
+        self.ahead.forget_approaches();
         self.errors.push(self.program.error_at(target, code, message).help(help));
     }
 
-    /// Where the TCP was at the point before as the arm sees it, in the work object as it stands now, m; `None` where no unit has
-    /// moved on the way.
+    /// Position of the TCP at the point before, in the present work object, m; `None` if no unit has moved on the segment.
     fn moved_from(&self, previous: &Point, stand: &Stand) -> Option<Vector3<f64>> {
         let (from, to) = (previous.moved.as_ref()?, stand.moved.as_ref().filter(|to| !to.setting.held)?);
         let base_from_tcp = from.setting.base_from_wobj * previous.wobj_from_tcp;
         (!Arc::ptr_eq(from, to)).then(|| to.setting.base_from_wobj.inv_mul(&base_from_tcp).translation.vector)
     }
 
-    /// Chord into the target, out of it at the first, work object axes, m. Zero-length moves hold the last.
+    /// Chord to the target, or from it for the first target, work object axes, m. A motion without a length keeps the last chord.
     fn chord(&self, i: usize, target: &Target, setting: u32, stand: &Stand) -> Vector3<f64> {
         let targets = &self.program.targets;
         let at = |t: &Target| match t.goal {
@@ -497,7 +496,7 @@ impl Walk<'_, '_> {
             if previous.setting == setting {
                 return here - there.vector;
             }
-            // The work object as it stood there.
+            // The work object at that point.
             let from = previous.moved.as_ref();
             let before = from.map_or(&self.mount(previous.setting).setting, |moved| &moved.setting);
             if let Some(now) = self.mount(setting).at(from) {
@@ -515,7 +514,7 @@ impl Walk<'_, '_> {
         out.into_iter().find(|chord| chord.norm() > CHORD).unwrap_or_else(Vector3::zeros)
     }
 
-    /// Motor angles of a linear move where they are surely the nearest: nothing else depends on what was looked ahead at.
+    /// Motor angles of a linear motion from the look-ahead, if they are surely the nearest.
     fn joints_soon(&self, (target, lane): (&Target, usize), setting: &Setting) -> Option<Joints> {
         let (near, robot) = (self.carried.near.as_ref()?, self.many.as_ref().filter(|_| !setting.held)?);
         let (position_mm, quat) = match &target.goal {
@@ -524,7 +523,7 @@ impl Walk<'_, '_> {
             Goal::Axis { .. } if self.ahead.turned(lane).is_some() => return self.ahead.motor(lane, near),
             Goal::Axis { .. } | Goal::Joints { .. } => return None,
         };
-        // The path may have turned into another branch since.
+        // The path may have changed its branch meanwhile.
         self.ahead.motor(lane, near).or_else(|| {
             let Setting { base_from_wobj, tool, .. } = setting;
             let place =
@@ -548,7 +547,7 @@ impl Walk<'_, '_> {
         self.cell.arm.robot.inverse_near(&setting.base_from_flange(wobj_from_tcp), near)
     }
 
-    /// Motor angles at a pose: joint moves go to their configuration, linear moves take the nearest.
+    /// Motor angles at a pose: joint motions go to their configuration, linear motions to the nearest angles.
     fn joints(
         &mut self,
         target: &Target,
@@ -579,7 +578,7 @@ impl Walk<'_, '_> {
     }
 }
 
-/// The surface normal that a text prints at a target, unit length, work object axes.
+/// The surface normal that the text states at a target, unit length, work object axes.
 fn surface_normal(target: &Target) -> Option<Vector3<f64>> {
     match target.goal {
         Goal::Axis { normal, .. } => normal.map(Vector3::from),
@@ -587,7 +586,7 @@ fn surface_normal(target: &Target) -> Option<Vector3<f64>> {
     }
 }
 
-/// The feed frame on a surface: z the normal, x the feed square to it; none where the feed runs along the normal.
+/// The feed frame on a surface: z is the normal, x the feed at a right angle to it; `None` if the feed is along the normal.
 fn frame_on(normal: Vector3<f64>, feed: Vector3<f64>) -> Option<Rotation3<f64>> {
     /// Sine below which a feed has no direction on the surface.
     const PARALLEL: f64 = 1e-6;

@@ -1,4 +1,4 @@
-//! What is known of one target before its equilibrium, and as whose circumstances the arm and its effects see it.
+//! The data of one target before its equilibrium, and the situation that the arm and its effects get from them.
 
 use super::KeptReason;
 use super::laws::Law;
@@ -11,18 +11,18 @@ use crate::robot::{Joints, Pose};
 use nalgebra::{Rotation3, Unit, Vector3};
 use std::sync::Arc;
 
-/// Everything known of one target before its equilibrium.
+/// The data of one target before its equilibrium.
 #[derive(Clone, Debug)]
 pub struct Point {
-    /// Index into the mounts: which tool and work object.
+    /// Index into the mounts: tool and work object.
     pub(super) setting: u32,
-    /// External axes, where there are any, and what the target is run with there.
+    /// External axes, if there are any, and the setting at their positions.
     pub(super) moved: Option<Arc<Moved>>,
-    /// Why it is not known where the controller goes: the target is not solved.
+    /// Why the pose of the target is unknown; the target is then not solved.
     pub(super) unsolved: Option<KeptReason>,
-    /// Where the program sends the TCP.
+    /// Programmed pose of the TCP.
     pub wobj_from_tcp: Pose,
-    /// Where errors are counted from, and what defines depth and force: the same, but for `--against`.
+    /// The pose from which errors count, and which defines depth and force: the programmed one, except with `--against`.
     pub reference: Pose,
     /// Nominal motor angles at `wobj_from_tcp`, rad.
     pub motor: Joints,
@@ -32,38 +32,38 @@ pub struct Point {
     pub normal: Vector3<f64>,
     /// Programmed velocity, m/s, work object axes.
     pub velocity: Vector3<f64>,
-    /// Length cut up to here, m.
+    /// Length that is cut up to here, m.
     pub cut_length: f64,
     /// Time since the start, s.
     pub time: f64,
     /// Temperature, °C.
     pub temperature: Option<f64>,
-    /// Payload besides the tool, kg.
+    /// Payload in addition to the tool, kg.
     pub payload: f64,
     /// The cut.
     pub(super) load: PointLoad,
-    /// Whether it is cut along the tool axis, which has no feed frame, though the force is known in one.
+    /// Whether it is cut along the tool axis, for which there is no feed frame, although the force is given in one.
     pub(super) plunges: bool,
-    /// Which cutter the move into it leads through the stock, where there is one.
+    /// The cutter of the motion to it, if it moves through a stock.
     pub(super) through: Option<Through>,
-    /// What that came to.
+    /// The result of that cut.
     pub(super) milled: Option<Milled>,
-    /// How the clamped part yields where it is cut, work object axes.
+    /// Compliance of the clamped part where it is cut, work object axes.
     pub(super) part: Option<Arc<PartYield>>,
 }
 
-/// What the move into a target removes.
+/// The cut of the segment to a target.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Milled {
-    /// Axial depth (m) and arc of engagement (rad) at the target, where the force follows from the stock.
+    /// Axial depth (m) and arc of engagement (rad) at the target, if the force follows from the stock.
     pub(super) engaged: Option<[f64; 2]>,
-    /// From the tip to where it cuts, m, stock's axes.
+    /// Vector from the tip to where it cuts, m, stock's axes.
     pub(super) cut: Vector3<f64>,
-    /// From the tip to the face that it leaves, m, stock's axes.
+    /// Vector from the tip to the face that it leaves, m, stock's axes.
     pub(super) left: Vector3<f64>,
-    /// On the way into the target, m³.
+    /// Volume removed on the segment, m³.
     pub(super) removed: f64,
-    /// Shares of the way, rising from 0 to 1, and the force there.
+    /// Shares of the segment, rising from 0 to 1, and the force there.
     pub(super) forces: Arc<[(f64, FedForce)]>,
 }
 
@@ -72,12 +72,12 @@ pub(super) struct Milled {
 pub(super) struct FedForce {
     /// At the programmed feed.
     pub(super) programmed: Vector3<f64>,
-    /// What of it is in proportion to the feed; the rest is the force of the edges.
+    /// The part in proportion to the feed; the rest is the force of the edges.
     fed: Vector3<f64>,
 }
 
 impl FedForce {
-    /// The mean force of an engaged front whose axes are turned, at a programmed feed per tooth (m).
+    /// The mean force of an engaged front at a programmed feed per tooth (m), turned from stock to work object axes.
     pub(super) fn new(wobj_from_stock: &Rotation3<f64>, force: &ForceParts, feed_per_tooth: f64) -> Self {
         Self {
             programmed: wobj_from_stock * force.at(feed_per_tooth),
@@ -85,7 +85,7 @@ impl FedForce {
         }
     }
 
-    /// At a share of the programmed speed, N: a slower tooth takes a thinner chip.
+    /// The force at a share of the programmed speed, N: a slower tooth cuts a thinner chip.
     pub(super) fn at(&self, speed: f64) -> Vector3<f64> {
         if speed < 1.0 { self.programmed - self.fed * (1.0 - speed) } else { self.programmed }
     }
@@ -96,7 +96,7 @@ impl FedForce {
 }
 
 impl Milled {
-    /// The force at a share of the way; `None` where it does not follow from the stock.
+    /// The force at a share of the segment; `None` if it does not follow from the stock.
     pub(super) fn at(&self, share: f64) -> Option<FedForce> {
         let after = self.forces.partition_point(|(at, _)| *at < share);
         let next = self.forces.get(after).or(self.forces.last())?;
@@ -168,8 +168,8 @@ impl Point {
         }
     }
 
-    /// The same of a part that the robot holds against a stationary tool: the place of the part that is to be at the tool is the
-    /// TCP, the tool is the work object, and all that acts between them acts the other way.
+    /// The situation of a part that the robot holds against a stationary tool: the point of the part that is at the tool takes the role of
+    /// the TCP, the tool takes that of the work object, and forces, normals and velocities change their signs.
     fn mirrored<'a>(&'a self, setting: &Setting, laws: &'a [Law]) -> Situation<'a> {
         let tool_from_wobj = self.reference.rotation.inverse();
         let flange_from_tcp = setting.tool.flange_from_tcp * self.reference;
@@ -192,12 +192,12 @@ impl Point {
         }
     }
 
-    /// The TCP in the work object from what [`Point::situation`] calls so.
+    /// The TCP in the work object, from the TCP in the work object of [`Point::situation`].
     pub(super) fn seen(&self, setting: &Setting, pose: Pose) -> Pose {
         if setting.held { self.reference * pose.inverse() } else { pose }
     }
 
-    /// The same of all that is predicted.
+    /// The same for a predicted pose with its sensitivities.
     pub(super) fn seen_from_wobj(&self, setting: &Setting, there: PredictedPose) -> PredictedPose {
         if !setting.held {
             return there;
@@ -236,8 +236,7 @@ impl Point {
         }
     }
 
-    /// A target of which it is not known where the controller goes, after another point, with the arm about at these motor angles (rad) and
-    /// with this travel.
+    /// A target whose pose is unknown, after another point. The arm is approximately at these motor angles (rad), with this travel.
     pub(super) fn unsolved(
         why: KeptReason,
         at: Pose,
@@ -254,28 +253,28 @@ impl Point {
         }
     }
 
-    /// Whether it is known where the controller goes.
+    /// Whether the pose of the target is known.
     pub(super) fn is_located(&self) -> bool {
         self.unsolved.is_none_or(|why| why == KeptReason::PredecessorUnknown)
     }
 
-    /// A measured force, base axes while the point is still placed there, N.
+    /// Sets a measured force, N, in base axes while the point's work object is the base.
     pub(crate) fn set_force(&mut self, force: Vector3<f64>) {
         self.load = PointLoad::Constant { force, follows: Follows::WorkObject };
     }
 
-    /// How the part yields, where it is cut and that is known.
+    /// Compliance of the part; `None` if it is not cut here or its compliance is unknown.
     pub(crate) fn yielding_part(&self) -> Option<&PartYield> {
         self.part.as_deref().filter(|_| self.cuts())
     }
 
-    /// How many clamps the part has, where it is known how it yields with them.
+    /// Number of clamps of the part; 0 if its compliance is unknown.
     pub(crate) fn clamps(&self) -> usize {
         self.part.as_ref().map_or(0, |part| part.clamps())
     }
 
-    /// How the place on the part moves when one of its clamps moves by a unit along x, y or z (0 to 2) of the stock, work object
-    /// axes; `None` where that is not known.
+    /// Displacement of the point on the part for a unit motion of a clamp along x, y or z (0 to 2) of the stock, work object axes; `None` if
+    /// unknown.
     pub(crate) fn clamp_motion(&self, clamp: usize, axis: usize) -> Option<Vector3<f64>> {
         self.part.as_ref()?.motions.get(3 * clamp + axis).copied()
     }

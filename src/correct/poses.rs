@@ -10,7 +10,7 @@ use crate::robot::{EXTERNAL_AXES, External, Joints, Pose, Robot};
 use crate::text::Diagnostic;
 use nalgebra::{Rotation3, Translation3, Vector3};
 
-/// A tool of the cell by its name; without one the cell's only one, or the bare flange where it declares none.
+/// A tool of the cell by its name. Without a name it is the cell's only tool, or the bare flange if the cell has none.
 ///
 /// # Errors
 /// No tool has the name; the cell has several and none is named.
@@ -28,34 +28,34 @@ pub fn tool_of(cell: &Cell, name: Option<&str>) -> Result<ToolFrame, Vec<Diagnos
     }
 }
 
-/// In which axes poses are given, and where mechanical units stand.
+/// The axes in which poses are given, and the positions of mechanical units.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Standing<'a> {
     /// A work object of the cell; `None` is the robot's base.
     pub wobj: Option<&'a str>,
-    /// Positions of the external axes pose by pose (mm or degrees), see [`external_of`]; none where the cell has no unit that matters.
+    /// Positions of the external axes, one entry for each pose (mm or degrees), see [`external_of`]; empty if no unit of the cell matters.
     pub external: &'a [External],
-    /// What effects ask for besides posture and force.
+    /// The other values on which effects depend.
     pub state: ArmState<'a>,
 }
 
-/// How the arm came to poses, and when: for effects that depend on it, a value a pose.
+/// Travel, times and other values on which effects depend, one for each pose.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ArmState<'a> {
-    /// How each axis moved into the pose, as the controller counts: signs count, 0 for an axis that has not moved yet.
+    /// Motion of each axis to the pose, as the controller counts: only signs count, 0 for an axis that has not moved yet.
     pub travel: Option<&'a [[f64; 6]]>,
-    /// Velocity of the TCP, mm/s, in the axes that poses are in.
+    /// Velocity of the TCP, mm/s, in the axes of the poses.
     pub velocity_mm_s: Option<&'a [[f64; 3]]>,
     /// Time since the start, s.
     pub time_s: Option<&'a [f64]>,
     /// Temperature, °C.
     pub temperature_c: Option<&'a [f64]>,
-    /// Length that the tool has cut, m.
+    /// Length that the tool has cut so far, m.
     pub cut_m: Option<&'a [f64]>,
 }
 
 impl ArmState<'_> {
-    /// Refuses what is not given and an effect of the cell asks for, and what is not of as many poses.
+    /// Refuses missing values on which an effect of the cell depends, and values for another number of poses.
     fn check(&self, cell: &Cell, poses: usize) -> Result<(), Vec<Diagnostic>> {
         let given = [
             ("travel", self.travel.map(<[_]>::len)),
@@ -87,7 +87,7 @@ impl ArmState<'_> {
         if errors.is_empty() { Ok(()) } else { Err(errors) }
     }
 
-    /// Puts a pose's into its point.
+    /// Puts the values of a pose into its point.
     fn put(&self, i: usize, robot: &Robot, point: &mut Point) {
         let one = |values: Option<&[f64]>| values.map(|values| values[i]);
         if let Some(travel) = self.travel {
@@ -103,7 +103,7 @@ impl ArmState<'_> {
     }
 }
 
-/// Positions of external axes, `count` of them, from those of units by their names (mm or degrees); NaN for all others.
+/// Positions of external axes for `count` poses, from those of units by their names (mm or degrees); NaN for all others.
 ///
 /// # Errors
 /// A unit that the cell does not have, another number of positions, a position beyond the unit's limits.
@@ -134,13 +134,12 @@ pub fn external_of(cell: &Cell, positions: &[(&str, &[f64])], count: usize) -> R
     Ok(all)
 }
 
-/// Where the TCP of the loaded arm is (m): at commanded axis angles as the controller counts them (degrees), each under its own
-/// force on the tool at the TCP (N). Poses and forces are in the axes that `standing` says, and units stand as it says.
+/// The pose of the loaded TCP (m) at commanded axis angles as the controller counts them (degrees), each under its own force on the tool at
+/// the TCP (N). `standing` gives the axes of poses and forces, and the positions of units.
 ///
 /// # Errors
-/// A work object that the cell does not declare; a unit that matters whose position is not given; an effect that needs a
-/// direction of travel, a speed, a time, a temperature or a length cut that is not given. A pose that has no equilibrium
-/// is an error of its own.
+/// A work object that the cell does not declare; a unit that matters without a position; an effect that needs a direction of travel, a
+/// speed, a time, a temperature or a cut length that is not given. A pose without an equilibrium has an error of its own.
 pub fn predict_poses(
     cell: &Cell,
     tool: &ToolFrame,

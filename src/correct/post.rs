@@ -1,4 +1,4 @@
-//! CL input: corrected points to a RAPID program.
+//! Posts CL data: makes a program of corrected points.
 
 use super::machine_actions::MachineActions;
 use super::messages::Messages;
@@ -17,18 +17,18 @@ use nalgebra::Vector3;
 use smallvec::SmallVec;
 use std::sync::Arc;
 
-/// What the posted program has that CL data do not say.
+/// Properties of the posted program that CL data do not state.
 #[derive(Clone, Debug)]
 pub struct PostOptions {
-    /// Name of the program; made an identifier.
+    /// Name of the program, from which an identifier is made.
     pub name: String,
     /// Lines of the head comment.
     pub title: Vec<String>,
-    /// Most targets a module.
+    /// Most targets of a module.
     pub max_targets: Option<usize>,
     /// Speed of rapid travel, mm/s.
     pub rapid_mm_s: f64,
-    /// Speed of moves where the file has no feed at all, mm/s.
+    /// Speed of motions if the file has no feed at all, mm/s.
     pub feed_mm_s: Option<f64>,
     /// Language of the program: RAPID, KRL, FANUC TP, URScript, INFORM, or CL as it was.
     pub language: Language,
@@ -38,37 +38,37 @@ pub struct PostOptions {
 /// near a part.
 pub const RAPID_MM_S: f64 = 200.0;
 
-/// How far a zone may pass a cutting corner, mm: below what a robot repeats.
+/// Largest distance of a zone's rounding from a corner that cuts, mm: below what a robot repeats.
 const CORNER_TOLERANCE_MM: f64 = 0.05;
 
-/// What the head of a posted program depends on: all of the program.
+/// Data of a whole program on which the head of its posted program depends.
 #[derive(Clone, Debug, Default)]
 pub struct Outline {
-    /// Points.
+    /// Number of points.
     pub(super) points: usize,
-    /// The first feed of a move.
+    /// The first feed of a motion.
     first_feed: Option<f64>,
-    /// The first move without a feed.
+    /// The first motion without a feed.
     early: Option<Diagnostic>,
-    /// Feeds of moves, mm/s, rising.
+    /// Feeds of motions, mm/s, in rising order.
     feeds: Vec<f64>,
-    /// Some travel is rapid.
+    /// Whether some travel is rapid.
     rapid: bool,
-    /// What the machine has to do besides motion.
+    /// Actions of the machine other than motion.
     actions: MachineActions,
     tools: Vec<Tool>,
     wobjs: Vec<Wobj>,
-    /// Where the external axes stand.
+    /// Positions of the external axes.
     external: [Option<f64>; EXTERNAL_AXES],
-    /// What was noticed in the text.
+    /// Warnings about the text.
     pub(super) warnings: Vec<Diagnostic>,
 }
 
 impl Outline {
-    /// Looks through a long file; `progress` receives the targets and the bytes of input done so far.
+    /// Reads a long file. `progress` receives the targets and the bytes of input done so far.
     ///
     /// # Errors
-    /// [`StreamError::NotStreamable`], [`StreamError::Read`]; [`StreamError::Refused`] where motion is not what its text says.
+    /// [`StreamError::NotStreamable`], [`StreamError::Read`]; [`StreamError::Refused`] if a motion is not what its text states.
     pub fn of_chunks<C: ChunkReader>(mut chunks: C, progress: impl Fn(usize, u64)) -> Result<Self, StreamError> {
         let (mut outline, mut bytes, mut faults) = (Self::default(), 0, Messages::default());
         loop {
@@ -92,7 +92,7 @@ impl Outline {
         Ok(outline)
     }
 
-    /// Takes in a program, or its next chunk.
+    /// Adds a program, or its next chunk.
     pub fn add(&mut self, program: &Program) {
         self.actions.add(program, self.points);
         self.points += program.targets.len();
@@ -114,7 +114,7 @@ impl Outline {
                 _ => {}
             }
         }
-        // Later chunks of a program have those of the earlier ones, and maybe more.
+        // Later chunks of a program have the tools of the earlier ones, and maybe more.
         if self.tools.len() < program.tools.len() {
             self.tools.clone_from(&program.tools);
         }
@@ -126,7 +126,7 @@ impl Outline {
         }
     }
 
-    /// Points of the program: what is inserted besides its targets is not known here.
+    /// Number of points of the program, without inserted targets.
     #[must_use]
     pub fn points(&self) -> usize {
         self.points
@@ -142,16 +142,16 @@ impl Outline {
 /// A program posted as a whole.
 #[derive(Clone, Debug)]
 pub struct PostedProgram {
-    /// Its files by name, the one to start first.
+    /// Its files by name; the first one is to be started.
     pub files: Vec<(String, Vec<u8>)>,
-    /// What is to be said of it.
+    /// Notes about it.
     pub notes: Vec<Diagnostic>,
 }
 
 /// Writes the program.
 ///
-/// Moves before the file's first feed get that feed: slow, which is safe. Rapid travel and air are marked, so that the
-/// posted program tells them apart again.
+/// Motions before the file's first feed get that feed, which is slow and safe. Rapid travel and air are marked, so that a reader of the
+/// posted program can distinguish them.
 ///
 /// # Errors
 /// No feed is known.
@@ -220,17 +220,17 @@ fn post_cl(program: &Program, corrected: &Corrected, options: &PostOptions) -> R
 #[derive(Debug)]
 pub struct Poster {
     pub(super) post: RapidPost,
-    /// What was noticed in the text of a long program.
+    /// Warnings about the text of a long program.
     pub(super) warnings: Vec<Diagnostic>,
-    /// What is to be said of the posted program.
+    /// Notes about the posted program.
     pub(super) notes: Vec<Diagnostic>,
-    /// Of moves before the first feed, mm/s.
+    /// Speed of motions before the first feed, mm/s.
     first_feed: f64,
-    /// No force acts anywhere: everything is air, which says nothing about the program.
+    /// Whether no force acts anywhere: then all motions are air, and need no marks.
     no_force: bool,
     templates: Templates,
     language: Language,
-    /// What those get then that have no mark of their own: the end of a mark on rapid travel.
+    /// The mark of motions that have none of their own: the end of a mark on rapid travel.
     unmarked: Option<Mark>,
 }
 
@@ -238,7 +238,7 @@ impl Poster {
     /// Lays out the posted program.
     ///
     /// # Errors
-    /// No feed is known; names of tools and work objects that the language has no place for.
+    /// No feed is known; the language has no place for the names of tools and work objects.
     pub fn new(mut outline: Outline, cell: &Cell, options: &PostOptions) -> Result<Self, Vec<Diagnostic>> {
         moved(&outline, cell, options.language)?;
         let statements = options.language.about().post;
@@ -290,13 +290,13 @@ impl Poster {
         })
     }
 
-    /// Name of the file that is to be started.
+    /// Name of the file to start.
     #[must_use]
     pub fn main_file(&self) -> &str {
         self.post.head().files.first().map_or("", |(_, name)| name)
     }
 
-    /// How many files it is.
+    /// Number of files.
     #[must_use]
     pub fn files(&self) -> usize {
         self.post.files()
@@ -367,12 +367,12 @@ fn tool_data(cell: &Cell, name: &str) -> ToolData {
     }
 }
 
-/// The unit that a work object of the cell is on.
+/// The unit that carries a work object of the cell.
 fn unit_of<'a>(cell: &'a Cell, name: &str) -> Option<&'a str> {
     cell.wobj_units.get(&name.to_ascii_uppercase()).map(|unit| cell.units.all()[*unit].name.as_str())
 }
 
-/// What mechanical units cannot be posted in a language.
+/// Refuses mechanical units that cannot be posted in a language.
 fn moved(outline: &Outline, cell: &Cell, language: Language) -> Result<(), Vec<Diagnostic>> {
     let statements = language.about().post;
     let on_unit = || outline.wobjs.iter().find(|wobj| unit_of(cell, &wobj.name).is_some());
@@ -397,7 +397,7 @@ fn are_chosen(cell: &Cell) -> bool {
 fn wobj_data(cell: &Cell, name: &str, language: Language) -> WobjData {
     const UPRIGHT: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
     let pose = cell.wobjs.get(&name.to_ascii_uppercase()).copied().unwrap_or_else(Pose::identity);
-    // A controller that counts from the robot's base knows nothing of a world.
+    // A controller that counts from the robot's base has no world frame.
     let in_base = || cell.arm.robot.world_from_base.inverse() * pose;
     let (mm, quat) = frames::millimetres(&if language.robot_base().is_some() { in_base() } else { pose });
     if unit_of(cell, name).is_some() {

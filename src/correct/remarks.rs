@@ -1,4 +1,4 @@
-//! What a run says of a program besides its rows.
+//! Notes and warnings about a program.
 
 use super::context::Context;
 use super::contradictions::contradictions;
@@ -10,14 +10,14 @@ use crate::program::{Language, Mark, Target};
 use crate::robot::StartedFrom;
 use crate::text::{Diagnostic, Severity, Span};
 
-/// What is said of chunk `number` of a run. Frames may be met in any chunk: what was said of one is not said again.
+/// The notes about chunk `number` of a run. A frame may occur first in any chunk; it is reported once.
 pub(super) fn notes(context: Context<'_>, prepared: &Prepared, number: usize) -> Vec<Diagnostic> {
     let mut notes = if number == 0 { notes_of_all(context, prepared) } else { Vec::new() };
     notes.extend(contradictions(context.program, context.cell));
     notes
 }
 
-/// What is said of a run, once.
+/// The notes about a run, each once.
 fn notes_of_all(Context { program, cell, .. }: Context<'_>, prepared: &Prepared) -> Vec<Diagnostic> {
     let mut notes = program.diagnostics.clone();
     notes.extend(prepared.notes.iter().cloned());
@@ -34,7 +34,7 @@ fn notes_of_all(Context { program, cell, .. }: Context<'_>, prepared: &Prepared)
     notes
 }
 
-/// What many targets may give reason to say, once for all of them.
+/// The warnings that many targets may share.
 pub(super) fn repeated(context: Context<'_>, prepared: &Prepared) -> Repeated {
     let mut repeated = Repeated::default();
     doubtful_cuts(context, prepared, &mut repeated);
@@ -43,7 +43,7 @@ pub(super) fn repeated(context: Context<'_>, prepared: &Prepared) -> Repeated {
     repeated
 }
 
-/// Moves of which neither program nor cell says how they cut.
+/// Warns of motions for which neither the program nor the cell says whether they cut.
 fn doubtful_cuts(Context { program, cell, options, .. }: Context<'_>, prepared: &Prepared, repeated: &mut Repeated) {
     if options.has_force_table(cell) {
         return;
@@ -72,7 +72,7 @@ fn doubtful_cuts(Context { program, cell, options, .. }: Context<'_>, prepared: 
     }
 }
 
-/// Loads that gravity does not act on, where it acts on any.
+/// Notes loads on which gravity does not act, if the cell has an effect of gravity.
 fn unweighed_loads(Context { program, cell, .. }: Context<'_>, repeated: &mut Repeated) {
     if !cell.arm.weighs_payload() {
         return;
@@ -85,7 +85,7 @@ fn unweighed_loads(Context { program, cell, .. }: Context<'_>, repeated: &mut Re
     }
 }
 
-/// Why targets are not solved, where the user can do something about it.
+/// Reasons why targets are not solved, if the user can remove them.
 fn unsolved(Context { program, .. }: Context<'_>, prepared: &Prepared, repeated: &mut Repeated) {
     let mut say = |reason: KeptReason, place: Place| {
         let Some(help) = reason.help(program.language) else { return };
@@ -112,7 +112,7 @@ struct Place {
     line: u32,
 }
 
-/// Warnings about what was to be inserted; `before` is the zone of the target before the program's first, mm.
+/// Warnings about inserted targets; `before` is the zone of the target before the first one of the program, mm.
 pub(super) fn insertions(
     Context { program, .. }: Context<'_>,
     correction: &Correction,

@@ -5,11 +5,11 @@ use crate::program::{Editable, Goal, Target, UnknownMotion};
 use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// What happened to a target.
+/// The result of a target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Status {
-    /// A cutting force acts; corrected where the run corrects.
+    /// A cutting force acts; the target is corrected if the run corrects.
     Ok,
     /// No cutting force.
     Air,
@@ -20,7 +20,7 @@ pub enum Status {
 /// Names that many rows share, as the program has them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RowNames {
-    /// File that the motion stands in.
+    /// File of the motion.
     pub file: Arc<str>,
     /// Tool.
     pub tool: Arc<str>,
@@ -37,7 +37,7 @@ pub struct Row {
     pub line: u32,
     /// Name of the declared robtarget.
     pub name: Option<Arc<str>>,
-    /// What happened.
+    /// The result.
     pub status: Status,
     /// Programmed position, work object axes, mm.
     pub position_mm: [f64; 3],
@@ -45,7 +45,7 @@ pub struct Row {
     pub error_mm: [f64; 3],
     /// Its rotation vector, degrees.
     pub error_deg: [f64; 3],
-    /// Along the surface normal at the contact point, out of the material, mm.
+    /// The error along the surface normal at the contact point, positive out of the material, mm.
     pub error_normal_mm: f64,
     /// Commanded minus programmed, mm.
     pub correction_mm: [f64; 3],
@@ -57,30 +57,30 @@ pub struct Row {
     pub force_n: [f64; 3],
     /// Standard uncertainty of the predicted error, per axis, mm.
     pub sigma_mm: Option<f64>,
-    /// What is left on the way into the target, by the forward model on the numbers as written; `None` where that is not known:
-    /// the target is not solved, or there is no equilibrium on its way.
+    /// The remaining error on the segment to the target, by the forward model on the numbers as written. `None` if it is unknown: the target
+    /// is not solved, or the segment has a point without an equilibrium.
     pub path: Option<PathDeviation>,
-    /// Axial depth of the cutter in the stock, mm; where the engagement follows from one.
+    /// Axial depth of the cutter in the stock, mm; `Some` if the engagement follows from a stock.
     pub depth_mm: Option<f64>,
     /// Arc of engagement at half that depth, degrees.
     pub engaged_deg: Option<f64>,
-    /// Removed on the way into the target, mm³.
+    /// Volume removed on the segment to the target, mm³.
     pub removed_mm3: Option<f64>,
-    /// Turn about the tool axis, from the work object's x axis as it is seen along the tool, degrees; where it was chosen.
+    /// Turn about the tool axis, from the work object's x axis seen along the tool, degrees; `Some` if it was chosen.
     pub spin_deg: Option<f64>,
-    /// Motor angles that the controller is sent to, as the pendant shows them, degrees: those of the corrected numbers where the
-    /// target is corrected. `None` where the target is not solved.
+    /// Commanded axis angles as the pendant shows them, degrees: those of the corrected numbers if the target is corrected. `None` if the
+    /// target is not solved.
     pub joints_deg: Option<[f64; 6]>,
-    /// Programmed speed of the TCP, mm/s; `None` where the text does not say.
+    /// Programmed speed of the TCP, mm/s; `None` if the text does not state it.
     pub feed_mm_s: Option<f64>,
-    /// By how much the part yields under the force that the uncorrected target is cut with, mm: its share of the predicted error.
-    /// `None` where no effect says how the part yields.
+    /// Displacement of the part under the force at the uncorrected target, mm: its share of the predicted error. `None` if no effect
+    /// describes how the part yields.
     pub error_part_mm: Option<f64>,
     /// Names of file, tool and work object.
     pub names: Option<Arc<RowNames>>,
-    /// How stiffly the cell holds the TCP; where [`Options::stiffness`](super::Options::stiffness) asks for it.
+    /// Stiffness of the TCP; `Some` with [`Options::stiffness`](super::Options::stiffness).
     pub stiffness: Option<Stiffness>,
-    /// How the arm stands; where [`Options::stance`](super::Options::stance) asks for it.
+    /// Posture of the arm; `Some` with [`Options::stance`](super::Options::stance).
     pub stance: Option<Arc<Stance>>,
 }
 
@@ -103,7 +103,7 @@ impl Row {
         Vector3::from(self.remaining_mm).norm()
     }
 
-    /// Largest distance of the tip from the programmed path on the way into the target, mm.
+    /// Largest distance of the tip from the programmed path on the segment to the target, mm.
     #[must_use]
     pub fn remaining_path_mm(&self) -> Option<f64> {
         self.path.map(|path| path.max_mm)
@@ -114,7 +114,7 @@ impl Row {
         self.status == Status::Ok || self.force_n.iter().any(|force| force.abs() > 0.0)
     }
 
-    /// One of nothing.
+    /// A row without values.
     pub(super) const BLANK: Self = Self {
         target: 0,
         line: 0,
@@ -142,7 +142,7 @@ impl Row {
         stance: None,
     };
 
-    /// Of a target that is kept because it is not known where the controller goes.
+    /// The row of a target that is kept because its pose is unknown.
     pub(super) fn unsolved(target: &Target, why: KeptReason) -> Self {
         let position_mm = match target.goal {
             Goal::Pose { position_mm, .. } | Goal::Axis { position_mm, .. } => position_mm,
@@ -156,12 +156,12 @@ impl Row {
         }
     }
 
-    /// Of a motion of which it is known only at run time where it goes.
+    /// The row of a motion whose target is known only at run time.
     pub(super) fn unknown(motion: &UnknownMotion) -> Self {
         Self::without_errors(motion.ordinal, motion.line, motion.reason.into())
     }
 
-    /// Of a target that is kept for this reason: neither its place nor its errors are known (NaN).
+    /// The row of a target that is kept for a reason: its position and its errors are unknown (NaN).
     fn without_errors(target: u32, line: u32, why: KeptReason) -> Self {
         let none = [f64::NAN; 3];
         Self {
@@ -178,13 +178,13 @@ impl Row {
         }
     }
 
-    /// Why the target is kept or not judged; empty of others.
+    /// Why the target is kept or not judged; empty for others.
     #[must_use]
     pub fn reason(&self) -> &'static str {
         if let Status::Kept(reason) = self.status { reason.text() } else { "" }
     }
 
-    /// Whether its numbers changed by more than printing them does.
+    /// Whether its numbers changed by more than the rounding of printing.
     #[must_use]
     pub fn is_corrected(&self) -> bool {
         let turned = self.correction_deg.iter().any(|angle| angle.abs() > ROUNDED_DEG);
@@ -197,7 +197,7 @@ impl Row {
         !self.error_normal_mm.is_nan()
     }
 
-    /// Fills a blank row with the predicted error of where the target ends up, and nothing corrected.
+    /// Fills a blank row with the predicted error and without a correction.
     pub(super) fn fill(&mut self, target: &Target, point: &Point, there: &PredictedPose, error_normal: f64) {
         let error_mm = (1e3 * there.shift).into();
         self.target = target.ordinal;
@@ -224,40 +224,40 @@ impl Row {
     }
 }
 
-/// Counts and sizes over a program, for the summary line. `targets` is the sum of the corrected, the unchanged, those in the air,
-/// the inserted and the kept ones.
+/// Counts and sizes over a program, for the summary. `targets` is the sum of `corrected`, `unchanged`, `air`, `inserted` and the kept
+/// targets.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Summary {
-    /// Executed motions, inserted ones among them.
+    /// Executed motions, including inserted ones.
     pub targets: usize,
     /// Targets whose numbers changed.
     pub corrected: usize,
-    /// Targets that cut and whose numbers did not change, though they might: all that cut in a prediction.
+    /// Targets that cut, may change, and whose numbers did not change; in a prediction, all that cut.
     pub unchanged: usize,
     /// Targets without cutting force whose numbers did not change.
     pub air: usize,
     /// Targets that `--subdivide` inserted.
     pub inserted: usize,
-    /// Not to be changed, by reason, in the order first met.
+    /// Kept targets by reason, in the order of first occurrence.
     pub kept: Vec<(KeptReason, usize)>,
-    /// Of the kept ones those that were not judged, because it is not known where the controller goes, by reason.
+    /// Kept targets that were not judged because their pose is unknown, by reason.
     pub unjudged: Vec<(KeptReason, usize)>,
     /// Largest predicted error without correction, mm.
     pub max_error_mm: f64,
-    /// Root mean square of it over cutting targets, kept ones among them, mm; over all where none cuts.
+    /// Root mean square of the predicted error over targets that cut, including kept ones, mm; over all if none cuts.
     pub rms_error_mm: f64,
     /// Largest correction, mm.
     pub max_correction_mm: f64,
-    /// Largest remaining error of a cutting target that is not kept, mm.
+    /// Largest remaining error of a target that cuts and is not kept, mm.
     pub max_remaining_mm: f64,
-    /// Largest error of a kept target, which stays, mm.
+    /// Largest error of a kept target, which remains, mm.
     pub max_kept_mm: f64,
-    /// Largest distance of the tip from the programmed path on the way into cutting targets, mm; into all where none cuts.
+    /// Largest distance of the tip from the programmed path on segments to targets that cut, mm; to all if none cuts.
     pub remaining_path_max_mm: f64,
-    /// Root mean square of it over their length, mm.
+    /// Root mean square of that distance over their length, mm.
     pub remaining_path_rms_mm: f64,
-    /// Targets whose way could not be judged.
+    /// Number of targets whose segment could not be judged.
     pub paths_unknown: usize,
 }
 
@@ -277,7 +277,7 @@ impl Summary {
     }
 }
 
-/// Counts more of a reason, in the order first met.
+/// Adds to the count of a reason, in the order of first occurrence.
 fn count_in(counts: &mut Vec<(KeptReason, usize)>, reason: KeptReason, more: usize) {
     match counts.iter_mut().find(|(known, _)| *known == reason) {
         Some((_, count)) => *count += more,
@@ -285,20 +285,20 @@ fn count_in(counts: &mut Vec<(KeptReason, usize)>, reason: KeptReason, more: usi
     }
 }
 
-/// What printing four decimals and holding them in single precision moves by itself, mm.
+/// Largest change by printing four decimals and storing them in single precision, mm.
 const ROUNDED_MM: f64 = 0.9e-4;
 /// The same for eight decimals of a quaternion, degrees.
 const ROUNDED_DEG: f64 = 2e-5;
 
-/// A [`Summary`] on its way, row after row in running order.
+/// Collects a [`Summary`] row by row in running order.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tally {
-    /// Counts; sizes are in the end.
+    /// Counts; sizes are computed at the end.
     sum: Summary,
     most: Most,
     cutting: MeanSquare,
     all: MeanSquare,
-    /// On the way into targets that cut, and into all.
+    /// Deviations on segments to targets that cut, and to all.
     cutting_path: PathDeviation,
     path: PathDeviation,
 }
@@ -312,7 +312,7 @@ struct Most {
     kept: f64,
 }
 
-/// Root mean square on its way.
+/// Collects a root mean square.
 #[derive(Clone, Copy, Debug, Default)]
 struct MeanSquare {
     sum: f64,

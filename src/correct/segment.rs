@@ -1,9 +1,8 @@
-//! A segment is what the controller does between two targets; the force that acts on it is a law over its length.
+//! A segment is the motion of the controller between two targets; the force on it is a law over its length.
 //!
-//! The cut of a segment is that of the move into its end, over all of its length: at its start too, where the target before
-//! has the correction of *its* cut. [`Segment::at`] is the one place that gives the circumstances anywhere on the way: the
-//! programmed pose, and the load there ([`Segment::load`]). A force that changes along the way, such as that of a stock,
-//! has its value there.
+//! The cut of a segment is the same over all of its length, also at its start, where the target before has the correction of
+//! *its own* cut. [`Segment::at`] alone gives the point anywhere on the segment: the programmed pose, and the load there
+//! ([`Segment::load`]). A force that changes along the segment, such as that of a stock, has its value at that point.
 
 use super::Prepared;
 use super::laws::Law;
@@ -19,44 +18,44 @@ use crate::robot::{Joints, Pose};
 use nalgebra::{Unit, Vector3};
 use std::sync::Arc;
 
-/// Where a segment begins: a target as it was solved.
+/// The start of a segment: a solved target.
 #[derive(Clone, Debug)]
 pub(super) struct Start {
     pub(super) point: Point,
     pub(super) setting: Setting,
-    /// Where the controller is sent to.
+    /// Commanded pose.
     pub(super) commanded: Pose,
-    /// Its motor angles there, rad.
+    /// Motor angles there, rad.
     pub(super) motor: Joints,
     /// Travel of the joints there.
     pub(super) travel: Joints,
-    /// Unit vector along the path that ends there, base axes, where it is one.
+    /// Unit vector along the path that ends there, base axes; `None` if no path does.
     pub(super) tangent: Option<Vector3<f64>>,
-    /// How far the tip is off there, m; 0 where that is not known.
+    /// Error of the tip there, m; 0 if it is unknown.
     pub(super) left: f64,
 }
 
-/// A way into a target that is a line or an arc.
+/// A segment that is a line or an arc.
 #[derive(Clone, Debug)]
 pub(super) struct Segment<'p> {
     /// Index of the target that it ends at.
     pub(super) end: usize,
-    /// As programmed.
+    /// The programmed curve.
     pub(super) track: Track,
     from: &'p Point,
     to: &'p Point,
     mount: &'p Mount,
     laws: &'p [Law],
-    /// Whether the path turns sharply where it begins, or begins there.
+    /// Whether the path has a corner at the start of the segment, or begins there.
     pub(super) corner: bool,
 }
 
-/// Paths that turn by more than this have a corner there: its cosine (5°).
+/// Cosine of the turn beyond which a path has a corner (5°).
 pub(super) const SMOOTH: f64 = 0.996;
 
 impl Start {
-    /// A pose of this target as target `i` has it: the same joints and units, with other tool and work object; `None` where it is
-    /// not known how that work object stood.
+    /// A pose of this target with the tool and the work object of target `i`, at the same joints and units; `None` if the position of that
+    /// work object was unknown.
     pub(super) fn seen(&self, pose: &Pose, prepared: &Prepared, i: usize) -> Option<Pose> {
         let setting = if prepared.points[i].setting == self.point.setting {
             return self.fits(prepared, i).then_some(*pose);
@@ -69,21 +68,21 @@ impl Start {
         Some(setting.wobj_from_tcp(&self.setting.base_from_flange(pose)))
     }
 
-    /// Whether it is known how base and work object of target `i` stood here.
+    /// Whether the positions of base and work object of target `i` are known here.
     fn fits(&self, prepared: &Prepared, i: usize) -> bool {
         prepared.points[i].moved.is_none() || prepared.mount(i).at(self.point.moved.as_ref()).is_some()
     }
 }
 
-/// What the way into a target is.
+/// The kind of the segment to a target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Line,
-    /// Through the circle point before.
+    /// An arc through the circle point before.
     Arc,
-    /// Joints move evenly: no path is programmed.
+    /// A joint motion: no path is programmed.
     Joint,
-    /// No way of its own: a circle point.
+    /// A circle point, which has no segment of its own.
     Point,
 }
 
@@ -96,14 +95,14 @@ impl Kind {
             _ if target.external.as_ref().is_some_and(|external| external.moved_alone) => Self::Joint,
             (_, Motion::Joint | Motion::AbsoluteJoint) => Self::Joint,
             (_, Motion::Circular) if via().is_some_and(|via| via.ordinal == target.ordinal) => Self::Arc,
-            // Arcs that are made of lines are lines.
+            // Chords of an arc are lines.
             _ => Self::Line,
         }
     }
 }
 
 impl<'p> Segment<'p> {
-    /// The way into target `i` from `start`; `None` where it is no line and no arc.
+    /// The segment to target `i` from `start`; `None` if it is neither a line nor an arc.
     pub(super) fn into(program: &Program, prepared: &'p Prepared, i: usize, start: &'p Start) -> Option<Self> {
         let to = &prepared.points[i];
         let track = Self::track(program, prepared, i, &start.seen(&start.point.reference, prepared, i)?)?;
@@ -115,7 +114,7 @@ impl<'p> Segment<'p> {
         Some(segment)
     }
 
-    /// The programmed way into target `i` from a pose.
+    /// The programmed curve to target `i` from a pose.
     pub(super) fn track(program: &Program, prepared: &Prepared, i: usize, from: &Pose) -> Option<Track> {
         let to = &prepared.points[i].reference;
         match Kind::of(program, i) {
@@ -125,23 +124,23 @@ impl<'p> Segment<'p> {
         }
     }
 
-    /// Where units are at a share of the way.
+    /// Positions of units at a share of the segment.
     pub(super) fn moved(&self, share: f64) -> Option<Arc<Moved>> {
         self.mount.between(self.from.moved.as_ref(), self.to.moved.as_ref(), share)
     }
 
-    /// What the arm is run with there.
+    /// The setting at a share of the segment.
     pub(super) fn setting(&self, share: f64) -> Setting {
         self.moved(share).map_or(self.mount.setting, |moved| moved.setting)
     }
 
-    /// Circumstances at a share of the way, with the controller sent to the programmed pose at the programmed speed; motor angles
-    /// and direction of travel are those of the end.
+    /// The point at a share of the segment, with the command at the programmed pose and at the programmed speed. Motor angles and direction
+    /// of travel are those of the end.
     pub(super) fn at(&self, share: f64) -> Point {
         self.at_speed(share, 1.0)
     }
 
-    /// The same at a share of the programmed speed, which the force of a cut from stock follows.
+    /// The same at a share of the programmed speed, on which the force of a cut from stock depends.
     pub(super) fn at_speed(&self, share: f64, speed: f64) -> Point {
         let wobj_from_tcp = self.track.pose(share);
         let tangent = self.track.tangent(share);
@@ -154,14 +153,14 @@ impl<'p> Segment<'p> {
         };
         let normal = match load {
             PointLoad::Law { wobj_from_feed, .. } => wobj_from_feed.matrix().column(2).into(),
-            // As at the end, turned with the tool.
+            // The normal at the end, turned with the tool.
             _ if self.track.keeps_orientation() => to.normal,
             _ => wobj_from_tcp.rotation * to.reference.rotation.inverse_transform_vector(&to.normal),
         };
         let between = |a: f64, b: f64| a + share * (b - a);
         let speed = to.velocity.norm();
         let moved = self.moved(share);
-        // As the arm sees it, units move besides.
+        // Seen from the arm, units move too.
         let along = tangent.filter(|_| to.moved.is_none());
         Point {
             moved,
@@ -182,7 +181,7 @@ impl<'p> Segment<'p> {
         }
     }
 
-    /// The load where the programmed pose is this one and the path runs along `tangent`.
+    /// The load at a programmed pose where the path has the direction `tangent`.
     fn load(&self, pose: &Pose, tangent: Option<&Vector3<f64>>) -> PointLoad {
         let straight = self.track.keeps_orientation() && !self.track.is_arc();
         let feed_frame = |lean: &Lean, axis: Vector3<f64>, tangent: Option<&Vector3<f64>>| {
@@ -207,8 +206,8 @@ impl<'p> Segment<'p> {
     }
 }
 
-/// Lets the cut of arcs follow them: their points have the force of the path's direction there, as they have when the arc is
-/// split into many, instead of that of the chord from the point before.
+/// Turns the force of arcs with the path: their points get the force for the direction of the arc there, as when the arc is divided into
+/// many, instead of the direction of the chord from the point before.
 pub(super) fn follow_arcs(program: &Program, prepared: &mut Prepared) {
     for i in (0..prepared.points.len()).filter(|i| Kind::of(program, *i) == Kind::Arc) {
         let before = (0..i).rev().find(|before| Kind::of(program, *before) != Kind::Point);

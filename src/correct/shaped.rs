@@ -1,13 +1,12 @@
-//! Programs that keep a tolerance of the path as it is driven (`compensate --max-path-error`).
+//! Corrects programs so that the driven path keeps a tolerance (`compensate --max-path-error`).
 //!
-//! What the controller makes of a corner is corrected first: [`shape`] finds the command that is driven along the programmed
-//! path, and the program is written with it. That program is then corrected for the deflection of the arm as any other is.
-//! What comes of both is judged on the final text: the path that the controller drives and the loaded arm takes, against the path
-//! of the program as it was given.
+//! The corner errors of the controller are corrected first: [`shape`] finds the command that the controller drives along the programmed
+//! path, and the program is written with it. That program is then corrected for the deflection of the arm like any other. The
+//! final text is judged: the driven path of the loaded arm is compared with the path of the original program.
 
 use super::context::Context;
 use super::corrected::DrivenSummary;
-use super::driven::{Course, DrivenWays, Sampling, driven_ways, loaded_along};
+use super::driven::{Course, DrivenSegments, Sampling, driven_segments, loaded_along};
 use super::line::compensate_in;
 use super::{Corrected, Options, Prepared, Row, frames};
 use crate::cell::{Cell, ControllerPath};
@@ -22,11 +21,11 @@ use std::collections::BTreeSet;
 
 /// Smaller displacements are not written, m: half the last digit of a position.
 const NO_MOVE: f64 = 5e-8;
-/// Zone that a corner may get in place of a larger one, mm: the smallest one of RAPID.
+/// Zone that a corner may get instead of a larger one, mm: the smallest one of RAPID.
 const SMALLEST_ZONE_MM: f64 = 0.3;
-/// How often the command is sought again where the text does not allow what was found.
+/// Most rounds of the search for a command that the text allows.
 const MOST_ROUNDS: usize = 6;
-/// Places of a path that a message names.
+/// Number of lines that a message names.
 const NAMED: usize = 5;
 
 /// A program that was corrected for its driven path.
@@ -34,7 +33,7 @@ const NAMED: usize = 5;
 pub struct DrivenCompensation {
     /// The program before the deflection is corrected: [`Corrected::rewritten`] has edits of its sources.
     pub program: Program,
-    /// What became of it; the rows are those of the program as it was given.
+    /// The results; the rows are those of the original program.
     pub corrected: Corrected,
 }
 
@@ -42,7 +41,7 @@ pub struct DrivenCompensation {
 /// of the programmed one.
 ///
 /// # Errors
-/// What [`compensate`](super::compensate) and [`Course::new`] refuse; a cell without the law of its controller; CL data, which are not edited.
+/// As [`compensate`](super::compensate) and [`Course::new`]; a cell without the law of its controller; CL data, which are not edited.
 pub fn compensate_driven(
     program: &Program,
     cell: &Cell,
@@ -79,7 +78,7 @@ pub fn compensate_driven(
     Ok(DrivenCompensation { program: shaped.program, corrected })
 }
 
-/// A program as it was given, and the options of the run.
+/// The original program, and the options of the run.
 struct Given<'a> {
     program: &'a Program,
     cell: &'a Cell,
@@ -90,18 +89,18 @@ struct Given<'a> {
     tolerance: f64,
 }
 
-/// The program whose controller drives the given path.
+/// The program with which the controller drives the programmed path.
 struct ShapedProgram {
     program: Program,
     command: ShapedCommand,
-    /// How many targets were inserted before each waypoint.
+    /// Number of targets inserted before each waypoint.
     inserted: Vec<usize>,
     /// Targets whose displacement could not be written, with the reason.
     kept: Vec<(usize, Reason)>,
 }
 
 impl Given<'_> {
-    /// Finds the command, writes it, and seeks it again without what the text does not allow.
+    /// Finds the command and writes it; repeats this without the changes that the text does not allow.
     fn shaped(&self) -> Result<ShapedProgram, Vec<Diagnostic>> {
         let Self { program, course, .. } = *self;
         let (mut fixed, mut closed) = (BTreeSet::new(), BTreeSet::new());
@@ -138,7 +137,7 @@ impl Given<'_> {
         }
     }
 
-    /// What may be changed of each motion.
+    /// The allowed changes of each motion.
     fn freedom(&self, fixed: &BTreeSet<usize>, closed: &BTreeSet<usize>) -> Vec<Freedom> {
         let Self { program, prepared, course, .. } = *self;
         let cuts = course.targets.iter().any(|i| prepared.points[*i].cuts());
@@ -180,7 +179,7 @@ impl Given<'_> {
         self.course.refused(self.program, error)
     }
 
-    /// Where the points of the program go; `None` where they stay.
+    /// The changes of the program's points; `None` for those that stay.
     fn changes(&self, motions: &[CommandedMotion]) -> Vec<Option<Change>> {
         let mut changes: Vec<Option<Change>> = vec![None; self.program.targets.len()];
         for (motion, &i) in motions.iter().zip(&self.course.targets) {
@@ -212,7 +211,7 @@ impl Given<'_> {
         inserts
     }
 
-    /// Adds the edits of zones. A statement that runs more than once gets what the most careful of its runs needs.
+    /// Adds the edits of zones. A statement that runs more than once gets the smallest zone that any of its runs needs.
     fn edit_zones(&self, motions: &[CommandedMotion], rewritten: &mut Rewritten) {
         let Self { program, course, .. } = *self;
         let mut wanted = Vec::new();
@@ -225,7 +224,7 @@ impl Given<'_> {
                 _ => {}
             }
         }
-        // Stops first: of two edits of one statement the first holds.
+        // Stops first: of two edits of one statement, the first one counts.
         wanted.sort_by_key(|(i, passing)| (*passing != Passing::Stop, *i));
         let mut edits: Vec<(usize, Edit)> = Vec::new();
         for ((i, _), edit) in wanted.iter().zip(program.passing_edits(&wanted)) {
@@ -243,28 +242,28 @@ impl Given<'_> {
         }
     }
 
-    /// For each motion of the written program the waypoint of the given program on whose way it is. `further` has how many targets
-    /// were inserted before each motion of the shaped program.
+    /// For each motion of the written program, the waypoint of the original program to whose segment it belongs. `further` has the number of
+    /// targets inserted before each motion of the shaped program.
     fn origins(&self, shaped: &ShapedProgram, further: &[usize]) -> Vec<usize> {
         let shaped_motions = shaped.inserted.iter().enumerate().flat_map(|(i, inserted)| vec![i; inserted + 1]);
         shaped_motions.enumerate().flat_map(|(k, i)| vec![i; further.get(k).copied().unwrap_or(0) + 1]).collect()
     }
 
-    /// How a program is driven, against the path of the given one; each of its motions belongs to the waypoint in `origins`, which
-    /// is empty for the given program itself.
-    fn judged(&self, program: &Program, origins: &[usize]) -> Result<DrivenWays, Vec<Diagnostic>> {
+    /// Compares the driven path of a program with the path of the original. Each motion belongs to the waypoint in `origins`, which is empty
+    /// for the original itself.
+    fn judged(&self, program: &Program, origins: &[usize]) -> Result<DrivenSegments, Vec<Diagnostic>> {
         let mut prepared = Prepared::new(program, self.cell, self.options)?;
         let course = Course::new(program, self.cell, &prepared)?;
         let context = Context::whole(program, self.cell, self.options);
         let path = loaded_along(&mut prepared, course, context, Sampling::Sparse)?;
         let waypoint_of = |waypoint: usize| origins.get(waypoint).copied().unwrap_or(waypoint);
-        Ok(driven_ways(self.prepared, self.course, &self.cell.arm.robot, &path, &waypoint_of))
+        Ok(driven_segments(self.prepared, self.course, &self.cell.arm.robot, &path, &waypoint_of))
     }
 
-    /// Completes the rows and says what came of it.
-    fn tell(&self, shaped: &ShapedProgram, corrected: &mut Corrected, before: &DrivenWays, after: &DrivenWays) {
+    /// Completes the rows, and adds the notes and the figures.
+    fn tell(&self, shaped: &ShapedProgram, corrected: &mut Corrected, before: &DrivenSegments, after: &DrivenSegments) {
         let Self { program, course, prepared, .. } = *self;
-        // Ordinals of the given program, counted on by what was inserted.
+        // Ordinals of the original program, increased by the number of inserted targets.
         let mut ordinals: Vec<(u32, usize)> = Vec::new();
         let mut more = 0;
         for (waypoint, inserted) in shaped.inserted.iter().enumerate() {
@@ -283,7 +282,7 @@ impl Given<'_> {
                 at += 1;
             }
             let Some((_, waypoint)) = ordinals.get(at).filter(|(ordinal, _)| *ordinal == row.target) else {
-                // Inserted before the next waypoint, or a motion that is known only at run time.
+                // A target inserted before the next waypoint, or a motion that is known only at run time.
                 let next = ordinals.get(at).map(|(_, waypoint)| *waypoint);
                 let is_inserted = next.is_some_and(|waypoint| {
                     let from = ordinals[at].0 - u32::try_from(shaped.inserted[waypoint]).unwrap_or(0);
@@ -302,7 +301,7 @@ impl Given<'_> {
                 let shift = Vector3::from(row.position_mm) - programmed;
                 row.correction_mm = (Vector3::from(row.correction_mm) + shift).into();
                 row.position_mm = programmed.into();
-                row.path = after.ways[*waypoint].or(row.path);
+                row.path = after.segments[*waypoint].or(row.path);
             }
             (row.target, row.line) = (target.ordinal, target.line);
             rows.push(row);
@@ -317,10 +316,10 @@ impl Given<'_> {
         corrected.notes.extend(self.notes(shaped, before, after));
     }
 
-    fn notes(&self, shaped: &ShapedProgram, before: &DrivenWays, after: &DrivenWays) -> Vec<Diagnostic> {
+    fn notes(&self, shaped: &ShapedProgram, before: &DrivenSegments, after: &DrivenSegments) -> Vec<Diagnostic> {
         let Self { program, course, .. } = *self;
         let name = program.sources.first().map_or("", |source| &source.name);
-        // The millimetres that were given, without what their conversion leaves.
+        // The millimetres of the option, without the rounding of their conversion.
         let asked = (1e9 * self.tolerance).round() / 1e6;
         let (was, is) = (before.figures, after.figures);
         let mut notes = course.notes(program, self.cell);
@@ -353,8 +352,8 @@ impl Given<'_> {
         }
         notes.push(note);
         if is.max_mm > asked {
-            let over: Vec<usize> = (0..after.ways.len())
-                .filter(|i| after.counts[*i] && after.ways[*i].is_some_and(|way| way.max_mm > asked))
+            let over: Vec<usize> = (0..after.segments.len())
+                .filter(|i| after.counts[*i] && after.segments[*i].is_some_and(|segment| segment.max_mm > asked))
                 .collect();
             let lines: Vec<String> =
                 over.iter().take(NAMED).map(|i| program.targets[course.targets[*i]].line.to_string()).collect();
@@ -362,7 +361,7 @@ impl Given<'_> {
             let message = format!(
                 "--max-path-error {asked} is not kept on the path to {} of {} targets (lines {}{more}): {:.3} mm can be kept",
                 over.len(),
-                after.ways.len(),
+                after.segments.len(),
                 lines.join(", "),
                 is.max_mm
             );
@@ -388,7 +387,7 @@ fn edited(program: &Program, edits: &[Vec<Edit>]) -> Result<Program, Vec<Diagnos
     read(program.language, own.collect(), context.to_vec(), &options)
 }
 
-/// How many motions a correction inserted before each motion of a program.
+/// Number of motions that a correction inserted before each motion of a program.
 fn inserted_before(program: &Program, rewritten: Option<&Rewritten>) -> Vec<usize> {
     let ends: Vec<usize> = (0..program.targets.len()).filter(|i| program.targets[*i].is_end()).collect();
     let mut inserted = vec![0; ends.len()];

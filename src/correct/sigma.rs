@@ -12,11 +12,11 @@ use nalgebra::{DMatrix, DVector, Vector3};
 /// Step along a direction for its derivative, in standard deviations: the model is smooth on that scale.
 pub(crate) const SIGMA_STEP: f64 = 0.5;
 
-/// Change of the parameters of some effects together, by one standard deviation along one direction of their covariance.
+/// A common change of the parameters of some effects, by one standard deviation along one direction of their covariance.
 type Direction = Vec<(usize, DVector<f64>)>;
 
-/// Fills `sigma_mm`: per axis, √(tr(J Σ Jᵀ)/3) with J the change of the predicted position with the parameters, and with each
-/// joint where an effect was not seen. Σ is a sum of directions: each is followed by itself, whatever the number of parameters.
+/// Fills `sigma_mm`: for each axis √(tr(J Σ Jᵀ)/3), with J the derivative of the predicted position with respect to the parameters, and to
+/// each joint where an effect was not measured. Σ is a sum of directions, each of which is evaluated once for any number of parameters.
 pub(super) fn fill(rows: &mut [Row], context: Context<'_>, prepared: &Prepared) {
     let Context { program, cell, parallelism, .. } = context;
     let known: Vec<usize> = (0..cell.covariances.len()).filter(|&i| cell.covariances[i].is_some()).collect();
@@ -38,7 +38,7 @@ pub(super) fn fill(rows: &mut [Row], context: Context<'_>, prepared: &Prepared) 
     }
 }
 
-/// The directions of all covariances: columns of the factor that effects share, and of each other effect's own.
+/// The directions of all covariances: columns of the factor that effects share, and of the factor of each other effect.
 fn directions(cell: &Cell) -> Vec<Direction> {
     let shared = |i: usize| cell.joint_factors.get(i).and_then(Option::as_ref);
     let wide = (0..cell.covariances.len()).filter_map(shared).map(DMatrix::ncols).max().unwrap_or(0);
@@ -58,7 +58,7 @@ fn directions(cell: &Cell) -> Vec<Direction> {
 }
 
 impl Prepared {
-    /// Variance of the predicted position of a point, m², all axes together, for what an effect does not say of the joints there.
+    /// Variance of the predicted position of a point, m², all axes together, from the joints for which an effect was not measured there.
     pub(crate) fn unseen(&self, arm: &Arm, effect: usize, point: usize) -> f64 {
         let sigma = arm.effects[effect].unseen(&self.points[point].motor);
         if sigma.amax() <= 0.0 {
@@ -79,7 +79,7 @@ impl Prepared {
     }
 }
 
-/// Change of every predicted position along a direction, m per standard deviation.
+/// Derivative of every predicted position along a direction, m for each standard deviation.
 fn slopes(
     cell: &Cell,
     direction: &Direction,

@@ -11,7 +11,7 @@ use crate::robot::{BatchArm, Joints, Pose, Robot, Unreachable, WrittenTarget, tu
 use crate::text::number;
 use nalgebra::Vector3;
 
-/// Decimals of a program that is written anew: 4 of a millimetre, 8 of a quaternion (see `RewriteOptions`).
+/// Decimals of a posted program: 4 of a millimetre, 8 of a quaternion (see `RewriteOptions`).
 const POSTED_DECIMALS: (usize, usize) = (4, 8);
 
 /// A solved command.
@@ -19,11 +19,11 @@ const POSTED_DECIMALS: (usize, usize) = (4, 8);
 pub(super) struct Solved {
     /// Commanded motor angles, rad.
     pub(super) motor: Joints,
-    /// What the controller's own nominal model makes of them: the corrected target.
+    /// The nominal forward kinematics of these angles: the corrected target.
     pub(super) wobj_from_tcp: Pose,
 }
 
-/// What the controller makes of a target as written.
+/// The pose of the controller for a target as written.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reached {
     /// Motor angles, rad.
@@ -32,14 +32,14 @@ pub(super) struct Reached {
     pub(super) turn: Vector3<f64>,
 }
 
-/// What to solve for at each point.
+/// What is solved at each point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum CorrectionMode {
     /// Leave the command as it is.
     Keep,
-    /// Land the whole pose.
+    /// The whole pose of the loaded TCP is the wanted one.
     Pose,
-    /// Land the TCP, hold the command's orientation.
+    /// The position of the loaded TCP is the wanted one; the command keeps its orientation.
     Position,
 }
 
@@ -53,16 +53,16 @@ impl CorrectionMode {
     }
 }
 
-/// Motor angles last commanded and the travel into them.
+/// The last commanded motor angles and the direction of travel to them.
 pub(super) type Last = Option<Dragged>;
 
-/// What is known of a target before the corrected directions of travel are.
+/// The results for a target before the corrected directions of travel are settled.
 #[derive(Clone, Debug)]
 pub(super) struct First {
     aim: Result<InverseSolution, EquilibriumError>,
-    /// What the controller's own model makes of the command, where that depends on nothing else.
+    /// The nominal forward kinematics of the command, if it does not depend on the travel.
     nominal: Option<Pose>,
-    /// Where it ends up as it is.
+    /// The pose where the loaded arm ends up without a correction.
     pub(super) uncorrected: Result<PredictedPose, EquilibriumError>,
 }
 
@@ -83,7 +83,7 @@ impl Answer for First {
     }
 }
 
-/// Answers for all points of a program or a chunk, many at once where the cell allows it.
+/// Solves all points of a program or a chunk, many at once where the cell allows it.
 pub(super) struct Solver<'a> {
     pub(super) arm: &'a Arm,
     many: Batch<'a>,
@@ -97,7 +97,7 @@ impl<'a> Solver<'a> {
         Self { arm, many: Batch::new(arm), prepared, parallelism, workspaces: WorkspacePool::default() }
     }
 
-    /// Commands of every point with the travel as programmed, which decides first, and where it ends up without them.
+    /// Commands of every point with the programmed travel, and the pose where the arm ends up without a correction.
     pub(super) fn first(&self, modes: &[CorrectionMode]) -> Vec<First> {
         let prepared = self.prepared;
         let many = |room: &mut Room<'a>, asked: &[usize], mut out: Answers<'_, _>| {
@@ -178,7 +178,7 @@ impl<'a> Solver<'a> {
             }
             CorrectionMode::Position => {
                 let commanded = match self.prepared.setting(i).held {
-                    // As the arm has it, from the tool: see `Point::situation`.
+                    // In the mirror image of a held part: see `Point::situation`.
                     true => point.wobj_from_tcp.inverse() * point.reference,
                     false => point.wobj_from_tcp,
                 };
@@ -193,7 +193,7 @@ impl<'a> Solver<'a> {
         Ok(self.prepared.points[i].seen_from_wobj(self.prepared.setting(i), there))
     }
 
-    /// Forward equilibria of every point's command (motor angles, direction of travel), from what is known of them.
+    /// Forward equilibria of every point's command (motor angles, direction of travel), starting from known deflections.
     pub(super) fn forward<'c>(
         &self,
         command: impl Fn(usize) -> (&'c Joints, &'c Joints) + Sync,
@@ -215,7 +215,7 @@ impl<'a> Solver<'a> {
         self.parallelism.for_each_batch(self.prepared.points.len(), simple, &self.workspaces, many, one)
     }
 
-    /// What the controller reaches for what is written, near the commands.
+    /// The motor angles of the controller for the written numbers, near the commands.
     pub(super) fn reached(
         &self,
         written: &[([f64; 3], [f64; 4])],
@@ -225,7 +225,7 @@ impl<'a> Solver<'a> {
     ) -> Vec<Result<Reached, EquilibriumError>> {
         let (robot, points) = (BatchArm::of(&self.arm.robot), &self.prepared.points);
         let many = |room: &mut Room<'a>, asked: &[usize], mut out: Answers<'_, _>| {
-            // The branch is that of the actual angles, a deflection away.
+            // The branch is that of the actual angles, which differ by the deflection.
             let near = |i: usize| first[i].aim().map_or(&points[i].motor, |aim| &aim.motor);
             let place = |lane: usize| {
                 let i = asked[lane];
@@ -267,7 +267,7 @@ impl<'a> Solver<'a> {
     }
 }
 
-/// Travel of the **corrected** motion, in order: lost motion is added along the travel, and the travel follows from what is commanded.
+/// Travel of the **corrected** motion, in order: lost motion is added in the direction of travel, and the travel follows from the commands.
 pub(super) fn settle_travel(arm: &Arm, prepared: &Prepared, first: &[First], last: &mut Last) -> Vec<Joints> {
     first
         .iter()
@@ -284,7 +284,7 @@ pub(super) fn settle_travel(arm: &Arm, prepared: &Prepared, first: &[First], las
         .collect()
 }
 
-/// Motor angles that the controller reaches for numbers as it holds them, near known ones.
+/// Motor angles of the controller for numbers in its precision, near known angles.
 pub(super) fn controller_joints(
     arm: &Arm,
     setting: &Setting,
@@ -295,12 +295,12 @@ pub(super) fn controller_joints(
     arm.robot.inverse_near(&setting.base_from_flange(&pose), near)
 }
 
-/// Motor angles that the controller reaches for a pose, near known ones, whatever the axis limits; `None` out of reach.
+/// Motor angles of the controller for a pose, near known angles, without regard to axis limits; `None` if out of reach.
 pub(super) fn controller_motor(robot: &Robot, setting: &Setting, pose: &Pose, near: &Joints) -> Option<Joints> {
     robot.inverse_near_unlimited(&setting.base_from_flange(pose), near).ok()
 }
 
-/// Numbers as a post-processor prints them and the controller holds them: fixed decimals, single precision.
+/// Numbers as a post-processor prints them and the controller stores them: fixed decimals, single precision.
 fn as_printed(pose: &Pose, position_decimals: usize, quat_decimals: usize) -> ([f64; 3], [f64; 4]) {
     #[allow(clippy::cast_possible_truncation)]
     let round = |value: f64, decimals: usize| f64::from(number::printed(value, decimals) as f32);
@@ -308,7 +308,7 @@ fn as_printed(pose: &Pose, position_decimals: usize, quat_decimals: usize) -> ([
     (position.map(|v| round(v, position_decimals)), quat.map(|v| round(v, quat_decimals)))
 }
 
-/// A pose as the posted program's controller holds it, position mm and orientation scalar first.
+/// A pose as the controller of the posted program stores it: position, mm, and orientation, scalar first.
 pub(super) fn as_posted(pose: &Pose, post: Option<Language>) -> ([f64; 3], [f64; 4]) {
     if let Some(held) = post.and_then(|post| post.about().post.held) {
         let (position, quat) = frames::millimetres(pose);

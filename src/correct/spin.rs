@@ -5,14 +5,14 @@ use crate::cell::{Spin, SpinRule};
 use crate::robot::Pose;
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 
-/// Of a cell that says nothing.
+/// The rule of a cell that states none.
 pub(super) const NONE: Spin = Spin { rule: SpinRule::Fixed, turn: 0.0 };
 
 /// Sine below which a direction is parallel to the tool axis.
 const PARALLEL: f64 = 1e-4;
 
-/// Pose of a CL target, whose tool axis is a unit vector, at the end of a chord (m). `held` is the last direction that a rule gave
-/// x, which is held where it gives none; `None` where there was none yet.
+/// Pose of a CL target, whose tool axis is a unit vector, at the end of a chord (m). `held` is the last direction that the rule gave x, which
+/// is kept where the rule gives none; `None` if there was none yet.
 pub(super) fn pose(
     spin: &Spin,
     position_mm: [f64; 3],
@@ -23,7 +23,7 @@ pub(super) fn pose(
     let axis = Vector3::from(axis);
     let position = Vector3::from(position_mm) * 1e-3;
     let reference = match spin.rule {
-        // Stiffest: as far as the turn is not chosen yet.
+        // Stiffest: before the turn is chosen.
         SpinRule::Fixed | SpinRule::Stiffest => Vector3::x(),
         SpinRule::Feed => chord,
         SpinRule::Towards(point) => point - position,
@@ -39,15 +39,15 @@ pub(super) fn pose(
     Some(Pose::from_parts(position.into(), rotation))
 }
 
-/// The direction that turns are counted from, square to a tool axis: the work object's x axis as it is seen along the tool; its y
-/// axis where the tool lies along x.
+/// The direction from which turns count, perpendicular to a tool axis: the work object's x axis seen along the tool, or its y axis if the
+/// tool is parallel to x.
 fn reference(axis: &Vector3<f64>) -> Vector3<f64> {
     let across = |v: Vector3<f64>| (v - axis * v.dot(axis)).try_normalize(PARALLEL);
     across(Vector3::x()).or_else(|| across(Vector3::y())).unwrap_or_else(Vector3::x)
 }
 
-/// Pose at a position (m, work object axes) with a tool axis (tip to spindle) and a turn (rad) about it from [`reference`]: what
-/// `spin = "fixed"` gives with that `spin_deg`.
+/// Pose at a position (m, work object axes) with a tool axis (tip to spindle) and a turn (rad) about it from [`reference`]: as with
+/// `spin = "fixed"` and that `spin_deg`.
 pub(super) fn turned(position: Vector3<f64>, axis: &Vector3<f64>, turn: f64) -> Pose {
     let x = Rotation3::from_axis_angle(&Unit::new_normalize(*axis), turn) * reference(axis);
     let z = -axis;

@@ -1,4 +1,4 @@
-//! How the arm stands at a target: for pictures and for charts of its margins.
+//! The posture of the arm at a target, for pictures and for charts of its margins.
 
 use super::collected::points_of;
 use super::context::Context;
@@ -8,20 +8,20 @@ use crate::cell::Cell;
 use crate::robot::{EXTERNAL_AXES, External, Pose};
 use std::sync::Arc;
 
-/// How the arm stands at a target, as programmed.
+/// The posture of the arm at a target, as programmed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stance {
     /// Axes as the controller counts them, degrees.
     pub axes_deg: [f64; 6],
-    /// From the nearest axis limit, degrees; negative beyond it.
+    /// Distance from the nearest axis limit, degrees; negative beyond it.
     pub limit_margin_deg: f64,
-    /// Of axis 5 from where axes 4 and 6 line up, degrees.
+    /// Distance of axis 5 from where axes 4 and 6 line up, degrees.
     pub singular_margin_deg: f64,
     /// The base in the work object: position, mm, and rotation vector, degrees.
     pub base: [f64; 6],
     /// External axes, mm or degrees; NaN where one is not in use.
     pub external: External,
-    /// The unit that the work object is on, in the work object: a point of its axis, mm, and the axis' direction.
+    /// The unit that carries the work object, in the work object: a point of its axis, mm, and the direction of the axis.
     pub table: Option<[f64; 6]>,
     /// Circle point of the arc that leads to the target, work object axes, mm.
     pub circle_point: Option<[f64; 3]>,
@@ -60,7 +60,7 @@ fn stance(cell: &Cell, prepared: &Prepared, i: usize, kind: Kind) -> Option<Stan
 
 /// Position, mm, and rotation vector, degrees.
 pub(crate) fn millimetres_and_degrees(pose: &Pose) -> [f64; 6] {
-    // Through the quaternion: the matrix form loses digits near the identity and half a turn.
+    // Through the quaternion: the matrix loses digits near the identity and near half a turn.
     let turn = nalgebra::UnitQuaternion::from_rotation_matrix(&pose.rotation).scaled_axis();
     six(&(pose.translation.vector * 1e3), &turn.map(f64::to_degrees))
 }

@@ -1,4 +1,4 @@
-//! How stiffly the cell holds the TCP at each target.
+//! The stiffness of the TCP at each target.
 
 use super::collected::points_of;
 use super::context::Context;
@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Vector3};
 
 /// Stiffness of the TCP against a force on the tool, N/mm, at the force that acts there.
 ///
-/// C is the change of the TCP's position in the work object with that force, through every effect of the cell.
+/// C is the derivative of the TCP's position in the work object with respect to that force, through every effect of the cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stiffness {
     /// Along the surface normal n: 1/(nᵀCn).
@@ -21,7 +21,7 @@ pub struct Stiffness {
 }
 
 impl Stiffness {
-    /// From the compliance (m/N) and the unit normal; `None` where the TCP does not yield.
+    /// The stiffness for a compliance (m/N) and a unit normal; `None` if the TCP does not yield.
     fn of(compliance: &Matrix3<f64>, normal: &Vector3<f64>) -> Option<Self> {
         let symmetric = 0.5 * (compliance + compliance.transpose());
         let along = symmetric.symmetric_eigenvalues();
@@ -35,10 +35,10 @@ impl Stiffness {
     }
 }
 
-/// Half the difference of force that is tried, N: large against rounding, small against what bends the arm visibly.
+/// Half the difference of the forces, N: large compared with rounding, small enough that the deflection is linear.
 const STEP: f64 = 50.0;
 
-/// Fills `stiffness` by differences of equilibria about the force that acts.
+/// Fills `stiffness` by differences of equilibria around the force that acts.
 pub(super) fn fill(rows: &mut [Row], context: Context<'_>, prepared: &Prepared) {
     let Context { program, cell, parallelism, .. } = context;
     let at = points_of(rows, program);
@@ -66,7 +66,7 @@ fn stiffness(cell: &Cell, prepared: &Prepared, i: usize, force: &Vector3<f64>) -
         let step = Vector3::ith(axis, STEP);
         let (more, less) = (under(force + step)?, under(force - step)?);
         moves.set_column(axis, &(more.0 - less.0));
-        // Some effects change the force itself, so the one that really acts is taken.
+        // Some effects change the force: the actual one is used.
         forces.set_column(axis, &(more.1 - less.1));
     }
     Stiffness::of(&(moves * forces.try_inverse()?), &point.normal)

@@ -1,5 +1,5 @@
-//! Long programs in constant memory: chunks through all [stages](Stages), and what their texts become. The same bytes as
-//! [`compensate`](super::compensate) gives on the whole.
+//! Long programs in constant memory: chunks pass all [stages](Stages), and their texts are written. The bytes are those of
+//! [`compensate`](super::compensate) on the whole program.
 
 use super::carried::Carried;
 use super::context::Context;
@@ -16,11 +16,11 @@ use std::collections::HashMap;
 use std::io::{self, Read, Seek, Write};
 use std::sync::Mutex;
 
-/// Corrects a program of which each chunk is written where it stands, chunk by chunk on `threads` threads: the same bytes as [`compensate`](super::compensate) and a
-/// rewrite, in memory that does not grow with the program.
+/// Corrects a program whose chunks can be written one after the other, on `threads` threads. The bytes are those of
+/// [`compensate`](super::compensate) and a rewrite; the memory does not grow with the program.
 ///
 /// # Errors
-/// See [`StreamError`]; what was written until then is of no use.
+/// See [`StreamError`]; what was written until then must not be used.
 pub fn compensate_chunks<C: ChunkReader + Send>(
     chunks: C,
     cell: &Cell,
@@ -39,8 +39,8 @@ pub fn compensate_chunks<C: ChunkReader + Send>(
     Ok(streamed)
 }
 
-/// Corrects a RAPID program whose targets are declared far from their use, or that runs from routine to routine: in memory is
-/// an index of these. What changes is collected in `patch`, to be applied to the program when all went well.
+/// Corrects a RAPID program whose targets are declared far from their use, or that runs from routine to routine. An index of these is in
+/// memory. The changes are collected in `patch`, which is applied to the program at the end.
 ///
 /// # Errors
 /// See [`StreamError`].
@@ -52,7 +52,7 @@ pub fn compensate_declared<R: Read + Seek + Send, S: Read + Write + Seek + Send>
     patch: &mut Patch<S>,
     sinks: &mut Sinks<'_>,
 ) -> Result<Streamed, StreamError> {
-    // A clone's name would have to be new to the whole program.
+    // The name of a clone would have to be new in the whole program.
     if (options.allow_clones && chunks.shares()) || super::is_held_whole(cell, options) {
         return Err(StreamError::NotStreamable);
     }
@@ -69,12 +69,12 @@ pub fn compensate_declared<R: Read + Seek + Send, S: Read + Write + Seek + Send>
         if disputed { Err(io::ErrorKind::Other.into()) } else { Ok(()) }
     };
     let done = walked(chunks, (cell, options, threads), &|_, chunk, done| Ok(changed(chunk, done)), &mut write, sinks);
-    // The code that sees all uses of a target decides.
+    // If motions disagree, the code that sees the whole program decides.
     if disputed { Err(StreamError::NotStreamable) } else { done }
 }
 
-/// Corrects a RAPID program that runs through more motions than can be held: once for what they are to become, once more for
-/// what that makes of them. With the edits of each of its sources.
+/// Corrects a RAPID program that runs through more motions than memory can hold. The program runs once to compute the corrections, and once
+/// more to predict the corrected motions. Returns the edits of each source too.
 ///
 /// # Errors
 /// See [`StreamError`].
@@ -85,7 +85,7 @@ pub fn compensate_executed(
     threads: usize,
     sinks: &mut Sinks<'_>,
 ) -> Result<(Streamed, Vec<Vec<Edit>>), StreamError> {
-    // A clone's name, and what is inserted, would have to be agreed on too.
+    // Motions would have to agree on clones and inserted targets too.
     if options.allow_clones || options.subdivide.is_some() || super::is_held_whole(cell, options) {
         return Err(StreamError::NotStreamable);
     }
@@ -104,11 +104,11 @@ pub fn compensate_executed(
     }
 }
 
-/// Corrects a CL program and posts it, chunk by chunk: the same bytes as [`compensate`](super::compensate) and
-/// [`post`](super::post). `open` gives the destination of a module's file by its name.
+/// Corrects a CL program and posts it, chunk by chunk. The bytes are those of [`compensate`](super::compensate) and [`post`](super::post).
+/// `open` gives the destination of a module's file by its name.
 ///
 /// # Errors
-/// See [`StreamError`]; what was written until then is of no use.
+/// See [`StreamError`]; what was written until then must not be used.
 pub fn post_chunks<C: ChunkReader + Send, W: Write + Send>(
     chunks: C,
     cell: &Cell,
@@ -121,7 +121,7 @@ pub fn post_chunks<C: ChunkReader + Send, W: Write + Send>(
     if super::is_held_whole(cell, options) {
         return Err(StreamError::NotStreamable);
     }
-    // How far the program is posted.
+    // The position up to which the program is posted.
     let posted = Ordered::new(WriterPosition::default());
     let made = |turn: &Turn<'_>, chunk: &StreamableChunk, corrected: &Corrected| {
         let points = poster.points(&chunk.program, corrected);
@@ -149,8 +149,8 @@ pub fn post_chunks<C: ChunkReader + Send, W: Write + Send>(
     Ok(streamed)
 }
 
-/// Counts the points that [`post_chunks`] will write with what is inserted, so that its parts can be laid out: takes as long
-/// as that.
+/// Counts the points that [`post_chunks`] will write, including inserted ones, so that its parts can be laid out. This takes as long as
+/// posting.
 ///
 /// # Errors
 /// See [`StreamError`].
@@ -177,7 +177,7 @@ pub fn count_chunks<C: ChunkReader + Send>(
     Ok(())
 }
 
-/// Takes the chunks of a source through the line, each on its own; `made` is what is written of one.
+/// Passes the chunks of a source through the pipeline; `made` makes the text of one.
 fn walked<C: ChunkReader + Send, T: Send>(
     chunks: C,
     (cell, options, threads): (&Cell, &Options, usize),
@@ -206,19 +206,18 @@ fn written(chunk: &StreamableChunk, corrected: &Corrected) -> Vec<u8> {
     bytes
 }
 
-/// New text for a stretch of the file.
+/// A new text for a stretch of the file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Changed {
     start: u64,
-    /// Bytes; none where there is only more text.
+    /// Number of replaced bytes; 0 for an insertion.
     old: u32,
     text: Vec<u8>,
-    /// The declaration of a target that other motions go to as well, by its offset: they have to agree.
+    /// Offset of the declaration of a target that other motions use too: they have to agree.
     shared: Option<u64>,
 }
 
-/// What of the chunk's stretch and of its declarations, wherever they stand, has edits; `None` where motions do not agree on
-/// a target.
+/// The edits of the chunk's stretch and of its declarations, wherever they are; `None` if motions do not agree on a target.
 fn changed(chunk: &StreamableChunk, corrected: &Corrected) -> Option<Vec<Changed>> {
     let rewritten = corrected.rewritten.as_ref().filter(|r| r.kept.is_empty() && r.not_inserted.is_empty())?;
     let bytes = &chunk.program.sources[0].bytes;

@@ -1,10 +1,10 @@
-//! Targets to insert until no more than a tolerance is left on the way.
+//! Chooses the targets to insert so that the error between targets is within a tolerance.
 //!
-//! The command that is needed anywhere on a segment is explicit: the inverse equilibrium of the programmed pose there, under
-//! the force of the segment. What the controller makes of the commands at both ends of an interval is held against it at the
-//! quarters and in the middle; where they are apart, the middle becomes a target. At the start of a segment the needed command
-//! may jump, since the force of the next move begins there: the first target inserted is so close after it that the jump is
-//! over before it is seen. [`deviation`](super::deviation) judges what comes out, by the forward model.
+//! The needed command anywhere on a segment is explicit: the inverse equilibrium of the programmed pose there, under the force of the
+//! segment. It is compared with the controller's interpolation between the commands at both ends of an interval, at the quarters and in
+//! the middle. If they differ, the middle becomes a target. At the start of a segment the needed command may jump, because the force of
+//! the segment begins there: the first inserted target is so close to the start that the jump is short.
+//! [`deviation`](super::deviation) judges the result with the forward model.
 
 use super::deviation::{Commanded, JUMP_WITHIN, Node, WalkedPath};
 use super::point::Point;
@@ -19,53 +19,54 @@ use crate::robot::{conf_is, conf_like};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
-/// Of the tolerance, what may be left where it is looked: for what lies between, and for what the deflection itself feeds back.
+/// Share of the tolerance that is allowed at the compared points: the rest is for the points between, and for the feedback of the
+/// deflection on the force.
 const SHARE: f64 = 0.8;
 
-/// Single precision does not distinguish less than this, m.
+/// Resolution of single precision, m.
 const RESOLUTION: f64 = 2e-7;
 
-/// The least length that a jump is given, m: what a controller still tells from a standstill.
+/// Least length over which a jump is spread, m: a controller still distinguishes it from a standstill.
 const JUMP_LEAST: f64 = 0.02e-3;
 
-/// Intervals shorter than this are not halved, m: what jumps inside is a joint that turns back.
+/// Intervals shorter than this are not halved, m: a jump inside comes from a joint that turns back.
 const SHORTEST: f64 = 0.1e-3;
 
 /// Arcs shorter than this are lines, rad: a `MoveC` needs a degree between circle point and end, seen from its start.
 const SHORTEST_ARC: f64 = 8.0 * std::f64::consts::PI / 180.0;
 
-/// Places on a segment are counted in ticks, which halve exactly.
+/// Positions on a segment are counted in ticks, which can be halved exactly.
 type Tick = u32;
 const TICKS: Tick = 1 << 20;
 
-/// What is to be inserted, and the circle points that move with it.
+/// The inserted points, and the circle points that move because of them.
 pub(super) struct Subdivision {
-    /// In order.
+    /// The inserted points, in order.
     pub(super) nodes: Vec<Node>,
-    /// Circle points of arcs that were split, by index: where they are now.
+    /// New positions of the circle points of arcs that were split, by index.
     pub(super) vias: Vec<(usize, Point, Solved)>,
 }
 
 /// A segment that is being subdivided.
 struct Plan<'p> {
     segment: Segment<'p>,
-    /// The command that the controller comes from.
+    /// The command at the start.
     from: Solved,
-    /// The joints there.
+    /// The joints at the start.
     dragged: Dragged,
     to: Solved,
     mode: CorrectionMode,
     length: f64,
-    /// Share at which the ticks begin: after a jump.
+    /// Share at which the ticks begin, after a jump.
     first: f64,
-    /// Needed commands by tick; `None` where there is none.
+    /// Needed commands by tick; `None` if there is no solution.
     needed: BTreeMap<Tick, Option<Solved>>,
     open: Vec<(Tick, Tick)>,
-    /// Intervals that stay, and whether they are arcs.
+    /// Intervals that are not halved any more, and whether they are arcs.
     done: Vec<(Tick, Tick, bool)>,
 }
 
-/// Targets to insert so that at most `tolerance` (m) is left between them; `last` is the end of the targets before.
+/// Targets to insert so that the error between targets is at most `tolerance` (m). `last` is the end of the targets before.
 pub(super) fn subdivide(
     program: &Program,
     solver: &Solver<'_>,
@@ -75,16 +76,16 @@ pub(super) fn subdivide(
     tolerance: f64,
 ) -> Subdivision {
     let prepared = solver.prepared;
-    let way = WalkedPath { program, prepared, commanded, last };
+    let walked = WalkedPath { program, prepared, commanded, last };
     let enough = (SHARE * tolerance).max(RESOLUTION);
     let starts: Vec<(usize, Start)> = (0..prepared.points.len())
         .filter(|i| matches!(Kind::of(program, *i), Kind::Line | Kind::Arc) && modes[*i] != CorrectionMode::Keep)
-        .filter_map(|i| Some((i, way.before(i)?)))
-        .filter_map(|(i, from)| Some((i, way.start(from)?)))
+        .filter_map(|i| Some((i, walked.before(i)?)))
+        .filter_map(|(i, from)| Some((i, walked.start(from)?)))
         .collect();
     let mut plans: Vec<Plan<'_>> =
-        starts.iter().filter_map(|(i, start)| Plan::new(&way, *i, start, modes[*i])).collect();
-    // Where the force of each segment begins.
+        starts.iter().filter_map(|(i, start)| Plan::new(&walked, *i, start, modes[*i])).collect();
+    // The needed commands at the start of each segment, under its own force.
     let begin = solve(solver, &plans, &(0..plans.len()).map(|at| (at, 0.0)).collect::<Vec<_>>());
     for (plan, needed) in plans.iter_mut().zip(begin) {
         plan.begin(needed, enough);
@@ -111,14 +112,14 @@ pub(super) fn subdivide(
     subdivision
 }
 
-/// The commands needed at shares of segments; `None` where there is none.
+/// The commands needed at shares of segments; `None` if there is no solution.
 fn solve(solver: &Solver<'_>, plans: &[Plan<'_>], places: &[(usize, f64)]) -> Vec<Option<Solved>> {
     let points = solver.parallelism.map(places.len(), |k| {
         let (plan, share) = (&plans[places[k].0], places[k].1);
         plan.point(solver, share)
     });
     let reached: Vec<bool> = points.iter().map(Option::is_some).collect();
-    // Something stands in for what is not reached.
+    // A point out of reach is replaced by another, whose result is not used.
     let points = points
         .into_iter()
         .zip(places)
@@ -133,13 +134,13 @@ fn solve(solver: &Solver<'_>, plans: &[Plan<'_>], places: &[(usize, f64)]) -> Ve
 }
 
 impl<'p> Plan<'p> {
-    fn new(way: &WalkedPath<'p>, i: usize, start: &'p Start, mode: CorrectionMode) -> Option<Self> {
-        let segment = Segment::into(way.program, way.prepared, i, start)?;
-        let motor = way.commanded.step(i)?.motor;
+    fn new(walked: &WalkedPath<'p>, i: usize, start: &'p Start, mode: CorrectionMode) -> Option<Self> {
+        let segment = Segment::into(walked.program, walked.prepared, i, start)?;
+        let motor = walked.commanded.step(i)?.motor;
         let length = segment.track.length();
-        let begins = start.seen(&start.commanded, way.prepared, i)?;
+        let begins = start.seen(&start.commanded, walked.prepared, i)?;
         let from = Solved { motor: start.motor, wobj_from_tcp: begins };
-        let to = Solved { motor, wobj_from_tcp: way.commanded.poses[i] };
+        let to = Solved { motor, wobj_from_tcp: walked.commanded.poses[i] };
         let plan = Self {
             segment,
             from,
@@ -164,14 +165,14 @@ impl<'p> Plan<'p> {
         (self.share(to) - self.share(from)) * self.length
     }
 
-    /// Sees whether the needed command jumps at the start.
+    /// Finds whether the needed command jumps at the start.
     fn begin(&mut self, needed: Option<Solved>, enough: f64) {
         let Some(needed) = needed else { return self.open.clear() };
         let shift = self.from.wobj_from_tcp.translation.vector - needed.wobj_from_tcp.translation.vector;
         let track = &self.segment.track;
         let jump = if self.segment.corner { track.across_start(&shift) } else { track.across(0.0, &shift) }.norm();
         if jump > enough && self.length > JUMP_WITHIN {
-            // On average over the length that it may take, half of what is enough.
+            // On average over the length of the jump, half of the allowed error.
             let over = (JUMP_WITHIN * enough / jump).clamp(JUMP_LEAST, JUMP_WITHIN);
             self.first = (over / self.length).min(0.5);
         } else {
@@ -182,9 +183,9 @@ impl<'p> Plan<'p> {
         }
     }
 
-    /// Circumstances at a share of the way; `None` out of reach.
+    /// The point at a share of the segment; `None` if it is out of reach.
     fn point(&self, solver: &Solver<'_>, share: f64) -> Option<Point> {
-        /// Of the length, what tells the direction of travel.
+        /// Share of the length over which the direction of travel is determined.
         const STEP: f64 = 1e-3;
         let mut point = self.segment.at(share);
         let arm = solver.arm;
@@ -204,7 +205,7 @@ impl<'p> Plan<'p> {
         Some(point)
     }
 
-    /// Ticks whose commands are to be known next.
+    /// Ticks whose commands are needed next.
     fn wanted(&self) -> Vec<Tick> {
         let ticks = self.open.iter().flat_map(|(from, to)| (0..=4).map(move |k| from + k * ((to - from) / 4)));
         let mut ticks: Vec<Tick> = ticks.filter(|tick| !self.needed.contains_key(tick)).collect();
@@ -213,7 +214,7 @@ impl<'p> Plan<'p> {
         ticks
     }
 
-    /// Halves the intervals on which the controller's way between the commands is not the one that is needed.
+    /// Halves the intervals on which the controller's interpolation between the commands is not the needed command.
     fn judge(&mut self, enough: f64) {
         let angle_per_length = self.segment.track.angle() / self.length;
         for (from, to) in std::mem::take(&mut self.open) {
@@ -225,7 +226,7 @@ impl<'p> Plan<'p> {
             };
             let poses = [a, b, c, d, e].map(|solved| solved.wobj_from_tcp);
             let size = self.size(from, to);
-            // The last part is the instruction that is there: an arc.
+            // The last part is the instruction of the text: an arc.
             let arc = self.segment.track.is_arc() && (to == TICKS || size * angle_per_length >= SHORTEST_ARC);
             let [a, b, c, d, e] = &poses;
             let between = if arc { Track::arc(a, c, e) } else { Track::line(a, e) };
@@ -288,12 +289,12 @@ pub(super) fn inserts(program: &Program, cell: &Cell, prepared: &Prepared, nodes
         let from = beside(k.checked_sub(1), node).map_or(0.0, |before| before.share);
         let to = beside(Some(k + 1), node).map_or(1.0, |behind| behind.share);
         let room = (node.share - from).min(to - node.share) * node.length;
-        // The configuration follows only where it was true: posts write dummies.
+        // The configuration is updated only if it was true: post-processors write dummies.
         let robot = &cell.arm.robot;
         let honest = target.conf().filter(|written| conf_is(robot, &point.motor, *written));
         let setting = node.moved.as_ref().map_or(prepared.setting(node.before), |moved| &moved.setting);
         let motor = controller_motor(robot, setting, &node.commanded, &point.motor);
-        // As they are written, that is without what the controller adds.
+        // As written, that is without the offsets of the controller.
         let external = node.moved.as_ref().map(|moved| match (&target.external, program.language) {
             (Some(axes), language) if language.is_edited() => {
                 let moving = |i: usize| moved.external[i] - axes.offset[i];
@@ -314,7 +315,7 @@ pub(super) fn inserts(program: &Program, cell: &Cell, prepared: &Prepared, nodes
     nodes.iter().enumerate().map(insert).collect()
 }
 
-/// Nodes as the controller holds them; those that could not be written are none.
+/// Nodes in the controller's precision, without those that could not be written.
 pub(super) fn as_written(nodes: Vec<Node>, written: impl Fn(usize) -> Option<([f64; 3], [f64; 4])>) -> Vec<Node> {
     let held = |(k, node): (usize, Node)| {
         let (position_mm, quat) = written(k)?;

@@ -1,12 +1,12 @@
-//! How far joints and the tool move.
+//! Distances that joints and the tool move.
 
 use crate::robot::Joints;
 
-/// How far the joints move from one position to another, all together, rad.
+/// Sum of the motions of all joints between two postures, rad.
 pub(super) fn moved(from: &Joints, to: &Joints) -> f64 {
-    // A slice: the matrix's own iterator counts strides.
+    // As a slice: the iterator of the matrix would compute strides.
     (to - from).as_slice().iter().map(|step| step.abs()).sum()
 }
 
-/// Chords shorter than this give no direction, m: printed digits.
+/// Chords shorter than this have no direction, m: they are within the printed digits.
 pub(super) const CHORD: f64 = 1e-6;

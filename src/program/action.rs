@@ -69,7 +69,7 @@ impl ActionKind {
             Self::Stop => "a stop for the operator",
             Self::OptionalStop => "an optional stop",
             Self::Dwell { .. } => "a delay",
-            Self::Home => "the way to the machine's home position",
+            Self::Home => "the motion to the machine's home position",
         }
     }
 

@@ -1,8 +1,8 @@
-//! External axes that are free: cells of a grid of their positions about a way along the path, and lanes between the cells.
+//! Free external axes: cells of a grid of their positions around a trajectory along the path, and lanes between the cells.
 //!
-//! An axis needs a stretch of the path to get from one cell to the next. Over a stretch, a lane runs evenly from a cell to the same
-//! one or to a neighbour, so that a coarse grid can be followed at any speed. The grid is laid about the way that the program
-//! has written, then ever finer about the best one found.
+//! An axis needs a stretch of the path to move from one cell to the next. Over a stretch, a lane leads evenly from a cell to the same
+//! cell or to a neighbour, so that a coarse grid can be followed at any speed. The first grid is around the positions in the program; each
+//! following grid is finer, around the best trajectory that was found.
 
 use crate::cell::{Cell, MOST_FREE};
 use crate::robot::{EXTERNAL_AXES, External, UnitKind};
@@ -11,35 +11,35 @@ use smallvec::SmallVec;
 /// Positions of the free axes, mm or degrees; zero where there are fewer.
 pub(super) type Position = [f64; MOST_FREE];
 
-/// The move into a target.
+/// The motion to a target.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Move {
     /// Length of the path, m.
     pub(super) length: f64,
-    /// Duration, s, where the feed is known.
+    /// Duration, s; `None` if the feed is unknown.
     pub(super) time: Option<f64>,
-    /// Joint-interpolated, or not cutting in CL data: the arm may turn and change its branch.
+    /// Whether the arm may turn and change its branch: on joint motions, and on motions of CL data that do not cut.
     pub(super) free: bool,
-    /// Either end has a turn of its own.
+    /// Whether either end has a fixed turn.
     pub(super) fixed: bool,
-    /// How far each free axis may run on it, mm or degrees.
+    /// Largest motion of each free axis on it, mm or degrees.
     pub(super) room: Position,
 }
 
-/// A cell of the first grid: mm of linear units, of which an arm's stiffness changes little over less, degrees of rotary ones.
+/// Size of a cell of the first grid: mm for linear units, over which the stiffness of an arm changes little, and degrees for rotary ones.
 const COARSE: [f64; 2] = [250.0, 30.0];
 
-/// A cell of the last grid at most, mm or degrees: smoothing goes on from there.
+/// Largest cell of the last grid, mm or degrees: smoothing continues from there.
 const FINE: [f64; 2] = [10.0, 2.0];
 
-/// Cells of the first grid along an axis at most, where one is free, and where two are.
+/// Most cells of the first grid along an axis, if one axis is free, and if two are.
 const MOST_CELLS: [f64; MOST_FREE] = [17.0, 5.0];
 
-/// How fast an axis may run along the path, mm or degrees a metre: a track no faster than the tool, a table as the turn about
-/// the tool axis.
+/// Largest rate of an axis along the path, mm or degrees for each metre: a track is no faster than the tool, a table has the rate of the
+/// turn about the tool axis.
 const RATE: [f64; 2] = [1e3, 5e3];
 
-/// Positions are chosen in steps of this, mm or degrees: what is written is then what was solved.
+/// Positions are chosen in steps of this, mm or degrees, so that the written positions are the solved ones.
 const WRITTEN: f64 = 1e-3;
 
 /// Rounding of positions, mm or degrees.
@@ -58,7 +58,7 @@ pub(super) struct FreeAxis {
 }
 
 impl FreeAxis {
-    /// Those of a cell.
+    /// The free axes of a cell.
     pub(super) fn of(cell: &Cell) -> SmallVec<[Self; MOST_FREE]> {
         let free = cell.units.all().iter().filter(|unit| unit.free);
         let axis = |unit: &crate::robot::Unit| Self {
@@ -76,38 +76,38 @@ impl FreeAxis {
         usize::from(self.rotary)
     }
 
-    /// How far it may run on a way of a length (m) and a duration (s), mm or degrees.
+    /// Its largest motion on a piece of path with a length (m) and a duration (s), mm or degrees.
     pub(super) fn room(&self, length: f64, time: Option<f64>) -> f64 {
         let along = RATE[self.kind()] * length;
         self.max_speed.zip(time).map_or(along, |(speed, time)| along.min(speed * time))
     }
 
-    /// As it can be written.
+    /// The position as it can be written.
     pub(super) fn rounded(&self, position: f64) -> f64 {
         ((position / WRITTEN).round() * WRITTEN).clamp(self.min, self.max)
     }
 
-    /// mm or degrees as m or rad.
+    /// A position (mm or degrees) in m or rad.
     pub(super) fn si(&self, position: f64) -> f64 {
         if self.rotary { position.to_radians() } else { 1e-3 * position }
     }
 }
 
-/// A way over a stretch of the path, from one cell of the grid to another.
+/// A motion over a stretch of the path, from one cell of the grid to another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Lane {
     pub(super) from: u16,
     pub(super) to: u16,
 }
 
-/// Where a knot stands in its stretch.
+/// The place of a knot in its stretch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Stage {
-    /// The stretch begins with the way into this knot.
+    /// Whether the stretch begins with the motion to this knot.
     pub(super) begins: bool,
-    /// Share of the stretch up to it.
+    /// Share of the stretch up to the knot.
     share: f64,
-    /// The stretch is long enough for a neighbouring cell.
+    /// Whether the stretch is long enough to reach a neighbouring cell.
     is_whole: bool,
 }
 
@@ -116,15 +116,15 @@ pub(super) struct Stage {
 pub(super) struct Grid {
     /// Size of a cell, mm or degrees.
     pub(super) cell: Position,
-    /// Cells, in cells from the base.
+    /// Offsets of the cells from the base, in cells.
     cells: Vec<[i16; MOST_FREE]>,
     pub(super) lanes: Vec<Lane>,
-    /// The lane along the base.
+    /// Index of the lane along the base.
     pub(super) still: u16,
 }
 
 impl Grid {
-    /// The first one.
+    /// The first grid.
     pub(super) fn coarse(axes: &[FreeAxis]) -> Self {
         let most = MOST_CELLS[axes.len().saturating_sub(1)] - 1.0;
         let mut cell = [0.0; MOST_FREE];
@@ -139,12 +139,12 @@ impl Grid {
         Self::new(cell, reach)
     }
 
-    /// One of half the size, about a way that was found.
+    /// A grid with cells of half the size, around a trajectory that was found.
     pub(super) fn finer(&self, axes: &[FreeAxis]) -> Self {
         Self::new(self.cell.map(|cell| 0.5 * cell), std::array::from_fn(|k| i16::from(k < axes.len())))
     }
 
-    /// Whether smoothing does the rest.
+    /// Whether it is fine enough for smoothing.
     pub(super) fn is_fine(&self, axes: &[FreeAxis]) -> bool {
         axes.iter().zip(self.cell).all(|(axis, cell)| cell <= FINE[axis.kind()])
     }
@@ -159,20 +159,20 @@ impl Grid {
         }
         let base = cells.iter().position(|cell| *cell == [0; MOST_FREE]).unwrap_or(0);
         let is_still = |lane: &Lane| usize::from(lane.from) == base && lane.from == lane.to;
-        // Lanes are some hundred.
+        // There are some hundred lanes.
         let still = lanes.iter().position(is_still).unwrap_or(0) as u16;
         Self { cell, cells, lanes, still }
     }
 
-    /// How many cells there are.
+    /// Number of cells.
     pub(super) fn size(&self) -> usize {
         self.cells.len()
     }
 
-    /// Stretches of the path, of the ways into its knots and of the knots that only the base leads to.
-    pub(super) fn stages(&self, axes: &[FreeAxis], ways: &[Move], pinned: &[bool]) -> Vec<Stage> {
-        let mut stages: Vec<Stage> = Vec::with_capacity(ways.len());
-        // Knots of the stretch, by the cells that the axes can have passed.
+    /// Divides the path into stretches, from the motions to its knots and from the knots that only the base can reach.
+    pub(super) fn stages(&self, axes: &[FreeAxis], motions: &[Move], pinned: &[bool]) -> Vec<Stage> {
+        let mut stages: Vec<Stage> = Vec::with_capacity(motions.len());
+        // Knots of the stretch, each as the number of cells that the axes can have passed.
         let mut open: Vec<f64> = Vec::new();
         let mut close = |open: &mut Vec<f64>| {
             let whole = open.last().copied().unwrap_or(0.0);
@@ -184,13 +184,14 @@ impl Grid {
             };
             stages.extend(open.drain(..).enumerate().map(stage));
         };
-        for (at, way) in ways.iter().enumerate() {
-            if at == 0 || way.free {
+        for (at, motion) in motions.iter().enumerate() {
+            if at == 0 || motion.free {
                 close(&mut open);
                 open.push(0.0);
                 continue;
             }
-            let passed = axes.iter().enumerate().map(|(k, _)| way.room[k] / self.cell[k]).fold(f64::INFINITY, f64::min);
+            let passed =
+                axes.iter().enumerate().map(|(k, _)| motion.room[k] / self.cell[k]).fold(f64::INFINITY, f64::min);
             let passed = if passed.is_finite() { passed } else { 0.0 };
             if pinned[at - 1] || open.last().is_none_or(|last| *last >= 1.0 - SLACK) {
                 close(&mut open);
@@ -202,7 +203,7 @@ impl Grid {
         stages
     }
 
-    /// Where a lane stands at a knot whose base is known; `None` beyond the limits, or where it cannot be.
+    /// Position of a lane at a knot with a base; `None` if it is beyond the limits or cannot be reached.
     pub(super) fn position(&self, axes: &[FreeAxis], lane: u16, base: &Position, stage: &Stage) -> Option<Position> {
         let Lane { from, to } = self.lanes[usize::from(lane)];
         if from != to && !stage.is_whole {
@@ -221,7 +222,7 @@ impl Grid {
     }
 }
 
-/// Positions of the external axes with those of the free ones.
+/// Positions of the external axes, with the free ones replaced.
 pub(super) fn with(external: &External, axes: &[FreeAxis], position: &Position) -> External {
     let mut external = *external;
     for (axis, position) in axes.iter().zip(position) {
@@ -230,7 +231,7 @@ pub(super) fn with(external: &External, axes: &[FreeAxis], position: &Position) 
     external
 }
 
-/// Positions of the free axes alone; NaN of others.
+/// Positions of the free axes alone; NaN for the others.
 pub(super) fn alone(axes: &[FreeAxis], position: &Position) -> External {
     with(&[f64::NAN; EXTERNAL_AXES], axes, position)
 }
@@ -243,7 +244,7 @@ mod tests {
         FreeAxis { name: "T".into(), axis: 0, min, max, max_speed: Some(100.0), rotary: false }
     }
 
-    fn way(room: f64, free: bool) -> Move {
+    fn motion(room: f64, free: bool) -> Move {
         Move { length: 1e-3, time: None, free, fixed: false, room: [room, 0.0] }
     }
 
@@ -259,9 +260,9 @@ mod tests {
         let grid = Grid::coarse(&axes);
         assert_eq!(grid.size(), 17);
         assert_eq!(grid.lanes.len(), 17 + 2 * 16);
-        let ways: Vec<Move> = (0..7).map(|k| way(125.0, k == 0)).collect();
-        let stages = grid.stages(&axes, &ways, &[false; 7]);
-        // The first knot stands before the first stretch; the last stretch is whole too.
+        let motions: Vec<Move> = (0..7).map(|k| motion(125.0, k == 0)).collect();
+        let stages = grid.stages(&axes, &motions, &[false; 7]);
+        // The first knot is before the first stretch; the last stretch is whole too.
         let halves = |stage: &Stage| (stage.begins, (2.0 * stage.share).round() as u8);
         let seen: Vec<(bool, u8)> = stages.iter().map(halves).collect();
         assert_eq!(seen, [(true, 0), (false, 1), (false, 2), (true, 1), (false, 2), (true, 1), (false, 2)]);
@@ -275,7 +276,7 @@ mod tests {
     fn nothing_is_free_without_an_axis() {
         let grid = Grid::coarse(&[]);
         assert_eq!((grid.size(), grid.lanes.len(), grid.is_fine(&[])), (1, 1, true));
-        let stages = grid.stages(&[], &[way(0.0, true), way(0.0, false)], &[false; 2]);
+        let stages = grid.stages(&[], &[motion(0.0, true), motion(0.0, false)], &[false; 2]);
         assert_eq!(grid.position(&[], 0, &[0.0; MOST_FREE], &stages[1]), Some([0.0; MOST_FREE]));
     }
 }

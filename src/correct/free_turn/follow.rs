@@ -1,4 +1,4 @@
-//! From the states of the knots to what is chosen at every target: smoothing, and the way between knots.
+//! From the states of the knots to the choice at every target: smoothing, and interpolation between knots.
 
 use super::axes::Move;
 use super::axes::{Grid, Position, alone};
@@ -17,14 +17,14 @@ const SMOOTHING: usize = 30;
 /// Rounding of turns that are interpolated, in cells of the grid.
 const ROUNDING: f64 = 1e-6;
 
-/// A position this close to the written one is that, mm or degrees: half a step of those that are chosen.
+/// A position this close to the written one counts as the written one, mm or degrees: half a step of chosen positions.
 const AS_WRITTEN: f64 = 5e-4;
 
-/// Values at the knots with the grid's steps smoothed: each moves towards the line between its neighbours, by half a cell at most,
-/// so that its cost hardly changes; averages keep the rate.
+/// Smooths the steps of the grid in the values at the knots. Each value moves towards the line between its neighbours, by at most half a
+/// cell, so that its cost hardly changes; averages keep the rate.
 fn smoothed(
     found: &[f64],
-    ways: &[Move],
+    motions: &[Move],
     (half, apart): (f64, fn(f64) -> f64),
     is_held: impl Fn(usize) -> bool,
     is_too_quick: impl Fn(usize, f64) -> bool,
@@ -32,9 +32,10 @@ fn smoothed(
     let mut values = found.to_vec();
     for _ in 0..SMOOTHING {
         let before = values.clone();
-        for at in (1..found.len().saturating_sub(1)).filter(|&at| !is_held(at) && !ways[at].free && !ways[at + 1].free)
+        for at in
+            (1..found.len().saturating_sub(1)).filter(|&at| !is_held(at) && !motions[at].free && !motions[at + 1].free)
         {
-            let (into, out) = (ways[at].length, ways[at + 1].length);
+            let (into, out) = (motions[at].length, motions[at + 1].length);
             if into + out <= CHORD {
                 continue;
             }
@@ -43,10 +44,10 @@ fn smoothed(
             let from_grid = apart(before[at] + 0.5 * line - found[at]);
             values[at] = found[at] + from_grid.clamp(-half, half);
         }
-        // Both neighbours of a step may have moved away from it.
+        // The values on both sides of a step may have moved apart.
         for at in 1..values.len() {
             let step = apart(values[at] - values[at - 1]).abs();
-            if !ways[at].free && !ways[at].fixed && is_too_quick(at, step) {
+            if !motions[at].free && !motions[at].fixed && is_too_quick(at, step) {
                 (values[at - 1], values[at]) = (before[at - 1], before[at]);
             }
         }
@@ -57,27 +58,28 @@ fn smoothed(
 impl Path<'_> {
     /// Turns (rad) and positions of the free axes at the knots, smoothed.
     pub(super) fn smoothed(&self, knots: &[usize], found: &[PostureChoice], grid: &Grid) -> (Vec<f64>, Vec<Position>) {
-        let ways = self.ways(knots);
+        let motions = self.motions(knots);
         let turns: Vec<f64> = found.iter().map(|state| state.turn).collect();
         let turns = smoothed(
             &turns,
-            &ways,
+            &motions,
             (0.5 * STEP, wrap),
             |at| !self.has_free_turn(knots[at]),
-            |at, turn| turn > ways[at].length * RATE,
+            |at, turn| turn > motions[at].length * RATE,
         );
         let mut positions: Vec<Position> = found.iter().map(|state| state.position).collect();
         for k in 0..self.axes.len() {
             let axis: Vec<f64> = positions.iter().map(|position| position[k]).collect();
             let is_held = |at: usize| !self.has_free_axes(knots[at]);
-            let smooth =
-                smoothed(&axis, &ways, (0.5 * grid.cell[k], |step| step), is_held, |at, run| run > ways[at].room[k]);
+            let smooth = smoothed(&axis, &motions, (0.5 * grid.cell[k], |step| step), is_held, |at, run| {
+                run > motions[at].room[k]
+            });
             positions.iter_mut().zip(smooth).for_each(|(position, smooth)| position[k] = smooth);
         }
         (turns, positions)
     }
 
-    /// Positions of the free axes at every target: between knots as far along as they may have run.
+    /// Positions of the free axes at every target, interpolated between knots by the motion that they are allowed.
     pub(super) fn positions(&self, knots: &[usize], at_knots: &[Position]) -> Vec<Position> {
         let mut out: Vec<Position> = Vec::with_capacity(self.base.len());
         for (at, &knot) in knots.iter().enumerate().filter(|_| !self.axes.is_empty()) {
@@ -86,11 +88,11 @@ impl Path<'_> {
                 continue;
             };
             let between = &self.moves[knots[before] + 1..=knot];
-            let whole: Position = std::array::from_fn(|k| between.iter().map(|way| way.room[k]).sum());
+            let whole: Position = std::array::from_fn(|k| between.iter().map(|motion| motion.room[k]).sum());
             let mut run = [0.0; MOST_FREE];
-            for (n, way) in between.iter().enumerate() {
+            for (n, motion) in between.iter().enumerate() {
                 out.push(std::array::from_fn(|k| {
-                    run[k] += way.room[k];
+                    run[k] += motion.room[k];
                     let (from, to) = (at_knots[before][k], at_knots[at][k]);
                     if n + 1 == between.len() {
                         to
@@ -103,8 +105,8 @@ impl Path<'_> {
         out
     }
 
-    /// What is chosen at every target, the turn linear in the length between the knots' (rad), with the motor angles there; else
-    /// the first target that the arm cannot follow to.
+    /// The choice at every target, with the turn (rad) linear in the length between the knots, and with the motor angles. `Err` has the first
+    /// target to which the arm cannot follow.
     pub(super) fn follow(
         &self,
         knots: &[usize],
@@ -116,7 +118,7 @@ impl Path<'_> {
         let mut chosen: Vec<Chosen> = Vec::with_capacity(self.moves.len());
         for (at, &knot) in knots.iter().enumerate() {
             let first = at.checked_sub(1).map_or(0, |before| knots[before] + 1);
-            let way = self.way(knots, at);
+            let motion = self.motion(knots, at);
             let from = at.checked_sub(1).map_or(turns[at], |before| turns[before]);
             let (whole, mut done) = (wrap(turns[at] - from), 0.0);
             for i in first..=knot {
@@ -126,7 +128,7 @@ impl Path<'_> {
                     chosen.push(Chosen { turn: None, near: motor, external: None });
                     continue;
                 }
-                let share = if i == knot || way.length <= CHORD { 1.0 } else { done / way.length };
+                let share = if i == knot || motion.length <= CHORD { 1.0 } else { done / motion.length };
                 let turn = if i == knot { turns[at] } else { from + share * whole };
                 let near = match chosen.last() {
                     Some(before) if i != knot => before.near,
@@ -149,7 +151,7 @@ impl Path<'_> {
         Ok(chosen)
     }
 
-    /// Positions as they can be written; the very ones that are, where they are kept.
+    /// Positions as they can be written; exactly the written ones where they are kept.
     fn rounded(&self, i: usize, position: &Position) -> Position {
         let mut rounded = [0.0; MOST_FREE];
         for (k, axis) in self.axes.iter().enumerate() {

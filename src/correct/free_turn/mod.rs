@@ -1,18 +1,18 @@
-//! The turn about the tool axis where it is free (`[cl] spin = "stiffest"`, `--free-spin`), and the positions of free external
-//! axes (`[[unit]] free = true`): chosen along the whole path for the least predicted error under the force that acts.
+//! Chooses a free turn about the tool axis (`[cl] spin = "stiffest"`, `--free-spin`) and the positions of free external axes (`[[unit]]
+//! free = true`) along the whole path, for the least predicted error under the force that acts.
 //!
-//! Dynamic programming over a grid of turns, the branches of the inverse and the cells of the free axes ([`axes`]) at knots along
-//! the path ([`states`], [`search`]); between knots the turn runs linearly with the length, and what the grid left of steps is
-//! smoothed ([`follow`]). Constraints: axis limits, axis speeds at the programmed feed where they are known, the rates of turn
-//! and of the free axes, and the margin from singular wrists.
+//! It uses dynamic programming over a grid of turns, the branches of the inverse and the cells of the free axes ([`axes`]) at knots along
+//! the path ([`states`], [`search`]). Between knots the turn is linear in the length, and the steps of the grid are smoothed ([`follow`]).
+//! The constraints are axis limits, axis speeds at the programmed feed if they are known, the rates of the turn and of the free axes, and
+//! the margin from singular wrists.
 
 mod axes;
+mod faults;
 mod follow;
 mod path;
 mod search;
 mod site;
 mod states;
-mod ways;
 
 use super::carried::{Carried, Chosen, ChosenTurns, Free};
 use super::context::Context;
@@ -28,14 +28,14 @@ use axes::{Grid, Position};
 use path::{Path, Refusal};
 use std::collections::BTreeSet;
 
-/// Targets whose errors are evaluated together: some megabytes.
+/// Number of targets whose errors are evaluated together: some megabytes.
 const TOGETHER: usize = 8192;
 
-/// Rounds in which targets between knots that cannot be reached become knots, or ways that go wrong are given up.
+/// Most rounds of the search; after each, unreachable targets between knots become knots, or faults are avoided.
 const MOST_SEARCHES: usize = 12;
 
-/// What the ordered pass takes to the first target of a program that is held whole, or of one whose turns are known already: its
-/// turns about the tool axis are chosen, where they are free.
+/// The state of the ordered pass before the first target of a program that is held as a whole, or whose turns are known already. Free turns
+/// about the tool axis are chosen here.
 ///
 /// # Errors
 /// See [`choose`].
@@ -47,7 +47,7 @@ pub(super) fn carried(context: Context<'_>) -> Result<Carried<'_>, Vec<Diagnosti
     Ok(Carried::with_turns(cell, options.turns.as_ref()))
 }
 
-/// Whether the turn about the tool axis of a program's targets is to be chosen.
+/// Whether the turns about the tool axis of a program have to be chosen.
 #[must_use]
 pub fn has_free_turns(language: Language, cell: &Cell, options: &Options) -> bool {
     match language {
@@ -59,8 +59,7 @@ pub fn has_free_turns(language: Language, cell: &Cell, options: &Options) -> boo
 /// Chooses the turn, and the positions of free external axes, at every target.
 ///
 /// # Errors
-/// What [`Prepared::new`](super::Prepared::new) refuses, but for targets out of reach; a target or a move at which no turn can be
-/// taken.
+/// As [`Prepared::new`](super::Prepared::new), except for targets out of reach; a target or a motion for which no turn is possible.
 fn choose(context: Context<'_>) -> Result<ChosenTurns, Vec<Diagnostic>> {
     let mut carried = Carried::new(context.cell);
     carried.free = Free::Sought;
@@ -71,8 +70,8 @@ fn choose(context: Context<'_>) -> Result<ChosenTurns, Vec<Diagnostic>> {
     path.choose()
 }
 
-/// Chooses the turns of a program that is read a chunk at a time, as [`compensate`](super::compensate) does of one that is held
-/// whole; `None` where they are not free. For [`Options::turns`] of the runs that follow.
+/// Chooses the turns of a program that is read a chunk at a time, as [`compensate`](super::compensate) does for a whole program; `None` if they
+/// are not free. The result is for [`Options::turns`] of the following runs.
 ///
 /// # Errors
 /// See [`StreamError`].
@@ -81,7 +80,7 @@ pub fn choose_turns<C: ChunkReader>(
     cell: &Cell,
     options: &Options,
 ) -> Result<Option<ChosenTurns>, StreamError> {
-    // Which targets several motions share, only the whole program shows.
+    // Only the whole program shows which targets several motions share.
     if !chunks.has_own_numbers() || cell.stock.is_some() {
         return Err(StreamError::NotStreamable);
     }
@@ -124,14 +123,14 @@ impl Path<'_> {
             if grid.is_fine(&self.axes) {
                 return chosen.map(|chosen| ChosenTurns { notes: notes(self, &chosen), chosen: chosen.into() });
             }
-            // What a coarse grid cannot do, a finer one may.
+            // A finer grid may succeed where a coarse one fails.
             self.base.clone_from(&about);
             grid = grid.finer(&self.axes);
         }
     }
 
-    /// The choice on a grid, and the positions of the free axes on it, about which the next grid is laid: a finer grid sees only
-    /// what is near, and about a way on which something goes wrong it would find the nearest detour, not the best way.
+    /// The choice on a grid, and the positions of the free axes around which the next grid is made. A finer grid has only near positions:
+    /// around a trajectory with a fault it would find the nearest detour, not the best trajectory.
     fn choose_on(&mut self, grid: &Grid, about: &mut Vec<Position>) -> Result<Vec<Chosen>, Vec<Diagnostic>> {
         self.kept_clear.clear();
         let mut forced = BTreeSet::new();
@@ -166,7 +165,7 @@ impl Path<'_> {
     }
 }
 
-/// What is to be said of the choice.
+/// Notes about the choice.
 fn notes(path: &Path<'_>, chosen: &[Chosen]) -> Vec<Diagnostic> {
     let note = |code, message: String| Diagnostic::error(code, &path.file, message).severity(Severity::Note);
     let mut notes = vec![note("spin.chosen", gain(path, chosen))];
@@ -174,7 +173,7 @@ fn notes(path: &Path<'_>, chosen: &[Chosen]) -> Vec<Diagnostic> {
     notes
 }
 
-/// What the choice gains, over the targets that cut.
+/// The note about the gain of the choice, over the targets that cut.
 fn gain(path: &Path<'_>, chosen: &[Chosen]) -> String {
     let cuts = |i: &usize| path.sites[*i].cuts() && path.sites[*i].is_end;
     let reached = |i: &usize| path.unreached.binary_search(i).is_err();
@@ -200,7 +199,7 @@ fn gain(path: &Path<'_>, chosen: &[Chosen]) -> String {
     }
     let turned = chosen.iter().filter(|chosen| chosen.turn.is_some()).count();
     let mut message = format!("the turn about the tool axis is chosen at {turned} targets");
-    // Errors are compared where there are both.
+    // Errors are compared where both are known.
     if !both.is_empty() {
         let (before, after) = (rms_mm(&both, &|i| path.sites[*i].point()), rms_mm(&both, &chosen_point));
         let on = if both.len() < all.len() { format!(" on the {} that both reach", both.len()) } else { String::new() };

@@ -1,4 +1,4 @@
-//! A program's targets as the search sees them: knots, ways between them, states and their costs.
+//! A program's targets for the search: knots, motions between them, states and their costs.
 
 use super::axes::{FreeAxis, Grid, Move, Position, Stage, with};
 use super::search::Search;
@@ -23,23 +23,23 @@ use smallvec::SmallVec;
 use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
 
-/// Knots are this far apart where the path is denser, m: two cells of the grid at the largest rate.
+/// Least distance between knots if the path is denser, m: two cells of the grid at the largest rate.
 const KNOT: f64 = 2e-3;
 
-/// Knots whose states are evaluated together where no axis is free: some ten thousand equilibria, whose points are some megabytes.
+/// Number of knots whose states are evaluated together if no axis is free: some ten thousand equilibria, whose points are some megabytes.
 const BLOCK: usize = 32;
 
-/// What a target that does not cut counts for: only between ways that cut alike.
+/// Weight of a target that does not cut: it decides only between trajectories that cut equally well.
 const AIR: f64 = 1e-6;
 
-/// How far the states of a knot stay from what went wrong next to it.
+/// Additional margins for the states of a knot because of faults next to it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct KeptClear {
-    /// Of the axis limits, rad.
+    /// Distance from the axis limits, rad.
     pub(super) limits: f64,
-    /// Of a singular wrist besides the usual margin, rad.
+    /// Distance from a singular wrist in addition to the usual margin, rad.
     pub(super) singular: f64,
-    /// How many times faster than it seems the way into it is.
+    /// Factor on the speed of the motion to it.
     pub(super) speed: f64,
 }
 
@@ -49,35 +49,35 @@ impl Default for KeptClear {
     }
 }
 
-/// A program's targets, as the search sees them.
+/// A program's targets for the search.
 pub(super) struct Path<'a> {
     pub(super) language: Language,
     pub(super) cell: &'a Cell,
     /// Settings and laws of the sites.
     prepared: Prepared,
-    /// One a target.
+    /// One for each target.
     pub(super) sites: Vec<Site>,
     /// External axes that are free.
     pub(super) axes: SmallVec<[FreeAxis; MOST_FREE]>,
-    /// Why axes that the cell has free stay as they are written.
+    /// Why free axes of the cell stay as written.
     pub(super) held: Vec<String>,
-    /// Positions of the free axes that the grid lies about, one a target; as written at first.
+    /// Positions of the free axes around which the grid is made, one for each target; at first those of the program.
     pub(super) base: Vec<Position>,
-    /// Whether the turn of each target is free, and the axes.
+    /// Whether the turn of each target is free, and whether its axes are.
     is_free: Vec<[bool; 2]>,
     pub(super) moves: Vec<Move>,
     pub(super) margin: f64,
-    /// What the states of knots keep clear of, where ways next to them went wrong.
+    /// Additional margins of knots because of faults next to them.
     pub(super) kept_clear: HashMap<usize, KeptClear>,
-    /// Targets that the turn as written does not reach, rising.
+    /// Targets that are out of reach with the written turn, in rising order.
     pub(super) unreached: Vec<usize>,
-    /// File that messages name.
+    /// Name of the file, for messages.
     pub(super) file: String,
-    /// The program, where it is held, for the lines that messages quote.
+    /// The program, if it is held as a whole, for the lines that messages quote.
     whole: Option<&'a Program>,
 }
 
-/// What a refusal advises.
+/// The reason for a refusal.
 pub(super) enum Refusal {
     Stand(Refused),
     Move,
@@ -87,17 +87,17 @@ pub(super) enum Refusal {
 /// The states of a knot.
 #[derive(Default)]
 struct Standing {
-    /// Those that differ in how the arm and the axes stand.
+    /// States with different postures or positions of the axes.
     unique: Vec<PostureChoice>,
-    /// Circumstances of each of these.
+    /// Units of each of these.
     moved: Vec<Option<Arc<Moved>>>,
-    /// States on their lanes, and which of the above they are.
+    /// States on their lanes, with the index of the state above.
     on_lanes: Vec<(PostureChoice, u32)>,
     refused: Refused,
 }
 
 impl<'a> Path<'a> {
-    /// The path of a program that is held whole.
+    /// The path of a program that is held as a whole.
     pub(super) fn of_program(program: &'a Program, cell: &'a Cell, prepared: Prepared) -> Self {
         let mut path = Self::new(program, cell);
         path.extend(program, prepared);
@@ -105,7 +105,7 @@ impl<'a> Path<'a> {
         path
     }
 
-    /// Without targets; `first` is the program, or its first chunk.
+    /// A path without targets; `first` is the program, or its first chunk.
     pub(super) fn new(first: &Program, cell: &'a Cell) -> Self {
         let (axes, held) = free_axes(first, cell);
         Self {
@@ -126,7 +126,7 @@ impl<'a> Path<'a> {
         }
     }
 
-    /// Takes in the targets of the program or of its next chunk.
+    /// Adds the targets of the program or of its next chunk.
     pub(super) fn extend(&mut self, program: &Program, prepared: Prepared) {
         let shared = shared_numbers(program);
         let writes_axes = if self.axes.is_empty() { Vec::new() } else { program.writes_axes() };
@@ -149,15 +149,15 @@ impl<'a> Path<'a> {
         self.prepared = prepared;
         self.prepared.points = Vec::new();
         for (i, target) in program.targets.iter().enumerate() {
-            let way = self.way_to(target, first + i);
-            self.moves.push(way);
+            let motion = self.motion_to(target, first + i);
+            self.moves.push(motion);
         }
     }
 
-    /// The move into a target.
-    fn way_to(&self, target: &Target, i: usize) -> Move {
+    /// The motion to a target.
+    fn motion_to(&self, target: &Target, i: usize) -> Move {
         let before = i.checked_sub(1);
-        // Where a target is not solved nothing is known of how the arm stands.
+        // If a target is not solved, the posture of the arm is unknown.
         let unsolved = |i: usize| self.sites[i].unsolved.is_some();
         let length = before.map_or(0.0, |before| {
             let [from, to] = [before, i].map(|i| self.sites[i].wobj_from_tcp.translation.vector);
@@ -170,7 +170,7 @@ impl<'a> Path<'a> {
         let time = target.feed_mm_s.filter(|feed| *feed > 0.0 && length > CHORD).map(|feed| 1e3 * length / feed);
         let mut room = [0.0; MOST_FREE];
         for (k, axis) in self.axes.iter().enumerate() {
-            // What is written may always be kept.
+            // The written positions are always allowed.
             let written = before.map_or(0.0, |before| (self.base[i][k] - self.base[before][k]).abs());
             room[k] = axis.room(length, time).max(written);
         }
@@ -189,7 +189,7 @@ impl<'a> Path<'a> {
         &self.prepared.shared.settings[self.sites[i].setting as usize]
     }
 
-    /// What a target is run with as it is written.
+    /// The setting of a target as written.
     fn written_setting(&self, i: usize) -> &Setting {
         self.sites[i].moved.as_ref().map_or(&self.mount(i).setting, |moved| &moved.setting)
     }
@@ -203,12 +203,12 @@ impl<'a> Path<'a> {
         self.is_free[i][0]
     }
 
-    /// Whether the free axes are, at a target.
+    /// Whether the free axes are free at a target.
     pub(super) fn has_free_axes(&self, i: usize) -> bool {
         self.is_free[i][1]
     }
 
-    /// A target, as far as the arm's kinematics ask.
+    /// The data of a target that the kinematics need.
     pub(super) fn target(&self, i: usize) -> FreeTarget {
         let point = &self.sites[i];
         let decided = self.language != Language::Cl;
@@ -222,7 +222,7 @@ impl<'a> Path<'a> {
         }
     }
 
-    /// What a target is run with where the free axes are at a position.
+    /// The units of a target with the free axes at a position.
     pub(super) fn moved(&self, i: usize, position: &Position) -> Option<Arc<Moved>> {
         let written = &self.sites[i].moved;
         if !self.has_free_axes(i) {
@@ -232,7 +232,7 @@ impl<'a> Path<'a> {
         self.mount(i).moved(external)
     }
 
-    /// The setting of that.
+    /// The setting for these units.
     pub(super) fn setting<'b>(&'b self, i: usize, moved: &'b Option<Arc<Moved>>) -> &'b Setting {
         moved.as_ref().map_or_else(|| self.written_setting(i), |moved| &moved.setting)
     }
@@ -244,7 +244,8 @@ impl<'a> Path<'a> {
         let mut knots = Vec::new();
         for i in 0..self.moves.len() {
             since += self.moves[i].length;
-            let next_is_apart = self.moves.get(i + 1).is_some_and(|way| way.free || way.fixed || way.length >= KNOT);
+            let next_is_apart =
+                self.moves.get(i + 1).is_some_and(|motion| motion.free || motion.fixed || motion.length >= KNOT);
             let apart = self.moves[i].free || self.moves[i].fixed || next_is_apart;
             if i == 0 || i == last || apart || since >= KNOT || forced.contains(&i) || self.is_pinned(i) {
                 knots.push(i);
@@ -254,22 +255,22 @@ impl<'a> Path<'a> {
         knots
     }
 
-    /// Whether the free axes stay as they are written at a target.
+    /// Whether the free axes stay as written at a target.
     fn is_pinned(&self, i: usize) -> bool {
         !self.axes.is_empty() && !self.has_free_axes(i)
     }
 
-    /// The ways into the knots.
-    pub(super) fn ways(&self, knots: &[usize]) -> Vec<Move> {
-        (0..knots.len()).map(|at| self.way(knots, at)).collect()
+    /// The motions to the knots.
+    pub(super) fn motions(&self, knots: &[usize]) -> Vec<Move> {
+        (0..knots.len()).map(|at| self.motion(knots, at)).collect()
     }
 
     /// The best state at each knot.
     pub(super) fn search(&self, knots: &[usize], grid: &Grid) -> Result<Vec<PostureChoice>, Vec<Diagnostic>> {
         let robot = self.robot();
         let pinned: Vec<bool> = knots.iter().map(|&i| self.is_pinned(i)).collect();
-        let ways = self.ways(knots);
-        let stages = grid.stages(&self.axes, &ways, &pinned);
+        let motions = self.motions(knots);
+        let stages = grid.stages(&self.axes, &motions, &pinned);
         let mut scales = [0.0; MOST_FREE];
         self.axes.iter().zip(&mut scales).for_each(|(axis, scale)| *scale = axis.si(1.0));
         let mut search = Search::new(&grid.lanes, scales);
@@ -291,7 +292,7 @@ impl<'a> Path<'a> {
                 let stands_for = (i - at.checked_sub(1).map_or(0, |before| knots[before])).max(1) as f64;
                 let weighed = |(state, of): &(PostureChoice, u32)| (*state, costs[*of as usize] * stands_for);
                 let costs: Vec<(PostureChoice, f64)> = standing.on_lanes.iter().map(weighed).collect();
-                if !search.advance((&ways[at], stages[at].begins), robot.axis_speed.as_ref(), &costs) {
+                if !search.advance((&motions[at], stages[at].begins), robot.axis_speed.as_ref(), &costs) {
                     return Err(self.refuse(
                         i,
                         "no turn can be followed to here from the targets before",
@@ -308,12 +309,12 @@ impl<'a> Path<'a> {
             .collect())
     }
 
-    /// How arm and free axes can stand at a knot.
+    /// The possible states of arm and free axes at a knot.
     fn standing(&self, i: usize, grid: &Grid, stage: &Stage) -> Standing {
         let target = self.target(i);
         let base = self.base.get(i).copied().unwrap_or_default();
         let mut out = Standing::default();
-        // Positions that were seen, and their states among the unique ones.
+        // Positions so far, and their states among the unique ones.
         let mut seen: HashMap<[u64; MOST_FREE], (u32, u32)> = HashMap::new();
         for lane in (0_u16..).take(grid.lanes.len()).filter(|lane| *lane == grid.still || !self.is_pinned(i)) {
             let Some(position) = grid.position(&self.axes, lane, &base, stage) else { continue };
@@ -332,7 +333,7 @@ impl<'a> Path<'a> {
                 out.unique.extend(states);
                 out.moved.resize(out.unique.len(), moved);
                 out.refused += refused;
-                // States of a knot are some ten thousand.
+                // A knot has some ten thousand states.
                 (from as u32, out.unique.len() as u32)
             });
             out.on_lanes.extend((from..to).map(|of| (PostureChoice { lane, ..out.unique[of as usize] }, of)));
@@ -340,17 +341,17 @@ impl<'a> Path<'a> {
         out
     }
 
-    /// The way into a knot from the one before.
-    pub(super) fn way(&self, knots: &[usize], at: usize) -> Move {
+    /// The motion to a knot from the one before.
+    pub(super) fn motion(&self, knots: &[usize], at: usize) -> Move {
         let from = at.checked_sub(1).map_or(0, |before| knots[before] + 1);
         let between = &self.moves[from..=knots[at]];
         let faster = self.kept_clear.get(&knots[at]).map_or(1.0, |clear| clear.speed);
         Move {
-            length: between.iter().map(|way| way.length).sum(),
-            time: between.iter().map(|way| way.time).sum::<Option<f64>>().map(|time| time / faster),
-            free: between.iter().any(|way| way.free),
-            fixed: between.iter().any(|way| way.fixed),
-            room: std::array::from_fn(|k| between.iter().map(|way| way.room[k]).sum()),
+            length: between.iter().map(|motion| motion.length).sum(),
+            time: between.iter().map(|motion| motion.time).sum::<Option<f64>>().map(|time| time / faster),
+            free: between.iter().any(|motion| motion.free),
+            fixed: between.iter().any(|motion| motion.fixed),
+            room: std::array::from_fn(|k| between.iter().map(|motion| motion.room[k]).sum()),
         }
     }
 
@@ -376,7 +377,7 @@ impl<'a> Path<'a> {
             .collect()
     }
 
-    /// Point `i` with another turn (rad), and the motor angles (rad) and the positions of units that reach it.
+    /// Point `i` with another turn (rad), and with the motor angles (rad) and the positions of units for it.
     fn turned(&self, i: usize, turn: f64, (motor, moved): (Joints, Option<Arc<Moved>>)) -> Point {
         let point = self.sites[i].point();
         let position = point.wobj_from_tcp.translation.vector;
@@ -391,7 +392,7 @@ impl<'a> Path<'a> {
         Point { wobj_from_tcp: pose, reference: pose, motor, moved, load, ..point }
     }
 
-    /// Point `i` as it was chosen.
+    /// Point `i` with its choice.
     pub(super) fn chosen_point(&self, i: usize, chosen: &Chosen) -> Point {
         let site = &self.sites[i];
         let Some(turn) = chosen.turn else { return site.point() };
@@ -407,8 +408,8 @@ impl<'a> Path<'a> {
         self.turned(i, turn, (chosen.near, moved))
     }
 
-    /// Squares of the predicted errors (m²) of points that stand for the targets `at`: along the surface normal where the text
-    /// prints one, else of the TCP's shift.
+    /// Squares of the predicted errors (m²) of points for the targets `at`: along the surface normal if the text has one, otherwise of the
+    /// displacement of the TCP.
     pub(super) fn squared_errors(&self, at: &[usize], points: Vec<Point>) -> Vec<f64> {
         let with = self.prepared.with_points(points);
         let solver = Solver::new(&self.cell.arm, &with, Parallelism::Threads);
@@ -449,7 +450,7 @@ impl<'a> Path<'a> {
     }
 }
 
-/// The external axes that are free along a program, and why others of the cell's are not.
+/// The external axes that are free along a program, and the reasons why others of the cell are not.
 fn free_axes(program: &Program, cell: &Cell) -> (SmallVec<[FreeAxis; MOST_FREE]>, Vec<String>) {
     let axes = FreeAxis::of(cell);
     let why = if !program.language.about().chooses_external {
@@ -463,12 +464,12 @@ fn free_axes(program: &Program, cell: &Cell) -> (SmallVec<[FreeAxis; MOST_FREE]>
     (SmallVec::new(), held.collect())
 }
 
-/// Whether external axes have moved by themselves before a target.
+/// Whether external axes have moved alone before a target.
 pub(super) fn has_moved_alone(target: &Target) -> bool {
     target.external.as_ref().is_some_and(|external| external.moved_alone)
 }
 
-/// Whether the free axes move base or work object of a target, and the program sends them there: arcs have those of their end.
+/// Whether the free axes move base or work object of a target, and the program states their positions; an arc has those of its end.
 fn has_free_axes(program: &Program, prepared: &Prepared, axes: &[FreeAxis], i: usize) -> bool {
     let target = &program.targets[i];
     let written = |axis: &FreeAxis| match (program.language, &target.external) {
@@ -480,7 +481,7 @@ fn has_free_axes(program: &Program, prepared: &Prepared, axes: &[FreeAxis], i: u
     !axes.is_empty() && !is_arc && axes.iter().all(|axis| prepared.mount(i).is_moved_by(axis.axis) && written(axis))
 }
 
-/// Positions of the free axes as written; those of the target before where a target has none.
+/// Positions of the free axes as written; for a target without positions, those of the target before.
 fn written(before: Option<&Position>, site: &Site, axes: &[FreeAxis]) -> Position {
     let mut at = before.copied().unwrap_or_default();
     for (k, axis) in axes.iter().enumerate() {
@@ -490,7 +491,7 @@ fn written(before: Option<&Position>, site: &Site, axes: &[FreeAxis]) -> Positio
     at
 }
 
-/// Whether a target's numbers are used more than once: one turn has to suit all uses, so that it stays as written.
+/// Whether a target's numbers are used more than once. One turn would have to suit all uses, so it stays as written.
 fn shared_numbers(program: &Program) -> impl Fn(&Target) -> bool {
     let key = |target: &Target| match &target.name {
         Some(name) => Err(name.to_uppercase()),

@@ -1,68 +1,68 @@
-//! Dynamic programming over the states of the knots (Bellman): the least sum of squared predicted errors of all ways that an
-//! arm can follow.
+//! Dynamic programming over the states of the knots (Bellman): finds the trajectory with the least sum of squared predicted errors that
+//! the arm can follow.
 
 use super::axes::{Lane, Move, Position};
 use super::states::{PostureChoice, STEP, TURNS};
 use crate::robot::{Joints, wrap};
 use std::f64::consts::{PI, TAU};
 
-/// How fast the turn may change along the path, rad a metre: 5° a millimetre (`docs/reference.md`).
+/// Largest rate of the turn along the path, rad for each metre: 5° for each millimetre (`docs/reference.md`).
 pub(super) const RATE: f64 = 5e3 * PI / 180.0;
 
 /// Rounding of a rate, rad.
 const SLACK: f64 = 1e-9;
 
-/// Rounding of the way of a free axis, mm or degrees, and its share.
+/// Rounding of the motion of a free axis, mm or degrees, and its share.
 const RUN_SLACK: f64 = 1e-6;
 
-/// Largest move of an axis within one linear move, rad: more is another way round.
+/// Largest motion of an axis within one linear motion, rad: more would be the other direction of rotation.
 const FLIP: f64 = PI;
 
-/// Cost of a turn, m² a rad²: a micrometre's for a right angle decides only between ways that are as good. A metre of a free axis
-/// counts as a radian.
+/// Cost of a turn, m²/rad²: that of a micrometre for a right angle decides only between trajectories that are equally good. A metre of a
+/// free axis counts as a radian.
 const TURNING: f64 = 1e-12;
 
-/// States that a joint move may begin at, where there are many: the cheapest ones, since all are allowed.
+/// Most states at which a joint motion may begin: the cheapest ones, because all are allowed.
 const CHEAPEST: usize = 2048;
 
-/// Knots after which the ways that have been left are forgotten.
+/// Number of knots after which abandoned trajectories are forgotten.
 const SETTLE: usize = 256;
 
-/// What of one way is kept for the way back.
+/// The step of a trajectory that is kept to trace it back.
 #[derive(Clone, Copy, Debug)]
 struct Step {
-    /// Step of the knot before, by its index.
+    /// Index of the step of the knot before.
     before: u32,
     /// Index of its [`PostureChoice`].
     state: u32,
 }
 
-/// The ordered search: states with their costs so far, and the way back from each.
+/// The ordered search: states with their costs so far, and the steps to trace each back.
 #[derive(Debug)]
 pub(super) struct Search<'a> {
     lanes: &'a [Lane],
-    /// m or rad of a millimetre or a degree of each free axis.
+    /// Size of a millimetre or a degree of each free axis, m or rad.
     scales: Position,
     reached: Vec<(PostureChoice, f64)>,
-    /// Steps of the knots after those that are settled.
+    /// Steps of the knots after the settled ones.
     back: Vec<Box<[Step]>>,
-    /// Of so many of these, only steps of ways that are left.
+    /// Number of these knots that keep only steps of trajectories that are still open.
     pruned: usize,
-    /// States of the first knots, by their index: those of every way that is left.
+    /// Indices of the states of the first knots, which all open trajectories share.
     settled: Vec<u32>,
 }
 
 impl<'a> Search<'a> {
-    /// Before the first knot.
+    /// The search before the first knot.
     pub(super) fn new(lanes: &'a [Lane], scales: Position) -> Self {
         Self { lanes, scales, reached: Vec::new(), back: Vec::new(), pruned: 0, settled: Vec::new() }
     }
 
-    /// Goes on to a knot's states, with the cost of each, whether a stretch of the free axes begins with the way or not; `false`
-    /// where none can be reached.
+    /// Advances to the states of a knot, with the cost of each and with whether a stretch of the free axes begins with the motion. Returns
+    /// `false` if no state can be reached.
     pub(super) fn advance(
         &mut self,
-        (way, begins): (&Move, bool),
+        (motion, begins): (&Move, bool),
         axis_speed: Option<&Joints>,
         states: &[(PostureChoice, f64)],
     ) -> bool {
@@ -75,7 +75,7 @@ impl<'a> Search<'a> {
             }
         } else {
             let lane = |state: &PostureChoice| self.lanes[usize::from(state.lane)];
-            // The cell that a stretch begins with is that which the one before has ended with.
+            // A stretch begins with the cell with which the one before ended.
             let (count, lead): (usize, &dyn Fn(&PostureChoice) -> usize) = if begins {
                 (1 + self.lanes.iter().map(|lane| usize::from(lane.to)).max().unwrap_or(0), &|state| {
                     usize::from(lane(state).to)
@@ -84,26 +84,26 @@ impl<'a> Search<'a> {
                 (self.lanes.len(), &|state| usize::from(state.lane))
             };
             let cells = Cells::of(&self.reached, (count, lead));
-            let cheapest = if way.free { self.cheapest() } else { Vec::new() };
+            let cheapest = if motion.free { self.cheapest() } else { Vec::new() };
             for (index, (state, cost)) in states.iter().enumerate() {
                 let mut best: Option<(f64, usize)> = None;
                 let mut consider = |before: usize| {
                     let (from, so_far) = &self.reached[before];
-                    if !way.allows(from, state, axis_speed) {
+                    if !motion.allows(from, state, axis_speed) {
                         return;
                     }
-                    let total = so_far + cost + TURNING * way.effort(from, state, &self.scales);
+                    let total = so_far + cost + TURNING * motion.effort(from, state, &self.scales);
                     if best.is_none_or(|(least, _)| total < least) {
                         best = Some((total, before));
                     }
                 };
                 let group = if begins { usize::from(lane(state).from) } else { usize::from(state.lane) };
-                if way.free {
+                if motion.free {
                     cheapest.iter().copied().for_each(&mut consider);
-                } else if way.fixed {
+                } else if motion.fixed {
                     cells.all(group, &mut consider);
                 } else {
-                    cells.within(group, state.turn, way.length * RATE + SLACK, &mut consider);
+                    cells.within(group, state.turn, motion.length * RATE + SLACK, &mut consider);
                 }
                 if let Some((total, before)) = best {
                     reached.push((*state, total));
@@ -119,7 +119,7 @@ impl<'a> Search<'a> {
         !self.reached.is_empty()
     }
 
-    /// Where a joint move may begin: rising, all states where they are few.
+    /// The states at which a joint motion may begin, in rising order; all states if they are few.
     fn cheapest(&self) -> Vec<usize> {
         let mut all: Vec<usize> = (0..self.reached.len()).collect();
         if all.len() > CHEAPEST {
@@ -130,14 +130,14 @@ impl<'a> Search<'a> {
         all
     }
 
-    /// Forgets the ways that none of the states reached has come: memory grows with the path by what ways are left far
-    /// after, one a branch that cannot be left, and by a number where they all begin alike.
+    /// Forgets trajectories that lead to none of the present states. Memory then grows only with the trajectories that stay open for long (one
+    /// for each branch that cannot be left), and with one index for each knot where they are all equal.
     fn settle(&mut self) {
         let mut live: Vec<u32> = (0..self.reached.len()).map(narrow).collect();
         for at in (0..self.back.len()).rev() {
             let steps = &mut self.back[at];
             if at < self.pruned && live.len() == steps.len() {
-                // So all steps before are those of ways that are left.
+                // All steps before are those of open trajectories.
                 break;
             }
             let mut kept: Box<[Step]> = live.iter().map(|index| steps[*index as usize]).collect();
@@ -154,7 +154,7 @@ impl<'a> Search<'a> {
         self.pruned = self.back.len();
     }
 
-    /// Index of the best way's state among those of each target.
+    /// Index of the best trajectory's state among those of each target.
     pub(super) fn best(self) -> Vec<usize> {
         let least = self.reached.iter().enumerate().min_by(|a, b| a.1.1.total_cmp(&b.1.1));
         let Some((at, _)) = least else { return Vec::new() };
@@ -164,7 +164,7 @@ impl<'a> Search<'a> {
     }
 }
 
-/// The states of the way that ends with a step, by its index.
+/// Indices of the states of the trajectory that ends with a step.
 fn way_back(back: &[Box<[Step]>], mut at: usize) -> Vec<u32> {
     let mut step = |steps: &[Step]| {
         let step = steps[at];
@@ -176,7 +176,7 @@ fn way_back(back: &[Box<[Step]>], mut at: usize) -> Vec<u32> {
     states
 }
 
-#[allow(clippy::cast_possible_truncation)] // states of a target are some thousand
+#[allow(clippy::cast_possible_truncation)] // a target has some thousand states
 fn narrow(index: usize) -> u32 {
     index as u32
 }
@@ -197,7 +197,7 @@ impl Move {
             && !axis_speed.is_some_and(quick)
     }
 
-    /// Squared turn, or way of the joints where that is free, rad².
+    /// Squared turn, or squared motion of the joints if the motion is free, rad².
     fn effort(&self, from: &PostureChoice, to: &PostureChoice, scales: &Position) -> f64 {
         let arm = if self.free { (to.motor - from.motor).norm_squared() } else { wrap(to.turn - from.turn).powi(2) };
         let run = |k: usize| scales[k] * (to.position[k] - from.position[k]);
@@ -205,9 +205,9 @@ impl Move {
     }
 }
 
-/// States by the cell of the grid that their turn lies in, and by a group that they belong to.
+/// States sorted by their group and by the cell of the grid of their turn.
 struct Cells {
-    /// Where each group's cells begin.
+    /// Index at which the cells of each group begin.
     starts: Vec<usize>,
     sorted: Vec<usize>,
 }
@@ -232,7 +232,7 @@ impl Cells {
         self.sorted[self.starts[group * TURNS]..self.starts[(group + 1) * TURNS]].iter().copied().for_each(consider);
     }
 
-    /// Every state of a group whose cell is at most `turn` (rad) away, a cell to each side included.
+    /// Every state of a group whose cell is at most `turn` (rad) away, plus one cell on each side.
     fn within(&self, group: usize, middle: f64, turn: f64, consider: &mut impl FnMut(usize)) {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let cells = (turn / STEP).ceil().min(TURNS as f64) as usize + 1;
@@ -254,7 +254,8 @@ fn cell(turn: f64) -> usize {
 mod tests {
     use super::*;
 
-    /// Of three turns one is cheap for a while, then another: as the whole table of all ways has it, with and without settling.
+    /// Of three turns one is cheap for a while, then another. The result is that of the whole table of all trajectories, with and without
+    /// settling.
     #[test]
     fn a_long_path_is_settled_and_ends_as_the_whole_table_has_it() {
         const LENGTH: usize = 3 * SETTLE + 17;
@@ -266,15 +267,15 @@ mod tests {
             position: [0.0; 2],
         };
         let cost = |at: usize, index: usize| ((at * (index + 2) * 7919) % 101) as f64;
-        let way = Move { length: 1e-3, time: None, free: false, fixed: false, room: [0.0; 2] };
+        let motion = Move { length: 1e-3, time: None, free: false, fixed: false, room: [0.0; 2] };
         let lanes = [Lane { from: 0, to: 0 }];
         let mut search = Search::new(&lanes, [0.0; 2]);
         let mut table = vec![[0.0_f64; 3]];
         for at in 0..LENGTH {
             let states: Vec<(PostureChoice, f64)> = (0..3).map(|index| (state(index), cost(at, index))).collect();
-            assert!(search.advance((&way, at == 0), None, &states));
+            assert!(search.advance((&motion, at == 0), None, &states));
             let before = table[at];
-            // A cell of the grid a millimetre.
+            // One cell of the grid for each millimetre.
             let from = |index: usize| (0..3).filter(move |k: &usize| k.abs_diff(index) <= 1 || at == 0);
             let least = |index: usize| from(index).map(|k| before[k]).fold(f64::INFINITY, f64::min);
             table.push(std::array::from_fn(|index| least(index) + cost(at, index)));
@@ -298,14 +299,14 @@ mod tests {
             lane: 0,
             position: [0.0; 2],
         };
-        let way = Move { length: 1e-3, time: None, free: false, fixed: false, room: [0.0; 2] };
+        let motion = Move { length: 1e-3, time: None, free: false, fixed: false, room: [0.0; 2] };
         let lanes = [Lane { from: 0, to: 0 }];
         let mut search = Search::new(&lanes, [0.0; 2]);
         for at in 0..LENGTH {
             let dear = if at < LENGTH / 2 - 3 { 1 } else { 0 };
             let cost = |index: usize| f64::from(u8::from(index / 3 == dear)) + 0.1 * (index % 3).abs_diff(1) as f64;
             let states: Vec<(PostureChoice, f64)> = (0..6).map(|index| (state(index), cost(index))).collect();
-            assert!(search.advance((&way, at == 0), None, &states));
+            assert!(search.advance((&motion, at == 0), None, &states));
         }
         let kept: usize = search.back.iter().map(|steps| steps.len()).sum();
         assert!(kept < 2 * LENGTH + 6 * SETTLE, "{kept}");

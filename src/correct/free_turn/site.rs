@@ -1,5 +1,5 @@
-//! What the search keeps of each target, so that a million of them take half a gigabyte: the points of a whole program, with
-//! what a correction takes along, would take four.
+//! The data of each target that the search keeps. A million targets take half a gigabyte; their points, with the data of a correction,
+//! would take four.
 
 use crate::correct::load::{PointLoad, Through};
 use crate::correct::mount::Moved;
@@ -12,26 +12,26 @@ use crate::text::Diagnostic;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// A target's [`Point`] and where it stands in the text.
+/// A target's [`Point`] and its place in the text.
 pub(super) struct Site {
     pub(super) setting: u32,
     pub(super) moved: Option<Arc<Moved>>,
     pub(super) unsolved: Option<KeptReason>,
     pub(super) wobj_from_tcp: Pose,
     pub(super) motor: Joints,
-    /// In single precision.
+    /// Direction of travel, in single precision.
     travel: [f32; 6],
     normal: Vector3<f64>,
     velocity: Vector3<f64>,
     cut_length: f64,
     time: f64,
     load: PointLoad,
-    /// What few points have.
+    /// Values that few points have.
     rare: Option<Box<Rare>>,
     plunges: bool,
     /// Whether it ends a motion.
     pub(super) is_end: bool,
-    /// Whether the text prints a surface normal.
+    /// Whether the text has a surface normal.
     pub(super) has_normal: bool,
     place: TargetPlace,
 }
@@ -45,7 +45,7 @@ struct Rare {
     part: Option<Arc<PartYield>>,
 }
 
-/// Where a target stands.
+/// The place of a target in the text.
 struct TargetPlace {
     ordinal: u32,
     line: u32,
@@ -53,7 +53,7 @@ struct TargetPlace {
 }
 
 impl Site {
-    /// Of target `i`.
+    /// The site of target `i`.
     #[allow(clippy::cast_possible_truncation)] // travel needs no more than single precision; columns are below 2³²
     pub(super) fn of(program: &Program, prepared: &Prepared, i: usize) -> Self {
         let (target, point) = (&program.targets[i], prepared.points[i].clone());
@@ -80,7 +80,7 @@ impl Site {
         }
     }
 
-    /// The point: before a choice errors are counted from where the program sends the TCP.
+    /// The point. Before a choice, errors count from the programmed pose.
     pub(super) fn point(&self) -> Point {
         let rare = self.rare.as_deref();
         Point {
@@ -113,7 +113,7 @@ impl Site {
         self.place.ordinal
     }
 
-    /// A message at its place in a file.
+    /// A message at the place of the target in a file.
     pub(super) fn at(&self, file: &str, message: Diagnostic) -> Diagnostic {
         let TargetPlace { line, column, .. } = self.place;
         Diagnostic { file: file.to_owned(), line: line as usize, column: column as usize, ..message }

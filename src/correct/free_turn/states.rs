@@ -1,5 +1,5 @@
-//! How an arm can stand at one target: every turn of a grid about the tool axis, every branch, every whole turn of axes 4 and 6
-//! that the limits allow.
+//! The possible states of an arm at one target: every turn of a grid about the tool axis, every branch, every whole turn of axes 4 and 6
+//! within the limits.
 
 use super::axes::Position;
 use crate::correct::spin;
@@ -8,46 +8,46 @@ use crate::robot::{Joints, Pose, Robot};
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
 
-/// Turns of the grid: 5° apart, which is what one millimetre of path allows.
+/// Number of turns of the grid: 5° apart, which one millimetre of path allows.
 pub(super) const TURNS: usize = 72;
 
-/// Between two turns of the grid, rad.
+/// Angle between two turns of the grid, rad.
 pub(super) const STEP: f64 = TAU / TURNS as f64;
 
 /// Whole turns of axes 4 and 6 that are tried: wrists have at most two and a half to each side.
 const WHOLE: [f64; 5] = [-2.0, -1.0, 0.0, 1.0, 2.0];
 
-/// A target, as far as the arm's kinematics ask.
+/// The data of a target that the kinematics need.
 #[derive(Clone, Debug)]
 pub(super) struct FreeTarget {
     /// TCP in the work object, m.
     pub(super) position: Vector3<f64>,
     /// Tool axis in the work object, tip to spindle.
     pub(super) axis: Vector3<f64>,
-    /// Motor angles to start an inverse without a closed form from, rad.
+    /// Motor angles at which an inverse without a closed form starts, rad.
     pub(super) near: Joints,
-    /// Turn (rad) and motor angles (rad) where they are not free.
+    /// Turn (rad) and motor angles (rad), if they are not free.
     pub(super) fixed: Option<(f64, Joints)>,
-    /// The only branch, by cfx, where the program has decided it.
+    /// The only branch, by cfx, if the program states it.
     pub(super) branch: Option<usize>,
 }
 
-/// One way to stand at a target.
+/// A possible state at a target.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PostureChoice {
-    /// About the tool axis, rad; see [`spin::turned`].
+    /// Turn about the tool axis, rad; see [`spin::turned`].
     pub(super) turn: f64,
     /// Branch of the inverse, by cfx.
     pub(super) branch: usize,
     /// Motor angles, rad.
     pub(super) motor: Joints,
-    /// The way that the free axes take over the stretch, by its index.
+    /// Index of the lane of the free axes over the stretch.
     pub(super) lane: u16,
-    /// Where they are, mm or degrees.
+    /// Their positions, mm or degrees.
     pub(super) position: Position,
 }
 
-/// Why an arm cannot stand at a target, counted over turns and branches.
+/// Reasons why states are impossible, counted over turns and branches.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Refused {
     /// Out of reach.
@@ -72,8 +72,8 @@ impl FreeTarget {
         setting.base_from_flange(&spin::turned(self.position, &self.axis, turn))
     }
 
-    /// Every state where the free axes are at a position, rising by turn from 0, and what was refused. `margin`: least angle of
-    /// axis 5 from a singular wrist, rad.
+    /// Every state with the free axes at a position, rising by turn from 0, and the refused ones. `margin` is the least angle of axis 5 from a
+    /// singular wrist, rad.
     pub(super) fn states(
         &self,
         robot: &Robot,
@@ -95,7 +95,7 @@ impl FreeTarget {
             };
             for (branch, motor) in solutions.into_iter().enumerate() {
                 let Some(motor) = motor.filter(|_| self.branch.is_none_or(|only| only == branch)) else { continue };
-                // A chain without a closed form is followed from turn to turn.
+                // An inverse without a closed form is followed from turn to turn.
                 near = motor;
                 if singular(robot, &motor, margin) {
                     refused.singular += 1;
@@ -114,7 +114,7 @@ impl FreeTarget {
     }
 }
 
-/// The same pose with axes 4 and 6 turned whole turns further.
+/// The same pose with axes 4 and 6 turned by further whole turns.
 fn whole_turns(motor: &Joints) -> impl Iterator<Item = Joints> {
     let motor = *motor;
     WHOLE.into_iter().flat_map(move |fourth| {

@@ -1,4 +1,4 @@
-//! The loaded arm removes the material: at every place force and deflection are brought to agree before the cut goes on.
+//! The loaded arm removes the material: at every position, force and deflection are made to agree before the cut goes on.
 
 use super::super::Prepared;
 use super::super::point::{FedForce, tool_axis};
@@ -11,24 +11,24 @@ use crate::stock::{Engaged, ToolPose};
 use nalgebra::{Rotation3, Vector3};
 use std::sync::Arc;
 
-/// The tool at an equilibrium is found so closely, m.
+/// Accuracy of the tool's position at an equilibrium, m.
 const SETTLED: f64 = 5e-7;
-/// Points between two reports of how far the cut is: some milliseconds.
+/// Number of points between two reports of the progress: some milliseconds.
 const REPORT: usize = 64;
-/// Rounds of force and deflection at one place.
+/// Most rounds of force and deflection at one position.
 const ROUNDS: usize = 15;
 
-/// A tool that has been brought to agree with its force.
+/// A tool whose deflection agrees with its force.
 #[derive(Clone, Copy)]
 struct Settled {
     engaged: Engaged,
-    /// N, work object axes.
+    /// The force, N, work object axes.
     force: Vector3<f64>,
     /// Deflection of the tip, m, work object axes, and of the orientation.
     bent: (Vector3<f64>, Rotation3<f64>),
 }
 
-/// Where the tool before is.
+/// The tool at the position before.
 #[derive(Clone, Copy)]
 struct Last {
     /// Index of its point.
@@ -36,7 +36,7 @@ struct Last {
     tool: ToolPose,
     /// Deflection of the tip, m, and of the orientation, work object axes.
     bent: (Vector3<f64>, Rotation3<f64>),
-    /// Where what it meets follows from the stock.
+    /// The end of the segment, if the force follows from the stock.
     end: Option<(End, Settled)>,
 }
 
@@ -53,7 +53,7 @@ pub(super) fn cut(walk: &mut Walk<'_>, prepared: &mut Prepared) {
     }
 }
 
-/// Removes what the move into a point removes.
+/// Cuts the stock with the motion to a point.
 fn step(walk: &mut Walk<'_>, prepared: &mut Prepared, i: usize, before: Option<Last>) -> Option<Last> {
     let through = prepared.points[i].through?;
     let front = Arc::clone(&walk.fronts[through.front as usize]);
@@ -80,16 +80,16 @@ fn step(walk: &mut Walk<'_>, prepared: &mut Prepared, i: usize, before: Option<L
     let mut direction = None;
     for (k, place) in places.iter().enumerate() {
         let axis = tool_axis(&place.pose);
-        let way = stock_from_wobj * walk.way(&places, k);
+        let displacement = stock_from_wobj * walk.displacement(&places, k);
         let begins = k == 0 && places.len() > 1;
         let bent_tool = |walk: &Walk<'_>, bent: &(Vector3<f64>, Rotation3<f64>)| {
             walk.tool(prepared, i, &(place.pose.translation.vector + bent.0), &(bent.1 * axis))
         };
         let end = before.and_then(|before| before.end).filter(|_| begins);
-        // Where a cut begins or ends, the rounding is led on by a way that does not cut.
+        // At the start and the end of a cut, a motion that does not cut continues the rounding.
         let rounds = !through.cuts && place.driven.as_ref().is_some_and(|driven| driven.aside > BEND);
         let tool = if is_driven && begins {
-            // A driven way goes on from where the one before has led the tool.
+            // A driven segment continues from the position to which the one before has led the tool.
             settled = end.map_or(settled, |(_, there)| there);
             settled.bent = before.map_or(settled.bent, |before| before.bent);
             bent_tool(walk, &settled.bent)
@@ -98,20 +98,21 @@ fn step(walk: &mut Walk<'_>, prepared: &mut Prepared, i: usize, before: Option<L
                 settled.bent = (Vector3::zeros(), Rotation3::identity());
             }
             bent_tool(walk, &settled.bent)
-        } else if let Some((_, there)) = end.filter(|(end, _)| end.goes_on(prepared, i, &way)) {
+        } else if let Some((_, there)) = end.filter(|(end, _)| end.goes_on(prepared, i, &displacement)) {
             settled = there;
             bent_tool(walk, &settled.bent)
         } else {
-            let on = if begins { ahead(&way) } else { Vector3::zeros() };
+            let on = if begins { ahead(&displacement) } else { Vector3::zeros() };
             let moment = walk.stock.now();
             let speed = place.driven.as_ref().map_or(1.0, |driven| driven.speed);
             let met = settled.engaged;
             let ask = |tool: &ToolPose| match feed_per_tooth {
                 Some(feed) => {
                     let tool = ToolPose { tip: tool.tip + on, ..*tool };
-                    // At a stop, the front is in what it was in when the motion ended.
-                    let rests = place.driven.is_some() && way.norm() <= CHORD;
-                    let engaged = if rests { met } else { Walk::meets(&front, (&walk.stock, &moment), &tool, &way) };
+                    // At a stop, the engagement is that at the end of the motion.
+                    let rests = place.driven.is_some() && displacement.norm() <= CHORD;
+                    let engaged =
+                        if rests { met } else { Walk::meets(&front, (&walk.stock, &moment), &tool, &displacement) };
                     (engaged, wobj_from_stock * engaged.force.at(speed * feed))
                 }
                 None => (Engaged::default(), Vector3::zeros()),
@@ -146,7 +147,7 @@ fn step(walk: &mut Walk<'_>, prepared: &mut Prepared, i: usize, before: Option<L
                 (settled.engaged, settled.force) = ask(&bent_tool(walk, &settled.bent));
                 let Some(there) = land(&settled.force) else { break };
                 let step = there.0 - settled.bent.0;
-                // Later rounds go half way: a cut that comes and goes with the deflection swings.
+                // Later rounds take half steps: a cut that comes and goes with the deflection oscillates.
                 let share = if round < 5 { 1.0 } else { 0.5 };
                 settled.bent = (settled.bent.0 + step * share, there.1);
                 if step.norm() < SETTLED {
@@ -155,25 +156,25 @@ fn step(walk: &mut Walk<'_>, prepared: &mut Prepared, i: usize, before: Option<L
             }
             bent_tool(walk, &settled.bent)
         };
-        if way != Vector3::zeros() {
-            direction = Some(way.normalize());
+        if displacement != Vector3::zeros() {
+            direction = Some(displacement.normalize());
         }
         if let Some(feed_per_tooth) = feed_per_tooth {
             let engaged = settled.engaged;
             let force = FedForce::new(&wobj_from_stock, &engaged.force, feed_per_tooth);
-            passed.push(place.share, &Met::new(engaged, force, &tool, &way));
+            passed.push(place.share, &Met::new(engaged, force, &tool, &displacement));
             if !begins {
                 walk.weigh(&settled.engaged, &settled.force, feed_per_tooth);
             }
         }
         if begins {
-            // The way goes on from where the tool has been.
+            // The segment continues from the tool's position.
             from = Some(from.unwrap_or(tool));
             continue;
         }
         if let Some(from) = from.filter(|_| through.cuts || rounds) {
             let removed = walk.stock.remove(front.solid(), &from, &tool);
-            // What the rounding takes is not what the way itself would collide with.
+            // The material of the rounding is not a collision of the segment itself.
             passed.removed += if through.cuts { removed } else { 0.0 };
         }
         from = Some(tool);

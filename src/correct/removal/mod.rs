@@ -1,4 +1,4 @@
-//! A program's moves through the stock, in order: what each leaves, and the force at each target where it follows from that.
+//! A program's motions through the stock, in order: the material that each removes, and the force at each target if it follows from that.
 
 mod deflected;
 mod places;
@@ -31,12 +31,12 @@ use yielding::Stages;
 /// Whose poses remove the material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cuts {
-    /// Those that the program means: a corrected tool follows them.
+    /// The programmed poses, which a corrected tool follows.
     Programmed,
-    /// Those that the loaded arm takes on the way that the program commands.
+    /// The poses of the loaded arm on the commanded path.
     Deflected,
-    /// Those that the loaded arm takes on the way that its controller drives, at the speed that it drives; on the way that the program
-    /// commands where the cell has no law of its controller.
+    /// The poses of the loaded arm on the path that its controller drives, at the driven speed; on the commanded path if the cell has no law
+    /// of its controller.
     Driven,
 }
 
@@ -44,27 +44,27 @@ pub enum Cuts {
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Removal {
-    /// What is left.
+    /// The remaining stock.
     pub stock: Stock,
     /// The stock's frame in the base.
     pub base_from_stock: Pose,
-    /// What was assumed of the way that the controller drives.
+    /// Notes about assumptions on the driven path.
     pub notes: Vec<Diagnostic>,
 }
 
-/// More than this removed by a move that does not cut is a collision, m³: a twentieth of a cubic millimetre, against the
-/// rounding of printed poses that lift off a surface just cut.
+/// Volume above which a motion that does not cut is a collision, m³: a twentieth of a cubic millimetre, for the rounding of printed poses
+/// that lift off a surface just cut.
 const COLLISION: f64 = 0.05e-9;
 
-/// Without `resolution_mm`: this share of the smallest cutter's diameter, within a range, m.
+/// Spacing of the lines without `resolution_mm`: this share of the smallest cutter's diameter, within a range, m.
 const RESOLUTION_SHARE: f64 = 0.025;
 const RESOLUTION: std::ops::RangeInclusive<f64> = 0.1e-3..=1e-3;
 
-/// Cuts the cell's stock with a prepared program, and puts the forces that follow from it into the points. `arm` is the one that
-/// bends where [`Cuts::Deflected`] says so.
+/// Cuts the cell's stock with a prepared program, and puts the forces that follow from it into the points. `arm` is the arm that deflects
+/// with [`Cuts::Deflected`] and [`Cuts::Driven`].
 ///
 /// # Errors
-/// A stock in a work object that is not declared; moves that do not cut and run through material; `run.called-off`.
+/// A stock in a work object that is not declared; motions that do not cut and run through material; `run.called-off`.
 pub(super) fn run(
     context: Context<'_>,
     prepared: &mut Prepared,
@@ -80,7 +80,7 @@ pub(super) fn run(
     };
     let smallest = prepared.shared.fronts.iter().map(|front| 2.0 * front.solid().radius).fold(f64::INFINITY, f64::min);
     let resolution = spacing(blank, section.resolution, smallest)?;
-    // Once: where the part yields already, that was found on the path that it is judged by.
+    // Only once: if the compliance of the part is known, it was computed on the path by which the program is judged.
     let is_known = prepared.points.iter().any(|point| point.part.is_some());
     let held = cell.part.as_ref().and_then(|part| part.held.as_ref()).filter(|_| cuts == Cuts::Programmed && !is_known);
     let mut walk = Walk {
@@ -136,10 +136,10 @@ pub(super) fn run(
     Ok(Some(Removal { stock: walk.stock, base_from_stock, notes }))
 }
 
-/// Spacing of the stock's lines, m: what the cell says, or what follows from the smallest cutter and fits into memory.
+/// Spacing of the stock's lines, m: as declared, or from the smallest cutter, so that it fits into memory.
 fn spacing(blank: &Blank, said: Option<f64>, smallest: f64) -> Result<f64, Vec<Diagnostic>> {
     let fits = |spacing: f64| STOCK_LINES.exceeded(Stock::lines_over(blank, spacing));
-    // A fifth coarser at a time, from the finest spacing that anything is cut with up to beyond any blank.
+    // A fifth coarser at a time, from the finest spacing up to beyond any blank.
     let coarser =
         |from: f64| std::iter::successors(Some(from), |at| Some(1.2 * at)).take(400).find(|at| fits(*at).is_none());
     let chosen = (RESOLUTION_SHARE * smallest).clamp(*RESOLUTION.start(), *RESOLUTION.end());
@@ -161,7 +161,7 @@ pub(super) fn load(force: Vector3<f64>) -> PointLoad {
     if force == Vector3::zeros() { PointLoad::Air } else { PointLoad::Constant { force, follows: Follows::WorkObject } }
 }
 
-/// The stock's work object, and where it is in the base when it is cut first; `None` where nothing cuts.
+/// The stock's work object, and its pose in the base at the first cut; `None` if nothing cuts.
 fn stock_frame(program: &Program, cell: &Cell, prepared: &Prepared) -> Result<Option<(Mount, Pose)>, Vec<Diagnostic>> {
     let name = cell.stock.as_ref().and_then(|stock| stock.wobj.as_deref());
     let first = prepared.points.iter().position(|point| point.through.is_some_and(|through| through.cuts));
@@ -190,7 +190,7 @@ fn stock_frame(program: &Program, cell: &Cell, prepared: &Prepared) -> Result<Op
     })
 }
 
-/// A stock on the way through a program.
+/// A stock during a run of a program.
 struct Walk<'a> {
     program: &'a Program,
     arm: &'a Arm,
@@ -202,61 +202,61 @@ struct Walk<'a> {
     progress: &'a CutProgress,
     called_off: bool,
     errors: Vec<Diagnostic>,
-    /// The move before was a collision: one is named of a run of them.
+    /// Whether the motion before was a collision: of consecutive ones, only the first is reported.
     collided: bool,
-    /// Targets where a flat bottom goes down into material.
+    /// Number of targets where a flat bottom descends into material.
     bottoms: usize,
     first_bottom: Option<usize>,
     peak: f64,
     bound: f64,
     /// Length cut up to here, m.
     cut_length: f64,
-    /// The stock as it was from time to time, where it is known how the part yields.
+    /// States of the stock from time to time, if the part yields.
     stages: Option<Stages>,
-    /// The way that the controller drives, where that is what cuts.
+    /// The driven motion, if it cuts.
     motion: Option<DrivenMotion<'a>>,
 }
 
-/// How far on from where a way begins its first force is computed, m.
+/// Distance from the start of a segment at which its first force is computed, m.
 const START_ON: f64 = 0.25e-3;
 
-/// What a move through the stock came to.
+/// The results of a motion through the stock.
 struct Passed {
     /// Index of its target.
     target: usize,
     through: Through,
-    /// Length of the way, m, and what it removed, m³.
+    /// Length of the segment, m, and the removed volume, m³.
     length: f64,
     removed: f64,
-    /// Where the force follows from the stock: shares of the way and the force there.
+    /// If the force follows from the stock: shares of the segment and the force there.
     forces: Vec<(f64, FedForce)>,
-    /// At its end.
+    /// The engagement at its end.
     engaged: Engaged,
-    /// Sums over the way, with what is cut on each metre and the share of the way as weights: of the weights (m²), and of
-    /// [`Met::cut`] and [`Met::left`] (m³).
+    /// Sums over the segment: of the weights (m²), and of [`Met::cut`] and [`Met::left`] (m³). The weight is the section that is cut times the
+    /// share of the segment.
     weight: f64,
     cut: Vector3<f64>,
     left: Vector3<f64>,
 }
 
-/// What the tool meets at a place.
+/// The material that the tool meets at a point.
 #[derive(Clone, Copy, Default)]
 struct Met {
     engaged: Engaged,
-    /// Where it follows from the stock.
+    /// The force.
     force: FedForce,
-    /// From the tip to where it cuts, m, stock's axes.
+    /// Vector from the tip to where it cuts, m, stock's axes.
     cut: Vector3<f64>,
-    /// From the tip to the face that it leaves, m, stock's axes. The face is the envelope of the cutter on its way: it touches the
-    /// cutter where the way runs along it, which is level with the axis of the tool and not in front of it.
+    /// Vector from the tip to the face that it leaves, m, stock's axes. The face is the envelope of the moving cutter. It touches the cutter
+    /// where the motion is tangential, which is level with the axis of the tool and not in front of it.
     left: Vector3<f64>,
 }
 
 impl Met {
-    /// What a tool meets at the end of a way (stock's axes).
-    fn new(engaged: Engaged, force: FedForce, tool: &ToolPose, way: &Vector3<f64>) -> Self {
+    /// The material that a tool meets at the end of a displacement (stock's axes).
+    fn new(engaged: Engaged, force: FedForce, tool: &ToolPose, displacement: &Vector3<f64>) -> Self {
         let cut = engaged.place - tool.tip;
-        let forward = way.try_normalize(0.0).map_or_else(Vector3::zeros, |along| along * along.dot(&cut));
+        let forward = displacement.try_normalize(0.0).map_or_else(Vector3::zeros, |along| along * along.dot(&cut));
         Self { engaged, force, cut, left: cut - forward }
     }
 }
@@ -276,7 +276,7 @@ impl Passed {
         }
     }
 
-    /// Takes in what is met at the next share of the way.
+    /// Adds the result at the next share of the segment.
     fn push(&mut self, share: f64, met: &Met) {
         let weight = share * met.engaged.section;
         self.weight += weight;
@@ -289,43 +289,44 @@ impl Passed {
     }
 }
 
-/// The end of a way that cuts, as far as it tells what a way that goes on from it meets.
+/// The end of a segment that cuts, from which a segment that continues straight on begins with the same material.
 #[derive(Clone, Copy)]
 struct End {
     /// Index of the point.
     target: usize,
     front: u32,
     feed_per_tooth: f64,
-    /// Of the way, in the stock.
+    /// Direction of the segment, stock's axes.
     direction: Vector3<f64>,
 }
 
 impl End {
-    /// Sine of a turn of the way that changes the force by some thousandths of it.
+    /// Sine of a turn of the path that changes the force by some thousandths.
     const STRAIGHT_ON: f64 = 2e-3;
 
-    /// Whether a way (stock) into another point goes straight on, with the same cutter.
-    fn goes_on(&self, prepared: &Prepared, target: usize, way: &Vector3<f64>) -> bool {
+    /// Whether a displacement (stock's axes) to another point continues straight on, with the same cutter.
+    fn goes_on(&self, prepared: &Prepared, target: usize, displacement: &Vector3<f64>) -> bool {
         let (before, point) = (&prepared.points[self.target], &prepared.points[target]);
         let same = point
             .through
             .is_some_and(|through| through.front == self.front && through.feed_per_tooth == Some(self.feed_per_tooth));
-        let straight =
-            way.dot(&self.direction) > 0.0 && way.cross(&self.direction).norm() < Self::STRAIGHT_ON * way.norm();
+        let straight = displacement.dot(&self.direction) > 0.0
+            && displacement.cross(&self.direction).norm() < Self::STRAIGHT_ON * displacement.norm();
         same && straight && before.setting == point.setting
     }
 }
 
-/// A little on from where a way begins: what it meets there, for the front touches what has just been cut.
-fn ahead(way: &Vector3<f64>) -> Vector3<f64> {
-    way * (START_ON / way.norm()).min(0.5)
+/// A short displacement from the start of a segment. The material is computed there, because at the start the front touches what has just
+/// been cut.
+fn ahead(displacement: &Vector3<f64>) -> Vector3<f64> {
+    displacement * (START_ON / displacement.norm()).min(0.5)
 }
 
 impl Walk<'_> {
-    /// Tells how many of all points are done; `false` where the run is called off.
+    /// Reports the number of points that are done. Returns `false` if the run is cancelled.
     fn goes_on(&mut self, done: usize, points: usize) -> bool {
         let goes_on = self.progress.goes_on(done, points);
-        // Computed once, however often it is needed.
+        // Reported once.
         if !goes_on && !std::mem::replace(&mut self.called_off, true) {
             let name = self.program.sources.first().map_or("", |source| &source.name);
             self.errors.push(Diagnostic::error("run.called-off", name, "the run was called off"));
@@ -333,7 +334,7 @@ impl Walk<'_> {
         goes_on
     }
 
-    /// Where the controller is to lead the TCP at a target.
+    /// The wanted pose of the TCP at a target.
     fn goal(&self, point: &Point) -> Pose {
         match self.cuts {
             Cuts::Programmed => point.reference,
@@ -362,8 +363,8 @@ impl Walk<'_> {
         }
     }
 
-    /// The step that leads to a place, work object axes, m; out of the first.
-    fn way(&self, places: &[Place], k: usize) -> Vector3<f64> {
+    /// The displacement to a point of the segment, work object axes, m; for the first one, that to the second.
+    fn displacement(&self, places: &[Place], k: usize) -> Vector3<f64> {
         let at = |k: usize| places.get(k).map(|place| place.pose.translation.vector);
         match (k.checked_sub(1).and_then(at), at(k), at(k + 1)) {
             (Some(before), Some(here), _) => here - before,
@@ -372,12 +373,21 @@ impl Walk<'_> {
         }
     }
 
-    /// What a tool meets at the end of a way (stock).
-    fn meets(front: &Front, (stock, moment): (&Stock, &Moment), tool: &ToolPose, way: &Vector3<f64>) -> Engaged {
-        if way.norm() > CHORD { front.engaged_at(stock, moment, tool, way) } else { Engaged::default() }
+    /// The engagement of a tool at the end of a displacement (stock's axes).
+    fn meets(
+        front: &Front,
+        (stock, moment): (&Stock, &Moment),
+        tool: &ToolPose,
+        displacement: &Vector3<f64>,
+    ) -> Engaged {
+        if displacement.norm() > CHORD {
+            front.engaged_at(stock, moment, tool, displacement)
+        } else {
+            Engaged::default()
+        }
     }
 
-    /// Takes in what a move came to.
+    /// Adds the results of a motion.
     fn finish(&mut self, prepared: &mut Prepared, passed: Passed) {
         let Passed { target: i, through, length, removed, forces, engaged, weight, cut, left } = passed;
         let collides = !through.cuts && removed > COLLISION;
@@ -394,7 +404,7 @@ impl Walk<'_> {
         if let Some(via) = via {
             prepared.points[via].cut_length = self.cut_length;
         }
-        // Where it leaves the material the flank touches what it has left, anywhere, and cuts next to nothing.
+        // Where it leaves the material, the flank touches the face anywhere and cuts next to nothing.
         let mean = |sum: Vector3<f64>| if weight > 0.0 { sum / weight } else { Vector3::zeros() };
         let mut milled = Milled { removed, cut: mean(cut), left: mean(left), ..Milled::default() };
         if through.feed_per_tooth.is_some() {
@@ -415,7 +425,7 @@ impl Walk<'_> {
         point.milled = Some(milled);
     }
 
-    /// Takes in how large a force is, and how far rims may put it off.
+    /// Adds the size of a force, and the bound of its error because of the rim.
     fn weigh(&mut self, engaged: &Engaged, force: &Vector3<f64>, feed_per_tooth: f64) {
         self.peak = self.peak.max(force.norm());
         self.bound = self.bound.max(engaged.bound[0] + feed_per_tooth * engaged.bound[1]);

@@ -1,4 +1,4 @@
-//! The places on the way into a target at which the tool's cut is looked at.
+//! The positions on the segment to a target at which the cut of the tool is computed.
 
 use super::super::Prepared;
 use super::super::driven::DrivenPoint;
@@ -7,30 +7,30 @@ use super::{Cuts, Walk};
 use crate::drive::Track;
 use crate::robot::Pose;
 
-/// The force is computed at least so often on the way into a target, m: engagement changes within a fraction of a cutter.
+/// Largest distance between two computed forces on a segment, m: the engagement changes within a fraction of a cutter.
 const ASK_EVERY: f64 = 2e-3;
-/// Share of that which rounding to the digits of a program may add.
+/// Share of that distance that the rounding of a program's digits may add.
 const PRINTED: f64 = 1e-3;
-/// And at most so many times.
+/// Most positions on a segment.
 const MOST_PLACES: usize = 500;
-/// An arc is followed by chords of this length, m: half a hundredth of a millimetre off a radius of 6 mm.
+/// Length of the chords of an arc, m: 5 µm off a radius of 6 mm.
 const CHORD_OF_ARC: f64 = 0.5e-3;
-/// A turn of the tool is followed in steps of this, rad.
+/// Steps of a turn of the tool, rad.
 const TURN: f64 = 0.05;
-/// A joint move is followed in steps of this, rad: a centimetre at a metre.
+/// Steps of a joint motion, rad: a centimetre at a metre.
 const JOINT_STEP: f64 = 0.01;
 
-/// A driven way may bend by so much to the side between two places, m: below what the part is reported to.
+/// Largest distance of the driven path from the line between two positions, m: below the digits in which the part is reported.
 pub(super) const BEND: f64 = 1e-6;
-/// And its speed may change by this share of the programmed one: less than any coefficient of a material is known to.
+/// Largest change of its speed, as a share of the programmed one: below the accuracy of the coefficients of a material.
 const SPEED: f64 = 1.0 / 16.0;
 
-/// A place on the way into a target.
+/// A position on the segment to a target.
 pub(super) struct Place {
     pub(super) share: f64,
-    /// Where the controller leads the TCP, work object of the target.
+    /// The pose of the unloaded TCP, in the work object of the target.
     pub(super) pose: Pose,
-    /// Its circumstances, where it is one of a way that the controller drives.
+    /// The driven point, if it is on a driven path.
     pub(super) driven: Option<Box<DrivenPoint>>,
 }
 
@@ -41,23 +41,22 @@ impl Place {
 }
 
 impl Walk<'_> {
-    /// The places on the way that the controller drives into target `i`, after the one where that begins, and the length of it, m;
-    /// `None` where the way is taken as the program commands it.
+    /// The positions on the driven segment to target `i`, after its start, and its length, m; `None` if the commanded path is used.
     pub(super) fn driven_places(&mut self, prepared: &mut Prepared, i: usize) -> Option<(Vec<Place>, f64)> {
         let motion = self.motion.as_mut()?;
         let samples = motion.range_before(i)?;
         let setting = *prepared.setting(i);
-        // The first way begins with its first sample.
+        // The first segment begins with its first sample.
         let first = samples.start.saturating_sub(1);
         let poses: Vec<Pose> = (first..samples.end).map(|sample| motion.pose(&setting, sample)).collect();
         let at = |sample: usize| poses[sample - first].translation.vector;
         let fits = |from: usize, to: usize| {
-            let way = at(to) - at(from);
-            let square = way.norm_squared();
+            let displacement = at(to) - at(from);
+            let square = displacement.norm_squared();
             let aside = |sample: usize| {
                 let off = at(sample) - at(from);
-                let share = if square > 0.0 { (off.dot(&way) / square).clamp(0.0, 1.0) } else { 0.0 };
-                (off - way * share).norm()
+                let share = if square > 0.0 { (off.dot(&displacement) / square).clamp(0.0, 1.0) } else { 0.0 };
+                (off - displacement * share).norm()
             };
             square <= ASK_EVERY.powi(2)
                 && (motion.speed(to) - motion.speed(from)).abs() <= SPEED
@@ -86,7 +85,7 @@ impl Walk<'_> {
         Some((places, length))
     }
 
-    /// The places on the way into target `i`, the last of them its own, and the length of a line or an arc, m.
+    /// The positions on the segment to target `i`, of which the last is the target, and the length of a line or an arc, m.
     pub(super) fn places(&self, prepared: &Prepared, i: usize, asks: bool) -> (Vec<Place>, f64) {
         let point = &prepared.points[i];
         let goal = self.goal(point);
@@ -103,11 +102,11 @@ impl Walk<'_> {
         }
         let (setting, mount) = (prepared.setting(before), prepared.mount(i));
         if kind == Kind::Joint {
-            let way = point.motor - from.motor;
-            let n = ((way.amax() / JOINT_STEP).ceil() as usize).clamp(1, 4 * MOST_PLACES);
+            let displacement = point.motor - from.motor;
+            let n = ((displacement.amax() / JOINT_STEP).ceil() as usize).clamp(1, 4 * MOST_PLACES);
             let place = |k: usize| {
                 let share = k as f64 / n as f64;
-                let motor = from.motor + way * share;
+                let motor = from.motor + displacement * share;
                 let moved = mount.between(from.moved.as_ref(), point.moved.as_ref(), share);
                 let own = moved.as_ref().map_or(&mount.setting, |moved| &moved.setting);
                 let base_from_tcp = self.arm.robot.forward(&motor) * own.tool.flange_from_tcp;
@@ -135,7 +134,7 @@ impl Walk<'_> {
         if track.is_arc() {
             n = n.max(length / CHORD_OF_ARC).min(20_000.0);
         } else if asks || self.cuts != Cuts::Programmed {
-            // Steps of just that length, as printed, are not halved.
+            // Steps of exactly that length, as printed, are not halved.
             n = n.max((length / ASK_EVERY - PRINTED).min(MOST_PLACES as f64));
         }
         let n = n.ceil() as usize;

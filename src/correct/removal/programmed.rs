@@ -1,5 +1,5 @@
-//! The programmed path removes the material: what is met at each place does not depend on the forces at others, so that a batch
-//! of moves is removed, and then what was met at each of its places is found of the stock as it was then, both in parallel.
+//! The programmed path removes the material. The engagement at a position does not depend on the forces elsewhere. A batch of motions is
+//! therefore removed, and then the engagement at each of its positions is computed from the stock at that moment, both in parallel.
 
 use super::super::Prepared;
 use super::super::point::{FedForce, tool_axis};
@@ -9,29 +9,29 @@ use crate::stock::{Engaged, Moment, ToolPose};
 use nalgebra::{Rotation3, Vector3};
 use rayon::prelude::*;
 
-/// Places, or moves, that are looked at together: the history of the stock between them is some 10 MB.
+/// Number of positions, or motions, of a batch: the history of the stock between them is some 10 MB.
 const BATCH: usize = 512;
 
-/// So many where it is known how the part yields: the stock is looked at between batches.
+/// Number of motions of a batch if the part yields: the state of the stock is stored between batches.
 const BATCH_OF_A_PART: usize = 16;
 
-/// A place for which the engagement of the tool is computed.
+/// A position for which the engagement of the tool is computed.
 struct Asked {
     moment: Moment,
     tool: ToolPose,
-    /// Into it, in the stock.
-    way: Vector3<f64>,
+    /// Displacement to it, stock's axes.
+    displacement: Vector3<f64>,
     front: u32,
 }
 
-/// A way that has been cut, and whose forces are to be set.
+/// A segment that was cut, and whose forces are not set yet.
 struct Recorded {
     passed: Passed,
-    /// Moves that the stock has received.
+    /// Number of motions that the stock has received.
     moves: usize,
-    /// Of the places at which engagements are computed.
+    /// Shares of the positions at which engagements are computed.
     shares: Vec<f64>,
-    /// What is met where it begins is what the way before met at its end.
+    /// Whether it begins with the engagement at the end of the segment before.
     goes_on: bool,
     wobj_from_stock: Rotation3<f64>,
 }
@@ -40,10 +40,10 @@ struct Recorded {
 struct Batch {
     asked: Vec<Asked>,
     recorded: Vec<Recorded>,
-    /// Moves of all these.
+    /// Number of motions of all these.
     moves: usize,
     end: Option<End>,
-    /// The last answer.
+    /// The last result.
     met: Met,
 }
 
@@ -71,13 +71,13 @@ pub(super) fn cut(walk: &mut Walk<'_>, prepared: &mut Prepared) {
 }
 
 impl Batch {
-    /// Notes what the move into a point removes, and which engagements are to be computed.
+    /// Records the motion to a point, and the engagements to compute.
     fn record(&mut self, walk: &mut Walk<'_>, prepared: &Prepared, i: usize) {
         let end = self.end.take();
         let Some(through) = prepared.points[i].through else { return };
         let solid = walk.fronts[through.front as usize].solid();
         let feed_per_tooth = through.feed_per_tooth;
-        // How a part yields depends on where it is cut, whatever says the force.
+        // The compliance of a part depends on where it is cut, for every kind of force.
         let asks = feed_per_tooth.is_some() || (walk.stages.is_some() && through.cuts);
         let (places, length) = walk.places(prepared, i, asks);
         let stock_from_wobj = walk.stock_from_wobj(prepared, i).rotation;
@@ -87,26 +87,31 @@ impl Batch {
         let mut last: Option<ToolPose> = None;
         for (k, place) in places.iter().enumerate() {
             let tool = walk.tool(prepared, i, &place.pose.translation.vector, &tool_axis(&place.pose));
-            let way = stock_from_wobj * walk.way(&places, k);
+            let displacement = stock_from_wobj * walk.displacement(&places, k);
             let begins = k == 0 && places.len() > 1;
             let mut ask = |tool: &ToolPose| {
                 if asks {
-                    self.asked.push(Asked { moment: walk.stock.now(), tool: *tool, way, front: through.front });
+                    self.asked.push(Asked {
+                        moment: walk.stock.now(),
+                        tool: *tool,
+                        displacement,
+                        front: through.front,
+                    });
                 }
             };
             if let Some(from) = last.replace(tool) {
-                // What it meets at the end of a step is what has not been removed by the step.
+                // The engagement at the end of a step is computed before the step removes material.
                 ask(&tool);
                 walk.stock.defer(solid, &from, &tool);
                 moves += 1;
-            } else if begins && end.is_some_and(|end| end.goes_on(prepared, i, &way)) {
+            } else if begins && end.is_some_and(|end| end.goes_on(prepared, i, &displacement)) {
                 goes_on = true;
             } else {
-                let on = if begins { ahead(&way) } else { Vector3::zeros() };
+                let on = if begins { ahead(&displacement) } else { Vector3::zeros() };
                 ask(&ToolPose { tip: tool.tip + on, ..tool });
             }
-            if way != Vector3::zeros() {
-                direction = Some(way.normalize());
+            if displacement != Vector3::zeros() {
+                direction = Some(displacement.normalize());
             }
         }
         self.end = feed_per_tooth.zip(direction).map(|(feed_per_tooth, direction)| End {
@@ -121,13 +126,13 @@ impl Batch {
         self.recorded.push(Recorded { passed, moves, shares, goes_on, wobj_from_stock: stock_from_wobj.inverse() });
     }
 
-    /// Removes, finds what is met at each place, and takes it in.
+    /// Removes the material, computes the engagements, and adds the results.
     fn settle(&mut self, walk: &mut Walk<'_>, prepared: &mut Prepared) {
         let mut volumes = walk.stock.settle().into_iter();
         let (stock, fronts) = (&walk.stock, &walk.fronts);
         let meets = |asked: &Asked| {
-            let Asked { moment, tool, way, front } = asked;
-            Walk::meets(&fronts[*front as usize], (stock, moment), tool, way)
+            let Asked { moment, tool, displacement, front } = asked;
+            Walk::meets(&fronts[*front as usize], (stock, moment), tool, displacement)
         };
         let answers: Vec<Engaged> = self.asked.par_iter().map(meets).collect();
         let mut answers = answers.into_iter().zip(&self.asked);
@@ -140,7 +145,7 @@ impl Batch {
                 {
                     let force = |feed_per_tooth| FedForce::new(&wobj_from_stock, &engaged.force, feed_per_tooth);
                     let force = passed.through.feed_per_tooth.map_or_else(FedForce::default, force);
-                    self.met = Met::new(engaged, force, &asked.tool, &asked.way);
+                    self.met = Met::new(engaged, force, &asked.tool, &asked.displacement);
                 }
                 passed.push(*share, &self.met);
                 if let Some(feed_per_tooth) = passed.through.feed_per_tooth.filter(|_| !begins) {

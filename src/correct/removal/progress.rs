@@ -1,4 +1,4 @@
-//! Who follows a cut of the stock.
+//! The receiver of the progress of a cut.
 
 use std::fmt;
 use std::sync::Arc;
@@ -10,12 +10,12 @@ type Told = dyn Fn(f64) -> bool + Send + Sync;
 pub struct CutProgress(Option<Arc<Told>>);
 
 impl CutProgress {
-    /// Tells this function.
+    /// A receiver that calls this function.
     pub fn new(told: impl Fn(f64) -> bool + Send + Sync + 'static) -> Self {
         Self(Some(Arc::new(told)))
     }
 
-    /// Whether the cut goes on when so many of all points are done.
+    /// Reports the number of points that are done. Returns whether the cut goes on.
     pub(super) fn goes_on(&self, done: usize, points: usize) -> bool {
         self.0.as_ref().is_none_or(|told| told(done as f64 / points.max(1) as f64))
     }

@@ -1,8 +1,8 @@
-//! How the clamped part yields where it is cut: its compliance follows the stock as material goes.
+//! The compliance of the clamped part where it is cut, which follows the stock as material is removed.
 //!
-//! The stock is looked at from time to time on the programmed path. Each look is a stage: a solid of cells, whose compliance is
-//! found at the places that are cut before the next one, and before this one. At a target the compliance is that of the stages
-//! before and after it, by the volume that has gone.
+//! The state of the stock is stored from time to time along the programmed path. Each state is a stage: a solid of cells, whose compliance
+//! is computed at the points that are cut between the stage before and the stage after it. At a target, the compliance is interpolated
+//! between the stages before and after it, by the removed volume.
 
 use super::super::Prepared;
 use super::super::point::{Milled, tool_axis};
@@ -16,38 +16,38 @@ use nalgebra::{DMatrix, Vector3};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Cells over the blank, without `cell_mm`: a stage takes some seconds.
+/// Number of cells over the blank without `cell_mm`: a stage takes some seconds.
 const CELLS: f64 = 12_000.0;
 /// Most cells over the blank: 2 GB, and minutes a stage.
 const MOST_CELLS: f64 = 500_000.0;
-/// Walls thinner than so many cells may be taken for thinner or thicker than they are; they are said where more than this share
-/// of the cells is in such.
+/// Walls thinner than the first number of cells may get another thickness; a warning is given if more than the second share of the cells is
+/// in such walls.
 const THIN: (f64, f64) = (1.0, 0.02);
-/// The stock is looked at when this share of what was left has gone, over the number of stages: some three looks a stage where two
-/// thirds of the blank go.
+/// The state of the stock is stored when this share of the remaining volume, over the number of stages, has been removed: some three states
+/// for each stage if two thirds of the blank are removed.
 const GONE: f64 = 0.36;
 
-/// The stock as it was from time to time.
+/// The states of the stock from time to time.
 pub(super) struct Stages {
     held: HeldPart,
     looks: Vec<Look>,
 }
 
-/// The stock at a moment.
+/// The state of the stock at a moment.
 struct Look {
     /// Volume removed up to then, m³.
     removed: f64,
     solid: Solid,
 }
 
-/// A target that is cut where the part yields.
+/// A target at which the part is cut.
 struct Cut {
     target: usize,
     /// Volume removed up to it, m³.
     removed: f64,
-    /// Where the force acts, mm, stock's axes.
+    /// Point where the force acts, mm, stock's axes.
     place: [f64; 3],
-    /// Where the face is left whose error counts, mm, stock's axes.
+    /// Point of the face whose error counts, where the cutter leaves it, mm, stock's axes.
     face: [f64; 3],
 }
 
@@ -61,7 +61,7 @@ impl Stages {
         self.held.cell_mm.unwrap_or_else(|| ((high - low).product() / CELLS).cbrt())
     }
 
-    /// Whether the cells are not too many.
+    /// Refuses too many cells.
     pub(super) fn check(&self, stock: &Stock) -> Result<(), Vec<Diagnostic>> {
         let [low, high] = stock.blank().bounds().map(|corner| corner * 1e3);
         let cells = (high - low).product() / self.cell(&low, &high).powi(3);
@@ -77,7 +77,7 @@ impl Stages {
         ])
     }
 
-    /// Looks at the stock, where enough has gone since the last look.
+    /// Stores the state of the stock if enough was removed since the last one.
     pub(super) fn look(&mut self, stock: &Stock) {
         let [low, high] = stock.blank().bounds();
         let whole = (high - low).product();
@@ -88,7 +88,7 @@ impl Stages {
         }
     }
 
-    /// Looks at what is left of the stock in the end, where anything has gone since the last look.
+    /// Stores the last state of the stock if anything was removed since the one before.
     pub(super) fn look_last(&mut self, stock: &Stock) {
         if self.looks.last().is_none_or(|last| stock.removed() > last.removed) {
             self.take(stock);
@@ -102,25 +102,25 @@ impl Stages {
         self.looks.push(Look { removed: stock.removed(), solid });
     }
 
-    /// Finds the compliance at each target that is cut, and says what was found.
+    /// Computes the compliance at each target that is cut. Returns notes about it.
     pub(super) fn settle(self, walk: &Walk<'_>, prepared: &mut Prepared) -> Result<Vec<Diagnostic>, Vec<Diagnostic>> {
         let Self { held, looks } = self;
         let cuts = cuts(walk, prepared);
         let count = looks.len();
-        // Evenly among the looks, the first and the last of them included.
+        // Evenly among the states, including the first and the last.
         let most = held.stages;
         let chosen: Vec<&Look> = if count <= most {
             looks.iter().collect()
         } else {
             (0..most).map(|n| &looks[n * (count - 1) / (most - 1)]).collect()
         };
-        // Shares of the stages at each cut: it is between two of them, or after the last.
+        // The stages of each cut: it is between two of them, or after the last.
         let after = |cut: &Cut| chosen.partition_point(|look| look.removed <= cut.removed).clamp(1, chosen.len());
         let clamps = held.clamps.len();
         let mut yields: Vec<Vec<(PartYield, f64)>> = vec![Vec::new(); cuts.len()];
         let (mut before, mut softest, mut places, mut elements, mut off) = (None, 0.0_f64, 0, 0, 0.0_f64);
         for (n, look) in chosen.iter().enumerate() {
-            // A cut between looks n and n + 1 is of both.
+            // A cut between the stages n and n + 1 belongs to both.
             let of_stage: Vec<(usize, f64)> = cuts
                 .iter()
                 .enumerate()
@@ -192,12 +192,12 @@ fn cuts(walk: &Walk<'_>, prepared: &Prepared) -> Vec<Cut> {
     for (target, point) in prepared.points.iter().enumerate() {
         removed += point.milled.as_ref().map_or(0.0, |milled| milled.removed);
         let has_force = |milled: &Milled| milled.forces.iter().any(|(_, force)| force.programmed != Vector3::zeros());
-        // Where a table of forces has none the tool may have touched the part all the same: a gauge or a probe did.
+        // Also without a force in the table the part may have been touched, by a gauge or a probe.
         let touches = |milled: &Milled| has_force(milled) || milled.removed > 0.0;
         if point.unsolved.is_some() || !(point.cuts() || point.milled.iter().any(touches)) {
             continue;
         }
-        // Where nothing is cut, it is touched by the tip.
+        // If nothing is cut, the tip touches it.
         let tip = walk.tool(prepared, target, &point.reference.translation.vector, &tool_axis(&point.reference)).tip;
         let [cut, left] = point.milled.as_ref().map_or([Vector3::zeros(); 2], |milled| [milled.cut, milled.left]);
         cuts.push(Cut { target, removed, place: ((tip + cut) * 1e3).into(), face: ((tip + left) * 1e3).into() });

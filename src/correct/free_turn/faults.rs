@@ -1,24 +1,24 @@
-//! What lies between the targets of a choice: a way on which an axis leaves its limits or its speed, the wrist gets singular or the
-//! arm does not reach is given up for one farther from where it went wrong.
+//! Faults between the targets of a choice. If an axis exceeds its limits or its speed, the wrist becomes singular or the arm does not
+//! reach, the next search keeps farther from that state.
 
 use super::path::Path;
-use crate::correct::along::{Fault, Way, WayFault};
+use crate::correct::along::{Fault, FollowedSegment, WayFault};
 use crate::correct::carried::Chosen;
 use crate::drive::Track;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// What is kept clear of a limit besides what passed it, rad.
+/// Additional distance from an axis limit that was exceeded, rad.
 const BESIDES: f64 = PI / 180.0;
 
 /// By how much the margin from a singular wrist grows, rad.
 const WIDER: f64 = 3.0 * PI / 180.0;
 
-/// What is kept of the speed that an axis has besides.
+/// Additional factor for the speed of an axis that was exceeded.
 const SLOWER: f64 = 1.1;
 
 impl Path<'_> {
-    /// What is wrong on the ways between chosen targets, with the targets that they lead to.
+    /// Faults on the segments between chosen targets, each with the index of the target at the end.
     pub(super) fn way_faults(&self, chosen: &[Chosen]) -> Vec<(usize, Fault)> {
         let faults = |i: usize| -> Vec<(usize, Fault)> {
             let is_chosen = |i: usize| chosen[i].turn.is_some();
@@ -38,19 +38,19 @@ impl Path<'_> {
                 let before = from.moved.as_ref().map_or(self.mount(i - 1).setting, |moved| moved.setting);
                 there.wobj_from_tcp(&before.base_from_flange(&from.wobj_from_tcp))
             };
-            let way = Way {
+            let segment = FollowedSegment {
                 robot: self.robot(),
                 track: Track::line(&begins, &to.wobj_from_tcp),
                 setting: &setting,
                 motors: [from.motor, to.motor],
                 feed_mm_s: self.moves[i].time.map(|time| 1e3 * self.moves[i].length / time),
             };
-            way.faults().into_iter().map(|fault| (i, fault)).collect()
+            segment.faults().into_iter().map(|fault| (i, fault)).collect()
         };
         (1..chosen.len()).into_par_iter().flat_map_iter(faults).collect()
     }
 
-    /// Keeps the next search farther from what went wrong.
+    /// Keeps the next search farther from these faults.
     pub(super) fn keep_clear_of(&mut self, faults: &[(usize, Fault)]) {
         for (i, fault) in faults {
             for at in [i - 1, *i] {
