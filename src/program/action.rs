@@ -1,16 +1,16 @@
-//! What a program asks of the machine besides motion: tools, spindle, coolant, stops (CL).
+//! Actions of the machine other than motion in CL data: tools, spindle, coolant, stops.
 
 use crate::text::Span;
 use std::sync::Arc;
 
-/// Something done between two motions.
+/// An action between two motions.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Action {
-    /// Index into [`Program::targets`](super::Program::targets) of the target before whose motion it is done; their count
-    /// after the last.
+    /// Index into [`Program::targets`](super::Program::targets) of the target before whose motion it comes; their number after the last
+    /// one.
     pub before: usize,
-    /// What is done.
+    /// Its kind.
     pub kind: ActionKind,
     /// The statement.
     pub span: Span,
@@ -18,20 +18,20 @@ pub struct Action {
     pub line: usize,
 }
 
-/// What is done.
+/// The kind of an action.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum ActionKind {
-    /// Another tool is taken (`LOADTL`, `LOAD/TOOL`, `TOOLNO`, `TURRET`, a named `TOOL PATH`).
+    /// The tool changes (`LOADTL`, `LOAD/TOOL`, `TOOLNO`, `TURRET`, a named `TOOL PATH`).
     ToolChange {
         /// Its number or name, as printed.
         number: Arc<str>,
     },
     /// The spindle turns (`SPINDL`).
     SpindleOn {
-        /// Its speed, 1/min, where known.
+        /// Its speed, 1/min, if it is known.
         rpm: Option<f64>,
-        /// Seen from behind.
+        /// Whether it turns clockwise, seen from the spindle towards the tool.
         clockwise: bool,
     },
     /// The spindle stops.
@@ -45,9 +45,9 @@ pub enum ActionKind {
     CoolantOff,
     /// The program waits for the operator.
     Stop,
-    /// It waits where the operator has requested it (optional stop).
+    /// The program waits if the operator has requested it (optional stop).
     OptionalStop,
-    /// It waits (`DELAY`).
+    /// The program waits for a time (`DELAY`).
     Dwell {
         /// Seconds.
         seconds: f64,
@@ -57,7 +57,7 @@ pub enum ActionKind {
 }
 
 impl ActionKind {
-    /// What it is, in words that can be counted.
+    /// A fixed phrase for its kind, by which actions are counted.
     #[must_use]
     pub fn what(&self) -> &'static str {
         match self {
@@ -73,7 +73,7 @@ impl ActionKind {
         }
     }
 
-    /// The key of its template under `[cl.post]`; none for what RAPID itself has.
+    /// The key of its template under `[cl.post]`; `None` if every language has a statement for it.
     #[must_use]
     pub fn template(&self) -> Option<&'static str> {
         Some(match self {

@@ -1,20 +1,20 @@
-//! Which targets of a corrected program are those of its original, where the correction has inserted others between them.
+//! Finds the targets of the original in a corrected program that has inserted targets between them.
 //!
-//! A matching keeps the order, and what is not matched lies on the way into the next match. Of all matchings the one of the
-//! least cost is taken, by dynamic programming over the ends of motions; circle points go with their ends.
+//! A matching keeps the order, and targets without a match are on the segment to the next match. Dynamic programming over the ends of
+//! motions finds the matching of least cost; circle points belong to their ends.
 
 use super::{Motion, Program, Role};
 use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// What the geometry says of a target of the corrected program (first index) and one of the original (second).
+/// The geometric relation between a target of the corrected program (first index) and one of the original (second).
 pub(crate) trait Fit {
     /// Whether they may be the same target.
     fn is_same(&self, corrected: usize, original: usize) -> bool;
-    /// Whether the one may have been inserted on the way into the other.
+    /// Whether the first may have been inserted on the segment to the second.
     fn is_on_way(&self, corrected: usize, original: usize) -> bool;
-    /// How far pairs that may be the same are from that, squared.
+    /// Squared distances of pairs that may be the same.
     fn costs(&self, pairs: &[(usize, usize)]) -> Vec<f64>;
 }
 
@@ -23,39 +23,39 @@ struct End {
     target: usize,
     motion: Motion,
     is_arc: bool,
-    /// What a correction leaves as it is; `None` where the original is of another language.
+    /// The parts of the instruction that a correction does not change; `None` if the original is in another language.
     written: Option<Written>,
-    /// How far from it the controller leaves the path, mm; 0 of a stop.
+    /// Radius of its zone, mm; 0 for a stop.
     zone_mm: f64,
-    /// Of the corrected program: as far as its name tells.
+    /// For the corrected program: whether its name allows that it was inserted.
     may_be_inserted: bool,
 }
 
-/// What of an instruction is not its numbers.
+/// The parts of an instruction other than its numbers.
 #[derive(PartialEq)]
 struct Written {
     motion: Motion,
     name: Named,
 }
 
-/// What its name tells of a target.
+/// How a target is named.
 #[derive(PartialEq)]
 enum Named {
-    /// Numbers in the instruction: as inserted ones are written.
+    /// It has no name: its numbers are in the instruction, as those of inserted targets are.
     No,
     Yes,
-    /// Of a language whose points all have a name of their own: inserted ones have one that the original has not.
+    /// In a language whose points all have a name of their own: an inserted target has a name that the original does not have.
     Point(Arc<str>),
 }
 
 /// A target of the corrected program that may be a certain one of the original.
 struct Candidate {
     end: usize,
-    /// The ends just before, any of which may be the original's target before: all between may have been inserted.
+    /// The ends before it, any of which may be the original's target before: those between may have been inserted.
     before: Range<usize>,
 }
 
-/// A candidate with the least cost of all targets up to it, and the candidate before that it comes from.
+/// A candidate with the least cost of all targets up to it, and the candidate before it on that path.
 #[derive(Clone, Copy)]
 struct Reached {
     end: usize,
@@ -66,7 +66,7 @@ struct Reached {
 /// For each end of the original's motions its target in the corrected program.
 ///
 /// # Errors
-/// The first target of the corrected program that is neither one of the original nor on its way.
+/// The first target of the corrected program that is neither a target of the original nor on its path.
 pub(crate) fn align(original: &Program, corrected: &Program, fit: &impl Fit) -> Result<Vec<(usize, usize)>, usize> {
     let same_text = original.language == corrected.language;
     let (wanted, mut given) = (ends(original, same_text), ends(corrected, same_text));
@@ -96,7 +96,7 @@ pub(crate) fn align(original: &Program, corrected: &Program, fit: &impl Fit) -> 
             Some(before) => round(list, before, costs),
         });
     }
-    // What is after the last of the original is not inserted on any way.
+    // A target after the last one of the original is on no segment.
     let last = rounds.last().and_then(|round| round.iter().position(|reached| reached.end + 1 == given.len()));
     let Some(mut at) = last else {
         let most = rounds.last().and_then(|round| round.last()).map_or(0, |reached| reached.end + 1);
@@ -131,13 +131,13 @@ fn ends(program: &Program, same_text: bool) -> Vec<End> {
 }
 
 impl End {
-    /// Whether the instruction is one of the original but for its numbers: a correction may make its zone smaller.
+    /// Whether the instruction is that of the original, except for its numbers and a smaller zone.
     fn is_written_like(&self, original: &Self) -> bool {
         let fits = self.written.is_none() || self.zone_mm <= original.zone_mm;
         fits && self.is_arc == original.is_arc && self.written == original.written
     }
 
-    /// Whether a target may have been inserted on the way into this one.
+    /// Whether a target may have been inserted on the segment to this one.
     fn is_split_by(&self, inserted: &Self) -> bool {
         let is_path = |end: &Self| matches!(end.motion, Motion::Linear | Motion::Circular);
         is_path(self) && is_path(inserted) && (self.is_arc || !inserted.is_arc) && inserted.may_be_inserted
@@ -159,7 +159,7 @@ fn candidates(wanted: &[End], given: &[End], fit: &impl Fit) -> Result<Vec<Vec<C
             continue;
         };
         let mut here = Vec::new();
-        // The ends that the targets since may all have been inserted after.
+        // The ends after which all targets since then may have been inserted.
         let mut known: Option<Range<usize>> = None;
         let mut waiting = before.iter().map(|candidate| candidate.end).peekable();
         let mut at = before.first().map_or(0, |candidate| candidate.end);
@@ -181,7 +181,7 @@ fn candidates(wanted: &[End], given: &[End], fit: &impl Fit) -> Result<Vec<Vec<C
             }
         }
         if here.is_empty() {
-            // Where no way into this one went on.
+            // No candidate before it can be continued.
             return Err(given[(at - 1).min(given.len() - 1)].target);
         }
         debug_assert!(j == all.len());
@@ -190,7 +190,7 @@ fn candidates(wanted: &[End], given: &[End], fit: &impl Fit) -> Result<Vec<Vec<C
     Ok(all)
 }
 
-/// The next target of the original: the cheapest way to each of its candidates.
+/// The next target of the original: the cheapest matching up to each of its candidates.
 fn round(list: &[Candidate], before: &[Reached], mut cost: impl FnMut(&Candidate) -> f64) -> Vec<Reached> {
     let mut best: Option<usize> = None;
     let (mut from, mut next) = (0, 0);

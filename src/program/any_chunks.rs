@@ -1,4 +1,4 @@
-//! The chunks of a long program in any language, however they are read.
+//! The chunks of a long program in any language, for every way of reading them.
 
 use super::chunk::{ChunkReader, Next, StreamableChunk};
 use super::cl::{self, ClOptions};
@@ -7,7 +7,7 @@ use super::rapid::{self, Names};
 use crate::text::{Diagnostic, Source};
 use std::io::{self, Read, Seek};
 
-/// The chunks of a long program of whatever kind.
+/// The chunks of a long program.
 #[derive(Debug)]
 pub enum AnyChunks<R> {
     /// RAPID with inline targets in one procedure.
@@ -18,7 +18,7 @@ pub enum AnyChunks<R> {
     Cl(Box<cl::Chunks<R>>),
     /// KRL with inline positions in one routine.
     Krl(Box<krl::Chunks<R>>),
-    /// RAPID that is run again, whatever it consists of.
+    /// RAPID of any kind that is run again.
     Executed(rapid::ExecutedChunks),
 }
 
@@ -27,17 +27,17 @@ pub enum AnyChunks<R> {
 pub enum AnyChunk {
     /// RAPID.
     Rapid(Box<rapid::Chunk>),
-    /// Of a kind that is read as it is cut.
+    /// A chunk that is read when it is taken.
     Read(Box<StreamableChunk>),
     /// KRL.
     Krl(Box<krl::Chunk>),
 }
 
 impl<R: Read + Seek> AnyChunks<R> {
-    /// RAPID with inline targets in one procedure; `None` where `input` does not begin like that.
+    /// RAPID with inline targets in one procedure; `None` if `input` begins in another way.
     ///
     /// # Errors
-    /// What it reports.
+    /// `input` cannot be read.
     pub fn inline(name: &str, input: R, context: &[Source]) -> io::Result<Option<Self>> {
         Ok(rapid::Chunks::of_file(name, input, context)?.map(|chunks| Self::Inline(Box::new(chunks))))
     }
@@ -45,7 +45,7 @@ impl<R: Read + Seek> AnyChunks<R> {
     /// RAPID of which an index is held; see [`rapid::Declared::new`].
     ///
     /// # Errors
-    /// What the inputs report.
+    /// An input cannot be read.
     pub fn indexed(name: &str, body: R, file: R, context: &[Source]) -> io::Result<Option<Self>> {
         Ok(rapid::Declared::new(name, body, file, context)?.map(|chunks| Self::Indexed(Box::new(chunks))))
     }
@@ -59,23 +59,23 @@ impl<R: Read + Seek> AnyChunks<R> {
         Ok(program.map(|program| Self::Executed(program.chunks())))
     }
 
-    /// CL; `None` where only the whole can be read.
+    /// CL; `None` if only the whole can be read.
     ///
     /// # Errors
-    /// What `input` reports.
+    /// `input` cannot be read.
     pub fn cl(name: &str, input: R, options: &ClOptions) -> io::Result<Option<Self>> {
         Ok(cl::Chunks::new(name, input, options)?.map(|chunks| Self::Cl(Box::new(chunks))))
     }
 
-    /// KRL; `None` where only the whole can be read.
+    /// KRL; `None` if only the whole can be read.
     ///
     /// # Errors
-    /// What `input` reports.
+    /// `input` cannot be read.
     pub fn krl(name: &str, input: R, context: &[Source]) -> io::Result<Option<Self>> {
         Ok(krl::Chunks::of_file(name, input, context, krl::CHUNK)?.map(|chunks| Self::Krl(Box::new(chunks))))
     }
 
-    /// Names of the targets that it moves to, where they have any.
+    /// Names of the targets of its motions, if they have any.
     #[must_use]
     pub fn names(&self) -> Option<Names> {
         match self {

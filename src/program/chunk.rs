@@ -5,68 +5,68 @@ use crate::text::Diagnostic;
 use std::io;
 use std::ops::Range;
 
-/// What taking the next chunk of a program came to.
+/// The result of taking the next chunk of a program.
 #[derive(Debug)]
 pub enum Next<P> {
     /// Another chunk.
     Chunk(P),
     /// There are no more.
     End,
-    /// Here stands something that only the whole program tells the meaning of.
+    /// The text has something whose meaning depends on the whole program.
     NotStreamable,
 }
 
-/// Cuts a long program into chunks.
+/// Divides a long program into chunks.
 pub trait ChunkReader {
     /// A chunk, not yet read.
     type Chunk;
 
-    /// Whether every edit of a chunk lies in its own bytes, and these one after another are the program.
+    /// Whether every edit of a chunk is in its own bytes, and these bytes in their order are the program.
     const IN_PLACE: bool = false;
 
     /// The next chunk.
     ///
     /// # Errors
-    /// What the input reports.
+    /// The input cannot be read.
     fn take(&mut self) -> io::Result<Next<Self::Chunk>>;
 
-    /// Reads a chunk; `None` where it is not as it seemed.
+    /// Reads a chunk; `None` if it turns out that only the whole program can be read.
     fn read(chunk: Self::Chunk) -> Option<StreamableChunk>;
 
-    /// Whether no other motion, of whatever chunk, goes to the numbers of a target.
+    /// Whether the numbers of a target belong to one motion only, over all chunks.
     fn has_own_numbers(&self) -> bool {
         Self::IN_PLACE
     }
 
-    /// What was noticed in the text so far.
+    /// Warnings about the text so far.
     fn warnings(&self) -> Vec<Diagnostic> {
         Vec::new()
     }
 }
 
-/// A chunk as read.
+/// A chunk that was read.
 #[derive(Debug)]
 pub struct StreamableChunk {
     /// The chunk as a program; ordinals and lines are those of the whole.
     pub program: Program,
-    /// Which bytes of its source stand in the file; edits lie within.
+    /// The bytes of its source that are in the file; edits are within them.
     pub own: Range<usize>,
-    /// What else of its source stands in the file, and where: edits lie within these too.
+    /// Other parts of its source that are in the file: edits may be within these too.
     pub elsewhere: Vec<Elsewhere>,
-    /// Offset of `own` in the file, where there is anything elsewhere.
+    /// Offset of `own` in the file; used if `elsewhere` is not empty.
     pub at: u64,
     /// Whether it ends the program.
     pub last: bool,
 }
 
-/// Declarations that stand elsewhere in the file than their use, or lines that run before.
+/// Declarations that are far from their use in the file, or lines that run before.
 #[derive(Clone, Debug)]
 pub struct Elsewhere {
     /// Its bytes in the chunk's source.
     pub own: Range<usize>,
     /// Their offset in the file.
     pub at: u64,
-    /// One declaration, which several motions go to, maybe of several chunks.
+    /// Whether it is a declaration that several motions use, possibly of several chunks.
     pub shared: bool,
 }
 
@@ -80,9 +80,9 @@ impl<P> Next<P> {
     }
 }
 
-/// Whether these targets decide the direction out of the first one: what follows is not looked at.
+/// Whether these targets decide the direction out of the first one, without the targets after them.
 pub(crate) fn leaves_its_start(targets: &[Target]) -> bool {
-    /// Further than what gives no direction, mm.
+    /// Distance beyond which two targets have a direction between them, mm.
     const APART: f64 = 0.01;
     let Some(first) = targets.first() else { return false };
     let Some(from) = position(first) else { return true };

@@ -1,28 +1,28 @@
-//! Which language a file is written in.
+//! Finds the language of a file.
 
 use super::Language;
 use crate::text::lines;
 
-/// Finds the language from the content, with the file's ending as a hint for what the content leaves open.
+/// Finds the language from the content. The ending of the file is a hint if the content does not decide.
 ///
 /// RAPID has a `MODULE` header (after `%%%` lines or comments); CL has `GOTO/`-like major words with a slash; KRL begins with
 /// `&` lines or `DEF`, `DEFFCT`, `DEFDAT`; FANUC TP with `/PROG`; INFORM with `/JOB`; URScript has `def name():` or calls like `movel(`.
 #[must_use]
 pub fn detect(name: &str, bytes: &[u8]) -> Option<Language> {
-    // Enough to see a header and the first statements.
+    // Enough for a header and the first statements.
     const LOOK: usize = 64 * 1024;
     let head = &bytes[..bytes.len().min(LOOK)];
     if trim(head).starts_with(b"%%%") || lines(head).any(begins_a_module) {
         return Some(Language::Rapid);
     }
-    // Before KRL: `def part():` is none of its DEF lines.
+    // Before KRL, because `def part():` looks like one of its DEF lines.
     if lines(head).any(|line| is_ur(trim(line))) {
         return Some(Language::Ur);
     }
     if let Some(language) = first(head, |line| begins(line, b"/PROG").then_some(Language::Ls)) {
         return Some(language);
     }
-    // Posts write comments before the first line, and some files have CR alone at the ends of lines.
+    // Post-processors write comments before the first line, and some files have CR alone at the ends of lines.
     let mut rows = head.split(|b| matches!(b, b'\n' | b'\r')).map(<[u8]>::trim_ascii);
     if rows.find(|row| !row.is_empty() && !row.starts_with(b"'")).is_some_and(|row| row == b"/JOB") {
         return Some(Language::Jbi);
@@ -38,28 +38,28 @@ pub fn detect(name: &str, bytes: &[u8]) -> Option<Language> {
     by_ending.or_else(|| head.first().is_some_and(|&b| b >= ENCRYPTED).then_some(Language::Rapid))
 }
 
-/// A byte that no text begins with: encrypted modules do.
+/// A byte with which no text begins, but encrypted modules do.
 const ENCRYPTED: u8 = 0xF0;
 
-/// Where a file shows that it is no text: its first byte, or control characters, which real files carry one by one only.
+/// The offset at which a file shows that it is no text: its first byte, or a control character, of which real files have few.
 pub(super) fn no_text(bytes: &[u8]) -> Option<usize> {
-    /// Of this many bytes at the beginning ...
+    /// Number of bytes that are examined at the beginning.
     const LOOK: usize = 64 * 1024;
-    /// ... one in so many may be a control character.
+    /// Least number of bytes for each control character in a text.
     const BYTES_PER_CONTROL: usize = 100;
     let control = |b: &u8| b.is_ascii_control() && !b.is_ascii_whitespace();
     let start = if bytes.starts_with(b"\xEF\xBB\xBF") { 3 } else { 0 };
     if bytes.get(start).is_some_and(|b| *b >= ENCRYPTED) {
         return Some(start);
     }
-    // Blocks are filled up with NUL, or end with the sign for it.
+    // The last block of a file may be filled with NUL, or with the character for the end of a file.
     let filled = bytes.iter().rev().take_while(|b| matches!(b, 0 | 0x1A)).count();
     let head = &bytes[..(bytes.len() - filled).min(LOOK)];
     let count = head.iter().filter(|b| control(b)).count();
     if count * BYTES_PER_CONTROL > head.len() { head.iter().position(control) } else { None }
 }
 
-/// What the first line that is not blank says.
+/// The result of `of` for the first line that is not blank.
 fn first<T>(head: &[u8], of: impl Fn(&[u8]) -> Option<T>) -> Option<T> {
     of(lines(head).map(trim).find(|line| !line.is_empty())?)
 }
@@ -113,7 +113,7 @@ fn begins(line: &[u8], word: &[u8]) -> bool {
     line.get(..word.len()).is_some_and(|start| start.eq_ignore_ascii_case(word))
 }
 
-/// Without the blanks before it, those of ISO 8859-1 among them.
+/// A text without the blanks before it, including those of ISO 8859-1.
 fn trim(text: &[u8]) -> &[u8] {
     let blank = |b: &u8| matches!(b, 9..=13 | b' ' | 0x85 | 0xA0);
     &text[text.iter().position(|b| !blank(b)).unwrap_or(text.len())..]

@@ -1,11 +1,11 @@
-//! The axes besides the robot's six, as programs name and move them.
+//! External axes, as programs name and move them.
 
 pub use crate::limits::EXTERNAL_AXES;
 
-/// Positions of the external axes, mm or degrees as programs count; NaN where one is not known.
+/// Positions of the external axes, mm or degrees as programs count; NaN for an unknown one.
 pub type External = [f64; EXTERNAL_AXES];
 
-/// An axis besides the robot's six, as programs name it.
+/// An external axis, as programs name it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum AxisName {
@@ -33,7 +33,7 @@ impl AxisName {
     /// RAPID's names of the external axes.
     const RAPID: [&str; EXTERNAL_AXES] = ["eax_a", "eax_b", "eax_c", "eax_d", "eax_e", "eax_f"];
 
-    /// Reads `eax_a`, `E1`, `gp2_j1`, `gp2_e1`, `gp2`, whatever the case.
+    /// Reads `eax_a`, `E1`, `gp2_j1`, `gp2_e1`, `gp2`, in upper or lower case.
     #[must_use]
     pub fn read(text: &str) -> Option<Self> {
         let lower = text.to_ascii_lowercase();
@@ -52,7 +52,7 @@ impl AxisName {
             None => (digit(&lower[2..])?, None),
         };
         match (group, axis) {
-            // Group 1 is the robot's: its extended axes are E1 … E6.
+            // Group 1 is that of the robot: its extended axes are E1 … E6.
             (1, _) => None,
             (group, None) => Some(Self::Group(group)),
             (group, Some(axis)) => match (axis.strip_prefix('j'), axis.strip_prefix('e')) {
@@ -63,7 +63,7 @@ impl AxisName {
         }
     }
 
-    /// The motion group that it is of, where that is another than the robot's.
+    /// Its motion group; `None` for that of the robot.
     #[must_use]
     pub fn group(self) -> Option<u8> {
         match self {

@@ -1,9 +1,9 @@
-//! What a language makes of a program that it has read.
+//! The interface of the languages: how a program that was read is written.
 
 use super::{Change, Insert, Passing, Program, Reason, RewriteOptions, Rewritten, Role};
 use crate::text::{Edit, Span};
 
-/// A language's way to write a program.
+/// Writes the programs of a language.
 pub(super) trait FrontEnd {
     /// See [`Program::rewrite`].
     fn rewrite(

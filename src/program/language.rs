@@ -1,4 +1,4 @@
-//! The languages: the one list of them, and where each is read and written.
+//! The list of the languages, with their readers and writers.
 
 use super::cl::{self, ClOptions};
 use super::front_end::FrontEnd;
@@ -7,7 +7,7 @@ use crate::program::orientation::from_zyx_deg;
 use crate::text::{Diagnostic, Source};
 use nalgebra::Rotation3;
 
-/// Which language a program is written in.
+/// The language of a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Language {
@@ -25,53 +25,53 @@ pub enum Language {
     Jbi,
 }
 
-/// What is said of a language and decided by it where languages differ in no more than a word or a yes.
+/// The properties of a language that are one word, one text or one yes or no.
 #[derive(Debug)]
 pub(crate) struct About {
-    /// As `--input-format` has it.
+    /// Its word in `--input-format`.
     word: &'static str,
     name: &'static str,
     /// Endings of its files, lower case.
     endings: &'static [&'static str],
-    /// Maker of the robots whose controllers run it.
+    /// The maker of the robots whose controllers run it.
     pub(crate) maker: &'static str,
-    /// Code and help of what a controller does not load or could not run as its text says.
+    /// Code and help for a statement that a controller does not load or cannot run as its text states.
     fault: (&'static str, &'static str),
     /// The character that begins a comment; CL data have a statement for it.
     comment: Option<u8>,
     /// A character that ends a statement, and a comment with it.
     pub(super) comment_end: Option<u8>,
-    /// Words of statements that hold up a program until something has happened, upper case: the controller does not know the motion
-    /// after one of them in time to round the corner before it. Empty where no manual says so.
+    /// Words of statements at which a program waits, in upper case: the controller does not know the motion after one of them in time to
+    /// round the corner before it. Empty if no manual says so.
     waits: &'static [&'static str],
-    /// The name of the work object that is the robot's base, which no cell has to declare.
+    /// The name of the work object that is the robot's base; cells need not declare it.
     robot_base: Option<&'static str>,
-    /// How names of tools and of work objects begin that only its controllers have.
+    /// The beginnings of the names of tools and of work objects, if only its controllers have them.
     pub(crate) prefixes: Option<[&'static str; 2]>,
-    /// Names of tools and work objects are these prefixes with a number.
+    /// Whether names of tools and work objects are these prefixes with a number.
     pub(super) are_names_numbers: bool,
-    /// Where else than in the cell a frame may be declared.
+    /// Text for messages: where a frame may be declared, other than in the cell.
     pub(crate) or_context: &'static str,
-    /// What does not say how the arm stands at the first target.
+    /// Text for messages: why the posture at the first target is unknown.
     pub(crate) start: &'static str,
-    /// Whether files use each other's names, and which are one program shows by that.
+    /// Whether files use each other's names, from which follows which files are one program.
     pub(crate) has_modules: bool,
     /// The ending of a file that belongs to one of the same name.
     pub(crate) companion: Option<&'static str>,
-    /// Whether all points have a name of their own.
+    /// Whether every point has a name of its own.
     pub(super) are_points_named: bool,
-    /// Whether a job can say where external axes are to stand, so that they may be chosen.
+    /// Whether a program can state positions of external axes, so that they may be chosen.
     pub(crate) chooses_external: bool,
-    /// Files with a routine of each of these names that does nothing: their names and texts.
+    /// Makes files with an empty routine for each name: their names and texts.
     pub(crate) declare: fn(&[&str]) -> Vec<(String, String)>,
-    /// The orientation of a pose that is typed as three numbers after the position.
+    /// The orientation of a pose that the user types as three numbers after the position.
     pub(crate) turn: fn([f64; 3]) -> Rotation3<f64>,
     /// Statements that posted programs need.
     pub(crate) post: post::Statements,
 }
 
 impl Language {
-    /// All of them.
+    /// All languages.
     pub const ALL: [Self; 6] = [Self::Rapid, Self::Cl, Self::Krl, Self::Ls, Self::Ur, Self::Jbi];
 
     pub(crate) fn about(self) -> &'static About {
@@ -91,7 +91,7 @@ impl Language {
         self.about().word
     }
 
-    /// What people call it.
+    /// Its name for people.
     #[must_use]
     pub fn name(self) -> &'static str {
         self.about().name
@@ -103,7 +103,7 @@ impl Language {
         self.about().endings
     }
 
-    /// Whether a corrected program is the same text with other numbers; CL data are posted in another language instead.
+    /// Whether a corrected program is the same text with other numbers. CL data are posted instead.
     #[must_use]
     pub fn is_edited(self) -> bool {
         self != Self::Cl
@@ -127,12 +127,12 @@ impl Language {
         }
     }
 
-    /// The name of the work object that is the robot's base, which no cell has to declare.
+    /// The name of the work object that is the robot's base; cells need not declare it.
     pub(crate) fn robot_base(self) -> Option<&'static str> {
         self.about().robot_base
     }
 
-    /// Words of statements that hold up a program, upper case: see [`About::waits`].
+    /// Words of statements at which a program waits, upper case: see [`About::waits`].
     pub(crate) fn waits(self) -> &'static [&'static str] {
         self.about().waits
     }
@@ -307,19 +307,19 @@ static JBI: About = About {
     post: post::jbi::STATEMENTS,
 };
 
-/// How programs are read.
+/// Options for reading programs.
 #[derive(Clone, Copy, Debug)]
 pub struct ReadOptions<'a> {
-    /// What the cell says of CL data.
+    /// The options of the cell for CL data.
     pub cl: &'a ClOptions,
-    /// Nothing will be written: a file that is cut off may be looked at.
+    /// Whether the program will only be shown and not written: then the file may be incomplete.
     pub look: bool,
 }
 
 /// Reads the files of one program; `context` only declares names.
 ///
 /// # Errors
-/// The program as a whole is refused: every reason found.
+/// The program is refused: all reasons that were found.
 pub fn read(
     language: Language,
     mut sources: Vec<Source>,

@@ -1,4 +1,4 @@
-//! Long programs: how their text is read a chunk at a time is chosen here, and no caller sees it.
+//! Long programs: chooses how their text is read a chunk at a time; no caller sees the choice.
 
 use super::any_chunks::AnyChunks;
 use super::cl::ClOptions;
@@ -7,24 +7,24 @@ use crate::text::{Diagnostic, Source, cannot_read};
 use std::borrow::Cow;
 use std::io::{Read, Seek};
 
-/// The text of a program, as often as it is read.
+/// The text of a program, which can be read several times.
 pub trait LongText {
-    /// What reads it.
+    /// Its reader.
     type Reader: Read + Seek + Send;
 
-    /// As the user typed it.
+    /// Its name as the user typed it.
     fn name(&self) -> &str;
 
-    /// Whether it is worth its while to read it a chunk at a time. A short text is read so only for what it runs through.
+    /// Whether it is long enough to be read a chunk at a time. A short text is read in chunks only if it runs through many motions.
     fn is_long(&self) -> bool;
 
-    /// From its start.
+    /// Opens it at its start.
     ///
     /// # Errors
     /// It cannot be opened.
     fn open(&self) -> Result<Self::Reader, Vec<Diagnostic>>;
 
-    /// All of it.
+    /// Reads all of it.
     ///
     /// # Errors
     /// It cannot be read.
@@ -40,18 +40,18 @@ pub struct LongProgram<'a, T> {
     cl: Option<ClOptions>,
 }
 
-/// How a text is read in chunks.
+/// A way of reading a text in chunks.
 #[derive(Clone, Copy, Debug)]
 enum Reading {
     /// Line by line.
     InOrder,
-    /// By an index of what it declares and of its routines.
+    /// By an index of its declarations and routines.
     Indexed,
     /// By running it.
     Executed,
 }
 
-/// A long program that is read in one of the ways that there are.
+/// A long program with the way in which it is read.
 #[derive(Debug)]
 pub struct InChunks<'a, T> {
     program: &'a LongProgram<'a, T>,
@@ -59,16 +59,16 @@ pub struct InChunks<'a, T> {
 }
 
 impl<'a, T: LongText> LongProgram<'a, T> {
-    /// A text in a language; `context` declares what it does not, and `cl` is how CL data are read, which without are not.
+    /// A text in a language. `context` has declarations of other files; `cl` has the options for CL data, without which they are not read.
     pub fn new(text: T, language: Language, context: Cow<'a, [Source]>, cl: Option<ClOptions>) -> Self {
         Self { text, language, context, cl }
     }
 
-    /// What `run` comes to on the program in chunks; `None` where only the whole of it tells what it means. `run` gives `None` of
-    /// chunks that do not hold, and is asked once more where the text can be read in another way: all that hold give the same.
+    /// The result of `run` on the program in chunks; `None` if only the whole program can be read. If `run` returns `None`, because the
+    /// chunks turn out not to be possible, it is called again with the next way of reading. All possible ways give the same result.
     ///
     /// # Errors
-    /// Those of `run`.
+    /// As `run`.
     pub fn by_chunks<A, E>(
         &self,
         mut run: impl FnMut(InChunks<'_, T>) -> Result<Option<A>, E>,
@@ -81,14 +81,14 @@ impl<'a, T: LongText> LongProgram<'a, T> {
         Ok(None)
     }
 
-    /// The cheapest first.
+    /// The ways of reading for this language, the cheapest first.
     fn readings(&self) -> &'static [Reading] {
         match (self.language, self.text.is_long()) {
             (Language::Rapid, true) => &[Reading::InOrder, Reading::Indexed, Reading::Executed],
             (Language::Rapid, false) => &[Reading::Executed],
             (Language::Krl | Language::Cl, true) => &[Reading::InOrder],
-            // Others are held as a whole: the positions of a TP program stand after all its motions, and what a motion of
-            // `deflex-lang` means depends on all that ran before it.
+            // Others are held as a whole: the positions of a TP program are after all its motions, and in `deflex-lang` a motion depends
+            // on everything that ran before it.
             _ => &[],
         }
     }
@@ -124,12 +124,12 @@ impl<T: LongText> InChunks<'_, T> {
         self.program.language
     }
 
-    /// Its chunks, from the first; `None` where it cannot be read so.
+    /// Its chunks, from the first; `None` if it cannot be read in this way.
     pub(crate) fn chunks(&self) -> Result<Option<AnyChunks<T::Reader>>, Vec<Diagnostic>> {
         self.program.chunks(self.reading)
     }
 
-    /// Those of another program, read in the same way.
+    /// The chunks of another program, read in the same way.
     pub(crate) fn chunks_of(
         &self,
         other: &LongProgram<'_, T>,

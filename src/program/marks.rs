@@ -1,16 +1,16 @@
-//! Marks that mean nothing: a slip in one would leave a stretch with the wrong force, without a word.
+//! Refuses marks with a typing error, which would leave a stretch with the wrong force without a message.
 
 use super::Language;
 use crate::text::{Diagnostic, decode};
 use std::io::{self, Read};
 
-/// Bytes that are looked at in one go.
+/// Number of bytes that are examined at once.
 const AT_ONCE: usize = 64 * 1024;
 
 /// Errors for comments that begin like a mark (`! deflex air`, `PPRINT/DEFLEX CUT`) and are none.
 ///
 /// # Errors
-/// What `input` reports.
+/// `input` cannot be read.
 pub fn unknown_marks(name: &str, language: Language, mut input: impl Read) -> io::Result<Vec<Diagnostic>> {
     let (mut errors, mut text, mut line) = (Vec::new(), Vec::new(), 1);
     loop {
@@ -29,7 +29,7 @@ pub fn unknown_marks(name: &str, language: Language, mut input: impl Read) -> io
 }
 
 fn look(name: &str, language: Language, text: &[u8], first: usize, errors: &mut Vec<Diagnostic>) {
-    // All but a few programs are done with here.
+    // Most programs end here.
     if ["eflex", "EFLEX"].iter().all(|word| memchr::memmem::find(text, word.as_bytes()).is_none()) {
         return;
     }
@@ -48,7 +48,7 @@ fn known(said: &[u8]) -> bool {
     [&b"air"[..], b"cut"].iter().any(|word| said.eq_ignore_ascii_case(word))
 }
 
-/// What a comment says after `deflex`, and where it begins.
+/// The text of a comment after `deflex`, and its offset.
 fn mark(language: Language, row: &[u8]) -> Option<(usize, &[u8])> {
     let (start, comment) = match language.comment() {
         None => {
@@ -57,7 +57,7 @@ fn mark(language: Language, row: &[u8]) -> Option<(usize, &[u8])> {
             (start, word.eq_ignore_ascii_case(b"PPRINT").then(|| &row[start + 6..])?)
         }
         Some(begin) => {
-            // Within a string it is text.
+            // Within a string it is not a comment.
             let mut quoted = false;
             let start = row.iter().position(|b| {
                 quoted ^= *b == b'"';

@@ -1,8 +1,8 @@
-//! Program text to targets, and corrected poses back into the same text.
+//! Reads program text as targets, and writes corrected poses into the same text.
 //!
-//! The front ends know text and nothing of robots: lengths are millimetres and angles degrees, as
-//! written. [`Program`] is language-free; what a front end needs to write corrections back (where
-//! the number tokens stand) is its own and stays behind [`Program::rewrite`].
+//! The front ends know text and nothing of robots: lengths are millimetres and angles are degrees, as written. [`Program`] does not
+//! depend on the language. The data that a front end needs to write corrections (the places of the number tokens) are private to it, and
+//! only [`Program::rewrite`] uses them.
 
 mod action;
 pub(crate) mod alignment;
@@ -37,7 +37,7 @@ pub use language::{Language, ReadOptions, read};
 pub use long::{InChunks, LongProgram, LongText};
 pub use marks::unknown_marks;
 pub use modules::{ModuleNames, group_modules};
-// What passes between the languages' `Chunks` and the line that corrects them; not for callers.
+// The interface between the languages' `Chunks` and the pipeline that corrects them; not for callers.
 #[doc(hidden)]
 pub use any_chunks::AnyChunks;
 #[doc(hidden)]
@@ -55,24 +55,24 @@ use std::sync::Arc;
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Program {
-    /// The files, in the order given; context modules (never written) after `written` of them.
+    /// The files, in the order of the command; context files, which are never written, come after the first `written` ones.
     pub sources: Arc<[Source]>,
-    /// How many of `sources` are the program itself; the rest only declare names.
+    /// Number of `sources` that are the program itself; the others only declare names.
     pub written: usize,
     /// Language of all sources.
     pub language: Language,
-    /// Who made it, as far as the text tells: `robodk`, `nx`, `catia`, …, `rapid` or `cl` where unknown.
+    /// The system that wrote it, if the text shows it: `robodk`, `nx`, `catia`, …; `rapid` or `cl` if unknown.
     pub dialect: &'static str,
-    /// Tools in the order first used; [`Target::tool`] indexes them.
+    /// Tools in the order of their first use; [`Target::tool`] is an index into them.
     pub tools: Vec<Tool>,
-    /// Work objects in the order first used; [`Target::wobj`] indexes them.
+    /// Work objects in the order of their first use; [`Target::wobj`] is an index into them.
     pub wobjs: Vec<Wobj>,
     /// Points in running order: executed motions, with the via and interpolated points of arcs
     /// before the motion that they belong to (see [`Role`]).
     pub targets: Vec<Target>,
-    /// Executed motions of which it is known only at run time where they go, in running order; `targets` has none of them.
+    /// Executed motions whose target is known only at run time, in running order; `targets` has none of them.
     pub unknown: Vec<UnknownMotion>,
-    /// What is done between motions, in running order (CL).
+    /// Actions between motions, in running order (CL).
     pub actions: Vec<Action>,
     /// Statements that are not understood or not edited, with the reason.
     pub kept: Vec<Kept>,
@@ -80,15 +80,15 @@ pub struct Program {
     pub literal_targets: usize,
     /// Arcs among the executed motions.
     pub arcs: usize,
-    /// The cutter, as far as the text says (CL `CUTTER`, `TLDATA`): the first one that cuts.
+    /// The first cutter that cuts, if the text states one (CL `CUTTER`, `TLDATA`).
     pub cutter: Option<CutterInfo>,
-    /// What was noticed while reading: notes and warnings (errors refuse the program).
+    /// Notes and warnings from reading (errors refuse the program).
     pub diagnostics: Vec<Diagnostic>,
-    /// Where the front end finds its number tokens again.
+    /// The places of the number tokens, for the front end.
     pub(crate) layout: Layout,
 }
 
-/// Words between two motions after which it is not sure that one follows the other, and `CONTINUE`, by which KRL does not wait.
+/// Words between two motions after which the second may not follow the first, and `CONTINUE`, with which KRL does not wait.
 const BRANCHES: [&str; 17] = [
     "IF", "ELSE", "ELSEIF", "ENDIF", "TEST", "CASE", "SWITCH", "FOR", "ENDFOR", "WHILE", "ENDWHILE", "LOOP", "REPEAT",
     "GOTO", "ENDPROC", "END", "CONTINUE",
@@ -98,7 +98,7 @@ const BRANCHES: [&str; 17] = [
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Passing {
-    /// It comes to rest (`fine`, `FINE`, a KRL motion without approximation).
+    /// The arm stops (`fine`, `FINE`, a KRL motion without approximation).
     Stop,
     /// It rounds the corner within this radius, mm (`pzone_tcp` of RAPID's zonedata).
     Zone(f64),
@@ -109,9 +109,9 @@ pub enum Passing {
 /// A tool that the program uses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tool {
-    /// As the author spelled it.
+    /// Its name as written.
     pub name: Arc<str>,
-    /// Its tooldata where the program or a context module declares it; else the cell must.
+    /// Its tooldata, if the program or a context module declares it; otherwise the cell has to.
     pub data: Option<ToolData>,
 }
 
@@ -125,7 +125,7 @@ impl Tool {
 /// RAPID tooldata: millimetres, kilograms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToolData {
-    /// False for a stationary tool, which the robot brings the part to.
+    /// False for a stationary tool, to which the robot brings the part.
     pub robhold: bool,
     /// TCP in the flange frame tool0, mm.
     pub tcp_mm: [f64; 3],
@@ -137,7 +137,7 @@ pub struct ToolData {
     pub cog_mm: [f64; 3],
 }
 
-/// A cutter's shape as far as a CL file tells it.
+/// The shape of a cutter in a CL file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CutterInfo {
     /// Diameter, mm.
@@ -149,9 +149,9 @@ pub struct CutterInfo {
 /// A work object that the program uses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wobj {
-    /// As the author spelled it; `wobj0` where the instruction names none.
+    /// Its name as written; `wobj0` if the instruction names none.
     pub name: Arc<str>,
-    /// Its wobjdata where the program or a context module declares it; else the cell must.
+    /// Its wobjdata, if the program or a context module declares it; otherwise the cell has to.
     pub data: Option<WobjData>,
     /// The mechanical unit that is its user frame (RAPID `ufprog` FALSE, `ufmec`).
     pub unit: Option<Arc<str>>,
@@ -167,11 +167,11 @@ impl Wobj {
 /// RAPID wobjdata: millimetres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WobjData {
-    /// True where the robot holds the part.
+    /// True if the robot holds the part.
     pub robhold: bool,
-    /// False where a mechanical unit is the user frame: see [`Wobj::unit`].
+    /// False if a mechanical unit is the user frame: see [`Wobj::unit`].
     pub fixed: bool,
-    /// User frame in the world (or in tool0 where `robhold`), mm.
+    /// User frame in the world (with `robhold`, in tool0), mm.
     pub uframe_mm: [f64; 3],
     /// Its orientation, scalar first, unit norm.
     pub uframe_quat: [f64; 4],
@@ -181,7 +181,7 @@ pub struct WobjData {
     pub oframe_quat: [f64; 4],
 }
 
-/// A statement that comes out as it went in, and why.
+/// A statement that is not changed, with the reason.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Kept {
@@ -193,19 +193,19 @@ pub struct Kept {
     pub line: usize,
     /// Reason, a short fixed phrase that can be counted: `target computed at run time`.
     pub reason: Reason,
-    /// Whether the tool would go elsewhere without it: a NaN, or (CL) a motion that is not read.
+    /// Whether the motion is not what the text states: a NaN, or in CL data a motion that is not read.
     pub fault: bool,
-    /// How to mend it; empty where there is nothing special to do.
+    /// What to do; empty if there is nothing special to do.
     pub help: &'static str,
 }
 
-/// An executed motion of which it is known only at run time where it goes.
+/// An executed motion whose target is known only at run time.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct UnknownMotion {
-    /// Ordinal of the executed motion, counted as those of [`Target`].
+    /// Ordinal of the executed motion, counted together with those of [`Target`].
     pub ordinal: u32,
-    /// Why it is not known.
+    /// Why its target is unknown.
     pub reason: Reason,
     /// Index into [`Program::sources`].
     pub source: u16,
@@ -215,12 +215,12 @@ pub struct UnknownMotion {
     pub line: u32,
 }
 
-/// What is wanted at one target instead of what is written.
+/// The wanted values of one target.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Change {
     /// New position in the target's work object, mm.
     pub position_mm: [f64; 3],
-    /// New orientation, scalar first; `None` leaves every orientation token alone.
+    /// New orientation, scalar first; `None` keeps every orientation token.
     pub quat: Option<[f64; 4]>,
     /// New configuration; `None` keeps what is written.
     pub conf: Option<Conf>,
@@ -228,42 +228,42 @@ pub struct Change {
     pub external: Option<Box<[Option<f64>; EXTERNAL_AXES]>>,
 }
 
-/// A motion to insert before a target (`--subdivide`), on the way to it.
+/// A motion to insert before a target (`--subdivide`), on the segment to it.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Insert {
-    /// Index into [`Program::targets`] of the target it precedes.
+    /// Index into [`Program::targets`] of the target that it precedes.
     pub before: usize,
     /// Position in that target's work object, mm.
     pub position_mm: [f64; 3],
     /// Orientation, scalar first.
     pub quat: [f64; 4],
-    /// Configuration there; `None` as the target's, as it is written.
+    /// Configuration; `None` for that of the target as written.
     pub conf: Option<Conf>,
     /// Circle point of an arc, position (mm) and orientation; `None` for a line.
     pub via: Option<([f64; 3], [f64; 4])>,
-    /// External axes there, mm or degrees as written, where they move on the way; `None` leaves those of the target.
+    /// External axes, mm or degrees as written, if they move on the segment; `None` keeps those of the target.
     pub external: Option<[Option<f64>; EXTERNAL_AXES]>,
     /// Length of path to the nearer of the points before and after, mm: a zone wider than that overlaps theirs.
     pub room_mm: f64,
 }
 
 impl Insert {
-    /// A line to a pose (mm, scalar first) before a target, with so much room (mm) about it.
+    /// A line to a pose (mm, scalar first) before a target, with this room (mm) around it.
     #[must_use]
     pub fn line(before: usize, (position_mm, quat): ([f64; 3], [f64; 4]), room_mm: f64) -> Self {
         Self { before, position_mm, quat, conf: None, via: None, external: None, room_mm }
     }
 }
 
-/// How corrections are written.
+/// Options for writing corrections.
 #[derive(Clone, Copy, Debug)]
 pub struct RewriteOptions {
     /// Whether a declared target used with different corrections may get a clone of its own.
     pub allow_clones: bool,
-    /// Least decimals of positions, mm: the file's own count is used where larger.
+    /// Least number of decimals of positions, mm: the number in the file is used if it is larger.
     pub position_decimals: usize,
-    /// Least decimals of quaternion components.
+    /// Least number of decimals of quaternion components.
     pub quat_decimals: usize,
 }
 
@@ -275,16 +275,16 @@ impl Default for RewriteOptions {
     }
 }
 
-/// What [`Program::rewrite`] made of the changes.
+/// The results of [`Program::rewrite`].
 #[derive(Debug, Default)]
 #[non_exhaustive]
 pub struct Rewritten {
     /// Sorted, disjoint edits of each of the program's written sources.
     pub edits: Vec<Vec<Edit>>,
-    /// Per target: position (mm) and orientation as the controller will hold them, that is the
-    /// printed numbers rounded to single precision; unchanged targets as they were written.
+    /// For each target, position (mm) and orientation in the controller's precision: the printed numbers rounded to single
+    /// precision; those of unchanged targets as written.
     pub written: Vec<([f64; 3], [f64; 4])>,
-    /// The same for each [`Insert`], in order; `None` where it could not be written.
+    /// The same for each [`Insert`], in order; `None` if it could not be written.
     pub inserted: Vec<Option<([f64; 3], [f64; 4])>>,
     /// The target that each insert precedes.
     pub before: Vec<usize>,
@@ -295,7 +295,7 @@ pub struct Rewritten {
 }
 
 impl Program {
-    /// A program of these files that moves to nothing yet: chunks are filled from it.
+    /// A program of these files without targets, from which chunks are made.
     pub(crate) fn empty(
         language: Language,
         dialect: &'static str,
@@ -321,14 +321,14 @@ impl Program {
         }
     }
 
-    /// Executed motions, loops expanded, an arc counting once; those whose target is known only at run
-    /// time count, though `targets` has none of them.
+    /// Number of executed motions, with loops expanded. An arc counts once; motions whose target is known only at run time count too, although
+    /// `targets` has none of them.
     #[must_use]
     pub fn motion_targets(&self) -> usize {
         self.layout.front_end().motion_targets(self)
     }
 
-    /// Those of [`Program::motion_targets`] whose target is known only at run time, counted by reason in the order first met.
+    /// The numbers of [`Program::motion_targets`] whose target is known only at run time, by reason in the order of first occurrence.
     #[must_use]
     pub fn unknown_targets(&self) -> Vec<(Reason, usize)> {
         let mut counts: Vec<(Reason, usize)> = Vec::new();
@@ -341,14 +341,14 @@ impl Program {
         counts
     }
 
-    /// How the controller passes a target, as far as the text says.
+    /// How the controller passes a target, by the text.
     #[must_use]
     pub fn passing(&self, target: usize) -> Passing {
         self.layout.front_end().passing(self, target)
     }
 
-    /// The word of a statement between two targets at which the controller waits, so that it cannot round the corner before it; `None`
-    /// where there is none, or the text between them does not surely run from one to the other.
+    /// The word of a statement between two targets at which the controller waits, so that it cannot round the corner before it; `None` if there
+    /// is none, or if the second target may not follow the first.
     #[must_use]
     pub(crate) fn waits_between(&self, target: usize, next: usize) -> Option<&'static str> {
         let (before, after) = (self.targets.get(target)?, self.targets.get(next)?);
@@ -371,20 +371,20 @@ impl Program {
         found
     }
 
-    /// For targets, by their index, the edit that makes the controller come to rest there, or pass in a smaller zone of at most
-    /// this radius; `None` where the text has no name or number to edit for that. An edit holds for each run of the statement.
+    /// For each target index, the edit that makes the controller stop there, or pass it in a smaller zone of at most this radius; `None` if the
+    /// text has no name or number to edit. An edit applies to every run of the statement.
     #[must_use]
     pub(crate) fn passing_edits(&self, wanted: &[(usize, Passing)]) -> Vec<Option<Edit>> {
         self.layout.front_end().passing_edits(self, wanted)
     }
 
-    /// How the controller passes a point that is inserted close before a target.
+    /// How the controller passes a point that is inserted shortly before a target.
     #[must_use]
     pub(crate) fn inserted_passing(&self, before: usize) -> Passing {
         self.layout.front_end().inserted_passing(self, before)
     }
 
-    /// How far from a target the controller leaves the path as written, mm; `None` of a stop, and where the text gives no radius.
+    /// The zone radius of a target as written, mm; `None` for a stop, and if the text gives no radius.
     #[must_use]
     pub fn zone_mm(&self, target: usize) -> Option<f64> {
         match self.passing(target) {
@@ -393,26 +393,25 @@ impl Program {
         }
     }
 
-    /// Why nothing can be inserted before a target, where its statement already tells; others are refused by
-    /// [`Program::rewrite`].
+    /// Why nothing can be inserted before a target, if its statement already decides that; [`Program::rewrite`] refuses others.
     #[must_use]
     pub(crate) fn insertion_refused(&self, before: usize) -> Option<Reason> {
         self.layout.front_end().insertion_refused(self, before)
     }
 
-    /// Edits of a source that take inserted instructions, which have these spans, out of it again.
+    /// Edits of a source that remove inserted instructions with these spans.
     #[must_use]
     pub(crate) fn removal(&self, source: usize, spans: &[Span]) -> Vec<Edit> {
         self.layout.front_end().removal(self, source, spans)
     }
 
-    /// Whether the positions of external axes that each target says are its own, and can be edited.
+    /// Whether the positions of external axes in each target are its own, and can be edited.
     #[must_use]
     pub(crate) fn writes_axes(&self) -> Vec<bool> {
         self.layout.front_end().writes_axes(self)
     }
 
-    /// The text of the line that the motion with this ordinal stands on.
+    /// The text of the line with the motion of this ordinal.
     #[must_use]
     pub fn line_of(&self, ordinal: u32) -> Option<String> {
         let i = self.targets.binary_search_by_key(&ordinal, |target| target.ordinal).ok()?;
@@ -426,7 +425,7 @@ impl Program {
         Diagnostic::error(code, "", message).on_line(source, target.span, target.line)
     }
 
-    /// Why no program may be written from this one: every statement whose motion is not what its text says.
+    /// The reasons why no program may be written from this one: every statement whose motion is not what its text states.
     #[must_use]
     pub fn faults(&self) -> Vec<Diagnostic> {
         let (code, help) = self.language.fault();
@@ -438,10 +437,10 @@ impl Program {
         self.kept.iter().filter(|kept| kept.fault).map(fault).collect()
     }
 
-    /// Turns wanted poses into edits on number tokens.
+    /// Turns wanted poses into edits of number tokens.
     ///
-    /// `changes` has one entry a target; `None` changes nothing, and a program without changes has no
-    /// edits. A number whose printed value does not change is not edited.
+    /// `changes` has one entry for each target. `None` changes nothing; a program without changes has no edits. A number whose printed value
+    /// does not change is not edited.
     #[must_use]
     pub fn rewrite(&self, changes: &[Option<Change>], inserts: &[Insert], options: &RewriteOptions) -> Rewritten {
         debug_assert_eq!(changes.len(), self.targets.len());

@@ -1,4 +1,4 @@
-//! Which modules (RAPID), which `.src` with their `.dat` (KRL) belong to one program: those that use each other's names.
+//! Groups modules (RAPID), and `.src` files with their `.dat` (KRL), into programs: files that use each other's names belong together.
 
 use super::Language;
 use std::collections::{BTreeMap, BTreeSet};
@@ -16,8 +16,8 @@ pub struct ModuleNames {
 
 /// Groups modules into programs, as indices, in the order of their first module.
 ///
-/// Two modules belong together where one uses a name that it does not declare and exactly one other declares; modules of
-/// one name or with a `main` each are different programs.
+/// Two modules belong together if one uses a name that it does not declare and exactly one other module declares. Modules with the same
+/// name, or with a `main` each, are different programs.
 #[must_use]
 pub fn group_modules(names: &[ModuleNames]) -> Vec<Vec<usize>> {
     let mut owners: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
@@ -57,17 +57,17 @@ fn fit(names: &[ModuleNames], members: &[usize]) -> bool {
 }
 
 impl ModuleNames {
-    /// Nothing yet, of a module in this language.
+    /// No names yet, for a module in this language.
     #[must_use]
     pub fn new(language: Language) -> Self {
         let none = BTreeSet::new;
         Self { language, module: String::new(), declared: none(), local: none(), used: none() }
     }
 
-    /// Looks through a file of the module, a line at a time.
+    /// Adds the names of a file of the module, which is read a line at a time.
     ///
     /// # Errors
-    /// What `input` reports.
+    /// `input` cannot be read.
     pub fn read(&mut self, mut input: impl BufRead) -> io::Result<()> {
         let mut words: [String; 3] = Default::default();
         let mut line = Vec::new();
@@ -79,7 +79,7 @@ impl ModuleNames {
         Ok(())
     }
 
-    /// Takes a word after three others.
+    /// Adds a word that follows three others.
     fn take(&mut self, words: &mut [String; 3], word: &[u8]) {
         let word = String::from_utf8_lossy(word).to_ascii_uppercase();
         let declares = if self.language == Language::Krl { self.krl(words, &word) } else { self.rapid(words, &word) };
@@ -90,7 +90,7 @@ impl ModuleNames {
         words[2] = word;
     }
 
-    /// A declared name stands after `PROC`, or `PERS tooldata`.
+    /// Whether the word is a declared name: it comes after `PROC`, or `PERS tooldata`.
     fn rapid(&mut self, words: &[String; 3], word: &str) -> bool {
         match (words[1].as_str(), words[2].as_str()) {
             (_, "MODULE" | "SYSMODULE") => word.clone_into(&mut self.module),
@@ -102,7 +102,8 @@ impl ModuleNames {
         true
     }
 
-    /// A declared name stands after `DEF`, `DEFFCT type`, `GLOBAL type`; of the routines others see the first, and global ones.
+    /// Whether the word is a declared name: it comes after `DEF`, `DEFFCT type`, `GLOBAL type`. Other files see the first routine and global
+    /// ones.
     fn krl(&mut self, words: &[String; 3], word: &str) -> bool {
         let routine = |names: &mut Self, global: bool| {
             let first = names.module.is_empty();
@@ -128,7 +129,7 @@ impl ModuleNames {
     }
 }
 
-/// Words outside comments, which begin with this character, and strings.
+/// Words outside of strings and of comments, which begin with `comment`.
 fn words_of(bytes: &[u8], comment: Option<u8>) -> impl Iterator<Item = &[u8]> {
     let mut at = 0;
     std::iter::from_fn(move || {

@@ -1,12 +1,12 @@
-//! Orientations as makers write them: three angles in degrees for one quaternion (scalar first).
+//! Converts between quaternions (scalar first) and the orientations of makers: three angles in degrees.
 
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector3};
 
-/// Below this cosine of the middle angle the outer two turn about one axis, and the last is set to zero: what is left of
-/// them is printed digits.
+/// Below this cosine of the middle angle, the outer two turn about one axis, and the last one is set to zero: their difference is within
+/// printed digits.
 const GIMBAL: f64 = 1e-9;
 
-/// The rotation of a quaternion, scalar first, of any length but zero.
+/// The rotation of a quaternion, scalar first, of any length except zero.
 #[must_use]
 pub fn rotation(quat: [f64; 4]) -> Rotation3<f64> {
     let [w, x, y, z] = quat;
@@ -21,19 +21,19 @@ pub fn quaternion(rotation: &Rotation3<f64>) -> [f64; 4] {
     [sign * q.w, sign * q.i, sign * q.j, sign * q.k]
 }
 
-/// The rotation vector of a rotation, rad: by its quaternion, since the matrix of half a turn does not show its axis to
-/// [`Rotation3::scaled_axis`].
+/// The rotation vector of a rotation, rad. It is computed from the quaternion, because [`Rotation3::scaled_axis`] does not find the axis of
+/// half a turn.
 #[must_use]
 pub fn rotation_vector(rotation: &Rotation3<f64>) -> Vector3<f64> {
     UnitQuaternion::from_rotation_matrix(rotation).scaled_axis()
 }
 
-/// Half the turn from one orientation to another, unit quaternions, scalar first.
+/// The orientation halfway between two others, unit quaternions, scalar first.
 pub(crate) fn halfway(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
     let dot: f64 = a.iter().zip(b).map(|(a, b)| a * b).sum();
     let sum: [f64; 4] = std::array::from_fn(|i| a[i] + if dot < 0.0 { -b[i] } else { b[i] });
     let norm = sum.iter().map(|c| c * c).sum::<f64>().sqrt();
-    // Opposite ones have no middle.
+    // Opposite orientations have no middle.
     if norm < 1e-6 { b } else { sum.map(|c| c / norm) }
 }
 

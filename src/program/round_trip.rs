@@ -1,24 +1,24 @@
-//! The proof that a program survives a write: nothing in, nothing changed; a shift in, a shift out.
+//! Checks that a program survives a write: without changes the bytes stay, and a shift of all targets is read back.
 
 use super::cl::AMBIGUOUS_LIST;
 use super::{Change, Editable, Goal, Program, Reason, RewriteOptions, Role, Target};
 use crate::text::{Diagnostic, Source, apply};
 use std::collections::BTreeSet;
 
-/// What a write in memory showed.
+/// The result of a write in memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct RoundTrip {
     /// Writing without a change gives the same bytes.
     pub identical: bool,
-    /// Writing every target shifted and reading it back gives the shifted targets, and nothing else changed.
+    /// Writing every target shifted and reading it back gives the shifted targets and no other change.
     pub shifted_ok: bool,
-    /// The first thing that differed, for people.
+    /// The first difference, for people.
     pub why: Option<String>,
 }
 
 impl RoundTrip {
-    /// Both writes came out right.
+    /// Whether both writes are right.
     #[must_use]
     pub fn holds(&self) -> bool {
         self.identical && self.shifted_ok
@@ -32,7 +32,7 @@ const SHIFT_MM: [f64; 3] = [0.25, -0.5, 0.125];
 /// again for what was read.
 const TOLERANCE_MM: f64 = 2e-4;
 
-/// What single precision leaves of a position, a share of it.
+/// Rounding of a position to single precision, as a share of it.
 const SINGLE: f64 = 0.5 * f32::EPSILON as f64;
 
 /// Writes `program` unchanged and with every target shifted, reads the second back with `reread`
@@ -108,7 +108,7 @@ fn difference(
             return fault(&format!("editable, yet not written: {reason}"));
         }
         let change = changes[at].as_ref().filter(|_| unwritten[at].is_none());
-        // An offset is counted from its base as the controller holds that.
+        // An offset counts from its base in the controller's precision.
         let single = if was.editable == Editable::Position { SINGLE } else { 0.0 };
         if !same(&was.goal, &is.goal, change, single) {
             return fault(&format!("wanted {:?} with {change:?}, read back {:?}", was.goal, is.goal));
@@ -120,15 +120,15 @@ fn difference(
     None
 }
 
-/// Targets of whole motions that end before a line: chords of an arc that ends after it are not among them.
+/// Targets of whole motions that end before a line, without the chords of an arc that ends after it.
 fn before(program: &Program, line: usize) -> &[Target] {
     let targets = &program.targets[..program.targets.partition_point(|target| (target.line as usize) < line)];
     let whole = targets.iter().rposition(|target| target.role != Role::Interpolated).map_or(0, |last| last + 1);
     &targets[..whole]
 }
 
-/// The line of the first statement that only one of two readings (CL) refuses because of where its numbers lie: a program with one
-/// is not written, and what follows from it is another path.
+/// The line of the first statement of CL data that only one of two readings refuses because of its numbers. A program with such a statement is
+/// not written, and the path after it differs.
 fn first_ambiguous(program: &Program, again: &Program) -> Option<usize> {
     let lines = |program: &Program| -> BTreeSet<usize> {
         let refused = program.kept.iter().filter(|kept| kept.reason == AMBIGUOUS_LIST.reason);
@@ -137,7 +137,7 @@ fn first_ambiguous(program: &Program, again: &Program) -> Option<usize> {
     lines(program).symmetric_difference(&lines(again)).next().copied()
 }
 
-/// Whether `is` is `was`, moved as `change` says, within a share `single` of what is far away.
+/// Whether `is` equals `was` after `change`, within the share `single` of large numbers.
 fn same(was: &Goal, is: &Goal, change: Option<&Change>, single: f64) -> bool {
     let near = |a: &[f64], b: &[f64], tolerance: f64| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= tolerance);
     match (was, is) {

@@ -2,39 +2,39 @@ use crate::program::{AxisName, EXTERNAL_AXES, External, Reason};
 use crate::text::Span;
 use std::sync::Arc;
 
-/// One point that the controller is sent to, free of language and of robots.
+/// One point of a program's path, independent of the language and of robots.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Target {
-    /// Ordinal of the executed motion, from 1; via and interpolated points carry that of their arc.
+    /// Ordinal of the executed motion, from 1; circle points and interpolated points have that of their arc.
     pub ordinal: u32,
-    /// Whether this is a motion's end or a point on its way.
+    /// Whether this is the end of a motion or a point on its path.
     pub role: Role,
-    /// Kind of motion into the point.
+    /// Kind of the motion to the point.
     pub motion: Motion,
-    /// Where to.
+    /// The pose or the joints.
     pub goal: Goal,
     /// Index into [`Program::tools`](super::Program::tools).
     pub tool: u16,
     /// Index into [`Program::wobjs`](super::Program::wobjs).
     pub wobj: u16,
-    /// Programmed speed of the TCP, mm/s; `None` where the text does not say.
+    /// Programmed speed of the TCP, mm/s; `None` if the text does not state it.
     pub feed_mm_s: Option<f64>,
-    /// Spindle speed, 1/min, where the text says (CL).
+    /// Spindle speed, 1/min, if the text states it (CL).
     pub spindle_rpm: Option<f64>,
     /// CL `RAPID`: never cuts.
     pub rapid: bool,
     /// `! deflex air`, `! deflex cut` and their CL forms, in force here.
     pub mark: Option<Mark>,
-    /// What a correction may change.
+    /// The parts that a correction may change.
     pub editable: Editable,
-    /// Whether the text says where the controller goes, units that move base or work object aside; else `editable` says why not.
+    /// Whether the pose is known from the text, without regard to units that move base or work object; if not, `editable` has the reason.
     pub located: bool,
-    /// Whether the arm carries, or may carry, a load besides that of the tool's own data (`GripLoad`, `\\TLoad`).
+    /// Whether the arm carries, or may carry, a load in addition to that of the tool's data (`GripLoad`, `\\TLoad`).
     pub extra_load: bool,
-    /// External axes, where any is in use or a mechanical unit is deactivated.
+    /// External axes, if any is in use or a mechanical unit is deactivated.
     pub external: Option<Arc<ExternalAxes>>,
-    /// Name of the declared robtarget, where there is one.
+    /// Name of the declared robtarget, if there is one.
     pub name: Option<Arc<str>>,
     /// Index into [`Program::sources`](super::Program::sources).
     pub source: u16,
@@ -42,20 +42,20 @@ pub struct Target {
     pub span: Span,
     /// Line of the instruction, from 1.
     pub line: u32,
-    /// Where the way into it begins.
+    /// Where the segment to it begins.
     pub predecessor: Predecessor,
 }
 
-/// Where the way into a point begins, in every run.
+/// The start of the segment to a point, in every run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Predecessor {
     /// At the point before it.
     #[default]
     Previous,
-    /// Where the robot stands when somebody starts the routine.
+    /// The position of the robot when an operator starts the routine.
     Start,
-    /// It is known only at run time: another branch, another round of a loop, or a motion that is not known comes before.
+    /// A point that is known only at run time: another branch, another round of a loop, or an unknown motion comes before.
     Unknown,
 }
 
@@ -76,35 +76,35 @@ impl Target {
     }
 }
 
-/// External axes at a target, as far as the program says: mm or degrees.
+/// External axes at a target, as the program states them: mm or degrees.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct ExternalAxes {
     /// eax_a … eax_f as written; `None` where not in use (9E9).
     pub written: [Option<f64>; EXTERNAL_AXES],
-    /// What the controller adds (RAPID `EOffsSet`, `EOffsOn`).
+    /// Offsets that the controller adds (RAPID `EOffsSet`, `EOffsOn`).
     pub offset: External,
-    /// Axes at zero in all of the program: programs of robots without any have zeros too (KRL).
+    /// Axes that are at zero in all of the program: programs of robots without external axes have zeros too (KRL).
     pub at_rest: [bool; EXTERNAL_AXES],
     /// Axes of other motion groups (FANUC TP).
     pub groups: Arc<[GroupAxis]>,
-    /// The way into the target is one in what another motion group carries (FANUC TP `COORD`).
+    /// Whether the path to the target is one in the frame that another motion group carries (FANUC TP `COORD`).
     pub coordinated: bool,
     /// Mechanical units that are deactivated here (RAPID `DeactUnit`).
     pub inactive: Arc<[InactiveUnit]>,
-    /// Whether the axes have moved by themselves since the target before: the way into this one begins elsewhere.
+    /// Whether external axes have moved alone since the target before: the segment to this one begins elsewhere.
     pub moved_alone: bool,
 }
 
 impl ExternalAxes {
-    /// Whether no axis is anywhere else than at zero in all of the program.
+    /// Whether all axes are at zero in all of the program.
     #[must_use]
     pub fn is_at_rest(&self) -> bool {
         let rests = |(written, at_rest): (&Option<f64>, bool)| written.is_none() || at_rest;
         self.groups.iter().all(|axis| axis.at_rest) && self.written.iter().zip(self.at_rest).all(rests)
     }
 
-    /// Where the controller sends an axis; `None` where it is not in use.
+    /// Position to which the controller moves an axis; `None` if the axis is not in use.
     #[must_use]
     pub fn position(&self, axis: AxisName) -> Option<f64> {
         match axis {
@@ -113,7 +113,7 @@ impl ExternalAxes {
         }
     }
 
-    /// Sends an axis somewhere, mm or degrees.
+    /// Sets the position of an axis, mm or degrees.
     pub(crate) fn put(&mut self, axis: AxisName, position: f64) {
         match axis {
             AxisName::External(axis) => self.written[axis] = Some(position),
@@ -124,34 +124,34 @@ impl ExternalAxes {
         }
     }
 
-    /// Axes that the target sends somewhere, those at rest aside.
+    /// Axes for which the target has a position, except those at rest.
     pub(crate) fn used(&self) -> impl Iterator<Item = AxisName> + '_ {
         let own = (0..EXTERNAL_AXES).filter(|axis| self.written[*axis].is_some() && !self.at_rest[*axis]);
         own.map(AxisName::External).chain(self.groups.iter().filter(|axis| !axis.at_rest).map(|axis| axis.axis))
     }
 }
 
-/// Where an axis of another motion group is sent.
+/// The position of an axis of another motion group.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GroupAxis {
-    /// The axis; the whole group where a pose of another arm is written.
+    /// The axis; the whole group if the text has a pose of another arm.
     pub axis: AxisName,
-    /// mm or degrees; `None` where the program does not say.
+    /// Position, mm or degrees; `None` if the program does not state it.
     pub position: Option<f64>,
-    /// At zero in all of the program.
+    /// Whether it is at zero in all of the program.
     pub at_rest: bool,
 }
 
-/// A mechanical unit that does not move, whatever targets say.
+/// A mechanical unit that does not move, even if targets state positions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InactiveUnit {
-    /// As the program names it.
+    /// Its name in the program.
     pub name: Arc<str>,
-    /// Where each axis stood when it was deactivated, as far as the program says; its own ones stay there.
+    /// Position of each axis when the unit was deactivated, if it is known; the unit's own axes stay there.
     pub stands: [Option<f64>; EXTERNAL_AXES],
 }
 
-/// A motion's end, or a point on its way.
+/// The end of a motion, or a point on its path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Role {
     /// The end of an executed motion: one report row, one ordinal.
@@ -176,7 +176,7 @@ pub enum Motion {
     AbsoluteJoint,
 }
 
-/// Where a target is.
+/// The pose or the joints of a target.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Goal {
     /// A pose in the work object.
@@ -185,16 +185,16 @@ pub enum Goal {
         position_mm: [f64; 3],
         /// Orientation, scalar first, unit norm (normalised on reading).
         quat: [f64; 4],
-        /// Configuration, where written as numbers.
+        /// Configuration, if it is written as numbers.
         conf: Option<Conf>,
     },
-    /// Tool point and tool axis (tip to spindle) in the work object: the turn about the axis is free (CL).
+    /// Tool point and tool axis (tip to spindle) in the work object; the turn about the axis is free (CL).
     Axis {
         /// Tool point, mm.
         position_mm: [f64; 3],
         /// Unit vector from the tip towards the spindle.
         axis: [f64; 3],
-        /// Unit normal of the surface at the contact, out of the material, where the text prints it.
+        /// Unit normal of the surface at the contact, out of the material, if the text has it.
         normal: Option<[f64; 3]>,
     },
     /// Motor angles, degrees.
@@ -204,7 +204,7 @@ pub enum Goal {
     },
 }
 
-/// Which of the axis angles that reach a pose are meant, as the language writes it.
+/// The configuration as the language writes it: which of the axis angles that reach a pose are meant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Conf {
@@ -227,10 +227,10 @@ impl Conf {
     }
 }
 
-/// KUKA `S` and `T` of a position, which joint motions go by.
+/// KUKA `S` and `T` of a position, which decide the posture of joint motions.
 ///
-/// `S`: bit 0, wrist centre behind axis 1; bit 1, set where it is before the lower arm, which is the usual side; bit 2, axis 5 below
-/// zero. `T`: bit n − 1, axis n below zero. Bits beyond these are somebody else's and stay. Source: KUKA, Operating and
+/// `S`: bit 0, wrist centre on the rear side of axis 1; bit 1, wrist centre in front of the lower arm, which is the usual side; bit 2,
+/// axis 5 below zero. `T`: bit n − 1, axis n below zero. Other bits have other meanings and are kept. Source: KUKA, Operating and
 /// Programming Instructions for System Integrators, *Status and Turn*; taught points of public programs, where bit 2 of `S` is bit 4 of `T`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Status {
@@ -242,8 +242,8 @@ pub struct Status {
 
 /// FANUC `CONFIG : 'F D B, t1, t4, t6'`.
 ///
-/// Its letters are the three signs of RAPID's cfx: F, axis 5 above zero as the controller counts it; D, the wrist centre behind
-/// the lower arm; B, behind axis 1. Source: FANUC, R-30iB Operator's Manual, position data; the CONFIG that a controller
+/// Its letters are the three signs of RAPID's cfx: F, axis 5 above zero as the controller counts it; D, wrist centre on the rear side of
+/// the lower arm; B, wrist centre on the rear side of axis 1. Source: FANUC, R-30iB Operator's Manual, position data; the CONFIG that a controller
 /// computes at the postures of an ABB arm (GitHub, LeroyDu56/CrossArm: validation on virtual controllers, section 14).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Config {
@@ -254,7 +254,7 @@ pub struct Config {
 }
 
 impl std::fmt::Display for Config {
-    /// As `CONFIG` has it between its quotes.
+    /// Writes the text between the quotes of `CONFIG`.
     fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let letter = |bit: i32, yes: char, no: char| if self.posture & bit == 0 { no } else { yes };
         let (flip, down, back) = (letter(1, 'F', 'N'), letter(2, 'D', 'U'), letter(4, 'B', 'T'));
@@ -272,7 +272,7 @@ pub struct Confdata {
     pub cf4: i32,
     /// Quarter turn of axis 6.
     pub cf6: i32,
-    /// 4·(wrist centre behind axis 1) + 2·(wrist centre behind the lower arm) + (axis 5 negative).
+    /// 4·(wrist centre on the rear side of axis 1) + 2·(wrist centre on the rear side of the lower arm) + (axis 5 negative).
     pub cfx: i32,
 }
 
@@ -281,12 +281,12 @@ pub struct Confdata {
 pub enum Mark {
     /// No cutting force on this stretch.
     Air,
-    /// Cuts, whatever the other rules say.
+    /// A cut, even if the other rules say otherwise.
     Cut,
 }
 
 impl Mark {
-    /// What the comment of a program says that is the mark.
+    /// The text of the comment for this mark.
     pub(crate) fn comment(self) -> &'static str {
         match self {
             Self::Air => "deflex air",
@@ -295,7 +295,7 @@ impl Mark {
     }
 }
 
-/// What of a target may be edited in the text.
+/// The parts of a target that may be edited in the text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Editable {

@@ -1,11 +1,11 @@
-//! What becomes of one number token: its new text, in its own style.
+//! The new text of a number token, in its own style.
 
 use crate::text::{Token, number};
 
-/// Most decimals printed: single precision holds no more of any quaternion.
+/// Most printed decimals: single precision has no more for any quaternion.
 pub(crate) const MAX_DECIMALS: usize = 15;
 
-/// A token with its sign, blanks between them allowed.
+/// The value of a token with its sign; blanks between them are allowed.
 pub(crate) fn signed(token: &[u8]) -> Option<f64> {
     let (negative, rest) = match token {
         [b'-', rest @ ..] => (true, rest),
@@ -16,7 +16,7 @@ pub(crate) fn signed(token: &[u8]) -> Option<f64> {
     Some(if negative { -value } else { value })
 }
 
-/// `12`, `1.5E3`, and what RAPID has besides: `0x1F`, `0o17`, `0b101`.
+/// The value of `12`, `1.5E3`, and of RAPID's `0x1F`, `0o17`, `0b101`.
 pub(crate) fn unsigned(token: &[u8]) -> Option<f64> {
     let Some((radix, digits)) = based(token) else { return number::read(token) };
     u32::from_str_radix(std::str::from_utf8(digits).ok()?, radix).ok().map(f64::from)
@@ -34,23 +34,23 @@ fn based(token: &[u8]) -> Option<(u32, &[u8])> {
     Some((radix, digits))
 }
 
-/// What becomes of a token.
+/// A new token.
 pub(crate) struct New {
-    /// Its new text, in its own style; `None` where the printed value stays what it is.
+    /// Its new text, in its own style; `None` if the printed value does not change.
     pub(crate) token: Option<Token>,
-    /// The number that stands there then, where it is known.
+    /// The number in the new text, if it is known.
     pub(crate) value: Option<f64>,
 }
 
 impl New {
     pub(crate) fn of(old: &[u8], value: f64, least: usize) -> Self {
         let decimals = |places: usize| places.max(least).min(MAX_DECIMALS);
-        // As most numbers are: no looks to keep but the count of decimals.
+        // The usual form: only the number of decimals has to be kept.
         if let Some(was) = number::read_leading(old).filter(|was| was.len() == old.len() && was.bare)
             && let Some(fixed) = number::Fixed::of(value, decimals(was.decimals()))
             && let Some(printed) = fixed.value()
         {
-            #[allow(clippy::float_cmp)] // the very number means no change
+            #[allow(clippy::float_cmp)] // only exactly the same number means no change
             let same = printed == was.value;
             let mut place = [0; number::Fixed::SIZE];
             let token = (!same).then(|| fixed.put(&mut place)).map(|len| Token::from_slice(&place[..len]));
@@ -63,7 +63,7 @@ impl New {
         if printed.is_some() && printed == was {
             return Self { token: None, value: was };
         }
-        // `+1.5` and `0012.5` keep their looks.
+        // `+1.5` and `0012.5` keep their form.
         let digits = old.trim_start_with_sign();
         let whole = digits.iter().take_while(|b| b.is_ascii_digit()).count();
         if whole > 1 && digits[0] == b'0' {
@@ -74,7 +74,7 @@ impl New {
         if old.first() == Some(&b'+') && out[0] != b'-' {
             out.insert(0, b'+');
         }
-        // `.500` and `-.500` too: nothing but a zero stood before the point.
+        // `.500` and `-.500` too: they have no digit before the point.
         if whole == 0
             && let Some(point) = out.iter().position(|b| *b == b'.').filter(|at| *at > 0)
             && out[point - 1] == b'0'

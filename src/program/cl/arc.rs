@@ -7,9 +7,9 @@ use std::f64::consts::TAU;
 /// An arc from a start to an end, counter-clockwise about its axis (right-hand rule).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Arc {
-    /// Of the circle that the start is on: how far along the axis the text has its centre says nothing.
+    /// Centre of the circle through the start; the position of the text's centre along the axis does not matter.
     centre: [f64; 3],
-    /// Unit vectors: towards the start, a quarter turn on, and the axis.
+    /// Unit vectors: towards the start, a quarter turn further, and the axis.
     frame: [[f64; 3]; 3],
     /// Distance from the axis at the start and at the end.
     radius: [f64; 2],
@@ -19,33 +19,33 @@ pub(super) struct Arc {
     pub(super) sweep: f64,
 }
 
-/// What a text says about an arc, besides its ends.
+/// The data of an arc in the text, other than its ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Circle {
     pub(super) centre: [f64; 3],
-    /// Any length; the travel is counter-clockwise about it.
+    /// Axis of any length; the travel is counter-clockwise about it.
     pub(super) axis: [f64; 3],
-    /// Where the text gives one.
+    /// Radius, if the text gives one.
     pub(super) radius: Option<f64>,
     /// Turns of a helix; 1 for an arc.
     pub(super) turns: f64,
 }
 
-/// What the points on an arc say about its direction of travel.
+/// The direction of travel of an arc, from the points on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sense {
-    /// They follow each other as the axis has it.
+    /// They follow one another in the direction of the axis.
     AsSaid,
-    /// They follow each other the other way round.
+    /// They follow one another in the opposite direction.
     Reversed,
-    /// Neither way.
+    /// They follow neither direction.
     Neither,
-    /// They do not lie on the circle, or say nothing.
+    /// They do not lie on the circle, or do not decide.
     Unknown,
 }
 
 impl Circle {
-    /// The same circle, travelled the other way.
+    /// The same circle in the opposite direction.
     pub(super) fn reversed(&self) -> Self {
         Self { axis: scale(self.axis, -1.0), ..*self }
     }
@@ -55,7 +55,7 @@ impl Circle {
         Arc::new(self, start, point).is_ok()
     }
 
-    /// Whether points follow each other in steps of a quarter turn at most, as those of a linearised arc do.
+    /// Whether points follow one another in steps of at most a quarter turn, as those of a linearised arc do.
     pub(super) fn steps(&self, start: [f64; 3], points: &[[f64; 3]]) -> bool {
         let mut from = start;
         points.iter().all(|&point| {
@@ -72,7 +72,7 @@ impl Circle {
             let (mut from, mut total) = (start, 0.0);
             for &point in points {
                 let arc = Arc::new(circle, from, point).ok()?;
-                // A point again is no turn, but where it is the only one.
+                // A repeated point is no full turn, unless it is the only point.
                 total += if arc.sweep > TAU - SAME_POINT && points.len() > 1 { 0.0 } else { arc.sweep };
                 from = point;
             }
@@ -89,29 +89,28 @@ impl Circle {
     }
 }
 
-/// Points that are nearer to each other, radians, are one.
+/// Points that are nearer to one another than this are equal, radians.
 const SAME_POINT: f64 = 1e-6;
 
-/// More chords than this are no tool path but a wrong number: a full circle of 34 m radius to 0.01 mm
-/// has 4,096.
+/// Most chords of an arc; more come from a wrong number. A full circle of 34 m radius to 0.01 mm has 4,096.
 const MAX_CHORDS: f64 = 16_384.0;
 
-/// How far the ends may lie off the circle, as a part of its radius; printed digits and CAM tolerances
-/// stay a hundred times below on real files.
+/// Largest distance of the ends from the circle, as a share of its radius; printed digits and CAM tolerances of real files are a
+/// hundred times smaller.
 const OFF_CIRCLE: f64 = 0.02;
 
-/// A radius below this share of the way from the centre, which may lie anywhere along the axis, is what rounding leaves.
+/// A radius below this share of the distance from the centre, which may lie anywhere along the axis, is rounding.
 const LOST: f64 = 1e-9;
 
-/// Beyond this, in units of the file, the digits of a centre do not hold its arc's micrometres.
+/// Largest radius, in units of the file: beyond it, the digits of a centre do not resolve micrometres of its arc.
 const LARGEST_RADIUS: f64 = 1e6;
 
-/// An end nearer to the start than this, in units of the file, is the start printed again, with other digits: a full turn. A start
-/// as near to the axis is on it. Two last digits of four decimals are rounding and no arc.
+/// An end nearer to the start than this, in units of the file, is the start itself: a full turn. A start this near to the axis is on it.
+/// The last two of four decimals are rounding.
 const SAME_PLACE: f64 = 2.5e-4;
 
 impl Arc {
-    /// The arc, or why it is none; lengths in any one unit.
+    /// The arc, or why it is none; all lengths in the same unit.
     pub(super) fn new(circle: &Circle, start: [f64; 3], end: [f64; 3]) -> Result<Self, Reason> {
         let n = unit(circle.axis).ok_or(Reason::ArcWithoutAxis)?;
         let (a, b) = (sub(start, circle.centre), sub(end, circle.centre));
@@ -140,10 +139,10 @@ impl Arc {
         })
     }
 
-    /// Whether it begins against the direction that the tool came in and goes the long way round, while the short one would go
-    /// on smoothly. (Tools do turn back into short arcs, to clear corners.)
+    /// Whether it is the longer arc and reverses the direction of the tool, while the shorter arc would continue smoothly. (Tools do reverse
+    /// into short arcs, to clear corners.)
     pub(super) fn turns_back(&self, incoming: [f64; 3]) -> bool {
-        /// Cosine of 10°: CAM systems leave lines tangentially to printed digits, corners lie far from it.
+        /// Cosine of 10°: CAM systems leave lines tangentially to printed digits, and corners are much sharper.
         const SMOOTH: f64 = 0.985;
         self.sweep > TAU / 2.0 && unit(incoming).is_some_and(|incoming| dot(incoming, self.frame[1]) < -SMOOTH)
     }
@@ -161,7 +160,7 @@ impl Arc {
         Ok(chords.max(1.0) as usize)
     }
 
-    /// The point at the part `t` of the way; radius and height change evenly (helix, spiral).
+    /// The point at the share `t` of the arc; radius and height change evenly (helix, spiral).
     pub(super) fn point(&self, t: f64) -> [f64; 3] {
         let (sin, cos) = (self.sweep * t).sin_cos();
         let [a, b] = self.radius;

@@ -7,7 +7,7 @@ use super::statement::Statement;
 use crate::program::{ActionKind, CutterInfo, Reason};
 use std::sync::Arc;
 
-/// Cutters this close, mm, are one: printed digits.
+/// Cutters that differ by less than this are equal, mm: printed digits.
 const SAME_MM: f64 = 1e-3;
 
 impl Reader {
@@ -42,7 +42,7 @@ impl Reader {
         let name = String::from_utf8_lossy(&s.bytes[first.span.start as usize..last.span.end as usize]);
         let name: Arc<str> = name.trim_matches(['\'', '"']).into();
         if self.machine.name.as_ref() != Some(&name) {
-            // The number was that of the tool before.
+            // The number belongs to the tool before.
             self.machine.number = self.machine.number.take().filter(|_| self.machine.name.is_none());
             self.machine.name = Some(name);
             self.machine.named = Some(record);
@@ -54,7 +54,7 @@ impl Reader {
         self.machine.cutter_named = Some(record);
     }
 
-    /// Tool, cutter and what waits, before a target is added that needs them.
+    /// Applies tool, cutter and waiting actions before a target is added that needs them.
     pub(super) fn take_in_hand(&mut self, at: Record) {
         let changed = match self.machine.named.take() {
             Some(record) => self.change_tool(record).unwrap_or_else(|why| {
@@ -88,19 +88,19 @@ impl Reader {
         self.machine.end(self.targets.len(), &mut self.actions);
     }
 
-    /// Finds the cell's tool; whether it is another than at the last position.
+    /// Finds the cell's tool. Returns whether it differs from that at the last position.
     fn change_tool(&mut self, record: Record) -> Result<bool, Refusal> {
         let ids = [self.machine.number.clone(), self.machine.name.clone()];
         let mapped = ids.iter().flatten().find_map(|id| Some((id.clone(), self.options.tool_of(id)?.to_owned())));
         let now = ids.into_iter().flatten().next();
         let before = self.machine.used.replace(now.clone());
         let changed = before.as_ref().is_some_and(|before| *before != now);
-        // The first number of all names the tool that has been in hand.
+        // The first number names the tool that was mounted from the start.
         let second = before.flatten().is_some_and(|before| Some(before) != now);
         let (id, tool) = match mapped {
             _ if self.options.any_tool => return Ok(changed),
             Some(mapped) => mapped,
-            // One tool of the cell serves one tool of the program.
+            // The cell has one tool, which stands for one tool of the program.
             None if self.options.tools.is_empty() && second => return Err(refusal::SECOND_TOOL),
             None if self.options.tools.is_empty() => return Ok(false),
             None if self.machine.number.is_some() || changed => return Err(refusal::UNMAPPED_TOOL),
@@ -114,7 +114,7 @@ impl Reader {
         Ok(changed)
     }
 
-    /// Takes a tool of the cell; whether another one was held.
+    /// Changes to a tool of the cell. Returns whether another one was mounted.
     fn hold(&mut self, tool: &str) -> bool {
         let machine = &mut self.machine;
         let known = machine.tools.iter().position(|known| known.eq_ignore_ascii_case(tool));
@@ -161,13 +161,13 @@ impl Reader {
         Ok(())
     }
 
-    /// Of the tool in hand, mm.
+    /// Corner radius of the mounted tool, mm.
     pub(super) fn corner_radius_mm(&self) -> f64 {
         let tool = self.machine.tools.get(usize::from(self.machine.tool()));
         self.options.corner_radius_of(tool.map_or("", String::as_str))
     }
 
-    /// `GOHOME`: where that is only the machine knows.
+    /// `GOHOME` without numbers: a position that only the machine knows.
     pub(super) fn home(&mut self, record: Record) {
         self.modal.position = None;
         self.modal.rapid = false;

@@ -4,7 +4,7 @@
 const COLUMNS: usize = 72;
 /// All columns of a card.
 const CARD: usize = 80;
-/// Fewer lines than this prove nothing about a layout.
+/// Least number of lines from which the layout follows.
 const FEWEST_LINES: usize = 3;
 
 /// Whether a file is a deck of cards.
@@ -12,13 +12,13 @@ const FEWEST_LINES: usize = 3;
 pub(super) struct Cards(bool);
 
 impl Cards {
-    /// A deck: every line that is not empty has 80 columns and a number at the end of the last eight.
-    /// Modern lines are of any length, and longer than 72 columns without meaning anything by it.
+    /// Whether a file is a deck: every line that is not empty has 80 columns and a number at the end of the last eight. Modern lines have any
+    /// length, also more than 72 columns.
     pub(super) fn detect(bytes: &[u8]) -> Self {
         Self(!Self::excluded(bytes) && lines(bytes).take(FEWEST_LINES).count() == FEWEST_LINES)
     }
 
-    /// Whether some line is no card: whatever follows, the file is no deck.
+    /// Whether a line is no card, so that the file is no deck.
     pub(super) fn excluded(bytes: &[u8]) -> bool {
         lines(bytes).any(|line| !is_card(line))
     }
@@ -27,7 +27,7 @@ impl Cards {
         self.0
     }
 
-    /// Where the significant columns end of the line that holds `at` and ends at `end`.
+    /// End of the significant columns of the line that has `at` and ends at `end`.
     pub(super) fn significant_end(self, bytes: &[u8], at: usize, end: usize) -> usize {
         let start = bytes[..at].iter().rposition(|b| matches!(b, b'\n' | b'\r')).map_or(0, |p| p + 1);
         end.min(start + COLUMNS).max(at)

@@ -1,9 +1,8 @@
 //! A long file in chunks that fit in memory.
 //!
-//! One reader goes through the records in order, so that all that is modal (unit, frame, feed, spindle, tool axis, marks,
-//! cycles, …) is as in the whole; a chunk is what it has read since the last one. Chunks end between records, and not
-//! within an arc, whose points are those of one chunk. What changes targets that have gone by, or is decided by the file as
-//! a whole, is read whole.
+//! One reader reads the records in order, so that all modal data (unit, frame, feed, spindle, tool axis, marks, cycles, …) are as in the
+//! whole file; a chunk has the records since the last one. Chunks end between records, and never within an arc. A file is read as a whole
+//! if a statement changes earlier targets, or if something depends on all of it.
 
 use super::cards::Cards;
 use super::lex::{Lexer, RecordStart, Token, behind_mark};
@@ -14,51 +13,51 @@ use crate::program::{Next, StreamableChunk};
 use crate::text::{Diagnostic, Source};
 use std::io::{self, Read};
 
-/// Bytes of a chunk: some hundred targets, which stay in a core's own memory.
+/// Bytes of a chunk: some hundred targets, which fit into the cache of a core.
 const CHUNK: usize = 32 * 1024;
 
-/// Targets that end a chunk: arcs make many of few bytes.
+/// Number of targets that ends a chunk: arcs make many targets of few bytes.
 const TARGETS: usize = 1024;
 
-/// What unit, maker and layout are recognised by.
+/// Bytes of the head from which unit, maker and layout are recognised.
 const HEAD: usize = 64 * 1024;
 
-/// Most bytes of a chunk: more without a place to cut are read whole.
+/// Most bytes of a chunk: a file with a longer stretch that cannot be divided is read as a whole.
 const MOST_BYTES: usize = 1 << 20;
 
-/// Cuts a CL file into chunks, reading no further than needed.
+/// Divides a CL file into chunks, and reads no further than needed.
 #[derive(Debug)]
 pub struct Chunks<R> {
     input: R,
     name: String,
     reader: Reader,
     chunk: usize,
-    /// Read and not yet in a chunk.
+    /// Bytes that are read and not yet in a chunk.
     rest: Vec<u8>,
     tokens: Vec<Token>,
-    /// Lines before `rest`.
+    /// Number of lines before `rest`.
     lines_before: usize,
-    /// Where the next record is looked for.
+    /// Position at which the next record is searched for.
     place: RecordStart,
-    /// The input has no more bytes.
+    /// Whether the input has no more bytes.
     read_up: bool,
     first: bool,
     ended: bool,
 }
 
 impl<R: Read> Chunks<R> {
-    /// Reads the head; `None` where the file can only be read whole.
+    /// Reads the head; `None` if the file can only be read as a whole.
     ///
     /// # Errors
-    /// What `input` reports.
+    /// `input` cannot be read.
     pub fn new(name: &str, input: R, options: &ClOptions) -> io::Result<Option<Self>> {
         Self::sized(name, input, options, CHUNK)
     }
 
-    /// The same, with chunks of about so many bytes.
+    /// The same, with chunks of about `chunk` bytes.
     ///
     /// # Errors
-    /// What `input` reports.
+    /// `input` cannot be read.
     pub fn sized(name: &str, input: R, options: &ClOptions, chunk: usize) -> io::Result<Option<Self>> {
         let mut chunks = Self {
             input,
@@ -83,7 +82,7 @@ impl<R: Read> Chunks<R> {
         Ok(Some(chunks))
     }
 
-    /// Reads until so many bytes wait, or to the end.
+    /// Reads until `wanted` bytes are waiting, or to the end.
     fn fill(&mut self, wanted: usize) -> io::Result<()> {
         let missing = wanted.saturating_sub(self.rest.len()) as u64;
         let came = self.input.by_ref().take(missing).read_to_end(&mut self.rest)?;
@@ -91,10 +90,10 @@ impl<R: Read> Chunks<R> {
         Ok(())
     }
 
-    /// The next chunk; the program's edits stand for nothing, as CL is posted, not edited.
+    /// The next chunk. Edits of its program have no meaning, because CL data are posted and not edited.
     ///
     /// # Errors
-    /// What the input reports.
+    /// The input cannot be read.
     pub fn take(&mut self) -> io::Result<Next<StreamableChunk>> {
         if self.ended {
             return Ok(Next::End);
@@ -119,7 +118,7 @@ impl<R: Read> Chunks<R> {
         }
     }
 
-    /// Reads the records that stand as a whole in the first bytes.
+    /// Reads the records that are complete in the first bytes.
     fn read_on(&mut self, wanted: usize) {
         let bytes = &self.rest[..wanted.min(self.rest.len())];
         let all = self.read_up && bytes.len() == self.rest.len();
@@ -140,7 +139,7 @@ impl<R: Read> Chunks<R> {
         self.ended = all;
     }
 
-    /// Whether what follows stands for itself.
+    /// Whether the file may be divided here.
     fn may_cut(&self) -> bool {
         let settled = self.reader.pending.is_none() && self.reader.checked.is_none();
         settled && !self.reader.machine.holds_records() && (!self.first || leaves_its_start(&self.reader.targets))
@@ -152,13 +151,13 @@ impl<R: Read> Chunks<R> {
         let source = Source { name: self.name.clone(), bytes: self.rest.drain(..end).collect(), lines_before };
         self.place.at = 0;
         self.first = false;
-        // Its numbers stand in a chunk that is gone; nothing is written into them.
+        // Its numbers are in an earlier chunk, and are not edited.
         self.reader.modal.from = None;
         let own = 0..source.bytes.len();
         StreamableChunk { program: self.reader.program(source), own, elsewhere: Vec::new(), at: 0, last: self.ended }
     }
 
-    /// What was noticed in the chunks so far.
+    /// Warnings about the chunks so far.
     #[must_use]
     pub fn warnings(&self) -> Vec<Diagnostic> {
         self.reader.warnings(&self.name)

@@ -12,7 +12,7 @@ use super::vector::{add, cross, dot, norm, scale, sub, unit};
 use crate::program::{Reason, Role};
 use crate::text::Span;
 
-/// Radii by which the printed end of an arc may be off its centre: CATIA prints it on the circle, give or take a digit.
+/// Largest distance of the printed end of an arc from its centre, in radii: CATIA prints it on the circle, to a digit.
 const FAR: f64 = 100.0;
 
 impl Reader {
@@ -85,7 +85,7 @@ impl Reader {
             return Err(Reason::ArcLineNotApart.into());
         }
         let (from, to) = ([ends[0], ends[1], ends[2]], [ends[3], ends[4], ends[5]]);
-        // An end is put onto the circle along its line: from far off, a shift of it would be lost.
+        // An end is projected onto the circle along its line: from a large distance, a shift of it would be lost.
         if !sub(to, from).iter().all(|along| along.abs() <= FAR * radius.abs()) {
             self.modal.position = None;
             return Err(Reason::ArcEndsFarOff.into());
@@ -97,15 +97,15 @@ impl Reader {
         let xyz = [spans[3], spans[4], spans[5]];
         let centres = [Some([centre_spans[0], centre_spans[1], centre_spans[2]]), Some([spans[0], spans[1], spans[2]])];
         let axis = tangent.zip(self.modal.position).map(|(tangent, start)| cross(sub(start, centre), tangent));
-        // Without a start or its direction it is no arc; its centre moves with its end all the same.
+        // Without a start or its direction it is no arc, but its centre still moves with its end.
         let circle = Circle { centre, axis: axis.unwrap_or([0.0; 3]), radius: Some(radius), turns: 1.0 };
         self.pending = Some(PendingArc { circle, centres, record, sense: Known::Said });
         self.arrive(record, xyz, end, true);
         Ok(())
     }
 
-    /// Points on the way of an arc to its end, and the group that they are. What is no arc goes straight, yet its centre moves
-    /// along when its end does, so that it reads the same afterwards.
+    /// Adds the points of an arc before its end. Returns their group. If it is no arc, the motion is straight; its centre still moves with its
+    /// end, so that the file reads the same afterwards.
     pub(super) fn arc_points(&mut self, pending: PendingArc, end: [f64; 3], ahead: bool) -> u32 {
         let tolerance = self.options.arc_tolerance_mm / self.mm_per_unit();
         let path = self.modal.position.ok_or(Reason::ArcWithoutStart).and_then(|start| {
@@ -138,19 +138,19 @@ impl Reader {
         Step { role: Role::Interpolated, ahead: u32::from(ahead), ..self.step(slot) }
     }
 
-    /// The next position after an arc whose direction of travel no word says, reached straight: where it lies on the circle
-    /// and has been passed already, the direction was wrong, or a line goes across the circle.
+    /// Checks an arc whose direction of travel is not stated, with the next position after it, which is reached straight. If that position is
+    /// on the arc, the direction was wrong, or a line crosses the circle.
     pub(super) fn check_sense(&mut self, next: [f64; 3]) {
         let Some(Checked { arc, start, end }) = self.checked.take() else { return };
         let contradicts = matches!(arc.circle.sense(start, &[end, next]), Sense::Reversed | Sense::Neither);
-        // Where the system is known, only points that look like those of an arc the other way contradict it.
+        // If the system is known, only points like those of an arc in the opposite direction contradict it.
         let like_an_arc = || arc.circle.reversed().steps(start, &[end, next]);
         if contradicts && (arc.sense == Known::Guessed || like_an_arc()) {
             self.refuse(arc.record, refusal::ARC_SENSE);
         }
     }
 
-    /// The sense of an arc whose points are listed: these say it better than its axis.
+    /// The direction of an arc whose points are listed: the points decide, and not its axis.
     pub(super) fn sense_of_list(&mut self, points: &[[f64; 3]]) {
         let (Some(arc), Some(start)) = (self.pending, self.modal.position) else { return };
         if arc.sense == Known::Said || arc.circle.turns > 1.0 {
@@ -172,9 +172,9 @@ fn part(i: usize, chords: usize) -> f64 {
     i as f64 / chords as f64
 }
 
-/// Where the line from the centre through `to` meets the circle: `to` itself where it lies on it.
+/// The intersection of the line from the centre through `to` with the circle: `to` itself if it is on it.
 fn on_circle(centre: [f64; 3], radius: f64, from: [f64; 3], to: [f64; 3]) -> [f64; 3] {
-    /// Printed digits of radius and ends, as a part of the radius.
+    /// Rounding of radius and ends by printed digits, as a share of the radius.
     const PRINTED: f64 = 1e-3;
     let off = (norm(sub(to, centre)) - radius).abs();
     if off <= PRINTED * radius.abs() {

@@ -1,4 +1,4 @@
-//! Comments and free text, as far as they mean something: frames, cutters, deflex's own marks.
+//! Comments and free text that have a meaning: frames, cutters, deflex's own marks.
 
 use super::frame::Frame;
 use super::lex::Record;

@@ -1,8 +1,8 @@
-//! Corrected points back into the CL data that they come from, for a maker's own post.
+//! Writes corrected points into the CL data that they come from, for the maker's own post-processor.
 //!
-//! Tip and tool axis are written, five axes: `GOTO/x,y,z,i,j,k`. What makes other points than the one that it prints (arcs,
-//! drilling cycles, increments, lists) is written as the points that it was corrected at, and stays as a comment: a corrected
-//! arc is none any more, and a post stops at an end that is not on its circle. All other statements stay as they are.
+//! Tip and tool axis are written, for five axes: `GOTO/x,y,z,i,j,k`. A statement that makes points other than the one it prints (arcs,
+//! drilling cycles, increments, lists) is replaced by its corrected points, and stays as a comment: a corrected arc is no arc any more, and a
+//! post-processor refuses an end that is not on its circle. All other statements stay as they are.
 
 use super::feeds::{Feeds, short};
 use super::frame::Frame;
@@ -16,10 +16,10 @@ use crate::text::number::write_fixed;
 use crate::text::{Content, Diagnostic, Edit, Span, apply};
 use std::ops::Range;
 
-/// Where a corrected tool goes.
+/// A corrected point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CorrectedPoint {
-    /// Index of the target that it is, or that it is inserted before.
+    /// Index of its target, or of the target that it is inserted before.
     pub target: usize,
     /// Tip in the work object, mm.
     pub position_mm: [f64; 3],
@@ -27,19 +27,18 @@ pub struct CorrectedPoint {
     pub axis: [f64; 3],
 }
 
-/// Decimals of a millimetre, as in posted programs; an inch needs two more for the same step.
+/// Decimals of millimetres, as in posted programs; an inch needs two more for the same step.
 const MM_DECIMALS: usize = 4;
 const INCH_DECIMALS: usize = 6;
 /// Decimals of a tool axis: 1e-6 mm at 200 mm.
 const AXIS_DECIMALS: usize = 8;
-/// A printed point this far from where the tip has it is another, mm.
+/// Distance beyond which a printed point differs from the tip's, mm.
 const OFF_MM: f64 = 1e-6;
 
-/// The file with the corrected points, those that belong to one target in a row, its own last; `title` is put before it as
-/// comments.
+/// The file with the corrected points. The points of one target are consecutive, its own is the last. `title` comes before it as comments.
 ///
 /// # Errors
-/// Decks of cards; statements that are run more than once; a cycle whose feed cannot be said in the file's unit.
+/// Decks of cards; statements that run more than once; a cycle whose feed cannot be stated in the file's unit.
 pub fn write(program: &Program, points: &[CorrectedPoint], title: &[String]) -> Result<Vec<u8>, Vec<Diagnostic>> {
     let (crate::program::Layout::Cl(layout), [source]) = (&program.layout, &program.sources[..]) else {
         let message = "the program is not one file of CL data";
@@ -67,7 +66,7 @@ pub fn write(program: &Program, points: &[CorrectedPoint], title: &[String]) -> 
         }
         let Some(statement) = Statement::parse(bytes, &tokens) else { continue };
         let first = at;
-        // Between the points of a list stand those on the way of its arc.
+        // The points of a list may have points of its arc between them.
         let is_own = |span: Span| span == record.span || writer.arc == Some(span);
         at += program.targets[first..].iter().take_while(|target| is_own(target.span)).count();
         let mut here = Vec::new();
@@ -88,7 +87,7 @@ pub fn write(program: &Program, points: &[CorrectedPoint], title: &[String]) -> 
     for line in title {
         out.extend_from_slice(format!("$$ {line}{}", writer.end).as_bytes());
     }
-    // Edits are of the bytes that they were found in, in their order.
+    // The edits are in the order of the bytes.
     apply(bytes, &writer.edits, &mut out).map_err(|error| {
         let message = format!("the corrected points do not fit the file: {error}");
         Vec::from(Diagnostic::error("post.cl", &source.name, message).help("this is a fault of deflex: report it"))
@@ -108,14 +107,14 @@ struct Writer<'a> {
     layout: &'a Layout,
     edits: Vec<Edit>,
     end: &'static str,
-    /// The file says, up to here, that axes are printed.
+    /// Whether the file has stated so far that axes are printed.
     multax: bool,
-    /// The file says that the next move is rapid travel.
+    /// Whether the file states that the next motion is rapid travel.
     rapid: bool,
-    /// The statement of an arc whose end comes next, and the points on the way there.
+    /// The statement of an arc whose end comes next, with its points before the end.
     arc: Option<Span>,
     on_way: Vec<CorrectedPoint>,
-    /// Where holes are drilled: the feed, which cycles have of their own.
+    /// The feed, if holes are drilled: cycles have feeds of their own.
     feeds: Option<Feeds<'a>>,
 }
 
@@ -128,7 +127,7 @@ impl<'a> Writer<'a> {
         Self { program, bytes, layout, edits, end, multax: false, rapid: false, arc: None, on_way, feeds }
     }
 
-    /// One statement that makes these targets, and the points that are written for them.
+    /// Writes one statement with its targets and the points for them.
     fn statement(
         &mut self,
         record: Record,
@@ -173,7 +172,7 @@ impl<'a> Writer<'a> {
         };
         let mut before = Vec::new();
         let mut says_rapid = std::mem::take(&mut self.rapid);
-        // In their order: a file of many holes has as many dwells.
+        // In their order: a file with many holes has as many dwells.
         let actions = &self.program.actions;
         let actions = &actions[actions.partition_point(|action| action.before < targets.start)..];
         let here = actions.iter().take_while(|action| action.before < targets.end);
@@ -197,7 +196,7 @@ impl<'a> Writer<'a> {
                 feeds.before(target)?.inspect(|feed| line(&mut before, feed));
             }
             let is_own = own == Some(*point);
-            // RAPID holds for one move.
+            // RAPID applies to one motion.
             if target.rapid && !std::mem::take(&mut says_rapid) && !(is_own && behind_rapid.is_some()) {
                 line(&mut before, b"RAPID");
             }
@@ -217,7 +216,7 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
-    /// A corrected point as the file prints it.
+    /// A corrected point in the axes and units of the file.
     fn printed(&self, point: &CorrectedPoint, frame: &Frame) -> ([f64; 3], [f64; 3]) {
         let raised = self.layout.raised_mm[usize::from(self.program.targets[point.target].tool)];
         let object = add(point.position_mm, scale(point.axis, raised));
@@ -257,7 +256,7 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
-    /// Makes a comment of every line of a statement; `before` stands before it.
+    /// Makes a comment of every line of a statement, and puts `before` in front of it.
     fn comment_out(&mut self, record: Record, before: Vec<u8>) {
         let range = record.span.range();
         self.insert(range.start, [&before[..], b"$$ "].concat());
@@ -276,13 +275,13 @@ impl<'a> Writer<'a> {
         }
     }
 
-    /// Writes a number where it is another than what is printed, to so many decimals.
+    /// Writes a number with this number of decimals if it differs from the printed one.
     fn number(&mut self, token: Span, was: f64, value: f64, decimals: usize) {
         let text = fixed(value, decimals);
         if text == fixed(was, decimals) {
             return;
         }
-        // Of a number that goes over two lines the second half goes.
+        // The second half of a number on two lines is removed.
         let [head, tail] = chunks(self.bytes, token);
         self.edits.push(Edit { span: head, content: text.into_bytes().into() });
         if !tail.is_empty() {

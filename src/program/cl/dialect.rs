@@ -1,4 +1,4 @@
-//! Who wrote the file, and what that changes.
+//! The system that wrote the file, and the conventions that follow from it.
 
 /// CAM systems that are distinguished, because their arcs, axes or frames differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,7 +13,7 @@ pub(super) enum Dialect {
     Unknown,
 }
 
-/// What each system leaves in its files, most telling first.
+/// Texts in the files of each system, the surest first.
 const TRACES: [(&[u8], Dialect); 16] = [
     (b"APTCL-SPEC,MAKINO", Dialect::Makino),
     (b"CATIA APT VERSION", Dialect::Catia),
@@ -33,7 +33,7 @@ const TRACES: [(&[u8], Dialect); 16] = [
     (b"TLON,GOFWD/", Dialect::Catia),
 ];
 
-/// Where traces are looked for: the head of a file tells its maker.
+/// Bytes of the head in which the texts are searched for.
 const HEAD: usize = 16 * 1024;
 
 impl Dialect {
@@ -56,18 +56,18 @@ impl Dialect {
         }
     }
 
-    /// `CIRCLE` prints the axis for clockwise travel: NX and MAKINO by name, and any file with their
-    /// eleven values (tolerances and cutter after the radius).
+    /// Whether the axis of `CIRCLE` is for clockwise travel: in files of NX and MAKINO, and in any file with their eleven values (tolerances
+    /// and cutter after the radius).
     pub(super) fn clockwise(self, values: usize) -> bool {
         matches!(self, Self::Nx | Self::Makino) || values >= 11
     }
 
-    /// The system is known by its files to print the axis of `CIRCLE` in one sense only.
+    /// Whether the files of the system show that it prints the axis of `CIRCLE` in one sense only.
     pub(super) fn prints_circles_of_its_own(self) -> bool {
         matches!(self, Self::Nx | Self::Makino | Self::Creo | Self::SolidWorks | Self::CamWorks)
     }
 
-    /// Positions are printed in the frame last named (`MSYS`, CATIA matrix), not in one for the file.
+    /// Whether positions are printed in the last frame (`MSYS`, CATIA matrix), and not in one frame for the file.
     pub(super) fn positions_follow_frame(self) -> bool {
         matches!(self, Self::Nx | Self::Catia)
     }

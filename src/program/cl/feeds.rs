@@ -1,21 +1,21 @@
-//! The feed in force in CL data that are written with moves of their own, and the statements that change it.
+//! Follows the feed in CL data with written motions, and makes the statements that change it.
 
 use super::lex::{Record, TokenKind};
 use super::modal::{Feed, INCH_MM, Modal};
 use super::statement::Statement;
 use crate::program::{Reason, Target};
 
-/// Feeds this close, as a part of them, are one: digits of conversion between units.
+/// Feeds that differ by less than this share are equal: digits of the conversion between units.
 const SAME: f64 = 1e-9;
 
 /// Follows the feed.
 pub(super) struct Feeds<'a> {
-    /// As the file says it.
+    /// The feed of the file.
     modal: Modal,
     mm_per_unit: f64,
-    /// What the file's last statement has before and after its number.
+    /// The texts before and after the number in the file's last statement.
     form: Option<[&'a [u8]; 2]>,
-    /// As written.
+    /// The feed that is in force in the written file.
     in_force: Feed,
 }
 
@@ -24,22 +24,22 @@ impl<'a> Feeds<'a> {
         Self { modal: Modal::default(), mm_per_unit, form: None, in_force: Feed::Unknown }
     }
 
-    /// A feed that the file says.
+    /// Adds a feed of the file.
     pub(super) fn say(&mut self, bytes: &'a [u8], record: Record, statement: &Statement<'_>) {
-        // What is not understood refuses the file before this.
+        // A file with a feed that is not understood was refused before.
         if self.modal.read_feed(statement, self.mm_per_unit).is_err() {
             return;
         }
         let Some(number) = statement.items.iter().find(|item| item.kind == TokenKind::Number) else { return };
         let (all, number) = (record.span.range(), number.span.range());
-        // Without a sequence number or a label: there is one of each.
+        // Without a sequence number or a label, which occur once.
         let word = bytes[all.clone()].windows(statement.major.len()).position(|word| word == statement.major);
         let start = all.start + word.unwrap_or(0);
         self.form = Some([&bytes[start..number.start], &bytes[number.end..all.end]]);
         self.in_force = self.modal.feed(self.mm_per_unit).0;
     }
 
-    /// The statement that a move needs before it, in the form and the unit of the file's last.
+    /// The statement that a motion needs before it, in the form and the unit of the file's last one.
     pub(super) fn before(&mut self, target: &Target) -> Result<Option<Vec<u8>>, Reason> {
         if target.rapid {
             return Ok(None);

@@ -1,4 +1,4 @@
-//! Frames that positions are printed in, seen from the first one of the file: the work object.
+//! Frames of printed positions, relative to the first one of the file, which is the work object.
 
 use super::vector::{add, cross, dot, scale, sub};
 
@@ -11,7 +11,7 @@ pub(super) struct Frame {
     pub(super) mm_per_unit: f64,
 }
 
-/// How far printed axes may be off square and unit length: four printed digits, and some.
+/// Largest error of the right angles and the lengths of printed axes: four printed digits, with a margin.
 const SQUARE: f64 = 2e-3;
 
 const IDENTITY: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
@@ -21,13 +21,13 @@ impl Frame {
         Self { rows: IDENTITY, origin_mm: [0.0; 3], mm_per_unit }
     }
 
-    /// From rows `[r r r t]`, as CATIA and CSYS print them; `None` where they are no rotation.
+    /// The frame from rows `[r r r t]`, as CATIA and CSYS print them; `None` if they are no rotation.
     pub(super) fn from_rows(m: [f64; 12], mm_per_unit: f64) -> Option<Self> {
         let rows = [[m[0], m[1], m[2]], [m[4], m[5], m[6]], [m[8], m[9], m[10]]];
         Self::checked(rows, scale([m[3], m[7], m[11]], mm_per_unit), mm_per_unit)
     }
 
-    /// From origin and first two axes, as MSYS prints them; the third is their cross product.
+    /// The frame from its origin and its first two axes, as MSYS prints them; the third axis is their cross product.
     pub(super) fn from_msys(m: [f64; 9], mm_per_unit: f64) -> Option<Self> {
         let (x, y) = ([m[3], m[4], m[5]], [m[6], m[7], m[8]]);
         let z = cross(x, y);
@@ -41,7 +41,7 @@ impl Frame {
         (square && right_handed).then(|| Self { rows: nearest_rotation(rows), origin_mm, mm_per_unit })
     }
 
-    /// This frame as seen from `base`: base⁻¹ · self.
+    /// This frame relative to `base`: base⁻¹ · self.
     pub(super) fn seen_from(&self, base: &Self) -> Self {
         let column = |i: usize| [0, 1, 2].map(|k| self.rows[k][i]);
         let columns = [0, 1, 2].map(|i| base.back(column(i)));
@@ -74,8 +74,8 @@ impl Frame {
     }
 }
 
-/// The rotation that printed axes stand for: digits that were cut off shear nothing and stretch nothing (Newton's iteration for
-/// the polar decomposition, Higham 1986).
+/// The rotation nearest to printed axes, whose rounding would otherwise shear and stretch (Newton's iteration for the polar decomposition,
+/// Higham 1986).
 fn nearest_rotation(mut rows: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
     // From an error of 2e-3 by squares: 2e-6, 2e-12, rounding.
     const POLAR_STEPS: usize = 4;

@@ -1,9 +1,9 @@
-//! Drilling cycles as the moves that they stand for.
+//! Drilling cycles as motions.
 //!
-//! Under a cycle each position is that of a hole's mouth: rapid over it, down to the clearance, feed to the depth (in pecks),
-//! dwell, retract. Sources: Creo's "CL Output for Holemaking Cycles" (couplets `DEPTH`, `CLEAR`, `RAPTO`, `RETURN`, `STEP`, and
+//! Under a cycle each position is the mouth of a hole: rapid travel over it and down to the clearance, feed to the depth (in pecks), dwell,
+//! retraction. Sources: Creo's "CL Output for Holemaking Cycles" (couplets `DEPTH`, `CLEAR`, `RAPTO`, `RETURN`, `STEP`, and
 //! the fixed format), NX and SolidWorks CAM files (`RAPTO`, `FEDTO`, `RTRCTO`, `1STPECK`, `SUBPECK`), ISO 4343 and Autodesk's
-//! APT post (depth, feed with its unit, clearance). Where these differ, feed begins at the higher place, which is slow, and safe.
+//! APT post (depth, feed with its unit, clearance). If these differ, feed begins at the higher position, which is slow and safe.
 
 use super::dialect::Dialect;
 use super::layout::{GroupSlot, Slot};
@@ -17,13 +17,13 @@ use super::statement::Statement;
 use super::vector::{add, dot, norm, scale, sub};
 use crate::program::{Reason, Role};
 
-/// How far over the last peck rapid travel ends, and how far a broken chip is lifted, mm: what controls have by default.
+/// Height above the last peck at which rapid travel ends, and by which a broken chip is lifted, mm: the default of controls.
 const PECK_GAP_MM: f64 = 1.0;
 
-/// More pecks than this are no hole but a wrong number.
+/// Most pecks of a hole; more come from a wrong number.
 const MOST_PECKS: usize = 1000;
 
-/// Moves shorter than this part of the hole's depth are none.
+/// Motions shorter than this share of the hole's depth are left out.
 const NO_MOVE: f64 = 1e-9;
 
 /// How a cycle is performed.
@@ -37,11 +37,11 @@ enum Style {
     BreakChips,
     /// Out with feed.
     FeedOut,
-    /// Nothing but a move to the position.
+    /// Only a motion to the position.
     Mill,
 }
 
-/// What the words of a `CYCLE` say.
+/// The values of a `CYCLE`.
 #[derive(Default)]
 struct Said {
     depth: Option<f64>,
@@ -55,7 +55,7 @@ struct Said {
 }
 
 impl Reader {
-    /// `CYCLE/…`: what following positions mean.
+    /// `CYCLE/…`: the meaning of the following positions.
     pub(super) fn define_cycle(&mut self, s: &Statement) -> Outcome {
         self.cycle.initial = None;
         self.cycle.refused = false;
@@ -99,7 +99,7 @@ impl Reader {
             (Some(height), None) | (None, Some(height)) => (height, height),
             (None, None) => return Err(refusal::CYCLE_FORM),
         };
-        // Rapid travel into the part is none that a CAM system means.
+        // No CAM system intends rapid travel into the part.
         if approach < 0.0 || clear < 0.0 || said.retract.is_some_and(|r| r < 0.0) || said.dwell < 0.0 {
             return Err(refusal::CYCLE_FORM);
         }
@@ -110,7 +110,7 @@ impl Reader {
             (Style::Deep | Style::BreakChips, []) => return Err(refusal::CYCLE_FORM),
             _ => None,
         };
-        // An explicit 0 is left to the machine (Creo): the height that the tool came from.
+        // An explicit 0 leaves it to the machine (Creo): the height from which the tool came.
         let retract = match said.retract {
             Some(height) if height > 0.0 => Some(height.max(clear)),
             Some(_) => None,
@@ -129,7 +129,7 @@ impl Reader {
         }))
     }
 
-    /// Keywords with their numbers, and numbers by their place.
+    /// Reads keywords with their numbers, and numbers by their order.
     fn words_of_cycle(&self, bytes: &[u8], tokens: &[&Token], style: Style) -> Result<Said, Refusal> {
         let mut said = Said::default();
         let mut numbers: Vec<f64> = Vec::new();
@@ -153,7 +153,7 @@ impl Reader {
                 b"CLEAR" => said.clear = Some(value()?),
                 b"RAPTO" => said.rapto = Some(value()?),
                 b"RTRCTO" | b"RETURN" => {
-                    // `AUTO` and `MANUAL` are said with or without a height (NX).
+                    // `AUTO` and `MANUAL` come with or without a height (NX).
                     said.retract = value().ok().or(said.retract);
                     while tokens.next_if(|t| is_mode_of_retraction(bytes, t)).is_some() {}
                 }
@@ -178,7 +178,7 @@ impl Reader {
         }
         let feed = |unit: &[u8], value: f64| feed_unit(unit, self.mm_per_unit()).map(|unit| unit.feed(value));
         match (unit, &numbers[..]) {
-            // Couplets: what is left is the feed after its unit.
+            // Couplets: the remaining number is the feed after its unit.
             (Some((unit, 0)), &[value]) if said.depth.is_some() => said.feed = feed(&unit, value),
             (None, []) if said.depth.is_some() => {}
             // Depth, unit, feed[, clearance].
@@ -187,7 +187,7 @@ impl Reader {
                 said.feed = feed(&unit, value);
                 clearance_and_peck(&mut said, more, style)?;
             }
-            // Depth, feed, unit, clearance[, peck]. CATIA has more numbers before the unit, of a table that it does not write.
+            // Depth, feed, unit, clearance[, peck]. CATIA has more numbers before the unit, in an order that the file does not state.
             (Some((unit, 2)), &[depth, value, ref more @ ..]) if said.depth.is_none() => {
                 said.depth = Some(depth);
                 said.feed = feed(&unit, value);
@@ -201,7 +201,7 @@ impl Reader {
         Ok(said)
     }
 
-    /// The moves at a hole whose mouth is at a printed position, the tool axis being that of the modal state.
+    /// Adds the motions at a hole whose mouth is at a printed position, with the tool axis of the modal state.
     pub(super) fn drill(&mut self, record: Record, hole: &Hole, xyz: Xyz, mouth: [f64; 3], axis_before: [f64; 3]) {
         let axis = self.modal.axis;
         let feed_mm_s = match hole.feed {
@@ -223,7 +223,7 @@ impl Reader {
             reader.push(record, point, step);
         };
 
-        // Over the hole: up first where it is higher, across first where it is lower.
+        // Over the hole: up first if it is higher, across first if it is lower.
         if let Some(from) = self.modal.position.filter(|_| norm(sub(axis, axis_before)) < NO_MOVE) {
             let height = dot(sub(from, mouth), axis);
             self.cycle.initial.get_or_insert(height);
@@ -288,7 +288,7 @@ fn is_mode_of_retraction(bytes: &[u8], token: &Token) -> bool {
     [&b"AUTO"[..], b"MANUAL", b"ON"].iter().any(|word| text.eq_ignore_ascii_case(word))
 }
 
-/// The words that say how; the rest says how far.
+/// Reads the words of the style. Returns the remaining items, which have the lengths.
 fn style<'t, 's>(bytes: &[u8], tokens: &'t [&'s Token]) -> Result<(Style, &'t [&'s Token]), Refusal> {
     let mut style = None;
     for (i, token) in tokens.iter().enumerate() {
@@ -303,7 +303,7 @@ fn style<'t, 's>(bytes: &[u8], tokens: &'t [&'s Token]) -> Result<(Style, &'t [&
             b"THRU" | b"BOREOR" | b"BOREBK" | b"BACK" | b"BORBK" => return Err(refusal::CYCLE_KIND),
             _ => return Ok((style.ok_or(refusal::CYCLE_FORM)?, &tokens[i..])),
         };
-        // `DRILL,DEEP`: the second word says which drilling (NX).
+        // `DRILL,DEEP`: the second word is the style (NX).
         style = match style {
             None | Some(Style::Drill) => Some(more),
             Some(_) => return Err(refusal::CYCLE_FORM),
@@ -312,7 +312,7 @@ fn style<'t, 's>(bytes: &[u8], tokens: &'t [&'s Token]) -> Result<(Style, &'t [&
     Ok((style.ok_or(refusal::CYCLE_FORM)?, &[]))
 }
 
-/// Depths of pecks, rising, of a first and then of equal ones.
+/// Depths of pecks, rising: a first peck, then equal ones.
 fn pecks(depth: f64, peck: Option<(f64, f64)>) -> Result<Vec<f64>, Refusal> {
     let Some((first, further)) = peck else { return Ok(vec![depth]) };
     if !(first > 0.0 && further > 0.0) {

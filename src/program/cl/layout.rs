@@ -1,27 +1,27 @@
-//! Where the number tokens of positions stand.
+//! The places of the number tokens of positions.
 
 use super::frame::Frame;
 use super::modal::Xyz;
 
-/// Where the number tokens of positions stand.
+/// The places of the number tokens of positions.
 #[derive(Debug, Default)]
 pub(crate) struct Layout {
-    /// Frames that positions are printed in.
+    /// Frames of printed positions.
     pub(super) frames: Vec<Frame>,
-    /// One a target.
+    /// One for each target.
     pub(super) slots: Vec<Slot>,
     /// Arcs and holes, in order.
     pub(super) groups: Vec<GroupSlot>,
     /// Starts printed by `FROM`, in order.
     pub(super) starts: Vec<StartSlot>,
-    /// How far the printed point stands up from the tip along the axis, mm, one a tool.
+    /// Height of the printed point above the tip along the axis, mm, one for each tool.
     pub(super) raised_mm: Vec<f64>,
-    /// The file is a deck of cards: nothing may grow past column 72.
+    /// Whether the file is a deck of cards: no text may extend past column 72.
     pub(super) cards: bool,
 }
 
 impl Layout {
-    /// Index of a frame, added where it is new.
+    /// Index of a frame, which is added if it is new.
     pub(super) fn frame(&mut self, frame: Frame) -> u16 {
         let at = self.frames.iter().position(|f| *f == frame).unwrap_or_else(|| {
             self.frames.push(frame);
@@ -31,7 +31,7 @@ impl Layout {
     }
 }
 
-/// What of the text makes one target.
+/// The part of the text from which a target comes.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Slot {
     /// Three numbers.
@@ -40,7 +40,7 @@ pub(super) enum Slot {
     Step { xyz: Xyz, frame: u16 },
     /// One increment along the tool axis.
     AlongAxis { frame: u16 },
-    /// Nothing of its own: a point on the way of an arc, or in a hole.
+    /// Nothing of its own: a point of an arc before its end, or in a hole.
     OnWay { group: u32 },
     /// The end of an arc, or the bottom of a hole.
     GroupEnd { xyz: Xyz, frame: u16, group: u32 },
@@ -56,7 +56,7 @@ impl Slot {
         }
     }
 
-    /// The frame that it is printed in.
+    /// The frame in which it is printed.
     pub(super) fn frame(&self) -> Option<u16> {
         match self {
             Self::Point { frame, .. }
@@ -69,23 +69,23 @@ impl Slot {
     }
 }
 
-/// The numbers that an arc or a hole moves with, as a whole.
+/// The numbers that move together with an arc or a hole.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct GroupSlot {
     /// Its first target.
     pub(super) first: usize,
     /// An arc's centre, as often as printed.
     pub(super) centres: [Option<Xyz>; 2],
-    /// It is no arc that can be followed: the end is gone to straight.
+    /// Whether it is no arc that can be followed, so that the motion to its end is straight.
     pub(super) straight: bool,
-    /// It begins where the target before it is: both move alike (arcs).
+    /// Whether it begins at the target before it, so that both move together (arcs).
     pub(super) with_start: bool,
 }
 
 /// A start that `FROM` prints.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct StartSlot {
-    /// The target that is first moved to from there.
+    /// The target of the first motion from there.
     pub(super) first: usize,
     pub(super) xyz: Xyz,
     pub(super) frame: u16,

@@ -1,6 +1,6 @@
 //! Bytes to records: lines, continuation, comments, cards, free text; and records to tokens.
 //!
-//! Total: every byte belongs to a record, a comment or the blanks between them, and no input fails.
+//! Every input can be read: every byte belongs to a record, a comment or the blanks between them.
 
 use super::cards::Cards;
 use super::number::{MAX_NUMBER, number};
@@ -14,7 +14,7 @@ use nom::{
     sequence::{delimited, preceded, terminated},
 };
 
-/// What a token is.
+/// The kind of a token.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum TokenKind {
     Number,
@@ -27,7 +27,7 @@ pub(super) enum TokenKind {
     Equals,
 }
 
-/// A token; a number cut in half by a continuation spans the cut.
+/// A token. The span of a number on two lines includes the continuation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Token {
     pub(super) kind: TokenKind,
@@ -36,7 +36,7 @@ pub(super) struct Token {
     pub(super) value: f64,
 }
 
-/// What a record is.
+/// The kind of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum RecordKind {
     /// `$$ …`
@@ -61,11 +61,11 @@ pub(super) struct Record {
 const FREE_TEXT: [&[u8]; 7] = [b"PARTNO", b"REMARK", b"PPRINT", b"INSERT", b"LETTER", b"TITLES", b"TPRINT"];
 
 fn is_free_text(line: &[u8]) -> bool {
-    // Positions are what most lines are.
+    // Most lines are positions.
     !matches!(line.first(), Some(b'G' | b'g')) && FREE_TEXT.iter().any(|word| starts_with(line, word))
 }
 
-/// A place between records.
+/// A position between records.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct RecordStart {
     /// Offset into the bytes.
@@ -89,13 +89,13 @@ pub(super) struct Lexer<'a> {
 }
 
 impl<'a> Lexer<'a> {
-    /// From the start of a whole file.
+    /// Reads a whole file from its start.
     pub(super) fn new(bytes: &'a [u8], lines_before: usize) -> Self {
         let cards = Cards::detect(bytes);
         Self { bytes, at: behind_mark(bytes), line: lines_before + 1, cards }
     }
 
-    /// From a place on, in a file that is no deck of cards.
+    /// Reads a file, which is no deck of cards, from a position on.
     pub(super) fn resume(bytes: &'a [u8], place: RecordStart) -> Self {
         Self { bytes, at: place.at, line: place.line, cards: Cards::default() }
     }
@@ -108,17 +108,17 @@ impl<'a> Lexer<'a> {
         self.cards.is_cards()
     }
 
-    /// After the last record, before the end of its line.
+    /// The position after the last record, before the end of its line.
     pub(super) fn place(&self) -> RecordStart {
         RecordStart { at: self.at, line: self.line }
     }
 
-    /// Goes on from a place after a record that is no longer to be read.
+    /// Continues from a position after a record that was read in another way.
     pub(super) fn go_on(&mut self, place: RecordStart) {
         (self.at, self.line) = (place.at, place.line);
     }
 
-    /// Whether more bytes could still change what the last record is.
+    /// Whether further bytes could change the last record.
     pub(super) fn is_at_end(&self) -> bool {
         self.at == self.bytes.len()
     }
@@ -171,13 +171,13 @@ impl<'a> Lexer<'a> {
         self.at + memchr::memchr2(b'\n', b'\r', rest).unwrap_or(rest.len())
     }
 
-    /// Where the significant columns of this line end.
+    /// End of the significant columns of this line.
     fn line_end(&self) -> usize {
         let end = self.physical_line_end();
         if self.cards.is_cards() { self.cards.significant_end(self.bytes, self.at, end) } else { end }
     }
 
-    /// To the next line, whatever its line end; false at the end of the file.
+    /// Moves to the next line, after any kind of line end; false at the end of the file.
     fn next_line(&mut self) -> bool {
         self.at = self.physical_line_end();
         while matches!(self.bytes.get(self.at), Some(b'\r' | b'\n')) {
@@ -190,7 +190,7 @@ impl<'a> Lexer<'a> {
         self.at < self.bytes.len()
     }
 
-    /// A comment line; `$$-> … $` goes on over the rows below it (Creo).
+    /// A comment line; `$$-> … $` continues on the rows below it (Creo).
     fn comment(&mut self) {
         let continues = self.bytes[self.at..].starts_with(b"$$->");
         loop {
@@ -269,7 +269,7 @@ impl<'a> Lexer<'a> {
     }
 }
 
-/// The two chunks of a token that a continuation has cut, or the whole token and nothing.
+/// The two parts of a token on two lines, or the whole token and an empty span.
 pub(super) fn chunks(bytes: &[u8], span: Span) -> [Span; 2] {
     let (start, end) = (span.start as usize, span.end as usize);
     let text = &bytes[span.range()];
@@ -290,7 +290,7 @@ fn classify(kind: TokenKind, span: Span, text: &[u8]) -> Token {
     }
 }
 
-/// The number that a line goes on with, where it is like most of them; [`classify`] gives the same.
+/// The number at the start of a text, if it has the usual form; [`classify`] gives the same.
 #[inline]
 fn plain_token(line: &[u8], at: usize) -> Option<Token> {
     let number = read_leading(line)?;

@@ -1,4 +1,4 @@
-//! Tool, spindle, coolant, stops: what the machine has to do between positions.
+//! Tool, spindle, coolant, stops: actions of the machine between positions.
 
 use super::lex::Record;
 use super::refusal::{self, Outcome};
@@ -6,27 +6,27 @@ use super::statement::Statement;
 use crate::program::{Action, ActionKind, CutterInfo};
 use std::sync::Arc;
 
-/// What the machine has in hand, and what it is to do before the next position.
+/// The mounted tool, and the actions before the next position.
 #[derive(Debug)]
 pub(super) struct Machine {
-    /// Names of the cell's tools in the order used; targets index them.
+    /// Names of the cell's tools in the order of their first use; targets have indices into them.
     pub(super) tools: Vec<String>,
-    /// The tool in hand: its index, once a position needed it.
+    /// Index of the mounted tool, after a position needed it.
     pub(super) index: Option<u16>,
-    /// Its number or name as printed last.
+    /// Its last printed number or name.
     pub(super) number: Option<Arc<str>>,
-    /// A name that an operation gives its tool (`TOOL PATH/op,TOOL,name`), until a number says better.
+    /// The name that an operation gives its tool (`TOOL PATH/op,TOOL,name`), until a number follows.
     pub(super) name: Option<Arc<str>>,
     /// Number or name at the last position.
     pub(super) used: Option<Option<Arc<str>>>,
     /// The cutter at the last position.
     pub(super) used_cutter: Option<CutterInfo>,
-    /// Tool or cutter were named since: the statement that did.
+    /// The statement that named a tool or a cutter since then.
     pub(super) named: Option<Record>,
     pub(super) cutter_named: Option<Record>,
-    /// What is done before the next position.
+    /// Actions before the next position.
     pub(super) waiting: Vec<(ActionKind, Record)>,
-    /// The work offset selected, where one is.
+    /// The selected work offset, if there is one.
     pub(super) offset: Option<f64>,
 }
 
@@ -46,17 +46,17 @@ impl Machine {
         }
     }
 
-    /// Names of the cell's tools in the order used.
+    /// Names of the cell's tools in the order of their first use.
     pub(super) fn tools(&self) -> &[String] {
         &self.tools
     }
 
-    /// Index of the tool in hand.
+    /// Index of the mounted tool.
     pub(super) fn tool(&self) -> u16 {
         self.index.unwrap_or(0)
     }
 
-    /// Whether something is to be looked at before the next position.
+    /// Whether anything has to be applied before the next position.
     pub(super) fn is_waiting(&self) -> bool {
         self.index.is_none() || self.holds_records()
     }
@@ -82,15 +82,14 @@ impl Machine {
         self.wait(ActionKind::Dwell { seconds }, record);
     }
 
-    /// What waits is done before the target of this index.
+    /// Adds the waiting actions before the target with this index.
     pub(super) fn end(&mut self, before: usize, actions: &mut Vec<Action>) {
         let action =
             |(kind, record): (ActionKind, Record)| Action { before, kind, span: record.span, line: record.line };
         actions.extend(self.waiting.drain(..).map(action));
     }
 
-    /// `SELECT/OFSETL,n`, `SET/OFSETL,n`: another work offset than the first is another frame. `SELECT/TOOL` prepares a
-    /// magazine.
+    /// `SELECT/OFSETL,n`, `SET/OFSETL,n`: a work offset other than the first is another frame. `SELECT/TOOL` only prepares the tool magazine.
     pub(super) fn select(&mut self, s: &Statement) -> Outcome {
         let offset = s.has(b"OFSETL") || s.has(b"OFFSET") || s.has(b"FIXTUR") || s.has(b"OFSTNO");
         let number = s.number_items().iter().next().map(|t| t.value).filter(|_| offset);

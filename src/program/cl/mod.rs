@@ -4,9 +4,9 @@
 //! |---|---|---|
 //! | `lex`, `number`, `cards` | bytes | records of tokens: lines, continuation, comments, free text |
 //! | `statement` | tokens | major word and items |
-//! | `words`, `refusal` | major word | what it does, and what becomes of it |
+//! | `words`, `refusal` | major word | its effect, and how it is treated |
 //! | `read`, `setup`, `motion`, `circle`, `hole`, `auxiliary`, `comment` | statements | targets, actions, collected in `reader` |
-//! | `modal`, `machine`, `state`, `frame`, `units`, `arc`, `dialect` | | what holds from one statement to the next |
+//! | `modal`, `machine`, `state`, `frame`, `units`, `arc`, `dialect` | | the state between statements |
 //! | [`Chunks`] | bytes of a long file | targets, a stretch at a time |
 //! | `layout`, `rewrite` | wanted positions | edits on number tokens |
 //! | `corrected`, `feeds` | corrected tips and axes | the same CL data with them |
@@ -54,37 +54,37 @@ use crate::text::{Diagnostic, Source, Span};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// What the cell file says about CL input (`[cl]`), in the file's own units.
+/// The options of the cell file for CL input (`[cl]`), in the units of the file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClOptions {
-    /// Tool of the positions before the first tool number, and of all where `tools` is empty.
+    /// Tool of the positions before the first tool number, and of all positions if `tools` is empty.
     pub tool: Option<String>,
     /// Tool numbers and names of the file (`LOADTL/1`, `TOOL PATH/…,TOOL,NAME`) to tools of the cell.
     pub tools: BTreeMap<String, String>,
-    /// Every tool number is `tool`: nothing is mapped, nothing refused.
+    /// Whether every tool number stands for `tool`, without a mapping and without a refusal.
     pub any_tool: bool,
-    /// Words, upper case, that the user knows to move nothing and to change nothing.
+    /// Words, upper case, that move and change nothing on the user's machine.
     pub harmless: BTreeSet<String>,
     /// Work object for every target.
     pub wobj: String,
-    /// Unit where the file does not say.
+    /// Unit of length if the file does not state it.
     pub units: Option<Units>,
-    /// Which tool point `GOTO` names.
+    /// The tool point of `GOTO`.
     pub point: Point,
-    /// Corner radius, mm: shifts centre output to the tip. Needed for [`Point::Centre`].
+    /// Corner radius, mm, by which centre output is shifted to the tip. Needed for [`Point::Centre`].
     pub corner_radius_mm: Option<f64>,
-    /// The same of tools that have one of their own, by name in upper case.
+    /// The corner radii of tools that have one of their own, by name in upper case.
     pub corner_radii_mm: BTreeMap<String, f64>,
     /// Largest distance between an arc and its chords, mm.
     pub arc_tolerance_mm: f64,
-    /// Where the mechanical units stand, which CL data do not say.
+    /// Positions of the mechanical units, which CL data do not state.
     pub external: Option<Arc<ExternalAxes>>,
 }
 
-/// Chords of arcs, mm: a tenth of what a robot repeats.
+/// Tolerance of chords of arcs, mm: a tenth of what a robot repeats.
 const ARC_TOLERANCE_MM: f64 = 0.005;
 
-/// What holds where nothing is declared: no unit, the tip, the robot's own tool and work object.
+/// The options without a declaration: no unit, the tip, the robot's own tool and work object.
 impl Default for ClOptions {
     fn default() -> Self {
         Self {
@@ -104,7 +104,7 @@ impl Default for ClOptions {
 }
 
 impl ClOptions {
-    /// The cell's tool of a number or name.
+    /// The cell's tool for a number or name.
     fn tool_of(&self, id: &str) -> Option<&str> {
         let same = |(known, _): &(&String, &String)| known.eq_ignore_ascii_case(id);
         self.tools.iter().find(same).map(|(_, tool)| tool.as_str())
@@ -146,7 +146,7 @@ pub enum Point {
 /// chords of at most `arc_tolerance_mm`, their points before their end.
 ///
 /// # Errors
-/// The file as a whole is refused (APT-360 source, not CL, no unit): every reason found.
+/// The file is refused (APT-360 source, not CL, no unit): all reasons that were found.
 pub fn read(source: Source, options: &ClOptions) -> Result<Program, Vec<Diagnostic>> {
     if let Some(refusal) = refused(options) {
         return Err(vec![refusal]);
@@ -167,7 +167,7 @@ pub fn read(source: Source, options: &ClOptions) -> Result<Program, Vec<Diagnost
     Ok(program)
 }
 
-/// Options that nothing can be read with.
+/// Refuses options with which no file can be read.
 fn refused(options: &ClOptions) -> Option<Diagnostic> {
     let radius = options.corner_radius_mm.or(options.corner_radii_mm.values().next().copied());
     if options.point == Point::Centre && radius.is_none() {
@@ -188,8 +188,8 @@ fn without_unit(reader: &reader::Reader, source: &Source) -> Option<Diagnostic> 
     Some(Diagnostic::error("cl.no-unit", &source.name, message).at(source, reader.no_unit?).help(help))
 }
 
-/// One statement of APT-360 in this many positions makes a file source: CL data have none, or a
-/// vendor's word that looks like one.
+/// Least number of positions for each statement of APT-360 in CL data, which have none, or a vendor's word that looks like one. With fewer
+/// positions the file is APT-360 source.
 const POSITIONS_PER_SOURCE_WORD: usize = 4;
 
 /// Refuses APT-360 source: symbolic geometry that only an APT processor turns into positions.
@@ -204,7 +204,7 @@ fn is_source_language(reader: &reader::Reader) -> bool {
     reader.source_words > 0 && reader.source_words * POSITIONS_PER_SOURCE_WORD >= reader.literal_targets
 }
 
-/// Refuses what has no CL statement in it.
+/// Refuses a file without a CL statement.
 fn foreign(reader: &reader::Reader, source: &Source) -> Option<Diagnostic> {
     if !is_foreign(reader) {
         return None;

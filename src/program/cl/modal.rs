@@ -1,4 +1,4 @@
-//! What holds from one statement to the next.
+//! Modal data, which stay from one statement to the next.
 
 use super::refusal;
 use super::refusal::Outcome;
@@ -19,14 +19,14 @@ const METRE_MM: f64 = 1000.0;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Feed {
     Unknown,
-    /// mm/min.
+    /// Feed for each minute, mm/min.
     PerMinute(f64),
-    /// mm.
+    /// Feed for each revolution, mm.
     PerRevolution(f64),
 }
 
 impl Feed {
-    /// mm/s, at a spindle speed in 1/min, where known.
+    /// The feed in mm/s, at a spindle speed in 1/min, if it is known.
     pub(super) fn mm_s(self, rpm: Option<f64>) -> Option<f64> {
         match self {
             Self::Unknown => None,
@@ -43,7 +43,7 @@ impl Feed {
     }
 }
 
-/// What a feed's number counts, in millimetres.
+/// The unit of a feed, in millimetres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum FeedUnit {
     PerMinute(f64),
@@ -58,7 +58,7 @@ impl FeedUnit {
         }
     }
 
-    /// The number of a feed in mm/s, at a spindle speed in 1/min, where that is needed and known.
+    /// The number for a feed in mm/s, at a spindle speed in 1/min if that is needed; `None` if it is unknown.
     pub(super) fn value(self, mm_s: f64, rpm: Option<f64>) -> Option<f64> {
         Some(match self {
             Self::PerMinute(mm) => mm_s * SECONDS / mm,
@@ -67,7 +67,7 @@ impl FeedUnit {
     }
 }
 
-/// The unit that a word names, upper case; the file's lengths where it names none (`PERMIN`, `PERREV`).
+/// The unit that a word in upper case names; with the file's unit of length if it names none (`PERMIN`, `PERREV`).
 pub(super) fn feed_unit(word: &[u8], mm_per_unit: f64) -> Option<FeedUnit> {
     Some(match word {
         b"PERMIN" | b"UPM" => FeedUnit::PerMinute(mm_per_unit),
@@ -94,32 +94,32 @@ enum Spindle {
     Surface(f64),
 }
 
-/// Where the numbers of a position stand.
+/// The places of the numbers of a position.
 pub(super) type Xyz = [Span; 3];
 
 /// The state that one statement leaves to the next.
 #[derive(Clone, Debug)]
 pub(super) struct Modal {
-    /// Where the tool is, as printed; unknown before the first position and after what is not read.
+    /// Position of the tool as printed; unknown before the first position and after a motion that is not read.
     pub(super) position: Option<[f64; 3]>,
-    /// Where `FROM` printed it and in which frame, if the tool has not moved since.
+    /// The place of its numbers in `FROM`, and the frame, if the tool has not moved since.
     pub(super) from: Option<(Xyz, u16)>,
     /// Tool axis in printed axes, unit length.
     pub(super) axis: [f64; 3],
-    /// The direction of the last move, where that was a straight one with feed.
+    /// The direction of the last motion, if it was straight and with feed.
     pub(super) fed: Option<[f64; 3]>,
     /// Surface normal at the position that is being read, in printed axes.
     pub(super) normal: Option<[f64; 3]>,
     /// Tangent of the next CATIA arc.
     pub(super) tangent: Option<[f64; 3]>,
-    /// The next position is reached in rapid travel.
+    /// Whether the next position is reached in rapid travel.
     pub(super) rapid: bool,
     pub(super) mark: Option<Mark>,
     pub(super) cutter: Option<CutterInfo>,
     /// Angles of the rotary tables A, B and C, radians as printed.
     rotary: [f64; 3],
     feed: Feed,
-    /// As said last.
+    /// The last unit.
     feed_unit: Option<FeedUnit>,
     spindle: Spindle,
     last_spindle: Spindle,
@@ -147,7 +147,7 @@ impl Default for Modal {
 }
 
 impl Modal {
-    /// `FEDRAT/`: value and unit in either order; without a unit, that of the last feed, or a minute in the file's lengths.
+    /// `FEDRAT/`: value and unit in either order; without a unit, that of the last feed, or for each minute in the file's unit of length.
     pub(super) fn read_feed(&mut self, statement: &Statement, mm_per_unit: f64) -> Outcome {
         self.feed = Feed::Unknown;
         let mut said = None;
@@ -177,12 +177,12 @@ impl Modal {
         Ok(())
     }
 
-    /// The feed in force, and the unit that a number without one would count in the file's lengths.
+    /// The feed in force, and the unit of a number without one.
     pub(super) fn feed(&self, mm_per_unit: f64) -> (Feed, FeedUnit) {
         (self.feed, self.feed_unit.unwrap_or(FeedUnit::PerMinute(mm_per_unit)))
     }
 
-    /// `SPINDL/`: speed, unit and sense in any order; `ON` brings the last speed back.
+    /// `SPINDL/`: speed, unit and sense in any order; `ON` restores the last speed.
     pub(super) fn read_spindle(&mut self, statement: &Statement) {
         if statement.has(b"OFF") {
             self.spindle = Spindle::Off;
@@ -200,7 +200,7 @@ impl Modal {
         }
     }
 
-    /// Spindle speed, 1/min, where known and turning.
+    /// Spindle speed, 1/min, if it is known and the spindle turns.
     pub(super) fn rpm(&self) -> Option<f64> {
         let rpm = match self.spindle {
             Spindle::Off => return None,
@@ -210,12 +210,12 @@ impl Modal {
         (rpm > 0.0 && rpm.is_finite()).then_some(rpm)
     }
 
-    /// Feed, mm/s, where known.
+    /// Feed, mm/s, if it is known.
     pub(super) fn feed_mm_s(&self) -> Option<f64> {
         self.feed.mm_s(self.rpm())
     }
 
-    /// The feed is one per revolution of a spindle whose speed is not known.
+    /// Whether the feed is for each revolution and the spindle speed is unknown.
     pub(super) fn lacks_spindle(&self) -> bool {
         matches!(self.feed, Feed::PerRevolution(_)) && self.rpm().is_none()
     }
@@ -225,9 +225,9 @@ impl Modal {
         self.spindle != Spindle::Off
     }
 
-    /// `ROTABL/`: turns add up; true while any table stands away from zero.
+    /// `ROTABL/`: turns add up. Returns whether any table is away from zero.
     pub(super) fn turn_table(&mut self, statement: &Statement) -> bool {
-        /// Radians or degrees, this is no turn.
+        /// Smaller angles count as zero, in radians and in degrees.
         const NO_TURN: f64 = 1e-6;
         let Some(angle) = statement.number_items().iter().next() else { return false };
         let table = if statement.has(b"AAXIS") {

@@ -16,10 +16,10 @@ use crate::text::number;
 /// A printed axis shorter or longer than this is no unit vector; four printed digits give 0.9998.
 const AXIS_LENGTH: std::ops::Range<f64> = 0.9..1.1;
 
-/// How much a printed triple may differ from unit length to be an axis rather than a further point.
+/// Largest difference from unit length of a printed triple that is an axis and not a further point.
 const UNIT_TRIPLE: f64 = 2e-3;
 
-/// What a target is besides its place.
+/// The properties of a target other than its position.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Step {
     pub(super) role: Role,
@@ -41,7 +41,7 @@ impl Reader {
     pub(super) fn goto(&mut self, record: Record, s: &Statement) -> Outcome {
         let read = self.position(record, s);
         if read.is_err() {
-            // The machine moves all the same: where to is unknown.
+            // The machine still moves, to an unknown position.
             self.modal.position = None;
             self.modal.rapid = false;
             self.pending = None;
@@ -69,7 +69,7 @@ impl Reader {
         self.ensure_units(record, s)?;
         let axis_before = self.modal.axis;
         let places = self.places(&triples);
-        // Of positions that could be tool axes as well none is less a number for that.
+        // Ambiguous triples count as positions too.
         self.literal_targets += places.as_ref().map_or(triples.len(), Vec::len);
         let places = places?;
         if let [(place, axis)] = places[..] {
@@ -90,7 +90,7 @@ impl Reader {
         Ok(())
     }
 
-    /// Which of the triples are positions, and which are the tool axes at them.
+    /// Distinguishes positions and tool axes among the triples.
     fn places(&self, triples: &[Triple]) -> Result<Vec<RecordStart>, refusal::Refusal> {
         let plain = || triples.iter().map(|triple| (*triple, None)).collect();
         let with_axes = || triples.chunks_exact(2).map(|pair| (pair[0], axis(pair[1].1))).collect();
@@ -123,7 +123,7 @@ impl Reader {
                 let listed = self.pending.is_some() || triples.len() > 4;
                 let paired = triples.len().is_multiple_of(2) && listed && units(1, 2).all(|is| is);
                 match (on_circle(1), paired && on_circle(2)) {
-                    // Points of a circle of radius 1 about the origin are all as long.
+                    // Points of a circle of radius 1 about the origin all have unit length.
                     (true, true) if !units(0, 1).all(|is| is) => Err(refusal::AMBIGUOUS_LIST),
                     (true, _) => Ok(plain()),
                     (false, true) => Ok(with_axes()),
@@ -137,10 +137,10 @@ impl Reader {
 
     /// The third triple of a position as the surface normal at the contact, in printed axes.
     ///
-    /// CATIA and NX print the contact normal; others (NCL, ICAM) the forward direction, which says nothing that the path does
-    /// not. A forward direction runs along the feed; a normal is square to it and leans towards the spindle.
+    /// CATIA and NX print the contact normal; others (NCL, ICAM) the forward direction, which also follows from the path. A forward direction
+    /// is along the feed; a normal is at a right angle to it and leans towards the spindle.
     fn normal(&mut self, printed: [f64; 3], position: [f64; 3]) -> Option<[f64; 3]> {
-        /// Cosines: along the feed, and leaning to neither side.
+        /// Cosines of a direction along the feed, and of one that leans to neither side.
         const ALONG: f64 = 0.9;
         const LEANING: f64 = 0.02;
         let normal = unit(printed)?;
@@ -167,7 +167,7 @@ impl Reader {
         self.checked = None;
         match self.cycle.hole() {
             Some(hole) => self.drill(record, &hole, xyz, position, axis_before),
-            // Positions of a cycle that was refused are counted all the same.
+            // Positions of a refused cycle are still counted.
             None => self.arrive(record, xyz, position, true),
         }
     }
@@ -196,7 +196,7 @@ impl Reader {
         self.arrive_in(record, position, slot, end, |group, frame| Slot::GroupEnd { xyz, frame, group });
     }
 
-    /// The same, for whatever slot the position has by itself, and as the end of a group.
+    /// The same, for any slot of the position, and as the end of a group.
     fn arrive_in(
         &mut self,
         record: Record,
@@ -281,7 +281,7 @@ impl Reader {
         Ok(())
     }
 
-    /// What a target is that is reached as the modal state has it.
+    /// The properties of a target in the modal state.
     pub(super) fn step(&self, slot: Slot) -> Step {
         let rapid = self.modal.rapid;
         let feed_mm_s = if rapid { None } else { self.modal.feed_mm_s() };
@@ -345,7 +345,7 @@ impl Reader {
     /// The axis of a position that prints none, by dialect.
     pub(super) fn axis_where_none_is_printed(&self) -> [f64; 3] {
         match self.dialect {
-            // Creo leaves the axis out where it is the machine's z.
+            // Creo leaves out the axis if it is the machine's z.
             Dialect::Creo => [0.0, 0.0, 1.0],
             Dialect::SolidWorks => self.setup_axis,
             _ => self.modal.axis,
@@ -358,7 +358,7 @@ pub(super) fn axis(printed: [f64; 3]) -> Option<[f64; 3]> {
     AXIS_LENGTH.contains(&norm(printed)).then(|| unit(printed)).flatten()
 }
 
-/// Whether a word names something, rather than being a NaN or a number out of range (`NaN`, `-inf`, `1E999`, `1..5`).
+/// Whether a word is a name, and not a NaN or a number out of range (`NaN`, `-inf`, `1E999`, `1..5`).
 fn is_name(word: &[u8]) -> bool {
     word.first().is_some_and(u8::is_ascii_alphabetic) && !number::is_none(word)
 }
@@ -367,7 +367,7 @@ fn is_unit(v: [f64; 3]) -> bool {
     (norm(v) - 1.0).abs() < UNIT_TRIPLE
 }
 
-/// Numbers in threes, with their places.
+/// Numbers in groups of three, with their places.
 fn triples(numbers: &Numbers) -> Vec<Triple> {
     let tokens: Vec<_> = numbers.iter().collect();
     tokens.chunks_exact(3).map(|t| ([t[0].span, t[1].span, t[2].span], [t[0].value, t[1].value, t[2].value])).collect()

@@ -1,4 +1,4 @@
-//! Numbers as CL data write them, FORTRAN's among them.
+//! Numbers of CL data, including those of FORTRAN.
 
 use crate::text::number::read;
 use nom::{
@@ -9,7 +9,7 @@ use nom::{
     sequence::preceded,
 };
 
-/// Longest number token, both halves of a cut one together; longer ones are words.
+/// Longest number token, with both halves of one on two lines; longer ones are words.
 pub(super) const MAX_NUMBER: usize = 64;
 
 /// Reads a CL number: `5`, `5.`, `.5`, `1.E-3`, FORTRAN `1.D+03`; never infinite.
@@ -21,8 +21,8 @@ pub(super) fn number(text: &[u8]) -> Option<f64> {
     plain_number(text).or_else(|| any_number(text))
 }
 
-/// A number without an exponent whose digits a double holds exactly: the quotient of two exact
-/// numbers is the nearest double, the same that [`any_number`] gives.
+/// A number without an exponent whose digits a double represents exactly. The quotient of two exact numbers is the nearest double, as from
+/// [`any_number`].
 fn plain_number(text: &[u8]) -> Option<f64> {
     /// Fifteen digits are below 2^53; ten to their count is exact as well.
     const DIGITS: usize = 15;

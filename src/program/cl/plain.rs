@@ -1,4 +1,4 @@
-//! Positions as most lines print them, `GOTO/x,y,z` or `GOTO/x,y,z,i,j,k` and no more: read without tokens.
+//! Reads the usual positions, `GOTO/x,y,z` or `GOTO/x,y,z,i,j,k` and no more, without tokens.
 
 use super::lex::{Lexer, Record, RecordKind, RecordStart};
 use super::modal::Xyz;
@@ -10,18 +10,18 @@ use crate::text::number::read_leading;
 /// Numbers of a position with its axis.
 const NUMBERS: usize = 6;
 
-/// A record that is nothing but a position.
+/// A record that is only a position.
 struct Position {
     record: Record,
     xyz: Xyz,
     printed: [f64; 3],
     axis: Option<[f64; 3]>,
-    /// Before the end of its line.
+    /// The position before the end of its line.
     behind: RecordStart,
 }
 
 impl Position {
-    /// The record on the line after a place, where the next line is there too.
+    /// The record on the line after a position, if the next line is available too.
     fn read(bytes: &[u8], place: RecordStart) -> Option<Self> {
         let end = |at: usize| match bytes.get(at..)? {
             [b'\n', ..] => Some(at + 1),
@@ -62,7 +62,7 @@ impl Position {
 }
 
 impl Reader {
-    /// Reads the next record, where it is nothing but a position and means no more: as [`Reader::take`] does.
+    /// Reads the next record if it is only a position and has no further meaning, like [`Reader::take`].
     pub(super) fn take_plain(&mut self, lexer: &mut Lexer) -> bool {
         let plain = self.pending.is_none() && self.checked.is_none() && !self.cycle.is_active();
         if !plain || self.units.is_none() || lexer.is_cards() {

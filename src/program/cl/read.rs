@@ -1,4 +1,4 @@
-//! Statements to targets: the meaning of each word, with what holds from one to the next.
+//! Makes targets of statements: the meaning of each word, with the state between statements.
 
 use super::lex::{Lexer, Record, RecordKind, Token, TokenKind};
 use super::reader::Reader;
@@ -33,7 +33,7 @@ impl Reader {
         }
     }
 
-    /// There are no more records.
+    /// Ends the reading: there are no more records.
     pub(super) fn end(&mut self) {
         if let Some(arc) = self.pending.take() {
             self.refuse(arc.record, Reason::ArcWithoutEnd.into());
@@ -44,7 +44,7 @@ impl Reader {
 
     fn record(&mut self, bytes: &[u8], record: Record, tokens: &[Token]) {
         let Some(statement) = Statement::parse(bytes, tokens) else {
-            /// Fewer numbers are a sequence number, or a remnant that says nothing.
+            /// Fewer numbers are a sequence number, or a remnant without a meaning.
             const POSITION: usize = 3;
             let numbers = tokens.iter().filter(|t| t.kind == TokenKind::Number).count();
             return match tokens.iter().all(|t| matches!(t.kind, TokenKind::Number | TokenKind::Comma))
@@ -65,7 +65,7 @@ impl Reader {
             return self.list(record, Reason::DeclaredHarmless);
         }
         let Some(word) = word else {
-            // Three numbers alone are what a position looks like.
+            // Three numbers alone look like a position.
             let like_position = statement.numbers().is_some_and(|numbers| numbers.count() >= 3);
             return match (looks_like_motion(statement.major), like_position) {
                 (true, _) => self.refuse(record, refusal::UNKNOWN_MOTION),
@@ -81,7 +81,7 @@ impl Reader {
         }
     }
 
-    /// What a statement means; inside, why it is refused.
+    /// Applies a statement. `Err` has the reason why it is refused.
     fn statement(&mut self, record: Record, s: &Statement, word: &Word) -> Outcome {
         match word.meaning {
             Meaning::Goto => return self.goto(record, s),
@@ -154,7 +154,7 @@ impl Reader {
         }
     }
 
-    /// `PREFUN/n`, `AUXFUN/n`: codes that a numerical control gives a meaning.
+    /// `PREFUN/n`, `AUXFUN/n`: codes with a meaning for a numerical control.
     fn code(&mut self, record: Record, s: &Statement, name: &str) -> Outcome {
         /// G codes of ISO 6983 that change positions: polar, plane of compensation, coordinate shifts, scaling, rotation,
         /// increments.
@@ -168,7 +168,7 @@ impl Reader {
         Ok(())
     }
 
-    /// `SYN/new,old`: harmless where no word that moves the tool goes by another name from here on.
+    /// `SYN/new,old`: harmless if it gives no word that moves the tool another name.
     fn synonym(&mut self, record: Record, s: &Statement) -> Outcome {
         let renames = |name: &[u8]| words::find(name).is_some_and(|word| decides_motion(word.class));
         if s.words().any(renames) {

@@ -1,4 +1,4 @@
-//! What reading collects from statement to statement, and the program that it makes.
+//! The state of the reading from statement to statement, and the program that it makes.
 
 use super::dialect::Dialect;
 use super::frame::Frame;
@@ -12,7 +12,7 @@ use super::{ClOptions, Layout, Point};
 use crate::program::{Action, CutterInfo, Kept, Language, Program, Reason, Target, Tool, Wobj};
 use crate::text::{Diagnostic, Severity, Source, Span};
 
-/// Everything that reading collects, and all that holds from one record to the next.
+/// The results of the reading, and the state between records.
 #[derive(Debug)]
 pub(super) struct Reader {
     pub(super) options: ClOptions,
@@ -23,16 +23,16 @@ pub(super) struct Reader {
     /// The drilling cycle in force, and the last one.
     pub(super) cycle: Cycle,
     pub(super) pending: Option<PendingArc>,
-    /// The last motion, where it is an arc whose sense was guessed: the next position may tell better.
+    /// The last motion, if it is an arc whose direction was guessed: the next position may contradict it.
     pub(super) checked: Option<Checked>,
     pub(super) units: Option<f64>,
-    /// The frame that positions are printed in now: index into the layout's.
+    /// The present frame of printed positions: index into the frames of the layout.
     pub(super) frame: u16,
     /// The file's first frame, in its absolute axes.
     pub(super) base: Option<Frame>,
-    /// z of the frame last named, for systems that drop it from their positions.
+    /// z axis of the last frame, for systems that leave it out of their positions.
     pub(super) setup_axis: [f64; 3],
-    /// Positions are printed in the frame last named (`TRNTYP/LOCAL`).
+    /// Whether positions are printed in the last frame (`TRNTYP/LOCAL`).
     pub(super) local: bool,
     pub(super) matrix: MatrixRows,
     pub(super) ordinal: u32,
@@ -43,14 +43,14 @@ pub(super) struct Reader {
     pub(super) literal_targets: usize,
     pub(super) arcs: usize,
     pub(super) cutter: Option<CutterInfo>,
-    /// Statements that only APT-360 source has, and the first of them.
+    /// Number of statements that only APT-360 source has, and the first of them.
     pub(super) source_words: usize,
     pub(super) first_source_word: Option<Span>,
-    /// Statements of a known word and a slash: what only CL data have.
+    /// Number of statements with a known word and a slash, which only CL data have.
     pub(super) understood: usize,
-    /// The program has ended (`FINI`).
+    /// Whether the program has ended (`FINI`).
     pub(super) finished: bool,
-    /// A position whose unit nothing tells: the file as a whole cannot be read.
+    /// A position without a unit: the file cannot be read.
     pub(super) no_unit: Option<Span>,
     /// Warnings, code and message, each once.
     pub(super) said: Vec<(&'static str, &'static str)>,
@@ -59,7 +59,7 @@ pub(super) struct Reader {
 }
 
 impl Reader {
-    /// A reader of the file that begins with `head`, which is all of it or more than its makers' traces are looked for in.
+    /// A reader of the file that begins with `head`, which is all of it, or has at least the bytes from which the dialect is recognised.
     pub(super) fn new(head: &[u8], options: &ClOptions) -> Self {
         let units = unit_at_start(head, options);
         let layout = Layout { frames: vec![Frame::identity(units.unwrap_or(1.0))], ..Layout::default() };
@@ -95,7 +95,7 @@ impl Reader {
         }
     }
 
-    /// What was read since the last time, as the program of `source`, whose bytes it was read from.
+    /// Everything read since the last call, as the program of `source`, from whose bytes it was read.
     pub(super) fn program(&mut self, source: Source) -> Program {
         self.tell_what_is_kept(&source);
         let raised = |tool: &String| match self.options.point {
@@ -124,7 +124,7 @@ impl Reader {
         }
     }
 
-    /// Statements that mean something to a machine tool, by reason at the first of each.
+    /// Adds warnings for statements that have a meaning for a machine tool, one for each reason, at the first of them.
     fn tell_what_is_kept(&mut self, source: &Source) {
         for kept in self.kept.iter().filter(|kept| !kept.fault) {
             match self.reported.iter_mut().find(|(reason, ..)| *reason == kept.reason) {
@@ -138,7 +138,7 @@ impl Reader {
         }
     }
 
-    /// What was noticed so far.
+    /// The warnings so far.
     pub(super) fn warnings(&self, name: &str) -> Vec<Diagnostic> {
         let said = |&(code, message)| Diagnostic::error(code, name, message).severity(Severity::Warning);
         let counted = |(_, first, count): &(Reason, Diagnostic, usize)| match count {

@@ -1,13 +1,13 @@
-//! Why a statement is refused, and how to mend the file or the cell.
+//! Reasons why a statement is refused, and what to change in the file or the cell.
 
 use crate::program::Reason;
 
 /// A reason with its help.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Refusal {
-    /// A short fixed phrase that can be counted.
+    /// A short fixed phrase, by which refusals are counted.
     pub(crate) reason: Reason,
-    /// Empty for the help that all motions share.
+    /// The help; empty for the one that all motions share.
     pub(super) help: &'static str,
 }
 
@@ -120,6 +120,6 @@ pub(super) const ARC_TANGENT: Refusal =
 pub(super) const BEHIND_END: Refusal = refusal(Reason::AfterFini, "give each program a file of its own");
 pub(super) const LOOSE_NUMBERS: Refusal =
     refusal(Reason::LooseNumbers, "a continuation ($) may be missing at the end of the line before");
-/// Numbers that are a position or a vector by where they lie: once shifted, they may be recognised as the other kind.
+/// Numbers that are a position or a vector depending on their values: after a shift they might be read as the other kind.
 pub(crate) const AMBIGUOUS_LIST: Refusal =
     refusal(Reason::AmbiguousList, "let the CAM system write one position (three, six or nine numbers) in a GOTO");

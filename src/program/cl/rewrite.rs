@@ -1,4 +1,4 @@
-//! Wanted positions to edits on number tokens.
+//! Makes edits of number tokens for wanted positions.
 
 use super::layout::{GroupSlot, Layout, Slot};
 use super::lex::chunks;
@@ -9,15 +9,15 @@ use crate::program::front_end::FrontEnd;
 use crate::program::{Change, Goal, Insert, Program, Reason, RewriteOptions, Rewritten};
 use crate::text::{Content, Edit, Source, Span, number as text_number};
 
-/// Two corrections this close, mm, are one: below the last printed digit.
+/// Corrections that differ by less than this are equal, mm: below the last printed digit.
 const SAME_MM: f64 = 1e-6;
 
 /// Significant columns of a card.
 const CARD_COLUMNS: usize = 72;
 
 impl FrontEnd for Layout {
-    /// An arc moves as a whole where its points all move alike; the tool axis is left as printed, and nothing is
-    /// inserted: corrected CL programs are posted in another language instead.
+    /// An arc moves as a whole if all its points move equally. The tool axis stays as printed, and nothing is inserted: corrected CL programs
+    /// are posted in another language instead.
     fn rewrite(
         &self,
         program: &Program,
@@ -29,7 +29,7 @@ impl FrontEnd for Layout {
         let Some(source) = program.sources.first() else { return out };
         let mut writer =
             Writer { source, layout: self, options, edits: Vec::new(), grown: Grown::default(), group: Ok(()) };
-        // What each target was moved by, mm in the work object, after refusals.
+        // The displacement of each target, mm in the work object, after refusals.
         let mut moved: Vec<[f64; 3]> = Vec::with_capacity(changes.len());
         for (at, (target, change)) in program.targets.iter().zip(changes).enumerate() {
             let Goal::Axis { position_mm, .. } = target.goal else { continue };
@@ -43,7 +43,7 @@ impl FrontEnd for Layout {
             match result {
                 Ok(()) => moved.push(wanted),
                 Err(reason) => {
-                    // An increment counts on from wherever the target before it went.
+                    // An increment counts from the new position of the target before it.
                     let follows =
                         matches!(self.slots[at], Slot::Step { .. } | Slot::StepEnd { .. } | Slot::AlongAxis { .. });
                     moved.push(if follows { before } else { [0.0; 3] });
@@ -71,11 +71,11 @@ struct Writer<'a> {
     group: Result<(), Reason>,
 }
 
-/// How many bytes each card has grown by.
+/// Number of bytes by which each card has grown.
 type Grown = std::collections::BTreeMap<usize, usize>;
 
 impl Writer<'_> {
-    /// Moves the target `at` by `wanted`, the target before it having moved by `before`, mm.
+    /// Moves the target `at` by `wanted`, after the target before it has moved by `before`, mm.
     fn write(
         &mut self,
         program: &Program,
@@ -86,7 +86,7 @@ impl Writer<'_> {
     ) -> Result<(), Reason> {
         let slot = self.layout.slots[at];
         let start = self.layout.starts.binary_search_by_key(&at, |s| s.first).ok().map(|i| self.layout.starts[i]);
-        // What counts on from a printed start takes the start along.
+        // A target that counts from a printed start moves the start too.
         let before = if start.is_some() { wanted } else { before };
         match slot {
             Slot::Point { xyz, frame } => return self.shift(&[xyz], frame, wanted),
@@ -120,7 +120,7 @@ impl Writer<'_> {
         start.map_or(Ok(()), |start| self.shift(&[start.xyz], start.frame, wanted))
     }
 
-    /// An arc stays one where its start, its way and its end move alike, a hole where all its moves do.
+    /// An arc stays an arc if its start, its points and its end move equally; a hole stays a hole if all its motions do.
     fn rigid(
         &self,
         program: &Program,
@@ -140,7 +140,7 @@ impl Writer<'_> {
         if from_start && members.all(alike) { Ok(()) } else { Err(varies) }
     }
 
-    /// Moves printed positions by an offset in the work object, mm; all of them or none.
+    /// Moves printed positions by an offset in the work object, mm: all of them, or none.
     fn shift(&mut self, positions: &[Xyz], frame: u16, offset_mm: [f64; 3]) -> Result<(), Reason> {
         let frame = &self.layout.frames[frame as usize];
         let offset = scale(frame.back(offset_mm), 1.0 / frame.mm_per_unit);
@@ -178,12 +178,12 @@ impl Writer<'_> {
         if tail.is_empty() { self.whole(token, new) } else { self.cut(head, tail, new) }
     }
 
-    /// A token in one chunk: right-aligned in its field as long as the blanks before it last.
+    /// Replaces a token on one line, right-aligned in its field as long as there are blanks before it.
     fn whole(&mut self, token: Span, mut new: Vec<u8>) -> Result<(), Reason> {
         let bytes = &self.source.bytes;
         let start = token.start as usize;
         let blanks = bytes[..start].iter().rev().take_while(|b| **b == b' ').count();
-        // One blank stays: it may be all that separates two numbers.
+        // One blank stays: it may be the only separator of two numbers.
         let room = blanks.saturating_sub(1);
         let taken = new.len().saturating_sub(token.len()).min(room);
         let width = token.len() + taken;
@@ -203,7 +203,7 @@ impl Writer<'_> {
         Ok(())
     }
 
-    /// A token cut by a continuation: its first chunk keeps its length.
+    /// Replaces a token on two lines: its first part keeps its length.
     fn cut(&mut self, head: Span, tail: Span, new: Vec<u8>) -> Result<(), Reason> {
         if self.layout.cards {
             return Err(Reason::NumberOverCards);
@@ -214,7 +214,7 @@ impl Writer<'_> {
         Ok(())
     }
 
-    /// Takes blanks before column 73 of a card away for what grew on it.
+    /// Removes blanks before column 73 of a card that has grown.
     fn grow_card(&mut self, at: usize, by: usize) -> Result<(), Reason> {
         let bytes = &self.source.bytes;
         let start = bytes[..at].iter().rposition(|b| matches!(b, b'\n' | b'\r')).map_or(0, |p| p + 1);
@@ -230,9 +230,9 @@ impl Writer<'_> {
     }
 }
 
-/// Digits that a token prints after the point, its exponent counted in.
+/// Number of digits of a token after the point, with its exponent taken into account.
 fn decimals(token: &[u8]) -> usize {
-    /// More digits than a double holds.
+    /// More digits than a double has.
     const MOST_DIGITS: i64 = 17;
     let exponent = token
         .iter()

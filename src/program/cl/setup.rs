@@ -1,4 +1,4 @@
-//! Statements that say how positions are meant: units, frames, cutter, cycles, compensation.
+//! Statements that change the meaning of positions: units, frames, cutter, cycles, compensation.
 
 use super::dialect::Dialect;
 use super::frame::Frame;
@@ -21,7 +21,7 @@ impl Reader {
         if self.units == Some(mm) {
             return;
         }
-        // The tool stays where it is; its position is printed in other units from now on.
+        // The tool stays at its position, which is printed in other units from now on.
         let ratio = self.units.unwrap_or(mm) / mm;
         self.modal.position = self.modal.position.map(|p| scale(p, ratio));
         self.units = Some(mm);
@@ -34,7 +34,7 @@ impl Reader {
         self.units.unwrap_or(1.0)
     }
 
-    /// A position needs a unit: the file's, else the options', else the file is refused.
+    /// A position needs a unit: that of the file, or that of the options. Without one, the file is refused.
     pub(super) fn ensure_units(&mut self, record: Record, s: &Statement) -> Outcome {
         if self.units.is_some() {
             return Ok(());
@@ -98,13 +98,12 @@ impl Reader {
                 self.set_frame(frame, false);
                 Ok(())
             }
-            // Whether positions follow a second origin depends on the post processor.
+            // It depends on the post-processor whether positions follow a second origin.
             _ => Err(Reason::SecondOrigin.into()),
         }
     }
 
-    /// A frame is named. The first one of the file is the work object; where positions follow frames,
-    /// a further one is seen from it.
+    /// Sets a frame. The first one of the file is the work object. If positions follow frames, further ones are relative to it.
     pub(super) fn set_frame(&mut self, frame: Frame, follow: bool) {
         let base = *self.base.get_or_insert(frame);
         if follow {

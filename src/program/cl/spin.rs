@@ -3,8 +3,8 @@
 use super::vector::{add, cross, dot, norm, scale, sub, unit};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
-/// Where the TCP's x axis points, projected square to the tool axis, and then turned by `deg` about
-/// the tool axis (right-hand rule about tip to spindle).
+/// The direction of the TCP's x axis, projected perpendicular to the tool axis, and then turned by `deg` about the tool axis (right-hand
+/// rule about tip to spindle).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SpinRule {
     /// Along the work object's x axis.
@@ -26,14 +26,13 @@ pub enum SpinRule {
     },
 }
 
-/// A reference closer to the tool axis than this (sine of the angle, 0.006°) gives no direction square to it.
+/// A reference closer to the tool axis than this (sine of the angle, 0.006°) gives no direction perpendicular to it.
 const PARALLEL: f64 = 1e-4;
 
 /// Orientation of the TCP frame in the work object, scalar first: z against the tool axis (which runs
 /// from tip to spindle), x by the rule.
 ///
-/// `None` where the rule's direction is parallel to the axis, or has no length: the caller holds the
-/// orientation before.
+/// `None` if the rule's direction is parallel to the axis, or has no length: the caller then keeps the last direction.
 #[must_use]
 pub fn spin(axis: [f64; 3], feed: Option<[f64; 3]>, position_mm: [f64; 3], rule: &SpinRule) -> Option<[f64; 4]> {
     let axis = unit(axis)?;

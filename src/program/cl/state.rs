@@ -1,10 +1,10 @@
-//! What holds from one statement to the next: an arc without its end yet, a matrix in comments, a drilling cycle.
+//! The state between statements: an arc whose end has not come yet, a matrix in comments, a drilling cycle.
 
 use super::arc::Circle;
 use super::lex::Record;
 use super::modal::{Feed, Xyz};
 
-/// Arc read, its end not yet.
+/// An arc that was read, and whose end has not come yet.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PendingArc {
     pub(super) circle: Circle,
@@ -14,18 +14,18 @@ pub(super) struct PendingArc {
     pub(super) sense: Known,
 }
 
-/// How well an arc's direction of travel is known.
+/// The source of an arc's direction of travel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Known {
-    /// The text says it.
+    /// The text states it.
     Said,
-    /// The system that wrote the file prints it so.
+    /// The convention of the system that wrote the file.
     Dialect,
-    /// It is not declared: what most CAM systems do.
+    /// A guess: the convention of most CAM systems.
     Guessed,
 }
 
-/// An arc whose direction of travel no word says, already among the targets.
+/// An arc among the targets whose direction of travel is not stated.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Checked {
     pub(super) arc: PendingArc,
@@ -33,7 +33,7 @@ pub(super) struct Checked {
     pub(super) end: [f64; 3],
 }
 
-/// A CATIA matrix in comments: rows still to come.
+/// A CATIA matrix in comments, with the rows so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct MatrixRows {
     pub(super) open: bool,
@@ -41,34 +41,34 @@ pub(super) struct MatrixRows {
     pub(super) values: [f64; 12],
 }
 
-/// What becomes of a position under a cycle; lengths in printed units, over the hole's mouth along the tool axis.
+/// The hole at a position under a cycle; lengths are in printed units, above the hole's mouth along the tool axis.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Hole {
-    /// Where feed begins.
+    /// Height at which feed begins.
     pub(super) clear: f64,
-    /// Where rapid travel arrives.
+    /// Height to which rapid travel goes.
     pub(super) approach: f64,
-    /// Where the tool is retracted to; back to where it came from where that is left to the machine.
+    /// Height of the retraction; `None` for the height from which the tool came.
     pub(super) retract: Option<f64>,
     pub(super) depth: f64,
     /// Depths of pecks, rising, the last one the depth.
     pub(super) pecks: Vec<f64>,
-    /// Between pecks the tool stays in the hole.
+    /// Whether the tool stays in the hole between pecks.
     pub(super) breaks_chips: bool,
-    /// It comes out with feed.
+    /// Whether it retracts with feed.
     pub(super) feeds_out: bool,
     pub(super) feed: Option<Feed>,
     pub(super) dwell: f64,
 }
 
-/// The cycle in force, and the one that `CYCLE/ON` brings back.
+/// The cycle in force, and the one that `CYCLE/ON` restores.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Cycle {
     pub(super) active: Option<Hole>,
     pub(super) last: Option<Hole>,
-    /// Height over the mouth before the first hole, for a retraction that is left to the machine.
+    /// Height above the mouth before the first hole, for a retraction to the height from which the tool came.
     pub(super) initial: Option<f64>,
-    /// A cycle that was refused: its positions are no path.
+    /// Whether the cycle was refused: its positions are no path.
     pub(super) refused: bool,
 }
 
@@ -77,7 +77,7 @@ impl Cycle {
         self.active.is_some() || self.refused
     }
 
-    /// What a position stands for; none under a cycle that was refused.
+    /// The hole at a position; `None` under a refused cycle.
     pub(super) fn hole(&self) -> Option<Hole> {
         self.active.clone()
     }

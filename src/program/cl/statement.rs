@@ -1,4 +1,4 @@
-//! Tokens of one record to a statement: its major word and its items.
+//! Makes a statement of the tokens of one record: its major word and its items.
 
 use super::lex::{Token, TokenKind};
 use super::words::{self, Meaning};
@@ -16,7 +16,7 @@ pub(super) struct Statement<'a> {
 }
 
 impl<'a> Statement<'a> {
-    /// `None` where no word starts the record.
+    /// The statement; `None` if the record does not begin with a word.
     pub(super) fn parse(bytes: &'a [u8], tokens: &'a [Token]) -> Option<Self> {
         let tokens = unnumbered(bytes, unlabelled(tokens));
         let (first, rest) = tokens.split_first()?;
@@ -46,7 +46,7 @@ impl<'a> Statement<'a> {
         Self::parse(self.bytes, &self.items[at..])
     }
 
-    /// The items where all of them are numbers; commas are as blanks.
+    /// The items if all of them are numbers; commas count as blanks.
     pub(super) fn numbers(&self) -> Option<Numbers<'a>> {
         let plain = self.items.iter().all(|t| matches!(t.kind, TokenKind::Number | TokenKind::Comma));
         plain.then(|| Numbers::new(self.items))
@@ -97,12 +97,12 @@ impl<'a> Numbers<'a> {
         self.iter().count()
     }
 
-    /// All numbers, where there are exactly `N`.
+    /// All numbers, if there are exactly `N`.
     pub(super) fn only<const N: usize>(&self) -> Option<[f64; N]> {
         self.first().filter(|_| self.count() == N)
     }
 
-    /// The first `N` numbers, where there are so many.
+    /// The first `N` numbers, if there are as many.
     pub(super) fn first<const N: usize>(&self) -> Option<[f64; N]> {
         let mut values = self.iter().map(|t| t.value);
         let mut out = [0.0; N];

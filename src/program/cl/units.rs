@@ -1,12 +1,12 @@
-//! The unit that a file's positions are printed in.
+//! The unit of a file's positions.
 
 use super::modal::INCH_MM;
 use super::{ClOptions, Units};
 
-/// Where the unit is looked for before the first statement; further down it counts from there on.
+/// Bytes of the head in which the unit is searched for; a later one applies from there on.
 const HEAD: usize = 16 * 1024;
 
-/// The unit that the file's head names, else the options'.
+/// The unit in the file's head, or that of the options.
 pub(super) fn unit_at_start(bytes: &[u8], options: &ClOptions) -> Option<f64> {
     unit_further_down(&bytes[..bytes.len().min(HEAD)]).or(options.units.map(mm_per_unit))
 }
@@ -18,7 +18,7 @@ fn mm_per_unit(units: Units) -> f64 {
     }
 }
 
-/// The one unit that words name; `None` where they name none, or two.
+/// The only unit that words name; `None` if they name none, or two.
 pub(super) fn one_unit<'w>(words: impl Iterator<Item = &'w [u8]>) -> Option<f64> {
     let mut units = words.filter_map(unit_of);
     let first = units.next()?;
@@ -35,7 +35,7 @@ fn unit_of(word: &[u8]) -> Option<f64> {
     }
 }
 
-/// The unit of the first `UNITS` statement in what is left of a file.
+/// The unit of the first `UNITS` statement in the rest of a file.
 pub(super) fn unit_further_down(rest: &[u8]) -> Option<f64> {
     rest.split(|b| matches!(b, b'\n' | b'\r')).find_map(|line| {
         let line = line.trim_ascii_start();

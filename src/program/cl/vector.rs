@@ -24,7 +24,7 @@ pub(super) fn norm(a: [f64; 3]) -> f64 {
     dot(a, a).sqrt()
 }
 
-/// The unit vector, or `None` for a length that no direction can be read from.
+/// The unit vector, or `None` for a length that is too small or not finite.
 pub(super) fn unit(a: [f64; 3]) -> Option<[f64; 3]> {
     let length = norm(a);
     (length > 1e-9 && length.is_finite()).then(|| scale(a, 1.0 / length))

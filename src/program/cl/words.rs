@@ -1,17 +1,17 @@
-//! Every major word: what it does to a machine, what becomes of it here, and who says so.
+//! Every major word: its effect on a machine, how it is treated, and the source.
 //!
-//! A word that moves the tool or changes what positions mean is understood or refused, never dropped. All else passes, and is
-//! listed where a robot's program would miss it.
+//! A word that moves the tool or changes the meaning of positions is understood or refused, never dropped. All others pass, and are
+//! listed if the program of a robot lacks them.
 
 use super::refusal::{self, Refusal};
 use crate::program::Reason;
 
-/// What a statement does.
+/// The effect of a statement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Class {
     /// Moves the tool.
     Moves,
-    /// Changes what positions mean.
+    /// Changes the meaning of positions.
     Positions,
     /// Cuts differently: tool, feed, spindle.
     Cuts,
@@ -21,7 +21,7 @@ pub(super) enum Class {
     Source,
 }
 
-/// What becomes of a statement.
+/// How a statement is treated.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Meaning {
     Goto,
@@ -42,7 +42,7 @@ pub(super) enum Meaning {
     Delay,
     /// `LOADTL/n`, `TOOLNO/n`, `TURRET/n`.
     LoadTool,
-    /// `LOAD/TOOL,n`; other things are loaded as well.
+    /// `LOAD/TOOL,n`; there are other things to load.
     Load,
     /// `TOOL PATH/name,TOOL,name`.
     ToolPath,
@@ -56,7 +56,7 @@ pub(super) enum Meaning {
     TrnTyp,
     /// Turns of a rotary table or head.
     Rotary,
-    /// `TRACUT`, `TRANS`: harmless where they end something.
+    /// `TRACUT`, `TRANS`: harmless if they end a transformation or move nothing.
     Transform,
     Mode,
     Set,
@@ -68,11 +68,11 @@ pub(super) enum Meaning {
     Synonym,
     /// Refused as it stands.
     Refused(&'static Refusal),
-    /// Passes, and is said.
+    /// Passes, and is listed.
     Listed(Reason),
     /// `FINI`: the program ends.
     Finish,
-    /// Passes without a word: nothing that a robot's program would miss.
+    /// Passes without a message: the program of a robot does not need it.
     Passes,
     /// Refused as APT-360 source.
     Source,
@@ -84,7 +84,7 @@ pub(super) struct Word {
     pub(super) name: &'static str,
     pub(super) class: Class,
     pub(super) meaning: Meaning,
-    /// Where it is described or seen: the page that lists all words has it.
+    /// The source in which it is described or occurs, as on the page that lists all words.
     #[cfg_attr(not(test), expect(dead_code))]
     pub(super) source: &'static str,
 }
@@ -289,21 +289,21 @@ pub(super) const WORDS: [Word; WORD_COUNT] = {
 
 const WORD_COUNT: usize = 173;
 
-/// Words of a maker's own that all begin alike.
+/// Words of one maker that have a common beginning.
 const VENDOR: [(&[u8], Word); 1] = [(b"CSI_", word("CSI_…", Class::Harmless, Meaning::Passes, SOLIDWORKS))];
 
-/// How unknown words begin that may well move the tool: to pass them as harmless would be a guess.
+/// Beginnings of unknown words that may move the tool, and therefore do not pass.
 const LIKE_MOTION: [&[u8]; 16] = [
     b"GO", b"MOV", b"CIRC", b"ARC", b"CYCL", b"ROT", b"TRAN", b"HELI", b"NURB", b"SPLI", b"PROB", b"RETR", b"DRIL",
     b"THRE", b"INCR", b"TURN",
 ];
 
-/// Longest name in the list, and some.
+/// Longest name in the list, with a margin.
 const LONGEST: usize = 16;
 
 /// Looks a major word up, in any case.
 pub(super) fn find(major: &[u8]) -> Option<&'static Word> {
-    // Most statements that are not lines of nothing but a position are positions all the same.
+    // Most statements that are not read as plain positions are positions too.
     let mut upper = [0; LONGEST];
     let Some(name) = upper.get_mut(..major.len()) else { return vendor(major) };
     name.copy_from_slice(major);
@@ -316,17 +316,17 @@ fn vendor(major: &[u8]) -> Option<&'static Word> {
     VENDOR.iter().find(|(prefix, _)| begins(major, prefix)).map(|(_, word)| word)
 }
 
-/// Whether an unknown word may well be one that moves the tool.
+/// Whether an unknown word may be one that moves the tool.
 pub(super) fn looks_like_motion(major: &[u8]) -> bool {
     LIKE_MOTION.iter().any(|prefix| begins(major, prefix))
 }
 
-/// Whether the tool goes elsewhere where a statement is not read.
+/// Whether the path is another one if a statement is not read.
 pub(super) fn decides_motion(class: Class) -> bool {
     matches!(class, Class::Moves | Class::Positions | Class::Source)
 }
 
-/// Whether a cell may declare a word to be harmless: what is understood is not up to it.
+/// Whether a cell may declare a word to be harmless: not if deflex understands it.
 #[must_use]
 pub(crate) fn may_be_declared_harmless(name: &str) -> bool {
     find(name.as_bytes()).is_none_or(|word| {

@@ -39,12 +39,12 @@ static LOWERING: Lowering = Lowering {
 /// Reads a job; `context` has the jobs that it calls.
 ///
 /// # Errors
-/// The file is no job or is cut off: every reason found.
+/// The file is no job or is cut off: all reasons that were found.
 pub fn read(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
     lowered::read(&LOWERING, sources, context)
 }
 
-/// A warning where the positions of a job are reached in more than one posture.
+/// A warning if the positions of a job have more than one posture.
 fn postures(source: &Source) -> Option<Diagnostic> {
     // Flip, upper or lower arm, front or rear; a base axis has zeros.
     let flags = |line: &&[u8]| {

@@ -1,4 +1,4 @@
-//! Points between two targets: the statement of the second once more, with other numbers.
+//! Inserted targets: the statement of the target after them, with other numbers.
 
 use super::Layout;
 use super::rewrite::print;
@@ -28,7 +28,7 @@ pub(super) fn refusal(program: &Program, layout: &Layout, before: usize) -> Opti
     (!blank).then_some(Reason::SharesLine)
 }
 
-/// Writes the inserts into `out`; gives each as the controller will hold it, where it could be written.
+/// Writes the inserts into `out`, with their poses in the controller's precision if they could be written.
 pub(super) fn write(
     program: &Program,
     layout: &Layout,

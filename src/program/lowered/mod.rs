@@ -1,10 +1,10 @@
-//! Programs that `deflex-lang` reads and runs: its motions as targets, and corrected poses as edits on the tokens that it names.
+//! Programs that `deflex-lang` reads and runs: their motions become targets, and corrected poses become edits of tokens.
 //!
 //! | file | from | to |
 //! |---|---|---|
-//! | `targets` | motions of a run | targets, and where their numbers stand |
+//! | `targets` | motions of a run | targets, and the places of their numbers |
 //! | `rewrite` | wanted poses | edits on number tokens |
-//! | `insert` | points between | statements of their own |
+//! | `insert` | inserted targets | statements of their own |
 
 mod insert;
 mod rewrite;
@@ -22,24 +22,24 @@ use deflex_lang::value::Affine;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use std::ops::Range;
 
-/// What of a language the writing of its numbers depends on.
+/// The properties of a language on which the writing of its numbers depends.
 pub(super) struct Style {
     pub(super) dialect: &'static (dyn Dialect + Sync),
     /// Millimetres of its unit of length.
     pub(super) mm: f64,
-    /// Decimals of millimetres that controllers hold, where they hold no more; otherwise as many as the options say.
+    /// Number of decimals of millimetres that controllers store, if it is limited; `None` for the number in the options.
     pub(super) position_decimals: Option<usize>,
-    /// Decimals that its unit of length has more than millimetres have.
+    /// Number of additional decimals of its unit of length, compared with millimetres.
     pub(super) more_decimals: usize,
     /// Degrees of its unit of angles.
     pub(super) deg: f64,
-    /// Least decimals of a number of an orientation.
+    /// Least number of decimals of an orientation.
     pub(super) turn_decimals: usize,
-    /// What a controller holds of a printed number of a pose, by its place.
+    /// A printed number of a pose, by its index, in the controller's precision.
     pub(super) held: fn(usize, f64) -> f64,
-    /// What the controller calls the tool that the program does not set, and begins the names of those that it does with.
+    /// The controller's name of the tool that the program does not set; names of tools that it sets begin with it.
     pub(super) tool: &'static str,
-    /// What the axes of poses are called.
+    /// The name of the frame of poses.
     pub(in crate::program) frame: &'static str,
     /// The bytes of a motion's text that have the controller pass its end without a stop.
     pub(super) passes: fn(&[u8]) -> Option<Range<usize>>,
@@ -53,20 +53,20 @@ impl std::fmt::Debug for Style {
     }
 }
 
-/// Where the numbers of targets stand.
+/// The places of the numbers of targets.
 #[derive(Debug)]
 pub(crate) struct Layout {
     style: &'static Style,
     tokens: Vec<SourceSpan>,
-    /// One a target.
+    /// One for each target.
     sites: Vec<Option<Site>>,
-    /// Targets that are edited all or not at all.
+    /// Groups of targets that are edited together or not at all.
     arcs: Vec<Range<usize>>,
     passings: Vec<Passing>,
     motions: usize,
 }
 
-/// How a target's pose comes from numbers: `left · (pose of the numbers) · right`, lengths in the language's unit.
+/// The computation of a target's pose from numbers: `left · (pose of the numbers) · right`, lengths in the language's unit.
 #[derive(Debug)]
 struct Site {
     left: Isometry3<f64>,
@@ -137,7 +137,7 @@ impl FrontEnd for Layout {
     }
 }
 
-/// Of controllers whose reals are IEEE singles.
+/// The precision of controllers whose reals are IEEE singles.
 #[allow(clippy::cast_possible_truncation)]
 pub(super) fn single(_: usize, value: f64) -> f64 {
     f64::from(value as f32)

@@ -1,4 +1,4 @@
-//! Corrected poses back into the tokens that decide them.
+//! Writes corrected poses into the tokens that decide them.
 
 use super::{Layout, Site};
 use crate::program::token::New;
@@ -11,10 +11,10 @@ use std::collections::BTreeMap;
 /// Two orientations closer than this are the same: rounding of the arithmetic between reading and writing.
 const SAME_QUAT: f64 = 1e-12;
 
-/// What becomes of the tokens of one target.
+/// The new tokens of one target.
 pub(super) struct Print {
     pub(super) tokens: Vec<(TokenId, Option<Token>)>,
-    /// Position, mm, and orientation as the controller will hold them.
+    /// Position, mm, and orientation in the controller's precision.
     pub(super) written: ([f64; 3], [f64; 4]),
 }
 
@@ -44,7 +44,7 @@ pub(super) fn rewrite(
             }
         }
     }
-    // Points of an arc are one user.
+    // The points of an arc count as one user.
     let mut groups: Vec<std::ops::Range<usize>> = Vec::new();
     let mut arcs = layout.arcs.clone();
     arcs.sort_by_key(|arc| arc.start);
@@ -152,7 +152,7 @@ pub(super) fn print(
         }
         let position = style.position_decimals.unwrap_or(options.position_decimals + style.more_decimals);
         let least = if at < 3 { position } else { style.turn_decimals };
-        // Decimals of the token that leave as little of the number as those of a plain one would.
+        // As many decimals of the token that the number is as accurate as a plain one.
         #[allow(clippy::cast_possible_truncation)]
         let step = affine.scale.abs().log10().ceil().clamp(-12.0, 12.0) as i64;
         let decimals = usize::try_from(least as i64 + step).unwrap_or(0);
@@ -170,10 +170,10 @@ pub(super) fn print(
     Ok(Print { tokens, written: (position_mm, if quat.is_some() { turn } else { was }) })
 }
 
-/// Whether a change asks for anything else than what is there.
+/// Whether a change differs from the present goal.
 fn differs(goal: &Goal, change: &Change) -> bool {
     let Goal::Pose { position_mm, quat, .. } = *goal else { return true };
-    #[allow(clippy::float_cmp)] // the very number that was read means no change
+    #[allow(clippy::float_cmp)] // only exactly the number that was read means no change
     let moved = change.position_mm != position_mm;
     moved || change.quat.is_some_and(|wanted| turned(wanted, quat))
 }

@@ -1,4 +1,4 @@
-//! Motions of a run as targets.
+//! Makes targets of the motions of a run.
 
 use super::{Layout, Site, Style};
 use crate::program::{
@@ -18,29 +18,29 @@ use std::sync::Arc;
 const ENDLESS: &str =
     "the program does not end within 5 million statements, or its loops make more than 200,000 motions";
 
-/// Why a program is refused that is too long to be run.
+/// The error for a program that is too long to be run.
 pub(in crate::program) fn endless(source: &Source) -> Diagnostic {
     Diagnostic::error("program.endless", &source.name, ENDLESS).help("split it into several programs")
 }
 
-/// How programs of a language are read.
+/// The properties of a language on which the reading of its files depends.
 pub(in crate::program) struct Lowering {
     pub(in crate::program) language: Language,
     pub(in crate::program) style: &'static Style,
     pub(in crate::program) parse: fn(&[&[u8]], usize) -> Result<ir::Program, ir::Fault>,
-    /// Codes of a file that is too large, of one that is no text, and of one that is not of the language.
+    /// Codes of the errors for a file that is too large, for one that is no text, and for one in another language.
     pub(in crate::program) codes: [&'static str; 3],
-    /// What is expected where a file is no text, and which file to give.
+    /// Text for a file that is no text: what was expected, and which file to give.
     pub(in crate::program) expected: &'static str,
     pub(in crate::program) which: &'static str,
-    /// What to do with a file that is not of the language.
+    /// Text for a file in another language: what to do.
     pub(in crate::program) again: &'static str,
-    /// Who wrote the files.
+    /// Finds the system that wrote the files.
     pub(in crate::program) dialect: fn(&[Source]) -> &'static str,
     pub(in crate::program) warnings: fn(&[Source]) -> Vec<Diagnostic>,
 }
 
-/// Reads files as one program, and takes the motions of its run as targets; `context` files only define routines.
+/// Reads files as one program, and makes targets of the motions of its run; `context` files only define routines.
 pub(in crate::program) fn read(
     lowering: &Lowering,
     mut sources: Vec<Source>,
@@ -60,7 +60,7 @@ pub(in crate::program) fn read(
     build(lowering, &program, sources, written)
 }
 
-/// Runs a program and takes its motions as targets.
+/// Runs a program and makes targets of its motions.
 fn build(
     lowering: &Lowering,
     program: &ir::Program,
@@ -69,7 +69,7 @@ fn build(
 ) -> Result<Program, Vec<Diagnostic>> {
     let style = lowering.style;
     let Ok(mut outcome) = run(program, style.dialect) else { return Err(endless(&sources[0]).into()) };
-    // What stands in a file that is only read is never edited.
+    // Numbers in a context file are never edited.
     for (at, token) in program.tokens.iter().enumerate() {
         let before = &sources[usize::from(token.source)].bytes[..token.span.start as usize];
         if usize::from(token.source) >= written {
@@ -134,12 +134,12 @@ fn build(
     })
 }
 
-/// Whether a number that is negative may stand after this text: not directly after an operator.
+/// Whether a negative number may follow this text: not directly after an operator.
 fn may_have_sign(before: &[u8]) -> bool {
     before.trim_ascii_end().last().is_none_or(|b| matches!(b, b'[' | b'(' | b',' | b'=' | b'\n' | b';' | b':'))
 }
 
-/// Why a file as a whole is not read as text of a language.
+/// Why a file as a whole is not read as a program of a language.
 fn refused(source: &Source, lowering: &Lowering) -> Option<Diagnostic> {
     let [too_large, no_text, _] = lowering.codes;
     let whole = |code, message: &str, at: usize| {
@@ -153,7 +153,7 @@ fn refused(source: &Source, lowering: &Lowering) -> Option<Diagnostic> {
     Some(whole(no_text, &format!("the file is not text: expected {}", lowering.expected), at).help(lowering.which))
 }
 
-/// Poses in the text all of whose numbers are literals.
+/// Number of poses in the text whose numbers are all literals.
 fn literals(program: &ir::Program, written: usize) -> usize {
     let mut places = BTreeSet::new();
     for function in &program.functions {
@@ -173,9 +173,9 @@ fn literals(program: &ir::Program, written: usize) -> usize {
     places.len()
 }
 
-/// A warning for routines that are called and not given, at the first of them.
+/// A warning for called routines that are in no file, at the first of them.
 fn not_given(program: &ir::Program, sources: &[Source], dialect: &dyn Dialect) -> Option<Diagnostic> {
-    /// Of so many names the rest is only counted.
+    /// Most names in the message; the others are only counted.
     const SHOWN: usize = 8;
     let (_, first) = program.foreign.first()?;
     let mut listed: Vec<&str> = program.foreign.iter().take(SHOWN).map(|(name, _)| &**name).collect();
@@ -197,14 +197,14 @@ struct Builder<'a> {
     sources: &'a [Source],
     tools: Vec<Tool>,
     wobjs: Vec<Wobj>,
-    /// What each tool was set to.
+    /// The values to which each tool was set.
     set: Vec<(Content, Content)>,
     targets: Vec<Target>,
     sites: Vec<Option<Site>>,
     passings: Vec<Passing>,
     unknown: Vec<UnknownMotion>,
     kept: Vec<Kept>,
-    /// Targets of one circle.
+    /// Targets of each circle.
     arcs: Vec<Range<usize>>,
     ordinal: u32,
     /// The last motion that gave a target.
@@ -212,7 +212,7 @@ struct Builder<'a> {
 }
 
 impl Builder<'_> {
-    /// Takes a motion; whether it gives a target.
+    /// Adds a motion. Returns whether it has a target.
     fn motion(&mut self, motion: &Moved, edit: Edit, follows: bool) -> bool {
         self.ordinal += 1;
         match self.points(motion, edit, follows) {
@@ -399,7 +399,7 @@ impl Builder<'_> {
         }
     }
 
-    /// A note for tools of which the program says where they are and not how heavy.
+    /// A note for tools for which the program sets the frame and not the mass.
     fn without_mass(&self, language: Language) -> Option<Diagnostic> {
         let light = self.tools.iter().find(|tool| tool.data.is_some_and(|data| data.mass_kg == 0.0))?;
         let message = format!("the program does not say the mass of `{}`: taken as 0 kg", light.name);
@@ -423,14 +423,14 @@ impl Builder<'_> {
     }
 }
 
-/// Rounds of a loop repeat what was kept: so many are looked back for it.
+/// Number of earlier kept statements among which a repeated one is searched for: rounds of a loop repeat them.
 const KEPT_NEAR: usize = 64;
 
 fn content_of(pose: &Pose) -> Content {
     Content::Pose(Arc::new(Pose::constant(pose.pose())))
 }
 
-/// The index of something in a list, which it is added to where it is not there.
+/// The index of a value in a list, to which it is added if it is missing.
 pub(in crate::program) fn intern<T: PartialEq>(known: &mut Vec<T>, wanted: T) -> u16 {
     let at = known.iter().position(|known| *known == wanted).unwrap_or_else(|| {
         known.push(wanted);
@@ -439,7 +439,7 @@ pub(in crate::program) fn intern<T: PartialEq>(known: &mut Vec<T>, wanted: T) ->
     u16::try_from(at).unwrap_or(u16::MAX)
 }
 
-/// Where the numbers of a pose stand.
+/// The places of the numbers of a pose.
 fn site(pose: &Pose) -> Option<Site> {
     let numbers: Vec<f64> = pose.numbers.iter().map(|value| value.number()).collect::<Option<_>>()?;
     let affine = std::array::from_fn(|at| pose.affine(at));

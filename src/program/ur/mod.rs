@@ -37,12 +37,12 @@ static LOWERING: Lowering = Lowering {
 /// Reads files as one program; `context` files only define routines.
 ///
 /// # Errors
-/// The program as a whole is refused (no text, no URScript, cut off): every reason found.
+/// The program is refused (no text, no URScript, cut off): all reasons that were found.
 pub fn read(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
     lowered::read(&LOWERING, sources, context)
 }
 
-/// The software that wrote one of the files, as far as its comments say so.
+/// The software that wrote one of the files, if its comments name it.
 fn dialect(sources: &[Source]) -> &'static str {
     let makers: [(&[u8], &str); 5] = [
         (b"RoboDK", "robodk"),
