@@ -9,7 +9,7 @@ use crate::text::number::{Digits, Fixed, Row, write_fixed, write_whole};
 const MM: usize = 4;
 /// Decimals of quaternion components: 3e-6 mm at 300 mm.
 const QUAT: usize = 8;
-/// Lightest tool that a controller takes, kg: that of its own tool0.
+/// Smallest mass of a tool that a controller accepts, kg: that of its own tool0.
 const LEAST_MASS_KG: f64 = 0.001;
 
 /// `[a,b,c]`
@@ -95,7 +95,7 @@ fn quarters(out: &mut Vec<u8>, conf: Confdata) {
 }
 
 pub(super) fn tooldata(out: &mut Vec<u8>, name: &str, data: &ToolData) {
-    // A controller refuses a massless tool: then mass and centre of gravity are those of tool0.
+    // A controller refuses a tool without mass: mass and centre of gravity are then those of tool0.
     let massless = data.mass_kg <= 0.0;
     let (mass, cog) = if massless { (LEAST_MASS_KG, [0.0, 0.0, 0.001]) } else { (data.mass_kg, data.cog_mm) };
     out.extend_from_slice(format!("  PERS tooldata {name}:=[{},", truth(data.robhold)).as_bytes());
@@ -107,7 +107,7 @@ pub(super) fn tooldata(out: &mut Vec<u8>, name: &str, data: &ToolData) {
     out.extend_from_slice(b",[1,0,0,0],0,0,0]];\n");
 }
 
-/// `unit`: the mechanical unit that is its user frame, or nothing.
+/// `unit` is the mechanical unit that is its user frame; empty for none.
 pub(super) fn wobjdata(out: &mut Vec<u8>, name: &str, data: &WobjData, unit: &str) {
     out.extend_from_slice(
         format!("  PERS wobjdata {name}:=[{},{},\"{unit}\",", truth(data.robhold), truth(data.fixed)).as_bytes(),
@@ -118,14 +118,14 @@ pub(super) fn wobjdata(out: &mut Vec<u8>, name: &str, data: &WobjData, unit: &st
     out.extend_from_slice(b"];\n");
 }
 
-/// `[v_tcp,500,5000,1000]`, the other three as in every predefined speed.
+/// `[v_tcp,500,5000,1000]`; the other three are those of every predefined speed.
 pub(super) fn speeddata(out: &mut Vec<u8>, mm_s: f64) {
     out.push(b'[');
     write_fixed(out, mm_s, MM);
     out.extend_from_slice(b",500,5000,1000]");
 }
 
-/// Declares those of `speeds` that have no predefined name, each once; the result maps speeds to names.
+/// Declares those of `speeds` that have no predefined name, each once. Returns the names by speed.
 pub(super) fn speeds(out: &mut Vec<u8>, speeds: &[f64]) -> Vec<(f64, String)> {
     let mut named: Vec<(f64, String)> = Vec::new();
     for &mm_s in speeds {
@@ -146,7 +146,7 @@ fn truth(value: bool) -> &'static str {
     if value { "TRUE" } else { "FALSE" }
 }
 
-/// What a controller holds of a printed number.
+/// A printed number in the controller's precision.
 pub(super) fn held(value: f64, decimals: usize) -> f64 {
     let mut text = Vec::new();
     write_fixed(&mut text, value, decimals);

@@ -1,4 +1,4 @@
-//! The same points as Yaskawa's INFORM: one `.JBI`, or parts and a job that calls them in turn.
+//! Writes points as Yaskawa's INFORM: one `.JBI`, or parts and a job that calls them in turn.
 
 use super::names::{self, identifier};
 use super::statements::{Files, Held, Statements};
@@ -9,19 +9,19 @@ use crate::program::orientation::{from_zyx_deg, quaternion, rotation, zyx_deg};
 use crate::text::Diagnostic;
 use crate::text::number::{printed, write_fixed};
 
-/// Points of a job where the options give no number: a job has at most 9,999 lines (Yaskawa, *DX200 Instructions*), some of which are marks
-/// and calls.
+/// Most points of a job if the options give no number: a job has at most 9,999 lines (Yaskawa, *DX200 Instructions*), some of which are
+/// marks and calls.
 const MOST_POINTS: usize = 9500;
-/// Speed of joint moves, per cent: CL data say nothing of joints.
+/// Speed of joint motions, per cent: CL data state none.
 const JOINT_PERCENT: &str = "10.00";
-/// Longest job name less `_12`.
+/// Characters of a job name that are reserved for an ending (`_12`).
 const ENDING: usize = 4;
 
-/// How INFORM says what posted programs need.
+/// The statements of INFORM in posted programs.
 pub(crate) const STATEMENTS: Statements = Statements {
     dwell: |seconds| format!("TIMER T={seconds:.2}"),
     asks: |text| {
-        /// Characters that a message has room for.
+        /// Most characters of a message.
         const MESSAGE: usize = 32;
         let short: String = text.replace('"', "'").chars().take(MESSAGE).collect();
         vec![format!("MSG \"{short}\""), "PAUSE".to_owned()]
@@ -33,7 +33,7 @@ pub(crate) const STATEMENTS: Statements = Statements {
     ..Statements::RAPID
 };
 
-/// What a controller holds of a pose (mm, scalar first) that is printed as X … Rz.
+/// A pose (mm, scalar first) that is printed as X … Rz, in the controller's precision.
 pub(crate) fn held_pose(mm: [f64; 3], quat: [f64; 4]) -> Held {
     let turn = zyx_deg(&rotation(quat)).map(|deg| printed(deg, DECIMALS[1]));
     (mm.map(|mm| printed(mm, DECIMALS[0])), quaternion(&from_zyx_deg(turn)))
@@ -42,7 +42,7 @@ pub(crate) fn held_pose(mm: [f64; 3], quat: [f64; 4]) -> Held {
 /// Writes the job: points with the axis angles there (degrees), and the lines of its end.
 ///
 /// # Errors
-/// A tool or a work object that is no number (`TOOL 1`, `USER 1`).
+/// A tool or a work object whose name is not a number (`TOOL 1`, `USER 1`).
 fn jobs(post: &RapidPost, points: &[PostedPoint], axes_deg: &[[f64; 6]], end: &str) -> Result<Files, Vec<Diagnostic>> {
     let plan = post.plan();
     names::refuse(plan, Language::Jbi)?;
@@ -86,7 +86,7 @@ fn job(post: &RapidPost, name: &str, title: &str, points: &[PostedPoint], axes_d
             group = now;
         }
         position(&mut positions, i, point);
-        // The way to the first point is unknown: joints, not a straight line.
+        // The path to the first point is unknown: a joint motion, not a straight line.
         if i == 0 || point.joint {
             lines += &format!("MOVJ C{i:05} VJ={JOINT_PERCENT} PL=0\n");
         } else {
@@ -100,7 +100,7 @@ fn job(post: &RapidPost, name: &str, title: &str, points: &[PostedPoint], axes_d
     whole(name, points.len(), &positions, &lines)
 }
 
-/// A job with its head. Its date says nothing: the same input gives the same bytes.
+/// A job with its head. Its date is fixed: the same input gives the same bytes.
 fn whole(name: &str, count: usize, positions: &str, lines: &str) -> Vec<u8> {
     let text = format!(
         "/JOB\n//NAME {name}\n//POS\n///NPOS {count},0,0,0,0,0\n{positions}//INST\n///DATE 2000/01/01 00:00\n\

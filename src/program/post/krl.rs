@@ -1,4 +1,4 @@
-//! The same points as KRL: one `.src`, or parts that the first one calls.
+//! Writes points as KRL: one `.src`, or parts that the first one calls.
 
 use super::names::identifier;
 use super::statements::Statements;
@@ -9,7 +9,7 @@ use crate::program::orientation::{rotation, zyx_deg};
 use crate::program::{Mark, ToolData, WobjData};
 use crate::text::number::write_fixed;
 
-/// Most points of a file: controllers do not load long ones; RoboDK's post for the KRC4 splits at as many lines.
+/// Most points of a file: controllers do not load long files. RoboDK's post-processor for the KRC4 splits at the same number of lines.
 pub(crate) const MOST_POINTS: usize = 1400;
 /// Decimals of millimetres, as in RAPID.
 const MM: usize = 4;
@@ -17,15 +17,15 @@ const MM: usize = 4;
 const DEG: usize = 6;
 /// Decimals of speeds, m/s.
 const SPEED: usize = 6;
-/// Speed of joint motions, % of what the axes can.
+/// Speed of joint motions, % of the largest axis speeds.
 const JOINT_SPEED: u32 = 20;
 /// Names have 24 characters, of which parts take some.
 const SHORTER: usize = 32 - 24 + 8;
 
-/// How KRL says what posted programs need.
+/// The statements of KRL in posted programs.
 pub(crate) const STATEMENTS: Statements = Statements {
     dwell: |seconds| format!("WAIT SEC {}", decimal(seconds)),
-    // A message with an answer needs declarations; the line of a HALT is shown, and the program goes on at Start.
+    // A message with an answer would need declarations. The pendant shows the line of a HALT, and the program continues with Start.
     asks: |text| vec![format!("; {text}"), "HALT".to_owned()],
     write: Some(|post, points, axes, end| Ok(post.krl(points, axes, end))),
     most_points: Some(MOST_POINTS),
@@ -37,7 +37,7 @@ impl RapidPost {
     /// Writes the program: points with the axis angles there (degrees), and the lines of its end; its files by name, the
     /// one to start first.
     ///
-    /// Ways that are not known are joint motions to axis angles, which leave no choice of posture.
+    /// A motion whose path is unknown is a joint motion to axis angles, which decides the posture.
     #[must_use]
     pub fn krl(&self, points: &[PostedPoint], axes_deg: &[[f64; 6]], end: &str) -> Vec<(String, Vec<u8>)> {
         let name = identifier(&self.plan.name, SHORTER);
@@ -113,7 +113,7 @@ impl RapidPost {
             return;
         }
         let speed = 1e-3 * self.speed_mm_s(point);
-        #[allow(clippy::float_cmp)] // the very number
+        #[allow(clippy::float_cmp)] // exactly the same number
         if said.speed != Some(speed) {
             text.extend_from_slice(b"$VEL.CP = ");
             write_fixed(text, speed, SPEED);
@@ -138,7 +138,7 @@ impl RapidPost {
     }
 }
 
-/// What the file has said before.
+/// The state that the file has set so far.
 #[derive(Default)]
 struct Said {
     tool: Option<u16>,
@@ -168,7 +168,7 @@ fn components(text: &mut Vec<u8>, names: [&[u8]; 6], values: &[f64; 6], decimals
     }
 }
 
-/// `,E1 …` of those in use.
+/// `,E1 …` for the axes in use.
 fn externals(text: &mut Vec<u8>, external: &[Option<f64>; crate::program::EXTERNAL_AXES]) {
     for (number, position) in (1_u32..).zip(external) {
         let Some(position) = position else { continue };
@@ -185,7 +185,7 @@ fn frame(text: &mut Vec<u8>, [x, y, z]: &[f64; 3], quat: [f64; 4]) {
     text.push(b'}');
 }
 
-/// The tool by its number where its name says one, else as it is.
+/// The tool by its number if its name has one, otherwise its frame.
 fn tool(text: &mut Vec<u8>, name: &str, data: &ToolData) {
     if let Some(number) = numbered(name, "TOOL_DATA") {
         text.extend_from_slice(format!("$TOOL = TOOL_DATA[{number}]\r\n$LOAD = LOAD_DATA[{number}]\r\n").as_bytes());

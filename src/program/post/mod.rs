@@ -1,9 +1,9 @@
-//! Points to a program that a robot loads where the input was CL.
+//! Posts points: writes a program for a robot's controller if the input was CL data.
 //!
 //! | file | does |
 //! |---|---|
-//! | `names` | identifiers, predefined speeds, names that fit no language |
-//! | `zone` | corner zones suited to spacing and bend |
+//! | `names` | identifiers, predefined speeds, names that a language has no place for |
+//! | `zone` | zones that suit the spacing and the bend of the path |
 //! | `data` | declarations: tools, work objects, speeds |
 //! | `template` | lines that call the cell's own routines |
 //! | `writer` | RAPID modules, written chunk by chunk |
@@ -11,7 +11,7 @@
 //! | `krl` | the same points as KRL |
 //! | `ur` | the same points as URScript |
 //! | `jbi` | the same points as INFORM |
-//! | `statements` | what languages write differently in posted programs |
+//! | `statements` | the statements that differ between languages |
 
 mod data;
 pub(crate) mod jbi;

@@ -1,4 +1,4 @@
-//! Identifiers, predefined names, and which names of the cell a language has a place for.
+//! Identifiers, predefined names, and the check whether a language has a place for the names of the cell.
 
 use super::RapidPlan;
 use crate::program::Language;
@@ -102,8 +102,8 @@ pub(super) fn number(name: &str, prefix: &str) -> Option<u32> {
     name.to_ascii_uppercase().strip_prefix(prefix)?.trim().parse().ok()
 }
 
-/// Refuses names that the posted program could not say: RAPID declares tools and work objects under them, TP and INFORM know
-/// both by their numbers. KRL writes the frames themselves where a name is no entry of its tables.
+/// Refuses names that the posted program cannot have. RAPID declares tools and work objects under these names; TP and INFORM have numbers for
+/// both. KRL writes the frames themselves if a name is no entry of its tables.
 ///
 /// # Errors
 /// Every tool and work object whose name does not fit.
@@ -146,7 +146,7 @@ const SPEEDS: [u32; 25] = [
     6000, 7000,
 ];
 
-/// Speeds print with four decimals: closer than half of the last, they are one.
+/// Speeds that differ by less than this are equal, mm/s: half of the last of four printed decimals.
 pub(super) const SAME_SPEED: f64 = 0.5e-4;
 
 /// The predefined speed that prints as `mm_s`.

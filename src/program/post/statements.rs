@@ -1,4 +1,4 @@
-//! What languages write differently in posted programs.
+//! The statements of posted programs that differ between languages.
 
 use super::template::decimal;
 use super::writer::{PostedPoint, RapidPost};
@@ -8,23 +8,23 @@ use crate::text::Diagnostic;
 pub(crate) type Files = Vec<(String, Vec<u8>)>;
 /// Writes points, with the axis angles there (degrees) and the lines of the end, as files.
 pub(crate) type Write = fn(&RapidPost, &[PostedPoint], &[[f64; 6]], &str) -> Result<Files, Vec<Diagnostic>>;
-/// What a controller holds of a position, mm, and an orientation, scalar first.
+/// Gives a position, mm, and an orientation, scalar first, in the controller's precision.
 pub(crate) type Print = fn([f64; 3], [f64; 4]) -> Held;
 /// A position, mm, and an orientation, scalar first.
 pub(crate) type Held = ([f64; 3], [f64; 4]);
 
-/// How a language says what posted programs need.
+/// The statements of a language in posted programs.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Statements {
-    /// Waits for so many seconds, written as a number.
+    /// Waits for a number of seconds.
     pub(crate) dwell: fn(f64) -> String,
     /// Shows the operator a message that has to be acknowledged.
     pub(crate) asks: fn(&str) -> Vec<String>,
     /// Writes a program as a whole; RAPID is written in chunks.
     pub(crate) write: Option<Write>,
-    /// What a controller holds of a pose that is printed; RAPID prints quaternions.
+    /// A printed pose in the controller's precision; `None` for RAPID, which prints quaternions.
     pub(crate) held: Option<Print>,
-    /// Points of a file where the options give no number.
+    /// Most points of a file if the options give no number.
     pub(crate) most_points: Option<usize>,
     /// Why a program is not split into several files.
     pub(crate) unsplit: Option<&'static str>,
@@ -32,12 +32,12 @@ pub(crate) struct Statements {
     pub(crate) without_axes: Option<&'static str>,
     /// Whether work objects of posted programs have to stand still.
     pub(crate) stands_still: bool,
-    /// What has to be looked at before the program runs.
+    /// Text for a note: what to check before the program runs.
     pub(crate) check: Option<&'static str>,
 }
 
 impl Statements {
-    /// Those of RAPID, which others differ from.
+    /// The statements of RAPID, from which others differ.
     pub(crate) const RAPID: Self = Self {
         dwell: |seconds| format!("WaitTime {};", decimal(seconds)),
         asks: |text| vec![format!("UIMsgBox \"{text}\";")],

@@ -3,7 +3,7 @@
 use crate::program::{ActionKind, Language};
 use std::collections::BTreeMap;
 
-/// Every key of `[cl.post]`, with what may stand in its braces.
+/// Every key of `[cl.post]`, with the names that its braces may have.
 pub(crate) const TEMPLATES: [(&str, &[&str]); 8] = [
     ("tool_change", &["number", "tool"]),
     ("spindle_on", &["rpm", "direction"]),
@@ -15,12 +15,12 @@ pub(crate) const TEMPLATES: [(&str, &[&str]); 8] = [
     ("home", &[]),
 ];
 
-/// What is written where CL data ask for something that RAPID has no instruction for.
+/// Lines for actions of CL data that RAPID has no instruction for.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Templates(BTreeMap<&'static str, String>);
 
 impl Templates {
-    /// Takes a template, checked by [`Templates::fault`].
+    /// Adds a template that [`Templates::fault`] has checked.
     pub(crate) fn insert(&mut self, key: &'static str, text: String) {
         self.0.insert(key, text);
     }
@@ -54,12 +54,12 @@ impl Templates {
         kind.template().is_none_or(|key| self.0.contains_key(key))
     }
 
-    /// Whether a template fills a name in.
+    /// Whether a template has a name in braces.
     pub(crate) fn fills(&self, key: &str, name: &str) -> bool {
         self.0.get(key).is_some_and(|text| text.contains(&format!("{{{name}}}")))
     }
 
-    /// Lines of an action, without their indentation; `None` where it has no template, or lacks what is filled in.
+    /// Lines of an action, without their indentation; `None` if it has no template, or lacks a value that the template needs.
     pub(crate) fn lines(&self, kind: &ActionKind, tool: &str, language: Language) -> Option<String> {
         if let ActionKind::Dwell { seconds } = kind {
             return Some((language.about().post.dwell)(*seconds));
@@ -82,7 +82,7 @@ fn closes(word: &str) -> bool {
     matches!(word, "ENDPROC" | "ENDMODULE" | "PROC" | "MODULE" | "FUNC" | "TRAP")
 }
 
-/// A number without digits that say nothing.
+/// A number without superfluous zeros.
 pub(super) fn decimal(value: f64) -> String {
     let text = format!("{value:.4}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()

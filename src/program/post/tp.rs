@@ -1,4 +1,4 @@
-//! Points to FANUC TP programs as text.
+//! Writes points as FANUC TP programs in text form.
 
 use super::statements::Statements;
 use super::writer::RapidPlan;
@@ -13,16 +13,16 @@ use std::fmt::Write;
 
 /// Decimals of millimetres and degrees, as controllers print them.
 const DECIMALS: usize = 3;
-/// Speed of J moves, per cent: CL data say nothing of joints.
+/// Speed of J motions, per cent: CL data state none.
 const JOINT_PERCENT: u32 = 20;
-/// Longest program name less `_12`.
+/// Characters of a program name that are reserved for an ending (`_12`).
 const ENDING: usize = 4;
 
-/// How FANUC TP says what posted programs need.
+/// The statements of FANUC TP in posted programs.
 pub(crate) const STATEMENTS: Statements = Statements {
     dwell: |seconds| format!("WAIT {seconds:.2}(sec)"),
     asks: |text| {
-        /// Characters that a TP message has room for.
+        /// Most characters of a TP message.
         const MESSAGE: usize = 24;
         let short: String = text.replace(',', "").chars().take(MESSAGE).collect();
         vec![format!("MESSAGE[{short}]"), "PAUSE".to_owned()]
@@ -33,7 +33,7 @@ pub(crate) const STATEMENTS: Statements = Statements {
     ..Statements::RAPID
 };
 
-/// What a controller holds of a pose (mm, scalar first) that is printed as X … R.
+/// A pose (mm, scalar first) that is printed as X … R, in the controller's precision.
 pub(crate) fn held_pose(mm: [f64; 3], quat: [f64; 4]) -> ([f64; 3], [f64; 4]) {
     #[allow(clippy::cast_possible_truncation)]
     let held = |value: f64| f64::from(printed(value, DECIMALS) as f32);
@@ -43,7 +43,7 @@ pub(crate) fn held_pose(mm: [f64; 3], quat: [f64; 4]) -> ([f64; 3], [f64; 4]) {
 /// Writes a program: one file, or parts and a program that calls them in turn.
 ///
 /// # Errors
-/// A tool or a work object that is no number (`UT 1`, `UF 1`).
+/// A tool or a work object whose name is not a number (`UT 1`, `UF 1`).
 pub(crate) fn programs(
     plan: &RapidPlan,
     points: &[PostedPoint],
@@ -102,7 +102,7 @@ impl Writer<'_> {
                 point.mark.iter().for_each(|mark| lines.add(&format!("  !{}", mark.comment())));
                 mark = point.mark;
             }
-            // The way to the first point is unknown: joints, not a straight line.
+            // The path to the first point is unknown: a joint motion, not a straight line.
             let stop = self.stop(at, to);
             if at == 0 || point.joint {
                 lines.add(&format!("J P[{number}] {JOINT_PERCENT}% {stop}    "));
@@ -116,7 +116,7 @@ impl Writer<'_> {
         lines.program(name, &positions)
     }
 
-    /// How a move ends: at its point, past it without a stop where the path goes on nearly straight.
+    /// How a motion ends: at its point, or past it without a stop if the path continues nearly straight.
     fn stop(&self, at: usize, to: usize) -> &'static str {
         let (Some(before), Some(next)) =
             (at.checked_sub(1).map(|before| &self.points[before]), self.points.get(at + 1))
@@ -129,7 +129,7 @@ impl Writer<'_> {
             return "FINE";
         }
         let ways = [before.position_mm, point.position_mm, next.position_mm];
-        // How far a CNT rounds depends on arm and speed: where RAPID's smallest zone would be too much, none is taken.
+        // The rounding of CNT depends on arm and speed: if RAPID's smallest zone would be too large, the motion stops.
         match zone(ways[0], ways[1], ways[2], point.rapid, self.plan.corner_tolerance_mm) {
             FINE => "FINE",
             b"z0" => "CNT0",
@@ -174,7 +174,7 @@ impl Lines {
     }
 }
 
-/// A speed as the teach pendant has it: tenths, none where they are zero.
+/// A speed as the teach pendant shows it: with tenths, unless they are zero.
 fn tenths(mm_s: f64) -> String {
     let text = format!("{:.1}", mm_s.max(0.1));
     text.strip_suffix(".0").map_or(text.clone(), str::to_owned)
@@ -193,7 +193,7 @@ fn position(out: &mut String, number: usize, point: &PostedPoint, (uf, ut): (u32
     );
 }
 
-/// A number as wide as controllers print it.
+/// A number in the width of the controller.
 fn field(value: f64) -> String {
     let mut text = Vec::new();
     write_fixed(&mut text, value, DECIMALS);

@@ -1,4 +1,4 @@
-//! The same points as URScript: one `.script` with one routine.
+//! Writes points as URScript: one `.script` with one routine.
 
 use super::names::identifier;
 use super::statements::Statements;
@@ -15,12 +15,12 @@ const M: usize = 7;
 const RAD: usize = 8;
 /// Acceleration on a path, m/s², and of the axes, rad/s²: the controller's defaults.
 const ACCELERATIONS: [&str; 2] = ["1.2", "1.4"];
-/// Speed of the axes where the way is not known, rad/s: a fifth of what the fastest arms have.
+/// Speed of the axes if the path is unknown, rad/s: a fifth of that of the fastest arms.
 const JOINT_SPEED: &str = "0.6";
-/// Longest name less what makes it an identifier.
+/// Characters of a name that are reserved for an ending: none.
 const SHORTER: usize = 0;
 
-/// How URScript says what posted programs need.
+/// The statements of URScript in posted programs.
 pub(crate) const STATEMENTS: Statements = Statements {
     dwell: |seconds| format!("sleep({})", decimal(seconds)),
     asks: |text| vec![format!("popup(\"{text}\", blocking=True)")],
@@ -32,7 +32,7 @@ pub(crate) const STATEMENTS: Statements = Statements {
     ..Statements::RAPID
 };
 
-/// What a controller holds of a pose (mm, scalar first) that is printed as `p[…]`.
+/// A pose (mm, scalar first) that is printed as `p[…]`, in the controller's precision.
 pub(crate) fn held_pose(mm: [f64; 3], quat: [f64; 4]) -> ([f64; 3], [f64; 4]) {
     #[allow(clippy::cast_possible_truncation)]
     let held = |value: f64, decimals: usize| f64::from(printed(value, decimals) as f32);
@@ -44,7 +44,7 @@ impl RapidPost {
     /// Writes the program: points with the axis angles there (degrees), and the lines of its end. Work objects are frames in the
     /// robot's base.
     ///
-    /// Ways that are not known are joint motions to axis angles, which leave no choice of posture.
+    /// A motion whose path is unknown is a joint motion to axis angles, which decides the posture.
     #[must_use]
     pub fn ur(&self, points: &[PostedPoint], axes_deg: &[[f64; 6]], end: &str) -> Vec<(String, Vec<u8>)> {
         let name = identifier(&self.plan.name, SHORTER);
@@ -94,7 +94,7 @@ impl RapidPost {
     }
 }
 
-/// What the program has said before.
+/// The state that the program has set so far.
 #[derive(Default)]
 struct Said {
     tool: Option<u16>,
@@ -189,7 +189,7 @@ mod tests {
         assert!(matches!(program.targets[0].goal, Goal::Joints { deg } if (deg[1] + 90.0).abs() < 1e-4));
         for (target, point) in program.targets.iter().zip(&points).skip(1) {
             let Goal::Pose { position_mm: [x, y, z], quat, .. } = target.goal else { panic!() };
-            // A half turn about z, then the frame's place.
+            // A half turn about z, then the origin of the frame.
             let [px, py, pz] = point.position_mm;
             assert!((x - (400.0 - px)).abs() + (y + py).abs() + (z - (100.0 + pz)).abs() < 1e-3, "{x} {y} {z}");
             let expected = [0.0, -0.8, 0.6, 0.0];

@@ -1,4 +1,4 @@
-//! Modules, written chunk by chunk.
+//! Writes RAPID modules chunk by chunk.
 
 use super::data::{held_pose, robtarget, speeddata, speeds, tooldata, wobjdata};
 use super::names::{SAME_SPEED, identifier, predefined_speed};
@@ -8,30 +8,30 @@ use crate::program::{Confdata, Mark, ToolData, WobjData};
 use crate::text::number::write_whole;
 use std::sync::Arc;
 
-/// What is known before the first point.
+/// The plan of a posted program, before its first point.
 #[derive(Clone, Debug)]
 pub struct RapidPlan {
-    /// Name of the program, usually the file's stem; made an identifier.
+    /// Name of the program, usually the stem of the file's name, from which an identifier is made.
     pub name: String,
     /// Lines of the head comment.
     pub title: Vec<String>,
-    /// Tools, as [`PostedPoint::tool`] indexes them; `tool0` is not declared.
+    /// Tools, by the index of [`PostedPoint::tool`]; `tool0` is not declared.
     pub tools: Vec<(String, ToolData)>,
-    /// Work objects, as [`PostedPoint::wobj`] indexes them; `wobj0` is not declared.
+    /// Work objects, by the index of [`PostedPoint::wobj`]; `wobj0` is not declared.
     pub wobjs: Vec<(String, WobjData)>,
-    /// The mechanical unit that is the user frame of each work object, where one is.
+    /// The mechanical unit that is the user frame of each work object, if there is one.
     pub units: Vec<Option<String>>,
-    /// Where the external axes stand, mm or degrees; `None` where one is not in use.
+    /// Positions of the external axes, mm or degrees; `None` for one that is not in use.
     pub external: [Option<f64>; EXTERNAL_AXES],
-    /// Cutting speeds that occur, mm/s: declared where no predefined name has them. Others are written in place.
+    /// Cutting speeds, mm/s, which are declared unless a predefined name has them. Other speeds are written in the motions.
     pub speeds: Vec<f64>,
     /// Number of points.
     pub points: usize,
-    /// Most points a module; more are split over several, with a main module that loads them in turn.
+    /// Most points of a module; a longer program is split into several, with a main module that loads them in turn.
     pub max_points: Option<usize>,
     /// Speed of rapid travel, mm/s.
     pub rapid_mm_s: f64,
-    /// How far a zone may pass a cutting corner, mm.
+    /// Largest distance of a zone's rounding from a corner that cuts, mm.
     pub corner_tolerance_mm: f64,
 }
 
@@ -43,7 +43,7 @@ impl RapidPlan {
     }
 }
 
-/// One point to move to.
+/// A point of a posted program.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PostedPoint {
     /// TCP in the work object, mm.
@@ -54,15 +54,15 @@ pub struct PostedPoint {
     pub conf: Confdata,
     /// Whole turns of axes 1, 4, 6 there, as FANUC numbers them.
     pub turns: [i32; 3],
-    /// Speed into the point, mm/s; rapid travel has the plan's.
+    /// Speed of the motion to the point, mm/s; rapid travel has that of the plan.
     pub speed_mm_s: f64,
-    /// Rapid travel.
+    /// Whether it is reached in rapid travel.
     pub rapid: bool,
-    /// Stop at the point, whatever comes next.
+    /// Whether the motion stops at the point in any case.
     pub stop: bool,
-    /// The way to it is unknown, as after a tool change: joints, not a straight line.
+    /// Whether the path to it is unknown, as after a tool change: then the motion is a joint motion, not a straight line.
     pub joint: bool,
-    /// Instructions before the motion, a line each.
+    /// Instructions before the motion, one on each line.
     pub lines: Option<Arc<str>>,
     /// Mark in force.
     pub mark: Option<Mark>,
@@ -70,13 +70,13 @@ pub struct PostedPoint {
     pub tool: u16,
     /// Index into [`RapidPlan::wobjs`].
     pub wobj: u16,
-    /// Positions of the external axes, mm or degrees; `None` where they are the plan's.
+    /// Positions of the external axes, mm or degrees; `None` for those of the plan.
     pub external: Option<Box<[Option<f64>; EXTERNAL_AXES]>>,
 }
 
 #[cfg(test)]
 impl PostedPoint {
-    /// A point to begin a test with.
+    /// A point for tests.
     pub(super) fn sample(position_mm: [f64; 3], quat: [f64; 4]) -> Self {
         let conf = Confdata { cf1: 0, cf4: -1, cf6: 0, cfx: 1 };
         let (speed_mm_s, rapid, stop, joint, lines, mark) = (20.0, false, false, false, None, None);
@@ -98,18 +98,18 @@ impl PostedPoint {
     }
 }
 
-/// Position and orientation as the controller holds them: printed, then in single precision.
+/// Position and orientation in the controller's precision: printed, then in single precision.
 #[must_use]
 pub fn as_written(position_mm: [f64; 3], quat: [f64; 4]) -> ([f64; 3], [f64; 4]) {
     held_pose(position_mm, quat)
 }
 
-/// Text of a program: what goes on in the file before, and further files.
+/// Text of a program: the continuation of the present file, and further files.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Text {
     /// All bytes, one file after the other.
     pub bytes: Vec<u8>,
-    /// Where the files begin that begin here, and their names (`part.mod`).
+    /// Offsets at which new files begin, with their names (`part.mod`).
     pub files: Vec<(usize, String)>,
 }
 
@@ -135,14 +135,14 @@ impl Text {
     }
 }
 
-/// How far a program is written: what the next chunk of it goes on from.
+/// The position up to which a program is written, from which the next chunk continues.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct WriterPosition {
     /// Points written.
     written: usize,
     /// The last of them.
     before: Option<PostedPoint>,
-    /// The point that waits for the next one, which its zone depends on.
+    /// The point that waits for the next one, on which its zone depends.
     waiting: Option<PostedPoint>,
 }
 
@@ -152,7 +152,7 @@ impl WriterPosition {
         self.before.is_none()
     }
 
-    /// After these points too, all but the last of which are written with them.
+    /// The position after further points, of which all except the last are written.
     #[must_use]
     pub fn behind(&self, points: &[PostedPoint]) -> Self {
         let mut known = [&self.before, &self.waiting].into_iter().flatten().chain(points).rev();
@@ -164,14 +164,14 @@ impl WriterPosition {
 
 /// Writes a program as one module, or as parts and a main module that loads and calls them.
 ///
-/// The head comes first; then chunks of points, each from its [`WriterPosition`] on, whichever thread wrote the ones before it.
+/// The head comes first, then chunks of points, each from its [`WriterPosition`] on; any thread may write any chunk.
 #[derive(Clone, Debug)]
 pub struct RapidPost {
     pub(super) plan: RapidPlan,
     module: String,
     /// Names of the declared speeds, slowest first.
     speeds: Vec<(f64, String)>,
-    /// Points a part, where there are parts.
+    /// Points of a part, if the program has parts.
     pub(super) part: Option<usize>,
     head: Text,
 }
@@ -180,7 +180,7 @@ pub struct RapidPost {
 const ENDING: usize = 10;
 
 impl RapidPost {
-    /// Lays out the program: what is declared, and which parts there are.
+    /// Makes the layout of the program: its declarations and parts.
     #[must_use]
     pub fn new(plan: RapidPlan) -> Self {
         let module = identifier(&plan.name, ENDING);
@@ -190,19 +190,19 @@ impl RapidPost {
         post
     }
 
-    /// What it was laid out from.
+    /// The plan of the layout.
     #[must_use]
     pub fn plan(&self) -> &RapidPlan {
         &self.plan
     }
 
-    /// How many files the program is.
+    /// Number of files of the program.
     #[must_use]
     pub fn files(&self) -> usize {
         1 + self.part.map_or(0, |most| self.plan.points.div_ceil(most))
     }
 
-    /// Declarations and, for a program of parts, all of the main module but its end.
+    /// Declarations and, for a program with parts, all of the main module except its end.
     #[must_use]
     pub fn head(&self) -> &Text {
         &self.head
@@ -233,8 +233,8 @@ impl RapidPost {
         self.head = text;
     }
 
-    /// The points from a place on; the last of them waits for the next chunk, unless this is the last one, which ends with
-    /// the instructions of `end`, a line each.
+    /// The text of points from a position on. The last point waits for the next chunk. The last chunk ends with the instructions of `end`, one
+    /// on each line.
     #[must_use]
     pub fn chunk(&self, from: &WriterPosition, points: &[PostedPoint], end: Option<&str>) -> Text {
         let mut text = Text { bytes: Vec::with_capacity(A_LINE * points.len()), files: Vec::new() };
@@ -251,7 +251,7 @@ impl RapidPost {
         text
     }
 
-    /// Moves to the point that waits at a place.
+    /// Writes the motion to the waiting point of a position.
     fn movement(&self, text: &mut Text, place: &WriterPosition, next: Option<&PostedPoint>) {
         let Some(point) = &place.waiting else { return };
         let part = self.part.filter(|most| place.written.is_multiple_of(*most)).map(|most| place.written / most + 1);
@@ -261,13 +261,13 @@ impl RapidPost {
             text.line(&format!("  PROC {}_{part}_run()", self.module));
         }
         text.instructions(point.lines.as_deref().unwrap_or_default());
-        // Said again in a part, so that each module reads right by itself.
+        // Repeated in a part, so that each module is right by itself.
         let said = place.before.as_ref().and_then(|before| before.mark).filter(|_| part.is_none());
         if said != point.mark {
             point.mark.iter().for_each(|mark| text.line(&format!("    ! {}", mark.comment())));
         }
         let line = &mut text.bytes;
-        // The way to the first point is unknown: joints, not a straight line.
+        // The path to the first point is unknown: a joint motion, not a straight line.
         let joint = place.before.is_none() || point.joint;
         line.extend_from_slice(if joint { b"    MoveJ " } else { b"    MoveL " });
         robtarget(line, &point.position_mm, &point.quat, point.conf, self.external(point));
@@ -284,12 +284,12 @@ impl RapidPost {
         line.extend_from_slice(b";\n");
     }
 
-    /// Speed into a point, mm/s.
+    /// Speed of the motion to a point, mm/s.
     pub(super) fn speed_mm_s(&self, point: &PostedPoint) -> f64 {
         if point.rapid { self.plan.rapid_mm_s } else { point.speed_mm_s }
     }
 
-    /// How far from a point the arm may leave it, mm; `None` where it stops there, or `next` is gone to at rest or by the axes.
+    /// Largest distance of the rounding from a point, mm; `None` if the arm stops there, or reaches `next` from rest or by a joint motion.
     pub(super) fn corner_mm(
         &self,
         place: &WriterPosition,
@@ -325,10 +325,10 @@ impl RapidPost {
         next: Option<&PostedPoint>,
     ) -> &'static [u8] {
         let (Some(before), Some(next)) = (&place.before, next) else { return FINE };
-        // The tool arrives before it enters the material.
+        // The tool stops before it enters the material.
         let enters = point.rapid && !next.rapid;
         let ends_part = self.part.is_some_and(|most| (place.written + 1).is_multiple_of(most));
-        // Instructions are run ahead of a corner path.
+        // With a zone, the controller would run the instructions early.
         if point.stop || enters || ends_part || next.lines.is_some() || next.joint {
             return FINE;
         }
@@ -337,7 +337,7 @@ impl RapidPost {
     }
 }
 
-/// Room for a line, bytes.
+/// Reserved bytes for a line.
 const A_LINE: usize = 160;
 
 #[cfg(test)]
@@ -402,7 +402,7 @@ mod tests {
         (plan, points)
     }
 
-    /// Files with their text, written in stretches that end before these points.
+    /// Files with their text, written in chunks that end before these points.
     fn posted(max_points: Option<usize>, ends: &[usize]) -> Vec<(String, String)> {
         let (plan, mut points) = plan_and_points(max_points);
         points[2].lines = Some("rSpindle 9000;\nWaitTime 2;".into());

@@ -1,4 +1,4 @@
-//! Corner zones: as round as the path allows, never more off it than tolerated.
+//! Zones: as large as the path allows within the tolerance.
 
 /// Predefined zones and their TCP radius, mm, smallest first.
 const ZONES: [(&[u8], f64); 14] = [
@@ -21,7 +21,7 @@ const ZONES: [(&[u8], f64); 14] = [
 /// A stop at the point.
 pub(super) const FINE: &[u8] = b"fine";
 
-/// Largest zone on a cutting path, mm: beyond it reorientation starts far before the point.
+/// Largest zone on a path that cuts, mm: with a larger one, reorientation starts far before the point.
 const LARGEST_CUTTING_MM: f64 = 10.0;
 
 /// Largest zone in rapid travel, mm.
@@ -30,7 +30,7 @@ const LARGEST_RAPID_MM: f64 = 50.0;
 /// The zone at a point between its neighbours.
 ///
 /// A corner of turning angle θ is rounded by a parabola from r before it to r after it, which passes
-/// the corner at r/2·sin(θ/2); the controller takes r as half of the shorter neighbouring path at most.
+/// the corner at r/2·sin(θ/2); the controller limits r to half of the shorter neighbouring path.
 pub(super) fn zone(
     before: [f64; 3],
     at: [f64; 3],
@@ -49,13 +49,13 @@ pub(super) fn zone(
     let best = ZONES.iter().rev().find(|(_, r)| fits(*r) && near(*r));
     match best {
         Some((name, _)) => name,
-        // z0 is capped by the controller where the points are denser than its radius.
+        // The controller limits z0 if the points are denser than its radius.
         None if near(ZONES[0].1) => ZONES[0].0,
         None => FINE,
     }
 }
 
-/// Radius of a predefined zone, mm; none of a stop.
+/// Radius of a predefined zone, mm; `None` for a stop.
 pub(super) fn radius(zone: &[u8]) -> Option<f64> {
     ZONES.iter().find(|(name, _)| *name == zone).map(|(_, radius)| *radius)
 }

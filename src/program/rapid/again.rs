@@ -1,9 +1,9 @@
-//! Motions that are run more than once: those that are alike are held once, and a program of many is run again for what each of
-//! its chunks moves to.
+//! Motions that run more than once. Equal motions are stored once, and a program with many motions runs again to make the targets of each
+//! chunk.
 //!
-//! Alike are executed motions of the same statement, by the same numbers of the text, under the same tool and work object, that
-//! may be edited to the same extent: whatever is decided of one from the text is decided of all. How many there are is bounded by the
-//! text, whatever number of them is executed.
+//! Executed motions are equal if they have the same statement, the same numbers of the text, the same tool and work object, and the same
+//! editable parts. Every decision from the text about one of them applies to all. Their number is bounded by the text, however many motions
+//! are executed.
 
 use super::Site;
 use super::agreed::Again;
@@ -14,7 +14,7 @@ use crate::program::{Editable, Program, Role, Target, UnknownMotion};
 use std::sync::Arc;
 
 impl Runner<'_> {
-    /// A motion is complete: its targets are the last.
+    /// Ends a motion, whose targets are the last ones.
     pub(super) fn gather(&mut self) {
         if matches!(self.gathering, Gathering::All) {
             return;
@@ -52,7 +52,7 @@ impl Runner<'_> {
                     }
                 }
                 if known.is_none() && emitter.muted.is_none() {
-                    // Both runs are the same: what only this one has would go missing without a word.
+                    // Both runs must be the same: a motion that only this one has would be lost without a message.
                     emitter.is_broken = true;
                     self.steps = usize::MAX;
                 }
@@ -70,9 +70,9 @@ impl Runner<'_> {
         }
     }
 
-    /// A motion is complete, and it is not known where it goes.
+    /// Ends a motion whose target is unknown.
     pub(super) fn miss(&mut self, motion: UnknownMotion) {
-        // One of those that are alike need not be held: they are met again.
+        // Equal motions need not be stored here: they occur again in the second run.
         if !matches!(self.gathering, Gathering::Distinct(_)) {
             self.unknown.push(motion);
         }
@@ -84,7 +84,7 @@ impl Runner<'_> {
         }
     }
 
-    /// What a target has in common with those that are alike.
+    /// The data of a target that equal targets share.
     fn alike(&self, i: usize) -> Point {
         let (target, site): (&Target, &Site) = (&self.targets[i], &self.sites[i]);
         let steps = match site {
@@ -108,7 +108,7 @@ impl Runner<'_> {
         }
     }
 
-    /// Hands on what is held.
+    /// Sends the stored targets as a chunk.
     fn emit(&mut self, last: bool) {
         let Gathering::Chunks(emitter) = &mut self.gathering else { return };
         let like = &emitter.like;
@@ -126,7 +126,7 @@ impl Runner<'_> {
             wobjs: like.wobjs.clone(),
             targets: std::mem::take(&mut self.targets),
             unknown: std::mem::take(&mut self.unknown),
-            // Said once.
+            // Only in the first chunk.
             diagnostics: if emitter.first { like.diagnostics.clone() } else { Vec::new() },
             ..Program::empty(like.language, like.dialect, (Arc::clone(&like.sources), like.written), layout)
         };
@@ -138,7 +138,7 @@ impl Runner<'_> {
         }
     }
 
-    /// Runs the program, handing on its targets.
+    /// Runs the program, and sends its targets.
     pub(super) fn emit_all(mut self) {
         self.follow();
         let is_broken = matches!(&self.gathering, Gathering::Chunks(emitter) if emitter.is_broken);
@@ -149,5 +149,5 @@ impl Runner<'_> {
     }
 }
 
-/// Steps that a motion takes back: what goes on moving goes on.
+/// Number of steps that a motion gives back, so that a program that goes on moving may go on.
 const STEPS_PER_MOTION: usize = 64;

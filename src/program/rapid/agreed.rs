@@ -1,7 +1,7 @@
-//! What motions that are run more than once are to become, agreed among all of their runs.
+//! The corrections of motions that run more than once, on which all of their runs have to agree.
 //!
-//! Each chunk says what its motions want; of what those that are alike want, so much is held that who does not agree is known. From
-//! that the numbers of the text follow as from a program that is held as a whole, and each chunk receives them.
+//! Each chunk adds the wanted values of its motions. For equal motions, enough of these values are stored to know which of them disagree. The
+//! new numbers of the text follow from them as for a program that is held as a whole, and each chunk receives them.
 
 use super::rewrite::{Settled, rewrite_settled};
 use super::value::Step;
@@ -15,18 +15,18 @@ use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Which motions the targets of a chunk are like, and what is known of what these are to become.
+/// The equal motions of a chunk's targets, and the state of the agreement on them.
 #[derive(Debug)]
 pub(super) struct Again {
-    /// One a target.
+    /// One for each target.
     alike: Vec<u32>,
     agreement: Agreement,
 }
 
-/// How far it is known what motions are to become.
+/// The state of the agreement on corrections.
 #[derive(Clone, Debug)]
 pub(super) enum Agreement {
-    /// Nothing is to be written.
+    /// Nothing will be written.
     None,
     /// It is being determined.
     Asked(Arc<Asked>),
@@ -34,11 +34,11 @@ pub(super) enum Agreement {
     Found(Arc<Agreed>),
 }
 
-/// What motions want, by the first target of those that are alike.
+/// The wanted values of motions, by the first target of equal ones.
 #[derive(Debug, Default)]
 pub(super) struct Asked(Mutex<HashMap<u32, Vec<Wanted>>>);
 
-/// What one motion wants.
+/// The wanted values of one motion.
 #[derive(Clone, Debug)]
 struct Wanted {
     ordinal: u32,
@@ -52,21 +52,21 @@ enum Said {
     Nothing,
     /// New tokens of its literal.
     Print(Box<Print>),
-    /// Where an offset is to lead, in parts of what is printed.
+    /// The wanted position of an offset, in shares of the last printed digit.
     Position([i64; 3]),
 }
 
-/// What different things the runs of one target may want until it is clear that they do not agree. Positions that print alike
-/// may stand on both sides of a boundary.
+/// Number of different values that the runs of one target may want before they count as a disagreement. Positions that print equally may be
+/// on both sides of a rounding boundary.
 const MOST_WANTED: usize = 4;
 
-/// What the text is to become.
+/// The new numbers of the text.
 #[derive(Debug)]
 pub(super) struct Agreed {
     settled: Settled,
-    /// Of each source.
+    /// Edits of each source.
     pub(super) edits: Vec<Vec<Edit>>,
-    /// A run wanted what none before had said.
+    /// Whether a run wanted a value that none before had.
     contradicted: AtomicBool,
 }
 
@@ -103,7 +103,7 @@ impl Again {
 }
 
 impl Asked {
-    /// Takes in what the targets of a chunk want.
+    /// Adds the wanted values of a chunk's targets.
     fn add(&self, writer: &Writer<'_>, alike: &[u32], changes: &[Option<Change>]) {
         let targets = &writer.program.targets;
         let mut at = 0;
@@ -121,7 +121,7 @@ impl Asked {
         }
     }
 
-    /// What comes of all that was said, in the program of one motion of those that are alike.
+    /// The agreement on all wanted values, in the program with one motion for all equal ones.
     pub(super) fn agreed(&self, like: &Program, options: &RewriteOptions) -> Option<Agreed> {
         let layout = super::Layout::of(like)?;
         let all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
@@ -149,7 +149,7 @@ impl Asked {
     }
 }
 
-/// Holds what a motion wants, as far as it is new.
+/// Stores the wanted value of a motion if it is new.
 fn add(known: &mut Vec<Wanted>, wanted: Wanted) {
     if let Some(same) = known.iter_mut().find(|known| known.said == wanted.said) {
         // The first of them, whichever thread comes first.
@@ -172,7 +172,7 @@ fn add(known: &mut Vec<Wanted>, wanted: Wanted) {
     }
 }
 
-/// What a target wants of the text.
+/// The wanted change of the text for a target.
 fn said(writer: &Writer<'_>, i: usize, change: Option<&Change>) -> Said {
     /// Parts of the last printed digit.
     const PARTS: f64 = 100.0;
@@ -194,12 +194,12 @@ fn said(writer: &Writer<'_>, i: usize, change: Option<&Change>) -> Said {
 }
 
 impl Agreed {
-    /// Whether all runs wanted what they had said: else nothing may be written.
+    /// Whether all runs wanted the values that they had before; if not, nothing may be written.
     pub(super) fn holds(&self) -> bool {
         !self.contradicted.load(Ordering::Relaxed)
     }
 
-    /// Notes which targets of a chunk are not edited as they want, and why.
+    /// Records the targets of a chunk that do not get their wanted values, with the reason.
     fn keep(&self, writer: &mut Writer<'_>, changes: &[Option<Change>]) {
         let layout = writer.layout;
         for (i, change) in changes.iter().enumerate() {
@@ -224,7 +224,7 @@ impl Agreed {
         }
     }
 
-    /// Why an offset stays, where another is wanted.
+    /// Why an offset is kept although another one is wanted.
     fn offset(&self, writer: &Writer<'_>, i: usize, at: u32, change: Option<&Change>) -> Option<Reason> {
         let offset = writer.layout.offsets.get(at as usize)?;
         let Goal::Pose { position_mm, .. } = writer.program.targets[i].goal else { return None };

@@ -1,4 +1,4 @@
-//! What the tool, work object and speed arguments of a motion mean.
+//! Evaluates the tool, work object and speed arguments of a motion.
 
 use super::eval::Scope;
 use super::motion::Call;
@@ -92,14 +92,14 @@ impl<'a> Runner<'a> {
         Ok(index)
     }
 
-    /// What is remembered of an argument: a plain name means the same until something is assigned or called.
+    /// The cached value of an argument: a plain name keeps its meaning until something is assigned or called.
     pub(super) fn cached(&self, scope: Scope, place: SourceSpan, index: u16) -> Cached {
         let bytes = self.bytes(scope.source as usize);
         let plain = place.span.is_empty() || first_word(bytes, place.span) == place.span;
         Cached { place: Some(place).filter(|_| plain), epoch: self.epoch, index }
     }
 
-    /// Says why a frame is not known, once a place.
+    /// Warns why a frame is unknown, once for each place.
     pub(super) fn tell_frame(&mut self, argument: Span, what: &str, name: &str, value: &Value) {
         let why = value.unknown().unwrap_or(Reason::NotANumberList);
         let message = format!("{what} `{name}` is known only at run time here: {why}");
@@ -115,8 +115,8 @@ impl<'a> Runner<'a> {
             })
     }
 
-    /// Tool or work object: the name that it was declared with, also through parameters, its value, and whether the program
-    /// says what that is: else the cell may.
+    /// Tool or work object: its declared name, also through parameters, its value, and whether the program declares the value; if not, the cell
+    /// may.
     pub(super) fn named(&mut self, scope: Scope, argument: Span) -> (Arc<str>, Value, bool) {
         let bytes = self.bytes(scope.source as usize);
         let word = first_word(bytes, argument);
@@ -161,13 +161,13 @@ impl<'a> Runner<'a> {
     }
 }
 
-/// Whether a quaternion is one of an orientation, but for printing.
+/// Whether a quaternion has unit length, except for printed digits.
 pub(super) fn is_unit(quat: [f64; 4]) -> bool {
     let norm = quat.iter().map(|c| c * c).sum::<f64>();
     (norm - 1.0).abs() <= MAX_NORM_ERROR
 }
 
-/// A tool or work object as a key: its name, whatever the case, and its numbers.
+/// A tool or work object as a key: its name in upper case, and its numbers.
 pub(super) fn frame_key(name: &str, numbers: &[f64]) -> Vec<u8> {
     let mut key = name.to_ascii_uppercase().into_bytes();
     key.push(0);
@@ -175,7 +175,7 @@ pub(super) fn frame_key(name: &str, numbers: &[f64]) -> Vec<u8> {
     key
 }
 
-/// The number of a frame; it gets one where it has none, as long as there are any.
+/// The number of a frame, which gets one if it has none and there are numbers left.
 pub(super) fn number<T>(
     all: &mut Vec<T>,
     numbers: &mut HashMap<Vec<u8>, u16>,
@@ -195,7 +195,7 @@ pub(super) fn number<T>(
     Ok(Some(number))
 }
 
-/// Where one of a few stands; it is added where it does not.
+/// The index of a value in a short list, to which it is added if it is missing.
 pub(super) fn index<T>(all: &mut Vec<T>, one: T, same: impl Fn(&T, &T) -> bool) -> u16 {
     let at = all.iter().position(|known| same(known, &one)).unwrap_or_else(|| {
         all.push(one);

@@ -1,4 +1,4 @@
-//! External axes as the program runs: offsets in force, mechanical units that are deactivated, and where the axes stand.
+//! External axes during the run: offsets in force, deactivated mechanical units, and positions of the axes.
 //!
 //! Source: ABB, *Technical reference manual: RAPID Instructions, Functions and Data types* (3HAC050917-001), the pages of
 //! `ActUnit`, `DeactUnit`, `EOffsSet`, `EOffsOn`, `EOffsOff`, `MoveExtJ` and `extjoint`.
@@ -15,7 +15,7 @@ use crate::program::{EXTERNAL_AXES, External, ExternalAxes, InactiveUnit, Reason
 use crate::text::{Span, decode};
 use std::sync::Arc;
 
-/// External axes of a target that has them in use, where the controller adds nothing to them and all units are active.
+/// External axes of a target that uses them, without offsets of the controller and with all units active.
 pub(super) fn as_written(external: &External) -> Option<Arc<ExternalAxes>> {
     axes_in_use(external).then(|| Arc::new(ExternalAxes { written: written(external), ..ExternalAxes::default() }))
 }
@@ -48,7 +48,7 @@ impl Runner<'_> {
                     None => Some(axes.positions),
                 };
                 let programmed = first.and_then(|span| target(self, span));
-                // Offsets on offsets are not followed.
+                // An offset on top of an offset is not followed.
                 let none = axes.offset == Some([0.0; EXTERNAL_AXES]);
                 let offset = at.zip(programmed).filter(|_| none).and_then(|(at, programmed)| {
                     let mut offset = [0.0; EXTERNAL_AXES];
@@ -97,7 +97,7 @@ impl Runner<'_> {
         }
     }
 
-    /// What an instruction leaves, as far as nothing else changes it at any moment.
+    /// The state after an instruction; unknown if something else may change it at any moment.
     fn only_here<T>(&self, left: Option<T>) -> Option<T> {
         let others = self.others_switch().axes;
         left.filter(|_| !others)
@@ -111,9 +111,9 @@ impl Runner<'_> {
         (plain && self.find(scope, &Upper::new(name)).is_none()).then(|| decode(name).as_ref().into())
     }
 
-    /// A motion sends the axes somewhere: 9E9 where not in use, NaN where not known.
+    /// Sets the positions of the axes after a motion: 9E9 if not in use, NaN if unknown.
     pub(super) fn axes_go_to(&mut self, external: &External, without_offset: bool) {
-        // What runs at any other moment may move them, too.
+        // Code that runs at any other moment may move them, too.
         let alone = self.mode == Mode::Real
             && self.symbols.known.aside.is_empty()
             && !self.frames.iter().any(|frame| frame.jumps);
@@ -128,7 +128,7 @@ impl Runner<'_> {
         }
     }
 
-    /// Why it is not known where external axes stand, if that is so.
+    /// Why the positions of external axes are unknown; `None` if they are known.
     pub(super) fn axes_unknown(&self, external: &External) -> Option<Reason> {
         let Axes { offset, inactive, .. } = self.state.axes;
         let in_use = axes_in_use(external);
@@ -143,7 +143,7 @@ impl Runner<'_> {
         }
     }
 
-    /// External axes of a target, where they matter.
+    /// External axes of a target, if they matter.
     pub(super) fn external_axes(
         &mut self,
         external: &External,
@@ -153,7 +153,7 @@ impl Runner<'_> {
         let Axes { offset, inactive, .. } = self.state.axes;
         let inactive = &self.inactive[inactive.unwrap_or(0) as usize];
         let moved_alone = self.axes_moved;
-        // The way of an arc begins before its circle point.
+        // The segment of an arc begins before its circle point.
         self.axes_moved &= role == Role::Via;
         if !axes_in_use(external) && inactive.is_empty() && !moved_alone {
             return None;
@@ -165,7 +165,7 @@ impl Runner<'_> {
             moved_alone,
             ..ExternalAxes::default()
         };
-        // Most often as before.
+        // Mostly they are as before.
         if self.external.as_deref() != Some(&axes) {
             self.external = Some(Arc::new(axes));
         }

@@ -1,4 +1,4 @@
-//! Calls of procedures: what parameters stand for while a routine runs, and what it leaves, at its end or by an error.
+//! Calls of procedures: the meaning of parameters while a routine runs, and the state after it, at its end or after an error.
 
 use super::eval::Scope;
 use super::known::RoutineId;
@@ -15,11 +15,11 @@ use crate::program::Reason;
 use crate::text::{Diagnostic, Severity, Span};
 use std::collections::HashSet;
 
-/// Calls deeper than this are not followed: a procedure that calls itself has no end when reading.
+/// Deepest calls that are followed: a procedure that calls itself has no end for the reader.
 const MAX_CALLS: usize = 48;
-/// What was known before a routine with labels was entered.
+/// The known values before a routine with labels was entered.
 struct Loosened {
-    /// Data and why each was not known.
+    /// Data, each with the reason why it was unknown.
     data: Vec<(usize, Option<Reason>)>,
     jumping: Switches,
 }
@@ -43,14 +43,14 @@ impl<'a> Runner<'a> {
         };
         let called: HashSet<RoutineId> = procs.iter().flat_map(calls).collect();
         let entries: Vec<RoutineId> = procs.iter().filter(|id| !called.contains(*id)).copied().collect();
-        // Where each calls another in a ring: the first.
+        // If they call one another in a ring: the first.
         if entries.is_empty() { procs.iter().copied().take(1).collect() } else { entries }
     }
 
     /// A call of a procedure that is in the files.
     pub(super) fn enter(&mut self, scope: Scope, id: RoutineId, call: &Call, span: Span) -> Flow {
         self.events += 1;
-        // Under a condition that is not known, a procedure that calls itself has no end; nor does one that was found to have none.
+        // Under an unknown condition, a procedure that calls itself has no end; nor does one that was found to have none.
         let may_end = self.layers.len() <= self.frames.len() && !self.endless.contains(&id);
         let ring = !may_end && self.frames.iter().any(|f| f.routine == id);
         if self.frames.len() >= MAX_CALLS || ring {
@@ -63,7 +63,7 @@ impl<'a> Runner<'a> {
         let before = self.symbols.variables.len();
         let failures = self.failures;
         let bound = self.arguments(scope, id, call);
-        // After an argument that fails TRYNEXT goes on without the call.
+        // After an argument that fails, TRYNEXT continues without the call.
         let skipped = self.skipped_since(failures).then(|| {
             self.open();
             self.take()
@@ -89,7 +89,7 @@ impl<'a> Runner<'a> {
         flow
     }
 
-    /// Goes on after a call that may have ended in several ways.
+    /// Continues after a call that may have ended normally or with an error.
     fn behind(&mut self, id: RoutineId, bound: &[(usize, Bound)], normal: Option<Left>, raised: Option<Left>) -> Flow {
         let mut ways = normal;
         if let Some(raised) = raised {
@@ -126,7 +126,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// A call of a procedure by a name that is worked out.
+    /// A call of a procedure by a computed name.
     pub(super) fn enter_late(&mut self, scope: Scope, call: &Call, span: Span) -> Flow {
         let Value::Text(name) = self.evaluate(scope, call.name) else {
             return self.enter_any(scope, call, span, b"");
@@ -160,7 +160,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// A call of a procedure that is chosen at run time: any whose name begins so, in the files or not.
+    /// A call of a procedure that is chosen at run time: any one whose name has this beginning, in the files or not.
     fn enter_any(&mut self, scope: Scope, call: &Call, span: Span, begins: &[u8]) -> Flow {
         self.keep_here(span, Reason::ProcedureChosen);
         self.called_late.push(begins.to_ascii_uppercase().into());
@@ -184,7 +184,7 @@ impl<'a> Runner<'a> {
         self.called_late.iter().any(|begins| is_chosen(begins))
     }
 
-    /// A procedure, or a predefined instruction, of which nothing is known.
+    /// A call of a procedure or instruction that is not known.
     pub(super) fn unknown_procedure(&mut self, scope: Scope, call: &Call, span: Span) {
         let bytes = self.bytes(scope.source as usize);
         let mut targets = false;
@@ -232,7 +232,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Takes whatever an unknown routine could change for unknown.
+    /// Makes everything unknown that an unknown routine could change.
     pub(super) fn unknown_call(&mut self, scope: Scope, call: &Call) {
         self.events += 1;
         self.stands = None;
@@ -249,7 +249,7 @@ impl<'a> Runner<'a> {
         self.state.lose(Switches::FOREIGN);
     }
 
-    /// What a routine changes that is not followed.
+    /// Makes everything unknown that a routine changes which is not followed.
     pub(super) fn not_followed(&mut self, scope: Scope, id: RoutineId, call: &Call) {
         self.events += 1;
         let changes = self.symbols.changed_by(id).clone();
@@ -278,14 +278,14 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Takes an argument by reference for unknown.
+    /// Makes an argument by reference unknown.
     pub(super) fn forget_argument(&mut self, scope: Scope, argument: Span, why: Reason) {
         if let Some(part) = self.place(scope, argument) {
             self.store(&part, &Value::Unknown(why));
         }
     }
 
-    /// A routine that nothing in the files calls.
+    /// Runs a routine that nothing in the files calls.
     pub(super) fn start(&mut self, id: RoutineId) -> Flow {
         self.stands = Some(0);
         match self.call(id, &[]) {
@@ -298,7 +298,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Runs a routine; what it leaves at its end and by an error, or nothing where it left it at its end alone.
+    /// Runs a routine. Returns the states at its end and after an error; `None` if it can only end normally.
     fn call(&mut self, id: RoutineId, arguments: &[(usize, Bound)]) -> Option<(Option<Left>, Option<Left>)> {
         match self.mode {
             Mode::Real => drop(self.entered.insert(id)),
@@ -348,7 +348,7 @@ impl<'a> Runner<'a> {
         Some((normal, raised))
     }
 
-    /// A routine with labels may run any of its statements after any other: what it changes is not known in all of it.
+    /// Prepares a routine with labels, which may run any statement after any other: everything that it changes is unknown in all of it.
     fn loosen(&mut self, id: RoutineId) -> Loosened {
         let changes = self.symbols.changed_by(id).clone();
         let mut all: Vec<usize> = changes.data.iter().copied().collect();
@@ -367,7 +367,7 @@ impl<'a> Runner<'a> {
             self.symbols.variables[at].volatile.get_or_insert(Reason::Jumps);
         }
         let loosened = Loosened { data: before, jumping: self.jumping };
-        // What is on may stay so: the jump may pass over what switches it off.
+        // A switch that is on may stay on: the jump may skip the statement that switches it off.
         let off = changes.switches_off;
         let mut switches = changes.switches;
         switches |= Switches {
@@ -395,7 +395,7 @@ impl<'a> Runner<'a> {
         self.note_return(left);
     }
 
-    /// The running routine may return here, leaving this.
+    /// Records that the running routine may return here with this state.
     pub(super) fn note_return(&mut self, left: Left) {
         let stands = self.stands;
         if let Some(frame) = self.frames.last_mut() {

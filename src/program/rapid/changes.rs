@@ -1,4 +1,4 @@
-//! What statements could change, by their text alone: used where it is not known whether, or how often, they run.
+//! Finds what statements could change, from their text alone. This is used if it is unknown whether, or how often, they run.
 
 use super::known::{Changes, Known, RoutineId};
 use super::lex::{Cursor, LexemeKind};
@@ -17,7 +17,7 @@ use std::rc::Rc;
 /// A name in upper case.
 type Name = Box<[u8]>;
 
-/// Where a name leads.
+/// The meaning of a name.
 #[derive(Clone, Debug)]
 enum Found {
     Data(usize),
@@ -25,22 +25,22 @@ enum Found {
     Foreign(Name),
 }
 
-/// A call of a routine in the files, with what is handed to its parameters by reference.
+/// A call of a routine in the files, with its arguments by reference.
 #[derive(Clone, Debug)]
 struct Handed {
     callee: RoutineId,
-    /// Number of the parameter, and what is given for it.
+    /// Numbers of parameters, with their arguments.
     given: Vec<(usize, Found)>,
 }
 
-/// What a block changes itself, and what it calls.
+/// The changes of a block itself, and its calls.
 #[derive(Clone, Debug, Default)]
 struct Direct {
     changes: Changes,
     calls: Vec<Handed>,
-    /// Routines that it lets run at some later time, while the program goes on.
+    /// Routines that run at some later moment because of it, while the program goes on.
     later: Vec<RoutineId>,
-    /// Something that is not known may run at some later time.
+    /// Whether an unknown routine may run at some later moment.
     anything_later: bool,
 }
 
@@ -54,7 +54,7 @@ impl Changes {
         switches_off: Switches::NONE,
     };
 
-    /// What a routine may change of which nothing is known.
+    /// The possible changes of an unknown routine.
     pub(super) fn anything() -> Self {
         Self { anything: true, switches: Switches::FOREIGN, ..Self::NOTHING }
     }
@@ -67,7 +67,7 @@ impl Changes {
         }
     }
 
-    /// Adds what a routine changes that is called; whether that is more than was known.
+    /// Adds the changes of a called routine. Returns whether any is new.
     fn call(&mut self, callee: &Self) -> bool {
         let before = (self.data.len(), self.own.len(), self.foreign.len(), self.flags());
         self.data.extend(&callee.data);
@@ -84,7 +84,7 @@ impl Changes {
 }
 
 impl<'a> Symbols<'a> {
-    /// Works out what each routine changes; marks the data that the program assigns, and those that change at any moment.
+    /// Computes the changes of each routine, and marks the data that the program assigns and those that may change at any moment.
     pub(super) fn find_changes(&mut self) {
         let ids: Vec<RoutineId> = self.all().collect();
         let mut direct = HashMap::new();
@@ -148,7 +148,7 @@ impl<'a> Symbols<'a> {
                 }
             }
         }
-        // What runs at any moment, and what it calls.
+        // The code that runs at any moment, with its calls.
         let mut at_any_moment = later.changes;
         for call in &later.calls {
             at_any_moment.call(&routines[&call.callee]);
@@ -188,7 +188,7 @@ impl<'a> Symbols<'a> {
         };
     }
 
-    /// Adds what comes back through parameters; whether that is more than was known.
+    /// Adds changes through parameters. Returns whether any is new.
     fn hand_back(&self, to: &mut Changes, callee: &Changes, call: &Handed) -> bool {
         let before = (to.data.len(), to.own.len(), to.foreign.len());
         for (param, found) in &call.given {
@@ -201,13 +201,13 @@ impl<'a> Symbols<'a> {
         before != (to.data.len(), to.own.len(), to.foreign.len())
     }
 
-    /// What a routine changes, in its body or its handlers, with all that it calls.
+    /// The changes of a routine, in its body or its handlers, with its calls.
     pub(super) fn changed_by(&self, id: RoutineId) -> &Changes {
         static NONE: Changes = Changes::NOTHING;
         self.known.routines.get(&id).unwrap_or(&NONE)
     }
 
-    /// What a block of a routine changes, with all that it calls.
+    /// The changes of a block of a routine, with its calls.
     pub(super) fn changed_in(&self, id: RoutineId, block: &[Statement]) -> Rc<Changes> {
         let key = block.as_ptr() as usize;
         if let Some(found) = self.known.blocks.borrow().get(&key) {
@@ -312,7 +312,7 @@ impl<'s, 'a> Scan<'s, 'a> {
         }
     }
 
-    /// Takes an argument for changed.
+    /// Marks an argument as changed.
     fn change(&mut self, argument: Span) {
         let name = first_word(self.bytes, argument);
         if !name.is_empty() && whole_variable(self.bytes, argument) {
@@ -368,7 +368,7 @@ impl<'s, 'a> Scan<'s, 'a> {
                     None => self.unknown(&Call::empty(word)),
                 }
             } else if let Some(point) = call.positional().get(shape.via.unwrap_or(shape.to).wrapping_sub(1)) {
-                // SearchPoint stands before the targets.
+                // SearchPoint comes before the targets.
                 self.change(*point);
             }
             return;
@@ -429,7 +429,7 @@ impl<'s, 'a> Scan<'s, 'a> {
         }
     }
 
-    /// Takes in a call of a routine in the files.
+    /// Adds a call of a routine in the files.
     fn call(&mut self, callee: RoutineId, call: &Call) {
         let params = &self.symbols.routine(callee).params;
         let theirs = &self.symbols.sources[callee.file].bytes;
@@ -455,7 +455,7 @@ impl<'s, 'a> Scan<'s, 'a> {
         self.out.calls.push(Handed { callee, given });
     }
 
-    /// Takes in the functions that an expression calls.
+    /// Adds the functions that an expression calls.
     fn expression(&mut self, expression: Span) {
         if memchr::memchr(b'(', &self.bytes[expression.range()]).is_none() {
             return;
@@ -496,7 +496,7 @@ pub(super) fn is_word_of_operator(word: &[u8]) -> bool {
         .any(|operator| operator.eq_ignore_ascii_case(word))
 }
 
-/// `MoveLSync` and its kin: a procedure runs on the way.
+/// `MoveLSync` and similar instructions: a procedure runs during the motion.
 pub(super) fn is_synchronised(name: &[u8]) -> bool {
     name.len() > 4 && name[name.len() - 4..].eq_ignore_ascii_case(b"SYNC")
 }
@@ -505,7 +505,7 @@ fn param_key(symbols: &Symbols<'_>, id: RoutineId, param: &Param) -> Name {
     Box::from(&*Upper::new(&symbols.sources[id.file].bytes[param.name.range()]))
 }
 
-/// A name with components or indices and nothing else: what can be changed by whom it is given to.
+/// Whether a span is only a name with components or indices, which a called routine can change.
 pub(super) fn whole_variable(bytes: &[u8], span: Span) -> bool {
     let mut cursor = Cursor::new(bytes, span);
     let mut depth = 0_usize;

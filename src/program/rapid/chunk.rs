@@ -1,4 +1,4 @@
-//! A chunk of a long program: a stretch of its text with what makes it a program.
+//! A chunk of a long program: a stretch of its text, with a head and an end that make it a program.
 
 use super::index::Entry;
 use super::kinds::Kinds;
@@ -10,7 +10,7 @@ use crate::text::Source;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// A stretch of a program, with what makes it a program.
+/// A stretch of a program, with a head and an end that make it a program.
 #[derive(Debug)]
 pub struct Chunk {
     pub(super) dialect: &'static str,
@@ -19,7 +19,7 @@ pub struct Chunk {
     pub(super) source: Source,
     /// Bytes of the head.
     pub(super) head: usize,
-    /// What of it stands in the file here: the stretch, in the first chunk the head too, in the last the file's own end.
+    /// The bytes of it that are in the file: the stretch, in the first chunk also the head, and in the last one also the file's own end.
     pub(super) own: Range<usize>,
     /// The statements.
     pub(super) stretch: Range<usize>,
@@ -27,18 +27,18 @@ pub struct Chunk {
     pub(super) lines_before: usize,
     /// Whether the head has no robtarget of its own, and no module of context declares any.
     pub(super) plain_head: bool,
-    /// What of the head are declarations that were put into it.
+    /// The declarations that were put into the head.
     pub(super) declared: Range<usize>,
-    /// What lines mean after this head.
+    /// The meaning of lines after this head.
     pub(super) kinds: Arc<Kinds>,
     pub(super) mark_before: Option<Mark>,
-    /// What of it stands elsewhere in the file: declarations of targets.
+    /// Declarations of targets that are elsewhere in the file.
     pub(super) elsewhere: Vec<Elsewhere>,
-    /// Offset of `own` in the file, where that is of interest.
+    /// Offset of `own` in the file, if it matters.
     pub(super) at: u64,
-    /// Lines from which on the stretch stands somewhere else in the file, and which lines of the file these are.
+    /// Lines of the stretch at which it continues elsewhere in the file, with their line numbers in the file.
     pub(super) lines: Vec<(usize, usize)>,
-    /// Motions before it.
+    /// Number of motions before it.
     pub(super) motions_before: u32,
     pub(super) motions: u32,
     pub(super) last_line: usize,
@@ -59,13 +59,13 @@ impl Chunk {
         self.own.is_empty()
     }
 
-    /// Who wrote the program.
+    /// The system that wrote the program.
     #[cfg(test)]
     pub(super) fn dialect(&self) -> &'static str {
         self.dialect
     }
 
-    /// Everything before the stretch that is the program's own, with a declaration where there are those of the chunk.
+    /// The head of the program itself, with a declaration in place of those of the chunk.
     pub(super) fn head_with(&self, declaration: &[u8]) -> Vec<u8> {
         let head = &self.source.bytes[..self.head];
         [&head[..self.declared.start], declaration, &head[self.declared.end..]].concat()
@@ -82,14 +82,14 @@ impl Chunk {
         &self.source.bytes[self.stretch.clone()]
     }
 
-    /// Puts declarations into the head, at an offset of it, that stand elsewhere in the file.
+    /// Puts declarations from elsewhere in the file into the head, at an offset.
     pub(super) fn declare(&mut self, data: usize, text: &[u8], entries: &[Entry]) {
         let mut start = data;
         for entry in entries {
             let own = start..start + entry.len as usize;
             start = own.end;
             match self.elsewhere.last_mut() {
-                // Neighbours that are only this chunk's are one stretch of the file.
+                // Neighbours that only this chunk uses are one stretch of the file.
                 Some(last) if !last.shared && !entry.shared() && last.at + last.own.len() as u64 == entry.start => {
                     last.own.end = own.end;
                 }
@@ -106,10 +106,10 @@ impl Chunk {
         self.source.lines_before -= entries.len();
     }
 
-    /// Says where in the file the parts of the stretch stand, of which it is put together.
+    /// Sets the places in the file of the parts of the stretch.
     pub(super) fn place(&mut self, parts: &[Part]) {
         let mut end = self.stretch.start;
-        // What ends the last chunk stands nowhere.
+        // The end of the last chunk is not in the file.
         self.own = end..end;
         for part in parts {
             let own = std::mem::replace(&mut self.own, end..end + part.len);

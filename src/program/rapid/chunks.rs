@@ -1,10 +1,9 @@
 //! A long program in chunks that fit in memory.
 //!
-//! One procedure that only moves from inline target to inline target is the same wherever it is cut between two
-//! statements: a chunk is the module's head, a stretch of the body, and an end, and so a program of its own, which
-//! [`read`](super::read) reads like any other. What would make a chunk mean something else than the same lines in the whole (an
-//! assignment, a call, a declared target, an offset of external axes, …) is looked for in the chunk as read; a program with any
-//! of that is not streamable and is read whole.
+//! A procedure that only moves from inline target to inline target can be divided between any two statements. A chunk is the module's
+//! head, a stretch of the body and an end. It is therefore a program of its own, which [`read`](super::read) reads like any other. The chunk as
+//! read is checked for anything that would give it another meaning than the same lines in the whole program (an assignment, a call, a
+//! declared target, an offset of external axes, …). A program with any of these is not streamable and is read as a whole.
 
 use super::chunk::Chunk;
 use super::kinds::Kinds;
@@ -19,19 +18,19 @@ use std::sync::Arc;
 /// Most bytes before the first motion and after the last.
 const HEAD: usize = 1 << 20;
 
-/// Motions that end a chunk: to declared targets they take few bytes.
+/// Number of motions that ends a chunk: motions to declared targets take few bytes.
 const MOTIONS: u32 = 1024;
 
-/// What a chunk may have to read on to the end of a line: shorter ones only matter to small chunks.
+/// Bytes that a chunk may have to read further to the end of a line.
 const LONGEST: usize = 4096;
 
-/// Chunks that are read at once.
+/// Number of chunks that are read at once.
 const AHEAD: usize = 4;
 
-/// What begins a body.
+/// The first word of a body.
 const FIRST: &[u8] = b"MoveL";
 
-/// Cuts a program into chunks, reading no further than needed.
+/// Divides a program into chunks, and reads no further than needed.
 #[derive(Debug)]
 pub struct Chunks<R> {
     input: R,
@@ -41,11 +40,11 @@ pub struct Chunks<R> {
     dialect: &'static str,
     context: Arc<[Source]>,
     kinds: Arc<Kinds>,
-    /// Up to the line of the first motion.
+    /// The text up to the line of the first motion.
     head: Vec<u8>,
     head_lines: usize,
     plain_head: bool,
-    /// Read and, from an offset on, not yet cut.
+    /// The text that is read and, from an offset on, not yet in a chunk.
     rest: Vec<u8>,
     cut: usize,
     lines: usize,
@@ -64,24 +63,24 @@ enum ReadingStage {
 }
 
 impl<R: Read> Chunks<R> {
-    /// Reads the head; `None` where the input does not begin like a streamable program. Each chunk is read with the modules of
-    /// `context`, so that they must not be long.
+    /// Reads the head; `None` if the input does not begin like a streamable program. Each chunk is read with the modules of `context`, which
+    /// must therefore be short.
     ///
     /// # Errors
-    /// What `input` reports.
+    /// `input` cannot be read.
     pub fn new(name: &str, input: R, context: &[Source]) -> io::Result<Option<Self>> {
         Self::sized(name, input, context, CHUNK)
     }
 
-    /// The same for a file, whose end is looked at first: it shows most programs of several routines.
+    /// The same for a file, whose end is examined first: it shows most programs that have several routines.
     ///
     /// # Errors
-    /// What `file` reports.
+    /// `file` cannot be read.
     pub fn of_file(name: &str, mut file: R, context: &[Source]) -> io::Result<Option<Self>>
     where
         R: Seek,
     {
-        /// As much as `main` takes after all routines, or the last of many.
+        /// Bytes that `main` takes after all routines, or the last of many routines.
         const TAIL: u64 = 64 * 1024;
         let len = file.seek(SeekFrom::End(0))?;
         file.seek(SeekFrom::Start(len.saturating_sub(TAIL)))?;
@@ -95,10 +94,10 @@ impl<R: Read> Chunks<R> {
         }
     }
 
-    /// The same, with chunks of about so many bytes.
+    /// The same, with chunks of about `chunk` bytes.
     ///
     /// # Errors
-    /// What `input` reports.
+    /// `input` cannot be read.
     pub fn sized(name: &str, input: R, context: &[Source], chunk: usize) -> io::Result<Option<Self>> {
         if context.iter().map(|source| source.bytes.len()).sum::<usize>() > CHUNK {
             return Ok(None);
@@ -140,8 +139,7 @@ impl<R: Read> Chunks<R> {
             .then_some(chunks))
     }
 
-    /// The same for an input that begins with the first motion, after `lines` lines, of which `head` is what every chunk
-    /// needs.
+    /// The same for an input that begins with the first motion, after `lines` lines; `head` is the text of them that every chunk needs.
     pub(super) fn behind(
         name: &str,
         input: R,
@@ -174,7 +172,7 @@ impl<R: Read> Chunks<R> {
         }))
     }
 
-    /// Reads until so many bytes wait, or to the end.
+    /// Reads until `wanted` bytes are waiting, or to the end.
     fn fill(&mut self, wanted: usize) -> io::Result<()> {
         if self.rest.len() - self.cut < wanted {
             self.rest.drain(..std::mem::take(&mut self.cut));
@@ -184,19 +182,19 @@ impl<R: Read> Chunks<R> {
         Ok(())
     }
 
-    /// The next chunk, cut after a statement.
+    /// The next chunk, which ends after a statement.
     ///
     /// # Errors
-    /// What the input reports.
+    /// The input cannot be read.
     pub fn take(&mut self) -> io::Result<Next<Chunk>> {
         if self.state == ReadingStage::Ended {
             return Ok(Next::End);
         }
         let (motions_before, before_stretch, mark_before) = (self.motions, self.lines, self.mark);
-        // A line that the chunk's end cuts through is read on; one of more than a chunk is no program's.
+        // A line at the end of a chunk is read to its end; no program has a line longer than a chunk.
         self.fill(2 * self.chunk + LONGEST)?;
         let Some(cut) = self.cut() else { return Ok(Next::NotStreamable) };
-        // What is inserted before a motion ends its line like the line before.
+        // An inserted line has the line end of the line before.
         let mark = match mark_before {
             None => Vec::new(),
             Some(Mark::Air) => [b"! deflex air", line_end(&self.head)].concat(),
@@ -257,7 +255,7 @@ impl<R: Read> Chunks<R> {
         }))
     }
 
-    /// Where the stretch ends that begins at `rest`; its motions and marks are counted.
+    /// The end of the stretch that begins at `rest`; its motions and marks are counted.
     fn cut(&mut self) -> Option<Cut> {
         let (mut at, mut lines, mut behind_motion) = (0, 0, false);
         let rest = &self.rest[self.cut..];
@@ -284,7 +282,7 @@ impl<R: Read> Chunks<R> {
                             return Some(Cut { stretch: at, lines, last: true });
                         }
                         behind_motion = is_motion(word);
-                        // A statement over several lines, or a comment after one, is not worth a closer look.
+                        // A statement on several lines, or a comment after one, is not examined further.
                         if !text.ends_with(b";") || !behind_motion && !harmless(text) {
                             return None;
                         }
@@ -305,7 +303,7 @@ impl<R: Read> Chunks<R> {
     }
 }
 
-/// Room for what ends the last chunk.
+/// Reserved bytes for the end of the last chunk.
 const HEAD_ROOM: usize = 256;
 
 struct Cut {
@@ -336,7 +334,7 @@ fn first_motion(bytes: &[u8]) -> Option<usize> {
     None
 }
 
-/// Whether nothing but ENDPROC, ENDMODULE and comments stand here.
+/// Whether a text has only ENDPROC, ENDMODULE and comments.
 fn is_end(bytes: &[u8]) -> bool {
     if bytes.len() > HEAD {
         return false;

@@ -1,4 +1,4 @@
-//! A declared target whose users want different corrections: one keeps the declaration, others get their own.
+//! Clones: if users of a declared target need different corrections, one keeps the declaration, and the others get their own.
 
 use super::Site;
 use super::value::SourceSpan;
@@ -7,10 +7,10 @@ use crate::program::{Change, Editable, Reason};
 use crate::text::{Edit, Source, Span};
 use std::collections::HashMap;
 
-/// RAPID names are at most this long.
+/// Longest name of RAPID.
 const MAX_NAME: usize = 32;
 
-/// Settles a disputed literal: clones where allowed and possible, else every user is kept.
+/// Settles a literal whose users disagree: by clones if they are allowed and possible; otherwise every user is kept.
 pub(super) fn resolve(
     writer: &mut Writer<'_>,
     literal: u32,
@@ -42,7 +42,7 @@ pub(super) fn resolve(
     }
 }
 
-/// Writes the clones, or nothing and says no: each group's instructions must be its own.
+/// Writes the clones. Returns `false` and writes nothing if an instruction belongs to several groups.
 fn try_clones(
     writer: &mut Writer<'_>,
     literal: u32,
@@ -69,7 +69,7 @@ fn try_clones(
             }
         }
     }
-    // An element by a number that runs names others too.
+    // An element with a variable index names other elements too.
     let others = writer.layout.sites.iter().any(|site| {
         matches!(site, Site::Literal { literal: of, argument: Some(argument) } if *of != literal && arguments.contains_key(argument))
     });
@@ -161,7 +161,7 @@ pub(super) fn layout_at(source: &Source, start: u32) -> (&[u8], &[u8]) {
     (&bytes[line..line + blank], line_end)
 }
 
-/// A name that nothing in the program has.
+/// A name that does not occur in the program.
 fn free_name(writer: &Writer<'_>, name: &[u8], literal: u32, group: usize) -> String {
     // Letters beyond ASCII mean one thing in ISO 8859-1 and another in UTF-8.
     let base: String = name.iter().filter(|b| b.is_ascii()).map(|&b| b as char).collect();

@@ -1,4 +1,4 @@
-//! The next cycle: where `main` ends it begins again, with the data and the displacement that it left.
+//! The next cycle: after its end, `main` begins again with the data and the displacement that it left.
 
 use super::known::RoutineId;
 use super::runner::Runner;
@@ -10,7 +10,7 @@ use crate::program::{ToolData, WobjData};
 use crate::text::{Diagnostic, Severity, Span};
 
 impl Runner<'_> {
-    /// Before `main` runs.
+    /// Records the state before `main` runs.
     pub(super) fn begin_cycle(&mut self) {
         let frame = |at: &usize| {
             let data = &self.symbols.variables[*at];
@@ -21,7 +21,7 @@ impl Runner<'_> {
         self.begun.declared = frames.into_iter().map(|at| (at, self.content(at))).collect();
     }
 
-    /// A variable is about to be assigned.
+    /// Records that a variable will be assigned.
     pub(super) fn assigns(&mut self, at: usize) {
         // After a branch it may be as it was.
         let in_every_run = self.layers.len() == self.frames.len();
@@ -30,7 +30,7 @@ impl Runner<'_> {
         }
     }
 
-    /// Program displacement is about to be switched.
+    /// Records that program displacement will be switched.
     pub(super) fn displaces(&mut self) {
         self.begun.moved_before_displacement.get_or_insert(self.motions > 0);
     }
@@ -44,7 +44,7 @@ impl Runner<'_> {
             || wobj.is_some() && self.wobjs.iter().any(|used| alike(&used.name) && used.data == wobj)
     }
 
-    /// Tells what a motion found as it was declared and the next cycle finds otherwise.
+    /// Warns of tools, work objects and displacement that a motion uses as declared, and that differ in the next cycle.
     pub(super) fn tell_next_cycle(&mut self, main: RoutineId) {
         let Begun { declared, mut used, moved_before_displacement } = std::mem::take(&mut self.begun);
         used.extend(declared.into_iter().filter(|(at, began)| self.moved_in(*at, began)));
@@ -76,7 +76,7 @@ impl Runner<'_> {
     }
 }
 
-/// As motions hold it.
+/// The tooldata of a value.
 fn tool_of(value: &Value) -> Option<ToolData> {
     value.tool().map(|data| ToolData { tcp_quat: unit(data.tcp_quat), ..data })
 }

@@ -1,4 +1,4 @@
-//! What variables hold while the program runs.
+//! The values of variables during the run.
 
 use super::eval::Scope;
 use super::lex::{Cursor, LexemeKind};
@@ -11,17 +11,17 @@ use crate::program::Reason;
 use crate::text::{Span, decode};
 use std::sync::Arc;
 
-/// So many parts of a value that is copied count as a statement more.
+/// Number of parts of a copied value that count as one more statement.
 const PARTS_PER_STEP: usize = 16;
 
 impl<'a> Runner<'a> {
-    /// The variable that a name means.
+    /// The variable of a name.
     pub(super) fn find(&self, scope: Scope, key: &[u8]) -> Option<usize> {
         let local = self.frames.last().filter(|_| scope.local).and_then(|f| f.names.get(key)).copied();
         local.or_else(|| self.symbols.find_data(scope.module, key))
     }
 
-    /// What a variable holds now.
+    /// The present value of a variable.
     pub(super) fn content(&mut self, at: usize) -> Value {
         let variable = &self.symbols.variables[at];
         let span = match &variable.content {
@@ -49,7 +49,7 @@ impl<'a> Runner<'a> {
         if let Some(why) = volatile {
             value = Value::Unknown(why);
         } else if assigned {
-            // PERS data keep what the last run left: the text is not what is there.
+            // PERS data keep the values of the last run, which are not those of the text.
             let lost =
                 storage == Storage::Pers && *kind != *b"TOOLDATA" && *kind != *b"WOBJDATA" && *kind != *b"ROBTARGET";
             value = if lost { Value::Unknown(Reason::TargetChanged) } else { value.detached(Reason::TargetChanged) };
@@ -58,7 +58,7 @@ impl<'a> Runner<'a> {
         value
     }
 
-    /// What a part of a variable holds.
+    /// The value of a part of a variable.
     fn part(&mut self, part: &Part) -> Value {
         let mut value = self.content(part.of);
         if !part.known {
@@ -124,7 +124,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// The place that a name with components and indices means; `None` where it is none, or one that the files do not declare.
+    /// The variable, or part of one, of a name with components and indices; `None` if it is not one, or if the files do not declare it.
     pub(super) fn place(&mut self, scope: Scope, span: Span) -> Option<Part> {
         let bytes = self.bytes(scope.source as usize);
         let word = first_word(bytes, span);
@@ -191,7 +191,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Stores a value; where its place is not known, all that it may be is unknown.
+    /// Stores a value. If it is unknown which part is assigned, every part that it may be becomes unknown.
     pub(super) fn store(&mut self, place: &Part, value: &Value) {
         let value = if place.known { value.detached(Reason::Computed) } else { Value::Unknown(Reason::Computed) };
         if place.path.is_empty() {

@@ -1,8 +1,8 @@
 //! A long program whose targets are declared far from their use, or that runs from routine to routine, in chunks that fit in
 //! memory.
 //!
-//! What is held is an index of the declarations and of the routines. A chunk is a stretch of the text in the order in which it
-//! runs, as in `chunks`, with the declarations of the targets that it moves to; both stand somewhere else in the file.
+//! An index of the declarations and of the routines is in memory. A chunk is a stretch of the text in running order, as in `chunks`, with
+//! the declarations of its targets; both may be anywhere in the file.
 
 use super::chunk::Chunk;
 use super::chunks::Chunks;
@@ -15,40 +15,40 @@ use std::collections::BTreeSet;
 use std::io::{self, BufReader, Read, Seek};
 use std::sync::Arc;
 
-/// Lines that chunks are counted from, more than any has: which line of the file each is stands in its parts.
+/// Line number at which chunks begin, larger than the number of lines of any: their parts have the line numbers of the file.
 const LINES: usize = 1 << 20;
 
-/// Cuts a program into chunks.
+/// Divides a program into chunks.
 #[derive(Debug)]
 pub struct Declared<R> {
     index: Arc<Index>,
-    /// The text as it runs.
+    /// The text in running order.
     chunks: Chunks<Running<R>>,
     parts: Parts,
-    /// The same file, where declarations are read from.
+    /// The same file, from which declarations are read.
     file: R,
-    /// Where a chunk's declarations belong in its head.
+    /// Offset in the head at which a chunk's declarations are inserted.
     data: usize,
 }
 
 impl<R: Read + Seek> Declared<R> {
-    /// Looks through the program; `None` where it is not of this kind. `body` and `file` are the same file, each with a
-    /// place of its own.
+    /// Reads the program for its index; `None` if it is not of this kind. `body` and `file` are the same file, each with a position of its
+    /// own.
     ///
     /// # Errors
-    /// What they report.
+    /// The file cannot be read.
     pub fn new(name: &str, body: R, file: R, context: &[Source]) -> io::Result<Option<Self>> {
         Self::sized(name, body, file, context, CHUNK)
     }
 
-    /// The same, with chunks of about so many bytes.
+    /// The same, with chunks of about `chunk` bytes.
     ///
     /// # Errors
-    /// What `body` and `file` report.
+    /// The file cannot be read.
     pub fn sized(name: &str, body: R, mut file: R, context: &[Source], chunk: usize) -> io::Result<Option<Self>> {
         let mut all = BufReader::with_capacity(CHUNK, &mut file);
         let Some((index, head, routines)) = Index::read(&mut all)? else { return Ok(None) };
-        // Nothing that `Chunks` alone would not do.
+        // `Chunks` alone can read it, or nothing moves.
         if index.is_empty() && routines.len() == 1 || !routines.iter().any(|routine| routine.moves) {
             return Ok(None);
         }
@@ -63,7 +63,7 @@ impl<R: Read + Seek> Declared<R> {
     /// The next chunk.
     ///
     /// # Errors
-    /// What the input reports.
+    /// The file cannot be read.
     pub fn take(&mut self) -> io::Result<Next<Chunk>> {
         let mut chunk = match self.chunks.take()? {
             Next::Chunk(chunk) => chunk,
@@ -78,13 +78,13 @@ impl<R: Read + Seek> Declared<R> {
         Ok(Next::Chunk(chunk))
     }
 
-    /// Whether several motions go to one target.
+    /// Whether several motions share a target.
     #[must_use]
     pub fn shares(&self) -> bool {
         self.index.shares()
     }
 
-    /// Names of the targets that it moves to.
+    /// Names of the targets of its motions.
     #[must_use]
     pub fn names(&self) -> Names {
         Names(Known::Indexed(Arc::clone(&self.index)))
@@ -95,11 +95,11 @@ impl<R: Read + Seek> Declared<R> {
 #[derive(Clone, Debug)]
 pub struct Names(Known);
 
-/// How they are held.
+/// How the names are stored.
 #[derive(Clone, Debug)]
 enum Known {
     Indexed(Arc<Index>),
-    /// In upper case.
+    /// A set of names in upper case.
     Held(Arc<BTreeSet<String>>),
 }
 

@@ -1,11 +1,11 @@
-//! Who made a program, by what its makers write into comments and names.
+//! Finds the system that wrote a program, from its comments and names.
 
 use crate::text::Source;
 
-/// Bytes of each file that are looked at: headers stand at its head.
+/// Bytes of each file that are examined: its header is at the start.
 const HEAD: usize = 4096;
 
-/// Signs in lower case and the maker that they mean; the first that is found counts.
+/// Texts in lower case, and the system that writes them; the first one that is found counts.
 const SIGNS: [(&str, &str); 19] = [
     ("robodk", "robodk"),
     ("robotmaster", "robotmaster"),
@@ -28,7 +28,7 @@ const SIGNS: [(&str, &str); 19] = [
     ("delfoi", "delfoi"),
 ];
 
-/// The maker of a program, `rapid` where nothing tells.
+/// The system that wrote a program; `rapid` if it is unknown.
 pub(super) fn of(sources: &[Source]) -> &'static str {
     for source in sources {
         let head = &source.bytes[..source.bytes.len().min(HEAD)];

@@ -1,4 +1,4 @@
-//! Errors: what handlers get, and what holds after them.
+//! Errors: the states that handlers get, and the states after them.
 
 use super::known::RoutineId;
 use super::memory::note;
@@ -13,11 +13,11 @@ use crate::text::Span;
 /// What an ERROR handler may do with an error.
 #[derive(Clone, Copy)]
 pub(super) struct Handler {
-    /// TRYNEXT: goes on after what failed.
+    /// TRYNEXT: continues after the failed statement.
     pub(super) goes_on: bool,
-    /// RETRY: runs again what failed.
+    /// RETRY: runs the failed statement again.
     pub(super) again: bool,
-    /// RAISE: hands it on to the caller.
+    /// RAISE: hands the error to the caller.
     pub(super) hands_on: bool,
 }
 
@@ -32,7 +32,7 @@ impl<'a> Runner<'a> {
         })
     }
 
-    /// An error, here: to the routine's own handler, or to its caller.
+    /// An error at this statement: goes to the routine's own handler, or to its caller.
     pub(super) fn raise(&mut self) -> Flow {
         self.events += 1;
         let Some(layer) = self.frames.last().map(|frame| frame.layer) else { return Flow::Gone };
@@ -57,7 +57,7 @@ impl<'a> Runner<'a> {
         Flow::Gone
     }
 
-    /// What the ERROR handler of the running routine may change is not known after it.
+    /// Makes everything unknown that the ERROR handler of the running routine may change.
     pub(super) fn run_handler(&mut self) {
         let Some(id) = self.frames.last().map(|frame| frame.routine) else { return };
         let routine = self.symbols.routine(id);
@@ -70,14 +70,14 @@ impl<'a> Runner<'a> {
         self.may_have_moved(id, routine.on_error());
     }
 
-    /// Before and after a statement that may fail: what the handler changes that runs it again, or goes on after it.
+    /// Applies, before and after a statement that may fail, the changes of a handler that runs it again or continues after it.
     pub(super) fn may_be_handled(&mut self, behind: bool) {
         if self.handler().is_some_and(|handler| handler.again || behind && handler.goes_on) {
             self.run_handler();
         }
     }
 
-    /// An expression may fail, whatever the statement that it stands in: by an index outside of its array (`ERR_OUTOFBND`), a division
+    /// Records that an expression may fail, in any statement: by an index outside of its array (`ERR_OUTOFBND`), a division
     /// (`ERR_DIVZERO`) or a function.
     pub(super) fn expression_may_fail(&mut self) {
         if self.guards > 0 {
@@ -87,12 +87,12 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Whether an expression may have failed since there were so many failures, and the handler goes on after its statement.
+    /// Whether an expression may have failed since the count was `failures`, and the handler continues after its statement.
     pub(super) fn skipped_since(&self, failures: usize) -> bool {
         self.failures > failures && self.handler().is_some_and(|handler| handler.goes_on)
     }
 
-    /// Statements of a routine may have run: where they move the robot, or call a routine that may, it stands elsewhere.
+    /// Applies that statements of a routine may have run: if they may move the robot, its position is unknown.
     pub(super) fn may_have_moved(&mut self, id: RoutineId, block: &[Statement]) {
         let (bytes, module) = (self.bytes(id.file), self.symbols.module_of(id));
         let moves = |span: Span| {
@@ -126,7 +126,7 @@ impl<'a> Runner<'a> {
         })
     }
 
-    /// The statement that comes may fail, and a handler takes it from there: not noted twice where nothing changed.
+    /// Records that the next statement may fail and go to a handler; not twice in the same state.
     pub(super) fn may_fail(&mut self) {
         let Some(frame) = self.frames.last() else { return };
         let now = Some((self.epoch, self.state));

@@ -1,4 +1,4 @@
-//! Expressions: read and worked out in one walk, as far as every value is known when reading.
+//! Expressions: read and evaluated in one pass, as far as their values are known.
 
 mod functions;
 mod operators;
@@ -17,17 +17,17 @@ use operators::{apply, operator};
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// Brackets deeper than this are not looked into.
+/// Deepest brackets that are evaluated.
 const MAX_DEPTH: usize = 40;
 
-/// Where an expression stands: decides what its names mean.
+/// The place of an expression, which decides the meaning of its names.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scope {
     pub(super) source: u16,
     pub(super) module: usize,
-    /// Names of the running routine are seen; not so in an initial value of a module's data.
+    /// Whether names of the running routine are visible; not in an initial value of a module's data.
     pub(super) local: bool,
-    /// Not an initial value.
+    /// Whether it is not an initial value.
     pub(super) running: bool,
 }
 
@@ -68,7 +68,7 @@ impl Runner<'_> {
             let Some(operator) = operator(cursor, lexeme).filter(|o| o.0 == level) else { return left };
             cursor.pass(lexeme);
             let right = self.expression(scope, cursor, level + 1, depth + 1);
-            // What is made of a robtarget would move with it.
+            // A value computed from a robtarget would move with it.
             for side in [&left, &right] {
                 if matches!(side, Value::Target(_) | Value::List(..)) {
                     self.pin_value(side);
@@ -177,7 +177,7 @@ impl Runner<'_> {
         Value::List(items.into(), Some(SourceSpan { source: scope.source, span: Span::new(open.start, cursor.behind) }))
     }
 
-    /// A complete literal as a value that knows where it stands.
+    /// A complete literal as a value with its place.
     pub(super) fn literal_pose(&mut self, literal: &Literal, written: Written) -> Pose {
         Pose { written, root: self.literal_id(literal), steps: Vec::new(), fixed: None }
     }
@@ -204,7 +204,7 @@ impl Runner<'_> {
         match self.find(scope, &key) {
             Some(at) => {
                 let variable = &self.symbols.variables[at];
-                // An initial value is of constants; of what changes it would be the value at some other time.
+                // An initial value consists of constants; a variable would have its value of another moment.
                 let changes = !scope.running && variable.assigned;
                 let kind = Arc::clone(&variable.kind);
                 let mut value = self.content(at);
@@ -272,7 +272,7 @@ impl Runner<'_> {
                     kind = next.to_vec();
                 }
                 _ => {
-                    // An element of an array of robtargets may be made of parts.
+                    // An element of an array of robtargets may be assembled from parts.
                     if cursor.at != plain
                         && variable.is_some()
                         && kind == b"ROBTARGET"
@@ -313,7 +313,7 @@ fn at(index: f64) -> Option<usize> {
     (index >= 1.0).then(|| index.round() as usize - 1)
 }
 
-/// Passes the bracketed text that begins at `open`, to after its end.
+/// Skips the bracketed text that begins at `open`.
 fn skip_brackets(cursor: &mut Cursor<'_>, open: usize) {
     cursor.at = open;
     let mut depth = 0_usize;

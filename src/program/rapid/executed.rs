@@ -1,5 +1,5 @@
-//! A program that runs through more motions than can be held: run once for what they have in common, and once more for each use of
-//! its chunks.
+//! A program that runs through more motions than memory can hold. It runs once to find equal motions, and once more for each use of its
+//! chunks.
 
 use super::agreed::{Agreed, Agreement, Asked};
 use super::gathering::{Distinct, Emitter, Gathering};
@@ -12,24 +12,24 @@ use std::io;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, sync_channel};
 
-/// Motions up to which a program is held as a whole.
+/// Most motions of a program that is held as a whole.
 const HELD: u32 = 20_000;
-/// Targets in a chunk: as many as in one of the text.
+/// Number of targets in a chunk: as many as in a chunk of the text.
 const TARGETS: usize = 512;
-/// Chunks that wait.
+/// Most waiting chunks.
 const WAITING: usize = 2;
 
-/// A program whose loops and calls run through more motions than are held.
+/// A program whose loops and calls run through more motions than memory can hold.
 #[derive(Clone, Debug)]
 pub struct Executed {
     held: Arc<Held>,
     found: Arc<Distinct>,
-    /// One motion of those that are alike.
+    /// The program with one motion for all equal ones.
     like: Arc<Program>,
     targets: usize,
 }
 
-/// The program as read.
+/// The program that was read.
 #[derive(Debug)]
 struct Held {
     sources: Arc<[Source]>,
@@ -38,7 +38,7 @@ struct Held {
 }
 
 impl Executed {
-    /// Reads modules as one program; `None` where it has no loop or can be held as a whole.
+    /// Reads modules as one program; `None` if it has no loop or can be held as a whole.
     ///
     /// # Errors
     /// As [`read`](super::read).
@@ -46,7 +46,7 @@ impl Executed {
         Self::sized(sources, context, HELD, TARGETS)
     }
 
-    /// The same for programs of more than `held` motions, in chunks of so many targets.
+    /// The same for programs of more than `held` motions, in chunks of `targets` targets.
     ///
     /// # Errors
     /// As [`read`](super::read).
@@ -74,19 +74,19 @@ impl Executed {
         Ok(Some(Self { held, found: Arc::new(found), like: Arc::new(like), targets }))
     }
 
-    /// One motion of those that are alike: frames, reasons and messages are those of the program.
+    /// The program with one motion for all equal ones; its frames, reasons and messages are those of the whole program.
     #[must_use]
     pub fn distinct(&self) -> &Program {
         &self.like
     }
 
-    /// What it moves to, nothing of it to be written.
+    /// Its targets in chunks, if nothing will be written.
     #[must_use]
     pub fn chunks(&self) -> ExecutedChunks {
         self.run(Agreement::None)
     }
 
-    /// What it moves to, twice: first for what is to become of it, then, by what that came to, as it will be written.
+    /// Its targets in chunks for two runs: the first to compute the corrections, the second with the corrections as they will be written.
     pub(crate) fn asked(&self) -> (ExecutedChunks, Asking<'_>) {
         let asked = Arc::new(Asked::default());
         (self.run(Agreement::Asked(Arc::clone(&asked))), Asking { program: self, asked })
@@ -111,7 +111,7 @@ impl Executed {
     }
 }
 
-/// What the main thread has: routines call one another and blocks nest as deep there.
+/// Bytes of the stack, as for the main thread, on which routines and blocks are nested equally deep.
 const STACK: usize = 8 << 20;
 
 /// The first of two runs of a program.
@@ -129,11 +129,11 @@ impl<'a> Asking<'a> {
     }
 }
 
-/// What becomes of the text.
+/// The edits of the text.
 pub(crate) struct Answer(Arc<Agreed>);
 
 impl Answer {
-    /// Edits of each source; `None` where a motion wanted in the second run what none had in the first.
+    /// Edits of each source; `None` if a motion wanted a value in the second run that none had in the first.
     pub(crate) fn edits(&self) -> Option<&[Vec<Edit>]> {
         self.0.holds().then_some(&self.0.edits)
     }
@@ -144,7 +144,7 @@ impl Answer {
 pub struct ExecutedChunks {
     program: Executed,
     agreement: Agreement,
-    /// Once it runs.
+    /// The chunks, after the run has started.
     chunks: Option<Receiver<StreamableChunk>>,
     ended: bool,
 }
@@ -159,7 +159,7 @@ impl ExecutedChunks {
     /// The next chunk.
     ///
     /// # Errors
-    /// No thread can be had; the run broke off.
+    /// No thread can be started; the run ended early.
     pub fn take(&mut self) -> io::Result<Next<StreamableChunk>> {
         if self.ended {
             return Ok(Next::End);
@@ -174,7 +174,7 @@ impl ExecutedChunks {
     }
 }
 
-/// Whether there may be a loop: its word stands somewhere, maybe in a comment.
+/// Whether there may be a loop: its word occurs in the text, possibly in a comment.
 fn may_loop(text: &[u8]) -> bool {
     let mut words = text.split(|byte| !byte.is_ascii_alphanumeric() && *byte != b'_');
     words.any(|word| word.eq_ignore_ascii_case(b"FOR") || word.eq_ignore_ascii_case(b"WHILE"))

@@ -1,4 +1,4 @@
-//! Branches and loops: followed where their conditions are known; else every branch is run and what they leave is joined.
+//! Branches and loops: followed if their conditions are known; otherwise every branch runs, and the states after them are joined.
 
 use super::eval::Scope;
 use super::layers::Left;
@@ -14,18 +14,18 @@ use crate::program::Reason;
 use crate::text::Span;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// A WHILE that goes round more often is taken for one whose end is known only at run time.
+/// Most rounds of a WHILE; with more, its end counts as known only at run time.
 const MAX_ROUNDS: usize = 100_000;
-/// Motions after which a loop tells by its rounds so far how many there will be.
+/// Number of motions after which the number of all motions is estimated from the rounds so far.
 const LOOK_AHEAD: u32 = 100_000;
-/// By how much more than are followed it has to be: rounds may become shorter.
+/// Factor of that estimate over the bound at which a loop is given up: rounds may become shorter.
 const MARGIN: f64 = 4.0;
-/// Rounds that find out what holds when any of them begins: a switch goes from known to unknown once.
+/// Rounds that are run to find the state at the beginning of any round: a switch becomes unknown only once.
 const DRY_ROUNDS: usize = 3;
-/// Loops within one another that are run like this; deeper ones leave it unknown.
+/// Deepest nesting of loops for which this is done; in deeper ones the state is unknown.
 const DRY_DEPTH: usize = 2;
 
-/// A place in what is found.
+/// A position in the results so far.
 #[derive(Clone)]
 struct Marker {
     targets: usize,
@@ -53,7 +53,7 @@ impl<'a> Runner<'a> {
                         "rapid.condition",
                         "condition is known only at run time: every branch is taken, in the order of the text",
                     );
-                    // What the other conditions call may run or not.
+                    // The calls of the other conditions may run or not.
                     for (condition, _) in &arms[i + 1..] {
                         self.evaluate(self.scope(), *condition);
                     }
@@ -65,7 +65,7 @@ impl<'a> Runner<'a> {
         self.block(otherwise)
     }
 
-    /// Every branch in turn, each from what holds before all of them, since any may be the one that runs.
+    /// Runs every branch from the state before them all, because any may be the one that runs.
     pub(super) fn branches(&mut self, branches: impl Iterator<Item = &'a [Statement]>) -> Flow {
         self.events += 1;
         let mut ways: Option<Left> = None;
@@ -98,7 +98,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Whether a GOTO stands in a block: it may leave it at any statement.
+    /// Whether a block has a GOTO, which may leave it at any statement.
     fn jumps(block: &[Statement]) -> bool {
         any(block, &|statement| matches!(statement, Statement::Goto(_)))
     }
@@ -208,7 +208,7 @@ impl<'a> Runner<'a> {
                     if flow != Flow::Next {
                         return flow;
                     }
-                    // A round that leaves all data as they were is followed by others without an end, from where it stands then.
+                    // After a round without changes of data, the loop never ends.
                     if self.changes == changes {
                         rounds = MAX_ROUNDS;
                         break;
@@ -227,7 +227,7 @@ impl<'a> Runner<'a> {
         self.rounds(body)
     }
 
-    /// Rounds of a number that is not known: one, from what holds whenever one begins.
+    /// An unknown number of rounds: runs one, from the state in which any round may begin.
     fn rounds(&mut self, body: &'a [Statement]) -> Flow {
         let Some(routine) = self.frames.last().map(|frame| frame.routine) else { return Flow::Next };
         self.events += 1;
@@ -258,7 +258,7 @@ impl<'a> Runner<'a> {
         Flow::Next
     }
 
-    /// What is switched on where any round of a loop begins.
+    /// Finds the switches at the beginning of any round of a loop.
     fn settle(&mut self, body: &'a [Statement]) {
         if self.dry == DRY_DEPTH {
             self.state.lose(Switches::ALL);
@@ -309,7 +309,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// How much was found so far.
+    /// The position after the results so far.
     fn marker(&self) -> Marker {
         Marker {
             targets: self.targets.len(),
@@ -320,7 +320,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Forgets what was found since.
+    /// Discards the results since a marker.
     fn back_to(&mut self, marker: Marker) {
         self.targets.truncate(marker.targets);
         self.sites.truncate(marker.targets);

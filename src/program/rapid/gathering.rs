@@ -1,4 +1,4 @@
-//! What becomes of the targets of a run: all are held, or one motion of those that are alike, or they are handed on.
+//! The treatment of a run's targets: all are stored, or equal motions are stored once, or they are sent in chunks.
 
 use super::agreed::Agreement;
 use super::value::SourceSpan;
@@ -9,20 +9,20 @@ use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
 use std::sync::mpsc::SyncSender;
 
-/// What becomes of the targets of a run.
+/// The treatment of a run's targets.
 pub(super) enum Gathering {
-    /// All are held.
+    /// All are stored.
     All,
-    /// One motion of those that are alike.
+    /// Equal motions are stored once.
     Distinct(Distinct),
-    /// All, chunk by chunk, with what was found of those that are alike.
+    /// All are sent chunk by chunk, with the results for equal motions.
     Chunks(Box<Emitter>),
 }
 
-/// What the targets of one motion have in common with those that are alike.
+/// The data of a motion's targets that equal motions share.
 pub(super) type Motion = SmallVec<[Point; 2]>;
 
-/// What decides from the text what becomes of one target.
+/// The properties of a target from the text, which decide whether and how it is edited.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Point {
     pub(super) source: u16,
@@ -39,23 +39,23 @@ pub(super) struct Point {
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) struct OffsetBy {
     pub(super) place: Option<SourceSpan>,
-    /// Its numbers, where the target may be edited by it.
+    /// Its numbers, if the target may be edited by it.
     pub(super) bits: [u64; 7],
 }
 
-/// Motions that are held once.
+/// Motions, of which equal ones are stored once.
 #[derive(Debug, Default)]
 pub(super) struct Distinct {
-    /// The first target of each among those held.
+    /// The first target of each motion among the stored ones.
     pub(super) known: HashMap<Motion, u32>,
-    /// Loops whose rounds turned out not to be known.
+    /// Loops whose rounds turned out to be unknown.
     pub(super) given_up: BTreeSet<u64>,
 }
 
-/// Hands on the targets of a run.
+/// Sends the targets of a run in chunks.
 pub(super) struct Emitter {
     pub(super) found: Arc<Distinct>,
-    /// One of each that are alike.
+    /// The program with one motion for all equal ones.
     pub(super) like: Arc<Program>,
     pub(super) agreement: Agreement,
     pub(super) out: SyncSender<StreamableChunk>,
@@ -65,7 +65,7 @@ pub(super) struct Emitter {
     /// The loop whose rounds are not followed.
     pub(super) muted: Option<u64>,
     pub(super) first: bool,
-    /// It went elsewhere than the run before.
+    /// Whether it differed from the run before.
     pub(super) is_broken: bool,
 }
 
@@ -92,7 +92,7 @@ impl Gathering {
         }
     }
 
-    /// The rounds of a loop are not known after all; so many targets were held before.
+    /// Records that the rounds of a loop are unknown; `targets` were stored before it.
     pub(super) fn give_up_loop(&mut self, number: u64, targets: usize) {
         match self {
             Self::All => {}
