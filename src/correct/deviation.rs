@@ -295,7 +295,7 @@ impl WalkedPath<'_> {
         let Some(i) = from else { return self.last.cloned() };
         let Dragged { motor, travel } = *self.commanded.step(i)?;
         let setting = *self.prepared.setting(i);
-        // Its own way, which may turn into the next one.
+        // The segment that ends at this target: the next one may begin at an angle to its tangent.
         let own = (0..i).rev().find(|before| Kind::of(self.program, *before) != Kind::Point);
         let before = own.map(|own| &self.prepared.points[own]).or(self.last.map(|last| &last.point));
         let before = before.filter(|before| before.setting == self.prepared.points[i].setting);

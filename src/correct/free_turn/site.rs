@@ -36,7 +36,7 @@ pub(super) struct Site {
     place: TargetPlace,
 }
 
-/// What few points have.
+/// Data that few points have.
 struct Rare {
     temperature: Option<f64>,
     payload: f64,

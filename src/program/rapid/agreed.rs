@@ -46,7 +46,7 @@ struct Wanted {
     changes: SmallVec<[Option<Change>; 2]>,
 }
 
-/// What a target wants of the text.
+/// What a changed target asks of the numbers in the text.
 #[derive(Clone, Debug, PartialEq)]
 enum Said {
     Nothing,

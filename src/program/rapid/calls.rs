@@ -91,7 +91,7 @@ impl<'a> Runner<'a> {
 
     /// Continues after a call that may have ended normally or with an error.
     fn behind(&mut self, id: RoutineId, bound: &[(usize, Bound)], normal: Option<Left>, raised: Option<Left>) -> Flow {
-        let mut ways = normal;
+        let mut joined = normal;
         if let Some(raised) = raised {
             if self.handler().is_some_and(|handler| handler.again) {
                 self.open();
@@ -104,20 +104,20 @@ impl<'a> Runner<'a> {
                     self.apply(normal);
                 }
                 let left = self.take();
-                ways = ways.map(|ways| self.join(ways, left));
+                joined = joined.map(|joined| self.join(joined, left));
             }
             self.open();
             self.apply(raised);
             let flow = self.raise();
             let left = self.take();
             if flow == Flow::Next {
-                ways = Some(match ways {
-                    Some(ways) => self.join(ways, left),
+                joined = Some(match joined {
+                    Some(joined) => self.join(joined, left),
                     None => left,
                 });
             }
         }
-        match ways {
+        match joined {
             Some(left) => {
                 self.apply(left);
                 Flow::Next

@@ -68,7 +68,7 @@ impl<'a> Runner<'a> {
     /// Runs every branch from the state before them all, because any may be the one that runs.
     pub(super) fn branches(&mut self, branches: impl Iterator<Item = &'a [Statement]>) -> Flow {
         self.events += 1;
-        let mut ways: Option<Left> = None;
+        let mut joined: Option<Left> = None;
         let (before, mut behind) = (self.standing.clone(), BTreeSet::new());
         let (stood, mut stands) = (self.stands, None);
         for branch in branches {
@@ -81,15 +81,15 @@ impl<'a> Runner<'a> {
             if flow == Flow::Next {
                 let here = self.stands;
                 stands = Some(stands.map_or(here, |known: Option<u32>| known.filter(|_| known == here)));
-                ways = Some(match ways {
-                    Some(ways) => self.join(ways, left),
+                joined = Some(match joined {
+                    Some(joined) => self.join(joined, left),
                     None => left,
                 });
             }
         }
         self.standing = behind;
         self.stands = stands.unwrap_or_default();
-        match ways {
+        match joined {
             Some(left) => {
                 self.apply(left);
                 Flow::Next

@@ -1,4 +1,4 @@
-//! Where a long program declares its targets, and where its routines stand: their lines, not what these say.
+//! The index of a long program: the lines that declare its targets, and the lines of its routines, unread.
 
 use super::lex;
 use super::lines::{CHUNK, first_word, is_motion};
@@ -8,26 +8,26 @@ use crate::text::lines;
 use std::io::{self, BufRead, Read, Seek, SeekFrom};
 use std::ops::Range;
 
-/// Most bytes of a line.
+/// Longest line, bytes.
 const LONGEST: u64 = 4096;
 
-/// Declarations of targets, each on a line of its own.
+/// The declarations of targets, one a line.
 #[derive(Debug)]
 pub(super) struct Index {
     /// In the order of the file.
     entries: Vec<Entry>,
-    /// The same by [`Entry::name`].
+    /// Indices of `entries`, sorted by [`Entry::name`].
     by_name: Vec<u32>,
 }
 
-/// A declaration's line.
+/// The line of a declaration.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Entry {
-    /// Hash of the name in upper case: the reader of the line compares the name itself.
+    /// Hash of the name in upper case; whoever reads the line compares the name itself.
     name: u64,
     /// Offset of the line in the file.
     pub(super) start: u64,
-    /// Its bytes, with its end.
+    /// Bytes of the line, with its line end.
     pub(super) len: u32,
     uses: Uses,
 }
@@ -55,7 +55,7 @@ pub(super) struct Head {
     pub(super) data: usize,
 }
 
-/// Where in a program a line stands.
+/// The part of a program in which a line stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Within {
     Nothing,
@@ -67,23 +67,23 @@ enum Within {
     End,
 }
 
-/// A program as far as it was looked through.
+/// A program up to the line that the scan has reached.
 struct Scan {
     head: Head,
     index: Index,
     routines: Vec<Routine>,
     within: Within,
-    /// The declaration after the one that was looked up last.
+    /// The declaration that follows the last one looked up.
     next: usize,
-    /// What stands before the name in the last declaration.
+    /// The text before the name in the last declaration.
     lead: Vec<u8>,
 }
 
 impl Scan {
-    /// Takes in a line of the file; `None` where it is more than motion, calls and data.
+    /// Takes the next line of the file; `None` if it is anything but a motion, a call or a declaration.
     fn take(&mut self, line: &[u8], start: u64, lines_before: usize) -> Option<()> {
         let text = line.trim_ascii();
-        // Most lines are like the one before.
+        // Most lines resemble the line before.
         if self.within == Within::Data
             && !self.lead.is_empty()
             && text.starts_with(&self.lead)
@@ -118,7 +118,7 @@ impl Scan {
             (Within::Routine, None) if text.eq_ignore_ascii_case(b"ENDPROC") => self.within = Within::Module,
             (Within::Routine, None) => self.statement(text, start, len, lines_before)?,
             (Within::Module, None) if text.eq_ignore_ascii_case(b"ENDMODULE") => self.within = Within::End,
-            // A mark out here is in force somewhere else.
+            // A mark outside the routines is in force somewhere else.
             (Within::Module | Within::End, None) if is_comment(text) && text.get(1..).and_then(lex::mark).is_none() => {
             }
             _ => return None,
@@ -126,7 +126,7 @@ impl Scan {
         Some(())
     }
 
-    /// A target's declaration.
+    /// Takes the declaration of a target.
     fn declare(&mut self, text: &[u8], name: Range<usize>, start: u64, len: usize) -> Option<()> {
         if self.lead != text[..name.start] {
             self.lead = text[..name.start].to_vec();
@@ -136,7 +136,7 @@ impl Scan {
         Some(())
     }
 
-    /// A line of a routine.
+    /// Takes a line of a routine.
     fn statement(&mut self, text: &[u8], start: u64, len: u64, lines_before: usize) -> Option<()> {
         let routine = self.routines.last_mut()?;
         let word = first_word(text);
@@ -154,12 +154,12 @@ impl Scan {
     }
 }
 
-/// Nothing, or nothing but a comment.
+/// Whether a text is empty or only a comment.
 fn is_comment(text: &[u8]) -> bool {
     text.first().is_none_or(|first| *first == b'!')
 }
 
-/// The name of a procedure without parameters that a line begins.
+/// The name of the procedure without parameters whose first line this is.
 fn procedure(text: &[u8]) -> Option<&[u8]> {
     let mut keyword = word(text, 0)?;
     if text[keyword.clone()].eq_ignore_ascii_case(b"LOCAL") {
@@ -171,13 +171,13 @@ fn procedure(text: &[u8]) -> Option<&[u8]> {
     let name = word(text, keyword.end)?;
     let behind = text[name.end..].trim_ascii_start();
     let alone = behind.strip_prefix(b"(")?.trim_ascii_start() == b")";
-    // One that is called like an instruction is called wherever that is meant.
+    // A procedure named like an instruction would run wherever the instruction is meant.
     let name = &text[name];
     (alone && !is_motion(name) && !harmless(name)).then_some(name)
 }
 
 impl Index {
-    /// Looks through a program; `None` where it is not one module of procedures that move and call each other.
+    /// Scans a program; `None` unless it is one module of procedures that only move and call each other.
     pub(super) fn read(input: &mut impl BufRead) -> io::Result<Option<(Self, Head, Vec<Routine>)>> {
         let mut scan = Scan {
             head: Head { text: Vec::new(), data: 0 },
@@ -194,7 +194,7 @@ impl Index {
             if len == 0 {
                 break;
             }
-            // A line of this length is no program's; one without an end ends the file.
+            // No program has a line of this length; a line without an end is the last of the file.
             if len == LONGEST || scan.take(&line, start, lines).is_none() {
                 return Ok(None);
             }
@@ -204,7 +204,7 @@ impl Index {
         Ok((scan.within == Within::End).then_some((scan.index, scan.head, scan.routines)))
     }
 
-    /// Sorts the declarations by name; `None` where one stands there twice.
+    /// Sorts the declarations by name; `None` if a name is declared twice.
     fn sort(&mut self) -> Option<()> {
         self.entries.shrink_to_fit();
         let number = |(i, entry): (usize, &Entry)| Some((entry.name, u32::try_from(i).ok()?));
@@ -215,7 +215,7 @@ impl Index {
         (!twice).then_some(())
     }
 
-    /// Notes that a motion goes to a target; what is after its declaration.
+    /// Counts a motion to a target; returns the declaration that follows the target's.
     fn count(&mut self, name: &[u8], next: usize) -> Option<usize> {
         let entry = self.position(name, next)?;
         let uses = &mut self.entries[entry].uses;
@@ -223,7 +223,7 @@ impl Index {
         Some(entry + 1)
     }
 
-    /// Which declaration has this name: most often the `next` one.
+    /// The index of the declaration with this name, most often `next`.
     fn position(&self, name: &[u8], next: usize) -> Option<usize> {
         let name = hash(name);
         if self.entries.get(next).is_some_and(|entry| entry.name == name) {
@@ -252,12 +252,12 @@ impl Index {
         found.into_iter().map(|entry| self.entries[entry]).collect()
     }
 
-    /// Whether it declares no target.
+    /// Whether the program declares no target.
     pub(super) fn is_empty(&self) -> bool {
         self.entries.is_empty()
     }
 
-    /// Whether several motions go to one target.
+    /// Whether several motions go to the same target.
     pub(super) fn shares(&self) -> bool {
         self.entries.iter().any(Entry::shared)
     }
@@ -269,7 +269,7 @@ pub(super) fn lines_of(entries: &[Entry], file: &mut (impl Read + Seek)) -> io::
     let mut text = Vec::with_capacity(all);
     let mut rest = entries;
     while let Some(first) = rest.first() {
-        // Neighbours in the file are read together.
+        // Lines that adjoin in the file are read together.
         let apart = rest.windows(2).position(|pair| pair[0].start + u64::from(pair[0].len) != pair[1].start);
         let (run, others) = rest.split_at(apart.map_or(rest.len(), |at| at + 1));
         let len: u64 = run.iter().map(|entry| u64::from(entry.len)).sum();
@@ -287,7 +287,7 @@ pub(super) fn hash(name: &[u8]) -> u64 {
     })
 }
 
-/// Where the name of a target stands that a line, and nothing else on it, declares.
+/// The range of the name of the target that a line declares, if the line holds nothing else.
 pub(super) fn declared(text: &[u8]) -> Option<Range<usize>> {
     let mut storage = word(text, 0)?;
     while [&b"LOCAL"[..], b"TASK"].iter().any(|scope| scope.eq_ignore_ascii_case(&text[storage.clone()])) {
@@ -300,7 +300,7 @@ pub(super) fn declared(text: &[u8]) -> Option<Range<usize>> {
     declared_behind(text, kind.end).filter(|_| text[kind].eq_ignore_ascii_case(b"robtarget"))
 }
 
-/// The same after storage and type.
+/// The same, from after storage class and type.
 fn declared_behind(text: &[u8], from: usize) -> Option<Range<usize>> {
     let name = word(text, from)?;
     let value = text[name.end..].trim_ascii_start().strip_prefix(b":=")?.trim_ascii_start().strip_suffix(b";")?;
@@ -308,14 +308,14 @@ fn declared_behind(text: &[u8], from: usize) -> Option<Range<usize>> {
     alone.then_some(name)
 }
 
-/// Where the first argument of a motion stands, if it is a name.
+/// The range of the first argument of a motion, if it is a name.
 pub(super) fn target(text: &[u8]) -> Option<Range<usize>> {
     let motion = first_word(text);
     let name = word(text, motion.len())?;
     (is_motion(motion) && text[name.end..].trim_ascii_start().starts_with(b",")).then_some(name)
 }
 
-/// The word that stands next, after blanks.
+/// The range of the next word, after blanks.
 fn word(text: &[u8], from: usize) -> Option<Range<usize>> {
     let rest = text[from..].trim_ascii_start();
     let start = text.len() - rest.len();
@@ -323,7 +323,7 @@ fn word(text: &[u8], from: usize) -> Option<Range<usize>> {
     (len > 0).then_some(start..start + len)
 }
 
-/// Whether a byte is one of a name's.
+/// Whether a byte can be part of a name.
 pub(super) fn is_word(byte: u8) -> bool {
     byte.is_ascii_alphanumeric() || byte == b'_'
 }

@@ -1,4 +1,4 @@
-//! Points between two targets: motions of their own before the instruction, in the file's layout.
+//! Inserted points between two targets: each becomes a motion before the instruction, in the layout of the file.
 
 use super::clone::layout_at;
 use super::lex::{Cursor, LexemeKind};
@@ -12,12 +12,12 @@ use crate::program::Passing;
 use crate::program::{Conf, Goal, Insert, Motion, Program, Reason, Role};
 use crate::text::{Edit, Span, number};
 
-/// Zones of a point that the controller flies by, by the room that they take: radius of the TCP path, mm.
+/// Zones for a point that the controller flies by, with the radius of their TCP path, mm.
 const FLY_BY: [(&[u8], f64); 2] = [(b"z0", 0.3), (b"z1", 1.0)];
-/// External axes of a target that has none written.
+/// External axes for a target that states none.
 const NO_AXES: &[u8] = b"[9E+09,9E+09,9E+09,9E+09,9E+09,9E+09]";
 
-/// Writes the inserts; gives each as the controller will hold it, where it could be written.
+/// Writes the inserts; returns each as the controller will hold it, or `None` if it could not be written.
 pub(super) fn write(writer: &mut Writer<'_>, inserts: &[Insert]) -> Vec<Option<([f64; 3], [f64; 4])>> {
     let mut poses = Vec::new();
     for insert in inserts {
@@ -25,7 +25,7 @@ pub(super) fn write(writer: &mut Writer<'_>, inserts: &[Insert]) -> Vec<Option<(
         let via = insert.via.map(|via| numbers(writer, via).0);
         match instruction(writer, insert, via.as_deref(), &text) {
             Ok((source, edit)) => {
-                // Several points before one instruction, in their order: one edit.
+                // Several points before one instruction become one edit, in their order.
                 let edits = &mut writer.edits[source];
                 match edits.iter_mut().find(|e| e.span == edit.span) {
                     Some(other) => other.content.extend_from_slice(&edit.content),
@@ -43,7 +43,7 @@ pub(super) fn write(writer: &mut Writer<'_>, inserts: &[Insert]) -> Vec<Option<(
     poses
 }
 
-/// `[x,y,z],[q1,q2,q3,q4]` and what single precision makes of it.
+/// `[x,y,z],[q1,q2,q3,q4]` as text, and the pose rounded to single precision.
 fn numbers(writer: &Writer<'_>, (position_mm, quat): ([f64; 3], [f64; 4])) -> (Vec<u8>, ([f64; 3], [f64; 4])) {
     let mut text = b"[".to_vec();
     let mut held = [0.0; 7];
@@ -154,9 +154,9 @@ fn external_axes(external: &[Option<f64>], decimals: usize) -> Vec<u8> {
     text
 }
 
-/// The zone of a point that the controller flies by, with so much room (mm) about it: the instruction's own where that fits.
+/// The zone for a point that the controller flies by, with `room_mm` about it: the instruction's own zone if that fits.
 fn fly_by(own: &[u8], room_mm: f64) -> &[u8] {
-    // Zones of neighbours meet half way.
+    // Zones of adjacent points meet at the middle between them.
     let fits = |radius: f64| radius <= 0.5 * room_mm;
     if radius_mm(own).is_some_and(fits) {
         return own;
@@ -164,11 +164,11 @@ fn fly_by(own: &[u8], room_mm: f64) -> &[u8] {
     FLY_BY.iter().rev().find(|(_, radius)| fits(*radius)).map_or(FLY_BY[0].0, |(name, _)| name)
 }
 
-/// Radius of the TCP path of a zone that is predefined or written out, mm; `None` of a stop, and of names.
+/// Radius of the TCP path of a predefined or written-out zone, mm; `None` for a stop and for other names.
 fn radius_mm(zone: &[u8]) -> Option<f64> {
     let upper = zone.to_ascii_uppercase();
     if let Some(mm) = upper.strip_prefix(b"Z") {
-        // z0 is the least that there is.
+        // z0 is the smallest zone.
         return number::read(mm).filter(|_| mm.iter().all(u8::is_ascii_digit)).map(|mm| mm.max(FLY_BY[0].1));
     }
     let mut fields = upper.strip_prefix(b"[")?.split(|b| *b == b',');
@@ -176,7 +176,7 @@ fn radius_mm(zone: &[u8]) -> Option<f64> {
     number::read(fields.next()?.trim_ascii()).filter(|_| flies)
 }
 
-/// The argument that tells the zone of a target's instruction; `None` of instructions without one.
+/// The argument that states the zone of a target's instruction; `None` for instructions without a zone.
 fn zone_argument(program: &Program, i: usize) -> Option<Span> {
     let (target, layout) = (program.targets.get(i)?, Layout::of(program)?);
     let bytes = &program.sources[target.source as usize].bytes;
@@ -186,7 +186,7 @@ fn zone_argument(program: &Program, i: usize) -> Option<Span> {
         _ => None,
     };
     let (call, shape, passed) = match inline.filter(|literal| target.span.range().contains(&(literal.start as usize))) {
-        // Of a target that is written out, its numbers need not be read again.
+        // The numbers of a written-out target need not be read again.
         Some(literal) => {
             let mut cursor = Cursor::new(bytes, target.span);
             let name = cursor.accept(LexemeKind::Word)?.span();
@@ -209,7 +209,7 @@ fn zone_argument(program: &Program, i: usize) -> Option<Span> {
     arguments.get(tool_at.checked_sub(1)?).copied()
 }
 
-/// See [`Program::passing`](crate::program::Program::passing); `None` of instructions without a zone.
+/// See [`Program::passing`](crate::program::Program::passing); `None` for instructions without a zone.
 pub(super) fn passing(program: &Program, i: usize) -> Option<Passing> {
     let bytes = &program.sources[program.targets.get(i)?.source as usize].bytes;
     let zone = &bytes[zone_argument(program, i)?.range()];
@@ -233,7 +233,7 @@ pub(super) fn passing_edits(program: &Program, wanted: &[(usize, Passing)]) -> V
         let span = zone_argument(program, *i)?;
         let name = match (wanted, passing(program, *i)) {
             (Passing::Stop, _) => stop?,
-            // Only a zone whose radius is known is known to become smaller.
+            // Only a zone of known radius can be shown to become smaller.
             (Passing::Zone(most), Some(Passing::Zone(radius))) => {
                 zones.iter().find(|zone| zone.1 <= *most && zone.1 < radius)?.0
             }
@@ -244,7 +244,7 @@ pub(super) fn passing_edits(program: &Program, wanted: &[(usize, Passing)]) -> V
     wanted.iter().map(edit).collect()
 }
 
-/// Whether a text declares zonedata of its own by the name of predefined ones.
+/// Whether a text declares zonedata under the name of a predefined zone.
 fn declares_zone(text: &[u8], name: &[u8]) -> bool {
     let is_word = |byte: &u8| byte.is_ascii_alphanumeric() || *byte == b'_';
     text.windows(b"zonedata".len()).enumerate().filter(|(_, word)| word.eq_ignore_ascii_case(b"zonedata")).any(

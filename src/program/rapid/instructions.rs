@@ -1,4 +1,4 @@
-//! Instructions of the controller that are no motions: what they set, switch and forget.
+//! Predefined instructions that are not motions: the data they change, the state they switch, the values that become unknown.
 
 use super::eval::Scope;
 use super::motion::Call;
@@ -15,7 +15,7 @@ impl<'a> Runner<'a> {
     /// A predefined instruction that does not move to a robtarget.
     pub(super) fn instruction(&mut self, scope: Scope, call: &Call, known: Instruction, span: Span) -> Flow {
         let bytes = self.bytes(scope.source as usize);
-        // What holds of a robtarget holds of the numbers that stand there.
+        // A robtarget used here must not be edited; its numbers count as used.
         for argument in call.given().filter(|argument| !argument.is_empty()).collect::<SmallVec<[Span; 4]>>() {
             let value = self.evaluate(scope, argument);
             self.pin_value(&value);
@@ -23,13 +23,13 @@ impl<'a> Runner<'a> {
         if known == Instruction::Nothing || known == Instruction::Options && call.optional().is_empty() {
             return Flow::Next;
         }
-        // Speeds and loads are set in a program's head, which each of its chunks has, and units activated.
+        // The head of a program, which every chunk repeats, may set speeds and loads and activate units.
         self.events += u64::from(!matches!(known, Instruction::Velocity | Instruction::Load | Instruction::UnitOn));
         match known {
             Instruction::Nothing => {}
             Instruction::Arguments => {
                 if bytes[call.name.range()].eq_ignore_ascii_case(b"GetDataVal") {
-                    // Data that it reads by their name.
+                    // The instruction reads data by their name.
                     let named = match call.positional().first().map(|name| self.evaluate(scope, *name)) {
                         Some(Value::Text(name)) => self.symbols.all_named(Some(&name)),
                         _ => self.symbols.all_named(None),
@@ -100,7 +100,7 @@ impl<'a> Runner<'a> {
         Flow::Next
     }
 
-    /// Something is counted from where the robot stands: that must not move.
+    /// An instruction measures from the robot's present position, so the target there must not be edited.
     pub(super) fn hold_where_it_stands(&mut self) {
         for at in std::mem::take(&mut self.standing) {
             if let Some(target) = self.targets.get_mut(at)
@@ -111,21 +111,21 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// What something else may switch at any moment.
+    /// The state that traps and handlers may switch at any moment.
     pub(super) fn others_switch(&self) -> Switches {
         let mut others = Switches { marks: false, ..self.symbols.known.at_any_moment.switches };
         others |= self.jumping;
         others
     }
 
-    /// What becomes of programmed speeds after `VelSet`; `None` where its numbers are not known, and after `SpeedRefresh`.
+    /// The factor and limit on programmed speeds after `VelSet`; `None` if its numbers are unknown, and after `SpeedRefresh`.
     pub(super) fn velocity(&mut self, scope: Scope, call: &Call) -> Option<Velocity> {
         let [percent, most] = call.positional() else { return None };
         let [percent, most_mm_s] = [percent, most].map(|argument| self.evaluate(scope, *argument).num());
         Some(Velocity { share: percent? / 100.0, most_mm_s: most_mm_s? })
     }
 
-    /// Whether a load is `load0`: none besides that of the tool's own data.
+    /// Whether a load is `load0`: no load besides that in the tool's data.
     pub(super) fn is_no_load(&self, scope: Scope, load: Span) -> bool {
         self.bytes(scope.source as usize)[load.range()].eq_ignore_ascii_case(b"load0")
     }

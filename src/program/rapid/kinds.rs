@@ -1,26 +1,26 @@
-//! What lines of a kind mean: read once, whatever number of chunks has them.
+//! The meaning of each kind of line, read once for all chunks that contain it.
 
 use super::index::{hash, is_word};
 use crate::program::{Target, Tool, Wobj};
 use std::collections::HashMap;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
-/// Most kinds of lines that are remembered, of all chunks together.
+/// Most kinds of lines that are remembered over all chunks.
 const MOST_KINDS: usize = 256;
 
-/// The motion that a line is, but for its target; `None` where it moves nothing.
+/// The motion on a line, without its target; `None` if the line moves nothing.
 pub(super) type Meaning = Option<Motion>;
 
-/// What all motions of a kind have.
+/// What all motions of one kind have in common.
 #[derive(Clone, Debug)]
 pub(super) struct Motion {
-    /// Of any of them: its tool and its work object are those below.
+    /// One of these motions, with the tool and work object below.
     pub(super) like: Target,
     pub(super) tool: Tool,
     pub(super) wobj: Wobj,
 }
 
-/// What the chunks of a program have met so far.
+/// The kinds of lines that the chunks of a program have met so far.
 #[derive(Debug, Default)]
 pub(super) struct Kinds {
     /// By the text of their lines.
@@ -29,7 +29,7 @@ pub(super) struct Kinds {
 }
 
 impl Kinds {
-    /// What a line of this kind means; `read` tells where no chunk before has met one.
+    /// The meaning of a line of this kind; calls `read` if no earlier chunk has met the kind.
     pub(super) fn meaning(&self, kind: Vec<u8>, read: impl FnOnce() -> Option<Meaning>) -> Option<Meaning> {
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(meaning) = known.get(&kind) {
@@ -43,13 +43,13 @@ impl Kinds {
         Some(meaning)
     }
 
-    /// Hashes of the words of the program's head, which is the same text in all its chunks.
+    /// Hashes of the words in the program's head, which all chunks repeat.
     pub(super) fn words_of_head(&self, head: impl FnOnce() -> Vec<u8>) -> &[u64] {
         self.words.get_or_init(|| words(&head()).collect())
     }
 }
 
-/// Hashes of the words of a text.
+/// Hashes of the words in a text.
 pub(super) fn words(text: &[u8]) -> impl Iterator<Item = u64> {
     text.split(|b| !is_word(*b)).filter(|word| !word.is_empty()).map(hash)
 }

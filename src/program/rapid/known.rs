@@ -1,4 +1,4 @@
-//! What routines change, once that has been found out (see `changes`).
+//! The data and states that routines change, as found by `changes`.
 
 use super::state::Switches;
 use std::cell::RefCell;
@@ -7,7 +7,7 @@ use std::rc::Rc;
 
 type Name = Box<[u8]>;
 
-/// A routine by file, module and place in it.
+/// A routine by file, module and index in the module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(super) struct RoutineId {
     pub(super) file: usize,
@@ -15,7 +15,7 @@ pub(super) struct RoutineId {
     pub(super) routine: usize,
 }
 
-/// What running some statements, and all that they call, could change.
+/// Everything that some statements, with all that they call, could change.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Changes {
     /// Data of modules.
@@ -24,24 +24,24 @@ pub(super) struct Changes {
     pub(super) own: BTreeSet<Name>,
     /// Names that nothing in the files declares.
     pub(super) foreign: BTreeSet<Name>,
-    /// Whatever a routine can that is not in the files.
+    /// Everything that a routine outside the files could change.
     pub(super) anything: bool,
-    /// What besides data.
+    /// States, besides data, that they may switch.
     pub(super) switches: Switches,
-    /// What of it is switched off: nothing, but where a jump may leave it on.
+    /// States that they switch off, unless a jump may leave them on.
     pub(super) switches_off: Switches,
 }
 
-/// What each routine changes, and what may change at any moment.
+/// The changes of each routine, and those that may happen at any moment.
 #[derive(Default)]
 pub(super) struct Known {
-    /// By file, module and place: body and handlers, with all that they call.
+    /// Changes by body and handlers of each routine, with all that they call.
     pub(super) routines: HashMap<RoutineId, Changes>,
-    /// What traps, handlers and synchronised procedures change, and all data that an unknown routine could.
+    /// Changes by traps, handlers and synchronised procedures, and all data that an unknown routine could change.
     pub(super) at_any_moment: Changes,
     /// Routines whose motions may run at any moment, or in a function.
     pub(super) aside: BTreeSet<RoutineId>,
-    /// Data that a routine that is not in the files could change.
+    /// Data that a routine outside the files could change.
     pub(super) everything: Rc<BTreeSet<usize>>,
     /// By the address of a block.
     pub(super) blocks: RefCell<HashMap<usize, Rc<Changes>>>,

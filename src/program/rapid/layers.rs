@@ -1,11 +1,11 @@
-//! What branches change and leave.
+//! Layers: the changes that a branch makes to data and state.
 
 use super::state::ModalState;
 use super::symbols::Content;
 use super::value::Value;
 use std::collections::BTreeMap;
 
-/// What was there when a branch began.
+/// The state when a branch began.
 pub(super) struct Layer {
     pub(super) old: BTreeMap<usize, Content>,
     pub(super) state: ModalState,
@@ -13,7 +13,7 @@ pub(super) struct Layer {
     pub(super) variables: usize,
 }
 
-/// What a branch left.
+/// The state that a branch leaves.
 #[derive(Clone, Debug)]
 pub(super) struct Left {
     pub(super) changed: BTreeMap<usize, Value>,

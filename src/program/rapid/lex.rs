@@ -1,4 +1,4 @@
-//! Bytes to lexemes: total (every byte belongs to one), linear, no allocation.
+//! Splits bytes into lexemes, in linear time and without allocation; every byte belongs to a lexeme.
 
 use crate::program::Mark;
 use crate::text::Span;
@@ -8,7 +8,7 @@ use nom::combinator::{opt, recognize};
 use nom::sequence::preceded;
 use nom::{IResult, Parser};
 
-/// What a lexeme is.
+/// The kind of a lexeme.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum LexemeKind {
     /// Blanks and line ends.
@@ -21,7 +21,7 @@ pub(super) enum LexemeKind {
     Number,
     /// `"…"`.
     Text,
-    /// `<SMT>` and its kin: what the author left to fill in.
+    /// `<SMT>` and the like: a part that the author left to fill in.
     Placeholder,
     /// `:=`
     Assign,
@@ -33,7 +33,7 @@ pub(super) enum LexemeKind {
     AtLeast,
     /// Any other printable character.
     Mark(u8),
-    /// A byte that RAPID has no use for, or a text without an end.
+    /// A byte that RAPID does not use, or a string without an end.
     Junk,
     /// The end of the input.
     End,
@@ -48,7 +48,7 @@ pub(super) struct Lexeme {
 }
 
 impl Lexeme {
-    /// Nowhere.
+    /// A lexeme outside the text.
     const NONE: Self = Self { kind: LexemeKind::End, start: usize::MAX, end: usize::MAX };
 
     pub(super) fn span(self) -> Span {
@@ -59,7 +59,7 @@ impl Lexeme {
 type Bytes<'a> = &'a [u8];
 type Found<'a> = IResult<Bytes<'a>, Bytes<'a>, ()>;
 
-/// Blank as RAPID sees it; NUL and the control characters too, which real files carry.
+/// Whether a byte is blank to RAPID; NUL and the control characters count too, because real files contain them.
 pub(super) fn is_space(byte: u8) -> bool {
     byte <= b' ' || byte == 0x7F
 }
@@ -113,7 +113,7 @@ fn text(input: Bytes<'_>) -> Found<'_> {
 const PLACEHOLDERS: [&[u8]; 13] =
     [b"SMT", b"EXP", b"ARG", b"VAR", b"ID", b"DDN", b"RDN", b"TDN", b"PAR", b"ALT", b"DIM", b"EIT", b"CSE"];
 
-/// Only the known names: `a<B>c` is two comparisons.
+/// A placeholder of a known name: `a<B>c` is two comparisons.
 fn placeholder(input: Bytes<'_>) -> Found<'_> {
     let (_, name) = preceded(char('<'), take_while(|b: u8| b.is_ascii_alphabetic())).parse(input)?;
     let end = name.len() + 1;
@@ -128,7 +128,7 @@ fn placeholder(input: Bytes<'_>) -> Found<'_> {
 /// The lexeme at the start of `input`: its kind and length, which is 0 only at the end.
 pub(super) fn lexeme(input: Bytes<'_>) -> (LexemeKind, usize) {
     let Some(&first) = input.first() else { return (LexemeKind::End, 0) };
-    // A word in ASCII, which most lexemes are.
+    // Most lexemes are ASCII words.
     if first.is_ascii_alphabetic() {
         let end = input.iter().position(|b| !(b.is_ascii_alphanumeric() || *b == b'_')).unwrap_or(input.len());
         if input.get(end).is_none_or(u8::is_ascii) {
@@ -169,19 +169,19 @@ pub(super) fn lexeme(input: Bytes<'_>) -> (LexemeKind, usize) {
     }
 }
 
-/// A walk over the lexemes that mean something.
+/// A cursor over the lexemes that are neither blank nor comment.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cursor<'a> {
     pub(super) bytes: &'a [u8],
     /// Offset of the next lexeme or of blanks before it.
     pub(super) at: usize,
-    /// Where the walk ends.
+    /// Offset at which the cursor stops.
     pub(super) end: usize,
     /// End of the lexeme taken last.
     pub(super) behind: usize,
     /// The last `! deflex …` comment passed, for the code that walks statements.
     pub(super) mark: Option<Mark>,
-    /// What was seen last: it is looked at several times before it is passed.
+    /// The lexeme last peeked at, often several times before it is passed.
     seen: Lexeme,
 }
 
@@ -202,7 +202,7 @@ impl<'a> Cursor<'a> {
     pub(super) fn skip(&mut self) {
         while self.at < self.end {
             let first = self.bytes[self.at];
-            // The two common cases without a look at the rest.
+            // The two common cases first.
             if first == b' ' {
                 self.at += 1;
                 continue;
@@ -232,7 +232,7 @@ impl<'a> Cursor<'a> {
         self.seen
     }
 
-    /// Passes and gives the next lexeme that is not blank.
+    /// Passes and returns the next lexeme that is not blank.
     pub(super) fn next(&mut self) -> Lexeme {
         let lexeme = self.peek();
         self.pass(lexeme);
@@ -283,7 +283,7 @@ pub(super) fn mark(comment: &[u8]) -> Option<Mark> {
     }
 }
 
-/// A reserved word that opens, parts or closes something, so that a statement cannot go on across it.
+/// A reserved word that opens, divides or closes a block, so that no statement continues across it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Key {
     Module,

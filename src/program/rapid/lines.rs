@@ -1,13 +1,13 @@
-//! Lines of a program's text, without a look at what they mean.
+//! Splits a program's text into lines, without reading them.
 
-/// Bytes of the body in a chunk: some five hundred targets. A quarter of it is no faster, for all the calls of the system. Not a
-/// matter of threads: any number of them sees the same chunks.
+/// Bytes of the body in a chunk, some five hundred targets. A quarter of that is no faster, because system calls take the time.
+/// The size does not depend on the number of threads: the chunks are always the same.
 pub const CHUNK: usize = 64 * 1024;
 
-/// Ends a chunk that is not the last.
+/// The text that ends every chunk but the last.
 pub(super) const END: &[u8] = b"\nENDPROC\nENDMODULE\n";
 
-/// The line at the start of `bytes`, with its end.
+/// The line at the start of `bytes`, with its line end.
 pub(super) fn line_of(bytes: &[u8]) -> &[u8] {
     &bytes[..memchr::memchr(b'\n', bytes).map_or(bytes.len(), |end| end + 1)]
 }

@@ -1,4 +1,5 @@
-//! What data hold, branch by branch: what one branch changes is taken back before the next runs, and what they leave is joined.
+//! The values of data, branch by branch. Before the next branch runs, the changes of the last are undone; at the end, the states
+//! that the branches leave are joined.
 
 use super::known::Changes;
 use super::layers::{Layer, Left};
@@ -10,7 +11,7 @@ use super::value::Value;
 use crate::program::Reason;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// More returns of one routine are taken together.
+/// Most returns of one routine that are kept apart; further ones are joined.
 const MOST_RETURNS: usize = 8;
 
 impl Runner<'_> {
@@ -31,7 +32,7 @@ impl Runner<'_> {
         }
     }
 
-    /// Takes back what all routines have changed so far: data are as the text has them.
+    /// Undoes all changes so far: data have the values of the text.
     pub(super) fn begin_again(&mut self) {
         for (at, old) in std::mem::take(&mut self.before_all) {
             self.symbols.variables[at].content = old;
@@ -40,13 +41,13 @@ impl Runner<'_> {
         (self.epoch, self.events) = (self.epoch + 1, self.events + 1);
     }
 
-    /// A branch begins.
+    /// Begins a branch.
     pub(super) fn open(&mut self) {
         let (old, variables) = (BTreeMap::new(), self.symbols.variables.len());
         self.layers.push(Layer { old, state: self.state, variables });
     }
 
-    /// Ends a branch and takes back what it changed.
+    /// Ends a branch and undoes its changes.
     pub(super) fn take(&mut self) -> Left {
         let mut left = Left { changed: BTreeMap::new(), state: self.state };
         let Some(layer) = self.layers.pop() else { return left };
@@ -62,7 +63,7 @@ impl Runner<'_> {
         left
     }
 
-    /// Ends a branch that is the only one.
+    /// Ends a branch without alternative and keeps its changes.
     pub(super) fn commit(&mut self) {
         let Some(layer) = self.layers.pop() else { return };
         let (below, most) = match self.layers.last_mut() {
@@ -76,7 +77,7 @@ impl Runner<'_> {
         }
     }
 
-    /// What has changed since a layer, without ending anything.
+    /// The changes since a layer began; the layer stays open.
     pub(super) fn since(&self, layer: usize) -> Left {
         let layers = self.layers.get(layer..).unwrap_or_default();
         let most = layers.first().map_or(0, |layer| layer.variables);
@@ -89,7 +90,7 @@ impl Runner<'_> {
         Left { changed: keys.into_iter().filter_map(value).collect(), state: self.state }
     }
 
-    /// Goes on from what a branch left.
+    /// Continues from the state that a branch left.
     pub(super) fn apply(&mut self, left: Left) {
         for (at, value) in left.changed {
             self.set(at, value);
@@ -97,7 +98,7 @@ impl Runner<'_> {
         self.state = left.state;
     }
 
-    /// What two branches leave together; what was there before them is in force.
+    /// Joins the states that two branches leave; the state before them is in force.
     pub(super) fn join(&mut self, a: Left, b: Left) -> Left {
         let keys: BTreeSet<usize> = a.changed.keys().chain(b.changed.keys()).copied().collect();
         let state = a.state.join(b.state);
@@ -113,7 +114,7 @@ impl Runner<'_> {
         Left { changed, state }
     }
 
-    /// A value that is one or the other.
+    /// The value of data that hold one value or the other.
     fn joined(&mut self, a: &Value, b: &Value) -> Value {
         match (a, b) {
             (Value::Unknown(why), _) | (_, Value::Unknown(why)) => {
@@ -142,7 +143,7 @@ impl Runner<'_> {
         }
     }
 
-    /// Takes what may have been changed for unknown.
+    /// Makes unknown everything that may have changed.
     pub(super) fn forget(&mut self, changes: &Changes, why: Reason) {
         for &at in &changes.data {
             self.forget_data(at, why);
@@ -160,12 +161,12 @@ impl Runner<'_> {
         }
     }
 
-    /// Takes a variable, or the one that it is a part of, for unknown.
+    /// Makes a variable unknown, or the variable of which it is a part.
     pub(super) fn forget_data(&mut self, at: usize, why: Reason) {
         let at = match &self.symbols.variables[at].content {
             Content::Part(part) => part.of,
             Content::Is(Value::Unknown(_)) => {
-                // Known to be unknown; counted as a change all the same.
+                // The value already is unknown, yet this counts as a change.
                 (self.epoch, self.events) = (self.epoch + 1, self.events + 1);
                 return;
             }
@@ -180,7 +181,7 @@ impl Runner<'_> {
         self.set(at, Value::Unknown(why));
     }
 
-    /// Data that a declaration's own text gives are held where they are: a routine that changes them at run time uses them too.
+    /// Forbids edits of data whose value their declaration states: a routine that changes them at run time uses them too.
     pub(super) fn pin_declared(&mut self, at: usize) {
         if let Some(statement) = self.symbols.variables[at].declared {
             let source = usize::from(self.symbols.variables[at].source);
@@ -189,7 +190,7 @@ impl Runner<'_> {
         }
     }
 
-    /// The same where it is read at a moment that is not known: what it takes over from other data is held too.
+    /// The same for a read at an unknown moment: the data from which it takes its value must not be edited either.
     pub(super) fn pin_read(&mut self, at: usize) {
         let mut waiting = vec![at];
         while let Some(at) = waiting.pop() {
@@ -212,7 +213,7 @@ impl Runner<'_> {
     }
 }
 
-/// Notes one more state; many become one, in which what they do not all have is unknown.
+/// Notes a further state; too many are joined into one, in which differing values are unknown.
 pub(super) fn note(states: &mut Vec<Left>, left: Left) {
     states.push(left);
     if states.len() > MOST_RETURNS {

@@ -1,12 +1,15 @@
 //! ABB RAPID.
 //!
-//! Bytes → lexemes (`lex`) → blocks (`syntax`, shallow: a statement that is not understood stays
-//! as it is and takes no neighbour with it) → the program as it runs (`run`, with the values of
-//! `eval`) → targets, and where their number tokens stand (`Layout`) → edits (`rewrite`).
+//! Reading goes in steps:
 //!
-//! A mark `! deflex air` or `! deflex cut` holds from the next instruction on, in the order in which
-//! instructions run, through calls and loops, until the next mark; one before the first routine
-//! holds from the start.
+//! 1. `lex` splits bytes into lexemes.
+//! 2. `syntax` finds blocks; a statement that it does not understand stays as it is and affects no other.
+//! 3. `run` follows the program as it runs, with the values of `eval`.
+//! 4. The run gives targets and the positions of their number tokens (`Layout`).
+//! 5. `rewrite` turns corrections into edits.
+//!
+//! A mark `! deflex air` or `! deflex cut` is in force from the next instruction to the next mark, in the order in which
+//! instructions run, through calls and loops. A mark before the first routine is in force from the start.
 
 mod again;
 mod agreed;
@@ -64,7 +67,7 @@ mod uses;
 mod value;
 mod writer;
 
-// What passes between `Chunks` and the line that corrects them; not for callers.
+// Types between `Chunks` and the pipeline that corrects them; not for callers.
 #[doc(hidden)]
 pub use chunk::Chunk;
 pub use chunks::Chunks;
@@ -83,28 +86,28 @@ use std::collections::HashSet;
 use std::sync::Arc;
 use value::{SourceSpan, Step};
 
-/// Where the number tokens of robtargets stand.
+/// The positions of the number tokens of robtargets.
 #[derive(Debug, Default)]
 pub(crate) struct Layout {
-    /// In text order by source, then those put together from parts.
+    /// In text order by source; then the robtargets that are assembled from parts.
     literals: Arc<Vec<Literal>>,
-    /// One a target.
+    /// One per target.
     sites: Vec<Site>,
     offsets: Vec<Offset>,
-    /// Executed motions, those whose target is not known when reading among them.
+    /// Executed motions, with those whose target is unknown when reading.
     motions: usize,
-    /// Nothing but motions to inline targets, in one procedure: it means the same wherever it is cut (see `chunks`).
+    /// The program is one procedure of motions to inline targets, so it can be cut anywhere (see `chunks`).
     streamable: bool,
-    /// The same, but for targets that are declared and have a name.
+    /// As `streamable`, but targets may also be declared by name.
     plain: bool,
     /// The mark in force after the last statement.
     mark_behind: Option<super::Mark>,
-    /// Of a chunk of a program that is run again for each: which motions its own are like.
+    /// In a chunk of a program that is run again for each chunk: the motions that its own repeat.
     again: Option<agreed::Again>,
 }
 
 impl Layout {
-    /// Where the numbers of a RAPID program stand.
+    /// The layout of a RAPID program.
     pub(super) fn of(program: &Program) -> Option<&Self> {
         match &program.layout {
             super::Layout::Rapid(layout) => Some(layout),
@@ -112,7 +115,7 @@ impl Layout {
         }
     }
 
-    /// What a target is made from by `Offs` and `RelTool`.
+    /// The offset (`Offs`, `RelTool`) that makes a target.
     fn offset(&self, site: &Site) -> Option<&Offset> {
         match site {
             Site::Offset(at) => self.offsets.get(*at as usize),
@@ -136,7 +139,7 @@ impl FrontEnd for Layout {
     }
 
     fn writes_axes(&self, program: &Program) -> Vec<bool> {
-        // What is made from a literal by `Offs` has its axes too.
+        // A target made from a literal by `Offs` has the literal's axes.
         let roots: HashSet<u32> = self.offsets.iter().map(|offset| offset.root).collect();
         let writes = |site: &Site| {
             let Site::Literal { literal, .. } = site else { return false };
@@ -164,12 +167,12 @@ impl FrontEnd for Layout {
     }
 }
 
-/// Where one target stands in the text.
+/// The position of one target in the text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Site {
-    /// Nowhere: joint angles, or a value worked out.
+    /// None: joint angles, or a calculated value.
     None,
-    /// A literal, and the argument that names it (inline: none).
+    /// A literal, and the argument that names it (`None` if inline).
     Literal { literal: u32, argument: Option<SourceSpan> },
     /// `Offs` or `RelTool`: an index into [`Layout::offsets`].
     Offset(u32),
@@ -182,16 +185,16 @@ struct Offset {
     steps: Box<[Step]>,
 }
 
-/// Reads modules as one program with shared names; `context` modules only declare.
+/// Reads modules as one program with shared names; `context` modules give declarations only.
 ///
 /// # Errors
-/// The program as a whole is refused (encrypted, not RAPID): every reason found.
+/// Every reason for which the program as a whole is refused (encrypted, not RAPID).
 pub fn read(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
     let dialect = dialect::of(&sources);
     read_as(dialect, sources, context)
 }
 
-/// [`read`] for those who only look: a file that is cut off is read to its end, and where it ends is kept.
+/// [`read`] for callers that change nothing: a file that is cut off is read to its end, and its end is noted.
 ///
 /// # Errors
 /// As [`read`], but for cut-off files.
@@ -200,12 +203,12 @@ pub fn look(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<D
     read_cut(dialect, sources, context, Cut::Looked)
 }
 
-/// [`read`] where the maker is known.
+/// [`read`] with the name of the dialect.
 fn read_as(dialect: &'static str, sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
     read_cut(dialect, sources, context, Cut::Refused)
 }
 
-/// What becomes of files that are cut off.
+/// The treatment of files that are cut off.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Cut {
     Refused,
@@ -213,7 +216,7 @@ enum Cut {
     Looked,
 }
 
-/// [`read_as`], and what becomes of files that are cut off.
+/// [`read_as`], with the treatment of files that are cut off.
 fn read_cut(
     dialect: &'static str,
     sources: Vec<Source>,
@@ -226,7 +229,7 @@ fn read_cut(
     program_of(outcome, (sources, &files, written), dialect, cuts)
 }
 
-/// Modules and context as files, with where those end that are cut off.
+/// Modules and context as files, with the ends of the files that are cut off.
 #[allow(clippy::type_complexity)]
 fn parsed(
     mut sources: Vec<Source>,
@@ -267,7 +270,7 @@ fn parsed(
     Ok((sources.into(), files, cuts))
 }
 
-/// What a run came to, as a program.
+/// The program that a run gives.
 fn program_of(
     mut outcome: outcome::Outcome,
     (sources, files, written): (Arc<[Source]>, &[tree::File], usize),
@@ -301,7 +304,7 @@ fn program_of(
     })
 }
 
-/// What stays as it is because it cannot be read: a warning a reason, at the first place.
+/// Warns of statements that cannot be read and stay as they are: one warning per reason, at the first of them.
 fn not_read(source: &Source, odd: &[(Span, Reason)]) -> Vec<Diagnostic> {
     let mut reasons: Vec<(Reason, Span, usize)> = Vec::new();
     for (span, reason) in odd {
@@ -323,7 +326,7 @@ fn not_read(source: &Source, odd: &[(Span, Reason)]) -> Vec<Diagnostic> {
     reasons.into_iter().map(said).collect()
 }
 
-/// Why a file as a whole is not read.
+/// The reason for which a file as a whole is refused.
 fn refuse(source: &Source) -> Option<Diagnostic> {
     let bytes = &source.bytes;
     let first = Span::new(0, bytes.len().min(1));
@@ -347,7 +350,7 @@ fn refuse(source: &Source) -> Option<Diagnostic> {
         let message = "the file is XML, not RAPID; a program file (.pgf) only lists modules";
         return Some(whole("rapid.xml", message).help("give the modules that it lists"));
     }
-    // Something that only RAPID has: a module, a routine or data.
+    // Look for what only RAPID has: a module, a routine or data.
     let mut cursor = Cursor::new(bytes, Span::new(0, bytes.len()));
     loop {
         let lexeme = cursor.next();
@@ -381,7 +384,7 @@ fn refuse(source: &Source) -> Option<Diagnostic> {
     )
 }
 
-/// Names of the modules that a program file (`.pgf`, XML) lists, in order; `None` where it is not one.
+/// Names of the modules that a program file (`.pgf`, XML) lists, in order; `None` for other files.
 #[must_use]
 pub fn pgf_modules(bytes: &[u8]) -> Option<Vec<String>> {
     let text: String = bytes.iter().map(|&b| b as char).collect();

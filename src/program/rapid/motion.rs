@@ -1,22 +1,22 @@
-//! Which instructions move, and where their arguments stand.
+//! The motion instructions, and the positions of their arguments.
 
 use super::lex::{Cursor, LexemeKind};
 use super::literal::{Literal, Written};
 use crate::program::Motion;
 use crate::text::Span;
 
-/// Arguments by position, counted from 0.
+/// The positions of a motion's arguments, counted from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Shape {
     pub(super) motion: Motion,
     /// Circle point.
     pub(super) via: Option<usize>,
-    /// Where to; the speed follows it.
+    /// The target; the speed follows it.
     pub(super) to: usize,
     pub(super) tool: ToolAt,
-    /// Where the zone stands.
+    /// The position of the zone.
     pub(super) zone: Zone,
-    /// It does nothing but move: no signal, no trigger, no search, no procedure on the way that could fail.
+    /// The instruction only moves: no signal, trigger, search, or procedure during the motion that could fail.
     pub(super) plain: bool,
 }
 
@@ -32,7 +32,7 @@ pub(super) enum Zone {
     Absent,
 }
 
-/// The shape of a known motion instruction; `None` for all else.
+/// The shape of a known motion instruction; `None` for any other name.
 pub(super) fn shape(name: &[u8]) -> Option<Shape> {
     let mut upper = [0_u8; 32];
     let upper = upper.get_mut(..name.len())?;
@@ -50,7 +50,7 @@ pub(super) fn shape(name: &[u8]) -> Option<Shape> {
             plain: true,
         });
     }
-    // Family, then kind of motion, then what the instruction does besides.
+    // A name is the family, the kind of motion, and what the instruction does besides.
     const FAMILIES: [(&[u8], usize); 11] = [
         (b"EGMMOVE", 1),
         (b"MOVE", 0),
@@ -93,10 +93,10 @@ pub(super) fn shape(name: &[u8]) -> Option<Shape> {
     Some(Shape { motion, via: circular.then_some(*first), to, tool, zone, plain })
 }
 
-/// Most arguments of one instruction that are looked at.
+/// Most arguments of one instruction that are read.
 pub(super) const MAX_ARGUMENTS: usize = 20;
 
-/// A call, split.
+/// A call, split into name and arguments.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Call {
     /// The procedure's name, or the expression between `%` and `%`.
@@ -125,7 +125,7 @@ impl Call {
         &self.optional[..self.optionals]
     }
 
-    /// All that is given, by place or by name.
+    /// All arguments, by position or by name.
     pub(super) fn given(&self) -> impl Iterator<Item = Span> {
         self.positional().iter().copied().chain(self.optional().iter().map(|(_, value)| *value))
     }
@@ -139,7 +139,7 @@ impl Call {
     }
 }
 
-/// A simple statement, split at its first level; the rest is read where it is needed.
+/// A simple statement, split at its first level; deeper levels are read when needed.
 pub(super) enum Simple {
     Call(Box<Call>),
     Assignment { target: Span, value: Span },
@@ -170,7 +170,7 @@ pub(super) fn split(bytes: &[u8], source: u16, span: Span) -> Option<Simple> {
     } else if first.kind != LexemeKind::Word {
         return None;
     } else {
-        // An assignment is known by `:=` after the name and its components.
+        // `:=` after the name and its components makes an assignment.
         let start = cursor;
         let mut depth = 0_usize;
         loop {
@@ -236,7 +236,7 @@ pub(super) fn arguments(cursor: &mut Cursor<'_>, source: u16, call: &mut Call) -
                     if let Some(free) = call.literals.iter_mut().find(|l| l.is_none()) {
                         *free = Some((slot, literal, written));
                     }
-                    // An expression with a literal in it does not occur; what follows is passed.
+                    // A literal is never part of an expression; anything that follows is skipped.
                     argument(cursor);
                 } else {
                     let mut span = argument(cursor);

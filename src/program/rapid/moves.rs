@@ -1,4 +1,4 @@
-//! Executed motions: their targets, tools, work objects and speeds, and what of them may be edited.
+//! Executed motions: their targets, tools, work objects and speeds, and which of their numbers may be edited.
 
 use super::arguments::is_unit;
 use super::changes::is_synchronised;
@@ -16,7 +16,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 impl<'a> Runner<'a> {
-    /// One executed motion.
+    /// Executes one motion.
     pub(super) fn motion(&mut self, scope: Scope, call: &Call, shape: Shape, span: Span) {
         let arguments = call.positional();
         let Some(&to) = arguments.get(shape.to) else {
@@ -48,7 +48,7 @@ impl<'a> Runner<'a> {
             self.stands = None;
         }
         if self.mode == Mode::Dry {
-            // Only what it calls and what it finds matters.
+            // Only its calls and its result matter.
             self.evaluate(scope, to);
             return self.found_by_search(scope, arguments, shape);
         }
@@ -98,7 +98,7 @@ impl<'a> Runner<'a> {
             let target = Target { goal: Goal::Joints { deg }, external: external_axes, located, ..target };
             return self.push(target, Site::None);
         }
-        // An arc is known by both its points, or not at all.
+        // An arc is known only if both its points are.
         let circle = via.map(|(at, via)| (self.pose(scope, call, at, via), via));
         let end = self.pose(scope, call, shape.to, to);
         match (circle, end) {
@@ -122,8 +122,8 @@ impl<'a> Runner<'a> {
         self.found_by_search(scope, arguments, shape);
     }
 
-    /// A procedure runs while the robot passes here, some time while the program goes on: what it changes is not known from
-    /// here on.
+    /// A procedure runs when the robot passes this target, at an unknown moment of the further program: the data that it
+    /// changes are unknown from here on.
     fn run_on_the_way(&mut self, scope: Scope, procedure: Option<Span>) {
         self.events += 1;
         let name = procedure.map(|name| self.evaluate(scope, name));
@@ -146,14 +146,14 @@ impl<'a> Runner<'a> {
         self.state.lose(Switches { marks: false, ..changes.switches });
     }
 
-    /// Tool and work object of a motion, or why they are not known.
+    /// Tool and work object of a motion, or the reason for which they are unknown.
     fn frames_of(&mut self, scope: Scope, call: &Call, tool: Span) -> Result<(u16, u16), Reason> {
         let bytes = self.bytes(scope.source as usize);
         let tool = self.tool_index(scope, tool)?;
         Ok((tool, self.wobj_index(scope, call.option(bytes, b"WObj"))?))
     }
 
-    /// SearchPoint, which stands before the targets, is where the search stopped.
+    /// The argument SearchPoint, before the targets, receives the position at which the search stopped.
     fn found_by_search(&mut self, scope: Scope, arguments: &[Span], shape: Shape) {
         if shape.zone == Zone::Absent
             && let Some(point) = arguments.get(shape.via.unwrap_or(shape.to).wrapping_sub(1))
@@ -164,7 +164,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Robtargets that are used where they cannot be edited.
+    /// Forbids edits of robtargets that are used as these arguments.
     fn hold(&mut self, scope: Scope, arguments: impl Iterator<Item = Span>) {
         for argument in arguments {
             let value = self.evaluate(scope, argument);
@@ -172,7 +172,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Arguments that do not say where to: for the functions that they call, and the robtargets that they are made of.
+    /// Evaluates the arguments other than the target, for the functions that they call and the robtargets that they use.
     fn other_arguments(&mut self, scope: Scope, call: &Call, shape: Shape, tool_at: usize) {
         let bytes = self.bytes(scope.source as usize);
         let own = |(at, _): &(usize, &Span)| *at != shape.to && Some(*at) != shape.via && *at != tool_at;
@@ -186,7 +186,7 @@ impl<'a> Runner<'a> {
         self.hold(scope, others.into_iter());
     }
 
-    /// What a robtarget of a motion is worth, or why that is not known.
+    /// The value of a robtarget of a motion, or the reason for which it is unknown.
     fn pose(&mut self, scope: Scope, call: &Call, at: usize, argument: Span) -> Result<Rc<Pose>, Reason> {
         let pose = match call.literal(at) {
             Some((_, literal, written)) => {
@@ -210,7 +210,7 @@ impl<'a> Runner<'a> {
         if is_unit(pose.written.quat) { Ok(pose) } else { Err(Reason::NotUnit) }
     }
 
-    /// One robtarget of a motion.
+    /// Adds one robtarget of a motion as a target.
     fn point(&mut self, scope: Scope, pose: &Pose, argument: Span, mut target: Target) {
         let written = &pose.written;
         if self.mode != Mode::Real {
@@ -249,7 +249,7 @@ impl<'a> Runner<'a> {
         self.standing.insert(self.targets.len());
         let jumps = self.frames.last().is_some_and(|frame| frame.jumps);
         target.predecessor = match self.stands {
-            // Where the robot comes from to the first motion cannot be known.
+            // The position before the first motion is unknown.
             _ if self.last == 0 => Predecessor::Start,
             Some(0) => Predecessor::Start,
             Some(last) if last == self.last && !jumps => Predecessor::Previous,
@@ -264,21 +264,21 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// The name of a declared target as used: `p10`, `p{3}`.
+    /// The name of a declared target as the motion spells it: `p10`, `p{3}`.
     pub(super) fn name_of(&mut self, root: Option<u32>, text: &[u8]) -> Option<Arc<str>> {
         let new = || -> Arc<str> { decode(text).as_ref().into() };
         match root {
-            // Through parameters the same literal has several names: the first is its own.
+            // Parameters give the same literal several names; the first is kept.
             Some(root) => Some(Arc::clone(self.names.entry(root).or_insert_with(new))),
             None => Some(new()),
         }
     }
 
-    /// Why the controller does not go where the numbers say, as far as that is so.
+    /// The reason, if any, for which the controller does not go to the pose that the numbers state.
     fn unlocated(&self, target: &Target, pose: &Pose) -> Option<Reason> {
         let tool = self.tools[target.tool as usize].data;
         let wobj = self.wobjs[target.wobj as usize].data;
-        // Either the robot holds the tool, or the part; what is not declared here is the usual way.
+        // The robot holds either the tool or the part; undeclared data mean that it holds the tool.
         let holds_part = wobj.is_some_and(|w| w.robhold);
         let misfit =
             tool.is_none_or(|t: ToolData| t.robhold) == holds_part || wobj.is_some_and(|w| w.robhold && !w.fixed);

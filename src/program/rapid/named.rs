@@ -1,5 +1,5 @@
-//! Declarations of the targets that a chunk moves to by name, read line by line: lines that differ in nothing but name and
-//! numbers declare alike.
+//! Declarations of the targets to which a chunk moves by name, read line by line. Lines that differ only in name and numbers
+//! form one kind and are read alike.
 
 use super::axes::as_written;
 use super::index::{declared, hash, is_word};
@@ -11,32 +11,32 @@ use crate::program::{ExternalAxes, Goal};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Longest name; RAPID itself has the same.
+/// Longest name, as in RAPID.
 const LONGEST: usize = 32;
 
-/// A chunk of more ways to declare has nothing to gain.
-const MOST_WAYS: usize = 4;
+/// Most kinds of declarations in a chunk; with more, reading line by line gains nothing.
+const MOST_KINDS: usize = 4;
 
 /// Declared targets of a chunk, in the order of the file.
 pub(super) struct Declarations<'a> {
-    ways: Vec<DeclarationTemplate<'a>>,
+    templates: Vec<DeclarationTemplate<'a>>,
     targets: Vec<Declaration<'a>>,
-    /// Targets by the hash of their names, once one is not the next.
+    /// Targets by the hash of their names; built when a motion first goes to another target than the next.
     by_name: Vec<(u64, u32)>,
-    /// The target after the one that was looked up last.
+    /// The target that follows the last one looked up.
     next: usize,
 }
 
-/// How a target is declared: a line but for its name and its numbers.
+/// A kind of declaration: a line without its name and numbers.
 pub(super) struct DeclarationTemplate<'a> {
     before: &'a [u8],
     between: &'a [u8],
     behind: &'a [u8],
     /// The last line of this kind, with its end.
     pub(super) line: &'a [u8],
-    /// Of it, up to the name.
+    /// The part of that line before the name.
     lead: &'a [u8],
-    /// What stands after the name.
+    /// The part of that line after the name.
     sample: Option<Sample<'a>>,
     /// External axes of the last line.
     external: Option<Arc<ExternalAxes>>,
@@ -46,55 +46,60 @@ pub(super) struct DeclarationTemplate<'a> {
 pub(super) struct Declaration<'a> {
     name: &'a [u8],
     hash: u64,
-    pub(super) way: usize,
+    pub(super) template: usize,
     pub(super) goal: Goal,
     pub(super) external: Option<Arc<ExternalAxes>>,
-    /// Its name where it was used first.
+    /// Its name as spelled at its first use.
     used: Option<Arc<str>>,
 }
 
 impl<'a> Declarations<'a> {
-    /// Reads the lines there, and where their numbers stand; `None` where only the plain way tells what one means.
+    /// Reads these lines and the positions of their numbers; `None` if a line needs the full reader.
     pub(super) fn read(bytes: &'a [u8], lines: Range<usize>) -> Option<(Self, Vec<Literal>)> {
         let bytes = &bytes[..lines.end];
-        let mut read = Self { ways: Vec::new(), targets: Vec::new(), by_name: Vec::new(), next: 0 };
+        let mut read = Self { templates: Vec::new(), targets: Vec::new(), by_name: Vec::new(), next: 0 };
         let mut literals = Vec::new();
         let (mut start, mut last) = (lines.start, 0);
         while start < bytes.len() {
-            if let Some(way) = read.ways.get_mut(last)
-                && let Some((name, literal, goal, len)) = way.read(bytes, start)
+            if let Some(template) = read.templates.get_mut(last)
+                && let Some((name, literal, goal, len)) = template.read(bytes, start)
             {
-                let external = way.external.clone();
+                let external = template.external.clone();
                 read.push(name, last, (goal, external))?;
                 literals.push(literal);
                 start += len;
                 continue;
             }
             let line = line_of(&bytes[start..]);
-            let (way, name, literal, goal) = DeclarationTemplate::of(bytes, start, line)?;
-            read.push(name, 0, (goal, way.external.clone()))?;
+            let (template, name, literal, goal) = DeclarationTemplate::of(bytes, start, line)?;
+            read.push(name, 0, (goal, template.external.clone()))?;
             literals.push(literal);
-            last = read.ways.iter().position(|known| known.is(&way)).unwrap_or(read.ways.len());
-            match read.ways.get_mut(last) {
-                Some(known) => *known = way,
-                None if last < MOST_WAYS => read.ways.push(way),
+            last = read.templates.iter().position(|known| known.is(&template)).unwrap_or(read.templates.len());
+            match read.templates.get_mut(last) {
+                Some(known) => *known = template,
+                None if last < MOST_KINDS => read.templates.push(template),
                 None => return None,
             }
-            read.targets.last_mut()?.way = last;
+            read.targets.last_mut()?.template = last;
             start += line.len();
         }
         Some((read, literals))
     }
 
-    fn push(&mut self, name: &'a [u8], way: usize, (goal, external): (Goal, Option<Arc<ExternalAxes>>)) -> Option<()> {
-        // Words of the language have no digits; those that programs begin with are looked for in their text.
+    fn push(
+        &mut self,
+        name: &'a [u8],
+        template: usize,
+        (goal, external): (Goal, Option<Arc<ExternalAxes>>),
+    ) -> Option<()> {
+        // Words of the language have no digits; names from the head of a program are searched in its text.
         let own = name.first().is_some_and(u8::is_ascii_alphabetic)
             && name.iter().any(|b| !b.is_ascii_alphabetic())
             && name.len() <= LONGEST;
-        own.then(|| self.targets.push(Declaration { name, hash: hash(name), way, goal, external, used: None }))
+        own.then(|| self.targets.push(Declaration { name, hash: hash(name), template, goal, external, used: None }))
     }
 
-    /// Which target has a name: most often the next one.
+    /// The target with a name, most often the next one.
     pub(super) fn find(&mut self, name: &[u8]) -> Option<usize> {
         let is = |target: &Declaration| target.name.eq_ignore_ascii_case(name);
         if !self.targets.get(self.next).is_some_and(is) {
@@ -116,12 +121,12 @@ impl<'a> Declarations<'a> {
         self.targets.is_empty()
     }
 
-    pub(super) fn way(&self, target: usize) -> usize {
-        self.targets[target].way
+    pub(super) fn template(&self, target: usize) -> usize {
+        self.targets[target].template
     }
 
-    pub(super) fn ways(&self) -> &[DeclarationTemplate<'a>] {
-        &self.ways
+    pub(super) fn templates(&self) -> &[DeclarationTemplate<'a>] {
+        &self.templates
     }
 
     pub(super) fn goal(&self, target: usize) -> Goal {
@@ -132,7 +137,7 @@ impl<'a> Declarations<'a> {
         &self.targets[target].external
     }
 
-    /// A target's name, as it is spelled where it is used first.
+    /// The name of a target, as spelled at its first use.
     pub(super) fn name(&mut self, target: usize, spelled: &[u8]) -> Option<Arc<str>> {
         let used = &mut self.targets[target].used;
         if used.is_none() {
@@ -141,7 +146,7 @@ impl<'a> Declarations<'a> {
         used.clone()
     }
 
-    /// Whether one has a name of these, by their hashes.
+    /// Whether a target has one of these names, given by their hashes.
     pub(super) fn any_of(&self, words: &[u64]) -> bool {
         debug_assert!(words.is_sorted());
         self.targets.iter().any(|target| words.binary_search(&target.hash).is_ok())
@@ -149,7 +154,7 @@ impl<'a> Declarations<'a> {
 }
 
 impl<'a> DeclarationTemplate<'a> {
-    /// How the line at `start` declares, and what.
+    /// The kind of the declaration at `start`, and what it declares.
     fn of(bytes: &'a [u8], start: usize, line: &'a [u8]) -> Option<(Self, &'a [u8], Literal, Goal)> {
         let text = line.trim_ascii();
         let indent = line.len() - line.trim_ascii_start().len();
@@ -157,12 +162,12 @@ impl<'a> DeclarationTemplate<'a> {
         let open = name.end + text[name.end..].iter().position(|b| *b == b'[')?;
         let (literal, written) = Literal::read(bytes, 0, start + indent + open)?;
         let behind = literal.span().range().end.checked_sub(start + indent)?;
-        // Line ends that only one of two ways counts.
+        // The two readers count such line ends differently.
         if line.trim_ascii_end().contains(&b'\r') {
             return None;
         }
         let lead = indent + name.end;
-        let way = Self {
+        let template = Self {
             before: &text[..name.start],
             between: &text[name.end..open],
             behind: text.get(behind..)?,
@@ -172,10 +177,10 @@ impl<'a> DeclarationTemplate<'a> {
             external: as_written(&written.external),
         };
         let (position_mm, quat) = pose(written.position_mm, written.quat)?;
-        Some((way, &text[name], literal, Goal::Pose { position_mm, quat, conf: written.conf }))
+        Some((template, &text[name], literal, Goal::Pose { position_mm, quat, conf: written.conf }))
     }
 
-    /// Reads the line at `start`, if it is like the last one: name and robtarget, and its length with its end.
+    /// Reads the line at `start` if it is of this kind: name, robtarget, and length with the line end.
     fn read(&mut self, bytes: &'a [u8], start: usize) -> Option<(&'a [u8], Literal, Goal, usize)> {
         let rest = bytes.get(start..)?.strip_prefix(self.lead)?;
         let name = &rest[..rest.iter().position(|b| !is_word(*b))?];
@@ -188,7 +193,7 @@ impl<'a> DeclarationTemplate<'a> {
         (self.before, self.between, self.behind) == (other.before, other.between, other.behind)
     }
 
-    /// All that two lines of this kind have alike.
+    /// The text that all lines of this kind share.
     pub(super) fn text(&self) -> [&'a [u8]; 3] {
         [self.before, self.between, self.behind]
     }

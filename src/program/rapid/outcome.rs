@@ -1,4 +1,4 @@
-//! What a run comes to: which targets may be edited after all, and whether the program means the same wherever it is cut.
+//! The outcome of a run: the targets that may be edited after all, and whether the program can be cut anywhere.
 
 use super::runner::Runner;
 use super::tree::{File, RoutineKind, Statement};
@@ -9,7 +9,7 @@ use crate::text::Diagnostic;
 use std::collections::HashSet;
 use std::sync::Arc;
 
-/// What a run gives.
+/// The outcome of a run.
 pub(super) struct Outcome {
     pub(super) tools: Vec<Tool>,
     pub(super) wobjs: Vec<Wobj>,
@@ -22,7 +22,7 @@ pub(super) struct Outcome {
 }
 
 impl Runner<'_> {
-    /// The end of the run.
+    /// Ends the run.
     pub(super) fn finish(mut self, files: &[File]) -> Outcome {
         self.hold_what_runs_aside();
         self.hold_what_is_used_otherwise();
@@ -30,7 +30,7 @@ impl Runner<'_> {
         let plain = self.plain(files);
         let streamable = plain && self.inline();
         self.refuse_what_calls_itself();
-        // What one refuses may be what another rests on.
+        // One refusal may lead to another.
         loop {
             let before = self.refused();
             self.refuse_halves_of_arcs();
@@ -64,12 +64,12 @@ impl Runner<'_> {
         }
     }
 
-    /// How many targets are not edited.
+    /// Number of targets that must not be edited.
     fn refused(&self) -> usize {
         self.targets.iter().filter(|target| matches!(target.editable, Editable::No(_))).count()
     }
 
-    /// An arc with one of its points moved is another arc.
+    /// Refuses the other point of an arc when one is refused: moving one point alone makes another arc.
     fn refuse_halves_of_arcs(&mut self) {
         for i in 1..self.targets.len() {
             let [circle, end] = [i - 1, i].map(|i| self.targets[i].editable);
@@ -84,7 +84,7 @@ impl Runner<'_> {
         }
     }
 
-    /// An offset does not change where it is run again and cannot be edited then.
+    /// Refuses an offset that runs again in a state in which it cannot be edited.
     fn refuse_shared_offsets(&mut self) {
         let offset = |site: &Site| match *site {
             Site::Offset(at) => self.offsets[at as usize].steps.last()?.tokens.map(|tokens| tokens[0]),
@@ -94,7 +94,7 @@ impl Runner<'_> {
             |(target, site): (&Target, &Site)| offset(site).filter(|_| matches!(target.editable, Editable::No(_)));
         let mut held: HashSet<SourceSpan> = self.targets.iter().zip(&self.sites).filter_map(of_kept).collect();
         held.extend(&self.held);
-        // A target that was changed on its way here does not know any more that the statement's own offset is in it.
+        // A target that was changed before this motion no longer records the offset of this statement.
         let of_changed = |(target, site): (&Target, &Site)| {
             let changed = matches!((site, target.editable), (Site::None, Editable::No(_)));
             changed.then_some((target.source, target.span.start))
@@ -112,7 +112,7 @@ impl Runner<'_> {
         }
     }
 
-    /// What cannot be edited must not move with its base.
+    /// Refuses a base when a target made from it cannot be edited, because that target would move with it.
     fn refuse_shared_declarations(&mut self) {
         for i in 0..self.targets.len() {
             if matches!(self.targets[i].editable, Editable::No(_)) {
@@ -139,7 +139,7 @@ impl Runner<'_> {
         }
     }
 
-    /// Whether each statement was a motion to a literal target or one that leaves nothing behind.
+    /// Whether each statement was a motion to a literal target or has no later effect.
     fn plain(&self, files: &[File]) -> bool {
         let Some((file, context)) = files.split_first().filter(|_| self.written == 1) else { return false };
         let only_data = |file: &File| file.odd.is_empty() && file.modules.iter().all(|m| m.routines.is_empty());
@@ -164,7 +164,7 @@ impl Runner<'_> {
             && self.targets.iter().all(known)
     }
 
-    /// Whether each motion of a plain program is to an inline target.
+    /// Whether each motion of a plain program goes to an inline target.
     fn inline(&self) -> bool {
         let inline = |site: &Site| matches!(site, Site::Literal { argument: None, .. } | Site::None);
         self.sites.iter().all(inline) && self.targets.iter().all(|target| target.name.is_none())

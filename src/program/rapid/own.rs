@@ -1,5 +1,5 @@
-//! Literals that one motion each goes to: no other motion uses them, so that each goes from change to edit at once. What comes
-//! of it is what [`Writer::literals`](super::rewrite) and the steps after it make of the same program.
+//! Literals with one motion each. No other motion uses them, so a change becomes an edit at once. The result is that of
+//! [`Writer::literals`](super::rewrite) and the steps after it.
 
 use super::Site;
 use super::literal::{Literal, POSE};
@@ -10,25 +10,25 @@ use crate::text::number::{Fixed, Leading, Numbers, Printed, read_leading};
 use crate::text::{Content, Edit, Span};
 use std::collections::HashMap;
 
-/// Most bytes of a pose with new numbers; longer ones go token by token.
+/// Most bytes of a pose with new numbers; longer poses are edited token by token.
 const ROOM: usize = 192;
 
-/// Poses that are printed together.
+/// Number of poses printed together.
 const AHEAD: usize = 8;
 
-/// Poses that are printed before their turn, so that none waits for what was only just put in memory.
+/// Poses printed ahead, so that none is read right after it was written to memory.
 #[derive(Default)]
 struct Ahead {
-    /// How the last ones were.
+    /// The layout of the last numbers.
     numbers: Option<Numbers>,
     printed: [Printed; AHEAD],
-    /// The texts from their first number to their last.
+    /// Their texts, each from the first number to the last.
     texts: [Text; AHEAD],
-    /// Whether they are, and need no closer look.
+    /// Whether each text exists and is valid as it is.
     valid: [bool; AHEAD],
 }
 
-/// Numbers, and the text between them.
+/// Numbers with the text between them.
 struct Text {
     bytes: [u8; ROOM],
     len: usize,
@@ -40,7 +40,7 @@ impl Default for Text {
     }
 }
 
-/// Whether each target has its literal for itself, in their order.
+/// Whether each target has a literal of its own, in the order of the targets.
 pub(super) fn is_own(sites: &[Site]) -> bool {
     let mut next = 0;
     sites.iter().all(|site| match site {
@@ -54,7 +54,7 @@ pub(super) fn is_own(sites: &[Site]) -> bool {
 }
 
 impl Writer<'_> {
-    /// Edits all literals; the poses of all targets as the controller will hold them.
+    /// Edits all literals; returns the poses of all targets as the controller will hold them.
     pub(super) fn own(&mut self, changes: &[Option<Change>]) -> Vec<Pose> {
         let (nothing, nowhere) = (HashMap::new(), HashMap::new());
         let mut written = Vec::with_capacity(changes.len());
@@ -91,7 +91,7 @@ impl Writer<'_> {
         written
     }
 
-    /// Edits a literal; its pose afterwards, `None` where that is the one that is written.
+    /// Edits a literal; returns its new pose, or `None` if the pose stays as written.
     fn pose(&mut self, i: usize, literal: &Literal, change: &Change) -> Option<Pose> {
         if let Some((edit, (position, quat))) = self.stretch(i, literal, change) {
             self.edits.get_mut(literal.source as usize)?.extend(edit);
@@ -103,7 +103,7 @@ impl Writer<'_> {
         Some((position, quat))
     }
 
-    /// Prints the next poses of seven new numbers, whose decimals most literals have in common.
+    /// Prints the next poses that have seven new numbers; most literals have the same decimals.
     fn print_ahead(&self, from: usize, changes: &[Option<Change>], ahead: &mut Ahead) {
         let RewriteOptions { position_decimals, quat_decimals, .. } = *self.options;
         let least = [position_decimals, quat_decimals].map(|least| u8::try_from(least).unwrap_or(Leading::ODD));
@@ -142,7 +142,7 @@ impl Writer<'_> {
         }
     }
 
-    /// The text of new numbers; `None` where a closer look is needed.
+    /// The text of new numbers; `None` if the literal must be edited token by token.
     fn compose(&self, i: usize, printed: &Printed, Text { bytes: text, len }: &mut Text) -> Option<()> {
         let (Site::Literal { literal, .. }, Goal::Pose { position_mm, .. }) =
             (*self.layout.sites.get(i)?, self.program.targets.get(i)?.goal)
@@ -182,7 +182,7 @@ impl Writer<'_> {
         let (span, text) = (literal.token(0).to(literal.token(POSE - 1)), &text.bytes[..text.len]);
         let changes = bytes.get(span.range()) != Some(text);
         if let Some(edits) = self.edits.get_mut(literal.source as usize).filter(|_| changes) {
-            // Filled where it stays.
+            // Filled in place.
             edits.push(Edit { span, content: Content::new() });
             if let Some(edit) = edits.last_mut() {
                 edit.content.extend_from_slice(text);
@@ -190,8 +190,8 @@ impl Writer<'_> {
         }
     }
 
-    /// A pose whose numbers have no looks to keep but their decimals, as one edit from its first number that changes to the
-    /// last, with its new numbers as the controller holds them. `None` where a closer look is needed.
+    /// A pose whose numbers keep only their decimals: one edit from the first changed number to the last, and the new numbers as
+    /// the controller holds them. `None` if the literal must be edited token by token.
     fn stretch(&self, i: usize, literal: &Literal, change: &Change) -> Option<(Option<Edit>, Pose)> {
         let Goal::Pose { position_mm, quat: is, conf } = self.program.targets[i].goal else { return None };
         if change.conf.is_some_and(|wanted| Some(wanted) != conf) || change.external.is_some() {
@@ -207,7 +207,7 @@ impl Writer<'_> {
         let bytes = &self.program.sources[literal.source as usize].bytes[..];
         let mut held = [0.0; POSE];
         let mut text = [0; ROOM];
-        // The edit's place in the source, and the bytes of its text.
+        // The position of the edit in the source, and the bytes of its text.
         let (mut start, mut done, mut len) = (0, 0, 0);
         for k in 0..POSE {
             let token = literal.token(k).range();
@@ -225,13 +225,13 @@ impl Writer<'_> {
             let same = match k {
                 0..3 => value == position_mm[k],
                 _ if was < least => value == read_leading(old)?.value,
-                // Of as many decimals: the digits below decide.
+                // With equal decimals, the comparison of digits below decides.
                 _ => false,
             };
             if same {
                 continue;
             }
-            // Up to here the text between two edited numbers is kept.
+            // The text between two edited numbers is kept.
             let between = if len == 0 { &[][..] } else { bytes.get(done..token.start)? };
             match between {
                 [one] => *text.get_mut(len)? = *one,

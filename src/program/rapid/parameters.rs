@@ -1,4 +1,4 @@
-//! What a routine is given: copies, and names for the places of others.
+//! The parameters of a routine: copies of values, and references to the caller's data.
 
 use super::eval::Scope;
 use super::known::RoutineId;
@@ -16,11 +16,11 @@ use std::sync::Arc;
 /// What a parameter stands for.
 #[derive(Clone, Debug)]
 pub(super) enum Bound {
-    /// The caller's own, by reference.
+    /// The caller's variable, by reference.
     Variable(usize),
-    /// A part of the caller's, by reference.
+    /// A part of the caller's variable, by reference.
     Part(Rc<Part>),
-    /// A copy, under the name that it was declared with, and whether the files declare that.
+    /// A copy, with the name under which it was declared, and whether the files declare that name.
     Value(Value, Span, bool),
 }
 
@@ -35,7 +35,7 @@ pub(super) fn undeclared(routine: &Routine, theirs: &[u8], bytes: &[u8], call: &
 }
 
 impl<'a> Runner<'a> {
-    /// What a call hands to the parameters of a routine, by their number.
+    /// The bindings that a call gives to the parameters of a routine, by their number.
     pub(super) fn arguments(&mut self, scope: Scope, id: RoutineId, call: &Call) -> Vec<(usize, Bound)> {
         let routine = self.symbols.routine(id);
         let callee = self.bytes(id.file);
@@ -64,7 +64,7 @@ impl<'a> Runner<'a> {
         bound
     }
 
-    /// A routine's parameters, with what they stand for, and its own data.
+    /// The names of a routine: its parameters with their bindings, and its own data.
     pub(super) fn own_names(&mut self, id: RoutineId, arguments: &[(usize, Bound)]) -> Names {
         let routine = self.symbols.routine(id);
         let bytes = self.bytes(id.file);
@@ -157,11 +157,11 @@ impl<'a> Runner<'a> {
         };
         match named {
             Some(Some(at)) => {
-                // Through several routines it keeps the name that it was declared with.
+                // A value passed through several routines keeps the name of its declaration.
                 Bound::Variable(self.copied(value, at, scope, argument))
             }
             Some(None) => {
-                // A name that the files do not declare, or a predefined one: it goes along with its value.
+                // An undeclared or predefined name is passed along with its value.
                 let declared = super::value::predefined(&Upper::new(&bytes[word.range()])).is_some();
                 Bound::Value(value, word, declared)
             }
@@ -169,7 +169,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// A variable of its own with the value of another.
+    /// A new variable with the value of another.
     pub(super) fn copied(&mut self, value: Value, of: usize, scope: Scope, at: Span) -> usize {
         let variable = &self.symbols.variables[of];
         let (name, kind, foreign) = (Arc::clone(&variable.name), Arc::clone(&variable.kind), variable.foreign);

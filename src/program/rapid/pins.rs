@@ -1,4 +1,4 @@
-//! Numbers of the text: whose they are, and which may not be edited.
+//! Literals of the text: their numbers, and which of them must not be edited.
 
 use super::Site;
 use super::literal::Literal;
@@ -6,7 +6,7 @@ use super::runner::Runner;
 use super::value::{Pose, SourceSpan, Value};
 
 impl<'a> Runner<'a> {
-    /// Which literal of the text this is; the next one almost always.
+    /// The index of this literal, almost always the next one.
     pub(super) fn literal_id(&mut self, literal: &Literal) -> Option<u32> {
         let source = literal.source as usize;
         let at = if self.literals.get(self.next_literal) == Some(literal) {
@@ -20,7 +20,7 @@ impl<'a> Runner<'a> {
         u32::try_from(at).ok()
     }
 
-    /// A robtarget put together from parts, as a literal of its own.
+    /// Adds a robtarget assembled from parts as a literal of its own.
     pub(super) fn own_literal(&mut self, literal: Literal) -> Option<u32> {
         let place = SourceSpan { source: literal.source, span: literal.span() };
         if let Some(id) = self.own.get(&place) {
@@ -32,12 +32,12 @@ impl<'a> Runner<'a> {
         Some(id)
     }
 
-    /// A literal that other values are made of: moving it would move them too.
+    /// Forbids edits of a literal from which other values are made: they would move with it.
     pub(super) fn pin(&mut self, root: Option<u32>) {
         self.pinned.extend(root);
     }
 
-    /// The same with the offsets that it was made by.
+    /// The same for a pose, with the offsets that make it.
     pub(super) fn pin_pose(&mut self, pose: &Pose) {
         self.pin(pose.root);
         self.held.extend(pose.steps.iter().filter_map(|step| step.tokens).map(|tokens| tokens[0]));

@@ -1,19 +1,19 @@
-//! What RAPID's own instructions and functions may change of what decides where the tool goes: the one list of it.
+//! The list of what RAPID's predefined instructions and functions may change, as far as it decides where the tool goes.
 //!
 //! Source: ABB, *Technical reference manual: RAPID Instructions, Functions and Data types* (3HAC050917-001), each name's own
-//! page: its arguments (which of them are `VAR`, `PERS` or `INOUT`) and what it does to frames and displacement. A name that
-//! is not here is taken for one that may change anything: see `docs/soundness.md`, which repeats these lists.
+//! page: its arguments (which of them are `VAR`, `PERS` or `INOUT`) and its effect on frames and displacement. An unlisted
+//! name may change anything. `docs/soundness.md` repeats these lists.
 
 /// What an instruction may change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Instruction {
     /// Neither data nor frames.
     Nothing,
-    /// The data that it is given, and no other.
+    /// The data in its arguments, and no other.
     Arguments,
     /// The data that its optional arguments name (`\\TimeFlag`), and no other.
     Options,
-    /// `Incr`, `Decr`, `Add`, `Clear`: its first argument, by a number.
+    /// Its first argument, by a number: `Incr`, `Decr`, `Add`, `Clear`.
     Steps,
     /// Switches program displacement on.
     DisplacementOn,
@@ -23,23 +23,23 @@ pub(super) enum Instruction {
     SoftOn,
     /// Makes them stiff again.
     SoftOff,
-    /// Says what load the robot grips.
+    /// States the load that the robot grips.
     Load,
-    /// Makes other speeds of the programmed ones.
+    /// Changes the programmed speeds.
     Velocity,
     /// Sets the offset of external axes.
     AxisOffsetSet,
-    /// Sets it from where they stand.
+    /// Sets it from the present positions.
     AxisOffsetOn,
     /// Switches it off.
     AxisOffsetOff,
     /// Activates a mechanical unit.
     UnitOn,
-    /// Deactivates it: it stays where it stands.
+    /// Deactivates a mechanical unit, which then keeps its position.
     UnitOff,
     /// Moves external axes only.
     MovesAxes,
-    /// Data by their names as texts.
+    /// Data named by a string.
     DataByName,
     /// Moves, but to no robtarget that the program states.
     Moves,
@@ -50,7 +50,7 @@ pub(super) enum Instruction {
 }
 
 impl Instruction {
-    /// Whether a handler may get an error from it: the pages of those that switch displacement name none.
+    /// Whether it may raise an error: the manual names none for the instructions that switch displacement.
     pub(super) fn may_fail(self) -> bool {
         !matches!(
             self,
@@ -68,7 +68,7 @@ impl Instruction {
     }
 }
 
-/// Change neither data nor frames.
+/// Instructions that change neither data nor frames.
 pub(super) const NOTHING: &[&str] = &[
     "AccSet",
     "ActEventBuffer",
@@ -172,7 +172,7 @@ pub(super) const NOTHING: &[&str] = &[
     "WZEnable",
 ];
 
-/// Change what they are given, and no other data.
+/// Instructions that change data in their arguments, and no other data.
 pub(super) const ARGUMENTS: &[&str] = &[
     "AliasIO",
     "BitClear",
@@ -247,11 +247,11 @@ pub(super) const ARGUMENTS: &[&str] = &[
     "WZSphDef",
 ];
 
-/// Change what they are given by optional arguments, and no other data.
+/// Instructions that change data in optional arguments, and no other data.
 pub(super) const OPTIONS: &[&str] =
     &["UIMsgBox", "WaitAI", "WaitAO", "WaitDI", "WaitDO", "WaitGI", "WaitGO", "WaitUntil"];
 
-/// Those with a meaning of their own.
+/// Instructions with an effect of their own.
 const OWN: &[(&str, Instruction)] = &[
     ("ActUnit", Instruction::UnitOn),
     ("Add", Instruction::Steps),
@@ -446,7 +446,7 @@ pub(super) const FUNCTIONS: &[&str] = &[
     "VectMagn",
 ];
 
-/// Functions of these that no handler gets an error from, whatever they are given.
+/// The functions among these that raise no error, whatever their arguments.
 pub(super) const NEVER_FAILING: &[&str] = &[
     "Abs",
     "AbsDnum",
@@ -493,7 +493,7 @@ pub(super) const NEVER_FAILING: &[&str] = &[
     "VectMagn",
 ];
 
-/// Functions that hand back more than their value, through an argument, and change nothing else.
+/// Functions that also write to an argument, and change nothing else.
 pub(super) const WRITING_FUNCTIONS: &[&str] = &[
     "GetNextMechUnit",
     "GetNextSym",
@@ -509,7 +509,7 @@ pub(super) const WRITING_FUNCTIONS: &[&str] = &[
     "UINumTune",
 ];
 
-/// Whether a list that is sorted without regard to case has a name.
+/// Whether a list, sorted without regard to case, contains a name.
 fn has(sorted: &[&str], name: &[u8]) -> bool {
     sorted.binary_search_by(|known| order(known.as_bytes(), name)).is_ok()
 }
@@ -519,7 +519,7 @@ fn order(a: &[u8], b: &[u8]) -> std::cmp::Ordering {
     a.iter().map(lower).cmp(b.iter().map(lower))
 }
 
-/// What a predefined instruction may change; `None` where it is not one that is known.
+/// What a predefined instruction may change; `None` for an unknown name.
 pub(super) fn instruction(name: &[u8]) -> Option<Instruction> {
     if has(NOTHING, name) {
         return Some(Instruction::Nothing);
@@ -536,7 +536,7 @@ pub(super) fn instruction(name: &[u8]) -> Option<Instruction> {
 /// Whether a statement is an instruction that changes nothing.
 pub(super) fn harmless(statement: &[u8]) -> bool {
     let name = &statement[..statement.iter().position(|b| !b.is_ascii_alphanumeric()).unwrap_or(statement.len())];
-    // Units are active until one is deactivated: to activate it again changes nothing.
+    // A unit is active until it is deactivated, so activating it again changes nothing.
     has(NOTHING, name)
         || has(OPTIONS, name) && !statement.contains(&b'\\')
         || instruction(name) == Some(Instruction::UnitOn)
@@ -549,7 +549,7 @@ pub(super) enum Function {
     Arguments,
 }
 
-/// `None` where it is not a function that is known.
+/// What a predefined function may change; `None` for an unknown name.
 pub(super) fn function(name: &[u8]) -> Option<Function> {
     if has(FUNCTIONS, name) {
         Some(Function::Nothing)
@@ -558,7 +558,7 @@ pub(super) fn function(name: &[u8]) -> Option<Function> {
     }
 }
 
-/// Whether no handler gets an error from a function.
+/// Whether a function never raises an error.
 pub(super) fn never_fails(name: &[u8]) -> bool {
     has(NEVER_FAILING, name)
 }

@@ -1,9 +1,9 @@
-//! Which statements were run, and what motions use that are not.
+//! The statements that were run, and the targets of motions that were not.
 
 use super::value::SourceSpan;
 use crate::text::Source;
 
-/// Statements that were run, a bit for each byte that one may begin at.
+/// The statements that were run: one bit for each byte at which a statement may begin.
 pub(super) struct Ran(Vec<Vec<u64>>);
 
 impl Ran {
@@ -22,7 +22,7 @@ impl Ran {
     }
 }
 
-/// A motion of a routine that nothing runs.
+/// The use of a target by a motion in a routine that nothing runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Use {
     pub(super) root: u32,

@@ -1,4 +1,4 @@
-//! A chunk as targets: by what is known of like lines, or each statement for itself.
+//! Reads the targets of a chunk: by kinds of lines where possible, otherwise statement by statement.
 
 use super::chunk::Chunk;
 use super::streamable;
@@ -7,7 +7,7 @@ use crate::program::{Predecessor, StreamableChunk};
 use std::ops::Range;
 
 impl Chunk {
-    /// Reads the chunk; `None` where it is not streamable after all.
+    /// Reads the chunk; `None` if it proves not streamable.
     #[must_use]
     pub fn read(mut self) -> Option<StreamableChunk> {
         let lines = std::mem::take(&mut self.lines);
@@ -29,20 +29,20 @@ impl Chunk {
         Some(chunk)
     }
 
-    /// The reference for [`Chunk::read`]: every statement is read for itself.
+    /// Reads every statement by itself: the reference for [`Chunk::read`].
     pub(super) fn read_plain(self) -> Option<StreamableChunk> {
         let mut program = super::read_as(self.dialect, vec![self.source], self.context.to_vec()).ok()?;
         let streamable = super::Layout::of(&program).is_some_and(|layout| {
-            // A mark after the last motion is in force nowhere.
+            // A mark after the last motion has no effect.
             let marks = self.last || layout.mark_behind == self.mark_behind;
             let held = || layout.plain && holds(layout, &self.own, &self.elsewhere);
             let kind = if self.elsewhere.is_empty() { layout.streamable } else { held() };
             kind && layout.motions == self.motions as usize && marks
         });
-        // Line ends that only one of the two counts.
+        // The two readers count such line ends differently.
         let lines = program.targets.last().is_none_or(|target| target.line as usize == self.last_line);
         for target in &mut program.targets {
-            // One comes from where the chunk before ends.
+            // The first target follows the end of the previous chunk.
             target.predecessor = Predecessor::Previous;
             target.ordinal = target.ordinal.checked_add(self.motions_before)?;
         }
@@ -56,7 +56,7 @@ impl Chunk {
     }
 }
 
-/// Whether all targets stand in the stretch or in the declarations that were put in for it.
+/// Whether all targets stand in the chunk's own text or in the declarations that were added for it.
 fn holds(layout: &super::Layout, own: &Range<usize>, elsewhere: &[Elsewhere]) -> bool {
     layout.sites.iter().all(|site| match site {
         super::Site::Literal { literal, .. } => {

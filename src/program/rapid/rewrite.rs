@@ -1,4 +1,4 @@
-//! Corrected poses back into number tokens: nothing but sign and digits changes.
+//! Writes corrected poses back into number tokens: only sign and digits change.
 
 use super::value::{SourceSpan, Step, rotate, unit};
 use super::writer::{Pose, Print, Writer, single};
@@ -8,23 +8,23 @@ use crate::program::{Change, Editable, Goal, Insert, Program, Reason, RewriteOpt
 use crate::text::{Content, Edit, Token};
 use std::collections::{BTreeSet, HashMap, HashSet};
 
-/// New arguments of `Offs` and `RelTool`, by the place of the first; none of them where it stays.
+/// New arguments of `Offs` and `RelTool`, by the position of the first; absent for offsets that stay.
 pub(super) type NewOffsets = HashMap<SourceSpan, NewOffset>;
 
-/// Tokens of one of them.
+/// The new tokens of one offset.
 type NewOffset = [Option<Token>; 3];
 
-/// What literals and offsets are to become.
+/// The new literals and offsets.
 #[derive(Debug, Default)]
 pub(super) struct Settled {
-    /// One a literal; `None` where it stays.
+    /// One per literal; `None` if the literal stays.
     pub(super) prints: Vec<Option<Print>>,
-    /// Of targets that get a declaration of their own.
+    /// Literals of targets that get a declaration of their own.
     pub(super) cloned: HashMap<usize, Print>,
     pub(super) offsets: NewOffsets,
-    /// Literals that stay for the sake of others.
+    /// Literals that stay because another target depends on them.
     pub(super) frozen: BTreeSet<u32>,
-    /// Literals whose users do not agree.
+    /// Literals whose users ask for different numbers.
     pub(super) disputed: BTreeSet<u32>,
 }
 
@@ -47,7 +47,7 @@ pub(super) fn rewrite(
     writer.done(written, inserts)
 }
 
-/// The reference for [`rewrite`]: literals may have several users.
+/// As [`rewrite`], for literals with several users; its reference in tests.
 pub(super) fn rewrite_agreed(
     program: &Program,
     layout: &Layout,
@@ -58,7 +58,7 @@ pub(super) fn rewrite_agreed(
     rewrite_settled(program, layout, changes, inserts, options).0
 }
 
-/// [`rewrite_agreed`], and what literals and offsets become.
+/// [`rewrite_agreed`], with the new literals and offsets.
 pub(super) fn rewrite_settled(
     program: &Program,
     layout: &Layout,
@@ -68,7 +68,7 @@ pub(super) fn rewrite_settled(
 ) -> (Rewritten, Settled) {
     let mut writer = Writer::new(program, layout, options);
     let mut settled = Settled::default();
-    // What stays as it is must not move with something else: what moves it stays too, until that is so.
+    // A target that stays must not move with another number, so that number stays too: repeat until nothing changes.
     while changes.iter().any(Option::is_some) {
         let before = writer.frozen();
         writer.start_over();
@@ -96,12 +96,12 @@ impl Writer<'_> {
         self.kept.clear();
     }
 
-    /// How many literals and offsets stay for the sake of others.
+    /// Number of literals and of offsets that stay because another target depends on them.
     fn frozen(&self) -> (usize, usize) {
         (self.frozen.len(), self.frozen_offsets.len())
     }
 
-    /// Freezes what would move a target that is kept: an offset's base and steps, and the other point of an arc.
+    /// Freezes the numbers that would move a kept target: the base and steps of an offset, and the other point of an arc.
     fn freeze(&mut self, prints: &[Option<Print>], offsets: &NewOffsets) {
         let kept: BTreeSet<usize> = self.kept.iter().map(|kept| kept.0).collect();
         let targets = &self.program.targets;
@@ -143,7 +143,7 @@ impl Writer<'_> {
         Rewritten { edits, written, inserted, kept, not_inserted, ..Rewritten::default() }
     }
 
-    /// What each literal is to become, agreed among all who use it; clones where they do not agree.
+    /// The new numbers of each literal, on which all its users agree; clones if they do not.
     fn literals(&mut self, changes: &[Option<Change>]) -> Settled {
         let mut prints: Vec<Option<Print>> = vec![None; self.layout.literals.len()];
         let mut first: Vec<u32> = vec![u32::MAX; self.layout.literals.len()];
@@ -200,7 +200,7 @@ impl Writer<'_> {
         let mut users: Vec<(usize, SourceSpan, [SourceSpan; 3])> = Vec::new();
         let offset_of = |i: &usize| self.layout.offset(&self.layout.sites[*i]);
         let mut sites: Vec<usize> = (0..changes.len()).filter(|i| offset_of(i).is_some()).collect();
-        // What is made from another offset comes after it.
+        // An offset of an offset comes after it.
         sites.sort_by_key(|i| offset_of(i).map(|offset| offset.steps.len()));
         for i in sites {
             let Some(offset) = self.layout.offset(&self.layout.sites[i]) else { continue };
@@ -218,7 +218,7 @@ impl Writer<'_> {
             if wish.is_some() {
                 users.push((i, tokens[0], tokens));
             }
-            // Who stays has a say too.
+            // A target that stays also asks for its numbers.
             self.agree(&mut wishes, tokens[0], wish.unwrap_or_default());
         }
         wishes.retain(|place, _| !self.frozen_offsets.contains(place));
@@ -239,7 +239,7 @@ impl Writer<'_> {
         wishes
     }
 
-    /// New tokens of an offset that lead elsewhere than as written; `None` where neither that nor what it is made from changes.
+    /// New tokens of an offset that lead to another pose; `None` if neither the offset nor its base changes.
     pub(super) fn wish(
         &self,
         offset: &Offset,
@@ -253,7 +253,7 @@ impl Writer<'_> {
         let moves = moved || wanted != written;
         let tokens = last.tokens.filter(|_| moves)?;
         let root = self.literal_pose(&self.layout.literals[offset.root as usize], base);
-        let (position, quat) = self.behind(before, root, wishes);
+        let (position, quat) = self.after(before, root, wishes);
         let mut d: [f64; 3] = std::array::from_fn(|k| wanted[k] - position[k]);
         if last.in_tool {
             let [w, x, y, z] = unit(quat);
@@ -262,15 +262,15 @@ impl Writer<'_> {
         Some(std::array::from_fn(|k| New::of(self.bytes(tokens[k]), d[k], self.options.position_decimals).token))
     }
 
-    /// Takes in what one user of an offset wants it to become; one that its users do not agree on stays.
+    /// Adds the tokens for which one user of an offset asks; an offset on which its users disagree stays.
     fn agree(&mut self, wishes: &mut NewOffsets, place: SourceSpan, wish: [Option<Token>; 3]) {
         if !self.frozen_offsets.contains(&place) && *wishes.entry(place).or_insert_with(|| wish.clone()) != wish {
             self.frozen_offsets.insert(place);
         }
     }
 
-    /// A base's pose through steps with their new arguments, as the controller holds them.
-    fn behind(&self, steps: &[Step], base: Pose, offsets: &NewOffsets) -> Pose {
+    /// The pose after these steps from a base, with their new arguments as the controller holds them.
+    fn after(&self, steps: &[Step], base: Pose, offsets: &NewOffsets) -> Pose {
         steps.iter().fold(base, |(position, quat), step| {
             let mut step = *step;
             if let Some(tokens) = step.tokens {
@@ -301,7 +301,7 @@ impl Writer<'_> {
             Site::Offset(at) => {
                 let offset = &self.layout.offsets[at as usize];
                 let base = self.literal_pose(&self.layout.literals[offset.root as usize], print(offset.root));
-                self.behind(&offset.steps, base, offsets)
+                self.after(&offset.steps, base, offsets)
             }
             Site::None => match self.program.targets[i].goal {
                 Goal::Pose { position_mm, quat, .. } => (position_mm, quat),

@@ -1,22 +1,22 @@
-//! The routines of a long program, and the order in which their text runs.
+//! The routines of a long program, and the order in which they run.
 
 use std::collections::HashMap;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::sync::Arc;
 
-/// Lines of a routine between two calls.
+/// A stretch: the lines of a routine between two calls.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Stretch {
-    /// Offset in the file.
+    /// Offset in the file, bytes.
     pub(super) start: u64,
-    /// Bytes.
+    /// Length, bytes.
     pub(super) len: u64,
-    /// Lines of the file before it.
+    /// Number of lines before it in the file.
     pub(super) lines_before: usize,
     pub(super) lines: usize,
 }
 
-/// A procedure without parameters that moves, calls others of its kind, and no more.
+/// A procedure without parameters that only moves and calls others of its kind.
 #[derive(Debug)]
 pub(super) struct Routine {
     /// In upper case.
@@ -28,7 +28,7 @@ pub(super) struct Routine {
 #[derive(Debug)]
 enum Step {
     Lines(Stretch),
-    /// Of a routine of this name.
+    /// A call of the routine of this name, in upper case.
     Call(Vec<u8>),
 }
 
@@ -53,7 +53,7 @@ impl Routine {
     }
 }
 
-/// The text in the order in which it runs; `None` where calls go nowhere or in a ring, or where some motion runs twice or never.
+/// The stretches in the order in which they run; `None` if a call is unknown or recursive, or a motion runs twice or never.
 pub(super) fn running(routines: &[Routine]) -> Option<Vec<Stretch>> {
     let by_name: HashMap<&[u8], usize> = routines.iter().enumerate().map(|(i, r)| (&r.name[..], i)).collect();
     if by_name.len() < routines.len() {
@@ -63,7 +63,7 @@ pub(super) fn running(routines: &[Routine]) -> Option<Vec<Stretch>> {
         let step = |step: &Step| matches!(step, Step::Call(name) if *name == routine.name);
         routines.iter().any(|other| other.steps.iter().any(step))
     };
-    // As the whole is run: from `main`, or else whatever nothing calls.
+    // As in `run`: from `main`, or else from every procedure that no other calls.
     let entries = match by_name.get(&b"MAIN"[..]) {
         Some(main) => vec![*main],
         None => (0..routines.len()).filter(|i| !called(&routines[*i])).collect(),
@@ -85,9 +85,9 @@ struct Order<'a> {
 
 impl Order<'_> {
     fn visit(&mut self, routine: usize, depth: usize) -> Option<()> {
-        /// Posts nest two or three; a ring has no end.
+        /// Posts nest two or three calls; recursion has no end.
         const DEEPEST: usize = 16;
-        /// Calls of routines without motion may double at every depth.
+        /// Calls of routines without motion may double at each depth.
         const MOST_CALLS: usize = 1 << 20;
         let routines = self.routines;
         self.visits[routine] += 1;
@@ -104,7 +104,7 @@ impl Order<'_> {
     }
 }
 
-/// What ends the text of all stretches, as it would that of one procedure.
+/// The text that ends all stretches, as if they were one procedure.
 const END: &[u8] = b"ENDPROC\nENDMODULE\n";
 
 /// Reads the stretches of a file as one text, with an end of its own.
@@ -112,7 +112,7 @@ const END: &[u8] = b"ENDPROC\nENDMODULE\n";
 pub(super) struct Running<R> {
     file: R,
     stretches: Arc<[Stretch]>,
-    /// The stretch that is being read, and how much of it has been.
+    /// The stretch that is being read, and how many bytes of it are read.
     at: usize,
     done: u64,
 }
@@ -151,16 +151,16 @@ impl<R: Read + Seek> Read for Running<R> {
 pub(super) struct Part {
     pub(super) start: u64,
     pub(super) len: usize,
-    /// The stretch's first line in the file, and among the lines of all stretches.
+    /// The first line of the stretch, in the file and among the lines of all stretches.
     pub(super) line: usize,
     pub(super) running_line: usize,
 }
 
-/// Where the text of all stretches stands in the file.
+/// Maps the text of all stretches to positions in the file.
 #[derive(Debug)]
 pub(super) struct Parts {
     stretches: Arc<[Stretch]>,
-    /// The stretch, how much of it and how many lines of those before it have gone by.
+    /// The present stretch, the bytes read of it, and the number of lines of the stretches before.
     at: usize,
     done: u64,
     lines: usize,
@@ -225,7 +225,7 @@ mod tests {
     fn text_runs_from_main_into_what_it_calls() {
         assert_eq!(starts(&[("main", &["B", "a"]), ("a", &[]), ("B", &[])]), Some(vec![12, 0, 8, 4]));
         assert_eq!(starts(&[("a", &[]), ("b", &["a"]), ("c", &[])]), Some(vec![0, 4, 8]));
-        // What moves nothing may run twice or never.
+        // A routine without motion may run twice or never.
         assert_eq!(starts(&[("main", &["B", "B"]), ("B", &[]), ("C", &[])]), Some(vec![8, 0, 8, 4]));
     }
 

@@ -1,4 +1,4 @@
-//! The program as it runs: calls, loops and branches followed as far as they are known when reading.
+//! Runs the program: follows calls, loops and branches as far as they are known when reading.
 
 use super::eval::Scope;
 use super::gathering::Gathering;
@@ -12,18 +12,18 @@ use crate::limits::RUN_MOTIONS;
 use crate::program::{Kept, Reason, UnknownMotion};
 use crate::text::{Diagnostic, Severity, Span};
 
-/// So many bytes of a statement count as one more: long ones take longer.
+/// Each further so many bytes of a statement count as one more step, because long statements take longer.
 const BYTES_PER_STEP: usize = 256;
-/// Motions in all, where those that are alike are held once.
+/// Most motions in all, if equal motions are stored once.
 #[allow(clippy::cast_possible_truncation)] // some million
 pub(super) const MOTIONS: u32 = RUN_MOTIONS.most as u32;
 impl<'a> Runner<'a> {
-    /// Runs `main`; where there is none, or it moves nothing, every procedure that no other calls.
+    /// Runs `main`; if there is none, or it moves nothing, runs every procedure that no other calls.
     pub(super) fn run(self, files: &[File]) -> Outcome {
         self.run_gathering(files).0
     }
 
-    /// [`Runner::run`] with what was gathered, and how many motions were executed.
+    /// [`Runner::run`], with the gathered targets and the number of executed motions.
     pub(super) fn run_gathering(mut self, files: &[File]) -> (Outcome, Gathering, u32) {
         let procs = self.follow();
         self.look_aside(&procs);
@@ -34,7 +34,7 @@ impl<'a> Runner<'a> {
         (self.finish(files), gathering, motions)
     }
 
-    /// What [`Runner::run`] runs; the procedures of the program.
+    /// The run of [`Runner::run`]; returns the procedures of the program.
     pub(super) fn follow(&mut self) -> Vec<RoutineId> {
         self.stops_are_handled = self.handles_stops();
         let procs = self.procedures();
@@ -46,13 +46,13 @@ impl<'a> Runner<'a> {
         }
         if self.motions == 0 {
             let others: Vec<RoutineId> = self.uncalled(&procs).into_iter().filter(|id| Some(*id) != main).collect();
-            // Each entry point starts with data as the text has them, and not as another one has left them.
+            // Each entry point starts with the data of the text, not with those that another one left.
             for (before, id) in others.into_iter().enumerate() {
-                // Before the first one nothing has run: a chunk begins with what holds there.
+                // Nothing has run before the first one: a chunk begins with its given state.
                 if before > 0 {
                     self.begin_again();
                 }
-                // `main` may have called it, at any point of its run.
+                // `main` may have called it at any moment.
                 if self.may_be_called_late(id) {
                     self.forget_what_routines_change();
                 }
@@ -90,7 +90,7 @@ impl<'a> Runner<'a> {
         &sources[source].bytes
     }
 
-    /// Runs something for what holds after it, or for what it uses.
+    /// Runs something only for the state after it, or for the data that it uses.
     pub(super) fn quietly<T>(&mut self, mode: Mode, run: impl FnOnce(&mut Self) -> T) -> T {
         let before = self.mode;
         self.mode = before.max(mode);
@@ -133,7 +133,7 @@ impl<'a> Runner<'a> {
                     Flow::Gone
                 }
                 Statement::Raise => self.raise(),
-                // Of a handler, which is not run, or out of place.
+                // These belong to handlers, which are not run; elsewhere they are errors.
                 Statement::Exit | Statement::Retry | Statement::TryNext => Flow::Gone,
                 Statement::Connect(_) => {
                     self.events += 1;
@@ -149,7 +149,7 @@ impl<'a> Runner<'a> {
                     Flow::Next
                 }
             };
-            // Where labels stand, what follows may be reached in other ways.
+            // In a routine with labels, a jump may reach the next statement.
             if flow == Flow::Gone && !self.frames.last().is_some_and(|frame| frame.jumps) {
                 return flow;
             }
@@ -157,10 +157,10 @@ impl<'a> Runner<'a> {
         Flow::Next
     }
 
-    /// Ends the run at a statement of the routine that runs; without one, at the routine's name.
+    /// Ends the run at a statement of the running routine, or else at the routine's name.
     pub(super) fn give_up(&mut self, at: Option<Span>) -> Flow {
         if self.steps < usize::MAX {
-            // Once is enough: whatever runs on ends at its next step.
+            // Reported once: everything still running ends at its next step.
             self.steps = usize::MAX;
             if self.looking_aside {
                 return Flow::Gone;
@@ -182,7 +182,7 @@ impl<'a> Runner<'a> {
         Flow::Gone
     }
 
-    /// The program does what no controller lets it do.
+    /// Refuses the program because no controller would run it.
     pub(super) fn refuse(&mut self, source: u16, span: Span, code: &'static str, message: &str, help: &str) {
         if self.mode == Mode::Real && self.reported.insert((usize::from(source), span, code)) {
             let error = Diagnostic::error(code, "", message).at(&self.symbols.sources[usize::from(source)], span);
@@ -202,13 +202,13 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Keeps a motion whose target is not known.
+    /// Keeps a motion whose target is unknown.
     pub(super) fn keep_motion(&mut self, span: Span, reason: Reason) {
         self.stands = None;
         if self.mode != Mode::Real {
             return;
         }
-        // What no controller loads, whatever runs before.
+        // No controller loads this.
         let fault = matches!(reason, Reason::NotANumber | Reason::Aggregate | Reason::NotUnit);
         let source = self.scope().source;
         self.keep_as(source as usize, span, reason, fault);
@@ -247,11 +247,11 @@ impl<'a> Runner<'a> {
             Simple::Assignment { target, value } => {
                 let failures = self.failures;
                 if self.guards > 0 && bytes[target.range()].contains(&b'{') {
-                    // For its index.
+                    // Evaluated for its index.
                     self.evaluate(scope, target);
                 }
                 self.assign(scope, target, value);
-                // What the handler changes may be what would have been assigned.
+                // The handler may change the data that would have been assigned.
                 if self.failures > failures {
                     self.may_be_handled(true);
                 }
@@ -270,7 +270,7 @@ impl<'a> Runner<'a> {
             return self.enter_by_variable(scope, &call, span);
         }
         let shape = motion::shape(name);
-        // A motion that is stopped stops the program, unless its handlers wait for that.
+        // A stopped motion stops the program, unless a handler expects that.
         let plain = shape.is_some_and(|shape| shape.plain) && !self.stops_are_handled;
         let known = if shape.is_none() { predefined::instruction(name) } else { None };
         let fails = match known {

@@ -1,4 +1,4 @@
-//! The state of a run: what is known, what was met, and what comes of it.
+//! The state of a run: known values, statements met, and results.
 
 use super::gathering::Gathering;
 use super::known::RoutineId;
@@ -15,17 +15,17 @@ use crate::text::{Diagnostic, LineIndex, Source, Span};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::sync::Arc;
 
-/// Statements run in all, and for each byte of the program besides: ends loops whose condition never changes.
+/// Most statements run in all, besides those per byte of the program; ends loops whose condition never changes.
 const STEPS: usize = 500_000;
 const STEPS_PER_BYTE: usize = 4;
-/// Targets in all, loops expanded, and for each byte of the program besides: a file of one line must not fill the memory.
+/// Most targets in all, with loops expanded, besides those per byte: a file of one line must not fill the memory.
 const TARGETS: usize = 200_000;
 const TARGETS_PER_BYTE: usize = 1;
 /// Whether the next statement is run.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Flow {
     Next,
-    /// The program goes on elsewhere: what it leaves there is noted.
+    /// The program continues elsewhere, with the state that was noted for that point.
     Gone,
 }
 
@@ -36,30 +36,30 @@ pub(super) struct Frame {
     pub(super) names: Names,
     /// The layer that began with it.
     pub(super) layer: usize,
-    /// What it leaves where it returns before its end.
+    /// States at which it returns before its end.
     pub(super) returns: Vec<Left>,
-    /// What it leaves where an error goes to its caller.
+    /// States at which it passes an error to its caller.
     pub(super) raises: Vec<Left>,
-    /// A GOTO stands in it.
+    /// It contains a GOTO.
     pub(super) jumps: bool,
-    /// What was in force when an error was noted last.
+    /// The modal state at the last noted error.
     pub(super) noted: Option<(u64, ModalState)>,
-    /// Where the robot stands where it returns before its end; none before the first such place.
+    /// The robot's position where it returns before its end; `None` before the first such statement.
     pub(super) returns_from: Option<Option<u32>>,
 }
 
-/// What comes of a run.
+/// What a run is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Mode {
-    /// Targets.
+    /// The targets of the program.
     Real,
-    /// What routines that nothing runs would use.
+    /// The data that routines would use that nothing runs.
     Aside,
-    /// Nothing but what holds after it.
+    /// Only the state after it.
     Dry,
 }
 
-/// The last tool or work object argument and what it meant, while no name can have changed.
+/// The last tool or work object argument and its meaning, valid while no name can have changed.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Cached {
     pub(super) place: Option<SourceSpan>,
@@ -72,19 +72,19 @@ pub(super) struct Runner<'a> {
     pub(super) written: usize,
     pub(super) frames: Vec<Frame>,
     pub(super) layers: Vec<Layer>,
-    /// What data held before any routine ran, of those that one has changed.
+    /// The values, before any routine ran, of data that a routine has changed.
     pub(super) before_all: BTreeMap<usize, Content>,
     pub(super) state: ModalState,
     pub(super) mode: Mode,
-    /// Whether a motion that is stopped may go to a handler: see [`Self::handles_stops`].
+    /// Whether a handler may take over a stopped motion: see [`Self::handles_stops`].
     pub(super) stops_are_handled: bool,
-    /// Routines on the way that catch errors.
+    /// Number of calling routines that catch errors.
     pub(super) guards: usize,
-    /// How often an expression could have failed under one.
+    /// How often an expression in one could have failed.
     pub(super) failures: usize,
-    /// Routines with a GOTO on the way that may switch displacement or axis offsets on, or mark, at any of their statements.
+    /// States that calling routines with a GOTO may switch on at any of their statements.
     pub(super) jumping: Switches,
-    /// Loops within one another that are run for what holds when their rounds begin.
+    /// Number of nested loops that are run only for the state at the start of a round.
     pub(super) dry: usize,
     pub(super) steps: usize,
     pub(super) most_steps: usize,
@@ -93,33 +93,33 @@ pub(super) struct Runner<'a> {
     pub(super) entered: HashSet<RoutineId>,
     /// Routines that call themselves so often that they were not followed.
     pub(super) endless: BTreeSet<RoutineId>,
-    /// Routines that were run for what they would use, were they run.
+    /// Routines that were run only for the data that they would use.
     pub(super) entered_aside: HashSet<RoutineId>,
     pub(super) looking_aside: bool,
     /// Literals that parameters stood for, by routine and name.
     pub(super) given: HashMap<(RoutineId, Box<[u8]>), Vec<u32>>,
-    /// Calls of procedures that are chosen at run time: what their names begin with, in capitals; nothing where it may be any.
+    /// Calls of procedures chosen at run time: the start of their names in upper case, empty if any name is possible.
     pub(super) called_late: Vec<Box<[u8]>>,
     pub(super) epoch: u64,
     /// Assignments so far: a loop without any never ends by itself.
     pub(super) changes: u64,
-    /// Anything but motions and what changes nothing.
+    /// Number of statements that are neither motions nor without effect.
     pub(super) events: u64,
     pub(super) tool: Cached,
     pub(super) wobj: Cached,
     /// The last speed argument and its value.
     pub(super) speed: (Cached, Option<f64>),
     pub(super) literals: Vec<Literal>,
-    /// Literals of each source within `literals`.
+    /// The first literal of each source in `literals`.
     pub(super) first_literal: Vec<usize>,
     pub(super) next_literal: usize,
     pub(super) own: HashMap<SourceSpan, u32>,
-    /// Robtargets put together from parts that some run does not know, or has where they cannot be edited.
+    /// Robtargets assembled from parts that some run does not know, or uses where they cannot be edited.
     pub(super) unassembled: HashSet<SourceSpan>,
     pub(super) pinned: BTreeSet<u32>,
-    /// Data whose declarations are among them with all that they take over from others.
+    /// Data whose declarations are pinned, with the data from which these take their values.
     pub(super) pinned_data: BTreeSet<usize>,
-    /// Offsets that may not be edited, by their first number.
+    /// Offsets that must not be edited, by their first number.
     pub(super) held: HashSet<SourceSpan>,
     pub(super) names: HashMap<u32, Arc<str>>,
     pub(super) tools: Vec<Tool>,
@@ -129,30 +129,29 @@ pub(super) struct Runner<'a> {
     pub(super) targets: Vec<Target>,
     pub(super) sites: Vec<Site>,
     pub(super) gathering: Gathering,
-    /// WHILE loops begun so far: their numbers.
+    /// Number of WHILE loops begun so far, which numbers them.
     pub(super) loops: u64,
-    /// Ordinal of the motion at whose end the robot stands, 0 where the routine was started; `None` where that is known only at
-    /// run time.
+    /// Ordinal of the motion at whose end the robot stands, 0 at the start of the routine; `None` if known only at run time.
     pub(super) stands: Option<u32>,
     /// Ordinal of the last target.
     pub(super) last: u32,
-    /// Targets that the robot may stand at.
+    /// Targets at which the robot may stand.
     pub(super) standing: BTreeSet<usize>,
     pub(super) offsets: Vec<Offset>,
     /// Statements that were run.
     pub(super) ran: Ran,
     /// Uses by routines that nothing runs.
     pub(super) aside: Vec<Use>,
-    /// Units that were found deactivated together, the first being none; [`Axes::inactive`] numbers them.
+    /// Sets of units that were deactivated together, the first empty; [`Axes::inactive`] is an index into them.
     pub(super) inactive: Vec<Arc<[InactiveUnit]>>,
     /// External axes of the last target that has any.
     pub(super) external: Option<Arc<ExternalAxes>>,
     /// The external axes have moved by themselves since the last target.
     pub(super) axes_moved: bool,
     pub(super) kept: Vec<Kept>,
-    /// What was kept, and where.
+    /// Statements that were kept, with the reason.
     pub(super) seen: HashSet<(usize, Span, Reason)>,
-    /// What was said, by its code, and where.
+    /// Diagnostics that were reported, by code.
     pub(super) reported: HashSet<(usize, Span, &'static str)>,
     pub(super) diagnostics: Vec<Diagnostic>,
     pub(super) lines: Vec<LineIndex>,

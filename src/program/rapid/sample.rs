@@ -1,4 +1,4 @@
-//! Lines like the line before.
+//! Reads lines that resemble the line before.
 
 use super::index::is_word;
 use super::literal::{Literal, POSE, Written};
@@ -7,29 +7,29 @@ use crate::program::{Conf, Goal};
 use crate::text::number::{Leading, read_leading};
 use std::ops::Range;
 
-/// The line before, which has a robtarget: most lines differ from it in nothing but numbers of the pose.
+/// The line before, with an inline robtarget: most lines differ from it only in the numbers of the pose.
 pub(super) struct Sample<'a> {
-    /// What stands before the pose, from where the line is compared on.
+    /// The text before the pose, from the point at which comparison starts.
     before: &'a [u8],
     pose: [Number<'a>; POSE],
     literal: Literal,
-    /// The line, where the one before it had its numbers at the same places.
+    /// The shape of the line, if the line before it had its numbers at the same columns.
     shape: Option<Shape>,
-    /// Where the robtarget is, if no shape tells.
+    /// The pose of the robtarget, if there is no shape.
     at: Pose,
     conf: Option<Conf>,
-    /// Bytes of the line before the literal, and after it.
+    /// Number of bytes of the line before the literal and after it.
     literal_at: usize,
     behind: usize,
-    /// Blanks at the line's start and its end.
+    /// Number of blanks at the start and the end of the line.
     pub(super) indent: usize,
     pub(super) trailing: usize,
 }
 
-/// The robtarget of a line like another: looked at where it is, and copied once.
+/// The robtarget of a line that resembles another: borrowed, and copied once.
 #[derive(Clone, Copy)]
 pub(super) struct Found<'s> {
-    /// Like its literal, but for where it starts.
+    /// A literal that differs from its own only in where it starts.
     pub(super) literal: &'s Literal,
     pub(super) start: u32,
     pub(super) pose: &'s Pose,
@@ -53,13 +53,13 @@ impl Found<'_> {
 /// A number of a line.
 #[derive(Clone, Copy)]
 struct Number<'a> {
-    /// With what is between it and the next one, or the next line.
+    /// The number with the text up to the next number or the next line.
     text: &'a [u8],
     is: Leading,
 }
 
 impl<'a> Sample<'a> {
-    /// The line, or what of it stands from `start` on.
+    /// A sample from a line, or from its part after `start`.
     pub(super) fn new(line: &'a [u8], start: usize, literal: Literal, written: &Written) -> Option<Self> {
         let at = |i: usize| literal.token(i).range().start - start;
         let mut pose = [Number { text: line, is: Leading::default() }; POSE];
@@ -67,7 +67,7 @@ impl<'a> Sample<'a> {
             number.text = &line[at(i)..if i + 1 < POSE { at(i + 1) } else { line.len() }];
             number.is = read_leading(number.text).filter(|is| is.len() == literal.token(i).len())?;
         }
-        // What has no end is not all of the line.
+        // Without a line end, the text is not the whole line.
         line.ends_with(b"\n").then(|| Self {
             before: &line[..at(0)],
             pose,
@@ -82,7 +82,7 @@ impl<'a> Sample<'a> {
         })
     }
 
-    /// Reads the line at `start`, if it is like this one, and takes its place: its robtarget, and its length with its end.
+    /// Reads the line at `start` if it resembles this one, which it replaces: its robtarget, and its length with the line end.
     #[inline(always)]
     pub(super) fn read(&mut self, bytes: &'a [u8], start: usize) -> Option<(Found<'_>, usize)> {
         let soon = self.shape.as_mut().is_some_and(|shape| shape.read(bytes, start));
@@ -96,7 +96,7 @@ impl<'a> Sample<'a> {
         Some((Found { literal: &self.literal, start, pose, conf: &self.conf }, len))
     }
 
-    /// Number by number; the line's length with its end.
+    /// Reads the line number by number; returns its length with the line end.
     #[inline(never)]
     fn read_closer(&mut self, bytes: &'a [u8], start: usize) -> Option<usize> {
         let line = bytes.get(start..)?;
@@ -131,7 +131,7 @@ impl<'a> Sample<'a> {
 
 /// The line before, which names its target.
 pub(super) struct Named<'a> {
-    /// Up to the name, and from after it to the line's end.
+    /// The text before the name, and after it to the line end.
     before: &'a [u8],
     behind: &'a [u8],
     pub(super) indent: usize,
@@ -139,7 +139,7 @@ pub(super) struct Named<'a> {
 }
 
 impl<'a> Named<'a> {
-    /// The line, with its end, whose name stands there.
+    /// A sample from a line, with its line end, and the range of the name.
     pub(super) fn new(line: &'a [u8], name: Range<usize>) -> Option<Self> {
         line.ends_with(b"\n").then(|| Self {
             before: &line[..name.start],
@@ -149,7 +149,7 @@ impl<'a> Named<'a> {
         })
     }
 
-    /// Where a line at `start` has its name that has nothing else of its own, and its length with its end.
+    /// The range of the name on the line at `start`, if only the name differs, and the length of the line with its line end.
     pub(super) fn read(&self, bytes: &[u8], start: usize) -> Option<(Range<usize>, usize)> {
         let rest = bytes.get(start..)?.strip_prefix(self.before)?;
         let len = rest.iter().position(|b| !is_word(*b))?;

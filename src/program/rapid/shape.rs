@@ -1,28 +1,28 @@
-//! Lines that differ from another in digits alone: all bytes are compared at once, and all digits read at once.
+//! Reads lines that differ from another only in digits: it compares all bytes at once, and reads all digits at once.
 
 use super::literal::{Literal, POSE};
 use super::value::{MAX_NORM_ERROR, unit};
 use crate::lanes::widest;
 use crate::text::number::{MOST_DIGITS, Runs};
 
-/// Most bytes of a line; a longer one is not compared at once.
+/// Most bytes of a line that is compared at once.
 const ROOM: usize = 256;
 
 /// Bytes that are compared side by side.
 const CHUNK: usize = 64;
 
-/// Eight bytes begin before the end of a line.
+/// Eight bytes are read at each number, so the window extends beyond the line.
 const WINDOW: usize = ROOM + 8;
 
-/// A line: which bytes others have to have at each place to be like it.
+/// The shape of a line: the bytes that a line of the same shape may have in each column.
 pub(super) struct Shape {
-    /// The least byte, and how much more another may have.
+    /// The smallest byte, and the largest excess over it.
     least: [u8; ROOM],
     more: [u8; ROOM],
-    /// Where the eight bytes begin that end with the digits of each number: before its point, and after it.
+    /// For each number, the starts of the eight bytes that end with its digits before the point and after it.
     starts: [[u8; 8]; 2],
     runs: Runs,
-    /// Bytes of a line.
+    /// Length of a line, bytes.
     len: usize,
     ahead: Ahead,
 }
@@ -30,24 +30,24 @@ pub(super) struct Shape {
 /// Lines that are read together.
 const AHEAD: usize = 8;
 
-/// Poses of lines after another that are read before their turn, so that none waits for what was only just put in memory.
+/// Poses of following lines, read ahead, so that none is read right after it was written to memory.
 #[derive(Default)]
 struct Ahead {
-    /// Where the last line began, and how far after it the next one does whose pose is read, and which it is.
+    /// The start of the last line, the distance to the next line whose pose is read, and its index.
     last: usize,
     step: usize,
     next: usize,
     count: usize,
-    /// Their numbers, of which the last is none.
+    /// The seven numbers of each pose; the eighth is unused.
     numbers: [[f64; 8]; AHEAD],
-    /// Where that is.
+    /// The poses.
     poses: [Pose; AHEAD],
-    /// Whether it is; elsewhere only a closer look tells.
+    /// Whether each pose has the usual form; other poses need the full reader.
     usual: [bool; AHEAD],
 }
 
 impl Shape {
-    /// The line, given where its literal begins; `None` where the pose has numbers of other forms than the usual ones.
+    /// The shape of a line whose literal begins at `literal_at`; `None` if a number has an unusual form.
     pub(super) fn new(line: &[u8], literal_at: usize, literal: &Literal) -> Option<Self> {
         let mut shape = Self {
             least: [0; ROOM],
@@ -78,20 +78,20 @@ impl Shape {
                 shape.more.get_mut(digits)?.fill(9);
             }
             if whole > 1 {
-                // A zero before the others is not among the usual forms.
+                // A leading zero is an unusual form.
                 (shape.least[first], shape.more[first]) = (b'1', 8);
             }
         }
         Some(shape)
     }
 
-    /// Whether the line at `start` is like this one, and its [pose](Self::pose) known; not so either where there is too little
-    /// text after it to see that. Asked of one text alone.
+    /// Whether the line at `start` has this shape, so that its [pose](Self::pose) is known. False also if too little text
+    /// follows. All calls must be for the same text.
     #[inline]
     pub(super) fn read(&mut self, text: &[u8], start: usize) -> bool {
         let step = start.wrapping_sub(std::mem::replace(&mut self.ahead.last, start));
         if self.ahead.next == self.ahead.count || self.ahead.step != step {
-            // Most lines have the distance of the last two; something else may stand between them.
+            // Most lines keep the distance of the last two, even with other lines between them.
             self.ahead.step = if (self.len..self.len + ROOM).contains(&step) { step } else { self.len };
             self.read_ahead(text, start);
         }
@@ -106,7 +106,7 @@ impl Shape {
         &self.ahead.poses[(self.ahead.next + AHEAD - 1) % AHEAD]
     }
 
-    /// Reads the line at `start` and those after it, as long as they are like this one.
+    /// Reads the line at `start` and the following ones, as long as they have this shape.
     #[inline(never)]
     fn read_ahead(&mut self, text: &[u8], start: usize) {
         let mut digits = [[[0; 8]; 2]; AHEAD];
@@ -146,7 +146,7 @@ impl Shape {
         }
         for ((numbers, to), known) in numbers[..*count].iter().zip(poses).zip(usual) {
             let [x, y, z, quat @ .., _] = *numbers;
-            // A zero with a minus is not among the usual forms.
+            // A negative zero is an unusual form.
             let usual = numbers.iter().all(|number| number.to_bits() != (-0.0_f64).to_bits());
             let pose = pose([x, y, z], quat).filter(|_| usual);
             *known = pose.is_some();
@@ -156,7 +156,7 @@ impl Shape {
         }
     }
 
-    /// Whether any byte is not such as it may be.
+    /// Whether any byte does not fit the shape.
     #[inline(always)]
     fn has_others(&self, text: &[u8; WINDOW]) -> bool {
         let over = |i: usize| text[i].wrapping_sub(self.least[i]).saturating_sub(self.more[i]);
@@ -176,7 +176,7 @@ impl Shape {
 /// Position, mm, and orientation, of unit norm.
 pub(super) type Pose = ([f64; 3], [f64; 4]);
 
-/// Where a robtarget is; `None` where its orientation is none.
+/// The pose of a robtarget; `None` if its orientation is invalid.
 #[inline]
 pub(super) fn pose(position_mm: [f64; 3], quat: [f64; 4]) -> Option<Pose> {
     let norm = quat.iter().map(|c| c * c).sum::<f64>();
@@ -211,7 +211,7 @@ mod tests {
         Shape::new(&text[..len], 8, &Literal::find(text, 0, 8).unwrap())
     }
 
-    /// The pose of the line at `start`, if it is like the shape's.
+    /// The pose of the line at `start`, if the line has the shape.
     fn read(shape: &mut Shape, text: &[u8], start: usize) -> Option<Pose> {
         shape.read(text, start).then(|| *shape.pose())
     }
@@ -239,7 +239,7 @@ mod tests {
             let (mut other, _) = text(&layouts, || digits.next().unwrap());
             let usual = of(&other, len).is_some();
             prop_assert_eq!(read(&mut shape, &other, 0).map(bits), plain(&other).filter(|_| usual));
-            // Any one byte changed.
+            // Change any one byte.
             let at = at.min(len - 1);
             other[at] = byte;
             if let Some(pose) = read(&mut of(&first, len).unwrap(), &other, 0) {

@@ -1,4 +1,4 @@
-//! What instructions leave in force besides data, and which of it statements may switch.
+//! The modal state: everything besides data that instructions leave in force, and the parts that statements may switch.
 
 use super::value::Value;
 use crate::program::Mark;
@@ -6,7 +6,7 @@ use crate::program::{EXTERNAL_AXES, External};
 use std::collections::BTreeMap;
 use std::ops::BitOrAssign;
 
-/// Whether something is switched on.
+/// Whether a mode is switched on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Switch {
     #[default]
@@ -21,7 +21,7 @@ impl Switch {
     }
 }
 
-/// What becomes of programmed speeds (`VelSet`).
+/// The factor and limit on programmed speeds (`VelSet`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Velocity {
     /// Share of the programmed speed.
@@ -31,23 +31,23 @@ pub(super) struct Velocity {
 }
 
 impl Velocity {
-    /// As a program starts.
+    /// The state at the start of a program.
     const AS_PROGRAMMED: Self = Self { share: 1.0, most_mm_s: f64::INFINITY };
 
-    /// What a programmed speed becomes, mm/s.
+    /// The commanded speed for a programmed one, mm/s.
     pub(super) fn of(self, programmed: f64) -> f64 {
         (self.share * programmed).min(self.most_mm_s)
     }
 }
 
-/// What holds of external axes. What is not known is `None`.
+/// The state of the external axes; `None` for unknown values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Axes {
     /// Added by the controller, mm or degrees.
     pub(super) offset: Option<External>,
-    /// Which units are deactivated: an index into the list that the runner keeps of the sets it has met.
+    /// The deactivated units, as an index into the runner's list of such sets.
     pub(super) inactive: Option<u32>,
-    /// Where the last motion left them, offset included.
+    /// Their positions after the last motion, offset included.
     pub(super) positions: [Option<f64>; EXTERNAL_AXES],
 }
 
@@ -58,7 +58,7 @@ impl Default for Axes {
 }
 
 impl Axes {
-    /// Something may have changed any of it.
+    /// The state after anything may have changed it.
     pub(super) const UNKNOWN: Self = Self { offset: None, inactive: None, positions: [None; EXTERNAL_AXES] };
 
     pub(super) fn join(self, other: Self) -> Self {
@@ -69,25 +69,25 @@ impl Axes {
         }
     }
 
-    /// They may have moved.
+    /// Makes the positions unknown, because the axes may have moved.
     pub(super) fn lose_positions(&mut self) {
         self.positions = [None; EXTERNAL_AXES];
     }
 }
 
-/// What the instructions before leave in force.
+/// The modal state that the previous instructions leave.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ModalState {
     pub(super) mark: Option<Mark>,
-    /// Which mark holds is known only at run time.
+    /// The mark in force is known only at run time.
     pub(super) mark_unknown: bool,
     pub(super) displacement: Switch,
     pub(super) axes: Axes,
     /// Whether axes yield (`SoftAct`).
     pub(super) soft: Switch,
-    /// Whether the robot grips another load than `load0` (`GripLoad`).
+    /// Whether the robot grips a load other than `load0` (`GripLoad`).
     pub(super) load: Switch,
-    /// `None` where it is known only at run time.
+    /// `None` if known only at run time.
     pub(super) velocity: Option<Velocity>,
 }
 
@@ -118,7 +118,7 @@ impl ModalState {
         }
     }
 
-    /// What may be switched is known no more.
+    /// Makes unknown the parts that may be switched.
     pub(super) fn lose(&mut self, switches: Switches) {
         let Switches { displacement, axes, marks, soft, load, velocity } = switches;
         if displacement {
@@ -140,27 +140,27 @@ impl ModalState {
     }
 }
 
-/// What of the state some statements may switch.
+/// The parts of the modal state that some statements may switch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Switches {
     /// Program displacement may be switched on.
     pub(super) displacement: bool,
     /// Offsets of external axes may be changed, or mechanical units activated.
     pub(super) axes: bool,
-    /// `! deflex …` stands among them.
+    /// A mark `! deflex …` is among the statements.
     pub(super) marks: bool,
     /// Axes may be made to yield.
     pub(super) soft: bool,
     /// Another load may be gripped.
     pub(super) load: bool,
-    /// Programmed speeds may become others.
+    /// Programmed speeds may change.
     pub(super) velocity: bool,
 }
 
 impl Switches {
     pub(super) const NONE: Self =
         Self { displacement: false, axes: false, marks: false, soft: false, load: false, velocity: false };
-    /// What a routine may switch of which nothing is known: that it leaves speeds, servos and loads alone is assumed.
+    /// The parts that an unknown routine may switch; it is assumed to leave speeds, soft servo and loads alone.
     pub(super) const FOREIGN: Self = Self { displacement: true, axes: true, ..Self::NONE };
     pub(super) const ALL: Self =
         Self { displacement: true, axes: true, marks: true, soft: true, load: true, velocity: true };
@@ -178,10 +178,10 @@ impl BitOrAssign for Switches {
     }
 }
 
-/// What `main` finds as the text declares it.
+/// The declared values on which `main` relies.
 #[derive(Default)]
 pub(super) struct Begun {
-    /// Tools and work objects that the program assigns, but not yet in every run.
+    /// Tools and work objects that the program assigns, but possibly not before their use.
     pub(super) declared: BTreeMap<usize, Value>,
     /// Those that a motion uses before they are assigned.
     pub(super) used: Vec<(usize, Value)>,

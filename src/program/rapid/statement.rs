@@ -1,4 +1,4 @@
-//! Where statements and expressions end, without a look at what they mean.
+//! Finds the ends of statements and expressions, without reading them.
 
 use super::lex::{Key, Lexeme, LexemeKind, key};
 use super::literal::Literal;
@@ -8,7 +8,7 @@ use crate::program::Reason;
 use crate::text::Span;
 
 impl Parser<'_> {
-    /// A call, an assignment, a label or what cannot be read.
+    /// A call, an assignment, a label or an unreadable statement.
     pub(super) fn simple(&mut self, start: Lexeme) -> Option<Statement> {
         self.cursor.pass(start);
         match start.kind {
@@ -69,7 +69,7 @@ impl Parser<'_> {
                 LexemeKind::Mark(b'(' | b'{') => (depth, operand) = (depth + 1, false),
                 LexemeKind::Mark(b']' | b')' | b'}') => {
                     if depth == 0 {
-                        // Passed up to `;` so that only this statement is lost.
+                        // Skip up to `;`, so that only this statement is lost.
                         self.cursor.pass(lexeme);
                         while !matches!(self.cursor.peek().kind, LexemeKind::End | LexemeKind::Mark(b';'))
                             && self.peek_key().is_none()
@@ -109,7 +109,7 @@ impl Parser<'_> {
         }
     }
 
-    /// An expression up to one of `words` or what cannot be in one.
+    /// An expression up to one of `words`, or up to anything that cannot be part of an expression.
     pub(super) fn expression(&mut self, words: &[&[u8]]) -> Span {
         let start = self.cursor.peek().start;
         self.cursor.behind = start;
@@ -134,7 +134,7 @@ impl Parser<'_> {
         Span::new(start, self.cursor.behind)
     }
 
-    /// A condition up to THEN or, in the compact form, up to the first word after a whole operand.
+    /// A condition up to THEN or, in the compact form, up to the first word after a complete operand.
     pub(super) fn operand_run(&mut self) -> Span {
         let start = self.cursor.peek().start;
         self.cursor.behind = start;

@@ -1,5 +1,5 @@
-//! Chunks of streamable programs, read line by line: lines that differ in nothing but the numbers of their robtarget, or its
-//! name, mean the same, so that one of each kind is read by [`read_as`](super::read_as) and the others by what is their own.
+//! Reads chunks of streamable programs line by line. Lines that differ only in the numbers or the name of their robtarget are of
+//! one kind: [`read_as`](super::read_as) reads the first of each kind, and only numbers or name are read of the others.
 
 use super::arguments::index;
 use super::axes::as_written;
@@ -19,10 +19,10 @@ use crate::text::{Source, Span};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// A program of more kinds of lines than this a chunk has nothing to gain.
+/// Most kinds of lines in a chunk; with more, reading line by line gains nothing.
 const MOST_KINDS: usize = 16;
 
-/// What was read of a chunk.
+/// The part of a chunk that is read.
 pub(super) struct Read {
     targets: Vec<Target>,
     literals: Vec<Literal>,
@@ -30,20 +30,20 @@ pub(super) struct Read {
     tools: Vec<Tool>,
     wobjs: Vec<Wobj>,
     mark: Option<Mark>,
-    /// Whether no target is declared.
+    /// Whether all targets are inline.
     streamable: bool,
 }
 
-/// Lines that are alike.
+/// A kind of lines.
 struct AlikeLines<'a> {
-    /// Before the robtarget or its name; the whole line where there is none.
+    /// The text before the robtarget or its name; the whole line if there is none.
     before: &'a [u8],
     behind: &'a [u8],
-    /// How the robtarget is declared, where it has a name.
-    way: Option<usize>,
-    /// The motion, if it is one, with the tool and the work object of its own.
+    /// The kind of the robtarget's declaration, if it has a name.
+    template: Option<usize>,
+    /// The motion, if the line is one, with its tool and work object.
     motion: Option<Target>,
-    /// Its last line.
+    /// The last line of the kind.
     last: Last<'a>,
 }
 
@@ -54,16 +54,16 @@ enum Last<'a> {
     Named(Named<'a>),
 }
 
-/// A line's target.
+/// The target of a line.
 enum To<'s> {
-    /// None, or one without a place.
+    /// None, or one without a position in the text.
     Nowhere,
     Inline(Found<'s>, &'s Option<Arc<ExternalAxes>>),
-    /// A declared one, and where its name stands.
+    /// A declared one, and the range of its name.
     Named(usize, Range<usize>),
 }
 
-/// Reads a chunk; `None` where only the plain way tells what it means.
+/// Reads a chunk; `None` if it needs the full reader.
 pub(super) fn read(chunk: &Chunk) -> Option<Read> {
     if !chunk.plain_head {
         return None;
@@ -88,8 +88,8 @@ pub(super) fn read(chunk: &Chunk) -> Option<Read> {
     let (mut start, mut line_number) = (chunk.stretch.start, chunk.lines_before);
     while start < bytes.len() {
         line_number += 1;
-        if let Some(AlikeLines { way, motion: Some(like), last, .. }) = kinds.get_mut(last)
-            && let Some((to, text, end)) = last.again(*way, &mut declarations, bytes, start)
+        if let Some(AlikeLines { template, motion: Some(like), last, .. }) = kinds.get_mut(last)
+            && let Some((to, text, end)) = last.again(*template, &mut declarations, bytes, start)
         {
             start = end;
             read.push(chunk, &mut declarations, like, line_number, text, to)?;
@@ -117,20 +117,20 @@ pub(super) fn read(chunk: &Chunk) -> Option<Read> {
         let named = target(text).filter(|_| !read.streamable && robtarget.is_none());
         let named = named.and_then(|name| Some((declarations.find(&text[name.clone()])?, name)));
         let (before, behind) = match (&robtarget, &named) {
-            // One over several lines is not worth a closer look.
+            // A literal over several lines is left to the full reader.
             (Some((literal, _)), _) => (&text[..open], text.get(literal.span().range().end - first..)?),
             (None, Some((_, name))) => (&text[..name.start], &text[name.end..]),
             (None, None) => (text, &[][..]),
         };
-        let way = named.as_ref().map(|(target, _)| declarations.way(*target));
-        let alike = |kind: &AlikeLines| kind.way == way && kind.behind == behind && kind.before == before;
+        let template = named.as_ref().map(|(target, _)| declarations.template(*target));
+        let alike = |kind: &AlikeLines| kind.template == template && kind.behind == behind && kind.before == before;
         if !kinds.get(last).is_some_and(alike) {
             last = kinds.iter().position(alike).unwrap_or(kinds.len());
             if last == kinds.len() {
                 if last == MOST_KINDS {
                     return None;
                 }
-                kinds.push(read.kind(chunk, &declarations, before, behind, way, text)?);
+                kinds.push(read.kind(chunk, &declarations, before, behind, template, text)?);
             }
         }
         let kind = &mut kinds[last];
@@ -157,7 +157,7 @@ pub(super) fn read(chunk: &Chunk) -> Option<Read> {
         };
         read.push(chunk, &mut declarations, like, line_number, first..first + text.len(), to)?;
     }
-    // Names that the program has for something else.
+    // Names that also mean something else in the program.
     if !read.streamable {
         let texts = kinds.iter().flat_map(|kind| [kind.before, kind.behind]);
         let mut taken: Vec<u64> = texts.flat_map(words).collect();
@@ -171,11 +171,11 @@ pub(super) fn read(chunk: &Chunk) -> Option<Read> {
 }
 
 impl<'a> Last<'a> {
-    /// The line at `start`, if it is like this one, declared in the same `way`: its target, its text's place and its end.
+    /// The line at `start`, if it is of this kind: its target, the start of its text, and its end.
     #[inline]
     fn again(
         &mut self,
-        way: Option<usize>,
+        template: Option<usize>,
         declarations: &mut Declarations,
         bytes: &'a [u8],
         start: usize,
@@ -183,7 +183,7 @@ impl<'a> Last<'a> {
         match self {
             Self::None => None,
             Self::Inline(last) => {
-                // What stands after the pose is the same text.
+                // The text after the pose is the same.
                 let (sample, axes) = &mut **last;
                 let (indent, trailing) = (sample.indent, sample.trailing);
                 let (found, len) = sample.read(bytes, start)?;
@@ -193,14 +193,18 @@ impl<'a> Last<'a> {
                 let (name, len) = named.read(bytes, start)?;
                 let target = declarations.find(&bytes[name.clone()])?;
                 let text = start + named.indent..start + len - named.trailing;
-                (Some(declarations.way(target)) == way).then_some((To::Named(target, name), text, start + len))
+                (Some(declarations.template(target)) == template).then_some((
+                    To::Named(target, name),
+                    text,
+                    start + len,
+                ))
             }
         }
     }
 }
 
 impl Read {
-    /// Takes a line's motion, which is like others, given its text's place and its target.
+    /// Adds the motion of a line of a known kind, from the start of its text and its target.
     fn push(
         &mut self,
         chunk: &Chunk,
@@ -211,7 +215,7 @@ impl Read {
         to: To<'_>,
     ) -> Option<()> {
         let ordinal = chunk.motions_before + u32::try_from(self.targets.len()).ok()? + 1;
-        // Put together where it stays.
+        // Built in place.
         self.targets.push(like.clone());
         let target = self.targets.last_mut()?;
         let site = match to {
@@ -239,27 +243,27 @@ impl Read {
         Some(())
     }
 
-    /// Takes in a kind of line that the chunk had none of.
+    /// Adds a new kind of line.
     fn kind<'a>(
         &mut self,
         chunk: &Chunk,
         declarations: &Declarations,
         before: &'a [u8],
         behind: &'a [u8],
-        way: Option<usize>,
+        template: Option<usize>,
         text: &[u8],
     ) -> Option<AlikeLines<'a>> {
-        let way_of = way.map(|way| &declarations.ways()[way]);
-        let inline = way.is_none() && before.len() < text.len();
-        // No line has a line end in it, so that different kinds have different texts.
+        let declared_as = template.map(|template| &declarations.templates()[template]);
+        let inline = template.is_none() && before.len() < text.len();
+        // A line contains no line end, so different kinds have different texts.
         let mut alike = vec![before];
-        alike.extend((inline || way.is_some()).then_some(behind));
-        alike.extend(way_of.into_iter().flat_map(|way| way.text()));
-        let declaration = way_of.map(|way| way.line);
+        alike.extend((inline || template.is_some()).then_some(behind));
+        alike.extend(declared_as.into_iter().flat_map(|template| template.text()));
+        let declaration = declared_as.map(|template| template.line);
         let meaning = chunk.kinds.meaning(alike.join(&b'\n'), || {
-            let name = text.get(before.len()..text.len() - behind.len()).filter(|_| way.is_some()).map(hash);
+            let name = text.get(before.len()..text.len() - behind.len()).filter(|_| template.is_some()).map(hash);
             let head = chunk.kinds.words_of_head(|| chunk.head_with(b""));
-            // A target with the name of something else means it there: not so in other chunks.
+            // A target named like something else means that here, but not in other chunks.
             let taken = name.is_some_and(|name| {
                 head.contains(&name) || [before, behind].into_iter().flat_map(words).any(|word| word == name)
             });
@@ -268,11 +272,11 @@ impl Read {
         let motion = meaning.map(|Motion { like, tool, wobj }| Target {
             tool: index(&mut self.tools, tool, Tool::is),
             wobj: index(&mut self.wobjs, wobj, Wobj::is),
-            // Read for itself it would be the first.
+            // Read alone, it would be the first target.
             predecessor: Predecessor::Previous,
             ..like
         });
-        Some(AlikeLines { before, behind, way, motion, last: Last::None })
+        Some(AlikeLines { before, behind, template, motion, last: Last::None })
     }
 
     /// The chunk as a program.
@@ -297,7 +301,7 @@ impl Read {
     }
 }
 
-/// Reads a line after the program's own head, with the declaration of its target, if it has one.
+/// Reads a line with the full reader, after the program's head and the declaration of its target, if any.
 fn learn(chunk: &Chunk, text: &[u8], declaration: Option<&[u8]>, robtargets: usize) -> Option<Meaning> {
     let head = chunk.head_with(declaration.unwrap_or_default());
     let whole = Span::new(head.len(), head.len() + text.len());

@@ -1,4 +1,4 @@
-//! Names: data and routines of all modules, and what is known of those that RAPID itself declares.
+//! Names: data and routines of all modules, and those that RAPID predefines.
 
 use super::known::{Known, RoutineId};
 use super::lex::{Cursor, LexemeKind};
@@ -10,7 +10,7 @@ use std::collections::{BTreeSet, HashMap};
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// Longest name that is looked up; RAPID itself stops at 32.
+/// Longest name that is looked up; RAPID allows 32 characters.
 const MAX_NAME: usize = 64;
 
 /// A name in upper case, without allocation.
@@ -21,7 +21,7 @@ pub(super) struct Upper {
 }
 
 impl Upper {
-    /// An empty name, which nothing has, for names that are too long.
+    /// The name in upper case; names that are too long become empty, which matches nothing.
     pub(super) fn new(name: &[u8]) -> Self {
         let mut bytes = [0; MAX_NAME];
         let len = if name.len() <= MAX_NAME { name.len() } else { 0 };
@@ -40,14 +40,14 @@ impl std::ops::Deref for Upper {
 
 pub(super) type Names = HashMap<Box<[u8]>, usize>;
 
-/// What a variable holds.
+/// The content of a variable.
 #[derive(Clone, Debug)]
 pub(super) enum Content {
-    /// Its declaration, not read yet.
+    /// A declaration that is not yet read.
     Declared(Span),
-    /// Being read: an initial value that needs itself.
+    /// A declaration that is being read; found again, the initial value needs itself.
     Busy,
-    /// A part of another variable: a parameter by reference, given a component or an element.
+    /// A part of another variable: a parameter by reference for a component or an element.
     Part(Rc<Part>),
     Is(Value),
 }
@@ -56,9 +56,9 @@ pub(super) enum Content {
 #[derive(Clone, Debug)]
 pub(super) struct Part {
     pub(super) of: usize,
-    /// Components and elements, counted from 0, as far as they are known.
+    /// The known components and elements, counted from 0.
     pub(super) path: Vec<usize>,
-    /// Whether they all are.
+    /// Whether the whole path is known.
     pub(super) known: bool,
 }
 
@@ -76,9 +76,9 @@ pub(super) struct Variable {
     pub(super) assigned: bool,
     /// Why it may change at any moment (traps, error handlers).
     pub(super) volatile: Option<Reason>,
-    /// Stands for a name that the files do not declare.
+    /// The files do not declare this name.
     pub(super) foreign: bool,
-    /// Declared data (not a parameter or a loop's variable): its statement.
+    /// The statement that declares it; `None` for parameters and loop variables.
     pub(super) declared: Option<Span>,
 }
 
@@ -92,17 +92,17 @@ pub(super) struct Symbols<'a> {
     pub(super) routines: HashMap<Box<[u8]>, RoutineId>,
     /// LOCAL routines of each module.
     pub(super) local_routines: Vec<HashMap<Box<[u8]>, RoutineId>>,
-    /// Number of modules in the files before each.
+    /// For each file, the number of modules in the files before.
     pub(super) first_module: Vec<usize>,
     pub(super) variables: Vec<Variable>,
-    /// How many of them are data of modules; parameters and own data of routines stand after them.
+    /// How many of them are data of modules; parameters and data of routines follow.
     pub(super) data: usize,
-    /// Components of the program's own record types: type → name → place and type.
+    /// Components of the program's own record types, by type: name and type of each.
     pub(super) records: HashMap<Box<[u8]>, Vec<Field>>,
     pub(super) known: Known,
-    /// Names that nothing declares and the program assigns, in upper case.
+    /// Names that the program assigns without a declaration, in upper case.
     pub(super) foreign_assigned: BTreeSet<Box<[u8]>>,
-    /// Own data of routines that their handlers assign.
+    /// Data of routines that their handlers assign.
     pub(super) volatile_own: HashMap<RoutineId, Vec<Box<[u8]>>>,
 }
 
@@ -139,7 +139,7 @@ impl<'a> Symbols<'a> {
                     symbols.variables.push(variable);
                     let key = Box::from(&*Upper::new(&bytes[data.name.range()]));
                     let names = if data.local { &mut symbols.local[id] } else { &mut symbols.global };
-                    // The first of two equal names: the controller would refuse the second.
+                    // Of two equal names the first counts; the controller would refuse the second.
                     names.entry(key).or_insert(at);
                 }
                 for record in &module.records {
@@ -174,14 +174,14 @@ impl<'a> Symbols<'a> {
         self.first_module[id.file] + id.module
     }
 
-    /// A routine by the name that `module` knows it by.
+    /// The routine that a name means in `module`.
     pub(super) fn find_routine(&self, module: usize, name: &[u8]) -> Option<RoutineId> {
         let key = Upper::new(name);
         let local = self.local_routines.get(module).filter(|l| !l.is_empty()).and_then(|l| l.get(&*key));
         local.or_else(|| self.routines.get(&*key)).copied()
     }
 
-    /// Data by the name that `module` knows it by.
+    /// The data that a name means in `module`.
     pub(super) fn find_data(&self, module: usize, key: &[u8]) -> Option<usize> {
         self.local.get(module).and_then(|l| l.get(key)).or_else(|| self.global.get(key)).copied()
     }
@@ -203,13 +203,13 @@ impl<'a> Symbols<'a> {
         data.into_iter()
     }
 
-    /// Data of a name in any module, or all of them.
+    /// Data with this name in any module; without a name, all data.
     pub(super) fn all_named(&self, name: Option<&[u8]>) -> Vec<usize> {
         let named = |variable: &Variable| name.is_none_or(|name| variable.name.as_bytes().eq_ignore_ascii_case(name));
         (0..self.data).filter(|at| named(&self.variables[*at])).collect()
     }
 
-    /// Those of them that can be changed.
+    /// The same without constants.
     pub(super) fn data_named(&self, name: Option<&[u8]>) -> Vec<usize> {
         let open = |at: &usize| self.variables[*at].storage != Storage::Const;
         self.all_named(name).into_iter().filter(open).collect()
@@ -239,7 +239,7 @@ pub(super) fn declared(bytes: &[u8], file: usize, module: usize, data: &Data) ->
     }
 }
 
-/// The first word of a span; empty where it begins with something else.
+/// The first word of a span; empty if it begins with anything else.
 pub(super) fn first_word(bytes: &[u8], span: Span) -> Span {
     let lexeme = Cursor::new(bytes, span).peek();
     if lexeme.kind == LexemeKind::Word { lexeme.span() } else { Span { start: span.start, end: span.start } }

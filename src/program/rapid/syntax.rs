@@ -1,4 +1,4 @@
-//! Modules, routines and their declarations: shallow, so that a statement not understood stays its own affair.
+//! Parses modules, routines and declarations. It is shallow, so that a statement that it does not understand affects no other.
 
 mod blocks;
 
@@ -8,10 +8,10 @@ use super::tree::{Data, File, Module, Param, Record, Routine, RoutineKind, Stora
 use crate::program::Reason;
 use crate::text::{Source, Span};
 
-/// Deeper nesting of blocks is refused: real programs do not have it, and the walk over it is recursive.
+/// Deepest nesting of blocks. Real programs nest less, and the code that follows blocks is recursive.
 pub(super) const MAX_DEPTH: usize = 100;
 
-/// Where blocks are nested deeper than [`MAX_DEPTH`].
+/// The position at which blocks nest deeper than [`MAX_DEPTH`].
 pub(super) struct TooDeep(pub(super) Span);
 
 /// Reads one file.
@@ -25,7 +25,7 @@ pub(super) fn parse(source: &Source, index: u16) -> Result<File, TooDeep> {
 }
 
 impl Parser<'_> {
-    /// `%%%` lines, and what stands between them.
+    /// Skips `%%%` lines and the text between them.
     fn header(&mut self) {
         let start = self.cursor;
         if !self.percent() {
@@ -71,7 +71,7 @@ impl Parser<'_> {
                     self.file.modules.push(module);
                 }
                 _ if lexeme.kind == LexemeKind::End => return Ok(()),
-                // Routines and data without a module around them: a snippet, read all the same.
+                // A snippet: routines and data without a module are read too.
                 Some(
                     Key::Proc | Key::Func | Key::Trap | Key::Local | Key::Task | Key::Var | Key::Pers | Key::Const,
                 ) => {
@@ -175,7 +175,7 @@ impl Parser<'_> {
                     return Ok(());
                 }
                 _ => {
-                    // ALIAS, and anything else: passed whole.
+                    // ALIAS and anything else is skipped whole.
                     if let Scan::Broken(reason) = self.scan() {
                         self.odd(start, reason);
                     }
@@ -288,7 +288,7 @@ impl Parser<'_> {
                     self.cursor.pass(end);
                     break;
                 }
-                // The end is missing; the next member or the module's end says so.
+                // The end of the routine is missing, as the next member or the end of the module shows.
                 Some(Key::EndModule | Key::Module | Key::Proc | Key::Func | Key::Trap | Key::Local | Key::Record) => {
                     self.file.odd.push((end.span(), Reason::RoutineUnclosedBefore));
                     break;

@@ -1,10 +1,10 @@
-//! What a file is made of: spans, not texts.
+//! The syntax tree of a file, in spans.
 
 use super::literal::Literal;
 use crate::program::{Mark, Reason};
 use crate::text::Span;
 
-/// One file's modules, and every complete robtarget literal in it in text order.
+/// The modules of a file, and all complete robtarget literals in text order.
 #[derive(Debug, Default)]
 pub(super) struct File {
     pub(super) modules: Vec<Module>,
@@ -65,14 +65,14 @@ pub(super) struct Routine {
     pub(super) params: Vec<Param>,
     pub(super) data: Vec<Data>,
     pub(super) body: Vec<Statement>,
-    /// ERROR, UNDO and BACKWARD parts: not on the way of a run without faults.
+    /// ERROR, UNDO and BACKWARD parts, which do not run without a fault.
     pub(super) handlers: Vec<Statement>,
-    /// Which of them are its ERROR part: where there is one, what is raised goes no further by itself.
+    /// The range of its ERROR part; if there is one, an error goes to the caller only by RAISE.
     pub(super) error: Option<std::ops::Range<usize>>,
 }
 
 impl Routine {
-    /// What it does with an error, as far as that is its own.
+    /// The statements of its ERROR part.
     pub(super) fn on_error(&self) -> &[Statement] {
         self.error.clone().and_then(|part| self.handlers.get(part)).unwrap_or_default()
     }
@@ -121,23 +121,23 @@ pub(super) enum Statement {
         otherwise: Vec<Statement>,
         at: Span,
     },
-    /// With the value of a function; empty without one.
+    /// With the value of the function; empty if there is none.
     Return(Span),
     Exit,
     /// To the error handler of this routine or of one that called it.
     Raise,
-    /// Of an error handler: the statement that failed again.
+    /// In an error handler: run the failed statement again.
     Retry,
-    /// Of an error handler: the statement after the one that failed.
+    /// In an error handler: go on after the failed statement.
     TryNext,
-    /// `CONNECT interrupt WITH trap`: the whole of it.
+    /// `CONNECT interrupt WITH trap`, whole.
     Connect(Span),
     Goto(Span),
     Mark(Mark),
 }
 
 impl Statement {
-    /// Where it stands, as far as it says: at its first word.
+    /// The span of the statement or of its first part, if recorded.
     pub(super) fn place(&self) -> Option<Span> {
         match self {
             Self::Simple(at) | Self::Connect(at) | Self::Goto(at) => Some(*at),
@@ -148,7 +148,7 @@ impl Statement {
     }
 }
 
-/// Whether a statement of a block, of its branches or of its loops is one that is looked for.
+/// Whether a predicate is true of any statement in a block, its branches or its loops.
 pub(super) fn any(block: &[Statement], is: &impl Fn(&Statement) -> bool) -> bool {
     block.iter().any(|statement| {
         is(statement)

@@ -1,5 +1,5 @@
-//! Who else uses the numbers of a target: routines that nothing runs, traps, handlers and functions. A number is edited only if
-//! all who use it are known and want the same.
+//! Other uses of a target's numbers: in routines that nothing runs, traps, handlers and functions. A number is edited only if all
+//! its uses are known and ask for the same value.
 
 use super::known::RoutineId;
 use super::lex::{Cursor, LexemeKind};
@@ -20,13 +20,13 @@ fn may_cut(motion: Motion) -> bool {
 }
 
 impl<'a> Runner<'a> {
-    /// Notes what a motion that gives no target uses.
+    /// Notes the numbers that a motion without a target in the result uses.
     pub(super) fn use_aside(&mut self, target: &Target, pose: &Pose) {
         let Some(root) = pose.root.filter(|_| self.mode == Mode::Aside) else { return };
         let offset = pose.steps.last().and_then(|step| step.tokens).map(|tokens| tokens[0]);
-        // Other units may be active, or other offsets, when it is run.
+        // When this motion runs, other units or axis offsets may be active.
         let on_axes = axes_in_use(&pose.written.external);
-        // What is made from a base would move with it, though it is left.
+        // A target made from a base would move with it, although it stays.
         let moves_along = !pose.steps.is_empty() && !self.ran.has(usize::from(target.source), target.span.start);
         if on_axes || moves_along || matches!(self.editable(target, pose), Editable::No(_)) {
             self.pinned.insert(root);
@@ -37,7 +37,7 @@ impl<'a> Runner<'a> {
         self.aside.push(Use { root, offset, tool: target.tool, wobj: target.wobj, cuts });
     }
 
-    /// Runs what nothing in the files runs, as someone may do by hand at any time, for what it would use.
+    /// Runs the routines that nothing in the files calls, because somebody may run them by hand, and notes the data that they use.
     pub(super) fn look_aside(&mut self, procs: &[RoutineId]) {
         let waits = |id: &&RoutineId| !self.entered.contains(*id) || self.may_be_called_late(**id);
         let waiting: Vec<RoutineId> = procs.iter().filter(waits).copied().collect();
@@ -58,14 +58,14 @@ impl<'a> Runner<'a> {
             self.quietly(Mode::Aside, |this| this.start(id));
         }
         if self.steps > self.most_steps {
-            // Not known to its end: nothing that it may use is edited.
+            // The run was not completed: nothing that it may use is edited.
             let all = u32::try_from(self.literals.len()).unwrap_or(u32::MAX);
             self.pinned.extend(0..all);
         }
         self.looking_aside = false;
     }
 
-    /// The state in which any routine may begin that is called at an unknown moment: what some routine changes may be anything.
+    /// Sets the state for a routine called at an unknown moment: everything that some routine changes is unknown.
     pub(super) fn forget_what_routines_change(&mut self) {
         let open = |at: &usize| {
             let variable = &self.symbols.variables[*at];
@@ -82,7 +82,7 @@ impl<'a> Runner<'a> {
         self.state.lose(anywhere);
     }
 
-    /// Literals that stand within a span.
+    /// The literals in a span.
     pub(super) fn literals_in(&self, source: usize, span: Span) -> Vec<u32> {
         let (first, end) = (self.first_literal[source], self.first_literal[source + 1]);
         let of_source = &self.literals[first..end];
@@ -96,8 +96,8 @@ impl<'a> Runner<'a> {
         numbers.filter_map(|at| u32::try_from(at).ok()).chain(own).collect()
     }
 
-    /// Holds what traps, handlers and functions use: they may run at any moment, or their motions are not followed; nor are all
-    /// runs of procedures that call themselves.
+    /// Forbids edits of numbers used by traps, handlers and functions: they may run at any moment, or their motions are not
+    /// followed. The same applies to recursive procedures, whose runs are not all followed.
     pub(super) fn hold_what_runs_aside(&mut self) {
         let mut spans: Vec<(RoutineId, Span)> = Vec::new();
         let endless = self.reached_without_end();
@@ -144,7 +144,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Procedures that call themselves without a known end, and what they call.
+    /// Procedures with endless recursion, and the procedures that they call.
     fn reached_without_end(&self) -> BTreeSet<RoutineId> {
         let mut reached = self.endless.clone();
         let mut waiting: Vec<RoutineId> = reached.iter().copied().collect();
@@ -155,7 +155,7 @@ impl<'a> Runner<'a> {
         reached
     }
 
-    /// Refuses targets that a routine moves to that calls itself without a known end.
+    /// Refuses the targets of routines with endless recursion.
     pub(super) fn refuse_what_calls_itself(&mut self) {
         let mut statements = HashSet::new();
         for id in self.reached_without_end() {
@@ -170,7 +170,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Holds what routines that nothing runs use under other frames than the program does.
+    /// Forbids edits of numbers that a routine that nothing runs uses in other frames than the program.
     pub(super) fn hold_what_is_used_otherwise(&mut self) {
         if self.aside.is_empty() {
             return;
@@ -194,7 +194,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Traps that move the robot: where one interrupts, the next motion begins where it ends.
+    /// Reports traps that move the robot: after such a trap, the next motion begins where the trap ends.
     pub(super) fn tell_traps_that_move(&mut self) {
         let is_trap = |id: &RoutineId| self.symbols.routine(*id).kind == RoutineKind::Trap;
         for id in self.symbols.all().filter(is_trap).collect::<Vec<_>>() {
@@ -221,20 +221,20 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Whether a statement is a motion, and not a call of a routine of that name.
+    /// Whether a statement is a motion instruction, not a call of a routine with that name.
     fn is_motion(&self, id: RoutineId, span: Span) -> bool {
         let bytes = self.bytes(id.file);
         let name = &bytes[first_word(bytes, span).range()];
         motion::shape(name).is_some() && self.symbols.find_routine(self.symbols.module_of(id), name).is_none()
     }
 
-    /// Holds robtargets put together from parts that not every run knows, or has where they can be edited.
+    /// Forbids edits of robtargets assembled from parts, unless every run knows the parts and can edit them.
     pub(super) fn hold_what_is_not_always_assembled(&mut self) {
         let held = self.own.iter().filter(|(place, _)| self.unassembled.contains(place)).map(|(_, id)| *id);
         self.pinned.extend(held);
     }
 
-    /// Motions that were not run: their targets stay as they are.
+    /// Keeps the targets of motions that were not run.
     pub(super) fn keep_what_is_not_run(&mut self) {
         for id in self.symbols.all().filter(|id| id.file < self.written).collect::<Vec<_>>() {
             let routine = self.symbols.routine(id);
@@ -266,14 +266,14 @@ fn motions(count: usize) -> String {
     if count == 1 { "1 motion".to_owned() } else { format!("{count} motions") }
 }
 
-/// A routine's own name: the statement that declares it, or nothing for a parameter.
+/// The statement that declares a name of a routine; inner `None` for a parameter, outer `None` for other names.
 fn own_data(routine: &Routine, bytes: &[u8], key: &[u8]) -> Option<Option<Span>> {
     let is = |span: Span| *Upper::new(&bytes[span.range()]) == *key;
     let data = routine.data.iter().find(|data| is(data.name)).map(|data| Some(data.statement));
     data.or_else(|| routine.params.iter().any(|param| is(param.name)).then_some(None))
 }
 
-/// All that statements consist of, branches and loops included.
+/// Adds the spans of all texts in a block, with its branches and loops.
 pub(super) fn texts(block: &[Statement], out: &mut Vec<Span>) {
     for statement in block {
         match statement {

@@ -1,12 +1,12 @@
-//! What an expression is worth, as far as it is known when reading, and where its numbers stand.
+//! Values of expressions, as far as they are known when reading, and the positions of their numbers.
 
 use super::literal::{self, Literal, UNUSED_AXIS, Written};
 use crate::program::{Conf, Reason, ToolData, WobjData};
 use crate::text::Span;
 use std::rc::Rc;
 
-/// Largest deviation of |q|² from 1 that a controller takes for a matter of printing: its length is 1 ± 0.001 then. ABB's page
-/// on `orient` asks for a sum of squares of 1; three decimals, the fewest that posts print, keep within this.
+/// Largest deviation of |q|² from 1 that counts as rounding of the printed text: a length of 1 ± 0.001. ABB's page on `orient`
+/// asks for a sum of squares of 1; with three decimals, the fewest that posts print, it stays within this.
 pub(super) const MAX_NORM_ERROR: f64 = 2e-3;
 
 /// A span in one of the sources.
@@ -18,18 +18,18 @@ pub(crate) struct SourceSpan {
 
 #[derive(Clone, Debug)]
 pub(super) enum Value {
-    /// Known only when the program runs, and why.
+    /// Known only at run time, with the reason.
     Unknown(Reason),
-    /// A number; its token (sign included) where it is a literal.
+    /// A number, with its token (sign included) if it is a literal.
     Num(f64, Option<SourceSpan>),
     Bool(bool),
     Text(Rc<[u8]>),
-    /// An aggregate or array and, where it is literal, its brackets.
+    /// An aggregate or array, with its brackets if it is a literal.
     List(Rc<[Value]>, Option<SourceSpan>),
     Target(Rc<Pose>),
 }
 
-/// A robtarget's value and what it was made of.
+/// The value of a robtarget and its origin.
 #[derive(Clone, Debug)]
 pub(super) struct Pose {
     pub(super) written: Written,
@@ -37,7 +37,7 @@ pub(super) struct Pose {
     pub(super) root: Option<u32>,
     /// `Offs` and `RelTool` around it, innermost first.
     pub(super) steps: Vec<Step>,
-    /// Why it cannot be edited, though its value is known.
+    /// The reason, if any, for which it cannot be edited although its value is known.
     pub(super) fixed: Option<Reason>,
 }
 
@@ -45,16 +45,16 @@ pub(super) struct Pose {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Step {
     pub(crate) offset_mm: [f64; 3],
-    /// Number tokens of the offset, where all three are literal.
+    /// Number tokens of the offset, if all three are literals.
     pub(crate) tokens: Option<[SourceSpan; 3]>,
     /// In tool axes (`RelTool`), not work object axes (`Offs`).
     pub(crate) in_tool: bool,
-    /// The turn that `RelTool` adds.
+    /// The rotation that `RelTool` adds.
     pub(crate) turn: [f64; 4],
 }
 
 impl Step {
-    /// The place of its first number, where all three are literal.
+    /// The position of its first number, if all three are literals.
     pub(super) fn place(&self) -> Option<SourceSpan> {
         self.tokens.map(|tokens| tokens[0])
     }
@@ -66,7 +66,7 @@ impl Step {
     }
 }
 
-/// The quaternion that turns nothing.
+/// The quaternion of no rotation.
 pub(super) const NO_TURN: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
 
 /// Hamilton product, scalar first.
@@ -79,17 +79,17 @@ pub(super) fn multiply(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
     ]
 }
 
-/// `v` turned by the unit quaternion `q`.
+/// `v` rotated by the unit quaternion `q`.
 pub(super) fn rotate(q: [f64; 4], v: [f64; 3]) -> [f64; 3] {
     let conjugate = [q[0], -q[1], -q[2], -q[3]];
     let [_, x, y, z] = multiply(multiply(q, [0.0, v[0], v[1], v[2]]), conjugate);
     [x, y, z]
 }
 
-/// A square of the length that rounding makes of 1.
+/// Largest deviation of a squared length from 1 by rounding.
 const UNIT: f64 = 4.0 * f64::EPSILON;
 
-/// `q` at length 1; zero stays zero, readers refuse it by its norm.
+/// `q` at length 1; zero stays zero, which readers refuse by its norm.
 pub(super) fn unit(q: [f64; 4]) -> [f64; 4] {
     let square = q.iter().map(|c| c * c).sum::<f64>();
     if (square - 1.0).abs() <= UNIT || square <= 0.0 {
@@ -100,7 +100,7 @@ pub(super) fn unit(q: [f64; 4]) -> [f64; 4] {
 }
 
 impl Value {
-    /// Whether it is plainly the very same: aggregates are not compared.
+    /// Whether two simple values are identical; aggregates are never.
     #[allow(clippy::float_cmp)] // the very number
     pub(super) fn is(&self, other: &Self) -> bool {
         match (self, other) {
@@ -144,7 +144,7 @@ impl Value {
         Some(out)
     }
 
-    /// Why it is not known, if that is so.
+    /// The reason for which it is unknown, if it is.
     pub(super) fn unknown(&self) -> Option<Reason> {
         match self {
             Value::Unknown(why) => Some(*why),
@@ -153,7 +153,7 @@ impl Value {
         }
     }
 
-    /// The value alone: what a variable holds is not the text that it came from.
+    /// The value without its origin in the text, as a variable holds it.
     pub(super) fn detached(&self, why: Reason) -> Self {
         match self {
             Value::Num(value, _) => Value::Num(*value, None),
@@ -165,7 +165,7 @@ impl Value {
         }
     }
 
-    /// Numbers without their tokens: a variable's number is not the text at its use. Robtargets keep theirs.
+    /// The value with numbers that have no tokens, as at the use of a variable. Robtargets keep theirs.
     pub(super) fn without_tokens(&self) -> Self {
         match self {
             Value::Num(value, _) => Value::Num(*value, None),
@@ -174,7 +174,7 @@ impl Value {
         }
     }
 
-    /// A robtarget put together from parts, with the literal of its seven pose numbers where those are.
+    /// A robtarget assembled from parts, with the literal of its seven pose numbers if these are literals.
     pub(super) fn assemble(&self) -> Option<(Written, Option<Literal>)> {
         let [position, quat, conf, external] = self.list()? else { return None };
         let written = Written {
@@ -187,7 +187,7 @@ impl Value {
             let Value::List(_, Some(place)) = self else { return None };
             let ([x, y, z], [q1, q2, q3, q4]) = (position.tokens()?, quat.tokens()?);
             let Value::List(_, external) = external else { return None };
-            // A name has no place of its own: then the text after the orientation is taken as it is.
+            // External axes given by name have no position here, so the text after the orientation stays.
             let external = external.map_or(Span { start: place.span.end - 1, end: place.span.end - 1 }, |p| p.span);
             Literal::partial(place.source, place.span, [x, y, z, q1, q2, q3, q4], conf.tokens(), external)
         };
@@ -220,7 +220,7 @@ impl Value {
         })
     }
 
-    /// The mechanical unit that a wobjdata names.
+    /// The mechanical unit named in a wobjdata.
     pub(super) fn wobj_unit(&self) -> Option<&[u8]> {
         let [_, Value::Bool(false), Value::Text(unit), ..] = self.list()? else { return None };
         Some(unit)
@@ -232,7 +232,7 @@ impl Value {
         robot.nums()
     }
 
-    /// External axes of a jointtarget; NaN where they are not known.
+    /// External axes of a jointtarget; NaN for unknown ones.
     pub(super) fn joints_external(&self) -> [f64; 6] {
         let external = self.list().and_then(|parts| parts.get(1)?.nums());
         external.unwrap_or([f64::NAN; 6])
@@ -244,7 +244,7 @@ impl Value {
     }
 }
 
-/// External axes in use, by their values.
+/// Whether external axes are in use, by their values.
 pub(super) fn axes_in_use(external: &[f64; 6]) -> bool {
     external.iter().any(|&v| v < UNUSED_AXIS)
 }
@@ -257,13 +257,13 @@ fn l(items: impl IntoIterator<Item = Value>) -> Value {
     Value::List(items.into_iter().collect(), None)
 }
 
-/// Numbers, texts and aggregates of more parts than this are not what RAPID data are: its arrays are declared in the text.
+/// Most parts of a value. RAPID data have fewer, because their arrays are declared in the text.
 const MOST_PARTS: usize = 1 << 16;
-/// Records and arrays within one another: more than any type of RAPID has.
+/// Deepest nesting of records and arrays, more than any type of RAPID has.
 const DEEPEST: usize = 12;
 
 impl Value {
-    /// Of how many parts it is; `None` where that is more than RAPID data have.
+    /// Number of its parts; `None` if these are more than RAPID data have.
     pub(super) fn parts(&self) -> Option<usize> {
         fn count(value: &Value, depth: usize, left: &mut usize) -> Option<()> {
             let Value::List(items, _) = value else { return Some(()) };
@@ -308,7 +308,7 @@ const SPEEDS: [u32; 25] = [
     6000, 7000,
 ];
 
-/// Where a component stands in a predefined record type, and its own type.
+/// The index of a component in a predefined record type, and its type.
 pub(super) fn component(kind: &[u8], name: &[u8]) -> Option<(usize, &'static [u8])> {
     const NUM: &[u8] = b"NUM";
     const POS: &[u8] = b"POS";
@@ -346,7 +346,7 @@ pub(super) fn parts(pose: &Pose) -> Value {
     l([l(w.position_mm.map(n)), l(w.quat.map(n)), conf, l(w.external.map(n))])
 }
 
-/// The numbers of a robtarget's configuration; `None` for those of another language.
+/// The numbers of a robtarget's configuration; `None` for configurations of other languages.
 pub(super) fn quarters(conf: Conf) -> Option<[i32; 4]> {
     let Conf::Quarters(conf) = conf else { return None };
     Some([conf.cf1, conf.cf4, conf.cf6, conf.cfx])

@@ -1,4 +1,4 @@
-//! Corrections on their way into the text: what is said of literals and what stands there afterwards.
+//! Corrections as text: the new tokens of literals, and the poses that the text states afterwards.
 
 use super::Layout;
 use super::literal::Literal;
@@ -9,30 +9,30 @@ use crate::program::{Change, Editable, Goal, Program, Reason, RewriteOptions};
 use crate::text::{Content, Edit, Span, Token};
 use std::collections::{BTreeSet, HashSet};
 
-/// Two orientations closer than this are the same: rounding of the arithmetic between reading and writing.
+/// Orientations closer than this are equal; it allows for rounding between reading and writing.
 const SAME_QUAT: f64 = 1e-12;
 
-/// New token texts of one literal; `None` where a token stays.
+/// New token texts of one literal; `None` for tokens that stay.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Print {
     pub(super) tokens: [Option<Token>; 11],
-    /// Of the external axes, with their places.
+    /// The tokens of the external axes, with their spans.
     pub(super) axes: Vec<(Span, Token)>,
-    /// The numbers of position and orientation that stand there then, where they are known.
+    /// The numbers of position and orientation after the edit, where known.
     pub(super) values: [Option<f64>; 7],
 }
 
 /// Position and orientation as the controller holds them.
 pub(super) type Pose = ([f64; 3], [f64; 4]);
 
-/// Corrections on their way into the text.
+/// Turns corrections into text.
 pub(super) struct Writer<'a> {
     pub(super) program: &'a Program,
     pub(super) layout: &'a Layout,
     pub(super) options: &'a RewriteOptions,
     pub(super) edits: Vec<Vec<Edit>>,
     pub(super) kept: Vec<(usize, Reason)>,
-    /// Literals and offsets, these by their first number, that stay for the sake of others.
+    /// Literals, and offsets by their first number, that stay because another target depends on them.
     pub(super) frozen: BTreeSet<u32>,
     pub(super) frozen_offsets: HashSet<SourceSpan>,
     pub(super) not_inserted: Vec<(usize, Reason)>,
@@ -64,7 +64,7 @@ impl<'a> Writer<'a> {
         if let Editable::No(reason) = self.program.targets[i].editable { reason } else { Reason::SharedTarget }
     }
 
-    /// Whether a change asks for anything else than what is there.
+    /// Whether a change differs from the text.
     pub(super) fn differs(&self, i: usize, change: &Change) -> bool {
         let Goal::Pose { position_mm, quat, conf } = self.program.targets[i].goal else { return true };
         #[allow(clippy::float_cmp)] // the very number that was read means no change
@@ -75,7 +75,7 @@ impl<'a> Writer<'a> {
             || change.external.is_some()
     }
 
-    /// New tokens of a literal for one user's change.
+    /// The new tokens of a literal for the change of one user.
     pub(super) fn print(&self, i: usize, literal: &Literal, change: &Change) -> Print {
         let mut print = Print::default();
         let Goal::Pose { quat, conf, .. } = self.program.targets[i].goal else { return print };
@@ -91,7 +91,7 @@ impl<'a> Writer<'a> {
         }
         if let Some(wanted) = change.conf.filter(|c| Some(*c) != conf).and_then(quarters) {
             for (c, value) in wanted.into_iter().enumerate() {
-                // A configuration that is a name stays; it is not this target's own.
+                // A configuration given by name stays, because other targets may use it.
                 if !literal.token(7 + c).is_empty() {
                     print.tokens[7 + c] = New::of(self.token(literal, 7 + c), f64::from(value), 0).token;
                 }
@@ -107,7 +107,7 @@ impl<'a> Writer<'a> {
         print
     }
 
-    /// Where the numbers of a literal's external axes stand; `None` where not all six are numbers.
+    /// The spans of the six external axes of a literal; `None` if not all are numbers.
     pub(super) fn axes(&self, literal: &Literal) -> Option<[Span; EXTERNAL_AXES]> {
         literal.axes(&self.program.sources[literal.source as usize].bytes)
     }
@@ -122,7 +122,7 @@ impl<'a> Writer<'a> {
         edits.extend(print.axes.into_iter().map(|(span, token)| Edit { span, content: Content::from_slice(&token) }));
     }
 
-    /// The literal's text with its new tokens: for a clone.
+    /// The text of a literal with its new tokens, for a clone.
     pub(super) fn literal_text(&self, literal: &Literal, print: &Print) -> Vec<u8> {
         let span = literal.span();
         let bytes = self.bytes(SourceSpan { source: literal.source, span });
@@ -139,21 +139,21 @@ impl<'a> Writer<'a> {
         out
     }
 
-    /// Position and orientation as written after `print`, f32-rounded; the orientation as printed.
+    /// Position and orientation as written after `print`, rounded to single precision.
     pub(super) fn literal_pose(&self, literal: &Literal, print: Option<&Print>) -> Pose {
         let value = |i: usize| {
             if let Some(value) = print.and_then(|p| p.values[i]) {
                 return single(value);
             }
             let new = print.and_then(|p| p.tokens[i].as_deref());
-            // What is no number is none here either: it comes out as an error, and never as another number.
+            // Text that is not a number becomes NaN, which leads to an error, never to another number.
             single(signed(new.unwrap_or_else(|| self.token(literal, i))).unwrap_or(f64::NAN))
         };
         (std::array::from_fn(value), std::array::from_fn(|i| value(i + 3)))
     }
 }
 
-/// Whether two unit quaternions are different orientations.
+/// Whether two unit quaternions differ in orientation.
 pub(super) fn turned(a: [f64; 4], b: [f64; 4]) -> bool {
     let a = unit(a);
     let same = |sign: f64| a.iter().zip(&b).all(|(a, b)| (a - sign * b).abs() <= SAME_QUAT);

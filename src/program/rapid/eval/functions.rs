@@ -1,4 +1,4 @@
-//! Predefined functions, as far as their arguments are known when reading.
+//! Evaluates predefined functions whose arguments are known when reading.
 
 use super::super::lex::Cursor;
 use super::super::motion::Call;
@@ -94,7 +94,7 @@ impl Runner<'_> {
             _ => (None, None),
         };
         let (Some(base), Some(offset_mm), Some(turn)) = (self.as_target(&values[0]), offset_mm, turn) else {
-            // What another run of the same statement would edit is used here too.
+            // Another run of this statement would edit numbers that are used here too.
             self.held.extend(tokens.map(|tokens| tokens[0]));
             self.pin_value(&values[0]);
             return Value::Unknown(values[0].unknown().unwrap_or(Reason::Computed));
@@ -121,7 +121,7 @@ fn present(value: &Value) -> Value {
     }
 }
 
-/// Functions of numbers, angles in degrees; those that round are known where they round to `whole` numbers.
+/// Functions of numbers, with angles in degrees; functions that round are known only if they round to `whole` numbers.
 fn arithmetic(name: &[u8], values: &[Value], whole: bool) -> Option<Value> {
     let value = match values {
         [Value::Num(v, _)] => match name {

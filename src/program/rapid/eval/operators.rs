@@ -1,4 +1,4 @@
-//! Operators: how tight they bind, and what they make of two values.
+//! Operators: their precedence and their results.
 
 use super::super::lex::{Cursor, Lexeme, LexemeKind};
 use super::super::symbols::Upper;
@@ -8,7 +8,7 @@ use crate::program::Reason;
 /// ABB, *RAPID overview*: a string has at most 80 characters.
 const MOST_TEXT: usize = 80;
 
-/// Whether single precision, in which the controller counts, sees the same of two numbers: they are one, or are apart.
+/// Whether two numbers compare in the controller's single precision as they do here: they are identical, or clearly apart.
 #[allow(clippy::float_cmp)] // the very number
 fn can_be_told_apart(a: f64, b: f64) -> bool {
     /// A few roundings of single precision.
@@ -27,7 +27,7 @@ pub(in super::super) fn equal(left: &Value, right: &Value) -> Option<bool> {
     }
 }
 
-/// Level and sign of the operator that a lexeme is.
+/// Precedence and sign of the operator, if the lexeme is one.
 #[inline]
 pub(super) fn operator(cursor: &Cursor<'_>, lexeme: Lexeme) -> Option<(u8, &'static str)> {
     Some(match lexeme.kind {
@@ -55,7 +55,7 @@ pub(super) fn operator(cursor: &Cursor<'_>, lexeme: Lexeme) -> Option<(u8, &'sta
 
 pub(super) fn apply(operator: &str, left: &Value, right: &Value) -> Value {
     let unknown = || Value::Unknown(left.unknown().or(right.unknown()).unwrap_or(Reason::Computed));
-    // One side can be enough.
+    // One operand can decide.
     match (operator, left.bool(), right.bool()) {
         ("OR", Some(true), _) | ("OR", _, Some(true)) => return Value::Bool(true),
         ("AND", Some(false), _) | ("AND", _, Some(false)) => return Value::Bool(false),

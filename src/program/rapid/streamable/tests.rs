@@ -1,4 +1,4 @@
-//! Fast against plain reading.
+//! Tests the line-by-line reader against the full reader.
 
 use super::super::chunks::Chunks;
 use super::super::declared::Declared;
@@ -30,7 +30,7 @@ fn line() -> impl Strategy<Value = String> {
         "0,9E9,9E9,9E9,9E9,9E9",
         "12.5,-3,9E9,9E9,9E9,9E9",
     ]);
-    // What stops a program from being straight is rare, else none would be.
+    // Elements that make a program unstreamable are rare, or no generated program would be streamable.
     let motion = (word, number.clone(), number, quat, external, end).prop_map(|(word, x, y, quat, external, end)| {
         format!("{word} [[{x},{y},1],[{quat}],[0,0,0,0],[{external}]]{end}")
     });
@@ -151,7 +151,7 @@ proptest! {
         while let Ok(Next::Chunk(chunk)) = chunks.take() {
             let fast = super::read(&chunk).map(|read| read.into_program(chunk.dialect(), chunk.source.clone()));
             let plain = chunk.read_plain();
-            // A fast path that is not sure leaves the text to the plain reader; one that is sure says the same.
+            // The line-by-line reader leaves the text to the full reader, or gives the same result.
             if let Some(fast) = fast {
                 prop_assert_eq!(plain.map(|plain| format!("{:?}", plain.program)), Some(format!("{fast:?}")));
             }

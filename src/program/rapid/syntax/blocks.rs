@@ -1,4 +1,4 @@
-//! Blocks: statements up to the word that ends them, and the branches and loops among them.
+//! Parses blocks: statements up to the word that ends them, with branches and loops.
 
 use super::super::lex::{Key, LexemeKind};
 use super::super::parser::{Parser, Scan};
@@ -8,7 +8,7 @@ use crate::program::Reason;
 use crate::text::Span;
 
 impl Parser<'_> {
-    /// Statements up to a word that this level does not know; that word is left.
+    /// Parses statements up to a word that ends this level, without passing that word.
     pub(super) fn block(&mut self, data: &mut Vec<Data>, depth: usize) -> Result<Vec<Statement>, TooDeep> {
         if depth > MAX_DEPTH {
             let here = self.cursor.peek().span();
@@ -72,7 +72,7 @@ impl Parser<'_> {
         let lexeme = self.cursor.peek();
         if self.key_of(lexeme) == Some(wanted) {
             self.cursor.pass(lexeme);
-            // `ENDIF;` is not RAPID, yet there.
+            // `ENDIF;` is not RAPID, yet programs contain it.
             self.cursor.accept(LexemeKind::Mark(b';'));
         } else {
             self.file.odd.push((head, Reason::BlockUnclosed));
@@ -173,7 +173,7 @@ impl Parser<'_> {
         Ok(Statement::Test { subject, cases, otherwise, at: head })
     }
 
-    /// After RETURN, EXIT, RAISE, RETRY, TRYNEXT, GOTO or CONNECT, which stands at `at`.
+    /// After RETURN, EXIT, RAISE, RETRY, TRYNEXT, GOTO or CONNECT, which is at `at`.
     fn leaving(&mut self, word: Key, at: usize) -> Statement {
         let first = self.cursor.peek().span();
         let from = first.start as usize;
