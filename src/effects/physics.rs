@@ -12,7 +12,7 @@ use nalgebra::{Matrix3, Vector3};
 /// All methods are pure: the same state gives the same answer, so that targets can be solved in any order. Every method adds to the
 /// values of the effects before it.
 pub(crate) trait Physics {
-    /// The fields of [`Load`], [`Offset`] and [`Deflection`] that the effect changes, except cutting force and joint angles.
+    /// The fields of [`Load`], [`Offset`] and [`Deflection`] that the effect changes, except joint angles.
     fn parts(&self) -> Parts {
         Parts::NONE
     }
@@ -43,7 +43,7 @@ pub(crate) trait Physics {
     }
 }
 
-/// A set of the fields that the effects of a cell change, except cutting force and joint angles. The solver skips all other fields.
+/// A set of the fields that the effects of a cell change, except joint angles. The solver skips all other fields.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Parts(u16);
 

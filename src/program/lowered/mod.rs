@@ -41,9 +41,9 @@ pub(super) struct Style {
     pub(super) tool: &'static str,
     /// The name of the frame of poses.
     pub(in crate::program) frame: &'static str,
-    /// The bytes of a motion's text that have the controller pass its end without a stop.
+    /// The bytes of a motion's text that let the controller pass its target without a stop.
     pub(super) passes: fn(&[u8]) -> Option<Range<usize>>,
-    /// What has it stop there, in their place.
+    /// The text that replaces them and makes the controller stop at the target.
     pub(super) stops: &'static [u8],
 }
 
