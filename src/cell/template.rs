@@ -128,7 +128,7 @@ const KUKA: Speech = Speech {
     post: ["rToolChange({number})", "rSpindle({rpm})"],
     unit: ["E1", "eax_a", "E1 … E6 are eax_a … eax_f"],
     path: "\
-# With C_DIS a motion leaves its way $APO.CDIS before its end at the earliest, and not before half of it (KUKA System Software,
+# With C_DIS a motion leaves its path at the earliest $APO.CDIS before its end, and not before half of it (KUKA System Software,
 # Operating and Programming Instructions for System Integrators, Approximate positioning). The shape of the rounding, smoothing and
 # accelerations are not published: zone_share = 1.0 is the most that can be rounded.
 # [controller.path]

@@ -91,7 +91,7 @@ impl KeptReason {
             Self::CoordinatedElsewhere => {
                 "put the user frame on the unit where it moves along with it: [wobjs.\"UF 1\"] unit = …"
             }
-            Self::NotCoordinated => "let the group stand still on the way, or move it with a J motion",
+            Self::NotCoordinated => "keep the group still during the motion, or move it with a J motion",
             Self::UnitPositionMissing => {
                 "give every target the position of each unit that carries the robot or its work object"
             }

@@ -183,7 +183,7 @@ reasons! {
     FewArcs = "fewer than three circle arc motions (A) in a row",
     ArcFrames = "arc whose points are recorded in different frames",
     CircleThroughAxes = "circle through axis angles",
-    CircleWithoutPoint = "circle without a point on the way",
+    CircleWithoutPoint = "arc without a circle point",
     CircleWithoutEnd = "circle without an end",
     CircleWithAngle = "circle with an angle",
     TwoPositions = "only a circle has two positions",
@@ -256,7 +256,7 @@ reasons! {
     OptionOnce = "motion option that a point between would repeat or shift",
     ArcMotion = "circle arc motion (A): a point between would make it another curve",
     NoEditablePose = "its position has no pose that can be edited",
-    OtherGroupMoves = "another motion group moves on the way",
+    OtherGroupMoves = "another motion group moves during the motion",
     NoPositionNumbers = "the program would have positions beyond P[999]: split it",
     NoLineNumbers = "the program would have more than 9999 lines: split it",
     // Text that is not read.
