@@ -131,7 +131,7 @@ fn a_backup_with_what_never_ends_is_read_without_it() {
     assert!(text.contains("[tools.tMill]"), "{text}");
     std::fs::remove_file(bench.path("backup/SYSPAR/MOC.cfg")).unwrap();
     symlink("/dev/zero", bench.path("backup/SYSPAR/MOC.cfg")).unwrap();
-    refused(&bench, "init --backup backup --robot irb6660-205-1.9", &["is no file"]);
+    refused(&bench, "init --backup backup --robot irb6660-205-1.9", &["is not a file"]);
 }
 
 #[test]
