@@ -9,7 +9,7 @@ use super::design::Design;
 use super::device::Device;
 use super::device_pose;
 use super::differences::Reuse;
-use super::found::{Choice, Findings, Linearised, Map, Members, Posterior, Ranking, Refused};
+use super::found::{Choice, Findings, Linearised, Map, Members, Ranking, Refused};
 use super::gear::{self, Comb, Grid, Term};
 use super::moments::Moments;
 use super::noise;
@@ -485,25 +485,19 @@ impl Engine {
             self.withdraw_unless(&mut posteriors, |_, share, _| share >= NAMED);
         }
         self.settle_cuts(cell)?;
-        let discrepancy = |engine: &Self, posteriors: &[Posterior]| match written {
-            Written::WholeModel if !whole && !engine.forces_are_wrong() => engine.field_map(posteriors),
-            _ => None,
-        };
-        // A cell that is worse than the declared one where nothing was measured is none.
-        if self.is_whole_arm() && !posteriors.is_empty() {
+        // A cell that is worse than the declared one on rows that are left out is none. Over the whole robot, each stage had to gain.
+        if !whole && !posteriors.is_empty() {
             self.refused = self.worse_where_left_out();
             if self.refused.is_some() {
                 posteriors.clear();
                 self.take_back();
+                device_pose::restore(&mut self.problem, &places);
             }
         }
-        self.map = discrepancy(self, &posteriors);
-        if self.gains_nothing(before) {
-            posteriors.clear();
-            device_pose::restore(&mut self.problem, &places);
-            self.map = discrepancy(self, &posteriors);
-            self.gains_nothing(before);
-        }
+        self.map = match written {
+            Written::WholeModel if !whole && !self.forces_are_wrong() => self.field_map(&posteriors),
+            _ => None,
+        };
         reached(progress, JUDGED)?;
         let elsewhere = self.elsewhere();
         let map = self.map.take();

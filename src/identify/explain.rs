@@ -232,9 +232,8 @@ impl Engine {
         advice.extend(self.doubt.take());
         advice.extend(self.refused.map(|Refused { leaving_out, extended_mm, declared_mm }| {
             let rows = match leaving_out {
-                None => "held-out rows",
-                Some(LeavingOut::Stretches) => "rows of stretches left out of the fit",
-                Some(LeavingOut::Places) => "rows at places, postures and loads left out of the fit",
+                LeavingOut::Stretches => "rows of stretches left out of the fit",
+                LeavingOut::Places => "rows at places, postures and loads left out of the fit",
             };
             format!(
                 "no effect is added: with those that were found, the error on {rows} would be {extended_mm:.4} mm instead of \

@@ -71,8 +71,8 @@ pub(super) struct Elsewhere {
 /// Why effects that were found are not added: the error with them, and the declared cell's, mm rms.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Refused {
-    /// Which fitted rows were left out of the fit; `None`: the held-out rows.
-    pub(super) leaving_out: Option<LeavingOut>,
+    /// Which fitted rows were left out of the fit.
+    pub(super) leaving_out: LeavingOut,
     pub(super) extended_mm: f64,
     pub(super) declared_mm: f64,
 }

@@ -4,13 +4,13 @@ use super::candidate::{Candidate, Home, same_pattern};
 use super::candidates;
 use super::columns::Columns;
 use super::data::Observation;
-use super::decisions::{CHANCE, MENTIONED, MOST_SCATTER, MOST_WANDER, NAMED, OUTLIER, PRICE, UNLISTED};
+use super::decisions::{MENTIONED, MOST_SCATTER, MOST_WANDER, NAMED, OUTLIER, PRICE, UNLISTED};
 use super::engine::{Engine, stacked};
-use super::found::{Linearised, Posterior, Refused};
+use super::found::{Linearised, Posterior};
 use super::moments::Moments;
 use super::noise;
 use super::pattern::{self, Pattern, Standing};
-use super::score::{in_standard_errors, posterior, score};
+use super::score::score;
 use super::search::Search;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -173,28 +173,6 @@ impl Engine {
         self.residual() - self.shifted_by(|pattern| pattern.standing() == Standing::Nuisance)
     }
 
-    /// What the declared cell leaves, with where each run is clamped fitted to it where the chosen set has that.
-    ///
-    /// Where the effect is not in the cell, the clamping takes up what of it the fitted rows have alike: on held-out rows that
-    /// is more than the effect alone. To judge a cell by it is strict; what is reported is [`Engine::left_by_declared_as_found`].
-    pub(super) fn left_by_declared(&self, before: &DVector<f64>) -> DVector<f64> {
-        let clamping = self.chosen.iter().find(|&&c| self.candidates[c].standing() == Some(Standing::Nuisance));
-        let Some(candidate) = clamping.map(|&c| &self.candidates[c]) else { return before.clone() };
-        let Home::Pattern(pattern) = candidate.home else { return before.clone() };
-        let shifts = pattern::shifts(&self.problem, pattern);
-        let mut stacked = DMatrix::from_columns(&shifts);
-        stacked = stacked.insert_column(shifts.len(), 0.0);
-        stacked.set_column(shifts.len(), before);
-        let series = self.problem.series(|row| !row.held_out);
-        let moments = Moments::of(&stacked, &series, self.shape);
-        let columns = Columns::independent((0..shifts.len()).map(|k| (k, candidate.scale)).collect());
-        let mut left = before.clone();
-        if let Some((mean, _)) = posterior(&moments, &columns, self.sigma) {
-            shifts.iter().zip(mean.iter()).for_each(|(column, value)| left.axpy(-value * candidate.scale, column, 1.0));
-        }
-        left
-    }
-
     /// What the declared cell leaves, with each run clamped where the extended cell finds it: where parts are clamped is in neither
     /// error.
     pub(super) fn left_by_declared_as_found(&self, before: &DVector<f64>) -> DVector<f64> {
@@ -296,32 +274,6 @@ impl Engine {
             let named = |c: &usize| posteriors.iter().any(|(p, _)| p == c);
             self.choose(self.chosen.iter().copied().filter(|c| self.candidates[*c].is_pattern() || named(c)).collect());
         }
-    }
-
-    /// Takes everything back that makes the held-out rows worse than the declared cell does; whether it had to.
-    ///
-    /// A model that predicts the held-out rows worse than the declared cell is rejected: the fitted rows are not like them. With six
-    /// held-out rows of a table of 24, noise alone can do as much as an effect.
-    pub(super) fn gains_nothing(&mut self, before: &DVector<f64>) -> bool {
-        /// Held-out rows up to which noise decides as often as what is fitted.
-        const FEW: usize = 12;
-        let held_out = |row: &Observation| row.held_out;
-        // A fault as it was fitted is taken off both: it is in neither cell.
-        let faults = self.shifted_by(|pattern| pattern.standing() == Standing::Fault);
-        let (with, without) = (self.left_by_cell() - &faults, self.left_by_declared(before) - &faults);
-        let any = self.map.is_some() || self.chosen.iter().any(|&c| !self.candidates[c].is_pattern());
-        let size = |left: &DVector<f64>, row: &Observation| left.rows(row.offset, row.seen.len()).norm_squared();
-        let rows = self.problem.rows.iter().filter(|row| row.held_out && !row.outlier);
-        let gains: Vec<f64> = rows.map(|row| size(&without, row) - size(&with, row)).collect();
-        let least = if gains.len() > FEW { 0.0 } else { -CHANCE };
-        let worse = any && in_standard_errors(&gains) < least;
-        if worse {
-            let [declared_mm, extended_mm] =
-                [&self.left_by_declared_as_found(before), &with].map(|left| self.errors(left, held_out).rms_mm);
-            self.refused = Some(Refused { leaving_out: None, extended_mm, declared_mm });
-            self.take_back();
-        }
-        worse
     }
 
     /// Takes every effect back.

@@ -147,7 +147,6 @@ impl Engine {
             let there = self.left_out(&linear, &columns, leaving_out);
             let [declared_mm, extended_mm] =
                 [&there.declared, &there.extended].map(|left| self.errors(left, |row| !row.held_out).rms_mm);
-            let leaving_out = Some(leaving_out);
             (extended_mm > declared_mm).then_some(Refused { leaving_out, extended_mm, declared_mm })
         })
     }
