@@ -49,9 +49,6 @@ pub(super) const OUTLIER: f64 = 5.0;
 /// Variance of a drift over the white noise that an arm can have; more is a drift of the instrument or an effect in no list.
 pub(super) const MOST_WANDER: f64 = 2.0;
 
-/// Noise over what the table declares, both as standard deviations, from which on something is unexplained.
-pub(super) const MOST_SCATTER: f64 = 1.6;
-
 /// Odds from which on another effect replaces the chosen one once all rows are evidence: nearer to even, noise decides.
 pub(super) const LIKELIER: f64 = 1.5;
 

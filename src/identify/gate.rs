@@ -4,7 +4,7 @@ use super::candidate::{Candidate, Home, same_pattern};
 use super::candidates;
 use super::columns::Columns;
 use super::data::Observation;
-use super::decisions::{MENTIONED, MOST_SCATTER, MOST_WANDER, NAMED, OUTLIER, PRICE, UNLISTED};
+use super::decisions::{MENTIONED, MOST_WANDER, NAMED, OUTLIER, PRICE, UNLISTED};
 use super::engine::{Engine, stacked};
 use super::found::{Linearised, Posterior};
 use super::moments::Moments;
@@ -234,10 +234,10 @@ impl Engine {
         self.chosen.iter().any(|&c| self.candidates[c].standing() == Some(standing))
     }
 
-    /// Whether the noise is well beyond what the table declares.
+    /// Whether the noise, the drift of the arm included, is beyond what the table declares by more than an arm can drift.
     pub(super) fn scatters_more(&self) -> bool {
-        let all = self.sigma * (1.0 + self.shape.drift).sqrt();
-        self.problem.declared_sigma_mm.is_some_and(|declared| all > MOST_SCATTER * declared)
+        let variance = self.sigma * self.sigma * (1.0 + self.shape.drift);
+        self.problem.declared_sigma_mm.is_some_and(|declared| variance > (1.0 + MOST_WANDER) * declared * declared)
     }
 
     /// Whether the forces of the table are not those that acted.

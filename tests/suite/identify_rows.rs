@@ -134,7 +134,7 @@ fn a_place_between_targets_is_on_the_way_and_one_that_is_passed_twice_is_asked_f
         once.added
     );
     let twice = found_on("100,200,0", 0.0).unwrap_err();
-    assert!(twice[0].line == 2 && twice[0].message.contains("as near to the way into target"), "{}", twice[0]);
+    assert!(twice[0].line == 2 && twice[0].message.contains("as near to the path to target"), "{}", twice[0]);
     assert!(found_on("200,300,0", 6.0).unwrap_err()[0].message.contains("from the path"));
 }
 
