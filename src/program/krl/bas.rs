@@ -1,14 +1,14 @@
 //! KUKA's own BAS, and what `WITH` sets for one motion.
 
 use super::calls::Argument;
-use super::eval::Path;
-use super::lex::LexemeKind;
+use super::eval::Place;
+use super::expression::{Expression, Setting};
 use super::names;
 use super::run::Runner;
 use super::state::{Changes, Id, ModalState};
 use super::value::{Step, Value, upper};
 use crate::program::Reason;
-use crate::text::{Diagnostic, Severity, Span};
+use crate::text::{Diagnostic, Severity};
 use std::rc::Rc;
 
 impl<'a> Runner<'a> {
@@ -55,7 +55,7 @@ impl<'a> Runner<'a> {
             Some(at) => (vec![Step::Element(at)], true),
             None => (Vec::new(), false),
         };
-        self.read(&Path { id, name, steps, known, label: String::new() })
+        self.read(&Place { id, name: &name, steps, known })
     }
 
     /// The name of such an element.
@@ -67,7 +67,7 @@ impl<'a> Runner<'a> {
     }
 
     /// KUKA's own BAS.SRC.
-    pub(super) fn bas(&mut self, arguments: &[Argument]) {
+    pub(super) fn bas(&mut self, arguments: &[Argument<'_>]) {
         let Some(Value::Constant(command)) = arguments.first().map(|a| a.value.clone()) else {
             return self.frames_unknown();
         };
@@ -115,8 +115,8 @@ impl<'a> Runner<'a> {
                 }
                 self.leave_frame();
                 self.set_speed(Value::unknown(Reason::Computed));
-                self.state.values.insert(self.symbols.orientation, Value::Constant(upper(b"VAR")));
-                self.state.values.insert(self.symbols.circle_type, Value::Constant(upper(b"BASE")));
+                self.state.values.insert(self.symbols.orientation, Value::constant(b"VAR"));
+                self.state.values.insert(self.symbols.circle_type, Value::constant(b"BASE"));
             }
             known if names::HARMLESS_COMMANDS.contains(&known) => {}
             _ => self.frames_unknown(),
@@ -128,7 +128,7 @@ impl<'a> Runner<'a> {
         let [base, tool, load, speed] = [symbols.base, symbols.tool, symbols.load, symbols.speed];
         let turns = [symbols.orientation, symbols.circle_type];
         let ids = [base, tool, load, speed, symbols.approximation, symbols.mode, turns[0], turns[1], symbols.position];
-        self.forget(&Changes { ids: ids.into(), anything: false }, Reason::ByBas);
+        self.forget(&Changes { ids: ids.into(), ..Changes::default() }, Reason::ByBas);
     }
 
     pub(super) fn set_base(&mut self, number: &Value) {
@@ -197,37 +197,26 @@ impl<'a> Runner<'a> {
     }
 
     /// What `WITH` sets for one motion; gives what held before.
-    pub(super) fn with(&mut self, span: Span) -> ModalState {
+    pub(super) fn with(&mut self, settings: &[Setting]) -> ModalState {
         let before = self.state.clone();
-        let mut cursor = self.cursor(span);
-        while let Some(path) = self.path(&mut cursor, 0) {
-            if !cursor.accept_mark(b'=') {
-                break;
-            }
-            let named = {
-                let mut behind = cursor;
-                let name = upper(cursor.text(behind.next()));
-                names::is_frame_function(&name).then(|| (name, self.arguments(&mut behind, 0)))
-            };
-            let name = named.and_then(|(name, arguments)| {
-                let value = &arguments.first()?.value;
-                match &name[..] {
-                    b"SBASE" => Self::table_name("BASE_DATA", value),
-                    b"STOOL2" | b"STOOL" => Self::table_name("TOOL_DATA", value.component(b"TOOL_NO").unwrap_or(value)),
-                    _ => None,
+        for Setting { to, value } in settings {
+            let place = self.place(to);
+            let name = match value {
+                Expression::Call(call) if names::is_frame_function(&call.name) => {
+                    let arguments = self.arguments(call);
+                    arguments.first().and_then(|argument| match &call.name[..] {
+                        b"SBASE" => Self::table_name("BASE_DATA", &argument.value),
+                        b"STOOL2" | b"STOOL" => {
+                            let number = argument.value.component(b"TOOL_NO").unwrap_or(&argument.value);
+                            Self::table_name("TOOL_DATA", number)
+                        }
+                        _ => None,
+                    })
                 }
-            });
-            let name = name.or_else(|| {
-                let mut behind = cursor;
-                self.path(&mut behind, 0)
-                    .filter(|_| behind.peek().kind == LexemeKind::Mark(b',') || behind.is_done())
-                    .map(|p| p.label)
-            });
-            let value = self.expression(&mut cursor);
-            self.assign(&path, value, name);
-            if !cursor.accept_mark(b',') {
-                break;
-            }
+                value => self.label(value),
+            };
+            let value = self.expression(value);
+            self.assign(&place, value, name);
         }
         before
     }
@@ -239,22 +228,7 @@ impl<'a> Runner<'a> {
         if [symbols.base, symbols.tool].into_iter().any(|id| !was(id).is(&self.value(id))) {
             self.leave_frame();
         }
-        let symbols = &self.symbols;
-        for id in [
-            symbols.base,
-            symbols.tool,
-            symbols.base_name,
-            symbols.tool_name,
-            symbols.load,
-            symbols.speed,
-            symbols.approximation,
-            symbols.mode,
-            symbols.orientation,
-            symbols.ignored_axes,
-            symbols.asynchronous_axes,
-            symbols.circle_type,
-            symbols.circle_mode,
-        ] {
+        for id in self.symbols.modal() {
             match before.values.get(&id) {
                 Some(value) => self.state.values.insert(id, value.clone()),
                 None => self.state.values.remove(&id),

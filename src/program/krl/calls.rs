@@ -1,21 +1,20 @@
 //! Assignments, calls, and the start values of data lists.
 
-use super::eval::Path;
-use super::lex::{Cursor, LexemeKind};
+use super::eval::Place;
+use super::expression::{Call, Expression, Setting};
 use super::names;
 use super::run::{MAX_CALLS, Runner};
 use super::state::{Changes, Id};
 use super::symbols::RoutineId;
-use super::tree::Param;
-use super::value::{Name, Value, upper};
+use super::tree::{Param, Started, StatementKind};
+use super::value::Value;
 use crate::program::Reason;
 use crate::text::Span;
-use std::collections::HashSet;
 
 /// What a call is given: a value, and the variable that it stands in.
-pub(super) struct Argument {
+pub(super) struct Argument<'e> {
     pub(super) value: Value,
-    pub(super) path: Option<Path>,
+    pub(super) path: Option<Place<'e>>,
 }
 
 impl<'a> Runner<'a> {
@@ -26,27 +25,23 @@ impl<'a> Runner<'a> {
         }
         for file in 0..self.symbols.files.len() {
             let found = &self.symbols.files[file];
-            let bytes = self.bytes(file);
             // Names are those of the file, as if one of its routines ran.
             self.frames.push(super::run::Frame::of_file(file));
             for data in &found.data {
-                let Some(value) = data.value else { continue };
-                let name = upper(&bytes[data.name.range()]);
-                let id = self.symbols.find(file, &name);
-                let value = self.expression(&mut self.cursor(value));
+                let Some(value) = &data.value else { continue };
+                let id = self.symbols.find(file, &data.name);
+                let value = self.expression(value);
                 self.symbols.start[id] = value;
             }
-            for &span in &found.values {
-                let mut cursor = self.cursor(span);
-                let path = self.path(&mut cursor, 0).filter(|_| cursor.accept_mark(b'='));
-                match path {
-                    Some(path) if path.known => {
-                        let value = self.expression(&mut cursor);
-                        let mut whole = std::mem::replace(&mut self.symbols.start[path.id], Value::Bool(false));
-                        self.put(&mut whole, &path.steps, value);
-                        self.symbols.start[path.id] = whole;
-                    }
-                    _ => self.keep(file, span, Reason::NotUnderstood),
+            for (Setting { to, value }, span) in &found.values {
+                let path = self.place(to);
+                if path.known {
+                    let value = self.expression(value);
+                    let mut whole = std::mem::replace(&mut self.symbols.start[path.id], Value::Bool(false));
+                    self.put(&mut whole, &path.steps, value);
+                    self.symbols.start[path.id] = whole;
+                } else {
+                    self.keep(file, *span, Reason::NotUnderstood);
                 }
             }
             self.frames.pop();
@@ -57,13 +52,11 @@ impl<'a> Runner<'a> {
     /// Numbers and switches of data lists that a program assigns keep what its last run left.
     fn forget_what_lasts(&mut self) {
         let mut changes = Changes::default();
-        let mut seen = HashSet::new();
         // What those of BAS.SRC do is known.
         for id in self.symbols.all().filter(|id| !self.symbols.is_bas(id.file)).collect::<Vec<_>>() {
-            self.changes_of(id, &mut seen, &mut changes);
+            self.changes_of(id, &mut changes);
         }
-        let fixed = self.symbols.own_state();
-        for id in changes.ids.into_iter().filter(|id| !fixed.contains(id)) {
+        for id in changes.ids.into_iter().filter(|id| !self.symbols.is_own_state(*id)).collect::<Vec<_>>() {
             let value = &self.symbols.start[id];
             if matches!(value, Value::Number(..) | Value::Bool(_) | Value::Constant(_) | Value::Text(_)) {
                 let value = value.clone().forgotten(Reason::LastRun);
@@ -72,40 +65,17 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// `name … = expression` or `name(arguments)`; whether it is one of these.
-    pub(super) fn assignment_or_call(&mut self, mut cursor: Cursor<'a>, span: Span) -> bool {
-        let mut behind = cursor;
-        let first = behind.next();
-        if first.kind != LexemeKind::Word {
-            return false;
-        }
-        if behind.peek().kind == LexemeKind::Mark(b'(') {
-            let name = upper(cursor.text(first));
-            self.call(&name, &mut behind, span);
-            return behind.is_done();
-        }
-        let Some(path) = self.path(&mut cursor, 0) else { return false };
-        if !cursor.accept_mark(b'=') {
-            return false;
-        }
-        let source = self.name_of(cursor);
-        let value = self.expression(&mut cursor);
-        self.assign(&path, value, source);
-        cursor.is_done()
-    }
-
-    /// The name of what is assigned, where that is a variable as a whole.
-    fn name_of(&mut self, mut cursor: Cursor<'a>) -> Option<String> {
-        let mut behind = cursor;
-        if behind.accept(LexemeKind::Word).is_none() || behind.peek().kind == LexemeKind::Mark(b'(') {
-            return None;
-        }
-        let path = self.path(&mut cursor, 0)?;
-        cursor.is_done().then_some(path.label)
+    /// `name … = expression`
+    pub(super) fn assignment(&mut self, Setting { to, value }: &Setting) {
+        let place = self.place(to);
+        let is_frame = place.id == self.symbols.base || place.id == self.symbols.tool;
+        let source = if is_frame { self.label(value) } else { None };
+        let value = self.expression(value);
+        self.assign(&place, value, source);
     }
 
     /// Assigns; base and tool take the name of what they are made of.
-    pub(super) fn assign(&mut self, path: &Path, value: Value, source: Option<String>) {
+    pub(super) fn assign(&mut self, path: &Place<'_>, value: Value, source: Option<String>) {
         let is_followed =
             names::SETTLED.contains(&&path.name[..]) || names::MODELLED_SYSTEM_VARIABLES.contains(&&path.name[..]);
         if path.name.first() == Some(&b'$') && !is_followed {
@@ -157,35 +127,23 @@ impl<'a> Runner<'a> {
         self.state.values.insert(self.symbols.position, position);
     }
 
-    pub(super) fn arguments(&mut self, cursor: &mut Cursor<'a>, depth: usize) -> Vec<Argument> {
+    pub(super) fn arguments<'e>(&mut self, call: &'e Call) -> Vec<Argument<'e>> {
         let mut out = Vec::new();
-        cursor.accept_mark(b'(');
-        while !cursor.is_done() && !cursor.accept_mark(b')') {
-            if cursor.accept_mark(b',') {
-                // One that is left out.
-                out.push(Argument { value: Value::unknown(Reason::ArgumentMissing), path: None });
-                continue;
-            }
-            let mut behind = *cursor;
-            let path = match behind.peek().kind {
-                LexemeKind::Word => self
-                    .path(&mut behind, depth + 1)
-                    .filter(|_| matches!(behind.peek().kind, LexemeKind::Mark(b',' | b')'))),
-                _ => None,
+        for given in &call.arguments {
+            let path = if let Some(Expression::Path(path)) = given { Some(self.place(path)) } else { None };
+            let value = match (given, &path) {
+                (_, Some(path)) => self.read(path),
+                (Some(given), None) => self.expression(given),
+                (None, None) => Value::unknown(Reason::ArgumentMissing),
             };
-            let value = self.expression_at(cursor, depth + 1);
             out.push(Argument { value, path });
-            if !cursor.accept_mark(b',') && cursor.peek().kind != LexemeKind::Mark(b')') {
-                cursor.next();
-            }
         }
         out
     }
 
     /// A function's value; what it could change is unknown after it.
-    pub(super) fn function(&mut self, name: &Name, cursor: &mut Cursor<'a>, depth: usize) -> Value {
-        let at = cursor.rest();
-        let arguments = self.arguments(cursor, depth);
+    pub(super) fn function(&mut self, call: &Call) -> Value {
+        let (name, arguments) = (&call.name, self.arguments(call));
         if let Some(id) = self.symbols.find_routine(self.here(), name) {
             let changes = self.known_changes(id);
             self.run_unfollowed(&changes, Reason::ByFunction);
@@ -197,12 +155,13 @@ impl<'a> Runner<'a> {
             return self.frame_function(name, first);
         }
         let starts = first.as_ref().and_then(Value::index) == Some(1);
-        let effect = self.effect(name, starts);
-        self.give_away(&arguments, effect.arguments);
-        if effect.changes.anything {
-            self.tell_unknown(name, at);
+        let mut changes = Changes::default();
+        let changed = self.add_system(name, starts, &mut changes);
+        self.give_away(&arguments, changed);
+        if changes.anything {
+            self.tell_unknown(name, call.rest);
         }
-        self.forget(&effect.changes, Reason::Foreign);
+        self.forget(&changes, Reason::Foreign);
         let number = first.and_then(|value| value.number());
         let computed = match (&name[..], number) {
             (b"ABS", Some(v)) => v.abs(),
@@ -224,7 +183,7 @@ impl<'a> Runner<'a> {
     }
 
     /// What was handed to a routine that is not followed: it may be read, and changed where it is a variable.
-    fn give_away(&mut self, arguments: &[Argument], changed: bool) {
+    fn give_away(&mut self, arguments: &[Argument<'_>], changed: bool) {
         for argument in arguments {
             self.pin(&argument.value);
             if let (Some(path), true) = (&argument.path, changed) {
@@ -234,16 +193,13 @@ impl<'a> Runner<'a> {
         }
     }
 
-    fn call(&mut self, name: &Name, cursor: &mut Cursor<'a>, span: Span) {
-        if &name[..] == b"BAS" {
-            let arguments = self.arguments(cursor, 0);
+    pub(super) fn call(&mut self, call: &Call, span: Span) {
+        if &call.name[..] == b"BAS" {
+            let arguments = self.arguments(call);
             return self.bas(&arguments);
         }
-        let Some(id) = self.symbols.find_routine(self.here(), name) else {
-            drop(self.function(name, cursor, 0));
-            return;
-        };
-        let arguments = self.arguments(cursor, 0);
+        let Some(id) = self.symbols.find_routine(self.here(), &call.name) else { return drop(self.function(call)) };
+        let arguments = self.arguments(call);
         let around = self.frames.iter().filter(|frame| frame.routine == id).count();
         if around > 0 || self.symbols.routine(id).is_function {
             // Not followed: its own targets stay.
@@ -260,7 +216,7 @@ impl<'a> Runner<'a> {
     }
 
     /// Runs a routine with copies of what it is given, and gives back what is its caller's own.
-    fn follow(&mut self, id: RoutineId, arguments: &[Argument]) {
+    fn follow(&mut self, id: RoutineId, arguments: &[Argument<'_>]) {
         let params: &'a [Param] = &self.symbols.routine(id).params;
         // What a routine that is declared without parameters takes all the same (one of `[controller] harmless`).
         self.give_away(arguments.get(params.len()..).unwrap_or_default(), true);
@@ -306,7 +262,7 @@ impl<'a> Runner<'a> {
         param: usize,
         params: usize,
         changes: &Changes,
-        lent: &impl Fn(usize) -> Option<&'p Path>,
+        lent: &impl Fn(usize) -> Option<&'p Place<'p>>,
     ) -> bool {
         let Some(path) = lent(param) else { return false };
         let twice = (0..params).any(|other| other != param && lent(other).is_some_and(|other| other.id == path.id));
@@ -314,53 +270,27 @@ impl<'a> Runner<'a> {
     }
 
     /// What a TRIGGER starts runs some time while the program goes on: what it changes is not known from here.
-    pub(super) fn trigger(&mut self, mut cursor: Cursor<'a>) {
-        let whole = cursor.rest();
-        cursor.until(&[b"DO"]);
-        let mut behind = cursor;
-        let first = behind.next();
-        if behind.peek().kind == LexemeKind::Mark(b'(') {
-            let arguments = self.arguments(&mut behind, 0);
-            self.give_away(&arguments, true);
-        } else if self.path(&mut cursor, 0).is_some() && cursor.accept_mark(b'=') {
-            let value = self.expression(&mut cursor);
-            self.pin(&value);
+    pub(super) fn trigger(&mut self, started: &'a Started) {
+        let Some(run) = &started.run else { return };
+        match &run.kind {
+            StatementKind::Call(call) => {
+                let arguments = self.arguments(call);
+                self.give_away(&arguments, true);
+            }
+            StatementKind::Assign(setting) => {
+                drop(self.place(&setting.to));
+                drop(self.evaluate(&setting.value));
+            }
+            _ => run.expressions().into_iter().for_each(|part| drop(self.evaluate(part))),
         }
-        let changes = self.changes_by(whole);
+        let changes = self.changes_in(std::slice::from_ref(run));
         if changes.anything {
-            let name = upper(cursor.text(first));
-            self.tell_unknown(&name, first.span());
+            self.tell_started(run);
         }
         self.triggered.extend(changes.ids.iter().copied());
         if changes.anything {
             self.triggered.extend(self.symbols.visible());
         }
         self.volatile.extend(&self.triggered);
-    }
-
-    /// A statement that changes nothing: what its functions do, and what it reads.
-    pub(super) fn look_through(&mut self, mut cursor: Cursor<'a>) {
-        if cursor.is_at(b"INTERRUPT") || cursor.is_at(b"GLOBAL") {
-            return;
-        }
-        while !cursor.is_done() {
-            let lexeme = cursor.peek();
-            if lexeme.kind == LexemeKind::Word {
-                let name = upper(cursor.text(lexeme));
-                let mut behind = cursor;
-                behind.next();
-                let is_call = behind.peek().kind == LexemeKind::Mark(b'(');
-                let is_statement =
-                    names::HARMLESS_STATEMENTS.contains(&&name[..]) || matches!(&name[..], b"FOR" | b"SEC");
-                if is_statement || is_call && names::NO_CALLS.contains(&&name[..]) {
-                    cursor.next();
-                    continue;
-                }
-                let value = self.expression(&mut cursor);
-                self.pin(&value);
-            } else {
-                cursor.next();
-            }
-        }
     }
 }

@@ -1,13 +1,13 @@
 //! What statements could change, found without running them.
 
-use super::lex::{Cursor, LexemeKind};
+use super::expression::{Call, Expression, Part, Setting};
 use super::names;
 use super::run::Runner;
 use super::state::{Changes, Id};
-use super::symbols::{RoutineId, spans};
+use super::symbols::RoutineId;
 use super::system::{System, system};
-use super::tree::{Statement, walk};
-use super::value::{INERTIA, Name, POSE, Value, upper};
+use super::tree::{Statement, StatementKind, walk};
+use super::value::{Name, POSE, Value, upper};
 use crate::program::Reason;
 use crate::text::{Diagnostic, Severity, Span, decode};
 use std::collections::{BTreeSet, HashMap, HashSet};
@@ -18,7 +18,7 @@ struct Scope<'n> {
     file: usize,
     own: Option<&'n HashMap<Name, Id>>,
     /// Names of a routine that is not run: its own data end with it.
-    hidden: HashSet<Name>,
+    hidden: HashSet<&'n Name>,
     /// The statement is what an interrupt starts.
     is_handler: bool,
 }
@@ -26,43 +26,24 @@ struct Scope<'n> {
 /// Statements that are looked through in about the time that one takes to run.
 const STATEMENTS_PER_STEP: usize = 8;
 
-/// What a routine that no file has may change.
-pub(super) struct Effect {
-    pub(super) changes: Changes,
-    /// The variables that it is given as well.
-    pub(super) arguments: bool,
-}
-
 impl<'a> Runner<'a> {
     /// What a block of the routine that is being run could change.
     pub(super) fn changes_in(&mut self, block: &'a [Statement]) -> Changes {
         let mut changes = Changes::default();
         let own = self.frames.last().map(|frame| frame.names.clone());
         let scope = Scope { file: self.here(), own: own.as_ref(), hidden: HashSet::new(), is_handler: false };
-        self.collect(block, &scope, &mut HashSet::new(), &mut changes);
-        changes
-    }
-
-    /// What a statement of the routine that is being run could change.
-    pub(super) fn changes_by(&mut self, statement: Span) -> Changes {
-        let mut changes = Changes::default();
-        let own = self.frames.last().map(|frame| frame.names.clone());
-        let scope = Scope { file: self.here(), own: own.as_ref(), hidden: HashSet::new(), is_handler: false };
-        self.collect_statement(statement, &scope, &mut HashSet::new(), &mut changes);
+        self.collect(block, &scope, &mut changes);
         changes
     }
 
     /// What a routine could change.
-    pub(super) fn changes_of(&mut self, id: RoutineId, seen: &mut HashSet<RoutineId>, changes: &mut Changes) {
-        if !seen.insert(id) {
+    pub(super) fn changes_of(&mut self, id: RoutineId, changes: &mut Changes) {
+        if !changes.through.insert(id) {
             return;
         }
         let routine = self.symbols.routine(id);
-        let bytes = self.bytes(id.file);
-        let params = routine.params.iter().map(|param| param.name);
-        let hidden = routine.data.iter().map(|data| data.name).chain(params);
-        let hidden = hidden.map(|name| upper(&bytes[name.range()])).collect();
-        self.collect(&routine.body, &Scope { file: id.file, own: None, hidden, is_handler: false }, seen, changes);
+        let hidden = routine.own_names().collect();
+        self.collect(&routine.body, &Scope { file: id.file, own: None, hidden, is_handler: false }, changes);
     }
 
     /// The same, found once.
@@ -71,39 +52,18 @@ impl<'a> Runner<'a> {
             return known.clone();
         }
         let mut changes = Changes::default();
-        self.changes_of(id, &mut HashSet::new(), &mut changes);
+        self.changes_of(id, &mut changes);
         self.changes.entry(id).or_insert(Rc::new(changes)).clone()
     }
 
-    fn collect(
-        &mut self,
-        block: &'a [Statement],
-        scope: &Scope<'_>,
-        seen: &mut HashSet<RoutineId>,
-        changes: &mut Changes,
-    ) {
-        let mut marks = false;
-        let (mut counters, mut simple) = (Vec::new(), Vec::new());
-        walk(block, &mut |statement| match statement {
-            Statement::Mark(_) => marks = true,
-            Statement::For { variable, .. } => counters.push(*variable),
-            Statement::Simple(span) => simple.push(*span),
-            _ => {}
+    fn collect(&mut self, block: &'a [Statement], scope: &Scope<'_>, changes: &mut Changes) {
+        let mut count = 0;
+        walk(block, &mut |statement| {
+            count += 1;
+            self.collect_statement(statement, scope, changes);
         });
-        if marks {
-            changes.ids.insert(self.symbols.mark);
-        }
-        let bytes = self.bytes(scope.file);
-        changes.anything |= simple.into_iter().any(|span| !is_understood(Cursor::new(bytes, 0, span)));
-        for counter in counters {
-            self.changed(&upper(&bytes[counter.range()]), scope, changes);
-        }
-        let spans = spans(block);
         // A loop is looked through each time that it begins.
-        self.steps += spans.len() / STATEMENTS_PER_STEP;
-        for span in spans {
-            self.collect_statement(span, scope, seen, changes);
-        }
+        self.steps += count / STATEMENTS_PER_STEP;
     }
 
     fn changed(&mut self, name: &Name, scope: &Scope<'_>, changes: &mut Changes) {
@@ -122,100 +82,94 @@ impl<'a> Runner<'a> {
         self.frames_change(changes, base, tool);
     }
 
-    /// What a routine that no file has may change; `starts` where its first argument is 1, or an interrupt starts it.
-    pub(super) fn effect(&mut self, name: &[u8], starts: bool) -> Effect {
-        let mut effect = Effect { changes: Changes::default(), arguments: false };
+    /// Adds what a routine that no file has may change; `starts` where its first argument is 1, or an interrupt starts it. Whether
+    /// it may change the variables that it is given as well.
+    pub(super) fn add_system(&mut self, name: &[u8], starts: bool, changes: &mut Changes) -> bool {
         match system(name) {
-            _ if names::is_frame_function(name) => {}
-            Some(System::Nothing) => {}
-            Some(System::TouchSense) if starts => {}
-            Some(System::Arguments) => effect.arguments = true,
+            _ if names::is_frame_function(name) => false,
+            Some(System::Nothing) => false,
+            Some(System::TouchSense) if starts => false,
+            Some(System::Arguments) => true,
             Some(System::Data(data)) => {
                 let here = self.here();
-                effect.changes.ids.extend(data.iter().map(|name| self.symbols.find(here, &upper(name.as_bytes()))));
+                changes.ids.extend(data.iter().map(|name| self.symbols.find(here, &upper(name.as_bytes()))));
+                false
             }
             Some(System::TouchSense) | None => {
-                effect.changes.anything = true;
-                effect.arguments = true;
+                changes.anything = true;
+                true
             }
         }
-        effect
     }
 
-    fn collect_statement(
-        &mut self,
-        span: Span,
-        scope: &Scope<'_>,
-        seen: &mut HashSet<RoutineId>,
-        changes: &mut Changes,
-    ) {
-        #[allow(clippy::cast_possible_truncation)]
-        let mut cursor = Cursor::new(self.bytes(scope.file), scope.file as u16, span);
-        let first = upper(cursor.text(cursor.peek()));
-        let moves = names::motion(&first).is_some() || names::relative(&first).is_some();
-        if moves {
+    fn collect_statement(&mut self, statement: &'a Statement, scope: &Scope<'_>, changes: &mut Changes) {
+        if statement.is_motion() {
             changes.ids.extend([self.symbols.position, self.symbols.turned, self.symbols.stands]);
-        } else if &first[..] == b"TRIGGER" {
-            cursor.until(&[b"DO"]);
-            changes.anything |= !is_understood(cursor);
-            return self.collect_statement(cursor.rest(), scope, seen, changes);
-        } else if &first[..] == b"INTERRUPT" || &first[..] == b"GLOBAL" {
+        }
+        match &statement.kind {
+            StatementKind::Trigger(started) => {
+                let run = started.run.iter();
+                return run.for_each(|run| self.collect_statement(run, scope, changes));
+            }
+            StatementKind::Interrupt(_) => return,
+            StatementKind::Mark(_) => drop(changes.ids.insert(self.symbols.mark)),
+            StatementKind::For(of) => self.changed(&of.variable.name, scope, changes),
+            StatementKind::NotUnderstood(_) => {
+                changes.anything = true;
+                statement.names().into_iter().for_each(|name| self.changed(name, scope, changes));
+            }
+            _ => {}
+        }
+        let is_assignment = matches!(statement.kind, StatementKind::Assign(_));
+        for Setting { to, .. } in statement.settings() {
+            // What WITH says of the controller is put back after it.
+            if is_assignment || to.name.first() != Some(&b'$') {
+                self.changed(&to.name, scope, changes);
+            }
+        }
+        for call in statement.calls() {
+            self.collect_call(call, scope, changes);
+        }
+    }
+
+    fn collect_call(&mut self, call: &'a Call, scope: &Scope<'_>, changes: &mut Changes) {
+        let first = call.arguments.first().and_then(Option::as_ref);
+        if &call.name[..] == b"BAS" {
+            let command: &[u8] = match first {
+                Some(Expression::Known(Value::Constant(command))) => command,
+                _ => b"",
+            };
+            let (base, tool) = (command != b"TOOL", command != b"BASE");
+            if !names::KEEPS_APPROXIMATION.contains(&command) {
+                changes.ids.insert(self.symbols.approximation);
+            }
+            if command == b"VEL_CP" {
+                changes.ids.insert(self.symbols.speed);
+            } else if command == b"CP_DAT" {
+                changes.ids.extend([self.symbols.speed, self.symbols.orientation, self.symbols.circle_type]);
+            } else if !names::HARMLESS_COMMANDS.contains(&command) {
+                self.frames_change(changes, base, tool);
+                let [load, speed] = [self.symbols.load, self.symbols.speed];
+                changes.ids.extend([load, speed, self.symbols.mode]);
+                changes.ids.extend([self.symbols.orientation, self.symbols.circle_type]);
+                if command == b"INITMOV" {
+                    names::CORRECTIONS.iter().flatten().for_each(|name| self.changed(&upper(name), scope, changes));
+                }
+            }
             return;
         }
-        // `name … =` at the beginning of a statement.
-        if let Some(assigned) = assigned(cursor).filter(|_| !moves) {
-            self.changed(&assigned.variable, scope, changes);
-        }
-        while !cursor.is_done() {
-            let lexeme = cursor.next();
-            if lexeme.kind != LexemeKind::Word || cursor.peek().kind != LexemeKind::Mark(b'(') {
-                continue;
+        let is_given_away = match self.symbols.find_routine(scope.file, &call.name) {
+            Some(id) => {
+                self.changes_of(id, changes);
+                true
             }
-            let name = upper(cursor.text(lexeme));
-            if names::NO_CALLS.contains(&&name[..]) {
-                continue;
+            None => {
+                let starts = matches!(first, Some(Expression::Known(value)) if value.index() == Some(1));
+                self.add_system(&call.name, starts || scope.is_handler, changes)
             }
-            if &name[..] == b"BAS" {
-                let mut behind = cursor;
-                let constant = behind.accept_mark(b'(') && behind.accept_mark(b'#');
-                let command = if constant { upper(behind.text(behind.peek())) } else { Name::new() };
-                let (base, tool) = (&command[..] != b"TOOL", &command[..] != b"BASE");
-                if !names::KEEPS_APPROXIMATION.contains(&&command[..]) {
-                    changes.ids.insert(self.symbols.approximation);
-                }
-                if &command[..] == b"VEL_CP" {
-                    changes.ids.insert(self.symbols.speed);
-                } else if &command[..] == b"CP_DAT" {
-                    changes.ids.extend([self.symbols.speed, self.symbols.orientation, self.symbols.circle_type]);
-                } else if !names::HARMLESS_COMMANDS.contains(&&command[..]) {
-                    self.frames_change(changes, base, tool);
-                    let [load, speed] = [self.symbols.load, self.symbols.speed];
-                    changes.ids.extend([load, speed, self.symbols.mode]);
-                    changes.ids.extend([self.symbols.orientation, self.symbols.circle_type]);
-                    if &command[..] == b"INITMOV" {
-                        names::CORRECTIONS.iter().flatten().for_each(|name| self.changed(&upper(name), scope, changes));
-                    }
-                }
-                continue;
-            }
-            let arguments = arguments(cursor);
-            match self.symbols.find_routine(scope.file, &name) {
-                Some(id) => {
-                    self.changes_of(id, seen, changes);
-                    arguments.iter().for_each(|name| self.changed(name, scope, changes));
-                }
-                None if names::HARMLESS_STATEMENTS.contains(&&first[..]) && !moves && first[..] == name[..] => {}
-                None => {
-                    let mut behind = cursor;
-                    let starts = behind.accept_mark(b'(') && behind.text(behind.peek()) == b"1";
-                    let effect = self.effect(&name, starts || scope.is_handler);
-                    changes.ids.extend(effect.changes.ids);
-                    changes.anything |= effect.changes.anything;
-                    if effect.arguments {
-                        arguments.iter().for_each(|name| self.changed(name, scope, changes));
-                    }
-                }
-            }
+        };
+        if is_given_away {
+            call.variables().for_each(|name| self.changed(name, scope, changes));
         }
     }
 
@@ -248,45 +202,36 @@ impl<'a> Runner<'a> {
     }
 
     /// Whether what may be changed has a say in an expression.
-    pub(super) fn depends(&mut self, span: Span, changes: &Changes) -> bool {
-        let mut cursor = self.cursor(span);
-        while !cursor.is_done() {
-            let lexeme = cursor.next();
-            if lexeme.kind != LexemeKind::Word {
-                continue;
+    pub(super) fn depends(&mut self, on: &Expression, changes: &Changes) -> bool {
+        let mut found = false;
+        on.each(&mut |part| {
+            found |= match part {
+                Part::Path(path) => {
+                    let id = self.resolve(&path.name);
+                    let any = || changes.anything && self.symbols.visible().contains(&id);
+                    path.name.first() == Some(&b'$') || changes.ids.contains(&id) || any()
+                }
+                Part::Call(_) => true,
+                Part::Other(_) => false,
             }
-            let name = upper(cursor.text(lexeme));
-            if cursor.peek().kind == LexemeKind::Mark(b'(') || name.first() == Some(&b'$') {
-                return true;
-            }
-            let id = self.resolve(&name);
-            if changes.ids.contains(&id) || changes.anything && self.symbols.visible().contains(&id) {
-                return true;
-            }
-        }
-        false
+        });
+        found
     }
 
     /// Routines that interrupts start may run at any moment: what they change is never known, what they name stays.
     pub(super) fn expect_interrupts(&mut self) {
-        for id in self.symbols.all().collect::<Vec<_>>() {
-            let bytes = self.bytes(id.file);
-            for span in spans(&self.symbols.routine(id).body) {
-                #[allow(clippy::cast_possible_truncation)]
-                let mut cursor = Cursor::new(bytes, id.file as u16, span);
-                cursor.accept_word(b"GLOBAL");
-                if !cursor.accept_word(b"INTERRUPT") || !cursor.accept_word(b"DECL") {
-                    continue;
-                }
-                cursor.until(&[b"DO"]);
+        for id in self.symbols.all() {
+            for statement in self.symbols.routine(id).statements() {
+                let StatementKind::Interrupt(started) = &statement.kind else { continue };
+                let Some(run) = &started.run else { continue };
                 let mut changes = Changes::default();
                 let scope = Scope { file: id.file, own: None, hidden: HashSet::new(), is_handler: true };
-                self.collect_statement(cursor.rest(), &scope, &mut HashSet::new(), &mut changes);
-                let handler = cursor.peek();
-                let name = upper(cursor.text(handler));
-                if changes.anything && self.symbols.find_routine(id.file, &name).is_none() {
+                self.collect_statement(run, &scope, &mut changes);
+                let is_here = |call: &Call| self.symbols.find_routine(id.file, &call.name).is_some();
+                let is_followed = matches!(&run.kind, StatementKind::Call(call) if is_here(call));
+                if changes.anything && !is_followed {
                     self.frames.push(super::run::Frame::of_file(id.file));
-                    self.tell_unknown(&name, handler.span());
+                    self.tell_started(run);
                     self.frames.pop();
                 }
                 self.volatile.extend(changes.ids);
@@ -300,30 +245,23 @@ impl<'a> Runner<'a> {
     /// Handlers, functions (which are not followed) and routines that call themselves, with all that they call: what they
     /// name stays.
     pub(super) fn find_beside(&mut self) {
-        let all: Vec<RoutineId> = self.symbols.all().collect();
         let mut calls: HashMap<RoutineId, BTreeSet<RoutineId>> = HashMap::new();
         let mut handlers = Vec::new();
-        for &id in &all {
-            let bytes = self.bytes(id.file);
+        for id in self.symbols.all() {
             if self.symbols.routine(id).is_function {
                 self.beside.insert(id);
             }
-            for span in spans(&self.symbols.routine(id).body) {
-                let mut cursor = Cursor::new(bytes, 0, span);
-                let interrupts = cursor.is_at(b"INTERRUPT") || cursor.is_at(b"GLOBAL");
-                let starts = interrupts || cursor.is_at(b"TRIGGER");
-                self.resumes |= cursor.is_at(b"RESUME");
-                while !cursor.is_done() {
-                    let lexeme = cursor.next();
-                    if lexeme.kind != LexemeKind::Word || cursor.peek().kind != LexemeKind::Mark(b'(') {
-                        continue;
-                    }
-                    let Some(called) = self.symbols.find_routine(id.file, cursor.text(lexeme)) else { continue };
-                    if starts {
-                        self.beside.insert(called);
-                        handlers.extend(interrupts.then_some((called, id.file, lexeme.span())));
-                    } else {
-                        calls.entry(id).or_default().insert(called);
+            for statement in self.symbols.routine(id).statements() {
+                self.resumes |= matches!(statement.kind, StatementKind::Resume);
+                for call in statement.calls() {
+                    let Some(called) = self.symbols.find_routine(id.file, &call.name) else { continue };
+                    match statement.kind {
+                        StatementKind::Interrupt(_) => {
+                            self.beside.insert(called);
+                            handlers.push((called, id.file, call.at()));
+                        }
+                        StatementKind::Trigger(_) => drop(self.beside.insert(called)),
+                        _ => drop(calls.entry(id).or_default().insert(called)),
                     }
                 }
             }
@@ -336,14 +274,12 @@ impl<'a> Runner<'a> {
             found
         };
         for (handler, file, span) in handlers {
-            let moves = |id: RoutineId| {
-                spans(&self.symbols.routine(id).body).into_iter().any(|span| self.is_motion(id.file, span))
-            };
+            let moves = |id: RoutineId| self.symbols.routine(id).statements().into_iter().any(Statement::is_motion);
             if within(handler).into_iter().chain([handler]).any(moves) {
                 self.tell_interrupt_that_moves(handler, file, span);
             }
         }
-        for id in all {
+        for id in self.symbols.all() {
             let called = within(id);
             if called.contains(&id) {
                 self.beside.insert(id);
@@ -361,49 +297,43 @@ impl<'a> Runner<'a> {
     /// Whether the program puts positions into data that leave components out: such data take these from the motion before.
     pub(super) fn finds_incomplete_positions(&mut self) -> bool {
         let in_lists = self.symbols.start.iter().any(Value::leaves_components_out);
-        in_lists || self.symbols.all().collect::<Vec<_>>().into_iter().any(|id| self.leaves_components_out_in(id))
+        in_lists || self.symbols.all().any(|id| self.leaves_components_out_in(id))
     }
 
     fn leaves_components_out_in(&mut self, id: RoutineId) -> bool {
-        let routine = self.symbols.routine(id);
-        let bytes = self.bytes(id.file);
-        let own = routine.data.iter().map(|data| data.name).chain(routine.params.iter().map(|param| param.name));
-        let own: HashSet<Name> = own.map(|name| upper(&bytes[name.range()])).collect();
-        spans(&routine.body).into_iter().any(|span| {
-            let mut cursor = Cursor::new(bytes, 0, span);
-            if [&b"TRIGGER"[..], b"INTERRUPT", b"GLOBAL"].iter().any(|word| cursor.is_at(word)) {
-                cursor.until(&[b"DO"]);
+        let own: HashSet<&Name> = self.symbols.routine(id).own_names().collect();
+        self.symbols.routine(id).statements().into_iter().any(|statement| {
+            let statement = match &statement.kind {
+                StatementKind::Trigger(started) | StatementKind::Interrupt(started) => started.run.as_ref(),
+                _ => Some(statement),
+            };
+            let Some(statement) = statement else { return false };
+            let is = if statement.is_motion() {
+                Expression::gives_components_out
+            } else {
+                Expression::leaves_components_out
+            };
+            let leaves_out = statement.expressions().into_iter().any(is);
+            let StatementKind::Assign(setting) = &statement.kind else { return leaves_out };
+            let (to, name) = (&setting.to, &setting.to.name);
+            if name.first() == Some(&b'$') || !to.component().is_some_and(|part| POSE.contains(&&part[..])) {
+                return leaves_out;
             }
-            // An aggregate that a motion goes to is put into no data, but one that it gives a function is.
-            if has_incomplete_position(cursor, self.is_motion(id.file, span)) {
-                return true;
-            }
-            let Some(Assigned { variable, component: Some(component) }) = assigned(cursor) else { return false };
-            if !POSE.contains(&&component[..]) || variable.first() == Some(&b'$') {
-                return false;
-            }
-            let at = self.symbols.find(id.file, &variable);
-            own.contains(&variable) || !is_complete(&self.symbols.start[at])
+            let at = self.symbols.find(id.file, name);
+            leaves_out || own.contains(name) || !is_complete(&self.symbols.start[at])
         })
-    }
-
-    /// Whether a statement moves the robot.
-    pub(super) fn is_motion(&self, file: usize, span: Span) -> bool {
-        let cursor = Cursor::new(self.bytes(file), 0, span);
-        let word = upper(cursor.text(cursor.peek()));
-        names::motion(&word).is_some() || names::relative(&word).is_some()
     }
 
     /// The motion after an interrupt begins where its routine leaves the robot.
     fn tell_interrupt_that_moves(&mut self, handler: RoutineId, file: usize, span: Span) {
-        let name = upper(&self.bytes(handler.file)[self.symbols.routine(handler).name.range()]);
+        let name = &self.symbols.routine(handler).name;
         // No name of a program has a blank.
-        if !self.told.insert([b" INTERRUPT ", &*name].concat().into()) {
+        if !self.told.insert([b" INTERRUPT ", &**name].concat().into()) {
             return;
         }
         let message = format!(
             "`{}` moves the robot: where it interrupts, the motion that follows may begin elsewhere than is corrected for",
-            decode(&name)
+            decode(name)
         );
         let source = &self.symbols.sources[file];
         let note = Diagnostic::error("krl.interrupt-moves", &source.name, message).at(source, span);
@@ -415,59 +345,14 @@ impl<'a> Runner<'a> {
     pub(super) fn pin_names(&mut self, id: RoutineId) -> HashSet<Id> {
         let mut named = HashSet::new();
         let routine = self.symbols.routine(id);
-        let bytes = self.bytes(id.file);
-        let mut done: HashSet<Name> = routine.data.iter().map(|data| upper(&bytes[data.name.range()])).collect();
-        for span in spans(&routine.body) {
-            let mut cursor = Cursor::new(bytes, 0, span);
-            while !cursor.is_done() {
-                let lexeme = cursor.next();
-                if lexeme.kind == LexemeKind::Word && done.insert(upper(cursor.text(lexeme))) {
-                    let at = self.symbols.find(id.file, &upper(cursor.text(lexeme)));
-                    let value = self.symbols.start.get(at).cloned().unwrap_or(Value::Bool(false));
-                    self.pin(&value);
-                    named.insert(at);
-                }
-            }
+        let mut done: HashSet<&Name> = routine.data.iter().map(|data| &data.name).collect();
+        for name in routine.statements().into_iter().flat_map(Statement::names).filter(|name| done.insert(name)) {
+            let at = self.symbols.find(id.file, name);
+            let value = self.symbols.start.get(at).cloned().unwrap_or(Value::Bool(false));
+            self.pin(&value);
+            named.insert(at);
         }
         named
-    }
-}
-
-/// Whether a statement is one of those that are known, by how it begins.
-fn is_understood(mut cursor: Cursor<'_>) -> bool {
-    let first = upper(cursor.text(cursor.peek()));
-    let known = names::motion(&first).is_some() || names::relative(&first).is_some() || &first[..] == b"TRIGGER";
-    if known || names::HARMLESS_STATEMENTS.contains(&&first[..]) || assigned(cursor).is_some() {
-        return true;
-    }
-    cursor.next();
-    cursor.peek().kind == LexemeKind::Mark(b'(')
-}
-
-/// What a statement assigns to.
-struct Assigned {
-    variable: Name,
-    /// The last component of the path.
-    component: Option<Name>,
-}
-
-/// What a statement assigns to, where it is an assignment.
-fn assigned(mut cursor: Cursor<'_>) -> Option<Assigned> {
-    let first = cursor.accept(LexemeKind::Word)?;
-    let mut assigned = Assigned { variable: upper(cursor.text(first)), component: None };
-    let mut depth = 0_usize;
-    loop {
-        let lexeme = cursor.next();
-        match lexeme.kind {
-            LexemeKind::Mark(b'[') => depth += 1,
-            LexemeKind::Mark(b']') => depth = depth.saturating_sub(1),
-            LexemeKind::Mark(b'=') if depth == 0 => return Some(assigned),
-            LexemeKind::Mark(b'.') => {}
-            LexemeKind::End => return None,
-            LexemeKind::Word if depth == 0 => assigned.component = Some(upper(cursor.text(lexeme))),
-            _ if depth == 0 => return None,
-            _ => {}
-        }
     }
 }
 
@@ -476,57 +361,5 @@ fn is_complete(value: &Value) -> bool {
     match value {
         Value::Array(items) => !items.is_empty() && items.values().all(is_complete),
         value => POSE.iter().all(|name| value.component(name).is_some()),
-    }
-}
-
-/// Whether a statement has an aggregate with some components of a position but not all; of those of a motion, within round
-/// brackets.
-fn has_incomplete_position(mut cursor: Cursor<'_>, is_motion: bool) -> bool {
-    // Components that each open aggregate names, and how many round brackets are open where it begins.
-    let mut open: Vec<(u8, usize)> = Vec::new();
-    let (mut depth, mut begins, mut is_inertia) = (0_usize, false, false);
-    while !cursor.is_done() {
-        let lexeme = cursor.next();
-        let of = std::mem::replace(&mut begins, matches!(lexeme.kind, LexemeKind::Mark(b'{' | b',' | b':')));
-        let inertia = std::mem::replace(&mut is_inertia, cursor.text(lexeme).eq_ignore_ascii_case(INERTIA));
-        match lexeme.kind {
-            LexemeKind::Mark(b'(') => depth += 1,
-            LexemeKind::Mark(b')') => depth = depth.saturating_sub(1),
-            LexemeKind::Mark(b'{') if inertia => open.push((0, usize::MAX)),
-            LexemeKind::Mark(b'{') => open.push((0, depth)),
-            LexemeKind::Mark(b'}') => {
-                let Some((named, at)) = open.pop() else { continue };
-                if named != 0 && named != 0b11_1111 && (!is_motion || at > 0) {
-                    return true;
-                }
-            }
-            LexemeKind::Word if of => {
-                let name = upper(cursor.text(lexeme));
-                let component = POSE.iter().position(|known| name[..] == **known);
-                if let (Some(component), Some((named, at))) = (component, open.last_mut())
-                    && *at == depth
-                {
-                    *named |= 1 << component;
-                }
-            }
-            _ => {}
-        }
-    }
-    false
-}
-
-/// Names within the brackets that follow.
-pub(super) fn arguments(mut cursor: Cursor<'_>) -> Vec<Name> {
-    let (mut depth, mut found) = (0_usize, Vec::new());
-    loop {
-        let lexeme = cursor.next();
-        match lexeme.kind {
-            LexemeKind::End => return found,
-            LexemeKind::Mark(b'(') => depth += 1,
-            LexemeKind::Mark(b')') if depth <= 1 => return found,
-            LexemeKind::Mark(b')') => depth -= 1,
-            LexemeKind::Word => found.push(upper(cursor.text(lexeme))),
-            _ => {}
-        }
     }
 }

@@ -1,9 +1,9 @@
 //! Branches and loops.
 
-use super::run::{Flow, Runner, VALUES_PER_STEP, place};
+use super::run::{Flow, Runner, VALUES_PER_STEP};
 use super::state::{Id, ModalState};
-use super::tree::{Condition, Statement};
-use super::value::{Value, upper};
+use super::tree::{For, Loop, Statement, Switch};
+use super::value::Value;
 use crate::program::Reason;
 use crate::text::Span;
 
@@ -48,20 +48,15 @@ impl<'a> Runner<'a> {
         }
     }
 
-    pub(super) fn choice(
-        &mut self,
-        subject: Span,
-        cases: &'a [(Span, Vec<Statement>)],
-        otherwise: &'a [Statement],
-    ) -> Flow {
+    pub(super) fn choice(&mut self, Switch { subject, cases, otherwise }: &'a Switch) -> Flow {
         let subject = self.evaluate(subject);
         for (i, (values, body)) in cases.iter().enumerate() {
-            match self.is_among(&subject, *values) {
+            match self.is_among(&subject, values) {
                 Some(true) => return self.block(body),
                 Some(false) => {}
                 None => {
                     let rest: Vec<&'a [Statement]> =
-                        cases[i..].iter().map(|(_, b)| &b[..]).chain([otherwise]).collect();
+                        cases[i..].iter().map(|(_, b)| &b[..]).chain([&otherwise[..]]).collect();
                     return self.branches(&rest);
                 }
             }
@@ -69,17 +64,10 @@ impl<'a> Runner<'a> {
         self.block(otherwise)
     }
 
-    pub(super) fn counted(
-        &mut self,
-        variable: Span,
-        bounds: [Span; 2],
-        step: Option<Span>,
-        body: &'a [Statement],
-        place: Span,
-    ) -> Flow {
-        let [from, to] = bounds.map(|span| self.evaluate(span).index());
-        let step = step.map_or(Some(1), |span| self.evaluate(span).index()).filter(|step| *step != 0);
-        let counter = self.resolve(&upper(&self.bytes(self.here())[variable.range()]));
+    pub(super) fn counted(&mut self, For { variable, from, to, step, body }: &'a For, place: Span) -> Flow {
+        let [from, to] = [from, to].map(|bound| self.evaluate(bound).index());
+        let step = step.as_ref().map_or(Some(1), |step| self.evaluate(step).index()).filter(|step| *step != 0);
+        let counter = self.resolve(&variable.name);
         let (Some(from), Some(to), Some(step)) = (from, to, step) else {
             return self.rounds(body, Some(counter));
         };
@@ -117,20 +105,20 @@ impl<'a> Runner<'a> {
         self.go_on(left)
     }
 
-    pub(super) fn repeat(&mut self, condition: Option<Condition>, body: &'a [Statement]) -> Flow {
+    pub(super) fn repeat(&mut self, Loop { condition, is_behind, body }: &'a Loop) -> Flow {
         let Some(condition) = condition else { return self.rounds(body, None) };
         let changes = self.changes_in(body);
         // A condition that nothing in the loop changes never ends it.
-        let steady = !self.depends(condition.span, &changes);
+        let steady = !self.depends(condition, &changes);
         let (before, targets) = (self.state.clone(), self.marker());
         self.loops.push(Vec::new());
         let mut rounds = 0;
         let flow = loop {
-            let looked = if condition.is_behind && rounds == 0 {
+            let looked = if *is_behind && rounds == 0 {
                 Some(true)
             } else {
-                let holds = self.evaluate(condition.span).bool();
-                if condition.is_behind { holds.map(|end| !end) } else { holds }
+                let holds = self.evaluate(condition).bool();
+                if *is_behind { holds.map(|end| !end) } else { holds }
             };
             match looked {
                 Some(false) => break Some(Flow::Next),
@@ -179,7 +167,7 @@ impl<'a> Runner<'a> {
                 let holds = before.covers(&self.state, &self.symbols.start) && volatile == self.volatile.len();
                 self.steps += 1 + before.values.len() / VALUES_PER_STEP;
                 if !holds && self.steps > self.most_steps {
-                    return self.give_up(body.first().map(place).unwrap_or_default());
+                    return self.give_up(body.first().map(|first| first.at).unwrap_or_default());
                 }
                 if !holds {
                     // What a round leaves is what another begins with: once more, with what holds in both.

@@ -1,5 +1,6 @@
 //! Tools and bases that motions use.
 
+use super::like::intern;
 use super::run::Runner;
 use super::state::Id;
 use super::value::Value;
@@ -38,17 +39,14 @@ impl Runner<'_> {
             }
             _ => return Err(Reason::Tool),
         };
-        if let Some(at) = self.tools.iter().rposition(|known| known.is(&tool)) {
-            return u16::try_from(at).map_err(|_| Reason::TooManyFrames);
-        }
-        if tool.data.is_some_and(|data| data.mass_kg == 0.0) {
+        let is_new = !self.tools.iter().any(|known| known.is(&tool));
+        if is_new && tool.data.is_some_and(|data| data.mass_kg == 0.0) {
             let message = format!("the load of `{}` is in none of the files: it is taken as 0 kg", tool.name);
             let warning = Diagnostic::error("krl.no-load", &self.symbols.sources[self.here()].name, message);
             let help = "assign $LOAD, give $config.dat with --context, or name the tool by its number and declare it in the cell";
             self.diagnostics.push(warning.severity(Severity::Warning).help(help));
         }
-        self.tools.push(tool);
-        u16::try_from(self.tools.len() - 1).map_err(|_| Reason::TooManyFrames)
+        intern(&mut self.tools, &tool, |known| known.is(&tool)).ok_or(Reason::TooManyFrames)
     }
 
     pub(super) fn wobj_index(&mut self) -> Result<u16, Reason> {
@@ -72,11 +70,6 @@ impl Runner<'_> {
             }
             _ => return Err(Reason::Base),
         };
-        let known = self.wobjs.iter().rposition(|known| known.is(&wobj));
-        let at = known.unwrap_or_else(|| {
-            self.wobjs.push(wobj);
-            self.wobjs.len() - 1
-        });
-        u16::try_from(at).map_err(|_| Reason::TooManyFrames)
+        intern(&mut self.wobjs, &wobj, |known| known.is(&wobj)).ok_or(Reason::TooManyFrames)
     }
 }

@@ -2,6 +2,7 @@
 
 use super::Layout;
 use super::lex::{Cursor, lines};
+use super::names::APPROXIMATE;
 use super::numbers::{ANGLE_DECIMALS, POSITION_DECIMALS, bytes, near};
 use super::value::{EXTERNAL, POSE, upper};
 use crate::program::orientation::{quaternion_of_zyx_deg, rotation, zyx_deg};
@@ -9,9 +10,6 @@ use crate::program::token::signed;
 use crate::program::{Editable, Insert, Motion, Passing, Program, Reason, Rewritten, Role, Target};
 use crate::text::{Edit, Source, Span, number};
 use std::ops::Range;
-
-/// Words that begin what the controller does at the end of a motion.
-pub(super) const APPROXIMATE: [&[u8]; 6] = [b"WITH", b"C_DIS", b"C_VEL", b"C_ORI", b"C_PTP", b"C_SPL"];
 
 /// Writes the inserts into `out`; gives each as the controller will hold it, where it could be written.
 pub(super) fn write(program: &Program, layout: &Layout, inserts: &[Insert], out: &mut Rewritten) {

@@ -106,12 +106,19 @@ pub(super) struct Cursor<'a> {
     pub(super) source: u16,
     at: usize,
     end: usize,
+    /// How many brackets are open.
+    pub(super) depth: usize,
 }
 
 impl<'a> Cursor<'a> {
     pub(super) fn new(bytes: &'a [u8], source: u16, span: Span) -> Self {
         let range = span.range();
-        Self { bytes, source, at: range.start, end: range.end.min(bytes.len()) }
+        Self { bytes, source, at: range.start, end: range.end.min(bytes.len()), depth: 0 }
+    }
+
+    /// A walk over a part of the same text.
+    pub(super) fn within(&self, span: Span) -> Self {
+        Self { at: span.start as usize, end: span.end as usize, ..*self }
     }
 
     /// What is left of the span.
@@ -145,6 +152,15 @@ impl<'a> Cursor<'a> {
 
     pub(super) fn accept_mark(&mut self, mark: u8) -> bool {
         self.accept(LexemeKind::Mark(mark)).is_some()
+    }
+
+    /// Passes `[…]`; whether that is next.
+    pub(super) fn accept_brackets(&mut self) -> bool {
+        let is = self.accept_mark(b'[');
+        while is && !self.is_done() && !self.accept_mark(b']') {
+            self.next();
+        }
+        is
     }
 
     /// Whether the next lexeme is this word.

@@ -4,6 +4,8 @@
 use super::Layout;
 use super::lex;
 use super::run::Site;
+use super::syntax;
+use super::tree::{Statement, StatementKind};
 use super::value::{EXTERNAL, NumberToken, upper};
 use crate::program::EXTERNAL_AXES;
 use crate::program::orientation::quaternion_of_zyx_deg;
@@ -65,9 +67,10 @@ pub(super) struct Reader {
     name: String,
     head: Vec<u8>,
     context: Vec<Source>,
-    /// Motions and targets of the head.
+    /// Motions, targets and numeric positions of the head.
     motions: usize,
     targets: usize,
+    literals: usize,
     /// External axes that are in use from the first line on, in all of the program.
     used: Axes,
     /// Those that all lines name.
@@ -105,23 +108,22 @@ impl Reader {
         line: &[u8],
         moving: Axes,
     ) -> Option<(Self, Program)> {
-        let mut routines = 0;
-        for line in lex::lines(head) {
-            let code = &head[line.code.range()];
-            let mut words = code.split(|byte| !byte.is_ascii_alphanumeric() && *byte != b'_');
-            let is = |word: &[u8], wanted: &str| word.eq_ignore_ascii_case(wanted.as_bytes());
-            if words.clone().any(|word| is(word, "GOTO") || is(word, "RESUME") || is(word, "TRIGGER")) {
-                return None;
-            }
-            routines += usize::from(words.any(|word| is(word, "DEF") || is(word, "DEFFCT")));
+        let file = syntax::parse(&Source::new(name, head), 0).ok()?;
+        let [routine] = &file.routines[..] else { return None };
+        let goes_back = |of: &&Statement| {
+            matches!(of.kind, StatementKind::Jump | StatementKind::Resume | StatementKind::Trigger(_))
+        };
+        if routine.statements().iter().any(goes_back) {
+            return None;
         }
         let (name, head, context) = (name.to_owned(), head.to_vec(), context.to_vec());
         let mut reader = Self { name, head, context, used: moving, ..Self::default() };
-        let first = reader.read(&[line, END]).filter(|_| routines == 1)?;
+        let first = reader.read(&[line, END])?;
         reader.said.clone_from(&first.diagnostics);
         let mut program = reader.program(&[END]).filter(|_| reader.said.iter().all(|told| told.line == 0))?;
         program.diagnostics.clone_from(&reader.said);
         (reader.motions, reader.targets) = (program.motion_targets(), program.targets.len());
+        reader.literals = program.literal_targets;
         reader.used = std::array::from_fn(|axis| moving[axis] || used(&first)[axis]);
         let last = first.targets.last().and_then(|last| last.external.as_ref());
         reader.named = last.map_or([false; EXTERNAL_AXES], |last| last.written.map(|written| written.is_some()));
@@ -260,7 +262,7 @@ impl Reader {
         let mut program = self.program(&[&lead, line, begun, behind])?;
         let from = self.head.len() + lead.len() + line.len() + begun.len();
         let before = program.sources[0].bytes[..from].iter().filter(|byte| **byte == b'\n').count();
-        program.literal_targets = super::literals(behind);
+        program.literal_targets = program.literal_targets.checked_sub(self.literals + 1)?;
         let sites = &mut layout(&mut program)?.sites;
         let mut own = sites.split_off(self.targets + 1);
         for place in own.iter_mut().flat_map(|site| &mut site.tokens).flatten() {
@@ -442,8 +444,9 @@ fn blanks(text: &[u8]) -> usize {
     text.iter().take_while(|byte| byte.is_ascii_whitespace()).count()
 }
 
-fn intern<T: Clone>(known: &mut Vec<T>, wanted: &T, is: impl Fn(&T) -> bool) -> Option<u16> {
-    let at = known.iter().position(is).unwrap_or_else(|| {
+/// The place of a tool or a base among those of a program; it is the last where it is new.
+pub(super) fn intern<T: Clone>(known: &mut Vec<T>, wanted: &T, is: impl Fn(&T) -> bool) -> Option<u16> {
+    let at = known.iter().rposition(is).unwrap_or_else(|| {
         known.push(wanted.clone());
         known.len() - 1
     });

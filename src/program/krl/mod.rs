@@ -3,7 +3,7 @@
 //! | file | from | to |
 //! |---|---|---|
 //! | `lex` | bytes | lines of lexemes, marks |
-//! | `syntax`, `tree` | lines | routines, data lists, blocks |
+//! | `syntax`, `expression`, `tree` | lines | routines, data lists, statements, expressions: each read once |
 //! | `value`, `eval`, `symbols`, `state` | expressions | values, known or unknown, and where their numbers stand |
 //! | `run`, `calls`, `motion` | statements | targets |
 //! | `chunks`, `like` | a long file | the same in constant memory |
@@ -17,6 +17,7 @@ mod calls;
 mod changes;
 mod chunks;
 mod eval;
+mod expression;
 mod flow;
 mod frames;
 mod insert;
@@ -42,9 +43,8 @@ pub use chunks::{CHUNK, Chunk, Chunks};
 
 use super::{Kept, Language, Program, Reason};
 use crate::text::{Diagnostic, Severity, Source, Span};
-use lex::{Cursor, LexemeKind, lines};
 use run::{Runner, Site};
-use value::{POSE, upper};
+use tree::File;
 
 /// Where the numbers of targets stand.
 #[derive(Debug, Default)]
@@ -119,7 +119,7 @@ fn read_cut(mut sources: Vec<Source>, context: Vec<Source>, look: bool) -> Resul
     }
     kept.append(&mut cuts);
     kept.sort_by_key(|kept| (kept.source, kept.span.start));
-    let literal_targets = sources.iter().take(written).map(|source| literals(&source.bytes)).sum();
+    let literal_targets = files.iter().take(written).map(File::positions).sum();
     Ok(Program {
         written,
         language: Language::Krl,
@@ -149,41 +149,6 @@ fn refuse(source: &Source) -> Option<Diagnostic> {
     }
     let at = crate::program::detect::no_text(&source.bytes)?;
     Some(whole("krl.no-text", "the file is no text: expected KRL", at).help("save it from the controller as text"))
-}
-
-/// Complete numeric positions in a text: aggregates with all six of X, Y, Z, A, B, C.
-fn literals(bytes: &[u8]) -> usize {
-    lines(bytes)
-        .map(|line| line.code)
-        .filter(|code| bytes[code.range()].contains(&b'{'))
-        .map(|code| in_line(bytes, code))
-        .sum()
-}
-
-fn in_line(bytes: &[u8], code: Span) -> usize {
-    let mut cursor = Cursor::new(bytes, 0, code);
-    // How many of the six numbers each open aggregate has.
-    let (mut open, mut count): (Vec<u8>, usize) = (Vec::new(), 0);
-    while !cursor.is_done() {
-        let lexeme = cursor.next();
-        match lexeme.kind {
-            LexemeKind::Mark(b'{') => open.push(0),
-            LexemeKind::Mark(b'}') => count += usize::from(open.pop() == Some(0b11_1111)),
-            LexemeKind::Word => {
-                let name = upper(cursor.text(lexeme));
-                let which = POSE.iter().position(|known| *known == &name[..]);
-                let mut behind = cursor;
-                let _ = behind.accept_mark(b'-') || behind.accept_mark(b'+');
-                let is_number = behind.accept(LexemeKind::Number).is_some()
-                    && matches!(behind.peek().kind, LexemeKind::Mark(b',' | b'}'));
-                if let (Some(which), Some(of), true) = (which, open.last_mut(), is_number) {
-                    *of |= 1 << which;
-                }
-            }
-            _ => {}
-        }
-    }
-    count
 }
 
 /// Who made it, as far as the text tells.

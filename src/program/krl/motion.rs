@@ -1,15 +1,14 @@
 //! Executed motions: their targets, tools, bases and speeds, and what of them may be edited.
 
-use super::lex::Cursor;
+use super::expression::Expression;
 use super::run::{Runner, Site};
+use super::tree::Move;
 use super::value::{AXES, EXTERNAL, Name, NumberToken, POSE, Value};
 use crate::program::orientation::{from_zyx_deg, halfway, quaternion, quaternion_of_zyx_deg};
 use crate::program::{Conf, Editable, Goal, Mark, Motion, Predecessor, Reason, Role, Status, Target};
 use crate::text::Span;
 use std::sync::Arc;
 
-/// Words that say how a motion goes over into the next.
-const APPROXIMATE: [&[u8]; 5] = [b"C_DIS", b"C_VEL", b"C_ORI", b"C_PTP", b"C_SPL"];
 /// Status and turn.
 const STATUS: [&[u8]; 2] = [b"S", b"T"];
 
@@ -28,14 +27,14 @@ impl Position {
     }
 }
 
-impl<'a> Runner<'a> {
+impl Runner<'_> {
     /// A motion that is not followed: its start is not known.
-    pub(super) fn relative(&mut self, mut cursor: Cursor<'a>, span: Span, reason: Reason) {
+    pub(super) fn relative(&mut self, to: &[Expression], span: Span, reason: Reason) {
         self.motions += 1;
-        cursor.next();
-        let value = self.expression(&mut cursor);
-        self.pin(&value);
-        self.use_axes_of(&value);
+        for to in to {
+            let value = self.evaluate(to);
+            self.use_axes_of(&value);
+        }
         self.lose_position(reason);
         self.keep_motion(span, reason);
     }
@@ -60,30 +59,22 @@ impl<'a> Runner<'a> {
     }
 
     /// One executed motion.
-    pub(super) fn motion(&mut self, motion: Motion, mut cursor: Cursor<'a>, span: Span) {
+    pub(super) fn motion(&mut self, of: &Move, span: Span) {
+        let motion = of.motion;
         self.motions += 1;
         self.arcs += usize::from(motion == Motion::Circular);
-        // What is moved to may call functions, which come before WITH.
-        let (first, name) = self.point(&mut cursor);
-        let second = cursor.accept_mark(b',').then(|| self.point(&mut cursor));
-        let angle = cursor.accept_mark(b',') && cursor.accept_word(b"CA");
-        if angle {
-            drop(self.expression(&mut cursor));
+        if of.is_curve {
+            self.tell_curve(span);
         }
-        while APPROXIMATE.iter().any(|word| cursor.accept_word(word)) {}
-        let before = cursor.accept_word(b"WITH").then(|| {
-            let (settings, approximate) = cursor.until(&APPROXIMATE);
-            while APPROXIMATE.iter().any(|word| approximate.is_some() && cursor.accept_word(word)) {}
-            self.with(settings)
-        });
-        let is_whole = cursor.is_done();
-        let (via, (end, name)) = match second {
-            Some(second) => (Some(first), second),
-            None => (None, (first, name)),
-        };
+        // What is moved to may call functions, which come before WITH.
+        let via = of.via.as_ref().map(|via| self.expression(via));
+        let name = self.label(&of.end).map(|label| label.as_str().into());
+        let end = self.expression(&of.end);
+        of.angle.iter().for_each(|angle| drop(self.expression(angle)));
+        let before = (!of.with.is_empty()).then(|| self.with(&of.with));
         let invalid = if via.is_some() && motion != Motion::Circular {
             Some(Reason::TwoPositions)
-        } else if !is_whole {
+        } else if !of.is_whole {
             Some(Reason::AfterPosition)
         } else {
             let other = via.iter().chain([&end]).any(has_other_components);
@@ -91,7 +82,7 @@ impl<'a> Runner<'a> {
         };
         let done = match (motion, &via) {
             (Motion::Circular, None) => Err(Reason::CircleWithoutEnd),
-            (Motion::Circular, Some(_)) if angle => {
+            (Motion::Circular, Some(_)) if of.angle.is_some() => {
                 drop(self.position(&end));
                 Err(Reason::CircleWithAngle)
             }
@@ -109,17 +100,6 @@ impl<'a> Runner<'a> {
         if let Some(before) = before {
             self.restore(before);
         }
-    }
-
-    /// A position and, where it has one, its name.
-    fn point(&mut self, cursor: &mut Cursor<'a>) -> (Value, Option<Arc<str>>) {
-        let mut behind = *cursor;
-        let name = match behind.peek().kind {
-            super::lex::LexemeKind::Word => self.path(&mut behind, 0).map(|path| path.label.as_str().into()),
-            _ => None,
-        };
-        let plain = !matches!(behind.peek().kind, super::lex::LexemeKind::Mark(b':' | b'('));
-        (self.expression(cursor), name.filter(|_| plain))
     }
 
     fn go(
@@ -144,9 +124,6 @@ impl<'a> Runner<'a> {
             _ => Ok(()),
         };
         let turns = if motion == Motion::Joint { Ok(true) } else { self.turns(&to) };
-        let (mark, mark_known) = self.mark();
-        #[allow(clippy::cast_possible_truncation)]
-        let source = self.here() as u16;
         let feed = match motion {
             Motion::Joint => None,
             _ => self.value(self.symbols.speed).component(b"CP").and_then(Value::number).map(|v| 1e3 * v),
@@ -164,33 +141,16 @@ impl<'a> Runner<'a> {
         let unlocated = elsewhere.or_else(|| self.unlocated(&to)).or(turns.err()).or(on_arc.err());
         let editable = match unlocated.or(from.err()) {
             Some(reason) => Editable::No(reason),
-            None if !mark_known => Editable::No(Reason::MarkUnknown),
+            None if !self.mark().1 => Editable::No(Reason::MarkUnknown),
             None if self.is_beside() => Editable::No(Reason::RunsAtAnyMoment),
             None if posture => Editable::No(Reason::StatusUnknown),
             None if turns == Ok(false) => Editable::Position,
             None => Editable::Pose,
         };
-        let target = Target {
-            ordinal: self.motions,
-            role: Role::End,
-            motion,
-            goal: Goal::Pose { position_mm: [to.numbers[0], to.numbers[1], to.numbers[2]], quat: to.quat(), conf },
-            tool,
-            wobj,
-            feed_mm_s: feed,
-            spindle_rpm: None,
-            rapid: false,
-            mark,
-            editable,
-            located: unlocated.is_none(),
-            extra_load: false,
-            external: None,
-            name,
-            source,
-            span,
-            line: self.lines[self.here()].line(span.start),
-            predecessor: Predecessor::Previous,
-        };
+        let goal = Goal::Pose { position_mm: [to.numbers[0], to.numbers[1], to.numbers[2]], quat: to.quat(), conf };
+        let located = unlocated.is_none();
+        let target =
+            Target { motion, feed_mm_s: feed, editable, located, name, ..self.target_here(goal, [tool, wobj], span) };
         if let Some(via) = via {
             self.via(via, &to, &target)?;
         }
@@ -256,18 +216,13 @@ impl<'a> Runner<'a> {
         Ok(())
     }
 
-    fn go_to_joints(&mut self, motion: Motion, deg: [f64; 6], end: &Value, span: Span) -> Result<(), Reason> {
-        if motion != Motion::Joint {
-            return Err(Reason::PathToAxes);
-        }
-        let (tool, wobj) = (self.tool_index()?, self.wobj_index()?);
-        #[allow(clippy::cast_possible_truncation)]
-        let source = self.here() as u16;
-        let target = Target {
+    /// The end of a motion of the axes, at the mark that is in force.
+    fn target_here(&self, goal: Goal, [tool, wobj]: [u16; 2], span: Span) -> Target {
+        Target {
             ordinal: self.motions,
             role: Role::End,
             motion: Motion::AbsoluteJoint,
-            goal: Goal::Joints { deg },
+            goal,
             tool,
             wobj,
             feed_mm_s: None,
@@ -279,11 +234,20 @@ impl<'a> Runner<'a> {
             extra_load: false,
             external: None,
             name: None,
-            source,
+            #[allow(clippy::cast_possible_truncation)]
+            source: self.here() as u16,
             span,
             line: self.lines[self.here()].line(span.start),
             predecessor: Predecessor::Previous,
-        };
+        }
+    }
+
+    fn go_to_joints(&mut self, motion: Motion, deg: [f64; 6], end: &Value, span: Span) -> Result<(), Reason> {
+        if motion != Motion::Joint {
+            return Err(Reason::PathToAxes);
+        }
+        let (tool, wobj) = (self.tool_index()?, self.wobj_index()?);
+        let target = self.target_here(Goal::Joints { deg }, [tool, wobj], span);
         let external = EXTERNAL.iter().filter_map(|name| Some((Name::from_slice(name), end.component(name)?.clone())));
         let record = Value::Record(std::rc::Rc::new(external.collect()));
         self.external.push(EXTERNAL.map(|name| end.component(name).and_then(Value::number)));

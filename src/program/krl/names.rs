@@ -26,6 +26,9 @@ pub(super) fn relative(word: &[u8]) -> Option<Reason> {
     })
 }
 
+/// Words that say how a motion goes over into the next, after the one that says what holds for it alone.
+pub(super) const APPROXIMATE: [&[u8]; 6] = [b"WITH", b"C_DIS", b"C_VEL", b"C_ORI", b"C_PTP", b"C_SPL"];
+
 /// Statements that change no data and move nothing.
 pub(super) const HARMLESS_STATEMENTS: [&[u8]; 15] = [
     b"WAIT",

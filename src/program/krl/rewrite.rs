@@ -3,7 +3,7 @@
 use super::numbers::{ANGLE_DECIMALS, POSITION_DECIMALS, bytes, follows_a_name, near};
 use super::run::Site;
 use super::value::NumberToken;
-use super::{Layout, insert};
+use super::{Layout, insert, names};
 use crate::program::front_end::FrontEnd;
 use crate::program::orientation::{quaternion_of_zyx_deg, rotation, zyx_deg};
 use crate::program::token::{New, signed};
@@ -34,7 +34,7 @@ impl FrontEnd for Layout {
         match approximation_mm.filter(|_| is(b"C_DIS")) {
             Some(distance) if distance > 0.0 => Passing::Zone(distance),
             Some(_) => Passing::Stop,
-            None if insert::APPROXIMATE.iter().any(|known| is(known)) => Passing::Unstated,
+            None if names::APPROXIMATE.iter().any(|known| is(known)) => Passing::Unstated,
             None => Passing::Stop,
         }
     }

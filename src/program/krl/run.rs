@@ -1,10 +1,9 @@
 //! The program as it runs: calls, loops and branches followed as far as they are known when reading.
 
-use super::lex::{Cursor, LexemeKind};
-use super::names;
+use super::lex::Cursor;
 use super::state::{Changes, Id, ModalState};
 use super::symbols::{RoutineId, Symbols};
-use super::tree::{File, Routine, Statement};
+use super::tree::{File, Routine, Statement, StatementKind};
 use super::value::{Name, NumberToken, Value, upper};
 use crate::program::{Kept, Mark, Reason, Target, Tool, UnknownMotion, Wobj};
 use crate::text::{Diagnostic, LineIndex, Severity, Source, Span, decode};
@@ -65,6 +64,7 @@ pub(crate) struct Site {
     pub(crate) approximation_mm: Option<f64>,
 }
 
+#[derive(Default)]
 pub(super) struct Runner<'a> {
     pub(super) symbols: Symbols<'a>,
     pub(super) written: usize,
@@ -122,38 +122,10 @@ impl<'a> Runner<'a> {
         let mut runner = Self {
             symbols: Symbols::new(sources, files),
             written,
-            state: ModalState::default(),
-            frames: Vec::new(),
-            loops: Vec::new(),
-            nested: 0,
-            steps: 0,
             most_steps: STEPS + STEPS_PER_BYTE * bytes,
             most_targets: TARGETS + TARGETS_PER_BYTE * bytes,
-            entered: HashSet::new(),
-            pinned: HashSet::new(),
-            volatile: HashSet::new(),
-            triggered: HashSet::new(),
-            beside: HashSet::new(),
-            read_beside: HashSet::new(),
-            resumes: false,
-            proceeds: false,
-            open_partials: 0,
-            leaves_components_out: false,
-            changes: HashMap::new(),
-            tools: Vec::new(),
-            wobjs: Vec::new(),
-            targets: Vec::new(),
-            sites: Vec::new(),
-            external: Vec::new(),
-            used_axes: [false; 6],
-            motions: 0,
-            arcs: 0,
-            unknown: Vec::new(),
-            kept: Vec::new(),
-            seen: HashSet::new(),
-            told: BTreeSet::new(),
-            diagnostics: Vec::new(),
             lines: sources.iter().map(LineIndex::new).collect(),
+            ..Self::default()
         };
         for (source, file) in files.iter().enumerate().take(written) {
             for &(span, reason) in &file.odd {
@@ -190,11 +162,6 @@ impl<'a> Runner<'a> {
         self.frames.last().map_or(0, |frame| frame.routine.file)
     }
 
-    pub(super) fn cursor(&self, span: Span) -> Cursor<'a> {
-        #[allow(clippy::cast_possible_truncation)]
-        Cursor::new(self.bytes(self.here()), self.here() as u16, span)
-    }
-
     fn set_mark(&mut self, mark: Mark) {
         let id = self.symbols.mark;
         self.state.values.insert(id, Value::Number(f64::from(u8::from(mark == Mark::Cut)), None));
@@ -205,30 +172,27 @@ impl<'a> Runner<'a> {
         self.entered.insert(id);
         self.steps += (self.state.values.len() + self.volatile.len()) / VALUES_PER_STEP;
         let routine = self.symbols.routine(id);
-        let bytes = self.bytes(id.file);
         let mut names = HashMap::new();
         let mut own = Vec::new();
         for (i, param) in routine.params.iter().enumerate() {
             let value = values.get(i).cloned().unwrap_or(Value::unknown(Reason::ParameterWithoutArgument));
-            let name = upper(&bytes[param.name.range()]);
             let local = self.symbols.local(Value::unknown(Reason::Unset));
-            if let Some(data) = routine.data.iter().find(|data| upper(&bytes[data.name.range()]) == name) {
-                self.symbols.declare_type(local, &bytes[data.kind.range()]);
+            if let Some(data) = routine.data.iter().find(|data| data.name == param.name) {
+                self.symbols.declare_type(local, data.kind);
             }
             let whole = self.symbols.is_whole(local) && value.number().is_some_and(|v| v.fract() != 0.0);
             let value = if whole { value.forgotten(Reason::WholeNumber) } else { value };
             self.symbols.start[local] = self.symbols.converted(local, &[], value);
-            names.insert(name, local);
+            names.insert(param.name.clone(), local);
             own.push(local);
         }
         let before = self.volatile.clone();
         self.volatile.extend(own.iter().zip(aliased).filter(|(_, aliased)| **aliased).map(|(id, _)| *id));
         // A parameter is declared within, too: that says its type.
-        let given = names.clone();
-        for data in routine.data.iter().filter(|data| !given.contains_key(&upper(&bytes[data.name.range()]))) {
+        for data in routine.data.iter().filter(|data| routine.params.iter().all(|param| param.name != data.name)) {
             let local = self.symbols.local(Value::unknown(Reason::Unset));
-            self.symbols.declare_type(local, &bytes[data.kind.range()]);
-            names.insert(upper(&bytes[data.name.range()]), local);
+            self.symbols.declare_type(local, data.kind);
+            names.insert(data.name.clone(), local);
         }
         self.frames.push(Frame { routine: id, names, returns: Vec::new(), jumps: None });
         let loops = std::mem::take(&mut self.loops);
@@ -264,9 +228,8 @@ impl<'a> Runner<'a> {
 
     /// What a routine with GOTO changes: its statements may run in any order.
     fn jumps(&mut self, routine: &'a Routine) -> Option<Changes> {
-        let mut found = false;
-        super::tree::walk(&routine.body, &mut |s| found |= matches!(s, Statement::Jump));
-        found.then(|| self.changes_in(&routine.body))
+        let jumps = |statement: &&Statement| matches!(statement.kind, StatementKind::Jump);
+        routine.statements().iter().any(jumps).then(|| self.changes_in(&routine.body))
     }
 
     pub(super) fn block(&mut self, block: &'a [Statement]) -> Flow {
@@ -275,11 +238,8 @@ impl<'a> Runner<'a> {
         for statement in block {
             self.steps += 1;
             let most = self.steps > self.most_steps || self.targets.len() > self.most_targets;
-            flow = if most || self.nested > MAX_NESTING {
-                self.give_up(place(statement))
-            } else {
-                self.statement(statement)
-            };
+            flow =
+                if most || self.nested > MAX_NESTING { self.give_up(statement.at) } else { self.statement(statement) };
             if flow == Flow::Gone {
                 break;
             }
@@ -300,49 +260,50 @@ impl<'a> Runner<'a> {
     }
 
     fn statement(&mut self, statement: &'a Statement) -> Flow {
-        match statement {
-            Statement::Simple(span) => self.simple(*span),
-            Statement::If { condition, then, otherwise, .. } => match self.evaluate(*condition).bool() {
-                Some(true) => self.block(then),
-                Some(false) => self.block(otherwise),
-                None => self.branches(&[then, otherwise]),
+        match &statement.kind {
+            StatementKind::If(of) => match self.evaluate(&of.condition).bool() {
+                Some(true) => self.block(&of.then),
+                Some(false) => self.block(&of.otherwise),
+                None => self.branches(&[&of.then, &of.otherwise]),
             },
-            Statement::For { variable, from, to, step, body, at } => {
-                self.counted(*variable, [*from, *to], *step, body, *at)
-            }
-            Statement::Loop { condition, body, .. } => self.repeat(*condition, body),
-            Statement::Switch { subject, cases, otherwise, .. } => self.choice(*subject, cases, otherwise),
-            Statement::Spline { with, body } => {
-                let before = self.with(*with);
+            StatementKind::For(of) => self.counted(of, statement.at),
+            StatementKind::Loop(of) => self.repeat(of),
+            StatementKind::Switch(of) => self.choice(of),
+            StatementKind::Spline(with, body) => {
+                let before = self.with(with);
                 let flow = self.block(body);
                 self.restore(before);
                 flow
             }
             // What stands after it is run from a label on, or not at all.
-            Statement::Jump => Flow::Next,
-            Statement::Label => {
+            StatementKind::Jump => Flow::Next,
+            StatementKind::Label => {
                 let jumps = self.frames.last().and_then(|frame| frame.jumps.clone());
                 if let Some(changes) = jumps {
                     self.forget(&changes, Reason::Jumps);
                 }
                 Flow::Next
             }
-            Statement::Return(span) => {
-                self.evaluate(*span);
+            StatementKind::Return(value) => {
+                value.iter().for_each(|value| drop(self.evaluate(value)));
                 let left = self.state.clone();
                 let Some(frame) = self.frames.last_mut() else { return Flow::Gone };
                 frame.returns.push(left);
                 // A label after it may be gone to.
                 if frame.jumps.is_some() { Flow::Next } else { Flow::Gone }
             }
-            Statement::Exit => {
+            StatementKind::Exit => {
                 let left = self.state.clone();
                 let Some(exits) = self.loops.last_mut() else { return Flow::Next };
                 exits.push(left);
                 if self.frames.last().is_some_and(|frame| frame.jumps.is_some()) { Flow::Next } else { Flow::Gone }
             }
-            Statement::Mark(mark) => {
+            StatementKind::Mark(mark) => {
                 self.set_mark(*mark);
+                Flow::Next
+            }
+            _ => {
+                self.simple(statement);
                 Flow::Next
             }
         }
@@ -386,67 +347,49 @@ impl<'a> Runner<'a> {
         self.diagnostics.push(warning.severity(Severity::Warning).help(help));
     }
 
+    /// The same of what an interrupt or a TRIGGER starts.
+    pub(super) fn tell_started(&mut self, run: &Statement) {
+        let cursor = Cursor::new(self.bytes(self.here()), 0, run.at);
+        let first = cursor.peek();
+        self.tell_unknown(&upper(cursor.text(first)), first.span());
+    }
+
     /// Once: no name of a program has a blank.
-    fn tell_curve(&mut self, span: Span) {
+    pub(super) fn tell_curve(&mut self, motion: Span) {
         if self.told.insert(upper(b" SPL")) {
             let source = &self.symbols.sources[self.here()];
+            let span = Span { end: motion.start + 3, ..motion };
             let message = "the curve through SPL points is computed as straight lines: figures at the points are right, those between them only as far as the curve keeps to the lines";
             let note = Diagnostic::error("krl.spline", &source.name, message).at(source, span);
             self.diagnostics.push(note.severity(Severity::Note).help("put SPL points close together, or use SLIN"));
         }
     }
 
-    fn simple(&mut self, span: Span) -> Flow {
+    fn simple(&mut self, statement: &'a Statement) {
         if !std::mem::take(&mut self.proceeds) {
-            return self.run_simple(span);
+            return self.run_simple(statement);
         }
         // Where it fails the program goes on all the same, and what it sets is as it was.
-        let changes = self.changes_by(span);
-        let flow = self.run_simple(span);
+        let changes = self.changes_in(std::slice::from_ref(statement));
+        self.run_simple(statement);
         self.forget(&changes, Reason::StatementMayFail);
-        flow
     }
 
-    fn run_simple(&mut self, span: Span) -> Flow {
-        let mut cursor = self.cursor(span);
-        let first = cursor.peek();
-        let word = upper(cursor.text(first));
-        if let Some(motion) = names::motion(&word) {
-            cursor.next();
-            if &word[..] == b"SPL" {
-                self.tell_curve(first.span());
+    fn run_simple(&mut self, statement: &'a Statement) {
+        match &statement.kind {
+            StatementKind::Assign(setting) => self.assignment(setting),
+            StatementKind::Call(call) => self.call(call, statement.at),
+            StatementKind::Move(of) => self.motion(of, statement.at),
+            StatementKind::Relative(why, to) => self.relative(to, statement.at, *why),
+            StatementKind::Trigger(started) => self.trigger(started),
+            StatementKind::Proceed => self.proceeds = true,
+            StatementKind::Harmless(parts) => parts.iter().for_each(|part| drop(self.evaluate(part))),
+            StatementKind::NotUnderstood(_) => {
+                self.keep(self.here(), statement.at, Reason::NotUnderstood);
+                let ids = statement.names().into_iter().map(|name| self.resolve(name)).collect();
+                self.forget(&Changes { anything: true, ids, ..Changes::default() }, Reason::ByStatement);
             }
-            self.motion(motion, cursor, span);
-        } else if let Some(reason) = names::relative(&word) {
-            self.relative(cursor, span, reason);
-        } else if &word[..] == b"TRIGGER" {
-            self.trigger(cursor);
-        } else if &word[..] == b"ON_ERROR_PROCEED" {
-            self.proceeds = true;
-        } else if names::HARMLESS_STATEMENTS.contains(&&word[..]) {
-            self.look_through(cursor);
-        } else if !self.assignment_or_call(cursor, span) {
-            self.keep(self.here(), span, Reason::NotUnderstood);
-            let mut ids = std::collections::BTreeSet::new();
-            let mut cursor = self.cursor(span);
-            while !cursor.is_done() {
-                let lexeme = cursor.next();
-                if lexeme.kind == LexemeKind::Word {
-                    ids.insert(self.resolve(&upper(cursor.text(lexeme))));
-                }
-            }
-            self.forget(&Changes { anything: true, ids }, Reason::ByStatement);
+            _ => {}
         }
-        Flow::Next
-    }
-}
-
-/// Where a statement stands.
-pub(super) fn place(statement: &Statement) -> Span {
-    match statement {
-        Statement::Simple(span) | Statement::Return(span) => *span,
-        Statement::If { at, .. } | Statement::For { at, .. } | Statement::Loop { at, .. } => *at,
-        Statement::Switch { at, .. } => *at,
-        _ => Span::default(),
     }
 }

@@ -1,38 +1,32 @@
 //! What of the targets may be edited, once all that reads their numbers is known.
 
-use super::lex::Cursor;
+use super::expression::{Expression, Part};
 use super::run::{Runner, Site};
-use super::symbols::spans;
-use super::value::{EXTERNAL, NumberToken};
+use super::tree::Statement;
+use super::value::{EXTERNAL, NumberToken, Value};
 use crate::program::{Editable, ExternalAxes, Motion, Reason, Role};
-use crate::text::Span;
 use std::collections::HashMap;
 use std::sync::Arc;
 
 impl Runner<'_> {
     /// The same of a motion that is not run: of what its text says and of the data that it names.
-    pub(super) fn use_axes_in(&mut self, file: usize, span: Span) {
-        let mut cursor = Cursor::new(self.bytes(file), 0, span);
-        while !cursor.is_done() {
-            let lexeme = cursor.next();
-            if lexeme.kind != super::lex::LexemeKind::Word {
-                continue;
-            }
-            let name = super::value::upper(cursor.text(lexeme));
-            match EXTERNAL.iter().position(|axis| name[..] == **axis) {
-                Some(axis) => {
-                    let next = cursor.peek();
-                    let text = cursor.text(next);
-                    let zero = crate::text::number::read(text) == Some(0.0);
-                    self.used_axes[axis] |= !zero;
-                }
-                None => {
-                    let id = self.symbols.find(file, &name);
-                    let value = self.symbols.start[id].clone();
-                    self.use_axes_of(&value);
+    fn use_axes_in(&mut self, file: usize, statement: &Statement) {
+        statement.each(&mut |part| match part {
+            Part::Other(Expression::Known(value)) => self.use_axes_of(value),
+            Part::Other(Expression::Aggregate(fields)) => {
+                for (name, value) in fields {
+                    let zero = matches!(value, Expression::Known(Value::Number(number, _)) if *number == 0.0);
+                    let axis = EXTERNAL.iter().position(|axis| name[..] == **axis).filter(|_| !zero);
+                    axis.into_iter().for_each(|axis| self.used_axes[axis] = true);
                 }
             }
-        }
+            Part::Path(path) => {
+                let id = self.symbols.find(file, &path.name);
+                let value = self.symbols.start[id].clone();
+                self.use_axes_of(&value);
+            }
+            _ => {}
+        });
     }
 
     /// What of the targets may be edited, now that all that reads their numbers is known: what stays holds its numbers, and
@@ -136,17 +130,15 @@ impl Runner<'_> {
 
     /// Routines that nothing runs: what they name stays, and so do their motions.
     pub(super) fn keep_what_is_not_run(&mut self) {
-        for id in self.symbols.all().collect::<Vec<_>>() {
+        for id in self.symbols.all() {
             if self.entered.contains(&id) {
                 continue;
             }
             drop(self.pin_names(id));
-            for span in spans(&self.symbols.routine(id).body) {
-                if self.is_motion(id.file, span) {
-                    self.use_axes_in(id.file, span);
-                    let beside = self.beside.contains(&id);
-                    self.keep(id.file, span, if beside { Reason::RunsAtAnyMoment } else { Reason::NotRun });
-                }
+            for statement in self.symbols.routine(id).statements().into_iter().filter(|of| of.is_motion()) {
+                self.use_axes_in(id.file, statement);
+                let beside = self.beside.contains(&id);
+                self.keep(id.file, statement.at, if beside { Reason::RunsAtAnyMoment } else { Reason::NotRun });
             }
         }
     }

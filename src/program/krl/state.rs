@@ -1,5 +1,6 @@
 //! What may hold at a place of the program: values of data by number, those that differ from what the text says.
 
+use super::symbols::RoutineId;
 use super::value::{NumberToken, Value};
 use crate::program::Reason;
 use std::collections::{BTreeMap, BTreeSet};
@@ -13,6 +14,8 @@ pub(super) struct Changes {
     pub(super) ids: BTreeSet<Id>,
     /// All that other files see, base and tool among it.
     pub(super) anything: bool,
+    /// Routines that were looked through.
+    pub(super) through: BTreeSet<RoutineId>,
 }
 
 /// What holds; data that are not in it hold what they hold at the start.

@@ -1,12 +1,11 @@
 //! Names of data and routines, and what data hold at the start.
 
-use super::lex::{Cursor, LexemeKind};
 use super::names;
 use super::state::Id;
-use super::tree::{File, Routine, Statement, walk};
+use super::tree::{File, Routine, Statement, Type};
 use super::value::{AXES, EXTERNAL, Name, POSE, Step, Value, pose_record, upper};
 use crate::program::Reason;
-use crate::text::{Source, Span};
+use crate::text::Source;
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::rc::Rc;
 
@@ -17,6 +16,7 @@ pub(super) struct RoutineId {
     pub(super) at: usize,
 }
 
+#[derive(Default)]
 pub(super) struct Symbols<'a> {
     pub(super) sources: &'a [Source],
     pub(super) files: &'a [File],
@@ -29,8 +29,6 @@ pub(super) struct Symbols<'a> {
     globals: HashMap<Name, Id>,
     /// Names of a `.src` and its `.dat`, by the module's name.
     modules: HashMap<Name, HashMap<Name, Id>>,
-    /// The module of each file.
-    module_of: Vec<Name>,
     routines: HashMap<Name, RoutineId>,
     pub(super) base: Id,
     pub(super) tool: Id,
@@ -62,58 +60,17 @@ pub(super) struct Symbols<'a> {
     tables: HashSet<Id>,
 }
 
-/// Types that say what a value becomes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Type {
-    Whole,
-    Real,
-    Frame,
-    Pos,
-}
-
 /// Tables of frames and loads that the controller has under these names.
 const TABLES: [&[u8]; 3] = [b"BASE_DATA", b"TOOL_DATA", b"LOAD_DATA"];
 
 impl<'a> Symbols<'a> {
     pub(super) fn new(sources: &'a [Source], files: &'a [File]) -> Self {
-        let mut symbols = Self {
-            sources,
-            files,
-            start: Vec::new(),
-            types: HashMap::new(),
-            constant: HashSet::new(),
-            globals: HashMap::new(),
-            modules: HashMap::new(),
-            module_of: Vec::new(),
-            routines: HashMap::new(),
-            base: 0,
-            tool: 0,
-            load: 0,
-            speed: 0,
-            approximation: 0,
-            mode: 0,
-            orientation: 0,
-            ignored_axes: 0,
-            asynchronous_axes: 0,
-            circle_type: 0,
-            circle_mode: 0,
-            base_name: 0,
-            tool_name: 0,
-            position: 0,
-            turned: 0,
-            stands: 0,
-            mark: 0,
-            tables: HashSet::new(),
-        };
-        for (source, file) in sources.iter().zip(files) {
-            symbols.module_of.push(upper(source.slice(file.module)));
-        }
+        let mut symbols = Self { sources, files, ..Self::default() };
         for (at, file) in files.iter().enumerate() {
             for (routine, found) in file.routines.iter().enumerate() {
-                let name = upper(sources[at].slice(found.name));
                 let id = RoutineId { file: at, at: routine };
                 if routine == 0 || found.is_global {
-                    symbols.routines.entry(name).or_insert(id);
+                    symbols.routines.entry(found.name.clone()).or_insert(id);
                 }
             }
         }
@@ -123,11 +80,11 @@ impl<'a> Symbols<'a> {
         symbols.load = symbols.global(b"$LOAD", Value::unknown(Reason::Unset));
         symbols.speed = symbols.global(b"$VEL", Value::unknown(Reason::Unset));
         symbols.approximation = symbols.global(b"$APO", Value::unknown(Reason::Unset));
-        symbols.mode = symbols.global(b"$IPO_MODE", Value::Constant(upper(b"BASE")));
-        symbols.orientation = symbols.global(b"$ORI_TYPE", Value::Constant(upper(b"VAR")));
+        symbols.mode = symbols.global(b"$IPO_MODE", Value::constant(b"BASE"));
+        symbols.orientation = symbols.global(b"$ORI_TYPE", Value::constant(b"VAR"));
         symbols.ignored_axes = symbols.global(b"$EX_AX_IGNORE", Value::Number(0.0, None));
         symbols.asynchronous_axes = symbols.global(b"$ASYNC_AXIS", Value::Number(0.0, None));
-        symbols.circle_type = symbols.global(b"$CIRC_TYPE", Value::Constant(upper(b"BASE")));
+        symbols.circle_type = symbols.global(b"$CIRC_TYPE", Value::constant(b"BASE"));
         symbols.circle_mode = symbols.global(b"$CIRC_MODE", Value::Record(Rc::default()));
         // A routine that is not in the files may change them before the program names one.
         for table in TABLES {
@@ -164,15 +121,14 @@ impl<'a> Symbols<'a> {
 
     /// Declares data of a file; their start values come later.
     pub(super) fn declare(&mut self, file: usize) {
-        let (source, found) = (&self.sources[file], &self.files[file]);
-        let module = self.module_of[file].clone();
+        let found: &'a File = &self.files[file];
         // KUKA's own lists ($CONFIG, $MACHINE) are seen by all.
-        let all = module.first() == Some(&b'$');
+        let all = found.module.first() == Some(&b'$');
         for data in &found.data {
-            let name = upper(source.slice(data.name));
+            let name = &data.name;
             let value = if data.is_array { Value::Array(Rc::default()) } else { Value::unknown(Reason::Unset) };
             let id = self.local(value);
-            self.declare_type(id, source.slice(data.kind));
+            self.declare_type(id, data.kind);
             if data.is_constant {
                 self.constant.insert(id);
             }
@@ -182,15 +138,13 @@ impl<'a> Symbols<'a> {
                     self.tables.insert(id);
                 }
             }
-            self.modules.entry(module.clone()).or_default().insert(name, id);
+            self.modules.entry(found.module.clone()).or_default().insert(name.clone(), id);
         }
     }
 
-    /// Notes a variable's type by its word.
-    pub(super) fn declare_type(&mut self, id: Id, word: &[u8]) {
-        let known = [(&b"INT"[..], Type::Whole), (b"REAL", Type::Real), (b"FRAME", Type::Frame), (b"POS", Type::Pos)];
-        let found = known.into_iter().find(|(name, _)| word.eq_ignore_ascii_case(name));
-        self.types.extend(found.map(|(_, of)| (id, of)));
+    /// Notes a variable's type.
+    pub(super) fn declare_type(&mut self, id: Id, kind: Option<Type>) {
+        self.types.extend(kind.map(|kind| (id, kind)));
     }
 
     /// Whether it holds whole numbers alone.
@@ -225,35 +179,35 @@ impl<'a> Symbols<'a> {
 
     /// The variable of this name; one that no file declares is the controller's.
     pub(super) fn find(&mut self, file: usize, name: &Name) -> Id {
-        let module = self.modules.get(&self.module_of[file]).and_then(|names| names.get(name));
+        let module = self.modules.get(&self.files[file].module).and_then(|names| names.get(name));
         if let Some(id) = module.or_else(|| self.globals.get(name)) {
             return *id;
         }
         self.global(name, Value::unknown(Reason::NameUndeclared))
     }
 
-    /// Variables that are the run's own.
-    pub(super) fn own_state(&self) -> [Id; 17] {
-        let [base, tool, turns] = [self.base_name, self.tool_name, self.orientation];
+    /// What says how motions are understood: `WITH` sets it for one of them.
+    pub(super) fn modal(&self) -> [Id; 13] {
         [
             self.base,
             self.tool,
+            self.base_name,
+            self.tool_name,
             self.load,
             self.speed,
             self.approximation,
             self.mode,
-            turns,
-            base,
-            tool,
-            self.position,
-            self.turned,
-            self.stands,
-            self.mark,
+            self.orientation,
             self.ignored_axes,
             self.asynchronous_axes,
             self.circle_type,
             self.circle_mode,
         ]
+    }
+
+    /// Whether a variable is the run's own.
+    pub(super) fn is_own_state(&self, id: Id) -> bool {
+        self.modal().contains(&id) || [self.position, self.turned, self.stands, self.mark].contains(&id)
     }
 
     /// Whether an element that nothing sets is the controller's own.
@@ -275,20 +229,19 @@ impl<'a> Symbols<'a> {
     }
 
     /// The routine that a name means in a file.
-    pub(super) fn find_routine(&self, file: usize, name: &[u8]) -> Option<RoutineId> {
-        let own =
-            self.files[file].routines.iter().position(|r| self.sources[file].slice(r.name).eq_ignore_ascii_case(name));
-        let found = own.map(|at| RoutineId { file, at }).or_else(|| self.routines.get(&upper(name)).copied());
+    pub(super) fn find_routine(&self, file: usize, name: &Name) -> Option<RoutineId> {
+        let own = self.files[file].routines.iter().position(|routine| routine.name == *name);
+        let found = own.map(|at| RoutineId { file, at }).or_else(|| self.routines.get(name).copied());
         // What those of the controller's own BAS.SRC say is known.
-        found.filter(|id| !self.is_bas(id.file) || !names::is_frame_function(&upper(name)))
+        found.filter(|id| !self.is_bas(id.file) || !names::is_frame_function(name))
     }
 
     /// Whether a file is the controller's own BAS.SRC.
     pub(super) fn is_bas(&self, file: usize) -> bool {
-        &self.module_of[file][..] == b"BAS"
+        &self.files[file].module[..] == b"BAS"
     }
 
-    pub(super) fn all(&self) -> impl Iterator<Item = RoutineId> {
+    pub(super) fn all(&self) -> impl Iterator<Item = RoutineId> + use<'a> {
         let files: &'a [File] = self.files;
         files.iter().enumerate().flat_map(|(file, f)| (0..f.routines.len()).map(move |at| RoutineId { file, at }))
     }
@@ -297,41 +250,12 @@ impl<'a> Symbols<'a> {
     pub(super) fn roots(&self, written: usize) -> Vec<RoutineId> {
         let mut called = BTreeSet::new();
         for id in self.all() {
-            let bytes = &self.sources[id.file].bytes;
-            for span in spans(&self.routine(id).body) {
-                let mut cursor = Cursor::new(bytes, 0, span);
-                while !cursor.is_done() {
-                    let lexeme = cursor.next();
-                    if lexeme.kind == LexemeKind::Word && cursor.peek().kind == LexemeKind::Mark(b'(') {
-                        called.extend(self.find_routine(id.file, cursor.text(lexeme)).filter(|other| *other != id));
-                    }
-                }
-            }
+            let calls = self.routine(id).statements().into_iter().flat_map(Statement::calls);
+            called.extend(calls.filter_map(|call| self.find_routine(id.file, &call.name)).filter(|other| *other != id));
         }
         let firsts =
             || (0..written).filter(|f| !self.files[*f].routines.is_empty()).map(|file| RoutineId { file, at: 0 });
         let free: Vec<RoutineId> = firsts().filter(|id| !called.contains(id)).collect();
         if free.is_empty() { firsts().collect() } else { free }
     }
-}
-
-/// Everything that a block's statements consist of, blocks in it included.
-pub(super) fn spans(block: &[Statement]) -> Vec<Span> {
-    let mut out = Vec::new();
-    walk(block, &mut |statement| match statement {
-        Statement::Simple(span) | Statement::Return(span) => out.push(*span),
-        Statement::If { condition, .. } => out.push(*condition),
-        Statement::For { variable, from, to, step, .. } => {
-            out.extend([*variable, *from, *to]);
-            out.extend(*step);
-        }
-        Statement::Loop { condition, .. } => out.extend(condition.map(|c| c.span)),
-        Statement::Switch { subject, cases, .. } => {
-            out.push(*subject);
-            out.extend(cases.iter().map(|(values, _)| *values));
-        }
-        Statement::Spline { with, .. } => out.push(*with),
-        Statement::Jump | Statement::Label | Statement::Exit | Statement::Mark(_) => {}
-    });
-    out
 }

@@ -1,8 +1,11 @@
 //! Lines to routines, data lists and blocks. A line that is not understood stays as it is and takes no other with it.
 
+use super::expression::{Expression, Path, Setting};
 use super::lex::{Cursor, LexemeKind, Line, lines};
-use super::tree::{Condition, Data, File, Param, Routine, Statement};
-use crate::program::Reason;
+use super::names;
+use super::tree::{Data, File, For, If, Loop, Move, Param, Routine, Started, Statement, StatementKind, Switch, Type};
+use super::value::{Name, upper};
+use crate::program::{Motion, Reason};
 use crate::text::{Source, Span};
 
 /// Blocks within one another: more than anybody writes.
@@ -12,43 +15,8 @@ pub(super) const MAX_DEPTH: usize = 100;
 #[derive(Debug)]
 pub(super) struct TooDeep(pub(super) Span);
 
-/// Words that two words in a row do not make a declaration after.
-const STATEMENTS: [&[u8]; 34] = [
-    b"PTP",
-    b"LIN",
-    b"CIRC",
-    b"SPTP",
-    b"SLIN",
-    b"SCIRC",
-    b"SPL",
-    b"PTP_REL",
-    b"LIN_REL",
-    b"CIRC_REL",
-    b"SPTP_REL",
-    b"SLIN_REL",
-    b"SCIRC_REL",
-    b"SPL_REL",
-    b"ASYPTP",
-    b"ASYCONT",
-    b"WAIT",
-    b"HALT",
-    b"CONTINUE",
-    b"BRAKE",
-    b"RESUME",
-    b"INTERRUPT",
-    b"TRIGGER",
-    b"GOTO",
-    b"RETURN",
-    b"PULSE",
-    b"ANIN",
-    b"ANOUT",
-    b"CONFIRM",
-    b"TIME_BLOCK",
-    b"CONST_VEL",
-    b"STOP",
-    b"SYNC",
-    b"ASYCANCEL",
-];
+/// Words that two words in a row do not make a declaration after, and those of motions and of statements that change no data.
+const STATEMENTS: [&[u8]; 5] = [b"TRIGGER", b"GOTO", b"RETURN", b"ANIN", b"ASYCANCEL"];
 
 /// Types of the system.
 const TYPES: [&[u8]; 16] = [
@@ -101,6 +69,10 @@ impl<'a> Parser<'a> {
         Cursor::new(self.bytes, self.index, span)
     }
 
+    fn name_at(&self, span: Span) -> Name {
+        upper(&self.bytes[span.range()])
+    }
+
     fn file(&mut self) -> Result<(), TooDeep> {
         while let Some(line) = self.lines.get(self.at).copied() {
             self.at += 1;
@@ -117,15 +89,12 @@ impl<'a> Parser<'a> {
             } else if cursor.accept_word(b"DEFFCT") {
                 // The type, maybe an array's.
                 cursor.next();
-                if cursor.accept_mark(b'[') {
-                    while !cursor.is_done() && !cursor.accept_mark(b']') {
-                        cursor.next();
-                    }
-                }
+                cursor.accept_brackets();
                 self.routine(cursor, is_global, true)?;
             } else if cursor.accept_word(b"DEFDAT") {
-                self.file.module = name(&mut cursor);
-                self.data_list();
+                let at = name(&mut cursor);
+                self.file.module = self.name_at(at);
+                self.data_list(at);
             } else {
                 self.file.odd.push((line.code, Reason::StatementOutside));
             }
@@ -134,7 +103,8 @@ impl<'a> Parser<'a> {
     }
 
     fn routine(&mut self, mut cursor: Cursor<'a>, is_global: bool, is_function: bool) -> Result<(), TooDeep> {
-        let name = name(&mut cursor);
+        let at = name(&mut cursor);
+        let name = self.name_at(at);
         let mut params = Vec::new();
         if cursor.accept_mark(b'(') {
             while let Some(param) = cursor.accept(LexemeKind::Word) {
@@ -146,24 +116,24 @@ impl<'a> Parser<'a> {
                         cursor.next();
                     }
                 }
-                params.push(Param { name: param.span(), is_out });
+                params.push(Param { name: upper(cursor.text(param)), is_out });
                 cursor.accept_mark(b',');
             }
         }
         if self.file.routines.is_empty() && self.file.module.is_empty() {
-            self.file.module = name;
+            self.file.module = name.clone();
         }
         let mut data = Vec::new();
         let (body, end) = self.block(&[b"END", b"ENDFCT"], &mut data)?;
         if end.is_none() {
-            self.file.cut = Some(name);
+            self.file.cut = Some(at);
         }
         self.file.routines.push(Routine { name, is_function, is_global, params, data, body });
         Ok(())
     }
 
     /// Declarations, and elements of arrays, up to ENDDAT.
-    fn data_list(&mut self) {
+    fn data_list(&mut self, at: Span) {
         while let Some(line) = self.lines.get(self.at).copied() {
             self.at += 1;
             if line.code.is_empty() {
@@ -175,10 +145,13 @@ impl<'a> Parser<'a> {
             }
             match self.declaration(line.code) {
                 Some(mut data) => self.file.data.append(&mut data),
-                None => self.file.values.push(line.code),
+                None => match self.cursor(line.code).setting() {
+                    Some(setting) => self.file.values.push((setting, line.code)),
+                    None => self.file.odd.push((line.code, Reason::NotUnderstood)),
+                },
             }
         }
-        self.file.cut = Some(self.file.module);
+        self.file.cut = Some(at);
     }
 
     /// `[GLOBAL] [DECL] [CONST] type name […]`; `None` where a line is something else.
@@ -199,7 +172,10 @@ impl<'a> Parser<'a> {
         let kind = cursor.accept(LexemeKind::Word)?;
         let word = cursor.text(kind);
         let is = |known: &[u8]| word.eq_ignore_ascii_case(known);
-        if !is_declared && STATEMENTS.iter().any(|known| is(known)) {
+        let name = upper(word);
+        let moves = || names::motion(&name).is_some() || names::relative(&name).is_some();
+        let is_statement = || STATEMENTS.iter().chain(&names::HARMLESS_STATEMENTS).any(|known| is(known));
+        if !is_declared && (moves() || is_statement()) {
             return None;
         }
         // Types, routines and signals of other files have no value of their own.
@@ -207,11 +183,8 @@ impl<'a> Parser<'a> {
         {
             return Some(Vec::new());
         }
-        let mut dims = false;
-        if cursor.peek().kind == LexemeKind::Mark(b'[') && is_declared {
-            // `CHAR[16] name` is read too.
-            dims = brackets(&mut cursor);
-        }
+        // `CHAR[16] name` is read too.
+        let dims = is_declared && cursor.accept_brackets();
         if cursor.peek().kind != LexemeKind::Word {
             return is_declared.then(Vec::new);
         }
@@ -222,24 +195,10 @@ impl<'a> Parser<'a> {
         }
         let mut found = Vec::new();
         while let Some(name) = cursor.accept(LexemeKind::Word) {
-            let is_array = cursor.peek().kind == LexemeKind::Mark(b'[') && brackets(&mut cursor) || dims;
-            let value = cursor.accept_mark(b'=').then(|| {
-                let start = cursor.peek().start;
-                let mut depth = 0_usize;
-                loop {
-                    let next = cursor.peek();
-                    match next.kind {
-                        LexemeKind::End => return Span::new(start, next.start.max(start)),
-                        LexemeKind::Mark(b',') if depth == 0 => return Span::new(start, next.start),
-                        LexemeKind::Mark(b'{' | b'(' | b'[') => depth += 1,
-                        LexemeKind::Mark(b'}' | b')' | b']') => depth = depth.saturating_sub(1),
-                        _ => {}
-                    }
-                    cursor.next();
-                }
-            });
-            let (kind, name) = (kind.span(), name.span());
-            found.push(Data { kind, name, is_global, is_constant, is_array, value });
+            let is_array = cursor.accept_brackets() || dims;
+            let value = cursor.accept_mark(b'=').then(|| cursor.expression());
+            let name = upper(cursor.text(name));
+            found.push(Data { kind: type_of(word), name, is_global, is_constant, is_array, value });
             if !cursor.accept_mark(b',') {
                 break;
             }
@@ -259,7 +218,7 @@ impl<'a> Parser<'a> {
             if let Some(which) = ends.iter().position(|end| cursor.accept_word(end)) {
                 self.at += 1;
                 self.depth -= 1;
-                block.extend(line.mark.map(Statement::Mark));
+                block.extend(marked(line));
                 return Ok((block, Some((which, cursor.rest()))));
             }
             // A routine that is not closed does not take the next one with it.
@@ -271,7 +230,7 @@ impl<'a> Parser<'a> {
                 break;
             }
             self.at += 1;
-            block.extend(line.mark.map(Statement::Mark));
+            block.extend(marked(line));
             if !line.code.is_empty() {
                 self.statement(line.code, cursor, &mut block, data)?;
             }
@@ -287,75 +246,71 @@ impl<'a> Parser<'a> {
         block: &mut Vec<Statement>,
         data: &mut Vec<Data>,
     ) -> Result<(), TooDeep> {
-        let missing = |file: &mut File, closed: bool| {
-            if !closed {
-                file.cut = Some(at);
-            }
-        };
-        if cursor.accept_word(b"IF") {
+        let mut open = None;
+        let mut closed = |end: &Option<(usize, Span)>| open = if end.is_none() { Some(at) } else { open };
+        let kind = if cursor.accept_word(b"IF") {
             let (condition, _) = cursor.until(&[b"THEN"]);
+            let condition = self.cursor(condition).whole();
             let (then, mut end) = self.block(&[b"ENDIF", b"ELSE"], data)?;
             let mut otherwise = Vec::new();
             if matches!(end, Some((1, _))) {
                 (otherwise, end) = self.block(&[b"ENDIF"], data)?;
             }
-            missing(&mut self.file, end.is_some());
-            block.push(Statement::If { condition, then, otherwise, at });
+            closed(&end);
+            StatementKind::If(Box::new(If { condition, then, otherwise }))
         } else if cursor.accept_word(b"FOR") {
-            let variable = cursor.next().span();
+            let variable = upper(cursor.text(cursor.peek()));
+            let variable = Path { name: variable, at: cursor.next().span(), steps: Vec::new() };
             cursor.accept_mark(b'=');
             let (from, _) = cursor.until(&[b"TO"]);
             let (to, which) = cursor.until(&[b"STEP"]);
-            let step = which.map(|_| cursor.rest());
+            let [from, to] = [from, to].map(|span| self.cursor(span).whole());
+            let step = which.map(|_| cursor.whole());
             let (body, end) = self.block(&[b"ENDFOR"], data)?;
-            missing(&mut self.file, end.is_some());
-            block.push(Statement::For { variable, from, to, step, body, at });
+            closed(&end);
+            StatementKind::For(Box::new(For { variable, from, to, step, body }))
         } else if cursor.accept_word(b"WHILE") {
-            let span = cursor.rest();
+            let condition = Some(cursor.whole());
             let (body, end) = self.block(&[b"ENDWHILE"], data)?;
-            missing(&mut self.file, end.is_some());
-            let condition = Some(Condition { span, is_behind: false });
-            block.push(Statement::Loop { condition, body, at });
+            closed(&end);
+            StatementKind::Loop(Box::new(Loop { condition, is_behind: false, body }))
         } else if cursor.accept_word(b"REPEAT") {
             let (body, end) = self.block(&[b"UNTIL"], data)?;
-            missing(&mut self.file, end.is_some());
-            let condition = end.map(|(_, span)| Condition { span, is_behind: true });
-            block.push(Statement::Loop { condition, body, at });
+            closed(&end);
+            let condition = end.map(|(_, span)| self.cursor(span).whole());
+            StatementKind::Loop(Box::new(Loop { condition, is_behind: true, body }))
         } else if cursor.accept_word(b"LOOP") {
             let (body, end) = self.block(&[b"ENDLOOP"], data)?;
-            missing(&mut self.file, end.is_some());
-            block.push(Statement::Loop { condition: None, body, at });
+            closed(&end);
+            StatementKind::Loop(Box::new(Loop { condition: None, is_behind: false, body }))
         } else if cursor.accept_word(b"SWITCH") {
-            self.switch(at, cursor.rest(), block, data)?;
+            self.switch(at, cursor.whole(), data)?
         } else if cursor.accept_word(b"SPLINE") || cursor.accept_word(b"PTP_SPLINE") {
             cursor.accept_word(b"WITH");
-            let with = cursor.rest();
+            let (with, _) = settings(cursor);
             let (body, end) = self.block(&[b"ENDSPLINE"], data)?;
-            missing(&mut self.file, end.is_some());
-            block.push(Statement::Spline { with, body });
+            closed(&end);
+            StatementKind::Spline(with, body)
         } else if cursor.accept_word(b"GOTO") {
-            block.push(Statement::Jump);
+            StatementKind::Jump
         } else if cursor.accept_word(b"RETURN") {
-            block.push(Statement::Return(cursor.rest()));
+            StatementKind::Return((!cursor.is_done()).then(|| cursor.whole()))
         } else if cursor.accept_word(b"EXIT") {
-            block.push(Statement::Exit);
+            StatementKind::Exit
         } else if let Some(mut found) = self.declaration(at) {
             data.append(&mut found);
+            return Ok(());
         } else if is_label(cursor) {
-            block.push(Statement::Label);
+            StatementKind::Label
         } else {
-            block.push(Statement::Simple(at));
-        }
+            simple(cursor)
+        };
+        self.file.cut = open.or(self.file.cut);
+        block.push(Statement { kind, at });
         Ok(())
     }
 
-    fn switch(
-        &mut self,
-        at: Span,
-        subject: Span,
-        block: &mut Vec<Statement>,
-        data: &mut Vec<Data>,
-    ) -> Result<(), TooDeep> {
+    fn switch(&mut self, at: Span, subject: Expression, data: &mut Vec<Data>) -> Result<StatementKind, TooDeep> {
         let ends: [&[u8]; 3] = [b"ENDSWITCH", b"CASE", b"DEFAULT"];
         // What stands before the first CASE is never run.
         let (_, mut end) = self.block(&ends, data)?;
@@ -364,7 +319,7 @@ impl<'a> Parser<'a> {
             match end {
                 Some((1, values)) => {
                     let (body, next) = self.block(&ends, data)?;
-                    cases.push((values, body));
+                    cases.push((self.cursor(values).list(), body));
                     end = next;
                 }
                 Some((2, _)) => (otherwise, end) = self.block(&ends, data)?,
@@ -375,9 +330,109 @@ impl<'a> Parser<'a> {
                 }
             }
         }
-        block.push(Statement::Switch { subject, cases, otherwise, at });
-        Ok(())
+        Ok(StatementKind::Switch(Box::new(Switch { subject, cases, otherwise })))
     }
+}
+
+/// A statement that fits on its line.
+fn simple(mut cursor: Cursor<'_>) -> StatementKind {
+    let start = cursor;
+    let word = upper(cursor.text(cursor.peek()));
+    if let Some(motion) = names::motion(&word) {
+        cursor.next();
+        return StatementKind::Move(Box::new(Move { is_curve: word[..] == *b"SPL", ..moves(motion, cursor) }));
+    }
+    if let Some(reason) = names::relative(&word) {
+        cursor.next();
+        return StatementKind::Relative(reason, cursor.list());
+    }
+    match &word[..] {
+        // What one starts is no other.
+        b"TRIGGER" if cursor.depth == 0 => {
+            cursor.next();
+            let started = started(cursor);
+            let is_known = started.run.is_some();
+            return if is_known {
+                StatementKind::Trigger(Box::new(started))
+            } else {
+                StatementKind::NotUnderstood(started.when)
+            };
+        }
+        b"INTERRUPT" | b"GLOBAL" if cursor.depth == 0 => {
+            cursor.accept_word(b"GLOBAL");
+            let declares = cursor.accept_word(b"INTERRUPT") && cursor.accept_word(b"DECL");
+            let off = |mut cursor: Cursor<'_>| Started { when: cursor.parts(LexemeKind::End), run: None };
+            return StatementKind::Interrupt(Box::new(if declares { started(cursor) } else { off(cursor) }));
+        }
+        b"RESUME" => return StatementKind::Resume,
+        b"ON_ERROR_PROCEED" => return StatementKind::Proceed,
+        _ => {}
+    }
+    if let Some(setting) = cursor.setting().filter(|_| cursor.is_done()) {
+        return StatementKind::Assign(Box::new(setting));
+    }
+    cursor = start;
+    if names::HARMLESS_STATEMENTS.contains(&&word[..]) {
+        return StatementKind::Harmless(cursor.parts(LexemeKind::End));
+    }
+    match cursor.call().filter(|_| cursor.is_done()) {
+        Some(call) => StatementKind::Call(Box::new(call)),
+        None => StatementKind::NotUnderstood({ start }.parts(LexemeKind::End)),
+    }
+}
+
+/// A motion after its word.
+fn moves(motion: Motion, mut cursor: Cursor<'_>) -> Move {
+    let first = cursor.expression();
+    let second = cursor.accept_mark(b',').then(|| cursor.expression());
+    let angle = (cursor.accept_mark(b',') && cursor.accept_word(b"CA")).then(|| Box::new(cursor.expression()));
+    let approximate = &names::APPROXIMATE[1..];
+    let pass = |cursor: &mut Cursor<'_>| while approximate.iter().any(|word| cursor.accept_word(word)) {};
+    pass(&mut cursor);
+    let (mut with, mut is_whole) = (Vec::new(), true);
+    if cursor.accept_word(b"WITH") {
+        let (span, is_approximate) = cursor.until(approximate);
+        (with, is_whole) = settings(cursor.within(span));
+        if is_approximate.is_some() {
+            pass(&mut cursor);
+        }
+    }
+    let (via, end) = match second {
+        Some(second) => (Some(Box::new(first)), second),
+        None => (None, first),
+    };
+    Move { motion, is_curve: false, via, end, angle, with, is_whole: is_whole && cursor.is_done() }
+}
+
+/// What WITH says, and whether that is all.
+fn settings(mut cursor: Cursor<'_>) -> (Vec<Setting>, bool) {
+    let mut all = Vec::new();
+    while let Some(setting) = cursor.setting() {
+        all.push(setting);
+        if !cursor.accept_mark(b',') {
+            break;
+        }
+    }
+    (all, cursor.is_done())
+}
+
+/// `WHEN … DO …`
+fn started(mut cursor: Cursor<'_>) -> Started {
+    let (when, is_said) = cursor.until(&[b"DO"]);
+    let (at, _) = cursor.until(&[b"PRIO"]);
+    let mut inner = cursor.within(at);
+    inner.depth += 1;
+    let run = is_said.map(|_| Statement { kind: simple(inner), at });
+    Started { when: cursor.within(when).parts(LexemeKind::End), run }
+}
+
+fn marked(line: Line) -> Option<Statement> {
+    line.mark.map(|mark| Statement { kind: StatementKind::Mark(mark), at: line.code })
+}
+
+fn type_of(word: &[u8]) -> Option<Type> {
+    let known = [(&b"INT"[..], Type::Whole), (b"REAL", Type::Real), (b"FRAME", Type::Frame), (b"POS", Type::Pos)];
+    known.into_iter().find(|(name, _)| word.eq_ignore_ascii_case(name)).map(|(_, of)| of)
 }
 
 /// A module's or routine's name; some begin with a digit.
@@ -390,14 +445,6 @@ fn name(cursor: &mut Cursor<'_>) -> Span {
         }
         name = name.to(cursor.next().span());
     }
-}
-
-/// Passes `[…]`.
-fn brackets(cursor: &mut Cursor<'_>) -> bool {
-    while !cursor.is_done() && !cursor.accept_mark(b']') {
-        cursor.next();
-    }
-    true
 }
 
 /// `name:`

@@ -444,6 +444,26 @@ fn data_that_a_trigger_sets_end_with_their_routine() {
 
 /// More work than a program is worth: refused, not run for ever.
 #[test]
+fn a_loop_whose_condition_is_a_constant_never_ends() {
+    // Whatever a routine that no file has may change, TRUE is no data.
+    let p = program(
+        "$BASE=BASE_DATA[1]\n$TOOL=TOOL_DATA[1]\nLIN {X 1,Y 2,Z 3,A 0,B 0,C 0}\nWHILE TRUE\nN=N+1\nFOO()\nENDWHILE",
+    );
+    assert_eq!((positions(&p), editable(&p)), (vec![[1.0, 2.0, 3.0]], vec!['P']));
+}
+
+#[test]
+fn brackets_and_signs_without_number_are_read_to_their_end() {
+    for part in ["{", "(", "-", "NOT ", "A[", "F(", "{X ", "{A{", "1+", "A:", "TRIGGER WHEN PATH=0 DO "] {
+        let starts = [("", 1), ("A=", 1), ("LIN ", 2), ("LIN {X 1} WITH $VEL=", 2), ("WAIT FOR ", 1), ("RETURN ", 0)];
+        for (start, motions) in starts {
+            let p = program(&format!("{start}{}\nLIN {POINT}", part.repeat(20_000)));
+            assert_eq!(p.motion_targets(), motions, "{start}{part}");
+        }
+    }
+}
+
+#[test]
 fn loops_within_loops_within_loops_end() {
     let depth = 60;
     let open: String =

@@ -1,17 +1,19 @@
-//! What a file is made of: spans, not texts.
+//! What a file is made of.
 
-use crate::program::{Mark, Reason};
+use super::expression::{Call, Expression, Part, Path, Setting};
+use super::value::Name;
+use crate::program::{Mark, Motion, Reason};
 use crate::text::Span;
 
 /// One file: routines (`.src`), data (`.dat`), or both.
 #[derive(Debug, Default)]
 pub(super) struct File {
     /// The name after DEFDAT, or after the first DEF.
-    pub(super) module: Span,
+    pub(super) module: Name,
     pub(super) routines: Vec<Routine>,
     pub(super) data: Vec<Data>,
-    /// Elements that a data list sets, in text order: `Points[1]={X 1,…}`.
-    pub(super) values: Vec<Span>,
+    /// Elements that a data list sets, in text order: `Points[1]={X 1,…}`, and where.
+    pub(super) values: Vec<(Setting, Span)>,
     /// Statements that are not understood, with the reason.
     pub(super) odd: Vec<(Span, Reason)>,
     /// The last mark before the first routine: in force from the start.
@@ -23,7 +25,7 @@ pub(super) struct File {
 /// `[GLOBAL] DEF name(params)` or `DEFFCT type name(params)`.
 #[derive(Debug)]
 pub(super) struct Routine {
-    pub(super) name: Span,
+    pub(super) name: Name,
     pub(super) is_function: bool,
     pub(super) is_global: bool,
     pub(super) params: Vec<Param>,
@@ -31,89 +33,239 @@ pub(super) struct Routine {
     pub(super) body: Vec<Statement>,
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Debug)]
 pub(super) struct Param {
-    pub(super) name: Span,
+    pub(super) name: Name,
     /// `:OUT`, which is the caller's own variable, and what holds where nothing is said.
     pub(super) is_out: bool,
 }
 
 /// `[DECL] [GLOBAL] [CONST] type name[…] [= value]`
-#[derive(Clone, Copy, Debug)]
+#[derive(Debug)]
 pub(super) struct Data {
-    pub(super) kind: Span,
-    pub(super) name: Span,
+    pub(super) kind: Option<Type>,
+    pub(super) name: Name,
     pub(super) is_global: bool,
     pub(super) is_constant: bool,
     pub(super) is_array: bool,
-    pub(super) value: Option<Span>,
+    pub(super) value: Option<Expression>,
+}
+
+/// Types that say what a value becomes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Type {
+    Whole,
+    Real,
+    Frame,
+    Pos,
 }
 
 #[derive(Debug)]
-pub(super) enum Statement {
-    /// All that fits on its line.
-    Simple(Span),
-    If {
-        condition: Span,
-        then: Vec<Statement>,
-        otherwise: Vec<Statement>,
-        at: Span,
-    },
-    For {
-        variable: Span,
-        from: Span,
-        to: Span,
-        step: Option<Span>,
-        body: Vec<Statement>,
-        at: Span,
-    },
-    /// Left by its condition, by EXIT, or never.
-    Loop {
-        condition: Option<Condition>,
-        body: Vec<Statement>,
-        at: Span,
-    },
-    Switch {
-        subject: Span,
-        cases: Vec<(Span, Vec<Statement>)>,
-        otherwise: Vec<Statement>,
-        at: Span,
-    },
+pub(super) struct Statement {
+    pub(super) kind: StatementKind,
+    pub(super) at: Span,
+}
+
+#[derive(Debug)]
+pub(super) enum StatementKind {
+    Assign(Box<Setting>),
+    Call(Box<Call>),
+    Move(Box<Move>),
+    /// A motion that is not followed, and why; what it is given.
+    Relative(Reason, Vec<Expression>),
+    Trigger(Box<Started>),
+    Interrupt(Box<Started>),
+    /// Changes no data and moves nothing: what it reads.
+    Harmless(Vec<Expression>),
+    /// RESUME
+    Resume,
+    /// `ON_ERROR_PROCEED`
+    Proceed,
+    /// What it names.
+    NotUnderstood(Vec<Expression>),
+    If(Box<If>),
+    For(Box<For>),
+    Loop(Box<Loop>),
+    Switch(Box<Switch>),
     /// What WITH says holds for all of its segments.
-    Spline {
-        with: Span,
-        body: Vec<Statement>,
-    },
+    Spline(Vec<Setting>, Vec<Statement>),
     Jump,
     /// Where a GOTO goes on.
     Label,
-    Return(Span),
+    Return(Option<Expression>),
     Exit,
     Mark(Mark),
 }
 
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Condition {
-    pub(super) span: Span,
-    /// REPEAT … UNTIL: the body runs before it is looked at, and again where it does not hold.
+/// A motion to a position.
+#[derive(Debug)]
+pub(super) struct Move {
+    pub(super) motion: Motion,
+    /// `SPL`: on a curve through this point and its neighbours.
+    pub(super) is_curve: bool,
+    pub(super) via: Option<Box<Expression>>,
+    pub(super) end: Expression,
+    /// `CA`: how far it goes on a circle.
+    pub(super) angle: Option<Box<Expression>>,
+    /// What WITH says.
+    pub(super) with: Vec<Setting>,
+    /// Whether nothing else is said.
+    pub(super) is_whole: bool,
+}
+
+/// What an interrupt or a TRIGGER starts while the program goes on.
+#[derive(Debug)]
+pub(super) struct Started {
+    /// What says when.
+    pub(super) when: Vec<Expression>,
+    /// Nothing where an interrupt is only switched.
+    pub(super) run: Option<Statement>,
+}
+
+#[derive(Debug)]
+pub(super) struct If {
+    pub(super) condition: Expression,
+    pub(super) then: Vec<Statement>,
+    pub(super) otherwise: Vec<Statement>,
+}
+
+#[derive(Debug)]
+pub(super) struct For {
+    pub(super) variable: Path,
+    pub(super) from: Expression,
+    pub(super) to: Expression,
+    pub(super) step: Option<Expression>,
+    pub(super) body: Vec<Statement>,
+}
+
+/// Left by its condition, by EXIT, or never.
+#[derive(Debug)]
+pub(super) struct Loop {
+    pub(super) condition: Option<Expression>,
+    /// REPEAT … UNTIL: the body runs before the condition is looked at, and again where it does not hold.
     pub(super) is_behind: bool,
+    pub(super) body: Vec<Statement>,
+}
+
+#[derive(Debug)]
+pub(super) struct Switch {
+    pub(super) subject: Expression,
+    pub(super) cases: Vec<(Vec<Expression>, Vec<Statement>)>,
+    pub(super) otherwise: Vec<Statement>,
+}
+
+impl File {
+    /// Complete numeric positions in it: aggregates with all six of X, Y, Z, A, B, C.
+    pub(super) fn positions(&self) -> usize {
+        let mut count = 0;
+        let mut add = |part: Part<'_>| count += part.positions();
+        let data = self.data.iter().chain(self.routines.iter().flat_map(|routine| &routine.data));
+        data.filter_map(|data| data.value.as_ref()).for_each(|value| value.each(&mut add));
+        self.values.iter().for_each(|(setting, _)| setting.value.each(&mut add));
+        let statements = self.routines.iter().flat_map(Routine::statements);
+        statements.for_each(|statement| statement.each(&mut add));
+        count
+    }
+}
+
+impl Routine {
+    /// Names of its parameters and of its own data.
+    pub(super) fn own_names(&self) -> impl Iterator<Item = &Name> {
+        self.data.iter().map(|data| &data.name).chain(self.params.iter().map(|param| &param.name))
+    }
+
+    /// All of its statements, those of blocks in blocks included.
+    pub(super) fn statements(&self) -> Vec<&Statement> {
+        let mut all = Vec::new();
+        walk(&self.body, &mut |statement| all.push(statement));
+        all
+    }
+}
+
+impl Statement {
+    /// Whether it moves the robot.
+    pub(super) fn is_motion(&self) -> bool {
+        matches!(self.kind, StatementKind::Move(_) | StatementKind::Relative(..))
+    }
+
+    /// What it sets by `path = value`, for the time that it runs or for longer.
+    pub(super) fn settings(&self) -> &[Setting] {
+        match &self.kind {
+            StatementKind::Assign(setting) => std::slice::from_ref(setting),
+            StatementKind::Move(of) => &of.with,
+            StatementKind::Spline(with, _) => with,
+            _ => &[],
+        }
+    }
+
+    /// The expressions of this statement alone.
+    pub(super) fn expressions(&self) -> Vec<&Expression> {
+        let mut all: Vec<&Expression> = self.settings().iter().map(|setting| &setting.value).collect();
+        match &self.kind {
+            StatementKind::Call(call) => all.extend(call.arguments.iter().flatten()),
+            StatementKind::Move(of) => {
+                all.extend(of.via.as_deref().into_iter().chain([&of.end]).chain(of.angle.as_deref()))
+            }
+            StatementKind::Relative(_, parts)
+            | StatementKind::Harmless(parts)
+            | StatementKind::NotUnderstood(parts) => all.extend(parts),
+            StatementKind::Trigger(started) | StatementKind::Interrupt(started) => all.extend(&started.when),
+            StatementKind::If(of) => all.push(&of.condition),
+            StatementKind::For(of) => all.extend([&of.from, &of.to].into_iter().chain(&of.step)),
+            StatementKind::Loop(of) => all.extend(&of.condition),
+            StatementKind::Switch(of) => {
+                all.extend(of.cases.iter().flat_map(|(values, _)| values).chain([&of.subject]));
+            }
+            StatementKind::Return(value) => all.extend(value),
+            _ => {}
+        }
+        all
+    }
+
+    /// Calls `of` with all that it consists of, what it starts included, and without the statements of its blocks.
+    pub(super) fn each<'s>(&'s self, of: &mut impl FnMut(Part<'s>)) {
+        self.settings().iter().for_each(|setting| setting.to.each(of));
+        self.expressions().into_iter().for_each(|part| part.each(of));
+        match &self.kind {
+            StatementKind::For(inner) => inner.variable.each(of),
+            StatementKind::Call(call) => of(Part::Call(call)),
+            StatementKind::Trigger(started) | StatementKind::Interrupt(started) => {
+                started.run.iter().for_each(|run| run.each(of));
+            }
+            _ => {}
+        }
+    }
+
+    /// Its calls, and those of what it starts.
+    pub(super) fn calls(&self) -> Vec<&Call> {
+        let mut calls = Vec::new();
+        self.each(&mut |part| calls.extend(if let Part::Call(call) = part { Some(call) } else { None }));
+        calls
+    }
+
+    /// Names of data in it and in what it starts.
+    pub(super) fn names(&self) -> Vec<&Name> {
+        let mut names = Vec::new();
+        self.each(&mut |part| names.extend(if let Part::Path(path) = part { Some(&path.name) } else { None }));
+        names
+    }
 }
 
 /// Calls `each` with every statement of a block and of the blocks in it, in text order.
 pub(super) fn walk<'a>(block: &'a [Statement], each: &mut impl FnMut(&'a Statement)) {
     for statement in block {
         each(statement);
-        match statement {
-            Statement::If { then, otherwise, .. } => {
-                walk(then, each);
-                walk(otherwise, each);
+        match &statement.kind {
+            StatementKind::If(of) => {
+                walk(&of.then, each);
+                walk(&of.otherwise, each);
             }
-            Statement::For { body, .. } | Statement::Loop { body, .. } | Statement::Spline { body, .. } => {
-                walk(body, each);
-            }
-            Statement::Switch { cases, otherwise, .. } => {
-                cases.iter().for_each(|(_, block)| walk(block, each));
-                walk(otherwise, each);
+            StatementKind::For(of) => walk(&of.body, each),
+            StatementKind::Loop(of) => walk(&of.body, each),
+            StatementKind::Spline(_, body) => walk(body, each),
+            StatementKind::Switch(of) => {
+                of.cases.iter().for_each(|(_, block)| walk(block, each));
+                walk(&of.otherwise, each);
             }
             _ => {}
         }

@@ -49,7 +49,7 @@ pub(super) enum Value {
     Bool(bool),
     Text(Rc<[u8]>),
     /// `#NAME`
-    Constant(Name),
+    Constant(Rc<[u8]>),
     /// Components by name.
     Record(Rc<Vec<(Name, Value)>>),
     /// Elements by index; several indices are put into one.
@@ -71,6 +71,11 @@ pub(super) enum Step {
 impl Value {
     pub(super) fn unknown(why: Reason) -> Self {
         Self::Unknown(why, None)
+    }
+
+    /// `#NAME`
+    pub(super) fn constant(name: &[u8]) -> Self {
+        Self::Constant(upper(name)[..].into())
     }
 
     pub(super) fn number(&self) -> Option<f64> {
@@ -278,13 +283,19 @@ impl Value {
         Self::Array(items)
     }
 
+    /// Complete numeric positions in it.
+    pub(super) fn positions(&self) -> usize {
+        let Self::Record(fields) = self else { return 0 };
+        let is_number = |name| matches!(self.component(name), Some(Self::Number(_, Some(_))));
+        usize::from(POSE.into_iter().all(is_number)) + fields.iter().map(|(_, value)| value.positions()).sum::<usize>()
+    }
+
     /// Whether it is, or has, a position that leaves components out.
     pub(super) fn leaves_components_out(&self) -> bool {
         match self {
             Self::Record(fields) => {
-                let named = POSE.iter().filter(|name| self.component(name).is_some()).count();
-                let parts = || fields.iter().filter(|(name, _)| name[..] != *INERTIA);
-                (1..POSE.len()).contains(&named) || parts().any(|(_, value)| value.leaves_components_out())
+                let is_part = |(name, value): &(Name, Self)| name[..] != *INERTIA && value.leaves_components_out();
+                leaves_out(fields.iter().map(|(name, _)| name)) || fields.iter().any(is_part)
             }
             Self::Array(items) => items.values().any(Self::leaves_components_out),
             _ => false,
@@ -305,6 +316,12 @@ impl Value {
         let [x, y, z, a, b, c] = self.numbers(POSE)?;
         Some(([x, y, z], quaternion(&from_zyx_deg([a, b, c]))))
     }
+}
+
+/// Whether some components of a position are among these names, and not all.
+pub(super) fn leaves_out<'n>(names: impl Iterator<Item = &'n Name>) -> bool {
+    let named = names.filter(|name| POSE.contains(&&name[..])).count();
+    (1..POSE.len()).contains(&named)
 }
 
 /// Components of a pose: mm, and degrees about z, the turned y, the turned x.

@@ -1,0 +1,463 @@
+//! Expressions, each read once into a tree with where its names and numbers stand.
+
+use super::lex::{Cursor, LexemeKind};
+use super::names;
+use super::value::{INERTIA, Name, NumberToken, POSE, Value, leaves_out, upper};
+use crate::program::Reason;
+use crate::text::{Span, number};
+use deflex_lang::ir::Binary;
+use std::rc::Rc;
+
+/// Brackets within one another.
+const MAX_DEPTH: usize = 40;
+
+#[derive(Debug)]
+pub(super) enum Expression {
+    /// A literal, or an aggregate of literals.
+    Known(Value),
+    /// A variable, or a part of it.
+    Path(Box<Path>),
+    Call(Box<Call>),
+    /// `{[TYPE:] X 1.0, Y A, …}`
+    Aggregate(Vec<(Name, Expression)>),
+    Not(Box<Expression>),
+    /// In round brackets.
+    Bracketed(Box<Expression>),
+    /// Operators of one level, from left to right.
+    Chain(Box<Expression>, Vec<(Operator, Expression)>),
+    /// What it is worth is known only at run time; what it reads.
+    Unknown(Reason, Vec<Expression>),
+    /// No controller loads it: why, and where it stands.
+    Refused(Reason, Span, Vec<Expression>),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Operator {
+    /// `frame : position`
+    Frame,
+    Other(Binary),
+}
+
+/// `name[i,j].component…`
+#[derive(Debug)]
+pub(super) struct Path {
+    pub(super) name: Name,
+    /// Where the name stands.
+    pub(super) at: Span,
+    pub(super) steps: Vec<PathStep>,
+}
+
+#[derive(Debug)]
+pub(super) enum PathStep {
+    /// `name[]` is the whole of it.
+    Index(Vec<Expression>),
+    Component(Name, Span),
+}
+
+/// `name(arguments)`
+#[derive(Debug)]
+pub(super) struct Call {
+    pub(super) name: Name,
+    /// From after the name to the end of the statement.
+    pub(super) rest: Span,
+    /// `None` for one that is left out.
+    pub(super) arguments: Vec<Option<Expression>>,
+}
+
+/// `path = value`
+#[derive(Debug)]
+pub(super) struct Setting {
+    pub(super) to: Path,
+    pub(super) value: Expression,
+}
+
+/// What expressions and statements consist of.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Part<'e> {
+    Path(&'e Path),
+    Call(&'e Call),
+    Other(&'e Expression),
+}
+
+impl Part<'_> {
+    /// Complete numeric positions in it, and not in its parts.
+    pub(super) fn positions(&self) -> usize {
+        match self {
+            Self::Other(Expression::Known(value)) => value.positions(),
+            Self::Other(Expression::Aggregate(fields)) => {
+                let is_number = |value: &Expression| matches!(value, Expression::Known(Value::Number(_, Some(_))));
+                let is_named = |part: &[u8]| fields.iter().any(|(name, value)| name[..] == *part && is_number(value));
+                usize::from(POSE.into_iter().all(is_named))
+            }
+            _ => 0,
+        }
+    }
+}
+
+impl Expression {
+    /// The expressions that it consists of.
+    fn parts(&self) -> Vec<&Self> {
+        match self {
+            Self::Known(_) => Vec::new(),
+            Self::Path(path) => path.indices().collect(),
+            Self::Call(call) => call.arguments.iter().flatten().collect(),
+            Self::Aggregate(fields) => fields.iter().map(|(_, value)| value).collect(),
+            Self::Not(of) | Self::Bracketed(of) => vec![of],
+            Self::Chain(first, rest) => std::iter::once(&**first).chain(rest.iter().map(|(_, of)| of)).collect(),
+            Self::Unknown(_, parts) | Self::Refused(_, _, parts) => parts.iter().collect(),
+        }
+    }
+
+    /// Calls `of` with it and all within it.
+    pub(super) fn each<'e>(&'e self, of: &mut impl FnMut(Part<'e>)) {
+        match self {
+            Self::Path(path) => return path.each(of),
+            Self::Call(call) => of(Part::Call(call)),
+            _ => of(Part::Other(self)),
+        }
+        self.parts().into_iter().for_each(|part| part.each(of));
+    }
+
+    /// Whether it is, or has, a position that leaves components out.
+    pub(super) fn leaves_components_out(&self) -> bool {
+        match self {
+            Self::Known(value) => value.leaves_components_out(),
+            Self::Aggregate(fields) => {
+                let is_part = |(name, value): &(Name, Self)| name[..] != *INERTIA && value.leaves_components_out();
+                leaves_out(fields.iter().map(|(name, _)| name)) || fields.iter().any(is_part)
+            }
+            _ => self.parts().into_iter().any(Self::leaves_components_out),
+        }
+    }
+
+    /// The same of what a motion goes to: it is put into no data itself, but what it gives a function is.
+    pub(super) fn gives_components_out(&self) -> bool {
+        let is_position = matches!(self, Self::Known(_) | Self::Aggregate(_));
+        if is_position {
+            self.parts().into_iter().any(Self::leaves_components_out)
+        } else {
+            self.leaves_components_out()
+        }
+    }
+}
+
+impl Path {
+    pub(super) fn each<'e>(&'e self, of: &mut impl FnMut(Part<'e>)) {
+        of(Part::Path(self));
+        self.indices().for_each(|index| index.each(of));
+    }
+
+    fn indices(&self) -> impl Iterator<Item = &Expression> {
+        let all = self.steps.iter().filter_map(|step| if let PathStep::Index(all) = step { Some(all) } else { None });
+        all.flatten()
+    }
+
+    /// Its last component.
+    pub(super) fn component(&self) -> Option<&Name> {
+        self.steps.iter().rev().find_map(|step| if let PathStep::Component(name, _) = step { Some(name) } else { None })
+    }
+}
+
+impl Call {
+    /// Where its name stands.
+    pub(super) fn at(&self) -> Span {
+        let end = self.rest.start as usize;
+        Span::new(end - self.name.len(), end)
+    }
+
+    /// Variables that it is given.
+    pub(super) fn variables(&self) -> impl Iterator<Item = &Name> {
+        let given = self.arguments.iter().flatten();
+        given.filter_map(|given| if let Expression::Path(path) = given { Some(&path.name) } else { None })
+    }
+}
+
+impl Cursor<'_> {
+    /// All that is left as one expression.
+    pub(super) fn whole(mut self) -> Expression {
+        let mut from_start = self;
+        let value = self.expression();
+        if self.is_done() { value } else { Expression::Unknown(Reason::Expression, from_start.parts(LexemeKind::End)) }
+    }
+
+    /// Comparisons and logic: on one level, so that what mixes them without brackets is not known.
+    pub(super) fn expression(&mut self) -> Expression {
+        let first = self.sum();
+        let mut rest = Vec::new();
+        while let Some(operator) = self.logic() {
+            self.next();
+            rest.push((operator, self.sum()));
+        }
+        let Some(&(operator, _)) = rest.first() else { return first };
+        let joins = matches!(operator, Some(Binary::And | Binary::Or | Binary::Xor));
+        let one = rest.len() == 1 || joins && rest.iter().all(|(other, _)| *other == operator);
+        match operator {
+            Some(operator) if one => {
+                let rest = rest.into_iter().map(|(_, value)| (Operator::Other(operator), value));
+                Expression::Chain(Box::new(first), rest.collect())
+            }
+            _ => {
+                let all = std::iter::once(first).chain(rest.into_iter().map(|(_, value)| value));
+                Expression::Unknown(Reason::Computed, all.collect())
+            }
+        }
+    }
+
+    /// A comparison, or what joins two; within that `None` where what comes of it is not looked at.
+    fn logic(&self) -> Option<Option<Binary>> {
+        let lexeme = self.peek();
+        Some(match lexeme.kind {
+            LexemeKind::Equal => Some(Binary::Equal),
+            LexemeKind::Unequal => Some(Binary::NotEqual),
+            LexemeKind::AtMost => Some(Binary::AtMost),
+            LexemeKind::AtLeast => Some(Binary::AtLeast),
+            LexemeKind::Mark(b'<') => Some(Binary::Less),
+            LexemeKind::Mark(b'>') => Some(Binary::Greater),
+            LexemeKind::Word => match &upper(self.text(lexeme))[..] {
+                b"AND" => Some(Binary::And),
+                b"OR" => Some(Binary::Or),
+                b"EXOR" => Some(Binary::Xor),
+                b"B_AND" | b"B_OR" | b"B_EXOR" => None,
+                _ => return None,
+            },
+            _ => return None,
+        })
+    }
+
+    fn chain(&mut self, levels: &[&[(u8, Operator)]]) -> Expression {
+        let Some((operators, tighter)) = levels.split_first() else { return self.unary() };
+        let first = self.chain(tighter);
+        let mut rest = Vec::new();
+        while let LexemeKind::Mark(mark) = self.peek().kind
+            && let Some((_, operator)) = operators.iter().find(|(known, _)| *known == mark)
+        {
+            self.next();
+            rest.push((*operator, self.chain(tighter)));
+        }
+        if rest.is_empty() { first } else { Expression::Chain(Box::new(first), rest) }
+    }
+
+    fn sum(&mut self) -> Expression {
+        self.chain(&[
+            &[(b'+', Operator::Other(Binary::Add)), (b'-', Operator::Other(Binary::Subtract))],
+            &[(b'*', Operator::Other(Binary::Multiply)), (b'/', Operator::Other(Binary::Divide))],
+            &[(b':', Operator::Frame)],
+        ])
+    }
+
+    fn deeper<T>(&mut self, read: impl FnOnce(&mut Self) -> T) -> T {
+        self.depth += 1;
+        let inner = read(self);
+        self.depth -= 1;
+        inner
+    }
+
+    fn unary(&mut self) -> Expression {
+        let lexeme = self.peek();
+        if self.depth > MAX_DEPTH {
+            self.next();
+            return Expression::Unknown(Reason::ExpressionTooDeep, Vec::new());
+        }
+        let known = match lexeme.kind {
+            LexemeKind::Word => return self.word(),
+            LexemeKind::Mark(b'{') => return self.aggregate(),
+            LexemeKind::Mark(sign @ (b'-' | b'+')) => {
+                self.next();
+                match self.accept(LexemeKind::Number) {
+                    Some(digits) => self.literal(lexeme.span().to(digits.span())),
+                    None => {
+                        let (zero, of) = (Expression::Known(Value::Number(0.0, None)), self.deeper(Self::unary));
+                        let operator = if sign == b'-' { Binary::Subtract } else { Binary::Add };
+                        return Expression::Chain(Box::new(zero), vec![(Operator::Other(operator), of)]);
+                    }
+                }
+            }
+            LexemeKind::Mark(b'(') => {
+                self.next();
+                let inner = self.deeper(Self::expression);
+                self.accept_mark(b')');
+                return Expression::Bracketed(Box::new(inner));
+            }
+            LexemeKind::Mark(b'#') => {
+                self.next();
+                let word = self.next();
+                Value::constant(self.text(word))
+            }
+            kind => {
+                self.next();
+                match kind {
+                    LexemeKind::Number => self.literal(lexeme.span()),
+                    LexemeKind::Bits => bits(self.text(lexeme)),
+                    LexemeKind::Text => Value::Text(self.text(lexeme).into()),
+                    _ => Value::unknown(Reason::Expression),
+                }
+            }
+        };
+        Expression::Known(known)
+    }
+
+    fn word(&mut self) -> Expression {
+        if self.accept_word(b"NOT") || self.accept_word(b"B_NOT") {
+            return Expression::Not(Box::new(self.deeper(Self::unary)));
+        }
+        if self.is_at(b"TRUE") || self.is_at(b"FALSE") {
+            let is_true = self.is_at(b"TRUE");
+            self.next();
+            return Expression::Known(Value::Bool(is_true));
+        }
+        match self.call() {
+            Some(call) => Expression::Call(Box::new(call)),
+            None => self
+                .path()
+                .map_or(Expression::Unknown(Reason::NotAName, Vec::new()), |path| Expression::Path(Box::new(path))),
+        }
+    }
+
+    /// `name[i,j].component…`
+    pub(super) fn path(&mut self) -> Option<Path> {
+        let first = self.accept(LexemeKind::Word)?;
+        let mut path = Path { name: upper(self.text(first)), at: first.span(), steps: Vec::new() };
+        loop {
+            if self.accept_mark(b'[') {
+                let mut indices = Vec::new();
+                while !self.is_done() && !self.accept_mark(b']') {
+                    if !self.accept_mark(b',') {
+                        indices.push(self.deeper(Self::expression));
+                    }
+                }
+                path.steps.push(PathStep::Index(indices));
+            } else if self.accept_mark(b'.') {
+                let word = self.accept(LexemeKind::Word)?;
+                path.steps.push(PathStep::Component(upper(self.text(word)), word.span()));
+            } else {
+                return Some(path);
+            }
+        }
+    }
+
+    /// `name(arguments)`; where it is none, nothing is passed.
+    pub(super) fn call(&mut self) -> Option<Call> {
+        let mut inner = *self;
+        let name = inner.accept(LexemeKind::Word)?;
+        let (name, rest) = (upper(self.text(name)), inner.rest());
+        if !inner.accept_mark(b'(') {
+            return None;
+        }
+        let mut arguments = Vec::new();
+        while !inner.is_done() && !inner.accept_mark(b')') {
+            if inner.accept_mark(b',') {
+                arguments.push(None);
+                continue;
+            }
+            arguments.push(Some(inner.deeper(Self::expression)));
+            if !inner.accept_mark(b',') && inner.peek().kind != LexemeKind::Mark(b')') {
+                inner.next();
+            }
+        }
+        *self = inner;
+        Some(Call { name, rest, arguments })
+    }
+
+    fn aggregate(&mut self) -> Expression {
+        let start = self.rest().start;
+        self.next();
+        let mut inner = *self;
+        if inner.accept(LexemeKind::Word).is_some() && inner.accept_mark(b':') {
+            *self = inner;
+        }
+        let mut fields: Vec<(Name, Expression)> = Vec::with_capacity(POSE.len());
+        while let Some(name) = self.accept(LexemeKind::Word) {
+            let name = upper(self.text(name));
+            self.accept_brackets();
+            let value = self.deeper(Self::sum);
+            fields.push((name, value));
+            if !self.accept_mark(b',') {
+                break;
+            }
+        }
+        let is_closed = self.accept_mark(b'}');
+        let is_twice = (1..fields.len()).any(|at| fields[..at].iter().any(|(name, _)| *name == fields[at].0));
+        if is_closed && !is_twice {
+            let known = |(name, value): &(Name, Expression)| match value {
+                Expression::Known(value) => Some((name.clone(), value.clone())),
+                _ => None,
+            };
+            let record = fields.iter().map(known).collect::<Option<Vec<_>>>();
+            return record.map_or(Expression::Aggregate(fields), |all| Expression::Known(Value::Record(Rc::new(all))));
+        }
+        let mut values: Vec<Expression> = fields.into_iter().map(|(_, value)| value).collect();
+        if is_twice {
+            return Expression::Refused(Reason::ComponentTwice, Span { start, end: self.rest().start }, values);
+        }
+        // What it is made of is read, if nothing else.
+        values.append(&mut self.deeper(|inner| inner.parts(LexemeKind::Mark(b'}'))));
+        self.next();
+        Expression::Unknown(Reason::Aggregate, values)
+    }
+
+    /// The expressions up to a lexeme of this kind, of a text that is not understood as a whole.
+    pub(super) fn parts(&mut self, end: LexemeKind) -> Vec<Expression> {
+        let mut parts = Vec::new();
+        while !self.is_done() && self.peek().kind != end {
+            let lexeme = self.peek();
+            let word = upper(self.text(lexeme));
+            let is_call = || {
+                let mut inner = *self;
+                inner.next();
+                inner.peek().kind == LexemeKind::Mark(b'(')
+            };
+            let is_statement = names::HARMLESS_STATEMENTS.contains(&&word[..]) || matches!(&word[..], b"FOR" | b"SEC");
+            let begins = matches!(lexeme.kind, LexemeKind::Word | LexemeKind::Mark(b'{'));
+            if !begins || is_statement || names::NO_CALLS.contains(&&word[..]) && is_call() {
+                self.next();
+            } else {
+                parts.push(self.expression());
+            }
+        }
+        parts
+    }
+
+    /// Expressions with commas between them, and those of what stands after the last.
+    pub(super) fn list(mut self) -> Vec<Expression> {
+        let mut all = vec![self.expression()];
+        while self.accept_mark(b',') {
+            all.push(self.expression());
+        }
+        if !self.is_done() {
+            all.push(Expression::Unknown(Reason::Expression, self.parts(LexemeKind::End)));
+        }
+        all
+    }
+
+    /// `path = value`
+    pub(super) fn setting(&mut self) -> Option<Setting> {
+        let to = self.path()?;
+        self.accept_mark(b'=').then(|| Setting { to, value: self.expression() })
+    }
+
+    /// A number with its token.
+    fn literal(&self, span: Span) -> Value {
+        let text = &self.bytes[span.range()];
+        let is_negative = text.first() == Some(&b'-');
+        let digits = text.strip_prefix(b"-").or_else(|| text.strip_prefix(b"+")).unwrap_or(text).trim_ascii_start();
+        let known = |value: f64| if is_negative { -value } else { value };
+        number::read(digits).map_or(Value::unknown(Reason::NotANumber), |value| {
+            Value::Number(known(value), NumberToken::new(self.source, span))
+        })
+    }
+}
+
+/// `'B0101'`, `'H1F'`, `'D12'`.
+fn bits(text: &[u8]) -> Value {
+    let known = || {
+        let (kind, digits) = text.get(1..text.len().checked_sub(1)?)?.split_first()?;
+        let radix = match kind {
+            b'B' | b'b' => 2,
+            b'H' | b'h' => 16,
+            b'D' | b'd' => 10,
+            _ => return None,
+        };
+        u32::from_str_radix(std::str::from_utf8(digits).ok()?, radix).ok()
+    };
+    known().map_or(Value::unknown(Reason::NotABitString), |value| Value::Number(f64::from(value), None))
+}
