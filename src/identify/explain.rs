@@ -222,6 +222,14 @@ impl Engine {
         added.retain(is_named);
         ties::add(&mut added, &tables, never_returns(&self.problem));
         let mut advice = advice(&added, &unexplained, &ranking.separability, &self.problem, noise_mm);
+        if !extended.is_empty() && errors_after.rms_mm > errors_before.rms_mm {
+            advice.insert(
+                0,
+                "the extended cell is worse than the declared one on the held-out rows, which the fit has not seen: they are unlike the \
+                 fitted rows. Measure again before you use this cell"
+                    .to_owned(),
+            );
+        }
         if self.is_whole_arm() {
             advice.push(format!(
                 "for the same program at a neighbouring place the standard uncertainty is {transfer_sigma_mm:.3} mm per axis: rows in \

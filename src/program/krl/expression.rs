@@ -237,6 +237,7 @@ impl Cursor<'_> {
         if rest.is_empty() { first } else { Expression::Chain(Box::new(first), rest) }
     }
 
+    /// `sum`, `product` and `geometric` of the grammar, from the loosest operators to the tightest.
     fn sum(&mut self) -> Expression {
         self.chain(&[
             &[(b'+', Operator::Other(Binary::Add)), (b'-', Operator::Other(Binary::Subtract))],
@@ -252,6 +253,7 @@ impl Cursor<'_> {
         inner
     }
 
+    /// `unary` and `primary` of the grammar.
     fn unary(&mut self) -> Expression {
         let lexeme = self.peek();
         if self.depth > MAX_DEPTH {
