@@ -15,8 +15,8 @@ pub(super) const MENTIONED: f64 = 0.03;
 /// Highest probability of a name for which the rows show another one as well: two names for one thing.
 pub(super) const EVEN: f64 = 0.5;
 
-/// What a further effect must gain, nats, and heavy tails of the noise: 3 for itself (odds of 20 to 1), and as much again because some twenty kinds are tried (ln 20),
-/// and 2 because evidence is surer than it should be where no model is quite true.
+/// What a further effect must gain, nats, and heavy tails of the noise: 3 for itself (odds of 20 to 1), and 3 because some twenty kinds are
+/// tried (ln 20). The other 2 have no derivation.
 pub(super) const PRICE: f64 = 8.0;
 
 /// What the numbers of a declared effect must gain by moving, nats: odds of 20 to 1, and nothing to name.
