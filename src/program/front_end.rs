@@ -2,6 +2,7 @@
 
 use super::{Change, Insert, Passing, Program, Reason, RewriteOptions, Rewritten, Role};
 use crate::text::{Edit, Span};
+use std::ops::Range;
 
 /// Writes the programs of a language.
 pub(super) trait FrontEnd {
@@ -54,4 +55,25 @@ pub(super) trait FrontEnd {
     fn inserted_passing(&self, program: &Program, before: usize) -> Passing {
         self.passing(program, before)
     }
+}
+
+/// Edits for [`Program::passing_edits`] of languages in which one word of a motion decides whether the controller passes its end.
+/// `passes` finds the bytes of that word in the motion's text, and `stops` is the word for a stop.
+pub(super) fn stops_at(
+    program: &Program,
+    wanted: &[(usize, Passing)],
+    passes: impl Fn(&[u8]) -> Option<Range<usize>>,
+    stops: &[u8],
+) -> Vec<Option<Edit>> {
+    let edit = |(target, passing): &(usize, Passing)| {
+        let target = program.targets.get(*target)?;
+        if *passing != Passing::Stop || usize::from(target.source) >= program.written {
+            return None;
+        }
+        let motion = target.span.range();
+        let word = passes(&program.sources[usize::from(target.source)].bytes[motion.clone()])?;
+        let span = Span::new(motion.start + word.start, motion.start + word.end);
+        Some(Edit { span, content: stops.to_vec().into() })
+    };
+    wanted.iter().map(edit).collect()
 }

@@ -12,10 +12,10 @@ mod targets;
 
 pub(super) use targets::{Lowering, endless, intern, read};
 
-use super::front_end::FrontEnd;
+use super::front_end::{FrontEnd, stops_at};
 use super::{Change, Insert, Passing, Program, Reason, RewriteOptions, Rewritten};
 use crate::program::orientation::quaternion;
-use crate::text::{Edit, Span};
+use crate::text::Edit;
 use deflex_lang::dialect::Dialect;
 use deflex_lang::ir::{SourceSpan, TokenId};
 use deflex_lang::value::Affine;
@@ -114,18 +114,7 @@ impl FrontEnd for Layout {
     }
 
     fn passing_edits(&self, program: &Program, wanted: &[(usize, Passing)]) -> Vec<Option<Edit>> {
-        let edit = |(target, passing): &(usize, Passing)| {
-            let target = program.targets.get(*target)?;
-            if *passing != Passing::Stop || usize::from(target.source) >= program.written {
-                return None;
-            }
-            let text = &program.sources[usize::from(target.source)].bytes[target.span.range()];
-            let passes = (self.style.passes)(text)?;
-            let start = target.span.range().start;
-            let span = Span::new(start + passes.start, start + passes.end);
-            Some(Edit { span, content: self.style.stops.to_vec().into() })
-        };
-        wanted.iter().map(edit).collect()
+        stops_at(program, wanted, self.style.passes, self.style.stops)
     }
 
     fn insertion_refused(&self, program: &Program, before: usize) -> Option<Reason> {

@@ -23,7 +23,7 @@ pub(super) struct Index {
 /// The line of a declaration.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Entry {
-    /// Hash of the name in upper case; whoever reads the line compares the name itself.
+    /// Hash of the name in upper case; the reader of the line compares the name itself.
     name: u64,
     /// Offset of the line in the file.
     pub(super) start: u64,

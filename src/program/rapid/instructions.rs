@@ -125,7 +125,7 @@ impl<'a> Runner<'a> {
         Some(Velocity { share: percent? / 100.0, most_mm_s: most_mm_s? })
     }
 
-    /// Whether a load is `load0`: no load besides that in the tool's data.
+    /// Whether a load is `load0`: no load in addition to that in the tool's data.
     pub(super) fn is_no_load(&self, scope: Scope, load: Span) -> bool {
         self.bytes(scope.source as usize)[load.range()].eq_ignore_ascii_case(b"load0")
     }

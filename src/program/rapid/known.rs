@@ -26,7 +26,7 @@ pub(super) struct Changes {
     pub(super) foreign: BTreeSet<Name>,
     /// Everything that a routine outside the files could change.
     pub(super) anything: bool,
-    /// States, besides data, that they may switch.
+    /// States, in addition to data, that they may switch.
     pub(super) switches: Switches,
     /// States that they switch off, unless a jump may leave them on.
     pub(super) switches_off: Switches,

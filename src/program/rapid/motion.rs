@@ -50,7 +50,7 @@ pub(super) fn shape(name: &[u8]) -> Option<Shape> {
             plain: true,
         });
     }
-    // A name is the family, the kind of motion, and what the instruction does besides.
+    // A name is the family, the kind of motion, and what else the instruction does.
     const FAMILIES: [(&[u8], usize); 11] = [
         (b"EGMMOVE", 1),
         (b"MOVE", 0),

@@ -15,10 +15,10 @@ use crate::text::{Diagnostic, LineIndex, Source, Span};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::sync::Arc;
 
-/// Most statements run in all, besides those per byte of the program; ends loops whose condition never changes.
+/// Most statements run in all, in addition to those per byte of the program; ends loops whose condition never changes.
 const STEPS: usize = 500_000;
 const STEPS_PER_BYTE: usize = 4;
-/// Most targets in all, with loops expanded, besides those per byte: a file of one line must not fill the memory.
+/// Most targets in all, with loops expanded, in addition to those per byte: a file of one line must not fill the memory.
 const TARGETS: usize = 200_000;
 const TARGETS_PER_BYTE: usize = 1;
 /// Whether the next statement is run.

@@ -1,4 +1,4 @@
-//! The modal state: everything besides data that instructions leave in force, and the parts that statements may switch.
+//! The modal state: everything except data that instructions leave in force, and the parts that statements may switch.
 
 use super::value::Value;
 use crate::program::Mark;

@@ -37,7 +37,7 @@ impl<'a> Runner<'a> {
         self.aside.push(Use { root, offset, tool: target.tool, wobj: target.wobj, cuts });
     }
 
-    /// Runs the routines that nothing in the files calls, because somebody may run them by hand, and notes the data that they use.
+    /// Runs the routines that nothing in the files calls, because an operator may run them by hand, and notes the data that they use.
     pub(super) fn look_aside(&mut self, procs: &[RoutineId]) {
         let waits = |id: &&RoutineId| !self.entered.contains(*id) || self.may_be_called_late(**id);
         let waiting: Vec<RoutineId> = procs.iter().filter(waits).copied().collect();

@@ -16,7 +16,7 @@ mod rewrite;
 mod targets;
 mod written;
 
-use super::front_end::FrontEnd;
+use super::front_end::{FrontEnd, stops_at};
 use super::{Change, Insert, Kept, Language, Passing, Program, Reason, RewriteOptions, Rewritten, lowered};
 use crate::text::{Diagnostic, Edit, Severity, Source, Span};
 use deflex_lang::run::run;
@@ -59,13 +59,8 @@ impl FrontEnd for Layout {
     }
 
     fn passing_edits(&self, program: &Program, wanted: &[(usize, Passing)]) -> Vec<Option<Edit>> {
-        let edit = |(target, passing): &(usize, Passing)| {
-            let target = program.targets.get(*target)?;
-            if *passing != Passing::Stop || usize::from(target.source) >= program.written {
-                return None;
-            }
-            // `CNT50` as one word: `CNT R[1]` has its number elsewhere.
-            let text = &program.sources[usize::from(target.source)].bytes[target.span.range()];
+        // `CNT50` as one word: `CNT R[1]` has its number elsewhere.
+        let passes = |text: &[u8]| {
             let is_word = |byte: u8| byte.is_ascii_alphanumeric();
             let (at, _) = text.windows(3).enumerate().find(|(at, word)| {
                 word.eq_ignore_ascii_case(b"CNT")
@@ -73,10 +68,9 @@ impl FrontEnd for Layout {
                     && text.get(at + 3).is_some_and(u8::is_ascii_digit)
             })?;
             let length = text[at..].iter().take_while(|byte| is_word(**byte)).count();
-            let start = target.span.range().start + at;
-            Some(Edit { span: Span::new(start, start + length), content: b"FINE".to_vec().into() })
+            Some(at..at + length)
         };
-        wanted.iter().map(edit).collect()
+        stops_at(program, wanted, passes, b"FINE")
     }
 
     fn insertion_refused(&self, program: &Program, before: usize) -> Option<Reason> {
