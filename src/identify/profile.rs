@@ -1,54 +1,59 @@
-//! Evidence of columns, σ profiled, where many sets begin with the same ones.
+//! Log evidence of sets of columns, maximised over the standard deviation σ of the noise.
 //!
-//! With θ ~ N(0, τ²) about neutral and Gaussian noise, the marginal likelihood of the data is
-//! `−n ln σ − ½ yᵀy/σ² + ½ (b/σ²)ᵀ(I + G/σ²)⁻¹(b/σ²) − ½ ln det(I + G/σ²)`, G and b over the prior sizes. It takes a Cholesky
-//! factor for each σ. Sets that a search compares differ in their last member: the others' rows of the factor are the same, and
-//! are kept for every σ that is needed. σ is taken on a grid; between its nodes only what hardly changes is
-//! interpolated: what the columns explain, mm², and the log determinant.
+//! With θ ~ N(0, τ²) about neutral and Gaussian noise, the log marginal likelihood of n scalars y is, except for a
+//! constant, `−n ln σ − ½ yᵀy/σ² + ½ (b/σ²)ᵀ(I + G/σ²)⁻¹(b/σ²) − ½ ln det(I + G/σ²)`, where G = XᵀX and b = Xᵀy are
+//! scaled by the prior sizes τ. Each σ needs a Cholesky factor. The sets that a search compares differ only in their
+//! last member, so the rows of the factor that belong to the other members are kept for every σ that is needed. σ lies
+//! on a grid. Between its nodes two smooth quantities are interpolated: the sum of squares that the columns explain,
+//! mm², and the log determinant.
 
 use super::columns::Columns;
-use super::factor::{Factor, Part, within_limits};
+use super::factor::{ColumnBlock, Factor, evidence_of_bounds};
 use super::moments::Moments;
 use std::collections::BTreeMap;
 
-/// Noise below this is not believed, mm: no instrument measures a robot to a tenth of a micrometre.
+/// Smallest standard deviation of the noise, mm: no instrument measures a robot to a tenth of a micrometre.
 pub(super) const LEAST_SIGMA: f64 = 1e-4;
 
-/// How well an instrument's declared standard deviation is known, as a share of it.
-const DECLARED: f64 = 0.15;
+/// Prior standard deviation of ln σ about the logarithm of the σ that the table declares.
+const DECLARED_SPREAD: f64 = 0.15;
 
-/// Distance of the grid's nodes in ln σ: of 1,584 sets of a plant's cell none is off by more than 0.035 nats, half by less than 0.0005.
+/// Spacing of the grid's nodes in ln σ. On 1,584 sets of one cell of the plant the error of the evidence is at most
+/// 0.035 nats, and less than 0.0005 nats for half of them.
 const STEP: f64 = 0.05;
 
-/// Evidence of columns for one shape with σ at its best, searched from a guess where there is one, and that σ.
+/// Log evidence of columns under one shape of the noise, nats, and the σ that maximises it, mm. The search begins at
+/// `guess` if there is one.
 pub(super) fn profiled(moments: &Moments, columns: &Columns, guess: Option<f64>) -> (f64, f64) {
     let mut profile = Profile::new(Columns::default());
-    let (_, sigma) = profile.beside(moments, columns, guess);
-    // Where no other set is to share it, the factor of σ itself is as cheap as a node's.
-    let part = Part::new(moments, &profile.columns, columns);
+    let (_, sigma) = profile.evidence_with(moments, columns, guess);
+    // No other set shares this factor, so a factor at σ itself costs no more than one at a node and needs no
+    // interpolation.
+    let block = ColumnBlock::new(moments, &profile.columns, columns);
     let none = Factor::default();
-    let Some(factor) = none.extended(&part, sigma.powi(-2)) else { return (f64::NEG_INFINITY, sigma) };
-    let level = Level::new(moments, &profile.columns, columns);
-    let value = level.at(sigma.ln(), level.explained(factor.square(), sigma), factor.half_log_det);
-    (value + within_limits(&none, &profile.columns, &factor, columns), sigma)
+    let Some(factor) = none.extended(&block, sigma.powi(-2)) else { return (f64::NEG_INFINITY, sigma) };
+    let evidence = LogEvidence::new(moments, &profile.columns, columns);
+    let value = evidence.value(sigma.ln(), evidence.explained(factor.square(), sigma), factor.half_log_det);
+    (value + evidence_of_bounds(&none, &profile.columns, &factor, columns), sigma)
 }
 
-/// Evidence of sets that begin with the same columns, for one shape of the noise.
+/// Evidence of sets that share their first columns, under one shape of the noise.
 pub(super) struct Profile {
     columns: Columns,
-    /// Of these columns.
+    /// Factors of these columns.
     factors: Factors,
 }
 
-/// By node; `None` where there is none.
+/// Cholesky factors by node; `None` where the matrix is not positive definite.
 type Factors = BTreeMap<i32, Option<Factor>>;
 
-/// What a node knows of columns in addition to those of a profile.
-struct Node {
-    /// Of the data's square, mm².
+/// The terms of the evidence of a set at one node.
+struct NodeTerms {
+    /// The part of yᵀy that the columns explain, mm².
     explained: f64,
+    /// Half the log determinant of the posterior precision.
     half_log_det: f64,
-    /// Rows of the further columns.
+    /// Rows of the columns that follow the shared ones.
     factor: Factor,
 }
 
@@ -57,34 +62,38 @@ impl Profile {
         Self { columns, factors: BTreeMap::new() }
     }
 
-    /// Evidence with further columns after its own where the noise that is left settles, bounds left out.
-    pub(super) fn roughly(&mut self, moments: &Moments, more: &Columns, guess: Option<f64>) -> f64 {
+    /// Approximate log evidence of the shared columns together with `more`, nats. It is that of the node at which σ
+    /// equals the standard deviation of the residual, and it leaves out the bounds of the numbers.
+    pub(super) fn approximate_evidence_with(&mut self, moments: &Moments, more: &Columns, guess: Option<f64>) -> f64 {
         let Self { columns, factors } = self;
-        let (level, part) = (Level::new(moments, columns, more), Part::new(moments, columns, more));
+        let (evidence, block) = (LogEvidence::new(moments, columns, more), ColumnBlock::new(moments, columns, more));
         let mut nodes = BTreeMap::new();
-        let Ok(node) = settled(factors, &level, &part, &mut nodes, guess) else { return f64::NEG_INFINITY };
-        let of = |asked: &Node| level.at(f64::from(node) * STEP, asked.explained, asked.half_log_det);
+        let Ok(node) = settled_node(factors, &evidence, &block, &mut nodes, guess) else { return f64::NEG_INFINITY };
+        let of = |terms: &NodeTerms| evidence.value(f64::from(node) * STEP, terms.explained, terms.half_log_det);
         nodes.get(&node).and_then(Option::as_ref).map_or(f64::NEG_INFINITY, of)
     }
 
-    /// Evidence with further columns after its own and σ at its best, and that σ; the moments are always the same.
-    pub(super) fn beside(&mut self, moments: &Moments, more: &Columns, guess: Option<f64>) -> (f64, f64) {
-        /// Steps to the top at most: where a declared noise holds against the data, it may be far.
+    /// Log evidence of the shared columns together with `more`, nats, and the σ that maximises it, mm. Every call must
+    /// have the same moments, because the factors of the shared columns are kept.
+    pub(super) fn evidence_with(&mut self, moments: &Moments, more: &Columns, guess: Option<f64>) -> (f64, f64) {
+        /// Largest number of steps to the maximum. It can be far from the residual's σ where the declared σ contradicts
+        /// the data.
         const STEPS: usize = 200;
         let Self { columns, factors } = self;
         let columns = &*columns;
-        let level = Level::new(moments, columns, more);
-        let part = Part::new(moments, columns, more);
-        let mut nodes: BTreeMap<i32, Option<Node>> = BTreeMap::new();
+        let log_evidence = LogEvidence::new(moments, columns, more);
+        let block = ColumnBlock::new(moments, columns, more);
+        let mut nodes: BTreeMap<i32, Option<NodeTerms>> = BTreeMap::new();
         let least = node_of(LEAST_SIGMA);
-        let mut node = match settled(factors, &level, &part, &mut nodes, guess) {
+        let mut node = match settled_node(factors, &log_evidence, &block, &mut nodes, guess) {
             Ok(node) => node,
             Err(node) => return (f64::NEG_INFINITY, sigma_of(node)),
         };
         let mut value = |node: i32| {
-            let asked = nodes.entry(node).or_insert_with(|| new_node(factors, &level, &part, node));
-            let of = |asked: &Node| level.at(f64::from(node) * STEP, asked.explained, asked.half_log_det);
-            asked.as_ref().map_or(f64::NEG_INFINITY, of)
+            let terms = nodes.entry(node).or_insert_with(|| node_terms(factors, &log_evidence, &block, node));
+            let of =
+                |terms: &NodeTerms| log_evidence.value(f64::from(node) * STEP, terms.explained, terms.half_log_det);
+            terms.as_ref().map_or(f64::NEG_INFINITY, of)
         };
         for _ in 0..STEPS {
             let (left, here, right) = (value(node - 1), value(node), value(node + 1));
@@ -101,122 +110,129 @@ impl Profile {
         let [Some(left), Some(middle), Some(right)] = around else { return (here, sigma_of(node)) };
         let explained = Parabola::through([left, middle, right].map(|node| node.explained));
         let half_log_det = Parabola::through([left, middle, right].map(|node| node.half_log_det));
-        let at = level.top(node, &explained, &half_log_det);
+        let at = log_evidence.maximum(node, &explained, &half_log_det);
         let log_sigma = (f64::from(node) + at) * STEP;
-        let evidence = level.at(log_sigma, explained.at(at), half_log_det.at(at));
+        let evidence = log_evidence.value(log_sigma, explained.value(at), half_log_det.value(at));
         let (from, low, high) = if at < 0.0 { (node - 1, left, middle) } else { (node, middle, right) };
-        let limits = |node: i32, asked: &Node| {
+        let bounds = |node: i32, terms: &NodeTerms| {
             let factor = factors.get(&node).and_then(Option::as_ref);
-            factor.map_or(0.0, |factor| within_limits(factor, columns, &asked.factor, more))
+            factor.map_or(0.0, |factor| evidence_of_bounds(factor, columns, &terms.factor, more))
         };
-        let (low, high) = (limits(from, low), limits(from + 1, high));
+        let (low, high) = (bounds(from, low), bounds(from + 1, high));
         let share = f64::from(node - from) + at;
         (evidence + low + share * (high - low), log_sigma.exp().max(LEAST_SIGMA))
     }
 }
 
-/// The node at which the noise that is left settles; where there is none, the one that has no factor.
-fn settled(
+/// The node at which σ equals the standard deviation of the residual, by fixed-point iteration. An error holds the node
+/// whose matrix is not positive definite.
+fn settled_node(
     factors: &mut Factors,
-    level: &Level,
-    part: &Part,
-    nodes: &mut BTreeMap<i32, Option<Node>>,
+    evidence: &LogEvidence,
+    block: &ColumnBlock,
+    nodes: &mut BTreeMap<i32, Option<NodeTerms>>,
     guess: Option<f64>,
 ) -> Result<i32, i32> {
     const JUMPS: usize = 20;
     let least = node_of(LEAST_SIGMA);
-    let mut node = node_of(guess.unwrap_or_else(|| level.left(0.0))).max(least);
+    let mut node = node_of(guess.unwrap_or_else(|| evidence.residual_sigma(0.0))).max(least);
     for _ in 0..JUMPS {
-        let asked = nodes.entry(node).or_insert_with(|| new_node(factors, level, part, node));
-        let next = node_of(level.left(asked.as_ref().ok_or(node)?.explained)).max(least);
+        let terms = nodes.entry(node).or_insert_with(|| node_terms(factors, evidence, block, node));
+        let next = node_of(evidence.residual_sigma(terms.as_ref().ok_or(node)?.explained)).max(least);
         if (next - node).abs() <= 1 {
             return Ok(node);
         }
         node = next;
     }
-    nodes.entry(node).or_insert_with(|| new_node(factors, level, part, node)).as_ref().map(|_| node).ok_or(node)
+    nodes.entry(node).or_insert_with(|| node_terms(factors, evidence, block, node)).as_ref().map(|_| node).ok_or(node)
 }
 
-/// What a node knows of the part's columns in addition to those before it, whose factors are kept.
-fn new_node(factors: &mut Factors, level: &Level, part: &Part, node: i32) -> Option<Node> {
+/// The terms of the evidence at a node, for the columns of a block and those that precede it. The factor of the
+/// preceding columns is kept in `factors`.
+fn node_terms(factors: &mut Factors, evidence: &LogEvidence, block: &ColumnBlock, node: i32) -> Option<NodeTerms> {
     let (none, precision) = (Columns::default(), sigma_of(node).powi(-2));
-    let own = || Factor::default().extended(&Part::new(level.moments, &none, part.before), precision);
-    let own = factors.entry(node).or_insert_with(own).as_ref()?;
-    let factor = own.extended(part, precision)?;
-    let explained = level.explained(own.square() + factor.square(), sigma_of(node));
-    Some(Node { explained, half_log_det: own.half_log_det + factor.half_log_det, factor })
+    let shared = || Factor::default().extended(&ColumnBlock::new(evidence.moments, &none, block.preceding), precision);
+    let shared = factors.entry(node).or_insert_with(shared).as_ref()?;
+    let factor = shared.extended(block, precision)?;
+    let explained = evidence.explained(shared.square() + factor.square(), sigma_of(node));
+    Some(NodeTerms { explained, half_log_det: shared.half_log_det + factor.half_log_det, factor })
 }
 
-#[allow(clippy::cast_possible_truncation)] // logarithms of numbers
+/// The node nearest to a σ, mm.
+#[allow(clippy::cast_possible_truncation)] // The logarithm of an f64 is below 710.
 fn node_of(sigma: f64) -> i32 {
     (sigma.max(f64::MIN_POSITIVE).ln() / STEP).round() as i32
 }
 
+/// The σ of a node, mm.
 fn sigma_of(node: i32) -> f64 {
     (f64::from(node) * STEP).exp()
 }
 
-/// What evidence is made of but for the columns' own.
-struct Level<'a> {
+/// The log evidence of a set as a function of ln σ, of the explained sum of squares and of the log determinant.
+struct LogEvidence<'a> {
     moments: &'a Moments,
-    /// Of the prior's precision.
-    half_log_det: f64,
-    /// Square of the priors' means.
-    expected: f64,
+    /// Half the log determinant of the prior precision.
+    prior_half_log_det: f64,
+    /// Sum of the squared prior means, in prior sizes.
+    prior_mean_square: f64,
 }
 
-impl<'a> Level<'a> {
+impl<'a> LogEvidence<'a> {
     fn new(moments: &'a Moments, columns: &Columns, more: &Columns) -> Self {
-        let expected = columns.means.iter().chain(&more.means).map(|(_, mean)| mean * mean).sum();
-        Self { moments, half_log_det: columns.half_log_det() + more.half_log_det(), expected }
+        let prior_mean_square = columns.means.iter().chain(&more.means).map(|(_, mean)| mean * mean).sum();
+        Self { moments, prior_half_log_det: columns.half_log_det() + more.half_log_det(), prior_mean_square }
     }
 
-    /// What columns explain of the data's square, mm², by the square of L⁻¹ of the right side.
+    /// The part of yᵀy that the columns explain, mm², from the squared norm of L⁻¹ times the right-hand side.
     fn explained(&self, square: f64, sigma: f64) -> f64 {
-        (square - self.expected) * sigma * sigma
+        (square - self.prior_mean_square) * sigma * sigma
     }
 
-    fn at(&self, log_sigma: f64, explained: f64, half_log_det: f64) -> f64 {
+    /// The log evidence, nats.
+    fn value(&self, log_sigma: f64, explained: f64, half_log_det: f64) -> f64 {
         let Moments { square, count, log_scale, shape, declared, .. } = self.moments;
-        let off = |declared: f64| (log_sigma - declared.ln()) / DECLARED;
+        let off = |declared: f64| (log_sigma - declared.ln()) / DECLARED_SPREAD;
         let declared = declared.map_or(0.0, |declared| -0.5 * off(declared).powi(2));
-        let left = 0.5 * (square - explained) * (-2.0 * log_sigma).exp();
-        -(*count as f64) * log_sigma - left - half_log_det - log_scale
+        let residual = 0.5 * (square - explained) * (-2.0 * log_sigma).exp();
+        -(*count as f64) * log_sigma - residual - half_log_det - log_scale
             + shape.log_prior()
             + declared
-            + self.half_log_det
+            + self.prior_half_log_det
     }
 
-    /// Standard deviation of what is left, mm.
-    fn left(&self, explained: f64) -> f64 {
+    /// Standard deviation of the residual, mm.
+    fn residual_sigma(&self, explained: f64) -> f64 {
         let variance = (self.moments.square - explained) / (self.moments.count as f64).max(1.0);
         variance.max(LEAST_SIGMA * LEAST_SIGMA).sqrt()
     }
 
-    /// Where the evidence is most about a node, nodes from it (Newton's method).
-    fn top(&self, node: i32, explained: &Parabola, half_log_det: &Parabola) -> f64 {
+    /// Offset from a node to the maximum of the evidence near it, in nodes and at most one, by Newton's method in ln σ.
+    fn maximum(&self, node: i32, explained: &Parabola, half_log_det: &Parabola) -> f64 {
         const NEWTON_STEPS: usize = 6;
         let (n, mut at) = (self.moments.count as f64, 0.0f64);
         for _ in 0..NEWTON_STEPS {
             let log_sigma = (f64::from(node) + at) * STEP;
             let precision = (-2.0 * log_sigma).exp();
-            let left = self.moments.square - explained.at(at);
-            let (gained, turned) = (explained.slope(at), half_log_det.slope(at));
-            let off = self.moments.declared.map_or(0.0, |declared| (log_sigma - declared.ln()) / DECLARED.powi(2));
-            let slope = -n + (left + 0.5 * gained) * precision - turned - off;
-            let bend = (0.5 * explained.bend() - 2.0 * gained - 2.0 * left) * precision
-                - half_log_det.bend()
-                - self.moments.declared.map_or(0.0, |_| DECLARED.powi(-2));
-            if bend >= 0.0 {
+            let residual = self.moments.square - explained.value(at);
+            let (explained_slope, log_det_slope) = (explained.slope(at), half_log_det.slope(at));
+            let off =
+                self.moments.declared.map_or(0.0, |declared| (log_sigma - declared.ln()) / DECLARED_SPREAD.powi(2));
+            let slope = -n + (residual + 0.5 * explained_slope) * precision - log_det_slope - off;
+            let curvature = (0.5 * explained.curvature() - 2.0 * explained_slope - 2.0 * residual) * precision
+                - half_log_det.curvature()
+                - self.moments.declared.map_or(0.0, |_| DECLARED_SPREAD.powi(-2));
+            if curvature >= 0.0 {
                 break;
             }
-            at = (at - slope / bend / STEP).clamp(-1.0, 1.0);
+            at = (at - slope / curvature / STEP).clamp(-1.0, 1.0);
         }
         at.max(LEAST_SIGMA.ln() / STEP - f64::from(node))
     }
 }
 
-/// A parabola through values at a node and its neighbours; derivatives are by ln σ.
+/// A parabola through the values at a node and its two neighbours. Its argument counts nodes; its derivatives are by ln
+/// σ.
 struct Parabola {
     middle: f64,
     linear: f64,
@@ -228,7 +244,7 @@ impl Parabola {
         Self { middle, linear: 0.5 * (right - left), square: 0.5 * (right + left) - middle }
     }
 
-    fn at(&self, at: f64) -> f64 {
+    fn value(&self, at: f64) -> f64 {
         self.middle + at * (self.linear + at * self.square)
     }
 
@@ -236,7 +252,7 @@ impl Parabola {
         (self.linear + 2.0 * at * self.square) / STEP
     }
 
-    fn bend(&self) -> f64 {
+    fn curvature(&self) -> f64 {
         2.0 * self.square / (STEP * STEP)
     }
 }
@@ -251,7 +267,7 @@ mod tests {
 
     const WHITE: Shape = Shape { drift: 0.0, correlation: 0.0, field: None };
 
-    /// Evidence at a σ from the formula itself.
+    /// Evidence at a given σ, directly from the equation of the module.
     fn formula(moments: &Moments, columns: &Columns, sigma: f64) -> f64 {
         let (p, size) = (sigma.powi(-2), columns.list.len());
         let matrix = DMatrix::identity(size, size) + columns.gram(moments) * p;
@@ -268,13 +284,13 @@ mod tests {
     }
 
     #[test]
-    fn evidence_beside_shared_columns_is_that_of_all() {
+    fn evidence_with_shared_columns_is_that_of_all_columns_together() {
         let rows = 240;
         let rough = |i: usize| {
             let x = (i as f64 * 12.9898).sin() * 43_758.545;
             x - x.floor() - 0.5
         };
-        // The last column is the data: some of the first, third and fifth, and what is rough.
+        // The last column is the data: a sum of the first, third and fifth columns, and noise.
         let stacked = DMatrix::from_fn(rows, 8, |i, j| {
             let column = |j: usize| (0.07 * (i * (j + 1)) as f64).sin() + 0.4 * rough(i + 97 * j);
             if j < 7 { column(j) } else { column(0) - 0.3 * column(2) + 0.05 * column(4) + 0.3 * rough(i + 1_000) }
@@ -289,14 +305,14 @@ mod tests {
         let mut profile = Profile::new(list(&[0, 1, 2], vec![(1, 0.0, f64::INFINITY), (2, f64::NEG_INFINITY, 0.0)]));
         for more in [vec![], vec![3], vec![4, 5, 6]] {
             let bounds: Vec<_> = more.iter().enumerate().map(|(k, _)| (k, -0.2, 0.1)).collect();
-            // The same from a guess far off.
+            // A guess that is far off leads to the same maximum.
             for guess in [None, Some(1e-3), Some(3.0)] {
-                let (evidence, sigma) = profile.beside(&moments, &list(&more, bounds.clone()), guess);
+                let (evidence, sigma) = profile.evidence_with(&moments, &list(&more, bounds.clone()), guess);
                 let all = [&[0, 1, 2][..], &more].concat();
-                let behind = bounds.iter().map(|&(k, low, high)| (k + 3, low, high));
-                let all = list(&all, profile.columns.limits.iter().copied().chain(behind).collect());
+                let shifted = bounds.iter().map(|&(k, low, high)| (k + 3, low, high));
+                let all = list(&all, profile.columns.limits.iter().copied().chain(shifted).collect());
                 assert!((evidence - formula(&moments, &all, sigma)).abs() < 1e-3, "{more:?} {guess:?}");
-                // At the top but for the bounds' share.
+                // Without the bounds, whose part varies slowly with σ, this σ is the maximum.
                 let free = Columns { limits: Vec::new(), ..all.clone() };
                 let here = formula(&moments, &free, sigma);
                 assert!([0.98, 1.02].iter().all(|off| formula(&moments, &free, off * sigma) < here));
@@ -307,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_that_hold_nothing_have_no_factor() {
+    fn columns_that_are_not_finite_have_no_factor() {
         let moments = Moments::of(
             &DMatrix::from_element(1, 2, f64::NAN),
             &[Series { samples: vec![(0, 0, 1.0)], places: [[Vector3::zeros(); 3]].into() }],
@@ -317,8 +333,9 @@ mod tests {
     }
 
     #[test]
-    fn a_prior_about_one_draws_there_and_its_evidence_is_that_of_the_data_about_it() {
-        // Two scalars of 1.4 and 0.3 on the column (1, 0): about 1 with a spread of 0.5, σ = 0.5, the mean is halfway, 1.2.
+    fn a_prior_with_mean_one_is_a_prior_about_zero_on_shifted_data() {
+        // Two scalars of 1.4 and 0.3 on the column (1, 0). The prior N(1, 0.5²) and σ = 0.5 weigh the same: the
+        // posterior mean is 1.2.
         let stacked = DMatrix::from_row_slice(2, 2, &[1.0, 1.4, 0.0, 0.3]);
         let series = [Series { samples: vec![(0, 0, 1.0), (1, 1, 1.0)], places: [[Vector3::zeros(); 3]; 2].into() }];
         let shape = Shape { drift: 0.0, correlation: 0.0, field: None };
@@ -326,7 +343,7 @@ mod tests {
         let about_one = Columns { means: vec![(0, 2.0)], ..Columns::independent(vec![(0, 0.5)]) };
         let (mean, _) = posterior(&moments, &about_one, 0.5).unwrap();
         assert!((0.5 * mean[0] - 1.2).abs() < 1e-12);
-        // The same as data of 0.4 with a prior about zero.
+        // The evidence is that of 0.4 in place of 1.4, with a prior about zero.
         let shifted = Moments::of(&DMatrix::from_row_slice(2, 2, &[1.0, 0.4, 0.0, 0.3]), &series, shape);
         let about_zero = Columns::independent(vec![(0, 0.5)]);
         let evidence = |moments: &Moments, columns: &Columns| profiled(moments, columns, Some(0.3)).0;

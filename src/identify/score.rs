@@ -1,26 +1,28 @@
-//! Evidence of a set of effects, from moments alone.
+//! Evidence and posterior of a set of effects, computed from moments.
 //!
-//! It punishes parameters that the data do not need by itself; σ is profiled, the noise's shape chosen with it (see
-//! [`profiled`]). A prior about μ, in the same sizes, makes `b/σ² + μ` of `b/σ²` and takes off `½ μᵀμ`. Numbers that are bounded
-//! add the log of the share of their posterior within the bounds, less that of their prior.
+//! The evidence decreases with every number that the rows do not need, without a further penalty. It is maximised over
+//! σ and over the shape of the noise (see [`profiled`]). A prior mean μ, in prior sizes, replaces `b/σ²` by `b/σ² + μ`
+//! and subtracts `½ μᵀμ`. Each bounded number adds the log probability of its bounds under its posterior, and subtracts
+//! that under its prior.
 
 use super::columns::Columns;
 use super::moments::Moments;
 use super::profile::{LEAST_SIGMA, profiled};
 use nalgebra::{DMatrix, DVector};
 
-/// A scored set of columns.
+/// The evidence of a set of columns with the noise that maximises it.
 #[derive(Clone, Debug)]
 pub(super) struct Score {
-    /// Log evidence, nats, the noise at its best.
+    /// Log evidence, nats.
     pub(super) evidence: f64,
-    /// White noise, per axis, mm.
+    /// Standard deviation of the white noise for each axis, mm.
     pub(super) sigma: f64,
-    /// Index of the noise's shape.
+    /// Index of the shape of the noise.
     pub(super) shape: usize,
 }
 
-/// Best evidence of the columns over all noise shapes, σ searched from a guess where there is one.
+/// Evidence of the columns under the best of several shapes of the noise, whose moments are given. The search for σ
+/// begins at `guess`, mm, if there is one.
 pub(super) fn score(moments: &[Moments], columns: &Columns, guess: Option<f64>) -> Score {
     let mut best = Score { evidence: f64::NEG_INFINITY, sigma: LEAST_SIGMA, shape: 0 };
     for (shape, moments) in moments.iter().enumerate() {
@@ -32,24 +34,25 @@ pub(super) fn score(moments: &[Moments], columns: &Columns, guess: Option<f64>) 
     best
 }
 
-/// Posterior mean and covariance of the columns' parameters in units of their prior sizes.
+/// Posterior mean and covariance of the numbers of the columns, in prior sizes, without their bounds; `None` if the
+/// posterior precision is not positive definite.
 pub(super) fn posterior(moments: &Moments, columns: &Columns, sigma: f64) -> Option<(DVector<f64>, DMatrix<f64>)> {
     let Normal { matrix, right } = Normal::of(moments, columns, sigma);
     let inverse = matrix.cholesky()?.inverse();
     Some((&inverse * right, inverse))
 }
 
-/// The normal equations of some columns' parameters in units of their prior sizes.
+/// The normal equations of the numbers of some columns, in prior sizes.
 pub(super) struct Normal {
     matrix: DMatrix<f64>,
     right: DVector<f64>,
 }
 
 impl Normal {
-    /// Those whose answer is a given one, whatever damps them.
+    /// Normal equations with a given solution, under any damping.
     #[cfg(test)]
     pub(super) fn drawn_to(answer: Vec<f64>) -> Self {
-        // So firm that no damping that is tried holds it back.
+        // This precision is far above all dampings.
         const FIRM: f64 = 1e12;
         let right = DVector::from_vec(answer) * FIRM;
         Self { matrix: DMatrix::identity(right.len(), right.len()) * FIRM, right }
@@ -64,18 +67,20 @@ impl Normal {
         Self { matrix, right }
     }
 
-    /// The most likely parameters within bounds, drawn towards `here` as by so many priors (Levenberg 1944): directions
-    /// that the data hardly hold then stay, where a shorter step would keep all others back too.
+    /// The numbers of largest posterior density within bounds, with `damping` added to the diagonal about `here`
+    /// (Levenberg 1944). The damping keeps the directions that the rows hardly determine near `here`. A shorter step
+    /// would hold back all directions.
     ///
-    /// What would leave its bounds is held there and the rest solved anew, and let go again where the rest would rather
-    /// have it back: clamping alone would leave the others where they belong beside a number that may not be.
+    /// A number that would leave its bounds is held at the bound while the others are solved again, and is released if
+    /// the gradient there points into its range (an active-set method). Clamping alone would leave the other numbers at
+    /// values that are best only for a number outside its bounds.
     pub(super) fn likeliest(&self, bounds: &[(f64, f64)], here: &DVector<f64>, damping: f64) -> Option<DVector<f64>> {
         let mut matrix = self.matrix.clone();
         (0..matrix.nrows()).for_each(|i| matrix[(i, i)] += damping);
         let right = &self.right + here * damping;
         let mut held: Vec<Option<f64>> = vec![None; bounds.len()];
         let mut best = None;
-        // Letting go and holding could go round in a circle where two are as good.
+        // The number of rounds is limited, because two equally good sets of held numbers could alternate.
         for _ in 0..2 * bounds.len() {
             let free: Vec<usize> = (0..held.len()).filter(|&i| held[i].is_none()).collect();
             let mut left = right.clone();
@@ -89,7 +94,7 @@ impl Normal {
             let outside: Vec<usize> =
                 free.into_iter().filter(|&i| all[i] < bounds[i].0 || all[i] > bounds[i].1).collect();
             if outside.is_empty() {
-                // How much a held number pulls back from its bound.
+                // The slope of the log posterior from the bound of a held number into its range.
                 let pull = |i: usize| {
                     let slope = right[i] - matrix.column(i).dot(&all);
                     if all[i] <= bounds[i].0 { slope } else { -slope }
@@ -109,7 +114,7 @@ impl Normal {
     }
 }
 
-/// Mean of some gains over its standard error.
+/// The mean of some gains, in standard errors of that mean.
 pub(super) fn in_standard_errors(gains: &[f64]) -> f64 {
     let n = gains.len() as f64;
     let mean = gains.iter().sum::<f64>() / n;
@@ -124,8 +129,9 @@ mod tests {
     use nalgebra::Vector3;
 
     #[test]
-    fn beside_a_number_at_its_bound_the_others_are_solved_anew() {
-        // y = (1, 3) on columns (1, 1) and (0, 1): without bounds (1, 2); with the second not above 0, the mean 2 of the first.
+    fn the_other_numbers_are_solved_again_when_one_is_at_its_bound() {
+        // y = (1, 3) on the columns (1, 1) and (0, 1) is solved by (1, 2). If the second number may not exceed 0, the
+        // first is the mean, 2.
         let stacked = DMatrix::from_row_slice(2, 3, &[1.0, 0.0, 1.0, 1.0, 1.0, 3.0]);
         let series = [Series { samples: vec![(0, 0, 1.0), (1, 1, 1.0)], places: [[Vector3::zeros(); 3]; 2].into() }];
         let moments = Moments::of(&stacked, &series, Shape { drift: 0.0, correlation: 0.0, field: None });
