@@ -1,24 +1,28 @@
-//! Columns of a set with the prior of their numbers.
+//! The columns of a set of effects, with the prior of their numbers.
 
 use super::moments::Moments;
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
 
-/// Variance of a knot that owes nothing to its neighbours, over that of the curve: it keeps the inverse sound.
+/// Variance that is added to each number for itself, relative to the variance of the prior: it keeps the covariance
+/// invertible.
 const NUGGET: f64 = 1e-6;
 
-/// Prior of a curve's knots: their inverse covariance.
+/// A prior under which the numbers of one effect depend on one another, such as the knots of a smooth curve.
 #[derive(Debug)]
 pub(super) struct Smoothness {
-    /// In units of the typical size.
+    /// Inverse covariance, in typical sizes.
     pub(super) precision: DMatrix<f64>,
+    /// Half the log determinant of the precision.
     pub(super) half_log_det: f64,
 }
 
 impl Smoothness {
-    /// Of an effect's numbers as an identification before has left them, by their covariance.
+    /// The prior that an earlier identification leaves, from the covariance of its numbers in their own units; `None`
+    /// if the covariance is not positive definite.
     pub(super) fn of_covariance(covariance: &DMatrix<f64>, typical: &[f64]) -> Option<Self> {
-        /// Variances that stand for one: days, mountings and what the model leaves out differ between two measurements.
+        /// Factor of the variances: temperature, mounting and all that the model leaves out change between two
+        /// measurements.
         const CAUTION: f64 = 4.0;
         let n = typical.len();
         let scaled = DMatrix::from_fn(n, n, |i, j| {
@@ -29,7 +33,8 @@ impl Smoothness {
         Some(Self { precision: factor.inverse(), half_log_det })
     }
 
-    /// Of knots (degrees) whose curve has a size (share of the typical one) and a reach (degrees).
+    /// The Matérn prior with ν = 3/2 of knots at these angles, degrees, with a length scale, degrees, and a standard
+    /// deviation, as a share of the typical size; `None` if the covariance is not positive definite.
     pub(super) fn new(knots_deg: &[f64], reach_deg: f64, size: f64) -> Option<Self> {
         let n = knots_deg.len();
         let covariance = DMatrix::from_fn(n, n, |i, j| {
@@ -42,52 +47,53 @@ impl Smoothness {
     }
 }
 
-/// A column of the design and the share of its typical size that the prior has.
+/// Index of a column of the design, and its prior size as a share of the typical size.
 pub(super) type Column = (usize, f64);
 
-/// Columns of a set with the prior of their numbers: independent, but for the knots of smooth curves.
+/// Columns of a set with the prior of their numbers. The numbers are independent except within each entry of `curves`.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Columns {
     pub(super) list: Vec<Column>,
-    /// Position of the first knot of each curve in the list, and what keeps it smooth.
+    /// Priors under which numbers depend on one another, each with the position of its first number in the list.
     pub(super) curves: Vec<(usize, Arc<Smoothness>)>,
-    /// Positions in the list of numbers whose prior is not about zero, and about what, in the list's sizes.
+    /// Prior means other than zero: the position in the list, and the mean in prior sizes.
     pub(super) means: Vec<(usize, f64)>,
-    /// Positions in the list of numbers that are bounded, and between what, in the list's sizes.
+    /// Bounds: the position in the list, and the lowest and highest value in prior sizes.
     pub(super) limits: Vec<(usize, f64, f64)>,
 }
 
 impl Columns {
-    /// Independent columns.
+    /// Columns with independent priors about zero and without bounds.
     pub(super) fn independent(list: Vec<Column>) -> Self {
         Self { list, ..Self::default() }
     }
 
-    /// The same columns as the first ones of a design of their own.
+    /// The same columns, numbered from 0 as in a design that has only them.
     pub(super) fn numbered(&self) -> Self {
         let list = self.list.iter().enumerate().map(|(i, column)| (i, column.1)).collect();
         Self { list, curves: self.curves.clone(), means: self.means.clone(), limits: self.limits.clone() }
     }
 
-    /// The same with priors of the typical sizes about zero.
+    /// The same columns with the typical sizes as prior sizes, prior means of zero and no bounds.
     pub(super) fn full_size(&self) -> Self {
         let list = self.list.iter().map(|&(column, _)| (column, 1.0)).collect();
         Self { curves: self.curves.clone(), ..Self::independent(list) }
     }
 
-    /// Prior precision, in units of the list's sizes.
+    /// Prior precision, in prior sizes.
     pub(super) fn precision(&self) -> DMatrix<f64> {
         let mut matrix = DMatrix::zeros(self.list.len(), self.list.len());
         self.add_precision(&mut matrix);
         matrix
     }
 
-    /// Adds what the prior's means pull to, in units of the list's sizes: such numbers are independent of others.
+    /// Adds prior precision times prior mean to a right-hand side, in prior sizes. Numbers with a mean are independent,
+    /// so that their precision is one.
     pub(super) fn add_means(&self, right: &mut DVector<f64>) {
         self.means.iter().for_each(|&(i, mean)| right[i] += mean);
     }
 
-    /// Adds a number's prior precision, in units of the list's sizes.
+    /// Adds the prior precision to a matrix, in prior sizes.
     pub(super) fn add_precision(&self, matrix: &mut DMatrix<f64>) {
         let of_curve = |i: usize| self.curves.iter().any(|(at, s)| (*at..at + s.precision.nrows()).contains(&i));
         for i in (0..self.list.len()).filter(|&i| !of_curve(i)) {
@@ -105,6 +111,7 @@ impl Columns {
         self.curves.iter().map(|(_, smooth)| smooth.half_log_det).sum()
     }
 
+    /// XᵀX of the columns, scaled by the prior sizes.
     pub(super) fn gram(&self, moments: &Moments) -> DMatrix<f64> {
         let list = &self.list;
         DMatrix::from_fn(list.len(), list.len(), |i, j| {
@@ -113,6 +120,7 @@ impl Columns {
         })
     }
 
+    /// Xᵀy of the columns, scaled by the prior sizes.
     pub(super) fn cross(&self, moments: &Moments) -> DVector<f64> {
         DVector::from_iterator(self.list.len(), self.list.iter().map(|&(a, s)| moments.cross[a] * s))
     }

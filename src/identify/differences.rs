@@ -12,8 +12,8 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Columns of candidates that are not chosen, about the arm with effects of some kinds in it: they hardly change while these
-/// are only fitted anew.
+/// Columns of candidates that are not chosen, about the arm with effects of some kinds in it: they hardly change while
+/// these are only fitted anew.
 pub(super) struct Reuse {
     /// Candidates from this one on come and go.
     below: usize,
@@ -40,8 +40,8 @@ impl Reuse {
 }
 
 impl Design {
-    /// Columns of the `wanted` candidates about the arm with the `chosen` ones in it (whose residual is `base`); then, for
-    /// unknown instruments, theirs, whose places are returned too.
+    /// Columns of the `wanted` candidates about the arm with the `chosen` ones in it (whose residual is `base`); then,
+    /// for unknown instruments, theirs, whose places are returned too.
     pub(super) fn new(
         declared: &Arm,
         problem: &Problem,
@@ -51,7 +51,8 @@ impl Design {
         base: &DVector<f64>,
         reuse: &mut Reuse,
     ) -> (Self, Vec<usize>) {
-        // Of members of the set itself no columns are kept: columns of others stay valid when only these are linearised for another set.
+        // Of members of the set itself no columns are kept: columns of others stay valid when only these are linearised
+        // for another set.
         let others = wanted.iter().any(|c| !chosen.contains(c));
         let renumbered = reuse.columns.values().flatten().any(|column| column.len() != problem.scalars);
         let in_arm = chosen.iter().map(|&c| &candidates[c]).filter(|candidate| !candidate.is_pattern());
@@ -152,7 +153,7 @@ fn curve_of(candidate: &Candidate) -> Option<Arc<JointCurve>> {
         Home::New(shape) => shape.0.joint_curve().map(Arc::new),
         Home::Declared(_) | Home::Pattern(_) => None,
     };
-    candidate.curve.as_ref().map(|curve| Arc::clone(&curve.of)).or_else(|| of_shape(&candidate.home))
+    candidate.curve.as_ref().map(|curve| Arc::clone(&curve.joint_curve)).or_else(|| of_shape(&candidate.home))
 }
 
 /// Where candidates' columns begin: those of curves are counted by themselves.

@@ -1,39 +1,42 @@
-//! The set of effects for data over the whole robot: hundreds of columns, too many for swaps and pairs.
+//! Chooses the set of effects for poses over the whole robot (`--poses`), whose hundreds of columns are too many for
+//! swaps and pairs.
 //!
-//! Physical effects come first, one by one. Then the joints' curves, each with the smoothness of most evidence together with the
-//! others: curves hide one another and whatever is smaller, so that both are tried again until nothing gains. A member
-//! must explain a share of what is left, not only be significant: with thousands of rows any wrong detail of the model is.
+//! Effects that are no curves are added first, one by one. Then every joint's curve is tried with the smoothness of
+//! most evidence given the other members. A curve can hide other curves and smaller effects, so that curves and effects
+//! are tried in turns until the set no longer changes. A significant gain is not enough for a member, because with
+//! thousands of rows every wrong detail of the model is significant: its gain must exceed [`GAIN_A_SCALAR`] for each
+//! scalar.
 
 use super::columns::Columns;
-use super::decisions::{FLEXIBLE, GAIN_A_ROW, PRICE};
+use super::decisions::{FLEXIBLE, GAIN_A_SCALAR, PRICE};
 use super::device_pose;
 use super::engine::Engine;
 use super::found::{Choice, Linearised};
 use super::search::{MOST_MEMBERS, Search};
-use super::smooth::{Beside, Curve};
+use super::smooth::{ConditionalEvidence, Curve};
 use crate::effects::Stage;
 use nalgebra::DVector;
 
-/// Times that curves and effects are tried in turns.
+/// Largest number of turns of curves and effects.
 const SWEEPS: usize = 8;
 
 impl Engine {
-    /// The set, and the smoothness of every curve in it.
+    /// Chooses the set, and sets the smoothness of every curve in it. Its members are in the order of their stages.
     pub(super) fn staged(&mut self, linear: &Linearised) -> Choice {
         let count = linear.moments.first().map_or(0, |moments| moments.count);
-        let least = GAIN_A_ROW * count as f64;
-        let mut choice = self.stiff(linear, least);
+        let least = GAIN_A_SCALAR * count as f64;
+        let mut choice = self.choose_without_curves(linear, least);
         let curves: Vec<usize> = (0..self.candidates.len()).filter(|&c| self.candidates[c].curve.is_some()).collect();
         for sweep in 0..SWEEPS {
             let before = choice.set.clone();
             for &c in &curves {
                 let mut others = choice.set.clone();
                 others.retain(|&o| o != c);
-                let Some(beside) = self.beside(linear, &others, &choice) else { continue };
+                let Some(evidence) = self.conditional_evidence(linear, &others, &choice) else { continue };
                 let Some(curve) = &self.candidates[c].curve else { continue };
                 let own = Columns::independent(self.candidates[c].columns().map(|column| (column, 1.0)).collect());
-                let (gain, smoothness) = curve.smoothest(&beside, &own);
-                // That there are curves at all is paid for once.
+                let (gain, smoothness) = curve.best_smoothness(&evidence, &own);
+                // Only the first curve pays the price of flexibility: that there are curves at all is one decision.
                 let first = !others.iter().any(|o| curves.contains(o));
                 let search = Search::new(&self.candidates, &linear.moments, &linear.always);
                 let price = search.price(c) - if first { 0.0 } else { FLEXIBLE };
@@ -46,14 +49,14 @@ impl Engine {
                 }
             }
             if sweep == 0 && !choice.set.iter().any(|c| curves.contains(c)) {
-                self.all_curves(linear, &curves, &mut choice, least);
+                self.add_all_curves(linear, &curves, &mut choice, least);
             }
             let search = Search::new(&self.candidates, &linear.moments, &linear.always);
             let score = search.near(&choice.set, Some(choice.sigma));
             (choice.sigma, choice.shape) = (score.sigma, score.shape);
-            if let Some(beside) = self.beside(linear, &choice.set, &choice) {
+            if let Some(evidence) = self.conditional_evidence(linear, &choice.set, &choice) {
                 let without = Search::new(&self.candidates, &linear.moments, &[]);
-                let gain = |c: usize| (beside.gain(&without.columns(&[c])) - search.price(c), c);
+                let gain = |c: usize| (evidence.gain(&without.columns(&[c])) - search.price(c), c);
                 let joins = |c: &usize| self.candidates[*c].curve.is_none() && search.joins(&choice.set, *c);
                 let best = (0..self.candidates.len()).filter(joins).map(gain).max_by(|a, b| a.0.total_cmp(&b.0));
                 if let Some((_, c)) = best.filter(|(gain, _)| *gain > least) {
@@ -73,36 +76,37 @@ impl Engine {
         choice
     }
 
-    /// Takes all curves at once, if they gain together: where rows are few, none stands out of what the others leave.
-    fn all_curves(&mut self, linear: &Linearised, curves: &[usize], choice: &mut Choice, least: f64) {
+    /// Adds all curves at once, with one smoothness, if together they gain enough. With few rows no single curve does,
+    /// because the errors of the others count as noise.
+    fn add_all_curves(&mut self, linear: &Linearised, curves: &[usize], choice: &mut Choice, least: f64) {
         let alone = Search::new(&self.candidates, &linear.moments, &linear.always)
             .near(&choice.set, Some(choice.sigma))
             .evidence;
         let set = [&choice.set[..], curves].concat();
         let mut best = (alone + PRICE + FLEXIBLE + Curve::variants().ln() + least, None);
-        let take = |engine: &mut Self, number: usize| {
+        let set_smoothness = |engine: &mut Self, index: usize| {
             for &c in curves {
                 if let Some(curve) = &mut engine.candidates[c].curve {
-                    curve.take(number);
+                    curve.set_smoothness(index);
                 }
             }
         };
-        for number in Curve::common() {
-            take(self, number);
+        for index in Curve::representative() {
+            set_smoothness(self, index);
             let score =
                 Search::new(&self.candidates, &linear.moments, &linear.always).near(&set, Some(0.5 * choice.sigma));
             if score.evidence > best.0 {
-                best = (score.evidence, Some((number, score)));
+                best = (score.evidence, Some((index, score)));
             }
         }
-        if let Some((number, score)) = best.1 {
-            take(self, number);
+        if let Some((index, score)) = best.1 {
+            set_smoothness(self, index);
             *choice = Choice { set, sigma: score.sigma, shape: score.shape };
         }
     }
 
-    /// Held-out error before and after each chosen effect, mm rms, as if the effects were found one after another: every
-    /// stage is fitted afresh with those before it. The joints' curves are one stage.
+    /// Error of the held-out rows before and after each chosen effect, mm rms, as if the effects were found one after
+    /// another: each stage is fitted afresh together with the stages before it. All curves of the joints are one stage.
     pub(super) fn stages(&mut self) -> Vec<(f64, f64)> {
         let state = (self.candidates.clone(), self.chosen.clone(), self.covariance.clone());
         let places = device_pose::places(&self.problem);
@@ -130,13 +134,13 @@ impl Engine {
         all
     }
 
-    /// Held-out error with the run's drift taken off, mm rms.
+    /// Error of the held-out rows without the run's drift, mm rms.
     fn held_out_rms_mm(&self, run_drift: &DVector<f64>) -> f64 {
         self.errors(&(self.residual() - run_drift), |row| row.held_out).rms_mm
     }
 
-    /// Drops members whose fitted numbers leave the rows as they are without them: within bounds they do nothing, though
-    /// beyond would help (a gap that is not negative), or what one stage gave them a later one took.
+    /// Drops the members without which the log posterior falls by less than [`PRICE`]: the bounds of their numbers
+    /// exclude those that would help (a gap is not negative), or a later stage explains the same.
     pub(super) fn drop_idle(&mut self) {
         loop {
             let linear = self.linearise(&[], &[self.shape]);
@@ -144,7 +148,7 @@ impl Engine {
             let set = self.chosen.clone();
             let gain = |c: usize| {
                 self.chosen = set.iter().copied().filter(|&o| o != c).collect();
-                // Twice nats.
+                // The misfit is minus twice the log posterior.
                 (0.5 * (self.misfit(&linear) - here), c)
             };
             let worst = set.iter().copied().map(gain).min_by(|a, b| a.0.total_cmp(&b.0));
@@ -156,13 +160,20 @@ impl Engine {
         }
     }
 
-    fn beside<'a>(&self, linear: &'a Linearised, set: &[usize], choice: &Choice) -> Option<Beside<'a>> {
+    /// The evidence that further columns add to a set, under the noise of a choice.
+    fn conditional_evidence<'a>(
+        &self,
+        linear: &'a Linearised,
+        set: &[usize],
+        choice: &Choice,
+    ) -> Option<ConditionalEvidence<'a>> {
         let search = Search::new(&self.candidates, &linear.moments, &linear.always);
-        Beside::new(&linear.moments[choice.shape], search.columns(set), choice.sigma)
+        ConditionalEvidence::new(&linear.moments[choice.shape], search.columns(set), choice.sigma)
     }
 
-    /// Physical effects that gain, one by one.
-    fn stiff(&self, linear: &Linearised, least: f64) -> Choice {
+    /// The set that results if, of the effects that are no curves, the one that gains most is added until none gains
+    /// `least`, nats.
+    fn choose_without_curves(&self, linear: &Linearised, least: f64) -> Choice {
         let search = Search::new(&self.candidates, &linear.moments, &linear.always);
         let pool: Vec<usize> = (0..self.candidates.len()).filter(|&c| self.candidates[c].curve.is_none()).collect();
         search.narrow(&pool);
