@@ -1,4 +1,5 @@
-//! Products of whitened columns: all that evidence needs, whatever the number of rows.
+//! Sums of products of whitened columns. They are all that the evidence needs, so that its cost does not grow with the
+//! number of rows.
 
 use super::design::{Design, gather};
 use super::noise::{Field, Sample, Series, Shape, Step, Whitened, products_under_fields, steps, whiten};
@@ -7,10 +8,11 @@ use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, DVector};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Sums of products of whitened columns: all that evidence needs, whatever the number of rows.
+/// Sums of products of the whitened columns X of a design and of the whitened data y, mm², under one shape of the
+/// noise.
 #[derive(Clone, Debug)]
 pub(super) struct Moments {
-    /// Xᵀ X over the prior sizes.
+    /// Xᵀ X; a column is the change for one typical size.
     pub(super) gram: DMatrix<f64>,
     /// Xᵀ y.
     pub(super) cross: DVector<f64>,
@@ -18,15 +20,16 @@ pub(super) struct Moments {
     pub(super) square: f64,
     /// Number of scalars.
     pub(super) count: usize,
-    /// Σ ½ ln S_t at σ = 1.
+    /// Half the log determinant of the covariance of the noise at σ = 1.
     pub(super) log_scale: f64,
+    /// The shape of the noise that whitened the columns.
     pub(super) shape: Shape,
-    /// Standard deviation of the noise as the table declares it, mm.
+    /// Standard deviation of the noise that the table declares, mm.
     pub(super) declared: Option<f64>,
 }
 
 impl Moments {
-    /// Moments of `y` (last column of `stacked`) on the columns before it.
+    /// Moments of the data, which are the last column of `stacked`, on the other columns.
     pub(super) fn of(stacked: &DMatrix<f64>, series: &[Series], shape: Shape) -> Self {
         let (full, log_scale) = if shape.field.is_some() {
             let Whitened { columns, log_scale } = whiten(stacked, series, shape);
@@ -39,15 +42,15 @@ impl Moments {
         Self::from_products(full, log_scale, series, shape)
     }
 
-    /// Moments of `y` (last column of `stacked`) on the columns before it, under noises whose fields differ in size alone.
+    /// The same under several shapes of the noise, whose fields differ only in their variance.
     pub(super) fn under_fields(stacked: &DMatrix<f64>, series: &[Series], shapes: &[(Shape, Field)]) -> Vec<Self> {
         let all = products_under_fields(stacked, series, shapes);
         let of = |((full, log_scale), &(shape, _))| Self::from_products(full, log_scale, series, shape);
         all.into_iter().zip(shapes).map(of).collect()
     }
 
-    /// Moments of data on the columns of a design, under each of some noises without a field; with `own`, of columns only with
-    /// those of the same range, and zero elsewhere.
+    /// Moments of data on the columns of a design, under each of several shapes of the noise that have no field. With
+    /// `own` the products of columns of two different ranges are not computed, and are zero.
     pub(super) fn on(
         design: &Design,
         data: &DVector<f64>,
@@ -73,7 +76,8 @@ impl Moments {
         }
     }
 
-    /// The same columns with other data: their own products serve again.
+    /// The moments of other data on the same columns, whose products with one another are kept. The shape must have no
+    /// field.
     pub(super) fn with_data(self, design: &Design, data: &DVector<f64>, series: &[Series]) -> Self {
         let columns = ColumnSource::of(design, data);
         let last = columns.width - 1;
@@ -93,15 +97,17 @@ impl Moments {
     }
 }
 
-/// Products of all whitened columns, data last, and half the log determinant of the whitening, for each shape; with `own`, of
-/// columns only with those of the same range and with the data.
+/// For each shape of the noise the products of all whitened columns, the data being the last one, and half the log
+/// determinant of the covariance of the noise. With `own` a column is multiplied only by those of its range and by the
+/// data.
 fn products(
     columns: &ColumnSource,
     series: &[Series],
     shapes: &[Shape],
     own: Option<&[Range<usize>]>,
 ) -> Vec<(DMatrix<f64>, f64)> {
-    /// Shapes that one thread whitens the same columns for.
+    /// Number of shapes for which one thread whitens a block of columns, so that the block is filled once for all of
+    /// them.
     const TOGETHER: usize = 4;
     let width = columns.width;
     let of_series = |(shapes, series): (&[Shape], &Series)| {
@@ -129,20 +135,24 @@ fn products(
     all
 }
 
-/// Sums of products of columns: all of them, or of some ranges with themselves and of all with the data, which are last.
+/// Sums of products of columns, the data being the last one: of every pair, or of the pairs within some ranges and of
+/// all with the data.
 struct Sums<'a> {
     width: usize,
     own: Option<&'a [Range<usize>]>,
-    /// The lower triangle of a matrix, column by column; or those of each range one after another, and those with the data.
+    /// Without ranges, the lower triangle of a matrix, column by column. With ranges, the square of each range, then
+    /// the products of all columns with the data.
     values: Vec<f64>,
 }
 
 impl<'a> Sums<'a> {
+    /// Sums of zero for columns of this number, the data among them.
     fn new(width: usize, own: Option<&'a [Range<usize>]>) -> Self {
         let size = own.map_or(width * width, |own| own.iter().map(|range| range.len().pow(2)).sum::<usize>() + width);
         Self { width, own, values: vec![0.0; size] }
     }
 
+    /// Adds the products over a block of samples, each of which is one column of the block.
     fn add(&mut self, block: &DMatrix<f64>) {
         let width = self.width;
         match self.own {
@@ -169,7 +179,7 @@ impl<'a> Sums<'a> {
         }
     }
 
-    /// The whole matrix; zero where nothing was summed.
+    /// The symmetric matrix of all products; those that were not computed are zero.
     fn full(self) -> DMatrix<f64> {
         let width = self.width;
         let Some(own) = self.own else {
@@ -190,6 +200,7 @@ impl<'a> Sums<'a> {
     }
 }
 
+/// Adds a multiple of some values.
 #[inline(always)]
 fn add_times(factor: f64, values: &[f64], into: &mut [f64]) {
     for k in 0..values.len().min(into.len()) {
@@ -197,7 +208,8 @@ fn add_times(factor: f64, values: &[f64], into: &mut [f64]) {
     }
 }
 
-/// Adds the lower triangle of a block times its transpose, some columns at a time: the upper one is its mirror.
+/// Adds the lower triangle of a block times its transpose. It goes by groups of columns, so that the products are
+/// matrix products and little of the upper triangle is computed.
 fn add_square(full: &mut DMatrixViewMut<f64>, block: &DMatrix<f64>) {
     const COLUMNS: usize = 64;
     let (width, samples) = block.shape();
@@ -209,12 +221,13 @@ fn add_square(full: &mut DMatrixViewMut<f64>, block: &DMatrix<f64>) {
     }
 }
 
-/// Writes the values of some samples, each sample's together.
+/// Writes the values of all columns at some samples, sample by sample.
 type Fill<'a> = dyn Fn(&[Sample], &mut [f64]) + Sync + 'a;
 
-/// The columns of a design, with the data as the last one. They are computed and whitened for some rows at a time, so that a long
-/// table is never held as a matrix.
+/// Columns that are computed and whitened for a few hundred samples at a time, so that a long table is never held as a
+/// matrix. The data are usually the last column.
 pub(super) struct ColumnSource<'a> {
+    /// Number of columns.
     pub(super) width: usize,
     fill: Box<Fill<'a>>,
 }
@@ -224,6 +237,7 @@ impl<'a> ColumnSource<'a> {
         Self { width, fill: Box::new(fill) }
     }
 
+    /// The columns of a design, then the data.
     fn of(design: &'a Design, data: &'a DVector<f64>) -> Self {
         let width = design.width() + 1;
         let fill = move |samples: &[Sample], block: &mut [f64]| {
@@ -235,6 +249,7 @@ impl<'a> ColumnSource<'a> {
         Self::new(width, fill)
     }
 
+    /// The columns of a matrix over all scalars.
     pub(super) fn stacked(stacked: &'a DMatrix<f64>) -> Self {
         let width = stacked.ncols();
         let fill = move |samples: &[Sample], block: &mut [f64]| {
@@ -243,8 +258,8 @@ impl<'a> ColumnSource<'a> {
         Self::new(width, fill)
     }
 
-    /// Whitens all columns along a series by each of some steps, a block of samples (its columns) at a time: memory does not grow
-    /// with the rows.
+    /// Whitens all columns along a series with the Kalman steps of each of several shapes. `take` receives the index of
+    /// the shape and one block after another, whose columns are samples; memory does not grow with the number of rows.
     pub(super) fn whitened(&self, series: &Series, steps: &[Vec<Step>], mut take: impl FnMut(usize, &DMatrix<f64>)) {
         const ROWS: usize = 512;
         let width = self.width;
@@ -288,7 +303,7 @@ mod tests {
     use nalgebra::Vector3;
 
     #[test]
-    fn products_some_rows_at_a_time_are_those_of_the_whole() {
+    fn products_by_blocks_of_rows_are_those_of_the_whole_matrix() {
         let shape = Shape { drift: 0.4, correlation: 0.9, field: None };
         let samples = (0..1300).map(|t| (t, t + t / 100, 1.0 + 0.1 * (t % 3) as f64)).collect();
         let series = [Series { samples, places: [[Vector3::zeros(); 3]; 1300].into() }];
@@ -300,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn products_of_own_ranges_are_those_of_all_there_and_of_each_shape_its_own() {
+    fn products_within_ranges_equal_the_full_products_under_each_shape() {
         let shapes = [0.0, 0.2, 0.4, 0.8, 1.6].map(|drift| Shape { drift, correlation: 0.9, field: None });
         let samples = |from: usize| (0..700).map(|t| (from + t, t, 1.0)).collect();
         let series =

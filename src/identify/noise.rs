@@ -1,63 +1,68 @@
-//! Noise of measured rows: white plus a slow drift, as real robots show.
+//! The noise of measured rows: white noise and a slow drift, which real robots have.
 //!
-//! Each axis of each run is `y_t = w_t + e_t`, e white with variance σ², w a first-order autoregression with
-//! stationary variance λσ² and correlation ρ from row to row. A Kalman filter whitens data and columns in one pass;
-//! rows that are not fitted are missing observations to it, so that blocks can be left out anywhere.
+//! The noise of each axis of each run is `y_t = w_t + e_t`, where e is white with variance σ², and w is a first-order
+//! autoregression with stationary variance λσ² and correlation ρ from one row to the next. A Kalman filter whitens the
+//! data and the columns in one pass. Rows that are not fitted are missing observations of the filter, so that any block
+//! can be left out.
 //!
-//! A field over the place is what an unmodelled effect leaves: equal where the arm returns, however much later.
-//! It is no noise, and a set that needs it is unexplained; as part of the covariance it cannot pass for a drift, nor
-//! for the effects that are named with it.
+//! The error of an unmodelled effect depends on place, posture or force, and is the same again when the arm returns. A
+//! Gaussian field over these coordinates describes it. A field is not noise, and a set that needs one does not explain
+//! the rows. Because the field is part of the covariance, its error is attributed neither to a drift nor to the effects
+//! that are named with it.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::sync::Arc;
 
-/// Shape of the noise; its size σ is profiled.
+/// The covariance of the noise relative to σ². The evidence is maximised over σ for each shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Shape {
-    /// Variance of the drift over that of the white part.
+    /// Variance λ of the drift relative to that of the white noise.
     pub(super) drift: f64,
-    /// Correlation of the drift from one row to the next.
+    /// Correlation ρ of the drift from one row to the next.
     pub(super) correlation: f64,
-    /// What is left of unmodelled effects.
+    /// The field that describes the error of unmodelled effects.
     pub(super) field: Option<Field>,
 }
 
-/// A smooth field: squared-exponential covariance.
+/// A Gaussian field with squared-exponential covariance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Field {
-    /// What it is a field over.
+    /// The coordinates that the field depends on.
     pub(super) over: Over,
-    /// Its variance over that of the white noise.
+    /// Its variance relative to that of the white noise.
     pub(super) share: f64,
-    /// Its length scale: mm of place, rad of posture, N of force, standard deviations of all together.
+    /// Its length scale: mm for the place, rad for the posture, N for the force, standard deviations for all together.
     pub(super) reach: f64,
 }
 
-/// What a field is over.
+/// The coordinates that a field depends on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Over {
-    /// The place in the base, mm.
+    /// The place in the base frame, mm.
     Place,
     /// The wrist's three motor angles, rad.
     Wrist,
     /// The force on the tool, N.
     Force,
-    /// All three together, each over its standard deviation in the table: lengths have no unit.
+    /// All three together. Each is divided by its standard deviation in the table, so that distances have no unit; a
+    /// coordinate whose standard deviation is zero is left out.
     Everything([f64; 3]),
 }
 
-/// Those of one coordinate.
+/// The choices of a single coordinate.
 pub(super) const OVER: [Over; 3] = [Over::Place, Over::Wrist, Over::Force];
 
-/// A row's coordinates in each of [`OVER`].
+/// The coordinates of a row, in the order of [`OVER`].
 pub(super) type Places = [Vector3<f64>; OVER.len()];
 
 impl Field {
+    /// Squared-exponential correlation of two values of one coordinate.
     fn correlation(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
         (-0.5 * (a - b).norm_squared() / (self.reach * self.reach)).exp()
     }
 
-    fn between(&self, a: &Places, b: &Places) -> f64 {
+    /// Covariance of the field at the coordinates of two rows, relative to σ².
+    fn covariance(&self, a: &Places, b: &Places) -> f64 {
         self.share * self.similarity(a, b)
     }
 
@@ -75,7 +80,7 @@ impl Field {
         }
     }
 
-    /// Correlations of all places with one another; the lower triangle.
+    /// Correlations of the field at all places with one another, as a lower triangle.
     fn correlations(&self, places: &[Places]) -> DMatrix<f64> {
         let mut matrix = DMatrix::zeros(places.len(), places.len());
         for (j, b) in places.iter().enumerate() {
@@ -87,11 +92,12 @@ impl Field {
     }
 }
 
-/// Fields that are tried over coordinates of these extents.
+/// The fields that are tried, for coordinates with these extents in the units of [`Over`]. Coordinates without an
+/// extent have none.
 pub(super) fn fields(extents: [f64; OVER.len()]) -> Vec<Field> {
     let mut all = Vec::new();
     for (over, extent) in OVER.into_iter().zip(extents).filter(|(_, extent)| *extent > 0.0) {
-        // A place is a plane full of rows; postures and forces are few.
+        // Rows fill the plane of a part, so that short length scales are determined; there are few postures and forces.
         let parts: &[f64] = if over == Over::Place { &[4.0, 8.0, 16.0, 32.0] } else { &[2.0, 4.0, 8.0] };
         for part in parts {
             all.extend([0.5, 2.0, 8.0].map(|share| Field { over, share, reach: extent / part }));
@@ -100,7 +106,8 @@ pub(super) fn fields(extents: [f64; OVER.len()]) -> Vec<Field> {
     all
 }
 
-/// Shapes that are tried: none, then from faint to dominant and from three rows to fifty.
+/// The shapes that are tried without a field: white noise first, then drifts with up to three times the variance of the
+/// white noise, whose correlation falls to 1/e within 4 to 20 rows.
 pub(super) fn shapes() -> Vec<Shape> {
     let mut all = vec![Shape { drift: 0.0, correlation: 0.0, field: None }];
     for drift in [0.06, 0.2, 0.5, 1.2, 3.0] {
@@ -111,18 +118,19 @@ pub(super) fn shapes() -> Vec<Shape> {
     all
 }
 
-/// White, and a few drifts of the usual length.
+/// White noise, and the drifts with a correlation of 0.9 and a variance below that of the white noise.
 #[allow(clippy::float_cmp)] // shapes come from one list
 pub(super) fn few() -> Vec<Shape> {
     shapes().into_iter().filter(|s| s.drift == 0.0 || s.correlation == 0.9 && s.drift < 1.0).collect()
 }
 
-/// White, and one drift of the usual size: for data over the whole robot, where the noise decides nothing.
+/// White noise, and one drift of the usual size: for poses over the whole robot, whose effects are much larger than the
+/// noise.
 pub(super) fn coarse() -> Vec<Shape> {
     vec![Shape { drift: 0.0, correlation: 0.0, field: None }, Shape { drift: 0.5, correlation: 0.9, field: None }]
 }
 
-/// Shapes near one, and white.
+/// White noise, the given shape, and the shapes with the same correlation and a similar variance.
 #[allow(clippy::float_cmp)] // shapes come from one list
 pub(super) fn near(shape: Shape) -> Vec<Shape> {
     let close = |s: &Shape| {
@@ -132,15 +140,15 @@ pub(super) fn near(shape: Shape) -> Vec<Shape> {
 }
 
 impl Shape {
-    /// Covariance of the drift so many rows apart, over σ².
+    /// Covariance of the drift of two rows that are `lag` rows apart, relative to σ².
     pub(super) fn drifting(self, lag: usize) -> f64 {
         #[allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap)]
         let lag = lag as i32;
         if self.drift > 0.0 { self.drift * self.correlation.powi(lag) } else { 0.0 }
     }
 
-    /// Log prior of a shape, nats: drifts of a real arm are rather smaller than its white noise, and a much
-    /// larger one is an effect that is not modelled.
+    /// Log prior density of the shape except for a constant, nats. The drift of a real arm is usually smaller than its
+    /// white noise; a much larger one is an effect that is not modelled.
     pub(super) fn log_prior(self) -> f64 {
         const USUAL: f64 = 0.5;
         const SPREAD: f64 = 0.4;
@@ -148,24 +156,24 @@ impl Shape {
     }
 }
 
-/// (row of the stacked design, time index, standard deviation relative to σ).
+/// One scalar: its row in the stacked design, its time index, and its standard deviation relative to σ.
 pub(super) type Sample = (usize, usize, f64);
 
-/// One series of scalars in the order in which they were measured.
+/// The scalars of one axis of a run, in the order in which they were measured.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Series {
     pub(super) samples: Vec<Sample>,
-    /// Where each was taken.
+    /// The coordinates at which each sample was taken.
     pub(super) places: Arc<[Places]>,
 }
 
-/// Whitened columns and the log determinant of the whitening (Σ ½ ln S_t, at σ = 1).
+/// Whitened columns, and half the log determinant of the covariance of the noise at σ = 1.
 pub(super) struct Whitened {
     pub(super) columns: DMatrix<f64>,
     pub(super) log_scale: f64,
 }
 
-/// Whitens every column of `stacked` along the series.
+/// Whitens every column of `stacked` along the series. Rows that are in no series are left as they are.
 pub(super) fn whiten(stacked: &DMatrix<f64>, series: &[Series], shape: Shape) -> Whitened {
     if let Some(field) = shape.field {
         return whiten_field(stacked, series, shape, field);
@@ -187,9 +195,12 @@ pub(super) fn whiten(stacked: &DMatrix<f64>, series: &[Series], shape: Shape) ->
     Whitened { columns, log_scale }
 }
 
-/// Rows whose field is seen together: what is further apart in a long run is taken as unrelated.
+/// Largest number of successive samples of a series whose field has a common covariance. The field of two chunks of a
+/// long run is taken as independent, because the work of a factor grows as the cube of its size.
 const TOGETHER: usize = 300;
 
+/// Whitens every column with the Cholesky factor of the full covariance, chunk by chunk. A chunk whose covariance is
+/// not positive definite is left as it is.
 fn whiten_field(stacked: &DMatrix<f64>, series: &[Series], shape: Shape, field: Field) -> Whitened {
     let mut columns = stacked.clone();
     let mut log_scale = 0.0;
@@ -207,8 +218,8 @@ fn whiten_field(stacked: &DMatrix<f64>, series: &[Series], shape: Shape, field: 
     Whitened { columns, log_scale }
 }
 
-/// Products of whitened columns and half the log determinant of the whitening, for each of some shapes whose fields differ in
-/// size alone.
+/// For each of several shapes, whose fields differ only in their variance, the products of the whitened columns and
+/// half the log determinant of the covariance of the noise at σ = 1.
 pub(super) fn products_under_fields(
     stacked: &DMatrix<f64>,
     series: &[Series],
@@ -239,7 +250,8 @@ pub(super) fn products_under_fields(
     all
 }
 
-/// ChunkReader of each series that are seen together, with their places; those of a run's axes one after another.
+/// The chunks of all series, each with at most [`TOGETHER`] samples and their places. The same chunk of all series
+/// comes before the next chunk, so that the axes of a run, which have the same covariance, follow one another.
 fn chunks(series: &[Series]) -> impl Iterator<Item = (&[Sample], &[Places])> {
     let most = series.iter().map(|series| series.samples.len().div_ceil(TOGETHER)).max().unwrap_or(0);
     (0..most).flat_map(move |n| {
@@ -250,18 +262,18 @@ fn chunks(series: &[Series]) -> impl Iterator<Item = (&[Sample], &[Places])> {
     })
 }
 
-/// Time index and relative standard deviation, and where.
+/// All of a sample that its covariance depends on: time index, relative standard deviation, and coordinates.
 type Spacing = ((usize, f64), Places);
 
 fn spacing(samples: &[Sample], places: &[Places]) -> Vec<Spacing> {
     samples.iter().map(|sample| (sample.1, sample.2)).zip(places.iter().copied()).collect()
 }
 
-/// Cholesky factors of the covariance; the axes of a run share theirs.
+/// Cholesky factors of the covariance of chunks. The axes of a run share a factor, and so only the last one is kept.
 struct Factors {
     shape: Shape,
     field: Field,
-    /// The last chunk, and its factor.
+    /// The spacing of the last chunk, and its factor.
     last: Option<(Vec<Spacing>, DMatrix<f64>)>,
 }
 
@@ -270,6 +282,7 @@ impl Factors {
         Self { shape, field, last: None }
     }
 
+    /// The factor of a chunk; `None` if its covariance is not positive definite.
     fn of(&mut self, samples: &[Sample], places: &[Places]) -> Option<&DMatrix<f64>> {
         let spacing = spacing(samples, places);
         if self.last.as_ref().is_none_or(|last| last.0 != spacing) {
@@ -280,8 +293,8 @@ impl Factors {
     }
 }
 
-/// Cholesky factor of a matrix of which the lower triangle is given, some columns at a time: products of blocks are much quicker
-/// than column by column. `None` where it is not positive definite.
+/// Cholesky factor of a matrix whose lower triangle is given, by blocks of columns: products of matrices are much
+/// faster than single columns. `None` if the matrix is not positive definite.
 fn factored(mut matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
     const COLUMNS: usize = 48;
     let size = matrix.nrows();
@@ -290,7 +303,7 @@ fn factored(mut matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
         let end = at + wide;
         let inner = matrix.view((at, at), (wide, wide)).into_owned().cholesky()?.unpack();
         matrix.view_mut((at, at), (wide, wide)).copy_from(&inner);
-        // The rows below, as columns.
+        // The rows below the block are solved as the columns of their transpose.
         let mut below = matrix.view((end, at), (size - end, wide)).transpose();
         inner.solve_lower_triangular_mut(&mut below);
         matrix.view_mut((end, at), (size - end, wide)).tr_copy_from(&below);
@@ -306,7 +319,7 @@ fn factored(mut matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
     Some(matrix)
 }
 
-/// L⁻¹ of some columns, by blocks as in [`factored`].
+/// Replaces columns by L⁻¹ times them, by blocks as in [`factored`].
 fn solve_below(factor: &DMatrix<f64>, columns: &mut DMatrix<f64>) {
     const ROWS: usize = 48;
     let size = factor.nrows();
@@ -320,7 +333,8 @@ fn solve_below(factor: &DMatrix<f64>, columns: &mut DMatrix<f64>) {
     }
 }
 
-/// Covariance of samples over σ², white, drift and field, of that of the field; the lower triangle.
+/// Covariance of samples relative to σ², as a lower triangle: white noise and drift are added to the covariance of the
+/// field.
 fn covariance(samples: &[Sample], shape: Shape, mut field: DMatrix<f64>) -> DMatrix<f64> {
     for (j, &(_, time, relative)) in samples.iter().enumerate() {
         if shape.drift > 0.0 {
@@ -333,7 +347,7 @@ fn covariance(samples: &[Sample], shape: Shape, mut field: DMatrix<f64>) -> DMat
     field
 }
 
-/// The field that a residual speaks for: its posterior mean at the samples, zero elsewhere.
+/// Posterior mean of the field given a residual, mm, at the samples of the series; zero at all other scalars.
 pub(super) fn field_of(residual: &DVector<f64>, series: &[Series], shape: Shape, field: Field) -> DVector<f64> {
     let mut mean = DVector::zeros(residual.len());
     for (samples, places) in chunks(series) {
@@ -342,18 +356,23 @@ pub(super) fn field_of(residual: &DVector<f64>, series: &[Series], shape: Shape,
         let Some(factor) = covariance(samples, shape, correlations).cholesky() else { continue };
         let weights = factor.solve(&residual.select_rows(&rows));
         for (i, &row) in rows.iter().enumerate() {
-            mean[row] = (0..rows.len()).map(|j| field.between(&places[i], &places[j]) * weights[j]).sum();
+            mean[row] = (0..rows.len()).map(|j| field.covariance(&places[i], &places[j]) * weights[j]).sum();
         }
     }
     mean
 }
 
+/// One step of the Kalman filter for the drift.
 pub(super) struct Step {
+    /// Correlation of the drift with that of the sample before.
     pub(super) decay: f64,
+    /// Kalman gain.
     pub(super) gain: f64,
+    /// Variance of the innovation, relative to σ².
     pub(super) variance: f64,
 }
 
+/// The steps of the Kalman filter along a series. They depend on the shape, except for its field, and not on the data.
 pub(super) fn steps(series: &Series, shape: Shape) -> Vec<Step> {
     let mut uncertainty = shape.drift;
     let mut last = None;
@@ -412,7 +431,7 @@ mod tests {
     }
 
     #[test]
-    fn a_field_that_is_nothing_whitens_as_none() {
+    fn a_field_without_variance_whitens_as_no_field() {
         let shape = Shape { drift: 0.5, correlation: 0.8, field: None };
         let samples = (0..7).map(|t| (t, t, 1.0 + 0.1 * t as f64)).collect();
         let places = (0..7).map(|t| [Vector3::repeat(f64::from(t)); 3]).collect();
