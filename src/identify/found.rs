@@ -1,4 +1,4 @@
-//! What the steps of an identification hand to one another.
+//! The results that the steps of an identification pass to one another.
 
 use super::design::Design;
 use super::moments::Moments;
@@ -6,36 +6,39 @@ use super::outcome::{Errors, Ranked, Separation, Unexplained};
 use crate::effects::Effect;
 use nalgebra::DVector;
 
-/// A chosen candidate, its posterior, and the kinds that could stand in its place with theirs.
+/// The index of a chosen candidate, its posterior probability, and the kinds that could replace it with their
+/// probabilities.
 pub(super) type Posterior = (usize, (f64, Vec<(String, f64)>));
 
-/// What the search has found out before the answer is put together.
+/// The results of the search from which the answer is made.
 pub(super) struct Findings {
     pub(super) posteriors: Vec<Posterior>,
     pub(super) ranking: Ranking,
     pub(super) unexplained: Unexplained,
-    /// Held-out error before and after each chosen effect, over the whole robot.
+    /// Error of the held-out rows before and after each chosen effect, mm rms; empty except over the whole robot.
     pub(super) stages: Vec<(f64, f64)>,
-    /// Whether what is written is fitted to all rows.
+    /// Whether the written effects are fitted to all rows.
     pub(super) refit: bool,
-    /// Errors where nothing was measured; `None` over the whole robot.
+    /// Errors at places, postures and loads that the fit has not seen; `None` over the whole robot.
     pub(super) elsewhere: Option<Elsewhere>,
 }
 
-/// Moments, search and columns of one linearisation.
+/// The columns of candidates about the present fit, and their moments.
 pub(super) struct Linearised {
+    /// The moments under each shape of the noise.
     pub(super) moments: Vec<Moments>,
+    /// The columns of the instruments, which are in every set.
     pub(super) always: Vec<usize>,
     pub(super) design: Design,
-    /// Pseudo-data: what the residual would be with every number at neutral.
+    /// Pseudo-data, mm: the residual plus the linear contribution of the chosen numbers, as if each had its start value.
     pub(super) data: DVector<f64>,
 }
 
-/// Candidates of the whole arm.
+/// The members of the model of the whole arm.
 pub(super) struct Members {
-    /// Those that the search found, at their own sizes.
+    /// Those that the search found.
     pub(super) found: Vec<usize>,
-    /// One of every other family, at a common share of the typical sizes.
+    /// One candidate of every other family of effects.
     pub(super) others: Vec<usize>,
 }
 
@@ -45,30 +48,30 @@ impl Members {
     }
 }
 
-/// What was chosen: candidates, the noise, and which of its shapes.
+/// A chosen set, with σ, mm, and the index of the shape of the noise.
 pub(super) struct Choice {
     pub(super) set: Vec<usize>,
     pub(super) sigma: f64,
     pub(super) shape: usize,
 }
 
-/// Which fitted rows are left out together.
+/// How the fitted rows are divided into groups, each of which is left out of a fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum LeavingOut {
     /// Stretches of a run, or whole runs where there are several.
     Stretches,
-    /// Rows near one another in place, posture and load, whenever they were measured.
+    /// Rows that are near one another in place, posture and load, whenever they were measured.
     Places,
 }
 
-/// Errors on rows that were left out, of the extended cell.
+/// Errors of the extended cell on rows that were left out of its fit.
 pub(super) struct Elsewhere {
     pub(super) extended: Errors,
-    /// Variance that was found over the one that was promised.
+    /// Variance of the errors on these rows, relative to the variance that the fit predicts.
     pub(super) wider: f64,
 }
 
-/// Why effects that were found are not added: the error with them, and the declared cell's, mm rms.
+/// Why the effects that were found are not added: the error with them and the error of the declared cell, mm rms.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Refused {
     /// Which fitted rows were left out of the fit.
@@ -77,19 +80,19 @@ pub(super) struct Refused {
     pub(super) declared_mm: f64,
 }
 
-/// Every kind alone, and how far apart they are.
+/// Every kind of effect alone, and how well pairs of kinds can be distinguished.
 #[derive(Default)]
 pub(super) struct Ranking {
     pub(super) kinds: Vec<Ranked>,
     pub(super) separability: Vec<Separation>,
 }
 
-/// The kind that names nothing.
+/// The kind of a map, which describes an error without naming its cause.
 pub(super) const MAP: &str = "empirical";
 
-/// A field that holds.
+/// The discrepancy as an effect.
 pub(super) struct Map {
     pub(super) effect: Box<dyn Effect>,
-    /// How likely its gain is one.
+    /// Probability that it reduces the error on blocks that its fit has not seen.
     pub(super) likely: f64,
 }

@@ -1,4 +1,5 @@
-//! Whether the chosen effects are all there is: outliers, a field over the place, and what holds in spite of them.
+//! Checks whether the chosen effects explain the rows: outliers, heavy tails, jumps, unlisted patterns and a field over
+//! the place. It also withdraws effects that do not hold.
 
 use super::candidate::{Candidate, Home, same_pattern};
 use super::candidates;
@@ -16,13 +17,15 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use statrs::function::gamma::ln_gamma;
 
-/// Standard deviation of normal numbers over the median of their sizes.
+/// Standard deviation of normal numbers relative to the median of their absolute values.
 const TO_SIGMA: f64 = 1.4826;
-/// Held-out rows are scored as they are, but for an instrument's blunders: leaving out what is predicted badly would flatter.
+/// Limit of whitened residuals of held-out rows, in their own standard deviations. It is far out, so that only blunders
+/// of the instrument are left out: without the rows that are predicted badly, the reported error would be too small.
 const BLUNDER: f64 = 2.0 * OUTLIER;
 
 impl Engine {
-    /// The goodness-of-fit gate: noise with a field over the place that explains more than the chosen set without it.
+    /// The test of goodness of fit: the shape of the noise with the best field over place, posture or force, if the
+    /// evidence with it exceeds the objective of the set without it by the price of a field.
     pub(super) fn field(&self, search: &Search, linear: &Linearised, set: &[usize]) -> Option<noise::Shape> {
         let (value, set_price) = (search.objective(set), search.prices(set));
         let fields = noise::fields(self.problem.extents());
@@ -32,12 +35,12 @@ impl Engine {
         let kept = linear.design.kept().select_columns(columns.list.iter().map(|column| &column.0));
         let (stacked, renumbered) = (stacked(&kept, &linear.data), columns.numbered());
         // The field replaces the drift that was found, or is added to it.
-        let mut beside = vec![noise::Shape { drift: 0.0, correlation: 0.0, field: None }];
+        let mut drifts = vec![noise::Shape { drift: 0.0, correlation: 0.0, field: None }];
         if self.shape.drift > 0.0 {
-            beside.push(self.shape);
+            drifts.push(self.shape);
         }
         let with = |&field: &noise::Field| {
-            beside.iter().map(move |&shape| (noise::Shape { field: Some(field), ..shape }, field)).collect::<Vec<_>>()
+            drifts.iter().map(move |&shape| (noise::Shape { field: Some(field), ..shape }, field)).collect::<Vec<_>>()
         };
         let alike = |a: &noise::Field, b: &noise::Field| a.over == b.over && a.reach.total_cmp(&b.reach).is_eq();
         let groups: Vec<Vec<(noise::Shape, noise::Field)>> =
@@ -49,8 +52,8 @@ impl Engine {
             .map(|moments| {
                 let moments = [Moments { declared, ..moments }];
                 let alone = score(&moments, &Columns::default(), None).evidence;
-                let beside = score(&moments, &renumbered, None).evidence - set_price;
-                alone.max(beside) - price - value
+                let with_set = score(&moments, &renumbered, None).evidence - set_price;
+                alone.max(with_set) - price - value
             })
             .collect();
         let shapes: Vec<noise::Shape> = groups.into_iter().flatten().map(|(shape, _)| shape).collect();
@@ -58,8 +61,8 @@ impl Engine {
         (gains[best] > 0.0).then_some(shapes[best])
     }
 
-    /// Adds the pattern of something unlisted that gains most in addition to the chosen set or in place of members of it, if
-    /// one does; whether there is a new one.
+    /// Adds a pattern to the candidates: of those that describe an unlisted effect the one that gains most, in addition
+    /// to the chosen set, in place of one of its members, or in place of all. Returns whether one gains.
     pub(super) fn add_unlisted(&mut self) -> bool {
         let survey = candidates::survey(&self.declared, &self.problem);
         let known = |new: &Candidate| self.candidates.iter().any(|c| same_pattern(c, new));
@@ -92,7 +95,8 @@ impl Engine {
         kept.is_some()
     }
 
-    /// Seeks the rows at which something slipped in what the other chosen members leave; whether there is a new candidate.
+    /// Adds candidates for a jump at the row of each run where the residual, without the chosen jumps, jumps most.
+    /// Returns whether there is a new candidate.
     pub(super) fn add_jumps(&mut self) -> bool {
         if self.problem.free_device {
             return false;
@@ -111,16 +115,16 @@ impl Engine {
         any
     }
 
-    /// The row at which one run's residual jumps most, if it jumps at all.
+    /// The order of the row at which the residual of one run jumps most, if a step of its mean there is significant.
     fn jumps_of(&self, run: usize, left: &DVector<f64>) -> Option<usize> {
         let noise::Shape { drift, correlation, .. } = self.shape;
-        // Means of drifting rows scatter more than their number says.
+        // The mean of rows with a drift scatters more than that of as many independent rows.
         let inflated = if drift > 0.0 { drift * (1.0 + correlation) / (1.0 - correlation) } else { 0.0 };
         let variance = self.sigma * self.sigma * (1.0 + inflated);
         let fitted = |row: &&Observation| row.run == run && !row.held_out && !row.outlier;
         let rows: Vec<&Observation> = self.problem.rows.iter().filter(fitted).collect();
         let axes = rows.iter().map(|row| row.seen.len()).max()?;
-        // Weighted sums up to each row, by axis.
+        // For each axis the sums of the weights and of the weighted residuals of all rows before each row.
         let mut sums = vec![[[0.0; 2]; 3]];
         for row in &rows {
             let mut next = *sums.last()?;
@@ -144,7 +148,7 @@ impl Engine {
                 })
                 .sum()
         };
-        /// Rows that a jump must have before it and after it.
+        /// Smallest number of rows before and after a jump.
         const FEWEST_ROWS: usize = 4;
         let best = (FEWEST_ROWS..rows.len().saturating_sub(FEWEST_ROWS))
             .map(|at| (gain(at), at))
@@ -152,7 +156,8 @@ impl Engine {
         (best.0 > PRICE + (rows.len() as f64).ln()).then(|| rows[best.1].order)
     }
 
-    /// What chosen patterns that shift rows add to the residual, mm.
+    /// The part of the residual, mm, that the chosen patterns which `keep` accepts describe, without those of the
+    /// force.
     pub(super) fn shifted_by(&self, keep: impl Fn(Pattern) -> bool) -> DVector<f64> {
         let mut sum = DVector::zeros(self.problem.scalars);
         for &c in &self.chosen {
@@ -168,23 +173,24 @@ impl Engine {
         sum
     }
 
-    /// What is left where the extended cell and each run's clamping are known.
+    /// The residual of the extended cell without the fitted clampings of the runs, mm.
     pub(super) fn left_by_cell(&self) -> DVector<f64> {
         self.residual() - self.shifted_by(|pattern| pattern.standing() == Standing::Nuisance)
     }
 
-    /// What the declared cell leaves, with each run clamped where the extended cell finds it: where parts are clamped is in neither
-    /// error.
+    /// The residual of the declared cell without the clampings that were fitted with the extended cell, mm, so that
+    /// neither error contains the position of the clamped parts.
     pub(super) fn left_by_declared_as_found(&self, before: &DVector<f64>) -> DVector<f64> {
         before - self.shifted_by(|pattern| pattern.standing() == Standing::Nuisance)
     }
 
-    /// Takes errors for as wide as they are where their tails are heavy: Student's t, fitted by its own weights (Lange,
-    /// Little and Taylor 1989); whether that changes much.
+    /// Widens the rows with large residuals if Student's t describes the residuals better than the normal distribution,
+    /// by the weights of its fit (Lange, Little and Taylor 1989). Returns whether the widths of more than one percent
+    /// of the rows change clearly.
     pub(super) fn widen_tails(&mut self) -> bool {
-        /// Degrees of freedom that are tried; the last is as good as normal.
+        /// Degrees of freedom that are tried. Above the last one the distribution is almost normal.
         const FREEDOMS: [f64; 4] = [2.0, 3.0, 5.0, 10.0];
-        /// Share of rows whose width must change for another round.
+        /// Share of the rows whose width must change for another round.
         const MUCH: f64 = 0.01;
         if self.problem.free_device {
             return false;
@@ -220,27 +226,29 @@ impl Engine {
         changed.count() as f64 > MUCH * before.len() as f64
     }
 
-    /// Whether something is left that is no fault of the measurement either.
+    /// Whether an error remains that neither a listed effect nor a fault of the measurement explains.
     pub(super) fn is_unlisted(&self) -> bool {
-        // Of the whole arm the discrepancy has what is in no list.
+        // In the model of the whole arm the discrepancy describes all unlisted effects.
         !self.is_whole_arm()
             && (self.shape.field.is_some()
                 || self.shape.drift > MOST_WANDER
-                || self.stands(Standing::Unlisted)
+                || self.has_chosen(Standing::Unlisted)
                 || self.scatters_more())
     }
 
-    fn stands(&self, standing: Standing) -> bool {
+    /// Whether a chosen pattern has this standing.
+    fn has_chosen(&self, standing: Standing) -> bool {
         self.chosen.iter().any(|&c| self.candidates[c].standing() == Some(standing))
     }
 
-    /// Whether the noise, the drift of the arm included, is beyond what the table declares by more than an arm can drift.
+    /// Whether the variance of the noise with the drift exceeds the variance that the table declares by more than the
+    /// drift of an arm can.
     pub(super) fn scatters_more(&self) -> bool {
         let variance = self.sigma * self.sigma * (1.0 + self.shape.drift);
         self.problem.declared_sigma_mm.is_some_and(|declared| variance > (1.0 + MOST_WANDER) * declared * declared)
     }
 
-    /// Whether the forces of the table are not those that acted.
+    /// Whether a fault of the forces is chosen: the forces of the table are not those that acted.
     pub(super) fn forces_are_wrong(&self) -> bool {
         self.chosen.iter().any(|&c| self.is_of_force(c))
     }
@@ -250,19 +258,20 @@ impl Engine {
         matches!(self.candidates[candidate].home, Home::Pattern(pattern) if pattern.is_of_force())
     }
 
-    /// Withdraws every effect: none can be trusted under forces that did not act.
+    /// Withdraws every effect, because none can be trusted under forces that did not act.
     pub(super) fn withdraw_all(&mut self, posteriors: &mut Vec<Posterior>) {
         posteriors.clear();
         self.choose(self.chosen.iter().copied().filter(|&c| self.candidates[c].is_pattern()).collect());
     }
 
-    /// Removes an effect whose only rival is no effect at all, and that is not certain enough to be named.
+    /// Withdraws the effects that are not certain enough to be named and have no rival, so that the alternative is no
+    /// effect at all.
     pub(super) fn withdraw_faint(&mut self, posteriors: &mut Vec<Posterior>) {
         let against = |rivals: &[(String, f64)]| rivals.iter().any(|(_, share)| *share >= MENTIONED);
         self.withdraw_unless(posteriors, |_, share, rivals| share >= NAMED || against(rivals));
     }
 
-    /// Withdraws the members that do not hold, by their posteriors and those of their rivals.
+    /// Withdraws the members for which `holds` is false, given their probability and those of their rivals.
     pub(super) fn withdraw_unless(
         &mut self,
         posteriors: &mut Vec<Posterior>,
@@ -276,7 +285,7 @@ impl Engine {
         }
     }
 
-    /// Takes every effect back.
+    /// Removes every effect, the map included, and keeps the patterns.
     pub(super) fn take_back(&mut self) {
         self.map = None;
         let (patterns, effects) = self.chosen.iter().partition(|&&c| self.candidates[c].is_pattern());
@@ -290,20 +299,23 @@ impl Engine {
         }
     }
 
-    /// Finds anew how much measured turns scatter compared with positions; whether that matters to what is fitted.
+    /// Estimates again how much measured orientations scatter compared with positions. Returns whether the change is
+    /// large enough to matter for the fit.
     pub(super) fn weigh_turns(&mut self) -> bool {
         let residual = self.residual();
         self.problem.weigh_turns(&residual, self.sigma * (1.0 + self.shape.drift).sqrt())
     }
 
-    /// Marks rows whose whitened residual no noise makes; how many are new.
+    /// Marks as outliers the rows whose whitened residual is too large for noise, and returns how many are new. It
+    /// marks none if so many rows would be left out that they are rather an effect.
     pub(super) fn mark_outliers(&mut self) -> usize {
-        // Rows that were taken for wide are judged by the noise of the others.
+        // The widths of heavy tails are undone: each row is judged by the noise of the others.
         let mut whitened = self.whitened(&(self.residual() - self.shifted_by(|_| true)));
         for row in &self.problem.rows {
             row.scalars().for_each(|k| whitened[k] *= row.tail);
         }
-        // Rows that no fit has seen also carry what the fit does not know of them: their own scale says how much.
+        // The residuals of held-out rows also contain the uncertainty of the prediction, so that their own median sets
+        // their scale.
         let held_out = |row: &&Observation| row.held_out && !row.outlier;
         let seen = self.problem.rows.iter().filter(held_out);
         let mut sizes: Vec<f64> = seen
@@ -318,16 +330,17 @@ impl Engine {
                 !row.outlier && row.scalars().any(|k| whitened[k].abs() > limit(row))
             })
             .collect();
-        // Many rows in one stretch are not outliers but an effect; those with a good neighbour are no effect.
+        // A row is alone if the row before it or the row after it is good. Many successive bad rows are an effect and
+        // not outliers.
         let alone = |i: usize| {
             let run = self.problem.rows[i].run;
             let bad =
                 |o: usize| self.problem.rows.get(o).is_some_and(|row| row.run == run) && far.binary_search(&o).is_ok();
             !(i.checked_sub(1).is_some_and(bad) && bad(i + 1))
         };
-        /// Shares of the rows: of any that are far off, and of those that are so alone.
+        /// Shares of the rows up to which they may be left out: in any case, and if most of them are alone.
         const FEW: [f64; 2] = [0.05, 0.25];
-        /// Share of those far off that must be alone.
+        /// Share of the rows to be left out that must be alone.
         const ALONE: f64 = 0.7;
         let left_out = self.problem.rows.iter().filter(|row| row.outlier).count() + far.len();
         let share = left_out as f64 / self.problem.rows.len().max(1) as f64;
@@ -341,6 +354,8 @@ impl Engine {
         far.len()
     }
 
+    /// A residual whitened along all rows, held-out ones included, mm. Scalars that were not measured and outliers are
+    /// left as they are.
     pub(super) fn whitened(&self, residual: &DVector<f64>) -> DVector<f64> {
         let series = self.problem.series(|_| true);
         let stacked = DMatrix::from_columns(std::slice::from_ref(residual));
@@ -348,16 +363,16 @@ impl Engine {
     }
 }
 
-/// Squared scale and log likelihood, but for a constant, of rows (squared norm, components) under Student's t of some
-/// freedom; infinite is normal.
+/// Squared scale and log likelihood of rows, each a squared norm and a number of components, under Student's t with
+/// `freedom` degrees of freedom; the normal distribution if `freedom` is infinite.
 fn student(rows: &[(f64, f64)], freedom: f64) -> (f64, f64) {
-    /// Enough for the scale to settle to a thousandth.
+    /// Number of iterations after which the scale changes by less than a thousandth.
     const STEPS: usize = 30;
     let count: f64 = rows.iter().map(|row| row.1).sum();
     let mut scale = rows.iter().map(|row| row.0).sum::<f64>() / count.max(1.0);
     let log_scale = |scale: f64| 0.5 * count * scale.max(f64::MIN_POSITIVE).ln();
     if freedom.is_infinite() {
-        // −½ Σ r²/s² is −½ of the count at the best scale, and what of 2π the other law has not.
+        // At the best scale Σ r²/s² is the count. The term with 2π is part of the normal density.
         return (scale, -log_scale(scale) - 0.5 * count * (1.0 + std::f64::consts::TAU.ln()));
     }
     for _ in 0..STEPS {

@@ -1,7 +1,9 @@
-//! Search for gear harmonics: joints and orders one by one in what is left, then each again together with the others.
+//! Searches for gear harmonics in the residual: one term, which is a joint and an order, after another, and then each
+//! term again together with the others.
 //!
-//! Orders are a continuum, so that they cannot all be candidates. Where a joint is seen over little of a turn,
-//! neighbouring orders are alike: the grid is as coarse as that allows and is refined about what it finds.
+//! Orders are continuous, so that not every order can be a candidate. If a joint moves over a small part of a turn,
+//! neighbouring orders look alike; the grid of orders is as coarse as that allows, and is refined near the terms that
+//! are found.
 
 use super::candidate::{Candidate, Home, Shape};
 use super::data::Problem;
@@ -15,66 +17,74 @@ use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Harmonics at most: a gear that needs more has no few clean ones.
+/// Largest number of harmonics: the error of a gear that needs more is not made of a few harmonics.
 const MOST_HARMONICS: usize = 4;
-/// Orders are whole or halves of a reducer's stages; quarters are finer than data resolve.
+/// Finest step of orders. The stages of a reducer have whole or half orders, and the rows do not resolve quarters.
 const FINEST: f64 = 0.25;
-/// Periods that must be seen: over less, a harmonic and a smooth curve are one thing, and the curve claims less.
+/// Number of periods that a joint must pass through. Over fewer a harmonic looks like a smooth curve, which makes the
+/// weaker claim.
 const LEAST_PERIODS: f64 = 1.7;
-/// Harmonics of one joint at most.
+/// Largest number of harmonics of one joint.
 const MOST_OF_JOINT: usize = 2;
-/// Orders searched: teeth, pins and lobes of reducers; lower ones are a curve's.
+/// Range of the orders, periods for each turn: those of teeth, pins and lobes of reducers. Curves describe lower
+/// orders.
 const LEAST_ORDER: f64 = 8.0;
 const LARGEST_ORDER: f64 = 160.0;
-/// Phase by which neighbouring orders may part over half the range, rad: less than an eighth of the gain is lost.
+/// Phase between neighbouring orders at the ends of the range of a joint, rad. An order between them loses less than an
+/// eighth of its gain.
 const PHASE: f64 = 0.35;
-/// Joints that move less than this show no harmonic, rad.
+/// Half of the smallest range of a joint that can show a harmonic, rad.
 const STILL: f64 = 1e-3;
 /// Prior size of a harmonic in the search, rad.
 const TYPICAL_RAD: f64 = 5e-5;
-/// Times that every term is sought again together with the others.
+/// Number of times that every term is searched again together with the others.
 const SWEEPS: usize = 2;
 
-/// A harmonic: joint from 0, periods a turn.
+/// A harmonic: the index of its joint, from 0, and its order, periods for each turn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Term {
     pub(super) joint: usize,
     pub(super) order: f64,
 }
 
-/// Whitened columns of every harmonic that is tried: they serve as long as the noise is taken for the same.
+/// The whitened columns of every harmonic on the grid. They are kept from one search to the next while the noise and
+/// the rows are the same.
 pub(super) struct Grid {
     key: Key,
     terms: Vec<Term>,
     columns: Vec<Pair>,
-    /// Their products.
+    /// Products of the two columns of each term with one another, mm².
     grams: Vec<Matrix2<f64>>,
 }
 
-/// Cosine and sine columns, in single precision: what they propose is fitted anew, and they are most of what a search holds.
+/// The cosine and the sine column of a term. They are in single precision because they are most of the memory of a
+/// search, and because the terms that they propose are fitted again in double precision.
 type Pair = [Box<[f32]>; 2];
 
-/// What whitened columns depend on: the noise's shape, the scalars and their widths.
+/// All that the whitened columns depend on: the shape of the noise, the number of scalars, and a checksum of their
+/// standard deviations.
 type Key = (noise::Shape, usize, u64);
 
-/// What the search looks at.
+/// The search for harmonics in the fitted rows under one noise.
 pub(super) struct Comb<'a> {
     grid: Option<Grid>,
     pub(super) problem: &'a Problem,
-    /// Change of the residual per `TYPICAL_RAD` of each joint's error, mm.
+    /// Change of each scalar for an error of `TYPICAL_RAD` of each joint, mm.
     along: [DVector<f64>; 6],
     series: Vec<Series>,
-    /// What whitens each.
+    /// The steps of the Kalman filter that whitens each series.
     steps: Vec<Vec<Step>>,
-    /// Index of each scalar's row.
+    /// Index of the row of each scalar.
     row: Vec<usize>,
+    /// 1/σ², mm⁻².
     precision: f64,
-    /// Half of the angle that each joint is seen over, rad.
+    /// Half of the range of each joint over the fitted rows, rad.
     half: Joints,
 }
 
 impl<'a> Comb<'a> {
-    /// `zero` has the columns of joint zeros in `design`.
+    /// A search over the rows of a problem. `zero` is the candidate of the joints' zeros, whose columns in `design`
+    /// give the change of each scalar with each joint angle. `known` is the grid of the last search.
     pub(super) fn new(
         problem: &'a Problem,
         design: &DMatrix<f64>,
@@ -95,15 +105,15 @@ impl<'a> Comb<'a> {
         let key = (shape, steps.iter().map(Vec::len).sum(), widths.sum::<f64>().to_bits());
         let half = 0.5 * (range.1 - range.0);
         let mut comb = Self { grid: None, problem, along, series, steps, row, precision: sigma.powi(-2), half };
-        comb.grid = Some(known.filter(|grid| grid.key == key).unwrap_or_else(|| comb.asked(key)));
+        comb.grid = Some(known.filter(|grid| grid.key == key).unwrap_or_else(|| comb.whitened_grid(key)));
         comb
     }
 
-    /// The grid over all joints that move.
-    fn asked(&self, key: Key) -> Grid {
+    /// The grid over all joints that move, with its whitened columns.
+    fn whitened_grid(&self, key: Key) -> Grid {
         let terms = self.grid(&[]);
         let of = |columns: DMatrix<f64>| {
-            #[allow(clippy::cast_possible_truncation)] // see `Pair`
+            #[allow(clippy::cast_possible_truncation)] // `Pair` says why single precision is enough.
             let single = |k: usize| columns.column(k).iter().map(|value| *value as f32).collect();
             let gram = Matrix2::from_fn(|i, j| columns.column(i).dot(&columns.column(j)));
             ([single(0), single(1)], gram)
@@ -112,12 +122,13 @@ impl<'a> Comb<'a> {
         Grid { key, terms, columns, grams }
     }
 
-    /// What may serve again.
+    /// The grid, for the next search.
     pub(super) fn into_grid(self) -> Option<Grid> {
         self.grid
     }
 
-    /// The best of the whole grid in what some terms leave, fitted together with them, and its gain.
+    /// The term of the grid that gains most in the residual of the terms that are found, and its gain, nats. The found
+    /// terms keep their fitted numbers.
     fn best_of_grid(&self, crosses: &mut Crosses, found: &Fitted) -> Option<(Term, f64)> {
         let grid = self.grid.as_ref()?;
         let open = |term: &Term| found.terms.iter().filter(|other| other.joint == term.joint).count() < MOST_OF_JOINT;
@@ -137,7 +148,7 @@ impl<'a> Comb<'a> {
         gains.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(gain, at)| (grid.terms[at], gain))
     }
 
-    /// Cosine and sine columns of each term, whitened, fitted rows only.
+    /// The whitened cosine and sine column of each term, over the fitted rows.
     fn columns(&self, terms: &[Term]) -> Vec<DMatrix<f64>> {
         let of_joints = terms.chunk_by(|a, b| a.joint == b.joint);
         let groups: Vec<&[Term]> = of_joints.flat_map(|terms| terms.chunks(WIDTH)).collect();
@@ -172,7 +183,7 @@ impl<'a> Comb<'a> {
         groups.iter().enumerate().flat_map(of_group).collect()
     }
 
-    /// Fitted rows only, series by series.
+    /// The whitened columns of a source over the fitted rows, one series after another.
     fn white(&self, columns: &ColumnSource) -> DMatrix<f64> {
         let mut white = DMatrix::zeros(self.steps.iter().map(Vec::len).sum(), columns.width);
         let mut from = 0;
@@ -185,7 +196,7 @@ impl<'a> Comb<'a> {
         white
     }
 
-    /// Evidence of the columns over none, nats, and their numbers.
+    /// Log evidence that the columns add to none, nats, and their fitted numbers, in prior sizes.
     fn fitted(&self, columns: &DMatrix<f64>, data: &DMatrix<f64>) -> (f64, DVector<f64>) {
         let size = columns.ncols();
         let gram = DMatrix::identity(size, size) + columns.tr_mul(columns) * self.precision;
@@ -196,20 +207,21 @@ impl<'a> Comb<'a> {
         (0.5 * cross.dot(&mean) - half_log_det, mean.column(0).into_owned())
     }
 
+    /// Step of the orders of a joint on the grid.
     fn step(&self, joint: usize) -> f64 {
         (PHASE / self.half[joint]).clamp(FINEST, 4.0)
     }
 
-    /// Lowest order of a joint that is seen over enough periods.
-    fn least(&self, joint: usize) -> f64 {
+    /// Lowest order of which a joint passes through enough periods.
+    fn lowest_order(&self, joint: usize) -> f64 {
         (LEAST_PERIODS * TAU / (2.0 * self.half[joint])).max(LEAST_ORDER)
     }
 
-    /// The grid over all joints that move and have no harmonics enough.
+    /// The terms of the grid for all joints that move and may have more harmonics than those that are found.
     fn grid(&self, found: &[Term]) -> Vec<Term> {
         let of_joint = |joint: usize| {
             let step = self.step(joint);
-            std::iter::successors(Some(self.least(joint)), move |order| Some(order + step))
+            std::iter::successors(Some(self.lowest_order(joint)), move |order| Some(order + step))
                 .take_while(|order| *order <= LARGEST_ORDER)
                 .map(move |order| Term { joint, order })
         };
@@ -219,27 +231,28 @@ impl<'a> Comb<'a> {
         (0..6).filter(open).flat_map(of_joint).collect()
     }
 
-    /// The best of some terms in what is left, and its gain.
+    /// The term that gains most in a residual, and its gain, nats.
     fn best(&self, terms: &[Term], left: &DMatrix<f64>) -> Option<(Term, f64)> {
         let gains: Vec<f64> = self.columns(terms).iter().map(|columns| self.fitted(columns, left).0).collect();
         let at = (0..terms.len()).max_by(|&a, &b| gains[a].total_cmp(&gains[b]))?;
         Some((terms[at], gains[at]))
     }
 
-    /// The best order near a term.
+    /// The term with the order near that of `term` that gains most in a residual.
     fn refined(&self, term: Term, left: &DMatrix<f64>) -> Term {
-        let (step, least) = (self.step(term.joint), self.least(term.joint));
+        let (step, least) = (self.step(term.joint), self.lowest_order(term.joint));
         let near = |k: i32| Term { order: (term.order + f64::from(k) * step / 4.0).max(least), ..term };
         let near: Vec<Term> = (-6..=6).map(near).collect();
         let coarse = self.best(&near, left).map_or(term, |best| best.0);
-        // Quarters, whole numbers among them: gears have whole teeth.
+        // The last step tries multiples of a quarter, because the numbers of teeth of gears are whole.
         let quarter = (coarse.order / FINEST).round() * FINEST;
         let fine = |k: i32| Term { order: (quarter + f64::from(k) * FINEST).max(least), ..term };
         let fine: Vec<Term> = (-3..=3).map(fine).collect();
         self.best(&fine, left).map_or(coarse, |best| best.0)
     }
 
-    /// Terms but one, fitted to data: their evidence over none, nats, and what they leave.
+    /// The terms without the one at `but`, fitted to data: the log evidence that they add to none, nats, their
+    /// residual, and their numbers.
     fn without(&self, terms: &[Term], but: Option<usize>, data: &DMatrix<f64>) -> (f64, DMatrix<f64>, Fitted) {
         let terms: Vec<Term> =
             terms.iter().enumerate().filter(|(i, _)| Some(*i) != but).map(|(_, &term)| term).collect();
@@ -258,7 +271,8 @@ impl<'a> Comb<'a> {
         (value, left, Fitted { terms, mean })
     }
 
-    /// The terms that a residual speaks for, most telling first, and how many were looked at for each.
+    /// The terms that gain enough in a residual, in the order in which they were found, and the number of terms of the
+    /// grid, from which each was chosen.
     pub(super) fn terms(&self, residual: &DVector<f64>) -> (Vec<Term>, f64) {
         let data = self.white(&ColumnSource::stacked(&DMatrix::from_columns(std::slice::from_ref(residual))));
         let looked_at = self.grid.as_ref().map_or(1, |grid| grid.terms.len().max(1)) as f64;
@@ -275,7 +289,8 @@ impl<'a> Comb<'a> {
             for _ in 0..SWEEPS {
                 for i in 0..more.len() {
                     let (_, rest, others) = self.without(&more, Some(i), &data);
-                    // An alias of a term that was missing may have stood for it: the whole grid is searched again.
+                    // The term may be an alias of one that was not found before, so that the whole grid is searched
+                    // again.
                     let again = self.best_of_grid(&mut crosses, &others).map_or(more[i], |best| best.0);
                     let again = self.refined(again, &rest);
                     let [mine, other] =
@@ -295,14 +310,14 @@ impl<'a> Comb<'a> {
     }
 }
 
-/// Terms with their fitted numbers, two each.
+/// Terms with their fitted numbers, two for each term, in prior sizes.
 struct Fitted {
     terms: Vec<Term>,
     mean: DVector<f64>,
 }
 
-/// Products of the grid's columns with the data and with terms that were looked at: what is left beside any of these then needs
-/// no pass over the rows.
+/// Products of the columns of the grid with the data and with the terms that were found. With them the gains of the
+/// whole grid in the residual of any of these terms need no pass over the rows.
 struct Crosses {
     data: Vec<Vector2<f64>>,
     terms: Vec<(Term, Vec<Matrix2<f64>>)>,
@@ -317,7 +332,7 @@ impl Crosses {
         }
     }
 
-    /// Index of a term's products.
+    /// Index of the products of a term, which are computed if they are not known.
     fn of(&mut self, comb: &Comb, grid: &Grid, term: Term) -> usize {
         self.terms.iter().position(|(known, _)| *known == term).unwrap_or_else(|| {
             let own = comb.columns(&[term]).swap_remove(0);
@@ -329,12 +344,13 @@ impl Crosses {
     }
 }
 
-/// Orders side by side, the last one again where there are fewer.
+/// The orders of up to [`WIDTH`] terms as lanes; the last order fills the remaining lanes.
 fn orders(terms: &[Term]) -> Lanes {
     Lanes(std::array::from_fn(|k| terms[k.min(terms.len() - 1)].order))
 }
 
-/// Sum of products, some at a time: in the same order on every processor.
+/// Scalar product of a vector in single precision and one in double precision. It adds in the same order on every
+/// processor.
 fn dot_of_single(a: &[f32], b: &[f64]) -> f64 {
     let mut sums = [0.0; WIDTH];
     let ((left, a), (right, b)) = (a.as_chunks::<WIDTH>(), b.as_chunks::<WIDTH>());
@@ -352,7 +368,7 @@ fn dot_of_single(a: &[f32], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| f64::from(*a) * b).sum::<f64>() + sums.iter().sum::<f64>()
 }
 
-/// The candidate with these terms; `looked_at` for each.
+/// The candidate of these terms, each of which was chosen from `looked_at` terms.
 pub(super) fn candidate(terms: &[Term], looked_at: f64) -> Candidate {
     let named: Vec<(usize, f64)> = terms.iter().map(|term| (term.joint + 1, term.order)).collect();
     let effect = gear_harmonic(&named);
