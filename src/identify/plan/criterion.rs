@@ -1,10 +1,11 @@
-//! How well rows compare effects apart, before anything is measured.
+//! How well rows can distinguish effects, computed before anything is measured.
 //!
-//! The trace of an effect of the wanted size, less all that a rival, the frame of the part, the instrument and its drift
-//! could imitate under their priors, over the noise, is d′: what is left of `yᵀ(σ²I + U Λ Uᵀ)⁻¹y` (Atkinson and Fedorov 1975,
-//! T-optimality, with the priors of `identify`). With the price of each rival's numbers it is the evidence that `identify` will
-//! have for the effect over the rival: the mean is known and its standard deviation is d′. Rows are the better the more
-//! effects it will probably name outright.
+//! The trace y of an effect is the change that it makes to the rows. A rival, the frame of the part, the instrument and
+//! its drift can imitate a part of it under their priors; U has their columns and Λ their prior covariance. Then `d′² =
+//! yᵀ(σ²I + U Λ Uᵀ)⁻¹y` (T-optimality, Atkinson and Fedorov 1975, with the priors of `identify`). Together with the
+//! price of the rival's numbers this gives the log evidence that `identify` will have for the effect over the rival:
+//! its mean is known, and its standard deviation is d′. The criterion of a plan is the expected share of effects that
+//! `identify` will not name outright.
 
 use super::draws::Draws;
 use crate::identify::candidate::Candidate;
@@ -12,69 +13,74 @@ use crate::identify::decisions::{NAMED, PRICE, caution};
 use crate::identify::search::contains;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-/// What every pair counts in addition to the share of effects that will be named: pairs that are hopeless so far are not given up.
+/// Weight of each pair in addition to the share of effects that will be named. With it a search also improves pairs
+/// that are far from being decided.
 const EACH_PAIR: f64 = 0.02;
-/// Draws of an effect's numbers.
+/// Number of draws of the numbers of each kind.
 const DRAWS: usize = 4;
-/// Shares of the typical sizes that a rival's prior may have.
+/// Prior sizes of a rival that are tried, as shares of the typical sizes.
 const SCALES: [f64; 3] = [1.0, 0.3, 0.08];
-/// What held-out rows count for compared with fitted ones: they judge, and choose nothing.
+/// Weight of held-out rows relative to fitted ones: they judge the answer, but do not choose the effects.
 const HELD_OUT: f64 = 0.3;
 
-/// One effect as it might be.
+/// An effect with drawn numbers.
 #[derive(Clone, Debug)]
 pub(super) struct Truth {
     /// Index into the kinds.
     pub(super) kind: usize,
-    /// Column of the design and number, in typical sizes.
+    /// Indices of columns of the design with the number of each, in typical sizes.
     pub(super) numbers: Vec<(usize, f64)>,
 }
 
 impl Truth {
-    /// What it shows, from the columns of the candidates, mm.
-    pub(super) fn shown(&self, columns: &DMatrix<f64>) -> DVector<f64> {
+    /// Its trace: the change of every scalar, mm, from the columns of the candidates.
+    pub(super) fn trace(&self, columns: &DMatrix<f64>) -> DVector<f64> {
         let mut sum = DVector::zeros(columns.nrows());
         self.numbers.iter().for_each(|&(column, number)| sum.axpy(number, &columns.column(column), 1.0));
         sum
     }
 }
 
-/// What a rival may move.
+/// The columns with which a rival can imitate an effect.
 #[derive(Clone, Debug)]
 struct Rival {
-    /// Index into the kinds; one past the last for none.
+    /// Index into the kinds; their number if the rival is no effect.
     kind: usize,
     columns: Vec<usize>,
-    /// What its name must gain, nats.
+    /// The gain that its name requires, nats.
     price: f64,
 }
 
-/// What rows say of each truth (rows) against each kind (columns, none last).
+/// How well rows distinguish each truth (a row of the matrices) from each kind (a column; the last one is no effect).
 pub(super) struct Discrimination {
-    /// d′; infinite from itself.
+    /// d′; infinite for the truth's own kind.
     pub(super) distance: DMatrix<f64>,
-    /// Mean evidence of each kind, less its price, nats.
+    /// Mean log evidence of each kind, less its price, nats.
     evidence: DMatrix<f64>,
-    /// Rows times what each shows.
+    /// Number of scalars of all rows.
     scalars: usize,
 }
 
-/// Effects with their rivals, and how much each pair counts.
+/// Effects with their rivals, and the weight of each pair.
 pub(super) struct Criterion {
     /// Kinds of the candidates.
     pub(super) kinds: Vec<String>,
     pub(super) truths: Vec<Truth>,
     rivals: Vec<Rival>,
+    /// Columns of the frame of the part.
     frame: Vec<usize>,
-    /// Columns of the instrument's unknowns and of its drift.
+    /// Columns of the unknown numbers of the instrument and of its drift.
     instrument: Vec<usize>,
-    /// Truth's kind, rival's kind (none last).
+    /// Weight of each pair: the row is the kind of the truth, the column that of the rival, the last one no effect.
     weights: DMatrix<f64>,
+    /// Standard deviation of the noise, mm.
     noise_mm: f64,
+    /// Number of scalars of each row.
     axes: usize,
 }
 
-/// Numbers of effects of the wanted size as the priors have them, drawn the same on every run.
+/// Effects of each kind with numbers drawn from their priors, the same on every run. [`scale`] gives them the wanted
+/// size.
 pub(super) fn truths(candidates: &[Candidate], kinds: &[String], seed: u64, draws: usize) -> Vec<Truth> {
     let mut all = Vec::new();
     for (kind, name) in kinds.iter().enumerate() {
@@ -83,7 +89,8 @@ pub(super) fn truths(candidates: &[Candidate], kinds: &[String], seed: u64, draw
         for draw in 0..draws {
             let candidate = variants[draw % variants.len()];
             let size = candidate.values.len();
-            // A few numbers, or all of them: lost motion is in one gear, a bad calibration everywhere.
+            // In turns a few numbers and all of them are drawn: backlash can be in one gear, a bad calibration is in
+            // all joints.
             let few = draw % 2 == 0 && size > 3;
             let only: Vec<usize> =
                 if few { (0..2).map(|_| sequence.index(size)).collect() } else { (0..size).collect() };
@@ -106,20 +113,21 @@ pub(super) fn truths(candidates: &[Candidate], kinds: &[String], seed: u64, draw
     all
 }
 
-/// Makes every truth as large as wanted over rows of so many scalars, mm rms a row.
+/// Scales the numbers of every truth so that its trace is `rms_mm` rms over the rows, each of which has `axes` scalars.
 pub(super) fn scale(truths: &mut [Truth], columns: &DMatrix<f64>, axes: usize, rms_mm: f64) {
     let rows = (columns.nrows() / axes.max(1)) as f64;
     for truth in truths {
-        let shown = (truth.shown(columns).norm_squared() / rows).sqrt();
-        if shown > 0.0 {
-            truth.numbers.iter_mut().for_each(|(_, number)| *number *= rms_mm / shown);
+        let size = (truth.trace(columns).norm_squared() / rows).sqrt();
+        if size > 0.0 {
+            truth.numbers.iter_mut().for_each(|(_, number)| *number *= rms_mm / size);
         }
     }
 }
 
 impl Criterion {
-    /// Of candidates whose columns are numbered, and the columns of what is unknown of the instrument. `named` are the kinds
-    /// that must be detected; noise in mm, and the number of scalars a row.
+    /// The criterion for candidates whose columns are numbered. `named` are the kinds that must be distinguished.
+    /// `instrument` has the columns of the instrument's unknown numbers and of its drift. The last argument is the
+    /// noise, mm, and the number of scalars of each row.
     pub(super) fn new(
         candidates: &[Candidate],
         named: &[String],
@@ -149,9 +157,9 @@ impl Criterion {
         Self { kinds, truths, rivals, frame, instrument, weights, noise_mm, axes }
     }
 
-    /// Counts pairs that can be distinguished: of kinds that are not undecided little.
-    pub(super) fn settle(&mut self, undecided: &[(String, String)]) {
-        /// What other pairs count for.
+    /// Gives a small weight to all pairs except the undecided ones and their kinds against no effect.
+    pub(super) fn favour_undecided(&mut self, undecided: &[(String, String)]) {
+        /// Weight of the other pairs.
         const OTHERS: f64 = 0.05;
         let at = |kind: &String| self.kinds.iter().position(|known| known == kind);
         self.weights.fill(OTHERS);
@@ -164,24 +172,25 @@ impl Criterion {
         }
     }
 
-    /// Makes every truth as large as wanted over some rows, mm rms a row.
+    /// Scales the numbers of every truth so that its trace is `rms_mm` rms over the rows of the columns.
     pub(super) fn scale(&mut self, columns: &DMatrix<f64>, rms_mm: f64) {
         scale(&mut self.truths, columns, self.axes, rms_mm);
     }
 
-    /// d′ of a kind from none: quadratic mean over the draws.
+    /// d′ of a kind from no effect: the root mean square over its draws.
     pub(super) fn distance_from_none(&self, distances: &DMatrix<f64>, kind: usize) -> f64 {
         self.mean(distances, kind, self.kinds.len())
     }
 
+    /// Root mean square of d′ of kind `a` from kind `b` over the draws of `a`.
     fn mean(&self, distances: &DMatrix<f64>, a: usize, b: usize) -> f64 {
         let of = (0..self.truths.len()).filter(|&t| self.truths[t].kind == a).map(|t| distances[(t, b)]);
         let of: Vec<f64> = of.filter(|d_prime| d_prime.is_finite()).collect();
         (of.iter().map(|d| d * d).sum::<f64>() / of.len().max(1) as f64).sqrt()
     }
 
-    /// What rows say. `columns` are those of all rows, those of the instrument among them; `weight` is what each row counts
-    /// for.
+    /// How well rows distinguish the truths. `columns` are those of the candidates and of the instrument, over all
+    /// rows; `weight` has the weight of each row.
     pub(super) fn discrimination(&self, columns: &DMatrix<f64>, weight: &[f64]) -> Discrimination {
         let mut whitened = columns.clone() / self.noise_mm;
         for (row, weight) in weight.iter().enumerate() {
@@ -198,33 +207,35 @@ impl Criterion {
         let is_frame = |truth: &Truth| truth.numbers.iter().any(|(column, _)| in_frame(column));
         let concerned = |of_frame: bool| (0..size.0).filter(move |&t| is_frame(&self.truths[t]) == of_frame).collect();
         let (of_frame, others): (Vec<usize>, Vec<usize>) = (concerned(true), concerned(false));
-        let Some(instrument) = Beside::new(&gram, &self.instrument, &self.truths) else { return discrimination };
-        let Some(both) = Beside::new(&gram, &[&self.instrument[..], &self.frame[..]].concat(), &self.truths) else {
+        let Some(instrument) = GivenNuisance::new(&gram, &self.instrument, &self.truths) else { return discrimination };
+        let Some(both) = GivenNuisance::new(&gram, &[&self.instrument[..], &self.frame[..]].concat(), &self.truths)
+        else {
             return discrimination;
         };
         for rival in &self.rivals {
-            // A frame that is the effect itself is no nuisance to it, nor one that is the rival.
-            let beside = if rival.columns.iter().any(in_frame) { &instrument } else { &both };
+            // The frame of the part is a nuisance, except where it is the effect itself or the rival.
+            let nuisance = if rival.columns.iter().any(in_frame) { &instrument } else { &both };
             self.compare(rival, &instrument, &of_frame, &mut discrimination);
-            self.compare(rival, beside, &others, &mut discrimination);
+            self.compare(rival, nuisance, &others, &mut discrimination);
         }
         discrimination
     }
 
-    /// What rows say of some truths against a rival, under each size of its prior.
-    fn compare(&self, rival: &Rival, beside: &Beside, concerned: &[usize], discrimination: &mut Discrimination) {
+    /// Compares the `concerned` truths with a rival, given the nuisance columns, under each prior size of the rival.
+    /// The prior size that imitates a truth best counts.
+    fn compare(&self, rival: &Rival, given: &GivenNuisance, concerned: &[usize], discrimination: &mut Discrimination) {
         let own = &rival.columns;
-        let inner = DMatrix::from_fn(own.len(), own.len(), |i, j| beside.gram[(own[i], own[j])]);
-        let cross = DMatrix::from_fn(own.len(), concerned.len(), |i, t| beside.crosses[(own[i], concerned[t])]);
+        let inner = DMatrix::from_fn(own.len(), own.len(), |i, j| given.gram[(own[i], own[j])]);
+        let cross = DMatrix::from_fn(own.len(), concerned.len(), |i, t| given.crosses[(own[i], concerned[t])]);
         let scales = if own.is_empty() { &SCALES[..1] } else { &SCALES[..] };
         for &scale in scales {
             let scaled = &inner * (scale * scale) + DMatrix::identity(own.len(), own.len());
             let Some(factor) = scaled.cholesky() else { continue };
-            let occam = beside.occam + occam(&factor);
+            let occam = given.occam + occam(&factor);
             let mut cross = &cross * scale;
             factor.l_dirty().solve_lower_triangular_mut(&mut cross);
             for (cross, &t) in cross.column_iter().zip(concerned) {
-                let square = (beside.squares[t] - cross.norm_squared()).max(0.0);
+                let square = (given.squares[t] - cross.norm_squared()).max(0.0);
                 let at = (t, rival.kind);
                 discrimination.evidence[at] = discrimination.evidence[at].max(-0.5 * square - occam - rival.price);
                 if self.truths[t].kind != rival.kind {
@@ -234,16 +245,16 @@ impl Criterion {
         }
     }
 
-    /// What rows count for: those that `identify` will hold out count less.
+    /// The weight of each row: those that `identify` will hold out count less.
     pub(super) fn row_weights(held_out: impl Iterator<Item = bool>) -> Vec<f64> {
         held_out.map(|held_out| if held_out { HELD_OUT } else { 1.0 }).collect()
     }
 
-    /// Share of the truths that will not be named outright, by a normal approximation over their rivals; a little of what each
-    /// pair adds to it. Less is better.
+    /// The criterion, which a search minimises: the expected share of the truths that will not be named outright, by a
+    /// normal approximation for each rival, plus a small multiple of the sum of the probabilities of all rivals.
     pub(super) fn confusion(&self, discrimination: &Discrimination) -> f64 {
         let (mut missed, mut each) = (0.0, 0.0);
-        // Evidence over a rival that a name needs, nats.
+        // The log evidence over a rival that a name requires, nats.
         let caution = caution(discrimination.scalars);
         let needed = (NAMED / (1.0 - NAMED)).ln() * caution;
         for (t, truth) in self.truths.iter().enumerate() {
@@ -262,7 +273,8 @@ impl Criterion {
         (missed + EACH_PAIR * each) / self.truths.len().max(1) as f64
     }
 
-    /// d′ of each pair of kinds: quadratic mean over the draws, the lesser of both ways.
+    /// d′ of each pair of the first `named` kinds, smallest first: the root mean square over the draws, for the truth
+    /// of the pair whose d′ is smaller.
     pub(super) fn pairs(&self, distances: &DMatrix<f64>, named: usize) -> Vec<(usize, usize, f64)> {
         let mut all = Vec::new();
         for a in 0..named {
@@ -276,29 +288,33 @@ impl Criterion {
     }
 }
 
-/// ½ ln det of a precision, less what the noise in the data is fitted away (its trace, by the pivots).
+/// ½ ln det of a posterior precision A, less the expected gain from fitting the noise, ½ trace(I − A⁻¹). The pivots of
+/// the factor replace the eigenvalues of A in the trace.
 fn occam(factor: &Cholesky<f64, Dyn>) -> f64 {
     factor.l_dirty().diagonal().iter().map(|d| d.ln() - 0.5 * (1.0 - 1.0 / (d * d))).sum()
 }
 
-/// What is left of everything beside some columns that may move under their priors: every rival stands beside the same few.
-struct Beside {
-    /// Products of the columns.
+/// Products of the columns and of the traces, conditional on the nuisance columns. All rivals have the same nuisance
+/// columns, so that these are eliminated once.
+struct GivenNuisance {
+    /// Products of the columns with one another.
     gram: DMatrix<f64>,
-    /// Products of each column with what each truth shows.
+    /// Products of each column (row) with the trace of each truth (column).
     crosses: DMatrix<f64>,
-    /// Squared size of what each truth shows.
+    /// Squared norm of the trace of each truth.
     squares: Vec<f64>,
+    /// Occam term of the nuisance columns: see [`occam`].
     occam: f64,
 }
 
-impl Beside {
-    /// Of a gram matrix over the noise: what is left of it by the Schur complement.
-    fn new(gram: &DMatrix<f64>, moved: &[usize], truths: &[Truth]) -> Option<Self> {
-        let mut inner = gram.select_columns(moved).select_rows(moved);
-        (0..moved.len()).for_each(|i| inner[(i, i)] += 1.0);
+impl GivenNuisance {
+    /// The Schur complement of the nuisance columns, under their priors, in the products of all columns over σ²; `None` if
+    /// their posterior precision is not positive definite.
+    fn new(gram: &DMatrix<f64>, nuisance: &[usize], truths: &[Truth]) -> Option<Self> {
+        let mut inner = gram.select_columns(nuisance).select_rows(nuisance);
+        (0..nuisance.len()).for_each(|i| inner[(i, i)] += 1.0);
         let factor = inner.cholesky()?;
-        let mut taken = gram.select_rows(moved);
+        let mut taken = gram.select_rows(nuisance);
         factor.l_dirty().solve_lower_triangular_mut(&mut taken);
         let gram = gram - taken.transpose() * &taken;
         let mut crosses = DMatrix::zeros(gram.nrows(), truths.len());
@@ -311,8 +327,8 @@ impl Beside {
     }
 }
 
-/// Share of a normal distribution beyond `at` standard deviations, by a logistic curve (within 0.01): its tail keeps a slope
-/// that a search can follow.
+/// Probability that a standard normal number exceeds `at`, approximated within 0.01 by a logistic curve. Its tail falls
+/// more slowly, so that a search still finds a slope there.
 fn normal_tail(at: f64) -> f64 {
     1.0 / (1.0 + (1.702 * at).exp())
 }
@@ -322,7 +338,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_rival_can_imitate_under_its_prior_is_taken_off() {
+    fn the_part_that_a_rival_imitates_under_its_prior_is_subtracted() {
         let truth = Truth { kind: 0, numbers: vec![(0, 2.0)] };
         let rival = Rival { kind: 1, columns: vec![1], price: 0.0 };
         let none = Rival { kind: 2, columns: Vec::new(), price: 0.0 };
@@ -336,13 +352,13 @@ mod tests {
             noise_mm: 0.5,
             axes: 1,
         };
-        // Shown (2, 2), over the noise (4, 4); the rival's column (2, 0): 32 − 8² / (1 + 4) is left.
+        // The trace (2, 2) is (4, 4) over the noise, and the rival's column is (2, 0): d′² = 32 − 8² / (1 + 4).
         let columns = DMatrix::from_row_slice(2, 2, &[1.0, 1.0, 1.0, 0.0]);
         let found = criterion.discrimination(&columns, &[1.0, 1.0]).distance;
         assert!((found[(0, 2)] - 32_f64.sqrt()).abs() < 1e-12);
         assert!((found[(0, 1)] - 19.2_f64.sqrt()).abs() < 1e-12);
         assert!(found[(0, 0)].is_infinite());
-        // Half the weight is half the information.
+        // With half the weight of all rows d′² is halved.
         assert!((criterion.discrimination(&columns, &[0.5, 0.5]).distance[(0, 2)] - 4.0).abs() < 1e-12);
     }
 }

@@ -1,7 +1,8 @@
-//! Exchange: row by row, whatever of the pool makes the rows tell more; then the loads between them.
+//! Improves a plan by exchanging its rows and its loads.
 //!
-//! Coordinate exchange (Meyer and Nachtsheim 1995): one row at a time is replaced by the best of some others, and the columns
-//! of that row and of the next one, whose direction of travel changes, are made anew.
+//! The method is coordinate exchange (Meyer and Nachtsheim 1995). One row at a time is replaced by the best of several
+//! spots, and the columns of this row and of the next one, whose direction of travel changes, are computed again. After
+//! all rows the loads are exchanged.
 
 use super::criterion::Criterion;
 use super::draws::Draws;
@@ -13,26 +14,26 @@ use rayon::prelude::*;
 
 /// Rounds over all rows.
 const SWEEPS: usize = 6;
-/// Spots that are tried at a row: from the pool, and where another row is already (a place under another load, or from
-/// another side, tells more than a new one).
+/// Number of spots that are tried for a row: from the pool, and from the other rows of the plan. The same place under
+/// another load, or approached from another side, can distinguish more than a new place.
 const TRIED: (usize, usize) = (20, 6);
-/// Steps of the loads in a round.
+/// Largest number of changes of the loads in a round.
 const LOADS: usize = 4;
-/// What a radian of travel of the axis that turns most costs, against the confusion that it saves.
+/// Cost of one radian of travel of the axis that turns most, in units of the criterion.
 const TRAVEL: f64 = 2e-4;
-/// Less gain is none.
+/// Smallest reduction of the cost that counts as a gain.
 const GAIN: f64 = 1e-9;
 
-/// What the exchange works on.
+/// The exchange, with all that it needs to compute the cost of a plan.
 pub(super) struct Exchange<'a> {
     pub(super) bench: &'a Bench<'a>,
     pub(super) criterion: &'a Criterion,
     pub(super) candidates: &'a [Candidate],
-    /// m/s, that rows may be approached with.
+    /// Speeds with which a row can be approached, m/s.
     pub(super) speeds: Vec<f64>,
 }
 
-/// A sheet with its columns.
+/// A sheet with the columns of its rows and its cost.
 #[derive(Clone)]
 struct CostedSheet {
     sheet: Sheet,
@@ -41,7 +42,7 @@ struct CostedSheet {
 }
 
 impl Exchange<'_> {
-    /// Improves a sheet until nothing gains.
+    /// Improves a sheet until no exchange gains, in at most [`SWEEPS`] rounds.
     pub(super) fn run(&self, sheet: Sheet, progress: &(dyn Fn(f64) + Sync)) -> Sheet {
         let mut draws = Draws::of(7);
         let mut state = self.state(sheet);
@@ -49,7 +50,7 @@ impl Exchange<'_> {
         for sweep in 0..SWEEPS {
             let before = state.cost;
             for row in 0..count {
-                let tried = self.others(&state.sheet, row, &mut draws);
+                let tried = self.alternatives(&state.sheet, row, &mut draws);
                 let better = tried.into_par_iter().filter_map(|new| self.with_row(&state, row, new));
                 let best = better.collect::<Vec<_>>().into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
                 if let Some(best) = best.filter(|best| best.cost < state.cost - GAIN) {
@@ -73,6 +74,7 @@ impl Exchange<'_> {
         state.sheet
     }
 
+    /// A sheet with all its columns computed.
     fn state(&self, sheet: Sheet) -> CostedSheet {
         let all: Vec<usize> = (0..sheet.rows.len()).collect();
         let columns = self.bench.columns(&mut self.candidates.to_vec(), &sheet, &all);
@@ -80,18 +82,18 @@ impl Exchange<'_> {
         CostedSheet { sheet, columns, cost }
     }
 
-    /// Confusion, and the price of getting there.
+    /// The criterion of the rows plus the cost of the travel between them.
     fn cost(&self, sheet: &Sheet, columns: &DMatrix<f64>) -> f64 {
         let blocks = Blocks::of(&vec![None; sheet.rows.len()]);
         let weights = Criterion::row_weights((0..sheet.rows.len()).map(|row| blocks.held_out(row)));
-        let all = beside(columns, &self.bench.drifts(sheet));
+        let all = joined(columns, &self.bench.drifts(sheet));
         let motor = |row: &Row| self.bench.spots[row.spot].motor;
         let travel: f64 = sheet.rows.windows(2).map(|pair| (motor(&pair[1]) - motor(&pair[0])).amax()).sum();
         self.criterion.confusion(&self.criterion.discrimination(&all, &weights)) + TRAVEL * travel
     }
 
-    /// What may stand in place of a row.
-    fn others(&self, sheet: &Sheet, row: usize, draws: &mut Draws) -> Vec<Row> {
+    /// Rows that are tried in place of a row: other spots, and the same spot with other speeds.
+    fn alternatives(&self, sheet: &Sheet, row: usize, draws: &mut Draws) -> Vec<Row> {
         let speed = |draws: &mut Draws| self.speeds[draws.index(self.speeds.len())];
         let mut all = Vec::new();
         for _ in 0..TRIED.0 {
@@ -105,15 +107,15 @@ impl Exchange<'_> {
         all
     }
 
-    /// The state with another row, if the arm can go there and on.
+    /// The state with another row; `None` if the arm cannot move to it or from it as commanded.
     fn with_row(&self, state: &CostedSheet, row: usize, new: Row) -> Option<CostedSheet> {
         let mut sheet = state.sheet.clone();
         sheet.rows[row] = new;
-        let behind = (row + 1 < sheet.rows.len()).then_some(row + 1);
-        if !self.follows(&sheet, row) || behind.is_some_and(|behind| !self.follows(&sheet, behind)) {
+        let next = (row + 1 < sheet.rows.len()).then_some(row + 1);
+        if !self.follows(&sheet, row) || next.is_some_and(|next| !self.follows(&sheet, next)) {
             return None;
         }
-        let which: Vec<usize> = std::iter::once(row).chain(behind).collect();
+        let which: Vec<usize> = std::iter::once(row).chain(next).collect();
         let fresh = self.bench.columns(&mut self.candidates.to_vec(), &sheet, &which);
         let axes = self.bench.axes();
         let mut columns = state.columns.clone();
@@ -124,13 +126,14 @@ impl Exchange<'_> {
         Some(CostedSheet { sheet, columns, cost })
     }
 
-    /// Whether the arm comes to a row from the one before.
+    /// Whether the arm moves to a row from the one before as commanded.
     pub(super) fn follows(&self, sheet: &Sheet, row: usize) -> bool {
         let spot = |row: usize| &self.bench.spots[sheet.rows[row].spot];
         self.bench.follows(row.checked_sub(1).map(spot), spot(row))
     }
 
-    /// Loads with one stretch under another load, or with a change elsewhere.
+    /// The loads with one stretch under another load, or with one change of the load earlier or later, if they have no
+    /// more changes than `[plan]` allows.
     fn other_loads(&self, sheet: &Sheet) -> Vec<Vec<usize>> {
         let loads = &sheet.loads;
         let starts: Vec<usize> = (0..loads.len()).filter(|&i| i == 0 || loads[i] != loads[i - 1]).collect();
@@ -163,8 +166,8 @@ impl Exchange<'_> {
     }
 }
 
-/// Columns with others to their right.
-pub(super) fn beside(left: &DMatrix<f64>, right: &DMatrix<f64>) -> DMatrix<f64> {
+/// A matrix of the columns of `left`, then those of `right`.
+fn joined(left: &DMatrix<f64>, right: &DMatrix<f64>) -> DMatrix<f64> {
     let mut both = DMatrix::zeros(left.nrows(), left.ncols() + right.ncols());
     both.columns_mut(0, left.ncols()).copy_from(left);
     both.columns_mut(left.ncols(), right.ncols()).copy_from(right);

@@ -1,8 +1,9 @@
-//! A plan as `identify` will see it: d′ of each pair, and how often simulated effects are named rightly.
+//! Judges a plan as `identify` will read it: d′ of each pair of kinds, and how often simulated effects are named
+//! correctly.
 //!
-//! Each simulation is one effect of the wanted size, its numbers drawn from the priors, with white noise, in the linear model
-//! of the planned rows; sets are searched and weighed as `identify` does it, held-out rows included. What the simulation
-//! does not have is what no model has: drift, outliers, a second effect, an effect in no list.
+//! Each simulation has one effect of the wanted size, whose numbers are drawn from the priors, and white noise, in the
+//! linear model of the planned rows. The set is searched as `identify` does it, and the held-out rows decide whether it
+//! is better than none. The simulations have no drift, no outliers, no second effect and no effect that is in no list.
 
 use super::criterion::{self, Criterion, Truth, truths};
 use super::draws::Draws;
@@ -26,14 +27,14 @@ use crate::text::{Diagnostic, Source};
 use nalgebra::{DVector, Vector3};
 use rayon::prelude::*;
 
-/// Simulated measurements of each kind.
+/// Number of simulated measurements of each kind.
 const SIMULATED: usize = 12;
-/// Other numbers than those that rows were chosen by.
+/// Seed of the simulations, which differs from that of the truths by which the rows were chosen.
 const SEED: u64 = 1_000;
-/// Pairs below this are said to be hard, and why.
+/// d′ below which a pair is reported with the reason.
 const HARD: f64 = 5.0;
 
-/// What a plan came to.
+/// The result of the judgement.
 pub(super) struct Judged {
     pub(super) pairs: Vec<PlannedPair>,
     pub(super) kinds: Vec<PlannedKind>,
@@ -42,18 +43,21 @@ pub(super) struct Judged {
     pub(super) simulated: usize,
 }
 
-/// What a simulation ended in.
+/// The result of one simulation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Verdict {
     /// The effect alone is named outright.
     Right,
-    /// Another is.
+    /// Another effect is named outright.
     Wrong,
-    /// Nothing is sure.
+    /// No effect is named outright.
     Open,
 }
 
-/// Judges a plan by its program and its rows, read back.
+/// Judges a plan by its program and its rows, which are read as `identify` will read them.
+///
+/// # Errors
+/// A program that cannot be read or prepared; targets that the arm reaches in another posture than planned.
 pub(super) fn judge(
     cell: &Cell,
     section: &PlanSection,
@@ -69,7 +73,7 @@ pub(super) fn judge(
     let table = Table { file: "plan.csv".to_owned(), rows: rows_of_table, match_mm: None, notes: Vec::new() };
     let problem = Problem::of_runs(cell, vec![(program, table).into()])?;
     let robot = &cell.arm.robot;
-    // Degrees: the digits of a program.
+    // Largest difference of an axis by the rounding in the program, degrees.
     const SAME: f64 = 1e-2;
     let elsewhere = problem.rows.iter().zip(rows).find(|(read, row)| {
         let deg = robot.axes_deg_from_motor(&read.motor);
@@ -109,7 +113,8 @@ pub(super) fn judge(
         .map(|(number, truth)| simulation.run(truth, &named[truth.kind], number as u64))
         .collect();
     progress(1.0);
-    // Expected probability after so many of all (Jeffreys 1946): a dozen draws make nothing sure.
+    // The expected probability under Jeffreys' prior (1946), because a dozen draws cannot show that a probability is 0
+    // or 1.
     let chance = |of: &dyn Fn(usize) -> bool, verdict: Verdict| {
         let all = || tried.iter().zip(&verdicts).filter(|(truth, _)| of(truth.kind));
         let count = all().filter(|(_, found)| **found == verdict).count() as f64;
@@ -123,12 +128,12 @@ pub(super) fn judge(
     };
     let mut kinds: Vec<PlannedKind> = (0..named.len()).map(of_kind).collect();
     kinds.sort_by(|a, b| a.chance_right.total_cmp(&b.chance_right));
-    // Each kind is drawn as often as the others.
+    // Each kind is simulated equally often, so that the mean over all simulations is the mean over the kinds.
     let (right, wrong) = (chance(&|_| true, Verdict::Right), chance(&|_| true, Verdict::Wrong));
     Ok(Judged { pairs, kinds, right, wrong, simulated: tried.len() })
 }
 
-/// A row measured where it is programmed.
+/// A planned row as if it were measured exactly at its programmed place.
 fn as_planned(section: &PlanSection, row: &PlannedRow) -> MeasuredRow {
     let there = Vector3::from(row.position_mm);
     let mut measured = MeasuredRow {
@@ -146,7 +151,7 @@ fn as_planned(section: &PlanSection, row: &PlannedRow) -> MeasuredRow {
     measured
 }
 
-/// Measurements of single effects on the planned rows.
+/// Simulates measurements of single effects on the planned rows.
 struct Simulation<'a> {
     engine: &'a Engine,
     linear: &'a Linearised,
@@ -154,9 +159,10 @@ struct Simulation<'a> {
 }
 
 impl Simulation<'_> {
+    /// The result of the simulation with this number, for an effect of the kind `name`.
     fn run(&self, truth: &Truth, name: &str, number: u64) -> Verdict {
         let mut draws = Draws::of(SEED + number);
-        let mut data = truth.shown(self.linear.design.kept());
+        let mut data = truth.trace(self.linear.design.kept());
         data.iter_mut().for_each(|value| *value += self.noise_mm * draws.normal());
         let series = self.engine.problem.series(|row| !row.held_out);
         let moments: Vec<Moments> =
@@ -192,7 +198,7 @@ impl Simulation<'_> {
     }
 }
 
-/// Why two kinds are hard to tell apart.
+/// The reason why two kinds are hard to distinguish.
 fn why(a: &str, b: &str) -> &'static str {
     let (Some(one), Some(other)) = (kind(a), kind(b)) else { return "" };
     let nested = one.nested_in.contains(&b) || other.nested_in.contains(&a);

@@ -1,8 +1,8 @@
-//! What to measure, so that effects can be distinguished: which targets, in which order, under which loads.
+//! Plans measurements that distinguish effects: which targets, in which order, under which loads.
 //!
 //! ```text
 //! [plan] → spots that the arm reaches → rows by exchange → a program for the cell's controller and an empty table
-//!        → both read back as `identify` will → d′ of each pair, and how often simulated effects are named rightly
+//!        → both read again as `identify` will read them → d′ of each pair, and how often simulated effects are named correctly
 //! ```
 
 mod criterion;
@@ -29,26 +29,28 @@ use pool::Spot;
 use serde::Serialize;
 use sheet::{Bench, Row, Sheet};
 
-/// Fewest rows of a plan: `identify` holds some out and fits the others.
+/// Fewest rows of a plan: `identify` holds some of them out and fits the others.
 pub(super) const LEAST_ROWS: usize = 8;
-/// Speeds of the TCP into a row, m/s: what trails at speed shows by two.
+/// Speeds of the TCP into a row, m/s. Two speeds distinguish errors that grow with the speed.
 const SPEEDS: [f64; 2] = [0.02, 0.06];
-/// Variants of a kind that are looked at: of dozens of time constants a few show what all would.
+/// Largest number of variants of a kind: a few of dozens of time constants represent all of them.
 const VARIANTS: usize = 3;
-/// Rows that every effect is made as large as wanted over, before there is a plan.
+/// Number of random rows over which the size of every effect is defined before there is a plan.
 const REFERENCE: usize = 60;
 
-/// What is planned from.
+/// The input of a plan.
 pub struct PlanInput<'a> {
     /// The declared cell, with `[plan]`.
     pub cell: &'a Cell,
-    /// Rows to measure.
+    /// Number of rows to measure.
     pub rows: usize,
-    /// Programs whose targets are the places to choose from; empty: anywhere in the box of `[plan]`.
+    /// Programs whose targets are the places to choose from. If there are none, any place in the box of `[plan]` can be
+    /// chosen.
     pub pool: &'a [Program],
-    /// Pairs of kinds that an identification left undecided: these count, the others hardly. Empty: all pairs count.
+    /// Pairs of kinds that an identification left undecided. They count more than all other pairs; if there are none,
+    /// all pairs count alike.
     pub undecided: &'a [(String, String)],
-    /// The program that is written.
+    /// How the program is written.
     pub program: PlanProgram<'a>,
     /// Receives the share of the work that is done.
     pub progress: &'a (dyn Fn(f64) + Sync),
@@ -57,7 +59,7 @@ pub struct PlanInput<'a> {
 /// How the program of a plan is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PlanProgram<'a> {
-    /// Its name; made an identifier.
+    /// Its name, from which an identifier is made.
     pub name: &'a str,
     /// RAPID, KRL or TP.
     pub language: Language,
@@ -65,10 +67,10 @@ pub struct PlanProgram<'a> {
     pub ask: Ask,
 }
 
-/// When the program of a plan stops until the operator lets it go on.
+/// When the program of a plan waits until the operator lets it continue.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Ask {
-    /// Never: it waits ten seconds at each target.
+    /// Never: it waits for ten seconds at each target.
     #[default]
     Never,
     /// At each change of the load.
@@ -77,7 +79,7 @@ pub enum Ask {
     Target,
 }
 
-/// What to measure.
+/// A measurement plan.
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct Plan {
@@ -85,21 +87,22 @@ pub struct Plan {
     pub rows: Vec<PlannedRow>,
     /// Every pair of kinds, the hardest to distinguish first.
     pub pairs: Vec<PlannedPair>,
-    /// The first of them.
+    /// The pair that is hardest to distinguish.
     pub weakest: Option<PlannedPair>,
-    /// Expected probability that one effect of `effect_mm`, of any kind, is named outright, and nothing else.
+    /// Expected probability that one effect of `effect_mm`, of any kind, is named outright, and no other.
     pub chance_right: f64,
-    /// Expected probability that something else is.
+    /// Expected probability that another effect is named outright.
     pub chance_wrong: f64,
-    /// The same by kind, least first.
+    /// The same for each kind; the kind that is least often named correctly is the first.
     pub kinds: Vec<PlannedKind>,
-    /// Simulated measurements.
+    /// Number of simulated measurements.
     pub simulated: usize,
-    /// Changes of the load on the way.
+    /// Number of changes of the load.
     pub load_changes: usize,
-    /// Time that it takes, s: travel, ten seconds a row, two minutes for each change of the load.
+    /// Time that the measurement takes, s: the travel, ten seconds for each row, two minutes for each change of the
+    /// load.
     pub duration_s: f64,
-    /// What should be known of it.
+    /// Notes for the reader of the plan.
     pub notes: Vec<String>,
     /// The robot's base in the work object: position, mm, and rotation vector, degrees.
     #[serde(skip)]
@@ -107,7 +110,7 @@ pub struct Plan {
     /// The program.
     #[serde(skip)]
     pub program: String,
-    /// The table, its measured columns empty.
+    /// The table, with empty measured columns.
     #[serde(skip)]
     pub table: String,
 }
@@ -126,42 +129,43 @@ pub struct PlannedRow {
     pub axes_deg: [f64; 6],
     /// Force on the tool, work object axes, N.
     pub load_n: [f64; 3],
-    /// When, s.
+    /// Time from the first row, s.
     pub time_s: f64,
     /// Whether `identify` will hold it out.
     pub held_out: bool,
 }
 
-/// How far two kinds are apart on the planned rows.
+/// How well the planned rows distinguish two kinds.
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct PlannedPair {
     /// The kind that is there.
     pub a: String,
-    /// The kind that may be taken for it.
+    /// The kind that may be named in its place.
     pub b: String,
-    /// What is left of the one's trace, over the noise: above 5 the two can be distinguished, below 3 they cannot.
+    /// The part of the trace of `a` that `b` cannot imitate, over the noise: above 5 the two can be distinguished,
+    /// below 3 they cannot.
     pub d_prime: f64,
-    /// Why, where that is little.
+    /// The reason, if `d_prime` is small.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub why: Option<&'static str>,
 }
 
-/// How one kind fares.
+/// How well the planned rows show one kind.
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct PlannedKind {
     /// The kind that is there.
     pub kind: String,
-    /// d′ from nothing being there.
+    /// d′ from no effect.
     pub d_prime: f64,
     /// Expected probability that it alone is named outright.
     pub chance_right: f64,
-    /// Expected probability that something else is.
+    /// Expected probability that another kind is named outright.
     pub chance_wrong: f64,
 }
 
-/// Where everything stands.
+/// The frames of the cell.
 #[derive(Clone, Copy, Debug)]
 struct Frames {
     base_from_wobj: Pose,
@@ -175,7 +179,7 @@ impl Frames {
     }
 }
 
-/// Plans what to measure.
+/// Makes a measurement plan.
 ///
 /// # Errors
 /// No `[plan]`, too few rows, no place that the arm reaches, loads on an arm without a stiffness.
@@ -214,7 +218,7 @@ pub fn plan(input: &PlanInput) -> Result<Plan, Vec<Diagnostic>> {
     let all: Vec<usize> = (0..reference.rows.len()).collect();
     let mut listed = listed(candidates::all(&arm, &bench.problem(&reference, &all), &cell.covariances));
     let named = named(section, &listed, &mut notes)?;
-    // The frame rides along as a nuisance, whether or not it is to be detected.
+    // The frame of the part is a nuisance, also if it need not be detected.
     listed.retain(|c| named.contains(&c.kind) || c.law().is_some_and(|law| law.like_device_frame));
     let columns = bench.columns(&mut listed, &reference, &all);
     let count = listed.iter().map(|candidate| candidate.columns().end).max().unwrap_or(0);
@@ -222,7 +226,7 @@ pub fn plan(input: &PlanInput) -> Result<Plan, Vec<Diagnostic>> {
     let mut criterion = Criterion::new(&listed, &named, nuisance, (section.noise_mm, bench.axes()));
     criterion.scale(&columns, section.effect_mm);
     if !input.undecided.is_empty() {
-        criterion.settle(input.undecided);
+        criterion.favour_undecided(input.undecided);
     }
     let exchange = Exchange { bench: &bench, criterion: &criterion, candidates: &listed, speeds: SPEEDS.to_vec() };
     let sheet = exchange.run(sheet, &|share| (input.progress)(0.7 * share));
@@ -252,6 +256,7 @@ pub fn plan(input: &PlanInput) -> Result<Plan, Vec<Diagnostic>> {
     })
 }
 
+/// The section `[plan]` of the cell, if it has one that can be planned from.
 fn section(cell: &Cell) -> Result<&PlanSection, Vec<Diagnostic>> {
     let Some(section) = &cell.plan else {
         let help = "add [plan] with wobj, tool, box_mm, tilt_deg, instrument, noise_mm and effect_mm (docs/formats.md)";
@@ -266,7 +271,7 @@ fn section(cell: &Cell) -> Result<&PlanSection, Vec<Diagnostic>> {
     Ok(section)
 }
 
-/// Candidates that a plan can be made for: laws of few numbers, of each kind a few variants.
+/// The candidates that a plan can be made for: laws with few numbers, and a few variants of each kind.
 fn listed(all: Vec<Candidate>) -> Vec<Candidate> {
     let is_law = |c: &Candidate| c.is_full_size() && c.law().is_some_and(|law| law.shape == Shape::Law);
     let all: Vec<Candidate> = all.into_iter().filter(is_law).collect();
@@ -282,7 +287,7 @@ fn listed(all: Vec<Candidate>) -> Vec<Candidate> {
     kept
 }
 
-/// Kinds to tell apart; those that no rows of this plan could show are said.
+/// The kinds to distinguish: those that `[plan]` names, or all. A note names those that no rows of this plan can show.
 fn named(section: &PlanSection, listed: &[Candidate], notes: &mut Vec<String>) -> Result<Vec<String>, Vec<Diagnostic>> {
     let mut all: Vec<String> = listed.iter().map(|candidate| candidate.kind.clone()).collect();
     all.dedup();
@@ -308,11 +313,11 @@ fn named(section: &PlanSection, listed: &[Candidate], notes: &mut Vec<String>) -
     Ok(there.into_iter().map(str::to_owned).collect())
 }
 
-/// Rows to start from: anywhere, with as many stretches of each load as may be.
+/// Random rows from which an exchange begins, with as many changes of the load as `[plan]` allows.
 fn start(bench: &Bench, count: usize, draws: &mut Draws) -> Result<Sheet, Vec<Diagnostic>> {
-    /// Spots that are tried for a row before the one before it is given up.
+    /// Number of spots that are tried for a row before the row before it is removed again.
     const TRIED: usize = 200;
-    /// Rows that are given up before there is no way on.
+    /// Number of removed rows after which the search for rows fails.
     const GIVEN_UP: usize = 1000;
     let mut given_up = 0;
     let mut rows: Vec<Row> = Vec::with_capacity(count);
