@@ -1,4 +1,5 @@
-//! Where the TCP may go: poses that the arm reaches well within its limits, away from singular wrists, on one branch.
+//! The spots among which a plan chooses: poses that the arm reaches well within its limits, away from singular wrists,
+//! on one branch.
 
 use super::Frames;
 use super::draws::halton;
@@ -12,37 +13,37 @@ use crate::text::Diagnostic;
 use nalgebra::{Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
 use std::f64::consts::{PI, TAU};
 
-/// Poses that are offered.
+/// Largest number of spots.
 const POSES: usize = 600;
-/// Poses that are tried to find as many.
+/// Largest number of poses that are tried to find them.
 const TRIED: usize = 20_000;
-/// Poses that each way to stand is judged by.
+/// Number of poses by which each posture in the middle of the box is judged.
 const JUDGED: usize = 150;
-/// Turns about the tool axis that a run may begin with.
+/// Number of turns about the tool axis that are tried in the middle of the box.
 const SPINS: usize = 8;
-/// Least angle of axis 5 from where axes 4 and 6 are one, rad.
+/// Smallest angle of axis 5 from zero, where axes 4 and 6 line up, rad.
 const SINGULAR: f64 = 0.2;
-/// Angle kept to every axis limit, rad.
+/// Smallest angle of every axis to its limits, rad.
 const MARGIN: f64 = 0.04;
-/// Angle of every axis from where the run stands in the middle, rad: between two poses no axis turns so far that the
-/// branch, or the turn of an axis, could be taken for another.
+/// Largest angle of every axis from its angle in the middle of the box, rad. Between two spots no axis then turns so
+/// far that another branch, or another turn of an axis, would be nearer.
 const REACH: f64 = 1.3;
 
-/// A pose that the tool may be sent to.
+/// A pose to which the tool can be sent.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Spot {
-    /// mm, as it is written.
+    /// Position of the TCP in the work object, mm, with the digits of the program.
     pub(super) position_mm: [f64; 3],
-    /// Scalar first.
+    /// Orientation of the TCP in the work object, scalar first.
     pub(super) quat: [f64; 4],
     pub(super) wobj_from_tcp: Pose,
-    /// rad
+    /// Motor angles, rad.
     pub(super) motor: Joints,
     pub(super) conf: Confdata,
 }
 
 impl Spot {
-    /// Of motor angles at a pose.
+    /// The spot of a pose and its motor angles, rad.
     pub(super) fn of(robot: &Robot, wobj_from_tcp: Pose, motor: Joints) -> Self {
         Self {
             position_mm: (wobj_from_tcp.translation.vector * 1e3).into(),
@@ -54,7 +55,7 @@ impl Spot {
     }
 }
 
-/// The poses of `[plan]`.
+/// Spots in the box of `[plan]`.
 pub(super) fn spots(cell: &Cell, section: &PlanSection, frames: &Frames) -> Vec<Spot> {
     let robot = &cell.arm.robot;
     let reach = |pose: &Pose, about: &Joints| {
@@ -64,9 +65,9 @@ pub(super) fn spots(cell: &Cell, section: &PlanSection, frames: &Frames) -> Vec<
     let among = |about: &Joints, tried: usize, most: usize| {
         (1..=tried).filter_map(|index| reach(&pose(section, index), about)).take(most).collect::<Vec<_>>()
     };
-    // The way to stand from which most is reached.
+    // The spots are those about the posture in the middle of the box from which most poses are reached.
     let middle = 0.5 * (section.workspace[0] + section.workspace[1]);
-    let stands = (0..SPINS).flat_map(|spin| {
+    let postures = (0..SPINS).flat_map(|spin| {
         let pose = tool_at(middle, 0.0, 0.0, TAU * spin as f64 / SPINS as f64);
         let flange = frames.base_from_flange(&pose);
         match &cell.start {
@@ -75,12 +76,13 @@ pub(super) fn spots(cell: &Cell, section: &PlanSection, frames: &Frames) -> Vec<
         }
     });
     let near = cell.start.unwrap_or_else(|| robot.home());
-    let ranked = stands.map(|about| (among(&about, JUDGED, JUDGED).len(), (about - near).norm(), about));
+    let ranked = postures.map(|about| (among(&about, JUDGED, JUDGED).len(), (about - near).norm(), about));
     let best = ranked.max_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
     best.map(|(.., about)| among(&about, TRIED, POSES)).unwrap_or_default()
 }
 
-/// Whether an arm may stand so, on a run about some angles.
+/// Whether the arm may have these motor angles in a program about the posture `about`: within its limits, near that
+/// posture, on its branch, and away from a singular wrist.
 fn is_safe(robot: &Robot, motor: &Joints, about: &Joints) -> bool {
     let wider = [MARGIN, -MARGIN].map(|step| robot.limit_violation(&motor.map(|angle| angle + step)).is_none());
     wider == [true; 2]
@@ -90,7 +92,8 @@ fn is_safe(robot: &Robot, motor: &Joints, about: &Joints) -> bool {
         && robot.posture(motor) == robot.posture(about)
 }
 
-/// The pose of a number: within the box and the lean, more of them towards their ends, where effects show most.
+/// Pose number `index` of a sequence within the box and the tilt of `[plan]`. Places are denser towards the faces of
+/// the box, and tilts towards the largest tilt, because effects are largest there.
 fn pose(section: &PlanSection, index: usize) -> Pose {
     let towards_ends = |share: f64| 0.5 - 0.5 * (PI * share).cos();
     let [low, high] = section.workspace;
@@ -99,20 +102,22 @@ fn pose(section: &PlanSection, index: usize) -> Pose {
     tool_at(place, lean, TAU * halton(index, 11), TAU * halton(index, 13))
 }
 
-/// The tool at a place (m), its axis so far from the work object's z, in a direction about it, turned about itself, rad.
+/// The pose of a tool at a place, m, in the work object. The tool axis points down and leans by `lean` about a
+/// horizontal axis in `direction`; the tool is turned by `spin` about its own axis. All angles are in rad.
 fn tool_at(place: Vector3<f64>, lean: f64, direction: f64, spin: f64) -> Pose {
     let about = Unit::new_unchecked(Vector3::new(direction.cos(), direction.sin(), 0.0));
     let down = Rotation3::from_axis_angle(&Vector3::x_axis(), PI);
     let rotation =
         Rotation3::from_axis_angle(&about, lean) * down * Rotation3::from_axis_angle(&Vector3::z_axis(), spin);
-    // As many digits as are written.
+    // The pose is rounded to the digits that the program has.
     let mm = place.map(|v| (v * 1e7).round() * 1e-7);
     let quat = UnitQuaternion::from_rotation_matrix(&rotation).coords.map(|v| (v * 1e8).round() * 1e-8);
     let rotation = UnitQuaternion::new_normalize(quat.into()).to_rotation_matrix();
     Pose::from_parts(Translation3::from(mm), rotation)
 }
 
-/// The targets of programs that are run with the plan's tool and work object, wherever they are.
+/// The targets of programs that the arm can safely take. A note counts those with another tool or work object than the
+/// plan, which are left out.
 pub(super) fn of_programs(
     cell: &Cell,
     section: &PlanSection,
@@ -123,10 +128,10 @@ pub(super) fn of_programs(
     let mut spots: Vec<Spot> = Vec::new();
     let mut others = 0;
     for program in programs {
-        // Where the arm stands does not depend on the cut.
+        // The forces are left out, because the commanded posture does not depend on them.
         let options = Options { forces: Some(Forces::none()), ..Options::default() };
         let prepared = Prepared::new(program, cell, &options)?;
-        // Where units move too, a place is not that of the arm alone.
+        // Targets with external axes are left out, because their places depend on more than the arm.
         let known = |&(i, target): &(usize, &Target)| {
             target.role == Role::End && target.external.is_none() && prepared.unsolved(i).is_none()
         };

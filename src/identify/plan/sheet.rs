@@ -1,4 +1,5 @@
-//! Rows in running order: where, how fast, under which load; and what every effect would show at them.
+//! The rows of a plan in running order, with their spots, speeds and loads, and the changes that every effect would
+//! make to them.
 
 use super::Frames;
 use super::pool::Spot;
@@ -16,7 +17,7 @@ use crate::measured::MeasuredRow;
 use crate::robot::Joints;
 use nalgebra::{DMatrix, Vector3};
 
-/// Time that the arm stands at a row, s: it settles and is read.
+/// Time for which the arm stands at a row until it has settled and is measured, s.
 pub(super) const DWELL_S: f64 = 10.0;
 /// Time that a change of the load takes, s.
 const CHANGE_S: f64 = 120.0;
@@ -26,7 +27,7 @@ const CHANGE_S: f64 = 120.0;
 pub(super) struct Row {
     /// Index into the spots.
     pub(super) spot: usize,
-    /// Speed into it, m/s.
+    /// Speed of the motion to it, m/s.
     pub(super) speed: f64,
 }
 
@@ -34,22 +35,22 @@ pub(super) struct Row {
 #[derive(Clone, Debug)]
 pub(super) struct Sheet {
     pub(super) rows: Vec<Row>,
-    /// Indices into the loads: one a row.
+    /// Index into the loads of `[plan]` for each row.
     pub(super) loads: Vec<usize>,
 }
 
-/// What rows are made with.
+/// All that the rows of a plan depend on.
 pub(super) struct Bench<'a> {
     pub(super) section: &'a PlanSection,
     pub(super) arm: &'a Arm,
     pub(super) frames: Frames,
     pub(super) spots: Vec<Spot>,
-    /// Where the arm stands before the first row, where the cell says: rad.
+    /// Motor angles before the first row, rad, if the cell declares them.
     pub(super) start: Option<Joints>,
 }
 
 impl Bench<'_> {
-    /// The points of a sheet in running order, as a program of them would be prepared.
+    /// The points of a sheet in running order, as they would be prepared from its program.
     pub(super) fn points(&self, sheet: &Sheet) -> Vec<Point> {
         let place = |row: &Row| self.spots[row.spot].wobj_from_tcp;
         let chord =
@@ -74,7 +75,7 @@ impl Bench<'_> {
                 time += way.norm() / row.speed + DWELL_S;
                 time += if sheet.loads[i] == sheet.loads[i - 1] { 0.0 } else { CHANGE_S };
             }
-            // As many digits as are written.
+            // The time is rounded to the digits that the table has.
             point.time = (time * 10.0).round() / 10.0;
             point.cut_length = cut;
             points.push(point);
@@ -82,7 +83,7 @@ impl Bench<'_> {
         points
     }
 
-    /// The rows `which` of a sheet as a problem: measured where they are programmed.
+    /// The rows `which` of a sheet as a problem whose rows are measured at their programmed places.
     pub(super) fn problem(&self, sheet: &Sheet, which: &[usize]) -> Problem {
         let points = self.points(sheet);
         let blocks = Blocks::of(&vec![None; points.len()]);
@@ -110,8 +111,8 @@ impl Bench<'_> {
         problem
     }
 
-    /// What each number of the candidates, then each unknown of the instrument, would show at the rows `which`, mm per
-    /// typical size: scalars of the rows below one another.
+    /// The change that each number of the candidates, then each unknown number of the instrument, makes to the scalars
+    /// of the rows `which`, mm for each typical size.
     pub(super) fn columns(&self, candidates: &mut [Candidate], sheet: &Sheet, which: &[usize]) -> DMatrix<f64> {
         let problem = self.problem(sheet, which);
         let base = problem.residual(self.arm);
@@ -120,13 +121,13 @@ impl Bench<'_> {
         design.kept().clone()
     }
 
-    /// What an instrument that drifts would show at all rows, mm per prior size.
+    /// The change that a drift of the instrument makes to the scalars of all rows, mm for each prior size.
     pub(super) fn drifts(&self, sheet: &Sheet) -> DMatrix<f64> {
         let all: Vec<usize> = (0..sheet.rows.len()).collect();
         DMatrix::from_columns(&pattern::shifts(&self.problem(sheet, &all), Pattern::Drift { settles: None }))
     }
 
-    /// Scalars that a row has.
+    /// Number of scalars of a row.
     pub(super) fn axes(&self) -> usize {
         match self.section.instrument {
             Instrument::Position => 3,
@@ -134,9 +135,10 @@ impl Bench<'_> {
         }
     }
 
-    /// Whether the arm goes from one spot to another as commanded, whatever rule the controller has for the branch.
+    /// Whether the arm moves from one spot to another, and takes the branch of the other spot under any rule that
+    /// controllers have for the branch. The first spot is reached from the start of the cell.
     pub(super) fn follows(&self, before: Option<&Spot>, next: &Spot) -> bool {
-        /// rad: the same angles, but for rounding.
+        /// Largest difference of equal angles by rounding, rad.
         const SAME: f64 = 1e-6;
         let Some(near) = before.map(|spot| &spot.motor).or(self.start.as_ref()) else { return true };
         let flange = self.frames.base_from_flange(&next.wobj_from_tcp);
@@ -146,14 +148,14 @@ impl Bench<'_> {
 }
 
 impl Bench<'_> {
-    /// Whether the arm goes the straight way from one spot to another in one sweep: within limits, off singular wrists, no
-    /// axis turning back, so that every axis arrives from the side from which it came.
+    /// Whether the arm can move in a straight line from one spot to another within the axis limits, away from singular
+    /// wrists, and without reversing an axis. Every axis then arrives in the direction in which it set out.
     pub(super) fn is_straight(&self, from: &Spot, to: &Spot) -> bool {
-        /// Places on the way that are looked at.
+        /// Number of poses on the line that are checked.
         const STEPS: usize = 12;
-        /// rad: an axis that hardly moves has no direction.
+        /// Motions of an axis below this have no direction, rad.
         const STILL: f64 = 1e-5;
-        /// rad
+        /// Smallest angle of axis 5 from zero, rad.
         const SINGULAR: f64 = 0.1;
         let robot = &self.arm.robot;
         let whole = to.motor - from.motor;

@@ -1,4 +1,4 @@
-//! A plan as a program of the cell's controller, and as a table to be filled in.
+//! Writes a plan as a program of the cell's controller, and as a table that the operator fills in.
 
 use super::sheet::{Bench, DWELL_S, Sheet};
 use super::{Ask, PlanProgram, PlannedRow};
@@ -13,7 +13,7 @@ use nalgebra::Vector3;
 use std::fmt::Write;
 use std::sync::Arc;
 
-/// The rows, as they will be read.
+/// The rows of a plan, as `identify` will read them.
 pub(super) fn rows(bench: &Bench, sheet: &Sheet) -> Vec<PlannedRow> {
     let blocks = Blocks::of(&vec![None; sheet.rows.len()]);
     let points = bench.points(sheet);
@@ -32,30 +32,30 @@ pub(super) fn rows(bench: &Bench, sheet: &Sheet) -> Vec<PlannedRow> {
     points.iter().enumerate().map(row).collect()
 }
 
-/// The program: each target a stop, at which the arm waits; straight ways where the arm can go them in one sweep, joint moves
-/// else.
+/// The program. The arm stops and waits at each target. It moves in a straight line where [`Bench::is_straight`] allows
+/// it, and with a joint motion elsewhere.
 ///
 /// # Errors
 /// A tool or a work object whose name the language has no place for.
 pub(super) fn program(bench: &Bench, sheet: &Sheet, how: &PlanProgram) -> Result<String, Vec<Diagnostic>> {
     let section = bench.section;
-    let said = Said { language: how.language, loaded: section.loads.iter().any(|load| *load != Vector3::zeros()) };
+    let lines_of = Lines { language: how.language, loaded: section.loads.iter().any(|load| *load != Vector3::zeros()) };
     let count = sheet.rows.len();
-    // What stands after the motion before a row, and then before its own.
+    // The lines between the motion to row i − 1 and the motion to row i.
     let between = |i: usize| {
         let changes = i < count && (i == 0 || sheet.loads[i - 1] != sheet.loads[i]);
         let load = |i: usize| section.loads[sheet.loads[i]];
         let mut lines = Vec::new();
         if i > 0 {
             lines.extend(match how.ask {
-                Ask::Target => said.asked("Measure, then go on."),
-                _ => vec![said.wait()],
+                Ask::Target => lines_of.message("Measure, then go on."),
+                _ => vec![lines_of.wait()],
             });
         }
-        if changes && said.loaded {
-            lines.push(said.remark(&format!("load from here on: {}", in_newtons(&load(i)))));
+        if changes && lines_of.loaded {
+            lines.push(lines_of.remark(&format!("load from here on: {}", in_newtons(&load(i)))));
             if how.ask != Ask::Never {
-                lines.extend(said.asked(&format!("Load {}", in_newtons(&load(i)))));
+                lines.extend(lines_of.message(&format!("Load {}", in_newtons(&load(i)))));
             }
         }
         lines.join("\n")
@@ -75,8 +75,8 @@ pub(super) fn program(bench: &Bench, sheet: &Sheet, how: &PlanProgram) -> Result
             stop: true,
             joint: !straight,
             lines: Some(between(i)).filter(|lines| !lines.is_empty()).map(Arc::from),
-            // Joint moves are taken for air else.
-            mark: said.loaded.then_some(if load == Vector3::zeros() { Mark::Air } else { Mark::Cut }),
+            // Without a mark joint motions would be read as air.
+            mark: lines_of.loaded.then_some(if load == Vector3::zeros() { Mark::Air } else { Mark::Cut }),
             tool: 0,
             wobj: 0,
             external: None,
@@ -86,7 +86,7 @@ pub(super) fn program(bench: &Bench, sheet: &Sheet, how: &PlanProgram) -> Result
     let mut speeds: Vec<f64> = posted.iter().map(|point| point.speed_mm_s).collect();
     speeds.sort_by(f64::total_cmp);
     speeds.dedup();
-    // A controller that counts from the robot's base knows nothing of a world.
+    // Controllers that count from the robot's base have no world frame.
     let world_from_wobj = bench.frames.world_from_wobj;
     let in_base = how.language.robot_base().is_some();
     let frame = if in_base { robot.world_from_base.inverse() * world_from_wobj } else { world_from_wobj };
@@ -131,30 +131,32 @@ fn in_newtons(load: &Vector3<f64>) -> String {
     format!("{}, {}, {} N", load.x, load.y, load.z)
 }
 
-/// What a program says and does besides its motions.
-struct Said {
+/// Writes the lines of a program that are no motions.
+struct Lines {
     language: Language,
-    /// Some row is under a load.
+    /// Whether any row is under a load.
     loaded: bool,
 }
 
-impl Said {
+impl Lines {
+    /// A comment.
     fn remark(&self, text: &str) -> String {
         format!("{} {text}", char::from(self.language.comment().unwrap_or(b'!')))
     }
 
-    /// The arm stands until the row is read.
+    /// An instruction to wait until the row is measured.
     fn wait(&self) -> String {
         let dwell = ActionKind::Dwell { seconds: DWELL_S };
         Templates::default().lines(&dwell, "", self.language).unwrap_or_default()
     }
 
-    /// A message that the operator has to acknowledge before the program goes on.
-    fn asked(&self, text: &str) -> Vec<String> {
+    /// A message that the operator has to acknowledge before the program continues.
+    fn message(&self, text: &str) -> Vec<String> {
         (self.language.about().post.asks)(text)
     }
 }
 
+/// Position, mm, and quaternion of a pose.
 fn frame(pose: &Pose) -> ([f64; 3], [f64; 4]) {
     ((pose.translation.vector * 1e3).into(), quaternion(&pose.rotation))
 }
@@ -171,7 +173,7 @@ fn wobj(world_from_wobj: &Pose) -> WobjData {
     WobjData { robhold: false, fixed: true, uframe_mm, uframe_quat, oframe_mm, oframe_quat }
 }
 
-/// The table with its measured columns empty.
+/// The table of a plan, with empty measured columns.
 pub(super) fn table(section: &PlanSection, rows: &[PlannedRow]) -> String {
     let (columns, empty) = match section.instrument {
         Instrument::Position => ("x_mm,y_mm,z_mm", ",,"),
