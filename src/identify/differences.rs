@@ -98,7 +98,7 @@ impl Design {
                     candidate.columns().zip(known).for_each(|(at, column)| design.kept.set_column(at, column));
                 }
                 (None, Home::Pattern(pattern)) => {
-                    let columns = pattern::columns(&pattern::About { problem, arm: &whole, base }, *pattern);
+                    let columns = pattern::columns(&pattern::Context { problem, arm: &whole, base }, *pattern);
                     candidate.columns().zip(columns).for_each(|(at, column)| design.kept.set_column(at, &column));
                 }
                 // A curve is moved as a whole: what each knot counts for is known.

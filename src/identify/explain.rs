@@ -1,4 +1,4 @@
-//! From the chosen effects to an answer that people can check: errors, intervals, rivals, what is left, advice.
+//! Makes the answer from the chosen effects: errors, intervals, rivals, unexplained errors, and advice.
 
 use super::advice::{advice, faintly, slipped_or_soft};
 use super::cancelled;
@@ -22,14 +22,15 @@ use crate::cell::{NewEffect, Uncertainty};
 use crate::effects::{ParameterOwner, Shape, kind};
 use nalgebra::{DMatrix, DVector};
 
-/// Variances of fitted numbers that stand for one: models are never quite true, and the noise's shape is fitted too.
-/// Calibrated on cells of the shop table so that 95 % intervals hold in 95 % of them.
+/// Factor of the variances of fitted numbers, because no model is exact and the shape of the noise is fitted too. It is
+/// calibrated on cells of the shop table so that 95 % of the 95 % intervals contain the true number.
 const WIDER: f64 = 1.5;
-/// What a name may be instead where something acts that is in no list.
+/// The rival of every name while an error remains that is in no list.
 const UNLISTED: &str = "unlisted";
 
 impl Engine {
-    /// Every kind alone, best variant first, and how far apart they are.
+    /// Every kind of effect alone with its best variant, the best kind first, and how well pairs of kinds can be
+    /// distinguished.
     pub(super) fn ranking(&self, search: &Search, linear: &Linearised) -> Ranking {
         let none = search.objective(&[]);
         let mut best: Vec<(String, f64, usize)> = Vec::new();
@@ -67,7 +68,7 @@ impl Engine {
         let frame = self.candidates.iter().find(|c| c.law().is_some_and(|law| law.like_device_frame));
         let nuisance: Vec<usize> =
             linear.always.iter().copied().chain(frame.into_iter().flat_map(Candidate::columns)).collect();
-        // The noise is that of the best kind: the declared cell's residual has the effect in it.
+        // The noise is estimated with the best kind, because the residual of the declared cell contains the effect.
         let sigma = traces.first().map_or(score.sigma, |(trace, _)| {
             let c = self.candidates.iter().position(|c| std::ptr::eq(c, trace.candidate)).unwrap_or(0);
             search.full(&[c]).sigma
@@ -76,6 +77,7 @@ impl Engine {
         ranking
     }
 
+    /// Errors over the rows that `keep` accepts, without outliers and without rows that have no equilibrium.
     pub(super) fn errors(&self, residual: &DVector<f64>, keep: impl Fn(&Observation) -> bool) -> Errors {
         let norms: Vec<f64> = self
             .problem
@@ -83,12 +85,14 @@ impl Engine {
             .iter()
             .filter(|row| !row.outlier && keep(row))
             .map(|row| residual.rows(row.offset, row.seen.len()).norm())
-            // Without one of its effects the arm may find no equilibrium somewhere.
+            // Without one of its effects the arm may have no equilibrium at some rows.
             .filter(|norm| norm.is_finite())
             .collect();
         errors_of(&norms)
     }
 
+    /// The answer. `before` and `after` are the residuals of the declared and of the extended cell, mm; `after` is
+    /// without the clampings.
     pub(super) fn outcome(
         &mut self,
         before: &DVector<f64>,
@@ -99,7 +103,7 @@ impl Engine {
         let Findings { mut posteriors, ranking, unexplained, stages, refit, elsewhere } = findings;
         let held_out = |row: &Observation| row.held_out;
         let left_before = self.left_by_declared_as_found(before);
-        // In no cell: it is taken off both.
+        // The drift of the run is in no cell, and so it is subtracted from both errors.
         let run_drift = self.run_drift(after);
         let left_after = after - &run_drift;
         let errors_before = self.errors(&(left_before - &run_drift), held_out);
@@ -156,19 +160,19 @@ impl Engine {
         let after_rms_ci95_mm = self.bootstrap(&left_after);
         let run_drift_rms_mm = Some(self.errors(&run_drift, held_out).rms_mm).filter(|rms_mm| *rms_mm > 0.0);
         let coverage = self.coverage();
-        let noise_mm = self.sigma * self.widened();
+        let noise_mm = self.sigma * self.tail_factor();
         let wander_mm = self.wander_mm();
         let shown: usize = self.problem.rows.iter().map(|row| row.seen.count()).sum();
         let axes = shown as f64 / self.problem.rows.len().max(1) as f64;
         let orientation_noise_deg = self.orientation_noise_deg();
         let outliers = self.problem.rows.iter().filter(|row| row.outlier).map(|row| row.line).collect();
         let held_out_rows = self.problem.rows.iter().filter(|row| row.held_out).count();
-        // Over the whole robot three rows in four are as good as all.
+        // Over the whole robot the fitted rows are enough, and `refit` is false.
         if refit {
             self.take_all_rows(&mut posteriors);
         }
         let transfer_sigma_mm = match self.problem.free_device {
-            // Held-out rows are all over the robot: another program is among them.
+            // The held-out rows are spread over the whole robot, so that they represent another program.
             true => ((elsewhere.extended.rms_mm.powi(2) / axes - noise_mm * noise_mm).max(0.0)).sqrt(),
             false => self.transfer_sigma_mm(elsewhere.wider),
         };
@@ -184,7 +188,7 @@ impl Engine {
                 ));
                 added.kind.clone_from(kind);
             }
-            // While an error remains that no effect explains, no name is certain.
+            // No name is certain while an error remains that no effect explains.
             added.posterior = if unlisted { posterior.min(EVEN) } else { *posterior };
             let is_sure = added.posterior >= NAMED || self.is_whole_arm();
             let mentioned = rivals.iter().filter(|(_, share)| !is_sure && *share >= MENTIONED);
@@ -211,7 +215,8 @@ impl Engine {
         };
         let effects = added.iter().zip(&shares_mm).map(in_model).collect();
         let mut tables: Vec<NewEffect> = extended.clone();
-        // Of the whole arm those are named that all others cannot stand in for. A map that is added to a few effects names none.
+        // In the model of the whole arm an effect is named only if the others together cannot replace it. A map is not
+        // a name.
         let is_named = |added: &Added| match self.is_whole_arm() {
             true => added.posterior >= NAMED,
             false => added.kind != MAP,
@@ -280,12 +285,14 @@ impl Engine {
         found
     }
 
+    /// Standard deviation of the drift of the noise for each axis, mm.
     fn wander_mm(&self) -> f64 {
         self.sigma * self.shape.drift.sqrt()
     }
 
-    /// Standard deviation of the noise over that of its bulk, where its tails are heavy.
-    fn widened(&self) -> f64 {
+    /// Standard deviation of the noise with its heavy tails, relative to σ, in which the widths of the tails are taken
+    /// out.
+    fn tail_factor(&self) -> f64 {
         let whitened = self.whitened(&(self.residual() - self.shifted_by(|_| true)));
         let fitted = self.problem.rows.iter().filter(|row| !row.held_out && !row.outlier);
         let (wide, all) = fitted.fold((0.0, 0.0), |(wide, all), row| {
@@ -295,7 +302,8 @@ impl Engine {
         if all > 0.0 { (wide / all).sqrt() } else { 1.0 }
     }
 
-    /// Numbers, table and uncertainty of every effect that is added, in the order of the chosen set.
+    /// Fitted numbers, table of the cell and uncertainty of every effect that is added, in the order of the chosen set.
+    /// `wider` is the variance that left-out rows show relative to the variance that the fit predicts.
     fn fitted_effects(
         &self,
         posteriors: &[Posterior],
@@ -307,8 +315,9 @@ impl Engine {
         let typical: Vec<f64> = self.chosen.iter().flat_map(|&c| self.candidates[c].typical.iter().copied()).collect();
         let scaled =
             DMatrix::from_fn(typical.len(), typical.len(), |i, j| covariance[(i, j)] * typical[i] * typical[j]);
-        // Effects of one table make up for one another: only together do their numbers say how far a prediction may be off. The
-        // numbers' units differ by orders of magnitude: the factor is that of the scaled ones.
+        // The errors of several effects partly cancel, so that only their joint covariance gives the uncertainty of a
+        // prediction. The covariance is factored in typical sizes, because the units of the numbers differ by orders of
+        // magnitude.
         let factor = covariance.clone().cholesky().filter(|_| posteriors.len() > 1).map(|factor| factor.l());
         for &c in &self.chosen {
             let candidate = &self.candidates[c];
@@ -336,10 +345,10 @@ impl Engine {
         all
     }
 
-    /// Posterior covariance of the chosen columns, where the data say too much by a factor `wider` of their variance: what they do
-    /// not hold stays as wide as its prior, and no wider.
+    /// Posterior covariance of the chosen columns, in typical sizes, if the variance of the data is larger by the
+    /// factor `wider`. Directions that the data do not determine keep the width of their prior.
     pub(super) fn wider_covariance(&self, wider: f64) -> DMatrix<f64> {
-        // Over the whole robot (`--poses`) rows are many, and sets are not weighed against one another.
+        // Over the whole robot (`--poses`) there are many rows, and no posterior over sets.
         if self.problem.free_device || self.chosen.is_empty() {
             return self.covariance.clone();
         }
@@ -351,13 +360,14 @@ impl Engine {
         covariance.unwrap_or_else(|| &self.covariance * wider)
     }
 
-    /// White noise of measured orientations, where there are any.
+    /// Standard deviation of the white noise of measured orientations for each axis, degrees; `None` if no orientation
+    /// is fitted.
     fn orientation_noise_deg(&self) -> Option<f64> {
         let any = self.problem.rows.iter().any(|row| row.turned.is_some());
         any.then(|| (1e-3 * self.problem.turn_weight * self.sigma).to_degrees())
     }
 
-    /// Patterns that stayed in the set: they explain more than noise, and no listed effect does.
+    /// The patterns of the chosen set, and further signs that the rows contain more than the listed effects and noise.
     pub(super) fn unexplained(&mut self) -> Unexplained {
         let left = &self.left_by_cell();
         let chosen = self.patterns();
@@ -413,7 +423,7 @@ impl Engine {
         Unexplained { significant: !correlates.is_empty(), correlates }
     }
 
-    /// By how much something slipped, whose numbers begin at `first` in the posterior.
+    /// The size of a slip, whose numbers begin at `first` in the posterior.
     fn slipped(&self, candidate: &Candidate, first: usize) -> Vec<FittedParameter> {
         let covariance = self.wider_covariance(1.0);
         let of = |k: usize| {
@@ -427,7 +437,7 @@ impl Engine {
         (0..candidate.values.len()).map(of).collect()
     }
 
-    /// Held-out rows outside the joint ranges that a fitted curve has seen.
+    /// The held-out rows outside the joint ranges of the fitted rows, if a curve is chosen.
     pub(super) fn coverage(&self) -> Coverage {
         let mut coverage = Coverage::default();
         if !self.chosen.iter().any(|&c| self.candidates[c].law().is_some_and(|law| law.shape == Shape::Curve)) {
@@ -449,7 +459,7 @@ impl Engine {
         coverage
     }
 
-    /// 95 % interval of the held-out rms: blocks drawn again and again.
+    /// 95 % interval of the rms error of the held-out rows, mm, by a bootstrap over blocks.
     pub(super) fn bootstrap(&self, after: &DVector<f64>) -> [f64; 2] {
         const DRAWS: usize = 400;
         let mut blocks: std::collections::BTreeMap<(usize, usize), Vec<f64>> = std::collections::BTreeMap::new();
@@ -458,7 +468,8 @@ impl Engine {
             blocks.entry((row.run, row.block)).or_default().push(size);
         }
         let blocks: Vec<Vec<f64>> = blocks.into_values().collect();
-        // A fixed linear congruential sequence (Knuth's MMIX): the same data give the same interval.
+        // A linear congruential generator with the constants of Knuth's MMIX and a fixed seed: the same data give the
+        // same interval.
         let mut state = 0x9E37_79B9_7F4A_7C15_u64;
         let mut draw = |n: usize| {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -482,10 +493,11 @@ impl Engine {
         [all[DRAWS / 40], all[DRAWS - 1 - DRAWS / 40]]
     }
 
+    /// The residuals of every row before and after, for `--report`.
     pub(super) fn residual_rows(&self, before: &DVector<f64>, after: &DVector<f64>) -> Vec<ResidualRow> {
         let whitened = self.whitened(after);
         let three = |v: &DVector<f64>, row: &Observation, scale: f64| {
-            // What was not measured has no residual.
+            // Axes that were not measured have no residual.
             let shows = |k: usize| k < row.seen.len() && row.seen.shows(k);
             std::array::from_fn(|k| if shows(k) { v[row.offset + k] * scale } else { f64::NAN })
         };
@@ -508,7 +520,7 @@ impl Engine {
     }
 }
 
-/// Curves of single joints become one effect with several curves, as the cell file has them.
+/// Joins the curves of single joints to one effect with several curves, as the cell file has it.
 fn merge_curves(added: &mut Vec<Added>, extended: &mut Vec<NewEffect>, shares_mm: &mut Vec<f64>) {
     let curve = |name: &str| kind(name).is_some_and(|kind| kind.shape == Shape::Curve);
     let of_curves: Vec<usize> = (0..added.len()).filter(|&i| curve(&added[i].kind)).collect();
@@ -546,6 +558,7 @@ fn merge_curves(added: &mut Vec<Added>, extended: &mut Vec<NewEffect>, shares_mm
     }
 }
 
+/// Root mean square, mean and maximum of some lengths, mm.
 fn errors_of(norms: &[f64]) -> Errors {
     let n = norms.len().max(1) as f64;
     Errors {

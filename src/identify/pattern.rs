@@ -1,68 +1,70 @@
-//! What no effect of the cell describes: where each run is clamped, faults of the measurement, and patterns that stand
-//! for anything unlisted.
+//! Patterns that the rows can follow and that are no effect of a cell: the clamping of each run, faults of the
+//! measurement, and errors of effects that are in no list.
 
 use super::data::{Observation, Parts, Problem};
 use super::seen::Seen;
 use crate::equilibrium::Arm;
 use nalgebra::{DVector, Matrix3, Vector3};
 
-/// Something that measured rows may follow and that is never written to a cell.
+/// A pattern that measured rows can follow. It is never written to a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Pattern {
-    /// Each run's part is clamped anew: a small shift and turn a run.
+    /// Each run has its own clamping of the part: a small shift and a small turn.
     Clamping,
-    /// The instrument drifts: each run's positions follow its time.
+    /// The instrument drifts: the positions of each run follow its time, linearly and with one further function of
+    /// time.
     Drift {
-        /// How it bends: coming to rest with this of [`SETTLES`], or as a parabola.
+        /// The further function: it settles with this time constant of [`SETTLES`], or is a parabola.
         settles: Option<usize>,
     },
-    /// Something slips: from this row of a run on positions are shifted.
+    /// A slip: from one row of a run on the positions are shifted.
     Jump {
         /// Index of the run.
         run: usize,
-        /// First row after it.
+        /// Order of the first row after the slip.
         order: usize,
-        /// What slips.
+        /// The thing that slips.
         slips: Slips,
     },
-    /// The columns of the force are mixed up, as [`MIXED`] has it.
+    /// The columns of the force are in another order or have other signs, as in this entry of [`MIXED`].
     MixedForce(usize),
-    /// Each axis of the force sensor shows something of the others.
+    /// Each axis of the force sensor reads a part of the other axes.
     Crosstalk,
-    /// Forces stand in the rows so many before or after those in which they acted.
+    /// The forces are shifted: each row has the force that acted so many rows before it.
     LateForce(isize),
-    /// One joint's angle.
+    /// A function of the angle of one joint.
     Joint(usize),
-    /// Time, however it goes.
+    /// A smooth function of time.
     Time,
-    /// The force, not as a spring does.
+    /// A function of the force that differs from that of a spring.
     Force,
     /// The directions in which the axes travel.
     Direction,
 }
 
-/// What slips.
+/// The thing that slips.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Slips {
     /// The part as a whole, or the instrument.
     All,
-    /// A clamp of the part, by its index: the others hold the part, which is strained. What a clamp gives way by goes back with the
-    /// force; this does not.
+    /// The clamp of the part with this index. The other clamps hold the part, so that it is strained. Unlike the motion
+    /// of a compliant clamp, a slip remains when the force ends.
     Clamp(usize),
 }
 
-/// What follows from a pattern in a set.
+/// The consequence of a pattern in the chosen set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Standing {
-    /// It is always to be expected, and taken off before errors are counted.
+    /// The pattern is always expected, and is subtracted before errors are computed.
     Nuisance,
-    /// Something is wrong with the measurement, and it can be said what.
+    /// The measurement has the fault that the pattern names.
     Fault,
-    /// Something acts that no listed effect explains.
+    /// An error remains that no listed effect explains.
     Unlisted,
 }
 
-/// How the columns of a force may be mixed up: in words, and what is really there of what was read.
+/// Permutations and signs of the columns of the force that are tried: in words, and the matrix that makes the force
+/// that acted from the one that was read.
 pub(super) const MIXED: [(&str, [[f64; 3]; 3]); 9] = [
     ("fx_n with its sign turned", [[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
     ("fy_n with its sign turned", [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]]),
@@ -75,39 +77,41 @@ pub(super) const MIXED: [(&str, [[f64; 3]; 3]); 9] = [
     ("fx_n, fy_n, fz_n in the order z, x, y", [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]),
 ];
 
-/// What a set has where a clamp of the part slipped.
+/// The name of a slip of one clamp of the part.
 pub(super) const CLAMP_SLIP: &str = "clamp_slip";
 
-/// Orders of the waves that stand for any function of a joint's angle.
+/// Orders of the waves whose sum describes a function of a joint's angle.
 const ORDERS: [f64; 5] = [1.0, 2.0, 3.0, 5.0, 8.0];
-/// Waves that stand for any function of time.
+/// Number of waves whose sum describes a function of time.
 const WAVES: usize = 14;
-/// Numbers of a clamping: three shifts, three turns.
+/// Numbers of a clamping: three shifts and three turns.
 const CLAMPING: usize = 6;
-/// Functions of time that a drift is made of: straight, and bent.
+/// Functions of time whose sum is a drift: a linear one and a curved one.
 const DRIFTS: usize = 2;
-/// Time constants with which a drift comes to rest, as shares of the run's length.
+/// Time constants with which a drift settles, as shares of the duration of the run.
 pub(super) const SETTLES: [f64; 4] = [0.1, 0.2, 0.4, 0.8];
-/// Products of a force's components, first and second order.
+/// Number of products of the components of a force of first and second order.
 const PRODUCTS: usize = 9;
-/// Pairs of different axes.
+/// Number of ordered pairs of different axes.
 const PAIRS: usize = 6;
-/// Sizes that are looked for, mm: of a drift, a jump, and of whatever is unlisted.
+/// Prior size of drifts, jumps and unlisted patterns, mm.
 pub(super) const TYPICAL_MM: f64 = 0.05;
-/// Sizes of a clamping, mm and rad: what a stop and a probe leave.
+/// Prior sizes of a clamping, mm and rad: the position errors of stops and probes.
 const CLAMPED: (f64, f64) = (0.2, 4e-4);
-/// How far the share of forces that are mixed up may be from one: the arm yields otherwise than declared, and no force is
-/// mixed up by halves, which would stand for any factor of it.
+/// Prior standard deviation, about one, of the factor of a mixed or late force. It is not zero because the arm can be
+/// more or less stiff than declared. It is small because a factor near one half would describe any wrong size of the
+/// force.
 pub(super) const MIXED_SPREAD: f64 = 0.15;
-/// How far the joints' springs may be from what is declared, where forces are mixed up: their effects are columns under the
-/// forces as they were read.
+/// Prior standard deviation of the relative error of the joints' springs where forces are mixed. The pattern has
+/// columns of its own for them, because the columns of the compliance effects hold for the forces as they were read.
 const SPRINGS: f64 = 0.3;
-/// Springs of an arm.
+/// Number of springs of an arm.
 const JOINTS: usize = 6;
-/// What a force sensor's axis shows of another.
+/// Prior size of the crosstalk between two axes of a force sensor.
 const CROSSTALK: f64 = 0.15;
 
 impl Pattern {
+    /// The consequence of the pattern in the chosen set.
     pub(super) fn standing(self) -> Standing {
         match self {
             Self::Clamping => Standing::Nuisance,
@@ -118,12 +122,12 @@ impl Pattern {
         }
     }
 
-    /// Whether the forces of the table cannot be right.
+    /// Whether the pattern is a fault of the forces.
     pub(super) fn is_of_force(self) -> bool {
         matches!(self, Self::MixedForce(_) | Self::Crosstalk | Self::LateForce(_))
     }
 
-    /// What stands where a set has the names of those that could be meant.
+    /// The name in a list of effects and faults; empty for unlisted patterns.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Clamping => "clamping",
@@ -135,7 +139,7 @@ impl Pattern {
         }
     }
 
-    /// Of patterns of one family a set has one.
+    /// The family, of which a set has at most one member.
     pub(super) fn family(self) -> String {
         match self {
             Self::MixedForce(_) | Self::Crosstalk | Self::LateForce(_) => "force readings".to_owned(),
@@ -144,7 +148,7 @@ impl Pattern {
         }
     }
 
-    /// What the remainder follows, in words.
+    /// The quantity that the residual follows, in words.
     pub(super) fn words(self, problem: &Problem) -> String {
         let of_run = |run: usize| if problem.runs.len() > 1 { format!(" of run {}", run + 1) } else { String::new() };
         match self {
@@ -180,6 +184,7 @@ impl Pattern {
         }
     }
 
+    /// Number of its numbers.
     pub(super) fn size(self, problem: &Problem) -> usize {
         match self {
             Self::Clamping => CLAMPING * problem.runs.len(),
@@ -195,26 +200,27 @@ impl Pattern {
         }
     }
 
-    /// What the prior of number `k` is about: columns that are mixed up are so once, and not by halves.
+    /// Prior mean of number `k`: one for the factor of a mixed or late force, which acts fully or not at all, and zero
+    /// for all other numbers.
     pub(super) fn expected(self, k: usize) -> f64 {
         if k == 0 && matches!(self, Self::MixedForce(_) | Self::LateForce(_)) { 1.0 } else { 0.0 }
     }
 }
 
-/// What a pattern's columns are made with.
-pub(super) struct About<'a> {
+/// All that the columns of a pattern depend on.
+pub(super) struct Context<'a> {
     pub(super) problem: &'a Problem,
     pub(super) arm: &'a Arm,
-    /// Its residual.
+    /// The residual of the arm, mm.
     pub(super) base: &'a DVector<f64>,
 }
 
-/// The columns of a pattern: what it adds to the residual, mm per prior size.
-pub(super) fn columns(about: &About, pattern: Pattern) -> Vec<DVector<f64>> {
-    let problem = about.problem;
+/// The columns of a pattern: what each of its numbers adds to the residual, mm for each typical size.
+pub(super) fn columns(context: &Context, pattern: Pattern) -> Vec<DVector<f64>> {
+    let problem = context.problem;
     let with_forces = |force: &(dyn Fn(usize, Vector3<f64>) -> Vector3<f64> + Sync)| {
-        let moved = problem.residual_under(about.arm, force);
-        let mut column = about.base - moved;
+        let moved = problem.residual_under(context.arm, force);
+        let mut column = context.base - moved;
         column.iter_mut().for_each(|v| *v = if v.is_finite() { *v } else { 0.0 });
         column
     };
@@ -222,7 +228,7 @@ pub(super) fn columns(about: &About, pattern: Pattern) -> Vec<DVector<f64>> {
         Pattern::MixedForce(which) => {
             let rows = MIXED[which].1;
             let matrix = Matrix3::from_fn(|i, j| rows[i][j]);
-            let springs = (0..JOINTS).map(|joint| yielding(about, joint, &matrix));
+            let springs = (0..JOINTS).map(|joint| softer_spring(context, joint, &matrix));
             std::iter::once(with_forces(&|_, force| matrix * force)).chain(springs).collect()
         }
         Pattern::Crosstalk => {
@@ -235,7 +241,7 @@ pub(super) fn columns(about: &About, pattern: Pattern) -> Vec<DVector<f64>> {
             pairs.map(of).into()
         }
         Pattern::LateForce(by) => {
-            // What acted stands so many rows further on.
+            // The force that acted at a row is in the row that comes `by` rows later.
             let acted = |i: usize, read: Vector3<f64>| {
                 let row = |i: usize| problem.rows.get(i).filter(|other| other.run == problem.rows[i].run);
                 i.checked_add_signed(by).and_then(row).map_or(read, |row| problem.force(row))
@@ -246,10 +252,11 @@ pub(super) fn columns(about: &About, pattern: Pattern) -> Vec<DVector<f64>> {
     }
 }
 
-/// What a joint's spring that yields by [`SPRINGS`] more than declared adds under forces that are mixed up, mm per prior size.
-fn yielding(about: &About, joint: usize, mixed: &Matrix3<f64>) -> DVector<f64> {
-    let problem = about.problem;
-    let (robot, stiffness) = (&about.arm.robot, about.arm.stiffness.map_or(f64::INFINITY, |k| k[joint]));
+/// What a spring of a joint that yields by [`SPRINGS`] more than declared adds to the residual under mixed forces, mm.
+/// It is divided by [`MIXED_SPREAD`], which is the prior size of all numbers of the pattern.
+fn softer_spring(context: &Context, joint: usize, mixed: &Matrix3<f64>) -> DVector<f64> {
+    let problem = context.problem;
+    let (robot, stiffness) = (&context.arm.robot, context.arm.stiffness.map_or(f64::INFINITY, |k| k[joint]));
     let of = |row: &Observation| {
         let run = &problem.runs[row.run];
         let base_from_wobj = run.base_from_wobj(row.point);
@@ -262,7 +269,7 @@ fn yielding(about: &About, joint: usize, mixed: &Matrix3<f64>) -> DVector<f64> {
     problem.stacked(problem.rows.iter().map(of))
 }
 
-/// The columns of a pattern that shifts what is measured.
+/// The columns of a pattern that shifts the measured positions, mm for each typical size.
 pub(super) fn shifts(problem: &Problem, pattern: Pattern) -> Vec<DVector<f64>> {
     let spans: Vec<Span> = (0..problem.runs.len()).map(|run| Span::of(problem, run)).collect();
     let force_size = problem.rows.iter().map(|row| problem.force(row).norm()).fold(1.0, f64::max);
@@ -274,7 +281,7 @@ pub(super) fn shifts(problem: &Problem, pattern: Pattern) -> Vec<DVector<f64>> {
     (0..size).map(of_column).collect()
 }
 
-/// When and where a run was measured.
+/// Time and place of a run.
 struct Span {
     from: f64,
     to: f64,
@@ -295,13 +302,13 @@ impl Span {
         span
     }
 
-    /// 0 to 1.
+    /// The share of the duration of the run that has passed, from 0 to 1.
     fn along(&self, time: f64) -> f64 {
         ((time - self.from) / (self.to - self.from).max(1e-9)).clamp(0.0, 1.0)
     }
 }
 
-/// What number `index` of a pattern shifts a row by, work object axes, mm per prior size.
+/// The shift of a row by number `index` of a pattern, work object axes, mm for each typical size.
 fn shift(
     problem: &Problem,
     pattern: Pattern,
@@ -313,7 +320,7 @@ fn shift(
     use std::f64::consts::PI;
     let point = &problem.runs[row.run].points[row.point];
     let along = spans[row.run].along(point.time);
-    // Functions of the row, each along the three axes.
+    // Most patterns are functions of the row, each of which shifts along the three axes.
     let (which, axis) = (index / 3, Vector3::ith(index % 3, TYPICAL_MM));
     let value = match pattern {
         Pattern::Clamping if row.run != index / CLAMPING => 0.0,
@@ -331,7 +338,7 @@ fn shift(
         Pattern::Drift { settles: Some(n) } => 1.0 - (-along / SETTLES[n]).exp(),
         Pattern::Jump { run, order, .. } if row.run != run || row.order < order => 0.0,
         Pattern::Jump { slips: Slips::Clamp(clamp), .. } => {
-            // The part goes with its clamp, and the tip seen from the part the other way.
+            // The part moves with its clamp, so that the tip moves the other way when it is measured on the part.
             let place = point.clamp_motion(clamp, index).unwrap_or_else(Vector3::zeros);
             return -TYPICAL_MM * place;
         }
@@ -351,7 +358,7 @@ fn shift(
     value * axis
 }
 
-/// What a row's instrument shows of a shift, work object axes, mm.
+/// The scalars that the instrument of a row measures of a shift in work object axes, mm.
 fn project(problem: &Problem, row: &Observation, shift: Vector3<f64>) -> Parts {
     let shown = match row.seen {
         Seen::Position(_) => shift.into(),
