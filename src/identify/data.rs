@@ -1,4 +1,4 @@
-//! Measured rows, and what the cell predicts for them.
+//! The measured rows of an identification, and the residuals of an arm at them.
 
 use super::device::{Device, fixed_point};
 use super::noise::{OVER, Places, Sample, Series};
@@ -19,140 +19,148 @@ use smallvec::SmallVec;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// One measured row, aligned.
+/// One measured row with the point of the program, or the posture, that it belongs to.
 #[derive(Clone, Debug)]
 pub(super) struct Observation {
     /// Index into the problem's prepared programs.
     pub(super) run: usize,
-    /// Point of that program.
+    /// Index of its point in that program.
     pub(super) point: usize,
-    /// Position in the run's order.
+    /// Position in the order in which the rows of the run were measured.
     pub(super) order: usize,
-    /// Ordinal of its target, where it is of one.
+    /// Ordinal of its target; `None` between targets and without a program.
     pub(super) target: Option<u32>,
+    /// Line of the measured file.
     pub(super) line: u64,
+    /// Motor angles, rad.
     pub(super) motor: Joints,
-    /// Travel of the joints there, with the presliding angle of the problem.
+    /// Direction of travel of each joint to this point, from −1 to 1, with the presliding angle of the problem.
     pub(super) travel: Joints,
-    /// The point before it, where it was taken on the way into a target.
+    /// Index of the point before it, if it was measured between two targets.
     pub(super) way_from: Option<usize>,
+    /// The reading of the instrument.
     pub(super) seen: Seen,
-    /// How the arm stood when its own probe touched, where the robot itself probed the row.
+    /// The state of the arm when its own probe touched, if the robot itself probed the row.
     pub(super) probing: Option<Probing>,
-    /// How the probe was turned, in the device's frame.
+    /// Measured orientation of the probe in the frame of the device.
     pub(super) turned: Option<UnitQuaternion<f64>>,
-    /// Relative standard deviation, as given.
+    /// Standard deviation of the row relative to the quadratic mean over all rows.
     pub(super) weight: f64,
-    /// How much wider than that the row's error must be taken where errors have heavy tails.
+    /// Factor of that standard deviation where the errors have heavy tails.
     pub(super) tail: f64,
+    /// Whether the row is held out of every fit and choice.
     pub(super) held_out: bool,
+    /// Index of its block in the run.
     pub(super) block: usize,
+    /// Whether the row is left out as an outlier.
     pub(super) outlier: bool,
-    /// First of its scalars in stacked vectors.
+    /// Index of its first scalar in stacked vectors.
     pub(super) offset: usize,
 }
 
 impl Observation {
-    /// Its scalars in stacked vectors: of the position, mm, then of the turn, mrad.
+    /// Indices of its scalars in stacked vectors: those of the position, mm, then those of the orientation, mrad.
     pub(super) fn scalars(&self) -> Range<usize> {
         self.offset..self.offset + self.seen.len() + if self.turned.is_some() { TURNS } else { 0 }
     }
 
-    /// Those of the turn alone.
+    /// Indices of the scalars of the orientation.
     pub(super) fn turns(&self) -> Range<usize> {
         self.offset + self.seen.len()..self.scalars().end
     }
 }
 
-/// Scalars of a turn.
+/// Number of scalars of an orientation.
 const TURNS: usize = 3;
 
-/// What a row adds to a stacked vector: as many as it has of a position, mm, and a turn, mrad.
+/// The scalars of one row: those of its position, mm, of which it may have fewer than three, and those of its
+/// orientation, mrad.
 pub(super) type Parts = [[f64; 3]; 2];
 
-/// A program that cuts the stock, from which the forces at its rows follow.
+/// A program that cuts a stock. The forces at the rows of its runs are computed from the cut.
 #[derive(Debug)]
 pub(super) struct StockCut {
     pub(super) program: Program,
-    /// Runs of it.
+    /// Indices of the runs of this program.
     pub(super) runs: Vec<usize>,
 }
 
-/// Everything that is fitted to.
+/// The rows of all runs, with all that their predictions depend on except the arm.
 #[derive(Debug)]
 pub(super) struct Problem {
     pub(super) runs: Vec<Prepared>,
     pub(super) stocks: Vec<StockCut>,
     pub(super) rows: Vec<Observation>,
-    /// Scalars in all.
+    /// Number of scalars of all rows.
     pub(super) scalars: usize,
-    /// Whether rows carry their own motor angles (`--poses`), over the whole robot.
+    /// Whether the rows have their own motor angles (`--poses`), over the whole robot.
     pub(super) free_device: bool,
-    /// Measured orientations that are not used: a program's rows are judged by positions.
+    /// Number of measured orientations that are not used, because the rows of a program are judged by their positions.
     pub(super) orientations: usize,
-    /// What is unknown of each run's instrument.
+    /// The unknown part of the instrument of each run.
     pub(super) devices: Vec<Device>,
-    /// Standard deviation of a turn (mrad) over that of a position (mm).
+    /// Standard deviation of an orientation, mrad, relative to that of a position, mm.
     pub(super) turn_weight: f64,
-    /// Standard deviation that the table declares, per axis, quadratic mean, mm.
+    /// Standard deviation for each axis that the table declares, mm: the quadratic mean over the rows.
     pub(super) declared_sigma_mm: Option<f64>,
-    /// The cell's mechanical units.
+    /// The mechanical units of the cell.
     pub(super) units: Arc<Units>,
-    /// Steps that all readings come in, mm, where they are that coarse.
+    /// The step of which all readings are multiples, mm; `None` if it is too fine to be seen.
     pub(super) steps_mm: Option<f64>,
-    /// Whether rows were read while the program ran, so that their order is the instrument's time. The surface of a finished part
-    /// (`normal_mm` without `time_s`) is read afterwards, in any order.
+    /// Whether rows were read while the program ran, so that their order is the instrument's time. The surface of a
+    /// finished part (`normal_mm` without `time_s`) is read afterwards, in any order.
     pub(super) read_in_order: bool,
     /// Angle over which friction in the joints builds up, rad: see [`Problem::set_presliding`].
     pub(super) presliding_rad: f64,
 }
 
-/// A row whose arm finds no equilibrium.
-const LOST: Parts = [[f64::NAN; 3]; 2];
+/// The scalars of a row without an equilibrium.
+const NO_EQUILIBRIUM: Parts = [[f64::NAN; 3]; 2];
 
-/// Rows that share a workspace.
+/// Number of states of the arm that one thread solves with the same memory.
 const TOGETHER: usize = 128;
 
 /// A state of the arm that a row depends on.
 #[derive(Clone, Copy)]
-enum Visit<'a> {
-    /// The arm at the row's place on the program.
-    Ran(&'a Observation),
-    /// The arm that touches there with its own probe.
-    Touched(&'a Observation, &'a Probing),
+enum ArmState<'a> {
+    /// The arm at the place of the row in the program.
+    InProgram(&'a Observation),
+    /// The arm that touches this place with its own probe.
+    Touching(&'a Observation, &'a Probing),
 }
 
-impl<'a> Visit<'a> {
+impl<'a> ArmState<'a> {
+    /// The circumstances of the state.
     fn situation(self, problem: &'a Problem) -> Situation<'a> {
-        let (Self::Ran(row) | Self::Touched(row, _)) = self;
-        let ran = problem.runs[row.run].situation(row.point);
+        let (Self::InProgram(row) | Self::Touching(row, _)) = self;
+        let in_program = problem.runs[row.run].situation(row.point);
         match self {
-            Self::Ran(_) => ran,
-            Self::Touched(_, probing) => probing.situation(ran),
+            Self::InProgram(_) => in_program,
+            Self::Touching(_, probing) => probing.situation(in_program),
         }
     }
 
-    /// Motor angles, and the travel into them.
+    /// Motor angles, rad, and the directions of travel to them.
     fn joints(self) -> (&'a Joints, &'a Joints) {
         match self {
-            Self::Ran(row) => (&row.motor, &row.travel),
-            Self::Touched(_, probing) => (&probing.motor, &probing.travel),
+            Self::InProgram(row) => (&row.motor, &row.travel),
+            Self::Touching(_, probing) => (&probing.motor, &probing.travel),
         }
     }
 }
 
-/// What some visits are solved with.
+/// The circumstances of some states, in the form in which a batch is solved.
 struct Sites<'a> {
     situations: Vec<Situation<'a>>,
     settings: Vec<Setting>,
-    /// Index of each visit's.
+    /// Index of the setting of each state.
     setting: Vec<usize>,
 }
 
 impl<'a> Sites<'a> {
-    fn of(problem: &'a Problem, visits: &[Visit<'a>]) -> Self {
-        let situations: Vec<Situation> = visits.iter().map(|visit| visit.situation(problem)).collect();
-        // Neighbours share theirs, but where units move.
+    fn of(problem: &'a Problem, states: &[ArmState<'a>]) -> Self {
+        let situations: Vec<Situation> = states.iter().map(|state| state.situation(problem)).collect();
+        // Successive states have the same setting unless units move.
         let mut settings: Vec<Setting> = Vec::new();
         let setting = |situation: &Situation| {
             let own = Setting::of(situation);
@@ -170,10 +178,11 @@ impl<'a> Sites<'a> {
     }
 }
 
-/// Blocks that a run is cut into; every fourth is held out.
+/// Number of blocks of a run. Every fourth block is held out.
 const BLOCKS: usize = 16;
 
 impl Problem {
+    /// A problem without rows.
     pub(super) fn empty(free_device: bool) -> Self {
         Self {
             runs: Vec::new(),
@@ -192,7 +201,8 @@ impl Problem {
         }
     }
 
-    #[allow(clippy::too_many_arguments)] // one row's fields, named at the only two callers
+    /// Adds a row.
+    #[allow(clippy::too_many_arguments)] // These are the fields of one row, and the callers name them.
     pub(super) fn push(
         &mut self,
         run: usize,
@@ -232,7 +242,7 @@ impl Problem {
         self.rows.iter().any(|row| row.probing.is_some())
     }
 
-    /// Cuts the stocks with the poses that an arm takes: where forces follow from them, rows are predicted under those that act on
+    /// Cuts the stocks with the poses that an arm takes, so that the rows are predicted under the forces that act on
     /// this arm.
     pub(super) fn cut_stocks(&mut self, arm: &Arm, cell: &Cell) -> Result<(), Vec<Diagnostic>> {
         for StockCut { program, runs } in &self.stocks {
@@ -243,119 +253,126 @@ impl Problem {
         Ok(())
     }
 
-    /// Measured minus predicted, stacked, mm; NaN where the arm finds no equilibrium.
+    /// The residual: measured minus predicted, as a stacked vector, mm and mrad. It is NaN at rows without an
+    /// equilibrium.
     pub(super) fn residual(&self, arm: &Arm) -> DVector<f64> {
         self.residual_under(arm, |_, read| read)
     }
 
-    /// As [`Problem::residual`], under other forces than were read, by the row's index and what was read.
+    /// As [`Problem::residual`], under the forces that `force` gives for the index of a state and the force that was
+    /// read, N. The indices of the rows come first.
     pub(super) fn residual_under(
         &self,
         arm: &Arm,
         force: impl Fn(usize, Vector3<f64>) -> Vector3<f64> + Sync,
     ) -> DVector<f64> {
-        let parts = self.solved(arm, force, |visit, there| self.gap(visit, &there.wobj_from_tcp));
-        self.stacked_visits(&parts.into_iter().map(|parts| parts.unwrap_or(LOST)).collect::<Vec<_>>())
+        let parts = self.solved(arm, force, |state, there| self.difference(state, &there.wobj_from_tcp));
+        self.stacked_states(&parts.into_iter().map(|parts| parts.unwrap_or(NO_EQUILIBRIUM)).collect::<Vec<_>>())
     }
 
-    /// The states that the rows depend on: one for each row, then one more for each that the robot itself probed.
-    fn visits(&self) -> Vec<Visit<'_>> {
-        let touched = self.rows.iter().filter_map(|row| Some(Visit::Touched(row, row.probing.as_ref()?)));
-        self.rows.iter().map(Visit::Ran).chain(touched).collect()
+    /// The states that the rows depend on: one for each row, then a further one for each row that the robot itself
+    /// probed.
+    fn states(&self) -> Vec<ArmState<'_>> {
+        let touching = self.rows.iter().filter_map(|row| Some(ArmState::Touching(row, row.probing.as_ref()?)));
+        self.rows.iter().map(ArmState::InProgram).chain(touching).collect()
     }
 
-    /// A stacked vector from the parts of all visits.
-    fn stacked_visits(&self, parts: &[Parts]) -> DVector<f64> {
-        let (ran, touched) = parts.split_at(self.rows.len());
-        let mut out = self.stacked(ran.iter().copied());
+    /// A stacked vector from the scalars of all states.
+    fn stacked_states(&self, parts: &[Parts]) -> DVector<f64> {
+        let (in_program, touching) = parts.split_at(self.rows.len());
+        let mut out = self.stacked(in_program.iter().copied());
         let probed = self.rows.iter().filter(|row| row.probing.is_some());
-        probed.zip(touched).for_each(|(row, [moved, _])| out[row.offset] += moved[0]);
+        probed.zip(touching).for_each(|(row, [moved, _])| out[row.offset] += moved[0]);
         out
     }
 
-    /// Equilibrium at every row, then at every touch of the robot's own probe, where there is one.
+    /// The equilibrium of every state, in the order of the rows, then of the touches of the robot's own probe;
+    /// `None` where there is none.
     pub(super) fn equilibria(&self, arm: &Arm) -> Vec<Option<Settled>> {
         self.solved(arm, |_, read| read, |_, there| there)
     }
 
-    /// What is taken of the equilibrium at every visit, where there is one.
+    /// Solves every state under the forces of `force`, and returns what `take` makes of its equilibrium; `None` where
+    /// there is none.
     fn solved<T: Send>(
         &self,
         arm: &Arm,
         force: impl Fn(usize, Vector3<f64>) -> Vector3<f64> + Sync,
-        take: impl Fn(Visit<'_>, Settled) -> T + Sync,
+        take: impl Fn(ArmState<'_>, Settled) -> T + Sync,
     ) -> Vec<Option<T>> {
         let batch = Batch::new(arm);
-        let visits = self.visits();
-        let of = |(chunk, visits): (usize, &[Visit])| {
-            let mut sites = Sites::of(self, visits);
+        let states = self.states();
+        let of = |(chunk, states): (usize, &[ArmState])| {
+            let mut sites = Sites::of(self, states);
             for (i, situation) in sites.situations.iter_mut().enumerate() {
                 if let Cutting::Constant(read) = situation.cutting {
                     situation.cutting = Cutting::Constant(force(chunk * TOGETHER + i, read));
                 }
             }
             let mut room = Room::default();
-            let mut found: Vec<Option<T>> = visits.iter().map(|_| None).collect();
-            for from in (0..visits.len()).step_by(WIDTH) {
+            let mut found: Vec<Option<T>> = states.iter().map(|_| None).collect();
+            for from in (0..states.len()).step_by(WIDTH) {
                 let given = |lane: usize| {
-                    let (motor, travel) = visits[from + lane].joints();
+                    let (motor, travel) = states[from + lane].joints();
                     (sites.site(from + lane), motor, travel)
                 };
-                batch.settle(&mut room, WIDTH.min(visits.len() - from), given, |lane, there| {
-                    found[from + lane] = Some(take(visits[from + lane], there));
+                batch.settle(&mut room, WIDTH.min(states.len() - from), given, |lane, there| {
+                    found[from + lane] = Some(take(states[from + lane], there));
                 });
             }
-            let left = found.iter_mut().zip(visits).zip(&sites.situations).filter(|((found, _), _)| found.is_none());
-            for ((found, visit), situation) in left {
-                let (motor, travel) = visit.joints();
+            let unsolved =
+                found.iter_mut().zip(states).zip(&sites.situations).filter(|((found, _), _)| found.is_none());
+            for ((found, state), situation) in unsolved {
+                let (motor, travel) = state.joints();
                 let there = arm.predict(situation, motor, travel).ok();
-                *found = there.map(|there| take(*visit, there.into()));
+                *found = there.map(|there| take(*state, there.into()));
             }
             found
         };
-        visits.par_chunks(TOGETHER).enumerate().flat_map_iter(of).collect()
+        states.par_chunks(TOGETHER).enumerate().flat_map_iter(of).collect()
     }
 
-    /// As [`Problem::residual`], for arms near the one that settled at `known`.
+    /// As [`Problem::residual`], for several arms near the one whose equilibria are `known`.
     pub(super) fn residuals_near(&self, arms: &[Arm], known: &[Option<Settled>]) -> Vec<DVector<f64>> {
         let batches: Vec<Batch> = arms.iter().map(Batch::new).collect();
-        let visits = self.visits();
-        let of = |(visits, known): (&[Visit], &[Option<Settled>])| {
-            let sites = Sites::of(self, visits);
+        let states = self.states();
+        let of = |(states, known): (&[ArmState], &[Option<Settled>])| {
+            let sites = Sites::of(self, states);
             let mut room = Room::default();
-            // Those of one arm together.
-            let mut parts = vec![LOST; visits.len() * arms.len()];
-            let found: Vec<usize> = (0..visits.len()).filter(|&i| known[i].is_some()).collect();
+            // All states of the first arm come first, then those of the next one.
+            let mut parts = vec![NO_EQUILIBRIUM; states.len() * arms.len()];
+            let found: Vec<usize> = (0..states.len()).filter(|&i| known[i].is_some()).collect();
             for lanes in found.chunks(WIDTH) {
                 let near = |&i: &usize| {
-                    let (motor, travel) = visits[i].joints();
+                    let (motor, travel) = states[i].joints();
                     known[i].as_ref().map(|from| Nearby { site: sites.site(i), motor, travel, from })
                 };
                 room.near(&lanes.iter().filter_map(near).collect::<SmallVec<[Nearby; WIDTH]>>());
-                for (batch, parts) in batches.iter().zip(parts.chunks_exact_mut(visits.len())) {
+                for (batch, parts) in batches.iter().zip(parts.chunks_exact_mut(states.len())) {
                     batch.resolve_from_nearby(&mut room, |lane, there| {
                         let i = lanes[lane];
-                        parts[i] = self.gap(visits[i], &there);
+                        parts[i] = self.difference(states[i], &there);
                     });
                 }
             }
             parts
         };
-        let chunks = visits.par_chunks(TOGETHER).zip(known.par_chunks(TOGETHER));
+        let chunks = states.par_chunks(TOGETHER).zip(known.par_chunks(TOGETHER));
         let chunks: Vec<(usize, Vec<Parts>)> = chunks.map(|chunk| (chunk.0.len(), of(chunk))).collect();
         let of_arm = |n: usize| {
-            let parts = chunks.iter().flat_map(|(visits, parts)| &parts[n * visits..(n + 1) * visits]);
-            self.stacked_visits(&parts.copied().collect::<Vec<_>>())
+            let parts = chunks.iter().flat_map(|(states, parts)| &parts[n * states..(n + 1) * states]);
+            self.stacked_states(&parts.copied().collect::<Vec<_>>())
         };
         (0..arms.len()).map(of_arm).collect()
     }
 
-    /// What was measured minus where the TCP is, both in the work object or both in what stands for it. Where the robot touches with
-    /// its own probe, what it is off by there was not read: it adds to what was.
-    fn gap(&self, visit: Visit<'_>, wobj_from_tcp: &Pose) -> Parts {
-        let row = match visit {
-            Visit::Ran(row) => row,
-            Visit::Touched(row, probing) => {
+    /// Measured minus predicted scalars of a state whose TCP is at `wobj_from_tcp`. Both are in the work object, or in
+    /// the frame of the device. A state that touches with the robot's own probe contributes the error of the arm there,
+    /// which the controller does not see and which is added to the difference of the row.
+    fn difference(&self, state: ArmState<'_>, wobj_from_tcp: &Pose) -> Parts {
+        let row = match state {
+            ArmState::InProgram(row) => row,
+            ArmState::Touching(row, probing) => {
                 let normal = &self.runs[row.run].points[row.point].normal;
                 return [[probing.normal_error_mm(wobj_from_tcp, normal), 0.0, 0.0], [0.0; 3]];
             }
@@ -379,7 +396,8 @@ impl Problem {
         [moved, turned]
     }
 
-    /// Takes each run's mean off, axis by axis: where its part is clamped.
+    /// Subtracts from a stacked vector the mean of each axis of each run, which a shift of the clamped part can
+    /// explain.
     pub(super) fn without_means(&self, of: &mut DVector<f64>) {
         for series in self.series(|_| true) {
             let scalars = || series.samples.iter().map(|sample| sample.0);
@@ -388,7 +406,8 @@ impl Problem {
         }
     }
 
-    /// The force that a row was measured under, as read, N.
+    /// The force of a row as it was read, work object axes, N; zero if it was not read but follows from a law or a
+    /// stock.
     pub(super) fn force(&self, row: &Observation) -> Vector3<f64> {
         match self.runs[row.run].situation(row.point).cutting {
             Cutting::Constant(force) => force,
@@ -396,11 +415,11 @@ impl Problem {
         }
     }
 
-    /// A stacked vector from its parts, row by row.
+    /// A stacked vector from the scalars of each row.
     pub(super) fn stacked(&self, parts: impl IntoIterator<Item = Parts>) -> DVector<f64> {
         let mut out = DVector::zeros(self.scalars);
         for (row, [moved, turned]) in self.rows.iter().zip(parts) {
-            // What was not measured is in no residual and in no column.
+            // Axes that were not measured are zero in every residual and in every column.
             let shown = |(k, value): (usize, f64)| if row.seen.shows(k) { value } else { 0.0 };
             let moved = moved.into_iter().take(row.seen.len()).enumerate().map(shown);
             for (k, value) in row.scalars().zip(moved.chain(turned)) {
@@ -410,12 +429,12 @@ impl Problem {
         out
     }
 
-    /// Finds anew how much turns scatter compared with positions of this standard deviation, from what is left of the fitted
-    /// rows; whether that matters.
+    /// Estimates again, from the residual of the fitted rows, how much orientations scatter compared with positions,
+    /// whose standard deviation is `position_mm`. Returns whether the change matters for the fit.
     pub(super) fn weigh_turns(&mut self, residual: &DVector<f64>, position_mm: f64) -> bool {
-        /// Changes below this share make no difference to what is fitted.
+        /// Smallest relative change that matters for the fit.
         const CLOSE: f64 = 0.05;
-        /// Medians from which on a turn is a blunder.
+        /// Number of medians from which on an orientation is a blunder.
         const FAR: f64 = 7.0;
         let fitted = self.rows.iter().filter(|row| !row.held_out && !row.outlier);
         let mut sizes: Vec<f64> = fitted.flat_map(Observation::turns).map(|k| residual[k].abs()).collect();
@@ -427,7 +446,7 @@ impl Problem {
         (self.turn_weight / before - 1.0).abs() > CLOSE
     }
 
-    /// Series of the rows that `keep` lets in: one a run and axis.
+    /// The series of the rows that `keep` accepts, without outliers: one for each axis of each run.
     pub(super) fn series(&self, keep: impl Fn(&Observation) -> bool) -> Vec<Series> {
         const AXES: usize = 3 + TURNS;
         let mut samples = vec![Vec::new(); AXES * self.runs.len()];
@@ -445,7 +464,7 @@ impl Problem {
         let of_all: Vec<Arc<[Places]>> = rows.iter().map(|rows| places(rows)).collect();
         let of_axis = |(axis, samples): (usize, Vec<Sample>)| {
             let (run, axis) = (axis / AXES, axis % AXES);
-            // Axes that all rows have share their places: of many rows these are most of it.
+            // Axes that all rows have share their places, which would otherwise be most of the memory of a long table.
             if samples.len() == rows[run].len() {
                 return Series { samples, places: Arc::clone(&of_all[run]) };
             }
@@ -457,31 +476,31 @@ impl Problem {
         samples.into_iter().enumerate().filter(|(_, samples)| !samples.is_empty()).map(of_axis).collect()
     }
 
-    /// What is left out together when something is tried on rows that its fit has not seen: whole runs where there are
-    /// several, else stretches of one.
+    /// The block of a row in cross-validation: its whole run if there are enough runs, and a stretch of its run
+    /// otherwise.
     pub(super) fn validation_block(&self, row: &Observation) -> (usize, usize) {
-        /// From this number of runs on, one run can be left out and the others are still enough.
+        /// Number of runs from which on the others are enough for a fit if one run is left out.
         const RUNS: usize = 3;
         (row.run, if self.runs.len() >= RUNS { 0 } else { row.block })
     }
 
-    /// Where a row was to be measured, base axes, mm.
+    /// The programmed place of a row, base axes, mm.
     pub(super) fn place_mm(&self, row: &Observation) -> Vector3<f64> {
         let run = &self.runs[row.run];
         1e3 * (run.base_from_wobj(row.point) * run.points[row.point].reference).translation.vector
     }
 
-    /// When a row was measured, s.
+    /// The time of a row, s.
     pub(super) fn time_s(&self, row: &Observation) -> f64 {
         self.runs[row.run].points[row.point].time
     }
 
-    /// A row's coordinates in all that a field may be over.
+    /// The coordinates of a row on which a field can depend.
     pub(super) fn places(&self, row: &Observation) -> Places {
         [self.place_mm(row), row.motor.fixed_rows::<3>(3).into(), self.force(row)]
     }
 
-    /// Diagonals of the boxes around all of them.
+    /// For each coordinate the diagonal of the box around the values of all rows.
     pub(super) fn extents(&self) -> [f64; OVER.len()] {
         let none = [(Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)); OVER.len()];
         let boxes = self.rows.iter().fold(none, |boxes, row| {
@@ -491,14 +510,17 @@ impl Problem {
         boxes.map(|(low, high)| (high - low).norm())
     }
 
-    /// Takes the orientations of a run's rows, where it has any: the scalars are numbered anew.
+    /// Adds the measured orientations of the rows of a run, and numbers the scalars again.
     pub(super) fn take_turns(&mut self, run: usize, turned: &[Option<UnitQuaternion<f64>>]) {
         let of_run = self.rows.iter_mut().filter(|row| row.run == run);
         of_run.zip(turned).for_each(|(row, turned)| row.turned = *turned);
-        self.number();
+        self.number_scalars();
     }
 
-    /// Finds the fixed point that a run's lengths were measured from.
+    /// Finds the fixed point from which the lengths of a run were measured, if its rows are lengths.
+    ///
+    /// # Errors
+    /// Only some of the rows are lengths, or they are too few.
     pub(super) fn find_fixed_point(&mut self, run: usize, table: &Table) -> Result<(), Vec<Diagnostic>> {
         let of_run = |row: &&Observation| row.run == run;
         let lengths = self.rows.iter().filter(of_run).filter(|row| matches!(row.seen, Seen::Distance(_))).count();
@@ -523,11 +545,13 @@ impl Problem {
         Ok(())
     }
 
-    /// Sets rows aside, as many along all of each run, until about as many are left as a search needs; returns them.
+    /// Removes rows evenly along each run until about as many are left as a search needs, and returns the removed rows.
     pub(super) fn set_aside(&mut self) -> Vec<Observation> {
-        /// Rows that are searched on, but for a few: from one part, and over the whole robot with its hundreds of columns.
+        /// Approximate number of rows on which the search works: from one part, and over the whole robot with its hundreds
+        /// of columns.
         const SEARCHED_ROWS: [usize; 2] = [1_000, 12_500];
-        /// Its multiples leave no gaps (Weyl 1916): every so-many-th row would be the same few targets of a program that repeats.
+        /// The fractional parts of its multiples are uniformly distributed (Weyl 1916). Every n-th row instead would be the
+        /// same few targets of a program that repeats.
         const GOLDEN: f64 = 0.618_033_988_749_894_9;
         let share = SEARCHED_ROWS[usize::from(self.free_device)] as f64 / self.rows.len() as f64;
         if share >= 1.0 {
@@ -537,21 +561,21 @@ impl Problem {
         let rows = std::mem::take(&mut self.rows);
         let (kept, aside) = rows.into_iter().partition(kept);
         self.rows = kept;
-        self.number();
+        self.number_scalars();
         aside
     }
 
-    /// Takes rows back that were set aside.
+    /// Adds the rows again that were set aside.
     pub(super) fn take_back(&mut self, rows: Vec<Observation>) {
         self.rows.reserve_exact(rows.len());
         self.rows.extend(rows);
         self.rows.sort_unstable_by_key(|row| (row.run, row.order));
         self.set_presliding(self.presliding_rad);
-        self.number();
+        self.number_scalars();
     }
 
-    /// Numbers the scalars anew.
-    fn number(&mut self) {
+    /// Numbers the scalars of all rows again.
+    fn number_scalars(&mut self) {
         self.scalars = 0;
         for row in &mut self.rows {
             row.offset = self.scalars;
@@ -559,7 +583,8 @@ impl Problem {
         }
     }
 
-    /// Standard deviations become relative to their quadratic mean, so that σ is in mm whether they are given or not.
+    /// Divides the standard deviations of the rows by their quadratic mean, so that σ is in mm whether the table has
+    /// them or not. If it has (`declared`), the mean is the declared σ.
     pub(super) fn scale_weights(&mut self, declared: bool) {
         let n = self.rows.len().max(1) as f64;
         let mean = (self.rows.iter().map(|row| row.weight * row.weight).sum::<f64>() / n).sqrt();
@@ -570,22 +595,27 @@ impl Problem {
     }
 }
 
-/// Contiguous blocks of a run and which are held out.
+/// Contiguous blocks of a run, some of which are held out.
 pub(super) struct Blocks {
+    /// Number of rows of a block.
     length: usize,
+    /// Which rows the table itself holds out, if it says so of any.
     given: Option<Vec<bool>>,
 }
 
 impl Blocks {
+    /// The blocks of a run, from the column `holdout` of its rows.
     pub(super) fn of(holdout: &[Option<bool>]) -> Self {
         let given = holdout.iter().any(Option::is_some).then(|| holdout.iter().map(|h| h.unwrap_or(false)).collect());
         Self { length: holdout.len().div_ceil(BLOCKS).max(1), given }
     }
 
+    /// Index of the block of a row.
     fn of_row(&self, order: usize) -> usize {
         order / self.length
     }
 
+    /// Whether a row is held out.
     pub(super) fn held_out(&self, order: usize) -> bool {
         match &self.given {
             Some(given) => given[order],
@@ -601,7 +631,7 @@ mod tests {
     use crate::identify::candidate::with;
     use crate::text::Source;
 
-    /// An arm with each form of every kind, and poses of it under no forces.
+    /// For each form of every kind an arm with this effect, and poses without forces.
     fn arms_and_poses() -> (Vec<Arm>, Problem) {
         let text = "[robot]\nmodel = \"irb120-3-0.58\"\n[robot.stiffness]\njoint_nm_per_rad = [2e4, 2e4, 2e4, 5e3, 5e3, 5e3]\n\
                     [tools.t]\ntcp_mm = [0, 0, 100]\ntcp_quat = [1, 0, 0, 0]\nmass_kg = 2\n[cut]\nforce = \"none\"\n";
@@ -627,7 +657,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_that_are_solved_together_come_to_what_each_comes_to_alone() {
+    fn rows_that_are_solved_together_have_the_same_equilibria_as_alone() {
         let (arms, problem) = arms_and_poses();
         for arm in &arms {
             for (row, together) in problem.rows.iter().zip(problem.equilibria(arm)) {
@@ -642,7 +672,7 @@ mod tests {
     }
 
     #[test]
-    fn what_an_arm_comes_to_does_not_depend_on_which_others_are_asked() {
+    fn the_residual_of_an_arm_does_not_depend_on_the_other_arms_of_the_call() {
         let (arms, problem) = arms_and_poses();
         let known = problem.equilibria(&arms[0]);
         let together = problem.residuals_near(&arms, &known);
