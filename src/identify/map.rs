@@ -1,10 +1,12 @@
-//! The discrepancy as an effect: what no law describes is corrected where the data hold it, and only there.
+//! Makes an effect of the discrepancy: an error that no law describes is corrected near the rows that determine it, and
+//! only there.
 //!
-//! What the effects leave is taken for a Gaussian process over place, posture and force, whose three axes are alike and independent. A
-//! row shows it along the directions that its instrument measures: all three axes, one of them, or the surface normal of a finished
-//! part. The mean of the process is written as an `empirical` effect where the evidence is for a process, and where the mean does not
-//! raise the error of blocks that its fit has not seen. A cell file cannot have a thousand centres: the mean is the one that few centres
-//! spread over the rows can show (subset of regressors; Quiñonero-Candela and Rasmussen 2005, section 4).
+//! The residual of the chosen effects is modelled as a Gaussian process over place, posture and force, with three
+//! independent axes of the same covariance. A row measures it along the directions of its instrument: all three axes,
+//! one of them, or the surface normal of a finished part. The mean of the process is written as an `empirical` effect
+//! if the evidence supports a process, and if the mean does not increase the error of blocks that its fit has not seen.
+//! A cell file cannot have a thousand centres, so that the mean is a sum of bells at a few centres that are spread over
+//! the rows (subset of regressors; Quiñonero-Candela and Rasmussen 2005, section 4).
 
 use super::data::Observation;
 use super::decisions::{CHANCE, MATERIAL, NAMED};
@@ -21,51 +23,54 @@ use rayon::prelude::*;
 use statrs::function::erf::erf;
 use std::collections::BTreeMap;
 
-/// Centres of bells. On the cells of `samples/plant/truer` 50, 100 and 200 leave 0.020, 0.017 and 0.0165 mm; with 200, bells of a
-/// twentieth of the area hold together.
+/// Largest number of centres. On the cells of `samples/plant/truer`, 50, 100 and 200 centres leave 0.020, 0.017 and
+/// 0.0165 mm. With 200 centres bells that cover a twentieth of the area still overlap.
 const CENTRES: usize = 200;
-/// Reaches that are tried, in spreads.
+/// Length scales that are tried, in standard deviations of the coordinates.
 const REACHES: [f64; 6] = [0.125, 0.25, 0.5, 1.0, 2.0, 4.0];
-/// Share of the largest number of a matrix that is added to its diagonal, so that centres close to one another can be distinguished.
+/// Share of the largest diagonal element that is added to the diagonal of a matrix, so that it stays positive definite
+/// when centres are close to one another.
 const RIDGE: f64 = 1e-9;
 
-/// What is left of one measured scalar.
+/// The residual of one measured scalar.
 struct Scalar {
     run: usize,
     order: usize,
-    /// Which scalar of its row it is.
+    /// Index of the scalar in its row.
     axis: usize,
-    /// What is left out together: of rows that follow one another, and of rows near one another in place, posture and load.
+    /// The blocks in which it is left out of a fit: that of successive rows, and that of rows near one another in
+    /// place, posture and load.
     blocks: [(usize, usize); 2],
+    /// Standard deviation relative to σ.
     weight: f64,
     places: Places,
-    /// Direction that it was measured along, base axes.
+    /// Direction in which it was measured, base axes.
     along: Vector3<f64>,
-    /// mm.
+    /// The residual, mm.
     error: f64,
 }
 
-/// What is left of some rows.
-struct Left<'a> {
+/// The residuals of some rows.
+struct Residuals<'a> {
     scalars: Vec<&'a Scalar>,
-    /// Whether each row has three scalars, along the axes of the base. The axes of the process then part into three problems with the
-    /// same matrices.
+    /// Whether each row has three scalars, along the axes of the base. The three axes of the process are then three
+    /// independent problems with the same matrices.
     whole: bool,
 }
 
-impl Left<'_> {
-    /// Scalars that share a row of the matrices.
-    fn together(&self) -> usize {
+impl Residuals<'_> {
+    /// Number of scalars that share a row of the matrices.
+    fn scalars_each_row(&self) -> usize {
         if self.whole { 3 } else { 1 }
     }
 
-    /// Columns of each centre.
-    fn columns_each(&self) -> usize {
+    /// Number of columns of each centre.
+    fn columns_each_centre(&self) -> usize {
         if self.whole { 1 } else { 3 }
     }
 }
 
-/// A process over some of the coordinates, with where its bells stand.
+/// A process over some of the coordinates, with the centres of its bells.
 struct Process {
     field: Field,
     spreads: [f64; 3],
@@ -73,25 +78,27 @@ struct Process {
 }
 
 impl Engine {
-    /// The mean of the discrepancy, if the rows speak for it and it is not worse than nothing on blocks that its fit has not seen.
+    /// The mean of the discrepancy as an effect, if the evidence supports it and it does not increase the error of
+    /// blocks that its fit has not seen.
     pub(super) fn field_map(&self, posteriors: &[Posterior]) -> Option<Map> {
-        let (scalars, whole) = self.left()?;
-        let all = Left { scalars: scalars.iter().collect(), whole };
-        let (process, products) = self.likeliest(&all)?;
+        let (scalars, whole) = self.residuals()?;
+        let all = Residuals { scalars: scalars.iter().collect(), whole };
+        let (process, products) = self.best_process(&all)?;
         let gain_of = |way: usize, block: &(usize, usize)| {
             let (own, others): (Vec<&Scalar>, Vec<&Scalar>) =
-                scalars.iter().partition(|left| left.blocks[way] == *block);
-            let heights = self.products(&Left { scalars: others, whole }, &process).heights(process.field.share)?;
-            let gain = |left: &&Scalar| {
+                scalars.iter().partition(|scalar| scalar.blocks[way] == *block);
+            let heights =
+                self.products(&Residuals { scalars: others, whole }, &process).heights(process.field.share)?;
+            let gain = |scalar: &&Scalar| {
                 let bells = process.centres.iter().zip(&heights);
                 let there: Vector3<f64> =
-                    bells.map(|(at, height)| height * process.field.similarity(at, &left.places)).sum();
-                left.error.powi(2) - (left.error - left.along.dot(&there)).powi(2)
+                    bells.map(|(at, height)| height * process.field.similarity(at, &scalar.places)).sum();
+                scalar.error.powi(2) - (scalar.error - scalar.along.dot(&there)).powi(2)
             };
             Some(own.iter().map(gain).sum::<f64>())
         };
         let gains = |way: usize| {
-            let mut blocks: Vec<(usize, usize)> = scalars.iter().map(|left| left.blocks[way]).collect();
+            let mut blocks: Vec<(usize, usize)> = scalars.iter().map(|scalar| scalar.blocks[way]).collect();
             blocks.sort_unstable();
             blocks.dedup();
             let gains: Vec<f64> = blocks.par_iter().map(|block| gain_of(way, block)).collect::<Option<_>>()?;
@@ -99,8 +106,9 @@ impl Engine {
         };
         let in_time = gains(0)?;
         let total = |gains: &[f64]| gains.iter().sum::<f64>();
-        // Other programs do not pass these places as this one does. Effects hold for them too; a map alone has to, but for that of a
-        // part, by which the same part is cut again.
+        // Another program reaches these places in other postures and under other loads. Effects that are named hold for
+        // it too. A map without them must also hold for rows that are left out by place, posture and load, except the
+        // map of a finished part, which corrects the same part again.
         let alone = posteriors.iter().all(|(_, (share, _))| *share < NAMED);
         if alone && self.problem.read_in_order && total(&gains(1)?) < MATERIAL * total(&in_time) {
             return None;
@@ -110,24 +118,25 @@ impl Engine {
         (gain > -CHANCE).then(|| Map { effect, likely: 0.5 * (1.0 + erf(gain / std::f64::consts::SQRT_2)) })
     }
 
-    /// A map that holds, of the rows that are fitted to now.
+    /// An accepted map, fitted again to the present rows.
     pub(super) fn renewed_map(&self, map: Map) -> Option<Map> {
-        let (scalars, whole) = self.left()?;
-        let (process, products) = self.likeliest(&Left { scalars: scalars.iter().collect(), whole })?;
+        let (scalars, whole) = self.residuals()?;
+        let (process, products) = self.best_process(&Residuals { scalars: scalars.iter().collect(), whole })?;
         Some(Map { effect: products.mean(&process)?, ..map })
     }
 
-    /// The process of most evidence, with its products: over place, posture and force, or over the place alone; `None` where the rows
-    /// speak for none. That there is none is as likely beforehand as all processes that are tried together.
-    fn likeliest(&self, left: &Left) -> Option<(Process, Products)> {
+    /// The process of most evidence, over place, posture and force or over the place alone, with its products; `None`
+    /// if the evidence is for no process. No process has the same prior probability as all processes that are tried
+    /// together.
+    fn best_process(&self, residuals: &Residuals) -> Option<(Process, Products)> {
         let spreads = self.spreads();
         let tried = [spreads, [spreads[0], 0.0, 0.0]].into_iter().flat_map(|spreads| {
             let field = Field { over: Over::Everything(spreads), share: 1.0, reach: 1.0 };
-            let centres = spread_out(left, &field);
+            let centres = spread_centres(residuals, &field);
             REACHES.map(|reach| Process { field: Field { reach, ..field }, spreads, centres: centres.clone() })
         });
         let of_size = |process: Process| {
-            let products = self.products(left, &process);
+            let products = self.products(residuals, &process);
             let weighed = VARIANCES.into_iter().filter_map(|share| Some((products.evidence(share)?, share)));
             let (evidence, share) = weighed.max_by(|a, b| a.0.total_cmp(&b.0))?;
             Some((evidence, (Process { field: Field { share, ..process.field }, ..process }, products)))
@@ -135,15 +144,15 @@ impl Engine {
         let tried: Vec<Process> = tried.collect();
         let price = ((tried.len() * VARIANCES.len()) as f64).ln();
         let weighed: Vec<(f64, (Process, Products))> = tried.into_par_iter().filter_map(of_size).collect();
-        let (evidence, likeliest) = weighed.into_iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
-        (evidence - price > likeliest.1.evidence_of_none()).then_some(likeliest)
+        let (evidence, best) = weighed.into_iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
+        (evidence - price > best.1.evidence_of_none()).then_some(best)
     }
 
-    /// What the chosen effects leave of the fitted rows, and whether all of them are whole positions;
-    /// `None` where lengths were measured, or the robot itself probed all rows.
-    fn left(&self) -> Option<(Vec<Scalar>, bool)> {
+    /// The residuals of the fitted rows without the chosen effects, clampings and faults, and whether all rows are
+    /// whole positions; `None` if lengths were measured, or if the robot itself probed all rows.
+    fn residuals(&self) -> Option<(Vec<Scalar>, bool)> {
         let residual = self.residual() - self.shifted_by(|pattern| pattern.standing() != Standing::Unlisted);
-        // Where the robot itself probed, what is left is a difference of two places and postures.
+        // Rows that the robot itself probed are left out: their residual depends on two places and postures.
         let fitted = |row: &&Observation| !row.held_out && !row.outlier && row.probing.is_none();
         let rows: Vec<&Observation> = self.problem.rows.iter().filter(fitted).collect();
         if rows.is_empty() {
@@ -180,11 +189,11 @@ impl Engine {
         Some((scalars, whole))
     }
 
-    /// Products of the bells with one another and with what is left, under the wander and the noise of the fit.
-    fn products(&self, left: &Left, Process { field, centres, .. }: &Process) -> Products {
-        let (together, each) = (left.together(), left.columns_each());
+    /// Products of the bells with one another and with the residuals, whitened by the noise and the drift of the fit.
+    fn products(&self, residuals: &Residuals, Process { field, centres, .. }: &Process) -> Products {
+        let (together, each) = (residuals.scalars_each_row(), residuals.columns_each_centre());
         let columns = each * centres.len();
-        let rows: Vec<&[&Scalar]> = left.scalars.chunks_exact(together).collect();
+        let rows: Vec<&[&Scalar]> = residuals.scalars.chunks_exact(together).collect();
         let stacked = DMatrix::from_fn(rows.len(), columns + together, |i, j| match j.checked_sub(columns) {
             None if each == 1 => field.similarity(&rows[i][0].places, &centres[j]),
             None => field.similarity(&rows[i][0].places, &centres[j / 3]) * rows[i][0].along[j % 3],
@@ -202,17 +211,18 @@ impl Engine {
             gram: bells.tr_mul(&bells),
             cross: bells.tr_mul(&errors),
             square: errors.norm_squared(),
-            scalars: left.scalars.len(),
+            scalars: residuals.scalars.len(),
             prior: DMatrix::from_fn(columns, columns, |i, j| if i % each == j % each { alike(i, j) } else { 0.0 }),
         }
     }
 }
 
-/// With N the whitened bells at the rows, e what is left there, and K the correlations of the process at its centres.
+/// Products of N, the whitened bells at the rows, and of e, the whitened residuals, with K, the correlations of the
+/// process at its centres.
 struct Products {
     /// Nᵀ N.
     gram: DMatrix<f64>,
-    /// Nᵀ e: an axis a column where rows are whole positions, else one column.
+    /// Nᵀ e: one column for each axis if the rows are whole positions, and one column otherwise.
     cross: DMatrix<f64>,
     /// eᵀ e.
     square: f64,
@@ -222,7 +232,7 @@ struct Products {
 }
 
 impl Products {
-    /// Factors of K / share, and of that with Nᵀ N.
+    /// Cholesky factors of K / share and of K / share + Nᵀ N; `None` if one of them is not positive definite.
     fn factors(&self, share: f64) -> Option<[Cholesky<f64, Dyn>; 2]> {
         let (mut prior, mut sum) = (&self.prior / share, &self.prior / share + &self.gram);
         for matrix in [&mut prior, &mut sum] {
@@ -236,13 +246,13 @@ impl Products {
     fn heights(&self, share: f64) -> Option<Vec<Vector3<f64>>> {
         let [_, sum] = self.factors(share)?;
         let heights = sum.solve(&self.cross);
-        // A centre's three axes stand side by side, or one below the other.
+        // The three axes of a centre are a row of the solution, or three successive elements of its only column.
         let axes = if heights.ncols() == 1 { heights.data.into() } else { heights.transpose().data.into() };
         let axes: Vec<f64> = axes;
         Some(axes.chunks_exact(3).map(Vector3::from_column_slice).collect())
     }
 
-    /// The effect that is the mean of the process.
+    /// The mean of the process as an effect.
     fn mean(&self, process: &Process) -> Option<Box<dyn Effect>> {
         let heights = self.heights(process.field.share)?;
         let bell = |(&[at, wrist, force], &shift): (&Places, &Vector3<f64>)| Bell { at, wrist, force, shift };
@@ -250,29 +260,32 @@ impl Products {
         Some(discrepancy(process.field.reach, process.spreads, &bells))
     }
 
-    /// Log evidence but for a constant, σ at its best, nats.
+    /// Log evidence with the best σ except for a constant, nats.
     fn evidence(&self, share: f64) -> Option<f64> {
         let [prior, sum] = self.factors(share)?;
-        let left = self.square - self.cross.dot(&sum.solve(&self.cross));
+        let square = self.square - self.cross.dot(&sum.solve(&self.cross));
         let log_det = |factor: &Cholesky<f64, Dyn>| factor.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>();
         let copies = self.cross.ncols() as f64;
-        Some(self.evidence_of_left(left) - copies * (log_det(&sum) - log_det(&prior)))
+        Some(self.evidence_of_square(square) - copies * (log_det(&sum) - log_det(&prior)))
     }
 
-    /// Log evidence of no process, but for the same constant, nats.
+    /// Log evidence of no process except for the same constant, nats.
     fn evidence_of_none(&self) -> f64 {
-        self.evidence_of_left(self.square)
+        self.evidence_of_square(self.square)
     }
 
-    fn evidence_of_left(&self, square: f64) -> f64 {
+    /// Maximum over σ of `−n ln σ − ½ square/σ²`, except for a constant, nats.
+    fn evidence_of_square(&self, square: f64) -> f64 {
         let count = self.scalars as f64;
         -0.5 * count * (square / count).ln()
     }
 }
 
-/// Rows as far from one another as can be, the first among them: each next one is the farthest from those before (Gonzalez 1985).
-fn spread_out(left: &Left, field: &Field) -> Vec<Places> {
-    let rows: Vec<&Places> = left.scalars.chunks_exact(left.together()).map(|row| &row[0].places).collect();
+/// Centres at rows that are far from one another: the first row, then always the row that is farthest from all centres
+/// so far (Gonzalez 1985).
+fn spread_centres(residuals: &Residuals, field: &Field) -> Vec<Places> {
+    let rows: Vec<&Places> =
+        residuals.scalars.chunks_exact(residuals.scalars_each_row()).map(|row| &row[0].places).collect();
     let mut centres: Vec<Places> = Vec::new();
     let mut alike = vec![0.0; rows.len()];
     let mut next = 0;
@@ -282,7 +295,7 @@ fn spread_out(left: &Left, field: &Field) -> Vec<Places> {
             *alike = field.similarity(row, &centres[centres.len() - 1]).max(*alike);
         }
         next = (0..rows.len()).min_by(|&a, &b| alike[a].total_cmp(&alike[b])).unwrap_or(0);
-        // Several scalars of a row are at one place.
+        // The centres are complete when every row is at the place of a centre; several scalars of a row have one place.
         if alike.get(next).is_none_or(|alike| *alike >= 1.0) {
             break;
         }

@@ -1,4 +1,5 @@
-//! Rows that carry their own motor angles: whether they can be true, and where the instrument stood.
+//! Reads rows that have their own motor angles (`--poses`): checks whether they can be correct, and finds the frame of
+//! the instrument.
 
 use super::data::{Blocks, Problem};
 use super::device::Device;
@@ -12,31 +13,33 @@ use crate::text::Diagnostic;
 use nalgebra::{Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3};
 use std::f64::consts::TAU;
 
-/// Messages about rows before the rest is only counted.
+/// Largest number of messages about rows; further errors are only counted.
 const MESSAGES: usize = 20;
-/// Half of the points' own spread: a registration that leaves more explains nothing.
+/// Median distance after registration, as a share of the spread of the points, from which on the points do not follow
+/// the joints.
 const NOTHING: f64 = 0.5;
-/// A reading must leave ten times less than the file's own to be what was meant.
+/// Share to which another reading of the file must reduce the distances or angles to be the one that was meant.
 const CLEARLY: f64 = 0.1;
-/// Points this many medians off take no part in the registration.
+/// Points that are this many medians off are left out of the registration.
 const FAR: f64 = 5.0;
-/// Orientations scatter less than this about the joints' own, median, rad: a robot's links are known better.
+/// Largest median angle between measured orientations and those by the joints, rad: the links of a robot are known
+/// better than that.
 const ALIKE: f64 = 0.17;
-/// Below this scatter, rad, orientations need no other reading.
+/// Median angle below which no other reading of the orientations is tried, rad.
 const FINE: f64 = 3e-3;
 
-/// One row as read.
+/// One row of the table with its motor angles, rad, and its reading.
 struct Read<'a> {
     row: &'a MeasuredRow,
     motor: Joints,
     seen: Seen,
 }
 
-/// TCP by the joints, base axes, and as measured in the device's frame, m.
+/// Position of the TCP by the joints in the base frame, and as measured in the frame of the device, m.
 type Pair = (Vector3<f64>, Vector3<f64>);
 
 impl Problem {
-    /// Aligns rows that carry their own motor angles; the device's pose is unknown.
+    /// The problem of tables whose rows have their own motor angles. The pose of the device is unknown.
     pub(super) fn of_poses(cell: &Cell, tables: Vec<Table>, tool: Option<&str>) -> Result<Self, Vec<Diagnostic>> {
         let tool = match (tool, cell.tools.len()) {
             (Some(name), _) => Some(named_tool(cell, name)?),
@@ -56,7 +59,7 @@ impl Problem {
             let blocks = Blocks::of(&rows.iter().map(|read| read.row.holdout).collect::<Vec<_>>());
             let fitted: Vec<&Read> =
                 rows.iter().enumerate().filter(|(i, _)| !blocks.held_out(*i)).map(|(_, read)| read).collect();
-            let device = standing(&cell.arm.robot, &tool, table, &rows, &fitted)?;
+            let device = measuring_frame(&cell.arm.robot, &tool, table, &rows, &fitted)?;
             let mut points = Vec::with_capacity(rows.len());
             let mut previous = None;
             let run = problem.runs.len();
@@ -81,7 +84,7 @@ impl Problem {
                 prepared.place_in(|_| base_from_device);
             }
             problem.runs.push(prepared);
-            // Lengths alone have no frame: the base's will do.
+            // Lengths have no frame of their own, and are computed in that of the base.
             problem.devices.push(device.map_or(Device::Known, |(device, _)| device));
             problem.find_fixed_point(run, table)?;
         }
@@ -90,7 +93,7 @@ impl Problem {
     }
 }
 
-/// Rows with all that a pose needs, each of which an arm could have been in.
+/// The rows of a table, or errors if a row lacks its angles or its reading, or has angles that the arm does not reach.
 fn readable<'a>(robot: &Robot, table: &'a Table) -> Result<Vec<Read<'a>>, Vec<Diagnostic>> {
     let mut rows = Vec::with_capacity(table.rows.len());
     let mut errors = Vec::new();
@@ -98,27 +101,28 @@ fn readable<'a>(robot: &Robot, table: &'a Table) -> Result<Vec<Read<'a>>, Vec<Di
         let seen = Seen::of(row).filter(|seen| !matches!(seen, Seen::Normal(_)) && seen.count() == seen.len());
         if row.probe_tool.is_some() {
             errors.push(
-                at(table, row, "probe_tool says that the robot itself probed this row".to_owned())
+                row_error(table, row, "probe_tool says that the robot itself probed this row".to_owned())
                     .help("give such rows with --run and the program that cut the part"),
             );
             continue;
         }
         let (Some(deg), Some(seen)) = (row.motor_deg, seen) else {
             errors.push(
-                at(table, row, "a row of --poses lacks its motor angles or what was measured".to_owned())
+                row_error(table, row, "a row of --poses lacks its motor angles or what was measured".to_owned())
                     .help("it needs q1_deg … q6_deg, and x_mm, y_mm, z_mm or distance_mm"),
             );
             continue;
         };
         let motor = robot.motor_from_axes_deg(&deg);
-        // The turns of an axis may be counted from elsewhere; no axis turns once more than its range.
+        // An axis may be counted from another turn, so that angles up to one turn outside its range are allowed.
         let limits = &robot.limits;
         let beyond = (0..6).find(|&j| !(limits.min[j] - TAU..=limits.max[j] + TAU).contains(&deg[j].to_radians()));
         match beyond {
             Some(j) => {
                 let (min, max) = (limits.min[j].to_degrees(), limits.max[j].to_degrees());
                 let message = format!("q{}_deg is {}, and the axis goes from {min:.0}° to {max:.0}°", j + 1, deg[j]);
-                errors.push(at(table, row, message).help("remove the row, or give the motor's angle in degrees"));
+                errors
+                    .push(row_error(table, row, message).help("remove the row, or give the motor's angle in degrees"));
             }
             None => rows.push(Read { row, motor, seen }),
         }
@@ -126,28 +130,32 @@ fn readable<'a>(robot: &Robot, table: &'a Table) -> Result<Vec<Read<'a>>, Vec<Di
     if rows.is_empty() && errors.is_empty() {
         errors.push(Diagnostic::error("measured.row", &table.file, "the file has no rows"));
     }
-    cut(rows, errors)
+    or_errors(rows, errors)
 }
 
-/// The rows, or the first errors and how many more there are.
-fn cut<T>(rows: T, mut errors: Vec<Diagnostic>) -> Result<T, Vec<Diagnostic>> {
+/// The result if there are no errors, or the first errors with the number of further ones.
+fn or_errors<T>(result: T, mut errors: Vec<Diagnostic>) -> Result<T, Vec<Diagnostic>> {
     let more = errors.len().saturating_sub(MESSAGES);
     errors.truncate(MESSAGES);
     if let Some(last) = errors.last_mut().filter(|_| more > 0) {
         last.message = format!("{}; so are {more} more rows", last.message);
     }
-    if errors.is_empty() { Ok(rows) } else { Err(errors) }
+    if errors.is_empty() { Ok(result) } else { Err(errors) }
 }
 
-fn at(table: &Table, row: &MeasuredRow, message: String) -> Diagnostic {
+/// An error at the line of a row.
+fn row_error(table: &Table, row: &MeasuredRow, message: String) -> Diagnostic {
     let mut diagnostic = Diagnostic::error("measured.row", &table.file, message);
     (diagnostic.line, diagnostic.column) = (usize::try_from(row.line).unwrap_or(0), 1);
     diagnostic
 }
 
-/// The measuring frame in the base, where rows have positions, and how the probe is mounted; refuses rows that it brings
-/// nowhere near the arm.
-fn standing(
+/// The frame of the device in the base, with the orientation of the probe on the tool; `None` if the rows have no
+/// positions.
+///
+/// # Errors
+/// Rows whose positions do not follow the joints, or lie farther from the arm than it reaches.
+fn measuring_frame(
     robot: &Robot,
     tool: &ToolFrame,
     table: &Table,
@@ -155,15 +163,15 @@ fn standing(
     fitted: &[&Read],
 ) -> Result<Option<(Device, Pose)>, Vec<Diagnostic>> {
     let pair = |read: &Read| match read.seen {
-        Seen::Position(seen) => Some((tcp(robot, tool, &read.motor).translation.vector, seen * 1e-3)),
+        Seen::Position(seen) => Some((tcp_by_joints(robot, tool, &read.motor).translation.vector, seen * 1e-3)),
         _ => None,
     };
     let pairs: Vec<Pair> = fitted.iter().filter_map(|read| pair(read)).collect();
     if pairs.is_empty() {
         return Ok(None);
     }
-    let base_from_device = registered(&pairs);
-    if let Some(reason) = elsewhere(robot, tool, fitted, &pairs, &base_from_device) {
+    let base_from_device = robust_registration(&pairs);
+    if let Some(reason) = misplaced_points(robot, tool, fitted, &pairs, &base_from_device) {
         return Err(vec![Diagnostic::error("measured.poses", &table.file, reason.0).help(reason.1)]);
     }
     let reach = (0..6).map(|i| robot.links.rows()[i]).map(|dh| dh.a.hypot(dh.d)).sum::<f64>()
@@ -171,47 +179,50 @@ fn standing(
     let mut errors = Vec::new();
     for read in rows {
         let Some(pair) = pair(read) else { continue };
-        let off = gap(&base_from_device, &pair);
+        let off = distance(&base_from_device, &pair);
         if off > reach {
             let message = format!(
                 "the measured point lies {:.0} mm from where these motor angles put the reflector, and the arm reaches {:.0} mm",
                 1e3 * off,
                 1e3 * reach
             );
-            errors.push(at(table, read.row, message).help("remove the row, or correct its x_mm, y_mm, z_mm"));
+            errors.push(row_error(table, read.row, message).help("remove the row, or correct its x_mm, y_mm, z_mm"));
         }
     }
-    cut((), errors)?;
-    let tcp_from_probe = mounted(robot, tool, fitted, &base_from_device)
+    or_errors((), errors)?;
+    let tcp_from_probe = probe_orientation(robot, tool, fitted, &base_from_device)
         .map_err(|(message, help)| vec![Diagnostic::error("measured.poses", &table.file, message).help(help)])?;
     Ok(Some((Device::Frame { tcp_from_probe }, base_from_device)))
 }
 
-fn tcp(robot: &Robot, tool: &ToolFrame, motor: &Joints) -> Pose {
+/// Pose of the TCP in the base frame by the motor angles, rad.
+fn tcp_by_joints(robot: &Robot, tool: &ToolFrame, motor: &Joints) -> Pose {
     robot.forward(motor) * tool.flange_from_tcp
 }
 
-fn gap(base_from_device: &Pose, (base, device): &Pair) -> f64 {
+/// Distance of the two points of a pair, m.
+fn distance(base_from_device: &Pose, (base, device): &Pair) -> f64 {
     (base_from_device.rotation * device + base_from_device.translation.vector - base).norm()
 }
 
+/// The upper median; zero if there are no values.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// What a file might have been meant as.
+/// Another reading of the motor angles and positions of a file.
 type Reading = fn(Joints, Vector3<f64>) -> (Joints, Vector3<f64>);
 
-/// Why the points as a whole are not where the joints put them, and what to do; `None` if they are.
-fn elsewhere(
+/// Why the points as a whole are not where the joints put them, and how to correct the file; `None` if they are there.
+fn misplaced_points(
     robot: &Robot,
     tool: &ToolFrame,
     fitted: &[&Read],
     pairs: &[Pair],
     base_from_device: &Pose,
 ) -> Option<(String, String)> {
-    let off = median(pairs.iter().map(|pair| gap(base_from_device, pair)).collect());
+    let off = median(pairs.iter().map(|pair| distance(base_from_device, pair)).collect());
     let middle = |of: fn(&Pair) -> Vector3<f64>| pairs.iter().map(of).sum::<Vector3<f64>>() / pairs.len() as f64;
     let (base, device) = (middle(|pair| pair.0), middle(|pair| pair.1));
     let spread = median(pairs.iter().map(|pair| (pair.0 - base).norm().max((pair.1 - device).norm())).collect());
@@ -227,24 +238,24 @@ fn elsewhere(
         }),
         ("the angles are radians and the positions metres", |q, p| (q.map(f64::to_degrees), p * 1e3)),
         ("the angles are radians and the positions inches", |q, p| (q.map(f64::to_degrees), p * 25.4)),
-        ("q1_deg has the wrong sign", |q, p| (turned_over(q, 0), p)),
-        ("q2_deg has the wrong sign", |q, p| (turned_over(q, 1), p)),
-        ("q3_deg has the wrong sign", |q, p| (turned_over(q, 2), p)),
-        ("q4_deg has the wrong sign", |q, p| (turned_over(q, 3), p)),
-        ("q5_deg has the wrong sign", |q, p| (turned_over(q, 4), p)),
-        ("q6_deg has the wrong sign", |q, p| (turned_over(q, 5), p)),
+        ("q1_deg has the wrong sign", |q, p| (negated(q, 0), p)),
+        ("q2_deg has the wrong sign", |q, p| (negated(q, 1), p)),
+        ("q3_deg has the wrong sign", |q, p| (negated(q, 2), p)),
+        ("q4_deg has the wrong sign", |q, p| (negated(q, 3), p)),
+        ("q5_deg has the wrong sign", |q, p| (negated(q, 4), p)),
+        ("q6_deg has the wrong sign", |q, p| (negated(q, 5), p)),
     ];
     let read_as = |reading: Reading| {
         let pair = |read: &&Read| match read.seen {
             Seen::Position(seen) => {
                 let (motor, seen) = reading(read.motor, seen * 1e-3);
-                Some((tcp(robot, tool, &motor).translation.vector, seen))
+                Some((tcp_by_joints(robot, tool, &motor).translation.vector, seen))
             }
             _ => None,
         };
         let pairs: Vec<Pair> = fitted.iter().filter_map(pair).collect();
-        let base_from_device = registered(&pairs);
-        median(pairs.iter().map(|pair| gap(&base_from_device, pair)).collect())
+        let base_from_device = robust_registration(&pairs);
+        median(pairs.iter().map(|pair| distance(&base_from_device, pair)).collect())
     };
     let meant = READINGS.iter().find(|(_, reading)| read_as(*reading) < CLEARLY * off);
     let message = format!(
@@ -257,22 +268,28 @@ fn elsewhere(
             let help = "the rows belong to another robot or tool, or the motors are counted otherwise: compare [robot.kinematics]";
             Some((message, help.to_owned()))
         }
-        // Far off, but following the joints: what is declared of the tool or the links is to be found.
+        // The points are far off but follow the joints: the identification can find what is wrong with the tool or the
+        // links.
         None => None,
     }
 }
 
-fn turned_over(mut motor: Joints, joint: usize) -> Joints {
+/// Motor angles with the sign of one of them changed.
+fn negated(mut motor: Joints, joint: usize) -> Joints {
     motor[joint] = -motor[joint];
     motor
 }
 
+/// The measured orientation of a row.
 fn orientation(row: &MeasuredRow) -> Option<UnitQuaternion<f64>> {
     row.quat.map(|[w, x, y, z]| UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z)))
 }
 
-/// How the probe is turned on the tool; refuses orientations that do not follow the joints, and says how they are meant.
-fn mounted(
+/// Orientation of the probe on the tool; the identity if no orientations were measured.
+///
+/// # Errors
+/// Orientations that do not follow the joints: a message, and how to correct the file.
+fn probe_orientation(
     robot: &Robot,
     tool: &ToolFrame,
     fitted: &[&Read],
@@ -281,7 +298,7 @@ fn mounted(
     let turned: Vec<(Rotation3<f64>, UnitQuaternion<f64>)> = fitted
         .iter()
         .filter_map(|read| {
-            let there = base_from_device.rotation.inverse() * tcp(robot, tool, &read.motor).rotation;
+            let there = base_from_device.rotation.inverse() * tcp_by_joints(robot, tool, &read.motor).rotation;
             Some((there, orientation(read.row)?))
         })
         .collect();
@@ -317,34 +334,34 @@ fn mounted(
     }
 }
 
-/// What four numbers are if the scalar is the last of them.
+/// The orientation that four numbers mean if the scalar is the last of them.
 fn scalar_last(q: UnitQuaternion<f64>) -> UnitQuaternion<f64> {
     UnitQuaternion::new_unchecked(Quaternion::new(q.k, q.w, q.i, q.j))
 }
 
-/// The rotation nearest to all of some.
+/// The mean of rotations: the rotation for which the sum of their squared distances is smallest.
 fn mean_rotation(all: &[Rotation3<f64>]) -> Rotation3<f64> {
     nearest_rotation(&all.iter().map(Rotation3::matrix).sum())
 }
 
-/// The rotation R of most trace(Rᵀ M): Kabsch (1976).
+/// The rotation R with the largest trace(Rᵀ M) (Kabsch 1976).
 fn nearest_rotation(matrix: &Matrix3<f64>) -> Rotation3<f64> {
-    // Static 3×3 decomposition: sound on planes too.
+    // The singular value decomposition is also defined for a singular matrix, which points in a plane give.
     let svd = matrix.svd(true, true);
     let (Some(u), Some(vt)) = (svd.u, svd.v_t) else { return Rotation3::identity() };
     let flip = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * vt).determinant().signum()));
     Rotation3::from_matrix_unchecked(u * flip * vt)
 }
 
-/// Rigid registration, in which points far off take no part.
-fn registered(pairs: &[Pair]) -> Pose {
-    /// Enough for blunders of every size.
+/// Rigid registration without the points that are far off.
+fn robust_registration(pairs: &[Pair]) -> Pose {
+    /// Largest number of rounds, enough for blunders of several sizes.
     const TRIMMING_ROUNDS: usize = 10;
     let mut kept = pairs.to_vec();
     let mut pose = registration(&kept);
     for _ in 0..TRIMMING_ROUNDS {
-        let limit = (FAR * median(kept.iter().map(|pair| gap(&pose, pair)).collect())).max(1e-3 * ELSEWHERE_MM);
-        let near: Vec<Pair> = pairs.iter().copied().filter(|pair| gap(&pose, pair) <= limit).collect();
+        let limit = (FAR * median(kept.iter().map(|pair| distance(&pose, pair)).collect())).max(1e-3 * ELSEWHERE_MM);
+        let near: Vec<Pair> = pairs.iter().copied().filter(|pair| distance(&pose, pair) <= limit).collect();
         if near.len() == kept.len() {
             break;
         }
@@ -354,7 +371,8 @@ fn registered(pairs: &[Pair]) -> Pose {
     pose
 }
 
-/// Rigid registration of points in the base (first) to points in the device (second), m: Kabsch.
+/// The pose of the device in the base that brings the points of the pairs together with the least sum of squared
+/// distances (Kabsch 1976).
 fn registration(pairs: &[Pair]) -> Pose {
     let n = pairs.len().max(1) as f64;
     let base = pairs.iter().map(|pair| pair.0).sum::<Vector3<f64>>() / n;
