@@ -1,8 +1,9 @@
-//! The columns of candidates about an arm: what each of their numbers changes, by differences.
+//! Computes the columns of candidates about an arm by differences: the change of the residual with each of their
+//! numbers.
 
 use super::candidate::{Candidate, Home, same_numbers, twins, with};
 use super::data::Problem;
-use super::design::{Along, Design};
+use super::design::{CurveColumns, Design};
 use super::device_pose;
 use super::pattern;
 use crate::effects::JointCurve;
@@ -12,36 +13,38 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Columns of candidates that are not chosen, about the arm with effects of some kinds in it: they hardly change while
-/// these are only fitted anew.
+/// Kept columns of candidates that are not chosen. They hardly change while the arm has effects of the same kinds,
+/// whose numbers are only fitted again.
 pub(super) struct Reuse {
-    /// Candidates from this one on come and go.
+    /// Only the columns of candidates below this index are kept, because later candidates are added and removed.
     below: usize,
-    /// The kinds, in order.
+    /// Kinds of the effects of the arm for which the columns hold, sorted.
     about: Vec<String>,
+    /// The columns of each candidate.
     columns: BTreeMap<usize, Vec<DVector<f64>>>,
 }
 
 impl Reuse {
-    /// Of candidates below this number.
+    /// Keeps columns of the candidates below this index.
     pub(super) fn of(below: usize) -> Self {
         Self { below, about: Vec::new(), columns: BTreeMap::new() }
     }
 
-    /// Forgets all columns: the rows have changed.
+    /// Removes all columns, which is needed when the forces of the rows have changed.
     pub(super) fn forget_all(&mut self) {
         self.columns.clear();
     }
 
-    /// Forgets the columns of a candidate that has changed.
+    /// Removes the columns of a candidate that has changed.
     pub(super) fn forget(&mut self, candidate: usize) {
         self.columns.remove(&candidate);
     }
 }
 
 impl Design {
-    /// Columns of the `wanted` candidates about the arm with the `chosen` ones in it (whose residual is `base`); then,
-    /// for unknown instruments, theirs, whose places are returned too.
+    /// The columns of the `wanted` candidates about the arm with the `chosen` ones, whose residual is `base`, then
+    /// those of the unknown numbers of the instruments. The indices of the latter are returned too. Sets the first
+    /// column of each wanted candidate.
     pub(super) fn new(
         declared: &Arm,
         problem: &Problem,
@@ -51,8 +54,8 @@ impl Design {
         base: &DVector<f64>,
         reuse: &mut Reuse,
     ) -> (Self, Vec<usize>) {
-        // Of members of the set itself no columns are kept: columns of others stay valid when only these are linearised
-        // for another set.
+        // No columns of chosen candidates are kept. A linearisation of chosen candidates alone therefore leaves the
+        // kept columns valid for the set that they were computed for.
         let others = wanted.iter().any(|c| !chosen.contains(c));
         let renumbered = reuse.columns.values().flatten().any(|column| column.len() != problem.scalars);
         let in_arm = chosen.iter().map(|&c| &candidates[c]).filter(|candidate| !candidate.is_pattern());
@@ -60,10 +63,11 @@ impl Design {
         about.sort_unstable();
         if others && reuse.about != about || renumbered {
             reuse.about.clone_from(&about);
-            // What shifts the rows does so whatever the arm is.
+            // The columns of patterns that shift the rows do not depend on the arm.
             reuse.columns.retain(|c, _| !renumbered && candidates[*c].is_shift());
         }
-        // Numbers of an effect that the cell declares are moved from where they are, also for a prior of another size.
+        // Candidates that differ only in their prior share the numbers of an effect that the cell declares. Their
+        // differences begin at the numbers of the chosen one.
         let of_set = |c: usize| chosen.iter().copied().find(|&o| same_numbers(&candidates[o], &candidates[c]));
         let at: Vec<usize> = (0..candidates.len()).map(|c| of_set(c).unwrap_or(c)).collect();
         let serves = |reuse: &Reuse, c: usize| reuse.about == about && c < reuse.below && !chosen.contains(&at[c]);
@@ -101,8 +105,8 @@ impl Design {
                     let columns = pattern::columns(&pattern::Context { problem, arm: &whole, base }, *pattern);
                     candidate.columns().zip(columns).for_each(|(at, column)| design.kept.set_column(at, &column));
                 }
-                // A curve is moved as a whole: what each knot counts for is known.
-                // Where the robot itself probed a row, the joint had two angles.
+                // One difference is enough for a curve, because the weights of its knots are known. Rows that the robot
+                // itself probed depend on two angles of the joint, so that each knot needs a difference of its own.
                 (None, _) => match curve_of(candidate).filter(|_| !problem.is_probed()) {
                     Some(curve) => differences.push((c, 0..candidate.values.len(), Some(curve))),
                     None => differences.extend((0..candidate.values.len()).map(|k| (c, k..k + 1, None))),
@@ -117,17 +121,17 @@ impl Design {
             let (arms, scales): (Vec<Arm>, Vec<f64>) = moved.unzip();
             let residuals = problem.residuals_near(&arms, &settled);
             for (((c, numbers, curve), scale), residual) in some.iter().zip(scales).zip(residuals) {
-                // The residual falls by what the prediction grows.
+                // The residual decreases by the increase of the prediction.
                 let mut column = (base - residual) * scale;
                 column.iter_mut().for_each(|v| *v = if v.is_finite() { *v } else { 0.0 });
                 let columns = candidates[*c].columns();
                 match curve {
                     None => design.kept.set_column(columns.start + numbers.start, &column),
                     Some(curve) => {
-                        let along = Along::new(problem, columns, Arc::clone(curve), column);
+                        let curve = CurveColumns::new(problem, columns, Arc::clone(curve), column);
                         match candidates[*c].curve {
-                            Some(_) => design.curves.push(along),
-                            None => along.write(&mut design.kept),
+                            Some(_) => design.curves.push(curve),
+                            None => curve.write(&mut design.kept),
                         }
                     }
                 }
@@ -147,7 +151,7 @@ impl Design {
     }
 }
 
-/// The curve of a joint's angle that a candidate is, where it is one.
+/// The curve of a joint's angle that a candidate is; `None` if it is no such curve.
 fn curve_of(candidate: &Candidate) -> Option<Arc<JointCurve>> {
     let of_shape = |home: &Home| match home {
         Home::New(shape) => shape.0.joint_curve().map(Arc::new),
@@ -156,24 +160,27 @@ fn curve_of(candidate: &Candidate) -> Option<Arc<JointCurve>> {
     candidate.curve.as_ref().map(|curve| Arc::clone(&curve.joint_curve)).or_else(|| of_shape(&candidate.home))
 }
 
-/// Where candidates' columns begin: those of curves are counted by themselves.
+/// The first column of each wanted candidate.
 struct Firsts {
     of: Vec<First>,
-    /// Columns that are kept.
+    /// Number of columns that are kept as a matrix.
     kept: usize,
 }
 
+/// The first column of a candidate.
 struct First {
+    /// Its index, among the kept columns or among those of curves.
     at: usize,
-    /// Whether no twin has made the columns already.
+    /// Whether the columns are not those of a twin that comes before it.
     new: bool,
 }
 
+/// Numbers the columns of the wanted candidates.
 fn firsts(candidates: &[Candidate], chosen: &[usize], wanted: &[usize]) -> Firsts {
     let mut of: Vec<First> = Vec::with_capacity(wanted.len());
     let (mut kept, mut of_curves) = (0, 0);
     for (i, &c) in wanted.iter().enumerate() {
-        // Twins share their columns, while neither is about its own numbers.
+        // Twins share their columns unless one of them is chosen, because its columns are about its own numbers.
         let twin = wanted[..i].iter().position(|&o| twins(&candidates[o], &candidates[c]));
         if let Some(twin) = twin.filter(|&twin| !chosen.contains(&c) && !chosen.contains(&wanted[twin])) {
             of.push(First { at: of[twin].at, new: false });
@@ -186,13 +193,15 @@ fn firsts(candidates: &[Candidate], chosen: &[usize], wanted: &[usize]) -> First
     Firsts { of, kept }
 }
 
-/// Step of a difference, as a share of the typical size: small against curvature, large against rounding.
+/// Step of a difference as a share of the typical size: small compared with the curvature of the effects, large
+/// compared with rounding.
 const STEP: f64 = 0.05;
 
-/// Arms that are evaluated for all rows together.
+/// Number of arms whose residuals are computed together.
 const TOGETHER: usize = 64;
 
-/// An arm with some numbers of a candidate moved alike, by one step, and what makes a difference one per typical size.
+/// The arm with some numbers of a candidate changed by the same step, and the factor by which a difference must be
+/// multiplied to be the change for one typical size.
 pub(super) fn moved(arm: &Arm, candidate: &Candidate, numbers: Range<usize>) -> (Arm, f64) {
     let mut values = candidate.values.clone();
     let k = numbers.start;
