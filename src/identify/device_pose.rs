@@ -1,4 +1,4 @@
-//! Where instruments are: what is unknown of it, its columns, and its changes.
+//! The unknown poses of instruments: their numbers, the columns of these, and their changes by a fit.
 
 use super::data::{Observation, Parts, Problem};
 use super::device::Device;
@@ -6,10 +6,10 @@ use crate::equilibrium::Settled;
 use crate::robot::Pose;
 use nalgebra::{DVector, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-/// Prior of a shift and of a turn, mm and rad: anything that a registration may be off.
+/// Prior sizes of a shift, mm, and of a turn, rad: larger than any error of a registration.
 const FREE: (f64, f64) = (100.0, 0.1);
 
-/// Numbers of a run's instrument that are fitted.
+/// Number of fitted numbers of the instrument of a run.
 pub(super) fn unknowns(problem: &Problem, run: usize) -> usize {
     match problem.devices[run] {
         Device::Known => 0,
@@ -19,8 +19,9 @@ pub(super) fn unknowns(problem: &Problem, run: usize) -> usize {
     }
 }
 
-/// Change of every prediction with unknown `axis` of a run's instrument, mm per prior size, about the arm as it settled:
-/// a turn about where the TCP is declared would leave a wrong tool in every frame.
+/// The column of number `axis` of the instrument of a run, mm and mrad for each prior size. It is computed about the
+/// equilibria of the arm and not about the declared poses of the TCP: with a wrong tool the turns of the frame would
+/// otherwise be wrong.
 pub(super) fn column(problem: &Problem, settled: &[Option<Settled>], run: usize, axis: usize) -> DVector<f64> {
     let unit = Vector3::ith(axis % 3, 1.0);
     let of = |(row, there): (&Observation, &Option<Settled>)| -> Parts {
@@ -28,7 +29,7 @@ pub(super) fn column(problem: &Problem, settled: &[Option<Settled>], run: usize,
         let there = there.as_ref().map_or_else(declared, |there| there.wobj_from_tcp);
         let place = there.translation.vector * 1e3;
         let none = Vector3::zeros();
-        // The frame moves: the point and the probe move the other way in it.
+        // If the frame moves, the point and the probe move the other way in it.
         let [moved, turned] = match problem.devices[row.run] {
             _ if row.run != run => [none; 2],
             Device::Known => [none; 2],
@@ -42,14 +43,14 @@ pub(super) fn column(problem: &Problem, settled: &[Option<Settled>], run: usize,
     problem.stacked(problem.rows.iter().zip(settled).map(of))
 }
 
-/// Where every run's instrument is taken to be.
+/// The present pose of the instrument of every run.
 pub(super) fn places(problem: &Problem) -> Vec<(Device, Option<Pose>)> {
     let frame = |run: &crate::correct::Prepared| (!run.points.is_empty()).then(|| run.base_from_wobj(0));
     let place = |(&device, run)| (device, frame(run).filter(|_| matches!(device, Device::Frame { .. })));
     problem.devices.iter().zip(&problem.runs).map(place).collect()
 }
 
-/// Puts every run's instrument where it was.
+/// Moves the instrument of every run back to a pose from [`places`].
 pub(super) fn restore(problem: &mut Problem, places: &[(Device, Option<Pose>)]) {
     for (run, (device, frame)) in places.iter().enumerate() {
         problem.devices[run] = *device;
@@ -59,7 +60,7 @@ pub(super) fn restore(problem: &mut Problem, places: &[(Device, Option<Pose>)]) 
     }
 }
 
-/// Moves a run's instrument by its unknowns, in prior sizes.
+/// Moves the instrument of a run by its fitted numbers, in prior sizes.
 pub(super) fn shift(problem: &mut Problem, run: usize, unknowns: &[f64]) {
     let three = |from: usize, size: f64| Vector3::from_fn(|k, _| unknowns[from + k] * size);
     match problem.devices[run] {

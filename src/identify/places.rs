@@ -1,4 +1,5 @@
-//! Rows that name a place and no target: the nearest place on the path, at targets and between them.
+//! Finds the place on the path that belongs to a row with nominal coordinates and without a target: the nearest one, at
+//! a target or between two targets.
 
 use crate::cell::Cell;
 use crate::correct::{Between, Point, Prepared};
@@ -7,42 +8,47 @@ use crate::program::{Motion, Program};
 use crate::text::Diagnostic;
 use nalgebra::Vector3;
 
-/// A place on the path, and how far a point is from it.
+/// A place on the path, and its distance from a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct PathPosition {
     at: Between,
+    /// Distance from the point, mm.
     off_mm: f64,
-    /// Length of the path up to here, mm.
+    /// Length of the path up to this place, mm.
     along_mm: f64,
 }
 
-/// A point that was added for a row.
+/// The point of a row.
 pub(super) struct Placed {
+    /// Index of the point in the prepared program.
     pub(super) point: usize,
-    /// The target before it, where it lies on the way into the next one.
+    /// Index of the target before it, if it lies between two targets.
     pub(super) way_from: Option<usize>,
 }
 
 impl Placed {
-    /// A row's own target.
+    /// The point of a target.
     pub(super) fn at_target(point: usize) -> Self {
         Self { point, way_from: None }
     }
 }
 
-/// The path that errors are counted from, as straight ways; arcs and joint moves have their ends only.
+/// The path from which errors are counted, as straight segments between targets. Arcs and joint motions consist of
+/// their end points only.
 pub(super) struct Path<'a> {
     program: &'a Program,
-    /// Of each target, mm, work object axes.
+    /// Position of each target, work object axes, mm.
     ends: Vec<Vector3<f64>>,
-    /// Length of the path up to each, mm.
+    /// Length of the path up to each target, mm.
     along_mm: Vec<f64>,
+    /// Largest distance of a point from the path, mm.
     match_mm: f64,
 }
 
 impl<'a> Path<'a> {
+    /// The path of a prepared program.
     pub(super) fn new(program: &'a Program, prepared: &Prepared, table: &Table) -> Self {
-        // Where the arm does not go for sure nothing was measured: NaN is near nothing.
+        // No row belongs to a target that is not solved. Its position is NaN, which is near no point.
         let end = |(i, point): (usize, &Point)| match prepared.unsolved(i) {
             Some(_) => Vector3::repeat(f64::NAN),
             None => 1e3 * point.reference.translation.vector,
@@ -56,7 +62,10 @@ impl<'a> Path<'a> {
         Self { program, ends, along_mm, match_mm: table.match_mm.unwrap_or(MATCH_MM) }
     }
 
-    /// Adds the place that a row was taken at to the points; which it is.
+    /// Adds the place of a row to the points of the prepared program.
+    ///
+    /// # Errors
+    /// A place that is far from the path, or not on one stretch of it alone; a point that cannot be added.
     pub(super) fn place(
         &self,
         cell: &Cell,
@@ -67,7 +76,7 @@ impl<'a> Path<'a> {
         let place = self.nearest(&nominal_mm.into())?;
         let added = prepared.add_between(cell, place.at)?;
         let point = &mut prepared.points[added];
-        // A force of the row's own; without one, that of the way where the table has none at all.
+        // The force of the row replaces that of the segment.
         if let Some(force) = row.force_n {
             point.set_force(force.into());
         }
@@ -79,9 +88,13 @@ impl<'a> Path<'a> {
         Ok(Placed { point: added, way_from })
     }
 
-    /// The nearest place; refuses what is far from the path, or as near to another stretch of it.
+    /// The place nearest to a point.
+    ///
+    /// # Errors
+    /// The point is far from the path, or almost as near to another stretch of it.
     fn nearest(&self, nominal_mm: &Vector3<f64>) -> Result<PathPosition, String> {
-        /// As near: by this, mm, or this share of the distance.
+        /// Difference up to which two distances are alike: mm, and as a share of the smaller distance. The larger of the
+        /// two counts.
         const ALIKE: (f64, f64) = (0.1, 0.25);
         let mut near: Vec<PathPosition> = (0..self.ends.len())
             .map(|i| self.on_way(i, nominal_mm))
@@ -109,7 +122,7 @@ impl<'a> Path<'a> {
         }
     }
 
-    /// The nearest place on the way into a target.
+    /// The nearest place on the segment that ends at a target.
     fn on_way(&self, target: usize, nominal_mm: &Vector3<f64>) -> PathPosition {
         let (end, here) = (self.ends[target], &self.program.targets[target]);
         let straight =
@@ -131,7 +144,7 @@ impl<'a> Path<'a> {
     }
 }
 
-/// An error of a row's place, with what to do.
+/// An error about the place of a row, and how to correct it.
 pub(super) fn misplaced(table: &Table, line: u64, message: String) -> Diagnostic {
     table.row_error(line, message).help("check the work object of the points, name `target`, or give --match-mm")
 }

@@ -1,8 +1,9 @@
-//! Rows that the robot probed itself, with a touch probe in its own spindle, before the part was unclamped.
+//! Rows that the robot itself measured with a touch probe in its spindle before the part was unclamped.
 //!
-//! Such a row is the surface as the controller reads it: what the arm that cut was off by at the place, less what the same arm is off by
-//! where it touches, without a force, in its own posture and coming along the surface normal. What is alike in both cancels. The
-//! effects that a cell has act in both, and what they do to the row is the difference.
+//! Such a row is the surface as the controller reads it. It is the error of the arm that cut the place, less the error
+//! of the same arm when it touches the place: without a force, in another posture, and approaching along the surface
+//! normal. Errors that are equal in both states cancel. The effects of the cell act in both states, and the difference
+//! is their change of the row.
 
 use super::seen::{ELSEWHERE_MM, Seen};
 use crate::cell::Cell;
@@ -13,29 +14,34 @@ use crate::measured::MeasuredRow;
 use crate::robot::{Joints, Pose};
 use nalgebra::{Vector3, Vector6};
 
-/// The last stretch of a probing move, mm, straight along the surface normal. Measuring cycles begin it 2 to 10 mm in front of the
-/// surface. Only friction that builds up over an angle depends on it.
+/// Length of the straight motion along the surface normal before the touch, mm. Measuring cycles begin it 2 to 10 mm
+/// before the surface. Only friction that builds up over an angle depends on it.
 const APPROACH_MM: f64 = 5.0;
 
-/// How the arm stood when its probe touched.
+/// The state of the arm when its probe touched.
 #[derive(Clone, Debug)]
 pub(super) struct Probing {
     tool: ToolFrame,
-    /// Where the controller took the probe to be.
+    /// Pose of the probe by the controller.
     wobj_from_tcp: Pose,
+    /// Motor angles, rad.
     pub(super) motor: Joints,
+    /// Direction of travel of each joint, from −1 to 1.
     pub(super) travel: Joints,
-    /// Motor angles from which on it came along the normal.
+    /// Motor angles at the start of the motion along the normal, rad.
     from: Joints,
+    /// Time of the touch, s.
     time: f64,
+    /// Temperature, °C.
     temperature: Option<f64>,
 }
 
 impl Probing {
-    /// What a row that the robot probed says, at its place on the path; `None` for one of another instrument.
+    /// The state of the arm for a row that the robot probed, at the point of the path that the row belongs to; `None`
+    /// if another instrument measured the row.
     ///
     /// # Errors
-    /// What the row lacks, or why it cannot be true.
+    /// The row lacks something, or cannot be correct.
     pub(super) fn of(
         cell: &Cell,
         prepared: &Prepared,
@@ -75,7 +81,7 @@ impl Probing {
         let Some(from) = turned.map(|turned| motor + turned) else {
             return Err("the wrist is singular where the probe touched: probe the place in another posture".to_owned());
         };
-        // It touches when the part has been cut, where the row does not say when.
+        // A row without a time is probed when the part has been cut.
         let end = prepared.points.iter().map(|point| point.time).fold(0.0, f64::max);
         let mut probing = Self {
             tool,
@@ -90,13 +96,13 @@ impl Probing {
         Ok(Some(probing))
     }
 
-    /// Takes friction to build up over an angle, rad.
+    /// Sets the presliding angle over which friction builds up, rad.
     pub(super) fn set_presliding(&mut self, presliding_rad: f64) {
         let start = Dragged { motor: self.from, travel: Joints::zeros() };
         self.travel = start.travel_to(&self.motor, presliding_rad);
     }
 
-    /// The circumstances of the touch, from those of the cut at the place.
+    /// The circumstances of the touch, from those of the cut at the same place.
     pub(super) fn situation<'a>(&self, cut: Situation<'a>) -> Situation<'a> {
         Situation {
             wobj_from_tcp: self.wobj_from_tcp,
@@ -109,7 +115,7 @@ impl Probing {
         }
     }
 
-    /// How far the probe was from where the controller took it to be, along a normal, mm.
+    /// Error of the probe along a normal, mm: its pose less that by the controller.
     pub(super) fn normal_error_mm(&self, wobj_from_tcp: &Pose, normal: &Vector3<f64>) -> f64 {
         1e3 * (wobj_from_tcp.translation.vector - self.wobj_from_tcp.translation.vector).dot(normal)
     }
@@ -122,8 +128,9 @@ mod tests {
     use crate::program::rapid;
     use crate::text::Source;
 
-    /// One place, 1.18 m in front of the axis of joint 2 of an arm that only this joint's spring and gap bend, approached from `above_mm`.
-    /// Cut under 410 N along the upward normal. Measured by the robot itself, with motor angles as they cut, and by another instrument.
+    /// One place, 1.18 m in front of the axis of joint 2. Only the spring and the backlash of this joint deflect the
+    /// arm. The cut comes from a target `above_mm` above the place and has a force of 410 N along the upward normal.
+    /// The place is measured by the robot itself, with the motor angles of the cut, and by another instrument.
     struct Bench {
         cell: Cell,
         above_mm: f64,
@@ -155,14 +162,14 @@ mod tests {
             Problem::of_runs(&self.cell, vec![(program, table).into()])
         }
 
-        /// Motor angles at the place, degrees, as the pendant shows them.
+        /// Axis angles at the place, degrees, as the pendant shows them.
         fn axes(&self) -> String {
             let problem = self.problem("target,normal_mm\n2,0\n").unwrap();
             let deg = self.cell.arm.robot.axes_deg_from_motor(&problem.rows[0].motor);
             deg.map(|deg| deg.to_string()).join(",")
         }
 
-        /// Readings of 0 mm less what the robot's own probe, and another instrument, are predicted to show, mm.
+        /// Residuals of readings of 0 mm, mm: of the robot's own probe, and of another instrument.
         fn residuals(&self) -> [f64; 2] {
             let own = format!(
                 "target,normal_mm,probe_tool,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n2,0,tProbe,{}\n",
@@ -172,7 +179,7 @@ mod tests {
         }
     }
 
-    /// Joint 2 of this arm is 0.32 m in front of joint 1.
+    /// Distance of the place from the axis of joint 2, which is 0.32 m in front of that of joint 1.
     const LEVER_M: f64 = 1.5 - 0.32;
 
     #[track_caller]
@@ -181,12 +188,12 @@ mod tests {
     }
 
     #[test]
-    fn a_zero_that_is_off_cancels_and_the_spring_under_the_force_does_not() {
+    fn a_zero_offset_cancels_and_the_deflection_under_the_force_does_not() {
         let spring = 1e3 * 410.0 * LEVER_M.powi(2) / 2e6;
         let [own, other] = Bench::new("", 5.0).residuals();
         near(own, -spring);
         near(other, -spring);
-        // Forward is down.
+        // A positive angle of joint 2 moves the tool down.
         let zero = "[[effect]]\nkind = \"zero_offset\"\noffset_rad = [0, 1e-3, 0, 0, 0, 0]\n";
         let [own, other] = Bench::new(zero, 5.0).residuals();
         near(own, -spring);
@@ -194,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gap_cancels_where_the_cut_came_down_like_the_probe() {
+    fn backlash_cancels_if_the_cut_approaches_like_the_probe() {
         let gap = "[[effect]]\nkind = \"backlash\"\nhalf_gap_rad = [0, 1e-4, 0, 0, 0, 0]\n";
         let of = |above_mm: f64| {
             let [without, _] = Bench::new("", above_mm).residuals();
@@ -211,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_probed_row_lacks_is_said_with_its_line() {
+    fn an_incomplete_probed_row_is_reported_with_its_line() {
         let bench = Bench::new("", 5.0);
         let message = |rows: &str| {
             let error = bench.problem(rows).unwrap_err().swap_remove(0);
@@ -227,7 +234,7 @@ mod tests {
         assert!(message(&with("tProbe", "40,0,0,0,30,0")).contains("mm from the place"));
     }
 
-    /// Friction that builds up over more than the approach has not done so at the touch; time is that of the touch.
+    /// Friction that builds up over more than the approach is still small at the touch. The time is that of the touch.
     #[test]
     fn the_touch_has_a_travel_and_a_time_of_its_own() {
         let bench = Bench::new("", 5.0);

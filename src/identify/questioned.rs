@@ -1,7 +1,7 @@
-//! Questions put to a table before anything is fitted: whether its points can be those of the targets that its rows name, and
-//! whether they can be what an instrument measured on a robot.
+//! Checks a table before anything is fitted: whether its points can belong to the targets that its rows name, and
+//! whether an instrument can have measured them on a robot.
 //!
-//! Clear mistakes are refused with a message that says how to correct them; nothing is corrected here.
+//! A clear mistake is refused with a message that says how to correct it. The program corrects no table itself.
 
 use super::data::Problem;
 use super::engine::Engine;
@@ -11,21 +11,23 @@ use crate::measured::{MeasuredRow, Table};
 use crate::text::Diagnostic;
 use nalgebra::{DVector, Vector3};
 
-/// Nearer than this points need no other reading, mm: a work object off by as much is nothing unusual.
+/// Median distance of points from their targets below which no other reading is tried, mm: an error of the work object
+/// of this size is common.
 const NEAR_MM: f64 = 2.0;
-/// A reading must bring points ten times nearer to be what was meant.
+/// Share to which another reading must reduce the distances to be the one that was meant.
 const CLEARLY: f64 = 0.1;
-/// Rows this much further off than the others are in another frame or unit, mm and medians: no arm bends so far.
+/// Distance from the other rows from which on rows are in another frame or unit, mm, and in medians of the others. No
+/// arm bends so far.
 const APART: (f64, f64) = (10.0, 20.0);
-/// Rows in a stretch: fewer are outliers.
+/// Smallest number of successive rows that are a stretch; fewer are outliers.
 const STRETCH: usize = 4;
-/// Points that are compared, each with each.
+/// Largest number of points that are compared with all others.
 const COMPARED: usize = 200;
-/// Ordinals that rows may be off by.
+/// Shifts of the ordinals that are tried.
 const SHIFTS: [isize; 4] = [-1, 1, -2, 2];
-/// Scatter from row to row that no robot has, mm an axis.
+/// Scatter from row to row for each axis that no robot exceeds, mm.
 const MOST_NOISE_MM: f64 = 1.0;
-/// Standard deviation of normal numbers over the median of their sizes.
+/// Standard deviation of normal numbers relative to the median of their absolute values.
 const TO_SIGMA: f64 = 1.4826;
 
 /// Another reading of measured points.
@@ -38,7 +40,7 @@ struct Reading {
 const RENAME: &str = "name the columns rightly, in the header or with --columns";
 const TURN: &str = "turn the sign of the column";
 
-/// What points might have been meant as.
+/// The readings of points that are tried.
 const READINGS: [Reading; 11] = [
     Reading { what: "the numbers are inches", help: "multiply them by 25.4", change: |v| v * 25.4 },
     Reading { what: "the numbers are metres", help: "multiply them by 1000", change: |v| v * 1e3 },
@@ -53,32 +55,32 @@ const READINGS: [Reading; 11] = [
     Reading { what: "the columns are z, x, y", help: RENAME, change: |v| Vector3::new(v.y, v.z, v.x) },
 ];
 
-/// A whole position with the target that its row names, mm.
+/// A measured position of three axes, mm, with the row and the index of its target.
 struct Pair<'a> {
     row: &'a MeasuredRow,
     point: usize,
     seen: Vector3<f64>,
 }
 
-/// Rows that a table takes part with: point of the program, row, what was seen.
-pub(super) type Taken<'a> = (usize, &'a MeasuredRow, Seen);
+/// A row with the index of its point in the program and its reading.
+pub(super) type MatchedRow<'a> = (usize, &'a MeasuredRow, Seen);
 
-/// What is wrong with a table: the line of its first row, and what to do.
+/// A fault of a table: its first line, or 0 if it concerns the whole table, with how to correct it.
 struct Fault {
     line: u64,
     message: String,
     help: String,
 }
 
-/// What points were meant as, and what to do.
+/// What is wrong with points, and how to correct it.
 struct Meaning {
     what: String,
     help: String,
 }
 
-/// Refuses tables whose points are elsewhere, or are no measurements, and says how to correct them.
-pub(super) fn belongs(prepared: &Prepared, table: &Table, taken: &[Taken], errors: &mut Vec<Diagnostic>) {
-    let pair = |&(point, row, seen): &Taken<'_>| match seen {
+/// Adds an error if the points of a table are not those of its targets, or cannot be measurements.
+pub(super) fn check_points(prepared: &Prepared, table: &Table, taken: &[MatchedRow], errors: &mut Vec<Diagnostic>) {
+    let pair = |&(point, row, seen): &MatchedRow<'_>| match seen {
         Seen::Position(seen) if seen.iter().all(|v| v.is_finite()) => Some((point, row.line, seen)),
         Seen::Position(_) | Seen::Normal(_) | Seen::Distance(_) => None,
     };
@@ -91,19 +93,21 @@ pub(super) fn belongs(prepared: &Prepared, table: &Table, taken: &[Taken], error
     errors.extend(fault.map(|fault| table.row_error(fault.line, fault.message).help(fault.help)));
 }
 
-/// Points with their targets.
+/// The measured points of a table with their targets.
 struct MeasuredPoints<'a> {
     prepared: &'a Prepared,
     pairs: &'a [Pair<'a>],
 }
 
 impl MeasuredPoints<'_> {
+    /// Position of the target `shift` targets after a point, mm.
     fn target(&self, point: usize, shift: isize) -> Option<Vector3<f64>> {
         let there = self.prepared.points.get(point.checked_add_signed(shift)?)?;
         Some(there.wobj_from_tcp.translation.vector * 1e3)
     }
 
-    /// How far points read in some way lie from targets so many further on, median, mm.
+    /// Median distance, mm, of the points that `keep` accepts, changed by a reading, from the targets `shift` targets
+    /// after theirs.
     fn off(&self, change: impl Fn(&Vector3<f64>) -> Vector3<f64>, shift: isize, keep: impl Fn(usize) -> bool) -> f64 {
         let of = |(i, pair): (usize, &Pair)| {
             let target = self.target(pair.point, shift).filter(|_| keep(i))?;
@@ -112,12 +116,12 @@ impl MeasuredPoints<'_> {
         median(self.pairs.iter().enumerate().filter_map(of).collect())
     }
 
-    /// How a point lies from its target, mm.
+    /// Vector from the target of a point to the point, mm.
     fn gap(&self, pair: &Pair) -> Vector3<f64> {
         self.target(pair.point, 0).map_or_else(Vector3::zeros, |target| pair.seen - target)
     }
 
-    /// Where most points lie from their targets, mm.
+    /// The vector from target to point, mm, near which the vectors of most points are.
     fn middle(&self) -> Vector3<f64> {
         let gaps: Vec<Vector3<f64>> = self.pairs.iter().map(|pair| self.gap(pair)).collect();
         let every = gaps.len().div_ceil(COMPARED).max(1);
@@ -125,7 +129,7 @@ impl MeasuredPoints<'_> {
         gaps.iter().step_by(every).max_by_key(|gap| alike(gap)).copied().unwrap_or_default()
     }
 
-    /// What some rows were meant as, if that brings them so much nearer.
+    /// The reading or shift that brings the points which `keep` accepts clearly nearer to their targets than `off`, mm.
     fn meant(&self, off: f64, keep: &dyn Fn(usize) -> bool) -> Option<Meaning> {
         let reading = READINGS.iter().find(|reading| self.off(reading.change, 0, keep) < CLEARLY * off);
         reading.map(|reading| Meaning { what: reading.what.to_owned(), help: reading.help.to_owned() }).or_else(|| {
@@ -139,7 +143,7 @@ impl MeasuredPoints<'_> {
         })
     }
 
-    /// Points that as a whole are not the targets'.
+    /// A fault if the points as a whole are not at their targets.
     fn elsewhere(&self) -> Option<Fault> {
         let off = self.off(|v| *v, 0, |_| true);
         if off < NEAR_MM {
@@ -155,7 +159,7 @@ impl MeasuredPoints<'_> {
         Some(Fault { line: 0, message, help: meaning.help })
     }
 
-    /// Points that are others' of the same path.
+    /// The meaning of points that lie at other targets of the same path than theirs.
     fn shuffled(&self, off: f64) -> Option<Meaning> {
         let places: Vec<Vector3<f64>> = self.pairs.iter().filter_map(|pair| self.target(pair.point, 0)).collect();
         let every = self.pairs.len().div_ceil(COMPARED).max(1);
@@ -167,7 +171,7 @@ impl MeasuredPoints<'_> {
         })
     }
 
-    /// A stretch of rows that lies apart from the others.
+    /// A fault if a stretch of rows lies apart from the others.
     fn stretch(&self) -> Option<Fault> {
         let middle = self.middle();
         let gaps: Vec<f64> = self.pairs.iter().map(|pair| (self.gap(pair) - middle).norm()).collect();
@@ -196,9 +200,9 @@ impl MeasuredPoints<'_> {
         None
     }
 
-    /// Rows that repeat one reading where the targets lie apart.
+    /// A fault if successive rows repeat one reading although their targets are apart.
     fn stuck(&self) -> Option<Fault> {
-        /// Targets nearer than this may give one reading, mm.
+        /// Distance of targets from which on their readings must differ, mm.
         const APART_MM: f64 = 1.0;
         let same = |a: &Pair, b: &Pair| {
             let (a_target, b_target) = (self.target(a.point, 0), self.target(b.point, 0));
@@ -213,19 +217,20 @@ impl MeasuredPoints<'_> {
     }
 }
 
-/// Two rows of one target that are the same number by number, if readings with a time are, or most of those without.
-fn doubled(taken: &[Taken]) -> Option<Fault> {
-    let mut order: Vec<&Taken> = taken.iter().collect();
+/// A fault if two rows of one target repeat each other number by number. Rows without a time count only if most of the
+/// repeated targets have such rows.
+fn doubled(taken: &[MatchedRow]) -> Option<Fault> {
+    let mut order: Vec<&MatchedRow> = taken.iter().collect();
     order.sort_by_key(|(point, row, _)| (*point, row.line));
     let again = || order.windows(2).filter(|rows| rows[0].0 == rows[1].0);
-    let same = |rows: &&[&Taken]| {
+    let same = |rows: &&[&MatchedRow]| {
         let (a, b) = (rows[0].1, rows[1].1);
         let seen = |row: &MeasuredRow| (row.axes_mm, row.normal_mm, row.distance_mm);
         seen(a) == seen(b) && (a.force_n, a.time_s, &a.run) == (b.force_n, b.time_s, &b.run)
     };
     let found = again().find(same)?;
     let timed = found[0].1.time_s.is_some();
-    // Coarse readings of a target that was measured twice may well be alike.
+    // Coarse readings of a target that was measured twice can be equal.
     let is_copied = timed || 2 * again().filter(same).count() > again().count();
     is_copied.then(|| Fault {
         line: found[1].1.line,
@@ -234,10 +239,10 @@ fn doubled(taken: &[Taken]) -> Option<Fault> {
     })
 }
 
-/// The step in which all readings come, mm; `None` if it is too fine to be seen.
+/// The step of which all readings are multiples, mm; `None` if it is too fine to be seen.
 pub(super) fn steps_mm<'a>(rows: impl Iterator<Item = &'a MeasuredRow> + Clone) -> Option<f64> {
     const STEPS_MM: [f64; 8] = [1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005];
-    /// Decimal numbers are not held exactly.
+    /// Tolerance for rounding, in steps.
     const ROUNDING: f64 = 1e-6;
     let readings =
         || rows.clone().flat_map(|row| row.axes_mm.into_iter().chain([row.normal_mm, row.distance_mm]).flatten());
@@ -246,7 +251,8 @@ pub(super) fn steps_mm<'a>(rows: impl Iterator<Item = &'a MeasuredRow> + Clone) 
 }
 
 impl Engine {
-    /// Refuses residuals that no robot leaves; keeps a mere suspicion about the forces for the advice.
+    /// Refuses residuals of the declared cell that no robot has. A suspicion about the forces that is not certain is
+    /// kept for the advice.
     pub(super) fn questioned(&mut self, before: &DVector<f64>) -> Result<(), Vec<Diagnostic>> {
         let noise_mm = row_to_row_mm(&self.problem, before);
         if noise_mm > MOST_NOISE_MM {
@@ -258,21 +264,23 @@ impl Engine {
         }
         let mut unloaded = self.problem.residual_under(&self.declared, |_, _| Vector3::zeros());
         let mut bent = &unloaded - before;
-        // Under one load a part that is clamped elsewhere looks like a spring that yields more.
+        // The means are subtracted, because under a constant load another position of the part looks like a spring that
+        // yields more.
         let possible = self.misread_forces(&unloaded, &bent);
         self.problem.without_means(&mut unloaded);
         self.problem.without_means(&mut bent);
-        let told = |what: &str| format!("the arm bends as if the forces of the table {what}");
+        let bends_as_if = |what: &str| format!("the arm bends as if the forces of the table {what}");
         if let Some((what, help)) = self.misread_forces(&unloaded, &bent) {
-            return Err(vec![Diagnostic::error("identify.forces", "", told(what)).help(help)]);
+            return Err(vec![Diagnostic::error("identify.forces", "", bends_as_if(what)).help(help)]);
         }
         self.doubt = possible.map(|(what, help)| {
-            format!("{}, or the part lies elsewhere than declared. If the forces are wrong: {help}. A row measured in air would decide", told(what))
+            format!("{}, or the part lies elsewhere than declared. If the forces are wrong: {help}. A row measured in air would decide", bends_as_if(what))
         });
         Ok(())
     }
 
-    /// What the forces of the table seem to be where they are not newtons on the tool, where that is all but plain, and what to do.
+    /// What the forces of the table are if they are clearly not the forces on the tool in newtons, and how to correct
+    /// them. `unloaded` is the residual without forces, and `bent` the change of the prediction by the forces, both mm.
     fn misread_forces(&self, unloaded: &DVector<f64>, bent: &DVector<f64>) -> Option<(&'static str, &'static str)> {
         const UNITS: [(f64, &str); 4] = [
             (1e3, "were kilonewtons"),
@@ -280,16 +288,20 @@ impl Engine {
             (4.448, "were pounds"),
             (1e-3, "were millinewtons"),
         ];
-        /// How far a factor may be from a unit's, and what share of what was measured it must explain.
+        /// Largest relative difference between a factor and that of a unit.
         const CLOSE: f64 = 0.2;
+        /// Smallest share of the residual that the forces must explain.
         const MOST_OF_IT: f64 = 0.8;
+        /// Share of the residual below which the change by the forces is only rounding.
         const ROUNDING: f64 = 1e-6;
-        /// No spring yields against what pulls it: below this, more than noise turns the sign.
+        /// Factor below which the sign of the forces is wrong: no spring yields against its load, and noise does not
+        /// make the factor so negative.
         const AGAINST: f64 = -0.3;
         self.declared.stiffness?;
         let (both, own) = (unloaded.dot(bent), bent.norm_squared());
         let (factor, share) = (both / own, both * both / (own * unloaded.norm_squared()));
-        // Forces that a law gives are no readings: nothing but rounding is left of them here.
+        // Forces that follow from a law are no readings. They act in both residuals, so that only rounding is left of
+        // them here.
         if share.is_nan() || share < MOST_OF_IT || own.sqrt() < ROUNDING * unloaded.norm() {
             return None;
         }
@@ -301,7 +313,7 @@ impl Engine {
     }
 }
 
-/// Standard deviation of what changes from row to row, of the axes together, mm.
+/// Standard deviation of the white noise of all axes, mm, from the second differences of successive rows.
 fn row_to_row_mm(problem: &Problem, residual: &DVector<f64>) -> f64 {
     let mut sizes = Vec::new();
     for series in problem.series(|_| true) {
@@ -309,10 +321,11 @@ fn row_to_row_mm(problem: &Problem, residual: &DVector<f64>) -> f64 {
         let seconds = (2..series.samples.len()).map(|k| at(k) - 2.0 * at(k - 1) + at(k - 2));
         sizes.extend(seconds.map(f64::abs));
     }
-    // Second differences of white noise have six times its variance.
+    // The variance of second differences of white noise is six times that of the noise.
     TO_SIGMA * median(sizes) / 6f64.sqrt()
 }
 
+/// The upper median; zero if there are no values.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(0.0)

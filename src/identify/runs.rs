@@ -1,11 +1,12 @@
-//! Rows measured on a program: which target each belongs to, and whether the table is the program's at all.
+//! Reads rows that were measured on a program: finds the target or place of each, and checks whether the table belongs
+//! to the program.
 
 use super::data::{Blocks, Problem, StockCut};
 use super::device::Device;
 use super::engine::MeasuredRun;
 use super::places::{Path, Placed, misplaced};
 use super::probing::Probing;
-use super::questioned::{Taken, belongs, steps_mm};
+use super::questioned::{MatchedRow, check_points, steps_mm};
 use super::seen::Seen;
 use crate::cell::Cell;
 use crate::correct::{Options, Point, Prepared};
@@ -16,7 +17,7 @@ use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
 impl Problem {
-    /// Aligns runs to their programs.
+    /// The problem of programs with what was measured on them. Each clamping of a table is a run of its own.
     pub(super) fn of_runs(cell: &Cell, runs: Vec<MeasuredRun>) -> Result<Self, Vec<Diagnostic>> {
         let mut problem = Self::empty(false);
         problem.units = std::sync::Arc::clone(&cell.units);
@@ -39,7 +40,7 @@ impl Problem {
         Ok(problem)
     }
 
-    /// Takes in what was measured on a program in one clamping.
+    /// Adds the rows that were measured on a program in one clamping.
     fn take_run(
         &mut self,
         cell: &Cell,
@@ -61,27 +62,27 @@ impl Problem {
         let path = Path::new(program, &prepared, table);
         let run = self.runs.len();
         let mut errors = Vec::new();
-        let mut taken: Vec<Taken> = Vec::new();
+        let mut taken: Vec<MatchedRow> = Vec::new();
         let mut ways: BTreeMap<usize, usize> = BTreeMap::new();
         for row in &table.rows {
             let placed = match row.nominal_mm.filter(|_| row.target.is_none()) {
                 Some(nominal_mm) => path
                     .place(cell, &mut prepared, row, nominal_mm)
                     .map_err(|message| misplaced(table, row.line, message)),
-                None => solved(program, &prepared, row)
+                None => solved_target(program, &prepared, row)
                     .map(Placed::at_target)
                     .map_err(|message| table.row_error(row.line, message)),
             };
             match placed {
                 Ok(Placed { point, way_from }) => {
-                    let seen = Seen::of(row).map(|seen| beside(seen, row, &prepared.points[point]));
+                    let seen = Seen::of(row).map(|seen| relative_to_path(seen, row, &prepared.points[point]));
                     ways.extend(way_from.map(|from| (point, from)));
                     taken.extend(seen.map(|seen| (point, row, seen)));
                 }
                 Err(error) => errors.push(error),
             }
         }
-        belongs(&prepared, table, &taken, &mut errors);
+        check_points(&prepared, table, &taken, &mut errors);
         if taken.is_empty() && errors.is_empty() {
             errors.push(table.row_error(1, "no row has a measured position, normal error or distance".to_owned()));
         }
@@ -89,7 +90,7 @@ impl Problem {
             errors.truncate(20);
             return Err(errors);
         }
-        // Noise and drift follow time, however the file is sorted.
+        // The noise and the drift follow the time, so that the rows are sorted by it if all have one.
         if taken.iter().all(|(_, row, _)| row.time_s.is_some()) {
             taken.sort_by(|a, b| a.1.time_s.unwrap_or(0.0).total_cmp(&b.1.time_s.unwrap_or(0.0)));
         }
@@ -113,7 +114,8 @@ impl Problem {
     }
 }
 
-/// A table's rows by their `run`, in the order in which the runs are first met: each has its own clamping.
+/// The rows of a table by their column `run`, in the order in which the runs first occur. Each run has a clamping of
+/// its own.
 fn clampings(table: Table) -> Vec<Table> {
     if table.rows.windows(2).all(|rows| rows[0].run == rows[1].run) {
         return vec![table];
@@ -130,8 +132,9 @@ fn clampings(table: Table) -> Vec<Table> {
     parts
 }
 
-/// A position at its place on the path: what counts is how far it is from its nominal point, which may lie off the path.
-fn beside(seen: Seen, row: &MeasuredRow, point: &Point) -> Seen {
+/// A measured position shifted by the vector from its nominal point to its place on the path, so that its error is that
+/// from the nominal point, which need not lie on the path.
+fn relative_to_path(seen: Seen, row: &MeasuredRow, point: &Point) -> Seen {
     match (seen, row.nominal_mm.filter(|_| row.target.is_none())) {
         (Seen::Position(seen), Some(nominal_mm)) => {
             Seen::Position(seen - Vector3::from(nominal_mm) + point.reference.translation.vector * 1e3)
@@ -140,22 +143,22 @@ fn beside(seen: Seen, row: &MeasuredRow, point: &Point) -> Seen {
     }
 }
 
-/// Index of the target that a row belongs to, where the arm is known to go.
-fn solved(program: &Program, prepared: &Prepared, row: &MeasuredRow) -> Result<usize, String> {
-    let point = place(program, row)?;
+/// Index of the target of a row, which must be solved.
+fn solved_target(program: &Program, prepared: &Prepared, row: &MeasuredRow) -> Result<usize, String> {
+    let point = target_of(program, row)?;
     match prepared.unsolved(point) {
         Some(why) => Err(format!("the target of this row is not solved: {why}")),
         None => Ok(point),
     }
 }
 
-/// Index of the target that a row belongs to.
-fn place(program: &Program, row: &MeasuredRow) -> Result<usize, String> {
+/// Index of the target that a row names.
+fn target_of(program: &Program, row: &MeasuredRow) -> Result<usize, String> {
     let ends = || program.targets.iter().enumerate().filter(|(_, t)| t.role == Role::End);
     match &row.target {
         None => Err("the row names neither a target nor nominal_x_mm, nominal_y_mm, nominal_z_mm".to_owned()),
         Some(TargetRef::Ordinal(ordinal)) => {
-            // Programs without arcs have the ordinal's target at its own index.
+            // In programs without arcs the ordinal is the index plus one.
             let guess = *ordinal as usize - 1;
             if program.targets.get(guess).is_some_and(|t| t.ordinal == *ordinal && t.role == Role::End) {
                 return Ok(guess);
