@@ -1,11 +1,11 @@
-//! What to measure next, and why.
+//! Writes the advice of an identification: what to measure next, and why.
 
 use super::data::Problem;
 use super::decisions::MENTIONED;
 use super::outcome::{Added, Identification, Separation, SetShare, Unexplained};
 use super::pattern::{CLAMP_SLIP, Pattern};
 
-/// A rival with its d′ on these rows, where it is small.
+/// A rival with its d′ on these rows, if it is listed among the pairs.
 fn name_with_distance(effect: &Added, rival: &str, pairs: &[Separation]) -> String {
     match pairs.iter().find(|pair| pair.of == effect.kind && pair.from == *rival) {
         Some(pair) => format!("`{rival}` (d′ {:.1}; 5 is enough)", pair.d_prime),
@@ -13,7 +13,8 @@ fn name_with_distance(effect: &Added, rival: &str, pairs: &[Separation]) -> Stri
     }
 }
 
-/// What to measure next.
+/// Sentences about what to measure next, from the added effects, the unexplained errors, d′ of the pairs, and the
+/// noise, mm.
 pub(super) fn advice(
     added: &[Added],
     unexplained: &Unexplained,
@@ -21,7 +22,7 @@ pub(super) fn advice(
     problem: &Problem,
     noise_mm: f64,
 ) -> Vec<String> {
-    /// Noise that readings in steps can hide, in steps.
+    /// Noise, as a share of the step of the readings, below which the step hides it.
     const HIDDEN: f64 = 0.5;
     let mut all = Vec::new();
     if let Some(step) = problem.steps_mm.filter(|step| noise_mm < HIDDEN * step) {
@@ -63,7 +64,7 @@ pub(super) fn advice(
     all
 }
 
-/// That a clamp of the part either slipped or gives way, where the rows cannot decide between the two.
+/// A sentence if the rows cannot decide whether a clamp of the part slipped or is compliant.
 pub(super) fn slipped_or_soft(found: &Identification) -> Option<String> {
     let soft = "clamp_compliance";
     let has = |set: &SetShare, kind: &str| set.kinds.iter().any(|own| own == kind);
@@ -78,8 +79,8 @@ pub(super) fn slipped_or_soft(found: &Identification) -> Option<String> {
     })
 }
 
-/// The effects that may act but are too small to be named, where no effect is added.
-pub(super) fn faintly(found: &Identification) -> Option<String> {
+/// A sentence about the effects that may act but are too small to be named, if no effect is added.
+pub(super) fn faint_effects(found: &Identification) -> Option<String> {
     let of = |set: &&SetShare| format!("`{}` ({:.2})", set.kinds.join("` with `"), set.probability);
     let faint: Vec<String> = found.faint().iter().map(of).collect();
     (!faint.is_empty()).then(|| {

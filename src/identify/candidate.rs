@@ -1,4 +1,4 @@
-//! What may be added to a cell, with its numbers and their prior.
+//! Candidates: effects and patterns that a set can have, with their numbers and their prior.
 
 use super::columns::Smoothness;
 use super::pattern::{Pattern, Standing};
@@ -12,7 +12,8 @@ use std::sync::Arc;
 /// Family of the laws of the joints' springs.
 pub(super) const SPRING: &str = "spring";
 
-/// What a set has one of: the law of a part, a kind, or for curves of one joint each, the kind and its joint.
+/// The family of an effect: the laws of the joints' springs are one family, a curve has a family for each joint, and
+/// every other kind has its own.
 fn family(effect: &dyn Effect) -> String {
     match (kind(effect.kind()).map(|kind| kind.part), effect.joint_curve()) {
         (Some(Part::JointSpring), _) => SPRING.to_owned(),
@@ -21,18 +22,18 @@ fn family(effect: &dyn Effect) -> String {
     }
 }
 
-/// Where a candidate's numbers live.
+/// The effect or pattern to which the numbers of a candidate belong.
 #[derive(Clone, Debug)]
 pub(super) enum Home {
-    /// An effect that the cell has: its numbers are fitted anew.
+    /// The effect of the declared cell with this index, whose numbers are fitted again.
     Declared(usize),
-    /// A new effect, appended.
+    /// A new effect, which is added to the arm.
     New(Shape),
-    /// No effect at all: a clamping, a fault of the measurement, or a pattern that stands for anything unlisted.
+    /// No effect: a clamping, a fault of the measurement, or a pattern of an effect in no list.
     Pattern(Pattern),
 }
 
-/// A prototype that can be copied.
+/// An effect that can be cloned, as the prototype of new effects.
 #[derive(Debug)]
 pub(super) struct Shape(pub(super) Box<dyn Effect>);
 
@@ -42,32 +43,37 @@ impl Clone for Shape {
     }
 }
 
-/// A candidate with its current numbers.
+/// A candidate with its present numbers.
 #[derive(Clone, Debug)]
 pub(super) struct Candidate {
+    /// Kind of the effect, or name of the pattern.
     pub(super) kind: String,
-    /// Of variants of one family a set has one: a kind, or the curve of one joint.
+    /// Family, of which a set usually has at most one member.
     pub(super) family: String,
     pub(super) home: Home,
-    /// Current values, in the cell file's units; the prototype's where it is not in the cell yet.
+    /// Present values, in the units of the cell file.
     pub(super) values: Vec<f64>,
-    /// Where values start and what the prior is centred on: as declared, or the prototype's.
+    /// Values at which a fit starts, as declared or of the prototype. The prior mean is counted from them.
     pub(super) start: Vec<f64>,
-    /// Share of the typical sizes that the prior has: real effects are small and large.
+    /// Prior size as a share of the typical size. Twins of a candidate have other shares, because real effects are
+    /// small and large.
     pub(super) scale: f64,
+    /// Typical size of each number, in its unit.
     pub(super) typical: Vec<f64>,
+    /// Smallest and largest value of each number, in its unit.
     pub(super) bounds: Vec<(f64, f64)>,
-    /// Index of the first of its columns in the design.
+    /// Index of its first column in the design.
     pub(super) first: usize,
-    /// How many variants were looked at: the look-elsewhere price is its logarithm.
+    /// Number of variants among which it was found; its logarithm is added to the price (the look-elsewhere effect).
     pub(super) variants: f64,
-    /// A curve whose smoothness the data choose.
+    /// The curve, if it is a curve whose smoothness is chosen by the evidence.
     pub(super) curve: Option<Curve>,
-    /// What is known of its numbers from an identification before, in typical sizes.
+    /// The prior that an earlier identification left, in typical sizes.
     pub(super) known: Option<Arc<Smoothness>>,
 }
 
 impl Candidate {
+    /// The candidate of an effect, which was found among `variants`.
     pub(super) fn new(effect: &dyn Effect, home: Home, variants: f64) -> Self {
         let parameters = effect.parameters();
         Self {
@@ -86,27 +92,27 @@ impl Candidate {
         }
     }
 
-    /// The same with the covariance that a cell has of its numbers as their prior.
+    /// The same candidate with the covariance that the cell has of its numbers as their prior.
     pub(super) fn known_to(self, covariance: Option<&DMatrix<f64>>) -> Self {
         let known =
             covariance.and_then(|covariance| Smoothness::of_covariance(covariance, &self.typical)).map(Arc::new);
         Self { known, ..self }
     }
 
-    /// What ties its numbers to one another under their prior.
+    /// The prior under which its numbers depend on one another; `None` if they are independent.
     pub(super) fn precision(&self) -> Option<&Arc<Smoothness>> {
         self.curve.as_ref().map(|curve| &curve.smoothness).or(self.known.as_ref())
     }
 
-    /// The candidate as a curve whose smoothness the data choose; `None` if it is no curve of one joint.
+    /// The candidate as a curve whose smoothness is chosen by the evidence; `None` if it is no curve of one joint.
     pub(super) fn into_curve(self) -> Option<Self> {
         let Home::New(shape) = &self.home else { return None };
         let curve = Curve::new(shape.0.joint_curve()?)?;
         Some(Self { curve: Some(curve), variants: Curve::variants(), ..self })
     }
 
-    /// How unlikely its numbers are under its prior: twice nats.
-    pub(super) fn unlikely(&self) -> f64 {
+    /// Minus twice the log prior density of its numbers except for a constant.
+    pub(super) fn prior_misfit(&self) -> f64 {
         let mean = |k: usize| self.start[k] + self.expected(k);
         let off = DVector::from_fn(self.values.len(), |k, _| (self.values[k] - mean(k)) / self.size(k));
         match self.precision() {
@@ -115,6 +121,7 @@ impl Candidate {
         }
     }
 
+    /// The candidate of a pattern with `size` numbers.
     pub(super) fn pattern(pattern: Pattern, size: usize) -> Self {
         Self {
             kind: pattern.name().to_owned(),
@@ -132,19 +139,19 @@ impl Candidate {
         }
     }
 
-    /// What the tool knows of its kind; `None` for patterns.
+    /// The entry of its kind in the registry of effects; `None` for patterns.
     pub(super) fn law(&self) -> Option<&'static Kind> {
         if self.is_pattern() { None } else { kind(&self.kind) }
     }
 
-    /// Whether it is a new effect that follows time with a constant of its own.
+    /// Whether it is a new effect with a time constant.
     pub(super) fn has_time_constant(&self) -> bool {
         let Home::New(shape) = &self.home else { return false };
         let named = |name: &str| shape.0.parameters().iter().any(|p| p.name == name);
         self.law().and_then(|law| law.time_constant).is_some_and(named)
     }
 
-    /// What follows if a set has it, where it is no effect.
+    /// The consequence of a pattern in the chosen set; `None` for effects.
     pub(super) fn standing(&self) -> Option<Standing> {
         match self.home {
             Home::Pattern(pattern) => Some(pattern.standing()),
@@ -152,7 +159,7 @@ impl Candidate {
         }
     }
 
-    /// What the prior of number `k` is about, from where it starts: a pattern that is there or is not is there once.
+    /// Prior mean of number `k`, counted from its start value.
     pub(super) fn expected(&self, k: usize) -> f64 {
         match self.home {
             Home::Pattern(pattern) => pattern.expected(k),
@@ -160,63 +167,65 @@ impl Candidate {
         }
     }
 
-    /// Whether it passes for much: patterns of what is unlisted, and smooth curves.
+    /// Whether it can imitate many other effects: an unlisted pattern or a curve.
     pub(super) fn is_flexible(&self) -> bool {
         self.standing() == Some(Standing::Unlisted) || self.law().is_some_and(|law| law.shape == Follows::Curve)
     }
 
-    /// Whether it names something: an effect, or a fault of the measurement.
+    /// Whether it has a name in the answer: an effect, or a fault of the measurement.
     pub(super) fn is_named(&self) -> bool {
         matches!(self.standing(), None | Some(Standing::Fault))
     }
 
-    /// Columns of a pattern, each with the number that it is taken with.
+    /// The columns of a pattern with its present numbers, in typical sizes.
     pub(super) fn pattern_numbers(&self) -> impl Iterator<Item = (usize, f64)> {
         self.columns().enumerate().map(|(k, column)| (column, self.values[k] / self.typical[k]))
     }
 
+    /// Indices of its columns in the design.
     pub(super) fn columns(&self) -> std::ops::Range<usize> {
         self.first..self.first + self.values.len()
     }
 
-    /// Numbers that are bounded, and between what they lie, from their start, in prior sizes.
+    /// The index of each bounded number with its bounds, counted from its start value, in prior sizes.
     pub(super) fn within(&self) -> impl Iterator<Item = (usize, f64, f64)> {
         let from_start = |k: usize, end: f64| (end - self.start[k]) / self.size(k);
         let bounded = self.bounds.iter().enumerate().filter(|(_, (low, high))| low.is_finite() || high.is_finite());
         bounded.map(move |(k, &(low, high))| (k, from_start(k, low), from_start(k, high)))
     }
 
-    /// Typical size of number `k` under this candidate's prior.
+    /// Prior size of number `k`, in its unit.
     pub(super) fn size(&self, k: usize) -> f64 {
         self.typical[k] * self.scale
     }
 
-    /// Whether the prior has the typical sizes themselves: no smaller twin.
+    /// Whether its prior sizes are at least the typical sizes, so that it is not a smaller twin.
     pub(super) fn is_full_size(&self) -> bool {
         self.scale >= 1.0
     }
 
-    /// Whether it is a pattern that shifts what is measured.
+    /// Whether it is a pattern that shifts the measured positions.
     pub(super) fn is_shift(&self) -> bool {
         matches!(self.home, Home::Pattern(pattern) if !pattern.is_of_force())
     }
 
+    /// Whether it is a pattern and no effect.
     pub(super) fn is_pattern(&self) -> bool {
         matches!(self.home, Home::Pattern(_))
     }
 }
 
-/// Whether two candidates are one pattern.
+/// Whether two candidates are the same pattern.
 pub(super) fn same_pattern(a: &Candidate, b: &Candidate) -> bool {
     matches!((&a.home, &b.home), (Home::Pattern(a), Home::Pattern(b)) if a == b)
 }
 
-/// Whether two candidates are numbers of one effect that the cell declares.
+/// Whether two candidates belong to the same effect of the declared cell.
 pub(super) fn same_numbers(a: &Candidate, b: &Candidate) -> bool {
     matches!((&a.home, &b.home), (Home::Declared(a), Home::Declared(b)) if a == b)
 }
 
-/// Whether two candidates differ in their prior's size and their numbers' bounds only.
+/// Whether two candidates differ only in their prior size or in the bounds of their numbers.
 pub(super) fn twins(a: &Candidate, b: &Candidate) -> bool {
     let same = same_numbers(a, b)
         || matches!((&a.home, &b.home), (Home::New(_), Home::New(_)))
@@ -228,7 +237,7 @@ pub(super) fn twins(a: &Candidate, b: &Candidate) -> bool {
         && ((a.scale - b.scale).abs() > 0.0 || a.bounds != b.bounds)
 }
 
-/// The arm with a candidate's numbers in place.
+/// The arm with the numbers of some candidates: those of declared effects replaced, and new effects added.
 pub(super) fn with(arm: &Arm, changes: &[(&Home, &[f64])]) -> Arm {
     let mut effects: Vec<Box<dyn Effect>> = arm.effects.iter().map(|effect| effect.clone_box()).collect();
     for (home, values) in changes {
@@ -241,7 +250,7 @@ pub(super) fn with(arm: &Arm, changes: &[(&Home, &[f64])]) -> Arm {
     Arm { robot: arm.robot.clone(), stiffness: arm.stiffness, effects }
 }
 
-/// The effect with its fitted numbers.
+/// The effect of a candidate with its present numbers; `None` for patterns.
 pub(super) fn fitted(declared: &Arm, candidate: &Candidate) -> Option<Box<dyn Effect>> {
     match &candidate.home {
         Home::Declared(slot) => Some(declared.effects[*slot].with_values(&candidate.values)),

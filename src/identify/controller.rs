@@ -1,4 +1,4 @@
-//! Whether the controller already corrects what the cell corrects.
+//! Checks whether the controller already corrects an effect that the cell declares.
 
 use super::columns::Columns;
 use super::data::Problem;
@@ -10,7 +10,8 @@ use crate::effects::Covered;
 use crate::equilibrium::Arm;
 use nalgebra::{DMatrix, DVector};
 
-/// What the controller seems to correct although the cell declares it as uncorrected, in words.
+/// Messages about the effects that the controller seems to correct although the cell declares them as not corrected.
+/// `before` is the residual of the declared cell, mm.
 pub(super) fn corrected_twice(declared: &Arm, problem: &Problem, before: &DVector<f64>) -> Vec<String> {
     let found = [(Covered::Gravity, "gravity"), (Covered::Geometry, "geometry")].into_iter().filter_map(|(what, word)| {
         let kept = declared.effects.iter().filter(|effect| effect.covered_by() != Some(what));
@@ -20,7 +21,7 @@ pub(super) fn corrected_twice(declared: &Arm, problem: &Problem, before: &DVecto
         }
         let without = Arm { robot: declared.robot.clone(), stiffness: declared.stiffness, effects };
         let residual = problem.residual(&without);
-        // What the declared effect moves, and the share of it that was measured.
+        // The change of the prediction by the declared effects, and the share of it that the rows show.
         let moved = &residual - before;
         let share = residual.dot(&moved) / moved.norm_squared();
         let gain = evidence(problem, &residual) - evidence(problem, before);
@@ -37,7 +38,7 @@ pub(super) fn corrected_twice(declared: &Arm, problem: &Problem, before: &DVecto
     found.collect()
 }
 
-/// Evidence of a residual as mere noise.
+/// Log evidence of a residual that consists of noise alone, nats.
 fn evidence(problem: &Problem, residual: &DVector<f64>) -> f64 {
     let stacked = DMatrix::from_columns(std::slice::from_ref(residual));
     let series = problem.series(|row| !row.held_out);
@@ -45,7 +46,7 @@ fn evidence(problem: &Problem, residual: &DVector<f64>) -> f64 {
     score(&moments, &Columns::default(), None).evidence
 }
 
-/// Of the fitted rows, mm.
+/// Root mean square of a residual over the fitted rows, mm.
 fn rms(problem: &Problem, residual: &DVector<f64>) -> f64 {
     let rows = problem.rows.iter().filter(|row| !row.held_out);
     let (sum, count) = rows.fold((0.0, 0usize), |(sum, count), row| {

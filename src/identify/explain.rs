@@ -1,6 +1,6 @@
 //! Makes the answer from the chosen effects: errors, intervals, rivals, unexplained errors, and advice.
 
-use super::advice::{advice, faintly, slipped_or_soft};
+use super::advice::{advice, faint_effects, slipped_or_soft};
 use super::cancelled;
 use super::candidate::{Candidate, Home, fitted, with};
 use super::controller;
@@ -281,7 +281,7 @@ impl Engine {
             residuals,
         };
         found.advice.extend(slipped_or_soft(&found));
-        found.advice.extend(faintly(&found));
+        found.advice.extend(faint_effects(&found));
         found
     }
 

@@ -1,4 +1,4 @@
-//! Fitting the chosen effects together: down the slope, over to lookalikes, and without what is not needed.
+//! Fits the chosen effects together, tries the lookalikes of their numbers, and removes members that are not needed.
 
 use super::candidate::fitted;
 use super::device_pose;
@@ -9,24 +9,29 @@ use super::score::{Normal, posterior};
 use super::search::Search;
 use nalgebra::{DMatrix, DVector};
 
-/// Steps of a refit at most.
+/// Largest number of steps of a fit.
 const REFITS: usize = 8;
-/// Dampings of a step until one gains, in priors: the data's own hold on what they show is millions.
+/// Dampings that are tried until a step gains, in units of the prior precision. The precision of well determined
+/// directions is in the millions.
 const DAMPINGS: [f64; 5] = [0.0, 1.0, 30.0, 1e3, 1e5];
-/// Changes below this share of the typical sizes are no longer followed.
+/// Largest change, in typical sizes, of a step after which the fit ends.
 const SETTLED: f64 = 1e-4;
-/// Columns serve on where no number changes by more than this share of its typical size: they differ by less than what is fitted.
+/// Largest change, in typical sizes, of a step after which the columns are used again. The error of the columns is then
+/// smaller than the numbers that are fitted.
 const NEARBY: f64 = 0.1;
-/// What a step must gain, twice nats a measured number: what makes up for one another drifts along its valley for less.
-const TREMOR: f64 = 1e-6;
-/// What a member must gain beyond its price when the others are fitted anew without it, nats.
+/// Smallest reduction of the misfit by a step, for each scalar. Numbers that compensate one another drift along a
+/// valley of the misfit, with smaller gains.
+const LEAST_GAIN: f64 = 1e-6;
+/// Gain beyond its price, nats, that a member must have when the others are fitted again without it.
 const CLEARLY: f64 = 5.0;
-/// Leaps to lookalikes in a refit at most, and what one must gain, twice nats.
+/// Largest number of changes to lookalikes in a fit.
 const LEAPS: usize = 5;
+/// Smallest reduction of the misfit by a change to a lookalike.
 const LEAP: f64 = 1.0;
 
 impl Engine {
-    /// Fits the chosen numbers: down the nearest slope, then from any lookalike that is better.
+    /// Fits the chosen numbers: to the nearest minimum of the misfit, and then again from every lookalike with a
+    /// smaller misfit.
     pub(super) fn refit(&mut self) {
         for _ in 0..LEAPS {
             self.descend();
@@ -36,7 +41,8 @@ impl Engine {
         }
     }
 
-    /// Takes the best lookalike of a chosen effect, if it is better than what is there.
+    /// Replaces the numbers of one chosen effect by those of its lookalike with the smallest misfit. Returns whether a
+    /// lookalike is better.
     pub(super) fn leap(&mut self) -> bool {
         let linear = self.linearise(&self.patterns(), &[]);
         let here = self.misfit(&linear);
@@ -58,19 +64,21 @@ impl Engine {
         true
     }
 
-    /// Levenberg-Marquardt on the chosen numbers with their priors, noise as last chosen.
+    /// Minimises the misfit of the chosen numbers, with their priors and the present noise (Levenberg 1944, Marquardt
+    /// 1963). Sets the posterior covariance too.
     pub(super) fn descend(&mut self) {
         let chosen = self.chosen.clone();
         let (mut last, mut largest) = (None, f64::INFINITY);
         for _ in 0..REFITS {
             let linear = match last.take() {
-                // Over the whole robot columns are many and hardly change: the first ones serve to the end.
+                // Over the whole robot there are many columns, which hardly change: the first ones are used to the end.
                 Some(linear) if self.problem.free_device || largest < NEARBY => self.renewed(linear, &chosen),
                 _ => self.linearise(&chosen, &[self.shape]),
             };
             let moments = &linear.moments[0];
             let columns = Search::new(&self.candidates, &linear.moments, &linear.always).columns(&chosen);
-            // Of few effects, directions that the data do not hold are as wide as the full prior; of the whole arm the sizes are known.
+            // For a set of few effects the covariance has the typical sizes as prior sizes, so that directions that the
+            // rows do not determine are not too certain. In the model of the whole arm the prior sizes were estimated.
             let wide = if self.is_whole_arm() { columns.clone() } else { columns.full_size() };
             let Some((_, covariance)) = posterior(moments, &wide, self.sigma) else { return };
             let (frames, size) = (linear.always.len(), covariance.nrows() - linear.always.len());
@@ -85,7 +93,8 @@ impl Engine {
         }
     }
 
-    /// Goes to the best of the linear problem, or as near as it takes to gain; the largest change, in typical sizes.
+    /// Makes one step to the solution of the linear problem, with the smallest damping that reduces the misfit. Returns
+    /// the largest change of a number, in typical sizes; zero if no damping reduces the misfit.
     fn step(&mut self, linear: &Linearised, normal: &Normal) -> f64 {
         let chosen = self.chosen.clone();
         let frames = linear.always.len();
@@ -101,13 +110,13 @@ impl Engine {
         }));
         let here = DVector::from_vec(here);
         let before = self.misfit(linear);
-        let tremor = TREMOR * linear.moments[0].count as f64;
+        let least_gain = LEAST_GAIN * linear.moments[0].count as f64;
         for damping in DAMPINGS {
             let Some(aim) = normal.likeliest(&bounds, &here, damping) else { break };
-            let largest = self.go_to(aim.as_slice());
+            let largest = self.set_numbers(aim.as_slice());
             let gain = before - self.misfit(linear);
-            // A step that loses a row's equilibrium gains nothing either.
-            if gain > tremor {
+            // If a row has no equilibrium after the step, the misfit is infinite and the step is refused.
+            if gain > least_gain {
                 return largest;
             }
             device_pose::restore(&mut self.problem, &places);
@@ -118,8 +127,9 @@ impl Engine {
         0.0
     }
 
-    /// Takes numbers in prior sizes, the instruments' first; the largest change, in typical sizes.
-    fn go_to(&mut self, aim: &[f64]) -> f64 {
+    /// Sets the numbers of the instruments and of the chosen candidates, in prior sizes. Returns the largest change of
+    /// a number of an effect, in typical sizes.
+    fn set_numbers(&mut self, aim: &[f64]) -> f64 {
         let mut at = 0;
         for run in 0..self.problem.devices.len() {
             let unknowns = device_pose::unknowns(&self.problem, run);
@@ -131,7 +141,7 @@ impl Engine {
             let candidate = &mut self.candidates[c];
             for k in 0..candidate.values.len() {
                 let (low, high) = candidate.bounds[k];
-                // Within but for rounding.
+                // The solution is within the bounds except for rounding.
                 let value = (candidate.start[k] + candidate.size(k) * aim[at + k]).clamp(low, high);
                 if !candidate.is_pattern() {
                     largest = largest.max((value - candidate.values[k]).abs() / candidate.typical[k]);
@@ -143,8 +153,8 @@ impl Engine {
         largest
     }
 
-    /// Minus twice the log posterior of the chosen numbers, but for a constant; infinite where any row, held out or not,
-    /// has no equilibrium.
+    /// Minus twice the log posterior density of the chosen numbers except for a constant; infinite if any row, held out
+    /// or not, has no equilibrium.
     pub(super) fn misfit(&self, linear: &Linearised) -> f64 {
         let mut left = self.residual();
         if left.iter().any(|v| !v.is_finite()) {
@@ -153,7 +163,7 @@ impl Engine {
         let mut prior = 0.0;
         for &c in &self.chosen {
             let candidate = &self.candidates[c];
-            prior += candidate.unlikely();
+            prior += candidate.prior_misfit();
             if candidate.is_pattern() {
                 linear.design.add(candidate.pattern_numbers().map(|(column, number)| (column, -number)), &mut left);
             }
@@ -164,8 +174,9 @@ impl Engine {
         used.sum::<f64>() / (self.sigma * self.sigma) + prior
     }
 
-    /// Drops members that the others, fitted anew without them, make up for: evidence about the fit of the whole set
-    /// does not see how far curved effects can follow.
+    /// Removes the members without which the others, fitted again, have a larger objective or almost the same. The
+    /// search cannot find them: its evidence is linearised about the fit of the whole set, and nonlinear effects can
+    /// follow further. Returns whether it removes any.
     pub(super) fn prune(&mut self) -> bool {
         let mut any = false;
         loop {
@@ -192,7 +203,7 @@ impl Engine {
         }
     }
 
-    /// Evidence of the chosen set less its price, about its own fit.
+    /// The objective of the chosen set, linearised about its own fit, nats.
     pub(super) fn objective_here(&mut self) -> f64 {
         let chosen = self.chosen.clone();
         let linear = self.linearise(&chosen, &[self.shape]);
@@ -208,7 +219,7 @@ mod tests {
     use crate::measured::Table;
     use crate::text::Source;
 
-    /// Poses of a small arm, with what they are measured at.
+    /// An engine with poses of a small arm that are measured without error.
     fn engine() -> Engine {
         let text = "[robot]\nmodel = \"irb120-3-0.58\"\n[tools.t]\ntcp_mm = [0, 0, 100]\ntcp_quat = [1, 0, 0, 0]\n[cut]\nforce = \"none\"\n";
         let cell = Cell::read(&Source::new("cell.toml", text.as_bytes().to_vec())).unwrap();
@@ -228,17 +239,17 @@ mod tests {
     }
 
     #[test]
-    fn a_step_that_loses_rows_is_refused() {
+    fn a_step_after_which_rows_have_no_equilibrium_is_refused() {
         let mut engine = engine();
         let gravity = engine.candidates.iter().position(|c| c.kind == "gravity").unwrap();
         engine.chosen = vec![gravity];
         let (chosen, shape) = (engine.chosen.clone(), engine.shape);
         let linear = engine.linearise(&chosen, &[shape]);
         let start = engine.candidates[gravity].values.clone();
-        // So heavy and so soft that the arm falls: no row has an equilibrium.
+        // The arm is so heavy and so soft that no row has an equilibrium.
         let mut heavy = vec![0.0; linear.always.len()];
         heavy.extend(engine.candidates[gravity].typical.iter().map(|_| 1e6));
-        engine.go_to(&heavy);
+        engine.set_numbers(&heavy);
         assert!(engine.misfit(&linear).is_infinite());
         engine.candidates[gravity].values.clone_from(&start);
         let places = device_pose::places(&engine.problem);

@@ -1,9 +1,11 @@
+//! The answer of an identification, with the units of its numbers.
+
 use super::decisions::{MENTIONED, NAMED};
 use crate::cell::NewEffect;
 use crate::effects::ParameterOwner;
 use serde::Serialize;
 
-/// The answer (`docs/reference.md`, `identify --json`).
+/// The answer of an identification (`docs/reference.md`, `identify --json`).
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct Identification {
@@ -11,29 +13,30 @@ pub struct Identification {
     pub rows: usize,
     /// Rows that no fit has seen.
     pub held_out_rows: usize,
-    /// White noise, per axis, mm.
+    /// Standard deviation of the white noise for each axis, mm.
     pub noise_mm: f64,
-    /// Wander of the noise, per axis, mm.
+    /// Standard deviation of the wander for each axis, mm.
     pub wander_mm: f64,
-    /// White noise of measured orientations, per axis, degrees; `None` where none were fitted.
+    /// Standard deviation of the white noise of measured orientations for each axis, degrees; `None` if none were
+    /// fitted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub orientation_noise_deg: Option<f64>,
-    /// 3-D noise floor with the drift in it, mm.
+    /// Noise floor: rms length of the vector of noise and wander, mm.
     pub noise_floor_rms_mm: f64,
-    /// Declared cell, on held-out rows.
+    /// Errors of the declared cell on held-out rows.
     pub before: Errors,
-    /// Extended cell, on held-out rows.
+    /// Errors of the extended cell on held-out rows.
     pub after: Errors,
     /// 95 % interval of `after.rms_mm` by bootstrap over blocks, mm.
     pub after_rms_ci95_mm: [f64; 2],
-    /// The drift of the run at held-out rows, rms, mm, estimated from neighbouring fitted rows. It is subtracted from `before` and `after`,
-    /// for it is in no cell. `None` for parts, and where the noise has no drift.
+    /// The drift of the run at held-out rows, rms, mm, estimated from neighbouring fitted rows. It is subtracted from
+    /// `before` and `after`, because it is in no cell. `None` for parts, and if the noise has no drift.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub run_drift_rms_mm: Option<f64>,
-    /// Extended cell, on rows left out by place, posture and load instead of by time.
+    /// Errors of the extended cell on rows that were left out by place, posture and load instead of by time.
     pub after_other_places: Errors,
-    /// Standard deviation, for each axis, of what the prediction of the same programs would be off next to where they were measured, mm:
-    /// what another program may expect. Zero where the arm reaches no such place, or nothing is added.
+    /// Standard deviation for each axis of the error of the prediction if the same programs run next to their place,
+    /// mm: the uncertainty for another program. Zero if the arm reaches no such place, or if nothing is added.
     pub transfer_sigma_mm: f64,
     /// Effects added.
     pub added: Vec<Added>,
@@ -43,11 +46,11 @@ pub struct Identification {
     pub sets: Vec<SetShare>,
     /// Every kind of effect alone, best first.
     pub ranking: Vec<Ranked>,
-    /// Pairs of effects that these rows do not hold well apart, closest first.
+    /// Pairs of effects that these rows do not distinguish well, hardest first.
     pub separability: Vec<Separation>,
     /// Rows that a fitted curve does not cover.
     pub coverage: Coverage,
-    /// What is left over.
+    /// Errors that no effect explains.
     pub unexplained: Unexplained,
     /// What to measure next, and why.
     pub advice: Vec<Advice>,
@@ -61,10 +64,10 @@ pub struct Identification {
     pub residuals: Vec<ResidualRow>,
 }
 
-/// One chunk of advice, as a sentence.
+/// One piece of advice: a sentence, or several without the last full stop.
 pub type Advice = String;
 
-/// Sizes of the 3-D error, mm.
+/// Lengths of the error vector over some rows, mm.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Errors {
@@ -82,16 +85,17 @@ pub struct Errors {
 pub struct Added {
     /// Kind.
     pub kind: String,
-    /// Posterior against everything that could stand in its place, on all rows once `before` and `after` are found.
+    /// Posterior probability against all that could replace it. It is computed from all rows after `before` and
+    /// `after`.
     pub posterior: f64,
-    /// Held-out error without it, the others kept, mm; over the whole robot (`--poses`) that of the stage before it: the
-    /// effects above it alone, fitted afresh.
+    /// Error of the held-out rows without it and with the other effects, mm rms. Over the whole robot (`--poses`) it is
+    /// the error of the stage before it, for which only the effects that precede it are fitted.
     pub held_out_rms_before_mm: f64,
-    /// Held-out error with it, mm; over the whole robot that of its stage.
+    /// Error of the held-out rows with it, mm rms; over the whole robot that of its stage.
     pub held_out_rms_after_mm: f64,
     /// Its numbers.
     pub parameters: Vec<FittedParameter>,
-    /// Kinds that explain the data nearly as well in its place.
+    /// Kinds that explain the rows nearly as well in its place.
     pub not_told_apart_from: Vec<String>,
 }
 
@@ -101,33 +105,35 @@ pub struct Added {
 pub struct InModel {
     /// Kind.
     pub kind: String,
-    /// How likely it acts, all others free to stand in for it.
+    /// Probability that it acts, if all other effects can replace it.
     pub probability: f64,
-    /// Its part in the prediction on the held-out rows, mm rms.
+    /// Its contribution to the prediction at the held-out rows, mm rms.
     pub share_rms_mm: f64,
     /// Its numbers.
     pub parameters: Vec<FittedParameter>,
 }
 
-/// A set of effects that the rows leave open.
+/// A set of effects and faults that the rows do not exclude.
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct SetShare {
-    /// Kinds of its effects; `instrument_drift`, `fixture_slip`, `clamp_slip` and `force_readings` are faults of the measurement.
+    /// Kinds of its effects; `instrument_drift`, `fixture_slip`, `clamp_slip` and `force_readings` are faults of the
+    /// measurement.
     pub kinds: Vec<String>,
-    /// Its posterior probability among the sets about the one that was chosen.
+    /// Its posterior probability among the sets near the chosen one.
     pub probability: f64,
 }
 
 impl Identification {
-    /// Whether everything is taken to be a little off: the model has effects that are too small, or too much alike, to be named.
+    /// Whether the answer is the model of the whole arm, which also has effects that are too small, or too much alike,
+    /// to be named.
     #[must_use]
     pub fn is_whole_arm(&self) -> bool {
         self.effects.iter().any(|effect| effect.probability < NAMED) && self.effects.len() > self.added.len()
     }
 
-    /// What may act where nothing is added and nothing unexplained is said: sets of effects, most likely first, where nothing
-    /// at all is not as likely as a name must be.
+    /// The sets of effects that may act although none is added and no error is unexplained, most likely first. There
+    /// are none if the probability of no effect is high enough for a name.
     #[must_use]
     pub fn faint(&self) -> Vec<&SetShare> {
         let nothing: f64 = self.sets.iter().filter(|set| set.kinds.is_empty()).map(|set| set.probability).sum();
@@ -142,7 +148,7 @@ impl Identification {
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct FittedParameter {
-    /// As in the cell file.
+    /// Name as in the cell file.
     pub name: String,
     /// Value.
     pub value: f64,
@@ -153,36 +159,37 @@ pub struct FittedParameter {
     /// The value at which the effect does nothing.
     #[serde(skip)]
     pub neutral: f64,
-    /// What the number belongs to.
+    /// The thing that the number belongs to.
     #[serde(skip)]
     pub owner: ParameterOwner,
 }
 
-/// One kind alone.
+/// One kind of effect alone.
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct Ranked {
     /// Kind.
     pub kind: String,
-    /// Held-out error with it alone added, linearised, mm.
+    /// Error of the held-out rows if it alone is added, in a linear model, mm rms.
     pub held_out_rms_mm: f64,
-    /// −2 × log evidence against the declared cell: negative is better.
+    /// −2 times the gain in log evidence over the declared cell, less its price: negative is better.
     pub delta_bic: f64,
 }
 
-/// How far one effect is from what another could imitate.
+/// How well the rows distinguish one effect from another.
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct Separation {
-    /// The effect that is there, at 0.03 mm rms.
+    /// The effect that acts, with 0.03 mm rms.
     pub of: String,
-    /// The effect that may be taken for it.
+    /// The effect that may be named in its place.
     pub from: String,
-    /// What is left of its trace, over the noise: above 5 the two can be distinguished, below 3 they cannot.
+    /// The part of the trace of `of` that `from` cannot imitate, over the noise: above 5 the two can be distinguished,
+    /// below 3 they cannot.
     pub d_prime: f64,
 }
 
-/// Rows outside what was seen.
+/// Rows outside the range of the fitted rows.
 #[derive(Clone, Debug, Default, Serialize)]
 #[non_exhaustive]
 pub struct Coverage {
@@ -192,28 +199,29 @@ pub struct Coverage {
     pub joints_outside: Vec<usize>,
 }
 
-/// What no effect explains.
+/// Errors that no effect explains.
 #[derive(Clone, Debug, Default, Serialize)]
 #[non_exhaustive]
 pub struct Unexplained {
-    /// Whether it is more than noise.
+    /// Whether they are more than noise.
     pub significant: bool,
-    /// What it follows.
+    /// The quantities that they follow.
     pub correlates: Vec<Correlate>,
 }
 
-/// Something that the remainder follows.
+/// A quantity that the unexplained error follows.
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct Correlate {
-    /// In words or as a formula.
+    /// The quantity in words or as a formula.
     pub with: String,
-    /// Share of the remainder's size that it describes.
+    /// Correlation of the error that it describes with the unexplained error, from −1 to 1.
     pub r: f64,
-    /// The fault of the measurement that it would be: `instrument_drift`, `fixture_slip`, `clamp_slip` or `force_readings`.
+    /// The fault of the measurement that it describes: `instrument_drift`, `fixture_slip`, `clamp_slip` or
+    /// `force_readings`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fault: Option<&'static str>,
-    /// By how much something slipped: along the axes of the work object, or where it is a clamp along those of the stock.
+    /// The size of a slip: along the axes of the work object, or along those of the stock if a clamp slipped.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub parameters: Vec<FittedParameter>,
 }
@@ -228,17 +236,17 @@ pub struct ResidualRow {
     pub target: Option<u32>,
     /// Line of the measured file.
     pub line: u64,
-    /// Block.
+    /// Index of the block in the run.
     pub block: usize,
-    /// Whether held out.
+    /// Whether the row is held out.
     pub held_out: bool,
-    /// Whether left out as an outlier.
+    /// Whether the row is left out as an outlier.
     pub outlier: bool,
-    /// Where it was to be measured, base axes, mm.
+    /// Programmed place of the row, base axes, mm.
     pub place_mm: [f64; 3],
     /// Measured minus predicted by the declared cell, mm.
     pub prefit_mm: [f64; 3],
-    /// By the extended cell, mm.
+    /// Measured minus predicted by the extended cell, mm.
     pub postfit_mm: [f64; 3],
     /// Whitened postfit residual, in standard deviations.
     pub whitened: [f64; 3],

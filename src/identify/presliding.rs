@@ -1,4 +1,5 @@
-//! How sharply the friction in the joints turns over: one angle for the arm, that of most evidence.
+//! Chooses the presliding angle over which the friction in the joints builds up after a reversal. The arm has one
+//! angle, that of most evidence.
 
 use super::candidate::{Candidate, Home, Shape};
 use super::data::Problem;
@@ -13,13 +14,14 @@ use super::whole_arm::Shares;
 use crate::equilibrium::Dragged;
 use crate::robot::Joints;
 
-/// Presliding angles that are tried, rad. Below the least, a metre of arm moves by less than the targets of a program are apart, and
-/// friction looks sharp; above the largest, it looks like a softer spring. A step of three apart, what two neighbours predict differs
-/// by less than a tenth of what they explain.
+/// Presliding angles that are tried, rad. Below the smallest positive one, a metre of arm moves by less than the
+/// distance between two targets, and friction looks sharp. Above the largest, friction looks like a softer spring.
+/// Neighbouring angles differ by a factor of about three, and their predictions by less than a tenth of the part that
+/// they explain.
 const ANGLES: [f64; 4] = [0.0, 3e-4, 1e-3, 3e-3];
 
 impl Problem {
-    /// Takes friction to build up over an angle, rad, which decides the travel into every row.
+    /// Sets the presliding angle, rad, on which the direction of travel at every row depends.
     pub(super) fn set_presliding(&mut self, presliding_rad: f64) {
         self.presliding_rad = presliding_rad;
         let into: Vec<Vec<Joints>> = self.runs.iter().map(|run| run.travels(presliding_rad)).collect();
@@ -35,7 +37,7 @@ impl Problem {
 }
 
 impl Engine {
-    /// Takes friction to build up over an angle, rad, in all effects that may be added.
+    /// Sets the presliding angle, rad, of the rows and of all effects that can be added.
     pub(super) fn set_presliding(&mut self, presliding_rad: f64) {
         self.problem.set_presliding(presliding_rad);
         for (c, candidate) in self.candidates.iter_mut().enumerate() {
@@ -50,8 +52,8 @@ impl Engine {
         }
     }
 
-    /// Takes the presliding angle of most evidence, with every effect at a common share of its typical size. Friction that the cell
-    /// declares keeps its angle.
+    /// Sets the presliding angle of most evidence, computed with every effect at a common share of its typical size. If
+    /// the cell declares effects that depend on the direction of travel, their angle is kept.
     pub(super) fn choose_presliding(&mut self) {
         let has_friction = |candidate: &Candidate| match &candidate.home {
             Home::New(Shape(effect)) => effect.presliding_rad().is_some(),
@@ -76,7 +78,8 @@ impl Engine {
         self.set_presliding(best.1);
     }
 
-    /// Evidence of all members at the best common share of their typical sizes, over the best of a few drifts, nats.
+    /// Log evidence of all members, less their price, with the best common share of their typical sizes and the best of
+    /// a few drifts, nats.
     fn evidence_of_all(&mut self, members: &Members) -> f64 {
         let linear = self.linearise(&members.all(), &[]);
         let stacked = stacked(linear.design.kept(), &linear.data);
