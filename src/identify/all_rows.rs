@@ -1,4 +1,5 @@
-//! The answer from every row: once held-out rows have judged it, they are evidence like any others.
+//! Computes the final numbers and probabilities from all rows: when the held-out rows have judged the answer, they are
+//! evidence like the others.
 
 use super::candidate::Candidate;
 use super::decisions::LIKELIER;
@@ -8,22 +9,23 @@ use super::search::Search;
 use crate::effects::{Shape, kind};
 
 impl Engine {
-    /// Fits the chosen numbers to every row, for the cell that is written, and weighs on all of them what could stand in
-    /// each member's place. Errors stay those of what was chosen without the held-out rows.
+    /// Fits the chosen numbers to all rows, for the cell that is written, and computes the probabilities of the members
+    /// and of their rivals from all rows. The reported errors remain those of the fit without the held-out rows.
     pub(super) fn take_all_rows(&mut self, posteriors: &mut [Posterior]) {
         let marks: Vec<(bool, bool)> = self.problem.rows.iter().map(|row| (row.held_out, row.outlier)).collect();
         let state = (self.candidates.clone(), self.covariance.clone());
         self.problem.rows.iter_mut().for_each(|row| row.held_out = false);
         let map = self.map.take();
         self.refit();
-        // Held-out rows were let off with all but blunders; here they would pull.
+        // Of the held-out rows only blunders were marked; now that they are fitted, the limit of the fitted rows holds
+        // for them.
         if self.mark_outliers() > 0 {
             self.refit();
         }
         if self.residual().iter().any(|v| !v.is_finite()) {
             (self.candidates, self.covariance) = state;
         } else if !self.is_whole_arm() {
-            self.weigh_anew(posteriors);
+            self.recompute_posteriors(posteriors);
             self.take_likelier(posteriors);
         }
         self.map = map.and_then(|map| self.renewed_map(map));
@@ -32,8 +34,9 @@ impl Engine {
         }
     }
 
-    /// Takes an effect that is likelier than the chosen one on all rows in its place: what is written is to be what most rows speak
-    /// for, though the reported error is that of the effect found without the held-out rows.
+    /// Replaces a chosen effect by its most probable rival if the rival is clearly more probable on all rows: the
+    /// written effect is that of all rows, although the reported error is that of the effect which was found without
+    /// the held-out rows.
     fn take_likelier(&mut self, posteriors: &mut [Posterior]) {
         for place in 0..posteriors.len() {
             let (member, (share, rivals)) = &posteriors[place];
@@ -69,8 +72,8 @@ impl Engine {
         }
     }
 
-    /// Posteriors of the chosen members, and over sets, about the fit as it is.
-    pub(super) fn weigh_anew(&mut self, posteriors: &mut [Posterior]) {
+    /// Computes the posteriors of the chosen members, and over sets, about the present fit.
+    pub(super) fn recompute_posteriors(&mut self, posteriors: &mut [Posterior]) {
         let shapes = self.shapes_about();
         let (all, set): (Vec<usize>, _) = ((0..self.candidates.len()).collect(), self.chosen.clone());
         let linear = self.linearise(&all, &shapes);
@@ -78,8 +81,8 @@ impl Engine {
         search.narrow(&all);
         // A map names nothing and has no rivals.
         let named = |c: usize| self.candidates[c].law().is_none_or(|law| law.shape != Shape::Map);
-        for (c, told) in posteriors.iter_mut().filter(|(c, _)| named(*c)) {
-            *told = search.rivals(&set, *c, &Candidate::is_named);
+        for (c, posterior) in posteriors.iter_mut().filter(|(c, _)| named(*c)) {
+            *posterior = search.rivals(&set, *c, &Candidate::is_named);
         }
         let score = search.full(&set);
         (self.sets, self.spread) = self.posterior_over_sets(&search, &linear, &set, (score.sigma, score.shape));

@@ -1,4 +1,5 @@
-//! What cancels in rows that the robot itself probed: what is off alike where the arm cut and where it touched.
+//! Reports which effects cancel in rows that the robot itself probed, because they act alike when the arm cuts and when
+//! it touches.
 
 use super::candidate::Candidate;
 use super::data::Problem;
@@ -6,9 +7,10 @@ use super::differences::moved;
 use super::probing::Probing;
 use crate::equilibrium::Arm;
 
-/// What cancels in rows that the robot probed, in words; `None` where there are none.
+/// A sentence about the effects that cancel in rows that the robot probed; `None` if there are no such rows.
 pub(super) fn cancelled(problem: &mut Problem, declared: &Arm, candidates: &[Candidate]) -> Option<String> {
-    /// Where the rows show less than this share of an effect, more of it stays in the part than they can take away.
+    /// Share of an effect that the rows must show for it not to be reported. Below it most of the effect remains in the
+    /// part.
     const MOST: f64 = 0.5;
     let count = problem.rows.iter().filter(|row| row.probing.is_some()).count();
     if count == 0 {

@@ -1,25 +1,27 @@
-//! What is unknown of a measuring instrument: nothing, the frame of a tracker, the fixed point of a draw-wire.
+//! The unknown part of a measuring instrument: the frame of a tracker, the fixed point of a draw-wire sensor, or
+//! nothing.
 
 use nalgebra::{Matrix3, Matrix4, UnitQuaternion, Vector3, Vector4};
 
 /// The unknown part of a run's instrument.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Device {
-    /// It measures in the work object.
+    /// It measures in the work object, and nothing is unknown.
     Known,
-    /// It measures in a frame of its own: the pose of that frame is fitted, and how its probe is mounted.
+    /// It measures in a frame of its own. The pose of that frame and the orientation of the probe are fitted.
     Frame {
-        /// How the probe is turned on the tool; matters where orientations are measured.
+        /// Orientation of the probe on the tool, which matters if orientations are measured.
         tcp_from_probe: UnitQuaternion<f64>,
     },
-    /// It measures lengths from this point, which is fitted: work object axes, mm.
+    /// It measures lengths from this point, which is fitted; work object axes, mm.
     Point(Vector3<f64>),
 }
 
-/// The point from which to each of some places (mm) a length (mm) was measured; `None` where too few are known.
+/// The fixed point d from which the lengths to some places p were measured, mm; `None` if there are too few pairs of
+/// place and length.
 ///
-/// |p − d|² is linear in d and |d|², so that a start needs no guess; over a plane the side is open, and the one that
-/// fits better is taken, the upper where both do.
+/// |p − d|² is linear in d and |d|², so that linear least squares give a start. If the places lie in a plane, d can be on either side of
+/// it: the side that fits better is taken, and the upper one if both fit alike.
 pub(super) fn fixed_point(pairs: &[(Vector3<f64>, f64)]) -> Option<Vector3<f64>> {
     const FEWEST_ROWS: usize = 4;
     if pairs.len() < FEWEST_ROWS {
@@ -35,7 +37,8 @@ pub(super) fn fixed_point(pairs: &[(Vector3<f64>, f64)]) -> Option<Vector3<f64>>
     if normal.z < 0.0 {
         normal = -normal;
     }
-    // Ridge, mm²: keeps a direction without spread at the centre, from where both sides are tried.
+    // The ridge, mm², keeps d at the centre in a direction in which the places do not spread; from there both sides are
+    // tried.
     const RIDGE: f64 = 1.0;
     let (mut matrix, mut right) = (Matrix4::identity() * RIDGE, Vector4::zeros());
     matrix[(3, 3)] = 0.0;
@@ -55,10 +58,11 @@ pub(super) fn fixed_point(pairs: &[(Vector3<f64>, f64)]) -> Option<Vector3<f64>>
     settled.into_iter().min_by(|a, b| misfit(a).total_cmp(&misfit(b))).map(|d| centre + d)
 }
 
-/// Gauss-Newton on the lengths.
+/// The local minimum of the squared errors of the lengths near `at`, by the Gauss-Newton method. Both points are
+/// relative to the centre of the places.
 fn descend(pairs: &[(Vector3<f64>, f64)], centre: Vector3<f64>, mut at: Vector3<f64>) -> Vector3<f64> {
     const STEPS: usize = 50;
-    /// Damping, in rows: a plane says nothing of the height above it near the plane itself.
+    /// Damping, in rows. Lengths to places in a plane do not determine a small height above the plane.
     const DAMPING: f64 = 1e-6;
     for _ in 0..STEPS {
         let (mut matrix, mut right) = (Matrix3::identity() * DAMPING, Vector3::zeros());

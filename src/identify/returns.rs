@@ -1,17 +1,18 @@
-//! Whether the arm comes back in a run: where it never does, what follows time follows the place too.
+//! Checks whether the arm returns to places in a run. If it never does, an error that follows time also follows place.
 
 use super::data::Problem;
 use super::decisions::NEVER_RETURNS;
 use nalgebra::{Matrix3, Vector3};
 
-/// Whether time and place go together in every run.
+/// Whether time is almost a linear function of place in every run.
 pub(super) fn never_returns(problem: &Problem) -> bool {
     (0..problem.runs.len()).all(|run| explained(problem, run) > NEVER_RETURNS)
 }
 
-/// Share of the scatter of a run's times that a linear function of the place explains.
+/// Share of the variance of the times of a run that a linear function of the place explains.
 fn explained(problem: &Problem, run: usize) -> f64 {
-    /// Of the places' own scatter: a run in a plane says nothing across it.
+    /// Share of the variance of the places that is added to the diagonal, because the rows of a run in a plane have no
+    /// variance across it.
     const RIDGE: f64 = 1e-9;
     let rows = || problem.rows.iter().filter(|row| row.run == run);
     let of = |row| (problem.place_mm(row), problem.time_s(row));

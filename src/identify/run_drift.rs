@@ -1,13 +1,13 @@
-//! The drift of the instrument or the arm at each row, estimated from neighbouring rows of the run. It belongs to no cell, and both errors
-//! are without it.
+//! Estimates the drift of the instrument or the arm at each row from neighbouring rows of the run. The drift belongs to
+//! no cell, so that it is subtracted from the errors before and after.
 
 use super::engine::Engine;
 use super::noise::{Sample, Shape};
 use nalgebra::DVector;
 
 impl Engine {
-    /// The run's drift at every row where data are over the whole robot, mm: that of held-out rows from the fitted ones about
-    /// them alone. Zeros where the noise has no drift.
+    /// The drift of the run at every scalar, mm and mrad, for poses over the whole robot. It is estimated from the
+    /// fitted rows alone, also at held-out rows. It is zero for parts, and if the noise has no drift.
     pub(super) fn run_drift(&self, left: &DVector<f64>) -> DVector<f64> {
         let mut drift = DVector::zeros(left.len());
         if !self.problem.free_device || self.shape.drift <= 0.0 {
@@ -26,10 +26,11 @@ impl Engine {
     }
 }
 
-/// Posterior mean of a first-order wander at each sample, from those that `seen` shows: a Kalman filter forward, smoothed
-/// backward (Rauch, Tung and Striebel 1965).
+/// Posterior mean of a first-order autoregression at each sample, given the samples for which `seen` returns a value: a
+/// Kalman filter, then the backward recursion of Rauch, Tung and Striebel (1965).
 fn smoothed(samples: &[Sample], shape: Shape, seen: impl Fn(&Sample) -> Option<f64>) -> Vec<f64> {
-    /// Of one sample: decay from the one before, predicted mean and variance, and both with what was seen.
+    /// The filter at one sample: the correlation with the sample before, and mean and variance without and with the
+    /// value of the sample.
     struct Filtered {
         decay: f64,
         predicted: (f64, f64),
@@ -63,13 +64,13 @@ mod tests {
     use nalgebra::DMatrix;
 
     #[test]
-    fn a_sample_that_was_not_seen_is_told_by_its_neighbours_as_the_normal_equations_tell_it() {
+    fn a_sample_that_was_not_seen_has_the_conditional_mean_given_its_neighbours() {
         let shape = Shape { drift: 0.5, correlation: 0.9, field: None };
         let times = [0usize, 1, 2, 4, 7];
         let values = [1.0, 0.4, 99.0, -0.3, 0.2];
         let samples: Vec<Sample> = times.iter().enumerate().map(|(row, &time)| (row, time, 1.0)).collect();
         let found = smoothed(&samples, shape, |&(row, ..)| (row != 2).then(|| values[row]));
-        // Conditional mean K* (K + I)^-1 y over the four that were seen.
+        // The conditional mean is K* (K + I)⁻¹ y over the four samples that were seen.
         let seen = [0, 1, 3, 4];
         let wander = |i: usize, j: usize| 0.5 * 0.9f64.powi(i32::try_from(times[i].abs_diff(times[j])).unwrap());
         let matrix = DMatrix::from_fn(4, 4, |i, j| wander(seen[i], seen[j]) + f64::from(u8::from(i == j)));

@@ -1,15 +1,16 @@
-//! What an instrument says about a row.
+//! The reading of an instrument for one row.
 
 use crate::measured::MeasuredRow;
 use nalgebra::Vector3;
 
-/// A measured point this far from its target does not belong to it, mm.
+/// Distance from its target, mm, from which on a measured point does not belong to it.
 pub(super) const ELSEWHERE_MM: f64 = 50.0;
 
-/// What an instrument said about one row.
+/// The reading of an instrument for one row.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Seen {
-    /// TCP in the target's work object (or in the device's frame), mm; axes that were not measured are NaN.
+    /// Position of the TCP in the work object of the target, or in the frame of the device, mm; axes that were not
+    /// measured are NaN.
     Position(Vector3<f64>),
     /// Error along the surface normal, mm.
     Normal(f64),
@@ -18,6 +19,7 @@ pub(super) enum Seen {
 }
 
 impl Seen {
+    /// The reading of a row: its position, or else its normal error, or else its length; `None` if it has none.
     pub(super) fn of(row: &MeasuredRow) -> Option<Self> {
         let some = row.axes_mm.iter().any(Option::is_some);
         let axes = || Vector3::from(row.axes_mm.map(|axis| axis.unwrap_or(f64::NAN)));
@@ -25,7 +27,7 @@ impl Seen {
         position.or(row.normal_mm.map(Self::Normal)).or(row.distance_mm.map(Self::Distance))
     }
 
-    /// Scalars that it has in stacked vectors, measured or not.
+    /// Number of its scalars in stacked vectors, measured or not.
     pub(super) fn len(&self) -> usize {
         match self {
             Self::Position(_) => 3,
@@ -41,7 +43,7 @@ impl Seen {
         }
     }
 
-    /// Scalars that were measured.
+    /// Number of scalars that were measured.
     pub(super) fn count(&self) -> usize {
         (0..self.len()).filter(|&k| self.shows(k)).count()
     }

@@ -1,35 +1,37 @@
-//! How far apart two effects are on these rows, before anything is fitted: d′ of each pair.
+//! How well the rows distinguish two effects, before anything is fitted: d′ of each pair.
 //!
-//! The trace that one effect of a fixed size leaves, less all that the other one and the frame of the part could imitate,
-//! over the noise: from 5 on they can be distinguished, below 3 they cannot, whatever is measured more of the same.
+//! The trace of an effect is the change that it makes to the rows. d′ is the norm of the part of the trace that the
+//! other effect and the frame of the part cannot imitate, over the noise, for an effect of a fixed size. From 5 on the
+//! two can be distinguished. Below 3 they cannot, and more rows of the same kind do not help.
 
 use super::candidate::Candidate;
 use super::moments::Moments;
 use super::outcome::Separation;
 use nalgebra::{DMatrix, DVector};
 
-/// Size of the effect whose trace is taken, mm rms: what a milling cell is corrected for.
+/// Size of the effect, mm rms: errors of this size are worth correcting in a milling cell.
 const SIZE_MM: f64 = 0.03;
-/// Pairs above this are as good as apart, and are not listed.
+/// d′ from which on a pair is not listed.
 const APART: f64 = 10.0;
-/// Share of a column's own size below which nothing of it is left.
+/// Share of the square of a column that is added to it, so that linearly dependent columns can be eliminated.
 const RIDGE: f64 = 1e-9;
 
-/// One kind with the numbers that stand for it, in prior sizes.
+/// A candidate of one kind with its fitted numbers, in typical sizes.
 pub(super) struct Trace<'a> {
     pub(super) candidate: &'a Candidate,
     pub(super) numbers: DVector<f64>,
 }
 
-/// d′ of every pair that is not well apart, closest first; `sigma` in mm, `rms_mm` of each trace as given.
+/// d′ of every pair that is not distinguished well, the hardest first. Each trace is given with its rms, mm; `nuisance`
+/// has the columns that can imitate any effect, and `sigma` is the noise, mm.
 pub(super) fn pairs(traces: &[(Trace<'_>, f64)], nuisance: &[usize], moments: &Moments, sigma: f64) -> Vec<Separation> {
     let mut found = Vec::new();
     for (truth, rms_mm) in traces.iter().filter(|(_, rms_mm)| *rms_mm > 0.0) {
         for (other, _) in traces.iter().filter(|(other, _)| other.candidate.family != truth.candidate.family) {
             let imitating: Vec<usize> = {
-                // A frame that is the effect itself is no nuisance to it.
-                let beside = nuisance.iter().copied().filter(|column| !truth.candidate.columns().contains(column));
-                other.candidate.columns().chain(beside).collect()
+                // The frame is a nuisance except where it is the effect itself.
+                let nuisance = nuisance.iter().copied().filter(|column| !truth.candidate.columns().contains(column));
+                other.candidate.columns().chain(nuisance).collect()
             };
             let left = outside(moments, truth.candidate.columns().collect(), &truth.numbers, &imitating);
             let d_prime = left.sqrt() / sigma * (SIZE_MM / rms_mm);
@@ -43,7 +45,8 @@ pub(super) fn pairs(traces: &[(Trace<'_>, f64)], nuisance: &[usize], moments: &M
     found
 }
 
-/// Squared whitened norm of a trace outside the span of some columns.
+/// Squared norm, mm², of the part of a whitened trace that is orthogonal to the columns `imitating`. The trace has the
+/// columns `own` with these numbers.
 fn outside(moments: &Moments, own: Vec<usize>, numbers: &DVector<f64>, imitating: &[usize]) -> f64 {
     let gram = |rows: &[usize], columns: &[usize]| {
         DMatrix::from_fn(rows.len(), columns.len(), |i, j| moments.gram[(rows[i], columns[j])])
@@ -65,8 +68,8 @@ mod tests {
     use nalgebra::Vector3;
 
     #[test]
-    fn what_another_spans_is_taken_off() {
-        // Columns (1, 0, 0), (1, 1, 0), (0, 0, 1): of the first, half of its square is outside the second.
+    fn the_part_in_the_span_of_other_columns_is_subtracted() {
+        // Of the square of the column (1, 0, 0), half is orthogonal to (1, 1, 0), and all of it to (0, 0, 1).
         let stacked = DMatrix::from_row_slice(3, 4, &[1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
         let series =
             [Series { samples: (0..3).map(|t| (t, t, 1.0)).collect(), places: [[Vector3::zeros(); 3]; 3].into() }];

@@ -1,7 +1,7 @@
-//! Effects that data over a part can never distinguish, whatever the evidence is.
+//! Effects that the rows of a part cannot distinguish, whatever their evidence is.
 //!
-//! A joint's error by its angle has many names: a constant is a zero offset, a bend a curve, a wave a gear's harmonic.
-//! Seen over a little of a turn they are one thing, and the evidence only says which of them is the simplest.
+//! The error of a joint as a function of its angle has several names: a zero offset is constant, a curve bends, and a
+//! gear's harmonic is a wave. Over a small part of a turn they are alike, and the evidence only prefers the simplest.
 
 use super::decisions::{EVEN, IS_A_WAVE};
 use super::outcome::Added;
@@ -10,7 +10,8 @@ use crate::cell::NewEffect;
 use crate::effects::{KINDS, Kind, Part, Shape, kind};
 use nalgebra::{DMatrix, DVector};
 
-/// Adds to each set the names that stand for the same thing there; `never_returns` where time and place go together in every run.
+/// Adds to each effect the names of effects and faults that describe the same error. `never_returns` says that time is
+/// a function of place in every run.
 pub(super) fn add(added: &mut [Added], extended: &[NewEffect], never_returns: bool) {
     let there: Vec<&Kind> = added.iter().filter_map(|effect| kind(&effect.kind)).collect();
     let of = |shape: Shape| KINDS.iter().filter(move |kind| kind.shape == shape);
@@ -24,15 +25,16 @@ pub(super) fn add(added: &mut [Added], extended: &[NewEffect], never_returns: bo
         for like in there.iter().filter(|other| law.locally_like.contains(&other.name)) {
             tie(effect, like.name);
         }
-        // What a law of the springs has among its effects is that law as well, together with another one of the same springs.
-        let beside_spring = there.iter().any(|other| other.part == Part::JointSpring);
+        // If a law of the springs is added, an effect that is a special case of another law cannot be distinguished
+        // from that law.
+        let has_spring = there.iter().any(|other| other.part == Part::JointSpring);
         let whole = |whole: &&&str| kind(whole).is_some_and(|whole| whole.part == Part::JointSpring);
-        if beside_spring {
+        if has_spring {
             law.nested_in.iter().filter(whole).for_each(|whole| tie(effect, whole));
         }
         let harmonic_there = there.iter().any(|other| other.shape == Shape::Periodic);
         let is_curve = law.shape == Shape::Curve && (wave || harmonic_there);
-        // A curve that could stand here could be a low harmonic too.
+        // A curve that could replace the effect could also be a harmonic of low order.
         let could_be = |other: &String| kind(other).is_some_and(|other| other.shape == Shape::Curve);
         let maybe_curve = law.shape != Shape::Periodic && effect.not_told_apart_from.iter().any(could_be);
         if is_curve || maybe_curve {
@@ -41,6 +43,7 @@ pub(super) fn add(added: &mut [Added], extended: &[NewEffect], never_returns: bo
     }
 }
 
+/// Adds a rival to an effect, whose probability is then at most [`EVEN`].
 fn tie(effect: &mut Added, other: &str) {
     if !effect.not_told_apart_from.iter().any(|known| known == other) {
         effect.posterior = effect.posterior.min(EVEN);
@@ -48,7 +51,7 @@ fn tie(effect: &mut Added, other: &str) {
     }
 }
 
-/// Whether every curve of a table is as good as a constant and one harmonic.
+/// Whether a constant and one harmonic explain almost all of the variance of every curve of a table.
 fn is_a_wave(curves: &toml::Value) -> bool {
     let numbers = |curve: &toml::Value, key: &str| -> Vec<f64> {
         let array = curve.get(key).and_then(toml::Value::as_array).into_iter().flatten();
@@ -59,12 +62,12 @@ fn is_a_wave(curves: &toml::Value) -> bool {
         && curves.iter().all(|curve| wave_share(&numbers(curve, "angle_deg"), &numbers(curve, "error_rad")) > IS_A_WAVE)
 }
 
-/// Share of the knots' variance that a constant and the best harmonic of a gear's orders explain.
+/// Share of the variance of the knots that a constant and the best harmonic explain.
 fn wave_share(angle_deg: &[f64], error_rad: &[f64]) -> f64 {
-    /// Orders of gears, periods a turn.
+    /// Orders of the harmonics of gears that are tried, periods for each turn.
     const ORDERS: std::ops::RangeInclusive<u32> = 8..=60;
     let n = angle_deg.len().min(error_rad.len());
-    // Three numbers and an order pass through four knots.
+    // A constant, an amplitude, a phase and an order can pass through any four knots.
     if n <= 4 {
         return 1.0;
     }

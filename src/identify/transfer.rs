@@ -1,9 +1,9 @@
-//! What another program may be off, once the cell has the effects that were found.
+//! Estimates the error of another program with the extended cell.
 //!
-//! Rows that are left out by place, posture and load are still of the same program: errors that its rows cannot distinguish cancel in all
-//! of them. The measured program is therefore moved to where another would be: by its own length along x and by its own width along y
-//! of its work object, forwards and backwards. The posterior covariance of the effects, as wide as the left-out rows show that it must
-//! be, gives the uncertainty of the prediction there.
+//! Rows that are left out by place, posture and load are still rows of the same program, and errors that these rows
+//! cannot distinguish cancel in all of them. The measured program is therefore moved next to its place: by its own
+//! length along x and by its own width along y of its work object, forwards and backwards. The posterior covariance of
+//! the effects, widened as the left-out rows require, gives the uncertainty of the prediction there.
 
 use super::candidate::Home;
 use super::data::{Observation, Problem};
@@ -15,12 +15,12 @@ use crate::robot::Pose;
 use nalgebra::{DVector, Rotation3, Translation3, Vector3};
 use std::sync::Arc;
 
-/// Rows of each run that are moved: the root of a mean over as many places is known to a tenth.
+/// Largest number of rows of each run that are moved. The root mean square over as many places is known within a tenth.
 const MOVED_ROWS: usize = 64;
 
 impl Engine {
-    /// Standard deviation, for each axis, of what the prediction of another program may be off, mm; `wider` is the variance that
-    /// left-out rows show over the one that the fit promises. Zero where the arm reaches no such place.
+    /// Standard deviation for each axis of the error of the prediction of another program, mm. `wider` is the variance
+    /// that left-out rows show, relative to the variance that the fit predicts. Zero if the arm reaches no such place.
     pub(super) fn transfer_sigma_mm(&self, wider: f64) -> f64 {
         let moved = self.next_to_the_program();
         let arm = self.arm();
@@ -43,7 +43,8 @@ impl Engine {
         (variances.iter().sum::<f64>() / (3 * variances.len().max(1)) as f64).sqrt()
     }
 
-    /// The arm with its chosen numbers moved by so many standard deviations along a direction, in typical sizes.
+    /// The arm with its chosen numbers changed by `step` times a direction, which is a column of the factor of the
+    /// covariance in typical sizes.
     fn arm_along(&self, direction: &DVector<f64>, step: f64) -> Arm {
         let mut first = 0;
         let moved = |&c: &usize| {
@@ -58,7 +59,7 @@ impl Engine {
         self.arm_of(&changes)
     }
 
-    /// Rows of the measured programs, moved to where other programs would be.
+    /// The rows of the measured programs, moved next to their places.
     fn next_to_the_program(&self) -> Problem {
         let mut moved = Problem { units: Arc::clone(&self.problem.units), ..Problem::empty(false) };
         for (run, prepared) in self.problem.runs.iter().enumerate() {
@@ -83,7 +84,7 @@ impl Engine {
     }
 }
 
-/// The motions of a work object, along its own axes, that place a program next to where it was.
+/// The motions of a work object, along its own axes, that place a program on each side of its place.
 fn sides(prepared: &Prepared, points: &[usize]) -> Vec<Pose> {
     let places = || points.iter().map(|&point| prepared.points[point].reference.translation.vector);
     let low = places().fold(Vector3::repeat(f64::INFINITY), |low, place| low.inf(&place));

@@ -1,4 +1,4 @@
-//! What fitted rows say of rows that no fit has seen: some of them are left out together, and predicted by a fit to the others.
+//! Cross-validation on the fitted rows: groups of them are left out in turn, and are predicted by a fit to the others.
 
 use super::columns::Columns;
 use super::data::Observation;
@@ -13,47 +13,49 @@ use nalgebra::DVector;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// Groups of rows near one another in place, posture and load: each is left out in turn.
+/// Number of groups of rows that are near one another in place, posture and load.
 const GROUPS: usize = 8;
 
-/// What is left of fitted rows, each of which was left out of a fit with all rows of its group.
+/// Residuals of the fitted rows, each predicted by a fit without the rows of its group.
 pub(super) struct LeftOut {
-    /// By the declared cell and by the extended one, mm: patterns that no cell has are taken off both, as far as they are listed.
+    /// Residual of the declared cell, mm, without clampings, frames and faults of the measurement.
     declared: DVector<f64>,
+    /// Residual of the extended cell, mm, without the same.
     extended: DVector<f64>,
-    /// Variance of what all columns leave over the one that the fits promised.
+    /// Variance of the residual of all columns, relative to the variance that the fits predict.
     wider: f64,
 }
 
-/// Whose part of an error a column is.
+/// What a column describes.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Explained {
-    /// An effect: of the extended cell.
+    /// An effect of the extended cell.
     Effect,
-    /// Of the clamping, the frames or the instrument: it is in neither cell, and no error of either.
+    /// The clamping, a frame, the instrument or a fault of the measurement. It is an error of neither cell.
     Measurement,
-    /// A pattern that no effect explains: both cells have this error.
+    /// A pattern that no effect explains. It is an error of both cells.
     Unlisted,
 }
 
-/// What the fit without a group comes to on its rows.
-struct Part {
+/// The result of the fit without one group, at the rows of the group.
+struct GroupFit {
     declared: DVector<f64>,
     extended: DVector<f64>,
-    /// Sums of squares that all columns leave, and that the fit promised, mm².
+    /// Sum of the squared residuals of all columns, mm².
     found: f64,
-    promised: f64,
+    /// The expectation of this sum under the fit, mm².
+    predicted: f64,
 }
 
 impl Engine {
-    /// The group of every fitted row, by the row's first scalar.
+    /// The group of every fitted row, by the index of the row's first scalar.
     pub(super) fn groups(&self, leaving_out: LeavingOut) -> BTreeMap<usize, usize> {
         let fitted: Vec<&Observation> = self.problem.rows.iter().filter(|row| !row.held_out).collect();
         let offsets = fitted.iter().map(|row| row.offset);
         match leaving_out {
             LeavingOut::Places => {
                 let places: Vec<noise::Places> = fitted.iter().map(|row| self.problem.places(row)).collect();
-                offsets.zip(near_one_another(&places, self.spreads())).collect()
+                offsets.zip(clusters(&places, self.spreads())).collect()
             }
             LeavingOut::Stretches => {
                 let mut blocks = BTreeMap::new();
@@ -66,7 +68,7 @@ impl Engine {
         }
     }
 
-    /// What is left of fitted rows by columns that are fitted without them.
+    /// The residuals of the fitted rows by the columns of a set, each fitted without the group of the row.
     fn left_out(&self, linear: &Linearised, columns: &Columns, leaving_out: LeavingOut) -> LeftOut {
         let groups = self.groups(leaving_out);
         let kept = linear.design.kept().select_columns(columns.list.iter().map(|column| &column.0));
@@ -80,7 +82,7 @@ impl Engine {
             }
         };
         let explained: Vec<Explained> = columns.list.iter().map(explained).collect();
-        let part = |group: usize| {
+        let fit_without = |group: usize| {
             let series = self.problem.series(|row| !row.held_out && groups[&row.offset] != group);
             let (mean, covariance) = posterior(&Moments::of(&stacked, &series, self.shape), &local, self.sigma)?;
             let less = |left: &DVector<f64>, by: Explained| {
@@ -92,45 +94,45 @@ impl Engine {
             let declared = less(&linear.data, Explained::Measurement);
             let extended = less(&declared, Explained::Effect);
             let all = less(&extended, Explained::Unlisted);
-            let (mut found, mut promised) = (0.0, 0.0);
+            let (mut found, mut predicted) = (0.0, 0.0);
             for k in self.scalars_of(&groups, group) {
                 let sizes = columns.list.iter().enumerate();
                 let slope =
                     DVector::from_iterator(columns.list.len(), sizes.map(|(c, (_, size))| stacked[(k, c)] * size));
-                promised += slope.dot(&(&covariance * &slope)) + self.sigma.powi(2) * (1.0 + self.shape.drift);
+                predicted += slope.dot(&(&covariance * &slope)) + self.sigma.powi(2) * (1.0 + self.shape.drift);
                 found += all[k].powi(2);
             }
-            Some(Part { declared, extended, found, promised })
+            Some(GroupFit { declared, extended, found, predicted })
         };
         let count = groups.values().max().map_or(0, |last| last + 1);
-        let parts: Vec<Option<Part>> = (0..count).into_par_iter().map(part).collect();
+        let fits: Vec<Option<GroupFit>> = (0..count).into_par_iter().map(fit_without).collect();
         let [mut declared, mut extended] = [&linear.data; 2].map(DVector::clone);
-        let (mut found, mut promised) = (0.0, 0.0);
-        for (group, part) in parts.into_iter().enumerate() {
-            let Some(part) = part else { continue };
+        let (mut found, mut predicted) = (0.0, 0.0);
+        for (group, fit) in fits.into_iter().enumerate() {
+            let Some(fit) = fit else { continue };
             for k in self.scalars_of(&groups, group) {
-                (declared[k], extended[k]) = (part.declared[k], part.extended[k]);
+                (declared[k], extended[k]) = (fit.declared[k], fit.extended[k]);
             }
-            (found, promised) = (found + part.found, promised + part.promised);
+            (found, predicted) = (found + fit.found, predicted + fit.predicted);
         }
-        LeftOut { declared, extended, wider: if promised > 0.0 { found / promised } else { 1.0 } }
+        LeftOut { declared, extended, wider: if predicted > 0.0 { found / predicted } else { 1.0 } }
     }
 
-    /// The scalars of a group's rows, without those of outliers.
+    /// Indices of the scalars of the positions of a group's rows, without outliers.
     fn scalars_of(&self, groups: &BTreeMap<usize, usize>, group: usize) -> impl Iterator<Item = usize> {
         let own = move |row: &&Observation| !row.outlier && groups.get(&row.offset) == Some(&group);
         self.problem.rows.iter().filter(own).flat_map(|row| row.offset..row.offset + row.seen.len())
     }
 
-    /// The present fit, linearised, and the columns of what is chosen.
+    /// The present fit, linearised, and the columns of the chosen set.
     fn linear_of_chosen(&mut self) -> (Linearised, Columns) {
         let linear = self.linearise(&self.chosen.clone(), &[]);
         let columns = Search::new(&self.candidates, &[], &linear.always).columns(&self.chosen);
         (linear, columns)
     }
 
-    /// Errors of the extended cell at places, postures and loads that its fit has not seen. `None` over the whole robot, where held-out
-    /// rows are elsewhere already.
+    /// Errors of the extended cell at places, postures and loads that its fit has not seen. `None` over the whole
+    /// robot, where the held-out rows are already at such places.
     pub(super) fn elsewhere(&mut self) -> Option<Elsewhere> {
         if self.problem.free_device {
             return None;
@@ -140,7 +142,8 @@ impl Engine {
         Some(Elsewhere { extended: self.errors(&there.extended, |row| !row.held_out), wider: there.wider })
     }
 
-    /// Why the chosen effects are worse than none on rows that are left out, if they are: stretches of the runs, or places.
+    /// The errors on rows that are left out by stretches or by places, if the error of the extended cell there is
+    /// larger than that of the declared cell.
     pub(super) fn worse_where_left_out(&mut self) -> Option<Refused> {
         let (linear, columns) = self.linear_of_chosen();
         [LeavingOut::Stretches, LeavingOut::Places].into_iter().find_map(|leaving_out| {
@@ -152,9 +155,10 @@ impl Engine {
     }
 }
 
-/// Rows of one group each: near one another in place, posture and load (Lloyd 1982, from rows spread evenly along the table).
-fn near_one_another(places: &[noise::Places], spreads: [f64; noise::OVER.len()]) -> Vec<usize> {
-    /// Rounds after which rows hardly change their group.
+/// The group of each row, so that the rows of a group are near one another in place, posture and load: k-means by the
+/// algorithm of Lloyd (1982), which begins with rows that are spread evenly along the table.
+fn clusters(places: &[noise::Places], spreads: [f64; noise::OVER.len()]) -> Vec<usize> {
+    /// Number of rounds, after which rows hardly change their group.
     const LLOYD_ROUNDS: usize = 20;
     let scaled = |place: &noise::Places| -> DVector<f64> {
         DVector::from_iterator(
