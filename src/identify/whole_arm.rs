@@ -1,14 +1,17 @@
-//! Everything a little off at once: every effect shrunk by one size, over a discrepancy that sizes itself.
+//! The model of the whole arm: all effects at once, with small prior sizes, and a discrepancy that no law describes.
 //!
-//! On a real arm no single effect is missing: springs, zeros, links, gears and weights are all a little off, and each law is only nearly
-//! right. The observation model is then
+//! On a real arm not one effect is missing: springs, zeros, links, gears and weights all have small errors, and every
+//! law is only approximately correct. The observation model is then
 //!
 //! `y = Σ_g X_g θ_g + f(place, posture, force) + wander + noise`
 //!
-//! with the columns X of every effect in the registry, θ about neutral, and f a Gaussian process that stands for what no law describes.
-//! All θ have one common share of their typical sizes as standard deviations; or those that the search found keep the sizes that it
-//! found them with, and the others have the share. Which of the two, the share, and the size and reach of f are those of most evidence (type-II maximum likelihood; Rasmussen and Williams 2006, chapter 5). Because f is in the covariance of
-//! the rows, more rows of the same places do not make a law that is nearly right look certain.
+//! with the columns X of every effect in the registry, their numbers θ about neutral, and a Gaussian process f, the
+//! discrepancy, which describes the errors of the laws. The prior standard deviations of all θ are one common share of
+//! their typical sizes. Alternatively the effects that the search found keep the prior sizes with which they were
+//! found, and the others have the share. The evidence chooses between the two, and chooses the share, the variance of f
+//! and its length scale (type-II maximum likelihood; Rasmussen and Williams 2006, chapter 5). Because f is part of the
+//! covariance of the rows, more rows at the same places do not make a law that is only approximately correct look
+//! certain.
 
 use super::candidate::Candidate;
 use super::columns::Columns;
@@ -23,41 +26,43 @@ use super::search::Search;
 use crate::effects::Shape;
 use nalgebra::Vector3;
 
-/// Common sizes of effects that are tried, as shares of their typical sizes.
+/// Common prior sizes that are tried, as shares of the typical sizes.
 const SHARES: [f64; 5] = [0.05, 0.125, 0.25, 0.5, 1.0];
-/// Reaches of the discrepancy, in standard deviations of place, posture and force over the table.
+/// Length scales of the discrepancy that are tried, in standard deviations of place, posture and force over the table.
 const REACHES: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
-/// Its variance over that of the white noise: from half of its size to eight times.
+/// Variances of the discrepancy that are tried, relative to that of the white noise: standard deviations from one half
+/// to eight times.
 pub(super) const VARIANCES: [f64; 5] = [0.25, 1.0, 4.0, 16.0, 64.0];
 
-/// Sizes of effects as shares of their typical ones.
+/// Prior sizes of the effects as shares of their typical sizes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shares {
-    /// Of those that the search found; `None`: as found.
+    /// The share of the effects that the search found; `None` if they keep the sizes with which they were found.
     found: Option<f64>,
+    /// The share of all other effects.
     others: f64,
 }
 
 impl Shares {
-    /// All effects alike.
+    /// All shares that are common to all effects.
     pub(super) fn common() -> impl Iterator<Item = Self> {
         SHARES.into_iter().map(|share| Self { found: Some(share), others: share })
     }
 
-    /// All effects alike, or those that were found as they were and the others smaller.
+    /// The same, and each share for the other effects while those that were found keep their sizes.
     fn all() -> impl Iterator<Item = Self> {
         SHARES.into_iter().flat_map(|others| [Some(others), None].map(|found| Self { found, others }))
     }
 }
 
-/// Columns of all members at some sizes, and what these must gain for having been looked for, nats.
+/// The columns of all members with some prior sizes, and their price, nats.
 pub(super) struct Trial {
     pub(super) shares: Shares,
     pub(super) columns: Columns,
     pub(super) price: f64,
 }
 
-/// The shares, the discrepancy and the noise that the rows speak for.
+/// The shares, the discrepancy and the noise of most evidence.
 struct Sizes {
     shares: Shares,
     shape: noise::Shape,
@@ -66,7 +71,8 @@ struct Sizes {
 }
 
 impl Engine {
-    /// One candidate of every family of effects that a set lacks: of several variants the one that gains most with the set.
+    /// One candidate of every family of effects that a set lacks: the variant with the largest objective together with
+    /// the set.
     fn all_others(&self, search: &Search, set: &[usize]) -> Vec<usize> {
         let mut best: Vec<(&str, f64, usize)> = Vec::new();
         for (c, candidate) in self.candidates.iter().enumerate() {
@@ -85,8 +91,8 @@ impl Engine {
         best.into_iter().map(|(.., c)| c).collect()
     }
 
-    /// Candidates with all members at a share of their typical sizes, or all but those that were found. Numbers that an identification
-    /// before has left with a covariance have a size of their own.
+    /// The candidates with the prior sizes of these shares. Effects whose numbers have a covariance from an earlier
+    /// identification keep that prior.
     fn shrunk(&self, members: &Members, Shares { found, others }: Shares) -> Vec<Candidate> {
         let mut candidates = self.candidates.clone();
         let mut shrink = |set: &[usize], share: f64| {
@@ -100,12 +106,13 @@ impl Engine {
         candidates
     }
 
-    /// Whether everything is taken to be a little off: the discrepancy over all coordinates is of that model alone.
+    /// Whether the present model is that of the whole arm, which alone has a discrepancy over all coordinates.
     pub(super) fn is_whole_arm(&self) -> bool {
         self.shape.field.is_some_and(|field| matches!(field.over, Over::Everything(_)))
     }
 
-    /// The members of the whole arm, a set among them: patterns that stand for something unlisted, and faults, are left out.
+    /// The members of the model of the whole arm: those of a set, without unlisted patterns and faults, and one of
+    /// every other family.
     pub(super) fn members_of_whole_arm(&self, search: &Search, set: &[usize]) -> Members {
         let stays = |c: &usize| !matches!(self.candidates[*c].standing(), Some(Standing::Unlisted | Standing::Fault));
         let found: Vec<usize> = set.iter().copied().filter(stays).collect();
@@ -113,8 +120,9 @@ impl Engine {
         Members { found, others }
     }
 
-    /// The columns of all members at some sizes. Of members that stand out each must gain by itself; of all that are alike it counts that
-    /// one of their family's variants was taken.
+    /// The columns of all members with the prior sizes of these shares, and their price. Members that keep the sizes
+    /// with which they were found have the price of the search. All others are in the model without a choice, and pay
+    /// only for the choice of a variant of their family.
     pub(super) fn trial(&self, members: &Members, shares: Shares, always: &[usize]) -> Trial {
         let candidates = self.shrunk(members, shares);
         let search = Search::new(&candidates, &[], always);
@@ -123,7 +131,8 @@ impl Engine {
         Trial { shares, columns: search.columns(&members.all()), price: found + alike(&members.others) }
     }
 
-    /// Variants of full size that a member was chosen from: of waves along a joint as many as were looked at.
+    /// Number of variants with the typical prior sizes among which a member was chosen; for harmonics the number of
+    /// those that were searched.
     fn variants(&self, c: usize) -> f64 {
         let own = &self.candidates[c];
         match own.law() {
@@ -136,7 +145,8 @@ impl Engine {
         }
     }
 
-    /// Whether the whole arm gains on a set, both under the noise of its search: this costs little to compute.
+    /// Whether the model of the whole arm, without a discrepancy, gains more than [`UNLISTED`] over a set. Both have
+    /// the moments of the search, so that this costs little.
     pub(super) fn gains_on(&self, search: &Search, set: &[usize], members: &Members) -> bool {
         let value = search.objective(set);
         Shares::all().any(|shares| {
@@ -145,7 +155,7 @@ impl Engine {
         })
     }
 
-    /// The sizes of most evidence about the present fit.
+    /// The prior sizes, the discrepancy and the noise of most evidence about the present fit.
     fn sizes(&mut self, members: &Members) -> Option<Sizes> {
         let all = members.all();
         let linear = self.linearise(&all, &[]);
@@ -170,7 +180,8 @@ impl Engine {
             }
             best.as_ref().map(|best| best.shape)
         };
-        // The wander that a few sharp laws left may be what the other effects do: it is chosen first, at sizes in the middle.
+        // The wander that the search chose may be an error of the other effects. It is chosen again first, with a
+        // middle share and length scale.
         let middle = Shares { found: Some(SHARES[2]), others: SHARES[2] };
         let middle = [self.trial(members, middle, &linear.always)];
         let mut drift = None;
@@ -185,7 +196,7 @@ impl Engine {
         best
     }
 
-    /// Standard deviations of place, posture and force over the fitted rows.
+    /// Standard deviations of place, mm, posture, rad, and force, N, over the fitted rows.
     pub(super) fn spreads(&self) -> [f64; noise::OVER.len()] {
         let places: Vec<noise::Places> =
             self.problem.rows.iter().filter(|row| !row.held_out).map(|row| self.problem.places(row)).collect();
@@ -196,9 +207,10 @@ impl Engine {
         })
     }
 
-    /// Takes the whole arm in place of the set that the search found, with the probability of each effect.
+    /// Replaces the set that the search found by the model of the whole arm, and returns the probability of each
+    /// effect.
     pub(super) fn take_whole_arm(&mut self, members: &Members) -> Vec<Posterior> {
-        // Rows that stood out from a few sharp laws may follow the other effects.
+        // Outliers and heavy tails are judged again, because the other effects may explain these rows.
         self.problem.rows.iter_mut().for_each(|row| (row.tail, row.outlier) = (1.0, false));
         let Some(sizes) = self.sizes(members) else { return Vec::new() };
         (self.shape, self.sigma) = (sizes.shape, sizes.sigma);
@@ -215,7 +227,7 @@ impl Engine {
         self.probabilities()
     }
 
-    /// The fault of the table that explains what the whole arm does not, if one does.
+    /// The fault of the table that explains a material part of the rows in addition to the members, if there is one.
     fn fault_beyond(&mut self, members: &[usize]) -> Option<usize> {
         let is_fault = |c: &usize| self.candidates[*c].standing() == Some(Standing::Fault);
         let faults: Vec<usize> = (0..self.candidates.len()).filter(is_fault).collect();
@@ -225,24 +237,25 @@ impl Engine {
         let (value, none) = (evidence(members), evidence(&[]));
         let gain = |&c: &usize| (evidence(&[members, &[c]].concat()) - value - search.price(c), c);
         let best = faults.iter().map(gain).max_by(|a, b| a.0.total_cmp(&b.0));
-        // No force acts with a tiny share of what was read, nor with many times that: the forces that were read are then not those that
-        // acted, whatever else explains the rows.
+        // If the fitted factor of the force is at its smallest or largest value, the forces that were read cannot be
+        // those that acted. A fault of the forces then needs to gain only its price.
         let scaled_away =
             |gain: f64, fault: usize| gain > 0.0 && self.is_of_force(fault) && self.force_is_scaled_away();
         best.filter(|&(gain, c)| gain > MATERIAL * (value - none) || scaled_away(gain, c)).map(|(_, c)| c)
     }
 
-    /// Whether the fitted factor of the cutting force is at an end of the range that it may have.
+    /// Whether the fitted factor of the cutting force is at one of its bounds.
     fn force_is_scaled_away(&self) -> bool {
         let at_end = |candidate: &Candidate| {
-            // A fit ends on a bound up to rounding.
+            // A fitted value reaches its bound except for rounding.
             let ends = |(value, (low, high)): (&f64, &(f64, f64))| *value < low * 1.001 || *value > high / 1.001;
             candidate.kind == "force_scale" && candidate.values.iter().zip(&candidate.bounds).any(ends)
         };
         self.chosen.iter().any(|&c| at_end(&self.candidates[c]))
     }
 
-    /// How likely each effect of the whole arm acts, all others free to stand in for it.
+    /// The probability that each effect of the model acts, computed against the model without it, in which all others
+    /// can replace it.
     fn probabilities(&mut self) -> Vec<Posterior> {
         let chosen = self.chosen.clone();
         let linear = self.linearise(&chosen, &[self.shape]);
