@@ -1,4 +1,4 @@
-//! Everything that may be added to a cell, as far as the data can show it.
+//! Makes the candidates of an identification: all effects and patterns that the rows can show.
 
 use super::candidate::{Candidate, Home, Shape};
 use super::data::{Observation, Problem};
@@ -10,26 +10,30 @@ use crate::equilibrium::Arm;
 use crate::robot::{EXTERNAL_AXES, Joints, Unit};
 use nalgebra::{DMatrix, Vector3};
 
-/// Places of a run at which a jump is looked for before its own row is sought.
+/// Number of rows of a run, evenly spaced, at which a jump is a candidate before its row is searched.
 const JUMPS: usize = 16;
-/// Priors of clampings, as shares of these sizes: probed, against stops, by hand.
+/// Prior sizes of clampings, as shares of the sizes of a clamping: a part that is probed, placed against stops, or
+/// placed by hand.
 const CLAMPED_SIZES: [f64; 3] = [0.25, 1.0, 5.0];
-/// Priors of drifts, as shares of their size: of an instrument that has settled, and of one that warms up.
+/// Prior sizes of drifts, as shares of the size of a drift: an instrument that has settled, and one that warms up.
 const DRIFT_SIZES: [f64; 2] = [1.0, 5.0];
-/// Priors of the twins of each candidate, as shares of the typical sizes: milling cells are calibrated before they cut.
+/// Prior sizes of the twins of each candidate, as shares of the typical sizes. They are small because milling cells are
+/// calibrated.
 const SIZES: [f64; 2] = [0.3, 0.08];
-/// The same for robots seen whole by a tracker: as they left the factory, and a reflector whose position was not measured.
+/// The same for poses over the whole robot. The large ones are for robots that were not calibrated, and for reflectors
+/// whose position was not measured.
 const SIZES_WHOLE: [f64; 3] = [40.0, 6.0, 0.3];
 
-/// Time constants that are tried, as shares of the run's length.
+/// Time constants that are tried, as shares of the duration of the run.
 const TIME_CONSTANTS: [f64; 6] = [0.1, 0.2, 0.4, 0.8, 1.6, 3.0];
 
-/// Every candidate that the data can show; `covariances` are what the cell has of its effects' numbers.
+/// All candidates that the rows can show. `covariances` has, for each effect of the arm, the covariance of its numbers
+/// if the cell has one.
 pub(super) fn all(arm: &Arm, problem: &Problem, covariances: &[Option<DMatrix<f64>>]) -> Vec<Candidate> {
     let survey = survey(arm, problem);
     let mut found: Vec<Candidate> = Vec::new();
     for (slot, effect) in arm.effects.iter().enumerate() {
-        // A device frame of its own swallows the work object's.
+        // The frame of the device is fitted in any case, and the frame of the work object looks the same.
         let like_device = kind(effect.kind()).is_some_and(|kind| kind.like_device_frame);
         if !(effect.parameters().is_empty() || problem.free_device && like_device) {
             let covariance = covariances.get(slot).and_then(Option::as_ref);
@@ -38,7 +42,7 @@ pub(super) fn all(arm: &Arm, problem: &Problem, covariances: &[Option<DMatrix<f6
     }
     for kind in KINDS {
         let declared = arm.effects.iter().any(|effect| effect.kind() == kind.name);
-        // A device frame of its own swallows the work object's; curves over the whole robot are made below.
+        // For the frame see above; curves over the whole robot are made below.
         let other = kind.like_device_frame || kind.shape == Follows::Curve;
         if declared || problem.free_device && other {
             continue;
@@ -53,7 +57,7 @@ pub(super) fn all(arm: &Arm, problem: &Problem, covariances: &[Option<DMatrix<f6
             |effect: Box<dyn Effect>| Candidate::new(effect.as_ref(), Home::New(Shape(effect.clone_box())), count);
         found.extend(variants.into_iter().map(new).flat_map(|new| bounded(new, kind, &survey)));
     }
-    // Effects of other sizes than the typical one compete too, on the same columns.
+    // Each candidate has twins with other prior sizes, which have the same columns.
     let sizes = |candidate: &Candidate| match candidate.known {
         None if problem.free_device => &SIZES_WHOLE[..],
         _ => &SIZES,
@@ -69,17 +73,18 @@ pub(super) fn all(arm: &Arm, problem: &Problem, covariances: &[Option<DMatrix<f6
     found.extend(faults(&survey, problem));
     if never_returns(problem) {
         found.iter_mut().filter(|candidate| candidate.has_time_constant()).for_each(|candidate| {
-            // Where the arm never comes back one function of time is as good as another: a set has one.
+            // If the arm never returns, all functions of time look alike, and they are one family with the drift.
             candidate.family = Pattern::Drift { settles: None }.family();
         });
     }
     found
 }
 
-/// A candidate within what its kind says of its numbers beyond their bounds: of one sign, one candidate for each, and with a time
-/// constant that the run could show.
+/// A candidate with the bounds that its kind requires: its time constant is not too short for the run, and numbers that
+/// must have the same sign make one candidate for each sign.
 fn bounded(candidate: Candidate, kind: &Kind, survey: &Survey) -> Vec<Candidate> {
-    /// Of the least time constant that is tried: what is over sooner is an offset from the first rows on.
+    /// Lowest time constant, as a share of the shortest one that is tried. A shorter one would be a constant offset from
+    /// the first rows on.
     const SHORTEST: f64 = 0.5;
     let Home::New(shape) = &candidate.home else { return vec![candidate] };
     let names: Vec<String> = shape.0.parameters().into_iter().map(|p| p.name).collect();
@@ -100,13 +105,15 @@ fn bounded(candidate: Candidate, kind: &Kind, survey: &Survey) -> Vec<Candidate>
     signs.iter().map(|&positive| of_sign(positive)).collect()
 }
 
-/// The curve of every joint that moved, with knots as fine as its range allows: smoothness makes the coarser ones of it.
+/// The curve of every joint that moved, with knots as fine as its range allows; coarser curves differ only in their
+/// smoothness.
 fn curves(survey: &Survey) -> Vec<Candidate> {
-    /// Degrees: delivered robots show waves of 12° and more, and shorter ones that only many rows a degree hold.
+    /// Smallest and largest spacing of knots, degrees. The errors of delivered robots have waves of 12° and more, and
+    /// shorter ones that only many rows for each degree determine.
     const SPACINGS_DEG: (f64, f64) = (1.25, 2.5);
-    /// Knots of a joint from which on they are spaced wider: the work grows as their cube.
+    /// Number of knots of a joint beyond which the spacing is increased, because the work grows as its cube.
     const MOST_KNOTS: f64 = 100.0;
-    /// A joint that moved less shows no curve, degrees.
+    /// Smallest range of a joint that can show a curve, degrees.
     const LEAST_RANGE_DEG: f64 = 4.0;
     let of_joint = |joint: usize| {
         let (from, to) = (survey.motor_min[joint].to_degrees(), survey.motor_max[joint].to_degrees());
@@ -117,7 +124,8 @@ fn curves(survey: &Survey) -> Vec<Candidate> {
     (0..6).filter_map(of_joint).collect()
 }
 
-/// Variants over time constants: the parameter of that name is searched, not fitted from nothing.
+/// The variants with each time constant that is tried. The time constant is the parameter with this name, which a fit
+/// cannot find from a neutral start. Without a duration there are no such variants.
 fn time_constants(variants: Vec<Box<dyn Effect>>, name: &str, survey: &Survey) -> Vec<Box<dyn Effect>> {
     let length = survey.time.map_or(0.0, |(from, to)| to - from);
     let mut out: Vec<Box<dyn Effect>> = Vec::new();
@@ -136,9 +144,9 @@ fn time_constants(variants: Vec<Box<dyn Effect>>, name: &str, survey: &Survey) -
     out
 }
 
-/// Names of the units that move over the rows.
+/// Names of the mechanical units that move over the rows.
 fn moving_units(problem: &Problem) -> Vec<String> {
-    /// Motions of a unit below this, mm or degrees, cannot show where the unit stands.
+    /// Smallest motion of a unit that can show its position, mm or degrees.
     const LEAST_TRAVEL: f64 = 1.0;
     let mut range = [(f64::INFINITY, f64::NEG_INFINITY); EXTERNAL_AXES];
     for row in &problem.rows {
@@ -151,7 +159,7 @@ fn moving_units(problem: &Problem) -> Vec<String> {
     problem.units.all().iter().filter(moves).map(|unit| unit.name.clone()).collect()
 }
 
-/// What the data offer.
+/// The quantities that the rows contain, on which the candidates of each kind depend.
 pub(super) fn survey<'a>(arm: &'a Arm, problem: &Problem) -> Survey<'a> {
     let big = f64::INFINITY;
     let mut survey = Survey {
@@ -192,7 +200,8 @@ pub(super) fn survey<'a>(arm: &'a Arm, problem: &Problem) -> Survey<'a> {
         if let Some(temperature) = point.temperature {
             widen(&mut survey.temperature, temperature);
         }
-        // Curves end where fitted rows do: beyond, nothing was seen. Over a part's blocks the difference is none.
+        // Curves cover only the range of the fitted rows. For parts the blocks are so small that it makes no
+        // difference.
         if !(row.held_out && problem.free_device) {
             survey.motor_min = survey.motor_min.inf(&row.motor);
             survey.motor_max = survey.motor_max.sup(&row.motor);
@@ -202,29 +211,31 @@ pub(super) fn survey<'a>(arm: &'a Arm, problem: &Problem) -> Survey<'a> {
     survey
 }
 
+/// The candidate of a pattern, which is one of `variants`.
 fn of_pattern(pattern: Pattern, problem: &Problem, variants: f64) -> Candidate {
     let scale = if pattern.expected(0) > 0.0 { MIXED_SPREAD } else { 1.0 };
     Candidate { variants, scale, ..Candidate::pattern(pattern, pattern.size(problem)) }
 }
 
-/// Jumps before a row: of everything, and of each of some clamps of the part.
+/// The candidates of a jump before a row of a run: of the part as a whole or the instrument, and of each clamp of the
+/// part.
 pub(super) fn jumps(problem: &Problem, run: usize, order: usize) -> Vec<Candidate> {
-    // Where a part has one clamp, all of it goes with that.
+    // A part with one clamp moves as a whole with it.
     let clamps = Some(clamps(problem)).filter(|clamps| *clamps > 1).unwrap_or(0);
-    // Before the first row everything is where it is declared: that is no jump.
+    // A shift of the whole part before the first row is its clamping and no jump.
     let all = Some(Slips::All).filter(|_| order > 0);
     let count = (problem.rows.len() * (1 + clamps)) as f64;
     let slips = all.into_iter().chain((0..clamps).map(Slips::Clamp));
     slips.map(|slips| of_pattern(Pattern::Jump { run, order, slips }, problem, count)).collect()
 }
 
-/// How many clamps the part has, where it is known how it yields with them.
+/// Number of clamps of the part, if the cell declares how it yields with them; zero otherwise.
 fn clamps(problem: &Problem) -> usize {
     let of_row = |row: &Observation| problem.runs[row.run].points[row.point].clamps();
     problem.rows.iter().map(of_row).max().unwrap_or(0)
 }
 
-/// Clampings and faults that the data can show.
+/// Clampings and faults that the rows can show; none over the whole robot.
 pub(super) fn faults(survey: &Survey, problem: &Problem) -> Vec<Candidate> {
     if problem.free_device {
         return Vec::new();
@@ -244,7 +255,7 @@ pub(super) fn faults(survey: &Survey, problem: &Problem) -> Vec<Candidate> {
         let count = problem.rows.iter().filter(|row| row.run == run).count();
         all.extend((0..JUMPS).flat_map(|at| jumps(problem, run, at * count / JUMPS)));
     }
-    // Forces that a law or a stock gives are no readings.
+    // Forces that follow from a law or a stock are no readings.
     let read = |row: &Observation| {
         let run = &problem.runs[row.run];
         !run.follows_stock() && matches!(run.situation(row.point).cutting, Cutting::Constant(_))
@@ -258,7 +269,7 @@ pub(super) fn faults(survey: &Survey, problem: &Problem) -> Vec<Candidate> {
     all
 }
 
-/// Patterns that stand for anything unlisted, as far as the data can show them.
+/// Patterns of effects in no list that the rows can show.
 pub(super) fn unlisted(survey: &Survey, problem: &Problem) -> Vec<Candidate> {
     let mut all: Vec<Pattern> = (0..6).map(Pattern::Joint).collect();
     if survey.time.is_some() {
