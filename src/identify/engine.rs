@@ -1,4 +1,5 @@
-//! The loop: linearise, weigh, choose, refit, and again about the fit.
+//! The main loop of an identification: it linearises about the present fit, compares sets by their evidence, chooses
+//! one, fits it, and begins again until the set no longer changes.
 
 use super::candidate::{Candidate, Home, twins, with};
 use super::candidates;
@@ -27,7 +28,8 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
-/// What is identified from. Programs and tables are let go once their rows are read: hundreds of thousands are most of the memory.
+/// The input of an identification. Programs and tables are dropped as soon as their rows are read, because with
+/// hundreds of thousands of rows they are most of the memory.
 pub struct Input<'a> {
     /// The declared cell.
     pub cell: &'a Cell,
@@ -35,13 +37,13 @@ pub struct Input<'a> {
     pub runs: Vec<MeasuredRun>,
     /// Measured rows with their own motor angles.
     pub poses: Vec<Table>,
-    /// The tool of `poses`, where the cell has several.
+    /// The tool of `poses`; needed if the cell has several.
     pub tool: Option<&'a str>,
     /// Hash of the data, for the provenance of the effects that are added.
     pub data_hash: &'a str,
     /// Which effects of the model go into the cell.
     pub written: Written,
-    /// Receives the share of the work that is done, as far as the rounds show it; returning `false` cancels the run.
+    /// Receives the share of the work that is done, estimated from the rounds; returning `false` cancels the run.
     pub progress: &'a Progress<'a>,
 }
 
@@ -50,7 +52,8 @@ pub struct Input<'a> {
 pub struct MeasuredRun {
     /// The program that ran.
     pub program: Program,
-    /// The program that it was corrected from, where it was: `normal_mm` and places without a target are counted from its path.
+    /// The original of a corrected program, if there is one: `normal_mm`, and places without a target, are counted from
+    /// its path.
     pub original: Option<Program>,
     /// What was measured.
     pub table: Table,
@@ -65,17 +68,20 @@ impl From<(Program, Table)> for MeasuredRun {
 /// Which effects of a model go into the cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Written {
-    /// All of them, named or not: what the errors after are best with.
+    /// All of them, named or not: the errors after are smallest with all.
     #[default]
     WholeModel,
-    /// Those that are named, fitted without the others: `--sparse`.
+    /// Only those that are named, fitted without the others (`--sparse`).
     NamedAlone,
 }
 
 /// Receives the share of the work that is done, from 0 to 1; returning `false` cancels it.
 pub type Progress<'a> = dyn Fn(f64) -> bool + Sync + 'a;
 
-/// Reports the progress; an error if the run was cancelled.
+/// Reports the progress.
+///
+/// # Errors
+/// `run.called-off` if the run is cancelled.
 fn reached(progress: &Progress<'_>, share: f64) -> Result<(), Vec<Diagnostic>> {
     if progress(share) {
         return Ok(());
@@ -83,55 +89,62 @@ fn reached(progress: &Progress<'_>, share: f64) -> Result<(), Vec<Diagnostic>> {
     Err(Diagnostic::error("run.called-off", "", "the run was called off").into())
 }
 
-/// Fewer rows than this cannot be split into fitted and held-out blocks.
+/// Fewest rows that can be divided into fitted and held-out blocks.
 const LEAST_ROWS: usize = 8;
-/// Rounds of linearising, choosing and refitting.
+/// Largest number of rounds of linearising, choosing and fitting.
 const CHOOSING_ROUNDS: usize = 6;
-/// Rows that every number is fitted to at most: of denser tables those that were searched on hold them well enough.
+/// Largest number of rows to which the written numbers are fitted again. In a denser table the rows of the search
+/// determine them well enough.
 const FITTED: usize = 4_000;
-/// One row in so many is few, over the whole robot.
+/// Over the whole robot new outliers are few if they are at most one row in this many.
 const FEW: usize = 500;
-/// Rounds of seeking gear harmonics before anything flexible is let in.
+/// Largest number of rounds of the search for gear harmonics, before flexible candidates are allowed.
 const GEAR_ROUNDS: usize = 4;
-/// Share of the work that is done when rows are solved.
+/// Share of the work that is done when the rows are solved.
 const SOLVED: f64 = 0.05;
-/// When gear harmonics are sought.
+/// Share of the work that is done when the gear harmonics are found.
 const SOUGHT: f64 = 0.3;
-/// When a set is chosen.
+/// Share of the work that is done when the set is chosen.
 const CHOSEN: f64 = 0.85;
-/// When it is judged.
+/// Share of the work that is done when the set is judged.
 const JUDGED: f64 = 0.95;
 
+/// The state of an identification.
 pub(super) struct Engine {
+    /// The arm of the declared cell.
     pub(super) declared: Arm,
     pub(super) problem: Problem,
     pub(super) candidates: Vec<Candidate>,
+    /// The chosen set: indices of candidates.
     pub(super) chosen: Vec<usize>,
+    /// Standard deviation of the white noise for each axis, mm.
     pub(super) sigma: f64,
+    /// The shape of the noise.
     pub(super) shape: noise::Shape,
     /// Posterior covariance of the chosen columns, in typical sizes, in the order of `chosen`.
     pub(super) covariance: DMatrix<f64>,
-    /// What is unmodelled, where a field of it holds.
+    /// The map of the error that no effect explains, if there is one.
     pub(super) map: Option<Map>,
-    /// Columns of the last linearisation that can serve again.
+    /// Columns of earlier linearisations that can be used again.
     pub(super) reuse: Reuse,
     /// Columns of the last search for gear harmonics.
     comb: Option<Grid>,
-    /// Rows that are scored and not used in the search: in a dense table neighbouring rows contain nearly the same information.
+    /// Rows that are judged but not used in the search: in a dense table neighbouring rows contain nearly the same
+    /// information.
     aside: Vec<Observation>,
-    /// Posterior over sets: what each names, most likely first.
+    /// Posterior over sets of effects and faults, most likely first.
     pub(super) sets: Vec<SetShare>,
-    /// Variance of predictions over all sets, over that within the chosen one.
+    /// Variance of the predictions over all sets, relative to the variance within the chosen one.
     pub(super) spread: f64,
-    /// The error, mm rms, of what was found and not added because it is more than the declared cell's.
+    /// Why the effects that were found are not added, if they are not.
     pub(super) refused: Option<Refused>,
-    /// What may be wrong with the table, in words.
+    /// A sentence about a possible fault of the table.
     pub(super) doubt: Option<String>,
-    /// The last residual and what it is of: many steps need the same one.
+    /// The last residual with all that it depends on, because many steps need the same one.
     last: Mutex<Option<(Settled, DVector<f64>)>>,
 }
 
-/// Scalars, instruments and effects that a residual is of.
+/// All that a residual depends on: the number of scalars, the instruments, and the effects.
 type Settled = (usize, Vec<Device>, Vec<toml::Table>);
 
 /// Finds the effects that a cell lacks.
@@ -169,6 +182,7 @@ pub fn identify(input: Input<'_>) -> Result<Identification, Vec<Diagnostic>> {
 }
 
 impl Engine {
+    /// An identification of a problem before its first step. `covariances` has those of the declared effects.
     pub(super) fn new(declared: Arm, mut problem: Problem, covariances: &[Option<DMatrix<f64>>]) -> Self {
         let aside = problem.set_aside();
         let candidates = candidates::all(&declared, &problem, covariances);
@@ -198,13 +212,14 @@ impl Engine {
         engine
     }
 
+    /// The arm with the chosen effects and the map.
     pub(super) fn arm(&self) -> Arm {
         let changes: Vec<(&Home, &[f64])> =
             self.chosen.iter().map(|&c| (&self.candidates[c].home, &self.candidates[c].values[..])).collect();
         self.arm_of(&changes)
     }
 
-    /// The arm with some numbers of its effects, and the map.
+    /// The arm with these numbers of effects, and the map.
     pub(super) fn arm_of(&self, changes: &[(&Home, &[f64])]) -> Arm {
         let mut arm = with(&self.declared, changes);
         arm.effects.extend(self.map.iter().map(|map| map.effect.clone_box()));
@@ -219,7 +234,7 @@ impl Engine {
         }
         let effects = arm.effects.iter().map(|effect| effect.to_table()).collect();
         let key = (self.problem.scalars, self.problem.devices.clone(), effects);
-        // Not held while rows are solved: their threads may come here too.
+        // The lock is not held while rows are solved, because the threads that solve them may need it.
         let last = || self.last.lock().unwrap_or_else(PoisonError::into_inner);
         let known = last().as_ref().filter(|(known, _)| *known == key).map(|(_, residual)| residual.clone());
         known.unwrap_or_else(|| {
@@ -229,6 +244,7 @@ impl Engine {
         })
     }
 
+    /// The columns of the wanted candidates about the present fit, with their moments under each shape of the noise.
     pub(super) fn linearise(&mut self, wanted: &[usize], shapes: &[noise::Shape]) -> Linearised {
         let base = self.residual();
         let (design, always) = Design::new(
@@ -245,7 +261,7 @@ impl Engine {
         Linearised { moments, always, design, data }
     }
 
-    /// Moments of the fitted rows under each of some noises, see [`Moments::on`].
+    /// Moments of the fitted rows under each shape of the noise: see [`Moments::on`].
     fn moments(
         &self,
         design: &Design,
@@ -256,7 +272,7 @@ impl Engine {
         let series = self.problem.series(|row| !row.held_out);
         let declared = self.problem.declared_sigma_mm;
         let moments = if shapes.iter().any(|shape| shape.field.is_some()) {
-            // A field is of one part: there are no curves whose columns are too many to be kept.
+            // Only the rows of a part have a field, and there the design has no curves whose columns are not kept.
             let stacked = stacked(design.kept(), data);
             shapes.iter().map(|&shape| Moments::of(&stacked, &series, shape)).collect()
         } else {
@@ -265,7 +281,8 @@ impl Engine {
         moments.into_iter().map(|moments| Moments { declared, ..moments }).collect()
     }
 
-    /// Linearised under those of many noises that are best for a candidate alone: for that its own columns' products do.
+    /// As [`Engine::linearise`], under those of many shapes of the noise that are best for a candidate alone. To find
+    /// these shapes only the products of the columns of each candidate are needed.
     fn linearise_narrowed(&mut self, wanted: &[usize], shapes: &[noise::Shape]) -> Linearised {
         let linear = self.linearise(wanted, &[]);
         let mut own: Vec<Range<usize>> = wanted.iter().map(|&c| self.candidates[c].columns()).collect();
@@ -279,7 +296,7 @@ impl Engine {
         Linearised { moments, ..linear }
     }
 
-    /// Evidence of a set under the best of some noises.
+    /// Evidence of columns under the best of several shapes of the noise.
     fn score_of(&self, linear: &Linearised, columns: &Columns, shapes: &[noise::Shape]) -> Score {
         let kept = linear.design.kept().select_columns(columns.list.iter().map(|column| &column.0));
         let stacked = stacked(&kept, &linear.data);
@@ -290,7 +307,7 @@ impl Engine {
         score(&moments, &columns.numbered(), None)
     }
 
-    /// The same columns about the numbers as they are now.
+    /// The same columns with the data of the present numbers.
     pub(super) fn renewed(&self, linear: Linearised, wanted: &[usize]) -> Linearised {
         let data = self.pseudo(&linear.design, self.residual(), wanted);
         if linear.moments.iter().any(|moments| moments.shape.field.is_some()) {
@@ -303,7 +320,8 @@ impl Engine {
         Linearised { moments, data, ..linear }
     }
 
-    /// What a residual would be with every chosen number at neutral.
+    /// Pseudo-data: a residual plus the linear contribution of the chosen numbers, as if each had its start value.
+    /// Patterns are not in the residual.
     fn pseudo(&self, design: &Design, residual: DVector<f64>, wanted: &[usize]) -> DVector<f64> {
         let mut data = residual;
         for &c in self.chosen.iter().filter(|c| wanted.contains(c)) {
@@ -317,12 +335,13 @@ impl Engine {
         data
     }
 
-    /// Fits the chosen numbers and cuts the stocks with the arm that they make in turn, until the forces are those that act on it.
+    /// Cuts the stocks with the fitted arm and fits the chosen numbers again, in turns, until the forces are those that
+    /// act on the fitted arm.
     fn settle_cuts(&mut self, cell: &Cell) -> Result<(), Vec<Diagnostic>> {
-        /// Cuts at most.
+        /// Largest number of cuts.
         const CUTS: usize = 8;
-        /// Forces that move the rows by less than this share of their noise, rms, no longer count: as many rows as its inverse
-        /// square show no more.
+        /// Rms change of the rows by the forces, as a share of the noise, at which the cuts end. Only as many rows as the
+        /// inverse square of this share could show a smaller change.
         const SETTLED: f64 = 0.02;
         if self.problem.stocks.is_empty() {
             return Ok(());
@@ -331,7 +350,7 @@ impl Engine {
             let before = self.residual();
             self.problem.cut_stocks(&self.arm(), cell)?;
             self.last = Mutex::new(None);
-            // Columns of other effects are of the forces of before.
+            // The kept columns were computed with the forces before the cut.
             self.reuse.forget_all();
             let moved = (self.residual() - before).norm() / (self.problem.scalars as f64).sqrt();
             if moved < SETTLED * self.sigma {
@@ -342,6 +361,7 @@ impl Engine {
         Ok(())
     }
 
+    /// Finds the effects and makes the answer. `before` is the residual of the declared cell, mm.
     fn run(
         &mut self,
         cell: &Cell,
@@ -354,7 +374,8 @@ impl Engine {
         let mut posteriors = Vec::new();
         let mut ranking = Ranking::default();
         let places = device_pose::places(&self.problem);
-        // Gear harmonics are sought before smooth curves may imitate them: with nothing chosen, then together with the rest.
+        // Gear harmonics are searched before curves, which could imitate them, are allowed: first with an empty set,
+        // then together with the other effects.
         for round in 0..if self.problem.free_device { 0 } else { GEAR_ROUNDS } {
             reached(progress, within(SOLVED, SOUGHT, round, GEAR_ROUNDS))?;
             let wanted: Vec<usize> = (0..self.candidates.len()).filter(|&c| stiff(&self.candidates[c])).collect();
@@ -365,7 +386,7 @@ impl Engine {
             let score = self.score_of(&now, &search.columns(&set), &shapes);
             (self.sigma, self.shape) = (score.sigma, shapes[score.shape]);
             reached(progress, within(SOLVED, SOUGHT, 2 * round + 1, 2 * GEAR_ROUNDS))?;
-            // What was found without gear harmonics may only imitate them.
+            // Effects that were found without gear harmonics may only imitate them.
             if round == 0 && self.add_gear(&now) {
                 continue;
             }
@@ -386,7 +407,7 @@ impl Engine {
         for round in 0..CHOOSING_ROUNDS {
             let shapes = self.shapes_about();
             let wanted: Vec<usize> = (0..self.candidates.len()).collect();
-            // Two designs at a time would be twice the memory.
+            // The last design is dropped first: two at a time need twice the memory.
             drop(linear.take());
             reached(progress, within(SOUGHT, CHOSEN, round, CHOOSING_ROUNDS))?;
             let now = self.linearise(&wanted, &shapes);
@@ -414,7 +435,7 @@ impl Engine {
             let same = if whole {
                 self.families(&set) == self.families(&self.chosen)
             } else {
-                // Two that are as good can lead to one another.
+                // Two sets that are equally good can lead to one another.
                 sorted(&set) == sorted(&self.chosen) || visited.contains(&sorted(&set))
             };
             visited.push(sorted(&self.chosen));
@@ -433,10 +454,11 @@ impl Engine {
             self.settle_cuts(cell)?;
             let unlisted = gate && round + 1 < CHOOSING_ROUNDS && self.add_unlisted();
             let field = field.filter(|_| !unlisted);
-            // Of ten thousand rows a few more stand out in every round: no reason for another one.
+            // Of ten thousand rows a few further ones are outliers in every round, which is no reason for another
+            // round.
             let few = if whole { self.problem.rows.len() / FEW } else { 0 };
             let outliers = self.mark_outliers() > few;
-            // Together with a field, what is periodic in a joint can imitate anything: it would be withdrawn.
+            // Together with a field a harmonic can imitate any error, and it would be withdrawn.
             let seek = !whole && round + 1 < CHOOSING_ROUNDS && self.shape.field.is_none();
             let gear = seek && self.add_gear(&now);
             let jump = seek && self.add_jumps();
@@ -485,7 +507,8 @@ impl Engine {
             self.withdraw_unless(&mut posteriors, |_, share, _| share >= NAMED);
         }
         self.settle_cuts(cell)?;
-        // A cell that is worse than the declared one on rows that are left out is none. Over the whole robot, each stage had to gain.
+        // Effects are not added if the extended cell is worse than the declared one on rows that are left out. Over the
+        // whole robot every stage has already gained.
         if !whole && !posteriors.is_empty() {
             self.refused = self.worse_where_left_out();
             if self.refused.is_some() {
@@ -508,7 +531,7 @@ impl Engine {
         let dense = !self.aside.is_empty();
         let every = self.problem.rows.len() + self.aside.len() <= FITTED;
         if dense {
-            // What follows scores every row; columns of those that were searched on are no longer needed.
+            // All rows are judged from here on, and the columns of the rows of the search are no longer needed.
             (self.comb, self.reuse) = (None, Reuse::of(0));
             self.problem.take_back(std::mem::take(&mut self.aside));
             self.mark_outliers();
@@ -524,7 +547,7 @@ impl Engine {
         Ok(self.outcome(&before, &after, findings, data_hash))
     }
 
-    /// Noises worth trying about the one that was found.
+    /// The shapes of the noise that are tried near the present one.
     pub(super) fn shapes_about(&self) -> Vec<noise::Shape> {
         match self.shape {
             noise::Shape { field: Some(_), .. } => vec![self.shape],
@@ -534,7 +557,8 @@ impl Engine {
         }
     }
 
-    /// The posterior over sets, and how much wider predictions are over all of them than within the chosen one.
+    /// The posterior over sets, and the variance of the predictions over all of them, relative to the variance within
+    /// the chosen set.
     pub(super) fn posterior_over_sets(
         &self,
         search: &Search,
@@ -542,7 +566,7 @@ impl Engine {
         set: &[usize],
         (sigma, shape): (f64, usize),
     ) -> (Vec<SetShare>, f64) {
-        /// A set's spread beyond this is no width of its numbers any more.
+        /// Largest relative variance: with a larger one the sets disagree by more than the uncertainty of numbers.
         const WIDEST_SPREAD: f64 = 25.0;
         let moments = &linear.moments[shape];
         let frames = linear.always.len();
@@ -583,16 +607,16 @@ impl Engine {
         (told, spread)
     }
 
-    /// What a set stands for, whatever the sizes of its priors.
+    /// The families of the members of a set, sorted; twins with other prior sizes are one family.
     fn families(&self, set: &[usize]) -> Vec<&str> {
         let mut all: Vec<&str> = set.iter().map(|&c| &self.candidates[c].family[..]).collect();
         all.sort_unstable();
         all
     }
 
-    /// Takes a set: what is no longer in it starts afresh, the rest is refitted together.
+    /// Chooses a set and fits it. Candidates that leave the set get their start values.
     pub(super) fn choose(&mut self, set: Vec<usize>) {
-        // A twin goes on from where the other one was.
+        // Over the whole robot a twin continues with the numbers of the member that it replaces.
         for &c in set.iter().filter(|c| !self.chosen.contains(c)) {
             let known = self.chosen.iter().find(|&&o| twins(&self.candidates[o], &self.candidates[c]));
             if let Some(&known) = known.filter(|_| self.problem.free_device) {
@@ -607,11 +631,13 @@ impl Engine {
         self.refit();
     }
 
-    /// Seeks gear harmonics in what other effects leave; whether they are a new candidate.
+    /// Searches for gear harmonics in the residual of the other effects, and adds them as candidates. Returns whether
+    /// there is a new one.
     pub(super) fn add_gear(&mut self, linear: &Linearised) -> bool {
         let left = self.pseudo_left();
         let known = self.comb.take();
-        // Fits about the chosen set number its columns anew: those of one that is not in it are as they were.
+        // The fits since the linearisation have numbered the columns of the chosen candidates again, so that a
+        // candidate is needed that is not chosen.
         let constant =
             |c: &usize| !self.chosen.contains(c) && self.candidates[*c].law().is_some_and(|law| law.is_joint_constant);
         let Some(zero) = (0..self.candidates.len()).find(constant).map(|c| &self.candidates[c]) else { return false };
@@ -633,7 +659,7 @@ impl Engine {
         any
     }
 
-    /// What is left by the chosen effects but gear harmonics, patterns of the chosen set taken off too.
+    /// The residual of the chosen effects without gear harmonics, less the chosen patterns, mm.
     pub(super) fn pseudo_left(&mut self) -> DVector<f64> {
         let gear = |c: &usize| is_periodic(&self.candidates[*c]);
         let others: Vec<(&Home, &[f64])> = self
@@ -661,28 +687,30 @@ impl Engine {
         left
     }
 
+    /// The chosen candidates that are patterns.
     pub(super) fn patterns(&self) -> Vec<usize> {
         self.chosen.iter().copied().filter(|&c| self.candidates[c].is_pattern()).collect()
     }
 }
 
-/// The share that is done before one of some rounds between two others.
+/// The share of the work that is done before a round, if all rounds take the work from share `from` to share `to`.
 fn within(from: f64, to: f64, round: usize, rounds: usize) -> f64 {
     from + (to - from) * round as f64 / rounds as f64
 }
 
-/// Columns, then the data as a last column.
+/// A matrix of columns with the data as the last column.
 pub(super) fn stacked(columns: &DMatrix<f64>, data: &DVector<f64>) -> DMatrix<f64> {
     let mut stacked = columns.clone().insert_column(columns.ncols(), 0.0);
     stacked.set_column(columns.ncols(), data);
     stacked
 }
 
-/// What cannot bend to anything: neither patterns of what is unlisted nor smooth curves.
+/// Whether a candidate cannot imitate many others: it is neither an unlisted pattern nor a curve.
 pub(super) fn stiff(candidate: &Candidate) -> bool {
     !candidate.is_flexible()
 }
 
+/// Whether a candidate is a gear harmonic.
 fn is_periodic(candidate: &Candidate) -> bool {
     candidate.law().is_some_and(|law| law.shape == Shape::Periodic)
 }

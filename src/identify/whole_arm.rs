@@ -145,8 +145,8 @@ impl Engine {
         }
     }
 
-    /// Whether the model of the whole arm, without a discrepancy, gains more than [`UNLISTED`] over a set. Both have
-    /// the moments of the search, so that this costs little.
+    /// Whether the model of the whole arm, still without its discrepancy, gains more than [`UNLISTED`] over a set. Both
+    /// have the moments of the search, so that this costs little.
     pub(super) fn gains_on(&self, search: &Search, set: &[usize], members: &Members) -> bool {
         let value = search.objective(set);
         Shares::all().any(|shares| {
