@@ -566,7 +566,7 @@ impl Problem {
     }
 
     /// Adds the rows again that were set aside.
-    pub(super) fn take_back(&mut self, rows: Vec<Observation>) {
+    pub(super) fn add_again(&mut self, rows: Vec<Observation>) {
         self.rows.reserve_exact(rows.len());
         self.rows.extend(rows);
         self.rows.sort_unstable_by_key(|row| (row.run, row.order));

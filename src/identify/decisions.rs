@@ -1,5 +1,5 @@
 //! The numbers that decide what an identification names and corrects, in one place. Those by which a table is refused
-//! as faulty are in `questioned` and `poses`.
+//! as faulty are in `plausibility` and `poses`.
 //!
 //! Evidence is counted in nats: the natural logarithm of how probable the measured rows are. Two sets of effects whose
 //! evidence differs by 3 nats differ in probability by a factor of 20. Numbers that describe physics or an instrument

@@ -176,7 +176,7 @@ pub fn identify(input: Input<'_>) -> Result<Identification, Vec<Diagnostic>> {
     let mut engine = Engine::new(declared, problem, &cell.covariances);
     let before = if engine.aside.is_empty() { before } else { engine.problem.residual(&engine.declared) };
     if !engine.problem.free_device {
-        engine.questioned(&before)?;
+        engine.check_plausibility(&before)?;
     }
     engine.run(cell, &before, (data_hash, written), progress)
 }
@@ -378,7 +378,8 @@ impl Engine {
         // then together with the other effects.
         for round in 0..if self.problem.free_device { 0 } else { GEAR_ROUNDS } {
             reached(progress, within(SOLVED, SOUGHT, round, GEAR_ROUNDS))?;
-            let wanted: Vec<usize> = (0..self.candidates.len()).filter(|&c| stiff(&self.candidates[c])).collect();
+            let wanted: Vec<usize> =
+                (0..self.candidates.len()).filter(|&c| is_inflexible(&self.candidates[c])).collect();
             let tried = if round == 0 { shapes.clone() } else { self.shapes_about() };
             let now = self.linearise_narrowed(&wanted, &tried);
             let search = Search::new(&self.candidates, &now.moments, &now.always);
@@ -412,7 +413,7 @@ impl Engine {
             reached(progress, within(SOUGHT, CHOSEN, round, CHOOSING_ROUNDS))?;
             let now = self.linearise(&wanted, &shapes);
             reached(progress, within(SOUGHT, CHOSEN, 2 * round + 1, 2 * CHOOSING_ROUNDS))?;
-            let staged = whole.then(|| self.staged(&now));
+            let staged = whole.then(|| self.choose_in_stages(&now));
             let search = Search::new(&self.candidates, &now.moments, &now.always);
             let everything = |_: &Candidate| true;
             let Choice { set, sigma, shape } = staged.unwrap_or_else(|| {
@@ -477,7 +478,7 @@ impl Engine {
         }
         reached(progress, CHOSEN)?;
         if whole {
-            self.drop_idle();
+            self.drop_without_gain();
             posteriors.retain(|(c, _)| self.chosen.contains(c));
         } else {
             if whole_arm.is_none() && (self.is_unlisted() || self.forces_are_wrong()) {
@@ -513,7 +514,7 @@ impl Engine {
             self.refused = self.worse_where_left_out();
             if self.refused.is_some() {
                 posteriors.clear();
-                self.take_back();
+                self.remove_all_effects();
                 device_pose::restore(&mut self.problem, &places);
             }
         }
@@ -527,13 +528,13 @@ impl Engine {
         drop(linear.take());
         let unexplained = self.unexplained();
         self.map = map;
-        let stages = if whole { self.stages() } else { Vec::new() };
+        let stages = if whole { self.stage_errors() } else { Vec::new() };
         let dense = !self.aside.is_empty();
         let every = self.problem.rows.len() + self.aside.len() <= FITTED;
         if dense {
             // All rows are judged from here on, and the columns of the rows of the search are no longer needed.
             (self.comb, self.reuse) = (None, Reuse::of(0));
-            self.problem.take_back(std::mem::take(&mut self.aside));
+            self.problem.add_again(std::mem::take(&mut self.aside));
             self.mark_outliers();
             if every {
                 let map = self.map.take();
@@ -584,12 +585,12 @@ impl Engine {
             Some((sum, numbers, covariance))
         };
         let sets = search.sets(set);
-        let told = sets.iter().map(|(probability, set)| SetShare {
+        let reported = sets.iter().map(|(probability, set)| SetShare {
             kinds: search.names(set).into_iter().map(str::to_owned).collect(),
             probability: *probability,
         });
-        let told: Vec<SetShare> = told.collect();
-        let Some((own, numbers, covariance)) = predicted(set) else { return (told, 1.0) };
+        let reported: Vec<SetShare> = reported.collect();
+        let Some((own, numbers, covariance)) = predicted(set) else { return (reported, 1.0) };
         let kept = linear.design.kept();
         let gram = DMatrix::from_fn(numbers.len(), numbers.len(), |i, j| {
             let ((a, left, s), (b, right, t)) = (numbers[i], numbers[j]);
@@ -604,7 +605,7 @@ impl Engine {
             .filter_map(|(share, other)| predicted(other).map(|(there, ..)| share * (there - &own).norm_squared()))
             .sum();
         let spread = if within > 0.0 { (1.0 + between / within).min(WIDEST_SPREAD) } else { 1.0 };
-        (told, spread)
+        (reported, spread)
     }
 
     /// The families of the members of a set, sorted; twins with other prior sizes are one family.
@@ -706,7 +707,7 @@ pub(super) fn stacked(columns: &DMatrix<f64>, data: &DVector<f64>) -> DMatrix<f6
 }
 
 /// Whether a candidate cannot imitate many others: it is neither an unlisted pattern nor a curve.
-pub(super) fn stiff(candidate: &Candidate) -> bool {
+pub(super) fn is_inflexible(candidate: &Candidate) -> bool {
     !candidate.is_flexible()
 }
 

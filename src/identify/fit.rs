@@ -25,17 +25,17 @@ const LEAST_GAIN: f64 = 1e-6;
 /// Gain beyond its price, nats, that a member must have when the others are fitted again without it.
 const CLEARLY: f64 = 5.0;
 /// Largest number of changes to lookalikes in a fit.
-const LEAPS: usize = 5;
+const MOST_LOOKALIKES: usize = 5;
 /// Smallest reduction of the misfit by a change to a lookalike.
-const LEAP: f64 = 1.0;
+const LOOKALIKE_GAIN: f64 = 1.0;
 
 impl Engine {
     /// Fits the chosen numbers: to the nearest minimum of the misfit, and then again from every lookalike with a
     /// smaller misfit.
     pub(super) fn refit(&mut self) {
-        for _ in 0..LEAPS {
+        for _ in 0..MOST_LOOKALIKES {
             self.descend();
-            if self.problem.free_device || self.is_whole_arm() || !self.leap() {
+            if self.problem.free_device || self.is_whole_arm() || !self.try_lookalikes() {
                 break;
             }
         }
@@ -43,10 +43,10 @@ impl Engine {
 
     /// Replaces the numbers of one chosen effect by those of its lookalike with the smallest misfit. Returns whether a
     /// lookalike is better.
-    pub(super) fn leap(&mut self) -> bool {
+    pub(super) fn try_lookalikes(&mut self) -> bool {
         let linear = self.linearise(&self.patterns(), &[]);
         let here = self.misfit(&linear);
-        let mut best = (here - LEAP, None);
+        let mut best = (here - LOOKALIKE_GAIN, None);
         for c in self.chosen.clone() {
             let Some(effect) = fitted(&self.declared, &self.candidates[c]) else { continue };
             let now = self.candidates[c].values.clone();

@@ -286,7 +286,7 @@ impl Engine {
     }
 
     /// Removes every effect, the map included, and keeps the patterns.
-    pub(super) fn take_back(&mut self) {
+    pub(super) fn remove_all_effects(&mut self) {
         self.map = None;
         let (patterns, effects) = self.chosen.iter().partition(|&&c| self.candidates[c].is_pattern());
         self.chosen = patterns;

@@ -22,7 +22,7 @@ const SWEEPS: usize = 8;
 
 impl Engine {
     /// Chooses the set, and sets the smoothness of every curve in it. Its members are in the order of their stages.
-    pub(super) fn staged(&mut self, linear: &Linearised) -> Choice {
+    pub(super) fn choose_in_stages(&mut self, linear: &Linearised) -> Choice {
         let count = linear.moments.first().map_or(0, |moments| moments.count);
         let least = GAIN_A_SCALAR * count as f64;
         let mut choice = self.choose_without_curves(linear, least);
@@ -107,7 +107,7 @@ impl Engine {
 
     /// Error of the held-out rows before and after each chosen effect, mm rms, as if the effects were found one after
     /// another: each stage is fitted afresh together with the stages before it. All curves of the joints are one stage.
-    pub(super) fn stages(&mut self) -> Vec<(f64, f64)> {
+    pub(super) fn stage_errors(&mut self) -> Vec<(f64, f64)> {
         let state = (self.candidates.clone(), self.chosen.clone(), self.covariance.clone());
         let places = device_pose::places(&self.problem);
         let run_drift = self.run_drift(&self.residual());
@@ -141,7 +141,7 @@ impl Engine {
 
     /// Drops the members without which the log posterior falls by less than [`PRICE`]: the bounds of their numbers
     /// exclude those that would help (a gap is not negative), or a later stage explains the same.
-    pub(super) fn drop_idle(&mut self) {
+    pub(super) fn drop_without_gain(&mut self) {
         loop {
             let linear = self.linearise(&[], &[self.shape]);
             let here = self.misfit(&linear);

@@ -13,7 +13,7 @@ use crate::effects::kind;
 use crate::identify::candidate::{Candidate, Home, with};
 use crate::identify::data::Problem;
 use crate::identify::decisions::NAMED;
-use crate::identify::engine::{Engine, stiff};
+use crate::identify::engine::{Engine, is_inflexible};
 use crate::identify::found::Linearised;
 use crate::identify::moments::Moments;
 use crate::identify::noise;
@@ -168,7 +168,7 @@ impl Simulation<'_> {
         let moments: Vec<Moments> =
             self.linear.moments.iter().map(|m| m.clone().with_data(&self.linear.design, &data, &series)).collect();
         let search = Search::new(&self.engine.candidates, &moments, &self.linear.always);
-        let set = search.likeliest(search.best(&[], &stiff));
+        let set = search.likeliest(search.best(&[], &is_inflexible));
         let score = search.full(&set);
         let columns = search.columns(&set);
         let mut left = data.clone();

@@ -253,7 +253,7 @@ pub(super) fn steps_mm<'a>(rows: impl Iterator<Item = &'a MeasuredRow> + Clone) 
 impl Engine {
     /// Refuses residuals of the declared cell that no robot has. A suspicion about the forces that is not certain is
     /// kept for the advice.
-    pub(super) fn questioned(&mut self, before: &DVector<f64>) -> Result<(), Vec<Diagnostic>> {
+    pub(super) fn check_plausibility(&mut self, before: &DVector<f64>) -> Result<(), Vec<Diagnostic>> {
         let noise_mm = row_to_row_mm(&self.problem, before);
         if noise_mm > MOST_NOISE_MM {
             let message = format!(
