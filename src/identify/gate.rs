@@ -13,12 +13,11 @@ use super::noise;
 use super::pattern::{self, Pattern, Standing};
 use super::score::score;
 use super::search::Search;
+use super::statistics::{TO_SIGMA, median};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use statrs::function::gamma::ln_gamma;
 
-/// Standard deviation of normal numbers relative to the median of their absolute values.
-const TO_SIGMA: f64 = 1.4826;
 /// Limit of whitened residuals of held-out rows, in their own standard deviations. It is far out, so that only blunders
 /// of the instrument are left out: without the rows that are predicted badly, the reported error would be too small.
 const BLUNDER: f64 = 2.0 * OUTLIER;
@@ -318,11 +317,10 @@ impl Engine {
         // their scale.
         let held_out = |row: &&Observation| row.held_out && !row.outlier;
         let seen = self.problem.rows.iter().filter(held_out);
-        let mut sizes: Vec<f64> = seen
+        let sizes = seen
             .flat_map(|row| (0..row.seen.len()).filter(|&k| row.seen.shows(k)).map(|k| whitened[row.offset + k].abs()))
             .collect();
-        sizes.sort_by(f64::total_cmp);
-        let unseen = (TO_SIGMA * sizes.get(sizes.len() / 2).copied().unwrap_or(0.0)).max(self.sigma);
+        let unseen = (TO_SIGMA * median(sizes)).max(self.sigma);
         let limit = |row: &Observation| if row.held_out { BLUNDER * unseen } else { OUTLIER * self.sigma };
         let far: Vec<usize> = (0..self.problem.rows.len())
             .filter(|&i| {

@@ -46,6 +46,7 @@ mod seen;
 mod separability;
 mod smooth;
 mod springs;
+mod statistics;
 mod ties;
 mod transfer;
 mod unseen;

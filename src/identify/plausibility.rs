@@ -6,6 +6,7 @@
 use super::data::Problem;
 use super::engine::Engine;
 use super::seen::{ELSEWHERE_MM, Seen};
+use super::statistics::{TO_SIGMA, median};
 use crate::correct::Prepared;
 use crate::measured::{MeasuredRow, Table};
 use crate::text::Diagnostic;
@@ -27,8 +28,6 @@ const COMPARED: usize = 200;
 const SHIFTS: [isize; 4] = [-1, 1, -2, 2];
 /// Scatter from row to row for each axis that no robot exceeds, mm.
 const MOST_NOISE_MM: f64 = 1.0;
-/// Standard deviation of normal numbers relative to the median of their absolute values.
-const TO_SIGMA: f64 = 1.4826;
 
 /// Another reading of measured points.
 struct Reading {
@@ -323,10 +322,4 @@ fn row_to_row_mm(problem: &Problem, residual: &DVector<f64>) -> f64 {
     }
     // The variance of second differences of white noise is six times that of the noise.
     TO_SIGMA * median(sizes) / 6f64.sqrt()
-}
-
-/// The upper median; zero if there are no values.
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }

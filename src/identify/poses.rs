@@ -4,6 +4,7 @@
 use super::data::{Blocks, Problem};
 use super::device::Device;
 use super::seen::{ELSEWHERE_MM, Seen};
+use super::statistics::median;
 use crate::cell::Cell;
 use crate::correct::{Point, Prepared, named_tool};
 use crate::effects::ToolFrame;
@@ -203,12 +204,6 @@ fn tcp_by_joints(robot: &Robot, tool: &ToolFrame, motor: &Joints) -> Pose {
 /// Distance of the two points of a pair, m.
 fn distance(base_from_device: &Pose, (base, device): &Pair) -> f64 {
     (base_from_device.rotation * device + base_from_device.translation.vector - base).norm()
-}
-
-/// The upper median; zero if there are no values.
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// Another reading of the motor angles and positions of a file.

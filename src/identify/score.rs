@@ -114,14 +114,6 @@ impl Normal {
     }
 }
 
-/// The mean of some gains, in standard errors of that mean.
-pub(super) fn in_standard_errors(gains: &[f64]) -> f64 {
-    let n = gains.len() as f64;
-    let mean = gains.iter().sum::<f64>() / n;
-    let variance = gains.iter().map(|gain| (gain - mean).powi(2)).sum::<f64>() / (n * (n - 1.0)).max(1.0);
-    mean / variance.sqrt().max(f64::MIN_POSITIVE)
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::noise::{Series, Shape};

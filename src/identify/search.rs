@@ -81,7 +81,7 @@ impl<'a> Search<'a> {
 
     /// Evidence of a set under the best of all noise shapes.
     pub(super) fn full(&self, set: &[usize]) -> Score {
-        score(self.moments, &self.columns(set), None)
+        self.near(set, None)
     }
 
     /// The same; the search for σ begins at `guess`, mm, if there is one.
