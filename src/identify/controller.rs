@@ -50,7 +50,7 @@ fn evidence(problem: &Problem, residual: &DVector<f64>) -> f64 {
 fn rms(problem: &Problem, residual: &DVector<f64>) -> f64 {
     let rows = problem.rows.iter().filter(|row| !row.held_out);
     let (sum, count) = rows.fold((0.0, 0usize), |(sum, count), row| {
-        (sum + residual.rows(row.offset, row.seen.len()).norm_squared(), count + 1)
+        (sum + residual.rows(row.offset, row.reading.len()).norm_squared(), count + 1)
     });
     (sum / count.max(1) as f64).sqrt()
 }

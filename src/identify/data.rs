@@ -3,7 +3,7 @@
 use super::device::{Device, fixed_point};
 use super::noise::{OVER, Places, Sample, Series};
 use super::probing::Probing;
-use super::seen::Seen;
+use super::reading::Reading;
 use crate::cell::Cell;
 use crate::correct::Prepared;
 use crate::effects::{Cutting, Situation};
@@ -39,7 +39,7 @@ pub(super) struct Observation {
     /// Index of the point before it, if it was measured between two targets.
     pub(super) way_from: Option<usize>,
     /// The reading of the instrument.
-    pub(super) seen: Seen,
+    pub(super) reading: Reading,
     /// The state of the arm when its own probe touched, if the robot itself probed the row.
     pub(super) probing: Option<Probing>,
     /// Measured orientation of the probe in the frame of the device.
@@ -61,12 +61,12 @@ pub(super) struct Observation {
 impl Observation {
     /// Indices of its scalars in stacked vectors: those of the position, mm, then those of the orientation, mrad.
     pub(super) fn scalars(&self) -> Range<usize> {
-        self.offset..self.offset + self.seen.len() + if self.turned.is_some() { TURNS } else { 0 }
+        self.offset..self.offset + self.reading.len() + if self.turned.is_some() { TURNS } else { 0 }
     }
 
     /// Indices of the scalars of the orientation.
     pub(super) fn turns(&self) -> Range<usize> {
-        self.offset + self.seen.len()..self.scalars().end
+        self.offset + self.reading.len()..self.scalars().end
     }
 }
 
@@ -211,11 +211,11 @@ impl Problem {
         row: &MeasuredRow,
         motor: Joints,
         travel: Joints,
-        seen: Seen,
+        reading: Reading,
         blocks: &Blocks,
     ) {
         let offset = self.scalars;
-        self.scalars += seen.len();
+        self.scalars += reading.len();
         self.rows.push(Observation {
             run,
             point,
@@ -225,7 +225,7 @@ impl Problem {
             motor,
             travel,
             way_from: None,
-            seen,
+            reading,
             probing: None,
             turned: None,
             weight: row.sigma_mm.unwrap_or(1.0),
@@ -378,18 +378,20 @@ impl Problem {
             }
         };
         let wobj_from_tcp = &self.runs[row.run].seen(row.point, *wobj_from_tcp);
-        let moved = match row.seen {
-            Seen::Position(seen) => (seen - wobj_from_tcp.translation.vector * 1e3).into(),
-            Seen::Normal(seen) => [seen - 1e3 * self.runs[row.run].normal_error(row.point, wobj_from_tcp), 0.0, 0.0],
-            Seen::Distance(seen) => match self.devices[row.run] {
-                Device::Point(from) => [seen - (wobj_from_tcp.translation.vector * 1e3 - from).norm(), 0.0, 0.0],
+        let moved = match row.reading {
+            Reading::Position(measured) => (measured - wobj_from_tcp.translation.vector * 1e3).into(),
+            Reading::Normal(measured) => {
+                [measured - 1e3 * self.runs[row.run].normal_error(row.point, wobj_from_tcp), 0.0, 0.0]
+            }
+            Reading::Distance(measured) => match self.devices[row.run] {
+                Device::Point(from) => [measured - (wobj_from_tcp.translation.vector * 1e3 - from).norm(), 0.0, 0.0],
                 _ => [f64::NAN; 3],
             },
         };
         let turned = match (row.turned, self.devices[row.run]) {
-            (Some(seen), Device::Frame { tcp_from_probe }) => {
+            (Some(measured), Device::Frame { tcp_from_probe }) => {
                 let there = UnitQuaternion::from_rotation_matrix(&wobj_from_tcp.rotation) * tcp_from_probe;
-                (1e3 * (seen * there.inverse()).scaled_axis()).into()
+                (1e3 * (measured * there.inverse()).scaled_axis()).into()
             }
             _ => [0.0; 3],
         };
@@ -420,8 +422,8 @@ impl Problem {
         let mut out = DVector::zeros(self.scalars);
         for (row, [moved, turned]) in self.rows.iter().zip(parts) {
             // Axes that were not measured are zero in every residual and in every column.
-            let shown = |(k, value): (usize, f64)| if row.seen.shows(k) { value } else { 0.0 };
-            let moved = moved.into_iter().take(row.seen.len()).enumerate().map(shown);
+            let shown = |(k, value): (usize, f64)| if row.reading.has(k) { value } else { 0.0 };
+            let moved = moved.into_iter().take(row.reading.len()).enumerate().map(shown);
             for (k, value) in row.scalars().zip(moved.chain(turned)) {
                 out[k] = value;
             }
@@ -456,7 +458,7 @@ impl Problem {
             let mut add = |axis: usize, scalar: usize, weight: f64| {
                 samples[AXES * row.run + axis].push((scalar, row.order, weight));
             };
-            let shown = (0..row.seen.len()).filter(|&k| row.seen.shows(k));
+            let shown = (0..row.reading.len()).filter(|&k| row.reading.has(k));
             shown.for_each(|k| add(k, row.offset + k, row.weight * row.tail));
             row.turns().enumerate().for_each(|(k, scalar)| add(3 + k, scalar, self.turn_weight));
         }
@@ -469,7 +471,7 @@ impl Problem {
                 return Series { samples, places: Arc::clone(&of_all[run]) };
             }
             let turned = |row: &Observation| axis >= 3 && !row.turns().is_empty();
-            let has = |row: &&&Observation| turned(row) || axis < row.seen.len() && row.seen.shows(axis);
+            let has = |row: &&&Observation| turned(row) || axis < row.reading.len() && row.reading.has(axis);
             let own: Vec<&Observation> = rows[run].iter().filter(has).copied().collect();
             Series { samples, places: places(&own) }
         };
@@ -523,7 +525,7 @@ impl Problem {
     /// Only some of the rows are lengths, or they are too few.
     pub(super) fn find_fixed_point(&mut self, run: usize, table: &Table) -> Result<(), Vec<Diagnostic>> {
         let of_run = |row: &&Observation| row.run == run;
-        let lengths = self.rows.iter().filter(of_run).filter(|row| matches!(row.seen, Seen::Distance(_))).count();
+        let lengths = self.rows.iter().filter(of_run).filter(|row| matches!(row.reading, Reading::Distance(_))).count();
         if lengths == 0 {
             return Ok(());
         }
@@ -533,9 +535,9 @@ impl Problem {
         }
         let place = |row: &Observation| 1e3 * self.runs[run].points[row.point].wobj_from_tcp.translation.vector;
         let fitted = self.rows.iter().filter(of_run).filter(|row| !row.held_out);
-        let measured = fitted.filter_map(|row| match row.seen {
-            Seen::Distance(length) => Some((place(row), length)),
-            Seen::Position(_) | Seen::Normal(_) => None,
+        let measured = fitted.filter_map(|row| match row.reading {
+            Reading::Distance(length) => Some((place(row), length)),
+            Reading::Position(_) | Reading::Normal(_) => None,
         });
         let Some(point) = fixed_point(&measured.collect::<Vec<_>>()) else {
             let message = "too few distances to find the point that they were measured from".to_owned();

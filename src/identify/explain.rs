@@ -84,7 +84,7 @@ impl Engine {
             .rows
             .iter()
             .filter(|row| !row.outlier && keep(row))
-            .map(|row| residual.rows(row.offset, row.seen.len()).norm())
+            .map(|row| residual.rows(row.offset, row.reading.len()).norm())
             // Without one of its effects the arm may have no equilibrium at some rows.
             .filter(|norm| norm.is_finite())
             .collect();
@@ -162,7 +162,7 @@ impl Engine {
         let coverage = self.coverage();
         let noise_mm = self.sigma * self.tail_factor();
         let wander_mm = self.wander_mm();
-        let shown: usize = self.problem.rows.iter().map(|row| row.seen.count()).sum();
+        let shown: usize = self.problem.rows.iter().map(|row| row.reading.count()).sum();
         let axes = shown as f64 / self.problem.rows.len().max(1) as f64;
         let orientation_noise_deg = self.orientation_noise_deg();
         let outliers = self.problem.rows.iter().filter(|row| row.outlier).map(|row| row.line).collect();
@@ -296,7 +296,7 @@ impl Engine {
         let whitened = self.whitened(&(self.residual() - self.shifted_by(|_| true)));
         let fitted = self.problem.rows.iter().filter(|row| !row.held_out && !row.outlier);
         let (wide, all) = fitted.fold((0.0, 0.0), |(wide, all), row| {
-            let square = whitened.rows(row.offset, row.seen.len()).norm_squared();
+            let square = whitened.rows(row.offset, row.reading.len()).norm_squared();
             (wide + square * row.tail * row.tail, all + square)
         });
         if all > 0.0 { (wide / all).sqrt() } else { 1.0 }
@@ -464,7 +464,7 @@ impl Engine {
         const DRAWS: usize = 400;
         let mut blocks: std::collections::BTreeMap<(usize, usize), Vec<f64>> = std::collections::BTreeMap::new();
         for row in self.problem.rows.iter().filter(|row| row.held_out && !row.outlier) {
-            let size = after.rows(row.offset, row.seen.len()).norm_squared();
+            let size = after.rows(row.offset, row.reading.len()).norm_squared();
             blocks.entry((row.run, row.block)).or_default().push(size);
         }
         let blocks: Vec<Vec<f64>> = blocks.into_values().collect();
@@ -498,7 +498,7 @@ impl Engine {
         let whitened = self.whitened(after);
         let three = |v: &DVector<f64>, row: &Observation, scale: f64| {
             // Axes that were not measured have no residual.
-            let shows = |k: usize| k < row.seen.len() && row.seen.shows(k);
+            let shows = |k: usize| k < row.reading.len() && row.reading.has(k);
             std::array::from_fn(|k| if shows(k) { v[row.offset + k] * scale } else { f64::NAN })
         };
         self.problem

@@ -122,12 +122,12 @@ impl Engine {
         let variance = self.sigma * self.sigma * (1.0 + inflated);
         let fitted = |row: &&Observation| row.run == run && !row.held_out && !row.outlier;
         let rows: Vec<&Observation> = self.problem.rows.iter().filter(fitted).collect();
-        let axes = rows.iter().map(|row| row.seen.len()).max()?;
+        let axes = rows.iter().map(|row| row.reading.len()).max()?;
         // For each axis the sums of the weights and of the weighted residuals of all rows before each row.
         let mut sums = vec![[[0.0; 2]; 3]];
         for row in &rows {
             let mut next = *sums.last()?;
-            for (k, sum) in next.iter_mut().enumerate().take(row.seen.len()).filter(|(k, _)| row.seen.shows(*k)) {
+            for (k, sum) in next.iter_mut().enumerate().take(row.reading.len()).filter(|(k, _)| row.reading.has(*k)) {
                 let weight = (row.weight * row.tail).powi(-2);
                 sum[0] += weight;
                 sum[1] += weight * left[row.offset + k];
@@ -202,7 +202,7 @@ impl Engine {
             .problem
             .rows
             .iter()
-            .map(|row| (whitened.rows(row.offset, row.seen.len()).norm_squared(), row.seen.count() as f64))
+            .map(|row| (whitened.rows(row.offset, row.reading.len()).norm_squared(), row.reading.count() as f64))
             .collect();
         let fitted: Vec<(f64, f64)> = self
             .problem
@@ -318,7 +318,9 @@ impl Engine {
         let held_out = |row: &&Observation| row.held_out && !row.outlier;
         let seen = self.problem.rows.iter().filter(held_out);
         let sizes = seen
-            .flat_map(|row| (0..row.seen.len()).filter(|&k| row.seen.shows(k)).map(|k| whitened[row.offset + k].abs()))
+            .flat_map(|row| {
+                (0..row.reading.len()).filter(|&k| row.reading.has(k)).map(|k| whitened[row.offset + k].abs())
+            })
             .collect();
         let unseen = (TO_SIGMA * median(sizes)).max(self.sigma);
         let limit = |row: &Observation| if row.held_out { BLUNDER * unseen } else { OUTLIER * self.sigma };

@@ -14,7 +14,7 @@ use super::engine::Engine;
 use super::found::{LeavingOut, Map, Posterior};
 use super::noise::{self, Field, Over, Places, Sample, Series, whiten};
 use super::pattern::Standing;
-use super::seen::Seen;
+use super::reading::Reading;
 use super::statistics::in_standard_errors;
 use super::whole_arm::VARIANCES;
 use crate::effects::{Bell, Effect, discrepancy};
@@ -158,21 +158,25 @@ impl Engine {
         if rows.is_empty() {
             return None;
         }
-        let whole = rows.iter().all(|row| matches!(row.seen, Seen::Position(_)) && row.seen.count() == row.seen.len());
+        let whole = rows
+            .iter()
+            .all(|row| matches!(row.reading, Reading::Position(_)) && row.reading.count() == row.reading.len());
         let groups = self.groups(LeavingOut::Places);
         let mut scalars = Vec::new();
         for row in rows {
             let run = &self.problem.runs[row.run];
             let turn = run.base_from_wobj(row.point).rotation;
-            let shown = |k: usize| row.seen.shows(k).then(|| residual[row.offset + k]);
-            let lines: Vec<(usize, Vector3<f64>, f64)> = match row.seen {
-                Seen::Distance(_) => return None,
-                Seen::Normal(_) => vec![(0, turn * run.points[row.point].normal, residual[row.offset])],
-                Seen::Position(_) if whole => {
+            let shown = |k: usize| row.reading.has(k).then(|| residual[row.offset + k]);
+            let lines: Vec<(usize, Vector3<f64>, f64)> = match row.reading {
+                Reading::Distance(_) => return None,
+                Reading::Normal(_) => vec![(0, turn * run.points[row.point].normal, residual[row.offset])],
+                Reading::Position(_) if whole => {
                     let error = turn * Vector3::from_fn(|k, _| residual[row.offset + k]);
                     (0..3).map(|k| (k, Vector3::ith(k, 1.0), error[k])).collect()
                 }
-                Seen::Position(_) => (0..3).filter_map(|k| Some((k, turn * Vector3::ith(k, 1.0), shown(k)?))).collect(),
+                Reading::Position(_) => {
+                    (0..3).filter_map(|k| Some((k, turn * Vector3::ith(k, 1.0), shown(k)?))).collect()
+                }
             };
             let of = |(axis, along, error)| Scalar {
                 run: row.run,

@@ -2,7 +2,7 @@
 //! measurement, and errors of effects that are in no list.
 
 use super::data::{Observation, Parts, Problem};
-use super::seen::Seen;
+use super::reading::Reading;
 use crate::equilibrium::Arm;
 use nalgebra::{DVector, Matrix3, Vector3};
 
@@ -360,10 +360,10 @@ fn shift(
 
 /// The scalars that the instrument of a row measures of a shift in work object axes, mm.
 fn project(problem: &Problem, row: &Observation, shift: Vector3<f64>) -> Parts {
-    let shown = match row.seen {
-        Seen::Position(_) => shift.into(),
-        Seen::Normal(_) => [shift.dot(&problem.runs[row.run].points[row.point].normal), 0.0, 0.0],
-        Seen::Distance(_) => [shift.x, 0.0, 0.0],
+    let shown = match row.reading {
+        Reading::Position(_) => shift.into(),
+        Reading::Normal(_) => [shift.dot(&problem.runs[row.run].points[row.point].normal), 0.0, 0.0],
+        Reading::Distance(_) => [shift.x, 0.0, 0.0],
     };
     [shown, [0.0; 3]]
 }

@@ -5,17 +5,17 @@
 
 use super::data::Problem;
 use super::engine::Engine;
-use super::seen::{ELSEWHERE_MM, Seen};
+use super::reading::{ELSEWHERE_MM, Reading};
 use super::statistics::{TO_SIGMA, median};
 use crate::correct::Prepared;
 use crate::measured::{MeasuredRow, Table};
 use crate::text::Diagnostic;
 use nalgebra::{DVector, Vector3};
 
-/// Median distance of points from their targets below which no other reading is tried, mm: an error of the work object
+/// Median distance of points from their targets below which no other interpretation is tried, mm: an error of the work object
 /// of this size is common.
 const NEAR_MM: f64 = 2.0;
-/// Share to which another reading must reduce the distances to be the one that was meant.
+/// Share to which another interpretation must reduce the distances to be the one that was meant.
 const CLEARLY: f64 = 0.1;
 /// Distance from the other rows from which on rows are in another frame or unit, mm, and in medians of the others. No
 /// arm bends so far.
@@ -29,8 +29,8 @@ const SHIFTS: [isize; 4] = [-1, 1, -2, 2];
 /// Scatter from row to row for each axis that no robot exceeds, mm.
 const MOST_NOISE_MM: f64 = 1.0;
 
-/// Another reading of measured points.
-struct Reading {
+/// Another interpretation of measured points.
+struct Interpretation {
     what: &'static str,
     help: &'static str,
     change: fn(&Vector3<f64>) -> Vector3<f64>,
@@ -39,30 +39,30 @@ struct Reading {
 const RENAME: &str = "name the columns rightly, in the header or with --columns";
 const TURN: &str = "turn the sign of the column";
 
-/// The readings of points that are tried.
-const READINGS: [Reading; 11] = [
-    Reading { what: "the numbers are inches", help: "multiply them by 25.4", change: |v| v * 25.4 },
-    Reading { what: "the numbers are metres", help: "multiply them by 1000", change: |v| v * 1e3 },
-    Reading { what: "x and y are swapped", help: RENAME, change: |v| Vector3::new(v.y, v.x, v.z) },
-    Reading { what: "y and z are swapped", help: RENAME, change: |v| Vector3::new(v.x, v.z, v.y) },
-    Reading { what: "x and z are swapped", help: RENAME, change: |v| Vector3::new(v.z, v.y, v.x) },
-    Reading { what: "x has the wrong sign", help: TURN, change: |v| Vector3::new(-v.x, v.y, v.z) },
-    Reading { what: "y has the wrong sign", help: TURN, change: |v| Vector3::new(v.x, -v.y, v.z) },
-    Reading { what: "z has the wrong sign", help: TURN, change: |v| Vector3::new(v.x, v.y, -v.z) },
-    Reading { what: "x and y have the wrong sign", help: TURN, change: |v| Vector3::new(-v.x, -v.y, v.z) },
-    Reading { what: "the columns are y, z, x", help: RENAME, change: |v| Vector3::new(v.z, v.x, v.y) },
-    Reading { what: "the columns are z, x, y", help: RENAME, change: |v| Vector3::new(v.y, v.z, v.x) },
+/// The interpretations of points that are tried.
+const INTERPRETATIONS: [Interpretation; 11] = [
+    Interpretation { what: "the numbers are inches", help: "multiply them by 25.4", change: |v| v * 25.4 },
+    Interpretation { what: "the numbers are metres", help: "multiply them by 1000", change: |v| v * 1e3 },
+    Interpretation { what: "x and y are swapped", help: RENAME, change: |v| Vector3::new(v.y, v.x, v.z) },
+    Interpretation { what: "y and z are swapped", help: RENAME, change: |v| Vector3::new(v.x, v.z, v.y) },
+    Interpretation { what: "x and z are swapped", help: RENAME, change: |v| Vector3::new(v.z, v.y, v.x) },
+    Interpretation { what: "x has the wrong sign", help: TURN, change: |v| Vector3::new(-v.x, v.y, v.z) },
+    Interpretation { what: "y has the wrong sign", help: TURN, change: |v| Vector3::new(v.x, -v.y, v.z) },
+    Interpretation { what: "z has the wrong sign", help: TURN, change: |v| Vector3::new(v.x, v.y, -v.z) },
+    Interpretation { what: "x and y have the wrong sign", help: TURN, change: |v| Vector3::new(-v.x, -v.y, v.z) },
+    Interpretation { what: "the columns are y, z, x", help: RENAME, change: |v| Vector3::new(v.z, v.x, v.y) },
+    Interpretation { what: "the columns are z, x, y", help: RENAME, change: |v| Vector3::new(v.y, v.z, v.x) },
 ];
 
 /// A measured position of three axes, mm, with the row and the index of its target.
 struct Pair<'a> {
     row: &'a MeasuredRow,
     point: usize,
-    seen: Vector3<f64>,
+    measured: Vector3<f64>,
 }
 
 /// A row with the index of its point in the program and its reading.
-pub(super) type MatchedRow<'a> = (usize, &'a MeasuredRow, Seen);
+pub(super) type MatchedRow<'a> = (usize, &'a MeasuredRow, Reading);
 
 /// A fault of a table: its first line, or 0 if it concerns the whole table, with how to correct it.
 struct Fault {
@@ -79,13 +79,13 @@ struct Meaning {
 
 /// Adds an error if the points of a table are not those of its targets, or cannot be measurements.
 pub(super) fn check_points(prepared: &Prepared, table: &Table, taken: &[MatchedRow], errors: &mut Vec<Diagnostic>) {
-    let pair = |&(point, row, seen): &MatchedRow<'_>| match seen {
-        Seen::Position(seen) if seen.iter().all(|v| v.is_finite()) => Some((point, row.line, seen)),
-        Seen::Position(_) | Seen::Normal(_) | Seen::Distance(_) => None,
+    let pair = |&(point, row, reading): &MatchedRow<'_>| match reading {
+        Reading::Position(measured) if measured.iter().all(|v| v.is_finite()) => Some((point, row.line, measured)),
+        Reading::Position(_) | Reading::Normal(_) | Reading::Distance(_) => None,
     };
     let pairs: Vec<Pair> = taken
         .iter()
-        .filter_map(|taken| pair(taken).map(|(point, _, seen)| Pair { row: taken.1, point, seen }))
+        .filter_map(|taken| pair(taken).map(|(point, _, measured)| Pair { row: taken.1, point, measured }))
         .collect();
     let points = MeasuredPoints { prepared, pairs: &pairs };
     let fault = doubled(taken).or_else(|| points.stuck()).or_else(|| points.elsewhere()).or_else(|| points.stretch());
@@ -105,19 +105,19 @@ impl MeasuredPoints<'_> {
         Some(there.wobj_from_tcp.translation.vector * 1e3)
     }
 
-    /// Median distance, mm, of the points that `keep` accepts, changed by a reading, from the targets `shift` targets
+    /// Median distance, mm, of the points that `keep` accepts, changed by an interpretation, from the targets `shift` targets
     /// after theirs.
     fn off(&self, change: impl Fn(&Vector3<f64>) -> Vector3<f64>, shift: isize, keep: impl Fn(usize) -> bool) -> f64 {
         let of = |(i, pair): (usize, &Pair)| {
             let target = self.target(pair.point, shift).filter(|_| keep(i))?;
-            Some((change(&pair.seen) - target).norm())
+            Some((change(&pair.measured) - target).norm())
         };
         median(self.pairs.iter().enumerate().filter_map(of).collect())
     }
 
     /// Vector from the target of a point to the point, mm.
     fn gap(&self, pair: &Pair) -> Vector3<f64> {
-        self.target(pair.point, 0).map_or_else(Vector3::zeros, |target| pair.seen - target)
+        self.target(pair.point, 0).map_or_else(Vector3::zeros, |target| pair.measured - target)
     }
 
     /// The vector from target to point, mm, near which the vectors of most points are.
@@ -128,10 +128,10 @@ impl MeasuredPoints<'_> {
         gaps.iter().step_by(every).max_by_key(|gap| alike(gap)).copied().unwrap_or_default()
     }
 
-    /// The reading or shift that brings the points which `keep` accepts clearly nearer to their targets than `off`, mm.
+    /// The interpretation or shift that brings the points which `keep` accepts clearly nearer to their targets than `off`, mm.
     fn meant(&self, off: f64, keep: &dyn Fn(usize) -> bool) -> Option<Meaning> {
-        let reading = READINGS.iter().find(|reading| self.off(reading.change, 0, keep) < CLEARLY * off);
-        reading.map(|reading| Meaning { what: reading.what.to_owned(), help: reading.help.to_owned() }).or_else(|| {
+        let found = INTERPRETATIONS.iter().find(|other| self.off(other.change, 0, keep) < CLEARLY * off);
+        found.map(|other| Meaning { what: other.what.to_owned(), help: other.help.to_owned() }).or_else(|| {
             let shift = SHIFTS.into_iter().find(|&shift| self.off(|v| *v, shift, keep) < CLEARLY * off)?;
             let (side, change) = if shift > 0 { ("after", "add") } else { ("before", "subtract") };
             let by = shift.unsigned_abs();
@@ -162,7 +162,8 @@ impl MeasuredPoints<'_> {
     fn shuffled(&self, off: f64) -> Option<Meaning> {
         let places: Vec<Vector3<f64>> = self.pairs.iter().filter_map(|pair| self.target(pair.point, 0)).collect();
         let every = self.pairs.len().div_ceil(COMPARED).max(1);
-        let nearest = |pair: &Pair| places.iter().map(|place| (pair.seen - place).norm()).fold(f64::INFINITY, f64::min);
+        let nearest =
+            |pair: &Pair| places.iter().map(|place| (pair.measured - place).norm()).fold(f64::INFINITY, f64::min);
         let nearest = median(self.pairs.iter().step_by(every).map(nearest).collect());
         (nearest < CLEARLY * off).then(|| Meaning {
             what: "each point lies at another target of the path, so the rows are out of order".to_owned(),
@@ -206,7 +207,7 @@ impl MeasuredPoints<'_> {
         let same = |a: &Pair, b: &Pair| {
             let (a_target, b_target) = (self.target(a.point, 0), self.target(b.point, 0));
             let apart = a_target.zip(b_target).is_some_and(|(a, b)| (a - b).norm() > APART_MM);
-            apart && a.seen == b.seen
+            apart && a.measured == b.measured
         };
         let rows = self.pairs.chunk_by(same).find(|rows| rows.len() >= 3)?;
         let (from, to) = (rows.first()?.row.line, rows.last()?.row.line);
@@ -224,8 +225,8 @@ fn doubled(taken: &[MatchedRow]) -> Option<Fault> {
     let again = || order.windows(2).filter(|rows| rows[0].0 == rows[1].0);
     let same = |rows: &&[&MatchedRow]| {
         let (a, b) = (rows[0].1, rows[1].1);
-        let seen = |row: &MeasuredRow| (row.axes_mm, row.normal_mm, row.distance_mm);
-        seen(a) == seen(b) && (a.force_n, a.time_s, &a.run) == (b.force_n, b.time_s, &b.run)
+        let numbers = |row: &MeasuredRow| (row.axes_mm, row.normal_mm, row.distance_mm);
+        numbers(a) == numbers(b) && (a.force_n, a.time_s, &a.run) == (b.force_n, b.time_s, &b.run)
     };
     let found = again().find(same)?;
     let timed = found[0].1.time_s.is_some();

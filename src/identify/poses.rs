@@ -3,7 +3,7 @@
 
 use super::data::{Blocks, Problem};
 use super::device::Device;
-use super::seen::{ELSEWHERE_MM, Seen};
+use super::reading::{ELSEWHERE_MM, Reading};
 use super::statistics::median;
 use crate::cell::Cell;
 use crate::correct::{Point, Prepared, named_tool};
@@ -19,21 +19,21 @@ const MESSAGES: usize = 20;
 /// Median distance after registration, as a share of the spread of the points, from which on the points do not follow
 /// the joints.
 const NOTHING: f64 = 0.5;
-/// Share to which another reading of the file must reduce the distances or angles to be the one that was meant.
+/// Share to which another interpretation of the file must reduce the distances or angles to be the one that was meant.
 const CLEARLY: f64 = 0.1;
 /// Points that are this many medians off are left out of the registration.
 const FAR: f64 = 5.0;
 /// Largest median angle between measured orientations and those by the joints, rad: the links of a robot are known
 /// better than that.
 const ALIKE: f64 = 0.17;
-/// Median angle below which no other reading of the orientations is tried, rad.
+/// Median angle below which no other interpretation of the orientations is tried, rad.
 const FINE: f64 = 3e-3;
 
 /// One row of the table with its motor angles, rad, and its reading.
-struct Read<'a> {
+struct PoseRow<'a> {
     row: &'a MeasuredRow,
     motor: Joints,
-    seen: Seen,
+    reading: Reading,
 }
 
 /// Position of the TCP by the joints in the base frame, and as measured in the frame of the device, m.
@@ -58,13 +58,13 @@ impl Problem {
             let table = &table;
             let rows = readable(&cell.arm.robot, table)?;
             let blocks = Blocks::of(&rows.iter().map(|read| read.row.holdout).collect::<Vec<_>>());
-            let fitted: Vec<&Read> =
+            let fitted: Vec<&PoseRow> =
                 rows.iter().enumerate().filter(|(i, _)| !blocks.held_out(*i)).map(|(_, read)| read).collect();
             let device = measuring_frame(&cell.arm.robot, &tool, table, &rows, &fitted)?;
             let mut points = Vec::with_capacity(rows.len());
             let mut previous = None;
             let run = problem.runs.len();
-            for (order, Read { row, motor, seen }) in rows.iter().enumerate() {
+            for (order, PoseRow { row, motor, reading }) in rows.iter().enumerate() {
                 let travel = cell.arm.go_on(*motor, &mut previous).travel;
                 let base_from_tcp = cell.arm.robot.forward(motor) * tool.flange_from_tcp;
                 let mut point = Point::measured(base_from_tcp, *motor, travel);
@@ -74,7 +74,7 @@ impl Problem {
                     point.set_force(force.into());
                 }
                 points.push(point);
-                problem.push(run, order, order, row, *motor, travel, *seen, &blocks);
+                problem.push(run, order, order, row, *motor, travel, *reading, &blocks);
             }
             let turned: Vec<_> = device.iter().flat_map(|_| &rows).map(|read| orientation(read.row)).collect();
             problem.take_turns(run, &turned);
@@ -95,11 +95,12 @@ impl Problem {
 }
 
 /// The rows of a table, or errors if a row lacks its angles or its reading, or has angles that the arm does not reach.
-fn readable<'a>(robot: &Robot, table: &'a Table) -> Result<Vec<Read<'a>>, Vec<Diagnostic>> {
+fn readable<'a>(robot: &Robot, table: &'a Table) -> Result<Vec<PoseRow<'a>>, Vec<Diagnostic>> {
     let mut rows = Vec::with_capacity(table.rows.len());
     let mut errors = Vec::new();
     for row in &table.rows {
-        let seen = Seen::of(row).filter(|seen| !matches!(seen, Seen::Normal(_)) && seen.count() == seen.len());
+        let reading = Reading::of(row)
+            .filter(|reading| !matches!(reading, Reading::Normal(_)) && reading.count() == reading.len());
         if row.probe_tool.is_some() {
             errors.push(
                 row_error(table, row, "probe_tool says that the robot itself probed this row".to_owned())
@@ -107,7 +108,7 @@ fn readable<'a>(robot: &Robot, table: &'a Table) -> Result<Vec<Read<'a>>, Vec<Di
             );
             continue;
         }
-        let (Some(deg), Some(seen)) = (row.motor_deg, seen) else {
+        let (Some(deg), Some(reading)) = (row.motor_deg, reading) else {
             errors.push(
                 row_error(table, row, "a row of --poses lacks its motor angles or what was measured".to_owned())
                     .help("it needs q1_deg … q6_deg, and x_mm, y_mm, z_mm or distance_mm"),
@@ -125,7 +126,7 @@ fn readable<'a>(robot: &Robot, table: &'a Table) -> Result<Vec<Read<'a>>, Vec<Di
                 errors
                     .push(row_error(table, row, message).help("remove the row, or give the motor's angle in degrees"));
             }
-            None => rows.push(Read { row, motor, seen }),
+            None => rows.push(PoseRow { row, motor, reading }),
         }
     }
     if rows.is_empty() && errors.is_empty() {
@@ -160,11 +161,13 @@ fn measuring_frame(
     robot: &Robot,
     tool: &ToolFrame,
     table: &Table,
-    rows: &[Read],
-    fitted: &[&Read],
+    rows: &[PoseRow],
+    fitted: &[&PoseRow],
 ) -> Result<Option<(Device, Pose)>, Vec<Diagnostic>> {
-    let pair = |read: &Read| match read.seen {
-        Seen::Position(seen) => Some((tcp_by_joints(robot, tool, &read.motor).translation.vector, seen * 1e-3)),
+    let pair = |read: &PoseRow| match read.reading {
+        Reading::Position(measured) => {
+            Some((tcp_by_joints(robot, tool, &read.motor).translation.vector, measured * 1e-3))
+        }
         _ => None,
     };
     let pairs: Vec<Pair> = fitted.iter().filter_map(|read| pair(read)).collect();
@@ -206,14 +209,14 @@ fn distance(base_from_device: &Pose, (base, device): &Pair) -> f64 {
     (base_from_device.rotation * device + base_from_device.translation.vector - base).norm()
 }
 
-/// Another reading of the motor angles and positions of a file.
-type Reading = fn(Joints, Vector3<f64>) -> (Joints, Vector3<f64>);
+/// Another interpretation of the motor angles and positions of a file.
+type Interpretation = fn(Joints, Vector3<f64>) -> (Joints, Vector3<f64>);
 
 /// Why the points as a whole are not where the joints put them, and how to correct the file; `None` if they are there.
 fn misplaced_points(
     robot: &Robot,
     tool: &ToolFrame,
-    fitted: &[&Read],
+    fitted: &[&PoseRow],
     pairs: &[Pair],
     base_from_device: &Pose,
 ) -> Option<(String, String)> {
@@ -224,7 +227,7 @@ fn misplaced_points(
     if off < (1e-3 * ELSEWHERE_MM).min(NOTHING * spread) {
         return None;
     }
-    const READINGS: [(&str, Reading); 12] = [
+    const INTERPRETATIONS: [(&str, Interpretation); 12] = [
         ("the angles are radians: give degrees", |q, p| (q.map(f64::to_degrees), p)),
         ("the positions are metres: multiply by 1000", |q, p| (q, p * 1e3)),
         ("the positions are inches: multiply by 25.4", |q, p| (q, p * 25.4)),
@@ -240,11 +243,11 @@ fn misplaced_points(
         ("q5_deg has the wrong sign", |q, p| (negated(q, 4), p)),
         ("q6_deg has the wrong sign", |q, p| (negated(q, 5), p)),
     ];
-    let read_as = |reading: Reading| {
-        let pair = |read: &&Read| match read.seen {
-            Seen::Position(seen) => {
-                let (motor, seen) = reading(read.motor, seen * 1e-3);
-                Some((tcp_by_joints(robot, tool, &motor).translation.vector, seen))
+    let read_as = |interpretation: Interpretation| {
+        let pair = |read: &&PoseRow| match read.reading {
+            Reading::Position(measured) => {
+                let (motor, measured) = interpretation(read.motor, measured * 1e-3);
+                Some((tcp_by_joints(robot, tool, &motor).translation.vector, measured))
             }
             _ => None,
         };
@@ -252,7 +255,7 @@ fn misplaced_points(
         let base_from_device = robust_registration(&pairs);
         median(pairs.iter().map(|pair| distance(&base_from_device, pair)).collect())
     };
-    let meant = READINGS.iter().find(|(_, reading)| read_as(*reading) < CLEARLY * off);
+    let meant = INTERPRETATIONS.iter().find(|(_, other)| read_as(*other) < CLEARLY * off);
     let message = format!(
         "measured points lie {:.1} mm (median) from where the motor angles put the reflector, wherever the device stands",
         1e3 * off
@@ -287,7 +290,7 @@ fn orientation(row: &MeasuredRow) -> Option<UnitQuaternion<f64>> {
 fn probe_orientation(
     robot: &Robot,
     tool: &ToolFrame,
-    fitted: &[&Read],
+    fitted: &[&PoseRow],
     base_from_device: &Pose,
 ) -> Result<UnitQuaternion<f64>, (String, String)> {
     let turned: Vec<(Rotation3<f64>, UnitQuaternion<f64>)> = fitted
@@ -303,7 +306,7 @@ fn probe_orientation(
     type Meant = fn(UnitQuaternion<f64>) -> UnitQuaternion<f64>;
     let read_as = |meant: Meant| {
         let mounts: Vec<Rotation3<f64>> =
-            turned.iter().map(|(there, seen)| there.inverse() * meant(*seen).to_rotation_matrix()).collect();
+            turned.iter().map(|(there, measured)| there.inverse() * meant(*measured).to_rotation_matrix()).collect();
         let mean = mean_rotation(&mounts);
         let off = mounts.iter().map(|mount| UnitQuaternion::from_rotation_matrix(&(mean.inverse() * mount)).angle());
         (median(off.collect()), UnitQuaternion::from_rotation_matrix(&mean))

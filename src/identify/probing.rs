@@ -5,7 +5,7 @@
 //! normal. Errors that are equal in both states cancel. The effects of the cell act in both states, and the difference
 //! is their change of the row.
 
-use super::seen::{ELSEWHERE_MM, Seen};
+use super::reading::{ELSEWHERE_MM, Reading};
 use crate::cell::Cell;
 use crate::correct::{Prepared, named_tool};
 use crate::effects::{Cutting, Situation, ToolFrame};
@@ -51,7 +51,7 @@ impl Probing {
         let Some(name) = &row.probe_tool else { return Ok(None) };
         let tool = named_tool(cell, name)
             .map_err(|errors| errors.into_iter().map(|error| error.message).collect::<Vec<_>>().join("; "))?;
-        let (Some(deg), Some(Seen::Normal(_))) = (row.motor_deg, Seen::of(row)) else {
+        let (Some(deg), Some(Reading::Normal(_))) = (row.motor_deg, Reading::of(row)) else {
             return Err(
                 "a row with probe_tool needs normal_mm and no position, and q1_deg … q6_deg, the motor angles where the probe touched"
                     .to_owned(),

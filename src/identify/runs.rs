@@ -7,7 +7,7 @@ use super::engine::MeasuredRun;
 use super::places::{Path, Placed, misplaced};
 use super::plausibility::{MatchedRow, check_points, steps_mm};
 use super::probing::Probing;
-use super::seen::Seen;
+use super::reading::Reading;
 use crate::cell::Cell;
 use crate::correct::{Options, Point, Prepared};
 use crate::measured::{MeasuredRow, Table, TargetRef};
@@ -75,9 +75,10 @@ impl Problem {
             };
             match placed {
                 Ok(Placed { point, way_from }) => {
-                    let seen = Seen::of(row).map(|seen| relative_to_path(seen, row, &prepared.points[point]));
+                    let reading =
+                        Reading::of(row).map(|reading| relative_to_path(reading, row, &prepared.points[point]));
                     ways.extend(way_from.map(|from| (point, from)));
-                    taken.extend(seen.map(|seen| (point, row, seen)));
+                    taken.extend(reading.map(|reading| (point, row, reading)));
                 }
                 Err(error) => errors.push(error),
             }
@@ -95,13 +96,13 @@ impl Problem {
             taken.sort_by(|a, b| a.1.time_s.unwrap_or(0.0).total_cmp(&b.1.time_s.unwrap_or(0.0)));
         }
         let blocks = Blocks::of(&taken.iter().map(|(_, row, _)| row.holdout).collect::<Vec<_>>());
-        for (order, (point, row, seen)) in taken.into_iter().enumerate() {
+        for (order, (point, row, reading)) in taken.into_iter().enumerate() {
             let probing =
                 Probing::of(cell, &prepared, point, row).map_err(|message| table.row_error(row.line, message))?;
             let at = &prepared.points[point];
             let (motor, travel) = (at.motor, at.travel);
             self.orientations += usize::from(row.quat.is_some());
-            self.push(run, point, order, row, motor, travel, seen, &blocks);
+            self.push(run, point, order, row, motor, travel, reading, &blocks);
             if let Some(row) = self.rows.last_mut() {
                 row.target = program.targets.get(point).map(|target| target.ordinal);
                 row.way_from = ways.get(&point).copied();
@@ -134,12 +135,12 @@ fn clampings(table: Table) -> Vec<Table> {
 
 /// A measured position shifted by the vector from its nominal point to its place on the path, so that its error is that
 /// from the nominal point, which need not lie on the path.
-fn relative_to_path(seen: Seen, row: &MeasuredRow, point: &Point) -> Seen {
-    match (seen, row.nominal_mm.filter(|_| row.target.is_none())) {
-        (Seen::Position(seen), Some(nominal_mm)) => {
-            Seen::Position(seen - Vector3::from(nominal_mm) + point.reference.translation.vector * 1e3)
+fn relative_to_path(reading: Reading, row: &MeasuredRow, point: &Point) -> Reading {
+    match (reading, row.nominal_mm.filter(|_| row.target.is_none())) {
+        (Reading::Position(measured), Some(nominal_mm)) => {
+            Reading::Position(measured - Vector3::from(nominal_mm) + point.reference.translation.vector * 1e3)
         }
-        (seen, _) => seen,
+        (reading, _) => reading,
     }
 }
 

@@ -150,7 +150,7 @@ impl Engine {
     /// springs were not compared, they keep their probabilities.
     fn share_among_springs(&self, posteriors: &mut [Posterior], springs: &Springs) {
         let fitted = self.problem.rows.iter().filter(|row| !row.held_out && !row.outlier);
-        let caution = caution(fitted.map(|row| row.seen.count()).sum());
+        let caution = caution(fitted.map(|row| row.reading.count()).sum());
         let most = springs.objectives.values().copied().fold(f64::NEG_INFINITY, f64::max);
         let weights: Vec<(&Vec<String>, f64)> =
             springs.objectives.iter().map(|(kinds, value)| (kinds, ((value - most) / caution).exp())).collect();

@@ -8,7 +8,7 @@
 use super::candidate::Home;
 use super::data::{Observation, Problem};
 use super::engine::Engine;
-use super::seen::Seen;
+use super::reading::Reading;
 use crate::correct::{Prepared, SIGMA_STEP};
 use crate::equilibrium::Arm;
 use crate::robot::Pose;
@@ -35,9 +35,9 @@ impl Engine {
             }
         }
         let of_row = |row: &Observation| {
-            let seen: f64 = variance.rows(row.offset, row.seen.len()).sum();
+            let positions: f64 = variance.rows(row.offset, row.reading.len()).sum();
             let unseen = (0..arm.effects.len()).map(|effect| moved.runs[row.run].unseen(&arm, effect, row.point));
-            Some(seen + 1e6 * unseen.sum::<f64>()).filter(|variance| variance.is_finite())
+            Some(positions + 1e6 * unseen.sum::<f64>()).filter(|variance| variance.is_finite())
         };
         let variances: Vec<f64> = moved.rows.iter().filter_map(of_row).collect();
         (variances.iter().sum::<f64>() / (3 * variances.len().max(1)) as f64).sqrt()
@@ -71,10 +71,10 @@ impl Engine {
                 let (there, placed) = prepared.relocated(&self.declared.robot, &points, &by);
                 for (row, point) in rows.iter().zip(placed) {
                     let Some(point) = point else { continue };
-                    let (motor, seen) = (there.points[point].motor, Seen::Position(Vector3::zeros()));
+                    let (motor, reading) = (there.points[point].motor, Reading::Position(Vector3::zeros()));
                     let (run, offset) = (moved.runs.len(), moved.scalars);
-                    moved.rows.push(Observation { run, point, motor, seen, turned: None, offset, ..(*row).clone() });
-                    moved.scalars += seen.len();
+                    moved.rows.push(Observation { run, point, motor, reading, turned: None, offset, ..(*row).clone() });
+                    moved.scalars += reading.len();
                 }
                 moved.runs.push(there);
                 moved.devices.push(self.problem.devices[run]);

@@ -121,7 +121,7 @@ impl Engine {
     /// Indices of the scalars of the positions of a group's rows, without outliers.
     fn scalars_of(&self, groups: &BTreeMap<usize, usize>, group: usize) -> impl Iterator<Item = usize> {
         let own = move |row: &&Observation| !row.outlier && groups.get(&row.offset) == Some(&group);
-        self.problem.rows.iter().filter(own).flat_map(|row| row.offset..row.offset + row.seen.len())
+        self.problem.rows.iter().filter(own).flat_map(|row| row.offset..row.offset + row.reading.len())
     }
 
     /// The present fit, linearised, and the columns of the chosen set.

@@ -12,7 +12,7 @@ use crate::identify::design::Design;
 use crate::identify::device::Device;
 use crate::identify::differences::Reuse;
 use crate::identify::pattern::{self, Pattern};
-use crate::identify::seen::Seen;
+use crate::identify::reading::Reading;
 use crate::measured::MeasuredRow;
 use crate::robot::Joints;
 use nalgebra::{DMatrix, Vector3};
@@ -91,12 +91,12 @@ impl Bench<'_> {
         for &i in which {
             let point = &points[i];
             let place_mm = point.wobj_from_tcp.translation.vector * 1e3;
-            let seen = match (self.section.instrument, self.section.from) {
-                (Instrument::Normal, _) => Seen::Normal(0.0),
-                (Instrument::Distance, Some(from)) => Seen::Distance((place_mm - from * 1e3).norm()),
-                _ => Seen::Position(place_mm),
+            let reading = match (self.section.instrument, self.section.from) {
+                (Instrument::Normal, _) => Reading::Normal(0.0),
+                (Instrument::Distance, Some(from)) => Reading::Distance((place_mm - from * 1e3).norm()),
+                _ => Reading::Position(place_mm),
             };
-            problem.push(0, i, i, &MeasuredRow::default(), point.motor, point.travel, seen, &blocks);
+            problem.push(0, i, i, &MeasuredRow::default(), point.motor, point.travel, reading, &blocks);
         }
         problem.runs.push(Prepared::of_points_in(
             self.frames.base_from_wobj,

@@ -8,7 +8,7 @@ pub(super) const ELSEWHERE_MM: f64 = 50.0;
 
 /// The reading of an instrument for one row.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Seen {
+pub(super) enum Reading {
     /// Position of the TCP in the work object of the target, or in the frame of the device, mm; axes that were not
     /// measured are NaN.
     Position(Vector3<f64>),
@@ -18,7 +18,7 @@ pub(super) enum Seen {
     Distance(f64),
 }
 
-impl Seen {
+impl Reading {
     /// The reading of a row: its position, or else its normal error, or else its length; `None` if it has none.
     pub(super) fn of(row: &MeasuredRow) -> Option<Self> {
         let some = row.axes_mm.iter().any(Option::is_some);
@@ -36,15 +36,15 @@ impl Seen {
     }
 
     /// Whether scalar `k` was measured.
-    pub(super) fn shows(&self, k: usize) -> bool {
+    pub(super) fn has(&self, k: usize) -> bool {
         match self {
-            Self::Position(seen) => !seen[k].is_nan(),
+            Self::Position(measured) => !measured[k].is_nan(),
             Self::Normal(_) | Self::Distance(_) => true,
         }
     }
 
     /// Number of scalars that were measured.
     pub(super) fn count(&self) -> usize {
-        (0..self.len()).filter(|&k| self.shows(k)).count()
+        (0..self.len()).filter(|&k| self.has(k)).count()
     }
 }
