@@ -83,8 +83,8 @@ pub(super) fn all(arm: &Arm, problem: &Problem, covariances: &[Option<DMatrix<f6
 /// A candidate with the bounds that its kind requires: its time constant is not too short for the run, and numbers that
 /// must have the same sign make one candidate for each sign.
 fn bounded(candidate: Candidate, kind: &Kind, survey: &Survey) -> Vec<Candidate> {
-    /// Lowest time constant, as a share of the shortest one that is tried. A shorter one would be a constant offset from
-    /// the first rows on.
+    /// Lowest time constant, as a share of the shortest one that is tried. A shorter one would be a constant offset
+    /// from the first rows on.
     const SHORTEST: f64 = 0.5;
     let Home::New(shape) = &candidate.home else { return vec![candidate] };
     let names: Vec<String> = shape.0.parameters().into_iter().map(|p| p.name).collect();

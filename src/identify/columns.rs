@@ -4,8 +4,8 @@ use super::moments::Moments;
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
 
-/// Variance that is added to each number for itself, relative to the variance of the prior: it keeps the covariance
-/// invertible.
+/// Variance that is added to each number independently, so that the covariance is invertible: relative to the variance
+/// of the curve, or to the square of the typical size.
 const NUGGET: f64 = 1e-6;
 
 /// A prior under which the numbers of one effect depend on one another, such as the knots of a smooth curve.

@@ -549,11 +549,11 @@ impl Problem {
 
     /// Removes rows evenly along each run until about as many are left as a search needs, and returns the removed rows.
     pub(super) fn set_aside(&mut self) -> Vec<Observation> {
-        /// Approximate number of rows on which the search works: from one part, and over the whole robot with its hundreds
-        /// of columns.
+        /// Approximate number of rows on which the search works: from one part, and over the whole robot with its
+        /// hundreds of columns.
         const SEARCHED_ROWS: [usize; 2] = [1_000, 12_500];
-        /// The fractional parts of its multiples are uniformly distributed (Weyl 1916). Every n-th row instead would be the
-        /// same few targets of a program that repeats.
+        /// The fractional parts of its multiples are uniformly distributed (Weyl 1916). Every n-th row instead would be
+        /// the same few targets of a program that repeats.
         const GOLDEN: f64 = 0.618_033_988_749_894_9;
         let share = SEARCHED_ROWS[usize::from(self.free_device)] as f64 / self.rows.len() as f64;
         if share >= 1.0 {

@@ -75,8 +75,8 @@ impl Design {
 }
 
 impl CurveColumns {
-    /// The columns `columns` of a curve. `raised` is the change of each scalar if all knots are raised by one typical size,
-    /// mm.
+    /// The columns `columns` of a curve. `raised` is the change of each scalar if all knots are raised by one typical
+    /// size, mm.
     pub(super) fn new(
         problem: &Problem,
         columns: Range<usize>,

@@ -20,8 +20,8 @@ pub(super) enum Device {
 /// The fixed point d from which the lengths to some places p were measured, mm; `None` if there are too few pairs of
 /// place and length.
 ///
-/// |p − d|² is linear in d and |d|², so that linear least squares give a start. If the places lie in a plane, d can be on either side of
-/// it: the side that fits better is taken, and the upper one if both fit alike.
+/// The squared length |p − d|² is linear in d and |d|², so that linear least squares give a start. If the places lie in
+/// a plane, d can be on either side of it: the side that fits better is taken, and the upper one if both fit alike.
 pub(super) fn fixed_point(pairs: &[(Vector3<f64>, f64)]) -> Option<Vector3<f64>> {
     const FEWEST_ROWS: usize = 4;
     if pairs.len() < FEWEST_ROWS {

@@ -340,8 +340,8 @@ impl Engine {
     fn settle_cuts(&mut self, cell: &Cell) -> Result<(), Vec<Diagnostic>> {
         /// Largest number of cuts.
         const CUTS: usize = 8;
-        /// Rms change of the rows by the forces, as a share of the noise, at which the cuts end. Only as many rows as the
-        /// inverse square of this share could show a smaller change.
+        /// Rms change of the rows by the forces, as a share of the noise, at which the cuts end. Only as many rows as
+        /// the inverse square of this share could show a smaller change.
         const SETTLED: f64 = 0.02;
         if self.problem.stocks.is_empty() {
             return Ok(());

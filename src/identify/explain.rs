@@ -290,8 +290,8 @@ impl Engine {
         self.sigma * self.shape.drift.sqrt()
     }
 
-    /// Standard deviation of the noise with its heavy tails, relative to σ, in which the widths of the tails are taken
-    /// out.
+    /// Factor by which the standard deviation of the noise exceeds σ because of heavy tails: σ is that of the residuals
+    /// after each is divided by the width of its row.
     fn tail_factor(&self) -> f64 {
         let whitened = self.whitened(&(self.residual() - self.shifted_by(|_| true)));
         let fitted = self.problem.rows.iter().filter(|row| !row.held_out && !row.outlier);

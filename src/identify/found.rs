@@ -30,7 +30,8 @@ pub(super) struct Linearised {
     /// The columns of the instruments, which are in every set.
     pub(super) always: Vec<usize>,
     pub(super) design: Design,
-    /// Pseudo-data, mm: the residual plus the linear contribution of the chosen numbers, as if each had its start value.
+    /// Pseudo-data, mm: the residual plus the linear contribution of the chosen numbers, as if each had its start
+    /// value.
     pub(super) data: DVector<f64>,
 }
 

@@ -1,5 +1,5 @@
-//! Checks whether the chosen effects explain the rows: outliers, heavy tails, jumps, unlisted patterns and a field over
-//! the place. It also withdraws effects that do not hold.
+//! Checks whether the chosen effects explain the rows: it looks for outliers, heavy tails, jumps, unlisted patterns,
+//! and a field over place, posture or force. It also withdraws effects that do not hold.
 
 use super::candidate::{Candidate, Home, same_pattern};
 use super::candidates;

@@ -26,9 +26,9 @@ const FINEST: f64 = 0.25;
 const LEAST_PERIODS: f64 = 1.7;
 /// Largest number of harmonics of one joint.
 const MOST_OF_JOINT: usize = 2;
-/// Range of the orders, periods for each turn: those of teeth, pins and lobes of reducers. Curves describe lower
-/// orders.
+/// Lowest order of the grid, periods for each turn; curves describe lower orders.
 const LEAST_ORDER: f64 = 8.0;
+/// Highest order of the grid, periods for each turn: the range has the numbers of teeth, pins and lobes of reducers.
 const LARGEST_ORDER: f64 = 160.0;
 /// Phase between neighbouring orders at the ends of the range of a joint, rad. An order between them loses less than an
 /// eighth of its gain.

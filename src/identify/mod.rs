@@ -1,8 +1,8 @@
-//! Which effect does the cell lack? From measured rows to the extended cell.
+//! Identifies the effects that a cell lacks from measured rows, and makes the extended cell.
 //!
 //! ```text
-//! rows → residual → candidates' columns → whitening → evidence of sets → refit → (again about the fit)
-//!      → gate: does anything unlisted remain → errors before and after, on rows that no fit has seen
+//! rows → residual → columns of the candidates → whitening → evidence of sets → fit of the best set → (again)
+//!      → gate: does an unlisted error remain? → errors before and after, on rows that no fit has seen
 //! ```
 
 mod advice;

@@ -119,7 +119,7 @@ pub(super) fn shapes() -> Vec<Shape> {
 }
 
 /// White noise, and the drifts with a correlation of 0.9 and a variance below that of the white noise.
-#[allow(clippy::float_cmp)] // shapes come from one list
+#[allow(clippy::float_cmp)] // The numbers are those of the list, unchanged.
 pub(super) fn few() -> Vec<Shape> {
     shapes().into_iter().filter(|s| s.drift == 0.0 || s.correlation == 0.9 && s.drift < 1.0).collect()
 }
@@ -131,7 +131,7 @@ pub(super) fn coarse() -> Vec<Shape> {
 }
 
 /// White noise, the given shape, and the shapes with the same correlation and a similar variance.
-#[allow(clippy::float_cmp)] // shapes come from one list
+#[allow(clippy::float_cmp)] // The numbers are those of the list, unchanged.
 pub(super) fn near(shape: Shape) -> Vec<Shape> {
     let close = |s: &Shape| {
         s.drift == 0.0 || *s == shape || s.correlation == shape.correlation && (s.drift / shape.drift).ln().abs() < 1.3
@@ -150,7 +150,9 @@ impl Shape {
     /// Log prior density of the shape except for a constant, nats. The drift of a real arm is usually smaller than its
     /// white noise; a much larger one is an effect that is not modelled.
     pub(super) fn log_prior(self) -> f64 {
+        /// Variance of the drift, relative to that of the white noise, up to which the density is constant.
         const USUAL: f64 = 0.5;
+        /// Standard deviation of the logarithm of a larger variance.
         const SPREAD: f64 = 0.4;
         if self.drift <= USUAL { 0.0 } else { -0.5 * ((self.drift / USUAL).ln() / SPREAD).powi(2) }
     }
@@ -416,7 +418,7 @@ mod tests {
 
     #[test]
     fn factors_by_blocks_are_those_of_the_whole() {
-        // Diagonally dominant: positive definite.
+        // An exponential covariance plus a positive diagonal is positive definite.
         let matrix = DMatrix::from_fn(131, 131, |i, j| {
             let near = (-0.1 * i.abs_diff(j) as f64).exp();
             if i == j { 2.0 + 0.01 * i as f64 } else { near }

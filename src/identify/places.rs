@@ -93,8 +93,8 @@ impl<'a> Path<'a> {
     /// # Errors
     /// The point is far from the path, or almost as near to another stretch of it.
     fn nearest(&self, nominal_mm: &Vector3<f64>) -> Result<PathPosition, String> {
-        /// Difference up to which two distances are alike: mm, and as a share of the smaller distance. The larger of the
-        /// two counts.
+        /// Difference up to which two distances are alike: mm, and as a share of the smaller distance. The larger of
+        /// the two counts.
         const ALIKE: (f64, f64) = (0.1, 0.25);
         let mut near: Vec<PathPosition> = (0..self.ends.len())
             .map(|i| self.on_way(i, nominal_mm))

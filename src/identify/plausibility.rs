@@ -12,8 +12,8 @@ use crate::measured::{MeasuredRow, Table};
 use crate::text::Diagnostic;
 use nalgebra::{DVector, Vector3};
 
-/// Median distance of points from their targets below which no other interpretation is tried, mm: an error of the work object
-/// of this size is common.
+/// Median distance of points from their targets below which no other interpretation is tried, mm: an error of the work
+/// object of this size is common.
 const NEAR_MM: f64 = 2.0;
 /// Share to which another interpretation must reduce the distances to be the one that was meant.
 const CLEARLY: f64 = 0.1;
@@ -105,8 +105,8 @@ impl MeasuredPoints<'_> {
         Some(there.wobj_from_tcp.translation.vector * 1e3)
     }
 
-    /// Median distance, mm, of the points that `keep` accepts, changed by an interpretation, from the targets `shift` targets
-    /// after theirs.
+    /// Median distance, mm, of the points that `keep` accepts, changed by an interpretation, from the targets `shift`
+    /// targets after theirs.
     fn off(&self, change: impl Fn(&Vector3<f64>) -> Vector3<f64>, shift: isize, keep: impl Fn(usize) -> bool) -> f64 {
         let of = |(i, pair): (usize, &Pair)| {
             let target = self.target(pair.point, shift).filter(|_| keep(i))?;
@@ -128,7 +128,8 @@ impl MeasuredPoints<'_> {
         gaps.iter().step_by(every).max_by_key(|gap| alike(gap)).copied().unwrap_or_default()
     }
 
-    /// The interpretation or shift that brings the points which `keep` accepts clearly nearer to their targets than `off`, mm.
+    /// The interpretation or shift that brings the points which `keep` accepts clearly nearer to their targets than
+    /// `off`, mm.
     fn meant(&self, off: f64, keep: &dyn Fn(usize) -> bool) -> Option<Meaning> {
         let found = INTERPRETATIONS.iter().find(|other| self.off(other.change, 0, keep) < CLEARLY * off);
         found.map(|other| Meaning { what: other.what.to_owned(), help: other.help.to_owned() }).or_else(|| {
@@ -264,8 +265,8 @@ impl Engine {
         }
         let mut unloaded = self.problem.residual_under(&self.declared, |_, _| Vector3::zeros());
         let mut bent = &unloaded - before;
-        // The means are subtracted, because under a constant load another position of the part looks like a spring that
-        // yields more.
+        // Under a constant load another position of the part looks like a spring that yields more. Forces that look
+        // wrong are therefore only a suspicion, unless they also look wrong after the means are subtracted.
         let possible = self.misread_forces(&unloaded, &bent);
         self.problem.without_means(&mut unloaded);
         self.problem.without_means(&mut bent);

@@ -139,8 +139,9 @@ impl Engine {
         self.errors(&(self.residual() - run_drift), |row| row.held_out).rms_mm
     }
 
-    /// Drops the members without which the log posterior falls by less than [`PRICE`]: the bounds of their numbers
-    /// exclude those that would help (a gap is not negative), or a later stage explains the same.
+    /// Drops, one by one, the members without which the log posterior falls by less than [`PRICE`] nats, while the
+    /// numbers of the others are kept: the bounds of their numbers exclude those that would help (a gap is not
+    /// negative), or a later stage explains the same.
     pub(super) fn drop_without_gain(&mut self) {
         loop {
             let linear = self.linearise(&[], &[self.shape]);

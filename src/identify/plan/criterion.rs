@@ -308,8 +308,8 @@ struct GivenNuisance {
 }
 
 impl GivenNuisance {
-    /// The Schur complement of the nuisance columns, under their priors, in the products of all columns over σ²; `None` if
-    /// their posterior precision is not positive definite.
+    /// The Schur complement of the nuisance columns, under their priors, in the products of all columns over σ²; `None`
+    /// if their posterior precision is not positive definite.
     fn new(gram: &DMatrix<f64>, nuisance: &[usize], truths: &[Truth]) -> Option<Self> {
         let mut inner = gram.select_columns(nuisance).select_rows(nuisance);
         (0..nuisance.len()).for_each(|i| inner[(i, i)] += 1.0);

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! [plan] → spots that the arm reaches → rows by exchange → a program for the cell's controller and an empty table
-//!        → both read again as `identify` will read them → d′ of each pair, and how often simulated effects are named correctly
+//!        → both read as `identify` will read them → d′ of each pair, and how often simulated effects are named correctly
 //! ```
 
 mod criterion;
