@@ -146,12 +146,6 @@ impl Given<'_> {
             program.passing_edits(&wanted).into_iter().map(|edit| edit.is_some())
         };
         let (stops, smaller) = (wanted(Passing::Stop), wanted(Passing::Zone(SMALLEST_ZONE_MM)));
-        let unstated = self.path.zone;
-        let added_zone = |i: usize| match program.inserted_passing(i) {
-            Passing::Stop => None,
-            Passing::Zone(mm) => Some(1e-3 * mm),
-            Passing::Unstated => unstated,
-        };
         let moves = |i: usize| {
             let target = &program.targets[i];
             !fixed.contains(&i)
@@ -167,12 +161,21 @@ impl Given<'_> {
                 via: i.checked_sub(1).is_some_and(moves),
                 smaller_zone: smaller.then_some(1e-3 * SMALLEST_ZONE_MM),
                 stop,
-                added_zone: added_zone(i).filter(|_| {
+                added_zone: self.added_zone(i).filter(|_| {
                     self.options.subdivide.is_some() && !closed.contains(&i) && program.insertion_refused(i).is_none()
                 }),
                 counts: !cuts || prepared.points[i].cuts(),
             })
             .collect()
+    }
+
+    /// Zone (m) of a point that is inserted before a target; `None` if the arm would come to rest there, or if the zone is not known.
+    fn added_zone(&self, before: usize) -> Option<f64> {
+        match self.program.inserted_passing(before) {
+            Passing::Stop => None,
+            Passing::Zone(mm) => Some(1e-3 * mm),
+            Passing::Unstated => self.path.zone,
+        }
     }
 
     fn refused(&self, error: DriveError) -> Vec<Diagnostic> {
@@ -203,9 +206,11 @@ impl Given<'_> {
         let mut inserts = Vec::new();
         for (motion, &i) in motions.iter().zip(&self.course.targets) {
             let wobj_from_base = self.prepared.base_from_wobj(i).inverse();
+            // The room for the zone with which the path was predicted, and not for a larger one.
+            let room_mm = 2e3 * self.added_zone(i).unwrap_or(0.0);
             for added in &motion.added {
                 let pose = frames::millimetres(&(wobj_from_base * added.base_from_tcp));
-                inserts.push(Insert::line(i, pose, 2.0 * SMALLEST_ZONE_MM));
+                inserts.push(Insert::line(i, pose, room_mm));
             }
         }
         inserts

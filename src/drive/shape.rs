@@ -39,6 +39,8 @@ const WEIGHED: [f64; 2] = [0.1, 4.0];
 const ADDED_AT: [&[f64]; 2] = [&[0.9], &[0.5, 1.2, 2.2]];
 /// Least distance of an added point from its corner, m: twice the zone `z0`.
 const ADDED_LEAST: f64 = 6e-4;
+/// Distance between points over the sum of their zones. The room in excess is for the points' own displacements, and for rounding.
+const ROOM: f64 = 1.05;
 
 /// What may be changed in the motion to a waypoint.
 #[derive(Clone, Debug, Default)]
@@ -266,9 +268,9 @@ impl Layout {
         for (i, waypoint) in waypoints.iter().enumerate() {
             let added = freedom[i].added_zone.zip(path.track(i)).filter(|(_, track)| !track.is_arc());
             if let Some((zone, track)) = added.filter(|_| i > 0) {
-                let after = shaper.added(effort[i - 1], i - 1).into_iter().map(|distance| distance / track.length());
-                let before =
-                    shaper.added(effort[i], i).into_iter().rev().map(|distance| 1.0 - distance / track.length());
+                let share = |distance: f64| distance / track.length();
+                let after = shaper.added(effort[i - 1], i - 1, zone).into_iter().map(share);
+                let before = shaper.added(effort[i], i, zone).into_iter().rev().map(|distance| 1.0 - share(distance));
                 let shares: Vec<f64> = after.chain(before).collect();
                 // Points near both ends, or near one, need room for their zones.
                 let begins = [0.0].iter().chain(&shares);
@@ -436,8 +438,9 @@ impl Shaper<'_> {
         }
     }
 
-    /// Distances from a waypoint of the points that an effort adds on each side of it, m.
-    fn added(&self, effort: Effort, waypoint: usize) -> Vec<f64> {
+    /// Distances from a waypoint of the points that an effort adds on each side of it, m. Their zones, of this radius (m), do not overlap
+    /// those of their neighbours.
+    fn added(&self, effort: Effort, waypoint: usize, zone: f64) -> Vec<f64> {
         let distances = match effort {
             Effort::Added => ADDED_AT[0],
             Effort::AddedMore => ADDED_AT[1],
@@ -447,9 +450,11 @@ impl Shaper<'_> {
         let turn =
             direction(waypoint, 1.0).zip(direction(waypoint + 1, 0.0)).map_or(0.0, |(into, out)| (out - into).norm());
         let speed = self.waypoints[waypoint].feed.min(self.law.corner_speed(turn, 0.0));
+        let mut before = 0.0;
         let at = |distance: &f64| {
             let least = ADDED_LEAST * distance / distances[0];
-            (distance * self.law.spread() * speed).max(least)
+            before = (distance * self.law.spread() * speed).max(least).max(before + 2.0 * zone * ROOM);
+            before
         };
         distances.iter().map(at).collect()
     }

@@ -262,6 +262,34 @@ fn stops_are_written_as_the_language_writes_them() {
 }
 
 #[test]
+fn targets_are_inserted_where_the_text_gives_no_smaller_zone() {
+    let bench = Bench::new();
+    bench.write("cell.toml", format!("{CELL}{LAW}"));
+    let krl = "DEF p()\n$BASE={X 0,Y 0,Z 0,A 0,B 0,C 0}\n$TOOL={X 0,Y 0,Z 100,A 0,B 0,C 0}\n$VEL.CP=0.05\n$APO.CDIS=2\n\
+               LIN {X 1100,Y 0,Z 900,A 0,B 180,C 0}\nLIN {X 1200,Y 0,Z 900,A 0,B 180,C 0} C_DIS\n\
+               LIN {X 1200,Y 100,Z 900,A 0,B 180,C 0}\nEND\n";
+    let ur = "def p():\n  set_tcp(p[0, 0, 0.1, 0, 0, 0])\n  movel(p[1.1, 0, 0.9, 0, 3.14159, 0], v=0.05)\n  \
+              movel(p[1.2, 0, 0.9, 0, 3.14159, 0], v=0.05, r=0.002)\n  movel(p[1.2, 0.1, 0.9, 0, 3.14159, 0], v=0.05, r=0.002)\n  \
+              movel(p[1.2, 0.2, 0.9, 0, 3.14159, 0], v=0.05)\nend\n";
+    for (name, text) in [("p.src", krl), ("p.script", ur)] {
+        bench.write(name, text);
+        let run = |tolerance: &str| {
+            let arguments = "--cell cell.toml --subdivide 0.05 --json out.json";
+            let ran = bench.run(&format!("compensate {name} {arguments} -o out_{name} --max-path-error {tolerance}"));
+            let json: Value = serde_json::from_str(&bench.read("out.json")).unwrap();
+            (ran.exits(0).stderr, json["files"][0].clone())
+        };
+        let (said, json) = run("0.2");
+        assert!(json["inserted"].as_u64() > Some(0) && !said.contains("comes to rest"), "{said}");
+        assert!(json["driven_path"]["programmed"]["max_mm"].as_f64() > Some(0.5), "{json}");
+        // The text is read again, and its path is judged from what was read.
+        let path = bench.run(&format!("predict out_{name} --cell cell.toml --path - -q")).exits(0).stdout;
+        assert!(from_corner(&path) < 0.2, "{name}: {}", from_corner(&path));
+        bench.run(&format!("check out_{name} --cell cell.toml --against {name} --max-error 0.2")).exits(0);
+    }
+}
+
+#[test]
 fn reports_and_check_follow_the_driven_path() {
     let bench = Bench::new();
     bench.write("as-written.toml", CELL);
