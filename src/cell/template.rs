@@ -366,7 +366,7 @@ material = "al7075"             # << a literature value is a start only: calibra
 # load_changes = 3              # how often
 # instrument = "position"       # position | normal | distance (from_mm = [x, y, z]: where the draw-wire is fixed)
 # noise_mm = 0.02               # per axis: instrument and repeatability
-# effect_mm = 0.03              # size of effect that must be told
+# effect_mm = 0.03              # size of effect that must be found
 # effects = ["backlash", "gravity"]                   # left out: all that the data could show
 
 # Effects that make the real arm differ; `deflex identify` appends them from measured data. Their kinds:

@@ -1,6 +1,7 @@
 //! The input that all stages of the pipeline share.
 
 use super::Options;
+use super::original_loads::OriginalLoads;
 use super::parallelism::Parallelism;
 use crate::cell::Cell;
 use crate::program::Program;
@@ -13,6 +14,8 @@ pub(super) struct Context<'a> {
     pub(super) options: &'a Options,
     pub(super) parallelism: Parallelism,
     pub(super) judged_path: JudgedPath,
+    /// The loads of the original, if the points of the program were moved on purpose.
+    pub(super) loads: Option<OriginalLoads<'a>>,
 }
 
 /// The path between targets for which the deviation is computed.
@@ -27,11 +30,18 @@ pub(super) enum JudgedPath {
 impl<'a> Context<'a> {
     /// The context of a program that is held as a whole.
     pub(super) fn whole(program: &'a Program, cell: &'a Cell, options: &'a Options) -> Self {
-        Self { program, cell, options, parallelism: Parallelism::Threads, judged_path: JudgedPath::Written }
+        Self {
+            program,
+            cell,
+            options,
+            parallelism: Parallelism::Threads,
+            judged_path: JudgedPath::Written,
+            loads: None,
+        }
     }
 
     /// The context of a chunk whose other chunks are on other threads.
     pub(super) fn chunk(program: &'a Program, cell: &'a Cell, options: &'a Options) -> Self {
-        Self { program, cell, options, parallelism: Parallelism::Here, judged_path: JudgedPath::Written }
+        Self { parallelism: Parallelism::Here, ..Self::whole(program, cell, options) }
     }
 }

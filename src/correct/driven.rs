@@ -4,6 +4,7 @@ use super::context::Context;
 use super::deviation::Commanded;
 use super::laws::Law;
 use super::load::PointLoad;
+use super::original_loads::OriginalLoads;
 use super::parallelism::Parallelism;
 use super::point::Point;
 use super::segment::{Kind, Segment, Start};
@@ -102,6 +103,15 @@ impl LoadedSample {
 }
 
 impl Course {
+    /// For each waypoint, whether the distance of the driven path from the segment to it counts. If targets cut, these are the motions that
+    /// are not faster than the fastest cut. The cutter may be in the material in them, although [cut] does not describe their force, as in
+    /// a plunge.
+    pub(super) fn counting(&self, prepared: &Prepared) -> Vec<bool> {
+        let cuts = |(at, i): (usize, &usize)| prepared.points[*i].cuts().then(|| self.waypoints[at].feed);
+        let fastest = self.targets.iter().enumerate().filter_map(cuts).max_by(f64::total_cmp);
+        self.waypoints.iter().map(|waypoint| fastest.is_none_or(|fastest| waypoint.feed <= fastest)).collect()
+    }
+
     /// The ends of a program's motions; zones in SI.
     ///
     /// # Errors
@@ -470,7 +480,9 @@ pub(super) fn follow_law(
             Some(original) => {
                 let prepared = Prepared::new(original.program, cell, options)?;
                 let course = Course::new(original.program, cell, &prepared)?;
-                let mut own = Prepared::new(program, cell, options)?;
+                let targets = OriginalLoads::targets(original.program, program, &waypoint_of);
+                let loads = Some(OriginalLoads { prepared: &prepared, targets: &targets });
+                let mut own = Prepared::of(Context { loads, ..context })?;
                 let driven = Course::new(program, cell, &own)?;
                 path = loaded_along(&mut own, driven, context, Sampling::Sparse)?;
                 segments = driven_segments(&prepared, &course, &cell.arm.robot, &path, &waypoint_of);
@@ -723,7 +735,7 @@ pub(super) struct DrivenSegments {
     /// Vector from the programmed path to the driven one at the end of each motion of the driven program, work object axes, m; `None` if no
     /// path is programmed.
     passed: Vec<Option<Vector3<f64>>>,
-    /// Whether the segment counts: if any target cuts, only those that do.
+    /// [`Course::counting`].
     pub(super) counts: Vec<bool>,
     pub(super) figures: DrivenFigures,
 }
@@ -738,9 +750,7 @@ pub(super) fn driven_segments(
     waypoint_of: &(dyn Fn(usize) -> usize + Sync),
 ) -> DrivenSegments {
     let programmed = ProgrammedPath::new(robot, &course.waypoints);
-    let cuts = |i: &usize| prepared.points[*i].cuts();
-    let any_cuts = course.targets.iter().any(cuts);
-    let counts: Vec<bool> = course.targets.iter().map(|i| !any_cuts || cuts(i)).collect();
+    let counts = course.counting(prepared);
     let mut segments: Vec<Option<PathDeviation>> = (0..course.waypoints.len())
         .map(|i| {
             programmed

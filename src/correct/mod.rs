@@ -35,6 +35,7 @@ mod machine_actions;
 mod messages;
 mod mount;
 mod ordered;
+mod original_loads;
 mod parallelism;
 mod path;
 mod point;
@@ -189,9 +190,13 @@ impl Prepared {
     /// # Errors
     /// Tools or work objects are not declared, targets are out of reach, forces are missing: every reason that was found.
     pub fn new(program: &Program, cell: &Cell, options: &Options) -> Result<Self, Vec<Diagnostic>> {
-        let context = Context::whole(program, cell, options);
+        Self::of(Context::whole(program, cell, options))
+    }
+
+    /// The same in a context.
+    fn of(context: Context<'_>) -> Result<Self, Vec<Diagnostic>> {
         let mut prepared = path::prepare(context, &mut free_turn::carried(context)?)?;
-        removal::run(context, &mut prepared, (Cuts::Programmed, &cell.arm))?;
+        removal::run(context, &mut prepared, (Cuts::Programmed, &context.cell.arm))?;
         Ok(prepared)
     }
 

@@ -123,7 +123,7 @@ pub(super) fn prepare(context: Context<'_>, carried: &mut Carried<'_>) -> Result
     let before = carried.before.clone();
     carried.before = points.last().cloned().or_else(|| carried.before.take());
     if errors.is_empty() {
-        Ok(Prepared {
+        let mut prepared = Prepared {
             points,
             between: Vec::new(),
             before,
@@ -131,7 +131,11 @@ pub(super) fn prepare(context: Context<'_>, carried: &mut Carried<'_>) -> Result
             shared: carried.shared(),
             turns_are_chosen: matches!(carried.free, Free::Chosen(_)),
             notes: std::mem::take(&mut carried.notes),
-        })
+        };
+        if let Some(loads) = context.loads {
+            loads.apply(&mut prepared);
+        }
+        Ok(prepared)
     } else {
         Err(errors)
     }

@@ -8,6 +8,7 @@ use super::context::Context;
 use super::corrected::DrivenSummary;
 use super::driven::{Course, DrivenSegments, Sampling, driven_segments, loaded_along};
 use super::line::compensate_in;
+use super::original_loads::OriginalLoads;
 use super::{Corrected, Options, Prepared, Row, frames};
 use crate::cell::{Cell, ControllerPath};
 use crate::drive::{CommandedMotion, DriveError, Freedom, ShapedCommand, Wanted, shape};
@@ -65,7 +66,9 @@ pub fn compensate_driven(
     let given = Given { program, cell, options, prepared: &prepared, course: &course, path, tolerance };
     let shaped = given.shaped()?;
     // Targets that are inserted for the deflection are inserted between those of the shaped program.
-    let mut corrected = compensate_in(Context::whole(&shaped.program, cell, options))?;
+    let targets = given.targets(&shaped.program, &given.origins(&shaped, &[]));
+    let loads = Some(OriginalLoads { prepared: &prepared, targets: &targets });
+    let mut corrected = compensate_in(Context { loads, ..Context::whole(&shaped.program, cell, options) })?;
     if !corrected.failures.is_empty() {
         return Ok(DrivenCompensation { program: shaped.program, corrected });
     }
@@ -140,7 +143,6 @@ impl Given<'_> {
     /// The allowed changes of each motion.
     fn freedom(&self, fixed: &BTreeSet<usize>, closed: &BTreeSet<usize>) -> Vec<Freedom> {
         let Self { program, prepared, course, .. } = *self;
-        let cuts = course.targets.iter().any(|i| prepared.points[*i].cuts());
         let wanted = |passing: Passing| {
             let wanted: Vec<_> = course.targets.iter().map(|i| (*i, passing)).collect();
             program.passing_edits(&wanted).into_iter().map(|edit| edit.is_some())
@@ -155,16 +157,21 @@ impl Given<'_> {
         course
             .targets
             .iter()
+            .zip(course.counting(prepared))
             .zip(stops.zip(smaller))
-            .map(|(&i, (stop, smaller))| Freedom {
+            .map(|((&i, counts), (stop, smaller))| Freedom {
                 end: moves(i),
                 via: i.checked_sub(1).is_some_and(moves),
                 smaller_zone: smaller.then_some(1e-3 * SMALLEST_ZONE_MM),
                 stop,
+                // A point on a segment that does not count could lead the tool anywhere.
                 added_zone: self.added_zone(i).filter(|_| {
-                    self.options.subdivide.is_some() && !closed.contains(&i) && program.insertion_refused(i).is_none()
+                    counts
+                        && self.options.subdivide.is_some()
+                        && !closed.contains(&i)
+                        && program.insertion_refused(i).is_none()
                 }),
-                counts: !cuts || prepared.points[i].cuts(),
+                counts,
             })
             .collect()
     }
@@ -254,12 +261,19 @@ impl Given<'_> {
         shaped_motions.enumerate().flat_map(|(k, i)| vec![i; further.get(k).copied().unwrap_or(0) + 1]).collect()
     }
 
+    /// The target of the original for each target of a program whose motions belong to the waypoints in `origins`.
+    fn targets(&self, program: &Program, origins: &[usize]) -> Vec<usize> {
+        OriginalLoads::targets(self.program, program, &|waypoint| origins.get(waypoint).copied().unwrap_or(waypoint))
+    }
+
     /// Compares the driven path of a program with the path of the original. Each motion belongs to the waypoint in `origins`, which is empty
     /// for the original itself.
     fn judged(&self, program: &Program, origins: &[usize]) -> Result<DrivenSegments, Vec<Diagnostic>> {
-        let mut prepared = Prepared::new(program, self.cell, self.options)?;
+        let targets = self.targets(program, origins);
+        let loads = Some(OriginalLoads { prepared: self.prepared, targets: &targets });
+        let context = Context { loads, ..Context::whole(program, self.cell, self.options) };
+        let mut prepared = Prepared::of(context)?;
         let course = Course::new(program, self.cell, &prepared)?;
-        let context = Context::whole(program, self.cell, self.options);
         let path = loaded_along(&mut prepared, course, context, Sampling::Sparse)?;
         let waypoint_of = |waypoint: usize| origins.get(waypoint).copied().unwrap_or(waypoint);
         Ok(driven_segments(self.prepared, self.course, &self.cell.arm.robot, &path, &waypoint_of))
@@ -370,8 +384,15 @@ impl Given<'_> {
                 lines.join(", "),
                 is.max_mm
             );
-            let why = shaped.kept.first().map(|(_, why)| format!("some targets there cannot be moved: {why}; "));
-            let help = format!("{}a lower feed there keeps the path better", why.unwrap_or_default());
+            let help = match shaped.kept.first() {
+                Some((_, why)) => format!("some targets there cannot be moved: {why}; a lower feed there keeps the path better"),
+                None if shaped.command.after.largest <= self.tolerance => {
+                    "without the cutting force the path is kept: the deflection changes between the targets. `--subdivide` with fewer \
+                     millimetres corrects it in more places; where the whole force sets in at once, ramp into the material"
+                        .to_owned()
+                }
+                None => "a lower feed there keeps the path better".to_owned(),
+            };
             notes.push(Diagnostic::error("path.tolerance", name, message).severity(Severity::Warning).help(help));
         }
         notes

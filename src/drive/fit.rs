@@ -34,6 +34,8 @@ enum OfAxes {
     Lag,
 }
 
+/// Leads (s²) and lags (s) below this are rounding errors: an axis that did not move.
+const NEGLIGIBLE: f64 = 1e-9;
 /// Prior standard deviation of an axis's lag, s: axes of one robot are tuned to trail their commands alike.
 const LAG_SIGMA: f64 = 0.005;
 /// Length of the computed path on which the point nearest to a place of the log is searched for, m.
@@ -373,7 +375,11 @@ fn law_of(numbers: &DVector<f64>, of_axes: OfAxes) -> PathLaw {
 /// The law that fits better: with a lead of each axis, or with a lag. Both have the same number of parameters.
 fn fit(robot: &Robot, runs: &[(usize, Run<'_>)]) -> Result<PathLaw, LogError> {
     let (lead, lag) = (fit_with(robot, runs, OfAxes::Lead)?, fit_with(robot, runs, OfAxes::Lag)?);
-    Ok(if lag.1 < lead.1 { lag.0 } else { lead.0 })
+    let mut law = if lag.1 < lead.1 { lag.0 } else { lead.0 };
+    for number in law.axis_lead.iter_mut().chain(&mut law.lag).filter(|number| number.abs() < NEGLIGIBLE) {
+        *number = 0.0;
+    }
+    Ok(law)
 }
 
 /// Least squares by the method of Levenberg and Marquardt, with the prior as further rows: the law and its sum of squares.

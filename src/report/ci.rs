@@ -361,7 +361,7 @@ fn uri(path: &str) -> String {
 #[must_use]
 pub fn check_json(files: &[CheckFile]) -> Value {
     let finding = |finding: &Diagnostic| {
-        let mut told = json!({
+        let mut entry = json!({
             "file": finding.file,
             "line": finding.line,
             "column": finding.column,
@@ -370,9 +370,9 @@ pub fn check_json(files: &[CheckFile]) -> Value {
         });
         for (name, value) in &finding.figures {
             // Counts are whole numbers.
-            told[*name] = if value.fract() == 0.0 { json!(*value as i64) } else { json!(value) };
+            entry[*name] = if value.fract() == 0.0 { json!(*value as i64) } else { json!(value) };
         }
-        told
+        entry
     };
     let file = |file: &CheckFile| {
         json!({

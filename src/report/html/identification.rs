@@ -213,15 +213,16 @@ const MOST_PAIRS: usize = 10;
 /// Pairs of effects that these rows can hardly distinguish, the hardest first.
 fn separability(pairs: &[Separation]) -> String {
     /// Below the first d′ a pair cannot be distinguished; from the second one on it can.
-    const TOLD_APART: [f64; 2] = [3.0, 5.0];
+    const DISTINGUISHED: [f64; 2] = [3.0, 5.0];
     let shown = &pairs[..pairs.len().min(MOST_PAIRS)];
-    let most = shown.iter().map(|pair| pair.d_prime).fold(TOLD_APART[1], f64::max);
-    let head = [("effect that is there", false), ("may be taken for", false), ("d′", true), ("told apart", false)];
+    let most = shown.iter().map(|pair| pair.d_prime).fold(DISTINGUISHED[1], f64::max);
+    let head =
+        [("effect that is there", false), ("may be taken for", false), ("d′", true), ("can be distinguished", false)];
     let mut table = Table::new("apart", &head);
     for Separation { of, from, d_prime } in shown {
         let verdict = match d_prime {
-            d if *d < TOLD_APART[0] => "<strong>no</strong>",
-            d if *d < TOLD_APART[1] => "hardly",
+            d if *d < DISTINGUISHED[0] => "<strong>no</strong>",
+            d if *d < DISTINGUISHED[1] => "hardly",
             _ => "yes",
         };
         let [of, from] = [of, from].map(|kind| format!("<code>{}</code>", escape(kind)));

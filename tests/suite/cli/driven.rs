@@ -290,6 +290,62 @@ fn targets_are_inserted_where_the_text_gives_no_smaller_zone() {
 }
 
 #[test]
+fn inserted_targets_leave_each_force_at_its_own_target() {
+    let bench = Bench::new();
+    let cell = CELL.replace("\"none\"", "\"table\"\nframe = \"wobj\"");
+    let stiffness = "[robot.stiffness]\njoint_nm_per_rad = [8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4]\n";
+    bench.write("cell.toml", format!("{cell}{stiffness}{LAW}"));
+    bench.write("p.mod", program("v50", "z1"));
+    bench.write("forces.csv", "target,fx_n,fy_n,fz_n\n1,100,0,0\n2,100,0,0\n3,0,-150,-80\n");
+    let run = "compensate p.mod --cell cell.toml --forces forces.csv -o out.mod --json out.json --subdivide 0.05";
+    bench.run(&format!("{run} --max-path-error 0.1")).exits(0);
+    let json: Value = serde_json::from_str(&bench.read("out.json")).unwrap();
+    assert!(json["files"][0]["inserted"].as_u64() > Some(0), "{json}");
+    let report = bench.read("out.report.csv");
+    let mut rows = csv::Reader::from_reader(report.as_bytes());
+    let head = rows.headers().unwrap().clone();
+    let at = |name: &str| head.iter().position(|column| column == name).unwrap();
+    let force = |row: &csv::StringRecord| ["fx_n", "fy_n", "fz_n"].map(|name| row[at(name)].parse::<f64>().unwrap());
+    let forces: Vec<[f64; 3]> = rows.records().map(|row| force(&row.unwrap())).collect();
+    assert_eq!(forces, [[100.0, 0.0, 0.0], [100.0, 0.0, 0.0], [0.0, -150.0, -80.0]], "{report}");
+    // The corrected program is judged under the same forces.
+    let largest = json["files"][0]["driven_path"]["corrected"]["max_mm"].as_f64().unwrap();
+    let judge = "predict out.mod --against p.mod --cell cell.toml --forces forces.csv --report r.csv --json r.json";
+    bench.run(judge).exits(0);
+    let judged: Value = serde_json::from_str(&bench.read("r.json")).unwrap();
+    let judged = judged["files"][0]["driven_path"]["programmed"]["max_mm"].as_f64().unwrap();
+    assert!((judged - largest).abs() < 0.005, "{judged} and {largest} mm");
+}
+
+#[test]
+fn a_plunge_is_not_led_aside() {
+    let bench = Bench::new();
+    let cut = "[cut]\nforce = \"mechanistic\"\nmax_cutting_feed_mm_s = 100.0\n[cut.cutter]\ndiameter_mm = 20.0\ncorner_radius_mm = 2.0\nteeth = 3\nhelix_deg = 30.0\n\
+               [cut.engagement]\nmode = \"slot\"\ndepth_mm = 2.0\nwidth_mm = 20.0\nfeed_per_tooth_mm = 0.05\nlead_deg = 0.0\ntilt_deg = 0.0\n\
+               [cut.coefficients]\nmaterial = \"al7075\"\n";
+    let stiffness = "[robot.stiffness]\njoint_nm_per_rad = [8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4]\n";
+    bench.write("cell.toml", format!("[robot]\nmodel = \"irb6660-205-1.9\"\n{cut}{stiffness}{LAW}"));
+    let to = |x: f64, z: f64, zone: &str| {
+        format!("    MoveL [[{x:.1},0,{z:.1}],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v20,{zone},tMill;\n")
+    };
+    let tool = "  PERS tooldata tMill:=[TRUE,[[0,0,100],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\n";
+    let moves = to(1200.0, 930.0, "fine") + &to(1200.0, 900.0, "z1") + &to(1300.0, 900.0, "fine");
+    bench.write("p.mod", format!("MODULE m\n{tool}  PROC main()\n{moves}  ENDPROC\nENDMODULE\n"));
+    bench.run("compensate p.mod --cell cell.toml -o out.mod --max-path-error 0.1 --subdivide 0.05").exits(0);
+    let report = bench.read("out.report.csv");
+    // Nothing declares the force of a plunge, and moved points do not make a cut of it.
+    let plunge: Vec<&str> = report.lines().nth(2).unwrap().split(',').collect();
+    assert_eq!(plunge[3], "air", "{report}");
+    let path = bench.run("predict out.mod --against p.mod --cell cell.toml --path - -q").exits(0).stdout;
+    let aside = |line: &str| {
+        let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
+        if cells[4] > 900.5 { (cells[2] - 1200.0).hypot(cells[3]) } else { 0.0 }
+    };
+    let most = path.lines().skip(1).map(aside).fold(0.0, f64::max);
+    assert!(most < 0.2, "{most} mm off the line of the plunge");
+}
+
+#[test]
 fn reports_and_check_follow_the_driven_path() {
     let bench = Bench::new();
     bench.write("as-written.toml", CELL);
