@@ -306,7 +306,7 @@ mod tests {
                 let sine = |angle: f64| angle.sin().abs();
                 let (serial, form) = (robot.serial_from_motor(&motors[i]), robot.closed_form().unwrap());
                 let wrist = robot.frames(&motors[i]).origin(4);
-                let easy = robot.limit_violation(&motors[i]).is_none() && sine(serial[4]) > 0.3 && sine(serial[2] + robot.links.rows()[2].theta + form.gamma) > 0.3 && wrist.xy().norm() > 0.4;
+                let easy = robot.limit_violation(&motors[i]).is_none() && sine(serial[4] + form.theta[4]) > 0.3 && sine(serial[2] + robot.links.rows()[2].theta + form.gamma) > 0.3 && wrist.xy().norm() > 0.4;
                 eight.find(1, |_| WrittenTarget { near: &motors[i], ..places[i] }, &mut again);
                 let again = again.nearest(0, &motors[i]);
                 prop_assert!(!easy || again.is_some(), "{}", motors[i]);

@@ -62,6 +62,8 @@ mod tests {
             let own = match &builtin.maker[..] {
                 // At its zero, the upper arm of a rack-mounted arm lies level.
                 "FANUC" if builtin.rows[1][3] == 0.0 => [0.0, -90.0, 90.0, 0.0, 0.0, 0.0],
+                // At its zero, the forearm hangs down.
+                "Yaskawa" if builtin.rows[2][3] == 90.0 => [0.0, 0.0, 90.0, 0.0, 0.0, 0.0],
                 "ABB" | "FANUC" | "Yaskawa" => [0.0; 6],
                 "KUKA" => [0.0, -90.0, 90.0, 0.0, 0.0, 0.0],
                 "Stäubli" => [0.0, 0.0, 90.0, 0.0, 0.0, 0.0],

@@ -132,7 +132,7 @@ mod tests {
         }
         let near = models(&Builtin::named("kr240").unwrap_err());
         assert!(near.len() <= FEW && near.iter().all(|model| model.starts_with("kr240-")), "{near:?}");
-        assert_eq!(models(&Builtin::named("6660").unwrap_err()), ["irb6660-205-1.9"]);
+        assert_eq!(models(&Builtin::named("6660").unwrap_err()), ["irb6660-130-3.10", "irb6660-205-1.9"]);
         assert_eq!(models(&Builtin::named("irb660-205-1.9").unwrap_err())[0], "irb6660-205-1.9");
         assert_eq!(models(&Builtin::named("scara").unwrap_err()), [""; 0]);
     }
@@ -154,7 +154,7 @@ mod tests {
             ]
         );
         assert!(Builtin::listed("kuka").iter().all(|robot| robot.maker == "KUKA"));
-        let abb = models(&Builtin::listed("abb"));
-        assert!(abb[0] == "irb120-3-0.58" && abb[1].starts_with("irb140-"), "{abb:?}");
+        let irb = models(&Builtin::listed("irb"));
+        assert!(irb[0] == "irb120-3-0.58" && irb[1].starts_with("irb140-"), "{irb:?}");
     }
 }

@@ -48,7 +48,7 @@ fn every_built_in_robot_has_a_cell_that_reads() {
 
 #[test]
 fn an_unknown_robot_names_the_nearest() {
-    let ran = Bench::new().run("init --robot irb6660").exits(2);
+    let ran = Bench::new().run("init --robot irb6660-205").exits(2);
     assert!(ran.stderr.contains("did you mean `irb6660-205-1.9`?"), "{}", ran.stderr);
     let ran = Bench::new().run("init").exits(2);
     assert!(ran.stderr.contains("irb120-3-0.58") && ran.stderr.contains("[robot.kinematics]"), "{}", ran.stderr);
