@@ -62,6 +62,7 @@ fn survey<'a>(cell: &'a Cell, run: &Run) -> Survey<'a> {
         part_declared: false,
         clamps: 0,
         has_force: true,
+        has_cut_length: true,
         cut_mm: None,
         has_payload: false,
         has_speed: true,

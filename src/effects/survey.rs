@@ -13,6 +13,8 @@ pub struct Survey<'a> {
     pub clamps: usize,
     /// Whether any row has a cutting force.
     pub has_force: bool,
+    /// Whether the length that was cut before each row is known. It is not if only some of the cuts of a program have rows.
+    pub has_cut_length: bool,
     /// Lowest and highest x, then y, of the places where rows cut, mm, work object axes; `None` if no row cuts.
     pub cut_mm: Option<[[f64; 2]; 2]>,
     /// Whether the arm carries a payload in addition to the tool in any row.

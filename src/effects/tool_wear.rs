@@ -1,7 +1,7 @@
 //! A tool that grows dull: its force rises with the length cut.
 
 use super::{
-    Effect, Kind, Load, NOT_NEGATIVE, Need, Parameter, Parts, Physics, State, checked, scalar, table_of, take,
+    Effect, Kind, Load, NOT_NEGATIVE, Need, Parameter, Parts, Physics, State, Survey, checked, scalar, table_of, take,
 };
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
@@ -11,7 +11,10 @@ pub(super) const KIND: Kind = Kind {
     summary: "the cutting force grows with the length cut",
     forms: &["per_m = 0.1"],
     read: |table| checked(table.try_into::<ToolWear>()?),
-    candidates: |survey| if survey.has_force { vec![Box::new(ToolWear { per_m: 0.0 })] } else { vec![] },
+    candidates: |survey| match survey {
+        Survey { has_force: true, has_cut_length: true, .. } => vec![Box::new(ToolWear { per_m: 0.0 })],
+        _ => vec![],
+    },
     ..Kind::PLAIN
 };
 

@@ -168,6 +168,7 @@ pub(super) fn survey<'a>(arm: &'a Arm, problem: &Problem) -> Survey<'a> {
         part_declared: false,
         clamps: 0,
         has_force: false,
+        has_cut_length: problem.has_cut_length,
         cut_mm: None,
         has_payload: false,
         has_speed: false,
@@ -196,7 +197,10 @@ pub(super) fn survey<'a>(arm: &'a Arm, problem: &Problem) -> Survey<'a> {
         }
         survey.has_payload |= point.payload > 0.0;
         survey.has_speed |= point.velocity != Vector3::zeros();
-        widen(&mut survey.time, point.time);
+        // The surface of a finished part does not say when it was cut: the program may have waited, or run more than once.
+        if problem.read_in_order {
+            widen(&mut survey.time, point.time);
+        }
         if let Some(temperature) = point.temperature {
             widen(&mut survey.temperature, temperature);
         }

@@ -110,6 +110,8 @@ pub(super) struct Problem {
     /// Whether rows were read while the program ran, so that their order is the instrument's time. The surface of a
     /// finished part (`normal_mm` without `time_s`) is read afterwards, in any order.
     pub(super) read_in_order: bool,
+    /// Whether the length that was cut before each row is known: see [`Survey`](crate::effects::Survey).
+    pub(super) has_cut_length: bool,
     /// Angle over which friction in the joints builds up, rad: see [`Problem::set_presliding`].
     pub(super) presliding_rad: f64,
 }
@@ -197,6 +199,7 @@ impl Problem {
             units: Arc::default(),
             steps_mm: None,
             read_in_order: true,
+            has_cut_length: true,
             presliding_rad: 0.0,
         }
     }

@@ -10,8 +10,8 @@ use super::probing::Probing;
 use super::reading::Reading;
 use crate::cell::Cell;
 use crate::correct::{Options, Point, Prepared};
-use crate::measured::{MeasuredRow, Table, TargetRef};
-use crate::program::{Program, Role};
+use crate::measured::{Forces, MeasuredRow, Table, TargetRef};
+use crate::program::{Motion, Program, Role, Target};
 use crate::text::Diagnostic;
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
@@ -58,6 +58,9 @@ impl Problem {
             Some(original) => Prepared::judged_by(original, program, cell, &options)?,
             None => Prepared::new(program, cell, &options)?,
         };
+        if let Some(forces) = options.forces.as_ref().filter(|forces| forces.forces_given) {
+            self.has_cut_length &= has_all_cuts(program, &prepared, forces);
+        }
         drop(options);
         let path = Path::new(program, &prepared, table);
         let run = self.runs.len();
@@ -113,6 +116,19 @@ impl Problem {
         self.devices.push(Device::Known);
         self.find_fixed_point(run, table)
     }
+}
+
+/// Whether a table has a force for each motion that may cut: for lines and arcs that are not faster than the fastest cut.
+fn has_all_cuts(program: &Program, prepared: &Prepared, forces: &Forces) -> bool {
+    let cuts = program.targets.iter().zip(&prepared.points).filter(|(_, point)| point.cuts());
+    let fastest = cuts.filter_map(|(target, _)| target.feed_mm_s).max_by(f64::total_cmp);
+    let may_cut = |target: &&Target| {
+        let is_slow = target.feed_mm_s.zip(fastest).is_none_or(|(feed, fastest)| feed <= fastest);
+        let is_path = matches!(target.motion, Motion::Linear | Motion::Circular);
+        is_path && !target.rapid && target.is_end() && is_slow
+    };
+    let row = |target: &Target| forces.of(target.ordinal, target.name.as_deref());
+    program.targets.iter().filter(may_cut).all(|target| row(target).is_some_and(|row| row.force.is_some()))
 }
 
 /// The rows of a table by their column `run`, in the order in which the runs first occur. Each run has a clamping of

@@ -33,9 +33,12 @@ fn of_folder(folder: &Path) -> Identification {
 }
 
 fn written(folder: &Path, written: Written) -> Identification {
+    of_table(folder, Table::read(&source(&folder.join("measured.csv"))).unwrap(), written)
+}
+
+fn of_table(folder: &Path, table: Table, written: Written) -> Identification {
     let cell = cell(&folder.join("cell.toml"));
-    let runs =
-        vec![(program(&folder.join("part.mod")), Table::read(&source(&folder.join("measured.csv"))).unwrap()).into()];
+    let runs = vec![(program(&folder.join("part.mod")), table).into()];
     let input = Input { cell: &cell, runs, poses: vec![], tool: None, data_hash: "test", written, progress: &|_| true };
     identify(input).unwrap()
 }
@@ -384,6 +387,17 @@ fn a_field_that_nobody_lists_is_mapped() {
     let rms = (gaps.iter().sum::<f64>() / gaps.len() as f64).sqrt();
     // What is written is fitted to these rows as well, in the end.
     assert!(rms < found.after.rms_mm, "{rms} {:?}", found.after);
+}
+
+/// Rows at some of the cuts do not say how much the others have cut: the wear of a tool must not be fitted to the length between rows.
+#[test]
+fn wear_needs_the_force_of_every_cut() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/blind/designed_white_springs-4000");
+    let mut table = Table::read(&source(&folder.join("measured.csv"))).unwrap();
+    let has_wear = |found: &Identification| found.ranking.iter().any(|ranked| ranked.kind == "tool_wear");
+    assert!(has_wear(&of_table(&folder, table.clone(), Written::WholeModel)));
+    table.rows = table.rows.into_iter().step_by(3).collect();
+    assert!(!has_wear(&of_table(&folder, table, Written::WholeModel)));
 }
 
 /// A spring that hardens is no softer one with two slopes; one that is off and has two slopes is both.

@@ -352,6 +352,7 @@ fn candidates_follow_the_data_and_do_nothing_yet() {
         part_declared: true,
         clamps: 2,
         has_force: true,
+        has_cut_length: true,
         cut_mm: Some([[-100.0, 100.0], [-50.0, 50.0]]),
         has_payload: false,
         has_speed: true,
