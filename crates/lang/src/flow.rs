@@ -1,82 +1,118 @@
-//! Statements as a graph: where each goes on, where branches meet again, which loops nothing leaves.
+//! Steps as a graph: where each goes on, where branches meet again, which loops stand within which, and which nothing leaves.
 
-use crate::ir::{Expression, ExpressionKind, FunctionId, Program, Statement, StatementKind};
-use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::collections::{BTreeMap, BTreeSet};
 
-/// One step.
+/// One node: what a language does there ([`Machine`](crate::walk::Machine) runs it), or where it goes on.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Node<'a> {
-    /// A statement that goes on at the next node.
-    Do(&'a Statement),
+pub enum Node<S, T> {
+    /// Goes on at the next node.
+    Do(S),
     /// Goes on here or there.
-    Branch { condition: &'a Expression, yes: usize, no: usize },
+    Branch {
+        /// What is looked at.
+        test: T,
+        /// Where it goes on if that holds.
+        yes: usize,
+        /// Where it goes on if not.
+        no: usize,
+    },
     /// Goes on there.
     Jump(usize),
     /// Leaves the routine, by its exit.
-    Return(Option<&'a Expression>),
+    Return(S),
     /// Ends the program.
     Halt,
     /// The end of a routine.
     Exit,
 }
 
-/// The steps of all routines.
-#[derive(Debug, Default)]
-pub(crate) struct Flow<'a> {
-    pub(crate) nodes: Vec<Node<'a>>,
+/// A loop: nodes each of which leads to each other.
+#[derive(Clone, Copy, Debug)]
+struct Loop {
+    /// The loop that it stands in.
+    parent: Option<usize>,
+    /// Where it is entered, the first such node in the text.
+    head: usize,
+}
+
+/// The nodes of all routines.
+#[derive(Debug)]
+pub struct Flow<S, T> {
+    pub(crate) nodes: Vec<Node<S, T>>,
     /// First node and exit of each routine.
     pub(crate) routines: Vec<(usize, usize)>,
     /// Nodes that more than one node, a branch or a jump goes on at: what is run from one to the next stands in a row in the text.
     pub(crate) leads: Vec<bool>,
     /// Where all ways from a node that end the routine meet again.
     pub(crate) meets: Vec<Option<usize>>,
-    /// The loop, or the loops within each other, that a node belongs to: it may run more than once in one run of its routine.
-    pub(crate) cycle: Vec<Option<usize>>,
+    /// The innermost loop of each node.
+    pub(crate) inner: Vec<Option<usize>>,
     /// Nodes of a loop that nothing leaves.
     pub(crate) endless: Vec<bool>,
+    loops: Vec<Loop>,
 }
 
-impl<'a> Flow<'a> {
-    pub(crate) fn new(program: &'a Program) -> Self {
-        let mut flow = Self::default();
-        for function in &program.functions {
-            let mut builder = Builder { nodes: std::mem::take(&mut flow.nodes), ..Builder::default() };
-            let first = builder.nodes.len();
-            builder.block(&function.body);
-            let exit = builder.nodes.len();
-            builder.nodes.push(Node::Exit);
-            let Builder { nodes, labels, jumps, .. } = builder;
-            flow.nodes = nodes;
-            for (at, label) in jumps {
-                // A label that is not there is an error of the program, which no controller runs.
-                match (labels.get(&label).copied(), &mut flow.nodes[at]) {
-                    (Some(to), Node::Branch { yes, .. }) => *yes = to,
-                    (Some(to), node) => *node = Node::Jump(to),
-                    (None, Node::Branch { .. }) => {}
-                    (None, node) => *node = Node::Halt,
-                }
+impl<S: Copy, T: Copy> Default for Flow<S, T> {
+    fn default() -> Self {
+        Self {
+            nodes: Vec::new(),
+            routines: Vec::new(),
+            leads: Vec::new(),
+            meets: Vec::new(),
+            inner: Vec::new(),
+            endless: Vec::new(),
+            loops: Vec::new(),
+        }
+    }
+}
+
+impl<S: Copy, T: Copy> Flow<S, T> {
+    /// Adds a routine, which is the next by number.
+    pub fn add<'n>(&mut self, build: impl FnOnce(&mut Builder<'n, S, T>)) {
+        let mut builder = Builder { nodes: std::mem::take(&mut self.nodes), ..Builder::default() };
+        let first = builder.nodes.len();
+        build(&mut builder);
+        let exit = builder.nodes.len();
+        builder.nodes.push(Node::Exit);
+        let Builder { nodes, labels, jumps, .. } = builder;
+        self.nodes = nodes;
+        for (at, label) in jumps {
+            // A label that is not there is an error of the program, which no controller runs.
+            match (labels.get(label).copied(), &mut self.nodes[at]) {
+                (Some(to), Node::Branch { yes, .. }) => *yes = to,
+                (Some(to), node) => *node = Node::Jump(to),
+                (None, Node::Branch { .. }) => {}
+                (None, node) => *node = Node::Halt,
             }
-            flow.routines.push((first, exit));
         }
-        let count = flow.nodes.len();
-        flow.leads = vec![false; count];
-        flow.meets = vec![None; count];
-        (flow.cycle, flow.endless) = (vec![None; count], vec![false; count]);
-        for (first, exit) in flow.routines.clone() {
-            flow.lead(first, exit);
-            flow.meet(first, exit);
-            flow.cycles(first, exit);
-        }
-        flow
+        self.routines.push((first, exit));
+        let count = self.nodes.len();
+        self.leads.resize(count, false);
+        self.meets.resize(count, None);
+        self.inner.resize(count, None);
+        self.endless.resize(count, false);
+        self.lead(first, exit);
+        self.meet(first, exit);
+        self.loops_of(&(first..=exit).collect::<Vec<_>>(), exit, None);
     }
 
-    pub(crate) fn routine(&self, id: FunctionId) -> (usize, usize) {
-        self.routines[id.0 as usize]
+    /// Whether a node belongs to a loop.
+    pub(crate) fn is_within(&self, node: usize, of: usize) -> bool {
+        self.loops_around(node).any(|around| around == of)
+    }
+
+    /// The loops of a node, from the innermost to the outermost.
+    pub(crate) fn loops_around(&self, node: usize) -> impl Iterator<Item = usize> + use<'_, S, T> {
+        std::iter::successors(self.inner[node], |of| self.loops[*of].parent)
+    }
+
+    /// The loop that is entered at a node.
+    pub(crate) fn loop_headed(&self, node: usize) -> Option<usize> {
+        self.inner[node].filter(|of| self.loops[*of].head == node)
     }
 
     /// Where a node goes on.
-    fn next(&self, node: usize, exit: usize) -> impl Iterator<Item = usize> + use<> {
+    fn next(&self, node: usize, exit: usize) -> impl Iterator<Item = usize> + use<S, T> {
         let (a, b) = match self.nodes[node] {
             Node::Do(_) => (Some(node + 1), None),
             Node::Branch { yes, no, .. } => (Some(yes), Some(no)),
@@ -159,12 +195,18 @@ impl<'a> Flow<'a> {
         }
     }
 
-    /// Strongly connected components (Tarjan 1972): what repeats, and what never ends.
-    fn cycles(&mut self, first: usize, exit: usize) {
+    /// Strongly connected components (Tarjan 1972): what repeats, and what never ends; within each, without its head, those within it.
+    fn loops_of(&mut self, nodes: &[usize], exit: usize, parent: Option<usize>) {
         const NEW: usize = usize::MAX;
-        let count = exit + 1 - first;
+        /// Most loops within each other that are told apart: more than people write, and each costs a pass.
+        const DEEPEST: usize = 32;
+        if std::iter::successors(parent, |of| self.loops[*of].parent).count() >= DEEPEST {
+            return;
+        }
+        let count = nodes.len();
+        let place = |node: usize| nodes.binary_search(&node).ok();
         let (mut number, mut low, mut on) = (vec![NEW; count], vec![NEW; count], vec![false; count]);
-        let (mut path, mut next) = (Vec::new(), 0);
+        let (mut path, mut next, mut found) = (Vec::new(), 0, Vec::new());
         for root in 0..count {
             if number[root] != NEW {
                 continue;
@@ -176,11 +218,11 @@ impl<'a> Flow<'a> {
                     next += 1;
                     path.push(node);
                 }
-                let to = self.next(node + first, exit).nth(*at).map(|to| to - first);
+                let to = self.next(nodes[node], exit).nth(*at);
                 *at += 1;
-                match to {
-                    Some(to) if number[to] == NEW => stack.push((to, 0)),
-                    Some(to) if on[to] => low[node] = low[node].min(number[to]),
+                match to.map(place) {
+                    Some(Some(to)) if number[to] == NEW => stack.push((to, 0)),
+                    Some(Some(to)) if on[to] => low[node] = low[node].min(number[to]),
                     Some(_) => {}
                     None => {
                         stack.pop();
@@ -191,103 +233,124 @@ impl<'a> Flow<'a> {
                             let from = path.iter().rposition(|other| *other == node).unwrap_or(0);
                             let members = path.split_off(from);
                             members.iter().for_each(|member| on[*member] = false);
-                            self.component(&members, first, exit);
+                            found.push(members.into_iter().map(|member| nodes[member]).collect::<BTreeSet<_>>());
                         }
                     }
                 }
             }
         }
-    }
-
-    fn component(&mut self, members: &[usize], first: usize, exit: usize) {
-        let within: std::collections::BTreeSet<usize> = members.iter().map(|member| member + first).collect();
         let steps = |node: &usize| self.next(*node, exit).collect::<Vec<_>>();
-        let repeats = within.len() > 1 || within.iter().any(|node| steps(node).contains(node));
-        let endless = repeats && within.iter().flat_map(steps).all(|to| within.contains(&to));
-        let cycle = within.first().copied().filter(|_| repeats);
-        for node in within {
-            (self.cycle[node], self.endless[node]) = (cycle, endless);
+        found.retain(|within| within.len() > 1 || within.iter().any(|node| steps(node).contains(node)));
+        for within in found {
+            let of = self.loops.len();
+            // What leads into it from elsewhere does so at its head, apart from jumps into the midst of it.
+            let outer = nodes.iter().filter(|node| !within.contains(node));
+            let entered: BTreeSet<usize> = outer.flat_map(|node| self.next(*node, exit)).collect();
+            let head = within.iter().find(|node| entered.contains(node)).or(within.first()).copied().unwrap_or(exit);
+            let is_endless = within.iter().flat_map(|node| self.next(*node, exit)).all(|to| within.contains(&to));
+            self.loops.push(Loop { parent, head });
+            for node in &within {
+                self.inner[*node] = Some(of);
+                self.endless[*node] |= is_endless;
+            }
+            let rest: Vec<usize> = within.into_iter().filter(|node| *node != head).collect();
+            self.loops_of(&rest, exit, Some(of));
         }
     }
 }
 
-/// Lays statements out one after the other.
-#[derive(Default)]
-struct Builder<'a> {
-    nodes: Vec<Node<'a>>,
-    labels: BTreeMap<Arc<str>, usize>,
-    jumps: Vec<(usize, Arc<str>)>,
+/// Lays steps out one after the other.
+#[derive(Debug)]
+pub struct Builder<'n, S, T> {
+    nodes: Vec<Node<S, T>>,
+    labels: BTreeMap<&'n [u8], usize>,
+    jumps: Vec<(usize, &'n [u8])>,
     /// Where the innermost loop begins, and jumps out of it that wait for its end.
     loops: Vec<(usize, Vec<usize>)>,
 }
 
-impl<'a> Builder<'a> {
+impl<S, T> Default for Builder<'_, S, T> {
+    fn default() -> Self {
+        Self { nodes: Vec::new(), labels: BTreeMap::new(), jumps: Vec::new(), loops: Vec::new() }
+    }
+}
+
+impl<'n, S, T> Builder<'n, S, T> {
     /// A node that is filled in later.
     fn gap(&mut self) -> usize {
         self.nodes.push(Node::Halt);
         self.nodes.len() - 1
     }
 
-    fn block(&mut self, statements: &'a [Statement]) {
-        statements.iter().for_each(|statement| self.statement(statement));
+    /// A step.
+    pub fn step(&mut self, step: S) {
+        self.nodes.push(Node::Do(step));
     }
 
-    fn statement(&mut self, statement: &'a Statement) {
-        match &statement.kind {
-            StatementKind::If { arms, otherwise } => {
-                let mut ends = Vec::new();
-                for (condition, body) in arms {
-                    let branch = self.gap();
-                    self.block(body);
-                    ends.push(self.gap());
-                    self.nodes[branch] = Node::Branch { condition, yes: branch + 1, no: self.nodes.len() };
-                }
-                self.block(otherwise);
-                let end = self.nodes.len();
-                ends.into_iter().for_each(|gap| self.nodes[gap] = Node::Jump(end));
-            }
-            StatementKind::Loop { condition, body } => {
-                let start = self.nodes.len();
-                let always = |e: &&Expression| !matches!(e.kind, ExpressionKind::Truth(true));
-                let condition = condition.as_ref().filter(always);
-                let branch = condition.map(|_| self.gap());
-                self.loops.push((start, Vec::new()));
-                self.block(body);
-                self.nodes.push(Node::Jump(start));
-                let end = self.nodes.len();
-                let (_, breaks) = self.loops.pop().unwrap_or_default();
-                breaks.into_iter().for_each(|gap| self.nodes[gap] = Node::Jump(end));
-                if let (Some(condition), Some(branch)) = (condition, branch) {
-                    self.nodes[branch] = Node::Branch { condition, yes: branch + 1, no: end };
-                }
-            }
-            StatementKind::Break => {
-                let gap = self.gap();
-                if let Some((_, breaks)) = self.loops.last_mut() {
-                    breaks.push(gap);
-                }
-            }
-            StatementKind::Continue => {
-                let to = self.loops.last().map(|(start, _)| *start);
-                self.nodes.push(to.map_or(Node::Halt, Node::Jump));
-            }
-            StatementKind::Label(name) => {
-                let at = self.nodes.len();
-                self.labels.insert(Arc::clone(name), at);
-            }
-            StatementKind::Jump { to, condition } => {
-                let at = self.gap();
-                if let Some(condition) = condition {
-                    self.nodes[at] = Node::Branch { condition, yes: at + 1, no: at + 1 };
-                }
-                self.jumps.push((at, Arc::clone(to)));
-            }
-            StatementKind::Return(value) => self.nodes.push(Node::Return(value.as_ref())),
-            StatementKind::Halt => self.nodes.push(Node::Halt),
-            StatementKind::Assign { .. }
-            | StatementKind::Evaluate(_)
-            | StatementKind::Move(_)
-            | StatementKind::Opaque { .. } => self.nodes.push(Node::Do(statement)),
+    /// One of two ways.
+    pub fn branch(&mut self, test: T, then: impl FnOnce(&mut Self), otherwise: impl FnOnce(&mut Self)) {
+        let branch = self.gap();
+        then(self);
+        let end_of_then = self.gap();
+        self.nodes[branch] = Node::Branch { test, yes: branch + 1, no: self.nodes.len() };
+        otherwise(self);
+        self.nodes[end_of_then] = Node::Jump(self.nodes.len());
+    }
+
+    /// A loop, which [`Self::leave`] leaves.
+    pub fn repeat(&mut self, body: impl FnOnce(&mut Self)) {
+        // A node of its own: a loop that begins with another is another loop.
+        let start = self.gap();
+        self.nodes[start] = Node::Jump(start + 1);
+        self.loops.push((start, Vec::new()));
+        body(self);
+        self.nodes.push(Node::Jump(start));
+        let end = self.nodes.len();
+        let (_, leaves) = self.loops.pop().unwrap_or_default();
+        leaves.into_iter().for_each(|gap| self.nodes[gap] = Node::Jump(end));
+    }
+
+    /// Leaves the innermost loop. Where there is none, that is an error of the program, and it goes on.
+    pub fn leave(&mut self) {
+        let gap = self.nodes.len();
+        if let Some((_, leaves)) = self.loops.last_mut() {
+            leaves.push(gap);
+            self.nodes.push(Node::Halt);
         }
+    }
+
+    /// Goes on with the next round of the innermost loop.
+    pub fn again(&mut self) {
+        let to = self.loops.last().map(|(start, _)| *start);
+        self.nodes.push(to.map_or(Node::Halt, Node::Jump));
+    }
+
+    /// A place to jump to, in the same routine.
+    pub fn label(&mut self, name: &'n [u8]) {
+        let at = self.nodes.len();
+        self.labels.insert(name, at);
+    }
+
+    /// Goes on at a label.
+    pub fn jump(&mut self, to: &'n [u8]) {
+        let at = self.gap();
+        self.jumps.push((at, to));
+    }
+
+    /// Goes on at a label where that holds.
+    pub fn jump_if(&mut self, test: T, to: &'n [u8]) {
+        let at = self.gap();
+        self.nodes[at] = Node::Branch { test, yes: at + 1, no: at + 1 };
+        self.jumps.push((at, to));
+    }
+
+    /// Leaves the routine.
+    pub fn returns(&mut self, step: S) {
+        self.nodes.push(Node::Return(step));
+    }
+
+    /// Ends the program.
+    pub fn halt(&mut self) {
+        self.nodes.push(Node::Halt);
     }
 }

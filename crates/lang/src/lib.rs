@@ -17,7 +17,7 @@
 
 mod cursor;
 pub mod dialect;
-mod flow;
+pub mod flow;
 pub mod inform;
 pub mod ir;
 mod lexeme;
@@ -29,6 +29,7 @@ mod store;
 pub mod tp;
 pub mod urscript;
 pub mod value;
+pub mod walk;
 
 pub use reason::Reason;
 pub use span::Span;

@@ -1,11 +1,10 @@
 //! The abstract run: what holds at each motion in every run that a controller could make.
 //!
-//! Conditions that are known are followed, loops round by round. From a condition that is not known on, all ways are followed to where they
-//! meet again, and what they leave is joined, until it stays; what holds there holds in every run, and each motion on the way counts once,
-//! in the order of the text. A loop that nothing leaves, or leaves by such a condition, is run so from its beginning.
+//! [`walk`](crate::walk) says which statements run. Where ways meet, what holds there holds in every run, and each motion on the way counts
+//! once, in the order of the text.
 
 use crate::dialect::{Arguments, Dialect};
-use crate::flow::{Flow, Node};
+use crate::flow::{Builder, Flow, Node};
 use crate::ir::{
     Argument, Binary, Callee, Expression, ExpressionKind, FunctionId, Motion, Path, Program, Slot, SourceSpan,
     Statement, StatementKind, Switch, TokenId, Unary,
@@ -13,6 +12,7 @@ use crate::ir::{
 use crate::reason::Reason;
 use crate::store::{Stands, Store};
 use crate::value::{Affine, Content, Number, Pose, Reads, Value, is_whole};
+use crate::walk::{Machine, Meeting, Stop, walk};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -75,22 +75,67 @@ const DEEPEST: usize = 32;
 /// # Errors
 /// It is too long, with its loops joined too.
 pub fn run(program: &Program, dialect: &dyn Dialect) -> Result<Outcome, TooLong> {
-    let flow = Flow::new(program);
+    let flow = flow(program);
     Runner::new(program, &flow, dialect, true)
         .run()
         .or_else(|TooLong| Runner::new(program, &flow, dialect, false).run())
 }
 
-/// Why a run does not go on.
-enum Stop {
-    /// The program ends, or goes on forever.
-    Ends,
-    TooLong,
+/// The steps of all routines.
+fn flow(program: &Program) -> Flow<&Statement, &Expression> {
+    let mut flow = Flow::default();
+    for function in &program.functions {
+        flow.add(|builder| function.body.iter().for_each(|statement| lay(builder, statement)));
+    }
+    flow
+}
+
+fn lay<'a>(builder: &mut Builder<'a, &'a Statement, &'a Expression>, statement: &'a Statement) {
+    match &statement.kind {
+        StatementKind::If { arms, otherwise } => lay_arms(builder, arms, otherwise),
+        StatementKind::Loop { condition, body } => {
+            let always = |e: &&Expression| !matches!(e.kind, ExpressionKind::Truth(true));
+            builder.repeat(|builder| {
+                let lay_body =
+                    |builder: &mut Builder<'a, _, _>| body.iter().for_each(|statement| lay(builder, statement));
+                match condition.as_ref().filter(always) {
+                    Some(condition) => builder.branch(condition, lay_body, Builder::leave),
+                    None => lay_body(builder),
+                }
+            });
+        }
+        StatementKind::Break => builder.leave(),
+        StatementKind::Continue => builder.again(),
+        StatementKind::Label(name) => builder.label(name.as_bytes()),
+        StatementKind::Jump { to, condition: None } => builder.jump(to.as_bytes()),
+        StatementKind::Jump { to, condition: Some(condition) } => builder.jump_if(condition, to.as_bytes()),
+        StatementKind::Return(_) => builder.returns(statement),
+        StatementKind::Halt => builder.halt(),
+        StatementKind::Assign { .. }
+        | StatementKind::Evaluate(_)
+        | StatementKind::Move(_)
+        | StatementKind::Opaque { .. } => builder.step(statement),
+    }
+}
+
+fn lay_arms<'a>(
+    builder: &mut Builder<'a, &'a Statement, &'a Expression>,
+    arms: &'a [(Expression, Vec<Statement>)],
+    otherwise: &'a [Statement],
+) {
+    match arms.split_first() {
+        Some(((condition, body), rest)) => builder.branch(
+            condition,
+            |builder| body.iter().for_each(|statement| lay(builder, statement)),
+            |builder| lay_arms(builder, rest, otherwise),
+        ),
+        None => otherwise.iter().for_each(|statement| lay(builder, statement)),
+    }
 }
 
 struct Runner<'a> {
     program: &'a Program,
-    flow: &'a Flow<'a>,
+    flow: &'a Flow<&'a Statement, &'a Expression>,
     dialect: &'a dyn Dialect,
     /// Whether loops with known conditions are followed round by round.
     unrolls: bool,
@@ -116,7 +161,12 @@ struct Runner<'a> {
 }
 
 impl<'a> Runner<'a> {
-    fn new(program: &'a Program, flow: &'a Flow<'a>, dialect: &'a dyn Dialect, unrolls: bool) -> Self {
+    fn new(
+        program: &'a Program,
+        flow: &'a Flow<&'a Statement, &'a Expression>,
+        dialect: &'a dyn Dialect,
+        unrolls: bool,
+    ) -> Self {
         let moves = flow.nodes.iter().filter(|node| is_motion(node)).count();
         let mut runner = Self {
             program,
@@ -228,7 +278,7 @@ impl<'a> Runner<'a> {
         let saved = (std::mem::replace(&mut store.locals, locals), store.result.take(), self.context, self.node);
         self.context = self.site();
         self.calls.push(id);
-        let after = self.walk(id, std::mem::take(store));
+        let after = walk(self, self.flow, id.0 as usize, std::mem::take(store));
         self.calls.pop();
         (self.context, self.node) = (saved.2, saved.3);
         *store = after?;
@@ -243,131 +293,14 @@ impl<'a> Runner<'a> {
         *self.sites.entry((self.context, self.node)).or_insert(next)
     }
 
-    fn walk(&mut self, id: FunctionId, mut store: Store) -> Result<Store, Stop> {
-        let (mut node, exit) = self.flow.routine(id);
-        let mut rounds: BTreeMap<usize, Rounds> = BTreeMap::new();
-        let mut entered: Option<Entered> = None;
-        while node != exit {
-            if self.flow.endless[node] {
-                self.region(node, None, exit, store)?;
-                return Err(Stop::Ends);
-            }
-            let cycle = self.flow.cycle[node];
-            if entered.as_ref().map(|entered| entered.cycle) != cycle {
-                let (motions, last) = (self.out.motions.len(), self.last);
-                entered = cycle.map(|cycle| Entered { cycle, node, store: store.clone(), motions, last });
-            }
-            let goes = self.step(node, exit, &mut store)?;
-            let is_round = cycle.is_some() && matches!(self.flow.nodes[node], Node::Branch { .. });
-            node = match goes {
-                // What holds has held before: the rounds repeat forever, and all of their motions are noted.
-                Goes::To(_) if is_round && rounds.entry(node).or_default().repeat(&store) => return Err(Stop::Ends),
-                Goes::To(to) => to,
-                Goes::Either(..) => {
-                    let (mut from, mut meets) = (node, self.flow.meets[node]);
-                    let within = |meets: Option<usize>| meets.is_some_and(|meets| self.flow.cycle[meets] == cycle);
-                    if let Some(entered) = entered.take_if(|_| !within(meets)) {
-                        // Whether the loop goes on is not known: all of its rounds are one, from the first on.
-                        (from, store, self.last) = (entered.node, entered.store, entered.last);
-                        self.out.motions.truncate(entered.motions);
-                        meets = self.flow.meets[from];
-                        while within(meets) {
-                            meets = meets.and_then(|meets| self.flow.meets[meets]);
-                        }
-                    }
-                    store = self.region(from, meets, exit, store)?.ok_or(Stop::Ends)?;
-                    let Some(meets) = meets else { return Err(Stop::Ends) };
-                    meets
-                }
-            };
-        }
-        Ok(store)
-    }
-
-    /// Runs a node.
-    fn step(&mut self, node: usize, exit: usize, store: &mut Store) -> Result<Goes, Stop> {
+    /// Counts what is run at a node.
+    fn count(&mut self, node: usize) -> Result<(), Stop> {
         self.steps += 1;
+        self.node = node;
         if self.steps > MOST_STEPS || self.out.motions.len() > self.most_motions {
             return Err(Stop::TooLong);
         }
-        self.node = node;
-        Ok(Goes::To(match self.flow.nodes[node] {
-            Node::Do(statement) => {
-                self.statement(statement, store)?;
-                node + 1
-            }
-            Node::Jump(to) => to,
-            Node::Return(value) => {
-                store.result = value.map(|value| self.evaluate(value, store)).transpose()?;
-                exit
-            }
-            Node::Halt => return Err(Stop::Ends),
-            Node::Exit => exit,
-            Node::Branch { condition, yes, no } => {
-                let value = self.evaluate(condition, store)?;
-                self.use_up(&value.all_reads());
-                match value.truth().filter(|_| self.unrolls || self.flow.cycle[node].is_none()) {
-                    Some(true) => yes,
-                    Some(false) => no,
-                    None => return Ok(Goes::Either(yes, no)),
-                }
-            }
-        }))
-    }
-
-    /// Follows all ways from a node to where they meet; what holds there, if any gets there.
-    fn region(&mut self, from: usize, meets: Option<usize>, exit: usize, store: Store) -> Result<Option<Store>, Stop> {
-        let mut states = BTreeMap::from([(from, store)]);
-        let mut work = BTreeSet::from([from]);
-        let notes = std::mem::replace(&mut self.notes, false);
-        while let Some(node) = work.pop_first() {
-            let Some(state) = states.get(&node).cloned() else { continue };
-            for (to, state) in self.stretch(node, meets, exit, state)? {
-                match states.get_mut(&to) {
-                    None => drop(states.insert(to, state)),
-                    Some(known) => {
-                        let before = known.clone();
-                        known.join(&state);
-                        if *known == before {
-                            continue;
-                        }
-                    }
-                }
-                if Some(to) != meets {
-                    work.insert(to);
-                }
-            }
-        }
-        self.notes = notes;
-        let end = meets.and_then(|meets| states.remove(&meets));
-        if self.notes {
-            for (node, state) in states {
-                self.stretch(node, meets, exit, state)?;
-            }
-        }
-        Ok(end)
-    }
-
-    /// Runs from a node to the next ones that others lead to as well; what holds there.
-    fn stretch(
-        &mut self,
-        from: usize,
-        meets: Option<usize>,
-        exit: usize,
-        mut state: Store,
-    ) -> Result<Vec<(usize, Store)>, Stop> {
-        let mut node = from;
-        loop {
-            let goes = match self.step(node, exit, &mut state) {
-                Err(Stop::Ends) => return Ok(Vec::new()),
-                goes => goes?,
-            };
-            match goes {
-                Goes::To(to) if self.flow.leads[to] || Some(to) == meets || to == from => return Ok(vec![(to, state)]),
-                Goes::To(to) => node = to,
-                Goes::Either(yes, no) => return Ok(vec![(yes, state.clone()), (no, state)]),
-            }
-        }
+        Ok(())
     }
 
     fn statement(&mut self, statement: &Statement, store: &mut Store) -> Result<(), Stop> {
@@ -377,6 +310,9 @@ impl<'a> Runner<'a> {
                 self.assign(*slot, path, value, store)?;
             }
             StatementKind::Evaluate(expression) => drop(self.evaluate(expression, store)?),
+            StatementKind::Return(value) => {
+                store.result = value.as_ref().map(|value| self.evaluate(value, store)).transpose()?;
+            }
             StatementKind::Move(motion) => self.motion(motion, statement.place, store)?,
             StatementKind::Opaque { writes, reads, reason } => {
                 for read in reads {
@@ -683,45 +619,57 @@ impl<'a> Runner<'a> {
     }
 }
 
-fn is_motion(node: &Node<'_>) -> bool {
+fn is_motion<T>(node: &Node<&Statement, T>) -> bool {
     matches!(node, Node::Do(Statement { kind: StatementKind::Move(_), .. }))
 }
 
-/// The rounds of a loop, watched for one that is like another (Brent 1980, *An improved Monte Carlo factorization algorithm*).
-#[derive(Default)]
-struct Rounds {
-    count: u64,
-    saved: Store,
-}
+impl<'a> Machine for Runner<'a> {
+    type Step = &'a Statement;
+    type Test = &'a Expression;
+    type State = Store;
+    /// Motions, and the site of the last.
+    type Mark = (usize, Option<u32>);
 
-impl Rounds {
-    /// Counts a round; whether all that holds in it held in an earlier one.
-    fn repeat(&mut self, store: &Store) -> bool {
-        if self.count > 0 && self.saved == *store {
-            return true;
-        }
-        self.count += 1;
-        if self.count.is_power_of_two() {
-            self.saved = store.clone();
-        }
-        false
+    const MOST_ROUNDS: u64 = MOST_STEPS;
+
+    fn step(&mut self, node: usize, statement: &'a Statement, store: &mut Store) -> Result<(), Stop> {
+        self.count(node)?;
+        self.statement(statement, store)
     }
-}
 
-/// Where a run came into a loop, and what held there.
-struct Entered {
-    cycle: usize,
-    node: usize,
-    store: Store,
-    motions: usize,
-    last: Option<u32>,
-}
+    fn holds(&mut self, node: usize, condition: &'a Expression, store: &mut Store) -> Result<Option<bool>, Stop> {
+        self.count(node)?;
+        let value = self.evaluate(condition, store)?;
+        self.use_up(&value.all_reads());
+        Ok(value.truth())
+    }
 
-/// Where a step goes on.
-enum Goes {
-    To(usize),
-    /// A condition that is not known: here or there.
-    Either(usize, usize),
+    fn join(&mut self, known: &mut Store, other: &Store, _: Meeting) -> bool {
+        let before = known.clone();
+        known.join(other);
+        *known != before
+    }
+
+    fn is_same(&self, a: &Store, b: &Store) -> bool {
+        a == b
+    }
+
+    fn notes(&mut self) -> &mut bool {
+        &mut self.notes
+    }
+
+    fn mark(&self) -> (usize, Option<u32>) {
+        (self.out.motions.len(), self.last)
+    }
+
+    fn back_to(&mut self, (motions, last): (usize, Option<u32>)) {
+        self.out.motions.truncate(motions);
+        self.last = last;
+    }
+
+    fn unrolls(&self) -> bool {
+        self.unrolls
+    }
 }
 
 /// What a routine may do.

@@ -163,10 +163,10 @@ fn own(motion: &Moved) -> Edit {
 /// assert_eq!(agreed, [false, false, true]);
 /// ```
 #[must_use]
-pub fn agree<T: PartialEq>(wishes: &[Vec<(TokenId, Option<T>)>]) -> Vec<bool> {
-    let mut users: BTreeMap<TokenId, Vec<usize>> = BTreeMap::new();
-    let mut texts: BTreeMap<TokenId, &Option<T>> = BTreeMap::new();
-    let mut refused: BTreeSet<TokenId> = BTreeSet::new();
+pub fn agree<K: Copy + Ord, T: PartialEq>(wishes: &[Vec<(K, Option<T>)>]) -> Vec<bool> {
+    let mut users: BTreeMap<K, Vec<usize>> = BTreeMap::new();
+    let mut texts: BTreeMap<K, &Option<T>> = BTreeMap::new();
+    let mut refused: BTreeSet<K> = BTreeSet::new();
     for (user, wish) in wishes.iter().enumerate() {
         for (token, text) in wish {
             users.entry(*token).or_default().push(user);
@@ -176,7 +176,7 @@ pub fn agree<T: PartialEq>(wishes: &[Vec<(TokenId, Option<T>)>]) -> Vec<bool> {
         }
     }
     let mut agreed = vec![true; wishes.len()];
-    let mut work: Vec<TokenId> = refused.into_iter().collect();
+    let mut work: Vec<K> = refused.into_iter().collect();
     while let Some(token) = work.pop() {
         for user in users.remove(&token).unwrap_or_default() {
             if std::mem::replace(&mut agreed[user], false) {

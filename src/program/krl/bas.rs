@@ -5,7 +5,8 @@ use super::eval::Place;
 use super::expression::{Expression, Setting};
 use super::names;
 use super::run::Runner;
-use super::state::{Changes, Id, ModalState};
+use super::state::{Changes, Id};
+use super::symbols::MODAL;
 use super::value::{Step, Value, upper};
 use crate::program::Reason;
 use crate::text::{Diagnostic, Severity};
@@ -172,7 +173,7 @@ impl<'a> Runner<'a> {
     fn tell_frames_elsewhere(&mut self, act: &Value) {
         let undeclared = matches!(act, Value::Unknown(why, None) if *why == Reason::NameUndeclared);
         // No name of a program has a blank.
-        if undeclared && self.told.insert(upper(b" FDAT")) {
+        if undeclared && self.said.insert(upper(b" FDAT")) {
             let source = &self.symbols.sources[self.here()];
             let message = "the numbers of tool and base of an inline form (FDAT, mostly FHOME) are in none of the files: both are unknown until they are set again";
             let note = Diagnostic::error("krl.frames-elsewhere", &source.name, message).severity(Severity::Note);
@@ -197,8 +198,8 @@ impl<'a> Runner<'a> {
     }
 
     /// What `WITH` sets for one motion; gives what held before.
-    pub(super) fn with(&mut self, settings: &[Setting]) -> ModalState {
-        let before = self.state.clone();
+    pub(super) fn with(&mut self, settings: &[Setting]) -> [Value; MODAL] {
+        let before = self.symbols.modal().map(|id| self.value(id));
         for Setting { to, value } in settings {
             let place = self.place(to);
             let name = match value {
@@ -222,17 +223,14 @@ impl<'a> Runner<'a> {
     }
 
     /// Puts back what `WITH` set; the position is where the motion went.
-    pub(super) fn restore(&mut self, before: ModalState) {
+    pub(super) fn restore(&mut self, before: &[Value; MODAL]) {
         let symbols = &self.symbols;
-        let was = |id: Id| before.values.get(&id).unwrap_or(&symbols.start[id]);
-        if [symbols.base, symbols.tool].into_iter().any(|id| !was(id).is(&self.value(id))) {
+        let held = || symbols.modal().into_iter().zip(before);
+        if held().any(|(id, was)| [symbols.base, symbols.tool].contains(&id) && !was.is(&self.value(id))) {
             self.leave_frame();
         }
-        for id in self.symbols.modal() {
-            match before.values.get(&id) {
-                Some(value) => self.state.values.insert(id, value.clone()),
-                None => self.state.values.remove(&id),
-            };
+        for (id, value) in self.symbols.modal().into_iter().zip(before) {
+            self.state.values.insert(id, value.clone());
         }
     }
 }

@@ -6,10 +6,10 @@ use super::names;
 use super::run::{MAX_CALLS, Runner};
 use super::state::{Changes, Id};
 use super::symbols::RoutineId;
-use super::tree::{Param, Started, StatementKind};
+use super::tree::{Param, Started, Statement, StatementKind};
 use super::value::Value;
 use crate::program::Reason;
-use crate::text::Span;
+use deflex_lang::walk::Stop;
 
 /// What a call is given: a value, and the variable that it stands in.
 pub(super) struct Argument<'e> {
@@ -89,10 +89,10 @@ impl<'a> Runner<'a> {
             self.volatile.extend([self.symbols.base, self.symbols.tool]);
         }
         let is_frame = path.id == self.symbols.base || path.id == self.symbols.tool;
-        // What a base and a zone are made of is read where the robot goes, and not moved with it; who reads data that may change at any
+        // What a base and a zone are made of is read where the robot goes, and not moved with it; what reads data that may change at any
         // moment is not followed, nor are handlers.
         let is_read = is_frame || path.id == self.symbols.approximation;
-        if is_read || self.volatile.contains(&path.id) || self.read_beside.contains(&path.id) {
+        if is_read || self.volatile.contains(&path.id) || self.read_at_any_moment.contains(&path.id) {
             self.pin(&value);
         }
         let value = self.symbols.converted(path.id, &path.steps, value);
@@ -193,30 +193,34 @@ impl<'a> Runner<'a> {
         }
     }
 
-    pub(super) fn call(&mut self, call: &Call, span: Span) {
+    pub(super) fn call(&mut self, call: &Call, statement: &Statement) -> Result<(), Stop> {
         if &call.name[..] == b"BAS" {
             let arguments = self.arguments(call);
-            return self.bas(&arguments);
+            self.bas(&arguments);
+            return Ok(());
         }
-        let Some(id) = self.symbols.find_routine(self.here(), &call.name) else { return drop(self.function(call)) };
+        let Some(id) = self.symbols.find_routine(self.here(), &call.name) else {
+            drop(self.function(call));
+            return Ok(());
+        };
         let arguments = self.arguments(call);
         let around = self.frames.iter().filter(|frame| frame.routine == id).count();
         if around > 0 || self.symbols.routine(id).is_function {
             // Not followed: its own targets stay.
-            self.keep(self.here(), span, Reason::RoutineCallsItself);
+            self.keep(self.here(), statement.at, Reason::RoutineCallsItself);
             let changes = self.known_changes(id);
             self.run_unfollowed(&changes, Reason::ByRecursiveRoutine);
-            return self.give_away(&arguments, true);
+            self.give_away(&arguments, true);
+            return Ok(());
         }
         if self.frames.len() >= MAX_CALLS {
-            self.give_up(span);
-            return;
+            return self.give_up(statement.at);
         }
-        self.follow(id, &arguments);
+        self.within(std::ptr::from_ref(statement).addr(), |runner| runner.follow(id, &arguments))
     }
 
     /// Runs a routine with copies of what it is given, and gives back what is its caller's own.
-    fn follow(&mut self, id: RoutineId, arguments: &[Argument<'_>]) {
+    fn follow(&mut self, id: RoutineId, arguments: &[Argument<'_>]) -> Result<(), Stop> {
         let params: &'a [Param] = &self.symbols.routine(id).params;
         // What a routine that is declared without parameters takes all the same (one of `[controller] harmless`).
         self.give_away(arguments.get(params.len()..).unwrap_or_default(), true);
@@ -233,7 +237,16 @@ impl<'a> Runner<'a> {
             let value = self.value(path.id).forgotten(Reason::LentToParameter);
             self.state.values.insert(path.id, value);
         }
-        let left = self.enter(id, &values, &aliased);
+        // Where an interrupt may leave it half done, what follows runs even if it has no end.
+        let before = self.resumes.then(|| self.state.clone());
+        let ended = self.enter(id, &values, &aliased);
+        if let (Err(Stop::Ends), Some(before)) = (&ended, before) {
+            self.state = before;
+        }
+        let left = match ended {
+            Err(Stop::Ends) if self.resumes => Vec::new(),
+            ended => ended.inspect_err(|_| self.volatile.clone_from(&volatile))?,
+        };
         // What a TRIGGER may still change under a parameter's name is the caller's.
         let late = (0..params.len()).filter(|i| left.get(*i).is_some_and(|left| left.is_triggered)).filter_map(lent);
         self.triggered.extend(late.map(|path| path.id));
@@ -254,6 +267,7 @@ impl<'a> Runner<'a> {
         if self.resumes {
             self.forget(&changes, Reason::Resume);
         }
+        Ok(())
     }
 
     /// Whether what a parameter is lent has another name in the routine: a global one, or another parameter's.

@@ -244,12 +244,12 @@ impl<'a> Runner<'a> {
 
     /// Handlers, functions (which are not followed) and routines that call themselves, with all that they call: what they
     /// name stays.
-    pub(super) fn find_beside(&mut self) {
+    pub(super) fn find_what_runs_at_any_moment(&mut self) {
         let mut calls: HashMap<RoutineId, BTreeSet<RoutineId>> = HashMap::new();
         let mut handlers = Vec::new();
         for id in self.symbols.all() {
             if self.symbols.routine(id).is_function {
-                self.beside.insert(id);
+                self.at_any_moment.insert(id);
             }
             for statement in self.symbols.routine(id).statements() {
                 self.resumes |= matches!(statement.kind, StatementKind::Resume);
@@ -257,10 +257,10 @@ impl<'a> Runner<'a> {
                     let Some(called) = self.symbols.find_routine(id.file, &call.name) else { continue };
                     match statement.kind {
                         StatementKind::Interrupt(_) => {
-                            self.beside.insert(called);
+                            self.at_any_moment.insert(called);
                             handlers.push((called, id.file, call.at()));
                         }
-                        StatementKind::Trigger(_) => drop(self.beside.insert(called)),
+                        StatementKind::Trigger(_) => drop(self.at_any_moment.insert(called)),
                         _ => drop(calls.entry(id).or_default().insert(called)),
                     }
                 }
@@ -282,15 +282,15 @@ impl<'a> Runner<'a> {
         for id in self.symbols.all() {
             let called = within(id);
             if called.contains(&id) {
-                self.beside.insert(id);
+                self.at_any_moment.insert(id);
             }
-            if self.beside.contains(&id) {
-                self.beside.extend(called);
+            if self.at_any_moment.contains(&id) {
+                self.at_any_moment.extend(called);
             }
         }
-        for id in self.beside.iter().copied().collect::<Vec<_>>() {
+        for id in self.at_any_moment.iter().copied().collect::<Vec<_>>() {
             let named = self.pin_names(id);
-            self.read_beside.extend(named);
+            self.read_at_any_moment.extend(named);
         }
     }
 
@@ -328,7 +328,7 @@ impl<'a> Runner<'a> {
     fn tell_interrupt_that_moves(&mut self, handler: RoutineId, file: usize, span: Span) {
         let name = &self.symbols.routine(handler).name;
         // No name of a program has a blank.
-        if !self.told.insert([b" INTERRUPT ", &**name].concat().into()) {
+        if !self.said.insert([b" INTERRUPT ", &**name].concat().into()) {
             return;
         }
         let message = format!(

@@ -187,18 +187,18 @@ impl<R: Read> Chunks<R> {
         let mut tail = None;
         if cut.last {
             self.fill(HEAD + 1)?;
-            let behind = &self.rest[self.cut..];
-            let last = self.last.take().filter(|_| behind.len() <= HEAD);
+            let after = &self.rest[self.cut..];
+            let last = self.last.take().filter(|_| after.len() <= HEAD);
             tail = last.and_then(|(mut like, line)| {
                 if !like.fits(line.trim_ascii()) {
                     like = Arc::new(self.reader.like_instead(&like, &line)?);
                 }
-                self.reader.tail(&like, &line, behind, (bytes.len(), self.lines, self.motions))
+                self.reader.tail(&like, &line, after, (bytes.len(), self.lines, self.motions))
             });
             if tail.is_none() {
                 return Ok(Next::NotStreamable);
             }
-            bytes.extend_from_slice(behind);
+            bytes.extend_from_slice(after);
             self.ended = true;
         }
         let mut source = Source::new(self.reader.name(), bytes);

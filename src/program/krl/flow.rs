@@ -1,200 +1,344 @@
-//! Branches and loops.
+//! The steps of routines, in which `deflex_lang` finds what runs, and what each step does.
 
-use super::run::{Flow, Runner, VALUES_PER_STEP};
+use super::expression::{Expression, Setting};
+use super::run::Runner;
 use super::state::{Id, ModalState};
-use super::tree::{For, Loop, Statement, Switch};
-use super::value::Value;
+use super::symbols::RoutineId;
+use super::tree::{File, For, Loop, Statement, StatementKind, Switch};
+use super::value::{NumberToken, Step as Part, Value};
 use crate::program::Reason;
 use crate::text::Span;
+use deflex_lang::flow::{Builder, Flow};
+use deflex_lang::walk::{Machine, Meeting, Stop};
+use std::collections::{BTreeMap, HashSet};
+use std::rc::Rc;
 
-/// A WHILE that goes round more often is taken for one whose end is known only at run time.
-pub(super) const MAX_ROUNDS: usize = 100_000;
+/// Values that are compared and copied in about the time of a statement.
+pub(super) const VALUES_PER_STEP: usize = 256;
+
+/// What a node does.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Step<'a> {
+    /// Statements in a row, none of which decides what runs next.
+    Row(&'a [Statement]),
+    /// What WITH says of a spline begins to hold.
+    SplineBegins(&'a [Setting]),
+    SplineEnds,
+    /// The counter of a loop gets its first value.
+    CountFrom(&'a For),
+    /// Its next.
+    CountOn(&'a For),
+    /// The loop has ended.
+    Counted(&'a For),
+    Return(Option<&'a Expression>),
+}
+
+/// What decides between two ways.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Test<'a> {
+    If(&'a Expression),
+    /// Whether there is another round.
+    Round(&'a Loop),
+    /// The same of a FOR, which stands there.
+    Count(&'a For, Span),
+    /// Whether it is this case.
+    Case(&'a Switch, usize),
+}
+
+type Steps<'a> = Builder<'a, Step<'a>, Test<'a>>;
+
+/// The steps of all routines.
+#[derive(Debug, Default)]
+pub(super) struct Routines<'a> {
+    flow: Flow<Step<'a>, Test<'a>>,
+    /// Number of the first routine of each file.
+    firsts: Vec<usize>,
+}
+
+impl<'a> Routines<'a> {
+    pub(super) fn of(files: &'a [File]) -> Self {
+        let (mut flow, mut firsts, mut count) = (Flow::default(), Vec::new(), 0);
+        for file in files {
+            firsts.push(count);
+            count += file.routines.len();
+            file.routines.iter().for_each(|routine| flow.add(|steps| lay(steps, &routine.body)));
+        }
+        Self { flow, firsts }
+    }
+}
+
+/// Whether what runs next does not depend on it.
+fn is_plain(statement: &Statement) -> bool {
+    !matches!(
+        statement.kind,
+        StatementKind::If(_)
+            | StatementKind::For(_)
+            | StatementKind::Loop(_)
+            | StatementKind::Switch(_)
+            | StatementKind::Spline(..)
+            | StatementKind::Jump(_)
+            | StatementKind::Label(_)
+            | StatementKind::Return(_)
+            | StatementKind::Exit
+    )
+}
+
+fn lay<'a>(steps: &mut Steps<'a>, block: &'a [Statement]) {
+    let mut rest = block;
+    while let Some(first) = rest.first() {
+        let plain = rest.iter().take_while(|statement| is_plain(statement)).count();
+        if plain > 0 {
+            let (row, next) = rest.split_at(plain);
+            steps.step(Step::Row(row));
+            rest = next;
+            continue;
+        }
+        lay_statement(steps, first);
+        rest = &rest[1..];
+    }
+}
+
+fn lay_statement<'a>(steps: &mut Steps<'a>, statement: &'a Statement) {
+    match &statement.kind {
+        StatementKind::If(of) => {
+            steps.branch(Test::If(&of.condition), |steps| lay(steps, &of.then), |steps| lay(steps, &of.otherwise));
+        }
+        StatementKind::For(of) => {
+            steps.step(Step::CountFrom(of));
+            let round = |steps: &mut Steps<'a>| {
+                lay(steps, &of.body);
+                steps.step(Step::CountOn(of));
+            };
+            let end = |steps: &mut Steps<'a>| {
+                steps.step(Step::Counted(of));
+                steps.leave();
+            };
+            steps.repeat(|steps| steps.branch(Test::Count(of, statement.at), round, end));
+        }
+        StatementKind::Loop(of) => steps.repeat(|steps| {
+            let is_tested = !of.is_endless();
+            match of.is_until {
+                false if is_tested => {
+                    steps.branch(Test::Round(of), |steps| lay(steps, &of.body), Builder::leave);
+                }
+                _ => lay(steps, &of.body),
+            }
+            if of.is_until && is_tested {
+                steps.branch(Test::Round(of), |_| (), Builder::leave);
+            }
+        }),
+        StatementKind::Switch(of) => lay_cases(steps, of, 0),
+        StatementKind::Spline(with, body) => {
+            steps.step(Step::SplineBegins(with));
+            lay(steps, body);
+            steps.step(Step::SplineEnds);
+        }
+        StatementKind::Jump(to) => steps.jump(to),
+        StatementKind::Label(name) => steps.label(name),
+        StatementKind::Return(value) => steps.returns(Step::Return(value.as_ref())),
+        StatementKind::Exit => steps.leave(),
+        _ => {}
+    }
+}
+
+fn lay_cases<'a>(steps: &mut Steps<'a>, of: &'a Switch, case: usize) {
+    match of.cases.get(case) {
+        Some((_, body)) => {
+            steps.branch(Test::Case(of, case), |steps| lay(steps, body), |steps| lay_cases(steps, of, case + 1));
+        }
+        None => lay(steps, &of.otherwise),
+    }
+}
+
+/// How much was found so far.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Found {
+    targets: usize,
+    motions: u32,
+    arcs: usize,
+    unknown: usize,
+    last: Option<f64>,
+}
+
+impl<'a> Machine for Runner<'a> {
+    type Step = Step<'a>;
+    type Test = Test<'a>;
+    type State = ModalState;
+    type Mark = Found;
+
+    const MOST_ROUNDS: u64 = 100_000;
+
+    fn step(&mut self, _: usize, step: Step<'a>, state: &mut ModalState) -> Result<(), Stop> {
+        self.state = std::mem::take(state);
+        let done = self.run_step(step);
+        *state = std::mem::take(&mut self.state);
+        done
+    }
+
+    fn holds(&mut self, _: usize, test: Test<'a>, state: &mut ModalState) -> Result<Option<bool>, Stop> {
+        self.state = std::mem::take(state);
+        let holds = self.decide(test);
+        *state = std::mem::take(&mut self.state);
+        holds
+    }
+
+    fn join(&mut self, known: &mut ModalState, other: &ModalState, meeting: Meeting) -> bool {
+        self.steps += (known.values.len() + other.values.len()) / VALUES_PER_STEP;
+        let (start, position) = (&self.symbols.start, self.symbols.position);
+        // Which numbers the last position may have had is part of what holds.
+        let before: HashSet<NumberToken> = known.at(position, start).tokens().into_iter().collect();
+        let is_new = |place: &NumberToken| !before.contains(place) && !self.pinned.contains(place);
+        let is_less = !known.covers(other, start) || other.at(position, start).tokens().iter().any(is_new);
+        let why = match meeting {
+            Meeting::Branches => Reason::Branches,
+            Meeting::Rounds => Reason::Loop,
+        };
+        known.join(other, start, position, why, &mut self.pinned);
+        is_less
+    }
+
+    fn is_same(&self, a: &ModalState, b: &ModalState) -> bool {
+        a.is(b)
+    }
+
+    fn notes(&mut self) -> &mut bool {
+        &mut self.notes
+    }
+
+    fn mark(&self) -> Found {
+        let (targets, motions, arcs, unknown) = (self.targets.len(), self.motions, self.arcs, self.unknown.len());
+        Found { targets, motions, arcs, unknown, last: self.last }
+    }
+
+    fn back_to(&mut self, found: Found) {
+        self.targets.truncate(found.targets);
+        self.sites.truncate(found.targets);
+        self.external.truncate(found.targets);
+        self.unknown.truncate(found.unknown);
+        (self.motions, self.arcs, self.last) = (found.motions, found.arcs, found.last);
+    }
+
+    fn revision(&self) -> usize {
+        self.volatile.len()
+    }
+}
 
 impl<'a> Runner<'a> {
-    /// What holds where any of these may.
-    pub(super) fn joined(&mut self, states: Vec<ModalState>) -> Option<ModalState> {
-        let mut states = states.into_iter();
-        let first = states.next()?;
-        let (start, position, pinned) = (&self.symbols.start, self.symbols.position, &mut self.pinned);
-        Some(states.fold(first, |all, state| {
-            all.join(&state, start, position, &mut |place| {
-                pinned.insert(place);
-            })
-        }))
+    /// Runs the steps of a routine from what holds; what holds at its end does after it.
+    pub(super) fn walk(&mut self, id: RoutineId) -> Result<(), Stop> {
+        let (routines, state) = (self.routines, std::mem::take(&mut self.state));
+        self.state = deflex_lang::walk::walk(self, &routines.flow, routines.firsts[id.file] + id.at, state)?;
+        Ok(())
     }
 
-    /// Every branch from what holds before all of them, since any may be the one that runs.
-    pub(super) fn branches(&mut self, branches: &[&'a [Statement]]) -> Flow {
-        let before = std::mem::take(&mut self.state);
-        self.steps += before.values.len() / VALUES_PER_STEP;
-        let mut left = Vec::new();
-        for branch in branches {
-            self.state = before.clone();
-            if self.block(branch) == Flow::Next {
-                left.push(std::mem::take(&mut self.state));
-            }
-        }
-        self.go_on(left)
-    }
-
-    /// Goes on with what holds where any of these may.
-    pub(super) fn go_on(&mut self, left: Vec<ModalState>) -> Flow {
-        match self.joined(left) {
-            Some(state) => {
-                self.state = state;
-                Flow::Next
-            }
-            None => Flow::Gone,
-        }
-    }
-
-    pub(super) fn choice(&mut self, Switch { subject, cases, otherwise }: &'a Switch) -> Flow {
-        let subject = self.evaluate(subject);
-        for (i, (values, body)) in cases.iter().enumerate() {
-            match self.is_among(&subject, values) {
-                Some(true) => return self.block(body),
-                Some(false) => {}
-                None => {
-                    let rest: Vec<&'a [Statement]> =
-                        cases[i..].iter().map(|(_, b)| &b[..]).chain([&otherwise[..]]).collect();
-                    return self.branches(&rest);
+    fn run_step(&mut self, step: Step<'a>) -> Result<(), Stop> {
+        match step {
+            Step::Row(statements) => {
+                for statement in statements {
+                    self.count(statement.at)?;
+                    self.simple(statement)?;
                 }
             }
+            Step::SplineBegins(with) => {
+                let before: Vec<Value> = self.with(with).into();
+                let saved = before.into_iter().enumerate().map(|(at, value)| (at as i64, value)).collect();
+                self.state.values.insert(self.symbols.spline, Value::Array(Rc::new(saved)));
+            }
+            Step::SplineEnds => {
+                let saved = self.value(self.symbols.spline);
+                let item = |at: usize| saved.get(&[Part::Element(at as i64)]);
+                self.restore(&std::array::from_fn(item));
+                self.state.values.remove(&self.symbols.spline);
+            }
+            Step::CountFrom(of) => self.count_from(of),
+            Step::CountOn(of) => {
+                let counter = self.resolve(&of.variable.name);
+                let next = self.value(counter).index().zip(self.bounds(of)).map(|(at, [_, step])| at + step);
+                self.set_counter(of, next);
+            }
+            Step::Counted(of) => {
+                let counter = self.resolve(&of.variable.name);
+                self.state.values.insert(counter, Value::unknown(Reason::CounterAfterLoop));
+                let bounds = self.bounds_of(of);
+                self.state.values.remove(&bounds);
+            }
+            Step::Return(value) => value.into_iter().for_each(|value| drop(self.evaluate(value))),
         }
-        self.block(otherwise)
+        Ok(())
     }
 
-    pub(super) fn counted(&mut self, For { variable, from, to, step, body }: &'a For, place: Span) -> Flow {
-        let [from, to] = [from, to].map(|bound| self.evaluate(bound).index());
-        let step = step.as_ref().map_or(Some(1), |step| self.evaluate(step).index()).filter(|step| *step != 0);
-        let counter = self.resolve(&variable.name);
-        let (Some(from), Some(to), Some(step)) = (from, to, step) else {
-            return self.rounds(body, Some(counter));
+    fn decide(&mut self, test: Test<'a>) -> Result<Option<bool>, Stop> {
+        Ok(match test {
+            Test::If(condition) => self.evaluate(condition).bool(),
+            Test::Round(of) => {
+                let Some(condition) = &of.condition else { return Ok(None) };
+                let holds = self.evaluate(condition).bool().map(|holds| holds != of.is_until);
+                // What nothing in the loop changes never ends it.
+                holds.filter(|goes_on| !goes_on || !self.is_steady(of, condition))
+            }
+            Test::Count(of, at) => {
+                self.count(at)?;
+                let counter = self.resolve(&of.variable.name);
+                let at = self.value(counter).index().filter(|_| !self.volatile.contains(&counter));
+                at.zip(self.bounds(of)).map(|(at, [to, step])| if step > 0 { at <= to } else { at >= to })
+            }
+            Test::Case(of, case) => {
+                let subject = self.evaluate(&of.subject);
+                self.is_among(&subject, &of.cases[case].0)
+            }
+        })
+    }
+
+    fn is_steady(&mut self, of: &'a Loop, condition: &Expression) -> bool {
+        let at: *const Loop = of;
+        if let Some(known) = self.steady.get(&at) {
+            return *known;
+        }
+        let changes = self.changes_in(&of.body);
+        let is_steady = !self.depends(condition, &changes);
+        self.steady.insert(at, is_steady);
+        is_steady
+    }
+
+    /// Bounds are read once, when the loop begins.
+    fn count_from(&mut self, of: &'a For) {
+        let [from, to] = [&of.from, &of.to].map(|bound| self.evaluate(bound).index());
+        let step = of.step.as_ref().map_or(Some(1), |step| self.evaluate(step).index()).filter(|step| *step != 0);
+        let bounds = to.zip(step).filter(|_| from.is_some());
+        #[allow(clippy::cast_precision_loss)] // whole numbers that single precision has
+        let number = |value: i64| Value::Number(value as f64, None);
+        let held = match bounds {
+            Some((to, step)) => Value::Array(Rc::new(BTreeMap::from([(0, number(to)), (1, number(step))]))),
+            None => Value::unknown(Reason::Loop),
         };
-        let most = i64::try_from(self.most_steps).unwrap_or(i64::MAX);
-        if (to - from) / step > most || self.volatile.contains(&counter) {
-            return self.rounds(body, Some(counter));
-        }
-        self.loops.push(Vec::new());
-        let mut at = from;
-        let mut flow = Flow::Next;
-        while flow == Flow::Next && if step > 0 { at <= to } else { at >= to } {
-            #[allow(clippy::cast_precision_loss)]
-            self.state.values.insert(counter, Value::Number(at as f64, None));
-            self.steps += 1;
-            flow = self.block(body);
-            // The body may set its own counter.
-            let counted = self.value(counter).index();
-            match counted {
-                Some(counted) => at = counted + step,
-                None if flow == Flow::Next => {
-                    flow = self.rounds(body, Some(counter));
-                    break;
-                }
-                None => {}
-            }
-            if self.steps > self.most_steps {
-                flow = self.give_up(place);
-            }
-        }
-        let mut left = self.loops.pop().unwrap_or_default();
-        if flow == Flow::Next {
-            self.state.values.insert(counter, Value::unknown(Reason::CounterAfterLoop));
-            left.push(std::mem::take(&mut self.state));
-        }
-        self.go_on(left)
+        let id = self.bounds_of(of);
+        self.state.values.insert(id, held);
+        self.set_counter(of, from.filter(|_| bounds.is_some()));
     }
 
-    pub(super) fn repeat(&mut self, Loop { condition, is_behind, body }: &'a Loop) -> Flow {
-        let Some(condition) = condition else { return self.rounds(body, None) };
-        let changes = self.changes_in(body);
-        // A condition that nothing in the loop changes never ends it.
-        let steady = !self.depends(condition, &changes);
-        let (before, targets) = (self.state.clone(), self.marker());
-        self.loops.push(Vec::new());
-        let mut rounds = 0;
-        let flow = loop {
-            let looked = if *is_behind && rounds == 0 {
-                Some(true)
-            } else {
-                let holds = self.evaluate(condition).bool();
-                if *is_behind { holds.map(|end| !end) } else { holds }
-            };
-            match looked {
-                Some(false) => break Some(Flow::Next),
-                Some(true) if rounds < MAX_ROUNDS && !(steady && rounds > 0) => {}
-                _ => break None,
-            }
-            rounds += 1;
-            if self.block(body) == Flow::Gone {
-                break Some(Flow::Gone);
-            }
-        };
-        let mut left = self.loops.pop().unwrap_or_default();
-        match flow {
-            Some(flow) => {
-                if flow == Flow::Next {
-                    left.push(std::mem::take(&mut self.state));
-                }
-                self.go_on(left)
-            }
-            None => {
-                // Known for some rounds, and then no more: taken as one whose rounds are not known at all.
-                self.state = before;
-                self.back_to(targets);
-                self.rounds(body, None)
-            }
+    fn set_counter(&mut self, of: &For, value: Option<i64>) {
+        let counter = self.resolve(&of.variable.name);
+        #[allow(clippy::cast_precision_loss)] // a whole number that single precision has
+        let value = value.map_or(Value::unknown(Reason::Loop), |value| Value::Number(value as f64, None));
+        self.state.values.insert(counter, value);
+    }
+
+    /// The variable, without a name, of the last value and the step of a counter.
+    fn bounds_of(&mut self, of: &For) -> Id {
+        let at: *const For = of;
+        if let Some(id) = self.counted.get(&at) {
+            return *id;
         }
+        let id = self.symbols.local(Value::unknown(Reason::Unset));
+        self.counted.insert(at, id);
+        id
     }
 
-    /// Rounds of a number that is not known: one, from what holds whenever one begins.
-    pub(super) fn rounds(&mut self, body: &'a [Statement], counter: Option<Id>) -> Flow {
-        let mut changes = self.changes_in(body);
-        changes.ids.extend(counter);
-        self.forget(&changes, Reason::Loop);
-        loop {
-            let (before, targets, volatile) = (self.state.clone(), self.marker(), self.volatile.len());
-            let partials = self.open_partials;
-            self.loops.push(Vec::new());
-            let flow = self.block(body);
-            let mut left = self.loops.pop().unwrap_or_default();
-            if flow == Flow::Next {
-                if self.open_partials > partials {
-                    // The motion before may be the last one of a round.
-                    let last = self.value(self.symbols.position);
-                    self.pin(&last);
-                }
-                let holds = before.covers(&self.state, &self.symbols.start) && volatile == self.volatile.len();
-                self.steps += 1 + before.values.len() / VALUES_PER_STEP;
-                if !holds && self.steps > self.most_steps {
-                    return self.give_up(body.first().map(|first| first.at).unwrap_or_default());
-                }
-                if !holds {
-                    // What a round leaves is what another begins with: once more, with what holds in both.
-                    let behind = std::mem::take(&mut self.state);
-                    self.state = self.joined(vec![before, behind]).unwrap_or_default();
-                    self.back_to(targets);
-                    continue;
-                }
-                left.push(std::mem::take(&mut self.state));
-            }
-            left.push(before);
-            let flow = self.go_on(left);
-            self.forget(&changes, Reason::Loop);
-            return flow;
-        }
-    }
-
-    /// How much was found so far.
-    pub(super) fn marker(&self) -> (usize, u32, usize, usize) {
-        (self.targets.len(), self.motions, self.arcs, self.unknown.len())
-    }
-
-    pub(super) fn back_to(&mut self, (targets, motions, arcs, unknown): (usize, u32, usize, usize)) {
-        self.targets.truncate(targets);
-        self.sites.truncate(targets);
-        self.external.truncate(targets);
-        self.unknown.truncate(unknown);
-        (self.motions, self.arcs) = (motions, arcs);
+    /// Last value and step, where they are known.
+    fn bounds(&mut self, of: &For) -> Option<[i64; 2]> {
+        let id = self.bounds_of(of);
+        let held = self.value(id);
+        let item = |at: i64| held.get(&[Part::Element(at)]).index();
+        Some([item(0)?, item(1)?])
     }
 }

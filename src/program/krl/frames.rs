@@ -39,6 +39,9 @@ impl Runner<'_> {
             }
             _ => return Err(Reason::Tool),
         };
+        if !self.notes {
+            return Ok(0);
+        }
         let is_new = !self.tools.iter().any(|known| known.is(&tool));
         if is_new && tool.data.is_some_and(|data| data.mass_kg == 0.0) {
             let message = format!("the load of `{}` is in none of the files: it is taken as 0 kg", tool.name);
@@ -70,6 +73,9 @@ impl Runner<'_> {
             }
             _ => return Err(Reason::Base),
         };
+        if !self.notes {
+            return Ok(0);
+        }
         intern(&mut self.wobjs, &wobj, |known| known.is(&wobj)).ok_or(Reason::TooManyFrames)
     }
 }

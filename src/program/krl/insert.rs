@@ -49,19 +49,19 @@ struct Barred {
 
 impl Barred {
     fn of(source: &Source) -> Self {
-        let (mut splines, mut triggered, mut open, mut behind) = (Vec::new(), Vec::new(), None, false);
+        let (mut splines, mut triggered, mut open, mut is_after_trigger) = (Vec::new(), Vec::new(), None, false);
         for line in lines(&source.bytes).filter(|line| !line.code.is_empty()) {
             let cursor = Cursor::new(&source.bytes, 0, line.code);
             match &upper(cursor.text(cursor.peek()))[..] {
                 b"SPLINE" | b"PTP_SPLINE" => open = Some(line.code.range().start),
                 b"ENDSPLINE" => splines.extend(open.take().map(|start| start..line.code.range().end)),
                 b"TRIGGER" => {
-                    behind = true;
+                    is_after_trigger = true;
                     continue;
                 }
                 _ => {}
             }
-            if std::mem::take(&mut behind) {
+            if std::mem::take(&mut is_after_trigger) {
                 triggered.push(line.code.start);
             }
         }
@@ -116,8 +116,8 @@ pub(super) fn without_approximation(program: &Program, wanted: &[(usize, Passing
             return None;
         }
         let end = cursor.until(&APPROXIMATE).0.range().end;
-        let behind = text.get(end..target.span.range().end)?;
-        let mut words = behind.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).peekable();
+        let after = text.get(end..target.span.range().end)?;
+        let mut words = after.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).peekable();
         words.peek()?;
         let is_known = |word: &[u8]| APPROXIMATE[1..].iter().any(|known| word.eq_ignore_ascii_case(known));
         let blanks = text[..end].iter().rev().take_while(|byte| byte.is_ascii_whitespace()).count();
@@ -160,7 +160,7 @@ fn line(program: &Program, layout: &Layout, insert: &Insert, barred: &[Barred]) 
     };
     // What it does at its end, the point does too.
     let (point, _) = cursor.until(&APPROXIMATE);
-    let behind = text.get(point.range().end - target.span.range().start..).unwrap_or_default();
+    let after = text.get(point.range().end - target.span.range().start..).unwrap_or_default();
     let old = [a, b, c].map(|place| signed(bytes(program, place)).unwrap_or(0.0));
     let mut content = Vec::new();
     let mut held = [0.0; 6];
@@ -191,9 +191,9 @@ fn line(program: &Program, layout: &Layout, insert: &Insert, barred: &[Barred]) 
         content.remove(open);
     }
     content.push(b'}');
-    if !behind.is_empty() {
+    if !after.is_empty() {
         content.push(b' ');
-        content.extend_from_slice(behind);
+        content.extend_from_slice(after);
     }
     let (indent, line_end) = around(&program.sources[source].bytes, target.span);
     content.extend_from_slice(line_end);

@@ -17,7 +17,7 @@ use std::sync::Arc;
 const END: &[u8] = b"\nEND\n";
 
 /// First words of what may stand after the last line: nothing that goes back, and nothing that changes what was before.
-const BEHIND: [&[u8]; 8] = [b"PTP", b"LIN", b"SPTP", b"SLIN", b"HALT", b"WAIT", b"$OUT", b"$VEL"];
+const AFTER: [&[u8]; 8] = [b"PTP", b"LIN", b"SPTP", b"SLIN", b"HALT", b"WAIT", b"$OUT", b"$VEL"];
 
 /// A kind of line.
 #[derive(Debug)]
@@ -29,7 +29,7 @@ pub(super) struct Like {
     /// The same of what follows these: status and turn, external axes.
     more: Vec<Further>,
     /// What stands after the last.
-    behind: Vec<u8>,
+    after: Vec<u8>,
     /// How much of it is the statement: the rest is a comment.
     code: usize,
     /// See [`Reader`].
@@ -111,7 +111,7 @@ impl Reader {
         let file = syntax::parse(&Source::new(name, head), 0).ok()?;
         let [routine] = &file.routines[..] else { return None };
         let goes_back = |of: &&Statement| {
-            matches!(of.kind, StatementKind::Jump | StatementKind::Resume | StatementKind::Trigger(_))
+            matches!(of.kind, StatementKind::Jump(_) | StatementKind::Resume | StatementKind::Trigger(_))
         };
         if routine.statements().iter().any(goes_back) {
             return None;
@@ -120,7 +120,8 @@ impl Reader {
         let mut reader = Self { name, head, context, used: moving, ..Self::default() };
         let first = reader.read(&[line, END])?;
         reader.said.clone_from(&first.diagnostics);
-        let mut program = reader.program(&[END]).filter(|_| reader.said.iter().all(|told| told.line == 0))?;
+        let mut program =
+            reader.program(&[END]).filter(|_| reader.said.iter().all(|diagnostic| diagnostic.line == 0))?;
         program.diagnostics.clone_from(&reader.said);
         (reader.motions, reader.targets) = (program.motion_targets(), program.targets.len());
         reader.literals = program.literal_targets;
@@ -155,7 +156,7 @@ impl Reader {
 
     /// The program of head and these, where all of it is known and nothing else is said of it than of the whole.
     fn program(&self, parts: &[&[u8]]) -> Option<Program> {
-        let is_said = |told: &Diagnostic| self.said.contains(told);
+        let is_said = |diagnostic: &Diagnostic| self.said.contains(diagnostic);
         self.read(parts).filter(|program| program.diagnostics.iter().all(is_said))
     }
 
@@ -218,12 +219,12 @@ impl Reader {
         }
         let begins = before[0].0.ends_with(&[&[b'{'][..], &[b"XYZABC"[before[0].1]]].concat());
         let (more, at) = more(text, at - start)?;
-        let behind = text[at..].to_vec();
+        let after = text[at..].to_vec();
         let code = (target.span.end as usize).checked_sub(start + at)?;
         let tool = program.tools.get(usize::from(target.tool))?.clone();
         let wobj = program.wobjs.get(usize::from(target.wobj))?.clone();
         let (speed, before) = (speed.to_vec(), before.try_into().ok()?);
-        let like = Like { speed, mark, before, more, behind, code, used: self.used, target, tool, wobj };
+        let like = Like { speed, mark, before, more, after, code, used: self.used, target, tool, wobj };
         // What a line does not name it has from the line before it, whatever kind that is of.
         let names = |axis: usize| like.more.iter().any(|(_, more)| *more == More::Axis(axis));
         let has = |axis: usize| like.target.external.as_ref().is_some_and(|axes| axes.written[axis].is_some());
@@ -242,15 +243,15 @@ impl Reader {
         &self,
         like: &Like,
         line: &[u8],
-        behind: &[u8],
+        after: &[u8],
         (at, lines, motions): (usize, usize, u32),
     ) -> Option<Program> {
         let mut ended = false;
-        for line in lex::lines(behind) {
-            let code = &behind[line.code.range()];
+        for line in lex::lines(after) {
+            let code = &after[line.code.range()];
             let name = |byte: &u8| byte.is_ascii_alphanumeric() || matches!(byte, b'_' | b'$');
             let word = &code[..code.iter().position(|byte| !name(byte)).unwrap_or(code.len())];
-            let known = BEHIND.iter().any(|known| word.eq_ignore_ascii_case(known));
+            let known = AFTER.iter().any(|known| word.eq_ignore_ascii_case(known));
             if ended && !code.is_empty() || !(known || code.is_empty() || code.eq_ignore_ascii_case(b"END")) {
                 return None;
             }
@@ -259,7 +260,7 @@ impl Reader {
         // What stands after the last line of a kind begins on a line of its own.
         let begun: &[u8] = if line.ends_with(b"\n") { b"" } else { b"\n" };
         let lead = Self::lead(&like.speed, like.mark);
-        let mut program = self.program(&[&lead, line, begun, behind])?;
+        let mut program = self.program(&[&lead, line, begun, after])?;
         let from = self.head.len() + lead.len() + line.len() + begun.len();
         let before = program.sources[0].bytes[..from].iter().filter(|byte| **byte == b'\n').count();
         program.literal_targets = program.literal_targets.checked_sub(self.literals + 1)?;
@@ -302,7 +303,7 @@ impl Like {
     /// Whether a line, without blanks at its ends, begins and ends as those of this kind: what is between is seen when it is
     /// read.
     pub(super) fn looks_like(&self, text: &[u8]) -> bool {
-        text.starts_with(&self.before[0].0) && text.ends_with(&self.behind)
+        text.starts_with(&self.before[0].0) && text.ends_with(&self.after)
     }
 
     /// Whether a line, without blanks at its ends, is of this kind.
@@ -310,7 +311,7 @@ impl Like {
         let mut is_known = true;
         let known =
             |more, value: f64| is_known &= !matches!(more, More::Axis(axis) if value != 0.0 && !self.used[axis]);
-        text.ends_with(&self.behind) && self.numbers(text, |_, _, _| (), known).is_some() && is_known
+        text.ends_with(&self.after) && self.numbers(text, |_, _, _| (), known).is_some() && is_known
     }
 
     pub(super) fn target(&self) -> &Target {
@@ -368,8 +369,8 @@ impl Like {
         let mut at = 0;
         for (before, component) in &self.before {
             at += blanks(&text[at..]);
-            let behind = text[at..].strip_prefix(&before[..])?;
-            at = text.len() - behind.len() + blanks(behind);
+            let after = text[at..].strip_prefix(&before[..])?;
+            at = text.len() - after.len() + blanks(after);
             let number = number::read_leading(&text[at..])?;
             let end = at + number.len();
             // `1E3` and `1.5.2` are other numbers.
@@ -381,13 +382,13 @@ impl Like {
         }
         for (before, more) in &self.more {
             at += blanks(&text[at..]);
-            let behind = text[at..].strip_prefix(&before[..])?;
-            at = text.len() - behind.len() + blanks(behind);
+            let after = text[at..].strip_prefix(&before[..])?;
+            at = text.len() - after.len() + blanks(after);
             let (value, len) = more.value(&text[at..])?;
             further(*more, value);
             at += len;
         }
-        (text[at..] == self.behind[..]).then_some(at)
+        (text[at..] == self.after[..]).then_some(at)
     }
 }
 

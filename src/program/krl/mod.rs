@@ -5,6 +5,7 @@
 //! | `lex` | bytes | lines of lexemes, marks |
 //! | `syntax`, `expression`, `tree` | lines | routines, data lists, statements, expressions: each read once |
 //! | `value`, `eval`, `symbols`, `state` | expressions | values, known or unknown, and where their numbers stand |
+//! | `flow` | blocks | the steps of routines; `deflex_lang::walk` finds which of them run, and what holds at each |
 //! | `run`, `calls`, `motion` | statements | targets |
 //! | `chunks`, `like` | a long file | the same in constant memory |
 //! | `changes`, `names` | statements | what they could change |
@@ -63,7 +64,7 @@ pub fn read(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<D
     read_cut(sources, context, false)
 }
 
-/// [`read`] for those who only look: a file that is cut off is read to its end, and where it ends is kept.
+/// [`read`] without the purpose to write: a file that is cut off is read to its end, and where it ends is kept.
 ///
 /// # Errors
 /// As [`read`], but for cut-off files.
@@ -110,7 +111,8 @@ fn read_cut(mut sources: Vec<Source>, context: Vec<Source>, look: bool) -> Resul
     if !errors.is_empty() {
         return Err(errors);
     }
-    let mut runner = Runner::new(&sources, &files, written);
+    let routines = flow::Routines::of(&files);
+    let mut runner = Runner::new(&sources, &files, &routines, written);
     runner.run();
     let Runner { tools, wobjs, targets, sites, motions, arcs, unknown, mut kept, mut diagnostics, .. } = runner;
     if diagnostics.iter().any(|d| d.severity == Severity::Error) {

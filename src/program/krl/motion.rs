@@ -30,7 +30,7 @@ impl Position {
 impl Runner<'_> {
     /// A motion that is not followed: its start is not known.
     pub(super) fn relative(&mut self, to: &[Expression], span: Span, reason: Reason) {
-        self.motions += 1;
+        self.motions += u32::from(self.notes);
         for to in to {
             let value = self.evaluate(to);
             self.use_axes_of(&value);
@@ -61,8 +61,8 @@ impl Runner<'_> {
     /// One executed motion.
     pub(super) fn motion(&mut self, of: &Move, span: Span) {
         let motion = of.motion;
-        self.motions += 1;
-        self.arcs += usize::from(motion == Motion::Circular);
+        self.motions += u32::from(self.notes);
+        self.arcs += usize::from(self.notes && motion == Motion::Circular);
         if of.is_curve {
             self.tell_curve(span);
         }
@@ -98,7 +98,7 @@ impl Runner<'_> {
             self.keep_motion(span, reason);
         }
         if let Some(before) = before {
-            self.restore(before);
+            self.restore(&before);
         }
     }
 
@@ -142,7 +142,7 @@ impl Runner<'_> {
         let editable = match unlocated.or(from.err()) {
             Some(reason) => Editable::No(reason),
             None if !self.mark().1 => Editable::No(Reason::MarkUnknown),
-            None if self.is_beside() => Editable::No(Reason::RunsAtAnyMoment),
+            None if self.runs_at_any_moment() => Editable::No(Reason::RunsAtAnyMoment),
             None if posture => Editable::No(Reason::StatusUnknown),
             None if turns == Ok(false) => Editable::Position,
             None => Editable::Pose,
@@ -162,14 +162,14 @@ impl Runner<'_> {
             Err(why) if i >= 3 => Value::unknown(why),
             _ => Value::Number(*v, place),
         });
-        self.external.push(to.external.each_ref().map(|axis| axis.as_ref().and_then(Value::number)));
+        let external = to.external.each_ref().map(|axis| axis.as_ref().and_then(Value::number));
         let named = EXTERNAL.iter().zip(to.external.clone()).filter_map(|(name, axis)| Some((name, axis?)));
         let all = POSE.iter().zip(numbers).chain(named);
         let record = all.map(|(name, value)| (Name::from_slice(name), value)).collect();
         self.state.values.insert(self.symbols.position, Value::Record(std::rc::Rc::new(record)));
         self.note_orientation(&to, turns.is_ok());
         let approximation_mm = self.value(self.symbols.approximation).component(b"CDIS").and_then(Value::number);
-        self.push(target, Site { tokens: to.places, approximation_mm });
+        self.push(target, Site { tokens: to.places, approximation_mm }, external);
         Ok(())
     }
 
@@ -208,10 +208,11 @@ impl Runner<'_> {
         }
         let goal = Goal::Pose { position_mm: [x, y, z], quat, conf: None };
         let editable = if target.editable == Editable::Pose { Editable::Position } else { target.editable };
-        self.external.push(to.external.each_ref().map(|axis| axis.as_ref().and_then(Value::number)));
+        let external = to.external.each_ref().map(|axis| axis.as_ref().and_then(Value::number));
         self.push(
             Target { role: Role::Via, goal, editable, located, name: None, ..target.clone() },
             Site { tokens, approximation_mm: None },
+            external,
         );
         Ok(())
     }
@@ -250,10 +251,10 @@ impl Runner<'_> {
         let target = self.target_here(Goal::Joints { deg }, [tool, wobj], span);
         let external = EXTERNAL.iter().filter_map(|name| Some((Name::from_slice(name), end.component(name)?.clone())));
         let record = Value::Record(std::rc::Rc::new(external.collect()));
-        self.external.push(EXTERNAL.map(|name| end.component(name).and_then(Value::number)));
+        let at = EXTERNAL.map(|name| end.component(name).and_then(Value::number));
         self.state.values.insert(self.symbols.position, record);
         self.state.values.insert(self.symbols.turned, Value::unknown(Reason::BeforeOnAxes));
-        self.push(target, Site::default());
+        self.push(target, Site::default(), at);
         Ok(())
     }
 
@@ -294,7 +295,6 @@ impl Runner<'_> {
 
     /// A component that is not known may still be that of the motion before, whichever that is.
     pub(super) fn hold_position_before(&mut self) {
-        self.open_partials += 1;
         let before = self.value(self.symbols.position);
         self.pin(&before);
     }
@@ -376,22 +376,26 @@ impl Runner<'_> {
         }
     }
 
-    fn push(&mut self, mut target: Target, site: Site) {
+    fn push(&mut self, mut target: Target, site: Site, external: [Option<f64>; 6]) {
         // The motion at whose end the robot stands, and the one before in the order of the text.
-        let last = self.targets.last().map(|last| f64::from(last.ordinal));
         let stands = if self.volatile.contains(&self.symbols.position) {
             None
         } else {
             self.value(self.symbols.stands).number()
         };
-        target.predecessor = match last {
+        target.predecessor = match self.last {
             None => Predecessor::Start,
-            Some(_) if stands == last => Predecessor::Previous,
+            Some(_) if stands == self.last => Predecessor::Previous,
             Some(_) => Predecessor::Unknown,
         };
-        self.state.values.insert(self.symbols.stands, Value::Number(f64::from(target.ordinal), None));
-        self.targets.push(target);
-        self.sites.push(site);
+        let here = self.site(target.span);
+        self.state.values.insert(self.symbols.stands, Value::Number(here, None));
+        if self.notes {
+            self.last = Some(here);
+            self.targets.push(target);
+            self.sites.push(site);
+            self.external.push(external);
+        }
     }
 }
 

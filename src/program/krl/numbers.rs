@@ -30,7 +30,7 @@ pub(super) fn near([a, b, c]: [f64; 3], old: [f64; 3]) -> [f64; 3] {
     let nearer = if far(other) < far([a, b, c]) { other } else { [a, b, c] };
     // Angles beyond half a turn stay there.
     std::array::from_fn(|i| {
-        let beside = old[i] + wrap(nearer[i] - old[i]);
-        if beside.abs() <= 180.0 || old[i].abs() > 180.0 { beside } else { wrap(beside) }
+        let nearest = old[i] + wrap(nearer[i] - old[i]);
+        if nearest.abs() <= 180.0 || old[i].abs() > 180.0 { nearest } else { wrap(nearest) }
     })
 }

@@ -2,14 +2,14 @@
 
 use super::numbers::{ANGLE_DECIMALS, POSITION_DECIMALS, bytes, follows_a_name, near};
 use super::run::Site;
-use super::value::NumberToken;
 use super::{Layout, insert, names};
 use crate::program::front_end::FrontEnd;
 use crate::program::orientation::{quaternion_of_zyx_deg, rotation, zyx_deg};
 use crate::program::token::{New, signed};
 use crate::program::{Change, Goal, Insert, Passing, Program, Reason, RewriteOptions, Rewritten, Role};
 use crate::text::{Content, Edit, Span, Token};
-use std::collections::{HashMap, HashSet};
+use deflex_lang::shared::agree;
+use std::collections::HashSet;
 
 /// Two orientations closer than this are the same: rounding of the arithmetic between reading and writing.
 const SAME_QUAT: f64 = 1e-12;
@@ -52,10 +52,15 @@ impl FrontEnd for Layout {
     ) -> Rewritten {
         let mut out = Rewritten { edits: vec![Vec::new(); program.written], ..Rewritten::default() };
         let apart = self.are_apart();
-        let tokens_of = |i: usize| new_tokens_of(program, &self.sites[i], i, changes[i].as_ref());
+        // A joint motion whose status or turn would be untrue stays with its numbers.
+        let untrue = |i: usize| changes[i].as_ref().is_some_and(|change| change.conf.is_some());
+        let tokens_of = |i: usize| {
+            let change = changes[i].as_ref().filter(|_| !untrue(i));
+            new_tokens_of(program, &self.sites[i], i, change)
+        };
         // Where no literal is shared, there are no conflicts to resolve.
         let new_tokens: Vec<NewTokens> = if apart { Vec::new() } else { (0..changes.len()).map(tokens_of).collect() };
-        let frozen = self.frozen(program, &new_tokens, changes, apart);
+        let agreed = self.agreed(program, &new_tokens);
         let mut new_tokens = new_tokens.into_iter();
         let mut done = HashSet::new();
         out.written.reserve(changes.len());
@@ -65,13 +70,12 @@ impl FrontEnd for Layout {
         for i in 0..changes.len() {
             let own = new_tokens.next().unwrap_or_else(|| tokens_of(i));
             let site = &self.sites[i];
-            let stays = !frozen.is_empty() && site.tokens.iter().flatten().any(|place| frozen.contains(place));
-            let untrue = changes[i].as_ref().is_some_and(|change| change.conf.is_some());
+            let stays = untrue(i) || agreed.get(i) == Some(&false);
             if stays || site.tokens.iter().all(Option::is_none) {
                 if changes[i].as_ref().is_some_and(|change| differs(program, i, change)) {
                     let own = match program.targets[i].editable {
                         crate::program::Editable::No(reason) => reason,
-                        _ if untrue => Reason::StatusChanges,
+                        _ if untrue(i) => Reason::StatusChanges,
                         _ => Reason::SharedNumbers,
                     };
                     out.kept.push((i, own));
@@ -111,49 +115,17 @@ impl Layout {
         places().zip(places().skip(1)).all(|(a, b)| a < b)
     }
 
-    /// Numbers that stay because those who use them do not want the same, and all that moves with them.
-    fn frozen(
-        &self,
-        program: &Program,
-        new_tokens: &[NewTokens],
-        changes: &[Option<Change>],
-        apart: bool,
-    ) -> HashSet<NumberToken> {
-        // A joint motion whose status or turn would be untrue stays with its numbers.
-        let changed = self.sites.iter().zip(changes);
-        let untrue = changed.filter(|(_, change)| change.as_ref().is_some_and(|change| change.conf.is_some()));
-        let untrue: Vec<NumberToken> = untrue.flat_map(|(site, _)| site.tokens.into_iter().flatten()).collect();
-        let mut frozen = HashSet::new();
-        if apart {
-            frozen.extend(untrue);
-            return frozen;
-        }
-        let mut wanted: HashMap<NumberToken, &Option<Token>> = HashMap::new();
-        for (site, own) in self.sites.iter().zip(new_tokens) {
-            for (place, token) in site.tokens.iter().zip(&own.tokens) {
-                let Some(place) = place else { continue };
-                if wanted.insert(*place, token).is_some_and(|other| other != token) {
-                    frozen.insert(*place);
-                }
-            }
-        }
-        frozen.extend(untrue);
-        // A target is edited as a whole, and so is an arc.
-        loop {
-            let before = frozen.len();
-            for i in 0..self.sites.len() {
-                let via = program.targets[i].role == Role::Via;
-                let group = [Some(i), via.then_some(i + 1)].into_iter().flatten().filter(|at| *at < self.sites.len());
-                let places: Vec<NumberToken> =
-                    group.flat_map(|at| self.sites[at].tokens.into_iter().flatten()).collect();
-                if places.iter().any(|place| frozen.contains(place)) {
-                    frozen.extend(places);
-                }
-            }
-            if frozen.len() == before {
-                return frozen;
-            }
-        }
+    /// Which targets get the numbers that they want: all that share one have to want the same of it, and an arc is edited as a whole.
+    fn agreed(&self, program: &Program, new_tokens: &[NewTokens]) -> Vec<bool> {
+        let wishes_of = |i: usize| {
+            let wishes = self.sites[i].tokens.iter().zip(&new_tokens[i].tokens);
+            wishes.filter_map(|(place, token)| Some(((*place)?, token.as_ref())))
+        };
+        let wishes = |i: usize| {
+            let end = (program.targets[i].role == Role::Via && i + 1 < self.sites.len()).then_some(i + 1);
+            std::iter::once(i).chain(end).flat_map(wishes_of).collect()
+        };
+        agree(&(0..new_tokens.len()).map(wishes).collect::<Vec<_>>())
     }
 }
 
@@ -262,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn angles_stay_beside_what_was_written() {
+    fn angles_stay_near_what_was_written() {
         assert_eq!(near([179.0, 1.0, -179.0], [-1.0, 179.0, 1.0]).to_vec(), [-1.0, 179.0, 1.0]);
         assert_eq!(near([-179.5, 0.0, 0.0], [180.0, 0.0, 0.0]).to_vec(), [-179.5, 0.0, 0.0]);
         assert_eq!(near([10.0, 0.0, 0.0], [370.5, 0.0, 0.0]).to_vec(), [370.0, 0.0, 0.0]);

@@ -1,12 +1,14 @@
 //! The program as it runs: calls, loops and branches followed as far as they are known when reading.
 
+use super::flow::{Routines, VALUES_PER_STEP};
 use super::lex::Cursor;
 use super::state::{Changes, Id, ModalState};
 use super::symbols::{RoutineId, Symbols};
-use super::tree::{File, Routine, Statement, StatementKind};
+use super::tree::{File, For, Loop, Routine, Statement, StatementKind};
 use super::value::{Name, NumberToken, Value, upper};
 use crate::program::{Kept, Mark, Reason, Target, Tool, UnknownMotion, Wobj};
 use crate::text::{Diagnostic, LineIndex, Severity, Source, Span, decode};
+use deflex_lang::walk::Stop;
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::rc::Rc;
 
@@ -18,34 +20,16 @@ const TARGETS: usize = 200_000;
 const TARGETS_PER_BYTE: usize = 1;
 /// Calls within one another.
 pub(super) const MAX_CALLS: usize = 60;
-/// Blocks within one another, through calls: more than anybody writes, and what a thread's stack holds.
-const MAX_NESTING: usize = 250;
-
-/// Values that are compared and copied in about the time of a statement.
-pub(super) const VALUES_PER_STEP: usize = 256;
-
-/// Whether the next statement is run.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Flow {
-    Next,
-    /// The program goes on elsewhere: what it leaves there is noted.
-    Gone,
-}
-
 /// A routine that is being run.
 pub(super) struct Frame {
     pub(super) routine: RoutineId,
     pub(super) names: HashMap<Name, Id>,
-    /// What it leaves where it returns before its end.
-    returns: Vec<ModalState>,
-    /// What a routine with GOTO changes: it may be any at a label.
-    jumps: Option<Rc<Changes>>,
 }
 
 impl Frame {
     /// The names of a file alone.
     pub(super) fn of_file(file: usize) -> Self {
-        Self { routine: RoutineId { file, at: usize::MAX }, names: HashMap::new(), returns: Vec::new(), jumps: None }
+        Self { routine: RoutineId { file, at: usize::MAX }, names: HashMap::new() }
     }
 }
 
@@ -64,17 +48,25 @@ pub(crate) struct Site {
     pub(crate) approximation_mm: Option<f64>,
 }
 
-#[derive(Default)]
 pub(super) struct Runner<'a> {
     pub(super) symbols: Symbols<'a>,
+    pub(super) routines: &'a Routines<'a>,
     pub(super) written: usize,
     pub(super) state: ModalState,
     pub(super) frames: Vec<Frame>,
-    /// What EXIT leaves of each loop on the way.
-    pub(super) loops: Vec<Vec<ModalState>>,
-    nested: usize,
+    /// Whether targets are noted: not while what holds in a loop is still being found.
+    pub(super) notes: bool,
+    /// The chain of calls that runs, and the numbers of all that have run, each by the chain around it and what calls in it.
+    context: u32,
+    contexts: HashMap<(u32, usize), u32>,
+    /// Where the last target stands, in its chain of calls.
+    pub(super) last: Option<f64>,
+    /// Loops whose condition nothing in them changes, as far as that has been found.
+    pub(super) steady: HashMap<*const Loop, bool>,
+    /// Variables of the bounds of counters.
+    pub(super) counted: HashMap<*const For, Id>,
     pub(super) steps: usize,
-    pub(super) most_steps: usize,
+    most_steps: usize,
     most_targets: usize,
     pub(super) entered: HashSet<RoutineId>,
     /// Numbers that something else than a motion reads.
@@ -84,15 +76,11 @@ pub(super) struct Runner<'a> {
     /// Those of them that a TRIGGER on the way may change.
     pub(super) triggered: HashSet<Id>,
     /// Routines that may run at any moment, or again while they run.
-    pub(super) beside: HashSet<RoutineId>,
+    pub(super) at_any_moment: HashSet<RoutineId>,
     /// Data that they name.
-    pub(super) read_beside: HashSet<Id>,
+    pub(super) read_at_any_moment: HashSet<Id>,
     /// Whether an interrupt may leave what is called half done.
     pub(super) resumes: bool,
-    /// The next statement may fail, and the program goes on after it.
-    proceeds: bool,
-    /// Motions that leave components to a motion before that is not known.
-    pub(super) open_partials: usize,
     /// Whether the program puts positions into data that leave components out.
     pub(super) leaves_components_out: bool,
     /// What routines could change, each found once.
@@ -111,21 +99,53 @@ pub(super) struct Runner<'a> {
     pub(super) unknown: Vec<UnknownMotion>,
     pub(super) kept: Vec<Kept>,
     seen: HashSet<(usize, Span, Reason)>,
-    pub(super) told: BTreeSet<Name>,
+    /// What has been said once.
+    pub(super) said: BTreeSet<Name>,
     pub(super) diagnostics: Vec<Diagnostic>,
     pub(super) lines: Vec<LineIndex>,
 }
 
 impl<'a> Runner<'a> {
-    pub(super) fn new(sources: &'a [Source], files: &'a [File], written: usize) -> Self {
+    pub(super) fn new(sources: &'a [Source], files: &'a [File], routines: &'a Routines<'a>, written: usize) -> Self {
         let bytes: usize = sources.iter().map(|s| s.bytes.len()).sum();
         let mut runner = Self {
             symbols: Symbols::new(sources, files),
+            routines,
             written,
+            notes: true,
             most_steps: STEPS + STEPS_PER_BYTE * bytes,
             most_targets: TARGETS + TARGETS_PER_BYTE * bytes,
             lines: sources.iter().map(LineIndex::new).collect(),
-            ..Self::default()
+            state: ModalState::default(),
+            frames: Vec::new(),
+            context: 0,
+            contexts: HashMap::new(),
+            last: None,
+            steady: HashMap::new(),
+            counted: HashMap::new(),
+            steps: 0,
+            entered: HashSet::new(),
+            pinned: HashSet::new(),
+            volatile: HashSet::new(),
+            triggered: HashSet::new(),
+            at_any_moment: HashSet::new(),
+            read_at_any_moment: HashSet::new(),
+            resumes: false,
+            leaves_components_out: false,
+            changes: HashMap::new(),
+            tools: Vec::new(),
+            wobjs: Vec::new(),
+            targets: Vec::new(),
+            sites: Vec::new(),
+            external: Vec::new(),
+            used_axes: [false; 6],
+            motions: 0,
+            arcs: 0,
+            unknown: Vec::new(),
+            kept: Vec::new(),
+            seen: HashSet::new(),
+            said: BTreeSet::new(),
+            diagnostics: Vec::new(),
         };
         for (source, file) in files.iter().enumerate().take(written) {
             for &(span, reason) in &file.odd {
@@ -139,7 +159,7 @@ impl<'a> Runner<'a> {
     /// Runs what an operator may select: the first routine of each file that no other calls.
     pub(super) fn run(&mut self) {
         self.expect_interrupts();
-        self.find_beside();
+        self.find_what_runs_at_any_moment();
         self.leaves_components_out = self.finds_incomplete_positions();
         for root in self.symbols.roots(self.written) {
             self.state = ModalState::default();
@@ -147,7 +167,13 @@ impl<'a> Runner<'a> {
             if let Some(mark) = mark {
                 self.set_mark(mark);
             }
-            self.enter(root, &[], &[]);
+            let routine: *const Routine = self.symbols.routine(root);
+            if self
+                .within(routine.addr(), |runner| runner.enter(root, &[], &[]))
+                .is_err_and(|stop| stop == Stop::TooLong)
+            {
+                break;
+            }
         }
         self.keep_what_is_not_run();
         self.settle();
@@ -168,7 +194,7 @@ impl<'a> Runner<'a> {
     }
 
     /// Runs a routine with values for its parameters, of which some may change under another name.
-    pub(super) fn enter(&mut self, id: RoutineId, values: &[Value], aliased: &[bool]) -> Vec<Left> {
+    pub(super) fn enter(&mut self, id: RoutineId, values: &[Value], aliased: &[bool]) -> Result<Vec<Left>, Stop> {
         self.entered.insert(id);
         self.steps += (self.state.values.len() + self.volatile.len()) / VALUES_PER_STEP;
         let routine = self.symbols.routine(id);
@@ -194,119 +220,49 @@ impl<'a> Runner<'a> {
             self.symbols.declare_type(local, data.kind);
             names.insert(data.name.clone(), local);
         }
-        self.frames.push(Frame { routine: id, names, returns: Vec::new(), jumps: None });
-        let loops = std::mem::take(&mut self.loops);
-        let jumps = self.jumps(routine).map(Rc::new);
-        let has_jumps = jumps.is_some();
-        if let Some(frame) = self.frames.last_mut() {
-            frame.jumps = jumps;
-        }
-        let (first, partials) = (self.sites.len(), self.open_partials);
-        let flow = self.block(&routine.body);
-        if has_jumps && self.open_partials > partials {
-            // The motion before may be any.
-            let sites = self.sites.get(first..).unwrap_or_default();
-            self.pinned.extend(sites.iter().flat_map(|site| site.tokens).flatten());
-        }
-        self.loops = loops;
-        let Some(frame) = self.frames.pop() else { return Vec::new() };
-        let mut left = frame.returns;
-        if flow == Flow::Next {
-            left.push(std::mem::take(&mut self.state));
-        }
-        self.state = self.joined(left).unwrap_or_default();
+        self.frames.push(Frame { routine: id, names });
+        let ended = self.walk(id);
         let left = |id: &Id| Left { value: self.value(*id), is_triggered: self.triggered.contains(id) };
         let out = own.iter().map(left).collect();
         // Its own data end with it.
-        let locals: HashSet<Id> = frame.names.values().copied().collect();
+        let locals: HashSet<Id> = self.frames.pop().into_iter().flat_map(|frame| frame.names.into_values()).collect();
         self.state.values.retain(|id, _| !locals.contains(id));
         self.triggered.retain(|id| !locals.contains(id));
         self.volatile = before;
         self.volatile.extend(&self.triggered);
-        out
+        ended.map(|()| out)
     }
 
-    /// What a routine with GOTO changes: its statements may run in any order.
-    fn jumps(&mut self, routine: &'a Routine) -> Option<Changes> {
-        let jumps = |statement: &&Statement| matches!(statement.kind, StatementKind::Jump);
-        routine.statements().iter().any(jumps).then(|| self.changes_in(&routine.body))
+    /// Runs what is called at an address, in a chain of calls with a number of its own.
+    pub(super) fn within<T>(&mut self, address: usize, run: impl FnOnce(&mut Self) -> T) -> T {
+        let (next, around) = (self.contexts.len() as u32 + 1, self.context);
+        self.context = *self.contexts.entry((around, address)).or_insert(next);
+        let done = run(self);
+        self.context = around;
+        done
     }
 
-    pub(super) fn block(&mut self, block: &'a [Statement]) -> Flow {
-        self.nested += 1;
-        let mut flow = Flow::Next;
-        for statement in block {
-            self.steps += 1;
-            let most = self.steps > self.most_steps || self.targets.len() > self.most_targets;
-            flow =
-                if most || self.nested > MAX_NESTING { self.give_up(statement.at) } else { self.statement(statement) };
-            if flow == Flow::Gone {
-                break;
-            }
-        }
-        self.nested -= 1;
-        flow
+    /// A place in the text, in the chain of calls that runs.
+    pub(super) fn site(&self, at: Span) -> f64 {
+        f64::from(self.context) * (f64::from(u32::MAX) + 1.0) + f64::from(at.start)
+    }
+
+    /// Counts a statement that runs.
+    pub(super) fn count(&mut self, at: Span) -> Result<(), Stop> {
+        self.steps += 1;
+        let is_too_long = self.steps > self.most_steps || self.targets.len() > self.most_targets;
+        if is_too_long { self.give_up(at) } else { Ok(()) }
     }
 
     /// The program has no end that is found.
-    pub(super) fn give_up(&mut self, span: Span) -> Flow {
+    pub(super) fn give_up(&mut self, span: Span) -> Result<(), Stop> {
         if self.diagnostics.iter().all(|d| d.code != "krl.endless") {
             let source = &self.symbols.sources[self.here()];
             let message = "the program runs on without an end that is found";
             let error = Diagnostic::error("krl.endless", &source.name, message).at(source, span);
             self.diagnostics.push(error.help("split it, or give loops bounds that end them"));
         }
-        Flow::Gone
-    }
-
-    fn statement(&mut self, statement: &'a Statement) -> Flow {
-        match &statement.kind {
-            StatementKind::If(of) => match self.evaluate(&of.condition).bool() {
-                Some(true) => self.block(&of.then),
-                Some(false) => self.block(&of.otherwise),
-                None => self.branches(&[&of.then, &of.otherwise]),
-            },
-            StatementKind::For(of) => self.counted(of, statement.at),
-            StatementKind::Loop(of) => self.repeat(of),
-            StatementKind::Switch(of) => self.choice(of),
-            StatementKind::Spline(with, body) => {
-                let before = self.with(with);
-                let flow = self.block(body);
-                self.restore(before);
-                flow
-            }
-            // What stands after it is run from a label on, or not at all.
-            StatementKind::Jump => Flow::Next,
-            StatementKind::Label => {
-                let jumps = self.frames.last().and_then(|frame| frame.jumps.clone());
-                if let Some(changes) = jumps {
-                    self.forget(&changes, Reason::Jumps);
-                }
-                Flow::Next
-            }
-            StatementKind::Return(value) => {
-                value.iter().for_each(|value| drop(self.evaluate(value)));
-                let left = self.state.clone();
-                let Some(frame) = self.frames.last_mut() else { return Flow::Gone };
-                frame.returns.push(left);
-                // A label after it may be gone to.
-                if frame.jumps.is_some() { Flow::Next } else { Flow::Gone }
-            }
-            StatementKind::Exit => {
-                let left = self.state.clone();
-                let Some(exits) = self.loops.last_mut() else { return Flow::Next };
-                exits.push(left);
-                if self.frames.last().is_some_and(|frame| frame.jumps.is_some()) { Flow::Next } else { Flow::Gone }
-            }
-            StatementKind::Mark(mark) => {
-                self.set_mark(*mark);
-                Flow::Next
-            }
-            _ => {
-                self.simple(statement);
-                Flow::Next
-            }
-        }
+        Err(Stop::TooLong)
     }
 
     pub(super) fn keep(&mut self, source: usize, span: Span, reason: Reason) {
@@ -319,7 +275,7 @@ impl<'a> Runner<'a> {
     }
 
     fn note(&mut self, kept: Kept) {
-        if kept.source < self.written && self.seen.insert((kept.source, kept.span, kept.reason)) {
+        if self.notes && kept.source < self.written && self.seen.insert((kept.source, kept.span, kept.reason)) {
             let line = self.lines[kept.source].line(kept.span.start) as usize;
             self.kept.push(Kept { line, ..kept });
         }
@@ -327,6 +283,9 @@ impl<'a> Runner<'a> {
 
     /// A motion whose target is not known.
     pub(super) fn keep_motion(&mut self, span: Span, reason: Reason) {
+        if !self.notes {
+            return;
+        }
         let line = self.lines[self.here()].line(span.start);
         #[allow(clippy::cast_possible_truncation)] // as a target has it
         let source = self.here() as u16;
@@ -336,7 +295,7 @@ impl<'a> Runner<'a> {
 
     /// Says once that a routine is not in the files.
     pub(super) fn tell_unknown(&mut self, name: &Name, span: Span) {
-        if !self.told.insert(name.clone()) {
+        if !self.said.insert(name.clone()) {
             return;
         }
         let source = &self.symbols.sources[self.here()];
@@ -356,7 +315,7 @@ impl<'a> Runner<'a> {
 
     /// Once: no name of a program has a blank.
     pub(super) fn tell_curve(&mut self, motion: Span) {
-        if self.told.insert(upper(b" SPL")) {
+        if self.said.insert(upper(b" SPL")) {
             let source = &self.symbols.sources[self.here()];
             let span = Span { end: motion.start + 3, ..motion };
             let message = "the curve through SPL points is computed as straight lines: figures at the points are right, those between them only as far as the curve keeps to the lines";
@@ -365,24 +324,26 @@ impl<'a> Runner<'a> {
         }
     }
 
-    fn simple(&mut self, statement: &'a Statement) {
-        if !std::mem::take(&mut self.proceeds) {
+    pub(super) fn simple(&mut self, statement: &'a Statement) -> Result<(), Stop> {
+        if !std::mem::take(&mut self.state.proceeds) {
             return self.run_simple(statement);
         }
         // Where it fails the program goes on all the same, and what it sets is as it was.
         let changes = self.changes_in(std::slice::from_ref(statement));
-        self.run_simple(statement);
+        self.run_simple(statement)?;
         self.forget(&changes, Reason::StatementMayFail);
+        Ok(())
     }
 
-    fn run_simple(&mut self, statement: &'a Statement) {
+    fn run_simple(&mut self, statement: &'a Statement) -> Result<(), Stop> {
         match &statement.kind {
             StatementKind::Assign(setting) => self.assignment(setting),
-            StatementKind::Call(call) => self.call(call, statement.at),
+            StatementKind::Mark(mark) => self.set_mark(*mark),
+            StatementKind::Call(call) => return self.call(call, statement),
             StatementKind::Move(of) => self.motion(of, statement.at),
             StatementKind::Relative(why, to) => self.relative(to, statement.at, *why),
             StatementKind::Trigger(started) => self.trigger(started),
-            StatementKind::Proceed => self.proceeds = true,
+            StatementKind::Proceed => self.state.proceeds = true,
             StatementKind::Harmless(parts) => parts.iter().for_each(|part| drop(self.evaluate(part))),
             StatementKind::NotUnderstood(_) => {
                 self.keep(self.here(), statement.at, Reason::NotUnderstood);
@@ -391,5 +352,6 @@ impl<'a> Runner<'a> {
             }
             _ => {}
         }
+        Ok(())
     }
 }

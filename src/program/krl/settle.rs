@@ -124,8 +124,8 @@ impl Runner<'_> {
     }
 
     /// Whether the routine runs elsewhere too, where the state is not known.
-    pub(super) fn is_beside(&self) -> bool {
-        self.frames.last().is_some_and(|frame| self.beside.contains(&frame.routine))
+    pub(super) fn runs_at_any_moment(&self) -> bool {
+        self.frames.last().is_some_and(|frame| self.at_any_moment.contains(&frame.routine))
     }
 
     /// Routines that nothing runs: what they name stays, and so do their motions.
@@ -137,8 +137,12 @@ impl Runner<'_> {
             drop(self.pin_names(id));
             for statement in self.symbols.routine(id).statements().into_iter().filter(|of| of.is_motion()) {
                 self.use_axes_in(id.file, statement);
-                let beside = self.beside.contains(&id);
-                self.keep(id.file, statement.at, if beside { Reason::RunsAtAnyMoment } else { Reason::NotRun });
+                let is_at_any_moment = self.at_any_moment.contains(&id);
+                self.keep(
+                    id.file,
+                    statement.at,
+                    if is_at_any_moment { Reason::RunsAtAnyMoment } else { Reason::NotRun },
+                );
             }
         }
     }

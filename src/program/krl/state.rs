@@ -3,7 +3,7 @@
 use super::symbols::RoutineId;
 use super::value::{NumberToken, Value};
 use crate::program::Reason;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 
 /// Number of a variable.
 pub(super) type Id = usize;
@@ -22,39 +22,52 @@ pub(super) struct Changes {
 #[derive(Clone, Debug, Default)]
 pub(super) struct ModalState {
     pub(super) values: BTreeMap<Id, Value>,
+    /// The next statement may fail, and the program goes on after it.
+    pub(super) proceeds: bool,
 }
 
 impl ModalState {
-    /// Whether all that is known here holds there as well.
-    pub(super) fn covers(&self, other: &Self, start: &[Value]) -> bool {
-        let missing = Value::unknown(Reason::Unset);
-        let at = |state: &'_ Self, id: Id| state.values.get(&id).or_else(|| start.get(id)).unwrap_or(&missing).clone();
-        let ids = self.values.keys().chain(other.values.keys().filter(|id| !self.values.contains_key(id)));
-        ids.into_iter().all(|id| at(self, *id).covers(&at(other, *id)))
+    /// What a variable holds.
+    pub(super) fn at<'s>(&'s self, id: Id, start: &'s [Value]) -> &'s Value {
+        self.values.get(&id).or_else(|| start.get(id)).unwrap_or(&Value::Unknown(Reason::Unset, None))
     }
 
-    /// What holds where either may; tokens of what differs go to `lost`, but those of the position of this number, of which
+    /// The same values from the same tokens.
+    pub(super) fn is(&self, other: &Self) -> bool {
+        let (own, others) = (self.values.iter().rev(), other.values.iter().rev());
+        // From the last, since data of routines, and counters among them, change more often than those of files.
+        self.proceeds == other.proceeds
+            && self.values.len() == other.values.len()
+            && own.zip(others).all(|(own, other)| own.0 == other.0 && own.1.is(other.1))
+    }
+
+    /// Whether all that is known here holds there as well.
+    pub(super) fn covers(&self, other: &Self, start: &[Value]) -> bool {
+        let ids = self.values.keys().chain(other.values.keys().filter(|id| !self.values.contains_key(id)));
+        (self.proceeds || !other.proceeds) && ids.into_iter().all(|id| self.at(*id, start).covers(other.at(*id, start)))
+    }
+
+    /// Reduces it to what holds where either may; tokens of what differs go to `lost`, but those of the position of this number, of which
     /// only a motion that leaves components out has any use.
     pub(super) fn join(
-        mut self,
+        &mut self,
         other: &Self,
         start: &[Value],
         position: Id,
-        lost: &mut impl FnMut(NumberToken),
-    ) -> Self {
-        let missing = Value::unknown(Reason::Unset);
-        let at_start = |id: Id| start.get(id).unwrap_or(&missing);
-        let mut join = |id: Id, a: &Value, b: &Value| if id == position { a.either(b, lost) } else { a.join(b, lost) };
+        why: Reason,
+        lost: &mut HashSet<NumberToken>,
+    ) {
+        let mut join =
+            |id: Id, a: &Value, b: &Value| if id == position { a.either(b, why, lost) } else { a.join(b, why, lost) };
         for (id, value) in &other.values {
-            let own = self.values.get(id).unwrap_or_else(|| at_start(*id));
-            let joined = join(*id, own, value);
+            let joined = join(*id, self.at(*id, start), value);
             self.values.insert(*id, joined);
         }
         for (id, value) in &mut self.values {
             if !other.values.contains_key(id) {
-                *value = join(*id, value, at_start(*id));
+                *value = join(*id, value, other.at(*id, start));
             }
         }
-        self
+        self.proceeds |= other.proceeds;
     }
 }

@@ -56,9 +56,14 @@ pub(super) struct Symbols<'a> {
     pub(super) stands: Id,
     /// The mark in force: nothing, 0 for air, 1 for cut.
     pub(super) mark: Id,
+    /// What held before a spline.
+    pub(super) spline: Id,
     /// `BASE_DATA`, `TOOL_DATA`, `LOAD_DATA`.
     tables: HashSet<Id>,
 }
+
+/// Data that say how motions are understood.
+pub(super) const MODAL: usize = 13;
 
 /// Tables of frames and loads that the controller has under these names.
 const TABLES: [&[u8]; 3] = [b"BASE_DATA", b"TOOL_DATA", b"LOAD_DATA"];
@@ -104,6 +109,7 @@ impl<'a> Symbols<'a> {
         symbols.turned = symbols.global(b" TURNED", Value::unknown(Reason::OrientationBefore));
         symbols.stands = symbols.global(b" STANDS", Value::unknown(Reason::MotionBefore));
         symbols.mark = symbols.global(b" MARK", Value::Bool(false));
+        symbols.spline = symbols.global(b" SPLINE", Value::unknown(Reason::Unset));
         symbols
     }
 
@@ -187,7 +193,7 @@ impl<'a> Symbols<'a> {
     }
 
     /// What says how motions are understood: `WITH` sets it for one of them.
-    pub(super) fn modal(&self) -> [Id; 13] {
+    pub(super) fn modal(&self) -> [Id; MODAL] {
         [
             self.base,
             self.tool,
@@ -207,7 +213,7 @@ impl<'a> Symbols<'a> {
 
     /// Whether a variable is the run's own.
     pub(super) fn is_own_state(&self, id: Id) -> bool {
-        self.modal().contains(&id) || [self.position, self.turned, self.stands, self.mark].contains(&id)
+        self.modal().contains(&id) || [self.position, self.turned, self.stands, self.mark, self.spline].contains(&id)
     }
 
     /// Whether an element that nothing sets is the controller's own.
@@ -221,7 +227,7 @@ impl<'a> Symbols<'a> {
             matches!(&name[..], b"$NULLFRAME" | b"$WORLD") || names::MODELLED_SYSTEM_VARIABLES.contains(&&name[..])
         };
         let open = self.globals.iter().filter(|(name, id)| !kept(name) && !self.constant.contains(id));
-        open.map(|(_, id)| *id).filter(|id| *id != self.mark).collect()
+        open.map(|(_, id)| *id).filter(|id| ![self.mark, self.spline].contains(id)).collect()
     }
 
     pub(super) fn routine(&self, id: RoutineId) -> &'a Routine {

@@ -273,16 +273,16 @@ impl<'a> Parser<'a> {
             let condition = Some(cursor.whole());
             let (body, end) = self.block(&[b"ENDWHILE"], data)?;
             closed(&end);
-            StatementKind::Loop(Box::new(Loop { condition, is_behind: false, body }))
+            StatementKind::Loop(Box::new(Loop { condition, is_until: false, body }))
         } else if cursor.accept_word(b"REPEAT") {
             let (body, end) = self.block(&[b"UNTIL"], data)?;
             closed(&end);
             let condition = end.map(|(_, span)| self.cursor(span).whole());
-            StatementKind::Loop(Box::new(Loop { condition, is_behind: true, body }))
+            StatementKind::Loop(Box::new(Loop { condition, is_until: true, body }))
         } else if cursor.accept_word(b"LOOP") {
             let (body, end) = self.block(&[b"ENDLOOP"], data)?;
             closed(&end);
-            StatementKind::Loop(Box::new(Loop { condition: None, is_behind: false, body }))
+            StatementKind::Loop(Box::new(Loop { condition: None, is_until: false, body }))
         } else if cursor.accept_word(b"SWITCH") {
             self.switch(at, cursor.whole(), data)?
         } else if cursor.accept_word(b"SPLINE") || cursor.accept_word(b"PTP_SPLINE") {
@@ -292,7 +292,7 @@ impl<'a> Parser<'a> {
             closed(&end);
             StatementKind::Spline(with, body)
         } else if cursor.accept_word(b"GOTO") {
-            StatementKind::Jump
+            StatementKind::Jump(upper(cursor.text(cursor.peek())))
         } else if cursor.accept_word(b"RETURN") {
             StatementKind::Return((!cursor.is_done()).then(|| cursor.whole()))
         } else if cursor.accept_word(b"EXIT") {
@@ -301,7 +301,7 @@ impl<'a> Parser<'a> {
             data.append(&mut found);
             return Ok(());
         } else if is_label(cursor) {
-            StatementKind::Label
+            StatementKind::Label(upper(cursor.text(cursor.peek())))
         } else {
             simple(cursor)
         };

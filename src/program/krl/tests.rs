@@ -343,11 +343,13 @@ fn jumps_leave_what_the_routine_changes_unknown() {
     assert_eq!(reasons(&p), [Reason::Base]);
     let set_again = program(&format!("again:\n$BASE=BASE_DATA[1]\n{again}"));
     assert_eq!((editable(&set_again), &*set_again.wobjs[0].name), (vec!['P'], "BASE_DATA[1]"));
-    // What the label is reached with has run through all rounds before.
+    // Rounds that a known condition counts are run one by one.
     let counted = program(&format!(
         "INT i\ni=1\n$BASE=BASE_DATA[1]\nnext:\nIF i>1 THEN\n$BASE=BASE_DATA[3]\nENDIF\n{line}\ni=i+1\nIF i<3 THEN\nGOTO next\nENDIF"
     ));
-    assert_eq!(reasons(&counted), [Reason::Base]);
+    let bases: Vec<&str> =
+        counted.targets.iter().map(|target| &*counted.wobjs[usize::from(target.wobj)].name).collect();
+    assert_eq!((bases, reasons(&counted)), (vec!["BASE_DATA[1]", "BASE_DATA[3]"], vec![]));
 }
 
 const POINT: &str = "{X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";

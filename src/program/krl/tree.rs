@@ -1,7 +1,7 @@
 //! What a file is made of.
 
 use super::expression::{Call, Expression, Part, Path, Setting};
-use super::value::Name;
+use super::value::{Name, Value};
 use crate::program::{Mark, Motion, Reason};
 use crate::text::Span;
 
@@ -89,9 +89,10 @@ pub(super) enum StatementKind {
     Switch(Box<Switch>),
     /// What WITH says holds for all of its segments.
     Spline(Vec<Setting>, Vec<Statement>),
-    Jump,
+    /// GOTO
+    Jump(Name),
     /// Where a GOTO goes on.
-    Label,
+    Label(Name),
     Return(Option<Expression>),
     Exit,
     Mark(Mark),
@@ -143,7 +144,7 @@ pub(super) struct For {
 pub(super) struct Loop {
     pub(super) condition: Option<Expression>,
     /// REPEAT … UNTIL: the body runs before the condition is looked at, and again where it does not hold.
-    pub(super) is_behind: bool,
+    pub(super) is_until: bool,
     pub(super) body: Vec<Statement>,
 }
 
@@ -152,6 +153,17 @@ pub(super) struct Switch {
     pub(super) subject: Expression,
     pub(super) cases: Vec<(Vec<Expression>, Vec<Statement>)>,
     pub(super) otherwise: Vec<Statement>,
+}
+
+impl Loop {
+    /// Whether nothing but EXIT leaves it.
+    pub(super) fn is_endless(&self) -> bool {
+        match &self.condition {
+            Some(Expression::Known(Value::Bool(holds))) => *holds != self.is_until,
+            Some(_) => false,
+            None => true,
+        }
+    }
 }
 
 impl File {

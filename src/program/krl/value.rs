@@ -5,7 +5,7 @@ use crate::program::orientation::{from_zyx_deg, quaternion, zyx_deg};
 use crate::text::Span;
 use nalgebra::Vector3;
 use smallvec::SmallVec;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::rc::Rc;
 
 /// A name, upper case: KRL does not tell case apart.
@@ -176,6 +176,13 @@ impl Value {
         }
     }
 
+    /// Every token in it, those that it may have had too.
+    pub(super) fn tokens(&self) -> Vec<NumberToken> {
+        let mut all = Vec::new();
+        self.places(&mut |place| all.push(place));
+        all
+    }
+
     /// The same value from the same tokens.
     pub(super) fn is(&self, other: &Self) -> bool {
         match (self, other) {
@@ -214,7 +221,7 @@ impl Value {
 
     /// Of two values that differ, that it may be either: their tokens are those of what it may have been. Where they are too many
     /// to carry on, they go to `lost`.
-    pub(super) fn either(&self, other: &Self, lost: &mut impl FnMut(NumberToken)) -> Self {
+    pub(super) fn either(&self, other: &Self, why: Reason, lost: &mut HashSet<NumberToken>) -> Self {
         /// Tokens of some hundred motions, between which a program chooses.
         const MOST_TOKENS: usize = 2048;
         if self.is(other) {
@@ -223,45 +230,45 @@ impl Value {
         if let (Self::Record(a), Self::Record(b)) = (self, other)
             && a.iter().map(|field| &field.0).eq(b.iter().map(|field| &field.0))
         {
-            let fields = a.iter().zip(&**b).map(|(a, b)| (a.0.clone(), a.1.either(&b.1, lost)));
+            let fields = a.iter().zip(&**b).map(|(a, b)| (a.0.clone(), a.1.either(&b.1, why, lost)));
             return Self::Record(Rc::new(fields.collect()));
         }
         let mut all = BTreeMap::new();
         for value in [self, other] {
             value.places(&mut |place| {
-                let at = i64::from(place.source) << 32 | i64::from(place.start);
-                all.insert(at, Self::Number(0.0, Some(place)));
+                if !lost.contains(&place) {
+                    let at = i64::from(place.source) << 32 | i64::from(place.start);
+                    all.insert(at, Self::Number(0.0, Some(place)));
+                }
             });
         }
         if all.len() > MOST_TOKENS {
-            self.places(lost);
-            other.places(lost);
+            [self, other].iter().for_each(|value| lost.extend(value.tokens()));
             all.clear();
         }
-        Self::Unknown(Reason::Branches, Some(Rc::new(Self::Array(Rc::new(all)))))
+        Self::Unknown(why, Some(Rc::new(Self::Array(Rc::new(all)))))
     }
 
     /// What holds where either may; tokens of what differs go to `lost`.
-    pub(super) fn join(&self, other: &Self, lost: &mut impl FnMut(NumberToken)) -> Self {
+    pub(super) fn join(&self, other: &Self, reason: Reason, lost: &mut HashSet<NumberToken>) -> Self {
         if self.is(other) {
             return self.clone();
         }
         match (self, other) {
             (Self::Record(a), Self::Record(b)) if a.iter().map(|f| &f.0).eq(b.iter().map(|f| &f.0)) => {
-                let fields = a.iter().zip(&**b).map(|(a, b)| (a.0.clone(), a.1.join(&b.1, lost)));
+                let fields = a.iter().zip(&**b).map(|(a, b)| (a.0.clone(), a.1.join(&b.1, reason, lost)));
                 Self::Record(Rc::new(fields.collect()))
             }
             (Self::Array(a), Self::Array(b)) if a.keys().eq(b.keys()) => {
-                let items = a.iter().zip(&**b).map(|(a, b)| (*a.0, a.1.join(b.1, lost)));
+                let items = a.iter().zip(&**b).map(|(a, b)| (*a.0, a.1.join(b.1, reason, lost)));
                 Self::Array(Rc::new(items.collect()))
             }
             (a, b) => {
-                a.places(lost);
-                b.places(lost);
+                [a, b].iter().for_each(|value| lost.extend(value.tokens()));
                 // What is set on one of two ways may be set.
                 let set = |why: &Reason| *why != Reason::Unset;
                 let unknown = |v: &Self| if let Self::Unknown(why, _) = v { Some(*why).filter(set) } else { None };
-                Self::unknown([a, b].into_iter().find_map(unknown).unwrap_or(Reason::Branches))
+                Self::unknown([a, b].into_iter().find_map(unknown).unwrap_or(reason))
             }
         }
     }
