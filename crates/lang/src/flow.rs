@@ -101,6 +101,17 @@ impl<S: Copy, T: Copy> Flow<S, T> {
         self.loops_around(node).any(|around| around == of)
     }
 
+    /// Whether a loop is another, or stands in it.
+    pub(crate) fn is_loop_within(&self, inner: usize, of: usize) -> bool {
+        std::iter::successors(Some(inner), |inner| self.loops[*inner].parent).any(|around| around == of)
+    }
+
+    /// Where all ways meet out of a loop, from a node in it.
+    pub(crate) fn meet_after(&self, node: usize, of: usize) -> Option<usize> {
+        std::iter::successors(self.meets[node], |meets| self.meets[*meets].filter(|next| next != meets))
+            .find(|meets| !self.is_within(*meets, of))
+    }
+
     /// The loops of a node, from the innermost to the outermost.
     pub(crate) fn loops_around(&self, node: usize) -> impl Iterator<Item = usize> + use<'_, S, T> {
         std::iter::successors(self.inner[node], |of| self.loops[*of].parent)

@@ -650,6 +650,10 @@ impl<'a> Machine for Runner<'a> {
         *known != before
     }
 
+    fn lose_place(&self, store: &mut Store) {
+        store.lose_place();
+    }
+
     fn is_same(&self, a: &Store, b: &Store) -> bool {
         a == b
     }

@@ -1,9 +1,9 @@
 //! The walk over a [`Flow`]: which steps run, with what holds at each, whatever the steps and what holds are.
 //!
 //! A test that is known is followed, loops round by round. From a test that is not known on, all ways are followed to where they meet again,
-//! and what they leave is joined, until it stays the same. A loop that nothing leaves, or that such a test leaves, is run so from its
-//! beginning. A loop within it whose own tests are known is still followed round by round (as in a hierarchical iteration: Bourdoncle 1993,
-//! *Efficient chaotic iteration strategies with widenings*).
+//! or to the end of the round, and what they leave is joined, until it stays the same. A loop that nothing leaves, or whose number of rounds is
+//! not known, is run so from its beginning: all of its rounds are one. A loop within it whose own rounds are known is still followed round by
+//! round (as in a hierarchical iteration: Bourdoncle 1993, *Efficient chaotic iteration strategies with widenings*).
 
 use crate::flow::{Flow, Node};
 use std::collections::{BTreeMap, BTreeSet};
@@ -55,6 +55,9 @@ pub trait Machine {
     /// Reduces what is known to what holds in another state too; whether anything is less known than before.
     fn join(&mut self, known: &mut Self::State, other: &Self::State, meeting: Meeting) -> bool;
 
+    /// Loses which motion the arm has made last: a loop goes on after this state has left it, and may make the same motion again.
+    fn lose_place(&self, state: &mut Self::State);
+
     /// Whether two states are the same, so that all that follows is the same.
     fn is_same(&self, a: &Self::State, b: &Self::State) -> bool;
 
@@ -71,11 +74,6 @@ pub trait Machine {
     fn unrolls(&self) -> bool {
         true
     }
-
-    /// Grows with what decides about steps and is no part of the states.
-    fn revision(&self) -> usize {
-        0
-    }
 }
 
 /// Runs a routine from a state; what holds at its end.
@@ -89,8 +87,8 @@ pub fn walk<M: Machine>(
     state: M::State,
 ) -> Result<M::State, Stop> {
     let (first, exit) = flow.routines[routine];
-    let mut walk = Walk { machine, flow, exit, joined: BTreeSet::new() };
-    Ok(walk.follow(first, None, state)?.ok_or(Stop::Ends)?.1)
+    let mut walk = Walk { machine, flow, exit, joined: BTreeSet::new(), counted: BTreeSet::new() };
+    walk.follow(first, None, state)?.and_then(|mut ends| ends.remove(&exit)).ok_or(Stop::Ends)
 }
 
 struct Walk<'w, M: Machine> {
@@ -99,14 +97,8 @@ struct Walk<'w, M: Machine> {
     exit: usize,
     /// Loops whose rounds are known not to be known: each is found out once.
     joined: BTreeSet<usize>,
-}
-
-/// Where a run came into a loop, and what held there.
-struct Entered<M: Machine> {
-    of: usize,
-    node: usize,
-    state: M::State,
-    mark: M::Mark,
+    /// Loops that a known test has not left in this round.
+    counted: BTreeSet<usize>,
 }
 
 /// Where a step goes on.
@@ -119,98 +111,155 @@ enum Goes {
 /// A node that a run goes on at, and what holds there.
 type At<M> = (usize, <M as Machine>::State);
 
+/// What holds at nodes.
+type States<M> = BTreeMap<usize, <M as Machine>::State>;
+
 /// The rounds of a loop, watched for one that is like another (Brent 1980, *An improved Monte Carlo factorization algorithm*).
 struct Rounds<S> {
     count: u64,
-    since_entered: u64,
     saved: Option<S>,
 }
 
+/// Nodes that are run together, since it is not known which of them run.
+struct Region {
+    /// The loop in which they stand.
+    within: Option<usize>,
+    /// The loop that they are, whose rounds are not known.
+    joined: Option<usize>,
+    ends: Ends,
+    /// Loops among them that have been reached, and whether they are followed round by round.
+    apart: BTreeMap<usize, bool>,
+    /// Whether one of them has turned out to be none that is followed.
+    is_other: bool,
+}
+
+/// Where a region ends.
+#[derive(Clone, Copy)]
+enum Ends {
+    /// Where all ways meet, if they do.
+    Meet(Option<usize>),
+    /// With the round of the loop, or out of it.
+    Round(usize),
+}
+
 impl<M: Machine> Walk<'_, M> {
-    /// Runs from a node to the first that is out of a loop, or to the end of the routine; `None` where it is not known how the loop is left.
-    fn follow(&mut self, from: usize, within: Option<usize>, mut state: M::State) -> Result<Option<At<M>>, Stop> {
-        let mut rounds: BTreeMap<usize, Rounds<M::State>> = BTreeMap::new();
-        let mut entered: Vec<Entered<M>> = Vec::new();
-        let (mut node, mut inner) = (from, within);
+    /// Runs from a node, in a loop to the nodes out of it, else to the end of the routine; `None` where it is not known how often the loop
+    /// goes round.
+    fn follow(&mut self, from: usize, within: Option<usize>, mut state: M::State) -> Result<Option<States<M>>, Stop> {
+        let (mut out, mut rounds, mut node) = (BTreeMap::new(), Rounds { count: 0, saved: None }, from);
+        // Whether a test that is not known may have left the loop in this round.
+        let mut may_have_left = false;
         loop {
-            let is_left = within.map_or(node == self.exit, |of| !self.flow.is_within(node, of));
-            if is_left {
-                return Ok(Some((node, state)));
+            if !self.is_in(node, within) || node == self.exit {
+                self.meet(&mut out, node, state, Meeting::Branches);
+                return Ok(Some(out));
             }
-            if self.flow.endless[node] {
-                if within.is_none() {
-                    self.region(node, None, state)?;
+            if within.is_some() && self.flow.loop_headed(node) == within {
+                let is_counted = within.is_some_and(|of| self.counted.remove(&of));
+                if may_have_left && !is_counted || self.repeats(&mut rounds, &state) {
+                    return Ok(None);
                 }
-                return if within.is_none() { Err(Stop::Ends) } else { Ok(None) };
+                may_have_left = false;
+                out.values_mut().for_each(|state| self.machine.lose_place(state));
             }
-            let mut is_joined = false;
-            if self.flow.inner[node] != inner {
-                inner = self.flow.inner[node];
-                is_joined = self.enter(node, within, &state, &mut entered);
-                for new in entered.iter().filter(|new| new.node == node) {
-                    let own = rounds.iter_mut().filter(|(node, _)| self.flow.is_within(**node, new.of));
-                    own.for_each(|(_, rounds)| rounds.since_entered = 0);
-                }
-            }
-            let goes = if is_joined { Goes::Either(node, node) } else { self.goes(node, &mut state)? };
-            let is_round = inner.is_some() && matches!(self.flow.nodes[node], Node::Branch { .. });
-            node = match goes {
-                Goes::To(to) if !(is_round && self.repeats(&mut rounds, node, &state)) => to,
-                _ => {
-                    let (mut from, mut meets) = (node, self.flow.meets[node]);
-                    let mut is_unknown = is_joined;
-                    while let Some(last) = entered
-                        .pop_if(|last| is_unknown || !meets.is_some_and(|meets| self.flow.is_within(meets, last.of)))
-                    {
-                        // Whether the loop goes on is not known: all of its rounds are one, from the first on.
-                        is_unknown = false;
-                        self.joined.insert(last.of);
-                        (from, state) = (last.node, last.state);
-                        self.machine.back_to(last.mark);
-                        meets = self.flow.meets[from];
-                        while let Some(within) = meets.filter(|meets| self.flow.is_within(*meets, last.of)) {
-                            meets = self.flow.meets[within];
-                        }
+            let inner = self.flow.loops_around(node).take_while(|of| Some(*of) != within).last();
+            let ends = if let Some(of) = inner {
+                let ends = self.ends(self.flow.meet_after(node, of), within);
+                may_have_left |= matches!(ends, Ends::Round(_));
+                self.pass(node, of, (within, ends), state)?
+            } else {
+                match self.goes(node, &mut state) {
+                    Err(Stop::Ends) => return Ok(Some(out)),
+                    Err(stop) => return Err(stop),
+                    Ok(Goes::To(to)) => {
+                        node = to;
+                        continue;
                     }
-                    let is_here = |of| meets.is_some_and(|meets| self.flow.is_within(meets, of));
-                    if within.is_some_and(|of| !is_here(of)) {
-                        return Ok(None);
+                    Ok(Goes::Either(..)) => {
+                        let ends = self.ends(self.flow.meets[node], within);
+                        may_have_left |= matches!(ends, Ends::Round(_));
+                        let region = Region { within, joined: None, ends, apart: BTreeMap::new(), is_other: false };
+                        self.region(region, BTreeMap::from([(node, state)]))?
                     }
-                    state = self.region(from, meets, state)?.ok_or(Stop::Ends)?;
-                    inner = entered.last().map(|last| last.of).or(within);
-                    meets.ok_or(Stop::Ends)?
                 }
             };
+            let mut next = None;
+            for (node, state) in ends {
+                if self.is_in(node, within) {
+                    next = Some((node, state));
+                } else {
+                    self.meet(&mut out, node, state, Meeting::Rounds);
+                }
+            }
+            let Some(at) = next else { return Ok(Some(out)) };
+            (node, state) = at;
         }
     }
 
-    /// Notes which loops are entered at a node, and which are left; whether the rounds of one are known not to be known.
-    fn enter(&self, node: usize, within: Option<usize>, state: &M::State, entered: &mut Vec<Entered<M>>) -> bool {
-        let mut around: Vec<usize> = self.flow.loops_around(node).take_while(|of| Some(*of) != within).collect();
-        around.reverse();
-        let kept = entered.iter().zip(&around).take_while(|(entered, of)| entered.of == **of).count();
-        entered.truncate(kept);
-        for &of in &around[kept..] {
-            entered.push(Entered { of, node, state: state.clone(), mark: self.machine.mark() });
-            if self.joined.contains(&of) {
-                return true;
+    /// Runs through a loop within another, or in none; what holds where the regions of the outer one go on.
+    fn pass(
+        &mut self,
+        node: usize,
+        of: usize,
+        (within, ends): (Option<usize>, Ends),
+        state: M::State,
+    ) -> Result<States<M>, Stop> {
+        let mark = self.machine.mark();
+        let region = |joined| Region { within, joined, ends, apart: BTreeMap::new(), is_other: false };
+        if self.is_followed(node, of) {
+            if let Some(mut left) = self.follow(node, Some(of), state.clone())? {
+                let outside: Vec<usize> = left.keys().copied().filter(|node| !self.is_in(*node, within)).collect();
+                if left.len() - outside.len() <= 1 {
+                    return Ok(left);
+                }
+                let outside: Vec<At<M>> = outside.into_iter().filter_map(|node| left.remove_entry(&node)).collect();
+                let mut ends = self.region(region(None), left)?;
+                for (node, state) in outside {
+                    self.meet(&mut ends, node, state, Meeting::Branches);
+                }
+                return Ok(ends);
             }
+            self.machine.back_to(mark);
+            self.joined.insert(of);
         }
-        false
+        self.region(region(Some(of)), BTreeMap::from([(node, state)]))
+    }
+
+    fn is_followed(&self, node: usize, of: usize) -> bool {
+        self.machine.unrolls() && !self.flow.endless[node] && !self.joined.contains(&of)
+    }
+
+    /// Where a region ends whose ways meet there.
+    fn ends(&self, meets: Option<usize>, within: Option<usize>) -> Ends {
+        match within {
+            Some(of) if !meets.is_some_and(|meets| self.flow.is_within(meets, of)) => Ends::Round(of),
+            _ => Ends::Meet(meets),
+        }
+    }
+
+    /// Whether a node belongs to a loop, where there is one.
+    fn is_in(&self, node: usize, within: Option<usize>) -> bool {
+        within.is_none_or(|of| self.flow.is_within(node, of))
+    }
+
+    /// Adds what holds at a node; whether less is known there than before.
+    fn meet(&mut self, states: &mut States<M>, node: usize, state: M::State, meeting: Meeting) -> bool {
+        match states.get_mut(&node) {
+            None => states.insert(node, state).is_none(),
+            Some(known) => self.machine.join(known, &state, meeting),
+        }
     }
 
     /// Counts a round; whether all that holds in it held in an earlier one, or there are too many.
-    fn repeats(&self, rounds: &mut BTreeMap<usize, Rounds<M::State>>, node: usize, state: &M::State) -> bool {
-        let rounds = rounds.entry(node).or_insert(Rounds { count: 0, since_entered: 0, saved: None });
+    fn repeats(&self, rounds: &mut Rounds<M::State>, state: &M::State) -> bool {
         if rounds.saved.as_ref().is_some_and(|saved| self.machine.is_same(saved, state)) {
             return true;
         }
         rounds.count += 1;
-        rounds.since_entered += 1;
         if rounds.count.is_power_of_two() {
             rounds.saved = Some(state.clone());
         }
-        rounds.since_entered > M::MOST_ROUNDS
+        rounds.count > M::MOST_ROUNDS
     }
 
     /// Runs a node.
@@ -228,83 +277,80 @@ impl<M: Machine> Walk<'_, M> {
             Node::Halt => return Err(Stop::Ends),
             Node::Exit => self.exit,
             Node::Branch { test, yes, no } => {
-                let holds = self.machine.holds(node, test, state)?;
-                match holds.filter(|_| self.machine.unrolls() || self.flow.inner[node].is_none()) {
-                    Some(true) => yes,
-                    Some(false) => no,
-                    None => return Ok(Goes::Either(yes, no)),
-                }
+                let (holds, inner) = (self.machine.holds(node, test, state)?, self.flow.inner[node]);
+                let Some(holds) = holds.filter(|_| self.machine.unrolls() || inner.is_none()) else {
+                    return Ok(Goes::Either(yes, no));
+                };
+                let (to, other) = if holds { (yes, no) } else { (no, yes) };
+                self.counted.extend(inner.filter(|of| self.is_in(to, Some(*of)) && !self.is_in(other, Some(*of))));
+                to
             }
         }))
     }
 
-    /// Follows all ways from a node to where they meet; what holds there, if any gets there.
-    fn region(&mut self, from: usize, meets: Option<usize>, state: M::State) -> Result<Option<M::State>, Stop> {
-        let mut region = Region { from, meets, apart: BTreeMap::new(), is_other: false };
-        let mut states = BTreeMap::from([(from, state)]);
+    /// Follows all ways from some nodes to where the region ends; what holds there.
+    fn region(&mut self, mut region: Region, mut states: States<M>) -> Result<States<M>, Stop> {
         let (mark, notes) = (self.machine.mark(), *self.machine.notes());
         loop {
             *self.machine.notes() = false;
             self.grow(&mut region, &mut states)?;
             *self.machine.notes() = notes;
+            region.is_other = false;
             if notes {
-                region.is_other = false;
                 for (node, state) in &states {
-                    if Some(*node) != meets {
+                    if !self.is_end(&region, *node) {
                         self.ways(*node, &mut region, state.clone())?;
                     }
                 }
             }
-            if !(notes && region.is_other) {
-                return Ok(meets.and_then(|meets| states.remove(&meets)));
+            if !region.is_other {
+                states.retain(|node, _| self.is_end(&region, *node));
+                return Ok(states);
             }
             // A loop within it is not what it was a moment ago.
             self.machine.back_to(mark);
         }
     }
 
+    fn is_end(&self, region: &Region, node: usize) -> bool {
+        match region.ends {
+            Ends::Meet(meets) => meets == Some(node),
+            Ends::Round(of) => self.flow.loop_headed(node) == Some(of) || !self.flow.is_within(node, of),
+        }
+    }
+
     /// Joins what holds at the nodes of a region until it stays the same.
-    fn grow(&mut self, region: &mut Region, states: &mut BTreeMap<usize, M::State>) -> Result<(), Stop> {
-        loop {
-            let revision = self.machine.revision();
-            let mut work: BTreeSet<usize> = states.keys().copied().filter(|node| Some(*node) != region.meets).collect();
-            while let Some(node) = work.pop_first() {
-                let Some(state) = states.get(&node).cloned() else { continue };
-                for (to, state) in self.ways(node, region, state)? {
-                    let meeting = if to <= node { Meeting::Rounds } else { Meeting::Branches };
-                    let is_less = match states.get_mut(&to) {
-                        None => states.insert(to, state).is_none(),
-                        Some(known) => self.machine.join(known, &state, meeting),
-                    };
-                    if is_less && Some(to) != region.meets {
-                        work.insert(to);
-                    }
+    fn grow(&mut self, region: &mut Region, states: &mut States<M>) -> Result<(), Stop> {
+        let mut work: BTreeSet<usize> = states.keys().copied().filter(|node| !self.is_end(region, *node)).collect();
+        while let Some(node) = work.pop_first() {
+            let Some(state) = states.get(&node).cloned() else { continue };
+            for (to, state) in self.ways(node, region, state)? {
+                let meeting = if to <= node { Meeting::Rounds } else { Meeting::Branches };
+                if self.meet(states, to, state, meeting) && !self.is_end(region, to) {
+                    work.insert(to);
                 }
             }
-            if self.machine.revision() == revision {
-                return Ok(());
-            }
         }
+        Ok(())
     }
 
     /// Runs from a node of a region to the next ones that others lead to as well, or through a loop; what holds there.
     fn ways(&mut self, node: usize, region: &mut Region, state: M::State) -> Result<Vec<At<M>>, Stop> {
         let is_apart = |of: &usize| {
-            let outside = |node: usize| !self.flow.is_within(node, *of);
-            outside(region.from) && region.meets.is_none_or(outside)
+            let is_around = region.within.is_some_and(|within| self.flow.is_loop_within(within, *of));
+            let has_end = matches!(region.ends, Ends::Meet(Some(meets)) if self.flow.is_within(meets, *of));
+            !is_around && !has_end && region.joined != Some(*of)
         };
         if let Some(of) = self.flow.loop_headed(node).filter(is_apart) {
-            let is_followed = region.apart.entry(of).or_insert(!self.joined.contains(&of));
-            if *is_followed {
+            let is_followed = *region.apart.entry(of).or_insert(self.is_followed(node, of));
+            if is_followed {
                 let mark = self.machine.mark();
-                match self.follow(node, Some(of), state.clone()) {
-                    Ok(Some(left)) => return Ok(vec![left]),
-                    Err(Stop::Ends) => return Ok(Vec::new()),
-                    stop => drop(stop?),
+                if let Some(left) = self.follow(node, Some(of), state.clone())? {
+                    return Ok(left.into_iter().collect());
                 }
                 self.machine.back_to(mark);
                 self.joined.insert(of);
-                *is_followed = false;
+                region.apart.insert(of, false);
                 region.is_other = true;
             }
         }
@@ -319,22 +365,10 @@ impl<M: Machine> Walk<'_, M> {
                 goes => goes?,
             };
             match goes {
-                Goes::To(to) if self.flow.leads[to] || Some(to) == region.meets || to == region.from => {
-                    return Ok(vec![(to, state)]);
-                }
+                Goes::To(to) if self.flow.leads[to] || self.is_end(region, to) => return Ok(vec![(to, state)]),
                 Goes::To(to) => node = to,
                 Goes::Either(yes, no) => return Ok(vec![(yes, state.clone()), (no, state)]),
             }
         }
     }
-}
-
-/// Nodes between one and where all ways from it meet.
-struct Region {
-    from: usize,
-    meets: Option<usize>,
-    /// Loops within it that have been reached, and whether they are followed round by round.
-    apart: BTreeMap<usize, bool>,
-    /// Whether one of them has turned out to be none that is followed.
-    is_other: bool,
 }

@@ -80,6 +80,25 @@ fn a_counted_loop_runs_each_round_and_a_main_loop_once() {
 }
 
 #[test]
+fn a_counted_loop_runs_each_round_within_what_an_unknown_condition_leaves() {
+    let count = |to: &str| format!("i = 0\nwhile i < {to}:\nmovel(p[0.1 * i, 0.2, 0.3, 0, 0, 0])\ni = i + 1\nend\n");
+    for around in ["if get_standard_digital_in(0):\n", "while get_standard_digital_in(0):\n"] {
+        let known = ran(&format!("{around}{}end\nmovel(p[i,0,0,0,0,0])\n", count("3")));
+        assert_eq!(known.xs(), [Some(0.0), Some(0.1), Some(0.2), None], "{around}");
+        let unknown = ran(&format!("{around}{}end\n", count("get_standard_analog_in(0)")));
+        assert_eq!(unknown.xs(), [None], "{around}");
+    }
+    // Nothing in it ends it.
+    let held = ran("done = False\nwhile not done:\nmovel(p[1,0,0,0,0,0])\nend\nmovel(p[2,0,0,0,0,0])\n");
+    assert_eq!(held.xs(), [Some(1.0)]);
+    // An unknown condition may leave one that is counted.
+    let left = ran(
+        "i = 0\nwhile i < 3:\nmovel(p[0.1 * i, 0.2, 0.3, 0, 0, 0])\nif get_standard_digital_in(0):\nbreak\nend\ni = i + 1\nend\nmovel(p[i,0,0,0,0,0])\n",
+    );
+    assert_eq!(left.xs(), [Some(0.0), Some(0.1), Some(0.2), None]);
+}
+
+#[test]
 fn a_routine_gets_its_arguments_and_what_threads_write_is_unknown() {
     let ran = ran(
         "global n = 0\nthread t():\n while True:\n  n = n + 1\n  sync()\n end\nend\nh = run t()\ndef go(to, up=0.1):\n movel(pose_trans(to, p[0,0,up,0,0,0]))\n movel(to, v=0.1)\nend\ngo(p[1,0,0,0,0,0])\nif n == 0:\n go(p[2,0,0,0,0,0], 0.2)\nend\nmovel(p[n,0,0,0,0,0])\n",

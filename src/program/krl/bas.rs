@@ -43,7 +43,7 @@ impl<'a> Runner<'a> {
         };
         for switch in switches {
             let id = self.symbols.find(self.here(), &upper(switch));
-            if self.volatile.contains(&id) || self.value(id).bool() != Some(false) {
+            if self.is_volatile(id) || self.value(id).bool() != Some(false) {
                 return Value::unknown(Reason::CorrectedFrame);
             }
         }

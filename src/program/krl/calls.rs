@@ -81,18 +81,18 @@ impl<'a> Runner<'a> {
         if path.name.first() == Some(&b'$') && !is_followed {
             self.pin(&value);
             if matches!(&path.name[..], b"$ROBROOT" | b"$ERSYSROOT") {
-                self.volatile.insert(self.symbols.base);
+                self.state.loosen([self.symbols.base]);
             }
             return;
         }
         if matches!(&path.name[..], b"$NULLFRAME" | b"$WORLD") {
-            self.volatile.extend([self.symbols.base, self.symbols.tool]);
+            self.state.loosen([self.symbols.base, self.symbols.tool]);
         }
         let is_frame = path.id == self.symbols.base || path.id == self.symbols.tool;
         // What a base and a zone are made of is read where the robot goes, and not moved with it; what reads data that may change at any
         // moment is not followed, nor are handlers.
         let is_read = is_frame || path.id == self.symbols.approximation;
-        if is_read || self.volatile.contains(&path.id) || self.read_at_any_moment.contains(&path.id) {
+        if is_read || self.is_volatile(path.id) || self.read_at_any_moment.contains(&path.id) {
             self.pin(&value);
         }
         let value = self.symbols.converted(path.id, &path.steps, value);
@@ -242,6 +242,7 @@ impl<'a> Runner<'a> {
         let ended = self.enter(id, &values, &aliased);
         if let (Err(Stop::Ends), Some(before)) = (&ended, before) {
             self.state = before;
+            self.state.loosen(changes.ids.iter().copied());
         }
         let left = match ended {
             Err(Stop::Ends) if self.resumes => Vec::new(),
@@ -249,9 +250,8 @@ impl<'a> Runner<'a> {
         };
         // What a TRIGGER may still change under a parameter's name is the caller's.
         let late = (0..params.len()).filter(|i| left.get(*i).is_some_and(|left| left.is_triggered)).filter_map(lent);
-        self.triggered.extend(late.map(|path| path.id));
+        self.state.loosen(late.map(|path| path.id));
         self.volatile = volatile;
-        self.volatile.extend(&self.triggered);
         for (id, value) in held {
             self.state.values.insert(id, value);
         }
@@ -301,10 +301,9 @@ impl<'a> Runner<'a> {
         if changes.anything {
             self.tell_started(run);
         }
-        self.triggered.extend(changes.ids.iter().copied());
+        self.state.loosen(changes.ids.iter().copied());
         if changes.anything {
-            self.triggered.extend(self.symbols.visible());
+            self.state.loosen(self.symbols.visible());
         }
-        self.volatile.extend(&self.triggered);
     }
 }

@@ -141,7 +141,7 @@ impl<'a> Runner<'a> {
             return Value::unknown(Reason::SystemValue);
         }
         let whole = self.value(path.id);
-        if self.volatile.contains(&path.id) {
+        if self.is_volatile(path.id) {
             self.pin(&whole);
             return whole.get(&path.steps).forgotten(Reason::AnyMoment);
         }

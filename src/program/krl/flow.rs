@@ -197,6 +197,10 @@ impl<'a> Machine for Runner<'a> {
         is_less
     }
 
+    fn lose_place(&self, state: &mut ModalState) {
+        state.values.insert(self.symbols.stands, Value::unknown(Reason::MotionBefore));
+    }
+
     fn is_same(&self, a: &ModalState, b: &ModalState) -> bool {
         a.is(b)
     }
@@ -216,10 +220,6 @@ impl<'a> Machine for Runner<'a> {
         self.external.truncate(found.targets);
         self.unknown.truncate(found.unknown);
         (self.motions, self.arcs, self.last) = (found.motions, found.arcs, found.last);
-    }
-
-    fn revision(&self) -> usize {
-        self.volatile.len()
     }
 }
 
@@ -279,7 +279,7 @@ impl<'a> Runner<'a> {
             Test::Count(of, at) => {
                 self.count(at)?;
                 let counter = self.resolve(&of.variable.name);
-                let at = self.value(counter).index().filter(|_| !self.volatile.contains(&counter));
+                let at = self.value(counter).index().filter(|_| !self.is_volatile(counter));
                 at.zip(self.bounds(of)).map(|(at, [to, step])| if step > 0 { at <= to } else { at >= to })
             }
             Test::Case(of, case) => {

@@ -18,7 +18,7 @@ impl Runner<'_> {
 
     pub(super) fn tool_index(&mut self) -> Result<u16, Reason> {
         let value = self.value(self.symbols.tool);
-        if self.volatile.contains(&self.symbols.tool) {
+        if self.is_volatile(self.symbols.tool) {
             return Err(Reason::ToolAnyMoment);
         }
         let tool = match &value {
@@ -54,7 +54,7 @@ impl Runner<'_> {
 
     pub(super) fn wobj_index(&mut self) -> Result<u16, Reason> {
         let value = self.value(self.symbols.base);
-        if self.volatile.contains(&self.symbols.base) {
+        if self.is_volatile(self.symbols.base) {
             return Err(Reason::BaseAnyMoment);
         }
         let wobj = match &value {

@@ -189,7 +189,7 @@ impl Runner<'_> {
 
     /// How the tool is turned before a motion, in its base and of its tool; `None` where that is not known.
     fn orientation_before(&self) -> Option<[f64; 4]> {
-        let turned = Some(self.value(self.symbols.turned)).filter(|_| !self.volatile.contains(&self.symbols.turned))?;
+        let turned = Some(self.value(self.symbols.turned)).filter(|_| !self.is_volatile(self.symbols.turned))?;
         let same = |name: &[u8], id| turned.component(name).is_some_and(|frame| frame.is(&self.value(id)));
         let [a, b, c] = turned.numbers([b"A", b"B", b"C"])?;
         (same(b"BASE", self.symbols.base) && same(b"TOOL", self.symbols.tool))
@@ -266,7 +266,7 @@ impl Runner<'_> {
             }
             return Err(why(value));
         };
-        let before = if self.volatile.contains(&self.symbols.position) {
+        let before = if self.is_volatile(self.symbols.position) {
             Value::unknown(Reason::Computed)
         } else {
             self.value(self.symbols.position)
@@ -305,7 +305,7 @@ impl Runner<'_> {
             return Some(Reason::ExternalAxisUnknown);
         }
         match self.value(self.symbols.mode) {
-            _ if self.volatile.contains(&self.symbols.mode) => Some(Reason::InterpolationUnknown),
+            _ if self.is_volatile(self.symbols.mode) => Some(Reason::InterpolationUnknown),
             Value::Constant(mode) if &mode[..] == b"BASE" => None,
             Value::Constant(_) => Some(Reason::RobotHoldsPart),
             _ => Some(Reason::InterpolationUnknown),
@@ -317,11 +317,10 @@ impl Runner<'_> {
     /// System Integrators*, orientation control of LIN and CIRC.
     fn turns(&self, to: &Position) -> Result<bool, Reason> {
         let kind = match self.value(self.symbols.orientation) {
-            Value::Constant(kind) if !self.volatile.contains(&self.symbols.orientation) => kind,
+            Value::Constant(kind) if !self.is_volatile(self.symbols.orientation) => kind,
             _ => return Err(Reason::OrientationTypeUnknown),
         };
-        let before =
-            Some(self.value(self.symbols.position)).filter(|_| !self.volatile.contains(&self.symbols.position));
+        let before = Some(self.value(self.symbols.position)).filter(|_| !self.is_volatile(self.symbols.position));
         let before = before.and_then(|before| before.numbers([b"A", b"B", b"C"]));
         match &kind[..] {
             b"VAR" | b"JOINT" => Ok(true),
@@ -342,7 +341,7 @@ impl Runner<'_> {
         ];
         let mut found = None;
         for (id, reason) in rules {
-            let bits = Some(self.value(id)).filter(|_| !self.volatile.contains(&id)).and_then(|bits| bits.index());
+            let bits = Some(self.value(id)).filter(|_| !self.is_volatile(id)).and_then(|bits| bits.index());
             for (i, axis) in to.external.iter_mut().enumerate() {
                 if axis.is_some() && bits.is_none_or(|bits| bits >> i & 1 == 1) {
                     *axis = Some(Value::unknown(reason));
@@ -357,7 +356,7 @@ impl Runner<'_> {
     /// `$CIRC_TYPE` is #BASE, and `$CIRC_MODE`, which says more of SCIRC, is as it was.
     fn turns_on_arc(&self) -> Result<(), Reason> {
         let [kind, mode] = [self.symbols.circle_type, self.symbols.circle_mode]
-            .map(|id| Some(self.value(id)).filter(|_| !self.volatile.contains(&id)));
+            .map(|id| Some(self.value(id)).filter(|_| !self.is_volatile(id)));
         match (kind, mode) {
             (_, mode) if !matches!(&mode, Some(Value::Record(said)) if said.is_empty()) => Err(Reason::ArcModeSet),
             (Some(Value::Constant(kind)), _) if &kind[..] == b"BASE" => Ok(()),
@@ -369,7 +368,7 @@ impl Runner<'_> {
     /// The mark in force, and whether that is known.
     fn mark(&self) -> (Option<Mark>, bool) {
         match self.value(self.symbols.mark) {
-            _ if self.volatile.contains(&self.symbols.mark) => (None, false),
+            _ if self.is_volatile(self.symbols.mark) => (None, false),
             Value::Bool(_) => (None, true),
             Value::Number(v, _) => (Some(if v > 0.5 { Mark::Cut } else { Mark::Air }), true),
             _ => (None, false),
@@ -378,11 +377,8 @@ impl Runner<'_> {
 
     fn push(&mut self, mut target: Target, site: Site, external: [Option<f64>; 6]) {
         // The motion at whose end the robot stands, and the one before in the order of the text.
-        let stands = if self.volatile.contains(&self.symbols.position) {
-            None
-        } else {
-            self.value(self.symbols.stands).number()
-        };
+        let stands =
+            if self.is_volatile(self.symbols.position) { None } else { self.value(self.symbols.stands).number() };
         target.predecessor = match self.last {
             None => Predecessor::Start,
             Some(_) if stands == self.last => Predecessor::Previous,

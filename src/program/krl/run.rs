@@ -13,7 +13,7 @@ use std::collections::{BTreeSet, HashMap, HashSet};
 use std::rc::Rc;
 
 /// Statements run in all, and for each byte of the program besides: ends loops whose condition never changes.
-const STEPS: usize = 500_000;
+const STEPS: usize = 1_500_000;
 const STEPS_PER_BYTE: usize = 4;
 /// Targets in all, loops expanded, and for each byte of the program besides: a short file must not fill the memory.
 const TARGETS: usize = 200_000;
@@ -73,8 +73,6 @@ pub(super) struct Runner<'a> {
     pub(super) pinned: HashSet<NumberToken>,
     /// Data that may change at any moment.
     pub(super) volatile: HashSet<Id>,
-    /// Those of them that a TRIGGER on the way may change.
-    pub(super) triggered: HashSet<Id>,
     /// Routines that may run at any moment, or again while they run.
     pub(super) at_any_moment: HashSet<RoutineId>,
     /// Data that they name.
@@ -127,7 +125,6 @@ impl<'a> Runner<'a> {
             entered: HashSet::new(),
             pinned: HashSet::new(),
             volatile: HashSet::new(),
-            triggered: HashSet::new(),
             at_any_moment: HashSet::new(),
             read_at_any_moment: HashSet::new(),
             resumes: false,
@@ -222,15 +219,19 @@ impl<'a> Runner<'a> {
         }
         self.frames.push(Frame { routine: id, names });
         let ended = self.walk(id);
-        let left = |id: &Id| Left { value: self.value(*id), is_triggered: self.triggered.contains(id) };
+        let left = |id: &Id| Left { value: self.value(*id), is_triggered: self.state.loose.contains(id) };
         let out = own.iter().map(left).collect();
         // Its own data end with it.
         let locals: HashSet<Id> = self.frames.pop().into_iter().flat_map(|frame| frame.names.into_values()).collect();
         self.state.values.retain(|id, _| !locals.contains(id));
-        self.triggered.retain(|id| !locals.contains(id));
+        self.state.tighten(&locals);
         self.volatile = before;
-        self.volatile.extend(&self.triggered);
         ended.map(|()| out)
+    }
+
+    /// Whether data may change at any moment.
+    pub(super) fn is_volatile(&self, id: Id) -> bool {
+        self.volatile.contains(&id) || self.state.loose.contains(&id)
     }
 
     /// Runs what is called at an address, in a chain of calls with a number of its own.

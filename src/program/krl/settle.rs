@@ -5,7 +5,7 @@ use super::run::{Runner, Site};
 use super::tree::Statement;
 use super::value::{EXTERNAL, NumberToken, Value};
 use crate::program::{Editable, ExternalAxes, Motion, Reason, Role};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 impl Runner<'_> {
@@ -128,21 +128,27 @@ impl Runner<'_> {
         self.frames.last().is_some_and(|frame| self.at_any_moment.contains(&frame.routine))
     }
 
-    /// Routines that nothing runs: what they name stays, and so do their motions.
+    /// Motions that nothing runs stay, and what routines name that nothing runs.
     pub(super) fn keep_what_is_not_run(&mut self) {
+        let targets = self.targets.iter().map(|target| (target.source, target.span));
+        let ran: HashSet<_> = targets.chain(self.unknown.iter().map(|motion| (motion.source, motion.span))).collect();
         for id in self.symbols.all() {
-            if self.entered.contains(&id) {
-                continue;
+            let is_entered = self.entered.contains(&id);
+            if !is_entered {
+                drop(self.pin_names(id));
             }
-            drop(self.pin_names(id));
-            for statement in self.symbols.routine(id).statements().into_iter().filter(|of| of.is_motion()) {
-                self.use_axes_in(id.file, statement);
-                let is_at_any_moment = self.at_any_moment.contains(&id);
-                self.keep(
-                    id.file,
-                    statement.at,
-                    if is_at_any_moment { Reason::RunsAtAnyMoment } else { Reason::NotRun },
-                );
+            let motions = self.symbols.routine(id).statements().into_iter().filter(|of| of.is_motion());
+            #[allow(clippy::cast_possible_truncation)] // as a target has it
+            for statement in motions.filter(|of| !ran.contains(&(id.file as u16, of.at))) {
+                if !is_entered {
+                    self.use_axes_in(id.file, statement);
+                }
+                let reason = match is_entered {
+                    _ if self.at_any_moment.contains(&id) => Reason::RunsAtAnyMoment,
+                    true => Reason::NotReached,
+                    false => Reason::NotRun,
+                };
+                self.keep(id.file, statement.at, reason);
             }
         }
     }

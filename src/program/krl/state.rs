@@ -4,6 +4,7 @@ use super::symbols::RoutineId;
 use super::value::{NumberToken, Value};
 use crate::program::Reason;
 use std::collections::{BTreeMap, BTreeSet, HashSet};
+use std::rc::Rc;
 
 /// Number of a variable.
 pub(super) type Id = usize;
@@ -22,6 +23,8 @@ pub(super) struct Changes {
 #[derive(Clone, Debug, Default)]
 pub(super) struct ModalState {
     pub(super) values: BTreeMap<Id, Value>,
+    /// Data that may change at any moment from here on: what a TRIGGER may, and what is counted from where the robot stands.
+    pub(super) loose: Rc<BTreeSet<Id>>,
     /// The next statement may fail, and the program goes on after it.
     pub(super) proceeds: bool,
 }
@@ -36,7 +39,7 @@ impl ModalState {
     pub(super) fn is(&self, other: &Self) -> bool {
         let (own, others) = (self.values.iter().rev(), other.values.iter().rev());
         // From the last, since data of routines, and counters among them, change more often than those of files.
-        self.proceeds == other.proceeds
+        (self.proceeds, &self.loose) == (other.proceeds, &other.loose)
             && self.values.len() == other.values.len()
             && own.zip(others).all(|(own, other)| own.0 == other.0 && own.1.is(other.1))
     }
@@ -44,7 +47,9 @@ impl ModalState {
     /// Whether all that is known here holds there as well.
     pub(super) fn covers(&self, other: &Self, start: &[Value]) -> bool {
         let ids = self.values.keys().chain(other.values.keys().filter(|id| !self.values.contains_key(id)));
-        (self.proceeds || !other.proceeds) && ids.into_iter().all(|id| self.at(*id, start).covers(other.at(*id, start)))
+        (self.proceeds || !other.proceeds)
+            && (Rc::ptr_eq(&self.loose, &other.loose) || self.loose.is_superset(&other.loose))
+            && ids.into_iter().all(|id| self.at(*id, start).covers(other.at(*id, start)))
     }
 
     /// Reduces it to what holds where either may; tokens of what differs go to `lost`, but those of the position of this number, of which
@@ -69,5 +74,24 @@ impl ModalState {
             }
         }
         self.proceeds |= other.proceeds;
+        if !Rc::ptr_eq(&self.loose, &other.loose) {
+            self.loosen(other.loose.iter().copied());
+        }
+    }
+
+    /// Data may change at any moment from here on.
+    pub(super) fn loosen(&mut self, ids: impl IntoIterator<Item = Id>) {
+        for id in ids {
+            if !self.loose.contains(&id) {
+                Rc::make_mut(&mut self.loose).insert(id);
+            }
+        }
+    }
+
+    /// Data end, and with them what is said of them.
+    pub(super) fn tighten(&mut self, ended: &HashSet<Id>) {
+        if self.loose.iter().any(|id| ended.contains(id)) {
+            Rc::make_mut(&mut self.loose).retain(|id| !ended.contains(id));
+        }
     }
 }

@@ -543,6 +543,30 @@ fn marks_follow_the_run() {
 }
 
 #[test]
+fn a_counted_loop_runs_round_by_round_where_an_unknown_condition_may_leave_it() {
+    let line = "LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
+    for leave in ["EXIT", "RETURN"] {
+        let p = program(&format!(
+            "INT i\nFOR i=1 TO 2\n$BASE=BASE_DATA[i]\n{line}\nIF $IN[1] THEN\n{leave}\nENDIF\nENDFOR\n{line}"
+        ));
+        let bases: Vec<&str> = p.wobjs.iter().map(|wobj| &*wobj.name).collect();
+        assert_eq!(bases, ["BASE_DATA[1]", "BASE_DATA[2]"], "{leave}");
+        // Where EXIT leaves it, either base may be in force after it.
+        let (targets, kept) = if leave == "EXIT" { (2, vec![Reason::Base]) } else { (3, vec![]) };
+        assert_eq!((p.targets.len(), reasons(&p)), (targets, kept), "{leave}");
+    }
+}
+
+#[test]
+fn motions_that_nothing_reaches_are_said_to_stay() {
+    let line = "LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
+    for body in ["LOOP\nGO\nENDLOOP\nGO", "GO\nRETURN\nGO", "GO\nIF FALSE THEN\nGO\nENDIF", "GOTO m\nGO\nm:\nGO"] {
+        let p = program(&body.replace("GO\n", &format!("{line}\n")).replace("\nGO", &format!("\n{line}")));
+        assert_eq!((p.targets.len(), reasons(&p)), (1, vec![Reason::NotReached]), "{body}");
+    }
+}
+
+#[test]
 fn endless_loops_are_taken_once() {
     let line = "LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
     for body in

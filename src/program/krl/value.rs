@@ -186,8 +186,9 @@ impl Value {
     /// The same value from the same tokens.
     pub(super) fn is(&self, other: &Self) -> bool {
         match (self, other) {
-            (Self::Unknown(a, was), Self::Unknown(b, other)) => {
-                a == b && was.as_ref().map(Rc::as_ptr) == other.as_ref().map(Rc::as_ptr)
+            (Self::Unknown(a, None), Self::Unknown(b, None)) => a == b,
+            (Self::Unknown(a, Some(was)), Self::Unknown(b, Some(other))) => {
+                a == b && (Rc::ptr_eq(was, other) || was.is(other))
             }
             #[allow(clippy::float_cmp)] // the very number
             (Self::Number(a, at), Self::Number(b, other)) => a == b && at == other,
