@@ -630,8 +630,6 @@ impl<'a> Machine for Runner<'a> {
     /// Motions, and the site of the last.
     type Mark = (usize, Option<u32>);
 
-    const MOST_ROUNDS: u64 = MOST_STEPS;
-
     fn step(&mut self, node: usize, statement: &'a Statement, store: &mut Store) -> Result<(), Stop> {
         self.count(node)?;
         self.statement(statement, store)
@@ -669,6 +667,11 @@ impl<'a> Machine for Runner<'a> {
     fn back_to(&mut self, (motions, last): (usize, Option<u32>)) {
         self.out.motions.truncate(motions);
         self.last = last;
+    }
+
+    /// A run that takes too much is run again, with all loops joined.
+    fn is_too_much(&self, _: (usize, Option<u32>)) -> bool {
+        false
     }
 
     fn unrolls(&self) -> bool {

@@ -37,9 +37,6 @@ pub trait Machine {
     /// How much a run has come to so far.
     type Mark: Copy;
 
-    /// A loop that goes round more often is run as one whose rounds are not counted.
-    const MOST_ROUNDS: u64;
-
     /// Runs a step.
     ///
     /// # Errors
@@ -69,6 +66,9 @@ pub trait Machine {
 
     /// Gives up what it has come to since then.
     fn back_to(&mut self, mark: Self::Mark);
+
+    /// Whether a loop that began then has taken so much that its rounds are run as one.
+    fn is_too_much(&self, since: Self::Mark) -> bool;
 
     /// Whether loops with known tests are followed round by round.
     fn unrolls(&self) -> bool {
@@ -147,6 +147,7 @@ impl<M: Machine> Walk<'_, M> {
     /// goes round.
     fn follow(&mut self, from: usize, within: Option<usize>, mut state: M::State) -> Result<Option<States<M>>, Stop> {
         let (mut out, mut rounds, mut node) = (BTreeMap::new(), Rounds { count: 0, saved: None }, from);
+        let begun = self.machine.mark();
         // Whether a test that is not known may have left the loop in this round.
         let mut may_have_left = false;
         loop {
@@ -156,7 +157,8 @@ impl<M: Machine> Walk<'_, M> {
             }
             if within.is_some() && self.flow.loop_headed(node) == within {
                 let is_counted = within.is_some_and(|of| self.counted.remove(&of));
-                if may_have_left && !is_counted || self.repeats(&mut rounds, &state) {
+                let is_endless = self.repeats(&mut rounds, &state) || self.machine.is_too_much(begun);
+                if may_have_left && !is_counted || is_endless {
                     return Ok(None);
                 }
                 may_have_left = false;
@@ -250,7 +252,7 @@ impl<M: Machine> Walk<'_, M> {
         }
     }
 
-    /// Counts a round; whether all that holds in it held in an earlier one, or there are too many.
+    /// Counts a round; whether all that holds in it held in an earlier one.
     fn repeats(&self, rounds: &mut Rounds<M::State>, state: &M::State) -> bool {
         if rounds.saved.as_ref().is_some_and(|saved| self.machine.is_same(saved, state)) {
             return true;
@@ -259,7 +261,7 @@ impl<M: Machine> Walk<'_, M> {
         if rounds.count.is_power_of_two() {
             rounds.saved = Some(state.clone());
         }
-        rounds.count > M::MOST_ROUNDS
+        false
     }
 
     /// Runs a node.

@@ -158,6 +158,7 @@ pub(super) struct Found {
     arcs: usize,
     unknown: usize,
     last: Option<f64>,
+    steps: usize,
 }
 
 impl<'a> Machine for Runner<'a> {
@@ -165,8 +166,6 @@ impl<'a> Machine for Runner<'a> {
     type Test = Test<'a>;
     type State = ModalState;
     type Mark = Found;
-
-    const MOST_ROUNDS: u64 = 100_000;
 
     fn step(&mut self, _: usize, step: Step<'a>, state: &mut ModalState) -> Result<(), Stop> {
         self.state = std::mem::take(state);
@@ -211,7 +210,7 @@ impl<'a> Machine for Runner<'a> {
 
     fn mark(&self) -> Found {
         let (targets, motions, arcs, unknown) = (self.targets.len(), self.motions, self.arcs, self.unknown.len());
-        Found { targets, motions, arcs, unknown, last: self.last }
+        Found { targets, motions, arcs, unknown, last: self.last, steps: self.steps }
     }
 
     fn back_to(&mut self, found: Found) {
@@ -220,6 +219,11 @@ impl<'a> Machine for Runner<'a> {
         self.external.truncate(found.targets);
         self.unknown.truncate(found.unknown);
         (self.motions, self.arcs, self.last) = (found.motions, found.arcs, found.last);
+    }
+
+    fn is_too_much(&self, since: Found) -> bool {
+        let (steps, targets) = (self.steps - since.steps, self.targets.len() - since.targets);
+        steps > self.most_steps / 4 || targets > self.most_targets / 2
     }
 }
 
@@ -272,6 +276,7 @@ impl<'a> Runner<'a> {
             Test::If(condition) => self.evaluate(condition).bool(),
             Test::Round(of) => {
                 let Some(condition) = &of.condition else { return Ok(None) };
+                self.steps += 1;
                 let holds = self.evaluate(condition).bool().map(|holds| holds != of.is_until);
                 // What nothing in the loop changes never ends it.
                 holds.filter(|goes_on| !goes_on || !self.is_steady(of, condition))

@@ -2,7 +2,8 @@
 
 use super::expression::{Expression, Part};
 use super::run::{Runner, Site};
-use super::tree::Statement;
+use super::symbols::RoutineId;
+use super::tree::{Statement, walk};
 use super::value::{EXTERNAL, NumberToken, Value};
 use crate::program::{Editable, ExternalAxes, Motion, Reason, Role};
 use std::collections::{HashMap, HashSet};
@@ -130,16 +131,37 @@ impl Runner<'_> {
 
     /// Motions that nothing runs stay, and what routines name that nothing runs.
     pub(super) fn keep_what_is_not_run(&mut self) {
-        let targets = self.targets.iter().map(|target| (target.source, target.span));
-        let ran: HashSet<_> = targets.chain(self.unknown.iter().map(|motion| (motion.source, motion.span))).collect();
+        #[allow(clippy::cast_possible_truncation)] // as a target has it
+        let place = |id: RoutineId, statement: &Statement| (id.file as u16, statement.at);
+        let ran = || {
+            let targets = self.targets.iter().map(|target| (target.source, target.span));
+            targets.chain(self.unknown.iter().map(|motion| (motion.source, motion.span)))
+        };
+        // Most motions run in the order of the text: only the others are held.
+        let (mut in_order, mut others) = (ran().peekable(), HashSet::new());
+        for id in self.symbols.all() {
+            walk(&self.symbols.routine(id).body, &mut |statement| {
+                let here = place(id, statement);
+                if statement.is_motion() && in_order.next_if_eq(&here).is_none() {
+                    others.insert(here);
+                }
+                while in_order.next_if_eq(&here).is_some() {}
+            });
+        }
+        if !others.is_empty() {
+            ran().for_each(|here| {
+                others.remove(&here);
+            });
+        }
         for id in self.symbols.all() {
             let is_entered = self.entered.contains(&id);
             if !is_entered {
                 drop(self.pin_names(id));
             }
-            let motions = self.symbols.routine(id).statements().into_iter().filter(|of| of.is_motion());
-            #[allow(clippy::cast_possible_truncation)] // as a target has it
-            for statement in motions.filter(|of| !ran.contains(&(id.file as u16, of.at))) {
+            walk(&self.symbols.routine(id).body, &mut |statement| {
+                if !statement.is_motion() || !others.contains(&place(id, statement)) {
+                    return;
+                }
                 if !is_entered {
                     self.use_axes_in(id.file, statement);
                 }
@@ -149,7 +171,7 @@ impl Runner<'_> {
                     false => Reason::NotRun,
                 };
                 self.keep(id.file, statement.at, reason);
-            }
+            });
         }
     }
 }

@@ -704,7 +704,10 @@ fn files_that_are_none_are_refused() {
     let code = |text: &str| read(vec![Source::new("a.src", text)], Vec::new()).unwrap_err()[0].code;
     assert_eq!(code("LIN {X 1}\n"), "krl.no-routine");
     assert_eq!(code("DEF a()\nIF $IN[1] THEN\n"), "krl.truncated");
-    assert_eq!(code("DEF a()\nINT i,j\nFOR i=1 TO 2000\nFOR j=1 TO 2000\nENDFOR\nENDFOR\nEND\n"), "krl.endless");
+    let calls: String = (0..24).map(|k| format!("s{k}()\ns{k}()\nEND\nDEF s{k}()\n")).collect();
+    assert_eq!(code(&format!("DEF a()\n{calls}END\n")), "krl.endless");
+    // Rounds that are too many are one.
+    assert_eq!(program("INT i,j\nFOR i=1 TO 2000\nFOR j=1 TO 2000\nENDFOR\nENDFOR").targets.len(), 0);
 }
 
 #[test]
