@@ -267,15 +267,16 @@ impl<'a> Runner<'a> {
                 self.use_up(&value.all_reads());
             }
         }
-        let mut locals = vec![Value::unknown(Reason::Unset); function.locals as usize];
+        // What a default value names is the routine's own.
+        let locals = vec![Value::unknown(Reason::Unset); function.locals as usize];
+        let saved = (std::mem::replace(&mut store.locals, locals), store.result.take(), self.context, self.node);
         for (at, parameter) in function.parameters.iter().enumerate() {
-            locals[at] = match (Arguments(arguments).get(&parameter.name, at), &parameter.default) {
+            store.locals[at] = match (Arguments(arguments).get(&parameter.name, at), &parameter.default) {
                 (Some(value), _) => value.clone(),
                 (None, Some(default)) => self.evaluate(default, store)?,
                 (None, None) => Value::unknown(Reason::Argument),
             };
         }
-        let saved = (std::mem::replace(&mut store.locals, locals), store.result.take(), self.context, self.node);
         self.context = self.site();
         self.calls.push(id);
         let after = walk(self, self.flow, id.0 as usize, std::mem::take(store));

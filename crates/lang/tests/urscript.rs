@@ -108,6 +108,12 @@ fn a_routine_gets_its_arguments_and_what_threads_write_is_unknown() {
 }
 
 #[test]
+fn a_default_value_names_what_is_the_routines_own() {
+    let ran = ran("def go(x, y=x):\n movel(p[y,0,0,0,0,0])\nend\ngo(2)\n");
+    assert_eq!(ran.xs().len(), 1);
+}
+
+#[test]
 fn a_routine_that_is_not_given_may_change_globals_and_the_tool() {
     let ran = ran(
         "global g = p[1,0,0,0,0,0]\nset_tcp(p[0,0,0.1,0,0,0])\nmovel(g)\ngripper_open()\nmovel(p[2,0,0,0,0,0])\nset_tcp(p[0,0,0.1,0,0,0])\nmovel(p[3,0,0,0,0,0])\nmovel(g)\n",
