@@ -316,8 +316,8 @@ def main():
 
         def corrected(by):
             there = out / f"{by}.mod"
-            words = [a.deflex, "compensate", out / "wall.mod", "--cell", out / f"{by}.toml", "-o", there, "--report", out / f"{by}.csv", "--quiet"]
-            subprocess.run(words, check=True, stderr=subprocess.DEVNULL)
+            words = [a.deflex, "compensate", out / "wall.mod", "--cell", out / f"{by}.toml", "-o", there, "--report", out / f"{by}.csv"]
+            subprocess.run([*words, "--subdivide", "0.001", "--quiet"], check=True, stderr=subprocess.DEVNULL)
             return there
 
         wall = Wall()
