@@ -92,6 +92,102 @@ fn a_clamped_plate_yields_as_timoshenko_and_woinowsky_krieger_have_it() {
     within(middle[(2, 2)], 0.00560 * 80.0 * 80.0 / plate(1.0, 0.3), 0.02);
 }
 
+/// Values of a polynomial's derivative of this order at `x`, from its coefficients, lowest first.
+fn derivative(coefficients: &[f64], order: usize, x: f64) -> f64 {
+    let falling = |power: usize| (0..order).map(|k| (power - k) as f64).product::<f64>();
+    let term = |(power, c): (usize, &f64)| c * falling(power) * x.powi((power - order) as i32);
+    coefficients.iter().enumerate().skip(order).map(term).sum()
+}
+
+fn product(a: &[f64], b: &[f64]) -> Vec<f64> {
+    let mut out = vec![0.0; a.len() + b.len() - 1];
+    for (i, x) in a.iter().enumerate() {
+        b.iter().enumerate().for_each(|(j, y)| out[i + j] += x * y);
+    }
+    out
+}
+
+/// Legendre polynomials over 0 to 1, times a factor that meets the supports.
+fn shapes(support: &[f64], count: usize) -> Vec<Vec<f64>> {
+    let mut all = vec![vec![1.0], vec![-1.0, 2.0]];
+    while all.len() < count {
+        let n = all.len() as f64;
+        let mut next = product(&all[all.len() - 1], &[-(2.0 * n - 1.0) / n, 2.0 * (2.0 * n - 1.0) / n]);
+        all[all.len() - 2].iter().enumerate().for_each(|(k, c)| next[k] -= (n - 1.0) / n * c);
+        all.push(next);
+    }
+    all.iter().map(|polynomial| product(support, polynomial)).collect()
+}
+
+/// The integrals over 0 to 1 of derivatives of two orders, by Simpson's rule.
+fn integrals(shapes: &[Vec<f64>], left: usize, right: usize) -> DMatrix<f64> {
+    const STEPS: usize = 400;
+    let mut out = DMatrix::zeros(shapes.len(), shapes.len());
+    for step in 0..=STEPS {
+        let weight = if step == 0 || step == STEPS { 1.0 } else { 2.0 + 2.0 * (step % 2) as f64 };
+        let x = step as f64 / STEPS as f64;
+        let values = |order: usize| shapes.iter().map(|c| derivative(c, order, x)).collect::<Vec<f64>>();
+        let (a, b) = (values(left), values(right));
+        out += DMatrix::from_fn(a.len(), b.len(), |i, j| a[i] * b[j]) * (weight / (3.0 * STEPS as f64));
+    }
+    out
+}
+
+/// Factors that meet the supports of a plate at 0 and 1: clamped at both, and clamped at 0.
+const CLAMPED: &[f64] = &[0.0, 0.0, 1.0, -2.0, 1.0];
+const CLAMPED_AND_FREE: &[f64] = &[0.0, 0.0, 1.0];
+
+/// The compliance of a thin plate of a × b at half of its width, and at this share of its height, by the method of Ritz.
+fn ritz([a, b]: [f64; 2], supports: [&[f64]; 2], height: f64, stiffness: f64, nu: f64) -> f64 {
+    let [x, y] = supports.map(|support| shapes(support, 11));
+    let over = |shapes: &[Vec<f64>]| [(0, 0), (1, 1), (2, 2), (0, 2), (2, 0)].map(|(l, r)| integrals(shapes, l, r));
+    let ([x00, x11, x22, x02, x20], [y00, y11, y22, y02, y20]) = (over(&x), over(&y));
+    let energy = x22.kronecker(&y00) * (b / a.powi(3))
+        + x00.kronecker(&y22) * (a / b.powi(3))
+        + (x02.kronecker(&y20) + x20.kronecker(&y02)) * (nu / (a * b))
+        + x11.kronecker(&y11) * (2.0 * (1.0 - nu) / (a * b));
+    let at =
+        |shapes: &[Vec<f64>], place: f64| DMatrix::from_fn(shapes.len(), 1, |i, _| derivative(&shapes[i], 0, place));
+    let push = at(&x, 0.5).kronecker(&at(&y, height));
+    push.dot(&(energy * stiffness).cholesky().unwrap().solve(&push))
+}
+
+#[test]
+fn a_plate_that_is_clamped_on_three_sides_yields_as_ritz_has_it() {
+    // The method itself gives what the book has for a square plate with four clamped edges.
+    within(ritz([80.0; 2], [CLAMPED; 2], 0.5, 1.0, 0.3), 0.00560 * 6400.0, 0.02);
+    let material = Material { nu: 0.3, ..ALUMINIUM };
+    let grid = Grid { low: [0.0; 3], size: [1.0, 1.0, 0.5], cells: [60, 40, 2] };
+    let edges = [
+        clamp([0.0; 3], [0.0, 40.0, 1.0]),
+        clamp([60.0, 0.0, 0.0], [60.0, 40.0, 1.0]),
+        clamp([0.0; 3], [60.0, 0.0, 1.0]),
+    ];
+    let body = Body::new(&Solid::of(grid, |_| 1.0), material, &edges).unwrap();
+    let free = body.compliance(&[[30.0, 40.0, 1.0]])[0];
+    within(free[(2, 2)], ritz([60.0, 40.0], [CLAMPED, CLAMPED_AND_FREE], 1.0, plate(1.0, 0.3), 0.3), 0.03);
+}
+
+#[test]
+fn a_blade_that_grows_thinner_bends_as_a_tapered_beam() {
+    // 4 mm thick at the root and 1.5 mm at the tip, 50 mm long, 5 mm wide: the beam of Timoshenko, integrated along its length.
+    let (length, width) = (50.0, 5.0);
+    let thickness = |x: f64| 4.0 - 2.5 * x / length;
+    let grid = Grid::over([0.0; 3], [length, width, 4.0], 0.5);
+    let solid = Solid::of(grid, |p| 0.5 * thickness(p[0]) - (p[2] - 2.0).abs());
+    let body = Body::new(&solid, ALUMINIUM, &[clamp([0.0; 3], [0.0, width, 4.0])]).unwrap();
+    let tip = body.compliance(&[[length, 2.5, 2.0]])[0];
+    let shear = ALUMINIUM.e / (2.0 * (1.0 + ALUMINIUM.nu));
+    let steps = 2_000;
+    let slice = |k: usize| {
+        let x = length * (k as f64 + 0.5) / f64::from(steps);
+        let (lever, height) = (length - x, thickness(x));
+        12.0 * lever * lever / (ALUMINIUM.e * width * height.powi(3)) + 1.2 / (shear * width * height)
+    };
+    let exact = (0..steps as usize).map(slice).sum::<f64>() * length / f64::from(steps);
+    within(tip[(2, 2)], exact, 0.03);
+}
+
 #[test]
 fn a_strip_clamped_along_one_side_yields_as_an_infinite_cantilever_plate() {
     // Jaramillo (1950): force at the free edge of a long cantilever plate, under it w = 0.168 P a²/D (ν = 0.3).
