@@ -138,7 +138,7 @@ const CLAMPED: &[f64] = &[0.0, 0.0, 1.0, -2.0, 1.0];
 const CLAMPED_AND_FREE: &[f64] = &[0.0, 0.0, 1.0];
 
 /// The compliance of a thin plate of a × b at half of its width, and at this share of its height, by the method of Ritz.
-fn ritz([a, b]: [f64; 2], supports: [&[f64]; 2], height: f64, stiffness: f64, nu: f64) -> f64 {
+fn ritz([a, b]: [f64; 2], supports: [&[f64]; 2], height: f64, stiffness: f64, nu: f64) -> Option<f64> {
     let [x, y] = supports.map(|support| shapes(support, 11));
     let over = |shapes: &[Vec<f64>]| [(0, 0), (1, 1), (2, 2), (0, 2), (2, 0)].map(|(l, r)| integrals(shapes, l, r));
     let ([x00, x11, x22, x02, x20], [y00, y11, y22, y02, y20]) = (over(&x), over(&y));
@@ -149,13 +149,13 @@ fn ritz([a, b]: [f64; 2], supports: [&[f64]; 2], height: f64, stiffness: f64, nu
     let at =
         |shapes: &[Vec<f64>], place: f64| DMatrix::from_fn(shapes.len(), 1, |i, _| derivative(&shapes[i], 0, place));
     let push = at(&x, 0.5).kronecker(&at(&y, height));
-    push.dot(&(energy * stiffness).cholesky().unwrap().solve(&push))
+    Some(push.dot(&(energy * stiffness).cholesky()?.solve(&push)))
 }
 
 #[test]
 fn a_plate_that_is_clamped_on_three_sides_yields_as_ritz_has_it() {
     // The method itself gives what the book has for a square plate with four clamped edges.
-    within(ritz([80.0; 2], [CLAMPED; 2], 0.5, 1.0, 0.3), 0.00560 * 6400.0, 0.02);
+    within(ritz([80.0; 2], [CLAMPED; 2], 0.5, 1.0, 0.3).unwrap(), 0.00560 * 6400.0, 0.02);
     let material = Material { nu: 0.3, ..ALUMINIUM };
     let grid = Grid { low: [0.0; 3], size: [1.0, 1.0, 0.5], cells: [60, 40, 2] };
     let edges = [
@@ -165,7 +165,8 @@ fn a_plate_that_is_clamped_on_three_sides_yields_as_ritz_has_it() {
     ];
     let body = Body::new(&Solid::of(grid, |_| 1.0), material, &edges).unwrap();
     let free = body.compliance(&[[30.0, 40.0, 1.0]])[0];
-    within(free[(2, 2)], ritz([60.0, 40.0], [CLAMPED, CLAMPED_AND_FREE], 1.0, plate(1.0, 0.3), 0.3), 0.03);
+    let exact = ritz([60.0, 40.0], [CLAMPED, CLAMPED_AND_FREE], 1.0, plate(1.0, 0.3), 0.3).unwrap();
+    within(free[(2, 2)], exact, 0.03);
 }
 
 #[test]
