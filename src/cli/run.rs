@@ -8,14 +8,14 @@ use super::output::Outputs;
 use super::predicted::Predicted;
 use super::report::{self, Noticed, Rows};
 use super::setup::Setup;
-use super::{Answer, Outcome, message, progress};
+use super::{Answer, Outcome, STACK_BYTES, message, progress};
 use deflex::correct::Corrected;
 use deflex::program::Program;
 use deflex::report::html::{PathKind, PathPage, PathTrace};
 use deflex::report::{Digest, FileSummary, Origin};
 use deflex::text::{Diagnostic, Severity, printable_line};
 use indicatif::ProgressBar;
-use rayon::prelude::*;
+use std::sync::{Mutex, PoisonError};
 
 /// One program, done.
 pub(super) struct Done {
@@ -87,15 +87,29 @@ pub(super) fn each<T: Send>(
     one: impl Fn(Job, &ProgressBar) -> Result<T, Vec<Diagnostic>> + Sync,
 ) -> Result<(Vec<T>, Vec<Diagnostic>), Vec<Diagnostic>> {
     let bar = progress::bar(jobs.len(), quiet);
-    let done: Vec<_> = jobs
-        .into_par_iter()
-        .map(|job| {
+    let count = rayon::current_num_threads().min(jobs.len());
+    let (queue, done) = (Mutex::new(jobs.into_iter().enumerate()), Mutex::new(Vec::new()));
+    let next = || queue.lock().unwrap_or_else(PoisonError::into_inner).next();
+    let work = || {
+        while let Some((at, job)) = next() {
             bar.set_message(printable_line(&job.name).into_owned());
-            let done = one(job, &bar);
+            let answer = one(job, &bar);
             bar.inc(1);
-            done
-        })
-        .collect();
+            done.lock().unwrap_or_else(PoisonError::into_inner).push((at, answer));
+        }
+    };
+    // Not the threads of the pool: a program waits for chunks that need the pool themselves.
+    std::thread::scope(|scope| {
+        for _ in 0..count {
+            if std::thread::Builder::new().stack_size(STACK_BYTES).spawn_scoped(scope, work).is_err() {
+                // Without a further thread this one does the work.
+                work();
+            }
+        }
+    });
+    let mut done = done.into_inner().unwrap_or_else(PoisonError::into_inner);
+    done.sort_by_key(|(at, _)| *at);
+    let done: Vec<_> = done.into_iter().map(|(_, answer)| answer).collect();
     bar.finish_and_clear();
     let (done, more) = parted(done);
     let failed = [failed, more].concat();
