@@ -115,6 +115,27 @@ fn a_batch_of_long_programs_is_what_each_of_them_is_alone() {
     assert!(batch == expected, "the report of the batch is not that of its programs");
 }
 
+/// The chunks of a program compute the force of its cut on the threads of the pool. Programs that occupied these would wait for ever.
+#[test]
+fn a_batch_of_as_many_programs_as_threads_ends() {
+    let bench = Bench::new();
+    let cell = "[robot]\nmodel = \"irb6660-205-1.9\"\n[robot.stiffness]\njoint_nm_per_rad = [8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4]\n\
+                [cut]\nforce = \"mechanistic\"\n[cut.cutter]\ndiameter_mm = 20.0\ncorner_radius_mm = 2.0\nteeth = 3\nhelix_deg = 30.0\n\
+                [cut.engagement]\nmode = \"slot\"\ndepth_mm = 2.0\nwidth_mm = 20.0\nfeed_per_tooth_mm = 0.05\nlead_deg = 0.0\ntilt_deg = 0.0\n\
+                [cut.coefficients]\nmaterial = \"al7075\"\n";
+    bench.write("milled.toml", cell);
+    for name in ["a", "b"] {
+        let text = long(10 * CHUNK / 400).replace("MODULE Part", &format!("MODULE {name}"));
+        bench.write(&format!("{name}.mod"), text);
+    }
+    for jobs in [1, 2] {
+        bench.run(&format!("compensate a.mod b.mod --cell milled.toml --out-dir out{jobs} --jobs {jobs}")).exits(0);
+    }
+    for name in ["a.mod", "b.mod"] {
+        assert!(bench.read(&format!("out1/{name}")) == bench.read(&format!("out2/{name}")), "{name} differs");
+    }
+}
+
 #[test]
 fn declared_targets_are_corrected_where_they_stand() {
     let bench = Bench::new();
