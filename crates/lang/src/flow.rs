@@ -209,7 +209,7 @@ impl<S: Copy, T: Copy> Flow<S, T> {
     /// Strongly connected components (Tarjan 1972): what repeats, and what never ends; within each, without its head, those within it.
     fn loops_of(&mut self, nodes: &[usize], exit: usize, parent: Option<usize>) {
         const NEW: usize = usize::MAX;
-        /// Most loops within each other that are told apart: more than people write, and each costs a pass.
+        /// Most nested loops that are distinguished: more than people write, and each costs a pass.
         const DEEPEST: usize = 32;
         if std::iter::successors(parent, |of| self.loops[*of].parent).count() >= DEEPEST {
             return;
