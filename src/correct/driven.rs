@@ -449,6 +449,11 @@ pub(super) fn waypoint_targets(program: &Program) -> Vec<usize> {
     (0..program.targets.len()).filter(|i| Kind::of(program, *i) != Kind::Point).collect()
 }
 
+/// The waypoint of the original for each waypoint of another program: that in the list, or the one with the same number beyond its end.
+pub(super) fn original_waypoint(origins: &[usize]) -> impl Fn(usize) -> usize + Sync + '_ {
+    |waypoint| origins.get(waypoint).copied().unwrap_or(waypoint)
+}
+
 /// The original of a corrected program, by whose path it is judged.
 pub(super) struct Original<'a> {
     pub(super) program: &'a Program,
@@ -472,8 +477,8 @@ pub(super) fn follow_law(
     if !corrected.failures.is_empty() {
         return Err(Vec::new());
     }
-    let known = original.as_ref().and_then(|original| original.waypoints.as_ref());
-    let waypoint_of = |waypoint: usize| known.and_then(|known| known.get(waypoint)).copied().unwrap_or(waypoint);
+    let known = original.as_ref().and_then(|original| original.waypoints.as_deref());
+    let waypoint_of = original_waypoint(known.unwrap_or_default());
     let mut judged = || -> Result<(DrivenSegments, Vec<Diagnostic>), Vec<Diagnostic>> {
         let (path, segments);
         match &original {
@@ -575,8 +580,7 @@ pub(super) fn judge_corrected(
             waypoint
         };
         let origins: Vec<usize> = corrected.course.targets.iter().map(origin).collect();
-        let waypoint_of = |sent: usize| origins.get(sent).copied().unwrap_or(sent);
-        let after = driven_segments(prepared, &course, robot, &corrected, &waypoint_of);
+        let after = driven_segments(prepared, &course, robot, &corrected, &original_waypoint(&origins));
         let summary = DrivenSummary { programmed: before.figures, corrected: Some(after.figures), tolerance_mm: None };
         let notes = course.notes(program, cell);
         Ok(Judged { after, targets: course.targets, summary, notes })

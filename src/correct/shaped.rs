@@ -6,7 +6,7 @@
 
 use super::context::Context;
 use super::corrected::DrivenSummary;
-use super::driven::{Course, DrivenSegments, Sampling, driven_segments, loaded_along};
+use super::driven::{Course, DrivenSegments, Sampling, driven_segments, loaded_along, original_waypoint};
 use super::line::compensate_in;
 use super::original_loads::OriginalLoads;
 use super::{Corrected, Options, Prepared, Row, frames};
@@ -263,7 +263,7 @@ impl Given<'_> {
 
     /// The target of the original for each target of a program whose motions belong to the waypoints in `origins`.
     fn targets(&self, program: &Program, origins: &[usize]) -> Vec<usize> {
-        OriginalLoads::targets(self.program, program, &|waypoint| origins.get(waypoint).copied().unwrap_or(waypoint))
+        OriginalLoads::targets(self.program, program, &original_waypoint(origins))
     }
 
     /// Compares the driven path of a program with the path of the original. Each motion belongs to the waypoint in `origins`, which is empty
@@ -275,8 +275,7 @@ impl Given<'_> {
         let mut prepared = Prepared::of(context)?;
         let course = Course::new(program, self.cell, &prepared)?;
         let path = loaded_along(&mut prepared, course, context, Sampling::Sparse)?;
-        let waypoint_of = |waypoint: usize| origins.get(waypoint).copied().unwrap_or(waypoint);
-        Ok(driven_segments(self.prepared, self.course, &self.cell.arm.robot, &path, &waypoint_of))
+        Ok(driven_segments(self.prepared, self.course, &self.cell.arm.robot, &path, &original_waypoint(origins)))
     }
 
     /// Completes the rows, and adds the notes and the figures.
