@@ -2,10 +2,6 @@
 
 use super::Coefficients;
 
-/// The warning that belongs to every preset.
-pub const CALIBRATE: &str = "typical values from the literature: calibrate them with a measured \
-     force, tool and material batch easily differ by 30 %";
-
 /// A named set of coefficients.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Material {

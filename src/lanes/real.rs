@@ -43,12 +43,6 @@ pub trait Real:
     /// Runs work with the widest lanes that the processor has, where it is in lanes.
     fn dispatch<W: pulp::NullaryFnOnce<Output = ()>>(work: W);
 
-    /// The larger of two, this one where either is NaN.
-    #[inline(always)]
-    fn or_larger(self, other: Self) -> Self {
-        self.lt(other).select(other, self)
-    }
-
     /// What cannot be said in arithmetic, target by target.
     #[inline(always)]
     fn each(self, f: impl Fn(f64) -> f64) -> Self {

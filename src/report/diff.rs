@@ -139,12 +139,6 @@ fn list(conf: Conf) -> [i32; 4] {
     }
 }
 
-/// Distance of the positions of two goals, mm.
-#[must_use]
-pub fn shift_mm(a: &Goal, b: &Goal) -> f64 {
-    compare(a, b).0.norm()
-}
-
 /// Text outside of the targets' numbers: `first` rewritten to the targets of `second` must read as `second` does.
 fn other_text(first: &Program, second: &Program, pairs: &Pairs, out: &mut Vec<OtherDifference>) {
     // A few lines show what is different; a list of all lines of another file would not help.

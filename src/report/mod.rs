@@ -19,7 +19,7 @@ mod summary;
 pub use ci::{CheckFile, Judgement, Verdict, Verdicts, check_json, check_text, junit, sarif};
 pub use columns::{Column, ColumnValues, columns};
 pub use csv::{CSV_HEADER, ColumnKind, REPORT_COLUMNS, ReportColumn, Unrounded, csv_field, csv_rows, write_csv};
-pub use diff::{Difference, MovedTarget, OtherDifference, diff_csv, diff_summary, diff_text, difference, shift_mm};
+pub use diff::{Difference, MovedTarget, OtherDifference, diff_csv, diff_summary, diff_text, difference};
 pub use digest::{Digest, Spot, digest_text};
 pub use driven::{path_csv, path_law_text};
 pub use findings::Findings;

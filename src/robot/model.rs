@@ -132,12 +132,6 @@ impl Robot {
         self.motor(&(*serial).into()).into()
     }
 
-    /// Motor torques from serial joint torques (power is the same in both coordinates), N·m.
-    #[must_use]
-    pub fn motor_torque_from_serial(&self, serial: &Joints) -> Joints {
-        self.by_motor(&<[f64; 6]>::from(*serial)).into()
-    }
-
     /// Angles as the controller counts them, from motor angles, rad: other than these only where axis 3 is counted against
     /// the ground.
     #[must_use]

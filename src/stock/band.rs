@@ -51,11 +51,6 @@ impl Band {
         let tile = self.tiles[i / TILE].get_or_insert_with(|| made(lattice, i / TILE * TILE, first));
         (&mut tile[(j % TILE) * TILE + i % TILE], &mut self.history)
     }
-
-    /// Approximate memory of its lines, bytes.
-    pub(super) fn memory(&self) -> usize {
-        self.tiles.iter().flatten().count() * TILE * TILE * size_of::<Line>() + self.tiles.len() * size_of::<Tile>()
-    }
 }
 
 /// The lines of a tile from its first on.

@@ -71,12 +71,6 @@ impl Stock {
         sum * self.lattice.spacing * self.lattice.spacing
     }
 
-    /// Approximate memory of lines and sweeps, bytes.
-    #[must_use]
-    pub fn memory(&self) -> usize {
-        self.bands.iter().map(Band::memory).sum::<usize>() + self.sweeps.len() * size_of::<Sweep>()
-    }
-
     pub(super) fn lattice(&self) -> &Lattice {
         &self.lattice
     }

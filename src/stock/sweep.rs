@@ -1,7 +1,6 @@
 //! The body that a cutter sweeps on a motion.
 
 use super::solid::{HypotFast, Solid};
-use crate::robot::Pose;
 use nalgebra::{Rotation3, Unit, Vector3};
 use std::ops::Range;
 
@@ -15,13 +14,6 @@ pub struct ToolPose {
 }
 
 impl ToolPose {
-    /// The pose of a TCP frame, whose −z is the tool axis.
-    #[must_use]
-    pub fn of(pose: &Pose) -> Self {
-        let axis = -pose.rotation.matrix().column(2);
-        Self { tip: pose.translation.vector, axis: Unit::new_unchecked(axis) }
-    }
-
     /// The pose at a share between this one and another, by the shortest turn of the axis.
     #[must_use]
     pub fn between(&self, other: &Self, share: f64) -> Self {

@@ -17,14 +17,6 @@ pub struct Edit {
     pub(crate) content: Content,
 }
 
-impl Edit {
-    /// What stands there afterwards.
-    #[must_use]
-    pub fn content(&self) -> &[u8] {
-        &self.content
-    }
-}
-
 /// Writes `bytes` with `edits` applied, in one pass front to back; all else byte for byte.
 ///
 /// `edits` must be sorted by start and disjoint: a caller's invariant, checked in debug builds.

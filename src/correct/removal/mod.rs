@@ -46,8 +46,6 @@ pub enum Cuts {
 pub struct Removal {
     /// The remaining stock.
     pub stock: Stock,
-    /// The stock's frame in the base.
-    pub base_from_stock: Pose,
     /// Notes about assumptions on the driven path.
     pub notes: Vec<Diagnostic>,
 }
@@ -72,7 +70,7 @@ pub(super) fn run(
 ) -> Result<Option<Removal>, Vec<Diagnostic>> {
     let Context { program, cell, options, .. } = context;
     let Some(section) = &cell.stock else { return Ok(None) };
-    let Some((mount, base_from_stock)) = stock_frame(program, cell, prepared)? else { return Ok(None) };
+    let Some(mount) = stock_mount(program, cell, prepared)? else { return Ok(None) };
     let Some(blank) = &section.blank else {
         let name = section.stl.as_deref().unwrap_or_default();
         let unread = Diagnostic::error("cell.stock", "", format!("[stock] stl = \"{name}\" has not been read"));
@@ -133,7 +131,7 @@ pub(super) fn run(
     if cuts == Cuts::Programmed {
         prepared.notes.extend(walk.notes(resolution, section.resolution.is_none()));
     }
-    Ok(Some(Removal { stock: walk.stock, base_from_stock, notes }))
+    Ok(Some(Removal { stock: walk.stock, notes }))
 }
 
 /// Spacing of the stock's lines, m: as declared, or from the smallest cutter, so that it fits into memory.
@@ -161,11 +159,11 @@ pub(super) fn load(force: Vector3<f64>) -> PointLoad {
     if force == Vector3::zeros() { PointLoad::Air } else { PointLoad::Constant { force, follows: Follows::WorkObject } }
 }
 
-/// The stock's work object, and its pose in the base at the first cut; `None` if nothing cuts.
-fn stock_frame(program: &Program, cell: &Cell, prepared: &Prepared) -> Result<Option<(Mount, Pose)>, Vec<Diagnostic>> {
+/// Tool and work object with which the stock stands; `None` if nothing cuts.
+fn stock_mount(program: &Program, cell: &Cell, prepared: &Prepared) -> Result<Option<Mount>, Vec<Diagnostic>> {
     let name = cell.stock.as_ref().and_then(|stock| stock.wobj.as_deref());
     let first = prepared.points.iter().position(|point| point.through.is_some_and(|through| through.cuts));
-    let used = |i: usize| (prepared.mount(i).clone(), prepared.base_from_wobj(i));
+    let used = |i: usize| prepared.mount(i).clone();
     let Some(name) = name else { return Ok(first.map(used)) };
     if let Some(i) = (0..prepared.points.len())
         .find(|i| program.wobjs[usize::from(program.targets[*i].wobj)].name.eq_ignore_ascii_case(name))
@@ -173,11 +171,7 @@ fn stock_frame(program: &Program, cell: &Cell, prepared: &Prepared) -> Result<Op
         return Ok(Some(used(i)));
     }
     let Some(i) = first else { return Ok(None) };
-    let at = |frame| {
-        let mount = Mount::new(cell, frame, *prepared.tool(i));
-        let setting = mount.at(prepared.points[i].moved.as_ref()).unwrap_or(mount.setting);
-        (mount, setting.base_from_wobj)
-    };
+    let at = |frame| Mount::new(cell, frame, *prepared.tool(i));
     frames::wobj(program, cell, name).map(at).map(Some).ok_or_else(|| {
         vec![
             Diagnostic::error(

@@ -35,7 +35,6 @@ mod reader;
 mod refusal;
 mod rewrite;
 mod setup;
-mod spin;
 mod state;
 mod statement;
 mod units;
@@ -46,7 +45,6 @@ pub use chunks::Chunks;
 pub use corrected::{CorrectedPoint, write};
 pub(crate) use layout::Layout;
 pub(crate) use refusal::AMBIGUOUS_LIST;
-pub use spin::{SpinRule, spin};
 pub(crate) use words::may_be_declared_harmless;
 
 use super::{ExternalAxes, Program};

@@ -145,16 +145,3 @@ pub(super) fn speeds(out: &mut Vec<u8>, speeds: &[f64]) -> Vec<(f64, String)> {
 fn truth(value: bool) -> &'static str {
     if value { "TRUE" } else { "FALSE" }
 }
-
-/// A printed number in the controller's precision.
-pub(super) fn held(value: f64, decimals: usize) -> f64 {
-    let mut text = Vec::new();
-    write_fixed(&mut text, value, decimals);
-    let printed = std::str::from_utf8(&text).ok().and_then(|t| t.parse::<f32>().ok());
-    printed.map_or(value, f64::from)
-}
-
-/// See [`super::as_written`].
-pub(super) fn held_pose(mm: [f64; 3], quat: [f64; 4]) -> ([f64; 3], [f64; 4]) {
-    (mm.map(|v| held(v, MM)), quat.map(|v| held(v, QUAT)))
-}

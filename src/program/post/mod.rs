@@ -29,4 +29,4 @@ pub(crate) use names::refuse as refuse_names;
 pub(crate) use statements::Statements;
 pub(crate) use template::TEMPLATES;
 pub use template::Templates;
-pub use writer::{PostedPoint, RapidPlan, RapidPost, Text, WriterPosition, as_written};
+pub use writer::{PostedPoint, RapidPlan, RapidPost, Text, WriterPosition};

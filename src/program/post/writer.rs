@@ -1,6 +1,6 @@
 //! Writes RAPID modules chunk by chunk.
 
-use super::data::{held_pose, robtarget, speeddata, speeds, tooldata, wobjdata};
+use super::data::{robtarget, speeddata, speeds, tooldata, wobjdata};
 use super::names::{SAME_SPEED, identifier, predefined_speed};
 use super::zone::{FINE, radius, zone};
 use crate::program::EXTERNAL_AXES;
@@ -96,12 +96,6 @@ impl PostedPoint {
             external: None,
         }
     }
-}
-
-/// Position and orientation in the controller's precision: printed, then in single precision.
-#[must_use]
-pub fn as_written(position_mm: [f64; 3], quat: [f64; 4]) -> ([f64; 3], [f64; 4]) {
-    held_pose(position_mm, quat)
 }
 
 /// Text of a program: the continuation of the present file, and further files.

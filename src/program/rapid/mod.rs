@@ -384,21 +384,5 @@ fn refuse(source: &Source) -> Option<Diagnostic> {
     )
 }
 
-/// Names of the modules that a program file (`.pgf`, XML) lists, in order; `None` for other files.
-#[must_use]
-pub fn pgf_modules(bytes: &[u8]) -> Option<Vec<String>> {
-    let text: String = bytes.iter().map(|&b| b as char).collect();
-    let program = text.find("<Program")?;
-    let mut rest = &text[program..];
-    let mut modules = Vec::new();
-    while let Some(start) = rest.find("<Module>") {
-        rest = &rest[start + "<Module>".len()..];
-        let end = rest.find("</Module>")?;
-        modules.push(rest[..end].trim().to_owned());
-        rest = &rest[end..];
-    }
-    Some(modules)
-}
-
 #[cfg(test)]
 mod tests;
