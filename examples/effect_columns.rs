@@ -52,12 +52,11 @@ fn positions(arm: &Arm, run: &Run) -> Vec<Vector3<f64>> {
     (0..points.len()).into_par_iter().map(at).collect()
 }
 
-fn survey<'a>(cell: &'a Cell, run: &Run) -> Survey<'a> {
+fn survey(cell: &Cell, run: &Run) -> Survey {
     let points = &run.prepared.points;
     let motors = || points.iter().map(|point| point.motor);
     let times = || points.iter().map(|point| point.time);
     Survey {
-        robot: &cell.arm.robot,
         stiffness_declared: cell.arm.stiffness.is_some(),
         part_declared: false,
         clamps: 0,

@@ -1,8 +1,6 @@
 //! Backlash, or lost motion: after a reversal, the joint stays where it is until the motor has crossed the gap of the gear.
 
-use super::{
-    Effect, Kind, NOT_NEGATIVE, Offset, Parameter, Physics, Site, checked, is_sharp, per_axis, table_of, take,
-};
+use super::{Effect, Kind, NOT_NEGATIVE, Offset, Parameter, Physics, Site, checked, is_sharp, per_axis, take};
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -54,10 +52,6 @@ impl Effect for Backlash {
 
     fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
         Box::new(Self { half_gap_rad: take(&mut values), ..*self })
-    }
-
-    fn to_table(&self) -> toml::Table {
-        table_of(KIND.name, self)
     }
 }
 

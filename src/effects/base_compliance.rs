@@ -1,8 +1,7 @@
 //! A pedestal or foundation that yields under all loads on the arm.
 
 use super::{
-    Deflection, Effect, Kind, Load, NOT_NEGATIVE, Parameter, Parts, Physics, State, checked, per_direction, table_of,
-    take,
+    Deflection, Effect, Kind, Load, NOT_NEGATIVE, Parameter, Parts, Physics, State, checked, per_direction, take,
 };
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
@@ -48,10 +47,6 @@ impl Effect for BaseCompliance {
 
     fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
         Box::new(Self { mm_per_n: take(&mut values), rad_per_nm: take(&mut values) })
-    }
-
-    fn to_table(&self) -> toml::Table {
-        table_of(KIND.name, self)
     }
 }
 

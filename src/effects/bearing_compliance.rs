@@ -1,8 +1,6 @@
 //! Links and bearings that yield about axes perpendicular to the joint axis, in addition to the springs of the gears.
 
-use super::{
-    Deflection, Effect, Kind, Load, NOT_NEGATIVE, Parameter, Parts, Physics, State, checked, indexed, table_of, take,
-};
+use super::{Deflection, Effect, Kind, Load, NOT_NEGATIVE, Parameter, Parts, Physics, State, checked, indexed, take};
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -53,10 +51,6 @@ impl Effect for BearingCompliance {
 
     fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
         Box::new(Self { rad_per_nm: std::array::from_fn(|_| take(&mut values)) })
-    }
-
-    fn to_table(&self) -> toml::Table {
-        table_of(KIND.name, self)
     }
 }
 

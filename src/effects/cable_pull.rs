@@ -1,6 +1,6 @@
 //! A hose or cable package that pulls on the forearm.
 
-use super::{ANY, Effect, Kind, Load, NOT_NEGATIVE, Need, Parameter, Parts, Physics, State, Survey, scalar, table_of};
+use super::{ANY, Effect, Kind, Load, NOT_NEGATIVE, Need, Parameter, Parts, Physics, State, Survey, scalar};
 use crate::lanes::{Mask, Real, Vector};
 use serde::de::Error;
 use serde::{Deserialize, Serialize};
@@ -106,10 +106,6 @@ impl Effect for CablePull {
             (other.stiffness_n_per_m, other.rest_mm) = (*stiffness, *rest);
         }
         Box::new(other)
-    }
-
-    fn to_table(&self) -> toml::Table {
-        table_of(KIND.name, self)
     }
 }
 

@@ -3,7 +3,6 @@
 use super::physics::MOTIONS;
 use super::{
     Deflection, Effect, Kind, Load, MOST_CLAMPS, NOT_NEGATIVE, Need, Parameter, Parts, Physics, State, checked, scalar,
-    table_of,
 };
 use crate::lanes::{Real, Vector};
 use serde::de::Error;
@@ -139,10 +138,6 @@ impl Effect for ClampCompliance {
         let with =
             |(soft, own): (&SoftClamp, &[f64])| SoftClamp { clamp: soft.clamp, mm_per_n: [own[0], own[1], own[2]] };
         Box::new(Self { clamps: self.clamps.iter().zip(values.chunks_exact(3)).map(with).collect() })
-    }
-
-    fn to_table(&self) -> toml::Table {
-        table_of(KIND.name, self)
     }
 }
 

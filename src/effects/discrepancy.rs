@@ -4,10 +4,9 @@
 //! spread of place, wrist angles and force over the rows of the fit. The correction therefore fades to zero when the tool is elsewhere,
 //! the wrist has other angles, or the cutting force is another.
 
-use super::empirical_field::{NAME, NOTHING};
-use super::{Cutting, Deflection, Effect, Load, Parameter, Parts, Physics, Situation, State, table_of};
+use super::empirical_field::NOTHING;
+use super::{Deflection, Effect, Load, Parameter, Parts, Physics, State};
 use crate::lanes::{Mask, Real, Vector};
-use crate::robot::Joints;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -126,21 +125,6 @@ impl Physics for Discrepancy {
 }
 
 impl Effect for Discrepancy {
-    fn covers(&self, motor_commanded: &Joints, situation: &Situation) -> bool {
-        let here = [
-            1e3 * (situation.base_from_wobj * situation.wobj_from_tcp).translation.vector,
-            motor_commanded.fixed_rows::<3>(3).map(f64::to_degrees),
-            match situation.cutting {
-                Cutting::Constant(force) => force,
-                // Where place and posture are near measured ones, so is the force of the cutting law.
-                Cutting::Air | Cutting::Law { .. } => Vector3::zeros(),
-            },
-        ];
-        let scales = self.scales();
-        let here = here.map(|here| Vector::<f64>::of(&here));
-        (0..self.shift_mm.len()).any(|i| self.apart(i, scales, here) <= 1.0)
-    }
-
     /// No parameters to fit: neighbouring bells overlap, so that single heights mean nothing.
     fn parameters(&self) -> Vec<Parameter> {
         Vec::new()
@@ -148,10 +132,6 @@ impl Effect for Discrepancy {
 
     fn with_values(&self, _: &[f64]) -> Box<dyn Effect> {
         Box::new(self.clone())
-    }
-
-    fn to_table(&self) -> toml::Table {
-        table_of(NAME, self)
     }
 }
 

@@ -6,9 +6,8 @@
 pub(super) use super::discrepancy::Discrepancy;
 pub(super) use super::empirical_field::EmpiricalField;
 use super::empirical_field::NAME;
-use super::{ANY, Effect, Kind, Offset, Parameter, Parts, Physics, Site, Situation, checked, indexed, table_of};
+use super::{ANY, Effect, Kind, Offset, Parameter, Parts, Physics, Site, checked, indexed};
 use crate::lanes::{Mask, Real, Vector, six};
-use crate::robot::Joints;
 use serde::de::Error;
 use serde::{Deserialize, Serialize};
 
@@ -47,7 +46,8 @@ const FULL: f64 = 0.9;
 const MAX_DEGREE: usize = 5;
 
 /// A polynomial shift of the TCP.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
+#[serde(into = "Keys")]
 pub(super) struct Empirical {
     over: Over,
     /// Least and largest of each variable, mm or degrees.
@@ -104,6 +104,16 @@ impl TryFrom<Keys> for Empirical {
             }
         }
         Ok(Self { over, domain, degree: keys.degree, terms, shift_mm: [keys.x_mm, keys.y_mm, keys.z_mm] })
+    }
+}
+
+impl From<Empirical> for Keys {
+    fn from(Empirical { over, domain, degree, shift_mm: [x_mm, y_mm, z_mm], .. }: Empirical) -> Self {
+        let (domain_mm, domain_deg) = match over {
+            Over::Position => (domain.try_into().ok(), None),
+            Over::Motor => (None, domain.try_into().ok()),
+        };
+        Self { domain_mm, domain_deg, degree, x_mm, y_mm, z_mm }
     }
 }
 
@@ -204,15 +214,6 @@ impl Effect for Empirical {
         self.over == Over::Motor
     }
 
-    fn covers(&self, motor_commanded: &Joints, situation: &Situation) -> bool {
-        let at = match self.over {
-            Over::Position => (1e3 * situation.wobj_from_tcp.translation.vector).as_slice().to_vec(),
-            Over::Motor => motor_commanded.map(f64::to_degrees).as_slice().to_vec(),
-        };
-        // Rounding of the padding must not put the outermost row outside.
-        at.into_iter().enumerate().all(|(i, value)| self.scaled(i, value).abs() <= FULL + 1e-9)
-    }
-
     fn parameters(&self) -> Vec<Parameter> {
         let of = |(key, values): (&str, &Vec<f64>)| indexed(key, values, "mm", 0.05, 0.0, ANY);
         ["x_mm", "y_mm", "z_mm"].into_iter().zip(&self.shift_mm).flat_map(of).collect()
@@ -222,15 +223,6 @@ impl Effect for Empirical {
         let count = self.terms.len();
         let shift_mm = std::array::from_fn(|i| values[i * count..(i + 1) * count].to_vec());
         Box::new(Self { shift_mm, ..self.clone() })
-    }
-
-    fn to_table(&self) -> toml::Table {
-        let [x_mm, y_mm, z_mm] = self.shift_mm.clone();
-        let (domain_mm, domain_deg) = match self.over {
-            Over::Position => (self.domain.clone().try_into().ok(), None),
-            Over::Motor => (None, self.domain.clone().try_into().ok()),
-        };
-        table_of(NAME, &Keys { domain_mm, domain_deg, degree: self.degree, x_mm, y_mm, z_mm })
     }
 }
 

@@ -4,10 +4,8 @@
 //! at which it was tested, and fades to zero over the same distance again, so that the correction does not jump. With a single clamping
 //! the data cannot show whether an error belongs to the place in the base or to the place on the part; it acts where both are near.
 
-use super::{Effect, Offset, Parameter, Parts, Physics, Site, Situation, table_of};
+use super::{Effect, Offset, Parameter, Parts, Physics, Site};
 use crate::lanes::{Mask, Real, Vector};
-use crate::robot::Joints;
-use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 /// The kind of which this is a form.
@@ -30,22 +28,6 @@ pub(super) struct EmpiricalField {
     shift_mm: Vec<[f64; 3]>,
 }
 
-/// A place of a field, mm.
-#[derive(Clone, Copy, Debug)]
-struct FieldPlace {
-    /// In the base frame.
-    at: Vector3<f64>,
-    /// In the work object.
-    on_part: Vector3<f64>,
-}
-
-impl FieldPlace {
-    /// The distance of two places in the base or on the part, whichever is larger.
-    fn apart(&self, other: &Self) -> f64 {
-        (self.at - other.at).norm().max((self.on_part - other.on_part).norm())
-    }
-}
-
 impl EmpiricalField {
     pub(super) fn check(self) -> Result<Self, String> {
         let finite = |all: &[[f64; 3]]| all.iter().flatten().all(|value| value.is_finite());
@@ -65,17 +47,6 @@ impl EmpiricalField {
             ));
         }
         Ok(self)
-    }
-
-    /// Distance of the commanded TCP from the nearest place, in units of the distance within which the field acts in full.
-    fn off(&self, situation: &Situation) -> f64 {
-        let on_part = 1e3 * situation.wobj_from_tcp.translation.vector;
-        let at = 1e3 * (situation.base_from_wobj * situation.wobj_from_tcp).translation.vector;
-        let apart = |(i, place): (usize, &[f64; 3])| {
-            let known = Vector3::from(*self.on_part_mm.get(i).unwrap_or(&on_part.into()));
-            FieldPlace { at, on_part }.apart(&FieldPlace { at: Vector3::from(*place), on_part: known })
-        };
-        self.at_mm.iter().enumerate().map(apart).fold(f64::INFINITY, f64::min) / self.within_mm
     }
 }
 
@@ -122,10 +93,6 @@ impl Physics for EmpiricalField {
 }
 
 impl Effect for EmpiricalField {
-    fn covers(&self, _: &Joints, situation: &Situation) -> bool {
-        self.off(situation) <= 1.0
-    }
-
     /// No parameters to fit: neighbouring bells overlap, so that single heights mean nothing.
     fn parameters(&self) -> Vec<Parameter> {
         Vec::new()
@@ -133,10 +100,6 @@ impl Effect for EmpiricalField {
 
     fn with_values(&self, _: &[f64]) -> Box<dyn Effect> {
         Box::new(self.clone())
-    }
-
-    fn to_table(&self) -> toml::Table {
-        table_of(NAME, self)
     }
 }
 

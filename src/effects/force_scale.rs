@@ -1,6 +1,6 @@
 //! A cutting force that is wrong by a factor: another alloy, a dynamometer out of calibration.
 
-use super::{Effect, FACTOR, Kind, Load, Need, Parameter, Parts, Physics, State, checked, scalar, table_of, take};
+use super::{Effect, FACTOR, Kind, Load, Need, Parameter, Parts, Physics, State, checked, scalar, take};
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -46,10 +46,6 @@ impl Effect for ForceScale {
     fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
         let [factor] = take(&mut values);
         Box::new(Self { factor })
-    }
-
-    fn to_table(&self) -> toml::Table {
-        table_of(KIND.name, self)
     }
 }
 

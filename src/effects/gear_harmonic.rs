@@ -1,6 +1,6 @@
 //! Periodic error of a gear: a few clean harmonics of the motor angle.
 
-use super::{ANY, Effect, Kind, Offset, Parameter, Physics, Site, checked, scalar, table_of};
+use super::{ANY, Effect, Kind, Offset, Parameter, Physics, Site, checked, scalar};
 use crate::lanes::{Real, SinCos};
 use serde::de::Error;
 use serde::{Deserialize, Serialize};
@@ -86,10 +86,6 @@ impl Effect for GearHarmonic {
     fn with_values(&self, values: &[f64]) -> Box<dyn Effect> {
         let with = |(term, pair): (&Term, &[f64])| Term { cos_rad: pair[0], sin_rad: pair[1], ..*term };
         Box::new(Self { terms: self.terms.iter().zip(values.chunks_exact(2)).map(with).collect() })
-    }
-
-    fn to_table(&self) -> toml::Table {
-        table_of(KIND.name, self)
     }
 }
 

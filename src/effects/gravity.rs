@@ -2,7 +2,7 @@
 
 use super::{
     ANY, Covered, Deflection, Effect, Kind, Load, NOT_NEGATIVE, Parameter, Parts, Physics, State, Survey, checked,
-    indexed, per_axis, table_of, take,
+    indexed, per_axis, take,
 };
 use crate::lanes::{Real, Vector};
 use crate::robot::Joints;
@@ -112,10 +112,6 @@ impl Effect for Gravity {
             tool: self.tool,
             compliance_rad_per_nm: self.compliance_rad_per_nm.map(|_| take(&mut values)),
         })
-    }
-
-    fn to_table(&self) -> toml::Table {
-        table_of(KIND.name, self)
     }
 }
 

@@ -1,7 +1,7 @@
 //! Friction in the gears: lost motion that is proportional to the torque of the joint.
 
 use super::{
-    Deflection, Effect, Kind, Load, Need, Parameter, Parts, Physics, State, checked, is_sharp, per_axis, table_of, take,
+    Deflection, Effect, Kind, Load, Need, Parameter, Parts, Physics, State, checked, is_sharp, per_axis, take,
 };
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
@@ -68,10 +68,6 @@ impl Effect for Hysteresis {
 
     fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
         Box::new(Self { fraction: take(&mut values), ..*self })
-    }
-
-    fn to_table(&self) -> toml::Table {
-        table_of(KIND.name, self)
     }
 }
 

@@ -1,6 +1,6 @@
 //! A wrist whose gears couple its axes by a ratio that differs from the one that the controller compensates.
 
-use super::{ANY, Covered, Effect, Kind, Offset, Parameter, Physics, Site, Survey, checked, scalar, table_of};
+use super::{ANY, Covered, Effect, Kind, Offset, Parameter, Physics, Site, Survey, checked, scalar};
 use crate::lanes::Real;
 use serde::de::Error;
 use serde::{Deserialize, Serialize};
@@ -82,10 +82,6 @@ impl Effect for JointCoupling {
     fn with_values(&self, values: &[f64]) -> Box<dyn Effect> {
         let with = |(term, ratio): (&Term, &f64)| Term { ratio: *ratio, ..*term };
         Box::new(Self { terms: self.terms.iter().zip(values).map(with).collect() })
-    }
-
-    fn to_table(&self) -> toml::Table {
-        table_of(KIND.name, self)
     }
 }
 

@@ -1,12 +1,10 @@
 //! The error of a single joint as a smooth curve over its angle, for errors that a few harmonics do not describe.
 //!
-//! The curve is valid only between its first and last knot, and [`Effect::covers`] reports that. Beyond them it fades to zero, so that the
-//! correction does not jump.
+//! The curve is valid only between its first and last knot. Beyond them it fades to zero, so that the correction does not jump, and
+//! [`Effect::unseen`] says how large the error may be there.
 
 use super::spline::{Place, Spline};
-use super::{
-    ANY, Covered, Effect, Kind, Offset, Parameter, Physics, Site, Situation, Survey, checked, indexed, table_of,
-};
+use super::{ANY, Covered, Effect, Kind, Offset, Parameter, Physics, Site, Survey, checked, indexed};
 use crate::lanes::Real;
 use crate::robot::Joints;
 use serde::de::Error;
@@ -32,7 +30,8 @@ const SPACINGS_DEG: [f64; 4] = [2.5, 4.0, 8.0, 20.0];
 const LEAST_RANGE_DEG: f64 = 4.0;
 
 /// Actual = commanded + curve(commanded), by natural cubic splines through the knots.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
+#[serde(into = "Keys")]
 pub(super) struct JointErrorCurve {
     /// Joint (0 to 5) and error (rad) over commanded motor angle (degrees, as in the cell file).
     curves: Vec<(usize, Spline)>,
@@ -104,6 +103,17 @@ impl TryFrom<Keys> for JointErrorCurve {
     }
 }
 
+impl From<JointErrorCurve> for Keys {
+    fn from(effect: JointErrorCurve) -> Self {
+        let curve = |(joint, curve): &(usize, Spline)| Curve {
+            joint: joint + 1,
+            angle_deg: curve.knots().to_vec(),
+            error_rad: curve.values().to_vec(),
+        };
+        Self { curves: effect.curves.iter().map(curve).collect() }
+    }
+}
+
 /// A curve of zeros for a joint (1 to 6) over a range (degrees), with knots about `spacing_deg` apart, from which a fit starts.
 #[must_use]
 pub fn joint_error_curve(joint: usize, from_deg: f64, to_deg: f64, spacing_deg: f64) -> Box<dyn Effect> {
@@ -144,10 +154,6 @@ impl Effect for JointErrorCurve {
         Some(Covered::Geometry)
     }
 
-    fn covers(&self, motor_commanded: &Joints, _: &Situation) -> bool {
-        self.curves.iter().all(|(joint, curve)| curve.covers(motor_commanded[*joint].to_degrees()))
-    }
-
     /// Beyond its end the error is assumed to be as large as within, and less and less correlated with the value at the end.
     fn unseen(&self, motor_commanded: &Joints) -> Joints {
         let mut sigma = Joints::zeros();
@@ -182,15 +188,6 @@ impl Effect for JointErrorCurve {
             (*joint, Spline::new(curve.knots().to_vec(), own.to_vec()))
         };
         Box::new(Self { curves: self.curves.iter().map(with).collect() })
-    }
-
-    fn to_table(&self) -> toml::Table {
-        let curve = |(joint, curve): &(usize, Spline)| Curve {
-            joint: joint + 1,
-            angle_deg: curve.knots().to_vec(),
-            error_rad: curve.values().to_vec(),
-        };
-        table_of(KIND.name, &Keys { curves: self.curves.iter().map(curve).collect() })
     }
 }
 

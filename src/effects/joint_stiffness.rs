@@ -1,8 +1,6 @@
 //! Elastic joints: gearboxes twist under the torque that they carry (Tang et al., Eq. 3).
 
-use super::{
-    Deflection, Effect, FACTOR, Kind, Load, Need, Parameter, Physics, State, checked, per_axis, table_of, take,
-};
+use super::{Deflection, Effect, FACTOR, Kind, Load, Need, Parameter, Physics, State, checked, per_axis, take};
 use crate::lanes::Real;
 use crate::robot::Joints;
 use serde::{Deserialize, Serialize};
@@ -63,10 +61,6 @@ impl Effect for JointStiffness {
 
     fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
         Box::new(Self { scale: take(&mut values) })
-    }
-
-    fn to_table(&self) -> toml::Table {
-        table_of(KIND.name, self)
     }
 }
 

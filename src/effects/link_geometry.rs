@@ -1,6 +1,6 @@
 //! Errors of the lengths, offsets and twists of the links (modified Denavit-Hartenberg rows).
 
-use super::{ANY, Covered, Effect, Kind, Offset, Parameter, Parts, Physics, Site, checked, per_axis, table_of, take};
+use super::{ANY, Covered, Effect, Kind, Offset, Parameter, Parts, Physics, Site, checked, per_axis, take};
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -62,10 +62,6 @@ impl Effect for LinkGeometry {
             d_d_mm: take(&mut values),
             d_theta_rad: take(&mut values),
         })
-    }
-
-    fn to_table(&self) -> toml::Table {
-        table_of(KIND.name, self)
     }
 }
 

@@ -64,6 +64,9 @@ pub trait Listed {
 
     /// The physics of the effect, as the solver of equilibria calls it.
     fn law(&self) -> Law<'_>;
+
+    /// The `[[effect]]` table of the cell file, `kind` included.
+    fn to_table(&self) -> toml::Table;
 }
 
 /// One physical effect with its parameters.
@@ -112,13 +115,6 @@ pub trait Effect: Listed + Debug + Send + Sync {
         None
     }
 
-    /// Whether the effect was measured in this situation (commanded motor angles, rad). A fitted curve or map is valid only where its
-    /// data were. Outside, the effect still acts as its own file says, and the caller reports it.
-    fn covers(&self, motor_commanded: &Joints, situation: &Situation) -> bool {
-        let _ = (motor_commanded, situation);
-        true
-    }
-
     /// Standard deviation of each joint's remaining error where the effect was not measured, rad; zero where it was.
     fn unseen(&self, motor_commanded: &Joints) -> Joints {
         let _ = motor_commanded;
@@ -146,9 +142,6 @@ pub trait Effect: Listed + Debug + Send + Sync {
         let values: Vec<f64> = self.parameters().iter().map(|parameter| parameter.value).collect();
         self.with_values(&values)
     }
-
-    /// The `[[effect]]` table of the cell file, `kind` included.
-    fn to_table(&self) -> toml::Table;
 }
 
 /// One number of an effect.
@@ -215,15 +208,6 @@ pub enum Covered {
 impl Covered {
     /// Both, with their words in the cell file.
     pub const WORDS: [(&'static str, Self); 2] = [("gravity", Self::Gravity), ("geometry", Self::Geometry)];
-
-    /// The word in the cell file.
-    #[must_use]
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Gravity => "gravity",
-            Self::Geometry => "geometry",
-        }
-    }
 }
 
 // The only list of effects: an effect is its file, its module above and its line here.

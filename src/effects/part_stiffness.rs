@@ -1,9 +1,7 @@
 //! The clamped part yields where it is cut. Its stiffness follows from its shape, its material and its clamps (`[part.material]`,
 //! `[[part.clamp]]`).
 
-use super::{
-    Deflection, Effect, FACTOR, Kind, Load, Need, Parameter, Parts, Physics, State, checked, scalar, table_of, take,
-};
+use super::{Deflection, Effect, FACTOR, Kind, Load, Need, Parameter, Parts, Physics, State, checked, scalar, take};
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -69,10 +67,6 @@ impl Effect for PartStiffness {
     fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
         let [scale] = take(&mut values);
         Box::new(Self { scale })
-    }
-
-    fn to_table(&self) -> toml::Table {
-        table_of(KIND.name, self)
     }
 }
 

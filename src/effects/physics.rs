@@ -497,6 +497,10 @@ macro_rules! registry {
                 fn law(&self) -> Law<'_> {
                     Law(AnyEffect::$effect(self))
                 }
+
+                fn to_table(&self) -> toml::Table {
+                    table_of($kind::KIND.name, self)
+                }
             }
         )+)*
 

@@ -40,11 +40,6 @@ impl Spline {
         &self.values
     }
 
-    /// Whether `x` lies between the first and the last knot.
-    pub(super) fn covers(&self, x: f64) -> bool {
-        self.knots.first().is_some_and(|first| *first <= x) && self.knots.last().is_some_and(|last| x <= *last)
-    }
-
     /// Share of the nearest knot's value that remains beyond the first or the last knot; 1 between them.
     pub(super) fn held(&self, x: f64) -> f64 {
         Place::of(&self.knots, x).values.iter().sum()
@@ -94,7 +89,6 @@ mod tests {
         assert_relative_eq!(spline.at(0.5), 11.0 / 16.0, max_relative = 1e-15);
         assert_relative_eq!(spline.at(1.5), 11.0 / 16.0, max_relative = 1e-15);
         assert_relative_eq!(spline.at(1.0), 1.0);
-        assert!(spline.covers(2.0) && !spline.covers(2.1));
     }
 
     #[test]

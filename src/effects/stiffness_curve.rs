@@ -4,7 +4,7 @@
 
 use super::{
     Deflection, Effect, FACTOR, Kind, Load, NOT_NEGATIVE, Need, Parameter, Physics, State, Survey, checked, per_axis,
-    table_of, take,
+    take,
 };
 use crate::lanes::{Mask, Real};
 use serde::{Deserialize, Serialize};
@@ -140,10 +140,6 @@ impl Effect for StiffnessCurve {
             possible.then(|| -> Box<dyn Effect> { Box::new(TwoSlope { width_rad, ratio }) })
         };
         (0..6).flat_map(|i| FACTORS.map(|factor| (i, factor))).filter_map(other).collect()
-    }
-
-    fn to_table(&self) -> toml::Table {
-        table_of(KIND.name, self)
     }
 }
 

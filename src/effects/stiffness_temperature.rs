@@ -1,8 +1,6 @@
 //! Joint stiffness that falls as the gears warm up.
 
-use super::{
-    Deflection, Effect, Kind, Load, Need, Parameter, Physics, State, Survey, checked, per_axis, table_of, take,
-};
+use super::{Deflection, Effect, Kind, Load, Need, Parameter, Physics, State, Survey, checked, per_axis, take};
 use crate::lanes::{Mask, Real};
 use serde::de::Error;
 use serde::{Deserialize, Serialize};
@@ -79,10 +77,6 @@ impl Effect for StiffnessTemperature {
 
     fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
         Box::new(Self { per_k: take(&mut values), reference_c: self.reference_c })
-    }
-
-    fn to_table(&self) -> toml::Table {
-        table_of(KIND.name, self)
     }
 }
 

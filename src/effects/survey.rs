@@ -1,10 +1,8 @@
-use crate::robot::{Joints, Robot};
+use crate::robot::Joints;
 
 /// What a set of measured data contains: it decides which effects the data can show, and over which range.
 #[derive(Clone, Debug)]
-pub struct Survey<'a> {
-    /// The nominal robot.
-    pub robot: &'a Robot,
+pub struct Survey {
     /// Whether the cell declares a joint stiffness.
     pub stiffness_declared: bool,
     /// Whether the cell declares the material and the clamps of a part that the rows cut.
@@ -33,7 +31,7 @@ pub struct Survey<'a> {
     pub motor_max: Joints,
 }
 
-impl Survey<'_> {
+impl Survey {
     /// Whether the data have a load that changes and is known. Without one, a compliance cannot be found: the arm's own weight, the
     /// only load, is unknown itself.
     #[must_use]

@@ -1,8 +1,6 @@
 //! Links that grow as the robot warms up: by time from a cold start, or by measured temperature.
 
-use super::{
-    ANY, Effect, Kind, Need, Offset, Parameter, Parts, Physics, Site, Survey, checked, scalar, table_of, take,
-};
+use super::{ANY, Effect, Kind, Need, Offset, Parameter, Parts, Physics, Site, Survey, checked, scalar, take};
 use crate::lanes::{Mask, Real};
 use serde::de::Error;
 use serde::{Deserialize, Serialize};
@@ -25,7 +23,8 @@ pub(super) const KIND: Kind = Kind {
 const TYPICAL_TAU: f64 = 1500.0;
 
 /// Growth of the column (d of row 1), the upper arm (a of row 3) and the forearm (d of row 4).
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
+#[serde(into = "Keys")]
 pub(super) struct ThermalGrowth {
     /// Growth of column, upper arm and forearm: mm when fully warm, or mm/K.
     growth: [f64; 3],
@@ -79,6 +78,28 @@ impl TryFrom<Keys> for ThermalGrowth {
             _ => Err("expected either `tau_s` with `column_mm`, `upper_arm_mm`, `forearm_mm`, or `reference_c` (the \
                       temperature at which the declared lengths hold) with `column_mm_per_k`, `upper_arm_mm_per_k`, \
                       `forearm_mm_per_k`"),
+        }
+    }
+}
+
+impl From<ThermalGrowth> for Keys {
+    fn from(ThermalGrowth { growth, by }: ThermalGrowth) -> Self {
+        let [column, upper_arm, forearm] = growth.map(Some);
+        match by {
+            By::Time { tau } => Self {
+                tau_s: Some(tau),
+                column_mm: column,
+                upper_arm_mm: upper_arm,
+                forearm_mm: forearm,
+                ..Self::default()
+            },
+            By::Temperature { reference } => Self {
+                reference_c: Some(reference),
+                column_mm_per_k: column,
+                upper_arm_mm_per_k: upper_arm,
+                forearm_mm_per_k: forearm,
+                ..Self::default()
+            },
         }
     }
 }
@@ -157,27 +178,6 @@ impl Effect for ThermalGrowth {
             temperature @ By::Temperature { .. } => temperature,
         };
         Box::new(Self { growth: take(&mut values), by })
-    }
-
-    fn to_table(&self) -> toml::Table {
-        let [column, upper_arm, forearm] = self.growth.map(Some);
-        let keys = match self.by {
-            By::Time { tau } => Keys {
-                tau_s: Some(tau),
-                column_mm: column,
-                upper_arm_mm: upper_arm,
-                forearm_mm: forearm,
-                ..Keys::default()
-            },
-            By::Temperature { reference } => Keys {
-                reference_c: Some(reference),
-                column_mm_per_k: column,
-                upper_arm_mm_per_k: upper_arm,
-                forearm_mm_per_k: forearm,
-                ..Keys::default()
-            },
-        };
-        table_of(KIND.name, &keys)
     }
 }
 

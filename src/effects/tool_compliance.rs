@@ -5,7 +5,7 @@
 
 use super::{
     Deflection, Effect, Kind, Load, NOT_NEGATIVE, Need, Parameter, Parts, Physics, State, checked, indexed, scalar,
-    table_of, take,
+    take,
 };
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
@@ -65,10 +65,6 @@ impl Effect for ToolCompliance {
         let rad_per_nm = take(&mut values);
         let [axial_mm_per_n, radial_mm_per_n] = take(&mut values);
         Box::new(Self { rad_per_nm, axial_mm_per_n, radial_mm_per_n })
-    }
-
-    fn to_table(&self) -> toml::Table {
-        table_of(KIND.name, self)
     }
 }
 

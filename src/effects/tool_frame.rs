@@ -1,6 +1,6 @@
 //! A TCP that was taught or measured wrongly.
 
-use super::{ANY, Effect, Kind, Offset, Parameter, Parts, Physics, Site, checked, per_direction, table_of, take};
+use super::{ANY, Effect, Kind, Offset, Parameter, Parts, Physics, Site, checked, per_direction, take};
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -43,10 +43,6 @@ impl Effect for ToolFrameError {
 
     fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
         Box::new(Self { d_mm: take(&mut values), d_rad: take(&mut values) })
-    }
-
-    fn to_table(&self) -> toml::Table {
-        table_of(KIND.name, self)
     }
 }
 

@@ -1,8 +1,6 @@
 //! A tool that grows dull: its force rises with the length cut.
 
-use super::{
-    Effect, Kind, Load, NOT_NEGATIVE, Need, Parameter, Parts, Physics, State, Survey, checked, scalar, table_of, take,
-};
+use super::{Effect, Kind, Load, NOT_NEGATIVE, Need, Parameter, Parts, Physics, State, Survey, checked, scalar, take};
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -49,10 +47,6 @@ impl Effect for ToolWear {
     fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
         let [per_m] = take(&mut values);
         Box::new(Self { per_m })
-    }
-
-    fn to_table(&self) -> toml::Table {
-        table_of(KIND.name, self)
     }
 }
 

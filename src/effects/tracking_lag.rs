@@ -1,8 +1,6 @@
 //! The arm trails the command at speed.
 
-use super::{
-    Effect, Kind, NOT_NEGATIVE, Need, Offset, Parameter, Parts, Physics, Site, checked, scalar, table_of, take,
-};
+use super::{Effect, Kind, NOT_NEGATIVE, Need, Offset, Parameter, Parts, Physics, Site, checked, scalar, take};
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -46,10 +44,6 @@ impl Effect for TrackingLag {
     fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
         let [time_s] = take(&mut values);
         Box::new(Self { time_s })
-    }
-
-    fn to_table(&self) -> toml::Table {
-        table_of(KIND.name, self)
     }
 }
 

@@ -72,8 +72,4 @@ impl Effect for UnitFrame {
     fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
         Box::new(Self { unit: self.unit.clone(), d_mm: take(&mut values), d_rad: take(&mut values) })
     }
-
-    fn to_table(&self) -> toml::Table {
-        super::table_of(KIND.name, self)
-    }
 }

@@ -2,7 +2,7 @@
 
 use super::{
     ANY, Deflection, Effect, Kind, Load, NOT_NEGATIVE, Need, Parameter, Parts, Physics, State, checked, indexed,
-    scalar, table_of, take,
+    scalar, take,
 };
 use crate::lanes::{Mask, Real};
 use serde::de::Error;
@@ -130,10 +130,6 @@ impl Effect for WorkpieceCompliance {
             Compliance::Polynomial(_) => Compliance::Polynomial(take(&mut values)),
         };
         Box::new(Self { mm_per_n, ..*self })
-    }
-
-    fn to_table(&self) -> toml::Table {
-        table_of(KIND.name, self)
     }
 }
 

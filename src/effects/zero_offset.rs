@@ -1,6 +1,6 @@
 //! Wrong zero positions of joints: resolvers synchronised at the wrong angle.
 
-use super::{ANY, Covered, Effect, Kind, Offset, Parameter, Physics, Site, checked, per_axis, table_of, take};
+use super::{ANY, Covered, Effect, Kind, Offset, Parameter, Physics, Site, checked, per_axis, take};
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -44,10 +44,6 @@ impl Effect for ZeroOffset {
 
     fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
         Box::new(Self { offset_rad: take(&mut values) })
-    }
-
-    fn to_table(&self) -> toml::Table {
-        table_of(KIND.name, self)
     }
 }
 

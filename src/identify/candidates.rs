@@ -160,10 +160,9 @@ fn moving_units(problem: &Problem) -> Vec<String> {
 }
 
 /// The quantities that the rows contain, on which the candidates of each kind depend.
-pub(super) fn survey<'a>(arm: &'a Arm, problem: &Problem) -> Survey<'a> {
+pub(super) fn survey(arm: &Arm, problem: &Problem) -> Survey {
     let big = f64::INFINITY;
     let mut survey = Survey {
-        robot: &arm.robot,
         stiffness_declared: arm.stiffness.is_some(),
         part_declared: false,
         clamps: 0,
