@@ -10,7 +10,6 @@ use deflex::correct::{PostOptions, RAPID_MM_S};
 use deflex::program::Language;
 use deflex::report::html::PathTrace;
 use deflex::text::Diagnostic;
-use indicatif::ProgressBar;
 use std::path::{Path, PathBuf};
 
 /// What all programs of a `compensate` have in common.
@@ -26,11 +25,6 @@ pub(super) struct Batch<'a> {
 }
 
 impl Batch<'_> {
-    /// The bar of the one program: in a batch it counts programs.
-    pub(super) fn bar<'a>(&self, bar: &'a ProgressBar) -> Option<&'a ProgressBar> {
-        Some(bar).filter(|_| self.programs == 1)
-    }
-
     /// What is watched for in the rows of a program.
     pub(super) fn noticed(&self, job: &Job) -> Noticed<'_> {
         let files = job.texts.iter().filter(|_| !self.args.again);

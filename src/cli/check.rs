@@ -11,7 +11,7 @@ use super::predicted::{self, Batch, Predicted, Question};
 use super::report::{self, Noticed, Rows};
 use super::run::each;
 use super::setup::Setup;
-use super::{Answer, Outcome, message};
+use super::{Answer, Outcome, message, progress};
 use deflex::correct::{Judged, KeptReason, Messages, Row, Summary, WayFault, compensate, predict};
 use deflex::program::{Language, Program, Role, Target};
 use deflex::report::html::{PathKind, PathPage, PathTrace};
@@ -71,24 +71,14 @@ pub(super) fn run(args: &Check) -> Outcome {
         Form::Text => check_text(&files),
     };
     outputs.add_summary(&text);
-    if let Some(path) = &args.reports.json {
-        outputs.add_report(path, report::pretty(&told(&setup, &files))?.as_bytes())?;
-    }
+    outputs.add_report(args.reports.json.as_ref(), || report::pretty(&told(&setup, &files)))?;
     if let Some(path) = args.reports.report.as_ref().filter(|_| !rows.is_empty()) {
         report::joined(&mut outputs, path, &rows)?;
     }
-    if let Some(path) = &args.reports.html {
-        let cell = setup.cell.origin();
-        let scene = Some(&setup.cell.cell);
-        let page = PathPage {
-            kind: PathKind::Check,
-            cell: &cell,
-            programs: &paths,
-            scene,
-            tolerance_mm: Some(args.max_error),
-        };
-        outputs.add_report(path, page.html().as_bytes())?;
-    }
+    let (cell, scene) = (setup.cell.origin(), Some(&setup.cell.cell));
+    let tolerance_mm = Some(args.max_error);
+    let page = PathPage { kind: PathKind::Check, cell: &cell, programs: &paths, scene, tolerance_mm };
+    outputs.add_report(args.reports.html.as_ref(), || Ok(page.html()))?;
     outputs.commit()?;
     message::print(&setup.cell.own(said), args.common.quiet);
     if !failed.is_empty() {
@@ -217,7 +207,7 @@ fn whole(args: &Check, batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result
     let targets = program.targets.iter().filter(|target| target.role == Role::End).count() + program.unknown.len();
     let cell = &setup.cell.cell;
     let outputs = batch.outputs.sibling();
-    let options = setup.options_followed(batch.bar(bar));
+    let options = setup.options_followed(progress::of_one(bar, batch.programs));
     let mut predicted = match predict(&program, cell, &options, original.as_ref()) {
         Ok(predicted) => predicted,
         Err(refused) => {

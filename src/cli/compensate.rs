@@ -1,6 +1,5 @@
 //! `compensate`: programs with the correction in them.
 
-use super::Outcome;
 use super::args::Compensate;
 use super::batch::{self, Batch, in_one_file, post_options, report_beside};
 use super::files::{both, other_ending};
@@ -11,11 +10,11 @@ use super::piped::{Piped, jobs};
 use super::report::write_joined;
 use super::run::{Done, each, finish};
 use super::setup::Setup;
-use super::stream;
+use super::{Outcome, progress, stream};
 use deflex::correct::{self, Corrected};
 use deflex::program::{Language, Program};
 use deflex::report::html::{PathKind, PathTrace};
-use deflex::text::{Diagnostic, Severity, Source, apply};
+use deflex::text::{Diagnostic, Severity};
 use indicatif::ProgressBar;
 use std::io::Write;
 use std::path::PathBuf;
@@ -61,7 +60,7 @@ impl Batch<'_> {
         let (name, files, companions) = (job.name.clone(), job.files.clone(), job.companions.clone());
         let noticed = self.noticed(&job);
         let program = setup.program(job)?;
-        let options = setup.options_followed(self.bar(bar));
+        let options = setup.options_followed(progress::of_one(bar, self.programs));
         let cell = &setup.cell.cell;
         // The program that is edited, where that is not the one that was given.
         let mut shaped = None;
@@ -142,15 +141,9 @@ fn named_otherwise(args: &Compensate, job: &Job) -> Result<Option<Diagnostic>, V
 
 /// Bytes of each corrected source.
 pub(super) fn edited(program: &Program, corrected: &Corrected, files: &[PathBuf]) -> Vec<(PathBuf, Vec<u8>)> {
-    let none = Vec::new();
     let edits = corrected.rewritten.as_ref().map_or(&[][..], |rewritten| &rewritten.edits[..]);
-    let write = |(i, (source, file)): (usize, (&Source, &PathBuf))| {
-        let mut bytes = Vec::with_capacity(source.bytes.len());
-        // Writing to a Vec cannot fail.
-        let _ = apply(&source.bytes, edits.get(i).unwrap_or(&none), &mut bytes);
-        (file.clone(), bytes)
-    };
-    program.sources.iter().take(program.written).zip(files).enumerate().map(write).collect()
+    let edited = program.edited(edits).into_iter().take(program.written);
+    edited.zip(files).map(|(source, file)| (file.clone(), source.bytes)).collect()
 }
 
 /// Puts the files of one program where they belong.

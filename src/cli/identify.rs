@@ -5,7 +5,7 @@ use super::args::Identify;
 use super::files::{all, both};
 use super::input::{CellFile, Context};
 use super::job::Job;
-use super::output::{Outputs, is_stdout, one_thing};
+use super::output::{Outputs, one_thing, to_stdout};
 use super::report::pretty;
 use super::session::{self, MeasuredFile, MeasuredRunFiles, ProgramFiles};
 use super::{Answer, Outcome, message, progress};
@@ -15,14 +15,11 @@ use deflex::identify::Written;
 use deflex::measured::ColumnNames;
 use deflex::report::{identify_text, path_law_text, residual_csv};
 use deflex::text::Diagnostic;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 pub(super) fn run(args: &Identify) -> Outcome {
-    let printed = [&args.output, &args.report, &args.json, &args.html]
-        .into_iter()
-        .flatten()
-        .filter(|path| is_stdout(path))
-        .count();
+    let printed = to_stdout([&args.output, &args.report, &args.json, &args.html].map(Option::as_ref));
     one_thing(printed)?;
     let (cell, context) = both(CellFile::read(&args.cell), Context::read(&args.reading))?;
     let names = args.columns.as_deref().map(ColumnNames::parse).transpose()?;
@@ -65,15 +62,9 @@ pub(super) fn run(args: &Identify) -> Outcome {
         let extended = path.as_ref().map_or(Ok(extended.clone()), |path| with_path_law(&extended, path))?;
         outputs.add(output, extended.as_bytes())?;
     }
-    if let Some(json) = &args.json {
-        outputs.add_report(json, done.json(path.as_ref())?.as_bytes())?;
-    }
-    if let Some(path) = &args.report {
-        outputs.add_report(path, residual_csv(&found.residuals).as_bytes())?;
-    }
-    if let Some(path) = &args.html {
-        outputs.add_report(path, done.page().as_bytes())?;
-    }
+    outputs.add_report(args.json.as_ref(), || done.json(path.as_ref()))?;
+    outputs.add_report(args.report.as_ref(), || Ok(residual_csv(&found.residuals)))?;
+    outputs.add_report(args.html.as_ref(), || Ok(done.page()))?;
     if printed == 0 {
         outputs.add_summary(&told(identify_text(found)));
     } else if !args.common.quiet {
@@ -101,14 +92,8 @@ fn path_alone(args: &Identify, cell: &CellFile, path: &FittedLaw) -> Outcome {
         let text = String::from_utf8_lossy(&cell.source.bytes);
         outputs.add(output, with_path_law(&text, path)?.as_bytes())?;
     }
-    if let Some(json) = &args.json {
-        #[derive(serde::Serialize)]
-        struct PathAlone<'a> {
-            path: &'a FittedLaw,
-        }
-        outputs.add_report(json, pretty(&PathAlone { path })?.as_bytes())?;
-    }
-    if [&args.output, &args.json].into_iter().flatten().any(|path| is_stdout(path)) {
+    outputs.add_report(args.json.as_ref(), || pretty(&BTreeMap::from([("path", path)])))?;
+    if to_stdout([&args.output, &args.json].map(Option::as_ref)) > 0 {
         if !args.common.quiet {
             message::say(&[path_law_text(path)]);
         }

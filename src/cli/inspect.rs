@@ -34,9 +34,7 @@ pub(super) fn run(args: &Inspect) -> Outcome {
     bar.finish_and_clear();
     let (files, refusals): (Vec<InspectFile>, Vec<Vec<Diagnostic>>) = all(inspected)?.into_iter().unzip();
     let mut outputs = Outputs::default();
-    if let Some(path) = &args.json {
-        outputs.add_report(path, pretty(&InspectFiles { files: &files })?.as_bytes())?;
-    }
+    outputs.add_report(args.json.as_ref(), || pretty(&InspectFiles { files: &files }))?;
     if !args.json.as_deref().is_some_and(is_stdout) {
         outputs.add_summary(&inspect_table(&files));
     }

@@ -4,7 +4,7 @@ use super::args::Plan as Arguments;
 use super::files::{all, both, other_ending, source};
 use super::input::{CellFile, Context};
 use super::job::Job;
-use super::output::{Outputs, is_stdout, one_thing};
+use super::output::{Outputs, is_stdout, one_thing, to_stdout};
 use super::session::{self, ProgramFiles};
 use super::{Answer, Outcome, message, progress};
 use deflex::identify::PlanProgram;
@@ -13,8 +13,7 @@ use deflex::report::plan_text;
 use deflex::text::Diagnostic;
 
 pub(super) fn run(args: &Arguments) -> Outcome {
-    let written = [Some(&args.output), args.measured.as_ref(), args.json.as_ref(), args.html.as_ref()];
-    let printed = written.into_iter().flatten().filter(|path| is_stdout(path)).count();
+    let printed = to_stdout([Some(&args.output), args.measured.as_ref(), args.json.as_ref(), args.html.as_ref()]);
     one_thing(printed)?;
     let (cell, context) = both(CellFile::read(&args.cell), Context::read(&args.reading))?;
     let pool = all(args.pool.iter().map(|path| {
@@ -38,12 +37,8 @@ pub(super) fn run(args: &Arguments) -> Outcome {
     if let Some(path) = &args.measured {
         outputs.add(path, found.table.as_bytes())?;
     }
-    if let Some(path) = &args.json {
-        outputs.add_report(path, done.json()?.as_bytes())?;
-    }
-    if let Some(path) = &args.html {
-        outputs.add_report(path, done.page().as_bytes())?;
-    }
+    outputs.add_report(args.json.as_ref(), || done.json())?;
+    outputs.add_report(args.html.as_ref(), || Ok(done.page()))?;
     let text = plan_text(found);
     if printed == 0 {
         outputs.add_summary(&text);

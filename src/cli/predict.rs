@@ -5,13 +5,13 @@ use super::args::Predict;
 use super::files::both;
 use super::input::Context;
 use super::job::Job;
-use super::output::{Outputs, is_stdout, one_thing};
+use super::output::{Outputs, one_thing, to_stdout};
 use super::piped::{Piped, jobs};
 use super::predicted::{self, Batch};
 use super::report::Noticed;
 use super::run::{Done, each, finish};
 use super::setup::Setup;
-use super::{Outcome, message};
+use super::{Outcome, message, progress};
 use deflex::correct;
 use deflex::report::digest_text;
 use deflex::report::html::{PathKind, PathTrace};
@@ -27,7 +27,7 @@ pub(super) fn run(args: &Predict) -> Outcome {
     let jobs = jobs(piped.as_ref(), &args.inputs, args.reading.format, args.reports.keep_going);
     let (setup, (jobs, failed)) = both(setup, jobs)?;
     let mut reports = args.reports.clone();
-    let path_to_stdout = usize::from(args.path.as_ref().is_some_and(|path| is_stdout(path)));
+    let path_to_stdout = to_stdout([args.path.as_ref()]);
     // Rows are for files and pipes: people at a terminal get the worst of them.
     let is_asked = reports.report.is_some() || reports.to_stdout() + path_to_stdout > 0;
     let is_read = !is_asked && stdout().is_terminal();
@@ -37,9 +37,7 @@ pub(super) fn run(args: &Predict) -> Outcome {
     one_thing(reports.to_stdout() + path_to_stdout)?;
     let originals = Originals::new(args.against.as_deref(), &jobs, args.reading.format)?;
     let mut outputs = Outputs::default();
-    if let Some(path) = &args.path {
-        outputs.add_report(path, &driven_path(&setup, &jobs, args.common.quiet)?)?;
-    }
+    outputs.add_report(args.path.as_ref(), || driven_path(&setup, &jobs, args.common.quiet))?;
     let batch = Batch {
         setup: &setup,
         originals: &originals,
@@ -72,7 +70,7 @@ fn whole(batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result<Done, Vec<Dia
     let (name, setup) = (job.name.clone(), batch.setup);
     let original = batch.originals.of(&job, setup)?;
     let program = setup.program(job)?;
-    let options = setup.options_followed(batch.bar(bar));
+    let options = setup.options_followed(progress::of_one(bar, batch.programs));
     let predicted = correct::predict(&program, &setup.cell.cell, &options, original.as_ref());
     let predicted = predicted.map_err(|e| setup.cell.own(e))?;
     let noticed = Noticed::new(setup.options.forces.as_ref(), None);

@@ -29,11 +29,6 @@ pub(super) struct Batch<'a> {
 }
 
 impl Batch<'_> {
-    /// The bar of the one program: in a batch it counts programs.
-    pub(super) fn bar<'a>(&self, bar: &'a ProgressBar) -> Option<&'a ProgressBar> {
-        Some(bar).filter(|_| self.programs == 1)
-    }
-
     /// Rows as the run's report needs them.
     pub(super) fn rows(&self, rows: Option<Rows>) -> Result<Option<Rows>, Vec<Diagnostic>> {
         let (Some(mut rows), Some(path)) = (rows, self.report) else { return Ok(None) };
@@ -86,7 +81,7 @@ pub(super) fn streamed(
         },
         None => None,
     };
-    let bar = batch.bar(bar);
+    let bar = progress::of_one(bar, batch.programs);
     let name = job.texts[0].name();
     program.by_chunks(|program| {
         if let Some(bar) = bar {

@@ -26,6 +26,11 @@ pub(super) fn bar(programs: usize, quiet: bool) -> ProgressBar {
     bar
 }
 
+/// The bar if it is that of one program: in a batch it counts programs.
+pub(super) fn of_one(bar: &ProgressBar, programs: usize) -> Option<&ProgressBar> {
+    Some(bar).filter(|_| programs == 1)
+}
+
 fn drawn_as(bar: &ProgressBar, form: &str) {
     let for_a_program = if bar.length().is_some() { "{percent}|{msg}" } else { "|{msg}" };
     if let Ok(style) = ProgressStyle::with_template(if *FOR_A_PROGRAM { for_a_program } else { form }) {

@@ -262,10 +262,10 @@ fn join(programs: &[Rows], out: &mut impl Write) -> io::Result<()> {
     Ok(())
 }
 
-/// Adds the JSON summary of a run.
+/// Adds the JSON summary of a run if it has a path.
 pub(super) fn json(
     outputs: &mut Outputs,
-    path: &Path,
+    path: Option<&PathBuf>,
     cell: &Origin,
     files: &[FileSummary],
 ) -> Result<(), Vec<Diagnostic>> {
@@ -275,7 +275,7 @@ pub(super) fn json(
         cell: &'a Origin,
         files: &'a [FileSummary],
     }
-    outputs.add_report(path, pretty(&Files { deflex: VERSION, cell, files })?.as_bytes())
+    outputs.add_report(path, || pretty(&Files { deflex: VERSION, cell, files }))
 }
 
 /// Indented JSON with the keys in their own order and a final line end.

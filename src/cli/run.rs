@@ -189,14 +189,10 @@ pub(super) fn finish(
     if let Some(path) = reports.report.as_ref().filter(|_| !rows.is_empty()) {
         report::joined(&mut outputs, path, &rows)?;
     }
-    if let Some(path) = &reports.json {
-        report::json(&mut outputs, path, &setup.cell.origin(), &summaries)?;
-    }
-    if let Some(path) = &reports.html {
-        let cell = setup.cell.origin();
-        let page = PathPage { kind, cell: &cell, programs: &paths, scene: Some(&setup.cell.cell), tolerance_mm: None };
-        outputs.add_report(path, page.html().as_bytes())?;
-    }
+    let cell = setup.cell.origin();
+    report::json(&mut outputs, reports.json.as_ref(), &cell, &summaries)?;
+    let page = PathPage { kind, cell: &cell, programs: &paths, scene: Some(&setup.cell.cell), tolerance_mm: None };
+    outputs.add_report(reports.html.as_ref(), || Ok(page.html()))?;
     outputs.commit()?;
     message::print(&setup.cell.own(notes), quiet);
     if !quiet {

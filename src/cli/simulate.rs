@@ -4,7 +4,7 @@ use super::against::Originals;
 use super::args::{Corrected, Simulate};
 use super::files::{both, source};
 use super::input::Context;
-use super::output::{Outputs, is_stdout, one_thing};
+use super::output::{Outputs, one_thing, to_stdout};
 use super::piped::{Piped, jobs};
 use super::report::pretty;
 use super::session::{Simulated, SimulationProgress};
@@ -30,8 +30,7 @@ pub(super) fn run(args: &Simulate) -> Outcome {
         return Err(vec![Diagnostic::error("usage.several", "", message).help("give one program, or --json only")]);
     }
     let probes = args.probe.as_deref().map(probes).transpose()?;
-    let to_stdout = [&args.report, &args.json, &args.html, &args.stl];
-    let printed = to_stdout.into_iter().flatten().filter(|path| is_stdout(path)).count();
+    let printed = to_stdout([&args.report, &args.json, &args.html, &args.stl].map(Option::as_ref));
     one_thing(printed)?;
     let originals = Originals::new(args.against.as_deref(), &jobs, args.reading.format)?;
     let mut outputs = Outputs::default();
@@ -48,17 +47,12 @@ pub(super) fn run(args: &Simulate) -> Outcome {
             true
         });
         let simulated = Simulated::of(&name, &program, original.as_ref(), &setup, &tell)?;
-        if let Some(path) = &args.stl {
-            outputs.add_report(path, &simulated.stl())?;
-        }
-        if let Some(path) = &args.html {
-            outputs.add_report(path, simulated.page().as_bytes())?;
-        }
+        outputs.add_report(args.stl.as_ref(), || Ok(simulated.stl()))?;
+        outputs.add_report(args.html.as_ref(), || Ok(simulated.page()))?;
         let probed = probes.as_ref().map(|points| probed(points, simulated.removal())).transpose()?;
         let rows = probed.unwrap_or_else(|| simulated.points());
-        if let Some(path) = &args.report {
-            outputs.add_report(path, &map_csv(&rows))?;
-        } else if probes.is_some() && printed == 0 {
+        outputs.add_report(args.report.as_ref(), || Ok(map_csv(&rows)))?;
+        if args.report.is_none() && probes.is_some() && printed == 0 {
             outputs.add(Path::new("-"), &map_csv(&rows))?;
         }
         text += &simulated.text();
@@ -66,9 +60,7 @@ pub(super) fn run(args: &Simulate) -> Outcome {
         notes.extend(simulated.notes);
     }
     bar.finish_and_clear();
-    if let Some(path) = &args.json {
-        outputs.add_report(path, pretty(&json!({ "files": files }))?.as_bytes())?;
-    }
+    outputs.add_report(args.json.as_ref(), || pretty(&json!({ "files": files })))?;
     let silent = printed > 0 || args.common.quiet || (probes.is_some() && args.report.is_none());
     if !silent {
         outputs.add_summary(&text);

@@ -23,7 +23,7 @@ pub(super) fn compensate(batch: &Batch<'_>, job: &Job, bar: &ProgressBar) -> Res
     if !job.companions.is_empty() || (job.language == Language::Cl && batch.args.post != Language::Rapid) {
         return Ok(None);
     }
-    let bar = batch.bar(bar);
+    let bar = progress::of_one(bar, batch.programs);
     program.by_chunks(|program| {
         if let Some(bar) = bar {
             progress::bytes(bar, program.text().bytes()?);

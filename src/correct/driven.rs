@@ -123,14 +123,7 @@ impl Course {
         let ends = waypoint_targets(program);
         for (at, i) in ends.iter().copied().enumerate() {
             let (target, point) = (&program.targets[i], &prepared.points[i]);
-            let refuse = |message: &str, help: &str| {
-                let source = &program.sources[usize::from(target.source)];
-                vec![
-                    Diagnostic::error("path.target", &source.name, message.to_owned())
-                        .at(source, target.span)
-                        .help(help),
-                ]
-            };
+            let refuse = |message: &str, help: &str| vec![program.error_at(target, "path.target", message).help(help)];
             if let Some(why) = point.unsolved.filter(|why| *why != KeptReason::PredecessorUnknown) {
                 let message = format!("the path cannot be followed beyond this target: {why}");
                 return Err(refuse(&message, "the path that a controller drives needs every target of the program"));
@@ -319,8 +312,7 @@ impl Course {
             all.len(),
             seconds(shortest)
         );
-        let mut warning = self.at(program, shortest, "path.stutter", message);
-        warning.severity = Severity::Warning;
+        let warning = self.at(program, shortest, "path.stutter", message).severity(Severity::Warning);
         Some(warning.help("put the points further apart, or lower the feed"))
     }
 
@@ -335,8 +327,7 @@ impl Course {
             "the program waits after this motion ({word}) before the next one is known: the controller comes to rest here in place of \
              rounding the corner (corner path failure){more}"
         );
-        let mut warning = self.at(program, first, "path.corner-failure", message);
-        warning.severity = Severity::Warning;
+        let warning = self.at(program, first, "path.corner-failure", message).severity(Severity::Warning);
         Some(warning.help("write a stop where the arm is to wait, or move the statement"))
     }
 
@@ -370,8 +361,7 @@ impl Course {
             worst.len(),
             self.waypoints.len().saturating_sub(1)
         );
-        let mut warning = self.at(program, waypoint, "path.axis-acceleration", message);
-        warning.severity = Severity::Warning;
+        let warning = self.at(program, waypoint, "path.axis-acceleration", message).severity(Severity::Warning);
         Some(warning.help("lower the feed there, make the zone larger, or lead the tool past a singular posture"))
     }
 
@@ -390,8 +380,7 @@ impl Course {
             all.len(),
             if all.len() == 1 { "it" } else { "them" }
         );
-        let mut note = self.at(program, first, "path.zones-overlap", message);
-        note.severity = Severity::Note;
+        let note = self.at(program, first, "path.zones-overlap", message).severity(Severity::Note);
         Some(note.help("the driven path counts the zones as the controller cuts them"))
     }
 
@@ -414,9 +403,7 @@ impl Course {
 
     /// A diagnostic about a waypoint.
     fn at(&self, program: &Program, waypoint: usize, code: &'static str, message: String) -> Diagnostic {
-        let target = &program.targets[self.targets[waypoint]];
-        let source = &program.sources[usize::from(target.source)];
-        Diagnostic::error(code, &source.name, message).at(source, target.span)
+        program.error_at(&program.targets[self.targets[waypoint]], code, message)
     }
 
     /// Largest distance from a corner because of zones alone, m: with a parabola over the whole zone.

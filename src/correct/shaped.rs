@@ -16,7 +16,7 @@ use crate::program::cl::ClOptions;
 use crate::program::{
     Change, Editable, Goal, Insert, Language, Passing, Program, ReadOptions, Reason, RewriteOptions, Rewritten, read,
 };
-use crate::text::{Diagnostic, Edit, Severity, Source, apply};
+use crate::text::{Diagnostic, Edit, Severity};
 use nalgebra::Vector3;
 use std::collections::BTreeSet;
 
@@ -400,16 +400,9 @@ impl Given<'_> {
 
 /// A program with edits of its sources, read again.
 fn edited(program: &Program, edits: &[Vec<Edit>]) -> Result<Program, Vec<Diagnostic>> {
-    let none = Vec::new();
-    let (own, context) = program.sources.split_at(program.written);
-    let own = own.iter().enumerate().map(|(i, source)| {
-        let mut bytes = Vec::with_capacity(source.bytes.len());
-        // Writing to a Vec cannot fail.
-        let _ = apply(&source.bytes, edits.get(i).unwrap_or(&none), &mut bytes);
-        Source::new(source.name.clone(), bytes)
-    });
-    let options = ReadOptions { cl: &ClOptions::default(), look: false };
-    read(program.language, own.collect(), context.to_vec(), &options)
+    let mut own = program.edited(edits);
+    let context = own.split_off(program.written);
+    read(program.language, own, context, &ReadOptions { cl: &ClOptions::default(), look: false })
 }
 
 /// Number of motions that a correction inserted before each motion of a program.

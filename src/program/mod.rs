@@ -48,7 +48,7 @@ pub use target::{
     Status, Target,
 };
 
-use crate::text::{Diagnostic, Edit, Source, Span};
+use crate::text::{Diagnostic, Edit, Source, Span, applied};
 use std::sync::Arc;
 
 /// A program as read: one or several sources with shared names.
@@ -295,7 +295,7 @@ pub struct Rewritten {
 }
 
 impl Program {
-    /// A program of these files without targets, from which chunks are made.
+    /// A program of these files without targets.
     pub(crate) fn empty(
         language: Language,
         dialect: &'static str,
@@ -423,6 +423,17 @@ impl Program {
     pub(crate) fn error_at(&self, target: &Target, code: &'static str, message: impl Into<String>) -> Diagnostic {
         let source = &self.sources[usize::from(target.source)];
         Diagnostic::error(code, "", message).on_line(source, target.span, target.line)
+    }
+
+    /// The sources with the edits of [`Program::rewrite`]; sources without edits as they are.
+    #[must_use]
+    pub fn edited(&self, edits: &[Vec<Edit>]) -> Vec<Source> {
+        let edited = |(i, source): (usize, &Source)| Source {
+            name: source.name.clone(),
+            bytes: applied(&source.bytes, edits.get(i).map_or(&[][..], Vec::as_slice)),
+            ..*source
+        };
+        self.sources.iter().enumerate().map(edited).collect()
     }
 
     /// The reasons why no program may be written from this one: every statement whose motion is not what its text states.

@@ -2,7 +2,7 @@
 
 use super::cl::AMBIGUOUS_LIST;
 use super::{Change, Editable, Goal, Program, Reason, RewriteOptions, Role, Target};
-use crate::text::{Diagnostic, Source, apply};
+use crate::text::{Diagnostic, Source};
 use std::collections::BTreeSet;
 
 /// The result of a write in memory.
@@ -43,11 +43,11 @@ pub fn round_trip(
 ) -> RoundTrip {
     let options = RewriteOptions { allow_clones: false, ..RewriteOptions::default() };
     let unchanged = program.rewrite(&vec![None; program.targets.len()], &[], &options);
-    let identical = written(program, &unchanged.edits).iter().zip(&*program.sources).all(|(a, b)| a.bytes == b.bytes);
+    let identical = program.edited(&unchanged.edits).iter().zip(&*program.sources).all(|(a, b)| a.bytes == b.bytes);
 
     let changes: Vec<Option<Change>> = program.targets.iter().map(|t| shifted(&t.goal)).collect();
     let rewritten = program.rewrite(&changes, &[], &options);
-    let mut sources = written(program, &rewritten.edits);
+    let mut sources = program.edited(&rewritten.edits);
     let context = sources.split_off(program.written.min(sources.len()));
     let why = match reread(sources, context) {
         Err(errors) => Some(errors.first().map_or_else(|| "not read back".to_owned(), ToString::to_string)),
@@ -61,18 +61,6 @@ fn shifted(goal: &Goal) -> Option<Change> {
     let (Goal::Pose { position_mm, .. } | Goal::Axis { position_mm, .. }) = goal else { return None };
     let position_mm = std::array::from_fn(|i| position_mm[i] + SHIFT_MM[i]);
     Some(Change { position_mm, quat: None, conf: None, external: None })
-}
-
-/// The sources with `edits` applied; sources without edits as they are.
-fn written(program: &Program, edits: &[Vec<crate::text::Edit>]) -> Vec<Source> {
-    let none = Vec::new();
-    let write = |(i, source): (usize, &Source)| {
-        let mut bytes = Vec::with_capacity(source.bytes.len());
-        // Writing to a Vec cannot fail.
-        let _ = apply(&source.bytes, edits.get(i).unwrap_or(&none), &mut bytes);
-        Source { bytes, ..source.clone() }
-    };
-    program.sources.iter().enumerate().map(write).collect()
 }
 
 /// The first difference between what was wanted and what was read back.

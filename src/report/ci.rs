@@ -1,8 +1,9 @@
 //! Formats that CI systems read: JUnit XML and SARIF 2.1.0.
 
+use super::html::escape;
 use super::summary::{counted, grouped};
 use super::{KeptCount, Origin, Spot, VERSION};
-use crate::text::{Diagnostic, printable};
+use crate::text::Diagnostic;
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -239,20 +240,6 @@ pub fn junit(files: &[CheckFile]) -> String {
         }
     }
     out.push_str("  </testsuite>\n</testsuites>\n");
-    out
-}
-
-fn escape(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for c in printable(text).chars() {
-        match c {
-            '&' => out.push_str("&amp;"),
-            '<' => out.push_str("&lt;"),
-            '>' => out.push_str("&gt;"),
-            '"' => out.push_str("&quot;"),
-            c => out.push(c),
-        }
-    }
     out
 }
 

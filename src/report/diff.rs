@@ -3,7 +3,7 @@
 use super::pairs::{InsertedTarget, Pairs, compare, settings};
 use super::summary::{counted, grouped};
 use crate::program::{Change, Conf, Config, Goal, Program, RewriteOptions, Status};
-use crate::text::{apply, number};
+use crate::text::{applied, number};
 use nalgebra::Vector3;
 use serde::Serialize;
 use std::fmt::Write;
@@ -150,11 +150,8 @@ fn other_text(first: &Program, second: &Program, pairs: &Pairs, out: &mut Vec<Ot
         Vec::new()
     };
     for (i, (a, b)) in first.sources.iter().zip(&*second.sources).take(first.written).enumerate() {
-        let mut bytes = Vec::with_capacity(a.bytes.len());
-        // Writing to a Vec cannot fail.
-        let _ = apply(&a.bytes, as_second.get(i).map_or(&[][..], Vec::as_slice), &mut bytes);
-        let mut rest = Vec::with_capacity(b.bytes.len());
-        let _ = apply(&b.bytes, &pairs.insertions(second, i), &mut rest);
+        let bytes = applied(&a.bytes, as_second.get(i).map_or(&[][..], Vec::as_slice));
+        let rest = applied(&b.bytes, &pairs.insertions(second, i));
         let (mut left, mut right) = (skeleton(&bytes), skeleton(&rest));
         loop {
             match (left.next(), right.next()) {

@@ -27,6 +27,15 @@ pub fn apply(bytes: &[u8], edits: &[Edit], out: &mut impl Write) -> io::Result<(
     apply_within(bytes, 0..bytes.len(), edits, out)
 }
 
+/// The same as bytes.
+#[must_use]
+pub(crate) fn applied(bytes: &[u8], edits: &[Edit]) -> Vec<u8> {
+    let mut out = Vec::with_capacity(bytes.len());
+    // Writing to a Vec cannot fail.
+    let _ = apply(bytes, edits, &mut out);
+    out
+}
+
 /// Writes a stretch of `bytes` with `edits`, all of them within it, as [`apply`] does.
 pub(crate) fn apply_within(
     bytes: &[u8],

@@ -14,7 +14,7 @@ pub use deflex_lang::Span;
 pub use diagnostic::{Diagnostic, Severity};
 pub use diagnostics::Diagnostics;
 pub(crate) use diagnostics::cannot_read;
-pub(crate) use edit::{Content, Token, apply_within};
+pub(crate) use edit::{Content, Token, applied, apply_within};
 pub use edit::{Edit, apply};
 pub(crate) use lines::{LineIndex, lines};
 pub use nearest::nearest;

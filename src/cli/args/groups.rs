@@ -1,5 +1,6 @@
 //! Options that several commands have.
 
+use crate::cli::output::to_stdout;
 use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum, ValueHint};
 use deflex::program::Language;
@@ -83,7 +84,7 @@ pub(in crate::cli) struct Reports {
 impl Reports {
     /// How many of them go to stdout.
     pub(in crate::cli) fn to_stdout(&self) -> usize {
-        [&self.report, &self.json, &self.html].into_iter().flatten().filter(|path| path.as_os_str() == "-").count()
+        to_stdout([&self.report, &self.json, &self.html].map(Option::as_ref))
     }
 }
 

@@ -178,10 +178,15 @@ impl Outputs {
         Ok(file)
     }
 
-    /// Stages a report or a summary, which is never meant to take a program's place.
-    pub(super) fn add_report(&mut self, path: &Path, bytes: &[u8]) -> Result<(), Vec<Diagnostic>> {
+    /// Stages a report or a summary if it has a path. It is never meant to take a program's place.
+    pub(super) fn add_report<T: AsRef<[u8]>>(
+        &mut self,
+        path: Option<&PathBuf>,
+        make: impl FnOnce() -> Result<T, Vec<Diagnostic>>,
+    ) -> Result<(), Vec<Diagnostic>> {
+        let Some(path) = path else { return Ok(()) };
         not_a_program(path)?;
-        self.add(path, bytes)
+        self.add(path, make()?.as_ref())
     }
 
     /// The same, written as the run goes on.
@@ -260,6 +265,11 @@ pub(super) fn print(bytes: &[u8]) -> Result<(), Vec<Diagnostic>> {
 /// Whether a path stands for stdout.
 pub(super) fn is_stdout(path: &Path) -> bool {
     path.as_os_str() == "-"
+}
+
+/// How many outputs go to stdout.
+pub(super) fn to_stdout<'a>(paths: impl IntoIterator<Item = Option<&'a PathBuf>>) -> usize {
+    paths.into_iter().flatten().filter(|path| is_stdout(path)).count()
 }
 
 /// Refuses a result that would be lost.

@@ -105,22 +105,17 @@ impl Reader {
         self.layout.raised_mm = self.machine.tools().iter().map(raised).collect();
         let layout = Layout { frames: self.layout.frames.clone(), cards: self.layout.cards, ..Layout::default() };
         let tool = |name: &String| Tool { name: name.as_str().into(), data: None };
+        let layout = crate::program::Layout::Cl(std::mem::replace(&mut self.layout, layout));
         Program {
-            sources: [source].into(),
-            written: 1,
-            language: Language::Cl,
-            dialect: self.dialect.name(),
             tools: self.machine.tools().iter().map(tool).collect(),
             wobjs: vec![Wobj { name: self.options.wobj.as_str().into(), data: None, unit: None }],
             targets: std::mem::take(&mut self.targets),
-            unknown: Vec::new(),
             actions: std::mem::take(&mut self.actions),
             kept: std::mem::take(&mut self.kept),
             literal_targets: self.literal_targets,
             arcs: self.arcs,
             cutter: self.cutter,
-            diagnostics: Vec::new(),
-            layout: crate::program::Layout::Cl(std::mem::replace(&mut self.layout, layout)),
+            ..Program::empty(Language::Cl, self.dialect.name(), ([source].into(), 1), layout)
         }
     }
 

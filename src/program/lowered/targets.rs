@@ -108,29 +108,19 @@ fn build(
     diagnostics.extend(builder.without_mass(lowering.language));
     let Builder { tools, wobjs, targets, sites, passings, unknown, mut kept, arcs, ordinal, .. } = builder;
     kept.sort_by_key(|kept| (kept.source, kept.span));
+    let dialect = (lowering.dialect)(&sources[..written]);
+    let motions = ordinal as usize;
+    let layout = Layout { style, tokens: program.tokens.clone(), sites, arcs, passings, motions };
     Ok(Program {
-        written,
-        language: lowering.language,
-        dialect: (lowering.dialect)(&sources[..written]),
         tools,
         wobjs,
         targets,
         unknown,
-        actions: Vec::new(),
         kept,
         literal_targets: literals(program, written),
-        arcs: arcs.len(),
-        cutter: None,
+        arcs: layout.arcs.len(),
         diagnostics,
-        layout: crate::program::Layout::Lowered(Layout {
-            style,
-            tokens: program.tokens.clone(),
-            sites,
-            arcs,
-            passings,
-            motions: ordinal as usize,
-        }),
-        sources: sources.into(),
+        ..Program::empty(lowering.language, dialect, (sources.into(), written), crate::program::Layout::Lowered(layout))
     })
 }
 

@@ -286,9 +286,6 @@ fn program_of(
     }
     let literal_targets = files.iter().take(written).map(|f| f.literals.len()).sum();
     Ok(Program {
-        written,
-        language: Language::Rapid,
-        dialect,
         tools: outcome.tools,
         wobjs: outcome.wobjs,
         targets: outcome.targets,
@@ -296,11 +293,8 @@ fn program_of(
         kept: outcome.kept.into_iter().chain(cuts).collect(),
         literal_targets,
         arcs: outcome.arcs,
-        cutter: None,
-        actions: Vec::new(),
         diagnostics: outcome.diagnostics,
-        layout: super::Layout::Rapid(outcome.layout),
-        sources,
+        ..Program::empty(Language::Rapid, dialect, (sources, written), super::Layout::Rapid(outcome.layout))
     })
 }
 

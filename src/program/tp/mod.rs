@@ -129,28 +129,18 @@ pub fn read(mut sources: Vec<Source>, context: Vec<Source>) -> Result<Program, V
     }));
     let literal_targets = positions.iter().filter(|position| matches!(position.body, Body::Pose(_))).count();
     let dialect = dialect::of(source, sections.head);
+    let layout =
+        Layout { positions, sites: built.sites, points: built.points, between: built.between, motions: built.motions };
     Ok(Program {
-        written: 1,
-        language: Language::Ls,
-        dialect,
         tools: built.tools,
         wobjs: built.wobjs,
         targets: built.targets,
         unknown: built.unknown,
-        actions: Vec::new(),
         kept,
         literal_targets,
         arcs: built.arcs,
-        cutter: None,
         diagnostics,
-        layout: super::Layout::Ls(Layout {
-            positions,
-            sites: built.sites,
-            points: built.points,
-            between: built.between,
-            motions: built.motions,
-        }),
-        sources: sources.into(),
+        ..Program::empty(Language::Ls, dialect, (sources.into(), 1), super::Layout::Ls(layout))
     })
 }
 

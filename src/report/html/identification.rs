@@ -1,6 +1,6 @@
 //! The page of `identify`.
 
-use super::markup::{Document, Table, Tile, bar, decimals, escape, section, tiles};
+use super::markup::{Document, Table, Tile, bar, decimals, escape, further_pairs, list, section, tiles};
 use super::trace::{Channel, MOST_STRETCHES, Sample, Trace};
 use crate::identify::{Identification, ResidualRow, Separation, SetShare};
 use crate::report::identification::{elsewhere, named_parameter, significant};
@@ -33,10 +33,7 @@ pub fn identification_page(found: &Identification, cell: &Origin, data: &[Origin
     body += CHARTS;
     let mut outcome = section("added", "Added to the cell", added(found));
     outcome += &section("left", "What is left", left(found));
-    if !found.advice.is_empty() {
-        let items: String = found.advice.iter().map(|advice| format!("<li>{}</li>\n", escape(advice))).collect();
-        outcome += &section("advice", "What to measure next", format!("<ul>\n{items}</ul>\n"));
-    }
+    outcome += &list("advice", "What to measure next", &found.advice);
     let mut grounds = match found.is_whole_arm() {
         true => section("effects", "Every effect of the written cell", effects(found)),
         false => section("sets", "What the rows leave open", sets(&found.sets)),
@@ -228,13 +225,7 @@ fn separability(pairs: &[Separation]) -> String {
         let [of, from] = [of, from].map(|kind| format!("<code>{}</code>", escape(kind)));
         table.row([of, from, bar(&decimals(*d_prime, 2), d_prime / most), verdict.to_owned()]);
     }
-    let more = match pairs.len() - shown.len() {
-        0 => String::new(),
-        more => {
-            format!("<p class=\"note\">… and {more} more, further apart: <code>--json</code> has all of them.</p>\n")
-        }
-    };
-    table.html() + &more
+    table.html() + &further_pairs(pairs.len() - shown.len())
 }
 
 /// A unit that a workshop reads, and its size in the given one: micrometres and arc seconds in place of metres and radians.

@@ -117,8 +117,8 @@ fn shown(data: &Value) -> Value {
     }
 }
 
-/// Text as HTML, as it may be shown.
-pub(super) fn escape(text: &str) -> String {
+/// Text as HTML or XML, as it may be shown.
+pub(in crate::report) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in printable(text).chars() {
         match c {
@@ -193,6 +193,25 @@ impl Table {
 
 pub(super) fn section(id: &str, heading: &str, body: impl Display) -> String {
     format!("<section id=\"{id}\">\n<h2>{heading}</h2>\n{body}</section>\n")
+}
+
+/// Says how many more pairs there are than a table of pairs shows.
+pub(super) fn further_pairs(more: usize) -> String {
+    match more {
+        0 => String::new(),
+        more => {
+            format!("<p class=\"note\">… and {more} more, further apart: <code>--json</code> has all of them.</p>\n")
+        }
+    }
+}
+
+/// A section with a list of texts; nothing without texts.
+pub(super) fn list(id: &str, heading: &str, texts: &[String]) -> String {
+    if texts.is_empty() {
+        return String::new();
+    }
+    let items: String = texts.iter().map(|text| format!("<li>{}</li>\n", escape(text))).collect();
+    section(id, heading, format!("<ul>\n{items}</ul>\n"))
 }
 
 /// A bar as long as a share of the largest, with its number before it.

@@ -19,6 +19,7 @@ mod trace;
 
 pub use diff::diff_page;
 pub use identification::identification_page;
+pub(super) use markup::escape;
 pub use path::{PathKind, PathPage, PathTrace};
 pub use plan::{DrawnArm, plan_page};
 pub use simulation::simulation_page;

@@ -1,6 +1,6 @@
 //! The page of `plan`.
 
-use super::markup::{Document, STAGE, Table, Tile, bar, decimals, escape, section, tiles};
+use super::markup::{Document, STAGE, Table, Tile, bar, decimals, escape, further_pairs, list, section, tiles};
 use super::scene;
 use super::trace::{Channel, MOST_STRETCHES, Sample, Trace};
 use crate::cell::Cell;
@@ -85,10 +85,7 @@ pub fn plan_page(plan: &Plan, name: &str, cell: &Origin, DrawnArm(scene): &Drawn
     );
     body += &section("rows", "The rows", rows(plan));
     body += &section("words", "What the figures are", WORDS);
-    if !plan.notes.is_empty() {
-        let items: String = plan.notes.iter().map(|note| format!("<li>{}</li>\n", escape(note))).collect();
-        body += &section("notes", "Notes", format!("<ul>\n{items}</ul>\n"));
-    }
+    body += &list("notes", "Notes", &plan.notes);
     let mut path = postures(plan).json();
     path["title"] = json!(name);
     let data = json!({ "kind": "plan", "paths": [path], "scene": scene });
@@ -140,13 +137,7 @@ fn pairs(plan: &Plan) -> String {
             escape(pair.why.unwrap_or_default()),
         ]);
     }
-    let more = match plan.pairs.len().saturating_sub(SHOWN) {
-        0 => String::new(),
-        more => {
-            format!("<p class=\"note\">… and {more} more, further apart: <code>--json</code> has all of them.</p>\n")
-        }
-    };
-    table.html() + &more
+    table.html() + &further_pairs(plan.pairs.len().saturating_sub(SHOWN))
 }
 
 fn rows(plan: &Plan) -> String {
