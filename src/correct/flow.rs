@@ -9,7 +9,7 @@ use super::row::Tally;
 use super::{Corrected, Row, Summary};
 use crate::program::chunk::leaves_its_start;
 use crate::program::rapid::Names;
-use crate::program::{ChunkReader, Next, StreamableChunk};
+use crate::program::{ChunkReader, Next, StreamableChunk, UnreadChunk};
 use crate::text::Diagnostic;
 use std::io::{self, Write};
 use std::sync::{Mutex, PoisonError};
@@ -157,7 +157,7 @@ impl<C: ChunkReader, T> Run<'_, C, T> {
             // The direction out of the first target has to be in the first chunk: the chunk after it is not available here.
             let own_start =
                 |chunk: &StreamableChunk| turn.number > 0 || chunk.last || leaves_its_start(&chunk.program.targets);
-            let Some(chunk) = C::read(chunk).filter(own_start) else {
+            let Some(chunk) = chunk.read().filter(own_start) else {
                 return self.stop(StreamError::NotStreamable);
             };
             let outcome = match (self.source.solve)(&turn, &chunk) {
@@ -177,7 +177,7 @@ impl<C: ChunkReader, T> Run<'_, C, T> {
         }
     }
 
-    fn next(&self) -> Option<(Turn<'_>, C::Chunk)> {
+    fn next(&self) -> Option<(Turn<'_>, UnreadChunk)> {
         let mut chunks = self.source.chunks.lock().unwrap_or_else(PoisonError::into_inner);
         let (n, chunks) = &mut *chunks;
         match chunks.take() {

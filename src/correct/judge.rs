@@ -178,7 +178,7 @@ impl<'a, R: Read + Seek> OriginalChunks<'a, R> {
     /// Reads its next chunk.
     fn read(&mut self, cell: &Cell, options: &Options) -> Result<(), StreamError> {
         let chunk = match self.chunks.take().map_err(StreamError::Read)? {
-            Next::Chunk(chunk) => AnyChunks::<R>::read(chunk).ok_or(StreamError::NotStreamable)?,
+            Next::Chunk(chunk) => chunk.read().ok_or(StreamError::NotStreamable)?,
             Next::End => {
                 self.ended = true;
                 return Ok(());

@@ -69,12 +69,12 @@ impl Outline {
     ///
     /// # Errors
     /// [`StreamError::NotStreamable`], [`StreamError::Read`]; [`StreamError::Refused`] if a motion is not what its text states.
-    pub fn of_chunks<C: ChunkReader>(mut chunks: C, progress: impl Fn(usize, u64)) -> Result<Self, StreamError> {
+    pub fn of_chunks(mut chunks: impl ChunkReader, progress: impl Fn(usize, u64)) -> Result<Self, StreamError> {
         let (mut outline, mut bytes, mut faults) = (Self::default(), 0, Messages::default());
         loop {
             match chunks.take().map_err(StreamError::Read)? {
                 Next::Chunk(chunk) => {
-                    let chunk = C::read(chunk).ok_or(StreamError::NotStreamable)?;
+                    let chunk = chunk.read().ok_or(StreamError::NotStreamable)?;
                     outline.add(&chunk.program);
                     faults.add(chunk.program.faults());
                     bytes += chunk.own.len() as u64;

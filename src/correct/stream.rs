@@ -29,7 +29,7 @@ pub fn compensate_chunks<C: ChunkReader + Send>(
     program: &mut (dyn Write + Send),
     sinks: &mut Sinks<'_>,
 ) -> Result<Streamed, StreamError> {
-    if !C::IN_PLACE || super::is_held_whole(cell, options) {
+    if !chunks.is_in_place() || super::is_held_whole(cell, options) {
         return Err(StreamError::NotStreamable);
     }
     let mut write = |bytes: Vec<u8>| program.write_all(&bytes);

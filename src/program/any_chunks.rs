@@ -1,6 +1,6 @@
 //! The chunks of a long program in any language, for every way of reading them.
 
-use super::chunk::{ChunkReader, Next, StreamableChunk};
+use super::chunk::{ChunkReader, Next, UnreadChunk};
 use super::cl::{self, ClOptions};
 use super::krl;
 use super::rapid::{self, Names};
@@ -20,17 +20,6 @@ pub enum AnyChunks<R> {
     Krl(Box<krl::Chunks<R>>),
     /// RAPID of any kind that is run again.
     Executed(rapid::ExecutedChunks),
-}
-
-/// A chunk, not yet read.
-#[derive(Debug)]
-pub enum AnyChunk {
-    /// RAPID.
-    Rapid(Box<rapid::Chunk>),
-    /// A chunk that is read when it is taken.
-    Read(Box<StreamableChunk>),
-    /// KRL.
-    Krl(Box<krl::Chunk>),
 }
 
 impl<R: Read + Seek> AnyChunks<R> {
@@ -86,57 +75,47 @@ impl<R: Read + Seek> AnyChunks<R> {
     }
 }
 
+impl<R: Read + Seek> AnyChunks<R> {
+    fn reader(&self) -> &dyn ChunkReader {
+        match self {
+            Self::Inline(chunks) => &**chunks,
+            Self::Indexed(chunks) => &**chunks,
+            Self::Cl(chunks) => &**chunks,
+            Self::Krl(chunks) => &**chunks,
+            Self::Executed(chunks) => chunks,
+        }
+    }
+}
+
 impl<R: Read> ChunkReader for rapid::Chunks<R> {
-    type Chunk = rapid::Chunk;
-
-    const IN_PLACE: bool = true;
-
-    fn take(&mut self) -> io::Result<Next<rapid::Chunk>> {
-        Self::take(self)
+    fn is_in_place(&self) -> bool {
+        true
     }
 
-    fn read(chunk: rapid::Chunk) -> Option<StreamableChunk> {
-        chunk.read()
+    fn take(&mut self) -> io::Result<Next<UnreadChunk>> {
+        Ok(Self::take(self)?.map(|chunk| UnreadChunk::Rapid(Box::new(chunk))))
     }
 }
 
 impl<R: Read + Seek> ChunkReader for rapid::Declared<R> {
-    type Chunk = rapid::Chunk;
-
-    fn take(&mut self) -> io::Result<Next<rapid::Chunk>> {
-        Self::take(self)
-    }
-
-    fn read(chunk: rapid::Chunk) -> Option<StreamableChunk> {
-        chunk.read()
+    fn take(&mut self) -> io::Result<Next<UnreadChunk>> {
+        Ok(Self::take(self)?.map(|chunk| UnreadChunk::Rapid(Box::new(chunk))))
     }
 }
 
 impl ChunkReader for rapid::ExecutedChunks {
-    type Chunk = StreamableChunk;
-
-    fn take(&mut self) -> io::Result<Next<StreamableChunk>> {
-        Self::take(self)
-    }
-
-    fn read(chunk: StreamableChunk) -> Option<StreamableChunk> {
-        Some(chunk)
+    fn take(&mut self) -> io::Result<Next<UnreadChunk>> {
+        Ok(Self::take(self)?.map(|chunk| UnreadChunk::Read(Box::new(chunk))))
     }
 }
 
 impl<R: Read> ChunkReader for cl::Chunks<R> {
-    type Chunk = StreamableChunk;
-
     fn has_own_numbers(&self) -> bool {
         true
     }
 
-    fn take(&mut self) -> io::Result<Next<StreamableChunk>> {
-        Self::take(self)
-    }
-
-    fn read(chunk: StreamableChunk) -> Option<StreamableChunk> {
-        Some(chunk)
+    fn take(&mut self) -> io::Result<Next<UnreadChunk>> {
+        Ok(Self::take(self)?.map(|chunk| UnreadChunk::Read(Box::new(chunk))))
     }
 
     fn warnings(&self) -> Vec<Diagnostic> {
@@ -145,49 +124,35 @@ impl<R: Read> ChunkReader for cl::Chunks<R> {
 }
 
 impl<R: Read> ChunkReader for krl::Chunks<R> {
-    type Chunk = krl::Chunk;
-
-    const IN_PLACE: bool = true;
-
-    fn take(&mut self) -> io::Result<Next<krl::Chunk>> {
-        Self::take(self)
+    fn is_in_place(&self) -> bool {
+        true
     }
 
-    fn read(chunk: krl::Chunk) -> Option<StreamableChunk> {
-        chunk.read()
+    fn take(&mut self) -> io::Result<Next<UnreadChunk>> {
+        Ok(Self::take(self)?.map(|chunk| UnreadChunk::Krl(Box::new(chunk))))
     }
 }
 
 impl<R: Read + Seek> ChunkReader for AnyChunks<R> {
-    type Chunk = AnyChunk;
+    fn is_in_place(&self) -> bool {
+        self.reader().is_in_place()
+    }
 
     fn has_own_numbers(&self) -> bool {
-        matches!(self, Self::Inline(_) | Self::Cl(_) | Self::Krl(_))
+        self.reader().has_own_numbers()
     }
 
-    fn take(&mut self) -> io::Result<Next<AnyChunk>> {
-        let rapid = match self {
-            Self::Inline(chunks) => chunks.take()?,
-            Self::Indexed(chunks) => chunks.take()?,
-            Self::Cl(chunks) => return Ok(chunks.take()?.map(|chunk| AnyChunk::Read(Box::new(chunk)))),
-            Self::Executed(chunks) => return Ok(chunks.take()?.map(|chunk| AnyChunk::Read(Box::new(chunk)))),
-            Self::Krl(chunks) => return Ok(chunks.take()?.map(|chunk| AnyChunk::Krl(Box::new(chunk)))),
-        };
-        Ok(rapid.map(|chunk| AnyChunk::Rapid(Box::new(chunk))))
-    }
-
-    fn read(chunk: AnyChunk) -> Option<StreamableChunk> {
-        match chunk {
-            AnyChunk::Rapid(chunk) => chunk.read(),
-            AnyChunk::Read(chunk) => Some(*chunk),
-            AnyChunk::Krl(chunk) => chunk.read(),
+    fn take(&mut self) -> io::Result<Next<UnreadChunk>> {
+        match self {
+            Self::Inline(chunks) => ChunkReader::take(&mut **chunks),
+            Self::Indexed(chunks) => ChunkReader::take(&mut **chunks),
+            Self::Cl(chunks) => ChunkReader::take(&mut **chunks),
+            Self::Krl(chunks) => ChunkReader::take(&mut **chunks),
+            Self::Executed(chunks) => ChunkReader::take(chunks),
         }
     }
 
     fn warnings(&self) -> Vec<Diagnostic> {
-        match self {
-            Self::Cl(chunks) => chunks.warnings(),
-            Self::Inline(_) | Self::Indexed(_) | Self::Krl(_) | Self::Executed(_) => Vec::new(),
-        }
+        self.reader().warnings()
     }
 }

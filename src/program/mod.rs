@@ -41,7 +41,7 @@ pub use modules::{ModuleNames, group_modules};
 #[doc(hidden)]
 pub use any_chunks::AnyChunks;
 #[doc(hidden)]
-pub use chunk::{ChunkReader, Next, StreamableChunk};
+pub use chunk::{ChunkReader, Next, StreamableChunk, UnreadChunk};
 pub use round_trip::{RoundTrip, round_trip};
 pub use target::{
     Conf, Confdata, Config, Editable, ExternalAxes, Goal, GroupAxis, InactiveUnit, Mark, Motion, Predecessor, Role,

@@ -75,8 +75,8 @@ fn choose(context: Context<'_>) -> Result<ChosenTurns, Vec<Diagnostic>> {
 ///
 /// # Errors
 /// See [`StreamError`].
-pub fn choose_turns<C: ChunkReader>(
-    mut chunks: C,
+pub fn choose_turns(
+    mut chunks: impl ChunkReader,
     cell: &Cell,
     options: &Options,
 ) -> Result<Option<ChosenTurns>, StreamError> {
@@ -89,7 +89,7 @@ pub fn choose_turns<C: ChunkReader>(
     let (mut refused, mut path) = (Messages::default(), None::<Path<'_>>);
     loop {
         let chunk = match chunks.take().map_err(StreamError::Read)? {
-            Next::Chunk(chunk) => C::read(chunk),
+            Next::Chunk(chunk) => chunk.read(),
             Next::NotStreamable => None,
             Next::End => break,
         };
