@@ -12,12 +12,11 @@ use super::report::{self, Noticed, Rows};
 use super::run::each;
 use super::setup::Setup;
 use super::{Answer, Outcome, message, progress};
-use deflex::correct::{Judged, KeptReason, Messages, Row, Summary, WayFault, compensate, predict};
+use deflex::correct::{Judged, KeptCount, KeptReason, Messages, Row, Summary, WayFault, compensate, predict};
 use deflex::program::{Language, Program, Role, Target};
 use deflex::report::html::{PathKind, PathPage, PathTrace};
 use deflex::report::{
-    CheckFile, Digest, FileSummary, Findings, Judgement, KeptCount, Verdict, Verdicts, check_json, check_text, junit,
-    sarif,
+    CheckFile, Digest, FileSummary, Findings, Judgement, Verdict, Verdicts, check_json, check_text, junit, sarif,
 };
 use deflex::text::{Diagnostic, Severity};
 use indicatif::ProgressBar;
@@ -175,7 +174,7 @@ fn judgement(args: &Check, targets: usize, sum: &Summary, (unjudged, digest): (F
     Judgement {
         targets,
         air: sum.air,
-        unjudged: KeptCount::all(&sum.unjudged),
+        unjudged: sum.unjudged.clone(),
         skipped,
         more_skipped,
         allows_unjudged: args.allow_unjudged,

@@ -294,17 +294,21 @@ pub(super) fn summary_text(summary: &FileSummary, kind: PathKind) -> String {
         // Writing to a String cannot fail.
         let _ = write!(text, "\n  {what:<27}{rms:<16}max {max:.4} mm");
     };
-    if summary.max_error_mm > 0.0 {
+    if summary.counts.max_error_mm > 0.0 {
         let what = if kind == PathKind::Compensate { "error as programmed" } else { "error at targets" };
-        add(what, Some(summary.rms_error_mm), summary.max_error_mm);
+        add(what, Some(summary.counts.rms_error_mm), summary.counts.max_error_mm);
     }
-    if kind == PathKind::Compensate && summary.corrected > 0 {
-        add("remaining at targets", None, summary.max_remaining_mm);
-        if summary.max_kept_mm > 0.0 {
-            add("remaining at kept targets", None, summary.max_kept_mm);
+    if kind == PathKind::Compensate && summary.counts.corrected > 0 {
+        add("remaining at targets", None, summary.counts.max_remaining_mm);
+        if summary.counts.max_kept_mm > 0.0 {
+            add("remaining at kept targets", None, summary.counts.max_kept_mm);
         }
-        if summary.remaining_path_max_mm > 0.0 {
-            add("remaining between targets", Some(summary.remaining_path_rms_mm), summary.remaining_path_max_mm);
+        if summary.counts.remaining_path_max_mm > 0.0 {
+            add(
+                "remaining between targets",
+                Some(summary.counts.remaining_path_rms_mm),
+                summary.counts.remaining_path_max_mm,
+            );
         }
     }
     if let Some(path) = &summary.driven_path {

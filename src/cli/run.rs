@@ -121,15 +121,15 @@ pub(super) fn each<T: Send>(
 fn left_on_the_way(setup: &Setup, summaries: &[FileSummary]) -> Option<Diagnostic> {
     let most = 1e3 * setup.cell.cell.limits.max_path_error;
     // Of a path that was corrected as it is driven, more is said already.
-    let over = || summaries.iter().filter(|sum| sum.remaining_path_max_mm > most && sum.driven_path.is_none());
-    let worst = over().max_by(|a, b| a.remaining_path_max_mm.total_cmp(&b.remaining_path_max_mm))?;
+    let over = || summaries.iter().filter(|sum| sum.counts.remaining_path_max_mm > most && sum.driven_path.is_none());
+    let worst = over().max_by(|a, b| a.counts.remaining_path_max_mm.total_cmp(&b.counts.remaining_path_max_mm))?;
     let others = match over().count() {
         1 => String::new(),
         count => format!(", the largest of {count} programs"),
     };
     let message = format!(
         "an error of up to {:.4} mm remains between targets (rms {:.4} mm){others}, more than max_path_error_mm = {most}",
-        worst.remaining_path_max_mm, worst.remaining_path_rms_mm
+        worst.counts.remaining_path_max_mm, worst.counts.remaining_path_rms_mm
     );
     let help = match setup.options.subdivide {
         None => "`--subdivide MM` inserts targets; the column remaining_path_mm of the report shows where",
@@ -145,10 +145,10 @@ fn left_on_the_way(setup: &Setup, summaries: &[FileSummary]) -> Option<Diagnosti
 
 /// What is said before all else of a program that comes out as it went in.
 fn corrected_nothing(summary: &FileSummary) -> Option<Diagnostic> {
-    if summary.corrected > 0 || summary.targets == 0 || summary.driven_path.is_some() {
+    if summary.counts.corrected > 0 || summary.counts.targets == 0 || summary.driven_path.is_some() {
         return None;
     }
-    let reasons: Vec<String> = summary.kept.iter().map(ToString::to_string).collect();
+    let reasons: Vec<String> = summary.counts.kept.iter().map(ToString::to_string).collect();
     let (severity, why, help) = match reasons.is_empty() {
         true => {
             (Severity::Note, "no target needs a correction".to_owned(), "check `[cut]` of the cell, if one should cut")

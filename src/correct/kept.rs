@@ -40,6 +40,15 @@ pub enum KeptReason {
     ProgramRefused,
 }
 
+/// How many targets were kept, or not judged, for a reason.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct KeptCount {
+    /// Reason.
+    pub reason: KeptReason,
+    /// Targets.
+    pub count: usize,
+}
+
 impl KeptReason {
     /// A fixed phrase, which reports count.
     #[must_use]

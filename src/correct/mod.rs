@@ -66,7 +66,7 @@ pub use flow::{Sinks, StreamError, Streamed};
 pub(crate) use frames::named_tool;
 pub use free_turn::{choose_turns, has_free_turns};
 pub use judge::{Judge, Judged, predict_chunks};
-pub use kept::KeptReason;
+pub use kept::{KeptCount, KeptReason};
 pub use line::{compensate, predict};
 pub use long::{LaidOut, compensate_long, post_long, predict_long};
 pub use messages::Messages;

@@ -1,8 +1,9 @@
 use super::point::Point;
-use super::{KeptReason, PathDeviation, Stance, Stiffness};
+use super::{KeptCount, KeptReason, PathDeviation, Stance, Stiffness};
 use crate::equilibrium::PredictedPose;
 use crate::program::{Editable, Goal, Target, UnknownMotion};
 use nalgebra::Vector3;
+use serde::Serialize;
 use std::sync::Arc;
 
 /// The result of a target.
@@ -226,7 +227,7 @@ impl Row {
 
 /// Counts and sizes over a program, for the summary. `targets` is the sum of `corrected`, `unchanged`, `air`, `inserted` and the kept
 /// targets.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Summary {
     /// Executed motions, including inserted ones.
@@ -240,9 +241,9 @@ pub struct Summary {
     /// Targets that `--subdivide` inserted.
     pub inserted: usize,
     /// Kept targets by reason, in the order of first occurrence.
-    pub kept: Vec<(KeptReason, usize)>,
+    pub kept: Vec<KeptCount>,
     /// Kept targets that were not judged because their pose is unknown, by reason.
-    pub unjudged: Vec<(KeptReason, usize)>,
+    pub unjudged: Vec<KeptCount>,
     /// Largest predicted error without correction, mm.
     pub max_error_mm: f64,
     /// Root mean square of the predicted error over targets that cut, including kept ones, mm; over all if none cuts.
@@ -258,6 +259,7 @@ pub struct Summary {
     /// Root mean square of that distance over their length, mm.
     pub remaining_path_rms_mm: f64,
     /// Number of targets whose segment could not be judged.
+    #[serde(skip)]
     pub paths_unknown: usize,
 }
 
@@ -277,11 +279,11 @@ impl Summary {
     }
 }
 
-/// Adds to the count of a reason, in the order of first occurrence.
-fn count_in(counts: &mut Vec<(KeptReason, usize)>, reason: KeptReason, more: usize) {
-    match counts.iter_mut().find(|(known, _)| *known == reason) {
-        Some((_, count)) => *count += more,
-        None => counts.push((reason, more)),
+/// Counts a reason, in the order of first occurrence.
+fn count_in(counts: &mut Vec<KeptCount>, reason: KeptReason) {
+    match counts.iter_mut().find(|known| known.reason == reason) {
+        Some(known) => known.count += 1,
+        None => counts.push(KeptCount { reason, count: 1 }),
     }
 }
 
@@ -339,8 +341,8 @@ impl Tally {
             let (error, correction) = (square(row.error_mm), square(row.correction_mm));
             if !row.is_solved() {
                 if let Status::Kept(reason) = row.status {
-                    count_in(&mut sum.kept, reason, 1);
-                    count_in(&mut sum.unjudged, reason, 1);
+                    count_in(&mut sum.kept, reason);
+                    count_in(&mut sum.unjudged, reason);
                 }
                 continue;
             }
@@ -366,7 +368,7 @@ impl Tally {
                     if row.cuts() {
                         self.cutting.add(error);
                     }
-                    count_in(&mut sum.kept, reason, 1);
+                    count_in(&mut sum.kept, reason);
                 }
             }
             most.error = most.error.max(error);

@@ -2,7 +2,8 @@
 
 use super::html::escape;
 use super::summary::{counted, grouped};
-use super::{KeptCount, Origin, Spot, VERSION};
+use super::{Origin, Spot, VERSION};
+use crate::correct::KeptCount;
 use crate::text::Diagnostic;
 use serde::Serialize;
 use serde_json::{Value, json};

@@ -21,10 +21,10 @@ pub fn digest_text(summary: &FileSummary, digest: &Digest) -> String {
     };
     // Writing to a String cannot fail.
     if let Some(largest) = digest.worst.first() {
-        let _ = writeln!(out, "error: rms {:.4} mm, largest {}", summary.rms_error_mm, at(largest));
+        let _ = writeln!(out, "error: rms {:.4} mm, largest {}", summary.counts.rms_error_mm, at(largest));
     }
     if let Some(way) = &digest.way {
-        let rms = summary.remaining_path_rms_mm;
+        let rms = summary.counts.remaining_path_rms_mm;
         let _ =
             writeln!(out, "between targets: rms {rms:.4} mm, largest distance from the programmed path {}", at(way));
     }

@@ -29,4 +29,4 @@ pub use origin::{Origin, VERSION};
 pub use pairs::InsertedTarget;
 pub use plan::plan_text;
 pub use simulation::{DeviationMap, MapFigures, OneSide, SurfacePoint, map_cell, map_csv, probe, stl};
-pub use summary::{FileSummary, KeptCount, summary_line};
+pub use summary::{FileSummary, summary_line};

@@ -1,6 +1,6 @@
 use super::html::PathKind;
 use super::{CheckFile, Origin};
-use crate::correct::{Corrected, DrivenSummary, KeptReason, Summary};
+use crate::correct::{Corrected, DrivenSummary, KeptCount, Summary};
 use crate::text::Diagnostic;
 use serde::Serialize;
 use std::fmt;
@@ -11,34 +11,9 @@ use std::fmt;
 pub struct FileSummary {
     /// Program, as the user typed it.
     pub path: String,
-    /// Executed motions, inserted ones among them: the sum of those that are corrected, unchanged, in the air, inserted and kept.
-    pub targets: usize,
-    /// Targets whose numbers changed.
-    pub corrected: usize,
-    /// Cutting targets whose numbers could change and did not. In a prediction these are all targets that cut.
-    pub unchanged: usize,
-    /// Targets without cutting force whose numbers did not change.
-    pub air: usize,
-    /// Targets that `--subdivide` inserted.
-    pub inserted: usize,
-    /// Kept targets, counted by reason.
-    pub kept: Vec<KeptCount>,
-    /// The kept targets that were not judged, because it is not known where the controller goes, counted by reason.
-    pub unjudged: Vec<KeptCount>,
-    /// Largest predicted error without correction, mm.
-    pub max_error_mm: f64,
-    /// Root mean square of it over cutting targets, mm; over all where none cuts.
-    pub rms_error_mm: f64,
-    /// Largest correction, mm.
-    pub max_correction_mm: f64,
-    /// Largest error that remains on a cutting target, mm.
-    pub max_remaining_mm: f64,
-    /// Largest error of a kept target, mm; it remains.
-    pub max_kept_mm: f64,
-    /// Largest distance of the tip from the programmed path, on the paths to cutting targets, mm; on all paths if none cuts.
-    pub remaining_path_max_mm: f64,
-    /// Root mean square of it over their length, mm.
-    pub remaining_path_rms_mm: f64,
+    /// Counts and sizes.
+    #[serde(flatten)]
+    pub counts: Summary,
     /// The path that the controller drives; `None` if it was not computed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub driven_path: Option<DrivenSummary>,
@@ -50,29 +25,6 @@ pub struct FileSummary {
     /// The program's files, where they were requested.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub sources: Vec<Origin>,
-}
-
-/// How many targets were kept, or not judged, for a reason.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct KeptCount {
-    /// Reason.
-    pub reason: KeptReason,
-    /// Targets.
-    pub count: usize,
-}
-
-impl KeptCount {
-    /// The counts of targets, one for each reason.
-    #[must_use]
-    pub fn all(counts: &[(KeptReason, usize)]) -> Vec<Self> {
-        counts.iter().map(|&(reason, count)| Self { reason, count }).collect()
-    }
-}
-
-impl fmt::Display for KeptCount {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} ({})", self.reason, grouped(self.count))
-    }
 }
 
 /// A failed target.
@@ -97,13 +49,14 @@ impl FileSummary {
 
     /// The number of targets of each status. They add up to the number of all targets.
     pub(super) fn parts(&self, kind: PathKind) -> Vec<(&'static str, usize)> {
-        let kept = self.kept.iter().map(|kept| kept.count).sum();
-        let rest = [("air", self.air), ("inserted", self.inserted), ("kept", kept)];
+        let Summary { corrected, unchanged, air, inserted, ref kept, .. } = self.counts;
+        let kept = kept.iter().map(|kept| kept.count).sum();
+        let rest = [("air", air), ("inserted", inserted), ("kept", kept)];
         match kind {
             PathKind::Compensate => {
-                [("corrected", self.corrected), ("unchanged", self.unchanged)].into_iter().chain(rest).collect()
+                [("corrected", corrected), ("unchanged", unchanged)].into_iter().chain(rest).collect()
             }
-            PathKind::Predict | PathKind::Check => [("cut", self.unchanged)].into_iter().chain(rest).collect(),
+            PathKind::Predict | PathKind::Check => [("cut", unchanged)].into_iter().chain(rest).collect(),
         }
     }
 
@@ -118,20 +71,7 @@ impl FileSummary {
     pub fn of(path: &str, sum: &Summary, failures: &[Diagnostic]) -> Self {
         Self {
             path: path.to_owned(),
-            targets: sum.targets,
-            corrected: sum.corrected,
-            air: sum.air,
-            unchanged: sum.unchanged,
-            inserted: sum.inserted,
-            kept: KeptCount::all(&sum.kept),
-            unjudged: KeptCount::all(&sum.unjudged),
-            max_error_mm: sum.max_error_mm,
-            rms_error_mm: sum.rms_error_mm,
-            max_correction_mm: sum.max_correction_mm,
-            max_remaining_mm: sum.max_remaining_mm,
-            max_kept_mm: sum.max_kept_mm,
-            remaining_path_max_mm: sum.remaining_path_max_mm,
-            remaining_path_rms_mm: sum.remaining_path_rms_mm,
+            counts: sum.clone(),
             driven_path: None,
             failures: lines(failures),
             more_failures: 0,
@@ -149,17 +89,26 @@ fn lines(failures: &[Diagnostic]) -> Vec<FailureLine> {
     failures.iter().map(line).collect()
 }
 
+impl fmt::Display for KeptCount {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} ({})", self.reason, grouped(self.count))
+    }
+}
+
 /// `1,236 targets: 1,211 corrected, 20 air, 5 kept: target computed at run time (3), … (2)`: the parts add up to the number of targets.
 /// A prediction corrects nothing: there the targets cut, are in the air, or are kept.
 #[must_use]
 pub fn summary_line(summary: &FileSummary, kind: PathKind) -> String {
     let first = match kind {
-        PathKind::Compensate if summary.corrected == 0 && summary.driven_path.is_none() => "nothing was corrected: ",
+        PathKind::Compensate if summary.counts.corrected == 0 && summary.driven_path.is_none() => {
+            "nothing was corrected: "
+        }
         _ => "",
     };
-    let mut line = format!("{first}{}: {}", counted(summary.targets, "target"), parts_text(&summary.parts(kind)));
-    if !summary.kept.is_empty() {
-        let reasons: Vec<String> = summary.kept.iter().map(ToString::to_string).collect();
+    let mut line =
+        format!("{first}{}: {}", counted(summary.counts.targets, "target"), parts_text(&summary.parts(kind)));
+    if !summary.counts.kept.is_empty() {
+        let reasons: Vec<String> = summary.counts.kept.iter().map(ToString::to_string).collect();
         line += &format!(": {}", reasons.join(", "));
     }
     line

@@ -9,7 +9,7 @@
 //! let cell = Arc::new(CellFile::read(Path::new("samples/slot/cell.toml"))?);
 //! let program = ProgramFiles::read(&[PathBuf::from("samples/slot/slot.mod")], &[], None)?;
 //! let done = compensate(&program, &Run::new(cell))?;
-//! assert!(done.summary.max_remaining_mm < 1e-3);
+//! assert!(done.summary.counts.max_remaining_mm < 1e-3);
 //! assert!(done.files[0].1.starts_with(b"%%%"));
 //! # Ok(())
 //! # }

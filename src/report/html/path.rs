@@ -4,9 +4,9 @@ use super::markup::{Document, STAGE, Table, Tile, decimals, escape, mm, section,
 use super::scene;
 use super::trace::{Channel, MOST_STRETCHES, Sample, Trace};
 use crate::cell::Cell;
-use crate::correct::{Row, Status};
+use crate::correct::{KeptCount, Row, Status};
 use crate::report::summary::{FailureLine, parts_text};
-use crate::report::{FileSummary, KeptCount, Origin};
+use crate::report::{FileSummary, Origin};
 use serde_json::json;
 use std::collections::BTreeSet;
 
@@ -219,7 +219,7 @@ impl PathPage<'_> {
             body += "<p class=\"choice\"><label>Program <select id=\"program\"></select></label></p>\n";
         }
         body += STAGE;
-        if self.programs.len() > 1 || self.programs.iter().any(|(sum, _)| !sum.kept.is_empty()) {
+        if self.programs.len() > 1 || self.programs.iter().any(|(sum, _)| !sum.counts.kept.is_empty()) {
             body += &section("programs", "Programs", self.table());
         }
         body += &section(
@@ -274,28 +274,28 @@ impl PathPage<'_> {
         let sums = || self.programs.iter().map(|(sum, _)| sum);
         let most = |of: fn(&FileSummary) -> f64| sums().map(of).fold(0.0, f64::max);
         let count = |of: fn(&FileSummary) -> usize| sums().map(of).sum::<usize>();
-        let kept: usize = sums().flat_map(|sum| &sum.kept).map(|kept| kept.count).sum();
+        let kept: usize = sums().flat_map(|sum| &sum.counts.kept).map(|kept| kept.count).sum();
         let rms = match self.programs {
-            [(one, _)] => format!("rms {} mm over cutting targets", decimals(one.rms_error_mm, 4)),
+            [(one, _)] => format!("rms {} mm over cutting targets", decimals(one.counts.rms_error_mm, 4)),
             _ => String::new(),
         };
         let mut all = vec![
             Tile {
                 key: "targets",
-                value: count(|sum| sum.targets).to_string(),
+                value: count(|sum| sum.counts.targets).to_string(),
                 unit: "",
                 label: "Targets",
                 aside: parts_text(&self.parts()),
             },
             Tile {
                 key: "max_error_mm",
-                value: mm(most(|sum| sum.max_error_mm)),
+                value: mm(most(|sum| sum.counts.max_error_mm)),
                 unit: "mm",
                 label: "Largest predicted error",
                 aside: rms,
             },
         ];
-        let unjudged: Vec<&KeptCount> = sums().flat_map(|sum| &sum.unjudged).collect();
+        let unjudged: Vec<&KeptCount> = sums().flat_map(|sum| &sum.counts.unjudged).collect();
         if !unjudged.is_empty() {
             let reasons: Vec<String> = unjudged.iter().map(ToString::to_string).collect();
             all.push(Tile {
@@ -319,29 +319,31 @@ impl PathPage<'_> {
         if self.kind == PathKind::Compensate {
             all.push(Tile {
                 key: "max_correction_mm",
-                value: mm(most(|sum| sum.max_correction_mm)),
+                value: mm(most(|sum| sum.counts.max_correction_mm)),
                 unit: "mm",
                 label: "Largest correction",
                 aside: match kept {
                     0 => String::new(),
-                    _ => format!("kept targets stay off by up to {} mm", decimals(most(|sum| sum.max_kept_mm), 4)),
+                    _ => {
+                        format!("kept targets stay off by up to {} mm", decimals(most(|sum| sum.counts.max_kept_mm), 4))
+                    }
                 },
             });
         }
         let rms = match self.programs {
-            [(one, _)] => format!("rms {} mm along the path", mm(one.remaining_path_rms_mm)),
+            [(one, _)] => format!("rms {} mm along the path", mm(one.counts.remaining_path_rms_mm)),
             _ => "along the path".to_owned(),
         };
         let (label, aside) = match self.kind {
             PathKind::Compensate => {
-                let at_targets = mm(most(|sum| sum.max_remaining_mm));
+                let at_targets = mm(most(|sum| sum.counts.max_remaining_mm));
                 ("Largest remaining error", format!("{rms}; at the targets up to {at_targets} mm"))
             }
             PathKind::Predict | PathKind::Check => ("Largest error along the path", rms),
         };
         all.push(Tile {
             key: "remaining_path_max_mm",
-            value: mm(most(|sum| sum.remaining_path_max_mm)),
+            value: mm(most(|sum| sum.counts.remaining_path_max_mm)),
             unit: "mm",
             label,
             aside,
@@ -355,7 +357,7 @@ impl PathPage<'_> {
         let all = || self.programs.iter().flat_map(|(sum, _)| sum.failures.iter().map(move |failure| (sum, failure)));
         let count = all().count() + self.programs.iter().map(|(sum, _)| sum.more_failures).sum::<usize>();
         if count == 0 {
-            let judged = match self.programs.iter().all(|(sum, _)| sum.unjudged.is_empty()) {
+            let judged = match self.programs.iter().all(|(sum, _)| sum.counts.unjudged.is_empty()) {
                 true => "every target",
                 false => "every target that was judged",
             };
@@ -390,21 +392,21 @@ impl PathPage<'_> {
         ];
         let mut table = Table::new("sums", &head);
         for (sum, _) in self.programs {
-            let mut kept: Vec<String> = sum.kept.iter().map(ToString::to_string).collect();
-            if sum.max_kept_mm > 0.0 {
-                kept.push(format!("with up to {} mm", decimals(sum.max_kept_mm, 4)));
+            let mut kept: Vec<String> = sum.counts.kept.iter().map(ToString::to_string).collect();
+            if sum.counts.max_kept_mm > 0.0 {
+                kept.push(format!("with up to {} mm", decimals(sum.counts.max_kept_mm, 4)));
             }
             table.row([
                 escape(&sum.path),
-                sum.targets.to_string(),
+                sum.counts.targets.to_string(),
                 parts_text(&sum.parts(self.kind)),
                 escape(&kept.join(", ")),
-                mm(sum.max_error_mm),
-                mm(sum.rms_error_mm),
-                mm(sum.max_correction_mm),
-                mm(sum.max_remaining_mm),
-                mm(sum.remaining_path_rms_mm),
-                mm(sum.remaining_path_max_mm),
+                mm(sum.counts.max_error_mm),
+                mm(sum.counts.rms_error_mm),
+                mm(sum.counts.max_correction_mm),
+                mm(sum.counts.max_remaining_mm),
+                mm(sum.counts.remaining_path_rms_mm),
+                mm(sum.counts.remaining_path_max_mm),
             ]);
         }
         table.html()
