@@ -191,12 +191,8 @@ impl ForceFile {
     /// The same for a program with this last target, and targets of these names.
     pub(super) fn check_targets(&self, last: u32, named: impl Fn(&str) -> bool) -> Result<(), Vec<Diagnostic>> {
         const MOST_SHOWN: usize = 10; // a wrong table is wrong in every row
-        let wrong = |line: u32, message: String| {
-            let mut diagnostic = Diagnostic::error("forces.target", &self.file, message)
-                .help("targets are counted from 1 in the order they run, or named as declared");
-            (diagnostic.line, diagnostic.column) = (line as usize, 1);
-            diagnostic
-        };
+        let help = "targets are counted from 1 in the order they run, or named as declared";
+        let wrong = |line: u32, message: String| at_line(&self.file, line, message).help(help);
         let ordinals =
             self.ordinals.iter().filter(|(ordinal, _)| *ordinal > last).take(MOST_SHOWN).map(|(ordinal, line)| {
                 wrong(*line, format!("target {ordinal} is not in the program, which has {last} motion targets"))

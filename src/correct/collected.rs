@@ -74,7 +74,7 @@ impl<'a> Collected<'a> {
         }
         let names = self.names(target);
         // Filled in place.
-        self.rows.push(Row::BLANK);
+        self.rows.push(Row::default());
         let Some(row) = self.rows.last_mut() else { return };
         let normal = point.normal_error(&self.prepared.shared.laws, &uncorrected.shift, &uncorrected.axis);
         row.fill(target, point, uncorrected, normal);

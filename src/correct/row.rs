@@ -7,12 +7,13 @@ use serde::Serialize;
 use std::sync::Arc;
 
 /// The result of a target.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Status {
     /// A cutting force acts; the target is corrected if the run corrects.
     Ok,
     /// No cutting force.
+    #[default]
     Air,
     /// Not changed, for this reason.
     Kept(KeptReason),
@@ -30,7 +31,7 @@ pub struct RowNames {
 }
 
 /// One row of the report: a target, its predicted error, its correction and what remains.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Row {
     /// Ordinal of the motion, from 1.
     pub target: u32,
@@ -115,34 +116,6 @@ impl Row {
         self.status == Status::Ok || self.force_n.iter().any(|force| force.abs() > 0.0)
     }
 
-    /// A row without values.
-    pub(super) const BLANK: Self = Self {
-        target: 0,
-        line: 0,
-        name: None,
-        status: Status::Air,
-        position_mm: [0.0; 3],
-        error_mm: [0.0; 3],
-        error_deg: [0.0; 3],
-        error_normal_mm: 0.0,
-        correction_mm: [0.0; 3],
-        correction_deg: [0.0; 3],
-        remaining_mm: [0.0; 3],
-        force_n: [0.0; 3],
-        sigma_mm: None,
-        path: None,
-        depth_mm: None,
-        engaged_deg: None,
-        removed_mm3: None,
-        spin_deg: None,
-        joints_deg: None,
-        feed_mm_s: None,
-        error_part_mm: None,
-        names: None,
-        stiffness: None,
-        stance: None,
-    };
-
     /// The row of a target that is kept because its pose is unknown.
     pub(super) fn unsolved(target: &Target, why: KeptReason) -> Self {
         let position_mm = match target.goal {
@@ -175,7 +148,7 @@ impl Row {
             error_normal_mm: f64::NAN,
             remaining_mm: none,
             force_n: none,
-            ..Self::BLANK
+            ..Self::default()
         }
     }
 
@@ -418,7 +391,7 @@ mod tests {
             remaining_mm: [0.0, 0.1 * error, 0.0],
             force_n: [force, 0.0, 0.0],
             path: None,
-            ..Row::BLANK
+            ..Row::default()
         }
     }
 

@@ -60,32 +60,19 @@ impl Setting {
 
 impl<'a> Site<'a> {
     pub(crate) fn of(situation: &'a Situation<'a>, setting: &'a Setting) -> Self {
-        let Situation {
-            wobj_from_tcp,
-            cutting,
-            normal,
-            velocity,
-            cut_length,
-            time,
-            temperature,
-            payload,
-            units,
-            part,
-            ..
-        } = situation;
         Self {
             setting,
-            wobj_from_tcp,
-            cutting: *cutting,
+            wobj_from_tcp: &situation.wobj_from_tcp,
+            cutting: situation.cutting,
             leaned: false,
-            normal: *normal,
-            velocity: *velocity,
-            cut_length: *cut_length,
-            time: *time,
-            temperature: *temperature,
-            payload: *payload,
-            units,
-            part: *part,
+            normal: situation.normal,
+            velocity: situation.velocity,
+            cut_length: situation.cut_length,
+            time: situation.time,
+            temperature: situation.temperature,
+            payload: situation.payload,
+            units: situation.units,
+            part: situation.part,
         }
     }
 }

@@ -111,7 +111,7 @@ impl<'a> Comb<'a> {
 
     /// The grid over all joints that move, with its whitened columns.
     fn whitened_grid(&self, key: Key) -> Grid {
-        let terms = self.grid(&[]);
+        let terms = self.grid();
         let of = |columns: DMatrix<f64>| {
             #[allow(clippy::cast_possible_truncation)] // `Pair` says why single precision is enough.
             let single = |k: usize| columns.column(k).iter().map(|value| *value as f32).collect();
@@ -217,18 +217,15 @@ impl<'a> Comb<'a> {
         (LEAST_PERIODS * TAU / (2.0 * self.half[joint])).max(LEAST_ORDER)
     }
 
-    /// The terms of the grid for all joints that move and may have more harmonics than those that are found.
-    fn grid(&self, found: &[Term]) -> Vec<Term> {
+    /// The terms of the grid for all joints that move.
+    fn grid(&self) -> Vec<Term> {
         let of_joint = |joint: usize| {
             let step = self.step(joint);
             std::iter::successors(Some(self.lowest_order(joint)), move |order| Some(order + step))
                 .take_while(|order| *order <= LARGEST_ORDER)
                 .map(move |order| Term { joint, order })
         };
-        let open = |joint: &usize| {
-            self.half[*joint] > STILL && found.iter().filter(|term| term.joint == *joint).count() < MOST_OF_JOINT
-        };
-        (0..6).filter(open).flat_map(of_joint).collect()
+        (0..6).filter(|joint| self.half[*joint] > STILL).flat_map(of_joint).collect()
     }
 
     /// The term that gains most in a residual, and its gain, nats.
