@@ -7,7 +7,7 @@ use super::input::Context;
 use super::job::Job;
 use super::output::{Outputs, one_thing};
 use super::piped::{Piped, jobs};
-use super::predicted::{self, Batch, Predicted, Question};
+use super::predicted::{self, Batch, Passed, Predicted, Question};
 use super::report::{self, Noticed, Rows};
 use super::run::each;
 use super::setup::Setup;
@@ -151,7 +151,7 @@ fn corrects(args: &Check) -> bool {
 
 /// A program that went through a chunk at a time.
 fn streamed(args: &Check, batch: &Batch<'_>, name: &str, predicted: Predicted) -> Result<Checked, Vec<Diagnostic>> {
-    let Predicted { streamed, findings, unjudged, digest, outputs, rows, path } = predicted;
+    let Predicted { passed: Passed { streamed, digest, outputs, rows, path }, findings, unjudged } = predicted;
     let (found, judgement, sum) = if streamed.refused.is_empty() {
         let targets = streamed.last as usize;
         let judgement = judgement(args, targets, &streamed.summary, (unjudged, digest));

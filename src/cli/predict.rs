@@ -50,7 +50,7 @@ pub(super) fn run(args: &Predict) -> Outcome {
         job.marked()?;
         let origins = job.origins_for(&args.reports)?;
         let done = match predicted::streamed(&batch, &job, bar, None)? {
-            Some(predicted) => Done::streamed(&job.name, predicted)?,
+            Some(predicted) => Done::streamed(&job.name, PathKind::Predict, predicted.passed),
             None => whole(&batch, job, bar)?,
         };
         Ok(done.made_from(origins))

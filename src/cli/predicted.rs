@@ -5,8 +5,9 @@ use super::job::Job;
 use super::output::{Outputs, cannot_write};
 use super::report::{Noticed, ProgramReports, Rows};
 use super::setup::Setup;
+use super::text::Text;
 use super::{lines, progress};
-use deflex::correct::{Judge, Judged, Streamed, predict_long};
+use deflex::correct::{Judge, Judged, StreamError, Streamed, predict_long};
 use deflex::program::LongText;
 use deflex::report::html::PathTrace;
 use deflex::report::{Digest, Findings};
@@ -47,13 +48,18 @@ pub(super) struct Question<'a> {
     pub(super) findings: &'a (dyn Fn(Judged<'_>) -> Vec<Diagnostic> + Sync),
 }
 
-/// A long program that went through.
+/// A long program that was predicted.
 pub(super) struct Predicted {
-    pub(super) streamed: Streamed,
+    pub(super) passed: Passed,
     /// Where there was a question.
     pub(super) findings: Findings,
     /// Targets that were not judged.
     pub(super) unjudged: Findings,
+}
+
+/// A long program that went through.
+pub(super) struct Passed {
+    pub(super) streamed: Streamed,
     /// The worst of it.
     pub(super) digest: Digest,
     /// What it wrote, staged.
@@ -62,6 +68,32 @@ pub(super) struct Predicted {
     pub(super) rows: Option<Rows>,
     /// For `--html`.
     pub(super) path: Option<PathTrace>,
+}
+
+impl Passed {
+    /// `None` if the program, whose text is given, can be understood only as a whole.
+    pub(super) fn of(
+        done: Result<Streamed, StreamError>,
+        reports: ProgramReports<'_>,
+        outputs: Outputs,
+        text: &Text,
+        setup: &Setup,
+    ) -> Result<Option<Self>, Vec<Diagnostic>> {
+        let name = text.name();
+        let Some(mut streamed) = setup.through(name, done)? else { return Ok(None) };
+        setup.check_forces(&streamed)?;
+        if !streamed.failures.is_empty() {
+            return Err(streamed.failures);
+        }
+        streamed.notes.extend(reports.notes(name)?);
+        let digest = reports.digest();
+        let rows = if streamed.refused.is_empty() { streamed.summary.targets } else { 0 };
+        let (rows, mut path) = reports.done(name, rows);
+        if let Some(path) = &mut path {
+            lines::quote(path, LongText::open(&text)?);
+        }
+        Ok(Some(Self { streamed, digest, outputs, rows, path }))
+    }
 }
 
 /// Streams a program; `None` if it, or its original, can be understood only as a whole.
@@ -82,7 +114,6 @@ pub(super) fn streamed(
         None => None,
     };
     let bar = progress::of_one(bar, batch.programs);
-    let name = job.texts[0].name();
     program.by_chunks(|program| {
         if let Some(bar) = bar {
             progress::bytes(bar, program.text().bytes()?);
@@ -111,18 +142,10 @@ pub(super) fn streamed(
             found: &mut found,
         });
         let done = reports.filled(bar, |sinks| predict_long(&program, original.as_ref(), run, judge, sinks));
-        let Some(mut streamed) = setup.through(name, done)? else { return Ok(None) };
-        setup.check_forces(&streamed)?;
-        if !streamed.refused.is_empty() {
+        if done.as_ref().is_ok_and(|streamed| !streamed.refused.is_empty()) {
             reports = reports.emptied(batch.path.clone())?;
         }
-        streamed.notes.extend(reports.notes(name)?);
-        let rows = if streamed.refused.is_empty() { streamed.summary.targets } else { 0 };
-        let digest = reports.digest();
-        let (rows, mut path) = reports.done(name, rows);
-        if let Some(path) = &mut path {
-            lines::quote(path, program.text().open()?);
-        }
-        Ok(Some(Predicted { streamed, findings, unjudged, digest, outputs, rows, path }))
+        let passed = Passed::of(done, reports, outputs, program.text(), setup)?;
+        Ok(passed.map(|passed| Predicted { passed, findings, unjudged }))
     })
 }

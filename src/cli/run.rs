@@ -5,7 +5,7 @@ use super::args::Reports;
 use super::files::parted;
 use super::job::Job;
 use super::output::Outputs;
-use super::predicted::Predicted;
+use super::predicted::Passed;
 use super::report::{self, Noticed, Rows};
 use super::setup::Setup;
 use super::{Answer, Outcome, STACK_BYTES, message, progress};
@@ -66,15 +66,12 @@ impl Done {
         Ok(Self { outputs, rows, summary, text, notes, path, digest })
     }
 
-    /// A program that was predicted a chunk at a time.
-    pub(super) fn streamed(name: &str, predicted: Predicted) -> Result<Self, Vec<Diagnostic>> {
-        let Predicted { streamed, outputs, rows, path, digest, .. } = predicted;
-        if !streamed.failures.is_empty() {
-            return Err(streamed.failures);
-        }
+    /// A program that went through a chunk at a time.
+    pub(super) fn streamed(name: &str, kind: PathKind, passed: Passed) -> Self {
+        let Passed { streamed, outputs, rows, path, digest } = passed;
         let summary = FileSummary::of(name, &streamed.summary, &[]);
-        let text = report::summary_text(&summary, PathKind::Predict);
-        Ok(Self { outputs, rows, summary, text, notes: streamed.notes, path, digest })
+        let text = report::summary_text(&summary, kind);
+        Self { outputs, rows, summary, text, notes: streamed.notes, path, digest }
     }
 }
 

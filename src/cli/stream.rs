@@ -3,13 +3,13 @@
 use super::batch::{Batch, in_one_file, place, post_options, report_beside};
 use super::job::Job;
 use super::output::{Outputs, Temporary};
+use super::predicted::Passed;
+use super::progress;
 use super::report::ProgramReports;
 use super::run::Done;
 use super::text::Text;
-use super::{lines, progress, report};
 use deflex::correct::{LaidOut, StreamError, Streamed, compensate_long, post_long};
-use deflex::program::{InChunks, Language, LongText};
-use deflex::report::FileSummary;
+use deflex::program::{InChunks, Language};
 use deflex::report::html::PathKind;
 use deflex::text::Diagnostic;
 use indicatif::ProgressBar;
@@ -112,21 +112,8 @@ impl<'a> Long<'a> {
         done: Result<Streamed, StreamError>,
         reports: ProgramReports<'_>,
     ) -> Result<Option<Done>, Vec<Diagnostic>> {
-        let (setup, name) = (self.batch.setup, self.job.texts[0].name());
-        let Some(done) = setup.through(name, done)? else { return Ok(None) };
-        setup.check_forces(&done)?;
-        if !done.failures.is_empty() {
-            return Err(done.failures);
-        }
-        let noticed = reports.notes(name)?;
-        let digest = reports.digest();
-        let (rows, mut path) = reports.done(name, done.summary.targets);
-        if let Some(path) = &mut path {
-            lines::quote(path, self.program.text().open()?);
-        }
-        let summary = FileSummary::of(name, &done.summary, &[]);
-        let text = report::summary_text(&summary, PathKind::Compensate);
-        let notes = done.notes.into_iter().chain(noticed).collect();
-        Ok(Some(Done { outputs: self.outputs, rows, summary, text, notes, path, digest }))
+        let text = &self.job.texts[0];
+        let passed = Passed::of(done, reports, self.outputs, text, self.batch.setup)?;
+        Ok(passed.map(|passed| Done::streamed(text.name(), PathKind::Compensate, passed)))
     }
 }
