@@ -3,10 +3,11 @@
 use super::file_state::{FileState, Identity};
 use super::message;
 use super::output::marker;
+use deflex::report::Origin;
 use deflex::text::{Diagnostic, Severity};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
-use std::io::{self, Read};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, SystemTime};
@@ -17,7 +18,7 @@ struct Watched {
     identity: Identity,
     state: FileState,
     /// Hash of the content, for files that were written so recently that a later write may have the same time.
-    hash: Option<u64>,
+    hash: Option<String>,
 }
 
 /// Systems count times of files in ticks of up to 10 ms, some network drives in seconds.
@@ -83,7 +84,7 @@ fn unfinished(path: &Path) -> Option<Diagnostic> {
 pub(super) fn changed() -> Result<(), Vec<Diagnostic>> {
     let same = |(path, before): (&PathBuf, &Watched)| {
         let now = fs::metadata(path).ok().map(|metadata| FileState::of(&metadata));
-        now == Some(before.state) && before.hash.is_none_or(|before| hash(path).ok() == Some(before))
+        now == Some(before.state) && before.hash.as_ref().is_none_or(|before| hash(path).ok().as_ref() == Some(before))
     };
     let watched = watched();
     let errors: Vec<Diagnostic> =
@@ -97,15 +98,6 @@ fn told(path: &Path) -> Diagnostic {
         .help("run again when no other program writes to it")
 }
 
-/// FNV-1a of the bytes of a file. It distinguishes states; it is no protection against forgery.
-fn hash(path: &Path) -> io::Result<u64> {
-    let (mut file, mut block) = (File::open(path)?, vec![0; 64 * 1024]);
-    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
-    loop {
-        let count = file.read(&mut block)?;
-        if count == 0 {
-            return Ok(hash);
-        }
-        hash = block[..count].iter().fold(hash, |hash, &b| (hash ^ u64::from(b)).wrapping_mul(0x100_0000_01b3));
-    }
+fn hash(path: &Path) -> io::Result<String> {
+    Origin::read("", File::open(path)?).map(|origin| origin.sha256)
 }

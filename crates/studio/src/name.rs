@@ -6,7 +6,7 @@ use std::fmt;
 /// The name of a file in the folder: a relative path with `/` between its parts, which leads nowhere out of the folder and reads
 /// as no option of a command. The same names are taken on every system, so that a folder can move between them.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(try_from = "String", into = "String")]
+#[serde(try_from = "String")]
 pub(crate) struct Name(String);
 
 /// Longest name, bytes: Windows takes paths of 260 characters.
@@ -38,12 +38,6 @@ impl Name {
 impl fmt::Display for Name {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.0)
-    }
-}
-
-impl From<Name> for String {
-    fn from(name: Name) -> Self {
-        name.0
     }
 }
 

@@ -8,7 +8,7 @@ use std::num::NonZeroU32;
 
 /// A number that an option takes: finite and above zero, as it was typed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "String", into = "String")]
+#[serde(try_from = "String")]
 pub(crate) struct Positive(String);
 
 impl TryFrom<String> for Positive {
@@ -28,15 +28,9 @@ impl fmt::Display for Positive {
     }
 }
 
-impl From<Positive> for String {
-    fn from(number: Positive) -> Self {
-        number.0
-    }
-}
-
 /// A word of the cell or of an option: a tool, a model, a language.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "String", into = "String")]
+#[serde(try_from = "String")]
 pub(crate) struct Word(String);
 
 /// Longest word, bytes.
@@ -58,12 +52,6 @@ impl TryFrom<String> for Word {
 impl fmt::Display for Word {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.0)
-    }
-}
-
-impl From<Word> for String {
-    fn from(word: Word) -> Self {
-        word.0
     }
 }
 
