@@ -120,12 +120,13 @@ pub(super) fn run<'a, C: ChunkReader + Send, T: Send>(
     program: &'a mut (dyn FnMut(T) -> io::Result<()> + Send),
     sinks: &'a mut Sinks<'_>,
 ) -> Result<Streamed, StreamError> {
-    let (rows, progress) = (sinks.rows, sinks.progress);
-    let writer = Writer { refused: source.refusals.clone(), ..Writer::new(program, sinks) };
+    let rows = sinks.rows;
+    let so_far = SoFar { refused: source.refusals.clone(), ..SoFar::default() };
+    let writer = Writer { program, sinks, so_far };
     let run = Run { source, order: Order::default(), writer: Ordered::new(writer), stop: Mutex::new(None) };
     std::thread::scope(|scope| {
         for _ in 0..threads.max(1) {
-            scope.spawn(|| run.work(rows, progress));
+            scope.spawn(|| run.work(rows));
         }
     });
     if let Some(why) = run.stop.into_inner().unwrap_or_else(PoisonError::into_inner) {
@@ -134,10 +135,10 @@ pub(super) fn run<'a, C: ChunkReader + Send, T: Send>(
     run.writer.into_inner().done().map_err(StreamError::Write)
 }
 
-struct Run<'a, C, T> {
+struct Run<'a, 's, C, T> {
     source: &'a Source<'a, C, T>,
     order: Order,
-    writer: Ordered<Writer<'a, T>>,
+    writer: Ordered<Writer<'a, 's, T>>,
     /// Why the run stops.
     stop: Mutex<Option<StreamError>>,
 }
@@ -151,8 +152,8 @@ struct Done<T> {
     bytes: u64,
 }
 
-impl<C: ChunkReader, T> Run<'_, C, T> {
-    fn work(&self, rows: &(dyn Fn(&[Row]) -> Vec<u8> + Sync), progress: &(dyn Fn(usize, u64) + Sync)) {
+impl<C: ChunkReader, T> Run<'_, '_, C, T> {
+    fn work(&self, rows: &(dyn Fn(&[Row]) -> Vec<u8> + Sync)) {
         while let Some((turn, chunk)) = self.next() {
             // The direction out of the first target has to be in the first chunk: the chunk after it is not available here.
             let own_start =
@@ -169,7 +170,7 @@ impl<C: ChunkReader, T> Run<'_, C, T> {
             let last = chunk.program.targets.last().map(|t| t.ordinal);
             let bytes = (chunk.own.len() + chunk.elsewhere.iter().map(|e| e.own.len()).sum::<usize>()) as u64;
             let done = Done { outcome, last, bytes };
-            match turn.take(&self.writer, |writer| writer.write(done, progress)) {
+            match turn.take(&self.writer, |writer| writer.write(done)) {
                 Ok(Ok(())) => {}
                 Ok(Err(error)) => return self.stop(StreamError::Write(error)),
                 Err(Stopped) => return,
@@ -199,10 +200,15 @@ impl<C: ChunkReader, T> Run<'_, C, T> {
 }
 
 /// Writes results in order.
-struct Writer<'a, T> {
+struct Writer<'a, 's, T> {
     program: &'a mut (dyn FnMut(T) -> io::Result<()> + Send),
-    report: &'a mut (dyn Write + Send),
-    each: &'a mut (dyn FnMut(&[Row]) + Send),
+    sinks: &'a mut Sinks<'s>,
+    so_far: SoFar,
+}
+
+/// The results that were written.
+#[derive(Default)]
+struct SoFar {
     tally: Tally,
     /// Ordinal of the last target.
     last: u32,
@@ -214,60 +220,46 @@ struct Writer<'a, T> {
     repeated: Repeated,
 }
 
-impl<'a, T> Writer<'a, T> {
-    fn new(program: &'a mut (dyn FnMut(T) -> io::Result<()> + Send), sinks: &'a mut Sinks<'_>) -> Self {
-        Self {
-            program,
-            report: &mut *sinks.report,
-            each: &mut *sinks.each,
-            tally: Tally::default(),
-            last: 0,
-            targets: 0,
-            bytes: 0,
-            refused: Messages::default(),
-            failures: Messages::default(),
-            notes: Vec::new(),
-            repeated: Repeated::default(),
-        }
-    }
-
-    fn write(&mut self, done: Done<T>, progress: &(dyn Fn(usize, u64) + Sync)) -> io::Result<()> {
-        self.last = done.last.unwrap_or(self.last);
-        self.bytes += done.bytes;
-        let (program, report, corrected) = match done.outcome {
+impl<T> Writer<'_, '_, T> {
+    fn write(&mut self, done: Done<T>) -> io::Result<()> {
+        let Self { program, sinks, so_far } = self;
+        so_far.last = done.last.unwrap_or(so_far.last);
+        so_far.bytes += done.bytes;
+        let (text, report, corrected) = match done.outcome {
             Ok(outcome) => outcome,
             Err(refused) => {
-                self.refused.add_once(refused);
+                so_far.refused.add_once(refused);
                 return Ok(());
             }
         };
-        self.failures.add(corrected.failures);
+        so_far.failures.add(corrected.failures);
         for note in corrected.notes {
-            if !self.notes.contains(&note) {
-                self.notes.push(note);
+            if !so_far.notes.contains(&note) {
+                so_far.notes.push(note);
             }
         }
-        self.repeated.add(corrected.repeated);
-        self.tally.add(&corrected.rows);
-        self.tally.insert(corrected.inserted);
-        (self.each)(&corrected.rows);
-        self.targets += corrected.rows.len();
-        progress(self.targets, self.bytes);
-        if self.refused.is_empty() && self.failures.is_empty() {
-            (self.program)(program)?;
-            self.report.write_all(&report)?;
+        so_far.repeated.add(corrected.repeated);
+        so_far.tally.add(&corrected.rows);
+        so_far.tally.insert(corrected.inserted);
+        (sinks.each)(&corrected.rows);
+        so_far.targets += corrected.rows.len();
+        (sinks.progress)(so_far.targets, so_far.bytes);
+        if so_far.refused.is_empty() && so_far.failures.is_empty() {
+            program(text)?;
+            sinks.report.write_all(&report)?;
         }
         Ok(())
     }
 
     fn done(self) -> io::Result<Streamed> {
-        self.report.flush()?;
+        self.sinks.report.flush()?;
+        let SoFar { tally, last, refused, failures, notes, repeated, .. } = self.so_far;
         Ok(Streamed {
-            summary: self.tally.summary(),
-            last: self.last,
-            refused: self.refused,
-            failures: self.failures.all(),
-            notes: self.notes.into_iter().chain(self.repeated.once()).collect(),
+            summary: tally.summary(),
+            last,
+            refused,
+            failures: failures.all(),
+            notes: notes.into_iter().chain(repeated.once()).collect(),
             names: Vec::new(),
         })
     }
