@@ -33,7 +33,8 @@ use super::again::Again;
 use super::batch::posted_from;
 use super::compensate::edited;
 use super::forces::ForceFile;
-use super::report::{Noticed, Rows, write_joined};
+use super::output::Outputs;
+use super::report::{Noticed, write_joined};
 use super::setup::Setup;
 use deflex::correct::{self, Corrected, CutProgress, Options, PostOptions};
 use deflex::program::{Language, Program};
@@ -301,37 +302,27 @@ fn predict_whole(program: &ProgramFiles, against: Option<&ProgramFiles>, run: &R
     let cell = &run.setup.cell.cell;
     let predicted = correct::predict(&parsed, cell, &run.options_followed(program), original.as_ref())?;
     let noticed = Noticed::new(run.setup.options.forces.as_ref(), None);
-    let done = whole(program.name(), &parsed, predicted, noticed, PathKind::Predict, run)?;
-    Ok(done)
+    whole(program.name(), &parsed, predicted, noticed, PathKind::Predict, run)
 }
 
 fn whole(
     name: &str,
     program: &Program,
     corrected: Corrected,
-    mut noticed: Noticed<'_>,
+    noticed: Noticed<'_>,
     kind: PathKind,
     run: &Run,
 ) -> Result<Done, Vec<Diagnostic>> {
-    if !corrected.failures.is_empty() {
-        return Err(corrected.failures);
-    }
-    noticed.take(&corrected.rows);
-    let said = noticed.notes(name)?;
-    let summary = FileSummary::new(name, &corrected);
-    let mut csv = Vec::new();
-    // Writing to a Vec cannot fail.
-    let _ = write_joined(&[Rows::new(&corrected.rows)], &mut csv);
-    let mut path = run.path(kind);
-    if let Some(path) = &mut path {
-        Rows::new(&corrected.rows).draw(path, &corrected.rows);
-        path.quote(|target, _| program.line_of(target));
-    }
-    if let Some(follow) = &run.follow {
-        follow(corrected.rows.len(), program.sources.iter().map(|source| source.bytes.len() as u64).sum());
-    }
+    let targets = corrected.rows.len();
     let mut numbers = run.numbers();
     numbers.iter_mut().for_each(|numbers| numbers.take(&corrected.rows));
-    let notes = corrected.notes.into_iter().chain(said).collect();
-    Ok(Done { files: Vec::new(), csv, summary, notes, path, numbers })
+    let outputs = Outputs::default();
+    let done = super::run::Done::new((name, kind), program, corrected, outputs, run.path(kind), noticed)?;
+    let mut csv = Vec::new();
+    // Writing to a Vec cannot fail.
+    let _ = write_joined(done.rows.as_slice(), &mut csv);
+    if let Some(follow) = &run.follow {
+        follow(targets, program.sources.iter().map(|source| source.bytes.len() as u64).sum());
+    }
+    Ok(Done { files: Vec::new(), csv, summary: done.summary, notes: done.notes, path: done.path, numbers })
 }
