@@ -7,16 +7,16 @@ use super::input::Context;
 use super::job::Job;
 use super::output::{Outputs, cannot_write, is_stdout, one_thing};
 use super::piped::{Piped, jobs};
-use super::report::write_joined;
+use super::report::joined;
 use super::run::{Done, each, finish};
 use super::setup::Setup;
 use super::{Outcome, progress, stream};
-use deflex::correct::{self, Corrected};
+use deflex::cell::Cell;
+use deflex::correct::{self, Corrected, PostOptions};
 use deflex::program::{Language, Program};
 use deflex::report::html::{PathKind, PathTrace};
 use deflex::text::{Diagnostic, Severity};
 use indicatif::ProgressBar;
-use std::io::Write;
 use std::path::PathBuf;
 
 pub(super) fn run(args: &Compensate) -> Outcome {
@@ -76,16 +76,8 @@ impl Batch<'_> {
             return Err(corrected.failures);
         }
         let mut outputs = self.outputs.sibling();
-        let mut notes = Vec::new();
-        let written = match program.language.is_edited() {
-            true => edited(shaped.as_ref().unwrap_or(&program), &corrected, &files),
-            false => {
-                let options = post_options(args, &files[0]);
-                let posted = correct::post(&program, &setup.cell.cell, &corrected, &options)?;
-                notes = posted.notes;
-                posted.files.into_iter().map(|(name, bytes)| (PathBuf::from(name), bytes)).collect()
-            }
-        };
+        let post = || post_options(args, &files[0]);
+        let (written, notes) = written(shaped.as_ref().unwrap_or(&program), &corrected, cell, &files, post)?;
         // Of several modules the first that moves: others only declare.
         let moving = corrected
             .rows
@@ -99,10 +91,7 @@ impl Batch<'_> {
             Done::new((&name, PathKind::Compensate), &program, corrected, outputs, self.path.clone(), noticed)?;
         done.notes.extend(notes);
         if let (Some(path), Some(rows)) = (report_beside(args, &stem), &done.rows) {
-            let mut file = done.outputs.open_report(&path)?;
-            write_joined(std::slice::from_ref(rows), &mut file)
-                .and_then(|()| file.flush())
-                .map_err(|error| cannot_write(&path, &error))?;
+            joined(&mut done.outputs, &path, std::slice::from_ref(rows))?;
         }
         match (&args.reports.report, &mut done.rows) {
             (Some(path), Some(rows)) if self.programs > 1 => {
@@ -139,11 +128,21 @@ fn named_otherwise(args: &Compensate, job: &Job) -> Result<Option<Diagnostic>, V
     }
 }
 
-/// Bytes of each corrected source.
-pub(super) fn edited(program: &Program, corrected: &Corrected, files: &[PathBuf]) -> Vec<(PathBuf, Vec<u8>)> {
+/// Files of a corrected program, edited or posted, and notes about them.
+pub(super) fn written(
+    program: &Program,
+    corrected: &Corrected,
+    cell: &Cell,
+    files: &[PathBuf],
+    post: impl FnOnce() -> PostOptions,
+) -> Result<(Vec<(PathBuf, Vec<u8>)>, Vec<Diagnostic>), Vec<Diagnostic>> {
+    if !program.language.is_edited() {
+        let posted = correct::post(program, cell, corrected, &post())?;
+        return Ok((posted.files.into_iter().map(|(name, bytes)| (name.into(), bytes)).collect(), posted.notes));
+    }
     let edits = corrected.rewritten.as_ref().map_or(&[][..], |rewritten| &rewritten.edits[..]);
     let edited = program.edited(edits).into_iter().take(program.written);
-    edited.zip(files).map(|(source, file)| (file.clone(), source.bytes)).collect()
+    Ok((edited.zip(files).map(|(source, file)| (file.clone(), source.bytes)).collect(), Vec::new()))
 }
 
 /// Puts the files of one program where they belong.

@@ -31,7 +31,7 @@ pub use write::write;
 
 use super::again::Again;
 use super::batch::posted_from;
-use super::compensate::edited;
+use super::compensate::written;
 use super::forces::ForceFile;
 use super::output::Outputs;
 use super::report::{Noticed, write_joined};
@@ -280,16 +280,8 @@ fn compensate_whole(program: &ProgramFiles, run: &Run) -> Result<Done, Vec<Diagn
         return Err(corrected.failures);
     }
     let names = program.names();
-    let mut notes = Vec::new();
-    let files = match parsed.language {
-        Language::Cl => {
-            let options = run.post.clone().unwrap_or_else(|| Run::posted_from(&names[0]));
-            let posted = correct::post(&parsed, cell, &corrected, &options)?;
-            notes = posted.notes;
-            posted.files.into_iter().map(|(name, bytes)| (PathBuf::from(name), bytes)).collect()
-        }
-        _ => edited(&parsed, &corrected, names),
-    };
+    let post = || run.post.clone().unwrap_or_else(|| Run::posted_from(&names[0]));
+    let (files, notes) = written(&parsed, &corrected, cell, names, post)?;
     whole(program.name(), &parsed, corrected, noticed, PathKind::Compensate, run).map(|done| {
         let notes = done.notes.into_iter().chain(notes).collect();
         Done { files, notes, ..done }
