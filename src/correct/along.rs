@@ -173,6 +173,8 @@ impl WayFinding {
 
 /// A segment that the arm follows.
 pub(super) struct FollowedSegment<'a> {
+    /// Index of the target that it ends at.
+    pub(super) index: usize,
     pub(super) robot: &'a Robot,
     /// The commanded curve, in the work object.
     pub(super) track: Track,
@@ -188,43 +190,26 @@ pub(super) struct FollowedSegment<'a> {
 #[derive(Clone, Copy, Debug, Default)]
 struct Worst {
     /// Largest excess over an axis limit, rad, and the finding.
-    limit: Option<(f64, Fault)>,
+    limit: Option<(f64, WayFinding)>,
     /// Speed over its limit.
-    speed: Option<(f64, Fault)>,
+    speed: Option<(f64, WayFinding)>,
     /// Distance from a singular posture over the sufficient distance.
-    singular: Option<(f64, Fault)>,
-    unreachable: Option<Fault>,
-}
-
-/// A finding before its target is known.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Fault {
-    pub(super) fault: WayFault,
-    pub(super) share: f64,
-    axis: usize,
-    pub(super) value: f64,
-    pub(super) limit: f64,
+    singular: Option<(f64, WayFinding)>,
+    unreachable: Option<WayFinding>,
 }
 
 impl Worst {
     /// Adds a point that is out of reach.
-    fn miss(&mut self, share: f64, unreachable: Unreachable) {
+    fn miss(&mut self, index: usize, share: f64, unreachable: Unreachable) {
         let value = match unreachable {
             Unreachable::OutOfReach { by_mm } => by_mm,
             Unreachable::NotConverged { left_mm } => left_mm,
             Unreachable::Limit(_) => 0.0,
         };
         if self.unreachable.is_none_or(|known| value > known.value) {
-            self.unreachable = Some(Fault { fault: WayFault::Unreachable, share, axis: 0, value, limit: 0.0 });
+            let fault = WayFault::Unreachable;
+            self.unreachable = Some(WayFinding { fault, index, share, axis: 0, value, limit: 0.0 });
         }
-    }
-}
-
-impl Fault {
-    /// The finding for the target with an index.
-    pub(super) fn at_target(self, index: usize) -> WayFinding {
-        let Self { fault, share, axis, value, limit } = self;
-        WayFinding { fault, index, share, axis, value, limit }
     }
 }
 
@@ -322,7 +307,8 @@ impl Calm {
 
 impl FollowedSegment<'_> {
     /// The worst fault of each kind on the segment.
-    pub(super) fn faults(&self) -> Vec<Fault> {
+    pub(super) fn faults(&self) -> Vec<WayFinding> {
+        let index = self.index;
         let mut worst = Worst::default();
         let ends = [0.0, 1.0].map(|share| self.base_from_tcp(share));
         let (bend, branch) = (self.bend(), self.robot.branch(&self.motors[0]));
@@ -353,7 +339,7 @@ impl FollowedSegment<'_> {
                         (last, near) = (Some(here), motor);
                     }
                     Err(unreachable) => {
-                        worst.miss(share, unreachable);
+                        worst.miss(index, share, unreachable);
                         last = None;
                     }
                 }
@@ -372,7 +358,7 @@ impl FollowedSegment<'_> {
                         let (value, limit) = (speed.to_degrees(), speeds[i].to_degrees());
                         let share = 0.5 * (shares[0] + shares[1]);
                         let fault = WayFault::AxisSpeed;
-                        worst.speed = Some((ratio, Fault { fault, share, axis: i + 1, value, limit }));
+                        worst.speed = Some((ratio, WayFinding { fault, index, share, axis: i + 1, value, limit }));
                     }
                 }
             }
@@ -391,7 +377,7 @@ impl FollowedSegment<'_> {
                     open.push(([middle, shares[1]], [motor, motors[1]], [there, ends[1]]));
                     open.push(([shares[0], middle], [motors[0], motor], [ends[0], there]));
                 }
-                Err(unreachable) => worst.miss(middle, unreachable),
+                Err(unreachable) => worst.miss(index, middle, unreachable),
             }
         }
         let Worst { limit, speed, singular, unreachable } = worst;
@@ -447,7 +433,8 @@ impl FollowedSegment<'_> {
             let by = violation.by_deg.to_radians();
             if worst.limit.is_none_or(|(known, _)| by > known) {
                 let (axis, value, limit) = (violation.axis + 1, violation.value_deg, violation.limit_deg);
-                worst.limit = Some((by, Fault { fault: WayFault::AxisLimit, share, axis, value, limit }));
+                let fault = WayFault::AxisLimit;
+                worst.limit = Some((by, WayFinding { fault, index: self.index, share, axis, value, limit }));
             }
         }
         let Some([wrist, elbow, shoulder]) = self.robot.clearance(motor) else { return };
@@ -458,7 +445,8 @@ impl FollowedSegment<'_> {
         ];
         for (axis, part, value, limit) in kinds {
             if part < 1.0 && worst.singular.is_none_or(|(known, _)| part < known) {
-                worst.singular = Some((part, Fault { fault: WayFault::Singular, share, axis, value, limit }));
+                let fault = WayFault::Singular;
+                worst.singular = Some((part, WayFinding { fault, index: self.index, share, axis, value, limit }));
             }
         }
     }
@@ -531,6 +519,6 @@ fn faults(
     };
     let setting = |share: f64| segment.setting(share);
     let feed_mm_s = walked.program.targets[i].feed_mm_s;
-    let along = FollowedSegment { robot, track, setting: &setting, motors: [start.motor, *motor], feed_mm_s };
-    Some(along.faults().into_iter().map(|fault| fault.at_target(i)).collect())
+    let motors = [start.motor, *motor];
+    Some(FollowedSegment { index: i, robot, track, setting: &setting, motors, feed_mm_s }.faults())
 }

@@ -2,7 +2,7 @@
 //! reach, the next search keeps farther from that state.
 
 use super::path::Path;
-use crate::correct::along::{Fault, FollowedSegment, WayFault};
+use crate::correct::along::{FollowedSegment, WayFault, WayFinding};
 use crate::correct::carried::Chosen;
 use crate::drive::Track;
 use rayon::prelude::*;
@@ -18,9 +18,9 @@ const WIDER: f64 = 3.0 * PI / 180.0;
 const SLOWER: f64 = 1.1;
 
 impl Path<'_> {
-    /// Faults on the segments between chosen targets, each with the index of the target at the end.
-    pub(super) fn way_faults(&self, chosen: &[Chosen]) -> Vec<(usize, Fault)> {
-        let faults = |i: usize| -> Vec<(usize, Fault)> {
+    /// Faults on the segments between chosen targets.
+    pub(super) fn way_faults(&self, chosen: &[Chosen]) -> Vec<WayFinding> {
+        let faults = |i: usize| {
             let is_chosen = |i: usize| chosen[i].turn.is_some();
             if self.moves[i].free || !(is_chosen(i) || is_chosen(i - 1)) {
                 return Vec::new();
@@ -39,26 +39,29 @@ impl Path<'_> {
                 there.wobj_from_tcp(&before.base_from_flange(&from.wobj_from_tcp))
             };
             let segment = FollowedSegment {
+                index: i,
                 robot: self.robot(),
                 track: Track::line(&begins, &to.wobj_from_tcp),
                 setting: &setting,
                 motors: [from.motor, to.motor],
                 feed_mm_s: self.moves[i].time.map(|time| 1e3 * self.moves[i].length / time),
             };
-            segment.faults().into_iter().map(|fault| (i, fault)).collect()
+            segment.faults()
         };
         (1..chosen.len()).into_par_iter().flat_map_iter(faults).collect()
     }
 
     /// Keeps the next search farther from these faults.
-    pub(super) fn keep_clear_of(&mut self, faults: &[(usize, Fault)]) {
-        for (i, fault) in faults {
-            for at in [i - 1, *i] {
+    pub(super) fn keep_clear_of(&mut self, faults: &[WayFinding]) {
+        for fault in faults {
+            for at in [fault.index - 1, fault.index] {
                 let clear = self.kept_clear.entry(at).or_default();
                 match fault.fault {
                     WayFault::AxisLimit => clear.limits += (fault.value - fault.limit).abs().to_radians() + BESIDES,
                     WayFault::Singular | WayFault::Unreachable => clear.singular += WIDER,
-                    WayFault::AxisSpeed if at == *i => clear.speed *= SLOWER * (fault.value / fault.limit).max(1.0),
+                    WayFault::AxisSpeed if at == fault.index => {
+                        clear.speed *= SLOWER * (fault.value / fault.limit).max(1.0)
+                    }
                     WayFault::AxisSpeed => {}
                 }
             }

@@ -154,11 +154,11 @@ impl Path<'_> {
                 }
             }
             self.keep_clear_of(&wrong);
-            forced.extend(wrong.iter().flat_map(|(i, _)| [i - 1, *i]).chain(left));
+            forced.extend(wrong.iter().flat_map(|fault| [fault.index - 1, fault.index]).chain(left));
         }
-        if let Some((at, fault)) = wrong.first() {
-            let why = fault.at_target(*at).text();
-            return Err(self.refuse(*at, &format!("no turn can be taken here: {why}"), Refusal::Between));
+        if let Some(fault) = wrong.first() {
+            let why = format!("no turn can be taken here: {}", fault.text());
+            return Err(self.refuse(fault.index, &why, Refusal::Between));
         }
         let at = left.unwrap_or(0);
         Err(self.refuse(at, "no turn between its neighbours' can be taken here", Refusal::Between))
