@@ -6,6 +6,7 @@
 
 use super::Prepared;
 use super::context::JudgedPath;
+use super::halved::{Halved, Tick};
 use super::mount::Moved;
 use super::point::Point;
 use super::segment::{Kind, SMOOTH, Segment, Start};
@@ -16,7 +17,6 @@ use crate::equilibrium::{Dragged, EquilibriumError, PredictedPose, WarmStart};
 use crate::program::Program;
 use crate::robot::{Joints, Pose};
 use nalgebra::Vector3;
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// A jump is over within this length of path, m; shorter segments have none inserted for it.
@@ -160,7 +160,7 @@ const RESOLVED_SHARE: f64 = 0.02;
 
 /// Number of ticks by which positions on a part are counted. An interval that is not resolved is halved down to four ticks, so that jumps
 /// inside (a joint that turns back) are found to that accuracy.
-const TICKS: u16 = 256;
+const TICKS: Tick = 256;
 
 /// A part of a segment between two commanded points.
 struct Part {
@@ -429,7 +429,7 @@ impl Part {
     }
 
     /// Share of the segment at a tick.
-    fn share(&self, tick: u16) -> f64 {
+    fn share(&self, tick: Tick) -> f64 {
         self.from + f64::from(tick) / f64::from(TICKS) * (self.to - self.from)
     }
 }
@@ -444,13 +444,7 @@ struct Measure<'a, 's, 'p> {
 }
 
 /// The results for a part: deviations across the programmed path by ticks, m; `None` where there is no equilibrium.
-#[derive(Default)]
-struct Known {
-    off: BTreeMap<u16, Option<Vector3<f64>>>,
-    /// Resolved intervals: their ends, middle and quarters are known.
-    resolved: Vec<(u16, u16)>,
-    open: Vec<(u16, u16)>,
-}
+type Known = Halved<Vector3<f64>>;
 
 impl<'p> Measure<'_, '_, 'p> {
     /// The segment of a part.
@@ -462,37 +456,38 @@ impl<'p> Measure<'_, '_, 'p> {
     fn all(&self) -> Vec<Option<PathDeviation>> {
         let mut known: Vec<Known> = self.parts.iter().map(|part| self.begin(part)).collect();
         loop {
-            let wanted: Vec<(usize, u16)> =
-                known.iter().enumerate().flat_map(|(at, known)| known.wanted().map(move |tick| (at, tick))).collect();
+            let wanted: Vec<(usize, Tick)> = known
+                .iter()
+                .enumerate()
+                .flat_map(|(at, known)| known.wanted().into_iter().map(move |tick| (at, tick)))
+                .collect();
             if wanted.is_empty() {
                 break;
             }
             for ((at, tick), off) in wanted.iter().zip(self.deviations(&wanted)) {
-                known[*at].off.insert(*tick, off);
+                known[*at].values.insert(*tick, off);
             }
-            known.iter_mut().for_each(Known::judge);
+            known.iter_mut().for_each(|known| known.judge(is_resolved));
         }
         self.parts.iter().zip(&known).map(|(part, known)| self.result(part, known)).collect()
     }
 
     fn begin(&self, part: &Part) -> Known {
-        let mut known = Known::default();
+        let mut known = Known::new(TICKS);
         let segment = self.segment(part);
         let landed = self.walked.commanded.landed[segment.end].as_ref().ok();
         // At the end of a line the force is that at the target itself.
         if let Some(landed) = landed.filter(|_| part.to >= 1.0 && !segment.track.is_arc()) {
-            known.off.insert(TICKS, Some(segment.track.across(1.0, &landed.shift)));
+            known.values.insert(TICKS, Some(segment.track.across(1.0, &landed.shift)));
         }
         if part.short {
-            known.resolved.push((0, TICKS))
-        } else {
-            known.open.push((0, TICKS))
+            known.done.append(&mut known.open);
         }
         known
     }
 
     /// Errors of the tip at ticks of parts, m.
-    fn deviations(&self, wanted: &[(usize, u16)]) -> Vec<Option<Vector3<f64>>> {
+    fn deviations(&self, wanted: &[(usize, Tick)]) -> Vec<Option<Vector3<f64>>> {
         let prepared = self.solver.prepared;
         let points = self.solver.parallelism.map(wanted.len(), |k| {
             let (part, tick) = (&self.parts[wanted[k].0], wanted[k].1);
@@ -518,7 +513,7 @@ impl<'p> Measure<'_, '_, 'p> {
     }
 
     /// The point at a tick of a part.
-    fn point(&self, part: &Part, tick: u16) -> Option<Point> {
+    fn point(&self, part: &Part, tick: Tick) -> Option<Point> {
         let segment = self.segment(part);
         let arm = self.solver.arm;
         let at = |tick: f64| {
@@ -549,72 +544,42 @@ impl<'p> Measure<'_, '_, 'p> {
 
     fn result(&self, part: &Part, known: &Known) -> Option<PathDeviation> {
         let length = (part.to - part.from) * self.segment(part).track.length();
-        let off = |tick: u16| known.off.get(&tick).copied().flatten();
         // The error before the part: a jump is what comes in addition.
         let before = match part.from <= 0.0 {
             true => self.segments[part.segment].1.left,
-            false => off(0).map_or(0.0, |off| off.norm()),
+            false => known.at(0).map_or(0.0, |off| off.norm()),
         };
         if part.short {
-            let [from, to] = [off(0)?, off(TICKS)?];
+            let [from, to] = [known.at(0)?, known.at(TICKS)?];
             return Some(linear(&from, &to, length).with_jump(before, &from, &to));
         }
         let mut all: Option<PathDeviation> = None;
-        for &(from, to) in &known.resolved {
-            let quarter = (to - from) / 4;
-            let [a, b, c, d, e] = [0, 1, 2, 3, 4].map(|k| off(from + k * quarter));
-            let here = resolved([a?, b?, c?, d?, e?], length * f64::from(to - from) / f64::from(TICKS));
+        for &(from, to) in &known.done {
+            let here = resolved(known.five((from, to))?, length * f64::from(to - from) / f64::from(TICKS));
             all = Some(all.map_or(here, |all| all.and(here)));
         }
         let all = all?;
-        Some(if part.from <= 0.0 || length <= JUMP_WITHIN { known.with_jump(all, before, length) } else { all })
+        Some(if part.from <= 0.0 || length <= JUMP_WITHIN { with_jump(known, all, before, length) } else { all })
     }
 }
 
-impl Known {
-    /// The deviation on the part, with the jump in the first [`JUMP_WITHIN`] of its length (m) separated from the rest. `before` is the
-    /// error before the part, m.
-    fn with_jump(&self, all: PathDeviation, before: f64, length: f64) -> PathDeviation {
-        let over = (JUMP_WITHIN / length).min(1.0) * f64::from(TICKS);
-        let known = self.off.iter().filter_map(|(tick, off)| Some((f64::from(*tick), (*off)?)));
-        let (within, behind): (Vec<_>, Vec<_>) = known.partition(|(tick, _)| *tick < over);
-        let (Some((from, first)), Some((to, second))) = (within.last(), behind.first()) else { return all };
-        let at_end = first.lerp(second, (over - from) / (to - from)).norm();
-        let most = |off: &[(f64, Vector3<f64>)]| off.iter().map(|(_, off)| off.norm()).fold(0.0, f64::max);
-        all.judged(before, most(&within), at_end.max(most(&behind)))
-    }
+/// The deviation on the part, with the jump in the first [`JUMP_WITHIN`] of its length (m) separated from the rest. `before` is the error
+/// before the part, m.
+fn with_jump(known: &Known, all: PathDeviation, before: f64, length: f64) -> PathDeviation {
+    let over = (JUMP_WITHIN / length).min(1.0) * f64::from(TICKS);
+    let known = known.values.iter().filter_map(|(tick, off)| Some((f64::from(*tick), (*off)?)));
+    let (within, behind): (Vec<_>, Vec<_>) = known.partition(|(tick, _)| *tick < over);
+    let (Some((from, first)), Some((to, second))) = (within.last(), behind.first()) else { return all };
+    let at_end = first.lerp(second, (over - from) / (to - from)).norm();
+    let most = |off: &[(f64, Vector3<f64>)]| off.iter().map(|(_, off)| off.norm()).fold(0.0, f64::max);
+    all.judged(before, most(&within), at_end.max(most(&behind)))
+}
 
-    /// Ticks that have no result yet.
-    fn wanted(&self) -> impl Iterator<Item = u16> {
-        let open = self.open.iter().flat_map(|(from, to)| (0..=4).map(move |k| from + k * ((to - from) / 4)));
-        let ends = self.resolved.iter().flat_map(|(from, to)| [*from, *to]);
-        let mut all: Vec<u16> = open.chain(ends).filter(|tick| !self.off.contains_key(tick)).collect();
-        all.sort_unstable();
-        all.dedup();
-        all.into_iter()
-    }
-
-    /// Halves the intervals whose quarters are not on the curve through their ends and their middle.
-    fn judge(&mut self) {
-        for (from, to) in std::mem::take(&mut self.open) {
-            let quarter = (to - from) / 4;
-            let [a, b, c, d, e] = [0, 1, 2, 3, 4].map(|k| self.off.get(&(from + k * quarter)).copied().flatten());
-            let (Some(a), Some(b), Some(c), Some(d), Some(e)) = (a, b, c, d, e) else {
-                // The missing result makes the part unknown.
-                self.resolved.push((from, to));
-                continue;
-            };
-            let misses = [b - (a * 3.0 + c * 6.0 - e) / 8.0, d - (e * 3.0 + c * 6.0 - a) / 8.0];
-            let most = [a, b, c, d, e].iter().map(Vector3::norm).fold(0.0, f64::max);
-            let enough = misses.iter().all(|miss| miss.norm() <= RESOLVED.max(RESOLVED_SHARE * most));
-            if enough || quarter <= 1 {
-                self.resolved.push((from, to));
-            } else {
-                let middle = from + 2 * quarter;
-                self.open.extend([(from, middle), (middle, to)]);
-            }
-        }
-    }
+/// Whether the quarters of an interval are on the curve through its ends and its middle, or it is too short to be halved.
+fn is_resolved((from, to): (Tick, Tick), [a, b, c, d, e]: [Vector3<f64>; 5]) -> bool {
+    let misses = [b - (a * 3.0 + c * 6.0 - e) / 8.0, d - (e * 3.0 + c * 6.0 - a) / 8.0];
+    let most = [a, b, c, d, e].iter().map(Vector3::norm).fold(0.0, f64::max);
+    (to - from) / 4 <= 1 || misses.iter().all(|miss| miss.norm() <= RESOLVED.max(RESOLVED_SHARE * most))
 }
 
 /// The deviation from five errors (m) at even distances along a length (m).

@@ -24,6 +24,7 @@ mod driven;
 mod flow;
 mod frames;
 mod free_turn;
+mod halved;
 mod inserted;
 mod judge;
 mod kept;

@@ -7,6 +7,7 @@
 //! [`deviation`](super::deviation) judges the result with the forward model.
 
 use super::deviation::{Commanded, JUMP_WITHIN, Node, WalkedPath};
+use super::halved::{Halved, Tick};
 use super::point::Point;
 use super::segment::{Kind, Segment, Start};
 use super::solve::{CorrectionMode, Solved, Solver, controller_motor};
@@ -17,7 +18,6 @@ use crate::equilibrium::Dragged;
 use crate::program::{Insert, Program};
 use crate::robot::{conf_is, conf_like};
 use nalgebra::Vector3;
-use std::collections::BTreeMap;
 
 /// Share of the tolerance that is allowed at the compared points: the rest is for the points between, and for the feedback of the
 /// deflection on the force.
@@ -35,8 +35,7 @@ const SHORTEST: f64 = 0.1e-3;
 /// Arcs shorter than this are lines, rad: a `MoveC` needs a degree between circle point and end, seen from its start.
 const SHORTEST_ARC: f64 = 8.0 * std::f64::consts::PI / 180.0;
 
-/// Positions on a segment are counted in ticks, which can be halved exactly.
-type Tick = u32;
+/// Number of ticks by which positions on a segment are counted.
 const TICKS: Tick = 1 << 20;
 
 /// The inserted points, and the circle points that move because of them.
@@ -60,10 +59,7 @@ struct Plan<'p> {
     /// Share at which the ticks begin, after a jump.
     first: f64,
     /// Needed commands by tick; `None` if there is no solution.
-    needed: BTreeMap<Tick, Option<Solved>>,
-    open: Vec<(Tick, Tick)>,
-    /// Intervals that are not halved any more, and whether they are arcs.
-    done: Vec<(Tick, Tick, bool)>,
+    needed: Halved<Solved>,
 }
 
 /// Targets to insert so that the error between targets is at most `tolerance` (m). `last` is the end of the targets before.
@@ -94,14 +90,14 @@ pub(super) fn subdivide(
         let wanted: Vec<(usize, Tick)> = plans
             .iter()
             .enumerate()
-            .flat_map(|(at, plan)| plan.wanted().into_iter().map(move |tick| (at, tick)))
+            .flat_map(|(at, plan)| plan.needed.wanted().into_iter().map(move |tick| (at, tick)))
             .collect();
         if wanted.is_empty() {
             break;
         }
         let places: Vec<(usize, f64)> = wanted.iter().map(|(at, tick)| (*at, plans[*at].share(*tick))).collect();
         for ((at, tick), needed) in wanted.iter().zip(solve(solver, &plans, &places)) {
-            plans[*at].needed.insert(*tick, needed);
+            plans[*at].needed.values.insert(*tick, needed);
         }
         plans.iter_mut().for_each(|plan| plan.judge(enough));
     }
@@ -149,9 +145,7 @@ impl<'p> Plan<'p> {
             mode,
             length,
             first: 0.0,
-            needed: BTreeMap::new(),
-            open: vec![(0, TICKS)],
-            done: Vec::new(),
+            needed: Halved::new(TICKS),
         };
         (length > 2.0 * JUMP_LEAST).then_some(plan)
     }
@@ -167,7 +161,7 @@ impl<'p> Plan<'p> {
 
     /// Finds whether the needed command jumps at the start.
     fn begin(&mut self, needed: Option<Solved>, enough: f64) {
-        let Some(needed) = needed else { return self.open.clear() };
+        let Some(needed) = needed else { return self.needed.open.clear() };
         let shift = self.from.wobj_from_tcp.translation.vector - needed.wobj_from_tcp.translation.vector;
         let track = &self.segment.track;
         let jump = if self.segment.corner { track.across_start(&shift) } else { track.across(0.0, &shift) }.norm();
@@ -176,10 +170,10 @@ impl<'p> Plan<'p> {
             let over = (JUMP_WITHIN * enough / jump).clamp(JUMP_LEAST, JUMP_WITHIN);
             self.first = (over / self.length).min(0.5);
         } else {
-            self.needed.insert(0, Some(self.from.clone()));
+            self.needed.values.insert(0, Some(self.from.clone()));
         }
         if !self.segment.track.is_arc() {
-            self.needed.insert(TICKS, Some(self.to.clone()));
+            self.needed.values.insert(TICKS, Some(self.to.clone()));
         }
     }
 
@@ -205,75 +199,60 @@ impl<'p> Plan<'p> {
         Some(point)
     }
 
-    /// Ticks whose commands are needed next.
-    fn wanted(&self) -> Vec<Tick> {
-        let ticks = self.open.iter().flat_map(|(from, to)| (0..=4).map(move |k| from + k * ((to - from) / 4)));
-        let mut ticks: Vec<Tick> = ticks.filter(|tick| !self.needed.contains_key(tick)).collect();
-        ticks.sort_unstable();
-        ticks.dedup();
-        ticks
+    /// Whether the controller's interpolation on a part is an arc. The last part is the instruction of the text: an arc.
+    fn is_arc(&self, (from, to): (Tick, Tick)) -> bool {
+        let angle = || self.size(from, to) * (self.segment.track.angle() / self.length);
+        self.segment.track.is_arc() && (to == TICKS || angle() >= SHORTEST_ARC)
     }
 
     /// Halves the intervals on which the controller's interpolation between the commands is not the needed command.
     fn judge(&mut self, enough: f64) {
-        let angle_per_length = self.segment.track.angle() / self.length;
-        for (from, to) in std::mem::take(&mut self.open) {
+        let mut needed = std::mem::replace(&mut self.needed, Halved::new(TICKS));
+        needed.judge(|(from, to), five| {
+            let [a, b, c, d, e] = &five.map(|solved| solved.wobj_from_tcp);
             let quarter = (to - from) / 4;
-            let known = [0, 1, 2, 3, 4].map(|k| self.needed.get(&(from + k * quarter)).cloned().flatten());
-            let [Some(a), Some(b), Some(c), Some(d), Some(e)] = known else {
-                self.done.push((from, to, false));
-                continue;
-            };
-            let poses = [a, b, c, d, e].map(|solved| solved.wobj_from_tcp);
-            let size = self.size(from, to);
-            // The last part is the instruction of the text: an arc.
-            let arc = self.segment.track.is_arc() && (to == TICKS || size * angle_per_length >= SHORTEST_ARC);
-            let [a, b, c, d, e] = &poses;
-            let between = if arc { Track::arc(a, c, e) } else { Track::line(a, e) };
-            let off = [(1, b), (2, c), (3, d)].map(|(k, needed)| {
+            let between = if self.is_arc((from, to)) { Track::arc(a, c, e) } else { Track::line(a, e) };
+            let mut off = [(1, b), (2, c), (3, d)].into_iter().map(|(k, needed)| {
                 let share = f64::from(k) / 4.0;
                 let shift: Vector3<f64> = between.pose(share).translation.vector - needed.translation.vector;
                 self.segment.track.across(self.share(from + k * quarter), &shift).norm()
             });
             let shortest = if self.segment.track.is_arc() && to == TICKS {
-                2.0 * SHORTEST_ARC / angle_per_length
+                2.0 * SHORTEST_ARC / (self.segment.track.angle() / self.length)
             } else {
                 2.0 * SHORTEST
             };
-            if off.iter().all(|off| *off <= enough) || size < shortest || quarter < 2 {
-                self.done.push((from, to, arc));
-            } else {
-                self.open.extend([(from, from + 2 * quarter), (from + 2 * quarter, to)]);
-            }
-        }
+            off.all(|off| off <= enough) || self.size(from, to) < shortest || quarter < 2
+        });
+        self.needed = needed;
     }
 
     fn finish(mut self, out: &mut Subdivision) {
-        self.done.sort_unstable();
+        self.needed.done.sort_unstable();
         let end = self.segment.end;
-        let known = |tick: Tick| self.needed.get(&tick).cloned().flatten();
         let node = |tick: Tick, via: Option<Tick>| {
             Some(Node {
                 before: end,
                 share: self.share(tick),
                 length: self.length,
-                commanded: known(tick)?.wobj_from_tcp,
-                via: via.and_then(known).map(|via| via.wobj_from_tcp),
+                commanded: self.needed.at(tick)?.wobj_from_tcp,
+                via: via.and_then(|via| self.needed.at(via)).map(|via| via.wobj_from_tcp),
                 moved: self.segment.moved(self.share(tick)),
             })
         };
-        let split = self.done.len() > 1 || self.first > 0.0;
+        let split = self.needed.done.len() > 1 || self.first > 0.0;
         if !split {
             return;
         }
         if self.first > 0.0 {
             out.nodes.extend(node(0, None));
         }
-        for &(from, to, arc) in &self.done {
+        for &(from, to) in &self.needed.done {
             let middle = from + (to - from) / 2;
+            let arc = self.is_arc((from, to)) && self.needed.five((from, to)).is_some();
             if to < TICKS {
                 out.nodes.extend(node(to, arc.then_some(middle)));
-            } else if arc && let Some(via) = known(middle) {
+            } else if arc && let Some(via) = self.needed.at(middle) {
                 out.vias.push((end - 1, self.segment.at(self.share(middle)), via));
             }
         }
