@@ -157,8 +157,8 @@ impl Path<'_> {
             forced.extend(wrong.iter().flat_map(|fault| [fault.index - 1, fault.index]).chain(left));
         }
         if let Some(fault) = wrong.first() {
-            let why = format!("no turn can be taken here: {}", fault.text());
-            return Err(self.refuse(fault.index, &why, Refusal::Between));
+            let why = fault.text();
+            return Err(self.refuse(fault.index, &format!("no turn can be taken here: {why}"), Refusal::Between));
         }
         let at = left.unwrap_or(0);
         Err(self.refuse(at, "no turn between its neighbours' can be taken here", Refusal::Between))
