@@ -1,8 +1,8 @@
-//! deflex: toolpath post-processor for robot milling.
+//! deflex corrects robot programs for the bending of the robot, and finds from measurements the physical effect that a model of
+//! the robot lacks.
 //!
-//! A **cell** is the robot that the controller believes in plus a list of **effects** that make the
-//! real one differ. Everything else is a question put to the cell. The modules stand in the order
-//! of the data:
+//! A **cell** describes the robot as its controller assumes it, and a list of **effects** by which the real robot differs from
+//! that. All computations take a cell. The modules are listed in the order of the data:
 //!
 //! | module | from | to |
 //! |---|---|---|
@@ -10,17 +10,17 @@
 //! | [`program`] | program bytes | targets, and corrected poses back into the same bytes |
 //! | [`robot`] | motor angles | poses, and back; Jacobian |
 //! | [`cutting`] | engagement | mean cutting force, contact point |
-//! | [`stock`] | moves of a cutter | what is left of the blank, and what of the cutter is in it |
-//! | [`effects`] | state of the arm | loads, yields and offsets, one file per physical effect |
-//! | [`equilibrium`] | command | actual pose (`predict`), and back (`compensate`) |
+//! | [`stock`] | motions of a cutter | what is left of the blank, and the part of the cutter that is in material |
+//! | [`effects`] | state of the arm | loads, deflections and offsets, one file for each physical effect |
+//! | [`equilibrium`] | command | actual pose, and the command for a wanted pose |
 //! | [`cell`] | cell file | robot, tools, cut and effects, and back with the user's comments |
 //! | [`correct`] | a program and a cell | corrected poses and report rows |
 //! | [`measured`] | measured rows | residuals |
-//! | [`identify`] | residuals | the effect the cell lacks |
+//! | [`identify`] | residuals | the effect that the cell lacks |
 //! | [`report`] | results | CSV, JSON, summary, HTML, CI formats |
-//! | [`cli`] | arguments, files | files, exit code; and the same with the results in memory |
+//! | [`cli`] | arguments, files | files, exit code; [`cli::session`] returns the results in memory |
 //!
-//! Read, correct, write:
+//! Read a program, correct it, and write it:
 //!
 //! ```
 //! use deflex::cell::Cell;
@@ -33,7 +33,7 @@
 //!     let cell = Cell::read(&read("samples/slot/cell.toml")?)?;
 //!     let program = rapid::read(vec![read("samples/slot/slot.mod")?], Vec::new())?;
 //!     let corrected = compensate(&program, &cell, &Options::default())?;
-//!     // What the forward model makes of the numbers as they will be written.
+//!     // The forward model computes the remaining error from the numbers as they will be written.
 //!     assert!(corrected.rows.iter().all(|row| row.remaining_norm_mm() < 1e-3));
 //!     let mut written = Vec::new();
 //!     for (source, edits) in program.sources.iter().zip(corrected.rewritten.unwrap().edits) {
@@ -44,7 +44,7 @@
 //! }
 //! ```
 //!
-//! Which effect does the cell lack:
+//! Find the effect that a cell lacks:
 //!
 //! ```
 //! use deflex::cell::{Cell, extended};
@@ -70,25 +70,27 @@
 //! }
 //! ```
 //!
-//! # What stays
+//! # Stability
 //!
-//! Versions follow [semantic versioning](https://semver.org/); while the first number is 0, the second one counts as it.
-//! - What these pages show keeps its name, its signature and its meaning. Results and enums that will grow are
-//!   `#[non_exhaustive]`. Options are made with `..Options::default()`: a new field comes with a minor version.
-//! - [`Diagnostic::code`](text::Diagnostic::code), the kinds and parameters of effects, keys of the cell file, columns of
-//!   reports and the binary's exit codes are only added to. The words of a message are for people and may change.
-//! - One version gives the same bytes for the same input, on any number of threads. The next one may correct better.
-//! - Rust 1.89 is enough (`rust-version`); needing a later one is a minor version.
+//! Versions follow [semantic versioning](https://semver.org/). While the first number is 0, a change of the second one can break
+//! callers.
+//! - Public items keep their names, signatures and meanings. Results and enums that will grow are `#[non_exhaustive]`. Make
+//!   options with `..Options::default()`: a new field comes with a minor version.
+//! - Later versions add to the codes of messages ([`Diagnostic::code`](text::Diagnostic::code)), the kinds and parameters of
+//!   effects, the keys of the cell file, the columns of reports and the exit codes, and remove none. The text of a message is for
+//!   people and may change.
+//! - One version gives the same bytes for the same input, for any number of threads. A later version may correct better.
+//! - The crate needs Rust 1.89 (`rust-version`). A minor version may need a later one.
 //!
 //! # Units
 //!
-//! Inside the library lengths are metres, angles radians, forces newtons; millimetres and degrees
-//! live in [`program`], in the cell file and in [`report`] only, and stand in the names there.
+//! The library computes in metres, radians and newtons. Only [`program`], the cell file and [`report`] have millimetres and
+//! degrees, which the names of their fields and columns state.
 
-/// The versions of two crates whose types stand in signatures here.
+/// Two crates whose types appear in public signatures.
 pub use {nalgebra, toml};
 
-// The command line speaks of the library by its name, as any other program does.
+// The command line uses the library by its name, as any other program does.
 extern crate self as deflex;
 
 pub mod cell;

@@ -1,8 +1,10 @@
-//! A cell from the backup of an ABB controller: `SYSPAR/MOC.cfg` and the tools and work objects of its modules.
+//! Makes a cell from the backup of an ABB controller: from `SYSPAR/MOC.cfg`, and from the tools and work objects of its
+//! modules.
 //!
-//! The form of the file: sections `TYPE:`, in them instances that begin with `-name "…"`, attributes `-key value` or `-key`, lines
-//! that end with a backslash go on. Lengths are m and angles rad; an attribute that is not there has its default, so that a base
-//! frame without any is that of the world. ABB, *Technical reference manual: System parameters* (3HAC050948-001), topic Motion.
+//! The file consists of sections `TYPE:`. A section contains instances, each of which begins with `-name "…"` and has
+//! attributes `-key value` or flags `-key`. A line that ends with a backslash is continued on the next line. Lengths
+//! are in m and angles in rad. An attribute that is missing has its default; a base frame without attributes therefore
+//! equals the world frame. Source: ABB, *Technical reference manual: System parameters* (3HAC050948-001), topic Motion.
 
 use super::template::{Frames, backup_cell, comment, quoted, start_line};
 use crate::program::rapid::declared_frames;
@@ -13,27 +15,40 @@ use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-/// Attributes of an instance; a flag's value is empty.
+/// The attributes of an instance. The value of a flag is empty.
 type Instance = BTreeMap<String, String>;
 
-/// The instances of `MOC.cfg`, with their types.
+/// The instances of `MOC.cfg`, each with its type.
 struct Moc(Vec<(String, Instance)>);
 
-/// Logical axes of a task: six of the robot, then the external ones.
+/// Number of the robot's own axes. The external axes of a task are counted after them.
 const ROBOT_AXES: usize = 6;
 
-/// Limits closer than this to the built-in robot's are its own, degrees: they are printed with six digits.
+/// Limits closer than this to those of the built-in robot are taken to be the same, degrees: the file has six digits.
 const SAME_DEG: f64 = 0.05;
 
-/// A unit's bound from which on it is none, rad or m: turntables and conveyors without an end have 10⁶.
+/// A unit is unbounded if a limit is at least this, rad or m: endless turntables and conveyors have limits of 10⁶.
 const UNBOUNDED: f64 = 1e5;
 
-/// The cell file of a backup. Values that the backup does not contain are marked as in [`template`](super::template).
+/// The cell file for a backup. Values that the backup does not contain are marked as in [`template`](super::template).
 ///
-/// `model` names the built-in robot where the backup's type is not one of them.
+/// `model` names a built-in robot to use if the type in the backup is not one of them.
 ///
 /// # Errors
-/// A file without a robot, or with one that is not built in.
+/// The file contains no robot, or the robot is not a built-in one and `model` names none.
+///
+/// # Examples
+/// ```
+/// use deflex::cell::backup_template;
+/// use deflex::text::{Diagnostics, Source};
+///
+/// fn init(backup: &str) -> Result<String, Diagnostics> {
+///     let read = |path: String| std::fs::read(&path).map(|bytes| Source::new(path, bytes));
+///     let moc = read(format!("{backup}/SYSPAR/MOC.cfg"))?;
+///     let frames = read(format!("{backup}/RAPID/TASK1/SYSMOD/USER.SYS"))?;
+///     Ok(backup_template(&moc, &[frames], None)?)
+/// }
+/// ```
 pub fn backup_template(moc: &Source, modules: &[Source], model: Option<&str>) -> Result<String, Vec<Diagnostic>> {
     let text = moc.text(Span::new(0, moc.bytes.len()));
     let cfg = Moc::read(&text);
@@ -94,13 +109,14 @@ pub fn backup_template(moc: &Source, modules: &[Source], model: Option<&str>) ->
     Ok(backup_cell(&head, builtin.stiffness_nm_per_rad, &frames(&tools, &wobjs)))
 }
 
-/// Angle (degrees) of a robot's z axis from upright, as its controller has it for gravity, where its base frame leans otherwise:
-/// those who only teach leave the world in a base that hangs.
+/// Angle of the robot's z axis from the vertical, degrees, as the controller uses it for gravity; `None` if the base
+/// frame agrees with it. Where programs are only taught at the robot, the base frame of a robot that hangs is often
+/// left equal to the world frame.
 fn leans_otherwise(robot: &Instance, base: &Pose) -> Option<f64> {
-    /// Closer is as installed, degrees.
+    /// Difference of the angles that is explained by the installation, degrees.
     const LEVEL: f64 = 1.0;
     let angle = |key: &str| number(robot, key).unwrap_or(0.0);
-    // About x and y of the base, in whatever order.
+    // The angles turn about x and y of the base. The cosine of the resulting angle does not depend on their order.
     let said = (angle("gravity_alpha").cos() * angle("gravity_beta").cos()).clamp(-1.0, 1.0).acos().to_degrees();
     let frame = base.rotation.matrix()[(2, 2)].clamp(-1.0, 1.0).acos().to_degrees();
     ((said - frame).abs() > LEVEL).then_some(said)
@@ -110,7 +126,7 @@ fn name(instance: &Instance) -> &str {
     instance.get("name").map_or("", String::as_str)
 }
 
-/// After a value that is to be looked at.
+/// The start of a comment after a value that the user has to check.
 fn mark(marked: bool) -> &'static str {
     if marked { "<< " } else { "" }
 }
@@ -137,14 +153,14 @@ impl Moc {
         self.0.iter().find(|(section, instance)| section == kind && name(instance) == wanted).map(|(_, found)| found)
     }
 
-    /// Limits of a joint, rad or m: those of its arm, which mostly has its name.
+    /// Limits of a joint, rad or m: those of the arm that the joint uses, which usually has the joint's name.
     fn bounds(&self, joint: &str) -> Option<[f64; 2]> {
         let arm = self.named("JOINT", joint).and_then(|joint| joint.get("use_arm")).map_or(joint, String::as_str);
         let arm = self.named("ARM", arm)?;
         Some([number(arm, "lower_joint_bound")?, number(arm, "upper_joint_bound")?])
     }
 
-    /// `[robot.kinematics]` where the controller's limits are not those of the built-in robot.
+    /// `[robot.kinematics]`, if the controller's limits differ from those of the built-in robot; otherwise empty.
     fn limits(&self, robot: &Instance, builtin: &Builtin) -> String {
         let joint = |i: usize| self.bounds(robot.get(&format!("use_joint_{i}"))?).map(|b| b.map(f64::to_degrees));
         let found: Vec<[f64; 2]> = (0..ROBOT_AXES).filter_map(joint).collect();
@@ -174,7 +190,7 @@ impl Moc {
         text
     }
 
-    /// Single axes that programs can move.
+    /// The single axes in addition to the robot that programs can move.
     fn units(&self, robot: &Instance) -> Vec<FoundUnit> {
         let under = robot.get("base_frame_coordinated").map_or("", String::as_str);
         let mut units = Vec::new();
@@ -187,7 +203,7 @@ impl Moc {
                 units.extend(self.unit(own, single, [name(unit), name(single)].contains(&under)));
             }
         }
-        // What they stand on is named as the file names it there.
+        // The file names the single on which a unit stands; the cell names the unit of that single.
         let names: Vec<(String, String)> = units.iter().map(|unit| (unit.single.clone(), unit.name.clone())).collect();
         for unit in &mut units {
             let on = unit.on.take();
@@ -219,7 +235,7 @@ impl Moc {
         })
     }
 
-    /// Units that move something and are not in the cell: other robots, positioners that are robots of their own.
+    /// Units that are left out of the cell: other robots, and positioners that are modelled as robots.
     fn not_taken(&self, units: &[FoundUnit], robot: &Instance) -> Vec<String> {
         let taken = |unit: &Instance| {
             let own = format!("{}_", name(unit));
@@ -233,7 +249,7 @@ impl Moc {
     }
 }
 
-/// `-key value` and `-key`, values with blanks in quotes.
+/// The attributes of a line, `-key value` or `-key`. Values with blanks are in quotes.
 fn attributes(line: &str) -> Instance {
     let mut all = Instance::new();
     let mut rest = line;
@@ -266,13 +282,13 @@ fn frame(instance: &Instance) -> Pose {
     Pose::from_parts(place, UnitQuaternion::new_normalize(quat).to_rotation_matrix())
 }
 
-/// Six digits, as the file has them.
+/// Rounds to six digits, as in the file.
 fn tidy(value: f64) -> f64 {
     let scaled = (value * 1e4).round() / 1e4;
     if scaled == 0.0 { 0.0 } else { scaled }
 }
 
-/// Two lines of a frame, mm and quaternion.
+/// The two lines of a frame in a cell file: position in mm, and quaternion.
 fn place(mm: &str, quat: &str, frame: &Pose, marked: bool) -> String {
     let position: [f64; 3] = (frame.translation.vector * 1e3).map(tidy).into();
     let q = UnitQuaternion::from_rotation_matrix(&frame.rotation);
@@ -281,7 +297,7 @@ fn place(mm: &str, quat: &str, frame: &Pose, marked: bool) -> String {
     format!("{mm} = {position:?}{mark}\n{quat} = {q:?}{mark}\n")
 }
 
-/// A built-in robot of a type such as `ROB1_6700_200_2.60`, and whether it is that very one.
+/// The built-in robot of a type such as `ROB1_6700_200_2.60`, and whether it is exactly that one.
 fn of_type(kind: &str) -> (Option<&'static Builtin>, bool) {
     let mut parts = kind.split('_').skip(1);
     let Some(family) = parts.next() else { return (None, false) };
@@ -305,7 +321,7 @@ fn of_type(kind: &str) -> (Option<&'static Builtin>, bool) {
     if let Some(robot) = of_family().find(same) {
         return (Some(robot), !odd);
     }
-    // The one that is most like it: reach first.
+    // No built-in robot is exactly this one: takes the one with the most similar reach, then payload.
     let size = |robot: &Builtin| {
         let mut parts = robot.model.rsplit('-').map(|part| part.parse().unwrap_or(f64::INFINITY));
         [parts.next(), parts.next()].map(|part: Option<f64>| part.unwrap_or(f64::INFINITY))
@@ -370,7 +386,7 @@ axis = \"{axis}\"",
     }
 }
 
-/// `[tools]` and `[wobjs]`, and what of them cells do not hold.
+/// `[tools]` and `[wobjs]`, with comments on values that a cell does not have.
 fn frames(tools: &[Tool], wobjs: &[Wobj]) -> Frames {
     let mut frames = Frames::default();
     let identifier = |name: &str| name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_');
@@ -381,7 +397,7 @@ fn frames(tools: &[Tool], wobjs: &[Wobj]) -> Frames {
                 writeln!(frames.text, "# {}: stands still; a program that uses it declares it\n", comment(&tool.name));
             continue;
         };
-        // A controller writes -1 where no load was entered.
+        // Controllers write a mass of -1 if no load was entered.
         let (mass_kg, unknown) = (mass_kg.max(0.0), mass_kg <= 0.0);
         let mark = if unknown { "   # << no load is declared" } else { "" };
         let _ = writeln!(
@@ -444,12 +460,12 @@ mod tests {
         assert!(cell.tools.contains_key("TMILL") && cell.tools.len() == 1);
         assert!(cell.wobjs.contains_key("WPART") && cell.wobjs.len() == 1);
         assert!(text.contains("not taken: IRBP"), "{text}");
-        // The direction of the track is to be looked at.
+        // The user has to check the direction of the track.
         assert!(examples_left(&file).is_some());
     }
 
     #[test]
-    fn types_are_told_apart() {
+    fn types_are_distinguished() {
         let of = |kind| of_type(kind).0.map(|robot| (robot.model.as_str(), of_type(kind).1));
         assert_eq!(of("ROB1_6700_200_2.60"), Some(("irb6700-200-2.60", true)));
         assert_eq!(of("ROB1_1200_0.9_5_TypeB"), Some(("irb1200-5-0.90", false)));
@@ -459,7 +475,7 @@ mod tests {
         assert_eq!(of("ROB1_6700_2.75_220"), Some(("irb6700-205-2.80", false)));
     }
 
-    /// On a gantry that is a robot of its own, together with a conveyor without an end.
+    /// The robot stands on a gantry that is modelled as a robot; the file also has an endless conveyor.
     #[test]
     fn what_is_not_taken_is_marked() {
         let moc = MOC
@@ -474,9 +490,9 @@ mod tests {
         );
     }
 
-    /// Gravity pulls a robot that hangs towards its flange, whatever its base frame was left at.
+    /// Gravity pulls a hanging robot towards its flange, even if its base frame was left equal to the world frame.
     #[test]
-    fn a_robot_that_hangs_beside_its_base_frame_is_marked() {
+    fn a_hanging_robot_with_an_upright_base_frame_is_marked() {
         let of = |robot: &str| {
             let moc = MOC.replace("-base_frame_pos_z 0.5 -base_frame_coordinated \"TRACK1\" -gravity_beta -0.1", robot);
             let text = backup_template(&source("MOC.cfg", &moc), &[], None).unwrap();
@@ -484,7 +500,7 @@ mod tests {
         };
         let hung = of("-gravity_beta 3.14159");
         assert!(hung.0 && hung.1 && hung.2.contains("z axis is 180.0\u{b0} from upright"), "{}", hung.2);
-        // As it hangs, by its base frame; on the floor; leaning a little on the wall of both.
+        // Three robots without a difference: hanging with the right base frame, on the floor, and on the wall in both.
         for robot in [
             "-base_frame_orient_u0 0 -base_frame_orient_u2 1 -gravity_beta 3.14159",
             "-base_frame_pos_z 0.5",

@@ -1,4 +1,4 @@
-//! Checks of values with messages at the key's place in the file.
+//! Checks values, and places each message at the key in the file.
 
 use super::nearest;
 use crate::program::orientation::quaternion_of_zyx_deg;
@@ -7,28 +7,28 @@ use crate::text::{Diagnostic, Severity, Source, Span};
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 use toml_edit::{Document, Item, TableLike};
 
-/// How far a declared quaternion's norm may be off before it is refused: 4 printed decimals.
+/// Largest deviation of a declared quaternion's norm from 1: four printed decimals.
 const QUAT_NORM: f64 = 1e-3;
 
-/// Messages about one cell file that name their place; the others name their key.
+/// Number of messages that are placed at a line of the file. Further messages only name their key.
 const MOST_PLACED: usize = 500;
 
-/// Collects errors about one cell file.
+/// Collects the messages about one cell file.
 pub(super) struct Check<'a> {
     pub(super) source: &'a Source,
     document: Option<Document<String>>,
     pub(super) errors: Vec<Diagnostic>,
-    /// What is possible and yet seldom meant.
+    /// Warnings about values that are possible but seldom intended.
     pub(super) warnings: Vec<Diagnostic>,
 }
 
-/// An orientation as a cell file may give it: by one of these.
+/// An orientation in a cell file. Only one of these may be given.
 pub(super) struct Turn {
     /// Quaternion, scalar first.
     pub(super) quat: Option<[f64; 4]>,
-    /// KUKA's A, B, C: about z, the turned y, the turned x.
+    /// KUKA's A, B, C: turns about z, then about the new y, then about the new x.
     pub(super) abc_deg: Option<[f64; 3]>,
-    /// FANUC's W, P, R: about fixed x, y, z.
+    /// FANUC's W, P, R: turns about the fixed axes x, y, z.
     pub(super) wpr_deg: Option<[f64; 3]>,
 }
 
@@ -37,11 +37,12 @@ impl<'a> Check<'a> {
         Self { source, document: Document::parse(text.to_owned()).ok(), errors: Vec::new(), warnings: Vec::new() }
     }
 
-    /// An error at a key such as `cut.engagement.depth_mm`; `effect.2.kind` counts from 0. The nearest parent that
-    /// the file has is marked.
+    /// Adds an error at a key such as `cut.engagement.depth_mm`; the index in `effect.2.kind` counts from 0. If the
+    /// file does not have the key, its nearest parent in the file is marked.
     pub(super) fn error(&mut self, key: &str, message: impl Into<String>, help: impl Into<String>) {
         let diagnostic = Diagnostic::error("cell.value", &self.source.name, message).help(help);
-        // Line numbers are counted from the top for each place, so many more messages than are printed would take too long.
+        // Finding the line of a message counts the lines from the top of the file, which is too slow for more messages
+        // than are printed.
         let placed = self.errors.len() + self.warnings.len() < MOST_PLACED;
         let diagnostic = match self.span(key).filter(|_| placed) {
             Some(span) => diagnostic.at(self.source, span),
@@ -50,7 +51,7 @@ impl<'a> Check<'a> {
         self.errors.push(diagnostic);
     }
 
-    /// The same as a warning.
+    /// Adds a warning at a key.
     pub(super) fn warn(&mut self, key: &str, message: impl Into<String>, help: impl Into<String>) {
         self.error(key, message, help);
         self.warnings.extend(self.errors.pop().map(|error| error.severity(Severity::Warning)));
@@ -78,7 +79,7 @@ impl<'a> Check<'a> {
                 _ => break,
             }
         }
-        // A byte order mark, if any, was taken off before parsing.
+        // A byte order mark was removed before the text was parsed.
         span.map(|range| Span::new(range.start, range.end))
     }
 
@@ -105,7 +106,8 @@ impl<'a> Check<'a> {
         }
     }
 
-    /// The quaternion of an orientation, given by one of three keys of `key` that begin with `name`; `None` where none is there.
+    /// The quaternion of an orientation that is given by one of the keys of table `key` whose names begin with `name`;
+    /// `None` if there is none.
     pub(super) fn turn(&mut self, key: &str, name: &str, turn: Turn) -> Option<[f64; 4]> {
         let Turn { quat, abc_deg, wpr_deg } = turn;
         let given = [("quat", quat.is_some()), ("abc_deg", abc_deg.is_some()), ("wpr_deg", wpr_deg.is_some())];
@@ -122,7 +124,7 @@ impl<'a> Check<'a> {
         quat.or(angles.map(quaternion_of_zyx_deg))
     }
 
-    /// The frame (m) that two keys of `key` give.
+    /// The frame, in metres, that two keys of table `key` give.
     pub(super) fn frame(&mut self, key: &str, names: [&str; 2], position_mm: [f64; 3], quat: [f64; 4]) -> Pose {
         self.finite(&format!("{key}.{}", names[0]), &position_mm);
         self.quat(&format!("{key}.{}", names[1]), quat);
@@ -131,7 +133,7 @@ impl<'a> Check<'a> {
         Pose::from_parts(Translation3::new(x, y, z), rotation.to_rotation_matrix())
     }
 
-    /// One of some words.
+    /// The value of a word; an error if the word is not in the list.
     pub(super) fn word<T: Copy>(&mut self, key: &str, word: &str, known: &[(&str, T)]) -> Option<T> {
         let found = known.iter().find(|(name, _)| *name == word).map(|(_, value)| *value);
         if found.is_none() {
@@ -146,7 +148,7 @@ impl<'a> Check<'a> {
         found
     }
 
-    /// A value that the run needs.
+    /// A value that the run cannot do without; an error if it is missing.
     pub(super) fn need<T>(&mut self, parent: &str, key: &str, value: Option<T>, why: &str) -> Option<T> {
         if value.is_none() {
             self.error(parent, format!("{parent}.{key} is missing: {why}"), format!("add `{key} = …` to [{parent}]"));

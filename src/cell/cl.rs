@@ -1,4 +1,4 @@
-//! `[cl]`: what only the cell knows about CL data.
+//! Reads `[cl]`: what CL data do not say, and a run needs to know.
 
 use super::check::Check;
 use super::{Cl, Spin, SpinRule, nearest, raw};
@@ -11,7 +11,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
-/// Reads `[cl]`; corner radii (mm) are those of `[cut.cutter]` and of the tools' own cutters, by name in upper case.
+/// Reads `[cl]`. The corner radii, mm, are those of `[cut.cutter]` and of the tools' own cutters, by tool name in upper
+/// case.
 pub(super) fn cl(
     check: &mut Check,
     raw: &raw::Cl,
@@ -82,7 +83,7 @@ pub(super) fn cl(
     })
 }
 
-/// `[cl] external`: where the mechanical units stand.
+/// Reads `[cl] external`: the positions of the mechanical units during the program.
 fn external(check: &mut Check, raw: &BTreeMap<String, f64>, units: &crate::robot::Units) -> Option<Arc<ExternalAxes>> {
     let mut axes = ExternalAxes::default();
     for (name, position) in raw {
@@ -104,7 +105,7 @@ fn external(check: &mut Check, raw: &BTreeMap<String, f64>, units: &crate::robot
     (!raw.is_empty()).then(|| axes.into())
 }
 
-/// `[cl] tools`: numbers as CL data write them, `2` and `2.` being one.
+/// Reads `[cl] tools`: tool names by their numbers in CL data. `2` and `2.` are the same number.
 fn tools(check: &mut Check, raw: &BTreeMap<String, String>) -> BTreeMap<String, String> {
     for (id, tool) in raw.iter().filter(|(id, tool)| id.trim().is_empty() || tool.trim().is_empty()) {
         check.error("cl.tools", format!("`{id}` = `{tool}`: a tool has a number and a name"), "\"1\" = \"tRough\"");
@@ -112,7 +113,7 @@ fn tools(check: &mut Check, raw: &BTreeMap<String, String>) -> BTreeMap<String, 
     raw.clone()
 }
 
-/// `[cl] harmless`: words that are understood are not up to the cell.
+/// Reads `[cl] harmless`. Words that deflex interprets cannot be declared harmless.
 fn harmless(check: &mut Check, raw: &[String]) -> BTreeSet<String> {
     for word in raw.iter().filter(|word| !may_be_declared_harmless(word)) {
         let message =
@@ -122,7 +123,7 @@ fn harmless(check: &mut Check, raw: &[String]) -> BTreeSet<String> {
     raw.iter().map(|word| word.to_ascii_uppercase()).collect()
 }
 
-/// `[cl.post]`
+/// Reads `[cl.post]`.
 fn templates(check: &mut Check, raw: &BTreeMap<String, String>) -> Templates {
     let mut templates = Templates::default();
     for (key, text) in raw {

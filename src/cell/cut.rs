@@ -1,4 +1,4 @@
-//! `[cut]` and the cutting parts of `[tools.X]`: from typed keys to what mills with each tool.
+//! Reads `[cut]` and the cutting parts of `[tools.X]`.
 
 use super::check::Check;
 use super::{Cell, ForceFrame, raw};
@@ -9,19 +9,19 @@ use crate::cutting::{
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
-/// `[cut]`.
+/// The `[cut]` table.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Cut {
     /// The force.
     pub force: CutForce,
-    /// Faster moves are air, m/s.
+    /// Faster motions do not cut, m/s.
     pub max_cutting_feed: Option<f64>,
-    /// `[cut.cutter]`, `[cut.engagement]` and `[cut.coefficients]`: for tools that have none of their own.
+    /// `[cut.cutter]`, `[cut.engagement]` and `[cut.coefficients]`, for tools without such tables of their own.
     pub milling: MillingParts,
 }
 
-/// `[cut] force`.
+/// The value of `[cut] force`.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum CutForce {
@@ -31,60 +31,60 @@ pub enum CutForce {
     Constant {
         /// Force on the tool.
         force: Vector3<f64>,
-        /// Axes it is given in.
+        /// Frame in which the force is given.
         frame: ForceFrame,
     },
-    /// A force per target from a table.
+    /// A force for each target from the table of `--forces`.
     Table,
-    /// The milling force integral, of each tool with its own parts: [`Cell::milling`].
+    /// The milling force integral with the parts of each tool: see [`Cell::milling`].
     Mechanistic,
 }
 
-/// What is declared of milling with a tool, or with all of them.
+/// The declared parts of a milling cut, for one tool or for all tools.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct MillingParts {
     /// The cutter.
     pub cutter: Option<Cutter>,
-    /// Spindle speed of the cutter where the program does not say, 1/min.
+    /// Spindle speed of the cutter if the program states none, 1/min.
     pub spindle_rpm: Option<f64>,
-    /// How it meets the material.
+    /// How the cutter meets the material.
     pub engagement: Option<DeclaredEngagement>,
     /// Cutting force coefficients, as numbers or by the material's name.
     pub coefficients: Option<Coefficients>,
 }
 
-/// An `engagement` section, before it is known which cutter it is for.
+/// An `engagement` table. The cutter to which it applies may be in another table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct DeclaredEngagement {
-    /// Where it follows from.
+    /// What determines the engagement.
     pub mode: EngagementMode,
     /// Depth along the surface normal, m; 0 with [`EngagementMode::Stock`].
     pub depth: f64,
-    /// Stepover, m; a slot needs none.
+    /// Stepover, m; not needed for a slot.
     pub width: Option<f64>,
-    /// m; from feed, spindle speed and teeth without it.
+    /// Feed per tooth, m; `None` computes it from feed, spindle speed and number of teeth.
     pub feed_per_tooth: Option<f64>,
-    /// Spindle speed where neither program nor cutter says, 1/min.
+    /// Spindle speed if neither the program nor the cutter states one, 1/min.
     pub spindle_rpm: Option<f64>,
-    /// Lead, rad.
+    /// Lead angle of the tool, rad.
     pub lead: f64,
-    /// Tilt, rad.
+    /// Tilt angle of the tool, rad.
     pub tilt: f64,
 }
 
-/// What an engagement follows from.
+/// What determines an engagement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum EngagementMode {
-    /// Depth and width as declared.
+    /// The declared depth and width.
     Declared(Mode),
-    /// `mode = "stock"`: what is left of the blank.
+    /// `mode = "stock"`: the material that is left of the blank.
     Stock,
 }
 
-/// All that is needed to mill with a tool.
+/// A complete description of milling with one tool.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct MillingCut {
@@ -92,9 +92,9 @@ pub struct MillingCut {
     pub cutter: Cutter,
     /// How it meets the material.
     pub engagement: Engaged,
-    /// m; `None` where it is left to feed, spindle speed and teeth.
+    /// Feed per tooth, m; `None` computes it from feed, spindle speed and number of teeth.
     pub feed_per_tooth: Option<f64>,
-    /// Spindle speed where the program does not say, 1/min.
+    /// Spindle speed if the program states none, 1/min.
     pub spindle_rpm: Option<f64>,
     /// Cutting force coefficients.
     pub coefficients: Coefficients,
@@ -104,25 +104,35 @@ pub struct MillingCut {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Engaged {
-    /// As declared, everywhere; its feed per tooth is any positive one where the program gives the feed.
+    /// The declared engagement at every target. Its feed per tooth is a placeholder if the program's feed determines it.
     Declared(Engagement),
-    /// As follows from the stock.
+    /// The engagement that follows from the stock.
     Stock,
 }
 
-/// A key that a run needs and does not find.
+/// A table that a run needs and that the cell does not have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("neither [tools.X.{part}] nor [cut.{part}] is there")]
 pub struct MissingCutKey {
-    /// `cutter`, `engagement` or `coefficients`.
+    /// Name of the table: `cutter`, `engagement` or `coefficients`.
     pub part: &'static str,
 }
 
 impl Cell {
-    /// What mills with a tool, by its name: its own parts, else those of `[cut]`.
+    /// The complete description of milling with the tool of a name. Parts that the tool does not declare are those of
+    /// `[cut]`.
     ///
     /// # Errors
-    /// The first part that neither has.
+    /// The first part that neither the tool nor `[cut]` declares.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{cell::Cell, text::Source};
+    /// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/blade/cell.toml")?))?;
+    /// let cut = cell.milling("tMill").expect("[cut] is complete");
+    /// assert_eq!(cut.cutter.diameter, 0.025); // m
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     pub fn milling(&self, tool: &str) -> Result<MillingCut, MissingCutKey> {
         let none = MillingParts::default();
         let shared = self.cut.as_ref().map_or(&none, |cut| &cut.milling);
@@ -132,7 +142,7 @@ impl Cell {
 }
 
 impl MillingParts {
-    /// These parts where they are declared, else the `shared` ones.
+    /// The parts of a tool, with the `shared` ones in place of those that it does not declare.
     fn over(&self, shared: &Self) -> Result<MillingCut, MissingCutKey> {
         let missing = |part| MissingCutKey { part };
         let cutter = self.cutter.or(shared.cutter).ok_or(missing("cutter"))?;
@@ -150,7 +160,7 @@ impl MillingParts {
                 tilt: declared.tilt,
             }),
         };
-        // A cutter brings its speed along.
+        // The spindle speed of `[cut]` belongs to the cutter of `[cut]`, so a tool with its own cutter does not use it.
         let rpm = if self.cutter.is_some() { self.spindle_rpm } else { self.spindle_rpm.or(shared.spindle_rpm) };
         Ok(MillingCut {
             cutter,
@@ -162,7 +172,7 @@ impl MillingParts {
     }
 }
 
-/// Feed per tooth of an engagement whose targets have their own, m.
+/// A placeholder, m, for engagements whose targets have their own feed per tooth.
 const ANY_FEED: f64 = 1e-4;
 
 pub(super) fn cut(check: &mut Check, raw: &raw::Cut, tools: &BTreeMap<String, MillingParts>) -> Option<Cut> {
@@ -190,7 +200,8 @@ pub(super) fn cut(check: &mut Check, raw: &raw::Cut, tools: &BTreeMap<String, Mi
     let milling = if force == CutForce::Mechanistic { mechanistic(check, raw, tools) } else { MillingParts::default() };
     let own = tools.iter().map(|(name, own)| (format!("tools.{name}"), own));
     for (key, parts) in own.chain([("cut".to_owned(), &MillingParts::default())]) {
-        // What is missing is said where it is needed, and what is wrong by itself where it stands.
+        // Checks the parts together. Missing parts are an error only when a tool needs them, and each part alone was
+        // checked when it was read.
         if let Ok(MillingCut { cutter, engagement: Engaged::Declared(engagement), coefficients, .. }) =
             parts.over(&milling)
             && check.errors.is_empty()
@@ -206,7 +217,7 @@ pub(super) fn cut(check: &mut Check, raw: &raw::Cut, tools: &BTreeMap<String, Mi
 
 fn mechanistic(check: &mut Check, raw: &raw::Cut, tools: &BTreeMap<String, MillingParts>) -> MillingParts {
     if tools.is_empty() {
-        // No tool has anything of its own: all of it has to be here.
+        // No tool declares parts of its own, so all of them have to be in `[cut]`.
         let why = "force = \"mechanistic\" needs it";
         check.need("cut", "cutter", raw.cutter.as_ref(), why);
         check.need("cut", "engagement", raw.engagement.as_ref(), why);
@@ -222,15 +233,15 @@ fn mechanistic(check: &mut Check, raw: &raw::Cut, tools: &BTreeMap<String, Milli
     milling_parts(check, "cut", cutter, engagement, (raw.material.as_deref(), raw.coefficients.as_ref()))
 }
 
-/// Says what is wrong with a part of a section by itself, whatever mode it is used in.
-fn sound(check: &mut Check, section: &str, part: &str, result: Result<(), CuttingError>) {
+/// Adds an error about a part that is wrong in every mode.
+fn check_part(check: &mut Check, section: &str, part: &str, result: Result<(), CuttingError>) {
     if let Err(CuttingError { field, message }) = result {
         let key = format!("{section}.{part}");
         check.error(&key, format!("[{section}] {field}: {message}"), format!("check [{key}]"));
     }
 }
 
-/// The cutting parts of a section, `cut` or `tools.X`.
+/// Reads the cutting parts of `[cut]` or of `[tools.X]`.
 pub(super) fn milling_parts(
     check: &mut Check,
     section: &str,
@@ -249,15 +260,15 @@ pub(super) fn milling_parts(
         helix: keys.helix_deg.unwrap_or(0.0).to_radians(),
     });
     if let Some(cutter) = &cutter {
-        sound(check, section, "cutter", check_cutter(cutter));
+        check_part(check, section, "cutter", check_cutter(cutter));
     }
     let engagement = engagement.and_then(|keys| self::engagement(check, &format!("{section}.engagement"), keys));
     if let Some(feed) = engagement.and_then(|declared| declared.feed_per_tooth) {
-        sound(check, section, "engagement", check_feed(feed));
+        check_part(check, section, "engagement", check_feed(feed));
     }
     let coefficients = self::coefficients(check, &format!("{section}.coefficients"), material, coefficients);
     if let Some(coefficients) = &coefficients {
-        sound(check, section, "coefficients", check_coefficients(coefficients));
+        check_part(check, section, "coefficients", check_coefficients(coefficients));
     }
     MillingParts { cutter, spindle_rpm, engagement, coefficients }
 }

@@ -1,25 +1,37 @@
-//! The user's cell file with effects added, comments and all else kept.
+//! Adds effects to the user's cell file, and keeps its comments and all other text.
 
 use super::uncertainty::{self, Uncertainty};
 use crate::drive::FittedLaw;
 use crate::text::Diagnostic;
 use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, Value};
 
-/// An effect to add to a cell file, or to put in place of one of the same kind.
+/// An effect to add to a cell file. It replaces an effect of the same kind.
 #[derive(Clone, Debug)]
 pub struct NewEffect {
-    /// The `[[effect]]` table, `kind` included.
+    /// The `[[effect]]` table, including `kind`.
     pub table: toml::Table,
-    /// How far the parameters may be off.
+    /// Uncertainty of the parameters.
     pub uncertainty: Option<Uncertainty>,
-    /// Where the numbers come from: data hash, rows, errors before and after.
+    /// Origin of the numbers: hash of the data, number of rows, errors before and after.
     pub provenance: toml::Table,
 }
 
-/// The text of a cell file with effects added; one of a kind that the file has already is replaced.
+/// The text of a cell file with effects added. An effect replaces one of the same kind.
 ///
 /// # Errors
 /// The text is not TOML.
+///
+/// # Examples
+/// ```
+/// use deflex::cell::{NewEffect, extended};
+/// use deflex::toml::Table;
+///
+/// let table: Table = "kind = \"backlash\"\nhalf_gap_rad = [6e-5, 0, 0, 0, 0, 0]".parse().expect("TOML");
+/// let effect = NewEffect { table, uncertainty: None, provenance: Table::new() };
+/// let text = extended("[robot]\nmodel = \"irb6660-205-1.9\"   # the mill\n", &[effect])?;
+/// assert!(text.contains("# the mill") && text.contains("half_gap_rad"));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn extended(text: &str, effects: &[NewEffect]) -> Result<String, Vec<Diagnostic>> {
     let mut document: DocumentMut = text
         .parse()
@@ -48,10 +60,22 @@ pub fn extended(text: &str, effects: &[NewEffect]) -> Result<String, Vec<Diagnos
     Ok(document.to_string())
 }
 
-/// The text of a cell file with `[controller.path]` set to a law, comments and all else kept.
+/// The text of a cell file in which `[controller.path]` states a law. Comments and all other text are kept.
 ///
 /// # Errors
 /// The text is not TOML.
+///
+/// # Examples
+/// ```
+/// use deflex::cell::with_path_law;
+/// use deflex::drive::FittedLaw;
+/// use deflex::text::Diagnostics;
+///
+/// fn extend(path: &str, found: &FittedLaw) -> Result<(), Diagnostics> {
+///     let text = with_path_law(&std::fs::read_to_string(path)?, found)?;
+///     Ok(std::fs::write(path, text)?)
+/// }
+/// ```
 pub fn with_path_law(text: &str, found: &FittedLaw) -> Result<String, Vec<Diagnostic>> {
     let law = &found.law;
     let mut document: DocumentMut = text
@@ -59,7 +83,7 @@ pub fn with_path_law(text: &str, found: &FittedLaw) -> Result<String, Vec<Diagno
         .map_err(|error: toml_edit::TomlError| vec![Diagnostic::error("cell.toml", "", error.message().to_owned())])?;
     let controller = document.entry("controller").or_insert(Item::Table(Table::new()));
     if let Some(table) = controller.as_table_mut() {
-        // A table that is only there for its own tables needs no header.
+        // A table that only contains other tables needs no header of its own.
         table.set_implicit(table.is_empty());
     }
     let Some(controller) = controller.as_table_like_mut() else { return Ok(document.to_string()) };
@@ -81,7 +105,7 @@ pub fn with_path_law(text: &str, found: &FittedLaw) -> Result<String, Vec<Diagno
 
 fn edited(table: &toml::Table) -> Table {
     let mut out = Table::new();
-    // What it is stands first, whatever the order of the alphabet.
+    // `kind` comes first, in front of the keys in alphabetical order.
     let (kind, rest): (Vec<_>, Vec<_>) = table.iter().partition(|(key, _)| *key == "kind");
     for (key, value) in kind.into_iter().chain(rest) {
         out.insert(key, Item::Value(edited_value(value)));
@@ -103,7 +127,7 @@ fn edited_value(value: &toml::Value) -> Value {
     }
 }
 
-/// A number as people write it: small and large ones with an exponent, every digit kept.
+/// A number with all its digits; small and large numbers with an exponent.
 fn float(number: f64) -> Value {
     let plain = number == 0.0 || (1e-3..1e6).contains(&number.abs());
     let text = if plain { String::new() } else { format!("{number:e}") };

@@ -1,6 +1,6 @@
-//! The cell file: one TOML file that says everything about a milling cell.
+//! The cell file: one TOML file that describes a milling cell.
 //!
-//! Numbers here are as the file has them converted to SI; the file's own units stand in its keys.
+//! Values are converted to SI units. The file has other units, which the names of its keys state.
 
 mod backup;
 mod check;
@@ -46,90 +46,115 @@ use std::sync::Arc;
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Cell {
-    /// Robot, declared stiffness and effects, in the order of the file. A cell with a declared stiffness and no
-    /// `joint_stiffness` effect has one with all factors 1, first.
+    /// The robot, its declared stiffness and its effects, in the order of the file. If the cell declares a stiffness
+    /// and no `joint_stiffness` effect, such an effect with all factors 1 is added as the first one.
     pub arm: Arm,
-    /// Covariance of each of `arm.effects`' parameters, in their units and order, where the file has one.
+    /// Covariance of the parameters of each effect in `arm.effects`, in their units and order, if the file states one.
     pub covariances: Vec<Option<DMatrix<f64>>>,
-    /// Rows of each of `arm.effects`' parameters in the factor L that effects share which were identified together: L Lᵀ is the
-    /// covariance of all their parameters.
+    /// For effects that were identified together, the covariance of all their parameters is L Lᵀ. For each effect in
+    /// `arm.effects`, these are the rows of L that belong to its parameters; `None` for other effects.
     pub joint_factors: Vec<Option<DMatrix<f64>>>,
-    /// Where `[robot] start_deg` starts, rad.
+    /// Motor angles before the first motion, from `[robot] start_deg`, rad.
     pub start: Option<Joints>,
-    /// Tools by name, upper case (RAPID names are case-insensitive); those whose frame the program has to declare are not here.
+    /// Tools by name in upper case, because RAPID names are case-insensitive. Tools whose frame the program has to
+    /// declare are missing here.
     pub tools: BTreeMap<String, ToolFrame>,
-    /// `[tools.X.cutter]`, `[tools.X.engagement]` and `[tools.X.coefficients]` of the tools that have any, by name, upper case.
+    /// The tables `[tools.X.cutter]`, `[tools.X.engagement]` and `[tools.X.coefficients]` of tools that have any, by
+    /// name in upper case.
     pub tool_milling: BTreeMap<String, MillingParts>,
-    /// Work objects by name, upper case: the object frame in the world.
+    /// Work objects by name in upper case: the object frame in the world frame.
     pub wobjs: BTreeMap<String, Pose>,
-    /// Index of the mechanical unit that is the user frame of a work object, by its name in upper case: the pose is then in that.
+    /// Index of the mechanical unit that carries a work object, by the name of the work object in upper case. The pose
+    /// in `wobjs` is then in the unit's frame.
     pub wobj_units: BTreeMap<String, usize>,
-    /// Names of tools and work objects as the cell file spells them, by name, upper case.
+    /// Names of tools and work objects as the cell file spells them, by name in upper case.
     pub spelled: BTreeMap<String, String>,
-    /// `[limits]`.
+    /// The `[limits]` table.
     pub limits: CorrectionLimits,
-    /// `[controller] compensates`: effects covered by it are left out of `arm.effects`; this says which.
+    /// The `[controller]` table. Effects that the controller compensates are left out of `arm.effects`; `left_out`
+    /// lists them.
     pub controller: Controller,
-    /// `[cl]`, where present.
+    /// The `[cl]` table, if there is one.
     pub cl: Option<Cl>,
-    /// `[cut]`, where present.
+    /// The `[cut]` table, if there is one.
     pub cut: Option<Cut>,
-    /// Warnings about values that are possible and yet seldom meant, mostly another unit: each with its usual range.
+    /// Warnings about values that are possible but seldom intended, usually because they are in another unit. Each
+    /// states the usual range.
     pub notes: Vec<Diagnostic>,
-    /// `[stock]`, where present.
+    /// The `[stock]` table, if there is one.
     pub stock: Option<StockSection>,
-    /// `[[unit]]`: mechanical units besides the robot.
+    /// The `[[unit]]` tables: mechanical units in addition to the robot.
     pub units: Arc<Units>,
-    /// `[part]`, where present.
+    /// The `[part]` table, if there is one.
     pub part: Option<PartSection>,
-    /// `[plan]`, where present.
+    /// The `[plan]` table, if there is one.
     pub plan: Option<PlanSection>,
-    /// `[measured] columns`: what the shop's measured files and tables of forces call their columns.
+    /// `[measured] columns`: names of the columns in the measured files and tables of forces.
     pub columns: Option<ColumnNames>,
     /// The language of the robot's controller; `None` if the cell does not show it.
     pub language: Option<Language>,
 }
 
 impl Cell {
-    /// Names that the cell declares, spelled as in its file, for messages.
+    /// The names of declared tools or work objects, spelled as in the file, for messages.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{cell::Cell, text::Source};
+    /// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/blade/cell.toml")?))?;
+    /// assert_eq!(cell.names_of(&cell.tools), ["tMill"]);
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn names_of<'a, T>(&'a self, declared: &'a BTreeMap<String, T>) -> Vec<&'a str> {
         declared.keys().map(|name| self.spelled.get(name).map_or(&**name, String::as_str)).collect()
     }
 }
 
-/// `[limits]`: what would surprise the machine, m.
+/// The `[limits]` table: limits beyond which a correction is refused or reported, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CorrectionLimits {
-    /// Largest correction of one target.
+    /// Largest correction of a target.
     pub max_correction: f64,
-    /// Largest difference between the corrections of neighbouring targets.
+    /// Largest difference between the corrections of successive targets.
     pub max_step: f64,
-    /// Largest error between targets, m, that is not reported.
+    /// Largest error between targets that is not reported.
     pub max_path_error: f64,
 }
 
-/// `[controller]`.
+/// The `[controller]` table.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Controller {
-    /// Whether the file says what the controller compensates: its lack is said once where an effect would matter.
+    /// Whether the file states what the controller compensates. If it does not, and an effect depends on it, a note
+    /// says so once.
     pub declared: bool,
-    /// `[controller.path]`: how it leads the axes along a path.
+    /// `[controller.path]`: how the controller leads the axes along a path.
     pub path: Option<ControllerPath>,
-    /// `gravity` is corrected by the controller.
+    /// Whether the controller compensates `gravity`.
     pub gravity: bool,
-    /// `geometry` is corrected by the controller.
+    /// Whether the controller compensates `geometry`.
     pub geometry: bool,
-    /// Kinds of effects in the file that are left out because the controller corrects them.
+    /// Kinds of effects in the file that are left out, because the controller compensates them.
     pub left_out: Vec<String>,
-    /// Routines of the controller that the user vouches for, upper case: they change neither frames nor positions.
+    /// Routines of the controller that change neither frames nor positions, as the user declares; in upper case.
     pub harmless: BTreeSet<String>,
 }
 
 impl Controller {
-    /// Context of a program in a language, which declares the routines that the user vouches for: each without a statement. What
-    /// the program's own files or a context before these declare under such a name stands.
+    /// Source texts in a language that declare the harmless routines, each with an empty body. A declaration of the
+    /// same name in the program or in an earlier context takes precedence.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{cell::Cell, text::Source};
+    /// use deflex::program::Language;
+    ///
+    /// let text = "[robot]\nmodel = \"irb6660-205-1.9\"\n[controller]\nharmless = [\"rSpindle\"]\n";
+    /// let cell = Cell::read(&Source::new("cell.toml", text))?;
+    /// assert_eq!(cell.controller.declarations(Language::Rapid).len(), 1);
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn declarations(&self, language: Language) -> Vec<Source> {
         if self.harmless.is_empty() {
@@ -140,43 +165,44 @@ impl Controller {
     }
 }
 
-/// `[controller.path]`.
+/// The `[controller.path]` table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct ControllerPath {
     /// The law of its interpolation.
     pub law: PathLaw,
-    /// Radius at points that are passed though the program's text gives no radius (`C_DIS`, `CNT`, CL data), m.
+    /// Zone radius, m, at points for which the program requests a zone without a radius (`C_DIS`, `CNT`, CL data).
     pub zone: Option<f64>,
-    /// Share of the distance between driven and programmed path that the law did not explain in logs that its fit had not seen; 0
-    /// where the cell does not say.
+    /// Share of the distance between driven and programmed path that the law did not explain in logs that were not used
+    /// for the fit. 0 if the cell states none.
     pub error_share: f64,
-    /// Shortest time between two points that the controller can plan, s.
+    /// Shortest time between two points for which the controller can plan a motion, s.
     pub planning: Option<f64>,
-    /// Largest acceleration of each axis, °/s², as the pendant counts them.
+    /// Largest acceleration of each axis as the pendant counts them, °/s².
     pub axis_acceleration: Option<Joints>,
 }
 
-/// `[cl]`.
+/// The `[cl]` table.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Cl {
-    /// What the front end needs.
+    /// Options of the front end that reads CL data.
     pub options: ClOptions,
-    /// `[cl.post]`: lines that call the cell's own routines.
+    /// `[cl.post]`: lines that call routines of the cell.
     pub post: Templates,
-    /// Turn about the tool axis.
+    /// Turn of the tool about its axis, which CL data leave free.
     pub spin: Spin,
-    /// Least angle of axis 5 from a singular wrist where the turn is chosen, rad.
+    /// Smallest distance of axis 5 from a singular wrist, rad, where deflex chooses the turn.
     pub singular_margin: f64,
 }
 
 impl Cl {
-    /// Margin from a singular wrist where the cell states none, rad (`docs/reference.md`).
+    /// Default of [`Cl::singular_margin`], rad (`docs/reference.md`).
     pub(crate) const SINGULAR_MARGIN: f64 = 10.0 * std::f64::consts::PI / 180.0;
 }
 
-/// Where the TCP's x axis points, projected square to the tool axis, then turned by `turn` about it.
+/// Rule for the turn about the tool axis: the TCP's x axis points in a reference direction, projected onto the plane
+/// perpendicular to the tool axis, and is then turned by `turn` about this axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spin {
     /// Reference direction.
@@ -188,24 +214,24 @@ pub struct Spin {
 /// Reference direction of [`Spin`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SpinRule {
-    /// The work object's x axis.
+    /// The x axis of the work object.
     Fixed,
-    /// The feed.
+    /// The direction of the feed.
     Feed,
-    /// A point in the work object, m.
+    /// Towards a point in the work object, m.
     Towards(Vector3<f64>),
-    /// Chosen along the path for the least predicted error.
+    /// Chosen along the path for the smallest predicted error.
     Stiffest,
 }
 
-/// Axes of a constant force.
+/// Frame of a constant force.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ForceFrame {
-    /// Work object.
+    /// The work object.
     Wobj,
-    /// TCP frame.
+    /// The TCP frame.
     Tool,
-    /// x feed, z surface normal.
+    /// x in the direction of the feed, z along the surface normal.
     Feed,
 }

@@ -1,50 +1,51 @@
-//! `[plan]`: where, how and under which loads a shop can measure.
+//! Reads `[plan]`: the places, loads and instrument with which a shop can measure.
 
 use super::check::Check;
 use super::raw;
 use crate::effects::KINDS;
 use nalgebra::Vector3;
 
-/// `[plan]`.
+/// The `[plan]` table.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct PlanSection {
-    /// Work object in whose axes box, loads and measured points are.
+    /// Work object whose frame is that of the box, the loads and the measured points.
     pub wobj: String,
-    /// Tool that is measured.
+    /// The tool with which is measured.
     pub tool: String,
-    /// Where the TCP may go: lower and upper corner, work object axes, m.
+    /// The box for the TCP: lower and upper corner in the frame of the work object, m.
     pub workspace: [Vector3<f64>; 2],
-    /// How far the tool may lean from the z axis of the work object, rad.
+    /// Largest angle between the tool and the z axis of the work object, rad.
     pub tilt: f64,
-    /// Forces on the tool that can be applied, work object axes, N.
+    /// Forces that can be applied to the tool, in the frame of the work object, N.
     pub loads: Vec<Vector3<f64>>,
-    /// How often they may be changed.
+    /// Largest number of changes of the load.
     pub load_changes: usize,
-    /// What is measured.
+    /// The quantity that is measured.
     pub instrument: Instrument,
-    /// Where lengths are measured from, work object axes, m: for [`Instrument::Distance`].
+    /// For [`Instrument::Distance`]: the point from which lengths are measured, in the frame of the work object, m.
     pub from: Option<Vector3<f64>>,
-    /// White noise of the instrument and the robot's repeatability, per axis, mm.
+    /// Standard deviation per axis of the white noise of instrument and robot, mm.
     pub noise_mm: f64,
-    /// Size of the effect that must be detected, mm rms at the TCP.
+    /// Size of the effect that must be detected: root mean square at the TCP, mm.
     pub effect_mm: f64,
-    /// Kinds of effects to distinguish; empty for all that the data could show.
+    /// Kinds of effects to distinguish; empty for all effects that the data could show.
     pub effects: Vec<&'static str>,
 }
 
-/// What an instrument says about a row.
+/// The quantity that an instrument measures for a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Instrument {
-    /// The TCP's position in the work object.
+    /// The position of the TCP in the work object.
     Position,
-    /// The error along the surface normal: the tool axis.
+    /// The error along the surface normal, which is the tool axis.
     Normal,
-    /// The length from a fixed point.
+    /// The distance from a fixed point.
     Distance,
 }
 
-/// Reads `[plan]`; `tools` and `wobjs` are the names that the cell declares, in upper case, work objects on no mechanical unit.
+/// Reads `[plan]`. `tools` and `wobjs` are the declared names in upper case, without the work objects that a mechanical
+/// unit carries.
 pub(super) fn plan<'a>(
     check: &mut Check,
     raw: &raw::Plan,

@@ -1,7 +1,7 @@
-//! Values that are possible and yet seldom meant: most are right numbers in another unit.
+//! Warns about values that are possible but seldom intended: most of them are right numbers in another unit.
 //!
-//! Usual ranges are wide, so that what is outside is worth a look; each names where it comes from. What no machine can be is an
-//! error.
+//! The usual ranges are wide, so that a value outside deserves a look. Each range names its source. A value that no
+//! machine can have is an error.
 
 use super::check::Check;
 use super::raw;
@@ -12,20 +12,20 @@ struct Usual<'a> {
     unit: &'a str,
     least: f64,
     most: f64,
-    /// Where the range comes from.
+    /// Source of the range.
     source: &'a str,
-    /// Other units, and how much smaller or larger a value in them is.
+    /// Other units, and the factor by which a number in them is larger.
     units: &'a [(&'a str, f64)],
 }
 
-/// Beyond this factor outside of the usual range a value is no machine's.
+/// A value larger than the usual range by this factor is an error.
 const IMPOSSIBLE: f64 = 1e3;
 
 impl Usual<'_> {
-    /// Says where a value is outside. It is an error where it is `IMPOSSIBLE`, if it `may_stop` the run.
+    /// Reports a value outside of the range: as a warning, or as an error if it is impossible and `may_stop` is set.
     fn look(&self, check: &mut Check, key: &str, value: f64, may_stop: bool) {
         let Self { unit, least, most, source, units } = self;
-        // Zero and less are other checks' business.
+        // Other checks report zero and negative values.
         if !value.is_finite() || value <= 0.0 || (*least..=*most).contains(&value) {
             return;
         }
@@ -48,13 +48,13 @@ impl Usual<'_> {
     }
 }
 
-/// Two digits, in the shorter form.
+/// The number with two digits, in the shorter of two notations.
 fn figure(value: f64) -> String {
     let rounded: f64 = format!("{value:.1e}").parse().unwrap_or(value);
     if (1e-3..1e5).contains(&rounded) { format!("{rounded}") } else { format!("{rounded:e}") }
 }
 
-/// Adds warnings and errors about the values of a cell.
+/// Adds warnings and errors about implausible values of a cell.
 pub(super) fn check(check: &mut Check, raw: &raw::Cell, robot: Option<&Robot>) {
     if let Some(robot) = robot {
         stiffness(check, raw, robot);
@@ -67,9 +67,9 @@ pub(super) fn check(check: &mut Check, raw: &raw::Cell, robot: Option<&Robot>) {
     }
 }
 
-/// Joint stiffness grows with the square of the size of a robot: 8,000 to 2,000,000 N·m/rad for each square metre of reach covers
-/// what is published, from Dumas et al. 2011 (KUKA KR 270: 4e5 to 4e6), Abele et al. 2007 and Klimchik et al. 2014 down to
-/// arms of a few kilograms.
+/// Joint stiffness grows with the square of a robot's size. The range of 8,000 to 2,000,000 N·m/rad for each square
+/// metre of reach covers the published values, from Dumas et al. 2011 (KUKA KR 270: 4e5 to 4e6), Abele et al. 2007 and
+/// Klimchik et al. 2014 down to arms with a payload of a few kilograms.
 fn stiffness(check: &mut Check, raw: &raw::Cell, robot: &Robot) {
     const PER_M2: [f64; 2] = [8e3, 2e6];
     let Some(stiffness) = &raw.robot.stiffness else { return };
@@ -90,12 +90,12 @@ fn stiffness(check: &mut Check, raw: &raw::Cell, robot: &Robot) {
     usual.look(check, "robot.stiffness.joint_nm_per_rad", rounded(mean), false);
 }
 
-/// Six digits.
+/// The number rounded to six digits.
 fn rounded(value: f64) -> f64 {
     format!("{value:.5e}").parse().unwrap_or(value)
 }
 
-/// Lengths of links and limits of axes.
+/// Checks the lengths of links and the limits of axes.
 fn kinematics(check: &mut Check, raw: &raw::Cell) {
     let Some(own) = &raw.robot.kinematics else { return };
     let (Some(links), Some(min), Some(max)) = (&own.links, &own.axis_min_deg, &own.axis_max_deg) else { return };
@@ -108,7 +108,8 @@ fn kinematics(check: &mut Check, raw: &raw::Cell) {
         units: &[("m", 1e-3), ("µm", 1e3)],
     };
     length.look(check, "robot.kinematics.links", rounded(size), true);
-    // A turn is 6.3 rad; no robot has limits of a few degrees on every axis.
+    // Limits smaller than two turns in radians look like radians, because no robot has limits of a few degrees on every
+    // axis.
     const RAD: f64 = 13.0;
     let widest = min.iter().chain(max).fold(0.0_f64, |most, limit| most.max(limit.abs()));
     if widest > 0.0 && widest < RAD {
@@ -154,7 +155,7 @@ fn tools(check: &mut Check, raw: &raw::Cell) {
     }
 }
 
-/// Work objects stand metres from the base.
+/// Checks that work objects are metres, not millimetres or kilometres, from the base.
 fn frames(check: &mut Check, raw: &raw::Cell) {
     let usual = Usual {
         unit: "mm",
@@ -190,7 +191,7 @@ fn cutting(check: &mut Check, raw: &raw::Cut) {
     own.look(check, None);
 }
 
-/// What a section says of a cut: `[cut]`, or a tool's own.
+/// The tables of a cut: those of `[cut]`, or a tool's own.
 struct Milling<'a> {
     key: &'a str,
     cutter: Option<&'a raw::CutterKeys>,
@@ -199,7 +200,7 @@ struct Milling<'a> {
 }
 
 impl Milling<'_> {
-    /// `engagement` is that of `[cut]` where the section has none of its own.
+    /// `engagement` is that of `[cut]`, which applies to tools without their own.
     fn look(&self, check: &mut Check, engagement: Option<&raw::EngagementKeys>) {
         let Self { key, cutter, engagement: own, coefficients } = *self;
         if let Some(cutter) = cutter {
@@ -251,7 +252,8 @@ fn feed_and_speed(check: &mut Check, key: &str, engagement: &raw::EngagementKeys
     }
 }
 
-/// A cutter cuts no wider than it is. In a slot the declared width plays no part: what `[cut]` says for other cutters holds there.
+/// Reports a stepover that is wider than the cutter. In a slot the width has no effect, so a width in `[cut]` may be
+/// meant for other cutters.
 fn wider_than_the_cutter(
     check: &mut Check,
     engaged: &str,
@@ -277,7 +279,7 @@ fn wider_than_the_cutter(
     }
 }
 
-/// Specific cutting forces of metals, wood and plastics.
+/// Checks the specific cutting forces against those of metals, wood and plastics.
 fn coefficients(check: &mut Check, section: &str, keys: &raw::CoefficientKeys) {
     let area = Usual {
         unit: "N/mm²",

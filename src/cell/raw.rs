@@ -1,4 +1,4 @@
-//! The cell file as it is typed: keys of `docs/formats.md`, units in the names.
+//! The cell file with the keys of `docs/formats.md`. The names of the keys state the units.
 
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -47,7 +47,7 @@ pub(super) struct Kinematics {
     pub(super) axis_offset_deg: Option<[f64; 6]>,
     #[serde(default)]
     pub(super) coupled_23: bool,
-    // These three are needed, and looked for by the reader: it names all that are missing at once.
+    // Required, but optional for the parser, so that the reader can report all missing keys at once.
     pub(super) links: Option<Vec<Link>>,
     pub(super) axis_min_deg: Option<[f64; 6]>,
     pub(super) axis_max_deg: Option<[f64; 6]>,
@@ -68,7 +68,7 @@ pub(super) struct Link {
 impl Link {
     pub(super) const KEYS: [&str; 4] = ["alpha_deg", "a_mm", "d_mm", "theta_deg"];
 
-    /// In the order of [`Link::KEYS`].
+    /// The values, in the order of [`Link::KEYS`].
     pub(super) fn values(&self) -> [Option<f64>; 4] {
         [self.alpha_deg, self.a_mm, self.d_mm, self.theta_deg]
     }

@@ -1,4 +1,4 @@
-//! From the file to a checked [`Cell`].
+//! Reads a cell file into a checked [`Cell`].
 
 use super::check::{Check, Turn};
 use super::cl::cl;
@@ -17,19 +17,34 @@ use nalgebra::{DMatrix, Vector3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Without `[limits]`: what a correction of a sane cell never reaches, mm.
+/// Default largest correction, mm: the corrections of a plausible cell are smaller.
 const MAX_CORRECTION_MM: f64 = 5.0;
-/// Without `[limits]`: the step between neighbours is not limited by default beyond this, mm.
+/// Default largest step between the corrections of successive targets, mm.
 const MAX_STEP_MM: f64 = 2.0;
 
-/// Without `[limits]`: what is left on the way between targets is said beyond this, mm; a robot repeats to about as much.
+/// Default largest error between targets that is not reported, mm: about the repeatability of a robot.
 const MAX_PATH_ERROR_MM: f64 = 0.05;
 
 impl Cell {
     /// Reads and checks a cell file.
     ///
     /// # Errors
-    /// Every reason found, each at its key: unknown keys and words with the nearest known one.
+    /// All errors of the file, each at its key. Messages about unknown keys and words name the most similar known one.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::cell::Cell;
+    /// use deflex::text::Source;
+    ///
+    /// let text = "[robot]\nmodel = \"irb6660-205-1.9\"\n\
+    ///             [robot.stiffness]\njoint_nm_per_rad = [8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4]\n";
+    /// let cell = Cell::read(&Source::new("cell.toml", text))?;
+    /// assert_eq!(cell.arm.effects[0].kind(), "joint_stiffness");
+    ///
+    /// let errors = Cell::read(&Source::new("cell.toml", "[robot]\nmodl = \"irb6660-205-1.9\"\n")).unwrap_err();
+    /// assert_eq!(errors[0].help.as_deref(), Some("did you mean `model`?"));
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     pub fn read(source: &Source) -> Result<Self, Vec<Diagnostic>> {
         let text = match std::str::from_utf8(&source.bytes) {
             Ok(text) => text,
@@ -150,7 +165,7 @@ impl Cell {
     }
 }
 
-/// What `[measured] columns` says.
+/// Reads `[measured] columns`.
 fn columns(check: &mut Check, names: &BTreeMap<String, String>) -> Option<ColumnNames> {
     match ColumnNames::of_cell(names) {
         Ok(columns) => (!names.is_empty()).then_some(columns),
@@ -162,10 +177,10 @@ fn columns(check: &mut Check, names: &BTreeMap<String, String>) -> Option<Column
     }
 }
 
-/// The language of the controller, as far as the cell tells it: by the model's maker, else by how it counts axis 3 or names
-/// tools and work objects.
+/// The language of the controller, as far as the cell shows it: from the maker of the robot model, or from the way axis
+/// 3 is counted and tools and work objects are named.
 fn language(raw: &raw::Cell) -> Option<Language> {
-    // The library is read only where the cell takes its robot from there.
+    // The library of robots is read only if the cell takes its robot from it.
     let from_library = raw.robot.kinematics.is_none() || Builtin::is_listed(&raw.robot.model);
     if let Some(builtin) = from_library.then(|| Builtin::named(&raw.robot.model).ok()).flatten() {
         return builtin.language();
@@ -267,11 +282,11 @@ fn robot(check: &mut Check, raw: &raw::Robot) -> Option<Robot> {
     Some(Robot::new(raw.model.clone(), rows, axes, limits).as_fast_as(axis_speed).standing_at(world_from_base))
 }
 
-/// The rows of `links`, complete and finite.
+/// The rows of `links`, if all are complete and finite.
 fn links(check: &mut Check, raw: &[raw::Link]) -> Option<[[f64; 4]; 6]> {
     let key = "robot.kinematics.links";
     let Ok(rows) = <&[raw::Link; 6]>::try_from(raw) else {
-        check.error(key, format!("{} links, expected 6", raw.len()), "one modified-DH row a joint");
+        check.error(key, format!("{} links, expected 6", raw.len()), "give one modified-DH row for each joint");
         return None;
     };
     let mut values = [[0.0; 4]; 6];
@@ -293,7 +308,7 @@ fn links(check: &mut Check, raw: &[raw::Link]) -> Option<[[f64; 4]; 6]> {
     None
 }
 
-/// The frame of a tool; `None` where the program has to declare it.
+/// The frame of a tool; `None` if the program has to declare it.
 fn tool(check: &mut Check, key: &str, raw: &raw::Tool) -> Option<ToolFrame> {
     if raw.mass_kg.is_nan() || raw.mass_kg < 0.0 {
         check.error(&format!("{key}.mass_kg"), "a mass is not negative", "kg");
@@ -306,7 +321,7 @@ fn tool(check: &mut Check, key: &str, raw: &raw::Tool) -> Option<ToolFrame> {
         (given, _) => {
             let (missing, why) = match given {
                 Some(_) => ("tcp_quat", "a tool with tcp_mm needs its orientation (or tcp_abc_deg, tcp_wpr_deg)"),
-                None => ("tcp_mm", "a tool with an orientation needs its place"),
+                None => ("tcp_mm", "a tool with an orientation also needs a position"),
             };
             return check.need(key, missing, None, why);
         }
@@ -318,7 +333,7 @@ fn tool(check: &mut Check, key: &str, raw: &raw::Tool) -> Option<ToolFrame> {
     })
 }
 
-/// Its frame: in the world, or in the unit that is its user frame.
+/// The frame of a work object in the world, or in the unit that carries it, with the index of that unit.
 fn wobj(check: &mut Check, name: &str, raw: &raw::Wobj, units: &Units) -> (Pose, Option<usize>) {
     const UPRIGHT: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
     let key = format!("wobjs.{name}");
@@ -352,7 +367,7 @@ fn wobj(check: &mut Check, name: &str, raw: &raw::Wobj, units: &Units) -> (Pose,
     (object, found)
 }
 
-/// RAPID names are case-insensitive: two that differ in case only are one.
+/// An error for names that differ only in case, because RAPID does not distinguish them.
 fn one_name<'a>(check: &mut Check, section: &str, names: impl Iterator<Item = &'a String>) {
     let mut seen = std::collections::BTreeMap::new();
     for name in names {
@@ -407,7 +422,7 @@ fn controller(check: &mut Check, raw: Option<&raw::Controller>) -> Controller {
     controller
 }
 
-/// `[controller.path]`.
+/// Reads `[controller.path]`.
 fn controller_path(check: &mut Check, keys: &raw::ControllerPath) -> ControllerPath {
     let positive = [
         ("controller.path.zone_share", &[keys.zone_share][..]),
@@ -434,12 +449,12 @@ fn controller_path(check: &mut Check, keys: &raw::ControllerPath) -> ControllerP
     }
     if !(0.0..=1.0).contains(&keys.error_share) {
         let message = "[controller.path] error_share is a share: expected 0 to 1".to_owned();
-        check.error("controller.path", message, "0.1: the law explains 90 % of what the controller leaves the path by");
+        check.error("controller.path", message, "0.1 means that the law explains 90 % of the controller's path error");
     }
     ControllerPath {
         law: PathLaw {
             zone_share: keys.zone_share,
-            // What is not declared is not assumed.
+            // Without a declared time there is no smoothing.
             smoothing: keys.smoothing_s.unwrap_or(PathLaw::AS_WRITTEN.smoothing),
             axis_lead: keys.axis_lead_s2.into(),
             acceleration: keys.acceleration_mm_s2.map_or(f64::INFINITY, |limit| 1e-3 * limit),
@@ -453,16 +468,16 @@ fn controller_path(check: &mut Check, keys: &raw::ControllerPath) -> ControllerP
     }
 }
 
-/// Longest smoothing and lag that a controller is given, s: ten times those of the slowest that were measured.
+/// Largest smoothing and lag that a cell may declare, s: ten times those of the slowest measured controllers.
 const SLOWEST_S: f64 = 2.0;
 
 type Effects = (Vec<Box<dyn effects::Effect>>, Vec<Option<DMatrix<f64>>>, Vec<Option<DMatrix<f64>>>);
 
-/// Effects that a cell has without saying so.
+/// Effects that follow from other tables of the cell.
 struct Implied {
     springs: bool,
     part: bool,
-    /// How many `[[part.clamp]]` there are.
+    /// Number of `[[part.clamp]]` tables.
     clamps: usize,
 }
 
@@ -559,7 +574,7 @@ fn effects(
     (effects, covariances, joint)
 }
 
-/// The covariance over the effect's parameters, where the cell has one.
+/// The covariance of the effect's parameters, if the cell states one.
 fn covariance(check: &mut Check, key: &str, value: Option<&toml::Value>, size: usize) -> Option<DMatrix<f64>> {
     let value = value.filter(|value| uncertainty::KEYS.iter().any(|key| value.get(key).is_some()))?;
     let covariance = uncertainty::read(value, size);
@@ -577,7 +592,7 @@ fn covariance(check: &mut Check, key: &str, value: Option<&toml::Value>, size: u
 mod tests {
     use super::*;
 
-    /// They are refused where the elbow is an axis of its own.
+    /// Elbow limits are refused for an arm whose axis 3 is counted against the upper arm.
     #[test]
     fn a_cell_gives_elbow_limits_where_axis_3_is_counted_against_the_ground() {
         let cell = |coupled: bool| {

@@ -1,4 +1,4 @@
-//! `[stock]` and `[part]`: the blank that a program cuts, and what is to come of it.
+//! Reads `[stock]` and `[part]`: the blank that a program cuts, and the part that it is to become.
 
 use super::check::Check;
 use super::{Cell, raw};
@@ -9,51 +9,63 @@ use deflex_elastic::{Clamp, Material};
 use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// `[stock]`.
+/// The `[stock]` table.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct StockSection {
-    /// Work object in whose axes it is given; without one, the first that cuts.
+    /// Work object in whose frame the blank is given; `None` takes the first one in which the program cuts.
     pub wobj: Option<String>,
-    /// The blank, m; `None` of a mesh that has not been read, see [`Cell::take_meshes`].
+    /// The blank, m; `None` for a mesh before [`Cell::take_meshes`] has read it.
     pub blank: Option<Blank>,
-    /// The file of the blank, relative to the cell file.
+    /// File of the blank's mesh, relative to the cell file.
     pub stl: Option<String>,
-    /// Spacing of the stock's lines, m; without it, from the smallest cutter.
+    /// Spacing of the stock's lines, m; `None` chooses it from the smallest cutter.
     pub resolution: Option<f64>,
 }
 
-/// `[part]`: the nominal part, in the stock's axes.
+/// The `[part]` table: the nominal part, in the frame of the stock.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct PartSection {
-    /// Its file, relative to the cell file, where there is one.
+    /// File of the part's mesh, relative to the cell file, if it has one.
     pub stl: Option<String>,
-    /// What it is made of, and where it is held, where the cell says so: by how much it yields follows from that.
+    /// Material and clamps of the part, from which its deflection is computed; `None` if the cell states none.
     pub held: Option<HeldPart>,
-    /// The mesh, once it has been read, see [`Cell::take_meshes`].
+    /// The mesh, after [`Cell::take_meshes`] has read it.
     pub mesh: Option<Arc<ClosedMesh>>,
 }
 
-/// `[part.material]` and `[[part.clamp]]`.
+/// The tables `[part.material]` and `[[part.clamp]]`.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct HeldPart {
     /// Young's modulus (N/mm²) and Poisson's ratio.
     pub material: Material,
-    /// In the stock's axes, mm and N/mm.
+    /// Clamps in the frame of the stock, mm and N/mm.
     pub clamps: Vec<Clamp>,
-    /// Size of the cells that it is computed with, mm; without one, from the blank.
+    /// Size of the finite elements, mm; `None` chooses it from the blank.
     pub cell_mm: Option<f64>,
-    /// For how many stages of the stock it is computed at most.
+    /// Largest number of stages of the stock for which the stiffness is computed.
     pub stages: usize,
 }
 
 impl Cell {
-    /// Reads the meshes that `[stock] stl` and `[part] stl` name; `read` gives a file named relative to the cell file.
+    /// Reads the meshes that `[stock] stl` and `[part] stl` name. `read` returns a file whose name is relative to the
+    /// cell file.
     ///
     /// # Errors
-    /// What `read` says; files that are no STL, or are not closed.
+    /// Every error of `read`; files that are not STL, or whose mesh is not closed.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{cell::Cell, text::{Diagnostic, Source}};
+    /// let mut cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/stock/cell.toml")?))?;
+    /// cell.take_meshes(|name| match std::fs::read(name) {
+    ///     Ok(bytes) => Ok(Source::new(name, bytes)),
+    ///     Err(error) => Err(vec![Diagnostic::error("io.read", name, error.to_string())]),
+    /// })?;
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     pub fn take_meshes<R>(&mut self, mut read: R) -> Result<(), Vec<Diagnostic>>
     where
         R: FnMut(&str) -> Result<Source, Vec<Diagnostic>>,
@@ -117,12 +129,13 @@ pub(super) fn stock(check: &mut Check, raw: &raw::Stock) -> Option<StockSection>
     Some(section(Some(Blank::Box([low, high]))))
 }
 
-/// Stages of the stock without `[part] stages`: a part takes ten seconds or so.
+/// Default number of stages: the computation takes about ten seconds.
 const STAGES: usize = 6;
-/// One at the beginning and one in the end; more than the upper end are no more different than a cut at a place and at the next.
+/// At least one stage at the beginning and one at the end. Beyond the largest number, successive stages differ less
+/// than the stock does between neighbouring places of one stage.
 const STAGES_RANGE: std::ops::RangeInclusive<usize> = 2..=60;
 
-/// `[part]`; `stock` is the blank, where the cell has one.
+/// Reads `[part]`. `stock` is the `[stock]` table, if the cell has one.
 pub(super) fn part(check: &mut Check, raw: raw::Part, stock: Option<&raw::Stock>) -> PartSection {
     let raw::Part { stl, cell_mm, stages, material, clamp } = raw;
     if stl.is_none() && material.is_none() {
@@ -161,7 +174,7 @@ pub(super) fn part(check: &mut Check, raw: raw::Part, stock: Option<&raw::Stock>
     PartSection { stl, held, mesh: None }
 }
 
-/// What the part is made of, and where it is held.
+/// Reads the material and the clamps of the part.
 fn held(
     check: &mut Check,
     material: Option<raw::PartMaterial>,

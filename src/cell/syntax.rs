@@ -1,12 +1,12 @@
-//! The text of a cell file to typed keys: what is not TOML, and unknown keys.
+//! Parses the text of a cell file, and reports syntax errors and unknown keys.
 
 use super::{nearest, raw};
 use crate::text::{Diagnostic, Source, Span};
 
-/// Unknown keys of one file before the rest is left out.
+/// Largest number of unknown keys that are reported for a file.
 const MESSAGES: usize = 20;
 
-/// Reads the TOML. Unknown keys are collected and blanked, so that one run names them all.
+/// Parses the TOML. Each unknown key is recorded and then replaced by blanks, so that one run reports all of them.
 pub(super) fn parse(source: &Source, text: &str) -> Result<(raw::Cell, Vec<Diagnostic>), Vec<Diagnostic>> {
     let mut blanked = text.to_owned();
     let mut errors: Vec<Diagnostic> = Vec::new();
@@ -16,7 +16,7 @@ pub(super) fn parse(source: &Source, text: &str) -> Result<(raw::Cell, Vec<Diagn
             Err(error) => error,
         };
         let diagnostic = syntax(source, &error);
-        // A required key that was mistyped is one fault, not two.
+        // A mistyped required key is reported once, as an unknown key.
         let quoted = error.message().split('`').nth(1).map(|name| format!("did you mean `{name}`?"));
         let mistyped = error.message().starts_with("missing field") && errors.iter().any(|known| known.help == quoted);
         if !mistyped {
@@ -30,7 +30,8 @@ pub(super) fn parse(source: &Source, text: &str) -> Result<(raw::Cell, Vec<Diagn
     }
 }
 
-/// The text with the assignment `key = value` that starts at a byte blanked; `None` where it does not start its line.
+/// The text with the assignment `key = value` that starts at a byte replaced by blanks; `None` if it is not at the
+/// start of a line.
 fn without(text: &str, start: usize) -> Option<String> {
     let line = text[..start].rfind('\n').map_or(0, |at| at + 1);
     if !text[line..start].trim().is_empty() {
@@ -42,7 +43,7 @@ fn without(text: &str, start: usize) -> Option<String> {
     Some([&text[..start], &blank.collect::<String>(), &text[end..]].concat())
 }
 
-/// Where the value of the key that starts at a byte ends.
+/// Position at which the value of the key that starts at a byte ends.
 fn assignment_end(table: &dyn toml_edit::TableLike, start: usize) -> Option<usize> {
     for (name, item) in table.iter() {
         let key = table.key(name)?.span()?;
@@ -60,7 +61,7 @@ fn assignment_end(table: &dyn toml_edit::TableLike, start: usize) -> Option<usiz
     None
 }
 
-/// A TOML error as ours, with the nearest known key.
+/// A TOML error as a diagnostic, with the most similar known key.
 fn syntax(source: &Source, error: &toml::de::Error) -> Diagnostic {
     let said = error.message();
     let quoted: Vec<&str> = said.split('`').skip(1).step_by(2).collect();
@@ -88,7 +89,7 @@ fn syntax(source: &Source, error: &toml::de::Error) -> Diagnostic {
     }
 }
 
-/// What serde says, without names of Rust's types.
+/// The text of a serde error, without names of Rust types.
 pub(super) fn in_words(said: &str) -> String {
     let words = [("f64", "a number"), ("u32", "a whole number"), ("floating point", "number")];
     words.iter().fold(said.to_owned(), |said, (name, word)| said.replace(name, word))

@@ -6,10 +6,19 @@ use crate::robot::{Builtin, Joints, Pose, Robot};
 use crate::text::{Diagnostic, Severity, Source, Span};
 use std::fmt::Write;
 
-/// Stands after a value that is an example of [`template`], until the cell's own is put in.
+/// Marks an example value of [`template`] that the user has to replace.
 const MARK: &str = "# <<";
 
-/// A commented cell file to start from: it is the cell's once every value marked `# <<` is the cell's own.
+/// A commented cell file to start from. It describes the user's cell after every value marked `# <<` has been replaced.
+///
+/// # Examples
+/// ```
+/// use deflex::cell::template;
+/// use deflex::robot::Builtin;
+///
+/// let text = template(Builtin::named("IRB 6660-205/1.9").expect("a built-in robot"));
+/// assert!(text.contains("model = \"irb6660-205-1.9\"") && text.contains("# <<"));
+/// ```
 #[must_use]
 pub fn template(robot: &Builtin) -> String {
     let speech = Speech::of(robot.language());
@@ -19,7 +28,7 @@ model = "{model}"     # geometry from: {source}
 {start}# base_mm = [0, 0, 0]               # where the base stands in the world
 # base_{turn}
 
-# The model's geometry, for a robot that is like it: uncommented, it counts, and `model` is just a name.
+# Geometry of the model. For a similar robot, remove the comment signs and change the numbers; `model` is then only a name.
 {kinematics}"#,
         model = robot.model,
         source = robot.source,
@@ -30,7 +39,18 @@ model = "{model}"     # geometry from: {source}
     cell(&head, &stiffness(robot.stiffness_nm_per_rad), &Frames::examples(speech, ""), speech)
 }
 
-/// The same for a robot from a description (URDF); the comment names `file`.
+/// A cell file for a robot from a description (URDF). The comment names `file`.
+///
+/// # Examples
+/// ```
+/// use deflex::cell::{described, described_template};
+/// use deflex::text::{Diagnostics, Source};
+///
+/// fn init(urdf: &str) -> Result<String, Diagnostics> {
+///     let robot = described(&Source::new(urdf, std::fs::read(urdf)?), Some("tool0"))?;
+///     Ok(described_template(&robot, urdf))
+/// }
+/// ```
 #[must_use]
 pub fn described_template(described: &Described, file: &str) -> String {
     let robot = &described.robot;
@@ -71,33 +91,34 @@ pub fn described_template(described: &Described, file: &str) -> String {
     cell(&head, &stiffness(None), &Frames::examples(&RAPID, &tool), &RAPID)
 }
 
-/// `[robot] start_deg` as a comment: home, which is taken where nothing else says how the arm stands.
+/// `[robot] start_deg` as a comment, with the home position, which is the default.
 pub(super) fn start_line(robot: &Robot) -> String {
     let home: Vec<String> = robot.home_deg().iter().map(f64::to_string).collect();
     format!(
-        "# start_deg = [{}]   # how the arm stands at the first target, where the program does not say\n",
+        "# start_deg = [{}]   # posture of the arm at the first target, if the program does not state it\n",
         home.join(", ")
     )
 }
 
-/// How a maker's controllers call what a cell file holds of them.
+/// The terms that a maker's controllers use.
 struct Speech {
-    /// Name of a tool, as its key in `[tools]`.
+    /// Name of an example tool: its key in `[tools]`.
     tool: &'static str,
-    /// Name of a work object.
+    /// Name of an example work object.
     wobj: &'static str,
-    /// Key and value of an orientation that turns nothing, after `tcp_` and its like.
+    /// Key and value of an orientation without a turn, without the prefix `tcp_` or another one.
     upright: &'static str,
-    /// Where the pendant has a tool's frame, its orientation, its mass, its centre of gravity, and a work object's frame.
+    /// Where the pendant shows a tool's frame, its orientation, its mass, its centre of gravity, and a work object's
+    /// frame.
     places: [&'static str; 5],
     /// Further keys of a work object.
     object: &'static str,
     /// Templates of `[cl.post]`.
     post: [&'static str; 2],
-    /// A mechanical unit's name and axis, and who names it so.
+    /// Name and axis of an example mechanical unit, and where the maker's language uses them.
     unit: [&'static str; 3],
-    /// What is known of the path that its controllers drive, as comments: what is said of it with its source, and keys of
-    /// `[controller.path]`. docs/driven-path.md lists it.
+    /// Comments about the path that the maker's controllers drive: what is known with its source, and the keys of
+    /// `[controller.path]`. See docs/driven-path.md.
     path: &'static str,
 }
 
@@ -185,7 +206,7 @@ const YASKAWA: Speech = Speech {
 };
 
 impl Speech {
-    /// That of a language; RAPID's for controllers that deflex does not write for.
+    /// The terms for a language; those of RAPID for controllers for which deflex does not write programs.
     fn of(language: Option<Language>) -> &'static Self {
         match language {
             Some(Language::Krl) => &KUKA,
@@ -196,7 +217,7 @@ impl Speech {
         }
     }
 
-    /// `[tools.…]` with examples.
+    /// An example of `[tools.…]`.
     fn tool_example(&self) -> String {
         let [frame, turn, mass, centre, _] = self.places;
         format!(
@@ -206,7 +227,7 @@ impl Speech {
         )
     }
 
-    /// `[wobjs.…]` with examples.
+    /// An example of `[wobjs.…]`.
     fn wobj_example(&self) -> String {
         let frame = self.places[4];
         format!(
@@ -216,7 +237,7 @@ impl Speech {
     }
 }
 
-/// Tools and work objects of a cell file, as text, and which of them CL input is for.
+/// Text of the tools and work objects of a cell file, and the one of each that CL data use.
 #[derive(Clone, Default)]
 pub(super) struct Frames {
     pub(super) text: String,
@@ -225,14 +246,14 @@ pub(super) struct Frames {
 }
 
 impl Frames {
-    /// Examples of both, and a tool that is known.
+    /// Examples of both, followed by a tool that is known.
     fn examples(speech: &Speech, tool: &str) -> Self {
         let text = format!("{}{tool}\n{}", speech.tool_example(), speech.wobj_example());
         Self { text, tool: None, wobj: None }
     }
 }
 
-/// The file of a robot from the backup of a controller; `head` is the text before the stiffness.
+/// The cell file made from the backup of a controller. `head` is the text before the stiffness.
 pub(super) fn backup_cell(head: &str, published: Option<[f64; 6]>, frames: &Frames) -> String {
     let mut own = frames.clone();
     if frames.tool.is_none() {
@@ -250,7 +271,7 @@ pub(super) fn quoted(text: &str) -> String {
     toml_edit::Value::from(text).to_string()
 }
 
-/// Text from another file in one line of a comment.
+/// Text from another file without line breaks and other control characters, for a comment.
 pub(super) fn comment(text: &str) -> String {
     text.chars().filter(|c| !c.is_control()).collect()
 }
@@ -380,7 +401,8 @@ material = "al7075"             # << a literature value is a start only: calibra
     text
 }
 
-/// `[robot.stiffness]`: published for one robot; that of another arm is not this one's.
+/// `[robot.stiffness]`: the published values of this robot, or examples, because the stiffness of other robots does not
+/// apply.
 fn stiffness(published: Option<[f64; 6]>) -> String {
     const HOW: &str = "at the motors, axes 1 to 6: hang a known weight on the flange, read the deflection";
     match published {
@@ -394,7 +416,7 @@ fn stiffness(published: Option<[f64; 6]>) -> String {
     }
 }
 
-/// `[robot.kinematics]` of a built-in robot, commented out.
+/// `[robot.kinematics]` of a built-in robot, as a comment.
 fn kinematics(robot: &Builtin) -> String {
     let row = |[alpha, a, d, theta]: &[f64; 4]| {
         format!("#   {{ alpha_deg = {alpha:?}, a_mm = {a:?}, d_mm = {d:?}, theta_deg = {theta:?} }},\n")
@@ -419,7 +441,16 @@ fn kinematics(robot: &Builtin) -> String {
     )
 }
 
-/// A warning where a cell file still holds examples of [`template`]: values with its mark after them.
+/// A warning if a cell file still contains example values of [`template`], which are followed by its mark.
+///
+/// # Examples
+/// ```
+/// use deflex::cell::examples_left;
+/// use deflex::text::Source;
+///
+/// let warning = examples_left(&Source::new("cell.toml", "mass_kg = 18.0   # << the tool's\n"));
+/// assert!(warning.is_some());
+/// ```
 #[must_use]
 pub fn examples_left(source: &Source) -> Option<Diagnostic> {
     let text = source.text(Span::new(0, source.bytes.len()));

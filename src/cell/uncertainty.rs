@@ -1,35 +1,38 @@
-//! `[effect.uncertainty]`: the covariance of an effect's parameters, in full or, where they are many, as factors; or of all effects
-//! that were identified together, each with its own rows of one factor.
+//! Reads and writes `[effect.uncertainty]`: the covariance of an effect's parameters, written as a matrix, or as
+//! factors if there are many parameters. For effects that were identified together, each effect has its own rows of one
+//! common factor.
 
 use nalgebra::DMatrix;
 
-/// More parameters than this are written as factors: in full they would be most of the file.
+/// Covariances of more parameters than this are written as factors. As matrices they would be most of the file.
 const MANY: usize = 64;
 
-/// What is known of how far an effect's parameters may be off, in their order and units.
+/// Uncertainty of an effect's parameters, in their order and units.
 #[derive(Clone, Debug)]
 pub enum Uncertainty {
-    /// Their covariance, row by row.
+    /// The covariance matrix, row by row.
     Own(Vec<Vec<f64>>),
-    /// Their rows of a factor L, with L Lᵀ the covariance of the parameters of all effects that have such rows; what is left out at
-    /// the end of a row is zero.
+    /// The rows of a factor L that belong to the effect's parameters. L Lᵀ is the covariance of the parameters of all
+    /// effects that have such rows. Zeros at the end of a row are omitted.
     Joint(Vec<Vec<f64>>),
 }
 
-/// Key of the rows of a factor that effects share.
+/// Key of the rows of a common factor.
 const JOINT: &str = "joint_factor";
 
-/// Keys of which a table has one.
+/// The keys of which a table has one.
 pub(super) const KEYS: [&str; 3] = ["covariance", "factors", JOINT];
 
-/// Digits of a shared factor after the first: it has a number for every pair of parameters.
+/// Decimals of a common factor's numbers in scientific notation. It has a number for every pair of parameters, so it is
+/// short.
 const JOINT_DIGITS: usize = 3;
 
-/// Digits of a factor after the first: the standard deviation of anything that depends on the parameters keeps four.
+/// Decimals of a factor's numbers in scientific notation. The standard deviation of anything that depends on the
+/// parameters keeps four digits.
 const DIGITS: usize = 5;
 
-/// The table of a covariance: `covariance`, its rows; of many parameters `factors`, the lower triangles L of L Lᵀ of the
-/// blocks along its diagonal, row by row.
+/// The table of an uncertainty: the rows of `covariance`, or for many parameters `factors`. These are the lower
+/// triangles L of the diagonal blocks L Lᵀ, row by row.
 pub(super) fn table(uncertainty: &Uncertainty) -> toml::Table {
     let covariance = match uncertainty {
         Uncertainty::Own(covariance) => covariance,
@@ -47,7 +50,7 @@ pub(super) fn table(uncertainty: &Uncertainty) -> toml::Table {
     toml::Table::from_iter([(key.to_owned(), value)])
 }
 
-/// `None` where a block is not positive definite.
+/// The factors of the diagonal blocks; `None` if a block is not positive definite.
 fn factors(covariance: &[Vec<f64>]) -> Option<Vec<Vec<Vec<f64>>>> {
     let factor = |block: std::ops::Range<usize>| {
         let n = block.len();
@@ -57,7 +60,7 @@ fn factors(covariance: &[Vec<f64>]) -> Option<Vec<Vec<Vec<f64>>>> {
     blocks(covariance).into_iter().map(factor).collect()
 }
 
-/// Runs of parameters that owe nothing to the others.
+/// Ranges of parameters that are not correlated with any parameter outside of the range.
 fn blocks(covariance: &[Vec<f64>]) -> Vec<std::ops::Range<usize>> {
     let mut all = Vec::new();
     let (mut start, mut end) = (0, 0);
@@ -76,7 +79,7 @@ fn rounded(value: f64) -> f64 {
     format!("{value:.DIGITS$e}").parse().unwrap_or(value)
 }
 
-/// The rows of a factor that `size` parameters share with those of other effects; `None` if the table has none of this size.
+/// The rows of a common factor for `size` parameters; `None` if the table has none of this size.
 pub(super) fn read_joint(table: &toml::Value, size: usize) -> Option<DMatrix<f64>> {
     let rows: Vec<Vec<f64>> = table.get(JOINT)?.clone().try_into().ok()?;
     let wide = rows.iter().map(Vec::len).max().unwrap_or(0);
@@ -116,7 +119,8 @@ pub(super) fn read(table: &toml::Value, size: usize) -> Option<DMatrix<f64>> {
 mod tests {
     use super::*;
 
-    /// Smooth along the angle as fitted curves are, so that the factors' last numbers are small; two curves.
+    /// A covariance of two curves that are smooth along the angle, as fitted curves are: the last numbers of their
+    /// factors are small.
     fn smooth(n: usize) -> Vec<Vec<f64>> {
         let of = |i: usize, j: usize| {
             let apart = (i as f64 - j as f64).abs() / 6.0;
@@ -134,7 +138,7 @@ mod tests {
             table["factors"].as_array().unwrap().iter().map(|b| b.as_array().unwrap().len()).collect();
         assert_eq!(sizes, [30, 60]);
         let back = read(&toml::Value::Table(table), 90).unwrap();
-        // What the command depends on is no single parameter: differences of neighbours are the hardest.
+        // A command depends on many parameters. Differences of neighbours are the hardest to reproduce.
         for i in 0..89 {
             let spread = |of: &dyn Fn(usize, usize) -> f64| of(i, i) + of(i + 1, i + 1) - 2.0 * of(i, i + 1);
             let (now, then) = (spread(&|a, b| back[(a, b)]), spread(&|a, b| covariance[a][b]));

@@ -1,14 +1,15 @@
-//! `[[unit]]`: mechanical units besides the robot.
+//! Reads `[[unit]]`: mechanical units in addition to the robot.
 
 use super::check::{Check, Turn};
 use super::{nearest, raw};
 use crate::robot::{AxisName, Carries, EXTERNAL_AXES, Unit, UnitKind, Units};
 use nalgebra::Vector3;
 
-/// Units whose positions can be chosen together: the grid of their positions is as large as the product of both.
+/// Largest number of units whose positions deflex chooses together: the number of candidates is the product of the
+/// positions of each.
 pub(crate) const MOST_FREE: usize = 2;
 
-/// What `carries` says of a unit that carries neither robot nor part.
+/// The value of `carries` for a unit that carries neither the robot nor the part.
 const NOTHING: &str = "nothing";
 
 pub(super) fn units(check: &mut Check, raw: &[raw::Unit]) -> Units {
@@ -37,7 +38,7 @@ pub(super) fn units(check: &mut Check, raw: &[raw::Unit]) -> Units {
     let among: Vec<&raw::Unit> = carrying.iter().map(|i| &raw[*i]).collect();
     let read = |(i, axis): (&usize, usize)| {
         let place = AxisSlot { named: named(i), axis };
-        // What was refused stands in for itself: others may stand on it.
+        // A refused unit is replaced by a plain one, because other units may stand on it.
         unit(check, &format!("unit.{i}"), (&raw[*i], place), &among).unwrap_or_else(|| Unit {
             name: raw[*i].name.clone(),
             named: place.named,
@@ -70,14 +71,14 @@ pub(super) fn units(check: &mut Check, raw: &[raw::Unit]) -> Units {
     units.and_idle(idle)
 }
 
-/// An axis, and where its position stands in an [`External`](crate::robot::External).
+/// An axis as programs name it, and the index of its position in an [`External`](crate::robot::External).
 #[derive(Clone, Copy)]
 struct AxisSlot {
     named: AxisName,
     axis: usize,
 }
 
-/// Where the positions of units stand: those of external axes at their own index, those of motion groups where these leave room.
+/// Indices of the units' positions. External axes have their own index; motion groups get the indices that are left.
 fn places(check: &mut Check, raw: &[raw::Unit], named: &[(usize, AxisName)]) -> Vec<usize> {
     let own = |axis: AxisName| match axis {
         AxisName::External(index) => Some(index),
@@ -119,7 +120,8 @@ fn unit(check: &mut Check, key: &str, (keys, place): (&raw::Unit, AxisSlot), all
     let carries = [("robot", Some(Carries::Robot)), ("part", Some(Carries::Part)), (NOTHING, None)];
     let carries = check.word(&format!("{key}.carries"), &keys.carries, &carries).flatten();
     if place.named.group().is_some() && carries == Some(Carries::Robot) {
-        // Its user frames would move along, which no other frame of a cell does.
+        // A motion group that carries the robot would also move the robot's user frames, which no other frame of a cell
+        // does.
         let message = format!("unit `{}` is a motion group of its own, and carries the robot", keys.name);
         let help = "a track that the controller counts to the robot is an extended axis of it: axis = \"eax_a\" (E1)";
         check.error(&format!("{key}.carries"), message, help);

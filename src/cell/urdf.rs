@@ -1,4 +1,5 @@
-//! A cell from a robot description (URDF): its chain of joints as modified Denavit-Hartenberg rows.
+//! Makes a cell from a robot description (URDF), whose chain of joints is converted to modified Denavit-Hartenberg
+//! rows.
 
 use crate::limits::URDF_JOINTS;
 use crate::robot::{Axes, DhRow, Joints, Limits, Pose, Robot};
@@ -8,33 +9,42 @@ use roxmltree::{Node, ParsingOptions};
 use std::collections::{HashMap, HashSet};
 use std::f64::consts::{PI, TAU};
 
-/// Axes closer to parallel than this sine are parallel: descriptions print six digits at least, and a common normal of axes
-/// closer than that lies anywhere.
+/// Axes are parallel if the sine of their angle is below this. Descriptions have at least six digits, and the common
+/// normal of axes that are closer to parallel is not determined.
 const PARALLEL: f64 = 1e-7;
-/// Rows and description put the flange in the same place within this, m.
+/// Largest distance between the flange of the rows and that of the description, m.
 const SAME: f64 = 1e-12;
-/// Axis angles at which rows and description are held against each other.
+/// Number of random postures in which rows and description are compared.
 const TRIALS: usize = 32;
 
-/// What a description comes to.
+/// A robot read from a description.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Described {
     /// Name of the robot in the file.
     pub name: String,
-    /// The arm, standing where its base link stands in the world.
+    /// The arm. Its base is the description's base frame in the world.
     pub robot: Robot,
-    /// The last link in the flange of the rows, where it does not stand on axis 6: as a tool.
+    /// Pose of the last link in the flange frame of the rows, if they differ. It becomes a tool.
     pub flange_from_tip: Option<Pose>,
     /// Name of the last link.
     pub tip: String,
 }
 
-/// Reads a robot description; `tip` names its last link (left out: `tool0`, `flange`, or the end of the only chain of six
-/// turning joints).
+/// Reads a robot description. `tip` names its last link; `None` takes `tool0`, `flange`, or the end of the only chain
+/// of six revolute joints.
 ///
 /// # Errors
-/// The file is no URDF, or holds no chain of six turning joints up to the tip: every reason found.
+/// The file is not a URDF, or it contains no chain of six revolute joints to the tip; every reason is reported.
+///
+/// # Examples
+/// ```
+/// use deflex::cell::described;
+/// use deflex::text::Source;
+///
+/// let refused = described(&Source::new("arm.urdf", "<robot name=\"arm\"/>"), None);
+/// assert!(refused.is_err()); // it has no joints
+/// ```
 pub fn described(source: &Source, tip: Option<&str>) -> Result<Described, Vec<Diagnostic>> {
     let refuse = |message: String, help: &str| vec![Diagnostic::error("urdf", &source.name, message).help(help)];
     let text = String::from_utf8_lossy(&source.bytes);
@@ -79,7 +89,7 @@ pub fn described(source: &Source, tip: Option<&str>) -> Result<Described, Vec<Di
         let [roll, pitch, yaw] = joint.rpy;
         Pose::from_parts(Translation3::from(Vector3::from(joint.xyz)), Rotation3::from_euler_angles(roll, pitch, yaw))
     };
-    // The base frame of the controller, if the description has one that differs from its root.
+    // The controller's base frame, if the description has a `base` link that differs from its root.
     let root = chain.first().map_or_else(|| tip.clone(), |joint| joint.parent.clone());
     let start = urdf.chain_to("base");
     let counted = start.first().is_some_and(|joint| joint.parent == root)
@@ -127,7 +137,7 @@ pub fn described(source: &Source, tip: Option<&str>) -> Result<Described, Vec<Di
     let axes_of = Axes { sign: rows.sign, ..Axes::SERIAL };
     let robot = Robot::new(&urdf.name, rows.rows, axes_of, limits).standing_at(rows.base);
 
-    // The rows are the description, or nothing is said.
+    // The rows are used only if they reproduce the description.
     let flange_from_tip = rows.flange_from_tip;
     for trial in 0..TRIALS {
         let angles = Joints::from_fn(|i, _| PI * ((trial * 6 + i) as f64 * 0.754_877_666).fract().mul_add(2.0, -1.0));
@@ -143,7 +153,7 @@ pub fn described(source: &Source, tip: Option<&str>) -> Result<Described, Vec<Di
         let ours = rows.base * robot.forward(&angles) * flange_from_tip;
         let off = (ours.translation.vector - described.translation.vector).norm();
         let turned = (ours.rotation.matrix() - described.rotation.matrix()).amax();
-        // What is no number is not the same either.
+        // NaN fails this test too.
         if !(off <= SAME && turned <= SAME) {
             let message = format!("the rows miss the description by {:.1e} mm", 1e3 * off);
             return Err(refuse(message, "please report this description: its chain should be one of six axes"));
@@ -154,7 +164,7 @@ pub fn described(source: &Source, tip: Option<&str>) -> Result<Described, Vec<Di
     Ok(Described { name: urdf.name, robot, flange_from_tip: (!identity).then_some(flange_from_tip), tip })
 }
 
-/// How a joint moves, as the file names it.
+/// The type of a joint, as the file names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum JointType {
     Revolute,
@@ -178,7 +188,8 @@ impl JointType {
     ];
 }
 
-/// A joint between two links: its frame in that of the parent (m, rad), its axis in its own frame, its limits (rad).
+/// A joint between two links: its frame in the parent's frame (m, rad), its axis in its own frame, and its limits
+/// (rad).
 struct Joint {
     name: String,
     kind: JointType,
@@ -219,7 +230,7 @@ impl Joint {
     }
 }
 
-/// Where an element stands in the file.
+/// The line of an element in the file.
 fn at(node: Node<'_, '_>) -> String {
     format!("line {}: ", node.document().text_pos_at(node.range().start).row)
 }
@@ -233,7 +244,7 @@ fn number(text: &str) -> Option<f64> {
     text.trim().parse().ok().filter(|value: &f64| !value.is_nan())
 }
 
-/// Three finite numbers with blanks between them.
+/// Three finite numbers separated by blanks.
 fn three(node: Node<'_, '_>, key: &str, absent: [f64; 3]) -> Result<[f64; 3], String> {
     let Some(text) = node.attribute(key) else { return Ok(absent) };
     let numbers: Option<Vec<f64>> = text.split_whitespace().map(number).collect();
@@ -243,18 +254,18 @@ fn three(node: Node<'_, '_>, key: &str, absent: [f64; 3]) -> Result<[f64; 3], St
         .ok_or_else(|| format!("{}{key}=\"{text}\" of <{}>: expected three numbers", at(node), node.tag_name().name()))
 }
 
-/// What a file describes.
+/// The content of a description.
 struct Description {
     name: String,
     links: Vec<String>,
     joints: Vec<Joint>,
-    /// Index of the joint that carries a link.
+    /// Index of the joint that carries a link, by the link's name.
     carries: HashMap<String, usize>,
 }
 
 impl Description {
     fn read(text: &str) -> Result<Self, String> {
-        /// Elements, texts and comments of the largest descriptions are some ten thousand.
+        /// Largest number of XML nodes: the largest real descriptions have about ten thousand.
         const MOST_NODES: u32 = 10_000_000;
         let options = ParsingOptions { nodes_limit: MOST_NODES, ..ParsingOptions::default() };
         let document = roxmltree::Document::parse_with_options(text, options).map_err(|error| error.to_string())?;
@@ -272,11 +283,11 @@ impl Description {
         Ok(Self { name: attribute(robot, "name")?, links, joints, carries })
     }
 
-    /// The joints from the root to a link, in order.
+    /// The joints from the root to a link, in this order.
     fn chain_to(&self, tip: &str) -> Vec<&Joint> {
         let mut chain = Vec::new();
         let mut link = tip;
-        // A description that names a link as its own ancestor has no root.
+        // The chain is limited, because a description could name a link as its own ancestor.
         while let Some(&i) = self.carries.get(link).filter(|_| chain.len() <= self.joints.len()) {
             chain.push(&self.joints[i]);
             link = &self.joints[i].parent;
@@ -285,7 +296,7 @@ impl Description {
         chain
     }
 
-    /// The last link, where none is named.
+    /// The last link, if the caller names none.
     fn tip(&self) -> Result<String, String> {
         let moves = |link: &str| self.chain_to(link).iter().filter(|joint| joint.kind != JointType::Fixed).count();
         if let Some(usual) = ["tool0", "flange"].into_iter().find(|usual| moves(usual) == 6) {
@@ -310,7 +321,7 @@ struct Line {
 }
 
 impl Line {
-    /// Where another axis is nearest on this one.
+    /// The point of this axis that is nearest to another axis.
     fn foot(&self, other: &Self) -> Vector3<f64> {
         let normal = self.along.cross(&other.along);
         let between = other.point - self.point;
@@ -318,7 +329,7 @@ impl Line {
         self.point + self.along * along
     }
 
-    /// Where a point is nearest on this axis.
+    /// The point of this axis that is nearest to a point.
     fn foot_of(&self, point: &Vector3<f64>) -> Vector3<f64> {
         self.point + self.along * self.along.dot(&(point - self.point))
     }
@@ -331,16 +342,17 @@ impl Line {
 struct Rows {
     rows: [DhRow; 6],
     sign: [f64; 6],
-    /// The frame that the first row starts in, in the description's base.
+    /// The frame in which the first row starts, in the base frame of the description.
     base: Pose,
     flange_from_tip: Pose,
 }
 
 impl Rows {
-    /// Modified rows (Craig) of six axes and the last link at zero joints; where it fails, at which axis and why.
+    /// Modified rows (Craig) of six axes and the last link at zero joint angles. The error names the axis that has no
+    /// row, and the reason.
     ///
-    /// Directions are chosen so that an arm with parallel axes 2 and 3 and a spherical wrist gets the twists
-    /// 0, −90, 0, −90, 90, −90 degrees that the explicit inverse knows.
+    /// The directions of the axes are chosen so that an arm with parallel axes 2 and 3 and a spherical wrist gets the
+    /// twists 0, −90, 0, −90, 90, −90 degrees, for which there is an explicit inverse.
     fn of(given: &[Line], tip: &Pose) -> Result<Self, (usize, &'static str)> {
         const TWIST: [f64; 5] = [-1.0, 1.0, -1.0, 1.0, -1.0];
         let mut axes: Vec<Line> = given.to_vec();
@@ -353,7 +365,7 @@ impl Rows {
         point_along(5, tip.rotation * Vector3::z());
         let (first, second) = (axes[0], axes[1]);
         if !first.parallel(&second) {
-            // Axis 2 lies ahead of axis 1, or looks to the left.
+            // Axis 2 is in front of axis 1, or points to the left.
             let ahead = second.foot(&first) - first.foot(&second);
             let turned = first.along.cross(&second.along);
             let flip = if ahead.norm() > SAME { turned.dot(&ahead) > 0.0 } else { second.along.y < 0.0 };
@@ -367,13 +379,13 @@ impl Rows {
                 axes[i].along = -axes[i].along;
             }
         }
-        // The forearm's axis looks from the elbow to the wrist.
+        // The axis of the forearm points from the elbow to the wrist.
         let forearm = if axes[3].parallel(&axes[2]) { axes[2].along } else { axes[4].point - axes[2].point };
         if axes[3].along.dot(&forearm) < 0.0 {
             axes[3].along = -axes[3].along;
         }
 
-        // The base frame stands as described where axis 1 is upright through it.
+        // The base frame is that of the description if axis 1 passes vertically through its origin.
         let upright =
             axes[0].along.cross(&Vector3::z()).norm() < PARALLEL && axes[0].foot_of(&Vector3::zeros()).norm() < SAME;
         let base = if upright {
@@ -423,7 +435,7 @@ impl Rows {
     }
 }
 
-/// A frame by two of its axes, unit and square to each other.
+/// A frame from two of its axes, which are perpendicular unit vectors.
 fn frame(x: &Vector3<f64>, z: &Vector3<f64>) -> Rotation3<f64> {
     let mut frame = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[*x, z.cross(x), *z]));
     frame.renormalize();

@@ -1,7 +1,9 @@
-//! Programs that a correction has been written into already: corrected again, they would be off by as much the other way.
+//! Recognises programs that `compensate` has already corrected. A second correction of such a program would be added to
+//! the first, and the part would be wrong by about as much in the opposite direction.
 //!
-//! They are known by their own report: where most places that a report in the program's folder says were written stand in the
-//! program, it is the program that was written. Their bytes are not touched, and no other file is left in their folder.
+//! A program is recognised by its report. If most of the corrected positions in a report of the program's folder are
+//! positions of the program, that run wrote the program. The program therefore needs no mark, and the folder no further
+//! file.
 
 use deflex::correct::Row;
 use deflex::text::Diagnostic;
@@ -9,32 +11,33 @@ use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 
-/// Rows that are compared: the first ones distinguish two programs.
+/// Rows of a report that are compared: the first rows are enough to distinguish two programs.
 const MOST_ROWS: usize = 4096;
-/// Smaller corrections are lost in the digits of a program, mm.
-const TELLING_MM: f64 = 0.004;
-/// Half a digit of a program with three decimals, and of the report's, mm.
+/// Corrections up to this size are ignored, because the program's rounded numbers may not show them, mm.
+const LEAST_CORRECTION_MM: f64 = 0.004;
+/// Positions closer than this are the same: half a digit of a program with three decimals plus half a digit of the
+/// report, mm.
 const SAME_MM: f64 = 0.001;
-/// Share of the places that must be found.
-const SHARE: f64 = 0.8;
-/// How RAPID that was made of CL data begins.
+/// Share of the corrected positions that must be positions of the program.
+const LEAST_SHARE: f64 = 0.8;
+/// Text in the header of the RAPID programs that deflex makes from CL data.
 const POSTED: &str = "posted by deflex";
-/// Bytes of its head.
-const HEAD: usize = 4096;
+/// Length of the part of a file in which that text is looked for, bytes.
+const HEAD_BYTES: usize = 4096;
 
-/// What shows that a program was written by `compensate`.
+/// Evidence that a program was written by `compensate`.
 #[derive(Debug, Default)]
 pub(super) struct Again {
     reports: Vec<(PathBuf, Vec<[f64; 3]>)>,
-    /// Places in the program, from its start.
+    /// Positions of the program's targets, from its start, mm.
     places: Vec<[f64; 3]>,
-    /// A posted program's own word for it.
+    /// Whether the program's header contains [`POSTED`].
     posted: bool,
 }
 
 impl Again {
-    /// Looks in the folder of a program's files.
-    pub(super) fn beside<'a>(files: impl IntoIterator<Item = &'a Path>) -> Self {
+    /// Collects the reports in the folders of a program's files.
+    pub(super) fn in_folders_of<'a>(files: impl IntoIterator<Item = &'a Path>) -> Self {
         let mut found = Self::default();
         let mut folders = std::collections::BTreeSet::new();
         for file in files {
@@ -53,35 +56,37 @@ impl Again {
         found
     }
 
-    /// Takes in rows of the program's own report.
+    /// Adds rows of the program's own report.
     pub(super) fn take(&mut self, rows: &[Row]) {
         let room = MOST_ROWS - self.places.len().min(MOST_ROWS);
         self.places.extend(rows.iter().take(room).map(|row| row.position_mm));
     }
 
-    /// Why the program is not corrected.
+    /// The error for a program that has been corrected already; `None` for any other program.
     pub(super) fn refusal(&self, name: &str) -> Option<Diagnostic> {
-        let help = "give the original program; --again corrects it once more all the same";
-        let written = self.reports.iter().find(|(_, written)| self.holds(written));
+        let help = "give the original program, or add --again to correct this one once more";
+        let written = self.reports.iter().find(|(_, written)| self.contains_most(written));
         let why = match written {
-            Some((report, _)) => format!("by {}, its correction is in it already", report.display()),
-            None if self.posted => "by its first lines, deflex has posted it with its correction".to_owned(),
+            Some((report, _)) => format!("according to {}, the correction is already in it", report.display()),
+            None if self.posted => {
+                "its first lines say that deflex posted it, so the correction is already in it".to_owned()
+            }
             None => return None,
         };
         Some(Diagnostic::error("compensate.again", name, why).help(help))
     }
 
-    /// Whether most of the places stand in the program.
-    fn holds(&self, written: &[[f64; 3]]) -> bool {
+    /// Whether most of these positions are positions of the program.
+    fn contains_most(&self, written: &[[f64; 3]]) -> bool {
         let mut places = self.places.clone();
         places.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        let stands = |wanted: &&[f64; 3]| {
+        let contained = |wanted: &&[f64; 3]| {
             let from = places.partition_point(|place| place[0] < wanted[0] - SAME_MM);
             let near = places[from..].iter().take_while(|place| place[0] <= wanted[0] + SAME_MM);
             near.into_iter().any(|place| (0..3).all(|i| (place[i] - wanted[i]).abs() <= SAME_MM))
         };
-        let found = written.iter().filter(stands).count();
-        found > 0 && found as f64 >= SHARE * written.len() as f64
+        let found = written.iter().filter(contained).count();
+        found > 0 && found as f64 >= LEAST_SHARE * written.len() as f64
     }
 }
 
@@ -91,15 +96,15 @@ fn posted(file: &Path) -> bool {
     }
     let mut head = Vec::new();
     let read = File::open(file)
-        .and_then(|file| std::io::Read::read_to_end(&mut std::io::Read::take(file, HEAD as u64), &mut head));
+        .and_then(|file| std::io::Read::read_to_end(&mut std::io::Read::take(file, HEAD_BYTES as u64), &mut head));
     read.is_ok() && String::from_utf8_lossy(&head).contains(POSTED)
 }
 
-/// The places that a report says were written, where they differ from those programmed; `None` where a file is no report, or
-/// nothing was corrected.
+/// The corrected positions that a report lists, without those that the correction hardly moved; `None` if the file is
+/// no report, or if nothing was corrected.
 fn written(path: &Path) -> Option<Vec<[f64; 3]>> {
     const COLUMNS: [&str; 6] = ["x_mm", "y_mm", "z_mm", "correction_x_mm", "correction_y_mm", "correction_z_mm"];
-    // A pipe by such a name would be waited for.
+    // Opening a named pipe would block until another process writes to it.
     if !path.metadata().is_ok_and(|metadata| metadata.is_file()) {
         return None;
     }
@@ -120,14 +125,14 @@ fn written(path: &Path) -> Option<Vec<[f64; 3]>> {
         let record = record.ok()?;
         let mut values = [0.0_f64; COLUMNS.len()];
         for (value, column) in values.iter_mut().zip(columns) {
-            // Nothing stands there where the target is not solved.
+            // The columns are empty where the target was not solved.
             *value = match record.get(column)? {
                 "" => f64::NAN,
                 figure => figure.parse().ok()?,
             };
         }
         let [x, y, z, dx, dy, dz] = values;
-        if dx.hypot(dy).hypot(dz) > TELLING_MM {
+        if dx.hypot(dy).hypot(dz) > LEAST_CORRECTION_MM {
             all.push([x + dx, y + dy, z + dz]);
         }
     }

@@ -19,7 +19,7 @@ impl<'a> Originals<'a> {
         format: Option<Language>,
     ) -> Result<Self, Vec<Diagnostic>> {
         if against.is_some_and(|path| !path.is_dir()) && jobs.len() > 1 {
-            let message = "--against is one program, but there are several inputs";
+            let message = "--against names one program, but there are several inputs";
             let help = "give the folder of originals, with the same file names";
             return Err(vec![Diagnostic::error("usage.against", "", message).help(help)]);
         }

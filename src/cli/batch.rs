@@ -1,4 +1,4 @@
-//! What the programs of a `compensate` have in common, and where each of their files goes.
+//! The settings that the programs of one `compensate` share, and the paths of their output files.
 
 use super::again::Again;
 use super::args::Compensate;
@@ -12,28 +12,28 @@ use deflex::report::html::PathTrace;
 use deflex::text::Diagnostic;
 use std::path::{Path, PathBuf};
 
-/// What all programs of a `compensate` have in common.
+/// The settings that all programs of one `compensate` share.
 pub(super) struct Batch<'a> {
     pub(super) args: &'a Compensate,
     pub(super) setup: &'a Setup,
-    /// What none may write over.
+    /// Files that no program may be written over.
     pub(super) outputs: &'a Outputs,
-    /// An empty path, for `--html`.
+    /// An empty path to fill for `--html`.
     pub(super) path: Option<PathTrace>,
-    /// How many they are.
+    /// Number of programs.
     pub(super) programs: usize,
 }
 
 impl Batch<'_> {
-    /// What is watched for in the rows of a program.
+    /// Collects what the run reports about the rows of a program.
     pub(super) fn noticed(&self, job: &Job) -> Noticed<'_> {
         let files = job.texts.iter().filter(|_| !self.args.again);
-        let again = (!self.args.again).then(|| Again::beside(files.map(|text| Path::new(text.name()))));
+        let again = (!self.args.again).then(|| Again::in_folders_of(files.map(|text| Path::new(text.name()))));
         Noticed::new(self.setup.options.forces.as_ref(), again)
     }
 }
 
-/// Where a file of the program goes.
+/// The path to which a file of the program is written.
 pub(super) fn place(args: &Compensate, file: &Path) -> PathBuf {
     match &args.out_dir {
         Some(dir) => dir.join(file),
@@ -41,8 +41,9 @@ pub(super) fn place(args: &Compensate, file: &Path) -> PathBuf {
     }
 }
 
-/// Where a program's report goes that no `--report` names: into the program's folder, unless the program goes to stdout, a pipe or a device.
-pub(super) fn report_beside(args: &Compensate, file: &Path) -> Option<PathBuf> {
+/// Path of a program's report if no `--report` names one: in the folder of the corrected program. `None` if the program
+/// is written to stdout, a pipe or a device.
+pub(super) fn default_report(args: &Compensate, file: &Path) -> Option<PathBuf> {
     match (&args.out_dir, &args.output) {
         (Some(dir), _) => Some(dir.join(file.with_extension("report.csv"))),
         (None, Some(output)) if args.reports.report.is_none() && is_file_name(output) => {
@@ -52,7 +53,7 @@ pub(super) fn report_beside(args: &Compensate, file: &Path) -> Option<PathBuf> {
     }
 }
 
-/// What the RAPID program made of CL input has that CL data do not say.
+/// Settings that posting CL data needs, and that CL data do not contain.
 pub(super) fn post_options(args: &Compensate, file: &Path) -> PostOptions {
     let named = args.output.as_deref().filter(|path| !is_stdout(path)).unwrap_or(file);
     PostOptions {
@@ -64,7 +65,7 @@ pub(super) fn post_options(args: &Compensate, file: &Path) -> PostOptions {
     }
 }
 
-/// The same for a program that is called as its file is named.
+/// The same for a program that is named after the file `named`.
 pub(super) fn posted_from(file: &Path, named: &Path) -> PostOptions {
     let stem = named.file_stem().unwrap_or(named.as_os_str()).to_string_lossy().into_owned();
     PostOptions {
@@ -77,7 +78,7 @@ pub(super) fn posted_from(file: &Path, named: &Path) -> PostOptions {
     }
 }
 
-/// A program of several files needs a folder.
+/// An error if a program of several files has no output folder.
 pub(super) fn in_one_file(args: &Compensate, files: usize) -> Result<(), Vec<Diagnostic>> {
     if args.out_dir.is_none() && files > 1 {
         let message = format!("the program is written as {files} files, which need a folder");

@@ -1,14 +1,14 @@
-//! Long outputs on their way to their files.
+//! Writes long outputs in large blocks.
 
 use std::fs::File;
 use std::io::{self, Write};
 
-/// A file takes whole blocks that begin where the system's own do for two thirds of what it takes the same bytes as they come.
-/// Larger ones are as cheap only while the system has room of their size at hand.
+/// Blocks of this size that begin at multiples of it take two thirds of the time that the same bytes take in smaller
+/// writes. Larger blocks are as cheap only while the system has free memory of their size.
 const BLOCK: usize = 64 * 1024;
 
-/// Collects what goes to a file into blocks; what is left over goes with [`Write::flush`], on which the writer must not
-/// forget.
+/// Collects bytes into blocks and writes them to a file. [`Write::flush`] writes the last, incomplete block, so the
+/// writer must call it.
 #[derive(Debug)]
 pub(super) struct Blocks {
     file: File,
@@ -16,12 +16,12 @@ pub(super) struct Blocks {
 }
 
 impl Blocks {
-    /// From the file's start on.
+    /// Begins at the start of the file.
     pub(super) fn new(file: File) -> Self {
         Self { file, waiting: Vec::with_capacity(BLOCK) }
     }
 
-    /// The file, and nothing that waits for it.
+    /// The file, without the bytes that still wait to be written to it.
     pub(super) fn emptied(&mut self) -> &mut File {
         self.waiting.clear();
         &mut self.file
@@ -44,7 +44,7 @@ impl Write for Blocks {
             let (first, rest) = bytes.split_at(BLOCK - self.waiting.len());
             self.waiting.extend_from_slice(first);
             self.flush()?;
-            // Whole blocks need not be collected.
+            // Complete blocks are written directly.
             let blocks = rest.chunks_exact(BLOCK);
             bytes = blocks.remainder();
             for block in blocks {

@@ -22,7 +22,7 @@ use deflex::text::{Diagnostic, Severity};
 use indicatif::ProgressBar;
 use std::sync::Arc;
 
-/// Refusals that are an answer about the program, not a failure of the run.
+/// Refusals that are findings about the program, not failures of the run.
 const ABOUT_THE_PROGRAM: [&str; 1] = ["robot.unreachable"];
 
 pub(super) fn run(args: &Check) -> Outcome {
@@ -31,7 +31,7 @@ pub(super) fn run(args: &Check) -> Outcome {
     let piped = Piped::new(&args.inputs)?;
     let jobs = jobs(piped.as_ref(), &args.inputs, kind, args.reports.keep_going);
     let (mut setup, (jobs, failed)) = both(Setup::read(&args.model, context, args.correct, &args.reports), jobs)?;
-    // The cell has no other owner yet.
+    // The cell has been read for this run only, so it can still be changed.
     if let (Some(most), Some(cell)) =
         (args.max_correction.filter(|_| args.against.is_none()), Arc::get_mut(&mut setup.cell))
     {
@@ -54,7 +54,7 @@ pub(super) fn run(args: &Check) -> Outcome {
     let (mut files, mut rows, mut paths) = (Vec::new(), Vec::new(), Vec::new());
     let mut said = setup.notes();
     for Checked { file, outputs: staged, rows: report, path, notes } in checked {
-        // What is wrong on the way is a finding here.
+        // Faults of the path between targets become findings below, so the notes about them are left out.
         let is_new = |note: &Diagnostic| !WayFault::is_code(note.code) && !said.contains(note);
         said.extend(notes.into_iter().filter(is_new).collect::<Vec<_>>());
         outputs.append(staged)?;
@@ -64,13 +64,13 @@ pub(super) fn run(args: &Check) -> Outcome {
     }
 
     let text = match form {
-        Form::Json => report::pretty(&told(&setup, &files))?,
+        Form::Json => report::pretty(&answer_json(&setup, &files))?,
         Form::Junit => junit(&files),
         Form::Sarif => report::pretty(&sarif(&files))?,
         Form::Text => check_text(&files),
     };
     outputs.add_summary(&text);
-    outputs.add_report(args.reports.json.as_ref(), || report::pretty(&told(&setup, &files)))?;
+    outputs.add_report(args.reports.json.as_ref(), || report::pretty(&answer_json(&setup, &files)))?;
     if let Some(path) = args.reports.report.as_ref().filter(|_| !rows.is_empty()) {
         report::joined(&mut outputs, path, &rows)?;
     }
@@ -86,14 +86,14 @@ pub(super) fn run(args: &Check) -> Outcome {
     Ok(if files.iter().all(CheckFile::passed) { Answer::Yes } else { Answer::No })
 }
 
-/// The answer for scripts, with what it was made from.
-fn told(setup: &Setup, files: &[CheckFile]) -> serde_json::Value {
+/// The JSON of all findings, with the origins of the inputs.
+fn answer_json(setup: &Setup, files: &[CheckFile]) -> serde_json::Value {
     let mut all = check_json(files);
     all["cell"] = serde_json::json!(setup.cell.origin());
     all
 }
 
-/// Form of the answer and kind of the input; `--format` is an old spelling of both.
+/// Form of the answer and language of the input. `--format` is an old option that can set either.
 fn formats(args: &Check) -> Result<(Form, Option<Language>), Vec<Diagnostic>> {
     let (mut form, mut input) = (args.output_format, args.input_format);
     for format in &args.format {
@@ -114,16 +114,16 @@ fn formats(args: &Check) -> Result<(Form, Option<Language>), Vec<Diagnostic>> {
     Ok((form.unwrap_or_default(), input))
 }
 
-/// One program, judged.
+/// Result of checking one program.
 struct Checked {
     file: CheckFile,
-    /// What is staged already.
+    /// Output files that are already staged.
     outputs: Outputs,
-    /// For the report of all programs; `None` where none is wanted, or it is staged already.
+    /// Rows for the common report; `None` if no report is wanted, or if it is staged already.
     rows: Option<Rows>,
-    /// For `--html`.
+    /// Summary and path for `--html`.
     path: Option<(FileSummary, PathTrace)>,
-    /// What could not be judged, and how it was understood.
+    /// Targets that could not be judged, and notes about how the program was read.
     notes: Vec<Diagnostic>,
 }
 
@@ -144,12 +144,13 @@ fn one(args: &Check, batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result<C
     Ok(checked)
 }
 
-/// Whether the correction that would be made is judged, there being no other.
+/// Whether the program is corrected so that `--max-correction` can judge the correction. With `--against` the
+/// correction is known.
 fn corrects(args: &Check) -> bool {
     args.max_correction.is_some() && args.against.is_none()
 }
 
-/// A program that went through a chunk at a time.
+/// Result of a program that was checked chunk by chunk.
 fn streamed(args: &Check, batch: &Batch<'_>, name: &str, predicted: Predicted) -> Result<Checked, Vec<Diagnostic>> {
     let Predicted { passed: Passed { streamed, digest, outputs, rows, path }, findings, unjudged } = predicted;
     let (found, judgement, sum) = if streamed.refused.is_empty() {
@@ -167,7 +168,7 @@ fn streamed(args: &Check, batch: &Batch<'_>, name: &str, predicted: Predicted) -
     Ok(Checked { file, outputs, rows, path, notes })
 }
 
-/// What was judged of a program with so many motions.
+/// The judgement of a program with this number of targets.
 fn judgement(args: &Check, targets: usize, sum: &Summary, (unjudged, digest): (Findings, Digest)) -> Judgement {
     let (skipped, more_skipped) = unjudged.into_parts();
     let ways = Some(args.max_path_error.unwrap_or(args.max_error)).filter(|_| !args.at_targets);
@@ -186,19 +187,19 @@ fn judgement(args: &Check, targets: usize, sum: &Summary, (unjudged, digest): (F
     }
 }
 
-/// The same of a program that is refused, because some target of it is not reached.
+/// The judgement of a program that is refused because a target is out of reach: no target of it is judged.
 fn refused_judgement(args: &Check, targets: usize) -> Judgement {
     let unjudged = vec![KeptCount { reason: KeptReason::ProgramRefused, count: targets }];
     Judgement { targets, unjudged, allows_unjudged: args.allow_unjudged, ..Judgement::default() }
 }
 
-/// Refusals as findings, if they are.
+/// Turns refusals into findings if all of them are about the program; otherwise returns them as errors.
 fn about_the_program(batch: &Batch<'_>, refused: Vec<Diagnostic>) -> Result<Vec<Diagnostic>, Vec<Diagnostic>> {
     let all = refused.iter().all(|error| ABOUT_THE_PROGRAM.contains(&error.code));
     if all && !refused.is_empty() { Ok(refused) } else { Err(batch.setup.cell.own(refused)) }
 }
 
-/// A program that is held whole.
+/// Checks a program that is held as a whole.
 fn whole(args: &Check, batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result<Checked, Vec<Diagnostic>> {
     let (name, setup) = (job.name.clone(), batch.setup);
     let original = batch.originals.of(&job, setup)?;
@@ -248,7 +249,7 @@ fn whole(args: &Check, batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result
     Ok(Checked { file, outputs, rows, path, notes })
 }
 
-/// Targets that were not judged, by reason.
+/// One warning for each reason for which targets were not judged.
 fn not_judged<'a>(name: &'a str, judgement: &'a Judgement) -> impl Iterator<Item = Diagnostic> + 'a {
     judgement.unjudged.iter().filter(|unjudged| unjudged.reason != KeptReason::ProgramRefused).map(move |unjudged| {
         let said = Diagnostic::error("check.not-judged", name, format!("not judged: {unjudged}"));
@@ -259,7 +260,7 @@ fn not_judged<'a>(name: &'a str, judgement: &'a Judgement) -> impl Iterator<Item
     })
 }
 
-/// What is wrong with a program, or a chunk of it: errors; and what of it is not judged: warnings.
+/// Findings in a program or a chunk of it: an error for each fault, and a warning for each target that is not judged.
 fn findings(args: &Check, judged: Judged<'_>) -> Vec<Diagnostic> {
     let Judged { program, rows, failures, moved_mm, on_the_way } = judged;
     let place = Places::new(program);
@@ -272,7 +273,7 @@ fn findings(args: &Check, judged: Judged<'_>) -> Vec<Diagnostic> {
         } else if row.error_norm_mm() > args.max_error {
             findings.push(place.error(row, args.max_error));
         } else if path.way_mm > most {
-            // A target that is off itself has been found already.
+            // The target itself has a finding already if its own error is too large.
             findings.push(place.path(row, path.way_mm, most));
         }
         if let Some(most) = args.max_jump.filter(|most| path.jump_mm > *most) {
@@ -287,10 +288,10 @@ fn findings(args: &Check, judged: Judged<'_>) -> Vec<Diagnostic> {
     findings
 }
 
-/// Where targets stand in the text.
+/// Finds the places of targets in the text, for messages.
 struct Places<'a> {
     program: &'a Program,
-    /// In running order.
+    /// All targets, in running order.
     ends: Vec<&'a Target>,
 }
 

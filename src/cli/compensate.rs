@@ -1,7 +1,7 @@
-//! `compensate`: programs with the correction in them.
+//! `compensate`: writes programs with the correction in them.
 
 use super::args::Compensate;
-use super::batch::{self, Batch, in_one_file, post_options, report_beside};
+use super::batch::{self, Batch, default_report, in_one_file, post_options};
 use super::files::{both, other_ending};
 use super::input::Context;
 use super::job::Job;
@@ -40,7 +40,7 @@ pub(super) fn run(args: &Compensate) -> Outcome {
         job.marked()?;
         let named_otherwise = named_otherwise(args, &job)?;
         let origins = job.origins_for(&args.reports)?;
-        // The driven path is that of the whole program.
+        // The driven path can be corrected only with the whole program in memory.
         let streamed = if args.max_path_error.is_none() { stream::compensate(&batch, &job, bar)? } else { None };
         let mut done = match streamed {
             Some(done) => done,
@@ -54,7 +54,7 @@ pub(super) fn run(args: &Compensate) -> Outcome {
 }
 
 impl Batch<'_> {
-    /// Corrects a program that is held whole.
+    /// Corrects a program that is held as a whole.
     fn whole(&self, job: Job, bar: &ProgressBar) -> Result<Done, Vec<Diagnostic>> {
         let (args, setup) = (self.args, self.setup);
         let (name, files, companions) = (job.name.clone(), job.files.clone(), job.companions.clone());
@@ -62,7 +62,7 @@ impl Batch<'_> {
         let program = setup.program(job)?;
         let options = setup.options_followed(progress::of_one(bar, self.programs));
         let cell = &setup.cell.cell;
-        // The program that is edited, where that is not the one that was given.
+        // The program that was edited, if it differs from the given one.
         let mut shaped = None;
         let corrected = match args.max_path_error.map(|mm| 1e-3 * mm) {
             Some(tolerance) => correct::compensate_driven(&program, cell, &options, tolerance).map(|driven| {
@@ -78,7 +78,7 @@ impl Batch<'_> {
         let mut outputs = self.outputs.sibling();
         let post = || post_options(args, &files[0]);
         let (written, notes) = written(shaped.as_ref().unwrap_or(&program), &corrected, cell, &files, post)?;
-        // Of several modules the first that moves: others only declare.
+        // Reports are named after the first module that has motions: the others only declare names.
         let moving = corrected
             .rows
             .first()
@@ -90,7 +90,7 @@ impl Batch<'_> {
         let mut done =
             Done::new((&name, PathKind::Compensate), &program, corrected, outputs, self.path.clone(), noticed)?;
         done.notes.extend(notes);
-        if let (Some(path), Some(rows)) = (report_beside(args, &stem), &done.rows) {
+        if let (Some(path), Some(rows)) = (default_report(args, &stem), &done.rows) {
             joined(&mut done.outputs, &path, std::slice::from_ref(rows))?;
         }
         match (&args.reports.report, &mut done.rows) {
@@ -104,7 +104,7 @@ impl Batch<'_> {
     }
 }
 
-/// Only one thing goes to stdout, and several programs go to a folder.
+/// An error if two results would go to stdout, or if several programs have no output folder.
 fn one_stdout(args: &Compensate, jobs: &[Job]) -> Result<(), Vec<Diagnostic>> {
     let files: usize = jobs.iter().map(|job| job.texts.len()).sum();
     if args.out_dir.is_none() && files > 1 {
@@ -115,10 +115,11 @@ fn one_stdout(args: &Compensate, jobs: &[Job]) -> Result<(), Vec<Diagnostic>> {
     one_thing(usize::from(program) + args.reports.to_stdout())
 }
 
-/// A warning where the file of the corrected program has the ending of another language.
+/// A warning if the name of the corrected program has the ending of another language.
 ///
 /// # Errors
-/// CL data were given, and the program that is posted from them would be named as CL data, which its next reader would take it for.
+/// CL data were given, and the file of the posted program is named like CL data: the next program that opens it would
+/// read it as CL data.
 fn named_otherwise(args: &Compensate, job: &Job) -> Result<Option<Diagnostic>, Vec<Diagnostic>> {
     let Some(output) = args.output.as_deref().filter(|path| !is_stdout(path)) else { return Ok(None) };
     let written = if job.language == Language::Cl { args.post } else { job.language };
@@ -145,7 +146,7 @@ pub(super) fn written(
     Ok((edited.zip(files).map(|(source, file)| (file.clone(), source.bytes)).collect(), Vec::new()))
 }
 
-/// Puts the files of one program where they belong.
+/// Writes the files of one program to their paths.
 fn place(
     args: &Compensate,
     outputs: &mut Outputs,

@@ -1,4 +1,4 @@
-//! What a file was at a moment, and which file a path leads to.
+//! The state of a file at one moment, and the identity of the file to which a path leads.
 
 use file_id::FileId;
 use std::fs::Metadata;
@@ -9,9 +9,9 @@ use std::time::SystemTime;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub(super) struct FileState {
     length: u64,
-    /// Of the last change of its content, from 1970 on; times before that are negative.
+    /// Time of the last change of the content, in nanoseconds from 1970; earlier times are negative.
     modified_ns: Option<i64>,
-    /// Device, inode and the time of the last change of any of them; 0 where the system has none.
+    /// Device, inode, and the time of the last change of its metadata in s and ns; 0 on systems that have none.
     own: [i64; 4],
 }
 
@@ -27,20 +27,20 @@ impl FileState {
         Self { length: metadata.len(), modified_ns: metadata.modified().ok().and_then(nanoseconds), own }
     }
 
-    /// Without what a second name for the same file changes.
+    /// The state without the properties that change when the file gets a second name.
     pub(super) fn of_content(metadata: &Metadata) -> Self {
         let mut state = Self::of(metadata);
         state.own[2..].fill(0);
         state
     }
 
-    /// Whether both are states of one file, whose content may have changed.
+    /// Whether both are states of the same file, whose content may have changed in between.
     pub(super) fn same_file(&self, other: &Self) -> bool {
         self.own[..2] == other.own[..2]
     }
 }
 
-/// A time in the range that 64 bits hold: 292 years around 1970.
+/// A time as 64-bit nanoseconds, which cover 292 years before and after 1970; `None` outside of them.
 fn nanoseconds(time: SystemTime) -> Option<i64> {
     match time.duration_since(SystemTime::UNIX_EPOCH) {
         Ok(after) => after.as_nanos().try_into().ok(),
@@ -48,16 +48,16 @@ fn nanoseconds(time: SystemTime) -> Option<i64> {
     }
 }
 
-/// Which file a path leads to: hard links and symbolic links to one file have one identity.
+/// Identifies the file to which a path leads. Hard links and symbolic links to one file have the same identity.
 #[derive(Clone, Debug)]
 pub(super) struct Identity {
     path: PathBuf,
-    /// `None` where there is no file yet.
+    /// `None` if the file does not exist yet.
     id: Option<FileId>,
 }
 
 impl Identity {
-    /// Of a path that is resolved as far as it can be.
+    /// The identity of a path, of which as many parts are resolved as exist.
     pub(super) fn of(path: &Path) -> Self {
         let canonical = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
         Self { path: canonical, id: file_id::get_file_id(path).ok() }

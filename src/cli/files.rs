@@ -1,4 +1,4 @@
-//! Files as they are read and written, what is said where they cannot be, and the errors of many.
+//! Reads and writes files, with the messages for files that cannot be read, and gathers the errors of many files.
 
 use super::watch::watch;
 use deflex::limits::FILE_BYTES;
@@ -7,7 +7,7 @@ use deflex::text::{Diagnostic, Severity, Source, cannot_read};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Reads one file, `-` being stdin.
+/// Reads one file; `-` is stdin.
 pub(super) fn source(path: &Path) -> Result<Source, Vec<Diagnostic>> {
     let name = path.display().to_string();
     let read = if name == "-" {
@@ -23,19 +23,19 @@ pub(super) fn source(path: &Path) -> Result<Source, Vec<Diagnostic>> {
     }
 }
 
-/// All bytes of a file, or one more than are taken: a device never ends.
+/// All bytes of a file up to the limit and one more, because a device may never end.
 fn whole(file: impl Read) -> std::io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     file.take(FILE_BYTES.most + 1).read_to_end(&mut bytes).map(|_| bytes)
 }
 
-/// Reads every file; all that cannot be read are named.
+/// Reads all files, and reports every file that cannot be read.
 pub(super) fn sources(paths: &[PathBuf]) -> Result<Vec<Source>, Vec<Diagnostic>> {
     all(paths.iter().map(|path| source(path)))
 }
 
-/// The other language whose ending the file of a program has, and a warning: a controller would not load it, and deflex would read
-/// it as a program of that language.
+/// The language to which the ending of a corrected file belongs, and a warning, if this is not the language of the
+/// program. A controller would not load the file, and deflex would read it as a program of the other language.
 pub(super) fn other_ending(path: &Path, written: Language) -> Option<(Language, Diagnostic)> {
     let ending = path.extension()?.to_string_lossy().to_ascii_lowercase();
     let is_for = |language: &Language| language.endings().contains(&&ending[..]);
@@ -46,13 +46,13 @@ pub(super) fn other_ending(path: &Path, written: Language) -> Option<(Language, 
     Some((named, warning.severity(Severity::Warning).help(help)))
 }
 
-/// Every value, or every error.
+/// All values if every result has one, otherwise all errors.
 pub(super) fn all<T>(results: impl IntoIterator<Item = Result<T, Vec<Diagnostic>>>) -> Result<Vec<T>, Vec<Diagnostic>> {
     let (values, errors) = parted(results);
     if errors.is_empty() { Ok(values) } else { Err(errors) }
 }
 
-/// Every value, and every error.
+/// The values and the errors.
 pub(super) fn parted<T>(results: impl IntoIterator<Item = Result<T, Vec<Diagnostic>>>) -> (Vec<T>, Vec<Diagnostic>) {
     let (mut values, mut errors) = (Vec::new(), Vec::new());
     for result in results {
@@ -64,7 +64,7 @@ pub(super) fn parted<T>(results: impl IntoIterator<Item = Result<T, Vec<Diagnost
     (values, errors)
 }
 
-/// Both values, or the errors of both.
+/// Both values, or all errors of both.
 pub(super) fn both<A, B>(
     a: Result<A, Vec<Diagnostic>>,
     b: Result<B, Vec<Diagnostic>>,

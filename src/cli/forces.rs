@@ -1,4 +1,4 @@
-//! The table of forces, and whether it is that of a program.
+//! Reads the table of forces, and checks that it belongs to the program.
 
 use super::watch::watch;
 use deflex::correct::{Row, Status};
@@ -10,20 +10,20 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// Rows of a table of forces in its file: which target each names, and its line.
+/// The target that each row of a table of forces names, and the line of the row.
 #[derive(Clone, Debug)]
 pub(super) struct ForceFile {
     file: String,
-    /// As many as the program has targets.
+    /// Number of the target and line of each row that names its target by a number.
     ordinals: Vec<(u32, u32)>,
     names: Vec<(String, u32)>,
     /// Size of the largest force, N.
     largest: Option<f64>,
-    /// What is said of the file.
+    /// Warnings and notes about the file.
     notes: Vec<Diagnostic>,
 }
 
-/// The first of some lines, in words; `None` of none.
+/// The first lines of a list, as text; `None` if the list is empty.
 fn lines_of(lines: &[u32]) -> Option<String> {
     const SHOWN: usize = 5;
     let shown: Vec<String> = lines.iter().take(SHOWN).map(ToString::to_string).collect();
@@ -41,7 +41,7 @@ fn at_line(file: &str, line: u32, message: String) -> Diagnostic {
     diagnostic
 }
 
-/// An error for targets with several rows: which of them counts is not for us to say.
+/// An error for targets that have several rows: deflex cannot know which row is right.
 fn twice<T: Ord>(file: &str, mut rows: Vec<(T, u32)>, name: impl Fn(&T) -> String) -> Option<Diagnostic> {
     rows.sort();
     let mut again: Vec<(&T, u32)> =
@@ -57,20 +57,20 @@ fn twice<T: Ord>(file: &str, mut rows: Vec<(T, u32)>, name: impl Fn(&T) -> Strin
             lines_of(&lines)?
         ),
     };
-    Some(at_line(file, *line, message).help("keep one row a target; of repeated measurements, their mean"))
+    Some(at_line(file, *line, message).help("keep one row for each target; of repeated measurements, give the mean"))
 }
 
-/// Targets of a program that the table of forces has no row for.
+/// Targets of a program for which the table of forces has no row.
 #[derive(Debug, Default)]
 pub(super) struct LeftOut {
     targets: usize,
     count: usize,
-    /// Of the first of them, in the program.
+    /// Lines of the first of these targets in the program.
     lines: Vec<u32>,
 }
 
 impl LeftOut {
-    /// Takes in rows of the program's report.
+    /// Adds rows of the program's report.
     pub(super) fn take(&mut self, forces: Option<&Forces>, rows: &[Row]) {
         const LINES: usize = 6;
         let Some(forces) = forces.filter(|forces| forces.forces_given) else { return };
@@ -85,7 +85,7 @@ impl LeftOut {
         }
     }
 
-    /// What is said of them, about the program `name`.
+    /// The warning about these targets of the program `name`; `None` if there are none.
     pub(super) fn note(&self, name: &str) -> Option<Diagnostic> {
         let lines = lines_of(&self.lines)?;
         let message = format!(
@@ -95,7 +95,7 @@ impl LeftOut {
         Some(
             Diagnostic::error("forces.left-out", name, message)
                 .severity(Severity::Warning)
-                .help("a target that cuts needs a row; a row of zeros says that one does not"),
+                .help("give each target that cuts a row; a row of zeros marks a target that does not cut"),
         )
     }
 }
@@ -112,7 +112,7 @@ impl ForceFile {
         Self::of(file, input, names)
     }
 
-    /// The rows of a table by target, and what is needed to check that the table belongs to a program.
+    /// Reads the forces by target, and the rows that [`ForceFile::check`] needs.
     pub(super) fn of(
         file: String,
         input: impl Read,
@@ -159,7 +159,8 @@ impl ForceFile {
         if errors.is_empty() { Ok((Self { file, ordinals, names, largest, notes }, forces)) } else { Err(errors) }
     }
 
-    /// What is said of the file: lines that are skipped, and a warning where the forces look as if they were in another unit.
+    /// Notes about lines that were skipped, and a warning if the forces look as if they were in another unit than
+    /// newtons.
     pub(super) fn doubts(&self) -> impl Iterator<Item = Diagnostic> + '_ {
         self.notes.iter().cloned().chain(self.other_unit())
     }
@@ -180,7 +181,7 @@ impl ForceFile {
         )
     }
 
-    /// Rows that belong to no target of a program: the table is another program's.
+    /// An error if rows belong to no target of a program: then the table was made for another program.
     pub(super) fn check(&self, program: &Program) -> Result<(), Vec<Diagnostic>> {
         let last = program.targets.last().map_or(0, |target| target.ordinal);
         self.check_targets(last, |name| {
@@ -188,7 +189,7 @@ impl ForceFile {
         })
     }
 
-    /// The same for a program with this last target, and targets of these names.
+    /// The same check for a program of which only the number of the last target and the names of targets are known.
     pub(super) fn check_targets(&self, last: u32, named: impl Fn(&str) -> bool) -> Result<(), Vec<Diagnostic>> {
         const MOST_SHOWN: usize = 10; // a wrong table is wrong in every row
         let help = "targets are counted from 1 in the order they run, or named as declared";

@@ -1,4 +1,4 @@
-//! `generate`: completions and manual pages, from the same table as `--help`.
+//! `generate`: writes completions and manual pages from the same definitions as `--help`.
 
 use super::args::{Cli, Generate, Generated};
 use super::output::{Outputs, print};
@@ -27,7 +27,7 @@ pub(super) fn run(args: &Generate) -> Outcome {
     Ok(Answer::Yes)
 }
 
-/// The page of a command, and those of the commands below it.
+/// Writes the manual page of a command, and of its subcommands.
 fn pages(command: &Command, dir: &Path, outputs: &mut Outputs) -> Result<(), Vec<Diagnostic>> {
     let name = command.get_display_name().unwrap_or(command.get_name());
     let page = page(command, name).map_err(|error| Diagnostic::error("io.man", "", error.to_string()))?;
@@ -47,10 +47,10 @@ fn page(command: &Command, name: &str) -> io::Result<Vec<u8>> {
         man.render_subcommands_section(&mut out)?;
     }
     if let Some(notes) = command.get_after_help() {
-        // Line by line: examples are to be copied, not filled and justified.
+        // Examples keep their lines, because they are to be copied.
         writeln!(out, ".SH NOTES\n.nf")?;
         for line in notes.to_string().lines() {
-            // What is no text to roff; none of the lines begins with a request.
+            // Escapes the characters that roff would interpret. No line begins with a roff request.
             writeln!(out, "\\&{}", line.replace('\\', "\\e").replace('-', "\\-"))?;
         }
         writeln!(out, ".fi")?;

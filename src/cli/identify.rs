@@ -1,4 +1,4 @@
-//! `identify`: which effect the cell lacks, and the cell with it.
+//! `identify`: finds the effect that the cell lacks, and writes the cell with it.
 
 use super::against::Originals;
 use super::args::Identify;
@@ -56,7 +56,7 @@ pub(super) fn run(args: &Identify) -> Outcome {
     let found = &done.found;
 
     let mut outputs = Outputs::default();
-    let told = |text: String| path.as_ref().map(path_law_text).unwrap_or_default() + &text;
+    let with_law_text = |text: String| path.as_ref().map(path_law_text).unwrap_or_default() + &text;
     if let Some(output) = &args.output {
         let extended = done.cell()?;
         let extended = path.as_ref().map_or(Ok(extended.clone()), |path| with_path_law(&extended, path))?;
@@ -66,9 +66,9 @@ pub(super) fn run(args: &Identify) -> Outcome {
     outputs.add_report(args.report.as_ref(), || Ok(residual_csv(&found.residuals)))?;
     outputs.add_report(args.html.as_ref(), || Ok(done.page()))?;
     if printed == 0 {
-        outputs.add_summary(&told(identify_text(found)));
+        outputs.add_summary(&with_law_text(identify_text(found)));
     } else if !args.common.quiet {
-        message::say(&[told(identify_text(found))]);
+        message::say(&[with_law_text(identify_text(found))]);
     }
     outputs.commit()?;
     let notes: Vec<Diagnostic> =
@@ -77,7 +77,7 @@ pub(super) fn run(args: &Identify) -> Outcome {
     Ok(Answer::Yes)
 }
 
-/// Writes what logs alone have shown: the law of the controller's path.
+/// Writes the results if there are only logs: the law of the controller's path.
 fn path_alone(args: &Identify, cell: &CellFile, path: &FittedLaw) -> Outcome {
     for (option, given) in [("--report", &args.report), ("--html", &args.html)] {
         if given.is_some() {

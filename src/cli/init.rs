@@ -1,4 +1,4 @@
-//! `init`: a cell file to start from.
+//! `init`: writes a cell file to start from.
 
 use super::args::Init;
 use super::output::{Outputs, print};
@@ -42,7 +42,7 @@ pub(super) fn run(args: &Init) -> Outcome {
     write(args, &template(robot))
 }
 
-/// Robots as a table, the model first.
+/// The robots as a table whose first column is the model.
 fn table(robots: &[&Builtin]) -> String {
     let width = |column: fn(&Builtin) -> &str, title: &str| {
         robots.iter().map(|robot| column(robot).chars().count()).chain([title.len()]).max().unwrap_or(0)
@@ -58,7 +58,7 @@ fn table(robots: &[&Builtin]) -> String {
     text
 }
 
-/// The modules of a backup, task by task, by their names.
+/// The modules of a backup, ordered by task and name.
 fn modules(folder: &Path) -> Result<Vec<Source>, Vec<Diagnostic>> {
     let entries = |folder: &Path| {
         let mut found: Vec<PathBuf> =
@@ -66,7 +66,7 @@ fn modules(folder: &Path) -> Result<Vec<Source>, Vec<Diagnostic>> {
         found.sort();
         found
     };
-    // A pipe or a device under such a name may never end.
+    // Reading a pipe or a device with such a name might never end.
     let is_module = |path: &PathBuf| {
         if !path.is_file() {
             return false;
@@ -85,12 +85,12 @@ fn modules(folder: &Path) -> Result<Vec<Source>, Vec<Diagnostic>> {
     Ok(sources)
 }
 
-/// Writes the cell file, which is one whatever the names and numbers of the source are.
+/// Writes the cell file after checking that it is valid TOML, since names and numbers of the source go into it.
 fn write(args: &Init, cell: &str) -> Outcome {
     if let Err(error) = cell.parse::<toml_edit::DocumentMut>() {
         let message = format!("no cell file can be made from this: {}", error.message());
         let help =
-            "look for names and numbers in the source that are none, such as nan; please report it if there are none";
+            "look for invalid names and numbers in the source, such as nan; if there are none, please report this";
         return Err(Diagnostic::error("init.toml", "", message).help(help).into());
     }
     let mut outputs = Outputs::default();

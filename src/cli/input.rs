@@ -1,4 +1,4 @@
-//! Files to ready objects: programs, cells, tables.
+//! Parses files into programs, cells and tables.
 
 use super::args::Reading;
 use super::files::{self, all, source, sources};
@@ -12,7 +12,7 @@ use deflex::text::{Diagnostic, Source};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
-/// How CL is read where no cell says it: only what does not depend on it is computed then.
+/// How CL data are read without a cell: only for results that depend on neither units nor tools.
 fn without_cell() -> ClOptions {
     ClOptions { units: Some(Units::Millimetre), any_tool: true, ..ClOptions::default() }
 }
@@ -39,7 +39,7 @@ pub(super) fn program(
     parse(job, context, &ReadOptions { cl: &options, look: false })
 }
 
-/// Parses a program where no cell is known: nothing will be written.
+/// Parses a program without a cell: `inspect` and `diff` write no program.
 pub(super) fn program_alone(job: Job, reading: &Context) -> Result<Program, Vec<Diagnostic>> {
     parse(job, reading.sources.clone(), &ReadOptions { cl: &without_cell(), look: true })
 }
@@ -51,7 +51,7 @@ fn parse(job: Job, context: Vec<Source>, options: &ReadOptions<'_>) -> Result<Pr
     read.map_err(|errors| if errors.is_empty() { refused() } else { errors })
 }
 
-/// Reads a program again, for the round trip of `inspect`.
+/// Parses a corrected text again, for the round trip of `inspect`.
 pub(super) fn reread(
     language: Language,
     written: Vec<Source>,
@@ -75,42 +75,61 @@ impl Context {
         Ok(Self { sources: sources(paths)? })
     }
 
-    /// As they were given.
+    /// The modules, in the order in which they were given.
     pub(super) fn sources(&self) -> &[Source] {
         &self.sources
     }
 
-    /// With the routines that a cell vouches for.
+    /// The modules, and declarations of the routines that the cell lists as free of motions.
     pub(super) fn knowing(&self, cell: &Cell, language: Language) -> Cow<'_, [Source]> {
         let more = cell.controller.declarations(language);
         if more.is_empty() { Cow::Borrowed(&self.sources) } else { Cow::Owned([self.sources.clone(), more].concat()) }
     }
 }
 
-/// A cell with the file that it comes from.
+/// A cell, and the file from which it was read.
 #[derive(Debug)]
 pub struct CellFile {
-    /// As the user typed it.
+    /// Path as the user typed it.
     pub(super) name: String,
-    /// Its text.
+    /// Text of the file.
     pub(super) source: Source,
-    /// Read and checked.
+    /// The checked cell.
     pub(super) cell: Cell,
 }
 
 impl CellFile {
-    /// Reads and checks the cell file at a path, `-` being stdin.
+    /// Reads and checks the cell file at a path; `-` is stdin.
     ///
     /// # Errors
-    /// The file cannot be read, or is no cell: see [`Cell::read`].
+    /// The file cannot be read, or is not a valid cell: see [`Cell::read`].
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::cli::session::CellFile;
+    ///
+    /// let cell = CellFile::read("samples/slot/cell.toml".as_ref())?;
+    /// assert!(cell.cell().arm.robot.model.starts_with("irb6660-205-1.9"));
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     pub fn read(path: &Path) -> Result<Self, Vec<Diagnostic>> {
         Self::parse(source(path)?)
     }
 
-    /// Checks the text of a cell file, and reads the meshes that it names, relative to its path.
+    /// Checks the text of a cell file, and reads the meshes that it names. Their paths are relative to the cell file.
     ///
     /// # Errors
-    /// It is no cell: see [`Cell::read`]; a mesh cannot be read, or is no solid.
+    /// The text is not a valid cell (see [`Cell::read`]), or a mesh cannot be read or is not a closed solid.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::cli::session::CellFile;
+    /// use deflex::text::Source;
+    ///
+    /// let cell = CellFile::parse(Source::new("cell.toml", "[robot]\nmodel = \"kr240-r2900-2\"\n"))?;
+    /// assert!(cell.cell().cut.is_none());
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     pub fn parse(source: Source) -> Result<Self, Vec<Diagnostic>> {
         let mut cell = Cell::read(&source).map_err(|errors| match detect("", &source.bytes) {
             Some(_) => {
@@ -126,24 +145,24 @@ impl CellFile {
         Ok(Self { name: source.name.clone(), cell, source })
     }
 
-    /// The cell.
+    /// The checked cell.
     #[must_use]
     pub fn cell(&self) -> &Cell {
         &self.cell
     }
 
-    /// The text that it was read from.
+    /// Text of the cell file.
     #[must_use]
     pub fn source(&self) -> &Source {
         &self.source
     }
 
-    /// The file itself, for what is made from it.
+    /// Name and hash of the file, which results made from it state.
     pub(super) fn origin(&self) -> Origin {
         Origin::of(&self.name, &self.source.bytes)
     }
 
-    /// How CL input is read, with a tool given besides; `None` where the cell does not say.
+    /// How CL data are read, with the tool that `--tool` names; `None` if the cell has no `[cl]` table.
     pub(super) fn cl_options(&self, tool: Option<&str>) -> Option<ClOptions> {
         let mut options = self.cell.cl.as_ref()?.options.clone();
         if let Some(tool) = tool {
@@ -153,13 +172,13 @@ impl CellFile {
         Some(options)
     }
 
-    /// Messages about the cell that do not know its file.
+    /// Adds the name of the cell file to messages that lack it.
     pub(super) fn own(&self, diagnostics: Vec<Diagnostic>) -> Vec<Diagnostic> {
         own(&self.name, diagnostics)
     }
 }
 
-/// The same for the cell file of this name.
+/// Adds the name `name` of a cell file to messages that lack it.
 pub(super) fn own(name: &str, mut diagnostics: Vec<Diagnostic>) -> Vec<Diagnostic> {
     for diagnostic in &mut diagnostics {
         if diagnostic.file.is_empty() && diagnostic.code.starts_with("cell.") {

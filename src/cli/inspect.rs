@@ -1,4 +1,4 @@
-//! `inspect`: what is understood of programs.
+//! `inspect`: shows what deflex understands of programs.
 
 use super::args::Inspect;
 use super::files::all;
@@ -13,9 +13,9 @@ use deflex::text::{Diagnostic, printable_line};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
-/// Endings of programs that are looked for in a folder, besides those of the languages.
+/// Ending of lists of modules, which are looked for in a folder in addition to the endings of the languages.
 const LISTS: &str = "pgf";
-/// Endings that files of other kinds have too: the content decides.
+/// Endings that other kinds of files have too, so the content of the file decides.
 const SHARED: [&str; 2] = ["txt", "dat"];
 
 pub(super) fn run(args: &Inspect) -> Outcome {
@@ -39,15 +39,15 @@ pub(super) fn run(args: &Inspect) -> Outcome {
         outputs.add_summary(&inspect_table(&files));
     }
     outputs.commit()?;
-    // Nothing was understood.
+    // deflex understood none of the files.
     if !files.is_empty() && refusals.iter().all(|refusal| !refusal.is_empty()) {
         return Err(refusals.concat());
     }
-    // The table names every refusal.
+    // The table lists the refused files with their reasons.
     Ok(Answer::Yes)
 }
 
-/// A file itself, or the programs of a folder and its folders, by name.
+/// The path itself if it is a file, else the programs in the folder and its subfolders, sorted by path.
 fn programs(path: &Path) -> Result<Vec<PathBuf>, Vec<Diagnostic>> {
     if !path.is_dir() {
         return Ok(vec![path.to_owned()]);
@@ -75,12 +75,12 @@ fn is_program(path: &Path, ending: &str) -> bool {
     own || SHARED.contains(&ending) && !belongs_to_another(path) && says_so(path)
 }
 
-/// Whether a text file is a program by what stands in it.
+/// Whether the content of a text file is a program.
 fn says_so(path: &Path) -> bool {
     std::fs::read(path).is_ok_and(|bytes| detect("", &bytes).is_some())
 }
 
-/// What is understood of one file. A file that is refused is an answer; one that cannot be opened is none.
+/// The result for one file. A refused program is a result; a file that cannot be opened is an error.
 fn one(
     path: &Path,
     format: Option<Language>,

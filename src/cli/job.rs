@@ -1,4 +1,4 @@
-//! Which files are one program, and in which language; not yet parsed.
+//! Finds out which files form one program, and their language. The files are not parsed yet.
 
 use super::args::Reports;
 use super::files::{all, parted, source};
@@ -16,25 +16,25 @@ use std::path::{Component, Path, PathBuf};
 /// A program in one text.
 pub(super) type Long<'a> = LongProgram<'a, &'a Text>;
 
-/// Files that are one program, not yet parsed.
+/// Files that form one program, not yet parsed.
 #[derive(Clone, Debug)]
 pub(super) struct Job {
-    /// Name for messages and reports: the files as the user typed them.
+    /// Name in messages and reports: the paths as the user typed them.
     pub(super) name: String,
     /// Texts that are corrected.
     pub(super) texts: Vec<Text>,
-    /// Names of the sources in an output folder.
+    /// Names of the files in an output folder.
     pub(super) files: Vec<PathBuf>,
-    /// What else belongs into the output folder, as it is: the `.pgf` list.
+    /// Files that are copied into the output folder without a change: the `.pgf` list.
     pub(super) companions: Vec<(PathBuf, Vec<u8>)>,
-    /// Language of all sources.
+    /// Language of all files.
     pub(super) language: Language,
-    /// Whether the program comes from a list: it is one even if its modules do not use each other.
+    /// Whether a `.pgf` list names the modules: they are one program even if they do not use each other.
     listed: bool,
 }
 
 impl Job {
-    /// Looks into one input.
+    /// The job of one input file, before files are grouped into programs.
     pub(super) fn of(path: &Path, format: Option<Language>) -> Result<Self, Vec<Diagnostic>> {
         if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("pgf")) {
             return Self::listed(path);
@@ -42,7 +42,7 @@ impl Job {
         Self::of_text(Text::of(path)?, path, format)
     }
 
-    /// The one program that several are.
+    /// The one program that these files form; an error if they are several programs.
     pub(super) fn one(jobs: Vec<Self>) -> Result<Self, Vec<Diagnostic>> {
         let jobs = grouped(jobs)?;
         let are_modules = |job: &Self| job.language == jobs[0].language && job.language.about().has_modules;
@@ -56,13 +56,13 @@ impl Job {
         Ok(jobs.into_iter().reduce(Self::with).ok_or_else(none)?)
     }
 
-    /// With its texts in memory.
+    /// Reads the texts into memory.
     pub(super) fn held(mut self) -> Result<Self, Vec<Diagnostic>> {
         self.texts = all(self.texts.into_iter().map(|text| text.read().map(Text::Held)))?;
         Ok(self)
     }
 
-    /// With the modules of another.
+    /// Adds the modules of another job.
     fn with(mut self, more: Self) -> Self {
         self.name = format!("{} + {}", self.name, more.name);
         self.texts.extend(more.texts);
@@ -71,13 +71,14 @@ impl Job {
         self
     }
 
-    /// The program in one text, where it may be read in chunks; `context` declares what it does not, and CL data are read with `cl`.
+    /// The program as one text that can be read in chunks; `None` if it has several files. `context` declares names
+    /// that the text does not declare, and CL data are read with `cl`.
     pub(super) fn long<'a>(&'a self, context: Cow<'a, [Source]>, cl: Option<ClOptions>) -> Option<Long<'a>> {
         let [text] = &self.texts[..] else { return None };
         Some(LongProgram::new(text, self.language, context, cl))
     }
 
-    /// Refuses marks that mean nothing.
+    /// Refuses comments that look like a mark for deflex, such as `! deflex air`, and are not one.
     pub(super) fn marked(&self) -> Result<(), Vec<Diagnostic>> {
         let marks = |text: &Text| {
             let found = match text {
@@ -93,17 +94,17 @@ impl Job {
         all(self.texts.iter().map(marks)).map(drop)
     }
 
-    /// Its files with their hashes, where a report names them.
+    /// Names and hashes of the files, if a report states them; otherwise empty.
     pub(super) fn origins_for(&self, reports: &Reports) -> Result<Vec<Origin>, Vec<Diagnostic>> {
         if reports.json.is_some() || reports.html.is_some() { self.origins() } else { Ok(Vec::new()) }
     }
 
-    /// Its files with their hashes.
+    /// Names and hashes of the files.
     pub(super) fn origins(&self) -> Result<Vec<Origin>, Vec<Diagnostic>> {
         all(self.texts.iter().map(Text::origin))
     }
 
-    /// One input whose text is at hand.
+    /// The job of an input whose text has been opened.
     pub(super) fn of_text(text: Text, path: &Path, format: Option<Language>) -> Result<Self, Vec<Diagnostic>> {
         let head = text.head()?;
         let unknown = || unknown_language(&Source::new(text.name(), head.clone()));
@@ -122,21 +123,21 @@ impl Job {
             language,
             listed: false,
         };
-        if let Some(data) = language.about().companion.and_then(|ending| beside(path, ending)) {
+        if let Some(data) = language.about().companion.and_then(|ending| with_ending(path, ending)) {
             job.texts.push(Text::of(&data)?);
             job.files.push(file_name(&data));
         }
         Ok(job)
     }
 
-    /// Names that its files declare and use.
+    /// Names that the files declare and use.
     fn names(&self) -> Result<ModuleNames, Vec<Diagnostic>> {
         let mut names = ModuleNames::new(self.language);
         all(self.texts.iter().map(|text| text.names(&mut names)))?;
         Ok(names)
     }
 
-    /// A `.pgf`: an XML list of modules, in its folder.
+    /// The job of a `.pgf` file, an XML list of modules in the same folder.
     fn listed(path: &Path) -> Result<Self, Vec<Diagnostic>> {
         let list = source(path)?;
         let text = String::from_utf8_lossy(&list.bytes);
@@ -180,34 +181,34 @@ fn file_name(path: &Path) -> PathBuf {
     PathBuf::from(path.file_name().unwrap_or(path.as_os_str()))
 }
 
-/// The file of the same name with another ending, in any case.
-fn beside(path: &Path, ending: &str) -> Option<PathBuf> {
+/// The file with the same name and another ending in lower or upper case, if it exists.
+fn with_ending(path: &Path, ending: &str) -> Option<PathBuf> {
     let others = [ending.to_ascii_lowercase(), ending.to_ascii_uppercase()].map(|ending| path.with_extension(ending));
     let own = path.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending));
     others.into_iter().find(|other| !own && other.is_file())
 }
 
-/// Whether a file is read with another: KRL data with the `.src` of the same name.
+/// Whether the file is read as part of another: KRL data are read with the `.src` file of the same name.
 pub(super) fn belongs_to_another(path: &Path) -> bool {
-    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("dat")) && beside(path, "src").is_some()
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("dat")) && with_ending(path, "src").is_some()
 }
 
-/// Looks into inputs and finds out which belong to one program.
+/// Groups input files into programs.
 pub(super) fn jobs(inputs: &[PathBuf], format: Option<Language>) -> Result<Vec<Job>, Vec<Diagnostic>> {
     grouped(all(inputs.iter().map(|path| Job::of(path, format)))?)
 }
 
-/// The same for the inputs that can be looked into, and what is wrong with the others.
+/// Groups the input files that can be read, and returns the errors of the others.
 pub(super) fn jobs_that_can_be(inputs: &[PathBuf], format: Option<Language>) -> Result<Looked, Vec<Diagnostic>> {
     let (jobs, failed) = parted(inputs.iter().map(|path| Job::of(path, format)));
     Ok((grouped(jobs)?, failed))
 }
 
-/// Programs, and what is wrong with inputs that are none.
+/// Programs, and the errors of inputs that cannot be read.
 pub(super) type Looked = (Vec<Job>, Vec<Diagnostic>);
 
 fn grouped(mut jobs: Vec<Job>) -> Result<Vec<Job>, Vec<Diagnostic>> {
-    // Data that were given besides the file that they belong to.
+    // Data files that the user gave in addition to the program to which they belong.
     let with: BTreeSet<String> =
         jobs.iter().flat_map(|job| &job.texts[1..]).map(|text| text.name().to_owned()).collect();
     jobs.retain(|job| job.texts.len() > 1 || !with.contains(job.texts[0].name()));

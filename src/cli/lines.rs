@@ -1,24 +1,24 @@
-//! Lines of a program that is too long to be held.
+//! Reads single lines of a program that is too long to be held in memory.
 
 use deflex::report::html::PathTrace;
 use deflex::text::Source;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{BufRead, BufReader, Read};
 
-/// No line is held further than this.
+/// Lines are cut after this many bytes.
 const LONGEST: usize = 1000;
 
-/// The wanted lines, from 1, as far as they can be read: one pass, and no more memory than they take. Lines end as in
-/// [`Source::line_column`]: with CR LF, LF, CR CR LF or a lone CR.
+/// The text of the wanted lines, counted from 1, as far as the input has them. The input is read once, and only the
+/// wanted lines take memory. Lines end as in [`Source::line_column`]: with CR LF, LF, CR CR LF or a lone CR.
 pub(super) fn read(input: impl BufRead, wanted: &BTreeSet<u32>) -> BTreeMap<u32, String> {
     let mut reader = Reader { input, line: 1, after_cr: false };
     let text = |line: &u32| Some((*line, Source::new("", reader.line(*line)?).line_at(0).into_owned()));
     wanted.iter().map_while(text).collect()
 }
 
-/// Quotes the program on its page.
+/// Adds the lines of the program to its page.
 pub(super) fn quote(path: &mut PathTrace, file: impl Read) {
-    // Calls go back and forth in the file: which lines first, then one pass over it.
+    // The path visits lines in running order, so the wanted lines are collected first and then read in one pass.
     let mut wanted = BTreeSet::new();
     path.quote(|_, line| {
         wanted.insert(line);
@@ -30,14 +30,14 @@ pub(super) fn quote(path: &mut PathTrace, file: impl Read) {
 
 struct Reader<R> {
     input: R,
-    /// Line of the next byte.
+    /// Number of the line to which the next byte belongs, from 1.
     line: u32,
-    /// The byte before was a CR that may have ended its line.
+    /// The last byte was a CR, which may have ended its line: then a LF that follows belongs to the same line end.
     after_cr: bool,
 }
 
 impl<R: BufRead> Reader<R> {
-    /// A line after those read before; `None` where the input does not have it.
+    /// Reads a line that is not before the last one read; `None` if the input has fewer lines.
     fn line(&mut self, wanted: u32) -> Option<Vec<u8>> {
         let mut text = Vec::new();
         loop {

@@ -1,4 +1,4 @@
-//! Diagnostics on stderr, with the source line and a caret.
+//! Prints diagnostics on stderr, with the line of the file and a caret.
 
 use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
 use deflex::text::{Diagnostic, Severity, printable, printable_line};
@@ -8,14 +8,14 @@ use std::io::{self, IsTerminal, Write};
 use std::ops::Range;
 use std::sync::LazyLock;
 
-/// More messages than this of one run are only counted.
+/// A run prints this many messages and only counts the others.
 const MOST_SHOWN: usize = 50;
 
-/// Whether stderr is read by a program: with `DEFLEX_MESSAGES=json` each line is a JSON object instead of text for people.
+/// Whether a program reads stderr: with `DEFLEX_MESSAGES=json`, each line is a JSON object instead of text for people.
 pub(super) static FOR_A_PROGRAM: LazyLock<bool> =
     LazyLock::new(|| std::env::var_os("DEFLEX_MESSAGES").is_some_and(|form| form == "json"));
 
-/// Prints diagnostics to stderr; notes and warnings are left out when `quiet`.
+/// Prints diagnostics to stderr, without notes and warnings if `quiet`.
 pub(super) fn print(diagnostics: &[Diagnostic], quiet: bool) {
     let no_color = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
     let color = io::stderr().is_terminal() && !no_color;
@@ -24,7 +24,7 @@ pub(super) fn print(diagnostics: &[Diagnostic], quiet: bool) {
     let shown = once(shown);
     for diagnostic in shown.iter().take(MOST_SHOWN) {
         let text = if *FOR_A_PROGRAM { as_json(diagnostic).to_string() } else { render(diagnostic, color) };
-        // Where stderr is closed, the message cannot be shown.
+        // If stderr is closed, there is no place left to report the failure.
         let _ = writeln!(stderr, "{text}");
     }
     if shown.len() > MOST_SHOWN {
@@ -32,10 +32,10 @@ pub(super) fn print(diagnostics: &[Diagnostic], quiet: bool) {
     }
 }
 
-/// Messages that are the same but for their place, said once with a count and the first lines; those that differ in their
-/// numbers only, so often that the others still count for something.
+/// Merges messages. Messages that differ only in their place become one, with a count and the first lines. Messages
+/// that also differ in their numbers are merged only when there are many, so that they do not crowd out the others.
 fn once<'a>(diagnostics: impl Iterator<Item = &'a Diagnostic>) -> Vec<Diagnostic> {
-    /// Of messages that differ in numbers.
+    /// From this many messages that differ only in numbers, the rest are merged.
     const ALIKE: usize = 5;
     const LINES: usize = 8;
     type Group<'a> = (Diagnostic, Vec<usize>, bool);
@@ -60,7 +60,7 @@ fn once<'a>(diagnostics: impl Iterator<Item = &'a Diagnostic>) -> Vec<Diagnostic
         kin.push(groups.len());
         groups.push((found.clone(), vec![found.line], false));
     }
-    let told = |(mut first, lines, alike): Group<'_>| {
+    let merged = |(mut first, lines, alike): Group<'_>| {
         let count = lines.len();
         let mut at: Vec<usize> = lines.into_iter().filter(|line| *line > 0).collect();
         at.dedup();
@@ -76,10 +76,10 @@ fn once<'a>(diagnostics: impl Iterator<Item = &'a Diagnostic>) -> Vec<Diagnostic
         };
         first
     };
-    groups.into_iter().map(told).collect()
+    groups.into_iter().map(merged).collect()
 }
 
-/// A message but for its numbers.
+/// The message with its numbers removed.
 fn without_numbers(message: &str) -> String {
     let mut text = String::with_capacity(message.len());
     for c in message.chars().filter(|c| !matches!(c, '.' | '-' | '+')) {
@@ -92,7 +92,7 @@ fn without_numbers(message: &str) -> String {
     text
 }
 
-/// Lines for people, to stderr.
+/// Prints lines for people to stderr.
 pub(super) fn say(lines: &[String]) {
     let mut stderr = io::stderr().lock();
     for line in lines {
@@ -104,7 +104,7 @@ pub(super) fn say(lines: &[String]) {
     }
 }
 
-/// One diagnostic for a program.
+/// A diagnostic as a JSON object.
 fn as_json(diagnostic: &Diagnostic) -> Value {
     let severity = match diagnostic.severity {
         Severity::Note => "note",
@@ -122,21 +122,22 @@ fn as_json(diagnostic: &Diagnostic) -> Value {
     })
 }
 
-/// One diagnostic as text.
+/// A diagnostic as text.
 pub(super) fn render(diagnostic: &Diagnostic, color: bool) -> String {
     let level = match diagnostic.severity {
         Severity::Note => Level::NOTE,
         Severity::Warning => Level::WARNING,
         Severity::Error => Level::ERROR,
     };
-    // Not all that the renderer takes is made harmless by it.
+    // The renderer does not escape control characters everywhere, so they are replaced before.
     let (message, file) = (printable_line(&diagnostic.message), printable_line(&diagnostic.file));
     let help = diagnostic.help.as_deref().map(printable_line);
     let title = level.primary_title(&*message).id(diagnostic.code);
     let mut group = Group::with_title(title);
     let snippet = diagnostic.snippet.as_ref().filter(|(line, _)| !line.is_empty()).map(shown);
     let snippet = snippet.as_ref();
-    // The renderer counts columns in the snippet: right only where it starts with the line.
+    // The renderer counts columns from the start of the snippet, so its column is right only if the snippet starts with
+    // the line.
     let whole = snippet.is_some_and(|(line, marked)| line[..marked.start].chars().count() + 1 == diagnostic.column);
     if !diagnostic.file.is_empty() && !whole {
         let mut origin = Origin::path(&*file);
@@ -160,7 +161,7 @@ pub(super) fn render(diagnostic: &Diagnostic, color: bool) -> String {
     renderer.render(&[group])
 }
 
-/// A source line without what steers a terminal, and the mark where it is then.
+/// A line of a file without terminal control characters, and the range of the mark in it.
 fn shown((line, marked): &(String, Range<usize>)) -> (String, Range<usize>) {
     let [before, mark, after] = [&line[..marked.start], &line[marked.clone()], &line[marked.end..]].map(printable);
     let at = before.len()..before.len() + mark.len();

@@ -1,6 +1,7 @@
-//! The command line: arguments to ready objects to one file per command. The only code that reads, writes and prints.
+//! The command line: turns arguments into the objects of the library, with one file for each command. Only this module
+//! reads files, writes files and prints.
 //!
-//! [`main`] is the command itself. [`session`] does the same with the results in memory, for callers that are no shell.
+//! [`main`] is the command itself. [`session`] returns the results in memory, for programs and notebooks.
 
 mod again;
 mod against;
@@ -43,24 +44,26 @@ use clap::Parser;
 use deflex::text::{Diagnostic, Severity};
 use std::ffi::OsString;
 
-/// What a run came to, when it could be done.
+/// Result of a run that could be done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Answer {
-    /// Done; in order; the same.
+    /// The run is done, and its answer is yes: the check passed, or the programs are equal.
     Yes,
-    /// Done, and the answer is no.
+    /// The run is done, and its answer is no.
     No,
 }
 
-/// An answer, or why there is none; nothing is written then.
+/// The answer, or the errors for which there is none. In case of errors no output is written.
 type Outcome = Result<Answer, Vec<Diagnostic>>;
 
-/// glibc's allocator keeps freed room of up to twice the largest block that was once given back (mallopt(3), dynamic
-/// threshold); before, it gives every chunk's room back to the system, and page faults are a third of a long job.
+/// glibc's allocator keeps freed blocks for reuse if they are at most twice as large as the largest block that was ever
+/// freed (mallopt(3), dynamic threshold). Until then it returns the memory of each chunk to the system, and page faults
+/// take a third of the time of a long job. Allocating and freeing one block of this size at the start avoids that,
+/// bytes.
 const KEPT_BYTES: usize = 8 << 20;
 
-/// Runs the command line, of which the first argument is the command's own name: reads and writes what it says, and gives the
-/// exit code, which is that of `docs/reference.md`. Once in a process: it sets the threads and what an interrupt does.
+/// Runs the command line and returns its exit code, as in `docs/reference.md`. The first argument is the name of the
+/// command itself. Call it once in a process, because it sets the number of threads and the handler of interrupts.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
     drop(std::hint::black_box(Vec::<u8>::with_capacity(KEPT_BYTES)));
     let args: Vec<OsString> = args.into_iter().collect();
@@ -71,7 +74,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
     let cli = match Cli::try_parse_from(&args) {
         Ok(cli) => cli,
         Err(error) => {
-            // Help and version are results on stdout, the rest is bad usage on stderr; a closed pipe is no fault.
+            // Help and version are results and go to stdout; errors go to stderr. A closed pipe is not an error.
             let _ = error.print();
             return if error.use_stderr() { 2 } else { 0 };
         }
@@ -105,11 +108,11 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
     }
 }
 
-/// As much as the main thread has: equilibria of eight targets at once stand on the stack, in unoptimised builds several times
-/// over.
+/// Stack size of the threads, equal to the usual size of the main thread's stack. The equilibria of eight targets are
+/// computed on the stack, and unoptimised builds hold several copies of them.
 const STACK_BYTES: usize = 8 << 20;
 
-/// A note where an option has another name by now.
+/// A note if an option was given with its old name.
 fn old_spellings(args: &[OsString], command: &Command) -> Vec<Diagnostic> {
     let is_old = |arg: &OsString| arg == "--format" || arg.to_str().is_some_and(|arg| arg.starts_with("--format="));
     if !args.iter().take_while(|arg| *arg != "--").any(is_old) {
@@ -121,11 +124,11 @@ fn old_spellings(args: &[OsString], command: &Command) -> Vec<Diagnostic> {
         }
         _ => "write --input-format",
     };
-    let said = Diagnostic::error("usage.format", "", "--format is an old spelling, which goes on working");
+    let said = Diagnostic::error("usage.format", "", "--format is an old name of this option, and still works");
     vec![said.severity(Severity::Note).help(help)]
 }
 
-/// Options that every run has.
+/// The options that all runs have, if the command has them.
 fn common(command: &Command) -> Option<&Common> {
     match command {
         Command::Compensate(args) => Some(&args.common),
@@ -139,10 +142,10 @@ fn common(command: &Command) -> Option<&Common> {
     }
 }
 
-/// `--jobs`.
+/// Sets the number of threads from `--jobs`.
 fn threads(command: &Command) -> Result<(), Vec<Diagnostic>> {
     let jobs = common(command).and_then(|common| common.jobs);
-    // 0 is as many as there are cores.
+    // 0 means one thread for each core.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs.map_or(0, usize::from)).stack_size(STACK_BYTES);
     pool.build_global().map_err(|error| {
         let threads = jobs.map_or_else(|| "the".to_owned(), |jobs| jobs.to_string());

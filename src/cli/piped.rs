@@ -1,4 +1,4 @@
-//! A program that comes through a pipe, and can be read once only.
+//! Stores a program that comes through a pipe, because a pipe can be read only once.
 
 use super::job::{self, Job, Looked};
 use super::output::{Temporary, is_stdout};
@@ -9,18 +9,18 @@ use std::fs::{self, File};
 use std::io;
 use std::path::PathBuf;
 
-/// What came through a pipe, in a temporary file, so that it can be read twice.
+/// The content of a pipe in a temporary file, so that it can be read twice.
 pub(super) struct Piped {
-    /// As the user typed it.
+    /// Path as the user typed it.
     path: PathBuf,
     spooled: Temporary,
 }
 
 impl Piped {
-    /// Takes in the program where it is the one input.
+    /// Reads the program if it is the only input and comes through a pipe.
     pub(super) fn new(inputs: &[PathBuf]) -> Result<Option<Self>, Vec<Diagnostic>> {
         let [path] = inputs else { return Ok(None) };
-        // A named pipe, or one of the shell's own.
+        // A named pipe, or a pipe that the shell made for a process substitution.
         let pipe = fs::metadata(path).is_ok_and(|metadata| !metadata.is_file() && !metadata.is_dir());
         if !is_stdout(path) && !pipe {
             return Ok(None);
@@ -42,7 +42,7 @@ impl Piped {
     }
 }
 
-/// Looks into the inputs, of which one may have been taken in already.
+/// Groups the inputs into programs. One of them may have come through a pipe.
 pub(super) fn jobs(
     piped: Option<&Piped>,
     inputs: &[PathBuf],

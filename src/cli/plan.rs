@@ -1,4 +1,4 @@
-//! `plan`: what to measure, so that effects can be distinguished.
+//! `plan`: chooses what to measure, so that effects can be distinguished.
 
 use super::args::Plan as Arguments;
 use super::files::{all, both, other_ending, source};

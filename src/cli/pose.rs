@@ -1,4 +1,4 @@
-//! `pose`: joints to TCP and back.
+//! `pose`: converts joint angles to a TCP pose, and back.
 
 use super::args::Pose as Arguments;
 use super::input::CellFile;
@@ -14,7 +14,8 @@ use deflex::text::Diagnostic;
 use serde_json::{Value, json};
 use std::fmt::Write;
 
-/// A quaternion typed off a pendant has four decimals or so; further from one it is no orientation.
+/// Largest deviation of a typed quaternion's norm from 1. Pendants show about four decimals; with a larger deviation
+/// the numbers are not an orientation.
 const UNIT_NORM: f64 = 1e-2;
 
 pub(super) fn run(args: &Arguments) -> Outcome {
@@ -63,7 +64,7 @@ pub(super) fn run(args: &Arguments) -> Outcome {
     Ok(Answer::Yes)
 }
 
-/// Where the units stand: as typed, the others at zero.
+/// Positions of the mechanical units as typed; units without a position are at zero.
 fn external(cell: &Cell, typed: &[f64]) -> Result<External, Vec<Diagnostic>> {
     let mut external = [0.0; EXTERNAL_AXES];
     let mut errors = Vec::new();
@@ -92,7 +93,7 @@ fn external(cell: &Cell, typed: &[f64]) -> Result<External, Vec<Diagnostic>> {
     if errors.is_empty() { Ok(external) } else { Err(errors) }
 }
 
-/// Sign of a unit's positions.
+/// Unit of measurement of the unit's positions.
 fn sign(unit: &Unit) -> &'static str {
     match unit.kind {
         UnitKind::Rotary => "degrees",
@@ -100,7 +101,7 @@ fn sign(unit: &Unit) -> &'static str {
     }
 }
 
-/// An entry of the cell, by the name typed.
+/// The entry of the cell with the typed name.
 fn named<'a, T>(
     what: &str,
     name: &str,
@@ -116,7 +117,7 @@ fn named<'a, T>(
     })
 }
 
-/// The TCP that was typed, m.
+/// The TCP pose that was typed, in metres.
 fn target(numbers: &[f64], language: Option<Language>) -> Result<Pose, Vec<Diagnostic>> {
     let bad = |message: String| {
         let help = "x,y,z,q1,q2,q3,q4 with the quaternion as RAPID writes it, or x,y,z,A,B,C in mm and degrees (x,y,z,W,P,R for a FANUC). A Yaskawa takes x,y,z,Rx,Ry,Rz in mm and degrees. A UR takes x,y,z,rx,ry,rz: mm, and the rotation vector in rad";
@@ -146,7 +147,7 @@ struct Frames<'a> {
 }
 
 impl Frames<'_> {
-    /// The TCP at axis angles, as text and as JSON.
+    /// The TCP pose at axis angles, as text and as JSON.
     fn tcp(&self, axes_deg: &[f64]) -> Result<(String, Value), Vec<Diagnostic>> {
         let robot = &self.cell.arm.robot;
         let axes_deg: [f64; 6] =
@@ -181,11 +182,11 @@ impl Frames<'_> {
             "joints_deg": axes_deg, "position_mm": mm, "quat": quat, "zyx_deg": zyx, "fixed_xyz_deg": [c, b, a], "xyz_deg": xyz,
             "rotation_vector_rad": vector, "beyond_limit": beyond,
         });
-        configuration.tell(&mut answer);
+        configuration.add_to(&mut answer);
         Ok((text, answer))
     }
 
-    /// Axis angles of every way to reach a TCP.
+    /// The axis angles of every posture that reaches a TCP pose.
     fn joints(&self, wobj_from_tcp: &Pose) -> Result<(String, Value), Vec<Diagnostic>> {
         let robot = &self.cell.arm.robot;
         let base_from_flange = self.base_from_wobj * wobj_from_tcp * self.flange_from_tcp.inverse();
@@ -193,7 +194,7 @@ impl Frames<'_> {
             Diagnostic::error("pose.unreachable", "", format!("the target is not reached: {error}"))
                 .help("check the work object, the tool and the robot of the cell")
         })?;
-        // Nearest to where the arm starts first.
+        // Sorts the postures so that the one nearest to the start of the arm is first.
         let from = self.cell.start.unwrap_or_else(|| robot.motor_from_axes_deg(&robot.home_deg()));
         ways.sort_by(|a, b| (a - from).norm_squared().total_cmp(&(b - from).norm_squared()));
         let mut text = String::new();
@@ -203,14 +204,14 @@ impl Frames<'_> {
             let (maker, words) = configuration.in_words(self.cell.language);
             let _ = writeln!(text, "{}   {maker} {words}", fixed(&deg, 5));
             let mut way = json!({ "joints_deg": deg });
-            configuration.tell(&mut way);
+            configuration.add_to(&mut way);
             list.push(way);
         }
         Ok((text, json!({ "solutions": list })))
     }
 }
 
-/// How joints stand, as each maker's controllers write it.
+/// The posture of the joints in the notation of each maker's controllers.
 struct Configuration {
     quarters: Confdata,
     status: Status,
@@ -224,7 +225,7 @@ impl Configuration {
         Self { quarters, status, turns: config_of(robot, motor) }
     }
 
-    /// The one that the cell's controller writes, and its name.
+    /// The notation that the cell's controller uses, with its name.
     fn in_words(&self, language: Option<Language>) -> (&'static str, String) {
         match language {
             Some(Language::Krl) => {
@@ -239,8 +240,8 @@ impl Configuration {
         }
     }
 
-    /// All of them into an answer.
-    fn tell(&self, answer: &mut Value) {
+    /// Adds all notations to an answer.
+    fn add_to(&self, answer: &mut Value) {
         let (Confdata { cf1, cf4, cf6, cfx }, Status { status, turn }) = (self.quarters, self.status);
         answer["confdata"] = json!([cf1, cf4, cf6, cfx]);
         (answer["status"], answer["turn"]) = (status.into(), turn.into());
@@ -248,7 +249,7 @@ impl Configuration {
     }
 }
 
-/// Numbers in columns; no negative zero.
+/// Numbers in columns, with 0 in place of a negative zero.
 fn fixed(numbers: &[f64], decimals: usize) -> String {
     let number = |value: &f64| {
         let text = format!("{value:.decimals$}");

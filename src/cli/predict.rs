@@ -1,4 +1,4 @@
-//! `predict`: what becomes of programs as they stand.
+//! `predict`: reports the errors of programs without correcting them.
 
 use super::against::Originals;
 use super::args::Predict;
@@ -28,7 +28,7 @@ pub(super) fn run(args: &Predict) -> Outcome {
     let (setup, (jobs, failed)) = both(setup, jobs)?;
     let mut reports = args.reports.clone();
     let path_to_stdout = to_stdout([args.path.as_ref()]);
-    // Rows are for files and pipes: people at a terminal get the worst of them.
+    // A table of rows is for files and pipes. On a terminal a person sees only the worst rows.
     let is_asked = reports.report.is_some() || reports.to_stdout() + path_to_stdout > 0;
     let is_read = !is_asked && stdout().is_terminal();
     if !is_asked && !is_read {
@@ -65,7 +65,7 @@ pub(super) fn run(args: &Predict) -> Outcome {
     finish(outputs, &setup, PathKind::Predict, done, &reports, args.common.quiet)
 }
 
-/// Predicts what becomes of a program that is held whole.
+/// Predicts a program that is held as a whole.
 fn whole(batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result<Done, Vec<Diagnostic>> {
     let (name, setup) = (job.name.clone(), batch.setup);
     let original = batch.originals.of(&job, setup)?;
@@ -86,7 +86,7 @@ fn whole(batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result<Done, Vec<Dia
     Ok(done)
 }
 
-/// The path that the controller drives along the one program that is predicted, as CSV.
+/// The path of the single program, as the controller drives it and the loaded arm takes it, as CSV.
 fn driven_path(setup: &Setup, jobs: &[Job], quiet: bool) -> Result<Vec<u8>, Vec<Diagnostic>> {
     let [job] = jobs else {
         let message = format!("--path samples the path of one program, and {} are given", jobs.len());

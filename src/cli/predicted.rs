@@ -1,4 +1,4 @@
-//! `predict` and `check` on long programs, in constant memory.
+//! `predict` and `check` of long programs in constant memory.
 
 use super::against::Originals;
 use super::job::Job;
@@ -15,22 +15,22 @@ use deflex::text::{Diagnostic, Severity};
 use indicatif::ProgressBar;
 use std::path::Path;
 
-/// What all programs of a run have in common.
+/// The settings that all programs of a run share.
 pub(super) struct Batch<'a> {
     pub(super) setup: &'a Setup,
     pub(super) originals: &'a Originals<'a>,
-    /// What none may write over.
+    /// Files that no program may be written over.
     pub(super) outputs: &'a Outputs,
-    /// The report of all programs.
+    /// Path of the report of all programs.
     pub(super) report: Option<&'a Path>,
-    /// An empty path, for `--html`.
+    /// An empty path to fill for `--html`.
     pub(super) path: Option<PathTrace>,
-    /// How many they are.
+    /// Number of programs.
     pub(super) programs: usize,
 }
 
 impl Batch<'_> {
-    /// Rows as the run's report needs them.
+    /// Prepares rows for the report of the run: the rows of a batch are moved to temporary files.
     pub(super) fn rows(&self, rows: Option<Rows>) -> Result<Option<Rows>, Vec<Diagnostic>> {
         let (Some(mut rows), Some(path)) = (rows, self.report) else { return Ok(None) };
         if self.programs > 1 {
@@ -40,33 +40,33 @@ impl Batch<'_> {
     }
 }
 
-/// What `check` needs from each chunk.
+/// The part of `check` that runs on each chunk.
 #[derive(Clone, Copy)]
 pub(super) struct Question<'a> {
-    /// Whether the program is corrected too.
+    /// Whether the program is corrected too, for `--max-correction`.
     pub(super) corrects: bool,
     pub(super) findings: &'a (dyn Fn(Judged<'_>) -> Vec<Diagnostic> + Sync),
 }
 
-/// A long program that was predicted.
+/// Result of a long program that was predicted in chunks.
 pub(super) struct Predicted {
     pub(super) passed: Passed,
-    /// Where there was a question.
+    /// Findings of `check`; empty for `predict`.
     pub(super) findings: Findings,
     /// Targets that were not judged.
     pub(super) unjudged: Findings,
 }
 
-/// A long program that went through.
+/// Result of a long program that was read in chunks.
 pub(super) struct Passed {
     pub(super) streamed: Streamed,
-    /// The worst of it.
+    /// The targets with the largest errors.
     pub(super) digest: Digest,
-    /// What it wrote, staged.
+    /// Output files that are already staged.
     pub(super) outputs: Outputs,
-    /// For the report of a batch; that of the one program is staged already.
+    /// Rows for the report of a batch. The report of a single program is already staged.
     pub(super) rows: Option<Rows>,
-    /// For `--html`.
+    /// The path for `--html`.
     pub(super) path: Option<PathTrace>,
 }
 
@@ -96,7 +96,7 @@ impl Passed {
     }
 }
 
-/// Streams a program; `None` if it, or its original, can be understood only as a whole.
+/// Predicts a program chunk by chunk; `None` if it, or its original, can be understood only as a whole.
 pub(super) fn streamed(
     batch: &Batch<'_>,
     job: &Job,

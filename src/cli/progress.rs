@@ -1,4 +1,4 @@
-//! Progress on a terminal, or as JSON for a program that reads stderr; nothing elsewhere.
+//! Shows progress on a terminal, or as JSON lines for a program that reads stderr, and nowhere else.
 
 use super::message::FOR_A_PROGRAM;
 use deflex::correct::CutProgress;
@@ -8,7 +8,7 @@ use std::io::{self, Write};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-/// A bar over programs, or a spinner for one; hidden where stderr is no terminal.
+/// A bar that counts programs, or a spinner for a single one; hidden if stderr is not a terminal.
 pub(super) fn bar(programs: usize, quiet: bool) -> ProgressBar {
     if quiet {
         return ProgressBar::hidden();
@@ -38,10 +38,10 @@ fn drawn_as(bar: &ProgressBar, form: &str) {
     }
 }
 
-/// As often as a person sees a bar move.
+/// Number of progress lines per second: more are not useful to a person.
 const LINES_A_SECOND: u8 = 5;
 
-/// A terminal that writes what is drawn as JSON, each state once.
+/// A terminal that prints each new state of the bar as one JSON line.
 #[derive(Debug, Default)]
 struct Lines {
     last: Mutex<String>,
@@ -74,7 +74,7 @@ impl TermLike for Lines {
 
     fn write_str(&self, text: &str) -> io::Result<()> {
         let text = text.trim_end();
-        // All else that is written here is room to the end of the line.
+        // The bar also writes spaces up to the end of the line, which are left out.
         let Some((percent, message)) = text.split_once('|') else { return Ok(()) };
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         if *last == text {
@@ -94,7 +94,7 @@ impl TermLike for Lines {
     }
 }
 
-/// Parts that the share of a work is shown in.
+/// Number of steps into which a bar divides its task.
 const PARTS: u64 = 1000;
 
 /// A bar for one task that reports its progress; hidden if stderr is not a terminal.
@@ -105,13 +105,13 @@ pub(super) fn shares(what: &'static str, quiet: bool) -> ProgressBar {
     bar
 }
 
-/// Moves it to a share.
+/// Sets the bar to a share of the task, 0 to 1.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a share of the parts
 pub(super) fn reached(bar: &ProgressBar, share: f64) {
     bar.set_position((share * PARTS as f64) as u64);
 }
 
-/// Makes it a bar over the cuts of one program, each from none to all.
+/// Makes the bar show the cuts of one program. Each cut runs from 0 to 100 %.
 pub(super) fn cutting(bar: &ProgressBar) -> CutProgress {
     bytes(bar, PARTS);
     bar.set_message("cutting the stock");

@@ -52,7 +52,7 @@ impl Rows {
         Self { csv: Csv::Held(csv), files }
     }
 
-    /// Draws the rows that these were made of, file by file.
+    /// Draws the rows, of which these are the CSV text, file by file.
     pub(super) fn draw(&self, path: &mut PathTrace, rows: &[Row]) {
         let mut rest = rows;
         for (file, count) in &self.files {
@@ -65,12 +65,12 @@ impl Rows {
         }
     }
 
-    /// Rows of one file that were written to a temporary one.
+    /// Rows of one file that were written to a temporary file.
     pub(super) fn spooled(csv: Temporary, file: &str, rows: usize) -> Self {
         Self { csv: Csv::Spooled(csv), files: vec![(file.to_owned(), rows)] }
     }
 
-    /// Moves the rows to a temporary file: the reports of a batch do not fit in memory.
+    /// Moves the rows to a temporary file, because the reports of a batch do not fit in memory.
     pub(super) fn spool(&mut self) -> io::Result<()> {
         if let Csv::Held(csv) = &self.csv {
             let (temporary, mut file) = Temporary::spool()?;
@@ -80,7 +80,7 @@ impl Rows {
         Ok(())
     }
 
-    /// Writes the rows alone.
+    /// Writes the rows without a header.
     fn write(&self, out: &mut impl Write) -> io::Result<()> {
         io::copy(&mut self.read()?, out).map(|_| ())
     }
@@ -93,14 +93,14 @@ impl Rows {
     }
 }
 
-/// What a run notices in the rows of one program.
+/// Collects what a run reports about the rows of one program.
 #[derive(Debug, Default)]
 pub(super) struct Noticed<'a> {
     pub(super) forces: Option<&'a Forces>,
-    /// Where the program is to be corrected.
+    /// Recognises a program that has been corrected already; `None` if the program is not corrected, or with `--again`.
     pub(super) again: Option<Again>,
     left_out: LeftOut,
-    /// The worst of it.
+    /// The targets with the largest errors.
     digest: Digest,
 }
 
@@ -109,7 +109,7 @@ impl<'a> Noticed<'a> {
         Self { forces, again, left_out: LeftOut::default(), digest: Digest::default() }
     }
 
-    /// Takes in rows in running order.
+    /// Adds rows in running order.
     pub(super) fn take(&mut self, rows: &[Row]) {
         self.left_out.take(self.forces, rows);
         self.digest.take(rows);
@@ -118,12 +118,12 @@ impl<'a> Noticed<'a> {
         }
     }
 
-    /// The worst of it.
+    /// The targets with the largest errors.
     pub(super) fn into_digest(self) -> Digest {
         self.digest
     }
 
-    /// What is said of the program `name`; an error where it is not to be corrected.
+    /// Notes on the program `name`; an error if it has been corrected already.
     pub(super) fn notes(&self, name: &str) -> Result<Vec<Diagnostic>, Vec<Diagnostic>> {
         match self.again.as_ref().and_then(|again| again.refusal(name)) {
             Some(refusal) => Err(refusal.into()),
@@ -132,18 +132,18 @@ impl<'a> Noticed<'a> {
     }
 }
 
-/// Reports of a program that are written as it goes through.
+/// Reports of a program that are written chunk by chunk.
 pub(super) struct ProgramReports<'a> {
     rows: Copies,
-    /// Rows for the report of a batch, which is put together when all are done.
+    /// Rows for the report of a batch, which is written after all programs are done.
     spooled: Option<Temporary>,
-    /// For `--html`.
+    /// The path for `--html`.
     path: Option<PathTrace>,
     noticed: Noticed<'a>,
 }
 
 impl<'a> ProgramReports<'a> {
-    /// `own` is the program's own report, `joined` that of all `programs`.
+    /// `own` is the path of the program's own report, `joined` that of the report of all `programs`.
     pub(super) fn open(
         own: Option<PathBuf>,
         joined: Option<&Path>,
@@ -165,7 +165,7 @@ impl<'a> ProgramReports<'a> {
         Ok(Self { rows, spooled, path, noticed })
     }
 
-    /// Fills them with what `run` comes to.
+    /// Fills the reports with the rows that `run` produces.
     pub(super) fn filled<T>(&mut self, bar: Option<&ProgressBar>, run: impl FnOnce(&mut Sinks<'_>) -> T) -> T {
         let (wanted, path, noticed) = (!self.rows.0.is_empty(), &mut self.path, &mut self.noticed);
         run(&mut Sinks {
@@ -179,7 +179,7 @@ impl<'a> ProgramReports<'a> {
         })
     }
 
-    /// Takes all rows back.
+    /// Removes all rows again, before another attempt.
     pub(super) fn emptied(mut self, path: Option<PathTrace>) -> Result<Self, Vec<Diagnostic>> {
         let mut empty = |rows: &mut Blocks| {
             let file = rows.emptied();
@@ -192,23 +192,23 @@ impl<'a> ProgramReports<'a> {
         Ok(Self { path, ..self })
     }
 
-    /// What was noticed in the program `name`.
+    /// Notes on the program `name`; an error if it has been corrected already.
     pub(super) fn notes(&self, name: &str) -> Result<Vec<Diagnostic>, Vec<Diagnostic>> {
         self.noticed.notes(name)
     }
 
-    /// The worst of it.
+    /// The targets with the largest errors.
     pub(super) fn digest(&self) -> Digest {
         self.noticed.digest.clone()
     }
 
-    /// So many rows of the program `name` for the report of a batch, and its path.
+    /// The rows of the program `name` for the report of a batch, of which there are `rows`, and its path.
     pub(super) fn done(self, name: &str, rows: usize) -> (Option<Rows>, Option<PathTrace>) {
         (self.spooled.map(|spooled| Rows::spooled(spooled, name, rows)), self.path)
     }
 }
 
-/// The same bytes to several files.
+/// Writes the same bytes to several files.
 struct Copies(Vec<Blocks>);
 
 impl Write for Copies {
@@ -224,13 +224,13 @@ impl Write for Copies {
     }
 }
 
-/// Adds one report: as it is for one file, with a last column `file` for several.
+/// Writes a report to a file. The report of several files has a last column `file`.
 pub(super) fn joined(outputs: &mut Outputs, path: &Path, programs: &[Rows]) -> Result<(), Vec<Diagnostic>> {
     let mut out = outputs.open_report(path)?;
     write_joined(programs, &mut out).and_then(|()| out.flush()).map_err(|error| cannot_write(path, &error))
 }
 
-/// The same to anything that is written to.
+/// Writes a report to any writer.
 pub(super) fn write_joined(programs: &[Rows], out: &mut impl Write) -> io::Result<()> {
     match programs {
         [rows] if rows.files.len() <= 1 => rows.write(out),
@@ -262,7 +262,7 @@ fn join(programs: &[Rows], out: &mut impl Write) -> io::Result<()> {
     Ok(())
 }
 
-/// Adds the JSON summary of a run if it has a path.
+/// Writes the JSON summary of a run if it has a path.
 pub(super) fn json(
     outputs: &mut Outputs,
     path: Option<&PathBuf>,
@@ -278,7 +278,7 @@ pub(super) fn json(
     outputs.add_report(path, || pretty(&Files { deflex: VERSION, cell, files }))
 }
 
-/// Indented JSON with the keys in their own order and a final line end.
+/// Indented JSON with the keys in the order of the struct and a line end at the end.
 pub(super) fn pretty(value: &impl Serialize) -> Result<String, Vec<Diagnostic>> {
     match serde_json::to_string_pretty(value) {
         Ok(text) => Ok(text + "\n"),
@@ -286,7 +286,8 @@ pub(super) fn pretty(value: &impl Serialize) -> Result<String, Vec<Diagnostic>> 
     }
 }
 
-/// The summary of one program for stderr: what became of its targets, and a row for each kind of error, mm.
+/// The summary of one program for stderr: the number of targets with each result, and one row for each kind of error,
+/// in mm.
 pub(super) fn summary_text(summary: &FileSummary, kind: PathKind) -> String {
     let mut text = format!("{}: {}", printable_line(&summary.path), deflex::report::summary_line(summary, kind));
     let mut add = |what: &str, rms: Option<f64>, max: f64| {

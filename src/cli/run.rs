@@ -1,5 +1,5 @@
-//! What `compensate`, `predict` and `check` have in common: a cell and options, programs in parallel, and what comes out
-//! in order.
+//! The common part of `compensate`, `predict` and `check`: runs programs in parallel, and gathers their results in the
+//! order of the inputs.
 
 use super::args::Reports;
 use super::files::parted;
@@ -17,24 +17,24 @@ use deflex::text::{Diagnostic, Severity, printable_line};
 use indicatif::ProgressBar;
 use std::sync::{Mutex, PoisonError};
 
-/// One program, done.
+/// Results of one program.
 pub(super) struct Done {
-    /// What it wrote, staged.
+    /// Output files that are already staged.
     pub(super) outputs: Outputs,
-    /// For the `--report` of all programs; `None` where none is wanted, or it is staged already.
+    /// Rows for the `--report` of all programs; `None` if no report is wanted, or if it is staged already.
     pub(super) rows: Option<Rows>,
     pub(super) summary: FileSummary,
     /// The summary for the terminal.
     pub(super) text: String,
     pub(super) notes: Vec<Diagnostic>,
-    /// For `--html`.
+    /// The path for `--html`.
     pub(super) path: Option<PathTrace>,
-    /// The worst of it.
+    /// The targets with the largest errors.
     pub(super) digest: Digest,
 }
 
 impl Done {
-    /// The same with the program's files and their hashes, where a summary or a page names them.
+    /// Adds names and hashes of the program's files, which a JSON summary or a page states.
     pub(super) fn made_from(mut self, origins: Vec<Origin>) -> Self {
         self.summary.sources = origins;
         self
@@ -66,7 +66,7 @@ impl Done {
         Ok(Self { outputs, rows, summary, text, notes, path, digest })
     }
 
-    /// A program that went through a chunk at a time.
+    /// Results of a program that was read chunk by chunk.
     pub(super) fn streamed(name: &str, kind: PathKind, passed: Passed) -> Self {
         let Passed { streamed, outputs, rows, path, digest } = passed;
         let summary = FileSummary::of(name, &streamed.summary, &[]);
@@ -75,8 +75,8 @@ impl Done {
     }
 }
 
-/// Runs every program: what those that can be done came to, and what is wrong with the others; nothing of any where there is one
-/// of these, unless the run goes on.
+/// Runs every program, and returns the results and the errors. If any program has an error, no result is returned,
+/// except with `--keep-going`.
 pub(super) fn each<T: Send>(
     jobs: Vec<Job>,
     (quiet, keep_going): (bool, bool),
@@ -95,11 +95,11 @@ pub(super) fn each<T: Send>(
             done.lock().unwrap_or_else(PoisonError::into_inner).push((at, answer));
         }
     };
-    // Not the threads of the pool: a program waits for chunks that need the pool themselves.
+    // These threads are not from the pool: a program waits for its chunks, and the chunks need the threads of the pool.
     std::thread::scope(|scope| {
         for _ in 0..count {
             if std::thread::Builder::new().stack_size(STACK_BYTES).spawn_scoped(scope, work).is_err() {
-                // Without a further thread this one does the work.
+                // If the system starts no further thread, this thread does the work.
                 work();
             }
         }
@@ -114,10 +114,10 @@ pub(super) fn each<T: Send>(
     if failed.is_empty() || go_on { Ok((done, failed)) } else { Err(failed) }
 }
 
-/// What corrected programs leave between their targets, where that is more than the cell's limit: said once.
+/// One warning if the error between targets of corrected programs is larger than the cell's limit.
 fn left_on_the_way(setup: &Setup, summaries: &[FileSummary]) -> Option<Diagnostic> {
     let most = 1e3 * setup.cell.cell.limits.max_path_error;
-    // Of a path that was corrected as it is driven, more is said already.
+    // Programs that were corrected along their driven path have a more exact message.
     let over = || summaries.iter().filter(|sum| sum.counts.remaining_path_max_mm > most && sum.driven_path.is_none());
     let worst = over().max_by(|a, b| a.counts.remaining_path_max_mm.total_cmp(&b.counts.remaining_path_max_mm))?;
     let others = match over().count() {
@@ -130,7 +130,7 @@ fn left_on_the_way(setup: &Setup, summaries: &[FileSummary]) -> Option<Diagnosti
     );
     let help = match setup.options.subdivide {
         None => "`--subdivide MM` inserts targets; the column remaining_path_mm of the report shows where",
-        // No target is nearer to such a place than the correction can follow.
+        // Targets here are already so close to each other that further ones cannot follow the force.
         Some(_) => {
             "the tip jumps where the force sets in, ends or turns at once: lead in and out of the cut gently; the column \
              remaining_path_mm of the report shows where"
@@ -140,7 +140,7 @@ fn left_on_the_way(setup: &Setup, summaries: &[FileSummary]) -> Option<Diagnosti
     Some(note.severity(Severity::Note).help(help))
 }
 
-/// What is said before all else of a program that comes out as it went in.
+/// A warning or note if the corrected program is equal to the original one.
 fn corrected_nothing(summary: &FileSummary) -> Option<Diagnostic> {
     if summary.counts.corrected > 0 || summary.counts.targets == 0 || summary.driven_path.is_some() {
         return None;
@@ -160,7 +160,7 @@ fn corrected_nothing(summary: &FileSummary) -> Option<Diagnostic> {
     Some(said.severity(severity).help(help))
 }
 
-/// Gathers what the programs came to, writes it, and says so.
+/// Gathers the results of the programs, writes the files, and prints the summary.
 pub(super) fn finish(
     mut outputs: Outputs,
     setup: &Setup,
@@ -196,6 +196,6 @@ pub(super) fn finish(
         texts.retain(|text| !text.is_empty());
         message::say(&texts);
     }
-    // What could be done is written; the others were named and make it exit code 2.
+    // The results are written. The programs with errors have been listed, and make the exit code 2.
     if failed.is_empty() { Ok(Answer::Yes) } else { Err(failed) }
 }

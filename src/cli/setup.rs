@@ -1,4 +1,4 @@
-//! What all programs of a run have in common: the cell, forces, context and options.
+//! The settings that all programs of a run share: the cell, forces, context and options.
 
 use super::args::{Corrected as What, Model, Reports};
 use super::files::{both, cannot_write};
@@ -51,12 +51,12 @@ impl Setup {
         Ok(Self { cell: Arc::new(cell), forces: rows, context, options })
     }
 
-    /// How CL input is read.
+    /// How CL data are read, with the tool that `--tool` names.
     pub(super) fn cl_options(&self) -> Option<ClOptions> {
         self.cell.cl_options(self.options.tool.as_deref())
     }
 
-    /// The program in one text, where it may be read in chunks.
+    /// The program as one text that can be read in chunks; `None` if it must be held as a whole.
     pub(super) fn long<'a>(&'a self, job: &'a Job) -> Option<Long<'a>> {
         if holds_whole(&self.cell.cell) {
             return None;
@@ -64,7 +64,7 @@ impl Setup {
         job.long(self.context.knowing(&self.cell.cell, job.language), self.cl_options())
     }
 
-    /// What a long program came to; `None` where it did not go through like that.
+    /// The result of a run in chunks; `None` if the program can be understood only as a whole.
     pub(super) fn through<T>(&self, name: &str, done: Result<T, StreamError>) -> Result<Option<T>, Vec<Diagnostic>> {
         match done {
             Ok(done) => Ok(Some(done)),
@@ -75,13 +75,14 @@ impl Setup {
         }
     }
 
-    /// Refuses forces of targets that a long program does not have.
+    /// Refuses forces for targets that a long program does not have.
     pub(super) fn check_forces(&self, streamed: &Streamed) -> Result<(), Vec<Diagnostic>> {
         let Some(forces) = &self.forces else { return Ok(()) };
         forces.check_targets(streamed.last, |name| streamed.has_target(name))
     }
 
-    /// The options of a program that is held whole, whose cut of the stock the bar follows.
+    /// The options for a program that is held as a whole. The bar shows the progress of the cut, if the cell has a
+    /// stock.
     pub(super) fn options_followed(&self, bar: Option<&ProgressBar>) -> Cow<'_, Options> {
         match bar.filter(|_| self.cell.cell.stock.is_some()) {
             Some(bar) => Cow::Owned(Options { cut_progress: progress::cutting(bar), ..self.options.clone() }),
@@ -89,26 +90,26 @@ impl Setup {
         }
     }
 
-    /// Parses a program and checks that the table of forces is its own.
+    /// Parses a program and checks that the table of forces belongs to it.
     pub(super) fn program(&self, job: Job) -> Result<Program, Vec<Diagnostic>> {
         let program = input::program(job, &self.context, &self.cell, self.options.tool.as_deref())?;
         self.forces.as_ref().map_or(Ok(()), |forces| forces.check(&program))?;
         Ok(program)
     }
 
-    /// Why a run failed, after what is doubtful about its numbers: often that is why.
+    /// The errors of a run, after warnings about the forces, which are often the cause.
     pub(super) fn failed(&self, errors: Vec<Diagnostic>) -> Vec<Diagnostic> {
         let doubt = self.forces.iter().flat_map(ForceFile::doubts);
         self.cell.cell.notes.iter().cloned().chain(doubt).chain(errors).collect()
     }
 
-    /// What a run says about the cell, once.
+    /// Notes of a run about the cell and the forces.
     pub(super) fn notes(&self) -> Vec<Diagnostic> {
         let cell = &self.cell.cell;
         let covered = cell.arm.effects.iter().find(|effect| effect.covered_by().is_some());
         let silent = covered.filter(|_| !cell.controller.declared).map(|effect| {
             let message = format!(
-                "the cell corrects `{}` and does not say what the controller corrects by itself: nothing is assumed",
+                "the cell has the effect `{}`, but does not state which effects the controller compensates: deflex assumes none",
                 effect.kind()
             );
             Diagnostic::error("cell.controller", &self.cell.name, message)

@@ -1,4 +1,4 @@
-//! `simulate`: the part before it is cut.
+//! `simulate`: computes the part before it is cut.
 
 use super::against::Originals;
 use super::args::{Corrected, Simulate};
@@ -22,7 +22,7 @@ pub(super) fn run(args: &Simulate) -> Outcome {
     let reports = args.reports();
     let setup = Setup::read(&args.model, Context::read(&args.reading)?, Corrected::Pose, &reports);
     let piped = Piped::new(&args.inputs)?;
-    // None is left out: a file that is not understood stops the run.
+    // `simulate` leaves no input out: a file that cannot be understood stops the run.
     let (setup, (jobs, _)) = both(setup, jobs(piped.as_ref(), &args.inputs, args.reading.format, false))?;
     let several = jobs.len() > 1 && (args.stl.is_some() || args.html.is_some() || args.report.is_some());
     if several {
@@ -73,10 +73,10 @@ pub(super) fn run(args: &Simulate) -> Outcome {
     Ok(Answer::Yes)
 }
 
-/// A nominal point, and its normal where the file has one; m.
+/// A nominal point in m, and its unit normal if the file has one.
 type Probe = (Vector3<f64>, Option<Vector3<f64>>);
 
-/// Reads `x_mm,y_mm,z_mm` and, where they stand, `nx,ny,nz`.
+/// Reads the columns `x_mm,y_mm,z_mm` and, if the file has them, `nx,ny,nz`.
 fn probes(path: &Path) -> Result<Vec<Probe>, Vec<Diagnostic>> {
     let file = source(path)?;
     let fail = |message: String| {

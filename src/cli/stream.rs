@@ -1,6 +1,6 @@
-//! `compensate` on long programs: from file to file in constant memory.
+//! `compensate` for long programs: copies from file to file in constant memory.
 
-use super::batch::{Batch, in_one_file, place, post_options, report_beside};
+use super::batch::{Batch, default_report, in_one_file, place, post_options};
 use super::job::Job;
 use super::output::{Outputs, Temporary};
 use super::predicted::Passed;
@@ -16,10 +16,11 @@ use indicatif::ProgressBar;
 use std::io;
 use std::path::Path;
 
-/// Streams a program into staged outputs; `None` where only the whole of it shows what it means, or the whole is wanted.
+/// Writes the corrected program into staged files, chunk by chunk; `None` if only the whole program shows its meaning,
+/// or if an option needs the whole.
 pub(super) fn compensate(batch: &Batch<'_>, job: &Job, bar: &ProgressBar) -> Result<Option<Done>, Vec<Diagnostic>> {
     let Some(program) = batch.setup.long(job) else { return Ok(None) };
-    // A list of modules goes along with them, and CL data in other languages than RAPID are posted as a whole.
+    // A `.pgf` list is copied with its modules, and CL data are posted as a whole in other languages than RAPID.
     if !job.companions.is_empty() || (job.language == Language::Cl && batch.args.post != Language::Rapid) {
         return Ok(None);
     }
@@ -33,7 +34,7 @@ pub(super) fn compensate(batch: &Batch<'_>, job: &Job, bar: &ProgressBar) -> Res
     })
 }
 
-/// A long program on its way.
+/// A long program that is being corrected.
 struct Long<'a> {
     batch: &'a Batch<'a>,
     job: &'a Job,
@@ -43,13 +44,13 @@ struct Long<'a> {
 }
 
 impl<'a> Long<'a> {
-    /// RAPID and KRL: their own text, edited.
+    /// Edits the numbers in the program's own text.
     fn edit(mut self) -> Result<Option<Done>, Vec<Diagnostic>> {
         let setup = self.batch.setup;
         let file = &self.job.files[0];
         let mut text = self.outputs.open(&place(self.batch.args, file))?;
         let mut reports = self.reports(file)?;
-        // It is there until the program is written.
+        // The temporary file exists until the program is written.
         let mut spooled = None;
         let scratch = || {
             let (temporary, file) = Temporary::spool()?;
@@ -62,7 +63,7 @@ impl<'a> Long<'a> {
         self.done(done, reports)
     }
 
-    /// CL, posted as RAPID.
+    /// Posts CL data as RAPID.
     fn post(mut self) -> Result<Option<Done>, Vec<Diagnostic>> {
         let (args, setup, bar, threads) = (self.batch.args, self.batch.setup, self.bar, self.threads());
         let cell = &setup.cell.cell;
@@ -75,7 +76,7 @@ impl<'a> Long<'a> {
         let mut refused = None;
         let open = |name: &str| {
             let file = self.outputs.open(&place(args, Path::new(name)));
-            // What is wrong with the name is said in more words than an I/O error has.
+            // The reason for which a name is refused is kept, because an I/O error has no room for its help text.
             file.map_err(|why| {
                 refused = Some(why);
                 io::Error::from(io::ErrorKind::Other)
@@ -88,12 +89,12 @@ impl<'a> Long<'a> {
         }
     }
 
-    /// Reports of the program, one of which may have taken the name of its report.
+    /// The reports of the program. A report with the same path as the program is refused.
     fn reports(&mut self, file: &Path) -> Result<ProgramReports<'a>, Vec<Diagnostic>> {
         let (args, programs) = (self.batch.args, self.batch.programs);
-        let beside = report_beside(args, file);
+        let default = default_report(args, file);
         ProgramReports::open(
-            beside,
+            default,
             args.reports.report.as_deref(),
             programs,
             self.batch.path.clone(),
@@ -102,7 +103,7 @@ impl<'a> Long<'a> {
         )
     }
 
-    /// Threads are shared among the programs of a batch.
+    /// The number of threads for this program: the programs of a batch share the threads.
     fn threads(&self) -> usize {
         rayon::current_num_threads().div_ceil(self.batch.programs)
     }

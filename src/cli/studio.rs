@@ -1,4 +1,4 @@
-//! `studio`: a window for people who have no shell. Its runs are runs of this same command.
+//! `studio`: a window in the browser for people who do not use a shell. The window runs this same command.
 
 use super::args::Studio as Arguments;
 use super::output::print;
@@ -39,7 +39,7 @@ fn failed(error: &Error) -> Vec<Diagnostic> {
     Diagnostic::error(code, "", error.to_string()).help(help).into()
 }
 
-/// What the window shows of this command.
+/// Lists that the window shows: robots, materials, languages, columns and a template of the cell.
 fn facts() -> Value {
     let robots: Vec<Value> = Builtin::listed("")
         .into_iter()
@@ -55,7 +55,7 @@ fn facts() -> Value {
         Language::ALL.map(|language| json!({ "word": language.word(), "endings": language.endings() })).into();
     let materials = MATERIALS.map(|material| material.name);
     let columns: Vec<&str> = column_names().collect();
-    // What stands before the limits is one robot's own, and no example for another.
+    // The part of the template before `[limits]` describes one particular robot, so it is no use as an example.
     let template = Builtin::listed("").first().map(|robot| template(robot));
     let template = template.as_deref().and_then(|text| text.find("\n[limits]").map(|at| &text[at + 1..]));
     json!({
@@ -68,8 +68,8 @@ fn facts() -> Value {
     })
 }
 
-/// The arm at home, seen from its right side: from the base to the flange the corners where the length of a link and its offset
-/// meet, forwards and up, whole mm.
+/// The arm in its home position seen from the right, in mm: the points from base to flange at which the length of a
+/// link and its offset meet, each as (forwards, up).
 fn side_view(robot: &Robot) -> Vec<[f64; 2]> {
     let frames = robot.frames(&robot.motor_from_axes_deg(&robot.home_deg()));
     let mut corners = vec![Vector3::zeros()];
@@ -84,7 +84,7 @@ fn side_view(robot: &Robot) -> Vec<[f64; 2]> {
     side
 }
 
-/// Starts the browser that the system has for addresses.
+/// Starts the system's browser with an address.
 fn open_browser(address: &str) -> io::Result<()> {
     let mut command = if cfg!(windows) {
         let mut command = Command::new("rundll32");
@@ -95,7 +95,7 @@ fn open_browser(address: &str) -> io::Result<()> {
     };
     let quiet = command.arg(address).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     let mut started = quiet.spawn()?;
-    // Waits for it, so that no ended process is kept.
+    // Waits for the browser, because the system keeps an ended process until its parent has waited for it.
     std::thread::spawn(move || started.wait());
     Ok(())
 }

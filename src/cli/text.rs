@@ -1,4 +1,4 @@
-//! The text of a file, held or not.
+//! The text of a file, which may be in memory or not.
 
 use super::files::source;
 use super::watch::watch;
@@ -10,18 +10,18 @@ use std::fs::File;
 use std::io::{BufReader, Cursor, Read};
 use std::path::{Path, PathBuf};
 
-/// The text of a program: a long file is read when its turn comes, so that a batch is never held as a whole.
+/// The text of a program. A long file is read only when its turn comes, so that a batch is never in memory as a whole.
 #[derive(Clone, Debug)]
 pub(super) enum Text {
     Held(Source),
     File {
-        /// As the user typed it.
+        /// Path as the user typed it.
         name: String,
         path: PathBuf,
     },
 }
 
-/// Files up to this size are read at once. The same number of bytes of a longer file is enough to recognise its language.
+/// Files up to this size are read at once. In a longer file, this many bytes are enough to recognise the language.
 const HEAD: u64 = 64 * 1024;
 
 impl Text {
@@ -41,7 +41,7 @@ impl Text {
         }
     }
 
-    /// How many bytes it has.
+    /// Length of the text, bytes.
     pub(super) fn bytes(&self) -> Result<u64, Vec<Diagnostic>> {
         match self {
             Self::Held(source) => Ok(source.bytes.len() as u64),
@@ -61,7 +61,7 @@ impl Text {
         }
     }
 
-    /// What is held; `None` of a file.
+    /// The text, if it is in memory.
     pub(super) fn source(&self) -> Option<&Source> {
         match self {
             Self::Held(source) => Some(source),
@@ -79,7 +79,7 @@ impl Text {
         }
     }
 
-    /// The bytes from which the language is recognised.
+    /// The first bytes, which are enough to recognise the language.
     pub(super) fn head(&self) -> Result<Vec<u8>, Vec<Diagnostic>> {
         match self {
             Self::Held(source) => Ok(source.bytes.clone()),

@@ -1,4 +1,4 @@
-//! Inputs that change while they are read: a program is read several times over, and must be the same each time.
+//! Detects inputs that change during a run. A program is read several times and must have the same bytes each time.
 
 use super::file_state::{FileState, Identity};
 use super::message;
@@ -12,40 +12,41 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, SystemTime};
 
-/// A file as it was when it was first opened.
+/// State of a file when the run first opened it.
 #[derive(Debug)]
 struct Watched {
     identity: Identity,
     state: FileState,
-    /// Hash of the content, for files that were written so recently that a later write may have the same time.
+    /// Hash of the content, if the file was written so recently that a later write could have the same time stamp.
     hash: Option<String>,
 }
 
-/// Systems count times of files in ticks of up to 10 ms, some network drives in seconds.
+/// Files changed longer ago than this are compared by their time stamps alone. Local systems count the time in ticks of
+/// up to 10 ms, some network drives in seconds.
 const TICK: Duration = Duration::from_millis(50);
 
-/// All that was opened.
+/// The files that this run has opened.
 #[derive(Debug)]
 struct All {
     files: BTreeMap<PathBuf, Watched>,
-    /// By folder, what killed runs left unfinished there.
+    /// For each folder, the outputs that killed runs left unfinished in it, each with its marker file.
     unfinished: BTreeMap<PathBuf, Vec<(PathBuf, String)>>,
 }
 
-/// `None` where no run of the command goes on: what a caller of the library holds in memory is not watched.
+/// `None` while no command runs: texts that a caller of the library holds in memory are not watched.
 static WATCHED: Mutex<Option<All>> = Mutex::new(None);
 
 fn watched() -> MutexGuard<'static, Option<All>> {
-    // Entries are put in whole.
+    // A panic cannot leave an entry half-written, so a poisoned lock is still usable.
     WATCHED.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Watches what is opened from here on.
+/// Watches all files that are opened from now on.
 pub(super) fn start() {
     *watched() = Some(All { files: BTreeMap::new(), unfinished: BTreeMap::new() });
 }
 
-/// Remembers a file before it is read; what is no regular file (a pipe, a device) can be read once only, and is not watched.
+/// Records the state of a file before it is read. Pipes and devices can be read only once, and are not watched.
 pub(super) fn watch(path: &Path) {
     let Ok(metadata) = fs::metadata(path) else { return };
     if !metadata.is_file() || watched().as_ref().is_none_or(|all| all.files.contains_key(path)) {
@@ -60,14 +61,14 @@ pub(super) fn watch(path: &Path) {
     }
 }
 
-/// The input of this run that a file is.
+/// The input of this run that is the same file as `identity`, also under another name.
 pub(super) fn input_that_is(identity: &Identity) -> Option<PathBuf> {
     let watched = watched();
     let mut files = watched.iter().flat_map(|all| &all.files);
     files.find(|(_, file)| file.identity == *identity).map(|(input, _)| input.clone())
 }
 
-/// A warning for a file that belongs to a set which is unfinished.
+/// A warning if the file belongs to a set of outputs that a killed run left unfinished.
 fn unfinished(path: &Path) -> Option<Diagnostic> {
     let target = fs::canonicalize(path).ok()?;
     let folder = target.parent()?.to_owned();
@@ -75,24 +76,28 @@ fn unfinished(path: &Path) -> Option<Diagnostic> {
     let files = all.as_mut()?.unfinished.entry(folder).or_insert_with_key(|folder| marker::unfinished(folder));
     let (_, marker) = files.iter().find(|(file, _)| *file == target)?;
     let message = format!("is one of several outputs that a killed run left unfinished ({marker})");
-    let help = "run again what wrote it: its files are not of one run";
+    let help = "repeat the run that wrote it: its files come from two different runs";
     let file = path.display().to_string();
     Some(Diagnostic::error("io.unfinished", &file, message).severity(Severity::Warning).help(help))
 }
 
-/// One message for each file that is not as it was.
+/// An error for each input that has changed since it was first opened.
 pub(super) fn changed() -> Result<(), Vec<Diagnostic>> {
     let same = |(path, before): (&PathBuf, &Watched)| {
         let now = fs::metadata(path).ok().map(|metadata| FileState::of(&metadata));
         now == Some(before.state) && before.hash.as_ref().is_none_or(|before| hash(path).ok().as_ref() == Some(before))
     };
     let watched = watched();
-    let errors: Vec<Diagnostic> =
-        watched.iter().flat_map(|all| &all.files).filter(|entry| !same(*entry)).map(|(path, _)| told(path)).collect();
+    let errors: Vec<Diagnostic> = watched
+        .iter()
+        .flat_map(|all| &all.files)
+        .filter(|entry| !same(*entry))
+        .map(|(path, _)| changed_error(path))
+        .collect();
     if errors.is_empty() { Ok(()) } else { Err(errors) }
 }
 
-fn told(path: &Path) -> Diagnostic {
+fn changed_error(path: &Path) -> Diagnostic {
     let message = "changed while it was read: nothing is written";
     Diagnostic::error("io.changed", &path.display().to_string(), message)
         .help("run again when no other program writes to it")

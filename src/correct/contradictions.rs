@@ -6,9 +6,9 @@ use crate::program::Program;
 use crate::robot::{Pose, turn_between};
 use crate::text::{Diagnostic, Severity};
 
-/// Digits and calibrations differ by less, m: a frame that differs by more is another one.
+/// Frames that differ by more than this are different frames, m. Printed digits and calibrations differ by less.
 const NOISE_M: f64 = 1e-5;
-/// The same for a turn, rad: it moves a point 1 m away by as much.
+/// The same for a turn, rad: it moves a point at a distance of 1 m by as much.
 const NOISE_RAD: f64 = 1e-5;
 
 /// A warning for each tool and work object that program and cell declare differently. The controller uses the program's, and so does

@@ -11,6 +11,18 @@ use crate::text::Diagnostic;
 ///
 /// # Errors
 /// As [`Prepared::new`]; a cell without `[stock]`; `run.called-off`.
+///
+/// # Examples
+/// ```no_run
+/// use deflex::correct::{Cuts, Options, cut_stock};
+/// use deflex::{cell::Cell, program::rapid, text::Source};
+///
+/// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/stock/cell.toml")?))?;
+/// let program = rapid::read(vec![Source::new("part.mod", std::fs::read("samples/stock/part.mod")?)], vec![])?;
+/// let removal = cut_stock(&program, &cell, &Options::default(), None, Cuts::Deflected)?;
+/// println!("{:.1} cm³ removed", 1e6 * removal.stock.removed());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn cut_stock(
     program: &Program,
     cell: &Cell,

@@ -55,7 +55,8 @@ impl PathDeviation {
         self.judged(before, a.sqrt(), from.lerp(to, over).norm().max(b.sqrt()))
     }
 
-    /// This deviation with the jump separated: distances before the jump, at most within its length, and at most after it, m.
+    /// This deviation with the jump separated. The distances, m: before the jump, at most within its length, and at
+    /// most after it.
     fn judged(self, before: f64, within: f64, behind: f64) -> Self {
         let explained = before.max(behind);
         if within <= explained + KNOWN {

@@ -585,6 +585,18 @@ pub(super) fn as_written(error: Diagnostic) -> Diagnostic {
 ///
 /// # Errors
 /// As [`Prepared::new`] and [`Course::new`]; a point of the path is out of reach or has no equilibrium.
+///
+/// # Examples
+/// ```no_run
+/// use deflex::correct::{Options, loaded_path};
+/// use deflex::{cell::Cell, program::rapid, text::Source};
+///
+/// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// let path = loaded_path(&program, &cell, &Options::default())?;
+/// println!("{:.1} s", path.samples.last().map_or(0.0, |sample| sample.time));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn loaded_path(program: &Program, cell: &Cell, options: &Options) -> Result<LoadedPath, Vec<Diagnostic>> {
     let mut prepared = Prepared::new(program, cell, options)?;
     let course = Course::new(program, cell, &prepared)?;

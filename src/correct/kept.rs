@@ -104,7 +104,7 @@ impl KeptReason {
             Self::UnitPositionMissing => {
                 "give every target the position of each unit that carries the robot or its work object"
             }
-            Self::UnitDeactivated => "a unit stands where the last target before DeactUnit has sent it",
+            Self::UnitDeactivated => "a deactivated unit stays at its position in the last target before DeactUnit",
             Self::Program(Reason::NameUndeclared) => {
                 let companion = language.about().companion.map_or_else(String::new, |ending| {
                     format!(": the .{ending} of the same name is read with the program where it is in the same folder")

@@ -37,6 +37,18 @@ use nalgebra::Vector3;
 ///
 /// # Errors
 /// As [`Prepared::new`]; an original with other targets than these, except for targets that were inserted on its path.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::{Options, predict};
+/// use deflex::{cell::Cell, program::rapid, text::Source};
+///
+/// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// let predicted = predict(&program, &cell, &Options::default(), None)?;
+/// assert!(predicted.rows.iter().all(|row| row.error_norm_mm() > 0.1));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn predict(
     program: &Program,
     cell: &Cell,
@@ -81,6 +93,19 @@ pub fn predict(
 ///
 /// # Errors
 /// As [`Prepared::new`]. Targets without a solution are in [`Corrected::failures`].
+///
+/// # Examples
+/// ```
+/// use deflex::correct::{Options, compensate};
+/// use deflex::{cell::Cell, program::rapid, text::Source};
+///
+/// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// let corrected = compensate(&program, &cell, &Options::default())?;
+/// assert!(corrected.failures.is_empty());
+/// assert!(corrected.rows.iter().all(|row| row.remaining_norm_mm() < 1e-3));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn compensate(program: &Program, cell: &Cell, options: &Options) -> Result<Corrected, Vec<Diagnostic>> {
     let is_driven = cell.controller.path.is_some() && program.language.is_edited();
     let judged_path = if is_driven { JudgedPath::Driven } else { JudgedPath::Written };

@@ -190,6 +190,18 @@ impl Prepared {
     ///
     /// # Errors
     /// Tools or work objects are not declared, targets are out of reach, forces are missing: every reason that was found.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::correct::{Options, Prepared};
+    /// use deflex::{cell::Cell, program::rapid, text::Source};
+    ///
+    /// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// let prepared = Prepared::new(&program, &cell, &Options::default())?;
+    /// assert!(prepared.points.iter().all(|point| point.cuts()));
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     pub fn new(program: &Program, cell: &Cell, options: &Options) -> Result<Self, Vec<Diagnostic>> {
         Self::of(Context::whole(program, cell, options))
     }

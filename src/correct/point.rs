@@ -176,7 +176,7 @@ impl Point {
         let cutting = match self.cutting(laws) {
             Cutting::Constant(force) => Cutting::Constant(-(tool_from_wobj * force)),
             Cutting::Law { wobj_from_feed, .. } => {
-                let PointLoad::Law { law, .. } = self.load else { unreachable!("a law is of a law") };
+                let PointLoad::Law { law, .. } = self.load else { unreachable!("only a force law gives Cutting::Law") };
                 Cutting::Law { law: &laws[law].mirrored, wobj_from_feed: tool_from_wobj * wobj_from_feed }
             }
             Cutting::Air => Cutting::Air,

@@ -14,6 +14,17 @@ use nalgebra::{Rotation3, Translation3, Vector3};
 ///
 /// # Errors
 /// No tool has the name; the cell has several and none is named.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::tool_of;
+/// use deflex::{cell::Cell, text::Source};
+///
+/// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/blade/cell.toml")?))?;
+/// assert_eq!(tool_of(&cell, None)?.mass, 18.0); // kg: it has only one tool
+/// assert!(tool_of(&cell, Some("tDrill")).is_err());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn tool_of(cell: &Cell, name: Option<&str>) -> Result<ToolFrame, Vec<Diagnostic>> {
     let bare = ToolFrame { flange_from_tcp: Pose::identity(), mass: 0.0, cog: Vector3::zeros() };
     match (name, cell.tools.len()) {
@@ -107,6 +118,18 @@ impl ArmState<'_> {
 ///
 /// # Errors
 /// A unit that the cell does not have, another number of positions, a position beyond the unit's limits.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::external_of;
+/// use deflex::{cell::Cell, text::Source};
+///
+/// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/units/cell.toml")?))?;
+/// let unit = &cell.units.all()[0];
+/// let positions = external_of(&cell, &[(&unit.name, &[unit.min, unit.max])], 2)?;
+/// assert_eq!(positions[1][unit.axis], unit.max);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn external_of(cell: &Cell, positions: &[(&str, &[f64])], count: usize) -> Result<Vec<External>, Vec<Diagnostic>> {
     let mut all = vec![[f64::NAN; EXTERNAL_AXES]; count];
     let units = cell.units.all();
@@ -140,6 +163,20 @@ pub fn external_of(cell: &Cell, positions: &[(&str, &[f64])], count: usize) -> R
 /// # Errors
 /// A work object that the cell does not declare; a unit that matters without a position; an effect that needs a direction of travel, a
 /// speed, a time, a temperature or a cut length that is not given. A pose without an equilibrium has an error of its own.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::{Standing, predict_poses, tool_of};
+/// use deflex::{cell::Cell, text::Source};
+///
+/// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/blade/cell.toml")?))?;
+/// let (axes_deg, tool) = ([[0.0, 20.0, 15.0, 0.0, 40.0, 0.0]; 2], tool_of(&cell, None)?);
+/// let forces_n = [[0.0; 3], [0.0, 0.0, -300.0]];
+/// let poses = predict_poses(&cell, &tool, &axes_deg, &forces_n, Standing::default())?;
+/// let height = |i: usize| poses[i].as_ref().expect("an equilibrium").translation.z;
+/// assert!(height(1) < height(0)); // 300 N downwards lower the tip
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn predict_poses(
     cell: &Cell,
     tool: &ToolFrame,

@@ -155,6 +155,28 @@ pub struct PostedProgram {
 ///
 /// # Errors
 /// No feed is known.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::{Options, PostOptions, RAPID_MM_S, compensate, post};
+/// use deflex::{cell::Cell, program::{Language, cl}, text::Source};
+///
+/// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/blade/cell.toml")?))?;
+/// let file = Source::new("blade.aptsource", std::fs::read("samples/blade/blade.aptsource")?);
+/// let program = cl::read(file, &cell.cl.as_ref().expect("[cl]").options)?;
+/// let corrected = compensate(&program, &cell, &Options::default())?;
+/// let options = PostOptions {
+///     name: "Blade".to_owned(),
+///     title: vec![],
+///     max_targets: None,
+///     rapid_mm_s: RAPID_MM_S,
+///     feed_mm_s: None,
+///     language: Language::Rapid,
+/// };
+/// let posted = post(&program, &cell, &corrected, &options)?;
+/// assert_eq!(posted.files.len(), 1);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn post(
     program: &Program,
     cell: &Cell,

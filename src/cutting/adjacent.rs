@@ -15,13 +15,13 @@ use nalgebra::Vector3;
 use smallvec::SmallVec;
 use std::f64::consts::FRAC_PI_2;
 
-/// Intervals of the boundary.
+/// Number of intervals of the boundary.
 const NODES: usize = 160;
 
 /// How far above the programmed top of the stock the boundary is followed, in diameters: farther than any deflection.
 const ABOVE: f64 = 1.0;
 
-/// Accuracy of a place on the boundary, in intervals.
+/// Accuracy of a position on the boundary, in intervals.
 const CLOSE: f64 = 1e-9;
 
 /// The boundary of the neighbouring pass on the cutter, in the cutter frame at the programmed pose.
@@ -34,15 +34,16 @@ pub(super) struct AdjacentPass {
     feed_along: f64,
     /// Vector to the cutter in the neighbouring pass, seen along the feed, m.
     stepover: [f64; 2],
-    /// Which side it is on.
+    /// Side on which the neighbouring pass is: 1 or −1.
     side: f64,
-    /// The boundary: length of the profile, m, and angle about the axis, rad, from the cusp on.
+    /// The boundary from the cusp on: length along the profile, m, and angle about the axis, rad.
     nodes: Vec<[f64; 2]>,
     /// Parts of the boundary along which the profile only rises or only falls.
     stretches: SmallVec<[Stretch; 4]>,
 }
 
-/// A part of the boundary: place, counted in intervals, and profile, m, at its ends.
+/// A part of the boundary. At each end: the position on the boundary, counted in intervals, and the length along the
+/// profile, m.
 #[derive(Clone, Copy, Debug)]
 struct Stretch {
     from: (f64, f64),
@@ -72,17 +73,17 @@ impl AdjacentPass {
         pass.stepover = [x * width, y * width];
         pass.side = x.signum();
         let [up_x, up_y] = pass.seen(&top.direction);
-        // Where the silhouette is lowest its normal points down.
+        // The normal of the silhouette at its lowest point is vertical.
         let lowest = (pass.side * up_x).clamp(-1.0, 1.0).asin();
         let [x, y] = pass.near_silhouette(FRAC_PI_2);
         let above = top.offset + up_x * x + up_y * y - ABOVE * cutter.diameter;
-        // On the shaft the height grows evenly.
+        // On the shaft the height grows in proportion to the angle.
         let highest = FRAC_PI_2 + (-above / (up_y * cutter.radius())).max(0.0);
         if pass.held_by(highest) <= 0.0 {
             return None;
         }
         let cusp = increasing_root(lowest, highest, |angle| pass.held_by(angle)).unwrap_or(lowest);
-        // Closer at the cusp, from where profile and angle go as roots.
+        // The nodes are denser near the cusp, where profile and angle behave like square roots.
         let place = |k: usize| {
             let share = k as f64 / NODES as f64;
             cusp + (highest - cusp) * share * share
@@ -96,13 +97,13 @@ impl AdjacentPass {
         self.flat + self.corner
     }
 
-    /// A point or direction of the cutter frame, seen along the feed.
+    /// A point or direction of the cutter frame as seen along the feed.
     fn seen(&self, v: &Vector3<f64>) -> [f64; 2] {
         [v.y, self.feed_across * v.z - self.feed_along * v.x]
     }
 
-    /// Width and height of the silhouette where its normal is this far from the axis downwards, given sine and cosine; the
-    /// height from the tip.
+    /// Width and height of the silhouette at the point whose normal has this angle to the downward axis, given by its
+    /// sine and cosine. The height is counted from the tip.
     fn silhouette(&self, (sin, cos): (f64, f64)) -> [f64; 2] {
         let oblique = self.feed_along * self.feed_along;
         let rim = (sin * sin + oblique * cos * cos).sqrt();
@@ -110,8 +111,8 @@ impl AdjacentPass {
         [sin * (self.corner + over_rim), self.corner * self.feed_across - cos * (self.corner + over_rim * oblique)]
     }
 
-    /// A place on the side of this cutter's silhouette that faces away from the neighbouring pass: below 90° it is the angle of the normal,
-    /// above 90° the height on the shaft in radii.
+    /// A point on the side of this cutter's silhouette that faces away from the neighbouring pass. Below 90°, `angle`
+    /// is that of the normal; above 90°, it is the height on the shaft in radii.
     fn near_silhouette(&self, angle: f64) -> [f64; 2] {
         let [x, y] = self.silhouette(angle.min(FRAC_PI_2).sin_cos());
         [-self.side * x, y + (angle - FRAC_PI_2).max(0.0) * self.radius()]
@@ -150,13 +151,13 @@ impl AdjacentPass {
         y - low
     }
 
-    /// A place of the boundary, seen along the feed.
+    /// A point of the boundary as seen along the feed.
     fn boundary(&self, angle: f64) -> [f64; 2] {
         let [x, y] = self.near_silhouette(angle);
         [x + self.stepover[0], y + self.stepover[1]]
     }
 
-    /// Above zero where the boundary is on this cutter.
+    /// Positive if the boundary is on this cutter.
     fn held_by(&self, angle: f64) -> f64 {
         self.depth_in_silhouette(self.boundary(angle))
     }
@@ -167,7 +168,7 @@ impl AdjacentPass {
         self.depth_in_silhouette([x - self.stepover[0], y - self.stepover[1]]) > 0.0
     }
 
-    /// The foremost point of this cutter over a place of the boundary.
+    /// The foremost point of this cutter on the line along the feed through a point of the boundary.
     fn front(&self, angle: f64) -> Vector3<f64> {
         let [x, y] = self.boundary(angle);
         let origin = Vector3::new(-self.feed_along * y, x, self.feed_across * y);
@@ -179,11 +180,11 @@ impl AdjacentPass {
     /// The corner is the surface at a distance of its radius from a disk. Distance is convex along a line, so Newton's method from ahead
     /// approaches the foremost point and never passes it.
     fn foremost(&self, origin: &Vector3<f64>) -> Vector3<f64> {
-        /// A point is off by this share of the radius.
+        /// Accuracy of a point, as a share of the radius.
         const THERE: f64 = 1e-12;
         let (radius, corner) = (self.radius(), self.corner);
         let at = |x: f64| Vector3::new(origin.x + x * self.feed_across, origin.y, origin.z + x * self.feed_along);
-        // On the shaft: as far from the axis as the radius.
+        // On the shaft, the distance from the axis is the radius.
         let mut x = ((radius * radius - origin.y * origin.y).max(0.0).sqrt() - origin.x) / self.feed_across;
         if at(x).z >= corner {
             return at(x);
@@ -195,7 +196,7 @@ impl AdjacentPass {
             let distance = out.hypot(below);
             let slope = (out * p.x * self.feed_across / across - below * self.feed_along) / distance;
             let step = (distance - corner) / slope;
-            // On the silhouette the line only touches.
+            // On the silhouette the line only touches the cutter.
             if slope.is_nan() || slope <= 0.0 || step.abs() <= THERE * radius {
                 break;
             }
@@ -204,7 +205,7 @@ impl AdjacentPass {
         at(x)
     }
 
-    /// How far along the profile the boundary is, m, and its angle about the axis, rad.
+    /// Length along the profile to the boundary, m, and its angle about the axis, rad.
     fn node(&self, angle: f64) -> [f64; 2] {
         let point = self.front(angle);
         let across = point.x.hypot(point.y);
@@ -216,7 +217,7 @@ impl AdjacentPass {
         [along, point.y.atan2(point.x)]
     }
 
-    /// Between the nodes, by the cubic through four: profile and angle.
+    /// Profile and angle between the nodes, by the cubic through four of them.
     #[inline]
     fn at(&self, place: f64) -> [f64; 2] {
         let first = ((place - 1.0).max(0.0) as usize).min(NODES - 3);
@@ -233,7 +234,7 @@ impl AdjacentPass {
         for k in 1..NODES {
             let (before, after) = (along(k) - along(k - 1), along(k + 1) - along(k));
             if before * after < 0.0 {
-                // The turn of the parabola through three nodes.
+                // The extremum of the parabola through three nodes.
                 let place = k as f64 + 0.5 * (before + after) / (before - after);
                 let turn = (place, self.at(place)[0]);
                 out.push(Stretch { from, to: turn });
@@ -244,7 +245,7 @@ impl AdjacentPass {
         out
     }
 
-    /// Places along the profile where the boundary begins, turns, or comes out of the stock, m.
+    /// Positions along the profile, m, at which the boundary begins, turns, or leaves the stock.
     pub(super) fn breaks(&self, top: &HalfSpace, ring: impl Fn(f64) -> Ring) -> impl Iterator<Item = f64> {
         let ends = self.stretches.iter().flat_map(|stretch| [stretch.from.1, stretch.to.1]);
         let over = |place: f64| {
@@ -256,7 +257,8 @@ impl AdjacentPass {
         ends.chain(out.map(|place| self.at(place)[0]))
     }
 
-    /// The place between two others at which a function changes its sign: false position, with bisection where that is slow.
+    /// The position between two others at which a function changes its sign: by false position, with bisection where
+    /// that is slow.
     #[inline]
     fn root(&self, mut low: (f64, f64), mut high: (f64, f64), f: impl Fn(f64) -> f64) -> Option<f64> {
         if low.1 * high.1 >= 0.0 {
@@ -277,7 +279,7 @@ impl AdjacentPass {
         Some(0.5 * (low.0 + high.0))
     }
 
-    /// Calls `each` with the parts of a ring's arc that the neighbouring pass has left.
+    /// Calls `each` with the parts of a ring's arc whose material the neighbouring pass has left.
     #[inline]
     pub(super) fn left(&self, ring: &Ring, (from, to): Arc, mut each: impl FnMut(Arc)) {
         let mut ends: SmallVec<[End; 6]> = SmallVec::new();
@@ -304,7 +306,7 @@ impl AdjacentPass {
         if low.1 * high.1 >= 0.0 {
             return None;
         }
-        // The interval first, among nodes that only rise or only fall.
+        // Finds the interval by bisection: the profile is monotonic along a stretch.
         let (mut first, mut last) = (low.0.ceil() as usize, high.0.floor() as usize);
         let rising = high.1 > 0.0;
         let (begin, end) = (first, last);

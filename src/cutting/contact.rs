@@ -1,12 +1,13 @@
-//! Where the cutter touches the finished surface.
+//! The point at which the cutter touches the finished surface.
 
 use super::Cutter;
 use nalgebra::{Unit, Vector3};
 
-/// Below this sine the axis is square to the surface: rounding of a unit vector, not a lean.
+/// The axis is perpendicular to the surface if this sine is not exceeded: the lean is then due to the rounding of a
+/// unit vector.
 const SQUARE_SINE: f64 = 1e-9;
 
-/// The lowest point of the cutter's envelope, in the feed frame, from the tip (m).
+/// The lowest point of the cutter's envelope relative to the tip, feed frame, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ContactPoint {
     /// One point.
@@ -19,8 +20,8 @@ pub enum ContactPoint {
 }
 
 impl ContactPoint {
-    /// Support point of the envelope against the surface normal. Equals Tang et al. Eqs. 12 and 13
-    /// for positive lead and stays right for zero and negative lead, where those fail.
+    /// The support point of the envelope in the direction of the surface normal. It equals Tang et al. Eqs. 12 and 13
+    /// for a positive lead, and is also right for zero and negative leads, for which those equations fail.
     pub(super) fn of(cutter: &Cutter, axis: &Unit<Vector3<f64>>) -> Self {
         let flat = cutter.radius() - cutter.corner_radius;
         let Some(point) = support(cutter, axis) else {

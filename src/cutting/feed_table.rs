@@ -1,21 +1,21 @@
-//! A force table at one feed per tooth, for one place or for eight at once.
+//! A force table for one feed per tooth, evaluated at one place or at eight places at once.
 
 use super::table::{FADE, ForceTable, Grid, SMOOTH, TERMS, TablePoint, Values, kinks, parts};
 use crate::lanes::{LaneMask, Lanes, Mask, Real, Vector, WIDTH, widest};
 use nalgebra::{Unit, Vector3};
 use std::sync::Arc;
 
-/// A [`ForceTable`] at one feed per tooth: edge and cutting force are one sum, half the work.
+/// A [`ForceTable`] for one feed per tooth. Edge and cutting force are added beforehand, which halves the work.
 #[derive(Clone, Debug)]
 pub struct FeedTable {
     table: Arc<ForceTable>,
     feed_per_tooth: f64,
-    /// Whether the grid is valid at that feed.
+    /// Whether the table is valid at that feed.
     holds: bool,
     cells: Vec<Cell>,
 }
 
-/// Of x, y and z: the coefficients of each term at the four nodes about a cell, N.
+/// For x, y and z: the coefficients of each term at the four nodes around a cell, N.
 type Cell = [[[f64; 4]; TERMS]; 3];
 
 /// Eight places in the table.
@@ -23,18 +23,18 @@ type Cell = [[[f64; 4]; TERMS]; 3];
 struct Places {
     turn: [Lanes; 2],
     lead: Lanes,
-    /// Where the places are along the depth, cells, and which one that is in.
+    /// The places along the depth in units of cells, and the cell of each.
     at: Lanes,
     cell: Lanes,
     /// Lanes in which the table is valid and not blended.
     inside: LaneMask,
     kinks: [Lanes; 2],
-    /// Lanes whose force is wanted and not computed yet.
+    /// Lanes whose force is still to be computed.
     left: LaneMask,
 }
 
 impl ForceTable {
-    /// The table of one feed per tooth (m).
+    /// The table for one feed per tooth (m).
     pub fn at_feed(self: &Arc<Self>, feed_per_tooth: f64) -> FeedTable {
         FeedTable::new(self, feed_per_tooth)
     }
@@ -51,7 +51,7 @@ impl FeedTable {
         Self { table: Arc::clone(table), feed_per_tooth, holds, cells: nodes.windows(4).map(cell).collect() }
     }
 
-    /// The same of another feed per tooth (m).
+    /// The table for another feed per tooth (m).
     pub fn at_feed(&self, feed_per_tooth: f64) -> Self {
         Self::new(&self.table, feed_per_tooth)
     }
@@ -86,7 +86,8 @@ impl FeedTable {
         }))
     }
 
-    /// The same at those of eight places that are wanted: tips shifted (m) and unit axes, feed frame.
+    /// The mean forces, N, at those of eight places that are wanted, for shifts of the tip (m) and unit vectors of the
+    /// axis, feed frame.
     pub(crate) fn mean_forces(&self, wanted: LaneMask, shift: &Vector, axis: &Vector, force: &mut Vector) {
         let mut inside = LaneMask::default();
         if let Some(grid) = self.table.grid().filter(|_| self.holds) {
@@ -109,7 +110,7 @@ impl FeedTable {
             inside = wanted & places.inside;
             places.left = inside;
             while let Some(lane) = places.left.next() {
-                // Neighbours are in the same cell, nearly always.
+                // The places of neighbouring targets are nearly always in the same cell.
                 let number = places.cell.lane(lane);
                 widest!(<'a> (
                     cell: (f64, &'a Cell) = (number, &self.cells[number as usize]),
@@ -133,7 +134,7 @@ impl Places {
     #[inline(always)]
     fn take(&mut self, grid: &Grid, shift: &Vector, axis: &Vector) {
         let depth = (shift.z - grid.depth_middle) / grid.depth_range;
-        // An array's `map` would be a call, which leaves the widest lanes.
+        // `map` of an array would be compiled as a call outside of the widest lanes.
         let turned = |across: &Vector3<f64>| Vector::of(across).dot(*axis) / grid.turn_range;
         let (u, v) = (turned(&grid.across[0]), turned(&grid.across[1]));
         let within = |x: Lanes| Lanes::of(FADE).ge(x.abs());
@@ -143,7 +144,7 @@ impl Places {
         self.cell = self.at.floor();
     }
 
-    /// [`FeedTable::between`] for those in one cell.
+    /// [`FeedTable::between`] for all places that are in one cell.
     #[inline(always)]
     fn between(&mut self, (number, cell): (f64, &Cell), grid: &Grid, force: &mut Vector) {
         let here = self.left & self.cell.eq(number);
@@ -182,12 +183,12 @@ mod tests {
     use proptest::prelude::*;
     use std::sync::LazyLock;
 
-    /// Rounding: the same sums in the same order.
+    /// Rounding: both compute the same sums in the same order.
     const SAME: f64 = 1e-12;
 
     const LEADS: [f64; 3] = [0.0, 0.002, 0.09];
 
-    /// Of every mode and lead.
+    /// One table for each mode and lead.
     static TABLES: LazyLock<Vec<Arc<ForceTable>>> = LazyLock::new(|| {
         let table = |mode: Mode, lead: f64| {
             let cutter = Cutter { diameter: 0.02, corner_radius: 0.002, teeth: 4, helix: 0.5 };
@@ -213,7 +214,7 @@ mod tests {
             let table = TABLES[table].at_feed(share * 1e-4);
             let (mut shift, mut axes) = (Vector::default(), Vector::default());
             for lane in 0..WIDTH {
-                // In one cell, or anywhere, the table's ends and beyond among it.
+                // Either all in one cell, or anywhere, including the ends of the table and places beyond.
                 let size = if same { 1e-5 } else { 2.5e-3 };
                 shift.set(lane, &(Vector3::from(shifts[lane]) * size));
                 let turned = axis.into_inner() + Vector3::new(turns[lane][0], turns[lane][1], 0.0) * (2.0 * size);

@@ -1,4 +1,4 @@
-//! The feed frame from what a program gives: tool axis, feed chord, lead and tilt.
+//! The feed frame, computed from tool axis, feed direction, lead and tilt.
 
 use crate::lanes::{Frame, Mask, Real, Vector};
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
@@ -13,8 +13,8 @@ pub(super) fn axis(lead: f64, tilt: f64) -> Unit<Vector3<f64>> {
     Unit::new_normalize(Vector3::new(sl, -st * cl, ct * cl))
 }
 
-/// The cutter frame of a tool axis, columns in the feed frame: y square to axis and feed. `across` is the feed's part across the
-/// axis.
+/// The cutter frame of a tool axis; its columns are in the feed frame. y is perpendicular to axis and feed. `across` is
+/// the length of the feed's component across the axis.
 pub(super) fn cutter(axis: &Unit<Vector3<f64>>, across: f64) -> Matrix3<f64> {
     let y = Vector3::new(0.0, axis.z, -axis.y) / across;
     Matrix3::from_columns(&[y.cross(axis), y, axis.into_inner()])
@@ -26,11 +26,22 @@ pub(super) fn cutter(axis: &Unit<Vector3<f64>>, across: f64) -> Matrix3<f64> {
 /// while `feed` (any length) projects onto the surface along +x: a chord that climbs or dives
 /// against the surface is projected. `None` for a plunge along the tool axis and where no surface
 /// fits.
+///
+/// # Examples
+/// ```
+/// use deflex::cutting::feed_frame;
+/// use deflex::nalgebra::Vector3;
+///
+/// let frame = feed_frame(&Vector3::z_axis(), &Vector3::new(0.0, 2.0, 0.0), 0.0, 0.0).expect("no plunge");
+/// assert!((frame * Vector3::x() - Vector3::y()).norm() < 1e-12); // x of the frame is the feed
+/// assert!(feed_frame(&Vector3::z_axis(), &-Vector3::z(), 0.0, 0.0).is_none());
+/// ```
 pub fn feed_frame(tool_axis: &Unit<Vector3<f64>>, feed: &Vector3<f64>, lead: f64, tilt: f64) -> Option<Rotation3<f64>> {
     Lean::new(lead, tilt).feed_frame(tool_axis, feed)
 }
 
-/// Lead and tilt of the tool against the surface that it cuts, and what follows from them for every feed.
+/// Lead and tilt of the tool relative to the surface that it cuts, and values derived from them that are the same for
+/// every feed.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Lean {
     sin_lead: f64,
@@ -64,7 +75,7 @@ impl Lean {
         found.then(|| frame.rotation(0))
     }
 
-    /// Axes of feed frames, and where there are any.
+    /// Axes of feed frames, and the lanes in which a feed frame exists.
     #[inline(always)]
     pub(crate) fn feed_frames<R: Real>(&self, tool_axis: Vector<R>, feed: Vector<R>) -> (Frame<R>, R::Mask) {
         let one = R::of(1.0);
@@ -106,9 +117,10 @@ mod tests {
     const SAME: f64 = 1e-11;
 
     proptest! {
-        /// What defines it: the axis leans as declared, the chord has no cross-feed part and points ahead.
+        /// The defining properties: the axis leans as declared, the chord has no cross-feed component, and it points
+        /// ahead.
         #[test]
-        fn the_axis_leans_as_told_and_the_chord_points_ahead(
+        fn the_axis_leans_as_declared_and_the_chord_points_ahead(
             lead in prop_oneof![Just(0.0), -0.3_f64..0.3],
             tilt in prop_oneof![Just(0.0), -0.3_f64..0.3],
             tool_axis in prop::array::uniform3(-1.0_f64..1.0),

@@ -9,7 +9,7 @@ pub struct Material {
     pub name: &'static str,
     /// The set, N/m² and N/m.
     pub coefficients: Coefficients,
-    /// Where the numbers come from.
+    /// Publication from which the numbers come.
     pub source: &'static str,
 }
 
@@ -32,11 +32,18 @@ pub const MATERIALS: [Material; 6] = [
 ];
 
 /// The preset of this name.
+///
+/// # Examples
+/// ```
+/// use deflex::cutting::materials::find;
+///
+/// assert!(find("al7075").is_some() && find("cheese").is_none());
+/// ```
 pub fn find(name: &str) -> Option<&'static Material> {
     MATERIALS.iter().find(|m| m.name == name)
 }
 
-/// Tables give N/mm² and N/mm.
+/// Converts the units of published tables, N/mm² and N/mm.
 const fn material(name: &'static str, cutting: [f64; 3], edge: [f64; 3], source: &'static str) -> Material {
     let coefficients = Coefficients {
         ktc: cutting[0] * 1e6,

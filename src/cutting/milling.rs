@@ -10,13 +10,14 @@ use nalgebra::{Unit, Vector3};
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// Lead and tilt stay below this: beyond, the shank is in the surface.
+/// Lead and tilt must be smaller than this: beyond, the shank would be in the surface.
 const STEEPEST: f64 = 80.0 * std::f64::consts::PI / 180.0;
 
-/// A corner this near to half the diameter (relative) is a ball: what conversions of units leave.
+/// The cutter is a ball if its corner radius differs by less than this share from half the diameter: converted units
+/// are rounded.
 const BALL: f64 = 1e-9;
 
-/// One cut condition: cutter, engagement and coefficients that fit together.
+/// A valid cut condition: a cutter, an engagement and coefficients that fit together.
 #[derive(Clone, Debug)]
 pub struct Milling {
     cutter: Cutter,
@@ -25,15 +26,28 @@ pub struct Milling {
     axis: Unit<Vector3<f64>>,
     /// Height of the tip over the stock's top at the programmed pose, m.
     tip_z: f64,
-    /// Up and down milling.
+    /// The neighbouring pass in up and down milling.
     neighbouring_pass: Option<AdjacentPass>,
 }
 
-/// Mean forces on the tool over a revolution at many engagements, N, each in its own feed frame, for a cutter that is where it
-/// is programmed; on all threads.
+/// Mean forces on the tool over a revolution for many engagements, N, each in its own feed frame. The cutter is at its
+/// programmed pose. Uses all threads.
 ///
 /// # Errors
 /// The first engagement, by its index, that [`Milling::new`] refuses.
+///
+/// # Examples
+/// ```
+/// use deflex::cutting::{Cutter, Engagement, Mode, materials, mean_forces};
+///
+/// let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
+/// let deep = |depth: f64| {
+///     Engagement { mode: Mode::Slot, depth, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 }
+/// };
+/// let coefficients = materials::find("ni-al-bronze").expect("a material").coefficients;
+/// let forces = mean_forces(cutter, &[deep(1e-3), deep(2e-3)], coefficients).expect("possible cuts");
+/// assert!(forces[1].norm() > forces[0].norm());
+/// ```
 pub fn mean_forces(
     cutter: Cutter,
     engagements: &[Engagement],
@@ -69,6 +83,20 @@ impl Milling {
     /// # Errors
     /// The first field that is not finite, out of range or at odds with the others; a tool that
     /// leans back so far that its flat bottom would cut (heel cutting).
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::cutting::{Cutter, Engagement, Milling, Mode, materials};
+    /// use deflex::nalgebra::Vector3;
+    ///
+    /// let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
+    /// let engagement =
+    ///     Engagement { mode: Mode::Slot, depth: 1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
+    /// let material = materials::find("ni-al-bronze").expect("a material");
+    /// let milling = Milling::new(cutter, engagement, material.coefficients).expect("a possible cut");
+    /// let force = milling.mean_force(&Vector3::zeros(), &milling.axis_in_feed());
+    /// assert!(force.norm() > 50.0); // N
+    /// ```
     pub fn new(mut cutter: Cutter, engagement: Engagement, coefficients: Coefficients) -> Result<Self, CuttingError> {
         if (cutter.corner_radius - cutter.radius()).abs() <= BALL * cutter.radius() {
             cutter.corner_radius = cutter.radius();
@@ -79,7 +107,7 @@ impl Milling {
         let axis = frame::axis(engagement.lead, engagement.tilt);
         let tip_z = contact::tip_height(&cutter, &axis) - engagement.depth;
         let flat = cutter.radius() - cutter.corner_radius;
-        // Lowest point of the flat's rim over the cutter's lowest point.
+        // Height of the lowest point of the flat's rim above the cutter's lowest point.
         let rim = cutter.corner_radius * (1.0 - axis.z);
         if axis.x < 0.0 && flat > 0.0 && engagement.depth > rim {
             return Err(error(
@@ -149,7 +177,8 @@ impl Milling {
         ContactPoint::of(&self.cutter, axis)
     }
 
-    /// Height of the [contact point](Self::contact_point) over the tip, m, negative, where it is one point.
+    /// Height of the [contact point](Self::contact_point) above the tip, m, not positive; `None` if the contact is not
+    /// a single point.
     pub(crate) fn contact_height(&self, axis: &Unit<Vector3<f64>>) -> Option<f64> {
         contact::height(&self.cutter, axis)
     }
@@ -224,7 +253,7 @@ fn error(field: &'static str, message: impl Into<String>) -> CuttingError {
     CuttingError { field, message: message.into() }
 }
 
-/// What holds of a cutter in every mode of engagement.
+/// Checks a cutter for every mode of engagement.
 ///
 /// # Errors
 /// The first field that is not finite or out of range.
@@ -242,7 +271,7 @@ pub(crate) fn check_cutter(c: &Cutter) -> Result<(), CuttingError> {
     Ok(())
 }
 
-/// What holds of a feed per tooth, m.
+/// Checks a feed per tooth, m.
 ///
 /// # Errors
 /// It is not a number above zero.
@@ -250,7 +279,7 @@ pub(crate) fn check_feed(feed_per_tooth: f64) -> Result<(), CuttingError> {
     positive("feed_per_tooth", feed_per_tooth)
 }
 
-/// What holds of coefficients in every mode of engagement.
+/// Checks coefficients for every mode of engagement.
 ///
 /// # Errors
 /// The first field that is not finite or out of range.

@@ -1,4 +1,4 @@
-//! The mean milling force: cutter and engagement in, force on the tool out.
+//! The mean milling force on the tool, computed from cutter and engagement.
 //!
 //! Frames. The **feed frame** F stands at the cutter's tip: x along the feed, z along the surface
 //! normal (out of the part), y = z × x. The **cutter frame** C has z along the tool axis, tip to
@@ -9,8 +9,8 @@
 //! Source: Tang et al., Eqs. 6, 12 and 13, with the matrix inside the sum and the integral, edge
 //! forces added, and the integral taken along the profile angle κ so that the tip is regular.
 //!
-//! What the mean over a revolution does not see: helix and lag shift a tooth's angle only, and
-//! runout trades chip between teeth, so both drop out as long as every tooth keeps cutting.
+//! The mean over a revolution does not depend on helix, lag and runout as long as every tooth keeps cutting: helix and
+//! lag only shift the angles of the teeth, and runout only moves chip thickness from one tooth to another.
 
 mod adjacent;
 mod contact;
@@ -42,14 +42,14 @@ pub struct Cutter {
     pub corner_radius: f64,
     /// Number of teeth.
     pub teeth: u32,
-    /// Helix angle, rad; drops out of the mean force.
+    /// Helix angle, rad. The mean force does not depend on it.
     pub helix: f64,
 }
 
 /// Which part of the cutter's width is in the material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
-    /// Material on both sides; the width plays no part.
+    /// Material on both sides; the declared width has no effect.
     Slot,
     /// Conventional milling: material to the left of the feed, at +y; the previous pass was to the right.
     Up,
@@ -92,7 +92,7 @@ pub struct Coefficients {
     pub kae: f64,
 }
 
-/// An impossible cut: the field that makes it so, as the cell file spells it without its unit.
+/// An impossible cut, with the field that makes it impossible, named as in the cell file without its unit.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{field}: {message}")]
 pub struct CuttingError {

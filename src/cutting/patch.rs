@@ -1,15 +1,15 @@
 //! The part of the cutter's envelope that cuts, ring by ring, in the cutter frame.
 //!
-//! A ring is the circle at one profile angle κ (on the corner) or one height (on the cylinder
-//! above it). A point of it cuts where it lies inside the stock (below its top, and in up and down
-//! milling outside of what the neighbouring pass has removed) and where it faces the feed (chip thickness
-//! h > 0). What cuts is the intersection of the arcs that each condition keeps.
+//! A ring is the circle at one profile angle κ (on the corner) or at one height (on the cylinder above it). A point of
+//! a ring cuts if it is inside the stock (below its top and, in up and down milling, outside of the material that the
+//! neighbouring pass has removed), and if it faces the feed (chip thickness h > 0). Each condition allows an arc of the
+//! ring; the cutting part is the intersection of the arcs.
 
 use super::adjacent::AdjacentPass;
 use super::ring::{Arc, End, HalfSpace, Ring};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// The cutter's envelope against the stock.
+/// The cutter's envelope and the conditions under which its points cut.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Patch<'a> {
     /// Radius of the cylinder and of the corner, m.
@@ -19,7 +19,7 @@ pub(super) struct Patch<'a> {
     pub(super) feed_across: f64,
     pub(super) feed_along: f64,
     pub(super) top: HalfSpace,
-    /// Up and down milling.
+    /// The neighbouring pass in up and down milling.
     pub(super) neighbouring_pass: Option<&'a AdjacentPass>,
 }
 
@@ -33,7 +33,7 @@ pub(super) struct Moments {
     pub(super) sin_cos: f64,
 }
 
-/// What a condition keeps of a ring.
+/// The part of a ring that a condition allows.
 enum Kept {
     Nothing,
     Arc(Arc),
@@ -71,7 +71,7 @@ impl Patch<'_> {
         self.feed_across * ring.sin * cos - self.feed_along * ring.cos
     }
 
-    /// Moments over the cutting arcs; `None` where the ring does not cut.
+    /// Moments over the cutting arcs; `None` if the ring does not cut.
     #[inline]
     pub(super) fn moments(&self, ring: &Ring) -> Option<Moments> {
         let facing = self.facing_arc(ring)?;
@@ -88,7 +88,7 @@ impl Patch<'_> {
         any.then_some(sum)
     }
 
-    /// The arc with chip thickness, within [−π, π].
+    /// The arc with a positive chip thickness, within [−π, π].
     fn facing_arc(&self, ring: &Ring) -> Option<Arc> {
         let (level, amplitude) = (self.feed_along * ring.cos, self.feed_across * ring.sin);
         if level >= amplitude {
@@ -106,7 +106,7 @@ impl Patch<'_> {
 }
 
 impl HalfSpace {
-    /// The ring's arc inside.
+    /// The arc of the ring that is inside the half-space.
     #[inline]
     fn arc(&self, ring: &Ring) -> Kept {
         let level = self.offset + self.direction.z * ring.height;
@@ -128,7 +128,7 @@ impl HalfSpace {
     }
 }
 
-/// Calls `f` with each part of an arc within [−π, π] that is kept.
+/// Calls `f` with each part of an arc within [−π, π] that the condition allows.
 #[inline]
 fn overlaps(arc: Arc, kept: &Kept, mut f: impl FnMut(Arc)) {
     match kept {

@@ -17,7 +17,7 @@ const HALF_RULE: [(f64, f64); 12] = [
     (0.10045063033696164, 0.1999483759467657),
 ];
 
-/// The same with half the points, for intervals too short to hold much force.
+/// The same rule with half the points, for short intervals, which contribute little force.
 const SHORT_HALF_RULE: [(f64, f64); 6] = [
     (0.9995805585427681, 0.002146050869604284),
     (0.9886793973997658, 0.025204290664194665),
@@ -27,7 +27,7 @@ const SHORT_HALF_RULE: [(f64, f64); 6] = [
     (0.19544990129661524, 0.3838113871696125),
 ];
 
-/// A stretch of the profile.
+/// An interval of the profile.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Interval {
     pub(super) lo: f64,

@@ -1,4 +1,4 @@
-//! Circles of the cutter's envelope and what bounds the parts of them that cut, in the cutter frame.
+//! Circles of the cutter's envelope, and the conditions that limit the cutting arcs on them, in the cutter frame.
 
 use nalgebra::Vector3;
 
@@ -25,7 +25,7 @@ impl Ring {
 /// Points p (from the tip) with `offset + direction·p < 0`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct HalfSpace {
-    /// Unit vector out of the material, square to the feed.
+    /// Unit vector that points out of the material, perpendicular to the feed.
     pub(super) direction: Vector3<f64>,
     pub(super) offset: f64,
     /// Length of the part of `direction` across the tool axis, and the direction into the material there.
@@ -56,5 +56,5 @@ pub(super) struct End {
     pub(super) sin: f64,
 }
 
-/// From one end on to the other, the angle growing.
+/// From one end to the other with a growing angle.
 pub(super) type Arc = (End, End);

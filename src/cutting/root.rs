@@ -1,9 +1,9 @@
 //! Roots of functions of one number.
 
-/// Accuracy of the places at which intervals end, rad. The error of the integral is its square.
+/// Accuracy of the angles at which intervals end, rad. The error of the integral is proportional to its square.
 const BREAK_WIDTH: f64 = 1e-10;
 
-/// Root of an increasing function by false position (Illinois) with bisection as a guard.
+/// Root of an increasing function by false position (Illinois), with bisection as a safeguard.
 pub(super) fn increasing_root(mut lo: f64, mut hi: f64, f: impl Fn(f64) -> f64) -> Option<f64> {
     let (mut f_lo, mut f_hi) = (f(lo), f(hi));
     if f_lo.is_nan() || f_hi.is_nan() || f_lo >= 0.0 || f_hi <= 0.0 {
@@ -18,7 +18,7 @@ pub(super) fn increasing_root(mut lo: f64, mut hi: f64, f: impl Fn(f64) -> f64) 
         }
         last = at;
         let value = f(at);
-        // An end kept twice running gets half its weight.
+        // The function value at an end that was kept twice in succession is halved.
         if value < 0.0 {
             (lo, f_lo) = (at, value);
             f_hi *= if kept_hi { 0.5 } else { 1.0 };

@@ -1,9 +1,9 @@
 //! The places along the profile at which the set of cutting arcs changes.
 //!
-//! Between these breaks the arc integrals are smooth in κ (or in height) but for square roots at
-//! the breaks themselves, which is what the quadrature is made for. An arc appears, vanishes or
-//! closes where a ring touches a condition's boundary; the binding condition changes where two
-//! boundaries cross on the envelope. A break counts only if its point is on the cutting patch.
+//! Between these breaks the arc integrals are smooth in κ (or in height), apart from square roots at the breaks, for
+//! which the quadrature is made. An arc appears, vanishes or closes where a ring touches the boundary of a condition.
+//! Another condition becomes the limiting one where two boundaries cross on the envelope. A break counts only if its
+//! point is on the cutting patch.
 
 use super::patch::Patch;
 use super::quadrature::Interval;
@@ -12,8 +12,8 @@ use super::root::increasing_root;
 use nalgebra::Vector3;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// The largest number of breaks of a profile: its two ends, 4 of the stock's top, 2 of the facing condition, 2 of both, and the ends and
-/// a few turning points of the boundary of the neighbouring pass.
+/// The largest number of breaks of a profile: its two ends, 4 from the top of the stock, 2 from the facing condition, 2
+/// from both, and the ends and a few turning points of the neighbouring pass's boundary.
 const MOST_BREAKS: usize = 20;
 
 /// A point farther outside than this (m, and as a cosine) is not on the patch; less may be rounding.
@@ -54,7 +54,7 @@ impl Breaks {
         }
     }
 
-    /// The intervals between the breaks that cut in their middle, and so all through.
+    /// The intervals between breaks whose middle cuts; then the whole interval cuts.
     pub(super) fn intervals_where(mut self, cuts: impl Fn(f64) -> bool) -> impl Iterator<Item = Interval> {
         self.at[..self.len].sort_unstable_by(f64::total_cmp);
         let (mut intervals, mut len, mut longest) = ([(0.0, 0.0); MOST_BREAKS], 0, 0.0f64);
@@ -97,7 +97,7 @@ impl Patch<'_> {
         if breaks.holds(kappa) && self.cuts(&self.corner_ring(kappa), angle) {
             breaks.push(kappa);
             if kappa < SMALL {
-                // The arc goes on changing on the scale of this κ: a step in between.
+                // The arc still changes on the scale of this κ, so a break in between is added.
                 breaks.push((kappa * FRAC_PI_2).sqrt());
             }
         }
@@ -118,7 +118,7 @@ impl Patch<'_> {
         breaks
     }
 
-    /// Breaks in height along the cylinder above the corner; `None` where it is out of the stock.
+    /// Breaks in height along the cylinder above the corner; `None` if the cylinder is outside of the stock.
     pub(super) fn cylinder_breaks(&self) -> Option<Breaks> {
         let highest = (self.top.slope * self.radius - self.top.offset) / self.top.direction.z;
         if highest <= self.corner {
@@ -126,7 +126,7 @@ impl Patch<'_> {
         }
         let mut breaks = Breaks::new(self.corner, highest);
         let space = &self.top;
-        // Rings that touch the boundary, then the boundary at the silhouette (±90° off feed).
+        // The rings that touch the boundary, then the points of the boundary on the silhouette (±90° from the feed).
         let extremes = [(opposite(space.inward), space.slope), (space.inward, -space.slope)];
         let silhouette = [((0.0, 1.0), space.direction.y), ((0.0, -1.0), -space.direction.y)];
         for (angle, reach) in extremes.into_iter().chain(silhouette) {
@@ -155,15 +155,15 @@ impl Patch<'_> {
 
     /// Crossing of the silhouette seen along the feed (h = 0) with a stock boundary, on one side.
     ///
-    /// The silhouette of a convex body is a convex curve, so that its distance from the boundary
-    /// only grows with the angle between its normal and the way into the material.
+    /// The silhouette of a convex body is a convex curve. Its distance from the boundary therefore only grows with the
+    /// angle between its normal and the direction into the material.
     fn silhouette_crossing(&self, space: &HalfSpace, side: f64) -> Option<(f64, Vector3<f64>)> {
         let feed = Vector3::new(self.feed_across, 0.0, self.feed_along);
         let across = feed.cross(&space.direction) * side;
         let normal = |theta: f64| across * theta.sin() - space.direction * theta.cos();
         let point = |n: &Vector3<f64>| {
             let flat = self.radius - self.corner;
-            // A ball has no flat to reach across, whichever way it faces.
+            // A ball has no flat, so the direction of its normal has no effect.
             let over_flat = if flat > 0.0 { flat / (n.x * n.x + n.y * n.y).sqrt() } else { 0.0 };
             let reach = over_flat + self.corner;
             Vector3::new(reach * n.x, reach * n.y, self.corner * (1.0 + n.z))

@@ -1,8 +1,9 @@
-//! A table of the mean force about the programmed pose, for use inside an equilibrium.
+//! A table of the mean force around the programmed pose. An equilibrium evaluates the force many times, and the
+//! integral would be too slow.
 //!
-//! Along the depth: nodes joined by cubics through four of them. Across it (two small turns of the
-//! axis): one polynomial a node, fitted on Chebyshev points. The result is continuous, also where it hands over to the integral, so that iterations
-//! on it settle.
+//! Along the depth, the table has nodes that are joined by cubics through four of them. For the two small turns of the
+//! axis, each node has one polynomial, fitted on Chebyshev points. The result is continuous, also where it changes over
+//! to the integral, so that iterations on it converge.
 
 use super::{ForceParts, Milling};
 use nalgebra::{DMatrix, Unit, Vector3};
@@ -21,7 +22,8 @@ const ALLOWED: f64 = 0.5 * TABLE_BOUND;
 /// error is not defined.
 const LESS: f64 = 0.5;
 
-/// Ranges towards larger depths, in the order in which they are tried. Weight alone bends a large arm by some millimetres.
+/// Ranges towards larger depths, in the order in which they are tried. Its own weight bends a large arm by some
+/// millimetres.
 fn ranges_towards_more(depth: f64) -> [f64; 3] {
     const SAG: f64 = 2.5e-3;
     [SAG.max(1.5 * depth), 1.5 * depth, LESS * depth]
@@ -31,23 +33,23 @@ fn ranges_towards_more(depth: f64) -> [f64; 3] {
 const TURN: f64 = 5e-3;
 const HALVINGS: usize = 5;
 
-/// Depth cells tried, coarse first.
+/// Numbers of depth cells that are tried, the smallest first.
 const CELLS: [usize; 3] = [16, 48, 96];
 
 /// Feeds per tooth over the programmed one for which the bound is checked.
 const FEEDS: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];
 
-/// Share of a range from which on the table is blended into the integral.
+/// Share of a range at which the table begins to be blended into the integral.
 pub(super) const FADE: f64 = 0.9;
 
-/// Smooth terms, and two that are used about a lead of zero.
+/// Number of smooth terms, and of all terms with the two that are needed near a lead of zero.
 pub(super) const SMOOTH: usize = 10;
 pub(super) const TERMS: usize = SMOOTH + 2;
 
-/// Edge force (x, y, z), cutting force over feed (x, y, z).
+/// Edge force (x, y, z), and cutting force over feed per tooth (x, y, z).
 pub(super) type Values = [f64; 6];
 
-/// Mean force by look-up; the integral itself outside the table's range.
+/// The mean force by table look-up. Outside of the table's range it is the integral.
 #[derive(Clone, Debug)]
 pub struct ForceTable {
     milling: Milling,
@@ -57,13 +59,13 @@ pub struct ForceTable {
 /// The table and its coordinates.
 #[derive(Clone, Debug)]
 pub(super) struct Grid {
-    /// Two directions square to the programmed axis, feed frame.
+    /// Two directions perpendicular to the programmed axis, feed frame.
     pub(super) across: [Vector3<f64>; 2],
     /// Shift at the middle of the depth range, and half its width, m.
     pub(super) depth_middle: f64,
     pub(super) depth_range: f64,
     pub(super) turn_range: f64,
-    /// Whether the lead passes zero within the range.
+    /// Whether the lead passes through zero within the range.
     pub(super) level: bool,
     pub(super) cells: usize,
     /// Polynomials at the depths −1, 0 … cells, cells + 1 in units of a cell.
@@ -81,9 +83,21 @@ pub(super) struct TablePoint {
 }
 
 impl ForceTable {
-    /// Builds the table, measures it against the integral between its nodes, and narrows its
-    /// range until the error is far below [`TABLE_BOUND`]. Where no range will do, every call is
-    /// the integral's.
+    /// Builds the table, compares it with the integral between its nodes, and narrows its range until the error is far
+    /// below [`TABLE_BOUND`]. If no range is accurate enough, every call computes the integral.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::cutting::{Cutter, Engagement, Milling, Mode, materials};
+    /// use deflex::cutting::{ForceTable, TABLE_BOUND};
+    ///
+    /// # let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
+    /// # let engagement = Engagement { mode: Mode::Slot, depth: 1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
+    /// # let material = materials::find("ni-al-bronze").expect("a material");
+    /// # let milling = Milling::new(cutter, engagement, material.coefficients).expect("a possible cut");
+    /// let table = ForceTable::new(milling);
+    /// assert!(table.measured_error().is_none_or(|error| error < TABLE_BOUND));
+    /// ```
     pub fn new(milling: Milling) -> Self {
         let tries = |share: f64| {
             let more = ranges_towards_more(milling.engagement().depth);
@@ -112,22 +126,23 @@ impl ForceTable {
         ForceTable { milling, grid: None }
     }
 
-    /// Polynomials at the depths; none where there is no table.
+    /// Polynomials at the depths; empty if there is no table.
     pub(super) fn nodes(&self) -> &[[Values; TERMS]] {
         self.grid.as_ref().map_or(&[], |grid| &grid.nodes)
     }
 
-    /// The cut after the table.
+    /// The cut to which the table belongs.
     pub fn milling(&self) -> &Milling {
         &self.milling
     }
 
-    /// Largest error over the force found on construction; `None` where there is no table.
+    /// Largest relative error of the force that was found during construction; `None` if there is no table.
     pub fn measured_error(&self) -> Option<f64> {
         self.grid.as_ref().map(|grid| grid.error)
     }
 
-    /// Ranges about the programmed pose, either way: depth (m; towards more it may be wider) and turn of the axis (rad).
+    /// Ranges around the programmed pose in both directions: depth (m; towards larger depths it may be wider) and turn
+    /// of the axis (rad).
     pub fn ranges(&self) -> Option<[f64; 2]> {
         let of = |g: &Grid| [g.depth_range + g.depth_middle, g.turn_range];
         self.grid.as_ref().map(of)
@@ -143,19 +158,19 @@ impl ForceTable {
         }
     }
 
-    /// The grid, where there is one.
+    /// The grid, if the table has one.
     pub(super) fn grid(&self) -> Option<&Grid> {
         self.grid.as_ref()
     }
 
-    /// The grid, where it holds at a feed per tooth (m).
+    /// The grid, if it is valid at a feed per tooth (m).
     #[inline(always)]
     pub(super) fn grid_at(&self, feed_per_tooth: f64) -> Option<&Grid> {
         let feed = feed_per_tooth / self.milling.engagement().feed_per_tooth;
         self.grid.as_ref().filter(|_| (FEEDS[0]..=FEEDS[4]).contains(&feed))
     }
 
-    /// The place in the table, where it holds there.
+    /// The grid and the place in it, if the table is valid there.
     #[inline(always)]
     pub(super) fn find(
         &self,
@@ -165,11 +180,11 @@ impl ForceTable {
     ) -> Option<(&Grid, TablePoint)> {
         let grid = self.grid_at(feed_per_tooth)?;
         let place = grid.place(shift, axis);
-        // NaN goes to the integral too.
+        // False for NaN, so that NaN is passed to the integral too.
         (place.reach() < 1.0).then_some((grid, place))
     }
 
-    /// The table's value at a place fades into the integral's towards the end of its range.
+    /// Blends the table's value into that of the integral towards the end of the range.
     #[inline(always)]
     pub(super) fn faded(
         &self,
@@ -201,7 +216,7 @@ impl Grid {
         let y = axis.cross(&Vector3::x()).normalize();
         Grid {
             across: [y.cross(&axis), y],
-            // A tip that is higher cuts less.
+            // A higher tip cuts less deep.
             depth_middle: 0.5 * (LESS * engagement.depth - more),
             depth_range: 0.5 * (LESS * engagement.depth + more),
             turn_range: TURN * share,
@@ -212,7 +227,7 @@ impl Grid {
         }
     }
 
-    /// Depth of a node, in [−1, 1] but for the outer ones.
+    /// Depth of a node, in [−1, 1] except for the outer nodes.
     fn depth_of(&self, node: usize) -> f64 {
         2.0 * (node as f64 - 1.0) / self.cells as f64 - 1.0
     }
@@ -238,7 +253,7 @@ impl Grid {
         std::array::from_fn(|m| std::array::from_fn(|k| coefficient(m, k)))
     }
 
-    /// Error of the cubics along the depth without a turn: with a grid that has this column alone.
+    /// Error of the cubics along the depth without a turn, found with a grid that has only this column.
     fn error_along_depth(&self, milling: &Milling, enough: f64) -> f64 {
         let constant = |value: Values| std::array::from_fn(|m| if m == 0 { value } else { [0.0; 6] });
         let untilted = |depth: f64| self.integral(milling, &self.at(milling, depth, [0.0; 2]));
@@ -277,14 +292,15 @@ impl Grid {
         worst
     }
 
-    /// A depth in a cell, off its middle by turns, so that no symmetry hides an error.
+    /// A depth within a cell. It is at different distances from the middle of successive cells, so that no symmetry
+    /// hides an error.
     fn between_nodes(&self, cell: usize) -> f64 {
         (2.0 * cell as f64 + [0.5, 1.0, 1.4][cell % 3]) / self.cells as f64 - 1.0
     }
 
     /// Chebyshev points of the coordinates other than depth.
     fn fit_places(&self, milling: &Milling) -> Vec<TablePoint> {
-        // A point more than the degree, and enough for the extra term where it is used.
+        // One point more than the degree, and enough for the additional terms where they are used.
         let turns = if self.level { 6 } else { 4 };
         let chebyshev = |i: usize, n: usize| (PI * (i as f64 + 0.5) / n as f64).cos();
         let mut places = Vec::new();
@@ -347,7 +363,7 @@ impl Grid {
         (at as usize).min(self.cells - 1)
     }
 
-    /// Values of the polynomials at the nodes, between them.
+    /// The value between the nodes, from the values of the polynomials at the nodes.
     fn between(&self, place: &TablePoint) -> Values {
         let (cell, weights) = self.cell(place);
         let terms = self.terms(place);
@@ -362,10 +378,10 @@ impl Grid {
         values
     }
 
-    /// Up to third degree in the turns.
+    /// The terms, up to third degree in the turns.
     ///
-    /// Where the lead l passes zero, the ring where the corner meets the flat stops to face the
-    /// feed: its arc integrals go as |l| and l·ln|l|, which no polynomial follows.
+    /// Where the lead l passes through zero, the ring where the corner meets the flat begins or ceases to face the
+    /// feed. Its arc integrals behave like |l| and l·ln|l|, which no polynomial approximates.
     #[inline(always)]
     pub(super) fn terms(&self, place: &TablePoint) -> [f64; TERMS] {
         let ([u, v], l) = (place.turn, place.lead);
@@ -384,8 +400,8 @@ impl Grid {
         }
     }
 
-    /// Largest error over the force at points between the nodes and out to the range's corners; once it is more than `enough`,
-    /// that is what it is.
+    /// Largest relative error of the force at points between the nodes and up to the corners of the range. The search
+    /// ends as soon as an error exceeds `enough`, and returns that error.
     fn measured_error(&self, milling: &Milling, enough: f64) -> f64 {
         let mut worst: f64 = 0.0;
         for cell in 0..self.cells {
@@ -401,21 +417,21 @@ impl Grid {
     }
 }
 
-/// Turns that are looked at, in the range's units.
+/// Turns at which the error is computed, in units of the range.
 const CHECKED_TURNS: [[f64; 2]; 9] =
     [[0.0, 0.0], [1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0], [0.6, 0.0], [-0.5, 0.1], [0.1, 0.5], [-0.1, -0.7]];
 
-/// Error of values over the force, the largest of some feeds.
+/// Relative error of the force, the largest one for several feeds per tooth.
 fn error(milling: &Milling, want: &Values, got: &Values) -> f64 {
     let (want, got) = (parts(want), parts(got));
     let edge = (want.edge - got.edge).norm();
     let cutting = (want.cutting - got.cutting).norm();
     let feeds = FEEDS.map(|share| share * milling.engagement().feed_per_tooth);
-    // A force of zero without an error is no error: NaN is the smaller.
+    // A force of zero without an error gives NaN, which `max` ignores.
     feeds.into_iter().map(|feed| (edge + feed * cutting) / want.at(feed).norm()).fold(0.0, f64::max)
 }
 
-/// The two terms about a lead of zero.
+/// The two additional terms near a lead of zero.
 #[inline(always)]
 pub(super) fn kinks(lead: f64) -> [f64; 2] {
     if lead != 0.0 { [lead.abs(), lead * lead.abs().ln()] } else { [0.0; 2] }

@@ -1,4 +1,4 @@
-//! The law of a controller from logs of its axes.
+//! Fits the law of a controller to logs of its axes.
 //!
 //! The fit compares path and time. A log is cut into places at even distances along it. Each place has its distance from the computed
 //! path, and the difference between the time at which it was passed and the computed time.
@@ -11,7 +11,8 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// Most places of each log: half of them spread evenly along it, the others near the waypoints between its ends.
+/// Largest number of places of each log: half of them spread evenly along it, the others near the waypoints between its
+/// ends.
 const PLACES: usize = 400;
 /// Time before and after a waypoint, beyond its zone, within which a controller leaves the path, s.
 const BEND_S: f64 = 0.1;
@@ -25,7 +26,7 @@ const PATH_SIGMA: f64 = 5e-5;
 const TIME_SIGMA: f64 = 0.01;
 /// Prior standard deviation of the logarithm of each number of the law about [`PathLaw::TYPICAL`]: a factor of e.
 const LAW_SIGMA: f64 = 1.0;
-/// Meaning of the numbers of the axes.
+/// The meaning of the numbers of the axes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum OfAxes {
     /// The lead of each axis for a unit of acceleration.
@@ -36,7 +37,8 @@ enum OfAxes {
 
 /// Leads (s²) and lags (s) below this are rounding errors: an axis that did not move.
 const NEGLIGIBLE: f64 = 1e-9;
-/// Prior standard deviation of an axis's lag, s: axes of one robot are tuned to trail their commands alike.
+/// Prior standard deviation of an axis's lag, s: the axes of a robot are tuned to trail their commands by nearly the
+/// same time.
 const LAG_SIGMA: f64 = 0.005;
 /// Length of the computed path on which the point nearest to a place of the log is searched for, m.
 const REACH: f64 = 0.03;
@@ -68,9 +70,9 @@ pub struct PathError {
 /// Measured and predicted duration of the logs, s.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct RunTime {
-    /// By the logs' clocks.
+    /// Duration by the clock of the logs.
     pub measured: f64,
-    /// By the law.
+    /// Duration that the law predicts.
     pub predicted: f64,
 }
 
@@ -132,6 +134,17 @@ struct Place {
 ///
 /// # Errors
 /// Fewer than two logs; a log of another program; a program that cannot be followed.
+///
+/// # Examples
+/// ```
+/// use deflex::drive::{FittedLaw, Log, LogError, Waypoint, fit_law};
+/// use deflex::robot::Robot;
+///
+/// /// Fits the law to two runs of one program.
+/// fn fit(robot: &Robot, waypoints: &[Waypoint], logs: &[Log; 2]) -> Result<FittedLaw, LogError> {
+///     fit_law(robot, &[(waypoints, &logs[0]), (waypoints, &logs[1])])
+/// }
+/// ```
 pub fn fit_law(robot: &Robot, logs: &[(&[Waypoint], &Log)]) -> Result<FittedLaw, LogError> {
     if logs.len() < 2 {
         return Err(LogError::OneLog);

@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 /// the settling of the brakes move an arm at rest by less.
 const AT_WAYPOINT: f64 = 5e-4;
 
-/// The axes at one moment.
+/// The axes at one moment of a log.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LogSample {
     /// Time by the log's clock, s.
@@ -22,13 +22,13 @@ pub struct LogSample {
 pub struct Log {
     /// File name, for messages.
     pub file: String,
-    /// In the order of time.
+    /// Samples in the order of time.
     pub samples: Vec<LogSample>,
 }
 
 impl Log {
-    /// The samples from where the program's first waypoint is left to where its last one is reached; `None` where the log does
-    /// not come near both (within `near` m) in this order.
+    /// The samples from the moment at which the arm leaves the program's first waypoint to that at which it reaches the
+    /// last one; `None` if the log does not come within `near` (m) of both in this order.
     pub(super) fn of_program(&self, robot: &Robot, waypoints: &[Waypoint], near: f64) -> Option<&[LogSample]> {
         let (first, last) = (waypoints.first()?, waypoints.last()?);
         let distances = |to: &Waypoint| -> Vec<f64> {

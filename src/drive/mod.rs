@@ -60,7 +60,8 @@ pub struct PathLaw {
     pub acceleration: f64,
     /// Largest acceleration across the path, in corners and bends, m/s².
     pub corner_acceleration: f64,
-    /// How long each axis trails its command, s. What all six have in common delays the motion and leaves its path.
+    /// Time by which each axis trails its command, s. The part that all axes have in common delays the motion without
+    /// changing its path.
     pub lag: Joints,
 }
 
@@ -85,13 +86,13 @@ impl PathLaw {
         lag: Joints::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     };
 
-    /// How long the controller goes on moving the axes after its path has ended, s.
+    /// Time for which the controller still moves the axes after its path has ended, s.
     #[must_use]
     pub fn settling(&self) -> f64 {
         self.smoothing[0] + self.smoothing[1]
     }
 
-    /// Standard deviation in time of what the two moving averages spread a command over, s.
+    /// Standard deviation in time over which the two moving averages spread a command, s.
     fn spread(&self) -> f64 {
         // The variance of a uniform distribution of width w is w²/12.
         ((self.smoothing[0].powi(2) + self.smoothing[1].powi(2)) / 12.0).sqrt()
@@ -182,6 +183,20 @@ pub const LONGEST_S: f64 = 86_400.0;
 ///
 /// # Errors
 /// A point of the path is out of reach, or the path is too long to be sampled.
+///
+/// # Examples
+/// ```
+/// # use deflex::drive::{Lead, PathLaw, Waypoint, drive};
+/// # use deflex::robot::{Builtin, Pose};
+/// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+/// let waypoint = |axis_1: f64| {
+///     let motor = robot.motor_from_axes_deg(&[axis_1, 0.0, 0.0, 0.0, 30.0, 0.0]);
+///     let (base_from_tcp, flange_from_tcp) = (robot.forward(&motor), Pose::identity());
+///     Waypoint { lead: Lead::Line, base_from_tcp, flange_from_tcp, motor, feed: 0.1, zone: None }
+/// };
+/// let samples = drive(&robot, &PathLaw::TYPICAL, &[waypoint(0.0), waypoint(2.0)]).expect("within reach");
+/// println!("{:.2} s", samples.last().map_or(0.0, |sample| sample.time));
+/// ```
 pub fn drive(robot: &Robot, law: &PathLaw, waypoints: &[Waypoint]) -> Result<Vec<DrivenSample>, DriveError> {
     Ok(timeline(robot, law, waypoints)?.samples())
 }

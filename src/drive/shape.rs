@@ -42,20 +42,20 @@ const ADDED_LEAST: f64 = 6e-4;
 /// Distance between points over the sum of their zones. The room in excess is for the points' own displacements, and for rounding.
 const ROOM: f64 = 1.05;
 
-/// What may be changed in the motion to a waypoint.
+/// The changes that are allowed to the motion to a waypoint.
 #[derive(Clone, Debug, Default)]
 pub struct Freedom {
-    /// Its end may be moved.
+    /// Whether its end may be moved.
     pub end: bool,
-    /// The circle point of its arc may be moved.
+    /// Whether the circle point of its arc may be moved.
     pub via: bool,
     /// The smallest zone that its end may get instead of the programmed one, m.
     pub smaller_zone: Option<f64>,
-    /// The motion may come to rest at its end.
+    /// Whether the motion may come to rest at its end.
     pub stop: bool,
     /// Zone (m) of points that may be added on its segment; `None` if none may be added.
     pub added_zone: Option<f64>,
-    /// The distance of the driven path from its segment counts.
+    /// Whether the distance of the driven path from this segment counts.
     pub counts: bool,
 }
 
@@ -88,14 +88,14 @@ impl Effort {
     const ALL: [Self; 5] = [Self::Moved, Self::SmallZone, Self::Added, Self::AddedMore, Self::Stop];
 }
 
-/// A motion as it is commanded.
+/// A motion as it is to be commanded.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CommandedMotion {
-    /// How far its end is moved, base frame, m.
+    /// Displacement of its end, base frame, m.
     pub end: Vector3<f64>,
-    /// How far the circle point is moved, base frame, m.
+    /// Displacement of the circle point, base frame, m.
     pub via: Vector3<f64>,
-    /// Zone in which its end is passed, m; `None` where the motion comes to rest there.
+    /// Zone in which its end is passed, m; `None` if the motion comes to rest there.
     pub zone: Option<f64>,
     /// Points that are added on its segment, in their order.
     pub added: Vec<AddedPoint>,
@@ -110,12 +110,12 @@ pub struct AddedPoint {
     pub base_from_tcp: Pose,
 }
 
-/// How a command is driven.
+/// The path that a controller drives for a command, compared with the programmed path.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DrivenResult {
     /// Largest distance between the driven path and the programmed one, m.
     pub largest: f64,
-    /// How long the run takes, s.
+    /// Duration of the run, s.
     pub seconds: f64,
     /// Largest distance near each waypoint, m: up to halfway to the waypoints before and after it.
     pub at_waypoints: Vec<f64>,
@@ -124,11 +124,11 @@ pub struct DrivenResult {
 /// A command and its result.
 #[derive(Clone, Debug)]
 pub struct ShapedCommand {
-    /// One for each waypoint.
+    /// The commanded motions, one for each waypoint.
     pub motions: Vec<CommandedMotion>,
-    /// The program as it is.
+    /// Result of the program as it is.
     pub before: DrivenResult,
-    /// The command.
+    /// Result of the command.
     pub after: DrivenResult,
 }
 
@@ -140,6 +140,18 @@ pub struct ShapedCommand {
 ///
 /// # Errors
 /// A point is out of reach.
+///
+/// # Examples
+/// ```
+/// use deflex::drive::{DriveError, Freedom, PathLaw, ShapedCommand, Wanted, Waypoint, shape};
+/// use deflex::robot::Robot;
+///
+/// /// Moves the points of a path so that the driven path stays within 0.05 mm of it.
+/// fn command(robot: &Robot, law: &PathLaw, path: &[Waypoint]) -> Result<ShapedCommand, DriveError> {
+///     let freedom = vec![Freedom { end: true, counts: true, ..Freedom::default() }; path.len()];
+///     shape(robot, law, path, &freedom, Wanted { tolerance: 5e-5, error_share: 0.0 })
+/// }
+/// ```
 pub fn shape(
     robot: &Robot,
     law: &PathLaw,
@@ -191,7 +203,7 @@ struct Shaper<'a> {
     allowed: Vec<f64>,
 }
 
-/// The points of a command before they are moved.
+/// The points of a command before any of them is moved.
 struct Layout {
     /// Ends of its motions.
     ends: Vec<End>,
@@ -214,11 +226,12 @@ struct Node {
     /// Index of its end.
     end: usize,
     is_via: bool,
-    /// Along the command: [`progress`](super::route) of the point, and of its neighbours, where its hat is zero.
+    /// The progress along the command at which its hat is zero, one, and zero again: [`progress`](super::route) of the
+    /// neighbour before it, of the point itself, and of the neighbour after it.
     hat: [f64; 3],
 }
 
-/// A command, driven.
+/// A command, and the path that the controller drives for it.
 struct Driven {
     /// Offset of each sample from the programmed path; `None` where it does not count.
     off: Vec<Option<Offset>>,
@@ -231,7 +244,7 @@ struct Driven {
     seconds: f64,
 }
 
-/// What a search has found.
+/// Result of a search.
 struct Found {
     ends: Vec<EndFound>,
     result: DrivenResult,
@@ -425,7 +438,7 @@ impl Shaper<'_> {
         Ok(Driven { off, about, corners, responses, seconds })
     }
 
-    /// Whether an effort changes anything at a waypoint that is passed.
+    /// Whether a measure can change anything at a waypoint that is passed.
     fn may(&self, effort: Effort, i: usize) -> bool {
         let freedom = &self.freedom[i];
         match effort {

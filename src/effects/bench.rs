@@ -113,13 +113,13 @@ impl Bench {
     }
 }
 
-/// What acts: cutting force, N, base axes; torques at the motors, N·m.
+/// The loads: cutting force, N, base axes; torques at the motors, N·m.
 pub(super) struct Loads {
     pub(super) cut: Vector3<f64>,
     pub(super) torque: Joints,
 }
 
-/// What is elsewhere, offsets and deflections together.
+/// The motion of the arm: offsets and deflections together.
 pub(super) struct Moved {
     pub(super) joints: Joints,
     pub(super) lost: Joints,

@@ -52,6 +52,14 @@ fn read(table: toml::Table) -> Result<Box<dyn Effect>, toml::de::Error> {
 }
 
 /// Harmonics of these joints (1 to 6) and orders, all of size 0, to be fitted.
+///
+/// # Examples
+/// ```
+/// use deflex::effects::gear_harmonic;
+///
+/// let effect = gear_harmonic(&[(2, 101.0)]); // axis 2, 101 periods per turn
+/// assert_eq!(effect.parameters().len(), 2); // a cosine and a sine
+/// ```
 #[must_use]
 pub fn gear_harmonic(joints_and_orders: &[(usize, f64)]) -> Box<dyn Effect> {
     let term = |&(joint, order)| Term { joint, order, cos_rad: 0.0, sin_rad: 0.0 };

@@ -115,6 +115,14 @@ impl From<JointErrorCurve> for Keys {
 }
 
 /// A curve of zeros for a joint (1 to 6) over a range (degrees), with knots about `spacing_deg` apart, from which a fit starts.
+///
+/// # Examples
+/// ```
+/// use deflex::effects::joint_error_curve;
+///
+/// let effect = joint_error_curve(2, -40.0, 40.0, 20.0);
+/// assert_eq!(effect.parameters().len(), 5); // a value for each knot
+/// ```
 #[must_use]
 pub fn joint_error_curve(joint: usize, from_deg: f64, to_deg: f64, spacing_deg: f64) -> Box<dyn Effect> {
     // At least three: a curve through two knots would be a scale error of the joint, which gears do not have.

@@ -19,7 +19,7 @@ pub struct Kind {
     pub part: Part,
     /// What its numbers can describe: a law, waves, a curve or a map.
     pub shape: Shape,
-    /// Whether it turns loads into motion, and so does nothing while no load acts on the arm.
+    /// Whether the effect turns loads into motion, so that it does nothing while no load acts on the arm.
     pub bends_under_load: bool,
     /// Whether its numbers multiply one another. Then derivatives at a fit do not predict the residual without the effect.
     pub multiplies: bool,

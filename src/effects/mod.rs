@@ -79,8 +79,8 @@ pub trait Effect: Listed + Debug + Send + Sync {
         false
     }
 
-    /// Angle over which the friction of the effect builds up after a joint has reversed, rad; 0 if it is there at once. `None` if the
-    /// effect does not depend on the direction of travel.
+    /// Angle over which the friction of the effect builds up after a joint has reversed, rad; 0 if it acts at once.
+    /// `None` if the effect does not depend on the direction of travel.
     fn presliding_rad(&self) -> Option<f64> {
         None
     }
@@ -150,7 +150,7 @@ pub trait Effect: Listed + Debug + Send + Sync {
 pub struct Parameter {
     /// Key in the cell file, with its index: `half_gap_rad[0]`.
     pub name: String,
-    /// What the number belongs to.
+    /// The axis or direction to which the number belongs.
     pub owner: ParameterOwner,
     /// Value, in `unit`.
     pub value: f64,
@@ -165,7 +165,8 @@ pub struct Parameter {
     pub bounds: (f64, f64),
 }
 
-/// What a number of an effect belongs to. The index in its name counts from 0, whatever it counts; this says what it means.
+/// What a number of an effect belongs to. The index in the number's name counts from 0; this says what the index
+/// counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ParameterOwner {
@@ -210,7 +211,7 @@ impl Covered {
     pub const WORDS: [(&'static str, Self); 2] = [("gravity", Self::Gravity), ("geometry", Self::Geometry)];
 }
 
-// The only list of effects: an effect is its file, its module above and its line here.
+// This is the only list of effects. An effect consists of its file, its module above, and its line here.
 physics::registry! {
     joint_stiffness: JointStiffness;
     stiffness_curve: StiffnessCurve;
@@ -272,6 +273,15 @@ pub fn add_implied(effects: &mut Vec<Box<dyn Effect>>) -> bool {
 }
 
 /// The registry's entry of the effect with this `kind` in the cell file; `None` for any other name.
+///
+/// # Examples
+/// ```
+/// use deflex::effects::kind;
+///
+/// let backlash = kind("backlash").expect("an effect");
+/// assert!(!backlash.bends_under_load);
+/// assert!(kind("magic").is_none());
+/// ```
 #[must_use]
 pub fn kind(name: &str) -> Option<&'static Kind> {
     KINDS.iter().find(|kind| kind.name == name)

@@ -159,16 +159,16 @@ impl<'a> Batch<'a> {
         block.first(count);
         (inverse.motor, inverse.wanted, inverse.at_reference) = (*nominal_motor, block.wanted, true);
         let valid = LaneMask::first(count);
-        let invert = |asked: &Frame, near: &Six<Lanes>| -> Result<_, std::convert::Infallible> {
+        let invert = |base_from_flange: &Frame, near: &Six<Lanes>| -> Result<_, std::convert::Infallible> {
             let Some(robot) = &model.inverse else { return Ok((*near, LaneMask::default())) };
             let mut found = (*near, LaneMask::default());
             widest!(<'a, 'b> (
                 robot: &'a crate::robot::BatchArm<'b> = robot,
-                asked: &'a Frame = asked,
+                base_from_flange: &'a Frame = base_from_flange,
                 near: &'a Six<Lanes> = near,
                 found: &'a mut (Six<Lanes>, LaneMask) = &mut found,
             ) {
-                *found = robot.nearest(asked, near);
+                *found = robot.nearest(base_from_flange, near);
             });
             Ok(found)
         };

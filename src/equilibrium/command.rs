@@ -125,6 +125,21 @@ impl Arm {
     ///
     /// # Errors
     /// The arm does not reach the pose, or the iteration does not converge.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::correct::{Options, Prepared};
+    /// use deflex::robot::Joints;
+    /// use deflex::{cell::Cell, program::rapid, text::Source};
+    ///
+    /// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// let prepared = Prepared::new(&program, &cell, &Options::default())?;
+    /// let (situation, near) = (prepared.situation(0), &prepared.points[0].motor);
+    /// let command = cell.arm.command(&situation, &situation.wobj_from_tcp, near, &Joints::zeros());
+    /// assert!(command.expect("within reach").deflection().amax() > 1e-5); // rad
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     pub fn command(
         &self,
         situation: &Situation,
@@ -160,8 +175,8 @@ impl Arm {
         let Workspace { mut block, mut at, mut inverse, .. } = Workspace::at(&Site::of(situation, &setting));
         inverse.wanted = Frame::of(wobj_from_tcp);
         (inverse.motor, inverse.travel) = (motor.into(), (*travel).into());
-        inverse.run(&model, &mut block, &mut at, (true, MOST_CORRECTIONS), |asked, near| {
-            invert(&asked.lane(0), &one(near, 0)).map(|motor| (motor.into(), true))
+        inverse.run(&model, &mut block, &mut at, (true, MOST_CORRECTIONS), |base_from_flange, near| {
+            invert(&base_from_flange.lane(0), &one(near, 0)).map(|motor| (motor.into(), true))
         })?;
         let (motor, free, lost) = (one(&inverse.motor, 0), one(&inverse.free, 0), one(&inverse.lost, 0));
         if !free.iter().chain(&lost).all(|v| v.is_finite()) {

@@ -7,8 +7,8 @@ use crate::lanes::{Mask, SinCos, Vector, six, widest};
 use crate::robot::NUDGE;
 use crate::robot::kinematics::Six;
 
-/// The smallest ratio of successive residuals that is believed when the next one is predicted. A secant step gains up to three digits, but
-/// then the parts of the residual remain that it does not reduce.
+/// The smallest ratio of successive residuals that is used to predict the next one. A secant step can reduce the
+/// residual by three digits, but parts of it that the secant does not reduce remain.
 const TRUSTED: f64 = 0.03;
 
 /// The iteration of forward equilibria. Each step puts the arms where the loads of the last two steps would bend them, on the secant

@@ -40,7 +40,8 @@ impl Arm {
         })
     }
 
-    /// Angle over which friction builds up after a joint has reversed, rad, the same for all joints; 0 if it is there at once.
+    /// Angle over which friction builds up after a joint has reversed, rad, the same for all joints; 0 if it acts at
+    /// once.
     pub(crate) fn presliding_rad(&self) -> f64 {
         self.effects.iter().filter_map(|effect| effect.presliding_rad()).fold(0.0, f64::max)
     }

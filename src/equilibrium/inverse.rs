@@ -32,7 +32,7 @@ pub(super) struct Inverse<R: Number> {
     pub(super) done: R::Mask,
     pub(super) open: R::Mask,
     /// Flange poses that the nominal inverse has to solve, base frame.
-    asked: Frame<R>,
+    to_solve: Frame<R>,
     /// Square of the last change of the commands, rad².
     pub(super) change: R,
 }
@@ -43,7 +43,7 @@ pub(super) const BATCH_ROUNDS: usize = 8;
 /// A command is found when another iteration would change it by less than this, rad: 1e-9 mm at 3 m.
 pub(super) const FOUND: f64 = 3e-13;
 
-/// The smallest ratio of successive changes that is believed. Rounding hides a faster convergence.
+/// The smallest ratio of successive changes that is used for a prediction: rounding hides a faster convergence.
 const TRUSTED: f64 = 1e-4;
 
 impl<R: Number> Inverse<R> {
@@ -77,7 +77,7 @@ impl<R: Number> Inverse<R> {
                 at.set_offsets(model, block);
             }
             if moves {
-                let (motor, found) = invert(&self.asked, &self.motor)?;
+                let (motor, found) = invert(&self.to_solve, &self.motor)?;
                 let still = self.done;
                 self.motor = six!(i => still.select(self.motor[i], motor[i]));
                 self.open = self.open & found.or(still);
@@ -117,10 +117,10 @@ impl<R: Number> Inverse<R> {
         ) {
             if first {
                 let declared = block.site.base_from_wobj.then(&inverse.wanted);
-                inverse.asked = declared.without(&block.flange_from_tcp);
+                inverse.to_solve = declared.without(&block.flange_from_tcp);
             }
             let part = parts.has(Parts::PART).then_some(inverse.under.part);
-            inverse.asked = at.motion_to(&inverse.wanted, part).then(&inverse.asked);
+            inverse.to_solve = at.motion_to(&inverse.wanted, part).then(&inverse.to_solve);
         });
     }
 

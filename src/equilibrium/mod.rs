@@ -1,5 +1,5 @@
-//! Static equilibria of the loaded arm, for one target or for a batch: the actual pose of a command ([`Arm::predict`]), and the command
-//! that reaches a wanted pose ([`Arm::command`]). This module knows neither programs nor files.
+//! Static equilibria of the loaded arm, for one target or for a batch: the actual pose of a command ([`Arm::predict`]),
+//! and the command that reaches a wanted pose ([`Arm::command`]). This module does not know programs or files.
 //!
 //! ```text
 //! Model      the arm with its effects, prepared for evaluations

@@ -155,6 +155,20 @@ impl Arm {
     ///
     /// # Errors
     /// There is no equilibrium, or it is not finite.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::correct::{Options, Prepared};
+    /// use deflex::robot::Joints;
+    /// use deflex::{cell::Cell, program::rapid, text::Source};
+    ///
+    /// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// let prepared = Prepared::new(&program, &cell, &Options::default())?;
+    /// let found = cell.arm.predict(&prepared.situation(0), &prepared.points[0].motor, &Joints::zeros());
+    /// assert!(found.expect("an equilibrium").load.cut.norm() > 10.0); // N
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     pub fn predict(
         &self,
         situation: &Situation,

@@ -27,7 +27,7 @@ pub(super) fn advice(
     let mut all = Vec::new();
     if let Some(step) = problem.steps_mm.filter(|step| noise_mm < HIDDEN * step) {
         all.push(format!(
-            "readings come in steps of {step} mm, more than they scatter: let the instrument write more digits: smaller errors cannot be seen"
+            "the readings come in steps of {step} mm, which is more than their scatter. Let the instrument write more digits, because smaller errors cannot be found"
         ));
     }
     let drift = Pattern::Drift { settles: None }.name();

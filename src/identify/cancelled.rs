@@ -42,14 +42,14 @@ pub(super) fn cancelled(problem: &mut Problem, declared: &Arm, candidates: &[Can
     };
     let shares: Vec<String> = kinds.iter().zip(seen.iter().zip(&cut)).filter_map(share).collect();
     let what = match &shares[..] {
-        [] => "Of every effect they show more than half".to_owned(),
+        [] => "They show more than half of every effect".to_owned(),
         shares => format!(
-            "Of these effects they show the share that is given, and what is hidden stays in the part: {}",
+            "They show only this share of the following effects, and the rest of the error stays in the part: {}",
             shares.join(", ")
         ),
     };
     Some(format!(
-        "the robot itself probed {count} rows: `before` and `after` are errors by its own reading, in which what is off alike in cutting and \
-         probing cancels. {what}. To correct it, measure the part with another instrument"
+        "the robot itself probed {count} rows: `before` and `after` are errors in its own readings. An error that is the same in cutting and in probing \
+         cancels there. {what}. To correct it, measure the part with another instrument"
     ))
 }

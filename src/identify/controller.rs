@@ -27,8 +27,9 @@ pub(super) fn corrected_twice(declared: &Arm, problem: &Problem, before: &DVecto
         let gain = evidence(problem, &residual) - evidence(problem, before);
         (share.abs() < GONE && gain > PRICE).then(|| {
             format!(
-                "the controller seems to correct {word} already. Of what the cell's effects of {word} move, {:.0} % is in the data. With \
-                 them the declared cell is off by {:.4} mm rms, without them by {:.4} mm. If so, say `[controller] compensates = [\"{word}\"]`",
+                "the controller seems to correct {word} already: the data show only {:.0} % of the displacement that the cell's effects of \
+                 {word} predict. The declared cell is off by {:.4} mm rms with these effects, and by {:.4} mm without them. If the \
+                 controller corrects {word}, declare `[controller] compensates = [\"{word}\"]`",
                 100.0 * share,
                 rms(problem, before),
                 rms(problem, &residual),

@@ -151,6 +151,28 @@ type Settled = (usize, Vec<Device>, Vec<toml::Table>);
 ///
 /// # Errors
 /// Tables that do not belong to their programs, too few rows, targets that the cell does not solve; `run.called-off`.
+///
+/// # Examples
+/// ```no_run
+/// use deflex::identify::{Input, Written, identify};
+/// use deflex::{cell::Cell, measured::Table, program::rapid, text::Source};
+///
+/// let read = |path: &str| std::fs::read(path).map(|bytes| Source::new(path, bytes));
+/// let cell = Cell::read(&read("samples/closed-loop/cell.toml")?)?;
+/// let program = rapid::read(vec![read("samples/closed-loop/part.mod")?], vec![])?;
+/// let table = Table::read(&read("samples/closed-loop/measured.csv")?)?;
+/// let found = identify(Input {
+///     cell: &cell,
+///     runs: vec![(program, table).into()],
+///     poses: vec![],
+///     tool: None,
+///     data_hash: "",
+///     written: Written::WholeModel,
+///     progress: &|_| true,
+/// })?;
+/// println!("{}", deflex::report::identify_answer(&found));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn identify(input: Input<'_>) -> Result<Identification, Vec<Diagnostic>> {
     let Input { cell, runs, poses, tool, data_hash, written, progress } = input;
     let mut problem =

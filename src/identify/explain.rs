@@ -414,7 +414,7 @@ impl Engine {
         }
         if let Some(declared) = self.problem.declared_sigma_mm.filter(|_| self.scatters_more()) {
             let with = format!(
-                "nothing that is known: the rows scatter by {:.4} mm, and their sigma_mm says {declared:.4}",
+                "no known quantity: the rows scatter by {:.4} mm, and their sigma_mm states {declared:.4}",
                 self.sigma
             );
             correlates.push(Correlate { with, r: 1.0, fault: None, parameters: Vec::new() });

@@ -7,7 +7,7 @@ use std::ops::{Add, Mul, Neg, Sub};
 /// A pose, metres: `base_from_tcp` maps coordinates in the TCP frame to the base frame.
 pub type Pose = nalgebra::IsometryMatrix3<f64>;
 
-/// A vector, of one target or of each of eight.
+/// A vector of one target, or of each of eight targets.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Vector<R = Lanes> {
     pub(crate) x: R,
@@ -23,7 +23,7 @@ impl<R: Real> Vector<R> {
         Self { x, y, z }
     }
 
-    /// The same in every lane.
+    /// The same vector in every lane.
     #[inline(always)]
     pub(crate) fn of(vector: &Vector3<f64>) -> Self {
         Self::new(R::of(vector.x), R::of(vector.y), R::of(vector.z))
@@ -43,7 +43,7 @@ impl<R: Real> Vector<R> {
         )
     }
 
-    /// Each coordinate by a factor of its own.
+    /// Multiplies each coordinate by a factor of its own.
     #[inline(always)]
     pub(crate) fn scaled(self, by: [f64; 3]) -> Self {
         Self::new(self.x * by[0], self.y * by[1], self.z * by[2])
@@ -63,7 +63,7 @@ impl<R: Real> Vector<R> {
 }
 
 impl Vector<Lanes> {
-    /// Each lane the one before, the first another.
+    /// The vectors shifted by one lane: each lane gets the vector of the lane before, the first lane gets `first`.
     pub(crate) fn behind(&self, first: &Vector3<f64>) -> Self {
         let mut behind = Self::of(first);
         for (behind, all) in [(&mut behind.x, &self.x), (&mut behind.y, &self.y), (&mut behind.z, &self.z)] {
@@ -109,7 +109,7 @@ impl<R: Real> Neg for Vector<R> {
     }
 }
 
-/// A pose, of one target or of each of eight, axis by axis; all zero where nothing was put in.
+/// A pose of one target, or of each of eight targets, as its axes and its origin; all zero in lanes that were not set.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Frame<R = Lanes> {
     pub(crate) x: Vector<R>,
@@ -119,7 +119,7 @@ pub(crate) struct Frame<R = Lanes> {
 }
 
 impl<R: Real> Frame<R> {
-    /// No motion.
+    /// The identity.
     #[inline(always)]
     pub(crate) fn identity() -> Self {
         let (one, none) = (R::of(1.0), R::ZERO);
@@ -127,10 +127,10 @@ impl<R: Real> Frame<R> {
         Self { x: axis(one, none, none), y: axis(none, one, none), z: axis(none, none, one), origin: Vector::ZERO }
     }
 
-    /// A turn by a rotation vector, rad, of any length.
+    /// The rotation of a rotation vector of any length, rad.
     #[inline(always)]
     pub(crate) fn of_rotation_vector(turn: Vector<R>) -> Self {
-        /// Below, the series of sin(a/2)/a is exact to rounding.
+        /// Below this angle, rad, the series of sin(a/2)/a is exact to rounding.
         const SMALL: f64 = 1e-4;
         let square = turn.dot(turn);
         let angle = square.sqrt();
@@ -141,7 +141,7 @@ impl<R: Real> Frame<R> {
         Self::of_quaternion(Vector::ZERO, [half.cos, v.x, v.y, v.z])
     }
 
-    /// Turned by a small rotation vector in its own axes, rad: exact to rounding up to 0.2.
+    /// Rotates the frame by a small rotation vector in its own axes, rad; exact to rounding up to 0.2.
     #[inline(always)]
     pub(crate) fn turned_by(&self, turn: Vector<R>) -> Self {
         let square = turn.dot(turn);
@@ -157,7 +157,7 @@ impl<R: Real> Frame<R> {
         Self { x: self.turn(x), y: self.turn(y), z: self.turn(z), origin: self.origin }
     }
 
-    /// The same in every lane.
+    /// The same pose in every lane.
     #[inline(always)]
     pub(crate) fn of(pose: &Pose) -> Self {
         let axes = pose.rotation.matrix();
@@ -190,7 +190,7 @@ impl<R: Real> Frame<R> {
         Rotation3::from_matrix_unchecked(Matrix3::new(x.x, y.x, z.x, x.y, y.y, z.y, x.z, y.z, z.z))
     }
 
-    /// A place, m, and a quaternion, scalar first, of any length.
+    /// A frame from a position, m, and a quaternion of any length, scalar first.
     #[inline(always)]
     pub(crate) fn of_quaternion(origin: Vector<R>, quat: [R; 4]) -> Self {
         let [w, i, j, k] = quat;
@@ -206,19 +206,19 @@ impl<R: Real> Frame<R> {
         }
     }
 
-    /// A direction of this frame in the frame that this one stands in.
+    /// A direction in this frame, expressed in the parent frame.
     #[inline(always)]
     pub(crate) fn turn(&self, v: Vector<R>) -> Vector<R> {
         self.x * v.x + self.y * v.y + self.z * v.z
     }
 
-    /// A direction in the axes of this frame.
+    /// A direction in the parent frame, expressed in this frame.
     #[inline(always)]
     pub(crate) fn turn_back(&self, v: Vector<R>) -> Vector<R> {
         Vector::new(self.x.dot(v), self.y.dot(v), self.z.dot(v))
     }
 
-    /// A point of this frame in the frame that this one stands in.
+    /// A point in this frame, expressed in the parent frame.
     #[inline(always)]
     pub(crate) fn point(&self, v: Vector<R>) -> Vector<R> {
         self.origin + self.turn(v)

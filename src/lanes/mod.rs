@@ -1,8 +1,8 @@
-//! Arithmetic on one number or on eight at once, in as many lanes as the processor has.
+//! Arithmetic on one number or on eight numbers at once, with the widest registers of the processor.
 //!
-//! A formula is written once, over a [`Real`]. A lane never sees another: what a target comes to does not depend on which
-//! others are computed with it, nor on whether it is alone. Nothing is contracted or reordered, so that every processor gives the
-//! same bits.
+//! A formula is written once, over a [`Real`]. A lane does not depend on other lanes, so the result for a target is the
+//! same whichever targets are computed with it, and also if it is computed alone. Operations are neither fused nor
+//! reordered, so every processor gives the same bits.
 
 mod frame;
 mod number;
@@ -15,7 +15,8 @@ pub(crate) use number::{LaneMask, Lanes, WIDTH};
 pub(crate) use real::{Mask, Real, dispatch};
 pub(crate) use trigonometry::{ROUND, SinCos};
 
-/// An array of six, one for each joint: `std::array::from_fn` would be a call, which leaves the widest lanes.
+/// An array with one element for each joint. `std::array::from_fn` would be compiled as a call outside of the widest
+/// lanes.
 macro_rules! six {
     ($i:ident => $of:expr) => {
         [six!(@ $i 0 $of), six!(@ $i 1 $of), six!(@ $i 2 $of), six!(@ $i 3 $of), six!(@ $i 4 $of), six!(@ $i 5 $of)]
@@ -27,8 +28,8 @@ macro_rules! six {
 }
 pub(crate) use six;
 
-/// Arithmetic on references, run with the widest lanes that the processor has. What it works on has to stand in memory whole:
-/// numbers that were put in lane by lane just before, or that go round a loop, the compiler takes apart.
+/// Runs arithmetic on references with the widest lanes of the processor. The operands must be complete in memory: if
+/// numbers were written lane by lane just before, or are carried around a loop, the compiler splits them into scalars.
 macro_rules! widest {
     (<$($life:lifetime),*> ($($name:ident: $type:ty = $value:expr),* $(,)?) $work:block) => {{
         struct Work<$($life),*> {
@@ -45,7 +46,7 @@ macro_rules! widest {
         }
         $crate::lanes::dispatch(Work { $($name: $value),* })
     }};
-    // The same for formulas over a number: one number needs no lanes.
+    // The same for formulas over a [`Real`]: a single number needs no lanes.
     (<$real:ident: $bound:path; $($life:lifetime),*> ($($name:ident: $type:ty = $value:expr),* $(,)?) $work:block) => {{
         struct Work<$($life,)* $real: $bound> {
             $($name: $type),*

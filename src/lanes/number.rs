@@ -1,15 +1,15 @@
 use super::real::{Mask, Real, dispatch};
 use std::ops::{Add, BitAnd, Div, Mul, Neg, Sub};
 
-/// Numbers side by side: two registers of AVX2, one of AVX-512.
+/// Numbers in one value: two registers of AVX2, or one of AVX-512.
 pub(crate) const WIDTH: usize = 8;
 
-/// A number of each of eight targets.
+/// One number for each of eight targets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(align(64))]
 pub struct Lanes(pub(crate) [f64; WIDTH]);
 
-/// A yes or no for each lane, all bits or none.
+/// A Boolean for each lane, as all bits set or none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(align(64))]
 pub struct LaneMask([u64; WIDTH]);
@@ -63,7 +63,7 @@ impl Real for Lanes {
     #[inline(always)]
     fn lane(&self, lane: usize) -> f64 {
         debug_assert!(lane < WIDTH);
-        // The remainder tells the compiler that it is in bounds.
+        // The remainder shows the compiler that the index is in bounds.
         self.0[lane % WIDTH]
     }
 
@@ -123,7 +123,7 @@ impl From<f64> for Lanes {
 }
 
 impl LaneMask {
-    /// Where a bit of the numbers is set.
+    /// Lanes in which a bit of the number's binary representation is set.
     #[inline(always)]
     pub(super) fn of_bits(numbers: Lanes, bit: u32) -> Self {
         let mut out = [0; WIDTH];

@@ -1,7 +1,7 @@
 use std::fmt::Debug;
 use std::ops::{Add, BitAnd, Div, Mul, Neg, Sub};
 
-/// A number of one target, or of each of several side by side: what formulas are written over.
+/// A number of one target, or one number for each of several targets. Formulas are written over this trait.
 pub trait Real:
     Copy
     + Default
@@ -20,30 +20,30 @@ pub trait Real:
     + Mul<f64, Output = Self>
     + Div<f64, Output = Self>
 {
-    /// What comparisons give.
+    /// The result of a comparison.
     type Mask: Mask<Self>;
-    /// Targets side by side.
+    /// Number of targets.
     const WIDTH: usize;
     const ZERO: Self;
 
-    /// The same for every target.
+    /// The same number for every target.
     fn of(value: f64) -> Self;
-    /// One target's number; lanes are counted below [`Real::WIDTH`].
+    /// The number of one target. `lane` must be less than [`Real::WIDTH`].
     fn lane(&self, lane: usize) -> f64;
     fn set(&mut self, lane: usize, value: f64);
     fn sqrt(self) -> Self;
     fn abs(self) -> Self;
     fn floor(self) -> Self;
-    /// False where either is NaN, as all comparisons.
+    /// Like all comparisons, false if one of the numbers is NaN.
     fn lt(self, other: impl Into<Self>) -> Self::Mask;
     fn eq(self, other: impl Into<Self>) -> Self::Mask;
     fn ge(self, other: impl Into<Self>) -> Self::Mask;
-    /// Where a bit of the number is set.
+    /// Lanes in which a bit of the number's binary representation is set.
     fn bit(self, bit: u32) -> Self::Mask;
-    /// Runs work with the widest lanes that the processor has, where it is in lanes.
+    /// Runs work with the widest lanes of the processor, if the number has lanes.
     fn dispatch<W: pulp::NullaryFnOnce<Output = ()>>(work: W);
 
-    /// What cannot be said in arithmetic, target by target.
+    /// Applies a scalar function target by target, for functions that are not arithmetic.
     #[inline(always)]
     fn each(self, f: impl Fn(f64) -> f64) -> Self {
         let mut out = self;
@@ -54,23 +54,23 @@ pub trait Real:
     }
 }
 
-/// A yes or no for each target of a [`Real`]: what `if` does.
+/// A Boolean for each target of a [`Real`]. It replaces `if`.
 pub trait Mask<R>: Copy + Default + Debug + Send + Sync + 'static + BitAnd<Output = Self> {
-    /// Target by target.
+    /// Computes the Boolean of each target.
     fn of(wanted: impl FnMut(usize) -> bool) -> Self;
-    /// One number where it is set, another elsewhere.
+    /// `yes` where the mask is set, `no` elsewhere.
     fn select(self, yes: R, no: R) -> R;
     fn or(self, other: Self) -> Self;
     fn not(self) -> Self;
     fn any(self) -> bool;
     fn lane(&self, lane: usize) -> bool;
     fn set(&mut self, lane: usize, value: bool);
-    /// Changes the sign where it is set.
+    /// Changes the sign where the mask is set.
     fn negate(self, value: R) -> R;
-    /// The first target for which it is set.
+    /// Index of the first target for which the mask is set.
     fn next(self) -> Option<usize>;
 
-    /// The first so many targets.
+    /// A mask that is set for the first `count` targets.
     fn first(count: usize) -> Self {
         Self::of(|lane| lane < count)
     }

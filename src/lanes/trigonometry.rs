@@ -1,9 +1,9 @@
-//! Sines and arc tangents without a branch: a processor's lanes go one way together.
+//! Sines and arc tangents without branches, because all lanes of a processor take the same branch.
 
 use super::real::{Mask, Real};
 use std::f64::consts::{FRAC_2_PI, FRAC_PI_2, FRAC_PI_4, PI};
 
-/// Adding it leaves the nearest whole number in the last bits: 1.5 · 2^52.
+/// Adding this leaves the nearest whole number in the last bits: 1.5 · 2^52.
 pub(crate) const ROUND: f64 = 6_755_399_441_055_744.0;
 
 /// Sine and cosine of an angle.
@@ -14,7 +14,7 @@ pub(crate) struct SinCos<R> {
 }
 
 impl<R: Real> SinCos<R> {
-    /// Of angles up to some thousand turns, rad; to some 1e-16.
+    /// Sine and cosine of an angle of up to some thousand turns, rad, with an error of about 1e-16.
     #[inline(always)]
     pub(crate) fn of(angle: R) -> Self {
         // A quarter turn in two parts, the first so short that whole multiples are exact (fdlibm, e_rem_pio2.c).
@@ -51,13 +51,13 @@ impl<R: Real> SinCos<R> {
                     ],
                 ))
             + 1.0;
-        // Quadrants 1 and 3 swap the two; 2 and 3 turn the sine, 1 and 2 the cosine.
+        // In quadrants 1 and 3, sine and cosine are swapped. The sine is negated in 2 and 3, the cosine in 1 and 2.
         let (swap, half) = (shifted.bit(0), shifted.bit(1));
         let (s, c) = (swap.select(cos, sin), swap.select(sin, cos));
         Self { sin: half.negate(s), cos: half.negate(swap.negate(c)) }
     }
 
-    /// At an angle further by a small step: exact to rounding up to 0.01 rad.
+    /// Sine and cosine of the angle plus a small step; exact to rounding for steps of up to 0.01 rad.
     #[inline(always)]
     pub(crate) fn turned_by(self, step: R) -> Self {
         let square = step * step;
@@ -66,22 +66,22 @@ impl<R: Real> SinCos<R> {
         Self { sin: self.sin + (self.cos * sin - self.sin * less), cos: self.cos - (self.sin * sin + self.cos * less) }
     }
 
-    /// Further by another angle.
+    /// Sine and cosine of the sum with another angle.
     #[inline(always)]
     pub(crate) fn plus(self, by: Self) -> Self {
         Self { sin: self.sin * by.cos + self.cos * by.sin, cos: self.cos * by.cos - self.sin * by.sin }
     }
 
-    /// Back by another angle.
+    /// Sine and cosine of the difference from another angle.
     #[inline(always)]
     pub(crate) fn minus(self, by: Self) -> Self {
         Self { sin: self.sin * by.cos - self.cos * by.sin, cos: self.cos * by.cos + self.sin * by.sin }
     }
 
-    /// The angle within ±π, rad; to some 1e-16 of it. Sine and cosine may have any common scale.
+    /// The angle within ±π, rad, with a relative error of about 1e-16. Sine and cosine may have any common scale.
     #[inline(always)]
     pub(crate) fn angle(self) -> R {
-        /// tan(π/8): beyond, the angle is counted from π/4.
+        /// tan(π/8). Angles beyond are counted from π/4.
         const FAR: f64 = 0.414_213_562_373_095_05;
         let (y, x) = (self.sin.abs(), self.cos.abs());
         let steep = x.lt(y);
@@ -119,7 +119,7 @@ impl<R: Real> SinCos<R> {
     }
 }
 
-/// A polynomial, highest power first.
+/// The value of a polynomial, whose coefficients begin with the highest power.
 #[inline(always)]
 pub(super) fn horner<R: Real, const N: usize>(x: R, coefficients: [f64; N]) -> R {
     let mut sum = R::of(coefficients[0]);
@@ -135,7 +135,7 @@ mod tests {
     use crate::lanes::{Lanes, WIDTH};
     use proptest::prelude::*;
 
-    /// Two units in the last place of one.
+    /// Two units in the last place of 1.
     const ROUNDING: f64 = 4.5e-16;
 
     proptest! {
@@ -186,7 +186,7 @@ mod tests {
         for (i, want) in [0.0, FRAC_PI_2, PI, -FRAC_PI_2].into_iter().enumerate() {
             assert!((angles[i] - want).abs() < ROUNDING);
         }
-        // Nothing is no direction.
+        // A zero vector has no direction.
         assert!(angles[4].is_nan());
         assert!((angles[6] - FRAC_PI_4).abs() < ROUNDING && (angles[7] + 3.0 * FRAC_PI_4).abs() < 2.0 * ROUNDING);
     }

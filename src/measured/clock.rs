@@ -1,4 +1,4 @@
-//! Times as instruments write them: seconds, `09:05:00`, `2026-11-24T09:05:00Z`.
+//! Reads the times that instruments write: seconds, `09:05:00`, `2026-11-24T09:05:00Z`.
 
 use std::cell::Cell;
 use std::str::FromStr;
@@ -6,15 +6,15 @@ use toml::value::{Datetime, Offset};
 
 const DAY_S: f64 = 86_400.0;
 
-/// The form of a file's times: the first that is met, and no other from there on.
+/// The notation of times in a file: that of the first time. Another notation later is an error.
 #[derive(Debug, Default)]
 pub(super) struct Clock(Cell<Option<Met>>);
 
 #[derive(Clone, Copy, Debug)]
 enum Met {
-    /// Seconds from wherever the instrument counts.
+    /// Seconds from an arbitrary zero of the instrument.
     Seconds,
-    /// Times of day: the last of them, and midnights since the first, s.
+    /// Times of day: the last one, and 24 h for each midnight since the first one, s.
     Day { last: f64, midnights: f64 },
     /// Dates with times of day.
     Date,
@@ -31,16 +31,17 @@ impl Met {
 }
 
 impl Clock {
-    /// The time in a cell, s: from midnight for times of day, from 1970 for dates; `None` where it is no time of a clock.
+    /// The time in a cell, s: from midnight for times of day, from 1970 for dates. `None` if the text is neither.
     ///
     /// # Errors
-    /// Times before had another form: a sentence without its subject.
+    /// Earlier times had another notation. The text lacks the subject of its sentence.
     pub(super) fn time(&self, text: &str) -> Option<Result<f64, String>> {
         let time = Moment::read(text)?;
         let now = if time.date { Met::Date } else { Met::Day { last: time.s, midnights: 0.0 } };
         Some(self.agreed(now).map(|met| match met {
             Met::Day { last, midnights } if !time.date => {
-                // Instruments write rows in order, but for some seconds: half a day back is past midnight.
+                // Instruments write rows in order, apart from a few seconds. A time that is more than half a day
+                // earlier is therefore after midnight.
                 let midnights = if time.s < last - 0.5 * DAY_S { midnights + DAY_S } else { midnights };
                 self.0.set(Some(Met::Day { last: time.s, midnights }));
                 time.s + midnights
@@ -49,10 +50,10 @@ impl Clock {
         }))
     }
 
-    /// The file's times are seconds.
+    /// Records that the file's times are seconds.
     ///
     /// # Errors
-    /// As for [`Clock::time`].
+    /// Those of [`Clock::time`].
     pub(super) fn seconds(&self) -> Result<(), String> {
         self.agreed(Met::Seconds).map(|_| ())
     }
@@ -67,7 +68,7 @@ impl Clock {
     }
 }
 
-/// A time of day, with its date or without.
+/// A time of day, with or without a date.
 struct Moment {
     s: f64,
     date: bool,
@@ -79,7 +80,7 @@ impl Moment {
             Some((day, time)) => (Some(day), time.trim()),
             None => (None, text),
         };
-        // RFC 3339 has two digits for hours; clocks often write one.
+        // RFC 3339 requires two digits for hours, but clocks often write one.
         let hours = time.find(':')?;
         let time = format!("{}{}", if hours == 1 { "0" } else { "" }, time.replace(',', "."));
         let whole = if time.bytes().filter(|byte| *byte == b':').count() == 1 { format!("{time}:00") } else { time };
@@ -98,7 +99,8 @@ impl Moment {
     }
 }
 
-/// Days of the Gregorian calendar, counted in years that begin in March, whose leap day is the last one.
+/// Number of days in the Gregorian calendar. Years are counted from March, so that the leap day is the last day of a
+/// year.
 fn days_since_1970(year: i64, month: i64, day: i64) -> f64 {
     let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
     let days = 365 * year + year.div_euclid(4) - year.div_euclid(100) + year.div_euclid(400);

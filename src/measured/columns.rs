@@ -1,4 +1,4 @@
-//! The columns of a measured table, and what is wrong with one.
+//! The columns of a measured table, and the message for an error in one.
 
 use crate::text::Diagnostic;
 
@@ -41,12 +41,13 @@ pub fn names() -> impl Iterator<Item = &'static str> {
     COLUMNS.into_iter().filter(|name| !name.is_empty())
 }
 
-/// What `--forces` takes of a file: target, forces and covariates.
+/// Indices of the columns that `--forces` reads: target, forces and covariates.
 pub(super) const FORCE_COLUMNS: [usize; 7] = [0, 16, 17, 18, 19, 20, 21];
-/// Where a row has this, time and temperature are not those of the cut.
+/// Index of the column that names a probing tool. In a row with such a tool, time and temperature are not those of the
+/// cut.
 pub(super) const PROBE_TOOL: usize = 28;
 
-/// Where each of [`COLUMNS`] stands.
+/// Position in the file of each of [`COLUMNS`].
 pub(super) type Places = [Option<usize>; COLUMNS.len()];
 
 /// An error of a line of the table.

@@ -2,7 +2,7 @@ use super::TargetRef;
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
-/// What a table says of one target.
+/// The entries of a force table for one target.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ForceRow {
     /// Force on the tool, N, work object axes.
@@ -15,21 +15,21 @@ pub struct ForceRow {
     pub payload: Option<f64>,
 }
 
-/// A force table: by ordinal of the motion, or by name of the declared robtarget. Where a target has several rows, the last
-/// of them counts.
+/// A force table. Rows are found by the ordinal of the motion, or by the name of the declared robtarget. If a target
+/// has several rows, the last one counts.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Forces {
-    /// Whether forces were measured at all; without, `[cut]` says them and the rows only carry covariates.
+    /// Whether the table has forces. If not, the rows only have covariates, and `[cut]` determines the force.
     pub forces_given: bool,
     by_ordinal: ByOrdinal,
-    /// Upper case.
+    /// Keys are names in upper case.
     by_name: BTreeMap<String, ForceRow>,
 }
 
-/// Rows of rising ordinals: as many as the program has targets, so that they take no more room than they need.
+/// Rows sorted by ordinal. There can be one for each target of a long program, so the common case is stored compactly.
 #[derive(Clone, Debug, PartialEq)]
 enum ByOrdinal {
-    /// All have a force, and nothing else.
+    /// Every row has a force and nothing else.
     Forces(Vec<(u32, Vector3<f64>)>),
     Rows(Vec<(u32, ForceRow)>),
 }
@@ -55,7 +55,7 @@ impl ByOrdinal {
 }
 
 impl ForceRow {
-    /// Nothing but a force.
+    /// A row with a force and nothing else.
     fn of(force: Vector3<f64>) -> Self {
         Self { force: Some(force), ..Self::default() }
     }
@@ -64,7 +64,7 @@ impl ForceRow {
 /// Sorts rows by their ordinals.
 fn settle<T: Clone>(rows: &mut Vec<(u32, T)>) {
     if !rows.is_sorted_by(|a, b| a.0 < b.0) {
-        // The last of several comes first and stays.
+        // After the reversal, the last of several rows with the same ordinal comes first, and is kept.
         rows.reverse();
         rows.sort_by_key(|row| row.0);
         rows.dedup_by_key(|row| row.0);
@@ -73,7 +73,7 @@ fn settle<T: Clone>(rows: &mut Vec<(u32, T)>) {
 }
 
 fn find<T: Copy>(rows: &[(u32, T)], ordinal: u32) -> Option<T> {
-    // Mostly every target has its row.
+    // In most tables every target has its row.
     let own = rows.get((ordinal as usize).wrapping_sub(1)).filter(|row| row.0 == ordinal);
     let any = || rows.binary_search_by_key(&ordinal, |row| row.0).ok().map(|at| &rows[at]);
     own.or_else(any).map(|row| row.1)
@@ -101,12 +101,28 @@ impl FromIterator<(TargetRef, ForceRow)> for Forces {
 
 impl Forces {
     /// A table in which no force acts at any target.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::measured::Forces;
+    ///
+    /// assert!(Forces::none().forces_given); // overrides [cut]: no target has a force
+    /// assert!(Forces::none().of(1, None).is_none());
+    /// ```
     #[must_use]
     pub fn none() -> Self {
         Self { forces_given: true, ..Self::default() }
     }
 
     /// The row of a motion.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{measured::Table, text::Source};
+    /// let forces = Table::read(&Source::new("forces.csv", "target,fx_n,fy_n,fz_n\np10,0,0,90\n"))?.forces();
+    /// assert!(forces.of(3, Some("p10")).is_some() && forces.of(4, Some("p20")).is_none());
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn of(&self, ordinal: u32, name: Option<&str>) -> Option<ForceRow> {
         let row = match &self.by_ordinal {

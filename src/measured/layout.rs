@@ -1,4 +1,4 @@
-//! How a table is laid out: its separator, its decimal sign, and which of its columns is which.
+//! Finds out how a table is laid out: its separator, its decimal sign, and the meaning of its columns.
 
 use super::columns::{COLUMNS, FORCE_COLUMNS, PROBE_TOOL, Places, wrong};
 use crate::limits;
@@ -6,22 +6,22 @@ use crate::text::nearest;
 use crate::text::{Diagnostic, Severity};
 use std::cell::Cell;
 
-/// Names that a file has for columns.
+/// The names that a file has for the columns.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ColumnNames {
-    /// Index of the column, and what the file calls it.
+    /// Index of each renamed column, and its name in the file.
     renamed: Vec<(usize, String)>,
-    /// Who gives them.
+    /// Source of the names.
     given: Given,
 }
 
-/// Who says what files call their columns.
+/// The source of the names.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Given {
-    /// `--columns`, for the files of one call: each of the names must be there.
+    /// `--columns`, for the files of one run: all of the names must exist in the file.
     #[default]
     Call,
-    /// The cell, for all files of a shop: one that has none of the names is read as if none were given.
+    /// The cell, for all files of a shop: a file that has none of the names is read with the standard names.
     Cell,
 }
 
@@ -29,7 +29,15 @@ impl ColumnNames {
     /// Reads `target=Punkt Nr,x_mm=X Ist`.
     ///
     /// # Errors
-    /// What is wrong with it, and what to do.
+    /// The text is not such a list, or names an unknown column.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::measured::ColumnNames;
+    ///
+    /// assert!(ColumnNames::parse("target=Punkt Nr,x_mm=X Ist").is_ok());
+    /// assert!(ColumnNames::parse("target").is_err());
+    /// ```
     pub fn parse(text: &str) -> Result<Self, Vec<Diagnostic>> {
         let bad = |message: String, help: String| vec![Diagnostic::error("usage.columns", "", message).help(help)];
         let mut renamed: Vec<(usize, String)> = Vec::new();
@@ -47,10 +55,10 @@ impl ColumnNames {
         Ok(Self { renamed, given: Given::Call })
     }
 
-    /// Names for all files of a cell: our name of a column, and theirs.
+    /// The names for all files of a cell: pairs of a standard name and the name in the files.
     ///
     /// # Errors
-    /// A name that no column has: the name, and what to do.
+    /// A standard name that does not exist: the name, and the help text.
     pub(crate) fn of_cell<'a>(
         names: impl IntoIterator<Item = (&'a String, &'a String)>,
     ) -> Result<Self, (&'a str, String)> {
@@ -61,7 +69,7 @@ impl ColumnNames {
         Ok(Self { renamed: renamed.collect::<Result<_, _>>()?, given: Given::Cell })
     }
 
-    /// Which column a name of the file is, where names were given: other columns are not looked at.
+    /// The column that a name in the file means. If names were given, other columns are ignored.
     fn column(&self, name: &str, names: &[&str]) -> Option<usize> {
         let given = self.renamed.iter().find(|(_, theirs)| theirs == name).map(|(column, _)| *column);
         let free = |column: &usize| {
@@ -71,19 +79,19 @@ impl ColumnNames {
         given.or_else(|| known(name).ok().filter(free))
     }
 
-    /// Whether they count for a header.
+    /// Whether the names apply to a file with this header.
     fn count_for(&self, names: &[&str]) -> bool {
         self.given == Given::Call || self.renamed.iter().any(|(_, theirs)| names.contains(&&theirs[..]))
     }
 
-    /// The names that are in no column of a header, with ours.
+    /// The names that the header lacks, each with the standard name.
     fn missing<'a>(&'a self, place: &'a Places) -> impl Iterator<Item = (&'static str, &'a str)> + 'a {
         let missing = self.renamed.iter().filter(|(column, _)| place[*column].is_none());
         missing.map(|(column, theirs)| (COLUMNS[*column], &theirs[..]))
     }
 }
 
-/// The column of a name that is ours, else what to do.
+/// The column with a standard name; otherwise the help text.
 fn known(name: &str) -> Result<usize, String> {
     COLUMNS.iter().position(|known| *known == name && !name.is_empty()).ok_or_else(|| {
         let meant = nearest(name, COLUMNS.iter().copied().filter(|name| !name.is_empty()));
@@ -91,26 +99,26 @@ fn known(name: &str) -> Result<usize, String> {
     })
 }
 
-/// What a reader takes of a table.
+/// The columns that a reader wants.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Wanted<'a> {
-    /// Which of the columns.
+    /// The set of columns.
     pub(super) what: What,
-    /// What files call them: then columns that are not named are not looked at.
+    /// The names of the columns in the file, if they were given: other columns are then ignored.
     pub(super) names: Option<&'a ColumnNames>,
 }
 
-/// Which columns of a table a reader takes.
+/// A set of columns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum What {
-    /// All of it: a column that is not known is an error.
+    /// All columns. An unknown column is an error.
     All,
-    /// Targets, forces and covariates: other columns are not looked at.
+    /// Targets, forces and covariates. Other columns are ignored.
     Forces,
 }
 
 impl Wanted<'_> {
-    /// How many names of a line are of columns: most in the header.
+    /// Number of names of columns in a line. The header is the line with the most.
     pub(super) fn known_in(&self, line: &[u8]) -> usize {
         let line = String::from_utf8_lossy(line);
         let names = line.split(char::from(separator(line.as_bytes())));
@@ -120,7 +128,7 @@ impl Wanted<'_> {
     }
 }
 
-/// The separator of a header: tabs or semicolons where there are any outside quotes, else commas.
+/// The separator of a header: a tab or a semicolon if there is one outside of quotes, otherwise a comma.
 pub(super) fn separator(header: &[u8]) -> u8 {
     let mut quoted = false;
     let mut bare = header.iter().copied().filter(|&byte| {
@@ -131,12 +139,12 @@ pub(super) fn separator(header: &[u8]) -> u8 {
     [b'\t', b';'].into_iter().find(|separator| outside.contains(separator)).unwrap_or(b',')
 }
 
-/// The decimal sign of a file: the first that is met, and no other from there on.
+/// The decimal sign of a file: that of the first number with one. The other sign later is an error.
 #[derive(Debug, Default)]
 pub(super) struct Decimal(Cell<Option<char>>);
 
 impl Decimal {
-    /// The number in a cell.
+    /// The number in a cell; `None` if it is empty.
     pub(super) fn number(&self, text: &str) -> Result<Option<f64>, String> {
         let sign = if text.contains(',') { Some(',') } else { text.contains('.').then_some('.') };
         if let Some(sign) = sign {
@@ -159,7 +167,7 @@ fn word(sign: char) -> &'static str {
     if sign == ',' { "comma" } else { "point" }
 }
 
-/// Where each column stands in the header, which is a line of the file; and what to say of it.
+/// Position of each column in the header, which is line `line` of the file; and notes about the header.
 pub(super) fn places(
     (file, line): (&str, u64),
     names: &[&str],

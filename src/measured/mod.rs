@@ -1,4 +1,4 @@
-//! Measured rows: what a tracker, a gauge or a dynamometer said, aligned to targets.
+//! Measured rows from a tracker, a gauge or a dynamometer, assigned to targets.
 
 mod clock;
 mod columns;

@@ -8,28 +8,28 @@ use crate::text::{Diagnostic, Severity, Source};
 use nalgebra::Vector3;
 use std::io::{BufRead, BufReader, Chain, Cursor, Read};
 
-/// Which target a row belongs to.
+/// The target to which a row belongs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum TargetRef {
     /// 1-based ordinal among the executed motions.
     Ordinal(u32),
-    /// Name of a declared robtarget visited once, as written.
+    /// Name of a declared robtarget that the program visits once, as written.
     Name(String),
 }
 
-/// One measured row, in the file's units; absent columns and empty cells are `None`.
+/// One measured row, in the units of the file. Missing columns and empty cells are `None`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeasuredRow {
     /// Line in the file, from 1.
     pub line: u64,
     /// Target.
     pub target: Option<TargetRef>,
-    /// TCP, mm, where all three axes were measured.
+    /// Position of the TCP, mm, if all three axes were measured.
     pub position_mm: Option<[f64; 3]>,
-    /// TCP, mm, each axis that was measured.
+    /// Position of the TCP along each axis that was measured, mm.
     pub axes_mm: [Option<f64>; 3],
-    /// Where on the path the row was taken, in the work object, mm, for rows that name no target.
+    /// Position on the path at which the row was taken, in the work object, mm, for rows that name no target.
     pub nominal_mm: Option<[f64; 3]>,
     /// Orientation, scalar first.
     pub quat: Option<[f64; 4]>,
@@ -37,7 +37,7 @@ pub struct MeasuredRow {
     pub normal_mm: Option<f64>,
     /// Motor angles, degrees.
     pub motor_deg: Option<[f64; 6]>,
-    /// Length from the device's fixed point, mm.
+    /// Distance from the fixed point of the instrument, mm.
     pub distance_mm: Option<f64>,
     /// Force on the tool, N.
     pub force_n: Option<[f64; 3]>,
@@ -51,7 +51,7 @@ pub struct MeasuredRow {
     pub sigma_mm: Option<f64>,
     /// Run that the row belongs to.
     pub run: Option<String>,
-    /// Never fitted, only scored.
+    /// Whether the row is only used to test the fit, not for the fit itself.
     pub holdout: Option<bool>,
     /// The tool with which the robot itself probed the row; `motor_deg` and `time_s` are then those of the touch.
     pub probe_tool: Option<String>,
@@ -64,17 +64,17 @@ pub struct Table {
     pub file: String,
     /// Rows in the order of the file.
     pub rows: Vec<MeasuredRow>,
-    /// How far from the path a row without a target may lie, mm; [`MATCH_MM`] where nothing says.
+    /// Largest distance from the path of a row without a target, mm; `None` means [`MATCH_MM`].
     pub match_mm: Option<f64>,
-    /// What to say of the file: lines before the header, columns that the cell names and the file does not have.
+    /// Notes on the file: lines before the header, and columns that the cell names and the file does not have.
     pub notes: Vec<Diagnostic>,
 }
 
-/// How far from the path a row without a target may lie, mm.
+/// Default largest distance from the path of a row without a target, mm.
 pub const MATCH_MM: f64 = 5.0;
 
-/// Beyond these sizes a number is a slip or another unit, whatever robot it is of: the largest reach 5 m and stand on tracks of
-/// some 100 m, carry 2.3 t and push with less than 100 kN.
+/// Numbers beyond these sizes are a mistake or in another unit, for any robot: the largest robots have a reach of 5 m,
+/// stand on tracks of about 100 m, carry 2.3 t and push with less than 100 kN.
 const LARGEST: [f64; COLUMNS.len()] = {
     const PLACE_MM: f64 = 1e6;
     const ANGLE_DEG: f64 = 1e5;
@@ -115,22 +115,44 @@ const LARGEST: [f64; COLUMNS.len()] = {
     ]
 };
 
-/// Messages about one file before the rest is only counted.
+/// Number of messages about a file that are listed; further ones are counted.
 const MESSAGES: usize = 20;
 
 impl Table {
     /// Reads a measured file.
     ///
     /// # Errors
-    /// Unknown columns (with the nearest known one), cells that are not finite numbers, groups given in part.
+    /// Unknown columns (with the most similar known one), cells that are not finite numbers, and incomplete groups of
+    /// columns.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::measured::Table;
+    /// use deflex::text::Source;
+    ///
+    /// let table = Table::read(&Source::new("measured.csv", "target,x_mm,y_mm,z_mm\n1,10.02,0.01,-0.13\n"))?;
+    /// assert_eq!(table.rows[0].position_mm, Some([10.02, 0.01, -0.13]));
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     pub fn read(source: &Source) -> Result<Self, Vec<Diagnostic>> {
         Self::read_named(source, None)
     }
 
-    /// Reads a measured file whose columns may have other names; those that are not named are then not looked at.
+    /// Reads a measured file whose columns have other names. Columns that are not named are then ignored.
     ///
     /// # Errors
-    /// As for [`Table::read`], and named columns that the file does not have.
+    /// Those of [`Table::read`], and named columns that the file does not have.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::measured::{ColumnNames, Table};
+    /// use deflex::text::Source;
+    ///
+    /// let names = ColumnNames::parse("target=Punkt,normal_mm=Abweichung")?;
+    /// let table = Table::read_named(&Source::new("cmm.csv", "Punkt;Abweichung\n1;0,12\n"), Some(&names))?;
+    /// assert_eq!(table.rows[0].normal_mm, Some(0.12));
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     pub fn read_named(source: &Source, names: Option<&ColumnNames>) -> Result<Self, Vec<Diagnostic>> {
         let mut all = Rows::new(&source.name, &source.bytes[..], names)?;
         let notes = std::mem::take(&mut all.notes);
@@ -151,7 +173,7 @@ impl Table {
         }
     }
 
-    /// A row that does not belong to its program.
+    /// The error for a row that does not belong to its program.
     pub(crate) fn row_error(&self, line: u64, message: String) -> Diagnostic {
         let mut diagnostic = Diagnostic::error("measured.row", &self.file, message)
             .help("`target` is the ordinal of an executed motion, or the name of a declared robtarget visited once");
@@ -160,6 +182,15 @@ impl Table {
     }
 
     /// Forces and covariates by target, for `--forces`.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{measured::Table, text::Source};
+    /// let table = Table::read(&Source::new("forces.csv", "target,fx_n,fy_n,fz_n\n7,0,0,120\n"))?;
+    /// let row = table.forces().of(7, None).expect("a row for target 7");
+    /// assert_eq!(row.force.map(|force| force.z), Some(120.0));
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn forces(&self) -> Forces {
         self.rows.iter().filter_map(|row| Some((row.target.clone()?, row.force()))).collect()
@@ -167,7 +198,16 @@ impl Table {
 }
 
 impl MeasuredRow {
-    /// Force and covariates of the cut. Time and temperature of a row that the robot probed are those of its touch.
+    /// Force and covariates of the cut. If the robot itself probed the row, its time and temperature belong to the
+    /// probing and are left out.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{measured::Table, text::Source};
+    /// let table = Table::read(&Source::new("forces.csv", "target,fx_n,fy_n,fz_n,time_s\n7,0,0,120,33.5\n"))?;
+    /// assert_eq!(table.rows[0].force().time, Some(33.5));
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn force(&self) -> ForceRow {
         let cut = self.probe_tool.is_none();
@@ -180,10 +220,11 @@ impl MeasuredRow {
     }
 }
 
-/// The lines that were read ahead for the header, then the rest of the file.
+/// The lines that were read to find the header, followed by the rest of the file.
 type Text<R> = Chain<Cursor<Vec<u8>>, BufReader<LineFeeds<R>>>;
 
-/// The rows of a table that is not held, or what is wrong with them; it ends where too many are.
+/// Reads the rows of a table one by one, without holding the table; returns the errors of rows, and ends after too
+/// many.
 pub struct Rows<R> {
     file: String,
     records: csv::ByteRecordsIntoIter<Text<R>>,
@@ -191,34 +232,34 @@ pub struct Rows<R> {
     decimal: Decimal,
     clock: Clock,
     wrong: usize,
-    /// Lines before the header.
+    /// Number of lines before the header.
     before: u64,
-    /// What to say of the file.
+    /// Notes on the file.
     pub notes: Vec<Diagnostic>,
 }
 
 impl<R: Read> Rows<R> {
-    /// Reads the header of the table in `file`, whose columns may have other names; those that are not named are then not
-    /// looked at.
+    /// Reads the header of the table in `file`, whose columns can have other names. Columns that are not named are then
+    /// ignored.
     ///
     /// # Errors
-    /// Unknown columns (with the nearest known one); a named column that the file does not have.
+    /// Unknown columns (with the most similar known one), and named columns that the file does not have.
     pub fn new(file: &str, input: R, names: Option<&ColumnNames>) -> Result<Self, Vec<Diagnostic>> {
         Self::read_header(file, input, Wanted { what: What::All, names })
     }
 
-    /// Reads the header of any table with targets and forces (or times, temperatures, payloads): its other columns are not
-    /// looked at.
+    /// Reads the header of any table with targets and forces (or times, temperatures, payloads). Other columns are
+    /// ignored.
     ///
     /// # Errors
-    /// None of these columns, or one that is mistyped.
+    /// The table has none of these columns, or one of them is mistyped.
     pub fn of_forces(file: &str, input: R, names: Option<&ColumnNames>) -> Result<Self, Vec<Diagnostic>> {
         Self::read_header(file, input, Wanted { what: What::Forces, names })
     }
 
     fn read_header(file: &str, input: R, wanted: Wanted) -> Result<Self, Vec<Diagnostic>> {
-        /// The header is within as many lines, and they are shorter than this, bytes: what instruments write before it
-        /// (job, device, units) is a page at most.
+        /// The header is one of this number of lines, and these are shorter than this, bytes: instruments write at most
+        /// a page (job, device, units) before the header.
         const FIRST: (usize, u64) = (200, 1 << 16);
         let mut input = BufReader::new(LineFeeds::new(input));
         let mut lines: Vec<Vec<u8>> = Vec::new();
@@ -233,7 +274,8 @@ impl<R: Read> Rows<R> {
                 _ => lines.push(line),
             }
         }
-        // The line with the most names; the first where none has any, which is then what is wrong.
+        // The line with the most names of columns. If no line has any, the first line, about which the error is then
+        // reported.
         let known = lines.iter().map(|line| wanted.known_in(line)).enumerate();
         let header = known.rev().max_by_key(|(_, known)| *known).map_or(0, |(at, _)| at);
         let separator = separator(lines.get(header).map_or(&[], |line| &line[..]));
@@ -268,7 +310,7 @@ impl<R: Read> Rows<R> {
         })
     }
 
-    /// The line of the file that a record begins in, which has just been read.
+    /// The line of the file in which the record that was read last begins.
     fn line_of(&self, record: &csv::ByteRecord) -> u64 {
         let inside = record.iter().flatten().filter(|byte| **byte == b'\n').count() as u64;
         (self.before + self.records.reader().position().line()).saturating_sub(1 + inside)
@@ -285,7 +327,7 @@ impl<R: Read> Iterator for Rows<R> {
         let record = match self.records.next()? {
             Ok(record) => record,
             Err(reason) => {
-                // The text after it is ignored.
+                // The rest of the file is ignored.
                 self.wrong = MESSAGES;
                 let line = (self.before + self.records.reader().position().line()).saturating_sub(1);
                 let message = match reason.kind() {
@@ -334,7 +376,7 @@ impl Cells<'_> {
         }
     }
 
-    /// Seconds, a time of day, or a date with one.
+    /// A time in seconds, a time of day, or a date with one.
     fn time(&self) -> Result<Option<f64>, CellError> {
         const COLUMN: usize = 19;
         let Some(text) = self.text(COLUMN) else { return Ok(None) };
@@ -350,12 +392,12 @@ impl Cells<'_> {
         }
     }
 
-    /// Three columns, each given or not.
+    /// Three columns, any of which can be empty.
     fn each(&self, first: usize) -> Result<[Option<f64>; 3], CellError> {
         Ok([self.number(first)?, self.number(first + 1)?, self.number(first + 2)?])
     }
 
-    /// Columns that stand together: all or none.
+    /// Columns that belong together: all or none must be given.
     fn group<const N: usize>(&self, first: usize) -> Result<Option<[f64; N]>, CellError> {
         let mut values = [0.0; N];
         let mut given = 0;
@@ -375,9 +417,9 @@ impl Cells<'_> {
         }
     }
 
-    /// Four numbers that are a rotation, but for their digits.
+    /// Four numbers that form a unit quaternion, apart from rounding.
     fn quat(&self) -> Result<Option<[f64; 4]>, CellError> {
-        /// Three decimals leave no more.
+        /// Largest deviation of the norm from 1 that three decimals cause.
         const ROUNDED: f64 = 2e-3;
         let quat = self.group::<4>(4)?;
         let norm = quat.map_or(1.0, |q| q.iter().map(|v| v * v).sum::<f64>().sqrt());
@@ -390,7 +432,7 @@ impl Cells<'_> {
         ))
     }
 
-    /// A number that cannot be negative, or not zero either.
+    /// A number that must not be negative, nor zero unless `zero` is set.
     fn size(&self, column: usize, zero: bool) -> Result<Option<f64>, CellError> {
         match self.number(column)? {
             Some(value) if value < 0.0 || !zero && value == 0.0 => Err((
@@ -526,7 +568,7 @@ mod tests {
         let theirs = table("Nr;X Ist;Bediener\n7;0,5;K\n").unwrap();
         assert_eq!(theirs.rows[0].axes_mm[0], Some(0.5));
         assert!(theirs.notes[0].message.contains("no column `Fx` for fx_n"), "{:?}", theirs.notes);
-        // Our own names go on working, and mistyped ones are said.
+        // The standard names still work, and mistyped ones are reported.
         assert_eq!(table("target,x_mm\n7,0.5\n").unwrap().rows[0].axes_mm[0], Some(0.5));
         assert!(table("target,x_m\n7,0.5\n").unwrap_err()[0].message.contains("x_m"));
         let wrong = [("x".to_owned(), "X Ist".to_owned())];

@@ -1,8 +1,9 @@
-//! The bytes of a table as CSV readers count lines: one line feed at the end of each.
+//! Converts the line ends of a table to line feeds, because a CSV reader counts line feeds.
 
 use std::io::{Read, Result};
 
-/// Line ends of any system as line feeds, the last line's too: then the lines that a CSV reader has read are those of the file.
+/// Converts line ends of all systems to line feeds, and adds one at the end of the last line. The line numbers of a CSV
+/// reader are then those of the file.
 pub(super) struct LineFeeds<R> {
     inner: R,
     last: Option<u8>,
@@ -30,7 +31,7 @@ impl<R: Read> Read for LineFeeds<R> {
             let mut kept = 0;
             for i in 0..read {
                 let byte = out[i];
-                // Of a carriage return and a line feed the first stands for both.
+                // Of a carriage return and a line feed, the carriage return is converted and the line feed is dropped.
                 if !(byte == b'\n' && self.last == Some(b'\r')) {
                     out[kept] = if byte == b'\r' { b'\n' } else { byte };
                     kept += 1;

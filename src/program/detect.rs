@@ -7,6 +7,14 @@ use crate::text::lines;
 ///
 /// RAPID has a `MODULE` header (after `%%%` lines or comments); CL has `GOTO/`-like major words with a slash; KRL begins with
 /// `&` lines or `DEF`, `DEFFCT`, `DEFDAT`; FANUC TP with `/PROG`; INFORM with `/JOB`; URScript has `def name():` or calls like `movel(`.
+///
+/// # Examples
+/// ```
+/// use deflex::program::{Language, detect};
+///
+/// assert_eq!(detect("part.src", b"DEF part()\nLIN {X 0, Y 0, Z 0}\nEND\n"), Some(Language::Krl));
+/// assert_eq!(detect("notes.txt", b"call the toolmaker\n"), None);
+/// ```
 #[must_use]
 pub fn detect(name: &str, bytes: &[u8]) -> Option<Language> {
     // Enough for a header and the first statements.

@@ -320,6 +320,18 @@ pub struct ReadOptions<'a> {
 ///
 /// # Errors
 /// The program is refused: all reasons that were found.
+///
+/// # Examples
+/// ```
+/// use deflex::program::{Language, ReadOptions, cl::ClOptions, read};
+/// use deflex::text::Source;
+///
+/// let text = std::fs::read("samples/ur/contour.script")?;
+/// let options = ReadOptions { cl: &ClOptions::default(), look: false };
+/// let program = read(Language::Ur, vec![Source::new("contour.script", text)], vec![], &options)?;
+/// assert!(program.arcs > 0);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn read(
     language: Language,
     mut sources: Vec<Source>,

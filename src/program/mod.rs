@@ -452,6 +452,17 @@ impl Program {
     ///
     /// `changes` has one entry for each target. `None` changes nothing; a program without changes has no edits. A number whose printed value
     /// does not change is not edited.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::program::{RewriteOptions, rapid};
+    /// use deflex::text::Source;
+    ///
+    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// let unchanged = program.rewrite(&vec![None; program.targets.len()], &[], &RewriteOptions::default());
+    /// assert!(unchanged.edits.iter().all(Vec::is_empty));
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn rewrite(&self, changes: &[Option<Change>], inserts: &[Insert], options: &RewriteOptions) -> Rewritten {
         debug_assert_eq!(changes.len(), self.targets.len());

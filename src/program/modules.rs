@@ -18,6 +18,20 @@ pub struct ModuleNames {
 ///
 /// Two modules belong together if one uses a name that it does not declare and exactly one other module declares. Modules with the same
 /// name, or with a `main` each, are different programs.
+///
+/// # Examples
+/// ```
+/// use deflex::program::{Language, ModuleNames, group_modules};
+///
+/// let names = |text: &str| {
+///     let mut names = ModuleNames::new(Language::Rapid);
+///     names.read(text.as_bytes()).map(|()| names)
+/// };
+/// let main = names("MODULE Main\n  PROC main()\n    MoveL p1, v100, fine, tool0;\n  ENDPROC\nENDMODULE\n")?;
+/// let data = names("MODULE Data\n  CONST robtarget p1:=[[0,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\nENDMODULE\n")?;
+/// assert_eq!(group_modules(&[main, data]), [[0, 1]]); // `main` uses a point of the other module
+/// # Ok::<(), std::io::Error>(())
+/// ```
 #[must_use]
 pub fn group_modules(names: &[ModuleNames]) -> Vec<Vec<usize>> {
     let mut owners: BTreeMap<&str, Vec<usize>> = BTreeMap::new();

@@ -14,6 +14,14 @@ pub fn rotation(quat: [f64; 4]) -> Rotation3<f64> {
 }
 
 /// The quaternion of a rotation, scalar first, unit norm, scalar not negative.
+///
+/// # Examples
+/// ```
+/// use deflex::program::orientation::{quaternion, rotation};
+///
+/// let [w, x, y, z] = quaternion(&rotation([0.0, 2.0, 0.0, 0.0])); // half a turn about x
+/// assert_eq!((w, x, y, z), (0.0, 1.0, 0.0, 0.0));
+/// ```
 #[must_use]
 pub fn quaternion(rotation: &Rotation3<f64>) -> [f64; 4] {
     let q = UnitQuaternion::from_rotation_matrix(rotation);
@@ -39,6 +47,14 @@ pub(crate) fn halfway(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
 
 /// Angles [A, B, C] about z, the turned y, the turned x: `Rz(A) Ry(B) Rx(C)`, degrees. KUKA's A, B, C; ABB's EulerZYX; read
 /// backwards, [C, B, A], they are FANUC's W, P, R and Yaskawa's Rx, Ry, Rz about fixed x, y, z.
+///
+/// # Examples
+/// ```
+/// use deflex::program::orientation::{from_zyx_deg, zyx_deg};
+///
+/// let [a, b, c] = zyx_deg(&from_zyx_deg([30.0, -20.0, 10.0]));
+/// assert!((a - 30.0).abs() < 1e-9 && (b + 20.0).abs() < 1e-9 && (c - 10.0).abs() < 1e-9);
+/// ```
 #[must_use]
 pub fn zyx_deg(rotation: &Rotation3<f64>) -> [f64; 3] {
     let r = rotation.matrix();

@@ -37,6 +37,16 @@ const SINGLE: f64 = 0.5 * f32::EPSILON as f64;
 
 /// Writes `program` unchanged and with every target shifted, reads the second back with `reread`
 /// (which gets the written sources, then the context sources), and compares.
+///
+/// # Examples
+/// ```
+/// use deflex::program::{rapid, round_trip};
+/// use deflex::text::Source;
+///
+/// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// assert!(round_trip(&program, rapid::read).holds());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn round_trip(
     program: &Program,
     reread: impl FnOnce(Vec<Source>, Vec<Source>) -> Result<Program, Vec<Diagnostic>>,

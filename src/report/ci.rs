@@ -165,6 +165,15 @@ fn more_of(count: usize, what: &str) -> String {
 }
 
 /// The answer as text: one line for each finding, then the result of each program.
+///
+/// # Examples
+/// ```
+/// use deflex::report::{CheckFile, Judgement, check_text};
+///
+/// let judgement = Judgement { targets: 12, ..Judgement::default() };
+/// let text = check_text(&[CheckFile::new("part.mod", judgement, (vec![], 0))]);
+/// assert!(text.starts_with("part.mod: 12 targets, ok"));
+/// ```
 #[must_use]
 pub fn check_text(files: &[CheckFile]) -> String {
     let mut out = String::new();
@@ -198,6 +207,14 @@ pub fn check_text(files: &[CheckFile]) -> String {
 
 /// JUnit XML: one test case for each program, with a failure if it has findings, and one skipped test case for each target that was not
 /// judged. Elements and attributes are those that the strictest reader in use (Jenkins' junit-10.xsd) knows.
+///
+/// # Examples
+/// ```
+/// use deflex::report::{CheckFile, Judgement, junit};
+///
+/// let xml = junit(&[CheckFile::new("part.mod", Judgement::default(), (vec![], 0))]);
+/// assert!(xml.contains("<testcase"));
+/// ```
 #[must_use]
 pub fn junit(files: &[CheckFile]) -> String {
     let failed = files.iter().filter(|file| !file.passed()).count();
@@ -249,6 +266,14 @@ const MOST_RESULTS: usize = 24_999;
 
 /// SARIF 2.1.0: one result for each finding, on its line, and one of kind `notApplicable` for each target that was not judged. Results
 /// beyond the number that services accept are counted in a last note.
+///
+/// # Examples
+/// ```
+/// use deflex::report::{CheckFile, Judgement, sarif};
+///
+/// let run = sarif(&[CheckFile::new("part.mod", Judgement::default(), (vec![], 0))]);
+/// assert_eq!(run["version"], "2.1.0");
+/// ```
 #[must_use]
 pub fn sarif(files: &[CheckFile]) -> Value {
     let findings = || {
@@ -346,6 +371,14 @@ fn uri(path: &str) -> String {
 }
 
 /// The answer as JSON.
+///
+/// # Examples
+/// ```
+/// use deflex::report::{CheckFile, Judgement, check_json};
+///
+/// let answer = check_json(&[CheckFile::new("part.mod", Judgement::default(), (vec![], 0))]);
+/// assert_eq!(answer["files"][0]["path"], "part.mod");
+/// ```
 #[must_use]
 pub fn check_json(files: &[CheckFile]) -> Value {
     let finding = |finding: &Diagnostic| {

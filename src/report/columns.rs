@@ -41,6 +41,15 @@ pub enum ColumnValues {
 ///
 /// # Errors
 /// The text is not a table, or a field of a column of numbers is not a number.
+///
+/// # Examples
+/// ```
+/// use deflex::report::{ColumnValues, columns};
+///
+/// let report = columns(b"target,error_mm\n1,0.221400\n2,0.279300\n")?;
+/// assert_eq!(report[1].values, ColumnValues::Number(vec![0.2214, 0.2793]));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn columns(csv: &[u8]) -> Result<Vec<Column>, Vec<Diagnostic>> {
     let wrong = |what: String| Diagnostic::error("report.columns", "", what);
     let mut reader = csv::Reader::from_reader(csv);

@@ -6,7 +6,7 @@ use crate::text::printable_line;
 use std::borrow::Cow;
 use std::io::{self, Write};
 
-/// A column of the report, one row a target.
+/// A column of the report, which has one row for each target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct ReportColumn {
@@ -33,17 +33,18 @@ pub enum ColumnKind {
     },
 }
 
-/// Decimals: a tenth of a micrometre, more where only the order of magnitude is of interest.
+/// Numbers of decimals: lengths are printed to at least a tenth of a micrometre, forces to a millinewton.
 const POSITION: usize = 4;
 const ERROR: usize = 6;
 const ANGLE: usize = 7;
 const FORCE: usize = 3;
 
-/// Makes the table and what goes through it column by column: a row's numbers, its text from their digits, and the plain text that is
-/// the reference. Each is straight-line code: a row takes no call and no allocation a column.
+/// Declares the columns of the report once, and generates everything that works on each column: the table of columns,
+/// the numbers of a row, their text made from digits, and a plain text that is the reference for it. The generated code
+/// is straight-line code, because a call or an allocation for each column would dominate the time of a report.
 ///
-/// `whole` and `number` stand in every row (NaN where the target is not solved), `optional` in some; `word` is one of ours, `text`
-/// may hold anything.
+/// `whole` and `number` have a value in every row (NaN if the target is not solved), `optional` only in some. `word` is
+/// a fixed word of deflex that needs no quotes, `text` may contain any character.
 macro_rules! columns {
     (|$row:ident| $($kind:ident $(<$decimals:ident>)? $name:literal $get:expr; $doc:literal)*) => {
         /// The columns of the report; later ones are only added after them.
@@ -63,7 +64,7 @@ macro_rules! columns {
         }
 
         impl Text {
-            /// Takes a row's columns, each with a comma after it.
+            /// Appends the columns of a row, each followed by a comma.
             #[inline(always)]
             fn columns(&mut self, $row: &Row, digits: &[Digits; BLOCKS]) {
                 let mut at = 0;
@@ -77,7 +78,8 @@ macro_rules! columns {
             $(columns!(@each $kind take, $name, $get);)*
         }
 
-        /// The reference for [`Text::columns`], and for numbers that need a closer look.
+        /// The reference for [`Text::columns`]; also prints the numbers that the fast conversion to digits does not
+        /// cover.
         fn plain_columns($row: &Row, line: &mut Vec<u8>) {
             $(columns!(@plain $kind $($decimals)? line, $get);)*
         }
@@ -194,7 +196,7 @@ fn status(row: &Row) -> &'static str {
     }
 }
 
-/// Counts, lines and numbers of a row.
+/// Number of values in a row that are numbers: counts, lines and decimals.
 const NUMBERS: usize = {
     let (mut count, mut i) = (0, 0);
     while i < REPORT_COLUMNS.len() {
@@ -206,7 +208,7 @@ const NUMBERS: usize = {
     count
 };
 
-/// In rows of eight.
+/// Number of blocks of eight values that hold them.
 const BLOCKS: usize = NUMBERS.div_ceil(SIDE);
 const ROW: number::Row<BLOCKS> = number::Row::new(&{
     let mut decimals = [1; BLOCKS * SIDE];
@@ -214,7 +216,7 @@ const ROW: number::Row<BLOCKS> = number::Row::new(&{
     while i < REPORT_COLUMNS.len() {
         match REPORT_COLUMNS[i].kind {
             ColumnKind::Text => {}
-            // A whole number has no decimals; those that are found are not printed.
+            // The conversion yields decimals for whole numbers too, which are not printed.
             ColumnKind::Whole => at += 1,
             ColumnKind::Number { decimals: own } => {
                 decimals[at] = own;
@@ -229,7 +231,17 @@ const ROW: number::Row<BLOCKS> = number::Row::new(&{
 /// Writes the header and the rows of a report.
 ///
 /// # Errors
-/// Those of `out`.
+/// Every error of writing to `out`.
+///
+/// # Examples
+/// ```
+/// use deflex::report::{CSV_HEADER, write_csv};
+///
+/// let mut file = Vec::new();
+/// write_csv(&[], &mut file)?;
+/// assert_eq!(file, CSV_HEADER.as_bytes());
+/// # Ok::<(), std::io::Error>(())
+/// ```
 pub fn write_csv(rows: &[Row], out: &mut impl Write) -> io::Result<()> {
     out.write_all(CSV_HEADER.as_bytes())?;
     out.write_all(&csv_rows(rows))
@@ -239,7 +251,8 @@ pub fn write_csv(rows: &[Row], out: &mut impl Write) -> io::Result<()> {
 #[must_use]
 pub fn csv_rows(rows: &[Row]) -> Vec<u8> {
     let mut text = Text { done: Vec::with_capacity(USUAL * rows.len()), next: [0; AT_ONCE], len: 0 };
-    // Several rows' numbers, then their digits, then their text: so no row waits for what it has only just put in memory.
+    // Works on several rows in stages: first all numbers, then all digits, then all text. No stage then waits for a
+    // value that has only just been written to memory.
     let mut values = [[[0.0; SIDE]; BLOCKS]; ROWS];
     let mut digits = [[Digits::default(); BLOCKS]; ROWS];
     let mut valid = [false; ROWS];
@@ -293,6 +306,14 @@ impl Unrounded {
 
 /// Text as a field of a CSV file (RFC 4180), always on one line. If its first character would make it a formula in a spreadsheet, it gets an
 /// apostrophe before it.
+///
+/// # Examples
+/// ```
+/// use deflex::report::csv_field;
+///
+/// assert_eq!(csv_field("part 1, left"), "\"part 1, left\"");
+/// assert_eq!(csv_field("=1+1"), "\"'=1+1\""); // a spreadsheet must not compute it
+/// ```
 #[must_use]
 pub fn csv_field(text: &str) -> Cow<'_, str> {
     let usual = |b: u8| b.is_ascii_alphanumeric() || matches!(b, b'_' | b'.' | b'/' | b'{' | b'}' | b'[' | b']' | b' ');
@@ -300,7 +321,7 @@ pub fn csv_field(text: &str) -> Cow<'_, str> {
         return Cow::Borrowed(text);
     }
     let text = printable_line(text);
-    // Full-width forms too: spreadsheets for East Asian languages read them as the usual characters.
+    // Spreadsheets for East Asian languages read the full-width forms as the usual characters.
     let formula = text.starts_with(['=', '+', '-', '@', '\u{ff1d}', '\u{ff0b}', '\u{ff0d}', '\u{ff20}']);
     if !formula && !text.contains([',', '"']) {
         return text;
@@ -309,42 +330,42 @@ pub fn csv_field(text: &str) -> Cow<'_, str> {
     format!("\"{mark}{}\"", text.replace('"', "\"\"")).into()
 }
 
-/// Bytes of a usual row, and most of any but for long texts.
+/// Size of a usual row, and largest size of a row without long texts, bytes.
 const USUAL: usize = 330;
 const MOST_BYTES: usize = NUMBERS * Fixed::SIZE + REPORT_COLUMNS.len() * SHORT;
-/// Texts up to this go along with the numbers.
+/// Texts up to this length, bytes, are copied into the fixed buffer; longer ones go directly to the output.
 const SHORT: usize = 32;
 
-/// Rows that are printed together.
+/// Number of rows that are printed together.
 const ROWS: usize = 8;
 
-/// Bytes of rows that are put together where they stay in reach.
+/// Size of the buffer in which rows are built, bytes: it stays in the processor's cache.
 const AT_ONCE: usize = 8192;
 
-/// Numbers of a row.
+/// The numbers of a row.
 type Numbers = [[f64; SIDE]; BLOCKS];
 
-/// Rows on their way.
+/// Rows as text: finished text, and a small buffer for the next rows.
 struct Text {
     done: Vec<u8>,
-    /// The rows after them.
+    /// Buffer for the rows that follow `done`.
     next: [u8; AT_ONCE],
     len: usize,
 }
 
 impl Text {
-    /// Takes a row: what [`Text::row_plain`] writes.
+    /// Appends a row, with the same bytes as [`Text::row_plain`].
     fn row(&mut self, row: &Row, digits: &[Digits; BLOCKS]) {
         if self.len + MOST_BYTES > AT_ONCE {
             self.pass_on();
         }
         self.columns(row, digits);
-        // Nothing follows the last column, whose comma is still here.
+        // Overwrites the comma after the last column.
         self.len -= 1;
         self.text(b"\n");
     }
 
-    /// Takes what is put in the next place.
+    /// Appends a number that `put` writes into the buffer.
     #[inline]
     fn number(&mut self, put: impl FnOnce(&mut [u8; Fixed::SIZE]) -> usize) {
         let Some(place) = self.next[self.len..].first_chunk_mut() else { unreachable!("there is room for a row") };
@@ -357,7 +378,7 @@ impl Text {
         self.len += text.len();
     }
 
-    /// Takes a text of the user's.
+    /// Appends a text from the user's files.
     #[inline]
     fn field(&mut self, text: &str) {
         if !text.is_empty() {
@@ -381,7 +402,7 @@ impl Text {
         self.done
     }
 
-    /// The reference for [`Text::row`], and for numbers that need a closer look.
+    /// The reference for [`Text::row`]; also prints the numbers that the fast conversion to digits does not cover.
     fn row_plain(&mut self, row: &Row) {
         self.pass_on();
         plain_columns(row, &mut self.done);
@@ -396,7 +417,7 @@ fn plain_field(line: &mut Vec<u8>, text: &str) {
     line.push(b',');
 }
 
-/// Of targets that are not solved nothing is known.
+/// The field is empty if the number is unknown, as for targets that are not solved.
 fn plain_number(line: &mut Vec<u8>, value: Option<f64>, decimals: usize) {
     if let Some(value) = value.filter(|value| !value.is_nan()) {
         number::write_fixed(line, value, decimals);

@@ -75,6 +75,20 @@ impl Difference {
 }
 
 /// Compares two programs. Quaternions of opposite sign are the same orientation.
+///
+/// # Examples
+/// ```
+/// use deflex::program::rapid;
+/// use deflex::report::{diff_text, difference};
+/// use deflex::text::Source;
+///
+/// let text = String::from_utf8_lossy(&std::fs::read("samples/slot/slot.mod")?).into_owned();
+/// let read = |text: &str| rapid::read(vec![Source::new("slot.mod", text)], vec![]);
+/// let found = difference(&read(&text)?, &read(&text.replace("[[3.0000,", "[[3.0500,"))?);
+/// assert!(found.moved.len() == 1 && (found.max_mm - 0.05).abs() < 1e-9);
+/// println!("{}", diff_text(&found));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[must_use]
 pub fn difference(first: &Program, second: &Program) -> Difference {
     let mut out = Difference { targets: first.targets.len(), ..Difference::default() };
@@ -196,9 +210,10 @@ fn change(from: &Goal, to: &Goal) -> Option<Change> {
     }
 }
 
-/// Numbers that are the same but for their printed digits; a quaternion's components may all have the other sign.
+/// Whether two numbers differ only by rounding to printed digits. All components of a quaternion may have the opposite
+/// sign.
 fn same_number(a: f64, b: f64) -> bool {
-    // Half of the last digit that a rewrite prints, and as much for what it read.
+    // Half of the last printed digit of the rewritten number, and as much for the number that was read.
     const PRINTED: f64 = 1e-4;
     let flipped = a.abs() <= 1.0 && (a + b).abs() <= PRINTED;
     (a - b).abs() <= PRINTED || (a - b).abs() <= 1e-12 * a.abs() || flipped

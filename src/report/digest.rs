@@ -73,7 +73,7 @@ pub struct Spot {
 pub struct Digest {
     /// Targets with the largest errors, the largest first.
     pub worst: Vec<Spot>,
-    /// Where the tip is farthest from the path, jumps of the force left out.
+    /// Where the tip is farthest from the path, not counting jumps of the force.
     pub way: Option<Spot>,
     /// The largest jump of the tip where the force sets in, ends or turns at once.
     pub jump: Option<Spot>,

@@ -6,7 +6,8 @@ use crate::robot::Joints;
 use crate::text::number::write_fixed;
 use std::fmt::Write;
 
-/// Decimals: micrometres are printed to a tenth, angles to what moves a lever of a metre by as much.
+/// Numbers of decimals. Positions are printed to a tenth of a micrometre, and quaternions so that a lever of a metre
+/// moves by no more.
 const TIME: usize = 3;
 const POSITION: usize = 4;
 const QUATERNION: usize = 8;

@@ -10,7 +10,7 @@ use std::fmt::Write;
 #[must_use]
 pub fn identify_answer(found: &Identification) -> String {
     let mut parts = Vec::new();
-    // With a doubtful table nothing else holds.
+    // If the table itself is doubtful, its other results mean nothing.
     let faults = || found.unexplained.correlates.iter().filter(|correlate| correlate.fault.is_some());
     if let Some(fault) = faults().next() {
         parts.push(format!("the measurement is doubtful: the rows follow {}", fault.with));
@@ -51,7 +51,7 @@ pub fn identify_answer(found: &Identification) -> String {
     parts.join("; ")
 }
 
-/// An effect with the axes that it is in, and what it may be instead.
+/// An effect with the axes in which it acts, and the effects from which the rows cannot distinguish it.
 fn named(added: &Added) -> String {
     let mut text = match &added.kind[..] {
         "empirical" => "a map of what no effect explains".to_owned(),
@@ -143,7 +143,7 @@ pub fn identify_text(found: &Identification) -> String {
     if let Some(rms_mm) = found.run_drift_rms_mm {
         let _ = writeln!(
             out,
-            "  both errors are without the drift of the run, {rms_mm:.4} mm rms: it is estimated from neighbouring rows and belongs in no cell"
+            "  the drift of the run, {rms_mm:.4} mm rms, is taken out of both errors: it is estimated from neighbouring rows and is not part of the cell"
         );
     }
     if found.is_whole_arm() {
@@ -243,7 +243,7 @@ pub(super) fn elsewhere(found: &Identification) -> String {
     }
 }
 
-/// Each parameter with its interval; of a curve's knots only how many and how large, since they are hundreds.
+/// Each parameter with its interval. Curves have hundreds of knots, so only their number and largest value are printed.
 fn write_parameters(out: &mut String, parameters: &[FittedParameter]) {
     const MOST_PRINTED: usize = 36; // of the effects that are no curves, `link_geometry` has most
     if parameters.len() <= MOST_PRINTED {
@@ -271,7 +271,7 @@ fn write_parameters(out: &mut String, parameters: &[FittedParameter]) {
     }
 }
 
-/// Residuals as CSV, one row a measured row.
+/// Residuals as CSV, one line for each measured row.
 #[must_use]
 pub fn residual_csv(rows: &[ResidualRow]) -> String {
     let mut out = b"run,line,block,held_out,outlier,x_mm,y_mm,z_mm,prefit_x_mm,prefit_y_mm,prefit_z_mm,postfit_x_mm,postfit_y_mm,postfit_z_mm,whitened_x,whitened_y,whitened_z,target\n".to_vec();
@@ -281,13 +281,13 @@ pub fn residual_csv(rows: &[ResidualRow]) -> String {
         for (values, decimals) in [(row.place_mm, 4), (row.prefit_mm, 6), (row.postfit_mm, 6), (row.whitened, 4)] {
             for value in values {
                 out.push(b',');
-                // Rows without a component have none here.
+                // The field is empty if the row does not measure this component.
                 if value.is_finite() {
                     write_fixed(&mut out, value, decimals);
                 }
             }
         }
-        // Between targets there is none.
+        // 0 for rows between targets.
         out.extend_from_slice(format!(",{}\n", row.target.unwrap_or(0)).as_bytes());
     }
     String::from_utf8(out).unwrap_or_default()

@@ -6,7 +6,7 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-/// What positions of CL data are in, which only a cell names.
+/// Name of the frame of positions in CL data: only a cell gives it another.
 const CL_WOBJ: &str = "the part";
 
 /// One inspected file.
@@ -144,7 +144,7 @@ fn wider(a: Option<[f64; 2]>, b: [f64; 2]) -> [f64; 2] {
     a.map_or(b, |a| [a[0].min(b[0]), a[1].max(b[1])])
 }
 
-/// Statements that are kept or refused, and actions of the machine that are not motions, by line.
+/// Statements that are kept or refused, and actions of the machine that are not motions, sorted by line.
 fn kept_lines(program: &Program) -> Vec<KeptLine> {
     let kept = program.kept.iter().map(|kept| KeptLine { line: kept.line, reason: kept.reason.text() });
     let actions = program.actions.iter().map(|action| KeptLine { line: action.line, reason: action.kind.what() });
@@ -214,11 +214,23 @@ impl InspectFile {
 /// The answer as JSON.
 #[derive(Clone, Debug, Serialize)]
 pub struct InspectFiles<'a> {
-    /// In the order given.
+    /// The files in the order in which they were given.
     pub files: &'a [InspectFile],
 }
 
 /// The answer as text: a row for each file, then what was kept and refused.
+///
+/// # Examples
+/// ```
+/// use deflex::program::{rapid, round_trip};
+/// use deflex::report::{InspectFile, inspect_table};
+/// use deflex::text::Source;
+///
+/// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// let file = InspectFile::read("slot.mod", &program, &round_trip(&program, rapid::read));
+/// assert!(file.round_trip && inspect_table(&[file]).contains("rapid"));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[must_use]
 pub fn inspect_table(files: &[InspectFile]) -> String {
     let width = files.iter().map(|file| file.path.chars().count()).max().unwrap_or(0).max(4);
@@ -254,7 +266,7 @@ pub fn inspect_table(files: &[InspectFile]) -> String {
     out
 }
 
-/// The program as a whole: of all files together.
+/// A summary of all files together.
 fn together(files: &[&InspectFile], out: &mut String) {
     let mut all = Reached::default();
     for Reached { extents, feed_mm_s, external_axes, run_time_s } in files.iter().map(|file| &file.reach) {

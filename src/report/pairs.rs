@@ -105,8 +105,9 @@ impl Fit for Near<'_> {
         let apart = |&(second, first): &(usize, usize)| {
             let (a, b) = (&self.first.targets[first], &self.second.targets[second]);
             let shift = compare(&a.goal, &b.goal).0.norm_squared();
-            // An inserted target has the settings of the motion that it is inserted into: one after the last cut that is left
-            // with another speed is nearer to where the cut ended than its corrected end, and yet not that.
+            // An inserted target has the settings of the motion into which it was inserted. Without this cost, a target
+            // with another speed after the last cut could be taken for the corrected end of the cut, because it may lie
+            // nearer to it.
             let is_set_otherwise = !settings(self.first, a, self.second, b).is_empty();
             if is_set_otherwise { shift + NEAR * NEAR } else { shift }
         };

@@ -133,6 +133,18 @@ pub fn map_cell(stock: &Stock) -> f64 {
 
 /// Deviation at a nominal point (m) of a part, mm, along its normal if one is given: a virtual measuring machine. `None` if no surface is
 /// near.
+///
+/// # Examples
+/// ```
+/// use deflex::nalgebra::Vector3;
+/// use deflex::report::probe;
+/// use deflex::stock::{Blank, Stock};
+///
+/// let block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.04, 0.03, 0.02)]), 1e-3);
+/// let nominal = Vector3::new(0.02, 0.015, 0.0198); // 0.2 mm below the top of the block
+/// let deviation = probe(&block, &nominal, Some(&Vector3::z())).expect("a surface nearby");
+/// assert!((deviation - 0.2).abs() < 1e-3); // mm: material is left
+/// ```
 #[must_use]
 pub fn probe(actual: &Stock, point: &Vector3<f64>, normal: Option<&Vector3<f64>>) -> Option<f64> {
     let Some(normal) = normal else {
@@ -180,6 +192,17 @@ pub fn map_csv(points: &[SurfacePoint]) -> Vec<u8> {
 }
 
 /// A mesh as binary STL, mm.
+///
+/// # Examples
+/// ```
+/// use deflex::nalgebra::Vector3;
+/// use deflex::report::stl;
+/// use deflex::stock::{Blank, Stock, read_stl};
+///
+/// let block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.04, 0.03, 0.02)]), 1e-3);
+/// let triangles = read_stl(&stl(&block.surface(2e-3))).expect("an STL file");
+/// assert!(!triangles.is_empty());
+/// ```
 #[must_use]
 pub fn stl(mesh: &Mesh) -> Vec<u8> {
     const HEADER: usize = 80;

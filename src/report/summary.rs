@@ -41,6 +41,19 @@ pub struct FailureLine {
 
 impl FileSummary {
     /// The summary of a run.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::correct::{Options, compensate};
+    /// use deflex::report::{FileSummary, html::PathKind, summary_line};
+    /// use deflex::{cell::Cell, program::rapid, text::Source};
+    ///
+    /// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// let summary = FileSummary::new("slot.mod", &compensate(&program, &cell, &Options::default())?);
+    /// assert!(summary_line(&summary, PathKind::Compensate).contains("corrected"));
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn new(path: &str, corrected: &Corrected) -> Self {
         let sum = Summary::of(&corrected.rows).with_inserted(corrected.inserted);

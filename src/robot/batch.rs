@@ -1,5 +1,5 @@
-//! Arms with an explicit inverse, eight targets at once: the chain and the inverse of [`forward`](super::forward) and
-//! [`inverse`](super::inverse), on sines and cosines instead of angles.
+//! Solves arms with an explicit inverse for eight targets at once: the chain and the inverse of
+//! [`forward`](super::forward) and [`inverse`](super::inverse), computed with sines and cosines instead of angles.
 
 use super::inverse::ClosedForm;
 use super::kinematics::{Six, one, set};
@@ -15,16 +15,16 @@ pub(crate) struct BatchArm<'a> {
     form: &'a ClosedForm,
 }
 
-/// Below this sine of the angle between upper arm and forearm, or of axis 5, digits are lost and branches meet; such targets are left to the
-/// scalar inverse.
+/// Below this sine of the angle between upper arm and forearm, or of axis 5, digits are lost and branches meet. The
+/// scalar inverse solves such targets.
 const CLOSE: f64 = 0.05;
 
-/// A target as a program writes it.
+/// A target as the program states it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct WrittenTarget<'a> {
     pub(crate) base_from_wobj: &'a Pose,
     pub(crate) position_mm: &'a [f64; 3],
-    /// Scalar first, of any length.
+    /// The orientation, scalar first, of any length.
     pub(crate) quat: &'a [f64; 4],
     pub(crate) flange_from_tcp: &'a Pose,
     /// Motor angles nearby, which choose the branch, rad.
@@ -39,9 +39,9 @@ pub(crate) struct BatchSolutions {
     position_mm: Vector,
     quat: [Lanes; 4],
     near: Six<Lanes>,
-    /// Where the program sends the TCP, m.
+    /// Pose of the TCP in the work object as programmed, m.
     pub(crate) wobj_from_tcp: Frame,
-    /// Motor angles that reach it, rad.
+    /// Motor angles that reach this pose, rad.
     motor: Six<Lanes>,
     /// Squared distance, rad², within which these motor angles are certainly the nearest solution; 0 if the scalar inverse has to decide.
     reach: Lanes,
@@ -53,7 +53,7 @@ pub(crate) struct BatchSolutions {
 impl BatchSolutions {
     fn set<'p>(&mut self, count: usize, place: &impl Fn(usize) -> WrittenTarget<'p>) {
         let first = place(0);
-        // Tool and work object seldom change.
+        // Successive targets mostly have the same tool and work object.
         self.base_from_wobj = Frame::of(first.base_from_wobj);
         self.flange_from_tcp = Frame::of(first.flange_from_tcp);
         for lane in 0..count {
@@ -141,7 +141,7 @@ impl<'a> BatchArm<'a> {
         });
     }
 
-    /// The same where the poses are known already, in one work object, with one tool, near the same motor angles (rad).
+    /// Solves targets whose poses are known, in one work object, with one tool, and near the same motor angles (rad).
     pub(crate) fn find_posed(
         &self,
         (base_from_wobj, flange_from_tcp): (&Pose, &Pose),
@@ -155,7 +155,8 @@ impl<'a> BatchArm<'a> {
         });
     }
 
-    /// Motor angles at flange poses in the branch of others, rad, and the lanes in which they are certainly the nearest solution.
+    /// Motor angles that reach flange poses in the branch of the angles `near`, rad, and the lanes in which they are
+    /// certainly the nearest solution.
     #[inline(always)]
     pub(crate) fn nearest<R: Real>(&self, base_from_flange: &Frame<R>, near: &Six<R>) -> (Six<R>, R::Mask) {
         let (motor, reach) = self.inverse(base_from_flange, near);
@@ -163,8 +164,9 @@ impl<'a> BatchArm<'a> {
         (motor, (a + b + c + d + e + f).lt(reach))
     }
 
-    /// Motor angles at flange poses in the branch that others are in, rad: which turn of an axis is nearest to these too. And
-    /// from how close they are surely the nearest of all, square of rad; 0 where limits are passed or digits lost.
+    /// Motor angles that reach flange poses in the branch of the angles `near`, in the turn nearest to them, rad; and
+    /// the squared distance, rad², up to which they are certainly the nearest of all solutions. It is 0 if limits are
+    /// exceeded or digits are lost.
     #[inline(always)]
     fn inverse<R: Real>(&self, base_from_flange: &Frame<R>, near: &Six<R>) -> (Six<R>, R) {
         let motor_near = near;
@@ -174,7 +176,7 @@ impl<'a> BatchArm<'a> {
         let wrist = base_from_flange.origin - base_from_flange.z * R::of(form.d6);
         let reach = wrist.x * wrist.x + wrist.y * wrist.y;
         let planar = reach - form.b * form.b;
-        // Beyond, front and rear are a quarter turn of axis 1 apart at least.
+        // Where this holds, the solutions in front and to the rear differ by at least a quarter turn of axis 1.
         let apart = R::of(form.b * form.b).lt(planar);
         let forward = planar.sqrt();
         let shoulder = |forward: R| SinCos {
@@ -187,7 +189,7 @@ impl<'a> BatchArm<'a> {
         let other = shoulder(forward);
         let q1 = SinCos { sin: rear.select(other.sin, front.sin), cos: rear.select(other.cos, front.cos) };
 
-        // Elevations of upper arm and link 3 over the horizontal.
+        // Elevations of upper arm and link 3 above the horizontal.
         let (r, s) = (forward - form.a1, wrist.z - form.d1);
         let square = r * r + s * s;
         let rho = square.sqrt();
@@ -195,7 +197,7 @@ impl<'a> BatchArm<'a> {
         let sine = (R::of(1.0) - cosine * cosine).sqrt();
         let bent = sine.ge(CLOSE);
         let gamma = SinCos { sin: R::of(form.sin_gamma), cos: R::of(form.cos_gamma) };
-        // Lower arm over forearm, or under it.
+        // The wrist centre is behind the lower arm, or in front of it.
         let behind = near[2].plus(gamma).sin.lt(0.0);
         let to_wrist = SinCos { sin: s / rho, cos: r / rho };
         let upper = to_wrist.plus(SinCos { sin: behind.negate(sine), cos: cosine });
@@ -233,7 +235,8 @@ impl<'a> BatchArm<'a> {
         if let Some((min, max)) = limits.elbow {
             valid = valid & self.inside(motor[2] + motor[1] * self.robot.axes.elbow_of_second(), min, max);
         }
-        // Of the others, axis 1 is a quarter turn off, axis 2 twice the lift, or axis 4 half a turn.
+        // In other branches, axis 1 differs by a quarter turn at least, axis 2 by twice the lift, or axis 4 by half a
+        // turn.
         let (far, lift) = (FRAC_PI_4 * FRAC_PI_4, sine * sine);
         (motor, valid.select(lift.lt(far).select(lift, R::of(far)), R::ZERO))
     }
@@ -252,9 +255,9 @@ mod tests {
     use nalgebra::Translation3;
     use proptest::prelude::*;
 
-    /// Rounding over an arm of some metres, where digits are lost.
+    /// Rounding for an arm of some metres.
     const SAME: f64 = 1e-11;
-    /// What it makes of angles close to where digits are lost, rad.
+    /// Error of angles near singular postures, where digits are lost, rad.
     const SAME_ANGLE: f64 = 1e-8;
 
     proptest! {
@@ -302,7 +305,7 @@ mod tests {
                     let reached = robot.forward(&motor).to_homogeneous() - flange.to_homogeneous();
                     prop_assert!(reached.norm() < SAME, "{reached}");
                 }
-                // Started at the solution itself, the batch must find it wherever no other branch is near.
+                // Starting at the solution itself, the batch must find it unless another branch is near.
                 let sine = |angle: f64| angle.sin().abs();
                 let (serial, form) = (robot.serial_from_motor(&motors[i]), robot.closed_form().unwrap());
                 let wrist = robot.frames(&motors[i]).origin(4);

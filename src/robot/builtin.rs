@@ -12,43 +12,43 @@ pub struct Builtin {
     pub model: String,
     /// The maker.
     pub maker: String,
-    /// Where the figures come from.
+    /// Data sheet or publication of the figures.
     pub source: String,
-    /// Modified Denavit-Hartenberg rows (alpha °, a mm, d mm, theta °), base to flange as the maker's tool frame has it.
+    /// Modified Denavit-Hartenberg rows (alpha °, a mm, d mm, theta °) from the base to the flange frame of the maker.
     #[serde(rename = "links")]
     pub rows: [[f64; 4]; 6],
-    /// +1, or −1 for an axis that the maker counts the other way round.
+    /// +1, or −1 for an axis that the maker counts in the opposite direction.
     #[serde(default = "forward")]
     pub axis_sign: [f64; 6],
-    /// Parallelogram arm.
+    /// Whether motor 3 drives a parallelogram.
     #[serde(default)]
     pub parallelogram: bool,
-    /// Axis 3 is counted against the ground.
+    /// Whether axis 3 is counted against the ground.
     #[serde(default)]
     pub coupled_23: bool,
-    /// Least axis angles, degrees.
+    /// Smallest axis angles, degrees.
     #[serde(rename = "axis_min_deg")]
     pub min_deg: [f64; 6],
     /// Largest axis angles, degrees.
     #[serde(rename = "axis_max_deg")]
     pub max_deg: [f64; 6],
-    /// Least and largest angle of the forearm to the upper arm, degrees: motor 3 − motor 2 of a parallelogram, axis 3 + axis 2
-    /// where axis 3 is counted against the ground.
+    /// Smallest and largest angle between forearm and upper arm, degrees: motor 3 − motor 2 for a parallelogram, axis 3
+    /// + axis 2 if axis 3 is counted against the ground.
     pub elbow_deg: Option<[f64; 2]>,
-    /// Largest axis speeds, degrees per second, where they are known.
+    /// Largest axis speeds, degrees per second, if a source states them.
     pub axis_speed_deg_s: Option<[f64; 6]>,
-    /// Published joint stiffness at the motors, N·m/rad, where there is one.
+    /// Published joint stiffness at the motors, N·m/rad, if a source states it.
     pub stiffness_nm_per_rad: Option<[f64; 6]>,
     /// Published payload, kg.
     pub payload_kg: f64,
     /// Published reach, mm.
     pub reach_mm: f64,
-    /// What the published reach is counted to.
+    /// The point of the arm to which the published reach is counted.
     #[serde(default)]
     pub reach_to: Reach,
 }
 
-/// What a maker's published reach is counted to.
+/// The point of the arm to which a published reach is counted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
@@ -58,7 +58,8 @@ pub enum Reach {
     Wrist,
     /// The flange, from axis 1.
     Flange,
-    /// The working radius of Universal Robots: both arms and the offset to axis 6, rounded down for the smaller types.
+    /// The working radius of Universal Robots: the lengths of both arms and the offset to axis 6, rounded down for the
+    /// smaller types.
     WorkingRadius,
 }
 
@@ -73,7 +74,16 @@ impl Builtin {
         Language::ALL.into_iter().find(|language| language.about().maker == self.maker)
     }
 
-    /// The robot.
+    /// The robot of these figures.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::robot::Builtin;
+    ///
+    /// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// let tcp = robot.forward(&robot.motor_from_axes_deg(&robot.home_deg()));
+    /// println!("{:.1} mm above the floor", 1e3 * tcp.translation.z);
+    /// ```
     #[must_use]
     pub fn robot(&self) -> Robot {
         let rows = self.rows.map(|[alpha, a, d, theta]| DhRow {
@@ -99,7 +109,7 @@ struct Library {
     robot: Vec<Builtin>,
 }
 
-/// The library's text.
+/// The text of the library.
 const LIBRARY: &str = include_str!("library.toml");
 
 impl Builtin {
@@ -109,7 +119,8 @@ impl Builtin {
     }
 }
 
-/// Every built-in robot, as `library.toml` has them. Axis limits are the standard ones; options of a robot may differ.
+/// Every built-in robot, in the order of `library.toml`. Axis limits are those of the standard version; options of a
+/// robot may differ.
 #[allow(clippy::expect_used)] // the file is part of the program, and a test reads it
 pub static BUILTIN: LazyLock<Vec<Builtin>> = LazyLock::new(|| {
     let library: Library = toml::from_str(LIBRARY).expect("the robot library is read by a test");
@@ -129,8 +140,8 @@ mod tests {
 
     /// Published reaches are rounded to 10 mm.
     const REACH_MM: f64 = 10.0;
-    /// Models whose published reach is farther from what their links and axis 2 allow, and by how much at most: ABB counts some
-    /// to where a parallelogram or axis 3 ends, and rounds others to 50 mm.
+    /// Models whose published reach exceeds what their links and axis 2 allow, and by how much at most, mm. ABB counts
+    /// some reaches to the end position of a parallelogram or of axis 3, and rounds others to 50 mm.
     const REACH_DIFFERS: [(&str, f64); 8] = [
         ("irb1600-", 26.0),
         ("irb1660id-", 14.0),
@@ -141,16 +152,17 @@ mod tests {
         ("irb6650s-200-", 40.0),
         ("irb6700-", 34.0),
     ];
-    /// Robots for which no source gives axis speeds: their speeds are not judged.
+    /// Number of robots for which no source states axis speeds. Their speeds are not checked.
     const WITHOUT_SPEEDS: usize = 134;
-    /// A working radius lies within this share of the links' sum: the maker rounds those of its smaller arms down.
+    /// Largest relative difference of a working radius from the sum of the links: the maker rounds it down for smaller
+    /// arms.
     const WORKING_RADIUS: f64 = 0.09;
 
     #[test]
     fn links_add_up_to_the_published_reach() {
         for robot in BUILTIN.iter() {
             let [_, [_, a1, ..], [_, a2, ..], [_, a3, d4, _], [_, _, d5, _], [_, a5, d6, _]] = robot.rows;
-            // The upper arm leans forward as far as axis 2 lets it, the forearm is stretched ahead.
+            // The upper arm leans forward as far as axis 2 allows, and the forearm points forward.
             let lean = |axis_deg: f64| robot.axis_sign[1] * axis_deg + robot.rows[1][3] + 90.0;
             let (one, other) = (lean(robot.min_deg[1]), lean(robot.max_deg[1]));
             let wrist = a1 + a2 * 90_f64.clamp(one.min(other), one.max(other)).to_radians().sin() + (a3 + a5).hypot(d4);
@@ -174,12 +186,12 @@ mod tests {
             assert!((0..6).all(|i| robot.min_deg[i] < robot.max_deg[i]), "{}", robot.model);
             assert!(robot.axis_sign.iter().all(|sign| [1.0, -1.0].contains(sign)), "{}", robot.model);
             assert!(robot.payload_kg > 0.0 && !robot.source.is_empty(), "{}", robot.model);
-            // From a heavy palletizer's to a small arm's.
+            // The range from heavy palletizers to small arms.
             if let Some(speed) = robot.axis_speed_deg_s {
                 assert!(speed.iter().all(|speed| (20.0..=1600.0).contains(speed)), "{}: {speed:?}", robot.model);
             }
         }
-        // No source was found for these; each that is found lowers the number.
+        // No source was found for these. Lower the number when one is found.
         let unknown = BUILTIN.iter().filter(|robot| robot.axis_speed_deg_s.is_none()).count();
         assert_eq!(unknown, WITHOUT_SPEEDS);
     }

@@ -1,4 +1,4 @@
-//! Configurations (confdata, S and T, CONFIG) of motor angles, as the controllers write them.
+//! Computes configurations (confdata, S and T, CONFIG) from motor angles, in the notation of the controllers.
 
 use super::{Joints, Robot};
 use crate::program::{Conf, Confdata, Config, Status};
@@ -19,14 +19,14 @@ pub(crate) fn quarter_turn(angle: f64) -> i32 {
 /// virtual controller: GitHub, LeroyDu56/CrossArm, validation, section 14).
 const HALF_TURN: f64 = 0.0005 / 180.0 * PI;
 
-/// FANUC's turn number of an axis: 0 between −180° and 180° without these, 1 from 180° on, −1 from −180° down.
+/// FANUC's turn number of an axis: 0 between −180° and 180°, 1 from 180° on, −1 from −180° down.
 fn whole_turn(angle: f64) -> i32 {
     #[allow(clippy::cast_possible_truncation)]
     let turns = ((angle.abs() + HALF_TURN + PI) / TAU).trunc() as i32;
     if angle < 0.0 { -turns } else { turns }
 }
 
-/// FANUC's turn numbers of axes 1, 4, 6 at angles as the controller counts them, degrees.
+/// FANUC's turn numbers of axes 1, 4 and 6, for angles as the controller counts them, degrees.
 #[must_use]
 pub(crate) fn turn_numbers(axes_deg: &[f64; 6]) -> [i32; 3] {
     [axes_deg[0], axes_deg[3], axes_deg[5]].map(|deg| whole_turn(deg.to_radians()))
@@ -38,7 +38,15 @@ fn posture(robot: &Robot, motor: &Joints) -> i32 {
     4 * i32::from(rear) + 2 * i32::from(behind) + i32::from(robot.axes.sign[4] * motor[4] < 0.0)
 }
 
-/// confdata of motor angles (rad): quarter turns of axes 1, 4, 6 and the posture.
+/// confdata for motor angles (rad): quarter turns of axes 1, 4 and 6, and the number of the posture.
+///
+/// # Examples
+/// ```
+/// # use deflex::robot::{Builtin, confdata_of};
+/// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+/// let confdata = confdata_of(&robot, &robot.motor_from_axes_deg(&[100.0, 0.0, 0.0, 0.0, 30.0, 0.0]));
+/// assert_eq!((confdata.cf1, confdata.cfx), (1, 0)); // axis 1 is in its second quarter
+/// ```
 #[must_use]
 pub fn confdata_of(robot: &Robot, motor: &Joints) -> Confdata {
     Confdata {
@@ -49,7 +57,7 @@ pub fn confdata_of(robot: &Robot, motor: &Joints) -> Confdata {
     }
 }
 
-/// `S` and `T` of motor angles (rad), with the bits that are not the robot's as they are in `like`.
+/// `S` and `T` for motor angles (rad). Bits that do not describe the robot are copied from `like`.
 fn status_like(robot: &Robot, motor: &Joints, like: Status) -> Status {
     let (rear, behind) = robot.posture(motor);
     let status = i32::from(rear) + 2 * i32::from(!behind) + 4 * below_zero(motor[4]);
@@ -57,26 +65,26 @@ fn status_like(robot: &Robot, motor: &Joints, like: Status) -> Status {
     Status { status: like.status & !7 | status, turn: like.turn & !63 | turn }
 }
 
-/// `S` and `T` of motor angles (rad), the bits that are not the robot's at zero.
+/// `S` and `T` for motor angles (rad). Bits that do not describe the robot are zero.
 #[must_use]
 pub fn status_of(robot: &Robot, motor: &Joints) -> Status {
     status_like(robot, motor, Status { status: 0, turn: 0 })
 }
 
-/// FANUC's configuration of motor angles, rad.
+/// FANUC's configuration for motor angles, rad.
 #[must_use]
 pub fn config_of(robot: &Robot, motor: &Joints) -> Config {
     Config { posture: posture(robot, motor), turns: [motor[0], motor[3], motor[5]].map(whole_turn) }
 }
 
-/// KUKA's turn bit of an axis.
+/// KUKA's turn bit of an axis: 1 for negative angles.
 fn below_zero(angle: f64) -> i32 {
-    /// Rounding errors of a zero, rad.
+    /// Angles down to this below zero are rounding errors of zero, rad.
     const ZERO: f64 = 1e-12;
     i32::from(angle < -ZERO)
 }
 
-/// The configuration of motor angles (rad) as a controller writes it that writes `like`.
+/// The configuration of motor angles (rad), in the notation of `like`.
 #[must_use]
 pub fn conf_like(robot: &Robot, motor: &Joints, like: Conf) -> Conf {
     match like {
@@ -87,7 +95,8 @@ pub fn conf_like(robot: &Robot, motor: &Joints, like: Conf) -> Conf {
     }
 }
 
-/// Whether motor angles (rad) have this configuration: `conf_like(robot, motor, conf) == conf`, mostly without a look at the posture.
+/// Whether motor angles (rad) have a configuration, as `conf_like(robot, motor, conf) == conf`. Mostly the turns
+/// differ, and the posture is not computed.
 #[must_use]
 pub fn conf_is(robot: &Robot, motor: &Joints, conf: Conf) -> bool {
     let turned = |index: fn(f64) -> i32, wanted: [i32; 3]| {
@@ -101,10 +110,10 @@ pub fn conf_is(robot: &Robot, motor: &Joints, conf: Conf) -> bool {
     turned && conf_like(robot, motor, conf) == conf
 }
 
-/// Motor angles (rad) with whole turns added to axes 1, 4, 6 so that they have this configuration, where its posture is theirs;
-/// without where none fit.
+/// Motor angles (rad) with whole turns added to axes 1, 4 and 6 so that they have a configuration. The posture of the
+/// configuration must be theirs. Angles for which no turns fit are returned unchanged.
 pub(super) fn turned_to(motor: &Joints, conf: Conf) -> Joints {
-    /// Axes turn no more often than this either way.
+    /// No axis turns by more whole turns than this in either direction.
     const TURNS: [i32; 7] = [0, 1, -1, 2, -2, 3, -3];
     let (index, wanted): (fn(f64) -> i32, _) = match conf {
         Conf::Quarters(conf) => (quarter_turn, [conf.cf1, conf.cf4, conf.cf6]),
@@ -120,7 +129,7 @@ pub(super) fn turned_to(motor: &Joints, conf: Conf) -> Joints {
     turned
 }
 
-/// Number of the branch that a configuration means.
+/// Index of the branch that a configuration names; `None` if it names none.
 pub(super) fn branch_index(robot: &Robot, conf: Conf) -> Option<usize> {
     let posture = match conf {
         Conf::Quarters(conf) => conf.cfx,
@@ -129,7 +138,7 @@ pub(super) fn branch_index(robot: &Robot, conf: Conf) -> Option<usize> {
             let below = (status & 4 != 0) == (robot.axes.sign[4] > 0.0);
             4 * (status & 1) + 2 * i32::from(status & 2 == 0) + i32::from(below)
         }
-        // Such a configuration names no branch.
+        // This configuration consists of nearby angles.
         Conf::Near(_) => return None,
     };
     usize::try_from(posture).ok()
@@ -149,7 +158,7 @@ mod tests {
 
     #[test]
     fn status_and_turn_are_those_of_taught_points() {
-        // A usual posture, wrist bent up: taught points of it have S 2, and S 6 with axis 5 below zero.
+        // A usual posture with the wrist bent up: taught points have S 2, or S 6 if axis 5 is negative.
         let robot = crate::robot::BUILTIN.iter().find(|robot| robot.model == "kr210-r2700-2").unwrap().robot();
         let like = Status { status: 16, turn: 64 };
         for (deg, status, turn) in [

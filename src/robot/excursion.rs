@@ -85,8 +85,8 @@ impl Robot {
     }
 }
 
-/// Changes of the arm's angles over a piece, rad: axis 1, upper arm, forearm, the flange against the forearm; and by what share
-/// the rates of the first three can differ.
+/// Changes of the arm's angles over a piece of path, rad: of axis 1, the upper arm, the forearm, and the flange
+/// relative to the forearm; and the share by which the rates of the first three can differ.
 struct Bounds {
     q1: f64,
     q2: f64,
@@ -102,7 +102,8 @@ impl ClosedForm {
         [from_straight(serial[4] + self.theta[4]), from_straight(elbow), ahead.abs()]
     }
 
-    /// How much farther the wrist centre can go in the arm's plane than in space: its offset from that plane is a lever.
+    /// Factor by which the wrist centre can move farther in the plane of the arm than in space: an offset from that
+    /// plane is a lever.
     fn across(&self) -> f64 {
         if self.b == 0.0 { 1.0 } else { SQRT_2 }
     }
@@ -110,12 +111,12 @@ impl ClosedForm {
     fn bounds(&self, [_, elbow, shoulder]: [f64; 3], length: f64, turn: f64) -> Option<Bounds> {
         let length = self.across() * length;
         let ahead = shoulder - length;
-        // With a larger offset, axis 1 turns faster than the distance in the plane implies.
+        // Within the offset, axis 1 turns faster than the distance in the plane implies.
         if ahead <= self.b.abs() {
             return None;
         }
         let q1 = length / ahead;
-        // The elbow keeps half of its angle.
+        // The elbow keeps at least half of its angle.
         let sine = (0.5 * elbow).sin();
         let (q2, q23) = (length / (self.a2 * sine), length / (self.l3 * sine));
         if q2 + q23 > 0.5 * elbow || sine <= 0.0 {
@@ -152,11 +153,11 @@ mod tests {
             let limits = &robot.limits;
             let from = Joints::from_fn(|i, _| limits.min[i] + shares[i] * (limits.max[i] - limits.min[i]));
             let from = robot.motor_from_axes_deg(&<[f64; 6]>::from(from.map(f64::to_degrees)));
-            // Where the elbow passes its limits, the arm is brought back by a whole turn.
+            // If the elbow passes its limits, the arm is brought back by a whole turn.
             prop_assume!(robot.limit_violation(&from).is_none());
             let start = robot.forward(&from);
             let lever = robot.wrist_lever();
-            // About the wrist centre, which goes straight.
+            // Rotates about the wrist centre, which moves on a straight line.
             let (way, turn) = (Vector3::from(way) * size, Vector3::from(turn) * size);
             let Some(bounds) = robot.excursion(&from, way.norm(), turn.norm()) else { return Ok(()) };
             let wrist = start * nalgebra::Point3::new(0.0, 0.0, -lever);
@@ -173,7 +174,7 @@ mod tests {
                 for i in 0..6 {
                     let (off, most) = ((motor[i] - from[i]).abs(), bounds.axes[i]);
                     prop_assert!(off <= most + 1e-9, "axis {}: {off} beyond {most}", i + 1);
-                    // A part of the piece, wherever it is, has that part of the bound.
+                    // Each part of the piece changes an axis by at most the same part of the bound.
                     let (step, most) = ((motor[i] - near[i]).abs(), most / f64::from(steps));
                     prop_assert!(step <= most + 1e-9, "axis {}: {step} beyond {most} in a step", i + 1);
                 }

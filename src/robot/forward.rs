@@ -42,7 +42,7 @@ impl Frames {
 #[derive(Clone, Copy, Debug)]
 pub struct Links {
     rows: [DhRow; 6],
-    /// Of the twists.
+    /// Sines and cosines of the twists.
     alpha: [SinCos<f64>; 6],
 }
 
@@ -69,7 +69,7 @@ impl Links {
         Frames { base_from_link: six!(i => chain.links[i].lane(0)), axes: six!(i => chain.axes[i].lane(0)) }
     }
 
-    /// The rows over any number.
+    /// The rows, over any [`Real`].
     #[inline(always)]
     pub(crate) fn numbers<R: Real>(&self) -> Rows<R> {
         let (rows, alpha) = (&self.rows, &self.alpha);
@@ -82,7 +82,7 @@ impl Links {
     }
 }
 
-/// Up to here the series of a sum of angles are exact to rounding, rad.
+/// Up to this angle, rad, the series for the sum of angles is exact to rounding.
 pub(crate) const NUDGE: f64 = 0.01;
 
 impl Robot {
@@ -93,6 +93,14 @@ impl Robot {
     }
 
     /// Flange pose (tool0 in the base) at motor angles (rad) of the nominal geometry.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::robot::Builtin;
+    /// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// let flange = robot.forward(&robot.motor_from_axes_deg(&[0.0; 6]));
+    /// assert!((flange.translation.x - 1.393).abs() < 1e-9 && (flange.translation.z - 1.7945).abs() < 1e-9); // m
+    /// ```
     #[must_use]
     pub fn forward(&self, motor: &Joints) -> Pose {
         *self.frames(motor).base_from_flange()
@@ -102,6 +110,15 @@ impl Robot {
     ///
     /// Rows (vx, vy, vz, wx, wy, wz) in base axes, m/rad and rad/rad. `point` is in the base frame, m.
     /// `J = J_serial B` with `B` of [`Robot::serial_from_motor`]: column 2 of a parallelogram arm has no angular part.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{nalgebra::Vector3, robot::Builtin};
+    /// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// let frames = robot.frames(&robot.motor_from_axes_deg(&[0.0; 6]));
+    /// let jacobian = robot.jacobian(&frames, &Vector3::new(1.393, 0.0, 1.7945)); // at the flange
+    /// assert!((jacobian[(1, 0)] - 1.393).abs() < 1e-9); // axis 1 moves it along y with its distance from the axis, m/rad
+    /// ```
     #[must_use]
     pub fn jacobian(&self, frames: &Frames, point: &Vector3<f64>) -> Jacobian {
         let mut jacobian = Jacobian::zeros();

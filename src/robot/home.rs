@@ -9,9 +9,9 @@ const STEP_DEG: f64 = 1e-6;
 const PARALLEL: f64 = 1e-6;
 
 impl Robot {
-    /// Axis angles at home as the controller counts them, degrees: upper arm upright, forearm level and forwards, all other
-    /// axes at zero. It follows from the geometry and is each maker's own: zeros on ABB, FANUC and Yaskawa arms,
-    /// 0, −90, 90, 0, 0, 0 on KUKA arms.
+    /// Axis angles in the home position as the controller counts them, degrees. The upper arm is vertical, the forearm
+    /// horizontal and points forward, and all other axes are at zero. The angles follow from the geometry, and differ
+    /// between makers: they are all zero for ABB, FANUC and Yaskawa arms, and 0, −90, 90, 0, 0, 0 for KUKA arms.
     #[must_use]
     pub fn home_deg(&self) -> [f64; 6] {
         let mut serial = Joints::zeros();
@@ -21,7 +21,7 @@ impl Robot {
         let frames = self.links.chain(&serial);
         let (elbow, roll) = (frames.axis(2), frames.axis(3));
         let to_wrist = frames.origin(3) - frames.origin(2);
-        // The forearm points along the axis about which it turns; the wrist centre can be off that axis.
+        // The forearm points along the axis about which it turns, because the wrist centre may be off that axis.
         let forearm = if elbow.cross(&roll).norm() > PARALLEL { roll * roll.dot(&to_wrist).signum() } else { to_wrist };
         serial[2] = turn_to(&forearm, &elbow.cross(&frames.axis(0)), &elbow);
         let frames = self.links.chain(&serial);
@@ -44,7 +44,7 @@ fn turn_to(from: &Vector3<f64>, to: &Vector3<f64>, axis: &Vector3<f64>) -> f64 {
     axis.dot(&from.cross(to)).atan2(from.dot(to) - axis.dot(from) * axis.dot(to))
 }
 
-/// The same direction between −180° and 180°.
+/// The same direction as an angle between −180° and 180°.
 fn wrapped(deg: f64) -> f64 {
     deg - 360.0 * (deg / 360.0).round()
 }
@@ -60,9 +60,9 @@ mod tests {
             let robot = builtin.robot();
             let home = robot.home_deg();
             let own = match &builtin.maker[..] {
-                // At its zero, the upper arm of a rack-mounted arm lies level.
+                // At the zero position of a shelf-mounted arm, the upper arm is horizontal.
                 "FANUC" if builtin.rows[1][3] == 0.0 => [0.0, -90.0, 90.0, 0.0, 0.0, 0.0],
-                // At its zero, the forearm hangs down.
+                // At the zero position, the forearm hangs down.
                 "Yaskawa" if builtin.rows[2][3] == 90.0 => [0.0, 0.0, 90.0, 0.0, 0.0, 0.0],
                 "ABB" | "FANUC" | "Yaskawa" => [0.0; 6],
                 "KUKA" => [0.0, -90.0, 90.0, 0.0, 0.0, 0.0],

@@ -32,7 +32,7 @@ impl Branch {
     }
 }
 
-/// Motor angles of each branch (index: [`Branch::cfx`]), rad, within ±π; `None` where there is none.
+/// Motor angles of each branch (index: [`Branch::cfx`]), rad, within ±π; `None` if the branch does not reach the pose.
 pub type Solutions = [Option<Joints>; 8];
 
 /// Why no motor angles reach a pose.
@@ -56,14 +56,16 @@ pub enum Unreachable {
     Limit(#[from] LimitViolation),
 }
 
-/// Below this |sin q5| the wrist is singular: axes 4 and 6 are one and q4 is held. With q4 held, the pose
-/// is missed by at most this angle, 3e-5 µm·rad at 0.3 m, far below printed digits.
+/// Below this |sin q5| the wrist is singular: axes 4 and 6 are parallel, and q4 keeps its value. With q4 kept, the
+/// orientation is missed by at most this angle, which moves a point at a distance of 0.3 m by 0.03 µm, far less than a
+/// printed digit.
 const SINGULAR_WRIST: f64 = 1e-7;
 
-/// Angles (rad) and lengths (m) that differ from a special value by less than this are that value: cells declare them to 1e-9 at best.
+/// Angles (rad) and lengths (m) that differ by less than this from a special value are taken to be that value. Cells
+/// declare them to 1e-9 at best.
 const SAME: f64 = 1e-9;
 
-/// Explicit inverse of an arm with parallel axes 2 and 3 and a spherical wrist.
+/// The explicit inverse of an arm with parallel axes 2 and 3 and a spherical wrist.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ClosedForm {
     pub(super) a1: f64,
@@ -71,9 +73,9 @@ pub(super) struct ClosedForm {
     pub(super) d1: f64,
     /// Lateral offset of the arm plane from axis 1.
     pub(super) b: f64,
-    /// Forearm: elbow to wrist centre.
+    /// Length of the forearm from elbow to wrist centre.
     pub(super) l3: f64,
-    /// Angle of the forearm line to x of link 3.
+    /// Angle between the forearm and x of link 3.
     pub(super) gamma: f64,
     pub(super) sin_gamma: f64,
     pub(super) cos_gamma: f64,
@@ -82,7 +84,7 @@ pub(super) struct ClosedForm {
 }
 
 impl ClosedForm {
-    /// The explicit inverse of these rows, if they are of its kind.
+    /// The explicit inverse for these rows; `None` if they have none.
     pub(super) fn of(rows: &[DhRow; 6]) -> Option<Self> {
         const TWISTS: [f64; 6] = [0.0, -FRAC_PI_2, 0.0, -FRAC_PI_2, FRAC_PI_2, -FRAC_PI_2];
         let same = |a: f64, b: f64| (a - b).abs() < SAME;
@@ -110,8 +112,8 @@ impl ClosedForm {
         (ahead < 0.0, wrap(elbow) < 0.0)
     }
 
-    /// All branches as serial joint angles; `q4` is what a singular wrist holds (rad). Where there is none at
-    /// all: how far the wrist centre is out of reach, m.
+    /// All branches as serial joint angles. A singular wrist keeps `q4` (rad). If no branch reaches the pose, the error
+    /// is the distance of the wrist centre from the reach of the arm, m.
     fn solve(&self, base_from_flange: &Pose, q4: f64) -> Result<Solutions, f64> {
         let flange = base_from_flange.rotation.matrix();
         let wrist = base_from_flange.translation.vector - flange.column(2) * self.d6;
@@ -145,7 +147,7 @@ impl ClosedForm {
         if solutions.iter().all(Option::is_none) { Err(out_of_reach) } else { Ok(solutions) }
     }
 
-    /// How far the wrist centre is out of reach of the arm that looks forward, or to the rear, m.
+    /// Distance of the wrist centre from the reach of the arm that points forward, or to the rear, m.
     fn out_of_reach(&self, base_from_flange: &Pose, rear: bool) -> f64 {
         let wrist = base_from_flange.translation.vector - base_from_flange.rotation.matrix().column(2) * self.d6;
         let planar = (wrist.x * wrist.x + wrist.y * wrist.y - self.b * self.b).max(0.0).sqrt();
@@ -170,13 +172,13 @@ impl ClosedForm {
         Vector6::from_fn(|i, _| theta[i] - self.theta[i])
     }
 
-    /// The solution of the branch that serial angles `near` are in, as [`ClosedForm::solve`] has it, and how far (rad) it
-    /// may be from them and still be nearer than any other; `None` where branches meet.
+    /// The solution in the branch of the serial angles `near`, equal to that of [`ClosedForm::solve`], and the distance
+    /// (rad) from them up to which it is certainly nearer than any other; `None` where branches meet.
     fn branch_of(&self, base_from_flange: &Pose, near: &Joints) -> Option<(Joints, f64)> {
         let flange = base_from_flange.rotation.matrix();
         let wrist = base_from_flange.translation.vector - flange.column(2) * self.d6;
         let planar = wrist.x * wrist.x + wrist.y * wrist.y - self.b * self.b;
-        // Beyond, front and rear are a quarter turn of axis 1 apart at least.
+        // Here the solutions in front and to the rear can differ by less than a quarter turn of axis 1.
         if planar <= self.b * self.b {
             return None;
         }
@@ -192,7 +194,7 @@ impl ClosedForm {
             return None;
         }
         let lift = cosine.acos();
-        // Lower arm over forearm, or under it.
+        // The wrist centre is behind the lower arm, or in front of it.
         let behind = wrap(dh[2] + self.gamma) < 0.0;
         let (e2, e3) = self.elevations(r, s, if behind { -lift } else { lift });
         let wrist = Wrist::new(flange, theta1, e3);
@@ -200,12 +202,13 @@ impl ClosedForm {
             return None;
         }
         let serial = self.serial(theta1, e2, e3, wrist.angles(wrap(dh[4]) < 0.0, 0.0));
-        // Of the others, axis 1 is a quarter turn off, axis 2 twice the lift, or axis 4 half a turn.
+        // In other branches, axis 1 differs by a quarter turn at least, axis 2 by twice the lift, or axis 4 by half a
+        // turn.
         Some((serial, lift.min(PI - lift).min(FRAC_PI_4)))
     }
 }
 
-/// The wrist's part of a pose: `link3ᵀ · flange · Rx(90°) = Ry(θ4) Rz(θ5) Ry(θ6)`.
+/// The part of a pose that the wrist produces: `link3ᵀ · flange · Rx(90°) = Ry(θ4) Rz(θ5) Ry(θ6)`.
 struct Wrist {
     turn: Matrix3<f64>,
     /// |sin θ5|.
@@ -216,14 +219,15 @@ impl Wrist {
     fn new(flange: &Matrix3<f64>, theta1: f64, e3: f64) -> Self {
         let (s1, c1) = theta1.sin_cos();
         let (se, ce) = e3.sin_cos();
-        // Link 3 in the base: x along the elevation e3 in the arm plane, z across it.
+        // Link 3 in the base frame: x points along the elevation e3 in the plane of the arm, z is perpendicular to this
+        // plane.
         let link3 = Matrix3::new(c1 * ce, c1 * se, -s1, s1 * ce, s1 * se, c1, se, -ce, 0.0);
         let m = link3.transpose() * flange;
         let turn = Matrix3::from_columns(&[m.column(0).into_owned(), m.column(2).into_owned(), -m.column(1)]);
         Self { turn, sine: turn[(0, 1)].hypot(turn[(2, 1)]) }
     }
 
-    /// DH angles of axes 4, 5, 6; a singular wrist holds `theta4`.
+    /// DH angles of axes 4, 5 and 6. A singular wrist keeps `theta4`.
     fn angles(&self, flipped: bool, theta4: f64) -> [f64; 3] {
         let (m, sign) = (&self.turn, if flipped { -1.0 } else { 1.0 });
         let theta5 = (sign * self.sine).atan2(m[(1, 1)]);
@@ -239,19 +243,28 @@ impl Wrist {
     }
 }
 
-/// An angle within ±π, rad.
+/// An angle reduced to ±π, rad.
 pub(crate) fn wrap(angle: f64) -> f64 {
     // Written without `round`, which is a function call on processors without that instruction.
     if angle.abs() < 3.0 { angle } else { angle - (angle / TAU).round() * TAU }
 }
 
 impl Robot {
-    /// Motor angles of every branch that reaches a flange pose, rad, limits not looked at. A singular wrist
-    /// keeps q4 of `near`. Robots without an explicit inverse give the one solution polished from `near`,
-    /// filed under its posture.
+    /// Motor angles of every branch that reaches a flange pose, rad, without regard to axis limits. A singular wrist
+    /// keeps q4 of `near`. For robots without an explicit inverse, the result is the single solution that Newton's
+    /// method finds from `near`, at the index of its posture.
     ///
     /// # Errors
     /// The pose is out of reach.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::robot::{Builtin, Joints};
+    /// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// let motor = Joints::new(0.1, 0.2, 0.3, 0.4, 0.5, 0.6);
+    /// let branches = robot.inverse(&robot.forward(&motor), &motor).expect("within reach");
+    /// assert!(branches.iter().flatten().any(|found| (found - motor).amax() < 1e-9));
+    /// ```
     pub fn inverse(&self, base_from_flange: &Pose, near: &Joints) -> Result<Solutions, Unreachable> {
         if let Some(closed) = self.closed_form() {
             return match closed.solve(base_from_flange, near[3]) {
@@ -268,21 +281,31 @@ impl Robot {
         Ok(solutions)
     }
 
-    /// The motor angles (rad) nearest to `near` that reach a flange pose: what a linear move does.
+    /// The motor angles (rad) nearest to `near` that reach a flange pose, as on a linear motion.
     ///
     /// # Errors
-    /// The pose is out of reach, or is reached beyond an axis limit.
+    /// The pose is out of reach, or the solution exceeds an axis limit.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::robot::{Builtin, Joints};
+    /// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// let motor = Joints::new(0.1, 0.2, 0.3, 0.4, 0.5, 0.6);
+    /// let found = robot.inverse_near(&robot.forward(&motor), &motor.add_scalar(0.01)).expect("within reach");
+    /// assert!((found - motor).amax() < 1e-9);
+    /// ```
     pub fn inverse_near(&self, base_from_flange: &Pose, near: &Joints) -> Result<Joints, Unreachable> {
         let motor = self.inverse_near_unlimited(base_from_flange, near)?;
         self.limit_violation(&motor).map_or(Ok(motor), |violation| Err(violation.into()))
     }
 
-    /// [`Robot::inverse_near`], axis limits not looked at.
+    /// [`Robot::inverse_near`] without regard to axis limits.
     ///
     /// # Errors
     /// The pose is out of reach.
     pub fn inverse_near_unlimited(&self, base_from_flange: &Pose, near: &Joints) -> Result<Joints, Unreachable> {
-        // On a path the branch is the one before: the other seven are not looked at where they are surely further off.
+        // On a path the branch stays the same. The other seven branches are computed only if one of them could be
+        // nearer.
         let same =
             self.closed_form().and_then(|closed| closed.branch_of(base_from_flange, &self.serial_from_motor(near)));
         if let Some((serial, reach)) = same {
@@ -300,7 +323,8 @@ impl Robot {
             .ok_or(Unreachable::OutOfReach { by_mm: 0.0 })
     }
 
-    /// The branch that motor angles (rad) are in, by its [cfx](Branch::cfx); `None` without an explicit inverse.
+    /// Index of the branch of motor angles (rad), which is their [cfx](Branch::cfx); `None` without an explicit
+    /// inverse.
     pub(crate) fn branch(&self, motor: &Joints) -> Option<usize> {
         let form = self.closed_form()?;
         let serial = self.serial_from_motor(motor);
@@ -309,8 +333,9 @@ impl Robot {
         Some(Branch { rear, behind, flipped }.cfx())
     }
 
-    /// The motor angles of a branch that reach a flange pose, in the turns nearest to `near` (rad): a linear move keeps its branch,
-    /// and turns its axes on beyond their limits too. Axis limits are not looked at; without a branch it is [`Robot::inverse_near_unlimited`].
+    /// The motor angles of a branch that reach a flange pose, in the turns nearest to `near` (rad), without regard to
+    /// axis limits: a linear motion keeps its branch and turns its axes on, even beyond their limits. Without a branch
+    /// it is [`Robot::inverse_near_unlimited`].
     ///
     /// # Errors
     /// The branch does not reach the pose.
@@ -329,7 +354,7 @@ impl Robot {
         solution.map(turned).ok_or_else(|| Unreachable::OutOfReach { by_mm: by_mm() })
     }
 
-    /// Posture at motor angles: wrist centre behind axis 1; wrist centre behind the lower arm.
+    /// Posture at motor angles: whether the wrist centre is behind axis 1, and whether it is behind the lower arm.
     #[must_use]
     pub fn posture(&self, motor: &Joints) -> (bool, bool) {
         match self.closed_form() {
@@ -338,12 +363,12 @@ impl Robot {
         }
     }
 
-    /// The reference for [`Robot::posture`].
+    /// The reference for [`Robot::posture`], computed in space.
     fn posture_plain(&self, motor: &Joints) -> (bool, bool) {
         let frames = self.frames(motor);
         let wrist = frames.origin(4);
         let shoulder = frames.origin(1);
-        // Link 1's x points to where the arm looks at axis 1 = 0.
+        // x of link 1 points to the front of the arm at axis 1 = 0.
         let ahead = frames.base_from_link[0].rotation * Vector3::x();
         let up = frames.base_from_link[0].rotation * Vector3::z();
         let plane = |v: Vector3<f64>| (v.dot(&ahead), v.dot(&up));
@@ -353,17 +378,18 @@ impl Robot {
     }
 }
 
-/// Newton's polish of serial joint angles (rad) onto a pose of the last link, for chains without an explicit inverse.
+/// Solves serial joint angles (rad) for a pose of the last link by Newton's method, for chains without an explicit
+/// inverse.
 ///
 /// # Errors
-/// It did not converge: the seed is too far or the pose cannot be reached.
+/// The method did not converge: the seed is too far from a solution, or the pose is out of reach.
 pub fn polish(links: &Links, base_from_last: &Pose, seed: &Joints) -> Result<Joints, Unreachable> {
     // Newton's method doubles the digits in each step, so 50 steps are reached only if it does not converge.
     const NEWTON_STEPS: usize = 50;
-    // m and rad: two orders above f64 noise over 4 m, four below a printed digit.
+    // m and rad: 100 times the rounding error of an arm with a reach of 4 m, and a ten-thousandth of a printed digit.
     const DONE: f64 = 1e-13;
     const GOOD_ENOUGH: f64 = 1e-10;
-    // Largest joint step, rad: keeps Newton in its basin.
+    // Largest step of a joint, rad. It keeps Newton's method within its range of convergence.
     const STRIDE: f64 = 0.5;
     let mut joints = *seed;
     let mut best = (f64::INFINITY, joints);
@@ -388,7 +414,7 @@ pub fn polish(links: &Links, base_from_last: &Pose, seed: &Joints) -> Result<Joi
             jacobian.fixed_view_mut::<3, 1>(0, i).copy_from(&axis.cross(&arm));
             jacobian.fixed_view_mut::<3, 1>(3, i).copy_from(&axis);
         }
-        // Damped least squares near singular poses: damping costs steps, not accuracy.
+        // Damped least squares near singular poses. The damping needs more steps, but does not reduce the accuracy.
         let damping = 1e-12 + 1e-6 * size * size;
         let normal = jacobian.transpose() * jacobian + nalgebra::Matrix6::identity() * damping;
         let Some(step) = normal.cholesky().map(|c| c.solve(&(jacobian.transpose() * gap))) else { break };
@@ -398,7 +424,7 @@ pub fn polish(links: &Links, base_from_last: &Pose, seed: &Joints) -> Result<Joi
     if best.0 < GOOD_ENOUGH { Ok(best.1) } else { Err(Unreachable::NotConverged { left_mm: 1e3 * best.0 }) }
 }
 
-/// The motion from one pose to another: shift and rotation vector in base axes, m and rad.
+/// The motion from one pose to another: displacement and rotation vector in base axes, m and rad.
 #[must_use]
 pub(crate) fn pose_gap(from: &Pose, to: &Pose) -> Vector6<f64> {
     let shift = to.translation.vector - from.translation.vector;

@@ -5,13 +5,13 @@ use super::{Joints, Robot};
 use crate::lanes::{Frame, Real, SinCos, Vector, six};
 use std::ops::{Neg, Sub};
 
-/// Six numbers, one for each joint, of one target or of several lanes: motor angles, rad, torques, N·m, …
+/// Six numbers, one for each joint, of one target or of several lanes: for example motor angles, rad, or torques, N·m.
 pub(crate) type Six<R> = [R; 6];
 
 /// Sets a lane to the numbers of one target.
 #[inline(always)]
 pub(crate) fn set<R: Real>(all: &mut Six<R>, lane: usize, one: &Joints) {
-    // A slice: the matrix's own iterator counts strides.
+    // Iterating over a slice is faster than over the matrix, whose iterator counts strides.
     for (all, one) in all.iter_mut().zip(one.as_slice()) {
         all.set(lane, *one);
     }
@@ -55,13 +55,13 @@ impl<R: Real> Rows<R> {
         self.links(joints, tilt, |i, link, axis| (chain.links[i], chain.axes[i]) = (link, axis));
     }
 
-    /// The frame of the last link alone.
+    /// The frame of the last link.
     #[inline(always)]
     pub(crate) fn end(&self, joints: &[SinCos<R>; 6]) -> Frame<R> {
         self.links(joints, None, |_, _, _| ())
     }
 
-    /// Gives each link's frame and the axis of its joint, and returns the last frame.
+    /// Computes the frame of each link and the axis of its joint, and returns the last frame.
     #[inline(always)]
     fn links(
         &self,

@@ -1,14 +1,14 @@
 use super::{Joints, Robot};
 
-/// Axis limits as the controller counts, rad.
+/// Axis limits as the controller counts them, rad.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// Least axis angles.
+    /// Smallest axis angles.
     pub min: Joints,
     /// Largest axis angles.
     pub max: Joints,
-    /// Least and largest angle of the forearm to the upper arm, where this is no axis of its own: motor 3 − motor 2 of a
-    /// parallelogram, axis 2 + axis 3 where axis 3 is counted against the ground.
+    /// Smallest and largest angle between forearm and upper arm, if this is not the angle of an axis: motor 3 − motor 2
+    /// of a parallelogram, axis 2 + axis 3 if axis 3 is counted against the ground.
     pub elbow: Option<(f64, f64)>,
 }
 
@@ -36,7 +36,8 @@ impl LimitViolation {
     }
 }
 
-/// Angles this far beyond a limit are still taken as at it: printed programs are rounded.
+/// Angles that exceed a limit by less than this, rad, count as being at the limit, because printed programs are
+/// rounded.
 const LIMIT_SLACK: f64 = 1e-9;
 
 impl Robot {
@@ -55,6 +56,15 @@ impl Robot {
     }
 
     /// The worst limit violation at motor angles (rad), if any.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::robot::Builtin;
+    /// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// let far = robot.motor_from_axes_deg(&[200.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    /// let violation = robot.limit_violation(&far).expect("axis 1 is beyond its limit");
+    /// assert_eq!((violation.axis, violation.limit_deg), (0, 180.0));
+    /// ```
     #[must_use]
     pub fn limit_violation(&self, motor: &Joints) -> Option<LimitViolation> {
         let limits = &self.limits;
@@ -80,13 +90,13 @@ impl Robot {
             .max_by(|a, b| a.by_deg.total_cmp(&b.by_deg))
     }
 
-    /// Moves revolute axes by whole turns to come nearest to `near`, inside the limits where possible.
+    /// Moves axes by whole turns so that they come nearest to `near`, within the limits if possible.
     #[must_use]
     pub fn nearest_turns(&self, motor: &Joints, near: &Joints) -> Joints {
         use std::f64::consts::TAU;
         let mut out = *motor;
         for i in [0, 1, 2, 3, 4, 5] {
-            // Axis 2 is final before axis 3 is chosen.
+            // Axis 2 has its final value before axis 3 is chosen.
             let counted = if i == 2 { self.axes.counted_23() * out[1] } else { 0.0 };
             let (min, max) = (self.limits.min[i] - LIMIT_SLACK, self.limits.max[i] + LIMIT_SLACK);
             let elbow = self.limits.elbow.filter(|_| i == 2);
@@ -118,7 +128,7 @@ mod tests {
         let robot = BUILTIN.iter().find(|robot| robot.model == model).unwrap().robot();
         let motor = robot.motor_from_axes_deg(&axes_deg);
         let violation = robot.limit_violation(&motor);
-        // The margin is that of the same limit.
+        // The margin must be that of the same limit.
         let by_deg = violation.map_or(0.0, |violation| violation.by_deg);
         assert!((robot.limit_margin(&motor).min(0.0).to_degrees() + by_deg).abs() < 1e-9, "{violation:?}");
         violation.map_or_else(String::new, |violation| violation.to_string())

@@ -1,4 +1,4 @@
-//! Geometry of the arm: motor angles to poses and back. This module knows neither programs nor loads.
+//! Geometry of the arm: converts motor angles to poses, and back. This module does not know programs or loads.
 //!
 //! Modified Denavit-Hartenberg rows (Craig): `T_i = Rx(alpha) Tx(a) Rz(theta + joint) Tz(d)`,
 //! `base_from_flange = T_1 … T_6`. Lengths are metres, angles radians. All joint vectors are

@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 /// Standard gravity, m/s².
 const GRAVITY: f64 = 9.806_65;
 
-/// Gravity in the axes of a base, m/s², for a pose of the base in the world; it acts along world −z.
+/// Gravity in the frame of a base, m/s², for a pose of the base in the world. Gravity acts along world −z.
 pub(crate) fn gravity_at(world_from_base: &Pose) -> Vector3<f64> {
     world_from_base.rotation.inverse_transform_vector(&Vector3::new(0.0, 0.0, -GRAVITY))
 }
@@ -28,13 +28,13 @@ pub struct DhRow {
 pub struct Robot {
     /// Name for messages.
     pub model: String,
-    /// Geometry, base to flange.
+    /// The links from base to flange.
     pub links: Links,
     /// How the axes that the controller counts turn the joints of `links`.
     pub axes: Axes,
-    /// Axis limits, as the controller counts.
+    /// Axis limits as the controller counts them.
     pub limits: Limits,
-    /// Largest axis speeds, rad/s, where they are known.
+    /// Largest axis speeds, rad/s, if they are known.
     pub axis_speed: Option<Joints>,
     /// Pose of the base in the world, m; gravity acts along world −z.
     pub world_from_base: Pose,
@@ -42,39 +42,39 @@ pub struct Robot {
     closed_form: Option<ClosedForm>,
 }
 
-/// How the controller's axes turn the joints of the Denavit-Hartenberg rows. Offsets between the two zero positions
-/// stand in the rows' `theta`.
+/// How the controller's axes move the joints of the Denavit-Hartenberg rows. Differences between the two zero positions
+/// are part of `theta` in the rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Axes {
     /// +1, or −1 for an axis whose positive direction is the joint's negative one: joint = sign · motor.
     pub sign: [f64; 6],
     /// Motor 3 sets the angle of the forearm to link 1 instead of to link 2, through a parallelogram, and carries the torque between them.
     pub parallelogram: bool,
-    /// The controller counts axis 3 against the ground, though its motor sits on link 2 (FANUC): axis 3 stays the same
-    /// while axis 2 moves and the forearm keeps its direction.
+    /// The controller counts axis 3 against the ground, although its motor is on link 2 (FANUC): the angle of axis 3
+    /// stays the same while axis 2 moves and the forearm keeps its direction.
     pub coupled_23: bool,
 }
 
 impl Axes {
-    /// Each axis is its joint.
+    /// Each axis turns its own joint.
     pub const SERIAL: Self = Self { sign: [1.0; 6], parallelogram: false, coupled_23: false };
-    /// Motor 3 works through a parallelogram.
+    /// Motor 3 drives a parallelogram.
     pub const PARALLELOGRAM: Self = Self { parallelogram: true, ..Self::SERIAL };
 
-    /// How much of motor 2 is counted as axis 3.
+    /// Share of motor 2 that is counted in axis 3.
     pub(super) fn counted_23(&self) -> f64 {
         if self.coupled_23 { self.sign[1] * self.sign[2] } else { 0.0 }
     }
 
-    /// How much of motor 2 is counted in the angle of the forearm to the upper arm: a parallelogram's motor 3 turns the forearm
-    /// against the ground.
+    /// Share of motor 2 that is counted in the angle between forearm and upper arm. Motor 3 of a parallelogram turns
+    /// the forearm relative to the ground.
     pub(super) fn elbow_of_second(&self) -> f64 {
         if self.parallelogram { -1.0 } else { 0.0 }
     }
 }
 
 impl Robot {
-    /// A robot; finds out whether its geometry has an explicit inverse.
+    /// A robot. Determines whether its geometry has an explicit inverse.
     #[must_use]
     pub fn new(model: impl Into<String>, rows: [DhRow; 6], axes: Axes, limits: Limits) -> Self {
         let closed_form = ClosedForm::of(&rows);
@@ -89,32 +89,32 @@ impl Robot {
         }
     }
 
-    /// Gravity where the base stands, base axes, m/s².
+    /// Gravity in the frame of the robot's base, m/s².
     #[must_use]
     pub fn gravity(&self) -> Vector3<f64> {
         gravity_at(&self.world_from_base)
     }
 
-    /// The same robot standing elsewhere.
+    /// The same robot with its base at another pose in the world.
     #[must_use]
     pub fn standing_at(mut self, world_from_base: Pose) -> Self {
         self.world_from_base = world_from_base;
         self
     }
 
-    /// The same robot with its largest axis speeds, rad/s.
+    /// The same robot with these largest axis speeds, rad/s.
     #[must_use]
     pub fn as_fast_as(mut self, axis_speed: Option<Joints>) -> Self {
         self.axis_speed = axis_speed;
         self
     }
 
-    /// Explicit inverse, where the geometry has one (spherical wrist, parallel axes 2 and 3).
+    /// The explicit inverse, if the geometry has one (spherical wrist, parallel axes 2 and 3).
     pub(super) fn closed_form(&self) -> Option<&ClosedForm> {
         self.closed_form.as_ref()
     }
 
-    /// Whether the inverse is explicit. Otherwise it is Newton's method from a start.
+    /// Whether the inverse is explicit. Otherwise Newton's method computes it from a start.
     #[must_use]
     pub fn has_closed_form(&self) -> bool {
         self.closed_form.is_some()
@@ -132,8 +132,8 @@ impl Robot {
         self.motor(&(*serial).into()).into()
     }
 
-    /// Angles as the controller counts them, from motor angles, rad: other than these only where axis 3 is counted against
-    /// the ground.
+    /// Angles as the controller counts them, from motor angles, rad. They differ only if axis 3 is counted against the
+    /// ground.
     #[must_use]
     pub fn axes_from_motor(&self, motor: &Joints) -> Joints {
         let mut axes = *motor;
@@ -141,7 +141,7 @@ impl Robot {
         axes
     }
 
-    /// The same in degrees, as programs and files hold them.
+    /// The same angles in degrees, as in programs and files.
     #[must_use]
     pub fn axes_deg_from_motor(&self, motor: &Joints) -> [f64; 6] {
         self.axes_from_motor(motor).map(f64::to_degrees).into()

@@ -30,7 +30,7 @@ fn parts(name: &str) -> Vec<Part> {
     parts
 }
 
-/// Whether parts occur in a name one after another; the last word may be abbreviated.
+/// Whether parts occur in a name one after the other. The last word may be abbreviated.
 fn stand_in(wanted: &[Part], name: &[Part]) -> bool {
     let alike = |(i, (a, b)): (usize, (&Part, &Part))| match (a, b) {
         (Part::Letters(a), Part::Letters(b)) if i + 1 == wanted.len() => b.starts_with(&a[..]),
@@ -40,10 +40,19 @@ fn stand_in(wanted: &[Part], name: &[Part]) -> bool {
 }
 
 impl Builtin {
-    /// The robot of a name, whatever its case and what joins its words.
+    /// The robot of a name. Case, blanks and hyphens do not matter.
     ///
     /// # Errors
-    /// No robot has the name: the few that are nearest to it, best first.
+    /// No robot has this name. The error is a list of the few most similar names, the best first.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::robot::Builtin;
+    ///
+    /// let robot = Builtin::named("IRB 6660-205/1.9").expect("a built-in robot");
+    /// assert_eq!(robot.model, "irb6660-205-1.9");
+    /// assert!(Builtin::named("irb6660-205").is_err_and(|similar| !similar.is_empty()));
+    /// ```
     pub fn named(name: &str) -> Result<&'static Self, Vec<&'static Self>> {
         let wanted = parts(name);
         let exact = BUILTIN.iter().find(|robot| robot.model == name);
@@ -64,7 +73,16 @@ impl Builtin {
         })
     }
 
-    /// The robots of a maker, or those whose names hold `filter`; all for an empty one. By maker, then by name and number.
+    /// The robots of a maker, or those whose names contain `filter`; all robots if it is empty. They are sorted by
+    /// maker, name and number.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::robot::Builtin;
+    ///
+    /// assert!(Builtin::listed("KUKA").iter().all(|robot| robot.maker == "KUKA"));
+    /// assert!(Builtin::listed("").len() > 200);
+    /// ```
     #[must_use]
     pub fn listed(filter: &str) -> Vec<&'static Self> {
         let wanted = parts(filter);
@@ -100,7 +118,7 @@ impl Builtin {
     }
 }
 
-/// Parts of a name without what joins them.
+/// The text of parts, without the characters between them.
 fn parts_text(parts: &[Part]) -> String {
     let text = |part: &Part| match part {
         Part::Letters(letters) => letters.clone(),

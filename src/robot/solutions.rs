@@ -1,17 +1,27 @@
 use super::{Joints, Pose, Robot, Unreachable, polish};
 
-/// Starts of the search for all solutions of a chain without an explicit inverse: a UR arm's eight were found from 60 or
-/// fewer in every one of 2,000 random poses (`every_solution_of_a_chain_without_an_explicit_inverse_is_found`).
+/// Number of starts from which all solutions of a chain without an explicit inverse are searched. For a UR arm, the
+/// first 60 or fewer found all eight in each of 2,000 random poses
+/// (`every_solution_of_a_chain_without_an_explicit_inverse_is_found`).
 const STARTS: u32 = 240;
-/// Solutions closer than this in every joint are the same, rad.
+/// Solutions that differ by less than this in every joint are the same, rad.
 const SAME: f64 = 1e-6;
 
 impl Robot {
-    /// Motor angles (rad) of every way to reach a flange pose inside the axis limits, each axis turned as near to home as its
-    /// range allows: by the explicit inverse, else from spread starts.
+    /// Motor angles (rad) of every solution for a flange pose within the axis limits, with each axis turned as near to
+    /// home as its range allows. They come from the explicit inverse, or else from starts that are spread over all
+    /// angles.
     ///
     /// # Errors
-    /// The pose is out of reach, or beyond an axis limit in every way.
+    /// The pose is out of reach, or every solution exceeds an axis limit.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::robot::{Builtin, Joints};
+    /// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// let flange = robot.forward(&Joints::new(0.1, 0.2, 0.3, 0.4, 0.5, 0.6));
+    /// assert!(robot.inverse_all(&flange).expect("within reach").len() > 1);
+    /// ```
     pub fn inverse_all(&self, base_from_flange: &Pose) -> Result<Vec<Joints>, Unreachable> {
         let home = self.home();
         let reached: Vec<Joints> = if self.has_closed_form() {
@@ -47,7 +57,8 @@ impl Robot {
     }
 }
 
-/// Joint angles number `index` of a Halton sequence over whole turns, rad: spread evenly, the same every time.
+/// Joint angles number `index` of a Halton sequence over whole turns, rad. The sequence is evenly spread and always the
+/// same.
 fn spread(index: u32) -> Joints {
     const BASES: [u32; 6] = [2, 3, 5, 7, 11, 13];
     Joints::from_fn(|joint, _| {

@@ -2,7 +2,7 @@ use super::configuration::{branch_index, turned_to};
 use super::{Branch, Joints, Pose, Robot, Unreachable, conf_is};
 use crate::program::Conf;
 
-/// The motor angles at which a program starts, and how they were chosen.
+/// The motor angles at the first target of a program, and how they were chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Start {
     /// Motor angles, rad.
@@ -15,26 +15,27 @@ pub struct Start {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum StartedFrom {
-    /// A joint target (MoveAbsJ) before it.
+    /// By the joint target (MoveAbsJ) before it.
     JointTarget,
-    /// `[robot] start_deg`.
+    /// By `[robot] start_deg` of the cell.
     StartDeg,
-    /// confdata of the first target, which fits one of the branches.
+    /// By confdata of the first target, which fit one of the branches.
     Confdata,
-    /// The turn about the tool axis is free, and was chosen with its branch.
+    /// Together with the turn about the tool axis, which is free.
     FreeTurn,
-    /// Neither the program nor the cell names it: the branch nearest home ([`Robot::home_deg`]).
+    /// Neither the program nor the cell determines it: the branch nearest to home ([`Robot::home_deg`]).
     NearestHome,
 }
 
 impl Robot {
-    /// Motor angles (rad) at a program's first flange pose: nearest to `start`, else the branch that `conf` names,
-    /// else nearest home, inside the limits where any branch is.
+    /// Motor angles (rad) at the first flange pose of a program: the solution nearest to `start`, else in the branch
+    /// that `conf` names, else nearest to home. Solutions within the limits are preferred.
     ///
-    /// `conf` counts only where it fits the branch that its cfx names in all three quarter turns: posts write dummies.
+    /// `conf` counts only if all three quarter turns fit the branch that its cfx names, because post-processors often
+    /// write placeholders.
     ///
     /// # Errors
-    /// The pose is out of reach, or every branch is beyond a limit.
+    /// The pose is out of reach, or every branch exceeds a limit.
     pub fn start(
         &self,
         base_from_flange: &Pose,
@@ -54,8 +55,8 @@ impl Robot {
         Ok(Start { motor, how: StartedFrom::NearestHome })
     }
 
-    /// Motor angles (rad) of a joint move to a pose with a configuration: the branch that it names where it fits one,
-    /// else the nearest to `near`.
+    /// Motor angles (rad) of a joint motion to a pose with a configuration: those of the branch that it names, if it
+    /// fits one, else those nearest to `near`.
     ///
     /// # Errors
     /// The pose is out of reach, or beyond an axis limit.
@@ -66,7 +67,7 @@ impl Robot {
         }
     }
 
-    /// The branch that a configuration names, if its quarter turns fit it and it lies inside the limits.
+    /// The branch that a configuration names, if its quarter turns fit the branch and it is within the limits.
     fn branch_of_conf(&self, base_from_flange: &Pose, conf: Conf, near: &Joints) -> Option<Joints> {
         if let Conf::Near(angles) = conf {
             let near = self.motor_from_axes_deg(&angles.map(|angle| 1e-4 * f64::from(angle)));
@@ -75,7 +76,7 @@ impl Robot {
         let index = branch_index(self, conf).filter(|index| *index < Branch::ALL.len())?;
         let motor = self.inverse(base_from_flange, near).ok()?[index]?;
         let turned = turned_to(&motor, conf);
-        // Within a whole turn they must agree.
+        // Both are compared within a whole turn.
         let fits = conf_is(self, &turned, conf);
         (fits && self.limit_violation(&turned).is_none()).then_some(turned)
     }

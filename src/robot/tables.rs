@@ -1,16 +1,18 @@
-//! Tables of poses, on all threads: axis angles in degrees as the controller counts them, poses as matrices in millimetres.
+//! Converts tables of poses on all threads. Axis angles are in degrees as the controller counts them; poses are
+//! matrices in millimetres.
 
 use super::{Joints, Pose, Robot, Unreachable};
 use nalgebra::{Matrix3, Matrix6, Rotation3, Translation3, Vector3, Vector6};
 use rayon::prelude::*;
 
-/// A pose as tables hold it: homogeneous, row by row, the position in mm.
+/// A pose in a table: a homogeneous matrix, row by row, with the position in mm.
 pub type PoseMatrix = [[f64; 4]; 4];
 
-/// Rows that a thread takes at a time: some tenths of a millisecond.
+/// Smallest number of rows that a thread takes at a time: some tenths of a millisecond of work.
 const AT_LEAST: usize = 1024;
 
-/// A rotation matrix that came through single precision is off by less (1e-7 an element); a scaled or mirrored one by more.
+/// Largest error of the elements of a rotation matrix. A matrix that was stored in single precision has smaller errors
+/// (1e-7), a scaled or mirrored one larger.
 const ROTATION: f64 = 1e-5;
 
 /// A pose as a matrix.
@@ -21,7 +23,16 @@ pub fn pose_matrix(pose: &Pose) -> PoseMatrix {
     [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
 }
 
-/// The pose of a matrix; `None` where it is none: no rotation, not finite, or with another last row.
+/// The pose of a matrix; `None` if the matrix is not a rigid motion, not finite, or has another last row.
+///
+/// # Examples
+/// ```
+/// use deflex::robot::{Pose, pose_matrix, pose_of_matrix};
+///
+/// let matrix = pose_matrix(&Pose::translation(0.0, 0.0, 0.31)); // m
+/// assert_eq!(matrix[2][3], 310.0); // mm
+/// assert_eq!(pose_of_matrix(&matrix), Some(Pose::translation(0.0, 0.0, 0.31)));
+/// ```
 #[must_use]
 pub fn pose_of_matrix(matrix: &PoseMatrix) -> Option<Pose> {
     let rotation = Matrix3::from_fn(|i, j| matrix[i][j]);
@@ -34,15 +45,25 @@ pub fn pose_of_matrix(matrix: &PoseMatrix) -> Option<Pose> {
 }
 
 impl Robot {
-    /// Poses in the base of a frame fixed to the flange, at many axis angles (degrees).
+    /// Poses, in the robot base, of a frame that is fixed to the flange, for many axis angles (degrees).
     #[must_use]
     pub fn forward_table(&self, axes_deg: &[[f64; 6]], flange_from_tcp: &Pose) -> Vec<PoseMatrix> {
         let tcp = |deg: &[f64; 6]| pose_matrix(&(self.forward(&self.motor_from_axes_deg(deg)) * flange_from_tcp));
         axes_deg.par_iter().with_min_len(AT_LEAST).map(tcp).collect()
     }
 
-    /// Axis angles (degrees) that reach poses of that frame in the base, each the nearest to its own of `near_deg`: see
-    /// [`Robot::inverse_near`].
+    /// Axis angles (degrees) that reach poses of that frame in the robot base. Each solution is the nearest to the
+    /// angles of the same row in `near_deg`: see [`Robot::inverse_near`].
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::robot::{Builtin, Pose, pose_of_matrix};
+    /// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// let (axes_deg, tool) = ([[10.0, 20.0, 15.0, 30.0, 40.0, -60.0]], Pose::translation(0.0, 0.0, 0.31));
+    /// let poses: Vec<Pose> = robot.forward_table(&axes_deg, &tool).iter().filter_map(pose_of_matrix).collect();
+    /// let found = robot.inverse_table(&poses, &tool, &axes_deg);
+    /// assert!((found[0].expect("within reach")[5] + 60.0).abs() < 1e-6);
+    /// ```
     #[must_use]
     pub fn inverse_table(
         &self,
@@ -58,7 +79,8 @@ impl Robot {
         base_from_tcp.par_iter().zip(near_deg).with_min_len(AT_LEAST).map(reach).collect()
     }
 
-    /// The same along a path: each the nearest to the one before, the first to `start_deg`; what is not reached is passed over.
+    /// Axis angles along a path: each solution is the nearest to the one before, the first to `start_deg`. Poses that
+    /// are not reached are skipped.
     #[must_use]
     pub fn inverse_path(
         &self,
@@ -74,17 +96,26 @@ impl Robot {
         base_from_tcp.iter().map(reach).collect()
     }
 
-    /// Jacobians of that frame's origin, row by row: (vx, vy, vz) in mm/rad and (wx, wy, wz) in rad/rad, base axes, with
-    /// respect to the motor angles.
+    /// Jacobians of that frame's origin, row by row: (vx, vy, vz) in mm/rad and (wx, wy, wz) in rad/rad, base axes,
+    /// with respect to the motor angles.
     #[must_use]
     pub fn jacobian_table(&self, axes_deg: &[[f64; 6]], flange_from_tcp: &Pose) -> Vec<[[f64; 6]; 6]> {
         let jacobian = |deg: &[f64; 6]| rows(&self.jacobian_mm(deg, flange_from_tcp));
         axes_deg.par_iter().with_min_len(AT_LEAST).map(jacobian).collect()
     }
 
-    /// Stiffness of that frame against what acts at its origin, J⁻ᵀ K J⁻¹ (Salisbury 1980) row by row: force (N) and moment
-    /// (N·mm) for a displacement (mm) and a turn (rad), base axes; NaN where the arm is singular. `stiffness` is that of the
-    /// joints at the motors, N·m/rad.
+    /// Stiffness of that frame for loads at its origin, J⁻ᵀ K J⁻¹ (Salisbury 1980), row by row: force (N) and moment
+    /// (N·mm) for a displacement (mm) and a turn (rad), base axes. NaN if the arm is singular. `stiffness` is that of
+    /// the joints at the motors, N·m/rad.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::robot::{Builtin, Joints, Pose};
+    /// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// let springs = Joints::new(8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4); // N·m/rad
+    /// let stiffness = robot.stiffness_table(&[[0.0, 20.0, 15.0, 0.0, 40.0, 0.0]], &Pose::identity(), &springs);
+    /// assert!(stiffness[0][2][2] > 100.0); // N/mm along z of the base
+    /// ```
     #[must_use]
     pub fn stiffness_table(
         &self,
@@ -117,7 +148,7 @@ mod tests {
     use super::*;
     use crate::robot::BUILTIN;
 
-    /// Elbow and wrist bent: straight, an arm is at the end of its reach.
+    /// Elbow and wrist are bent, because a straight arm is at the end of its reach.
     const POSTURES: [[f64; 6]; 3] = [
         [0.0, 10.0, 40.0, 10.0, 30.0, 0.0],
         [10.0, 20.0, -35.0, 30.0, 40.0, -50.0],
@@ -125,7 +156,7 @@ mod tests {
     ];
 
     #[test]
-    fn what_is_reached_is_what_was_asked() {
+    fn a_solution_reaches_its_pose() {
         let tcp = Pose::from_parts(Translation3::new(0.01, -0.02, 0.3), Rotation3::from_euler_angles(0.2, 0.1, -0.4));
         for builtin in BUILTIN.iter() {
             let robot = builtin.robot();
@@ -154,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_pose_is_none() {
+    fn a_matrix_that_is_not_a_pose_has_none() {
         let mut matrix = pose_matrix(&Pose::identity());
         assert!(pose_of_matrix(&matrix).is_some());
         matrix[0][0] = -1.0;

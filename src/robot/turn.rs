@@ -1,4 +1,4 @@
-//! Rotation vectors from one orientation to another, for one pair or for eight.
+//! Computes rotation vectors from one orientation to another, for one pair or for eight.
 
 use crate::lanes::{Frame, Real, Vector};
 use nalgebra::{Rotation3, Vector3};
@@ -9,7 +9,8 @@ const SMALL: f64 = 0.01;
 /// Coefficients of the series of arcsin(x)/x in powers of x², after the first.
 const ARC_SINE: [f64; 3] = [1.0 / 6.0, 3.0 / 40.0, 15.0 / 336.0];
 
-/// Rotation vector that turns one orientation into another, in the axes that both are given in, exact for small angles too, rad.
+/// Rotation vector that turns one orientation into another, in the frame in which both are given, rad. It is exact for
+/// small angles too.
 #[must_use]
 pub(crate) fn turn_between(from: &Rotation3<f64>, to: &Rotation3<f64>) -> Vector3<f64> {
     let axes = |rotation: &Rotation3<f64>| {
@@ -21,17 +22,17 @@ pub(crate) fn turn_between(from: &Rotation3<f64>, to: &Rotation3<f64>) -> Vector
     if small {
         return turn.lane(0);
     }
-    // Through the quaternion: the matrix form's acos gives NaN or loses half the digits near identity.
+    // Through the quaternion: `acos` of the matrix gives NaN or loses half of the digits near the identity.
     nalgebra::UnitQuaternion::from_rotation_matrix(&(to * from.inverse())).scaled_axis()
 }
 
 /// [`turn_between`] for small turns, and the lanes in which they are small.
 #[inline(always)]
 pub(crate) fn turns_between<R: Real>(from: &Frame<R>, to: &Frame<R>) -> (Vector<R>, R::Mask) {
-    // The axis times the sine: most rotations are those by which an arm yields, some 1e-4 rad.
+    // The axis times the sine of the angle. Most rotations are the deflection of an arm, about 1e-4 rad.
     let turn = (from.x.cross(to.x) + from.y.cross(to.y) + from.z.cross(to.z)) * R::of(0.5);
     let square = turn.dot(turn);
-    // Less than a right angle apart: the trace of the rotation between them is positive.
+    // The angle is less than a right angle if the trace of the rotation is positive.
     let trace = from.x.dot(to.x) + from.y.dot(to.y) + from.z.dot(to.z);
     let small = square.lt(SMALL * SMALL) & R::ZERO.lt(trace);
     let [one, two, three] = ARC_SINE;

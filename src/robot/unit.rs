@@ -5,7 +5,8 @@
 //! world_from_unit(e) = world_from_on(e) · Trans(direction · e) · Frame(base)  linear
 //! world_from_base(e) = world_from_unit(e) · world_from_unit(0)⁻¹ · [robot] base
 //! ```
-//! with e of the unit's own axis, and the last for the unit that carries the robot: Trans(direction · e) · base on a track.
+//! where e is the position of the unit's own axis. The last line holds for the unit that carries the robot; for a track
+//! it is Trans(direction · e) · base.
 
 use super::{AxisName, EXTERNAL_AXES, External, Pose};
 use nalgebra::{Rotation3, Translation3, Vector3};
@@ -13,7 +14,7 @@ use nalgebra::{Rotation3, Translation3, Vector3};
 /// How a unit moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum UnitKind {
-    /// Along a unit vector, in the axes of what it stands on.
+    /// Along a unit vector, in the frame of the unit or the world on which it stands.
     Linear(Vector3<f64>),
     /// About z of its own frame.
     Rotary,
@@ -35,28 +36,29 @@ pub struct Unit {
     pub name: String,
     /// The axis that moves it.
     pub named: AxisName,
-    /// Where its position stands in an [`External`]: that of an external axis at its own index, others where there is room.
+    /// Index of its position in an [`External`]: for external axes their own index, for motion groups an index that is
+    /// free.
     pub axis: usize,
     /// How it moves.
     pub kind: UnitKind,
     /// What it moves.
     pub carries: Carries,
-    /// Its frame at zero, in the world or in the moved frame of the unit that it stands on, m.
+    /// Its frame at position zero, in the world or in the moved frame of the unit on which it stands, m.
     pub frame: Pose,
-    /// Index of the unit that it stands on.
+    /// Index of the unit on which it stands; `None` for a unit on the floor.
     pub on: Option<usize>,
     /// Smallest position, mm or degrees.
     pub min: f64,
     /// Largest position, mm or degrees.
     pub max: f64,
-    /// Largest speed, mm/s or degrees/s, where it is known.
+    /// Largest speed, mm/s or degrees/s, if it is known.
     pub max_speed: Option<f64>,
     /// Whether its position may be chosen together with the turn about the tool axis.
     pub free: bool,
 }
 
 impl Unit {
-    /// Its frame, in what it stands on, at a position of its axis (mm or degrees).
+    /// Its frame relative to the unit on which it stands, at a position of its axis (mm or degrees).
     fn at(&self, position: f64) -> Pose {
         match self.kind {
             UnitKind::Linear(direction) => Translation3::from(direction * (1e-3 * position)) * self.frame,
@@ -69,18 +71,18 @@ impl Unit {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Units {
     all: Vec<Unit>,
-    /// The one that the robot stands on.
+    /// The unit on which the robot stands.
     robot: Option<usize>,
     /// Axes that carry neither robot nor part: servo guns, grippers, other arms.
     idle: Vec<AxisName>,
 }
 
 impl Units {
-    /// Units, of which each stands on none or on another.
+    /// The units of a cell, each of which stands on the floor or on another unit.
     ///
     /// # Errors
-    /// Index of a unit and what is wrong with it: units that stand on each other in a circle, two chains under one robot, a
-    /// robot that stands on the part.
+    /// The index of a unit and what is wrong with it: units stand on each other in a circle, the robot stands on two
+    /// chains of units, or the robot stands on the part.
     pub fn new(all: Vec<Unit>) -> Result<Self, (usize, String)> {
         for (i, unit) in all.iter().enumerate() {
             let mut below = Some(i);
@@ -112,37 +114,37 @@ impl Units {
         Ok(Self { all, robot: first, idle: Vec::new() })
     }
 
-    /// With axes that carry neither robot nor part.
+    /// Adds axes that carry neither the robot nor the part.
     #[must_use]
     pub fn and_idle(self, idle: Vec<AxisName>) -> Self {
         Self { idle, ..self }
     }
 
-    /// Whether it is known what an axis moves.
+    /// Whether the cell states what an axis moves.
     #[must_use]
     pub fn knows(&self, axis: AxisName) -> bool {
         self.all.iter().any(|unit| unit.named == axis) || self.idle.iter().any(|idle| idle.covers(axis))
     }
 
-    /// In the order of the cell file.
+    /// All units, in the order of the cell file.
     #[must_use]
     pub fn all(&self) -> &[Unit] {
         &self.all
     }
 
-    /// The unit that the robot stands on.
+    /// Index of the unit on which the robot stands.
     #[must_use]
     pub fn under_robot(&self) -> Option<usize> {
         self.robot
     }
 
-    /// A unit by its name, whatever the case.
+    /// Index of the unit with a name, in any case.
     #[must_use]
     pub fn named(&self, name: &str) -> Option<usize> {
         self.all.iter().position(|unit| unit.name.eq_ignore_ascii_case(name))
     }
 
-    /// A unit, the one that it stands on, and so on.
+    /// The unit, the unit on which it stands, and so on.
     pub fn chain(&self, unit: Option<usize>) -> impl Iterator<Item = usize> + '_ {
         std::iter::successors(unit, |at| self.all[*at].on)
     }
@@ -156,14 +158,14 @@ impl Units {
         })
     }
 
-    /// A unit's frame at zero, in the world, as what it stands on is now, m.
+    /// Frame of a unit at position zero, in the world, for the present positions of the units on which it stands, m.
     #[must_use]
     pub fn world_from_frame(&self, unit: usize, external: &External) -> Pose {
         let below = self.all[unit].on.map_or_else(Pose::identity, |on| self.world_from_unit(on, external));
         below * self.all[unit].frame
     }
 
-    /// Pose in the world of a base that is at `world_from_base` when all units are at zero, m.
+    /// Pose of the robot base in the world, m. `world_from_base` is its pose when all units are at zero.
     #[must_use]
     pub fn world_from_base(&self, world_from_base: &Pose, external: &External) -> Pose {
         match self.robot {

@@ -81,6 +81,17 @@ impl ClosedMesh {
     ///
     /// # Errors
     /// The triangles do not form a closed surface.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::nalgebra::Vector3;
+    /// use deflex::stock::ClosedMesh;
+    ///
+    /// let [o, x, y, z] = [Vector3::zeros(), Vector3::x(), Vector3::y(), Vector3::z()];
+    /// let mesh = ClosedMesh::new(&[[o, y, x], [o, x, z], [o, z, y], [x, y, z]]).expect("a tetrahedron");
+    /// assert!((mesh.volume() - 1.0 / 6.0).abs() < 1e-12);
+    /// assert!(ClosedMesh::new(&[[o, y, x]]).is_err()); // open
+    /// ```
     pub fn new(triangles: &[[Vector3<f64>; 3]]) -> Result<Self, OpenMesh> {
         if triangles.iter().flatten().any(|corner| !corner.iter().all(|v| v.is_finite())) {
             return Err(OpenMesh::NotFinite);
@@ -310,8 +321,8 @@ impl ClosedMesh {
             let (from, to) = (self.points[from as usize], self.points[to as usize]);
             let side = (to.x - from.x) * (y - from.y) - (to.y - from.y) * (x - from.x);
             // On the edge: as if the point were a little farther in x, and far less in y.
-            let beside = [side, from.y - to.y, to.x - from.x];
-            sign * beside
+            let nudged = [side, from.y - to.y, to.x - from.x];
+            sign * nudged
                 .into_iter()
                 .find(|side| *side != 0.0)
                 .map_or(0.0, |first| if side == 0.0 { first * TINY } else { first })

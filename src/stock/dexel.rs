@@ -37,6 +37,15 @@ impl Stock {
     }
 
     /// A blank that nothing has cut, with lines at a spacing (m): no more than [`STOCK_LINES`](crate::limits::STOCK_LINES).
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::nalgebra::Vector3;
+    /// use deflex::stock::{Blank, Stock};
+    ///
+    /// let block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
+    /// assert!((block.volume() - 5e-4).abs() < 1e-5); // m³
+    /// ```
     #[must_use]
     pub fn new(blank: Blank, spacing: f64) -> Self {
         let lattice = Lattice::new(blank, spacing);
@@ -176,6 +185,18 @@ impl Stock {
     }
 
     /// Removes what a cutter meets on its straight motion between two poses, and what was deferred before. Returns the volume, m³.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::nalgebra::Vector3;
+    /// use deflex::stock::{Blank, Solid, Stock, ToolPose};
+    ///
+    /// let mut block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
+    /// let at = |x: f64| ToolPose { tip: Vector3::new(x, 0.05, 0.048), axis: Vector3::z_axis() };
+    /// // A flat end mill of 10 mm, 2 mm deep, across the block.
+    /// let removed = block.remove(Solid { radius: 5e-3, corner: 0.0 }, &at(-0.02), &at(0.12));
+    /// assert!((removed - 0.1 * 0.01 * 0.002).abs() < 1e-7); // m³
+    /// ```
     pub fn remove(&mut self, solid: Solid, start: &ToolPose, end: &ToolPose) -> f64 {
         self.defer(solid, start, end);
         self.settle().pop().unwrap_or(0.0)

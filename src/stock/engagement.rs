@@ -36,6 +36,20 @@ impl Front {
     /// The engaged part of a cutter at a pose. `displacement` (m) is that of the motion to the pose; its direction is the feed.
     ///
     /// Call this before that motion is removed: on a straight motion no point of the front has been at the pose before.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::cutting::{Cutter, materials};
+    /// use deflex::nalgebra::Vector3;
+    /// use deflex::stock::{Blank, Front, Stock, ToolPose};
+    ///
+    /// let block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
+    /// let cutter = Cutter { diameter: 0.01, corner_radius: 1e-3, teeth: 2, helix: 0.0 };
+    /// let front = Front::new(&cutter, &materials::find("al7075").expect("a material").coefficients);
+    /// let pose = ToolPose { tip: Vector3::new(0.05, 0.05, 0.048), axis: Vector3::z_axis() };
+    /// let engaged = front.engaged(&block, &pose, &Vector3::new(1e-3, 0.0, 0.0)); // feed along x
+    /// assert!((engaged.depth - 0.002).abs() < 1e-4); // m
+    /// ```
     #[must_use]
     pub fn engaged(&self, stock: &Stock, pose: &ToolPose, displacement: &Vector3<f64>) -> Engaged {
         self.engaged_at(stock, &stock.now(), pose, displacement)

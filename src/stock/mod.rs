@@ -1,10 +1,11 @@
 //! The stock: the material that each motion of a cutter removes, and the part of the cutter's front that is in material.
 //!
-//! The stock consists of **dexels that know who cut them**: parallel lines through the blank with their intervals of material, and at
-//! each end of an interval the sweep that made it. Nothing is interpolated between the lines: the exact distances of the sweeps that
-//! own the nearby ends decide whether a point is in material. Walls, corners and cusps therefore lie where the cutter left them,
-//! at any spacing of the lines, and one set of lines is enough where a tri-dexel needs three. The spacing limits only what fits
-//! between lines unseen: a sliver thinner than the spacing whose owner no line has met.
+//! The stock consists of **dexels with owners**: parallel lines through the blank with their intervals of material, and
+//! for each end of an interval the sweep that made it. Nothing is interpolated between the lines: the exact distances
+//! of the sweeps that own the nearby ends decide whether a point is in material. Walls, corners and cusps therefore lie
+//! where the cutter left them, at any spacing of the lines, and one set of lines is enough where a tri-dexel needs
+//! three. The spacing only limits what can be missed between lines: a sliver thinner than the spacing whose owner no
+//! line has met.
 //!
 //! The lines are parallel to z of the stock's frame, on a square lattice that is turned about z by an angle with a golden tangent.
 //! Walls along x, y and the diagonals are therefore never in step with it, so that volumes do not alias.

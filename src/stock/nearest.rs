@@ -41,14 +41,14 @@ impl Stock {
 
     /// Distance of a point in the material from everything that has been swept, and from the surface of the blank; at most `most`, m.
     fn to_void(&self, point: &Vector3<f64>, most: f64) -> f64 {
-        let (mut least, mut asked, now) = (most, HashSet::from([BLANK]), self.now());
+        let (mut least, mut measured, now) = (most, HashSet::from([BLANK]), self.now());
         self.about_by_shells(point, |reach, lines| {
             if reach > least {
                 return false;
             }
             for line in lines.iter().filter_map(|[i, j]| self.line(*i, *j)) {
                 let ends = line.spans.iter().flat_map(|span| [span.high_by, span.low_by]);
-                for by in ends.chain([line.near_by]).filter(|by| asked.insert(*by)) {
+                for by in ends.chain([line.near_by]).filter(|by| measured.insert(*by)) {
                     least = least.min(self.depth_of(&now, by, point));
                 }
             }

@@ -34,9 +34,9 @@ impl Levels {
 
     /// The highest value in the cell of a paraboloid through the corners and the middle.
     ///
-    /// These values do not distinguish its bend across from its bend along. If that matters, `ask` is called with the middle of the highest
-    /// edge, in coordinates of the unit square.
-    pub(super) fn highest_between(&self, ask: impl Fn([f64; 2]) -> f64) -> f64 {
+    /// These values do not distinguish its bend across from its bend along. If that matters, `level_at` is called with
+    /// the middle of the highest edge, in coordinates of the unit square.
+    pub(super) fn highest_between(&self, level_at: impl Fn([f64; 2]) -> f64) -> f64 {
         let [a, b, c, d] = self.corners;
         let (both, highest) = (4.0 * self.bulge(), self.highest());
         let rise = |slope: f64, bend: f64| {
@@ -57,7 +57,7 @@ impl Levels {
         ];
         let (place, ends, across) =
             edges.into_iter().fold(edges[0], |best, edge| if edge.1 > best.1 { edge } else { best });
-        let on_edge = ask(place);
+        let on_edge = level_at(place);
         let bend = 4.0 * on_edge - 2.0 * ends;
         on_edge.max(top(if across { [bend, both - bend] } else { [both - bend, bend] }))
     }

@@ -43,7 +43,7 @@ impl Solid {
     }
 }
 
-/// `hypot` without a guard against overflow, which lengths of machines do not need.
+/// `hypot` without a guard against overflow, which the lengths in a machine cannot cause.
 pub(super) trait HypotFast {
     fn hypot_fast(self, other: f64) -> f64;
 }

@@ -37,10 +37,18 @@ pub enum StlError {
 ///
 /// # Errors
 /// The file is not STL, or is cut off.
+///
+/// # Examples
+/// ```
+/// use deflex::stock::read_stl;
+///
+/// let text = b"solid s\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 10 0 0\nvertex 0 10 0\nendloop\nendfacet\nendsolid s\n";
+/// assert_eq!(read_stl(text).expect("text form")[0][1].x, 0.01); // m
+/// ```
 pub fn read_stl(bytes: &[u8]) -> Result<Vec<[Vector3<f64>; 3]>, StlError> {
-    // Binary files may begin with `solid` too: the length decides.
-    let said = bytes.get(HEADER..HEADER + 4).and_then(|said| <[u8; 4]>::try_from(said).ok());
-    let triangles = said.map(|said| u32::from_le_bytes(said) as usize);
+    // Binary files may begin with `solid` too, so the length decides.
+    let stated = bytes.get(HEADER..HEADER + 4).and_then(|stated| <[u8; 4]>::try_from(stated).ok());
+    let triangles = stated.map(|stated| u32::from_le_bytes(stated) as usize);
     let expected = triangles.map(|triangles| HEADER + 4 + TRIANGLE * triangles);
     if expected == Some(bytes.len()) {
         return Ok(binary(&bytes[HEADER + 4..]));

@@ -1,43 +1,51 @@
 use super::{Source, Span, printable_line};
 use std::fmt;
 
-/// How bad it is.
+/// Severity of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Severity {
-    /// Said, and the run goes on.
+    /// Information; the run continues.
     Note,
-    /// Suspicious, and the run goes on.
+    /// Something that is probably wrong; the run continues.
     Warning,
-    /// Nothing is written.
+    /// An error; nothing is written.
     Error,
 }
 
-/// One message about one place: what is wrong, what was expected, what to do.
+/// A message about one place: what is wrong, what was expected, and what to do.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Diagnostic {
     /// Stable short name, e.g. `rapid.unclosed-bracket`, for scripts and tests.
     pub code: &'static str,
-    /// How bad it is.
+    /// Severity of the message.
     pub severity: Severity,
     /// What is wrong and what was expected, one sentence.
     pub message: String,
     /// What to do.
     pub help: Option<String>,
-    /// File, as the user typed it; empty where no file is concerned.
+    /// File, as the user typed it; empty if the message is not about a file.
     pub file: String,
-    /// Line and column from 1; 0 where the whole file is meant.
+    /// Line, from 1; 0 if the message is about the whole file.
     pub line: usize,
     /// Column in characters, from 1.
     pub column: usize,
-    /// The source line, for the caret, and the bytes marked in it (byte range into `snippet`).
+    /// The line of the file with the place, and the range of bytes in it to mark.
     pub snippet: Option<(String, std::ops::Range<usize>)>,
-    /// The numbers in the message under their names, for scripts.
+    /// The numbers in the message with their names, for scripts.
     pub figures: Vec<(&'static str, f64)>,
 }
 
 impl Diagnostic {
-    /// An error about a whole file (or none, with an empty name).
+    /// An error about a whole file, or about none if `file` is empty.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::text::Diagnostic;
+    ///
+    /// let error = Diagnostic::error("cell.value", "cell.toml", "mass_kg is -3").help("give a mass above 0");
+    /// assert_eq!(error.to_string(), "cell.toml: error: mass_kg is -3 [cell.value]");
+    /// ```
     #[must_use]
     pub fn error(code: &'static str, file: &str, message: impl Into<String>) -> Self {
         Self {
@@ -53,14 +61,15 @@ impl Diagnostic {
         }
     }
 
-    /// The same, at a place.
+    /// Adds a place in a source.
     #[must_use]
     pub fn at(self, source: &Source, span: Span) -> Self {
         let place = source.line_column(span.start as usize);
         self.on_line(source, span, u32::try_from(place.line).unwrap_or(u32::MAX))
     }
 
-    /// The same, at a place whose line is known: a program with a message a target is not counted through for each.
+    /// Adds a place whose line is known. Counting lines takes time: a program with a message for each target would be
+    /// counted through for each.
     #[must_use]
     pub fn on_line(mut self, source: &Source, span: Span, line: u32) -> Self {
         self.file.clone_from(&source.name);
@@ -70,14 +79,14 @@ impl Diagnostic {
         self
     }
 
-    /// The same message with what to do.
+    /// Adds what to do.
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(readable(help.into()));
         self
     }
 
-    /// The same, as something milder or worse.
+    /// Sets the severity.
     #[must_use]
     pub fn severity(mut self, severity: Severity) -> Self {
         self.severity = severity;
@@ -85,10 +94,10 @@ impl Diagnostic {
     }
 }
 
-/// A message that quotes a word of an input is no longer than this, bytes: as long as a page.
+/// Largest length of a message, bytes, about a page: words of an input that it quotes can be long.
 const LONGEST: usize = 4000;
 
-/// A text without its middle if it is too long to be read.
+/// A text that is shortened in the middle if it is too long to read.
 fn readable(text: String) -> String {
     if text.len() <= LONGEST {
         return text;
@@ -99,7 +108,8 @@ fn readable(text: String) -> String {
     format!("{} … ({} bytes left out) … {}", &text[..head], tail - head, &text[tail..])
 }
 
-/// One line: `file:line:column: error: message [code]`, without control characters. The CLI renders the snippet with it.
+/// One line, `file:line:column: error: message [code]`, without control characters. The command line shows the snippet
+/// in addition.
 impl fmt::Display for Diagnostic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if !self.file.is_empty() {
@@ -120,14 +130,14 @@ impl fmt::Display for Diagnostic {
 
 impl std::error::Error for Diagnostic {}
 
-/// One message where many may stand, so that `?` passes it on.
+/// A single message as a list, so that `?` converts it.
 impl From<Diagnostic> for Vec<Diagnostic> {
     fn from(diagnostic: Diagnostic) -> Self {
         vec![diagnostic]
     }
 }
 
-/// The line around a span, cut to a readable length, and the marked bytes within it.
+/// The line around a span, shortened to a readable length, and the range of the span in it.
 fn snippet(source: &Source, span: Span) -> (String, std::ops::Range<usize>) {
     const AROUND: usize = 4000; // longer lines are no text for people
     let bytes = &source.bytes;

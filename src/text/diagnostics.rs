@@ -7,8 +7,8 @@ use std::io;
 use std::ops::Deref;
 use std::path::Path;
 
-/// Everything that is wrong with an input, as an error: what functions here return as a list of messages, `?` turns into one of
-/// these, and what reading a file returns too.
+/// All errors of an input as one error. `?` converts the lists of messages that functions of this library return, and
+/// the errors of reading a file, into this type.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Diagnostics(Vec<Diagnostic>);
 
@@ -20,7 +20,7 @@ impl Deref for Diagnostics {
     }
 }
 
-/// One line a message.
+/// One line for each message.
 impl fmt::Display for Diagnostics {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (i, diagnostic) in self.0.iter().enumerate() {
@@ -67,7 +67,7 @@ impl IntoIterator for Diagnostics {
     }
 }
 
-/// That the file `name` cannot be read, and why.
+/// The error that a file cannot be read, with the reason.
 pub(crate) fn cannot_read(name: &str, error: &io::Error) -> Vec<Diagnostic> {
     let folder = Path::new(name).is_dir();
     let help = if folder { "give the files in it, for example FOLDER/*.mod" } else { "check the path" };

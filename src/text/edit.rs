@@ -3,31 +3,46 @@ use smallvec::SmallVec;
 use std::io::{self, Write};
 use std::ops::Range;
 
-/// A token's text: a number has room in place.
+/// The text of a token, which is stored in place if it is a number.
 pub(crate) type Token = SmallVec<[u8; 24]>;
 
-/// What stands instead of a span: a pose has room in place.
+/// The replacement of a span, which is stored in place if it is a pose.
 pub(crate) type Content = SmallVec<[u8; 96]>;
 
 /// Replacement of one span by other bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Edit {
-    /// What is replaced; empty to insert.
+    /// The bytes that are replaced; empty for an insertion.
     pub span: Span,
     pub(crate) content: Content,
 }
 
-/// Writes `bytes` with `edits` applied, in one pass front to back; all else byte for byte.
+/// Writes `bytes` with the edits applied, in one pass. All other bytes are copied.
 ///
-/// `edits` must be sorted by start and disjoint: a caller's invariant, checked in debug builds.
+/// `edits` must be sorted by start and disjoint; debug builds check this.
 ///
 /// # Errors
-/// What `out` reports.
+/// Every error of writing to `out`.
+///
+/// # Examples
+/// ```
+/// use deflex::program::{Change, Goal, RewriteOptions, rapid};
+/// use deflex::text::{Source, apply};
+///
+/// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// let mut changes = vec![None; program.targets.len()];
+/// changes[0] = Some(Change { position_mm: [0.0, 0.0, 0.1], quat: None, conf: None, external: None });
+/// let edits = &program.rewrite(&changes, &[], &RewriteOptions::default()).edits[0];
+/// let mut text = Vec::new();
+/// apply(&program.sources[0].bytes, edits, &mut text)?;
+/// assert!(String::from_utf8_lossy(&text).contains("[[0.0000,0.0000,0.1000],"));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn apply(bytes: &[u8], edits: &[Edit], out: &mut impl Write) -> io::Result<()> {
     apply_within(bytes, 0..bytes.len(), edits, out)
 }
 
-/// The same as bytes.
+/// The bytes with the edits applied.
 #[must_use]
 pub(crate) fn applied(bytes: &[u8], edits: &[Edit]) -> Vec<u8> {
     let mut out = Vec::with_capacity(bytes.len());
@@ -36,7 +51,7 @@ pub(crate) fn applied(bytes: &[u8], edits: &[Edit]) -> Vec<u8> {
     out
 }
 
-/// Writes a stretch of `bytes` with `edits`, all of them within it, as [`apply`] does.
+/// Writes a range of `bytes` with the edits within it, as [`apply`] does.
 pub(crate) fn apply_within(
     bytes: &[u8],
     stretch: Range<usize>,

@@ -1,6 +1,6 @@
 use super::Source;
 
-/// Where each line of a source begins: offset to line in logarithmic time.
+/// The start of each line of a source, to find the line of an offset in logarithmic time.
 #[derive(Clone, Debug)]
 pub(crate) struct LineIndex {
     starts: Vec<u32>,
@@ -8,7 +8,7 @@ pub(crate) struct LineIndex {
 }
 
 impl LineIndex {
-    /// Reads the source once; CR LF, LF, CR CR LF and lone CR end lines, as in [`Source::line_column`].
+    /// Reads the source once. CR LF, LF, CR CR LF and a single CR end a line, as in [`Source::line_column`].
     #[must_use]
     pub(crate) fn new(source: &Source) -> Self {
         let bytes = &source.bytes;

@@ -1,4 +1,4 @@
-//! Bytes and positions: sources, spans, edits, number tokens, diagnostics.
+//! Bytes and positions: sources, spans, edits, tokens of numbers, and diagnostics.
 
 mod diagnostic;
 mod diagnostics;

@@ -1,17 +1,24 @@
-/// A shorter beginning names nothing.
+/// A prefix must have at least this number of letters.
 const BEGINNING: usize = 2;
-/// Nor does a shorter part from further in.
+/// A part of a word that is not its prefix must have at least this number of letters.
 const PART: usize = 4;
 
-/// The known word nearest to a mistyped one, if any is near: it begins with it or holds it, or about a third of the letters
-/// differ. Case, blanks and what joins words do not count.
+/// The known word most similar to a mistyped one, if any is similar: it begins with the mistyped word or contains it,
+/// or about a third of the letters differ. Case, blanks and separators do not count.
+///
+/// # Examples
+/// ```
+/// use deflex::text::nearest;
+///
+/// assert_eq!(nearest("stifness", ["stiffness", "limits", "robot"]), Some("stiffness"));
+/// ```
 #[must_use]
 pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let word = letters(word);
     let rank = |candidate: &str| {
         let begins = word.len() >= BEGINNING && candidate.starts_with(&word);
         let part = begins || word.len() >= PART && candidate.contains(&word);
-        // Swaps of neighbours are counted once.
+        // Two letters in exchanged order count as one difference.
         let distance = strsim::osa_distance(&word, candidate);
         (part || 3 * distance <= candidate.len().max(word.len()) + 1).then_some((!part, distance))
     };

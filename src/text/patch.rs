@@ -1,20 +1,20 @@
-//! New text for stretches of a file that is too long to be held.
+//! Replaces ranges of a file that is too long to be held in memory.
 
 use std::io::{self, BufRead, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 
-/// Bytes that go to or come from a file at once.
+/// Number of bytes that are read or written at once.
 const AT_ONCE: usize = 64 * 1024;
 
-/// Replacements of stretches of a file: their texts wait in a scratch file, in memory is where they go.
+/// Replacements of ranges of a file. The new texts are in a scratch file; only their positions are in memory.
 #[derive(Debug)]
 pub struct Patch<S: Write> {
     scratch: BufWriter<S>,
-    /// Bytes in it.
+    /// Number of bytes in the scratch file.
     waiting: u64,
     parts: Vec<Part>,
 }
 
-/// One replacement: so many bytes from `start` on for so many from `waits` on in the scratch file.
+/// One replacement: the range of `old` bytes from `start`, and the range of its new text in the scratch file.
 #[derive(Clone, Copy, Debug)]
 struct Part {
     start: u64,
@@ -24,15 +24,27 @@ struct Part {
 }
 
 impl<S: Read + Write + Seek> Patch<S> {
-    /// Nothing is replaced yet; `scratch` is empty.
+    /// A patch without replacements. `scratch` must be empty.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::text::Patch;
+    /// use std::io::Cursor;
+    ///
+    /// let (mut patch, mut out) = (Patch::new(Cursor::new(vec![])), Vec::new());
+    /// patch.replace(6, 3, b"10.25")?;
+    /// patch.apply(&b"MoveL 100, 200"[..], &mut out)?;
+    /// assert_eq!(out, b"MoveL 10.25, 200");
+    /// # Ok::<(), std::io::Error>(())
+    /// ```
     pub fn new(scratch: S) -> Self {
         Self { scratch: BufWriter::with_capacity(AT_ONCE, scratch), waiting: 0, parts: Vec::new() }
     }
 
-    /// Replaces `old` bytes from `start` on; replacements come in any order and are disjoint.
+    /// Replaces `old` bytes from `start` on. Replacements can come in any order, but must be disjoint.
     ///
     /// # Errors
-    /// What the scratch file reports; a text of more than 4 GiB.
+    /// Every error of the scratch file; a text of more than 4 GiB.
     pub fn replace(&mut self, start: u64, old: u32, text: &[u8]) -> io::Result<()> {
         let new = u32::try_from(text.len()).map_err(|_| io::ErrorKind::FileTooLarge)?;
         self.scratch.write_all(text)?;
@@ -41,10 +53,10 @@ impl<S: Read + Write + Seek> Patch<S> {
         Ok(())
     }
 
-    /// Writes `original` with all replacements, in stretches of any length.
+    /// Writes `original` with all replacements.
     ///
     /// # Errors
-    /// What any of the three files reports.
+    /// Every error of the three files.
     pub fn apply(mut self, original: impl Read, out: &mut impl Write) -> io::Result<()> {
         self.parts.sort_unstable_by_key(|part| part.start);
         let mut scratch = self.scratch.into_inner().map_err(io::IntoInnerError::into_error)?;
@@ -55,7 +67,7 @@ impl<S: Read + Write + Seek> Patch<S> {
             pass(&mut original, part.start - done, out)?;
             pass(&mut original, part.old.into(), &mut io::sink())?;
             done = part.start + u64::from(part.old);
-            // Mostly the next one, so that what is read ahead is kept.
+            // Usually the next text follows the last one, and what was read ahead stays valid.
             if part.waits != at {
                 scratch.seek(SeekFrom::Start(part.waits))?;
             }
@@ -67,7 +79,7 @@ impl<S: Read + Write + Seek> Patch<S> {
     }
 }
 
-/// Copies a number of bytes between buffers. `io::copy` would make a system call for each part.
+/// Copies a number of bytes between buffers. `io::copy` would make a system call for each range.
 fn pass(from: &mut impl BufRead, mut count: u64, out: &mut impl Write) -> io::Result<()> {
     while count > 0 {
         let bytes = from.fill_buf()?;

@@ -1,18 +1,25 @@
-//! Text from outside as it may be shown.
+//! Makes text from outside safe to show.
 
 use std::borrow::Cow;
 
-/// Text of a file, or a file's name, as it may be shown to people: what would steer a terminal or turn the order of
-/// letters is replaced, one character by one, so that columns stay. Line feeds and tabs pass.
+/// Text of a file, or the name of a file, as it can be shown to people. Characters that would control a terminal or
+/// change the direction of text are replaced one by one, so that columns stay the same. Line feeds and tabs are kept.
 ///
-/// C0 and DEL become their pictures (U+2400 on); C1 (U+009B is CSI) and the directional controls of Unicode (UAX #9, what
-/// CVE-2021-42574 is about) become U+FFFD.
+/// C0 control characters and DEL become their pictures (from U+2400). C1 control characters (U+009B is CSI) and the
+/// directional controls of Unicode (UAX #9, see CVE-2021-42574) become U+FFFD.
+///
+/// # Examples
+/// ```
+/// use deflex::text::printable;
+///
+/// assert_eq!(printable("part\u{1b}[2J.mod"), "part\u{241b}[2J.mod"); // cannot clear the terminal
+/// ```
 #[must_use]
 pub fn printable(text: &str) -> Cow<'_, str> {
     replaced(text, |c| !matches!(c, '\n' | '\t'))
 }
 
-/// The same in one line: line feeds and tabs become pictures too.
+/// The text in one line: line feeds and tabs become pictures too.
 #[must_use]
 pub fn printable_line(text: &str) -> Cow<'_, str> {
     replaced(text, |_| true)
@@ -26,7 +33,7 @@ fn replaced(text: &str, concerns: impl Fn(char) -> bool) -> Cow<'_, str> {
     text.chars().map(|c| instead(c).unwrap_or(c)).collect::<String>().into()
 }
 
-/// What stands for a character that is not shown as it is.
+/// The replacement of a character; `None` if it is shown as it is.
 fn picture(c: char) -> Option<char> {
     match c {
         '\0'..='\x1f' => char::from_u32(0x2400 + u32::from(c)),
@@ -37,7 +44,7 @@ fn picture(c: char) -> Option<char> {
         | '\u{200f}'
         | '\u{2028}'..='\u{202e}'
         | '\u{2066}'..='\u{2069}'
-        // No characters: XML has no place for them.
+        // Code points that are not characters: XML does not allow them.
         | '\u{fffe}'..='\u{ffff}' => Some(char::REPLACEMENT_CHARACTER),
         _ => None,
     }

@@ -1,18 +1,18 @@
 use super::Span;
 use std::borrow::Cow;
 
-/// One input file: its name for messages and its bytes, never transcoded.
+/// One input file: its name in messages, and its bytes, which are never converted.
 #[derive(Clone, Debug)]
 pub struct Source {
     /// Path as the user typed it, `-` for standard input.
     pub name: String,
     /// The file's bytes.
     pub bytes: Vec<u8>,
-    /// Lines before the first byte: not 0 for a chunk of a streamed program.
+    /// Number of lines before the first byte: not 0 for a chunk of a program.
     pub lines_before: usize,
 }
 
-/// A position for people, both counted from 1, the column in characters.
+/// A position as people count it: line and column from 1, the column in characters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LineColumn {
     /// Line.
@@ -23,6 +23,14 @@ pub struct LineColumn {
 
 impl Source {
     /// A whole file.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::text::Source;
+    ///
+    /// let source = Source::new("part.mod", "MODULE M\n  MoveL p1;\n");
+    /// assert_eq!((source.line_column(11).line, source.line_column(11).column), (2, 3));
+    /// ```
     #[must_use]
     pub fn new(name: impl Into<String>, bytes: impl Into<Vec<u8>>) -> Self {
         Self { name: name.into(), bytes: bytes.into(), lines_before: 0 }
@@ -34,13 +42,14 @@ impl Source {
         &self.bytes[span.range()]
     }
 
-    /// Bytes as text for messages: UTF-8 where valid, else Latin-1 (every byte one character).
+    /// Bytes as text for messages: UTF-8 if valid, otherwise Latin-1 (each byte is a character).
     #[must_use]
     pub fn text(&self, span: Span) -> Cow<'_, str> {
         decode(self.slice(span))
     }
 
-    /// Line and column of an offset; CR LF, LF and lone CR end lines. Linear: for messages only.
+    /// Line and column of an offset. CR LF, LF and a single CR end a line. It takes time proportional to the offset, so
+    /// it is for messages only.
     #[must_use]
     pub fn line_column(&self, offset: usize) -> LineColumn {
         let offset = offset.min(self.bytes.len());
@@ -49,7 +58,7 @@ impl Source {
         for (at, &byte) in self.bytes[..offset].iter().enumerate() {
             let ends = match byte {
                 b'\n' => true,
-                // CR CR LF, as one RobotStudio release wrote it, is one line end.
+                // CR CR LF, which one release of RobotStudio wrote, is one line end.
                 b'\r' => !matches!(self.bytes.get(at + 1), Some(b'\n' | b'\r')),
                 _ => false,
             };
@@ -61,7 +70,7 @@ impl Source {
         LineColumn { line, column: decode(&self.bytes[start..offset]).chars().count() + 1 }
     }
 
-    /// The line around an offset; if the line is too long to be read, the part after the offset.
+    /// The line around an offset. Of a line that is too long to read, only the part after the offset.
     #[must_use]
     pub fn line_at(&self, offset: usize) -> Cow<'_, str> {
         const NEAR: usize = 1000;
@@ -78,7 +87,7 @@ impl Source {
         decode(&self.bytes[start..end])
     }
 
-    /// Column of an offset alone, from 1: linear in its line.
+    /// Column of an offset, from 1. It takes time proportional to the length of the line.
     #[must_use]
     pub fn column(&self, offset: usize) -> usize {
         let before = &self.bytes[..offset.min(self.bytes.len())];
@@ -87,7 +96,7 @@ impl Source {
     }
 }
 
-/// Bytes as text for people: UTF-8 where valid, else Latin-1 (every byte one character).
+/// Bytes as text for people: UTF-8 if valid, otherwise Latin-1 (each byte is a character).
 pub(crate) fn decode(bytes: &[u8]) -> Cow<'_, str> {
     match std::str::from_utf8(bytes) {
         Ok(text) => Cow::Borrowed(text),

@@ -1,4 +1,4 @@
-//! What was typed.
+//! The arguments of the command line.
 
 mod cell;
 mod groups;
@@ -27,15 +27,15 @@ pub(super) struct Cli {
     pub(super) lock_timeout: u64,
 }
 
-/// Refuses an argument that reads as an option and is the name of a file: `*.mod` of a shell gives it the name of a file that
-/// someone has called `--forces=.h.mod`, and a check must not turn green by that.
+/// Refuses an argument that is both an option and the name of a file. A shell replaces `*.mod` by names of files, so a
+/// file that somebody named `--forces=.h.mod` would set an option, and could make a check pass.
 pub(super) fn name_or_option(args: &[OsString]) -> Option<Diagnostic> {
     let options = args.iter().skip(1).take_while(|arg| *arg != "--");
     let mut doubtful = options.filter(|arg| arg.len() > 1 && arg.as_encoded_bytes().starts_with(b"-"));
     let name = doubtful.find(|arg| Path::new(arg).symlink_metadata().is_ok())?.to_string_lossy();
-    let message = format!("`{name}` reads as an option, and a file of this name is here");
+    let message = format!("`{name}` reads as an option, but it is also the name of a file here");
     let help = format!(
-        "put `--` before the names of files, or write ./{name} for the file; rename it where you mean the option"
+        "put `--` before the names of files, or write ./{name} for the file; rename the file if you mean the option"
     );
     Some(Diagnostic::error("usage.name", "", message).help(help))
 }
@@ -164,10 +164,10 @@ Examples:
 Only this machine reaches the window, with the key in the address. Ctrl-C closes it.";
 
 const GENERATE: &str = "\
-Where shells and man look (make the folders first):
+Folders in which the shells and man look (create them first):
   deflex generate completions bash > ~/.local/share/bash-completion/completions/deflex
   deflex generate completions zsh > ~/.zfunc/_deflex
   deflex generate completions fish > ~/.config/fish/completions/deflex.fish
   deflex generate man ~/.local/share/man/man1
 
-For zsh, ~/.zshrc says `fpath+=~/.zfunc` before `compinit`. Then: man deflex-compensate";
+For zsh, put `fpath+=~/.zfunc` before `compinit` in ~/.zshrc. Then: man deflex-compensate";

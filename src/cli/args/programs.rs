@@ -1,4 +1,4 @@
-//! Commands on programs.
+//! Arguments of the commands on programs.
 
 use super::groups::{Common, Corrected, Model, Reading, Reports, positive};
 use clap::builder::PossibleValue;
@@ -113,7 +113,7 @@ pub(in crate::cli) struct Simulate {
 }
 
 impl Simulate {
-    /// None of them is one row a target.
+    /// `simulate` writes other reports than the other commands, so the common ones are all off.
     pub(in crate::cli) fn reports(&self) -> Reports {
         Reports { report: None, json: None, html: None, keep_going: false }
     }

@@ -1,8 +1,8 @@
-//! Locks on folders, and the names of the hidden files that a run makes.
+//! Locks on folders, and the names of the temporary files of a run.
 //!
-//! In every folder that it stages into, a run holds a lock on a file of its own (`.deflex-ID.lock`, its files are
-//! `.deflex-ID-N.tmp`). The system lets go of the lock when the run ends in whatever way, so that what a killed run left
-//! is known by it, and removed by the next one that writes there.
+//! In every folder into which it stages files, a run holds a lock on a file of its own, `.deflex-ID.lock`. Its
+//! temporary files are `.deflex-ID-N.tmp`. The system releases the lock when the run ends in any way. Files whose lock
+//! is free therefore belong to a run that was killed, and the next run that writes to the folder removes them.
 
 use crate::cli::message;
 use deflex::text::{Diagnostic, Severity};
@@ -16,11 +16,11 @@ const PREFIX: &str = ".deflex-";
 const LOCK: &str = ".lock";
 const FILE: &str = ".tmp";
 
-/// Hexadecimal digits of a run's ID: 128 random bits, which name it among all that write to the same folders, on whatever
-/// machine, and which no file made in advance can have.
+/// Number of hexadecimal digits of the ID of a run: 128 random bits. They distinguish all runs that write to a folder,
+/// from any machine, and a file with the same name cannot be created in advance.
 const ID_DIGITS: usize = 32;
 
-/// A new ID.
+/// A new random ID.
 pub(super) fn new_id() -> io::Result<String> {
     let mut bits = [0; ID_DIGITS / 2];
     getrandom::fill(&mut bits).map_err(io::Error::other)?;
@@ -32,22 +32,22 @@ pub(super) fn is_id(text: &str) -> bool {
     text.len() == ID_DIGITS && text.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'))
 }
 
-/// The file by whose lock a run is known to live.
+/// Path of the file whose lock shows that a run is still alive.
 pub(super) fn of(folder: &Path, id: &str) -> PathBuf {
     folder.join(format!("{PREFIX}{id}{LOCK}"))
 }
 
-/// Whether a name is that of such a file.
+/// Whether a name is that of a lock file.
 pub(super) fn is_lock(name: &str) -> bool {
     name.ends_with(LOCK)
 }
 
-/// The name of a run's file of a number.
+/// Path of the temporary file with a number of a run.
 pub(super) fn waiting(folder: &Path, id: &str, number: usize) -> PathBuf {
     folder.join(format!("{PREFIX}{id}-{number}{FILE}"))
 }
 
-/// The run that a hidden file belongs to.
+/// ID of the run to which a hidden file belongs.
 pub(super) fn owner(name: &str) -> Option<&str> {
     let rest = name.strip_prefix(PREFIX)?;
     let id = match rest.strip_suffix(LOCK) {
@@ -60,25 +60,27 @@ pub(super) fn owner(name: &str) -> Option<&str> {
     is_id(id).then_some(id)
 }
 
-/// How long a run waits for another program's lock on a folder, s.
+/// Longest time for which a run waits for another program's lock on a folder, s.
 static TIMEOUT_S: AtomicU64 = AtomicU64::new(DEFAULT_TIMEOUT_S);
 
-/// Putting outputs in place takes well under a second: a process that holds a lock for a minute does something else.
+/// Default of `--lock-timeout`, s. Renaming outputs takes much less than a second, so a lock that is held for a minute
+/// has another purpose.
 pub(in crate::cli) const DEFAULT_TIMEOUT_S: u64 = 60;
 
-/// Sets `--lock-timeout`.
+/// Sets the time of `--lock-timeout`, s.
 pub(in crate::cli) fn wait_at_most(seconds: u64) {
     TIMEOUT_S.store(seconds, Ordering::Relaxed);
 }
 
-/// Short enough not to be noticed, long enough to cost nothing.
+/// Time between two attempts to get a lock: too short to be noticed, and long enough to cost nothing.
 const POLL: Duration = Duration::from_millis(10);
 
-/// What a run waits before it says so, and before it goes on where it need not have the lock: another run has put its outputs
-/// in place by then.
+/// Time after which a waiting run prints a warning, and after which it continues where it can do without the lock.
+/// Another run has renamed its outputs by then.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// Keeps other runs from putting outputs into a folder, once no other does; `None` where folders have no locks.
+/// Locks a folder against the renaming of outputs by other runs, after waiting for its turn; `None` if the file system
+/// has no locks.
 ///
 /// # Errors
 /// Another program holds a lock on it for longer than `--lock-timeout`.
@@ -112,8 +114,8 @@ fn waits(folder: &Path, limit: Duration) -> Diagnostic {
         .help("`--lock-timeout SECONDS` sets how long; Ctrl-C ends the run, and nothing is written")
 }
 
-/// The same for work that can be left to a later run: a process that holds a lock on the system's folder for temporary files for
-/// longer than another run takes is none of ours.
+/// The same for work that a later run can do instead. A lock on the system's folder for temporary files that is held
+/// longer than [`PATIENCE`] belongs to another kind of program.
 pub(super) fn take_turn(folder: &Path) -> Option<File> {
     let start = Instant::now();
     while start.elapsed() < PATIENCE {
@@ -131,11 +133,11 @@ pub(super) fn try_lock_folder(folder: &Path) -> Option<File> {
     folder.try_lock().ok().map(|()| folder)
 }
 
-/// Whether a run still holds its lock.
+/// Whether the run with this ID is still alive: it holds its lock.
 pub(super) fn is_held(folder: &Path, id: &str) -> bool {
     let path = of(folder, id);
     match fs::symlink_metadata(&path) {
-        // What stands there instead of a file (a pipe that would never open) is no lock of ours.
+        // Another kind of file with this name, such as a pipe that could never be opened, is not a lock of deflex.
         Ok(metadata) if !metadata.is_file() => false,
         Ok(_) => File::open(path).map_or(true, |lock| lock.try_lock().is_err()),
         Err(error) => error.kind() != io::ErrorKind::NotFound,

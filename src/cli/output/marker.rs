@@ -1,7 +1,8 @@
-//! The marker of a set that is being put in place, and what becomes of one that a killed run left.
+//! The marker file of a set of outputs that is being renamed, and the completion of a set that a killed run left
+//! unfinished.
 //!
-//! A marker is a file that anything could have written. It is believed of its own folder only, of plain names, and of files
-//! that match what it says of their bytes, inode and owner: what only the run that staged them could know.
+//! Any program could have written a marker. It is therefore trusted only about files of its own folder, with names
+//! without a path, whose bytes, inode and owner are as it states: only the run that staged the files could know these.
 
 use super::lock;
 use super::place::{self, How, Move};
@@ -19,13 +20,13 @@ use std::path::{Path, PathBuf};
 const PREFIX: &str = "deflex-unfinished-";
 const SUFFIX: &str = ".json";
 
-/// No marker is longer: a hundred thousand files of a set fit in it.
+/// Largest size of a marker, bytes: enough for a set of a hundred thousand files.
 const MOST_BYTES: u64 = 64 << 20;
 
-/// Bytes at each end of a file that are hashed.
+/// Number of bytes at each end of a file that are hashed.
 const END: u64 = 64 << 10;
 
-/// A name or a path as text, or as the system has it where it is none.
+/// A name or path as text, or as the system's bytes if it is not valid text.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(untagged)]
 enum Name {
@@ -45,7 +46,7 @@ impl Name {
         }
     }
 
-    /// The path in a folder, of a name that leads nowhere else.
+    /// The path of the name in a folder; `None` if the name contains a path.
     fn within(&self, folder: &Path) -> Option<PathBuf> {
         let joined = folder.join(self.path());
         let plain = joined.parent() == Some(folder) && joined.file_name() == Some(self.path().as_os_str());
@@ -53,29 +54,29 @@ impl Name {
     }
 }
 
-/// One output on its way, by its names in the marker's folder.
+/// One output of an unfinished set, with its names in the folder of the marker.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Entry {
     waits: Name,
     target: Name,
     how: How,
     sha256: String,
-    /// Of the waiting file.
+    /// State of the temporary file.
     staged: FileState,
-    /// The target's state before; `None` where there was no file.
+    /// State of the target before; `None` if it did not exist.
     before: Option<FileState>,
 }
 
-/// The marker's text.
+/// Content of the marker.
 #[derive(Debug, Serialize, Deserialize)]
 struct Marker {
     deflex: String,
-    /// All folders of the set: each has a marker of its own.
+    /// All folders of the set, each of which has a marker.
     folders: Vec<Name>,
     files: Vec<Entry>,
 }
 
-/// The run whose marker has this name.
+/// ID of the run whose marker has this name.
 pub(super) fn id_of(name: &str) -> Option<&str> {
     name.strip_prefix(PREFIX)?.strip_suffix(SUFFIX)
 }
@@ -85,12 +86,12 @@ pub(super) fn exists(folder: &Path, id: &str) -> bool {
     of(folder, id).symlink_metadata().is_ok()
 }
 
-/// The marker of a run in a folder.
+/// Path of the marker of a run in a folder.
 pub(super) fn of(folder: &Path, id: &str) -> PathBuf {
     folder.join(format!("{PREFIX}{id}{SUFFIX}"))
 }
 
-/// What stands in the marker of a folder: what comes into it, and where else the set goes.
+/// Text of the marker of a folder: the outputs in it, and the other folders of the set.
 pub(super) fn text(folder: &Path, folders: &BTreeSet<PathBuf>, moves: &[Move]) -> io::Result<Vec<u8>> {
     let said = "these outputs of one run are unfinished: some are new, some are those of before; \
                 the next run of deflex that writes to this folder finishes them";
@@ -119,8 +120,8 @@ fn state(path: &Path) -> Option<FileState> {
     fs::symlink_metadata(path).ok().map(|metadata| FileState::of_content(&metadata))
 }
 
-/// SHA-256 of a file, of a long one that of its first and last [`END`] bytes: device, inode, length and time of the last change are
-/// in the marker too, and reading a gigabyte again would take a third of the run.
+/// SHA-256 of a file, or of the first and last [`END`] bytes of a long one. The marker also has its device, inode,
+/// length and time of change, and reading a gigabyte again would take a third of the run.
 fn hash(path: &Path) -> io::Result<String> {
     let mut file = File::open(path)?;
     let mut head = Vec::new();
@@ -130,41 +131,41 @@ fn hash(path: &Path) -> io::Result<String> {
     Origin::read("", head.as_slice().chain(file)).map(|origin| origin.sha256)
 }
 
-/// Takes the markers of a run away.
+/// Removes the markers of a run.
 pub(super) fn unmark<'a>(folders: impl IntoIterator<Item = &'a PathBuf>, id: &str) {
     for folder in folders {
-        // A marker that will not go says what is no longer true; the next run removes it.
+        // A marker that cannot be removed is out of date; the next run removes it.
         if fs::remove_file(of(folder, id)).is_ok() {
             sync_folder(folder);
         }
     }
 }
 
-/// Makes names last through a power failure, where the system lets folders be opened.
+/// Makes renames durable in case of a power failure, if the system allows opening folders.
 pub(super) fn sync_folder(folder: &Path) {
     if let Ok(folder) = File::open(folder) {
         let _ = folder.sync_all();
     }
 }
 
-/// Who owns a file; one and the same where the system does not say.
+/// User ID of the owner of a file; the same for all files on systems without one.
 #[cfg(unix)]
 pub(super) fn owner(metadata: &Metadata) -> u32 {
     std::os::unix::fs::MetadataExt::uid(metadata)
 }
 
-/// Who owns a file; one and the same where the system does not say.
+/// User ID of the owner of a file; the same for all files on systems without one.
 #[cfg(not(unix))]
 pub(super) fn owner(_: &Metadata) -> u32 {
     0
 }
 
-/// Whether a name is that of a plain file which a user owns.
+/// Whether a path is a regular file that a user owns.
 pub(super) fn is_file_of(path: &Path, user: u32) -> bool {
     fs::symlink_metadata(path).is_ok_and(|metadata| metadata.is_file() && owner(&metadata) == user)
 }
 
-/// Why a marker is left alone, and all that it names.
+/// The reason why a marker, and all files that it names, are left alone.
 type Doubt = &'static str;
 
 /// Reads the marker of a run in a folder.
@@ -187,7 +188,7 @@ struct Part {
 }
 
 impl Part {
-    /// Where a waiting file is, and where it goes; `None` where it waits no longer.
+    /// The temporary file of an entry and its target, after all checks; `None` if the temporary file no longer exists.
     fn proven(&self, entry: &Entry, id: &str, user: u32) -> Result<Option<Move>, Doubt> {
         let waits = entry.waits.within(&self.folder).ok_or("it names files of other folders")?;
         let target = entry.target.within(&self.folder).ok_or("it names files of other folders")?;
@@ -205,14 +206,15 @@ impl Part {
         Ok(Some(Move { waits, target, how: entry.how }))
     }
 
-    /// All of them, before any is touched.
+    /// All moves of this folder. They are checked before any file is changed.
     fn moves(&self, id: &str, user: u32) -> Result<Vec<(Move, Option<FileState>)>, Doubt> {
         let proven = |entry: &Entry| Some((self.proven(entry, id, user).transpose()?, entry.before));
         self.files.iter().filter_map(proven).map(|(go, before)| Ok((go?, before))).collect()
     }
 }
 
-/// Whether no other process has written a target since; what is overwritten in place may have been begun.
+/// Whether no other process has changed a target since. A target that is overwritten in place may already contain a
+/// part of the new content.
 fn untouched(go: &Move, before: Option<FileState>) -> bool {
     match (state(&go.target), before, go.how) {
         (now, before, How::Rename) => now == before,
@@ -223,7 +225,7 @@ fn untouched(go: &Move, before: Option<FileState>) -> bool {
     }
 }
 
-/// Finishes the set of a run of this user that was killed. The lock of `here` is held.
+/// Finishes the set of a run of this user that was killed. The caller holds the lock of `here`.
 pub(super) fn recover(here: &Path, id: &str, user: u32) {
     if let Err(why) = finish(here, id, user) {
         let message = format!("is left alone, with all that it names: {why}");
@@ -240,12 +242,12 @@ fn finish(here: &Path, id: &str, user: u32) -> Result<(), Doubt> {
     let mut parts = vec![Part { folder: here, files: marker.files }];
     let (mut turns, mut marked) = (Vec::new(), true);
     for folder in marker.folders.iter().map(Name::path) {
-        // One that is gone has taken its share of the set with it.
+        // A folder that no longer exists contained its part of the set.
         if folder == parts[0].folder || !folder.is_absolute() || !folder.is_dir() {
             continue;
         }
         let Some(turn) = lock::try_lock_folder(folder).filter(|_| !lock::is_held(folder, id)) else {
-            // Another run is working with it.
+            // Another run is using the folder.
             return Ok(());
         };
         turns.push(turn);
@@ -258,7 +260,8 @@ fn finish(here: &Path, id: &str, user: u32) -> Result<(), Doubt> {
     }
     let moves = parts.iter().map(|part| part.moves(id, user)).collect::<Result<Vec<_>, _>>()?.concat();
     let folders = || parts.iter().map(|part| &part.folder);
-    // Marked in some folders only: no file has its new name yet, or all have.
+    // Only some folders have a marker: the run was killed either before it renamed the first file, or after it had
+    // renamed the last one.
     if !marked {
         moves.iter().for_each(|(go, _)| drop(fs::remove_file(&go.waits)));
         unmark(folders(), id);
@@ -295,7 +298,7 @@ fn told(files: &[PathBuf], kept: &[String]) -> Vec<Diagnostic> {
     all
 }
 
-/// The files of unfinished sets in a folder, and the marker that says so.
+/// The files of unfinished sets in a folder, each with the name of its marker.
 pub(in crate::cli) fn unfinished(folder: &Path) -> Vec<(PathBuf, String)> {
     let Ok(entries) = fs::read_dir(folder) else { return Vec::new() };
     let names = entries.flatten().filter_map(|entry| entry.file_name().into_string().ok());

@@ -1,8 +1,9 @@
-//! Outputs, written whole or not at all.
+//! Writes the outputs of a run completely, or not at all.
 //!
-//! A file is staged under a temporary name in its own folder; when everything has succeeded, all get their names as one
-//! [set]. What goes to stdout waits in memory, or in a temporary file where it is long. What is dropped without
-//! [`Outputs::commit`] leaves no trace, nor does a run that is interrupted; what a killed one leaves, the next removes.
+//! Each output is first written to a hidden temporary file in its own folder. When the run has succeeded, all temporary
+//! files are renamed to their targets as one [set]. Results for stdout wait in memory, or in a temporary file if they
+//! are long. If [`Outputs`] are dropped without [`Outputs::commit`], or the run is interrupted, all temporary files are
+//! removed. If a run is killed, it cannot remove them; the next run that writes to the folder does.
 
 pub(super) mod lock;
 pub(super) mod marker;
@@ -22,24 +23,24 @@ use std::io::{self, IsTerminal, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Everything that one run writes.
+/// All outputs of one run.
 #[derive(Debug, Default)]
 pub(super) struct Outputs {
-    // Dropped before `made`: a folder goes when its files are gone.
+    // Dropped before `made`, because a folder can be removed only after the files in it.
     staged: Vec<Staged>,
     stdout: Vec<u8>,
-    /// Dropped last of all fields.
+    /// Dropped after all other fields.
     made: Arc<Folders>,
 }
 
-/// Folders made for outputs, shared by all that stage into them: when the last of these is gone without a commit, so
-/// are its files, and the folders go too.
+/// Folders that were created for outputs, shared by all [`Outputs`] that write into them. When the last of these is
+/// dropped without a commit, the folders are removed after their files.
 #[derive(Debug, Default)]
 struct Folders(Mutex<Vec<PathBuf>>);
 
 impl Folders {
     fn list(&self) -> MutexGuard<'_, Vec<PathBuf>> {
-        // A list of paths is whole even where a thread died holding it.
+        // A panic cannot leave the list half-changed, so a poisoned lock is still usable.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -48,32 +49,32 @@ impl Drop for Folders {
     fn drop(&mut self) {
         for folder in self.list().drain(..).rev() {
             let _ = resolved(&folder).map(|folder| staging::leave(&folder));
-            // Fails where something else came to lie in it, as it should.
+            // Fails if the folder contains other files by now, which must stay.
             let _ = fs::remove_dir(folder);
         }
     }
 }
 
-/// A file that waits for its name.
+/// An output in its temporary file.
 #[derive(Debug)]
 struct Staged {
     target: PathBuf,
-    /// Of the target.
+    /// Identity of the target.
     identity: Identity,
     temporary: Temporary,
     goes: Goes,
 }
 
-/// How a staged file gets where it belongs.
+/// The way from the temporary file to the target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Goes {
-    /// It becomes the target, a regular file.
+    /// The temporary file becomes the target, which is a regular file.
     Into(How),
-    /// The target is none (stdout, a pipe, `/dev/null`): it is written to.
+    /// The content is written to the target, which is not a regular file (stdout, a pipe, `/dev/null`).
     Poured,
 }
 
-/// A file that goes when this goes, or when the run is interrupted.
+/// A temporary file, which is removed when this is dropped or when the run is interrupted.
 #[derive(Debug)]
 pub(super) struct Temporary {
     path: PathBuf,
@@ -84,17 +85,17 @@ impl Temporary {
         staging::create(folder).map(|(path, file)| (Self { path }, file))
     }
 
-    /// One in the system's folder for them.
+    /// A temporary file in the system's folder for temporary files.
     pub(super) fn spool() -> io::Result<(Self, File)> {
         Self::create(&std::env::temp_dir())
     }
 
-    /// Its bytes from the start.
+    /// Opens the file at its start.
     pub(super) fn reopen(&self) -> io::Result<File> {
         File::open(&self.path)
     }
 
-    /// Where it is.
+    /// Path of the file.
     pub(super) fn path(&self) -> &Path {
         &self.path
     }
@@ -102,22 +103,23 @@ impl Temporary {
 
 impl Drop for Temporary {
     fn drop(&mut self) {
-        // It has another name by now, or nothing more can be done about it.
+        // Fails if the file was renamed to its target. If it cannot be removed for another reason, nothing else can be
+        // done.
         let _ = fs::remove_file(&self.path);
         staging::forget(&self.path);
     }
 }
 
-/// Held while outputs get their names: an interruption waits for that.
+/// Locked while outputs are renamed: an interruption waits for it.
 static PLACING: Mutex<()> = Mutex::new(());
 
-/// Removes temporary files when the run is interrupted, and ends it.
+/// Installs a handler that removes temporary files when the run is interrupted, and then ends the process.
 pub(super) fn clean_up_when_interrupted() {
-    /// As a shell reports a process that SIGINT ended.
+    /// Exit code that shells use for a process that SIGINT ended.
     const INTERRUPTED: i32 = 130;
-    // Without a handler, an interruption leaves hidden files, but no incomplete output.
+    // If no handler can be installed, an interruption leaves temporary files, but no incomplete output.
     let _ = ctrlc::set_handler(|| {
-        // Kept locked: from here on no file gets its name, and none is made.
+        // Stays locked until the process ends, so that no further file is renamed.
         let _placing = PLACING.lock().unwrap_or_else(PoisonError::into_inner);
         staging::leave_for_good();
         #[allow(clippy::exit)] // the other threads hold what their destructors would need
@@ -125,7 +127,7 @@ pub(super) fn clean_up_when_interrupted() {
     });
 }
 
-/// Removes what still waits when this goes, at the end of the run.
+/// Removes the remaining temporary files when it is dropped at the end of the run.
 pub(super) struct AtTheEnd;
 
 impl Drop for AtTheEnd {
@@ -135,12 +137,12 @@ impl Drop for AtTheEnd {
 }
 
 impl Outputs {
-    /// Another one, which makes the same folders.
+    /// Outputs of another program of the run, which share the created folders.
     pub(super) fn sibling(&self) -> Self {
         Self { made: Arc::clone(&self.made), ..Self::default() }
     }
 
-    /// Stages bytes for a path, `-` being stdout.
+    /// Stages bytes for a path; `-` is stdout.
     pub(super) fn add(&mut self, path: &Path, bytes: &[u8]) -> Result<(), Vec<Diagnostic>> {
         if is_stdout(path) {
             stdout_is_open(path)?;
@@ -150,12 +152,12 @@ impl Outputs {
         self.stage(path)?.write_all(bytes).map_err(|error| cannot_write(path, &error))
     }
 
-    /// Stages the summary for stdout. Unlike a result, it is only for a reader: where stdout is closed there is none, and nothing is lost.
+    /// Adds the summary to the text for stdout. Unlike a result, a summary is lost without harm if stdout is closed.
     pub(super) fn add_summary(&mut self, text: &str) {
         self.stdout.extend_from_slice(text.as_bytes());
     }
 
-    /// Stages a file, `-` being stdout, that is written as the run goes on; its writer flushes it at the end.
+    /// Stages an output that is written during the run; `-` is stdout. The caller has to flush the writer at the end.
     pub(super) fn open(&mut self, path: &Path) -> Result<Blocks, Vec<Diagnostic>> {
         self.stage(path).map(Blocks::new)
     }
@@ -178,7 +180,7 @@ impl Outputs {
         Ok(file)
     }
 
-    /// Stages a report or a summary if it has a path. It is never meant to take a program's place.
+    /// Stages a report or a summary if it has a path. It is refused if the target is a program, because reports never replace programs.
     pub(super) fn add_report<T: AsRef<[u8]>>(
         &mut self,
         path: Option<&PathBuf>,
@@ -189,13 +191,13 @@ impl Outputs {
         self.add(path, make()?.as_ref())
     }
 
-    /// The same, written as the run goes on.
+    /// Stages a report that is written during the run, with the same check.
     pub(super) fn open_report(&mut self, path: &Path) -> Result<Blocks, Vec<Diagnostic>> {
         not_a_program(path)?;
         self.open(path)
     }
 
-    /// Takes over what another has staged.
+    /// Adds the staged outputs of `other`.
     pub(super) fn append(&mut self, mut other: Self) -> Result<(), Vec<Diagnostic>> {
         for staged in std::mem::take(&mut other.staged) {
             self.claim(&staged.target, &staged.identity)?;
@@ -205,7 +207,8 @@ impl Outputs {
         Ok(())
     }
 
-    /// Prints, then gives every file its name, if the inputs are still what they were.
+    /// Prints the text for stdout and then renames all files to their targets, unless an input has changed since it was
+    /// opened.
     pub(super) fn commit(mut self) -> Result<(), Vec<Diagnostic>> {
         // Some inputs may have been opened after an output was staged.
         self.staged.iter().try_for_each(|staged| not_an_input(&staged.target, &staged.identity))?;
@@ -247,7 +250,7 @@ impl Outputs {
         let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.exists()) else {
             return Ok(());
         };
-        // Only the last part: a path that is wrong higher up is a slip, not a wish.
+        // Creates only the last folder of the path: if a folder above it is missing, the path is probably mistyped.
         match fs::create_dir(folder) {
             Ok(()) => self.made.list().push(folder.to_owned()),
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
@@ -257,7 +260,7 @@ impl Outputs {
     }
 }
 
-/// Writes to stdout; a reader that went away is no fault of ours.
+/// Writes to stdout. It is not an error if the reader has closed the pipe.
 pub(super) fn print(bytes: &[u8]) -> Result<(), Vec<Diagnostic>> {
     say(bytes).map_err(|error| cannot_write(Path::new("-"), &error))
 }
@@ -272,7 +275,7 @@ pub(super) fn to_stdout<'a>(paths: impl IntoIterator<Item = Option<&'a PathBuf>>
     paths.into_iter().flatten().filter(|path| is_stdout(path)).count()
 }
 
-/// Refuses a result that would be lost.
+/// Refuses a result for a closed stdout, because it would be lost.
 fn stdout_is_open(path: &Path) -> Result<(), Vec<Diagnostic>> {
     if deflex_closed_stdout::was_closed() {
         return Err(refuse(path, "standard output is closed", "name a file, or /dev/null to discard the result"));
@@ -280,7 +283,7 @@ fn stdout_is_open(path: &Path) -> Result<(), Vec<Diagnostic>> {
     Ok(())
 }
 
-/// Stdout carries one result.
+/// An error if more than one result would go to stdout.
 pub(super) fn one_thing(count: usize) -> Result<(), Vec<Diagnostic>> {
     if count > 1 {
         let message = "more than one result would go to stdout";
@@ -291,7 +294,7 @@ pub(super) fn one_thing(count: usize) -> Result<(), Vec<Diagnostic>> {
     Ok(())
 }
 
-/// Whether a path is that of a file, there or not: a report is not named after a device or a pipe.
+/// Whether a path names a regular file, or no file yet. Reports are not named after devices and pipes.
 pub(super) fn is_file_name(path: &Path) -> bool {
     !is_stdout(path) && fs::metadata(path).map_or(true, |metadata| metadata.is_file())
 }
@@ -313,7 +316,8 @@ fn stage(target: PathBuf, identity: Identity) -> io::Result<(Staged, File)> {
     Ok((Staged { target, identity, temporary, goes: Goes::Into(how) }, file))
 }
 
-/// Writes a temporary file's bytes to what cannot be replaced; a reader of stdout that went away is no fault of ours.
+/// Copies a temporary file to a target that cannot be replaced. It is not an error if the reader of stdout has closed
+/// the pipe.
 fn pour(temporary: &Temporary, target: &Path) -> io::Result<()> {
     let mut from = temporary.reopen()?;
     if !is_stdout(target) {
@@ -331,7 +335,7 @@ fn pour(temporary: &Temporary, target: &Path) -> io::Result<()> {
     }
 }
 
-/// Writes to stdout; what would steer a terminal does not reach one.
+/// Writes to stdout. If it is a terminal, control characters are replaced.
 fn say(bytes: &[u8]) -> io::Result<()> {
     let mut stdout = io::stdout().lock();
     let written = if stdout.is_terminal() {
@@ -346,7 +350,7 @@ fn say(bytes: &[u8]) -> io::Result<()> {
 }
 
 fn not_a_program(path: &Path) -> Result<(), Vec<Diagnostic>> {
-    /// As much as is needed to recognise a language.
+    /// Number of bytes that are enough to recognise a language.
     const LOOK: u64 = 64 * 1024;
     let mut start = Vec::new();
     let there = !is_stdout(path) && fs::metadata(path).is_ok_and(|metadata| metadata.is_file());

@@ -1,4 +1,4 @@
-//! What a file was before it was replaced, for as long as it may have to come back.
+//! Keeps the former state of a file, so that it can be restored if a later output cannot be written.
 
 use super::place::{How, folder_of, overwrite};
 use super::staging;
@@ -6,17 +6,17 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// What a file was before it was replaced.
+/// The former state of a file that is replaced.
 pub(super) enum Old {
-    /// There was none.
+    /// The file did not exist.
     Nothing,
-    /// Another name for it, which goes with this.
+    /// A second name (hard link) for the former file, which is removed when this is dropped.
     Link(PathBuf),
-    /// Its content, where it has no second name.
+    /// The former content, if the file system has no hard links or the file is overwritten.
     Content(Vec<u8>),
 }
 
-/// Keeps what a file is.
+/// Stores the present state of a file.
 pub(super) fn keep_old(target: &Path, how: How) -> io::Result<Old> {
     let Ok(metadata) = fs::metadata(target) else { return Ok(Old::Nothing) };
     if !metadata.is_file() {
@@ -33,7 +33,7 @@ pub(super) fn keep_old(target: &Path, how: How) -> io::Result<Old> {
 }
 
 impl Old {
-    /// Puts it back; what cannot be put back stays as it is.
+    /// Restores the former state. If that fails, the file stays as it is.
     pub(super) fn restore(mut self, target: &Path, how: How) {
         let _ = match (&mut self, how) {
             (Self::Nothing, _) => fs::remove_file(target),
@@ -48,7 +48,7 @@ impl Old {
 impl Drop for Old {
     fn drop(&mut self) {
         if let Self::Link(path) = self {
-            // Gone already where it was put back.
+            // Does nothing if the file was restored, because then the second name is gone.
             let _ = fs::remove_file(&*path);
             staging::forget(path);
         }

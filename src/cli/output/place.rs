@@ -1,5 +1,5 @@
-//! One file into another's place, as an editor saves: through symbolic links, with the owner, the group and the permissions
-//! that were there.
+//! Replaces a file as an editor saves it: through symbolic links, and with the owner, group and permissions of the
+//! former file.
 
 use serde::{Deserialize, Serialize};
 use std::fs::{self, File, Metadata, OpenOptions};
@@ -10,13 +10,14 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum How {
-    /// The waiting file takes its name.
+    /// The temporary file is renamed to it.
     Rename,
-    /// The content is written into the file that is there: it has other names too, or an owner that a new file cannot have.
+    /// The content is written into the existing file, because it has further hard links, or an owner that a new file
+    /// cannot have.
     Overwrite,
 }
 
-/// A waiting file, where it goes, and how it gets there.
+/// A temporary file, its target, and how it replaces the target.
 #[derive(Clone, Debug)]
 pub(super) struct Move {
     pub(super) waits: PathBuf,
@@ -24,13 +25,13 @@ pub(super) struct Move {
     pub(super) how: How,
 }
 
-/// The file that a path means: through symbolic links, so that the target of a link is replaced, not the link; for a link to
-/// nothing, the file that it names.
+/// The file that a path means. Symbolic links are followed, so that the target of a link is replaced and not the link
+/// itself. For a link to a file that does not exist, it is the path of that file.
 ///
 /// # Errors
-/// The links lead round in a circle.
+/// The links form a circle.
 pub(super) fn resolved(path: &Path) -> io::Result<PathBuf> {
-    /// As many links as Linux follows.
+    /// Number of links that Linux follows.
     const MOST_LINKS: usize = 40;
     let mut path = path.to_owned();
     for _ in 0..MOST_LINKS {
@@ -51,7 +52,8 @@ pub(super) fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Whether a file may be replaced: an editor would not save over one without write permission, though its folder allows it.
+/// Checks that a file can be replaced. Like an editor, deflex refuses to replace a read-only file, although its folder
+/// would allow it.
 pub(super) fn writable(target: &Path, existing: &Metadata) -> io::Result<()> {
     if existing.permissions().readonly() {
         return Err(io::Error::new(io::ErrorKind::PermissionDenied, "the file is read-only"));
@@ -59,7 +61,7 @@ pub(super) fn writable(target: &Path, existing: &Metadata) -> io::Result<()> {
     OpenOptions::new().write(true).open(target).map(drop)
 }
 
-/// Gives a new file what an existing one has; how the new one can take its place.
+/// Gives a new file the owner, group and permissions of an existing one, and returns how it can replace that file.
 pub(super) fn adopt(new: &File, existing: &Metadata) -> io::Result<How> {
     #[cfg(unix)]
     {
@@ -70,12 +72,12 @@ pub(super) fn adopt(new: &File, existing: &Metadata) -> io::Result<How> {
             return Ok(How::Overwrite);
         }
     }
-    // After the owner: a change of owner takes set-user-ID bits away.
+    // Set after the owner, because a change of owner clears the set-user-ID bits.
     new.set_permissions(existing.permissions())?;
     Ok(How::Rename)
 }
 
-/// Puts a waiting file into its place.
+/// Replaces the target by the temporary file.
 pub(super) fn place(go: &Move) -> io::Result<()> {
     match go.how {
         How::Rename => fs::rename(&go.waits, &go.target),
@@ -83,7 +85,7 @@ pub(super) fn place(go: &Move) -> io::Result<()> {
     }
 }
 
-/// Writes into a file that is there; it is cut off only when all is in it.
+/// Writes into an existing file. The file is shortened only after the whole content is in it.
 pub(super) fn overwrite(from: &mut impl Read, target: &Path) -> io::Result<()> {
     let mut to = OpenOptions::new().write(true).open(target)?;
     let length = io::copy(from, &mut to)?;

@@ -1,9 +1,9 @@
-//! Several outputs that belong together: a program, its report and its page, or all of a batch.
+//! Writes several outputs that belong together: a program with its report and page, or all files of a batch.
 //!
-//! Files get their names one by one. While they do, a marker in each folder (`deflex-unfinished-ID.json`) says so and
-//! lists them; it is on the disk before the first file gets its name, and goes after the last one has. So at any moment all
-//! files are old, or all are new, or the marker is there. The next run that writes to the folder finishes such a set: all
-//! that it needs is in the waiting files. Two runs take turns by a lock on the folders.
+//! The files are renamed one by one. Meanwhile, each folder has a marker file, `deflex-unfinished-ID.json`, which lists
+//! them. The marker is on the disk before the first file is renamed, and is removed after the last one. At any moment
+//! all files are therefore old, or all are new, or the marker exists. If the run is killed in between, the next run
+//! that writes to the folder renames the remaining files. A lock on each folder makes two runs wait for each other.
 
 use super::marker::{sync_folder, unmark};
 use super::place::{self, How, Move, folder_of};
@@ -14,14 +14,15 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 use std::sync::PoisonError;
 
-/// Gives every output its name. On an error all targets are as before.
+/// Renames all files to their targets. After an error all targets are as before.
 pub(super) fn put_in_place(moves: &[Move]) -> Result<(), (PathBuf, io::Error)> {
     let folders: BTreeSet<PathBuf> = moves.iter().map(|go| folder_of(&go.target).to_owned()).collect();
-    // In their order, so that two runs never wait for each other. An interruption does not wait for this.
+    // All runs lock folders in the same order, so that two runs never wait for each other forever. An interruption does
+    // not wait for these locks.
     let turn = |folder: &PathBuf| lock::lock_folder(folder).map_err(|error| (folder.clone(), error));
     let _turns: Vec<Option<File>> = folders.iter().map(turn).collect::<Result<_, _>>()?;
     let _placing = PLACING.lock().unwrap_or_else(PoisonError::into_inner);
-    // One file is old or new by itself.
+    // A single renamed file needs no marker, because it is either old or new.
     let several = moves.len() > 1 || moves.iter().any(|go| go.how == How::Overwrite);
     let id = staging::id();
     if several {

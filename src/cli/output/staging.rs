@@ -1,4 +1,5 @@
-//! Where outputs wait until all of them are there: hidden files in the folders of their targets, held by the run that made them.
+//! Temporary files in which outputs wait until all of them are complete. They are hidden files in the folders of their
+//! targets.
 
 use super::{lock, marker};
 use std::fs::{self, File, OpenOptions};
@@ -6,21 +7,21 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// A folder that this run stages into.
+/// A folder into which this run writes temporary files.
 #[derive(Debug)]
 struct Staging {
     folder: PathBuf,
-    /// Held for as long as this run lives.
+    /// Lock that is held until the run ends.
     _lock: File,
     files: Vec<PathBuf>,
-    /// Of the next file.
+    /// Number of the next file.
     number: usize,
 }
 
-/// All folders that this run stages into, under one ID.
+/// All folders into which this run writes temporary files, and the ID of the run.
 #[derive(Debug)]
 struct All {
-    /// Empty where nothing is staged: the next run in this process gets another.
+    /// Empty if there are no temporary files: the next run in this process gets a new ID.
     id: String,
     folders: Vec<Staging>,
 }
@@ -28,25 +29,25 @@ struct All {
 static STAGING: Mutex<All> = Mutex::new(All { id: String::new(), folders: Vec::new() });
 
 fn staging() -> MutexGuard<'static, All> {
-    // A list of paths is whole even where a thread died holding it.
+    // A panic cannot leave the list half-changed, so a poisoned lock is still usable.
     STAGING.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Names this run.
+/// ID of this run.
 pub(super) fn id() -> String {
     staging().id.clone()
 }
 
-/// Makes a file in a folder.
+/// Creates a temporary file in a folder.
 pub(super) fn create(folder: &Path) -> io::Result<(PathBuf, File)> {
-    // Kept while the file is made: an interruption finds every file that there is.
+    // Stays locked until the file exists, so that an interruption finds every file in the list.
     let mut all = staging();
     let path = next(&mut all, folder)?;
     let file = OpenOptions::new().read(true).write(true).create_new(true).open(&path)?;
     Ok((path, file))
 }
 
-/// A name for such a file.
+/// Reserves the path of a temporary file in a folder.
 pub(super) fn reserve(folder: &Path) -> io::Result<PathBuf> {
     next(&mut staging(), folder)
 }
@@ -69,14 +70,14 @@ fn next(all: &mut All, folder: &Path) -> io::Result<PathBuf> {
     Ok(path)
 }
 
-/// A file that has another name now, or is gone.
+/// Removes a file from the list, because it was renamed or removed.
 pub(super) fn forget(path: &Path) {
     for staging in &mut staging().folders {
         staging.files.retain(|file| file != path);
     }
 }
 
-/// Removes what waits in a folder, which may be removed itself then.
+/// Removes the temporary files in a folder, so that the folder itself can be removed.
 pub(super) fn leave(folder: &Path) {
     let mut all = staging();
     if let Some(at) = all.folders.iter().position(|staging| staging.folder == folder) {
@@ -92,12 +93,13 @@ impl All {
     }
 }
 
-/// Removes all that waits.
+/// Removes all temporary files of the run.
 pub(super) fn leave_all() {
     staging().leave();
 }
 
-/// The same at the end of the process, whose other threads make nothing more.
+/// Removes all temporary files at the end of the process. The lock is never released, so that other threads cannot
+/// create further ones.
 pub(super) fn leave_for_good() {
     let mut all = staging();
     all.leave();
@@ -106,10 +108,11 @@ pub(super) fn leave_for_good() {
 
 impl Staging {
     fn new(folder: &Path, id: &str) -> io::Result<Self> {
-        // A run that removes what killed runs left must not mistake a lock that is not held yet for one of those.
+        // Waits for its turn, so that a run that removes files of killed runs does not find a lock file whose lock is
+        // not held yet.
         let alone = lock::take_turn(folder);
         let held = OpenOptions::new().write(true).create_new(true).open(lock::of(folder, id))?;
-        // Not every file system has locks: what a killed run leaves there stays.
+        // On file systems without locks, the files of killed runs stay.
         let _ = held.lock();
         if alone.is_some() {
             sweep(folder, marker::owner(&held.metadata()?));
@@ -119,13 +122,13 @@ impl Staging {
     }
 
     fn remove(self, id: &str) {
-        // Nothing more can be done about a temporary file that will not go.
+        // If a temporary file cannot be removed, nothing else can be done.
         self.files.iter().for_each(|file| drop(fs::remove_file(file)));
         let _ = fs::remove_file(lock::of(&self.folder, id));
     }
 }
 
-/// Finishes the sets and removes the files of runs of a user that were killed. The folder's lock is held.
+/// Finishes the sets of killed runs of a user, and removes their temporary files. The caller holds the folder's lock.
 fn sweep(folder: &Path, user: u32) {
     let Ok(entries) = fs::read_dir(folder) else { return };
     let mut names: Vec<String> = entries.flatten().filter_map(|entry| entry.file_name().into_string().ok()).collect();
@@ -135,7 +138,8 @@ fn sweep(folder: &Path, user: u32) {
             marker::recover(folder, id, user);
         }
     }
-    // Of a run that held a lock here once; what belongs to a set that could not be finished is its only copy.
+    // Whether the files of an ID can be removed: a run of this user was killed, and left no marker. With a marker, the
+    // set could not be finished, and these files are the only copy of its outputs.
     let left = |id: &str| {
         marker::is_file_of(&lock::of(folder, id), user) && !lock::is_held(folder, id) && !marker::exists(folder, id)
     };

@@ -10,17 +10,28 @@ use std::path::PathBuf;
 /// The files of one program, read and not yet parsed.
 #[derive(Clone, Debug)]
 pub struct ProgramFiles {
-    /// Its texts are held.
+    /// Holds the texts in memory.
     job: Job,
     context: Context,
 }
 
 impl ProgramFiles {
-    /// Reads files that are one program: RAPID modules or a `.pgf` list, or one file of CL data. `context` are modules that
-    /// declare names and are never written; `format` is that of `--input-format`, where neither content nor ending show it.
+    /// Reads the files of one program: RAPID modules, a `.pgf` list, or one file in another language. `context` are
+    /// modules that declare names and are never written. `format` is the value of `--input-format`, for files whose
+    /// content and ending do not show the language.
     ///
     /// # Errors
-    /// Files that cannot be read or are of no known language; several that are no RAPID modules.
+    /// Files that cannot be read or whose language is unknown; several files that are not RAPID modules.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::cli::session::ProgramFiles;
+    /// use deflex::program::Language;
+    ///
+    /// let program = ProgramFiles::read(&["samples/blade/blade.aptsource".into()], &[], None)?;
+    /// assert_eq!(program.language(), Language::Cl);
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     pub fn read(paths: &[PathBuf], context: &[PathBuf], format: Option<&str>) -> Result<Self, Vec<Diagnostic>> {
         let format = format.map(known).transpose()?;
         let jobs = all(paths.iter().map(|path| Job::of(path, format)))?;
@@ -32,25 +43,25 @@ impl ProgramFiles {
         Ok(Self { job: job.held()?, context })
     }
 
-    /// Name for messages and reports: the files as they were given.
+    /// Name of the program in messages and reports: the paths as they were given.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.job.name
     }
 
-    /// Language of all files.
+    /// Language of all its files.
     #[must_use]
     pub fn language(&self) -> Language {
         self.job.language
     }
 
-    /// The files.
+    /// Texts of the files, in the order in which they were given.
     #[must_use]
     pub fn sources(&self) -> Vec<&Source> {
         self.job.texts.iter().filter_map(Text::source).collect()
     }
 
-    /// The program in one text, where it may be read in chunks.
+    /// The program as one text that can be read in chunks; `None` if it has several files.
     pub(super) fn long(&self, run: &Run) -> Option<Long<'_>> {
         self.job.long(self.context.knowing(&run.setup.cell.cell, self.job.language), run.setup.cl_options())
     }
@@ -61,24 +72,44 @@ impl ProgramFiles {
         &self.job.files
     }
 
-    /// What else belongs into the output folder as it is: a `.pgf` list.
+    /// Files that are copied into the output folder without a change: a `.pgf` list.
     #[must_use]
     pub fn companions(&self) -> &[(PathBuf, Vec<u8>)] {
         &self.job.companions
     }
 
-    /// Parses them for a run with a cell, whose `[cl]` and tools CL data need; `tool` is that of `--tool`.
+    /// Parses the program for a run with a cell. CL data are read with the cell's `[cl]` table and tools; `tool` is the
+    /// value of `--tool`.
     ///
     /// # Errors
-    /// What the language's reader refuses; a cell that does not say how CL data are read.
+    /// Everything that the reader of the language refuses; for CL data, a cell without a `[cl]` table.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::cli::session::{CellFile, ProgramFiles};
+    ///
+    /// let cell = CellFile::read("samples/blade/cell.toml".as_ref())?;
+    /// let program = ProgramFiles::read(&["samples/blade/blade.aptsource".into()], &[], None)?.parse(&cell, None)?;
+    /// assert_eq!(program.targets.len(), 2302);
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     pub fn parse(&self, cell: &CellFile, tool: Option<&str>) -> Result<Program, Vec<Diagnostic>> {
         input::program(self.job.clone(), &self.context, cell, tool)
     }
 
-    /// Parses them where no cell is known: for what is independent of it.
+    /// Parses the program without a cell, for results that do not depend on one.
     ///
     /// # Errors
-    /// What the language's reader refuses.
+    /// Everything that the reader of the language refuses.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::cli::session::ProgramFiles;
+    ///
+    /// let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?.parse_alone()?;
+    /// assert_eq!(&*program.tools[0].name, "tMill");
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     pub fn parse_alone(&self) -> Result<Program, Vec<Diagnostic>> {
         input::program_alone(self.job.clone(), &self.context)
     }

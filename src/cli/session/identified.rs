@@ -21,28 +21,55 @@ pub struct MeasuredFile {
 }
 
 impl MeasuredFile {
-    /// Reads the file at a path, `-` being stdin.
+    /// Reads the file at a path; `-` is stdin.
     ///
     /// # Errors
-    /// It cannot be read.
+    /// The file cannot be read.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::cli::session::MeasuredFile;
+    ///
+    /// let measured = MeasuredFile::read("samples/closed-loop/measured.csv".as_ref())?;
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     pub fn read(path: &Path) -> Result<Self, Vec<Diagnostic>> {
         crate::cli::files::source(path).map(Self::of)
     }
 
-    /// A table that is held.
+    /// Uses a table that is already in memory.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::cli::session::MeasuredFile;
+    /// use deflex::text::Source;
+    ///
+    /// let measured = MeasuredFile::of(Source::new("probe", "target,normal_mm\n1,0.12\n2,0.14\n"));
+    /// ```
     #[must_use]
     pub fn of(table: Source) -> Self {
         Self { source: table, names: None, match_mm: None }
     }
 
-    /// The same with other names for its columns, and how far from the path a row without a target may lie, mm: `--columns`
-    /// and `--match-mm`.
+    /// Sets the names of the columns (`--columns`) and the largest distance from the path, in mm, of a row that names
+    /// no target (`--match-mm`).
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::cli::session::MeasuredFile;
+    /// # use deflex::text::Source;
+    /// use deflex::measured::ColumnNames;
+    ///
+    /// let names = ColumnNames::parse("target=Point,normal_mm=Deviation")?;
+    /// let measured = MeasuredFile::of(Source::new("probe", "Point;Deviation\n1;0,12\n")).read_as(Some(names), 5.0);
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn read_as(self, names: Option<ColumnNames>, match_mm: f64) -> Self {
         Self { names, match_mm: Some(match_mm), ..self }
     }
 
-    /// The table, with the names that were given for its columns, else with the cell's.
+    /// Parses the table. Names of columns that were given here replace those of the cell.
     fn table(&self, cell: &CellFile) -> Result<Table, Vec<Diagnostic>> {
         let table = Table::read_named(&self.source, self.names.as_ref().or(cell.cell.columns.as_ref()))?;
         Ok(Table { match_mm: self.match_mm, ..table })
@@ -54,9 +81,9 @@ impl MeasuredFile {
 pub struct MeasuredRunFiles {
     /// The program that ran.
     pub program: ProgramFiles,
-    /// The program that it was corrected from: `--against`.
+    /// The program from which it was corrected, if it was: the value of `--against`.
     pub original: Option<ProgramFiles>,
-    /// What was measured.
+    /// The measured rows.
     pub measured: MeasuredFile,
 }
 
@@ -74,13 +101,13 @@ impl MeasuredRunFiles {
     }
 }
 
-/// An identification with what it was made from.
+/// The result of an identification, and the inputs that its reports name.
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Identified {
-    /// What was found.
+    /// The effects that were found, and the fit before and after.
     pub found: Identification,
-    /// What is said of the measured files.
+    /// Warnings and notes about the measured files.
     pub notes: Vec<Diagnostic>,
     cell: Origin,
     data: Vec<Origin>,
@@ -89,7 +116,7 @@ pub struct Identified {
 }
 
 impl Identified {
-    /// The cell file with the effects found, and the user's comments.
+    /// The user's cell file, with its comments, extended by the effects that were found.
     ///
     /// # Errors
     /// The cell file cannot be extended.
@@ -98,7 +125,8 @@ impl Identified {
         text.map_err(|errors| input::own(&self.cell_name, errors))
     }
 
-    /// What `--json` writes; `path` is what logs of the controller have shown besides.
+    /// The text that `--json` writes. `path` is the law of the controller's path that was fitted to logs, if there were
+    /// any.
     ///
     /// # Errors
     /// It cannot be written as JSON.
@@ -123,12 +151,29 @@ impl Identified {
     }
 }
 
-/// Finds the effects that a cell lacks: what `deflex identify` does. `runs` are programs with what was measured on them, or
-/// `poses` rows with their own motor angles; `tool` is that of `--tool`, `written` what goes into the cell; `progress` receives what
-/// share of the work is done, and calls it off with `false`.
+/// Finds the effects that a cell lacks, as `deflex identify` does. `runs` are programs with the points measured on
+/// them; `poses` are measured rows with their own motor angles. `tool` is the value of `--tool`, and `written` says
+/// which effects go into the cell. `progress` receives the share of the work that is done, 0 to 1, and cancels the run
+/// by returning `false`.
 ///
 /// # Errors
-/// All for which the command ends with exit code 2, and `run.called-off`.
+/// Every error for which the command ends with exit code 2, and `run.called-off` after a cancellation.
+///
+/// # Examples
+/// ```no_run
+/// use deflex::cli::session::{CellFile, MeasuredFile, MeasuredRunFiles, ProgramFiles, identify};
+/// use deflex::identify::Written;
+///
+/// let cell = CellFile::read("samples/closed-loop/cell.toml".as_ref())?;
+/// let run = MeasuredRunFiles {
+///     program: ProgramFiles::read(&["samples/closed-loop/part.mod".into()], &[], None)?,
+///     original: None,
+///     measured: MeasuredFile::read("samples/closed-loop/measured.csv".as_ref())?,
+/// };
+/// let answer = identify(&cell, &[run], &[], None, Written::WholeModel, &|_| true)?;
+/// std::fs::write("extended.toml", answer.cell()?)?;
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn identify(
     cell: &CellFile,
     runs: &[MeasuredRunFiles],
@@ -156,10 +201,26 @@ pub fn identify(
     })
 }
 
-/// Finds the law of the controller's path from logs of its axes: what `deflex identify --log` does.
+/// Fits the law of the controller's path to logs of its axes, as `deflex identify --log` does.
 ///
 /// # Errors
-/// All for which the command ends with exit code 2.
+/// Every error for which the command ends with exit code 2.
+///
+/// # Examples
+/// ```no_run
+/// use deflex::cli::session::{CellFile, MeasuredFile, ProgramFiles, identify_path};
+///
+/// let cell = CellFile::read("cell.toml".as_ref())?;
+/// let log = |program: &str, log: &str| {
+///     Ok::<_, deflex::text::Diagnostics>((
+///         ProgramFiles::read(&[program.into()], &[], None)?,
+///         MeasuredFile::read(log.as_ref())?,
+///     ))
+/// };
+/// let law = identify_path(&cell, &[log("a.mod", "a.csv")?, log("b.mod", "b.csv")?], None)?;
+/// println!("{:.3} mm rms from the path of the law", law.after.rms_mm);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn identify_path(
     cell: &CellFile,
     logs: &[(ProgramFiles, MeasuredFile)],
@@ -168,7 +229,8 @@ pub fn identify_path(
     let robot = &cell.cell.arm.robot;
     let read = |(program, table): &(ProgramFiles, MeasuredFile)| {
         let (program, log) = both(program.parse(cell, tool), table.table(cell)?.log(robot))?;
-        // The axes are the motors': no force changes the path that the controller leads them along.
+        // The log has the angles of the motors. Forces deflect the arm, but do not change the path along which the
+        // controller leads the motors.
         let options = Options { tool: tool.map(str::to_owned), ..Options::default() };
         let prepared = Prepared::new(&program, &cell.cell, &options).map_err(|errors| cell.own(errors))?;
         let course = Course::new(&program, &cell.cell, &prepared).map_err(|errors| cell.own(errors))?;
@@ -179,7 +241,7 @@ pub fn identify_path(
     fit_law(robot, &runs).map_err(|error| vec![log_error(error, logs)])
 }
 
-/// What is wrong with which log.
+/// The message for a log that cannot be used.
 fn log_error(error: LogError, logs: &[(ProgramFiles, MeasuredFile)]) -> Diagnostic {
     let file = |i: usize| logs.get(i).map_or("", |(_, log)| &log.source.name);
     let message = match &error {
@@ -206,7 +268,7 @@ fn log_error(error: LogError, logs: &[(ProgramFiles, MeasuredFile)]) -> Diagnost
     Diagnostic::error("log.program", file(at), message).help(help)
 }
 
-/// FNV-1a over all files on which the answer depends. It distinguishes data; it is no protection against forgery.
+/// FNV-1a hash over all files on which the result depends. It distinguishes data, but does not protect against forgery.
 fn hash<'a>(sources: impl Iterator<Item = &'a Source>) -> String {
     let bytes = sources.flat_map(|source| &source.bytes);
     let hash =

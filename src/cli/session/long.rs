@@ -1,4 +1,5 @@
-//! Long programs, a chunk at a time: faster than as a whole, and they can be followed and called off.
+//! Runs programs chunk by chunk. This is faster than running a program as a whole, and the caller can follow and cancel
+//! the run.
 
 use super::{Done, ProgramFiles, Run, noticed};
 use crate::cli::job;
@@ -15,7 +16,7 @@ use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A long program, in one file.
+/// A long program in one file.
 pub(super) struct Long<'a> {
     files: &'a ProgramFiles,
     program: job::Long<'a>,
@@ -23,9 +24,10 @@ pub(super) struct Long<'a> {
     stopped: AtomicBool,
 }
 
+// `None`: the program can be understood only as a whole.
 type Answer = Result<Option<Done>, Vec<Diagnostic>>;
 
-/// What comes of the rows of a program.
+/// Results that are collected from the rows of a program.
 struct Reports<'a> {
     path: Option<PathTrace>,
     csv: Vec<u8>,
@@ -34,13 +36,13 @@ struct Reports<'a> {
 }
 
 impl<'a> Long<'a> {
-    /// `None` where the program is of several files.
+    /// `None` if the program has several files.
     pub(super) fn of(files: &'a ProgramFiles, run: &'a Run) -> Option<Self> {
         let program = files.long(run)?;
         files.companions().is_empty().then(|| Self { files, program, run, stopped: AtomicBool::new(false) })
     }
 
-    /// `None` if it can be understood only as a whole.
+    /// Corrects the program; `None` if it can be understood only as a whole.
     pub(super) fn compensate(&self) -> Answer {
         self.program.by_chunks(|program| match self.files.language().is_edited() {
             true => self.edit(&program),
@@ -52,7 +54,7 @@ impl<'a> Long<'a> {
         rayon::current_num_threads()
     }
 
-    /// RAPID and KRL: their own text, edited.
+    /// Edits the numbers in the program's own text.
     fn edit(&self, program: &InChunks<'_, &Text>) -> Answer {
         let mut text = self.held();
         let (reports, done) = self.filled((PathKind::Compensate, noticed(self.files, self.run)), |sinks| {
@@ -64,7 +66,7 @@ impl<'a> Long<'a> {
         self.done(done, reports, files)
     }
 
-    /// CL, posted as RAPID.
+    /// Posts CL data as RAPID.
     fn post(&self, program: &InChunks<'_, &Text>) -> Answer {
         let setup = &self.run.setup;
         let (cell, threads) = (&setup.cell.cell, Self::threads());
@@ -80,7 +82,7 @@ impl<'a> Long<'a> {
         self.done(done, reports, files)
     }
 
-    /// Its prediction without a correction; `None` if it, or its original, can be understood only as a whole.
+    /// Predicts the program without correcting it; `None` if it, or its original, can be understood only as a whole.
     pub(super) fn predict(&self, against: Option<&ProgramFiles>) -> Answer {
         let original = match against {
             Some(original) => match original.long(self.run) {
@@ -100,7 +102,8 @@ impl<'a> Long<'a> {
         })
     }
 
-    /// Room for a text, which is full when the run is called off: a report takes some more than the program.
+    /// Memory for an output text, which refuses further bytes after the run was cancelled. Its first size is a guess: a
+    /// report is longer than its program.
     fn held(&self) -> HeldText<'_> {
         HeldText { bytes: Vec::with_capacity(2 * self.source().bytes.len()), stopped: &self.stopped }
     }
@@ -123,8 +126,8 @@ impl<'a> Long<'a> {
                 reports.numbers.iter_mut().for_each(|numbers| numbers.take(rows));
             },
             progress: &|targets, bytes| {
-                let goes_on = self.run.follow.as_ref().is_none_or(|follow| follow(targets, bytes));
-                self.stopped.fetch_or(!goes_on, Ordering::Relaxed);
+                let continues = self.run.follow.as_ref().is_none_or(|follow| follow(targets, bytes));
+                self.stopped.fetch_or(!continues, Ordering::Relaxed);
             },
         });
         reports.csv = csv.bytes;
@@ -165,7 +168,7 @@ impl<'a> Long<'a> {
     }
 }
 
-/// A text in memory.
+/// An output text in memory.
 struct HeldText<'a> {
     bytes: Vec<u8>,
     stopped: &'a AtomicBool,
@@ -185,7 +188,7 @@ impl Write for HeldText<'_> {
     }
 }
 
-/// A module of a posted program, which joins the others when it is through.
+/// A module of a posted program; it joins the finished files when it is dropped.
 struct Posted<'a> {
     name: PathBuf,
     text: HeldText<'a>,

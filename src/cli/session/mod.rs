@@ -1,4 +1,4 @@
-//! What the command does, with the results in memory: for programs in other languages, and notebooks.
+//! The commands of deflex with their results in memory, for programs in other languages and notebooks.
 //!
 //! ```
 //! use deflex::cli::session::{CellFile, ProgramFiles, Run, compensate};
@@ -46,27 +46,36 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Receives the targets and the bytes of the program that are done; returning `false` cancels the run.
+/// Receives the number of targets and of program bytes that are done. The run is cancelled when it returns `false`.
 pub type Follow = dyn Fn(usize, u64) -> bool + Send + Sync;
 
-/// How a program is run.
+/// The cell and the options of a run.
 #[derive(Clone)]
 pub struct Run {
     setup: Setup,
-    /// Correct a program that has its correction in it already once more.
+    /// Whether a program that has been corrected already is corrected once more.
     pub again: bool,
-    /// CL input: how it is posted; left out, under the file's name with what the command has for defaults.
+    /// How CL data are posted; `None` posts them under the name of their file with the defaults of the command.
     pub post: Option<PostOptions>,
-    /// Who follows a long program, and the cut of a stock; all else is done at once.
+    /// Receives the progress of long programs and of the cut of a stock; other work is too short to report any.
     pub follow: Option<Arc<Follow>>,
     /// Whether the path is kept for a page.
     draws: bool,
-    /// Whether the numbers of the report are kept as they are before they are printed.
+    /// Whether the numbers of the report are kept unrounded.
     keeps_numbers: bool,
 }
 
 impl Run {
-    /// With a cell, and all else as the command has it without options.
+    /// A run with this cell and the default options of the command.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::cli::session::{CellFile, Run};
+    ///
+    /// let mut run = Run::new(CellFile::read("samples/slot/cell.toml".as_ref())?.into());
+    /// run.again = true; // corrects a program that has been corrected already
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn new(cell: Arc<CellFile>) -> Self {
         let setup =
@@ -74,15 +83,32 @@ impl Run {
         Self { setup, again: false, post: None, follow: None, draws: false, keeps_numbers: false }
     }
 
-    /// What the library has to do; its `forces` are those of [`Run::take_forces`].
+    /// The options of the library. Set its `forces` with [`Run::read_forces`] or [`Run::take_forces`], which check
+    /// them.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::cli::session::{CellFile, Run};
+    /// let mut run = Run::new(CellFile::read("samples/slot/cell.toml".as_ref())?.into());
+    /// run.options().subdivide = Some(2e-5); // m: inserts targets, as `--subdivide 0.02` does
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     pub fn options(&mut self) -> &mut Options {
         &mut self.setup.options
     }
 
-    /// Forces by target from the file at a path, as `--forces` takes them.
+    /// Reads forces by target from the file at a path, as `--forces` does.
     ///
     /// # Errors
-    /// The file cannot be read, or is no table of forces.
+    /// The file cannot be read, or is not a table of forces.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::cli::session::{CellFile, Run};
+    /// let mut run = Run::new(CellFile::read("samples/closed-loop/cell.toml".as_ref())?.into());
+    /// run.read_forces("samples/closed-loop/measured.csv".as_ref())?;
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     pub fn read_forces(&mut self, path: &Path) -> Result<(), Vec<Diagnostic>> {
         let names = self.setup.cell.cell.columns.as_ref();
         let read = ForceFile::read(path, names)?;
@@ -90,10 +116,20 @@ impl Run {
         Ok(())
     }
 
-    /// The same from a table that is held.
+    /// Takes forces by target from a table in memory.
     ///
     /// # Errors
-    /// It is no table of forces.
+    /// The text is not a table of forces.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::cli::session::{CellFile, Run};
+    /// use deflex::text::Source;
+    ///
+    /// let mut run = Run::new(CellFile::read("samples/closed-loop/cell.toml".as_ref())?.into());
+    /// run.take_forces(&Source::new("forces", "target,fx_n,fy_n,fz_n\n1,0,0,120\n2,0,0,90\n"))?;
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     pub fn take_forces(&mut self, table: &Source) -> Result<(), Vec<Diagnostic>> {
         let names = self.setup.cell.cell.columns.as_ref();
         let read = ForceFile::of(table.name.clone(), &table.bytes[..], names)?;
@@ -106,19 +142,34 @@ impl Run {
         self.setup.options.forces = Some(forces);
     }
 
-    /// Files that the run reads besides the program: the cell, and what declares names.
+    /// Files that the run reads in addition to the program: the cell, and modules that declare names.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::cli::session::{CellFile, Run};
+    /// let run = Run::new(CellFile::read("samples/slot/cell.toml".as_ref())?.into());
+    /// assert_eq!(run.inputs().count(), 1); // the cell
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     pub fn inputs(&self) -> impl Iterator<Item = &Path> {
         let context = self.setup.context.sources().iter();
         context.map(|source| Path::new(&source.name)).chain([Path::new(&self.setup.cell.name)])
     }
 
-    /// How CL input from this file is posted, where nothing else is said.
+    /// How CL data from this file are posted by default.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::cli::session::Run;
+    /// let options = Run::posted_from("blade.aptsource".as_ref());
+    /// assert_eq!(options.name, "blade");
+    /// ```
     #[must_use]
     pub fn posted_from(file: &Path) -> PostOptions {
         posted_from(file, file)
     }
 
-    /// The same for a page: with the path, and the stiffness along it.
+    /// The same run with what a page needs: the path, and the stiffness along it.
     fn drawing(&self) -> Self {
         let mut run = Self { draws: true, ..self.clone() };
         let options = run.options();
@@ -126,7 +177,8 @@ impl Run {
         run
     }
 
-    /// The options of a program that is held whole: who follows it sees the stock cut.
+    /// The options for a program that is held as a whole: `follow` receives the progress of the cut, if the cell has a
+    /// stock.
     fn options_followed(&self, program: &ProgramFiles) -> Cow<'_, Options> {
         let options = &self.setup.options;
         let Some(follow) = self.follow.clone().filter(|_| self.setup.cell.cell.stock.is_some()) else {
@@ -138,17 +190,17 @@ impl Run {
         Cow::Owned(Options { cut_progress, ..options.clone() })
     }
 
-    /// Room for the numbers of the report, where they are wanted.
+    /// A place to keep the unrounded numbers of the report, if they are wanted.
     fn numbers(&self) -> Option<Unrounded> {
         self.keeps_numbers.then(Unrounded::default)
     }
 
-    /// An empty path, where one is wanted.
+    /// An empty path for a page, if one is wanted.
     fn path(&self, kind: PathKind) -> Option<PathTrace> {
         self.draws.then(|| PathTrace::new(kind, 1))
     }
 
-    /// The page of a run whose path was kept.
+    /// The page of a run that kept its path.
     fn page(&self, kind: PathKind, done: Done) -> String {
         let cell = self.setup.cell.origin();
         let programs = done.path.map(|path| (done.summary, path));
@@ -156,7 +208,7 @@ impl Run {
         PathPage { kind, cell: &cell, programs: programs.as_slice(), scene, tolerance_mm: None }.html()
     }
 
-    /// Parses a program and checks that the forces are its own.
+    /// Parses a program and checks that the table of forces belongs to it.
     fn parse(&self, program: &ProgramFiles) -> Result<Program, Vec<Diagnostic>> {
         let parsed = program.parse(&self.setup.cell, self.setup.options.tool.as_deref())?;
         self.setup.forces.as_ref().map_or(Ok(()), |forces| forces.check(&parsed))?;
@@ -164,37 +216,58 @@ impl Run {
     }
 }
 
-/// What a program came to.
+/// Results of a run of one program.
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Done {
-    /// The corrected program's files under their names; none where it is only predicted.
+    /// Names and bytes of the corrected program's files; empty after a prediction.
     pub files: Vec<(PathBuf, Vec<u8>)>,
     /// The report as `--report` writes it.
     pub csv: Vec<u8>,
-    /// What `--json` says of the program.
+    /// The program's entry in what `--json` writes.
     pub summary: FileSummary,
-    /// What the command says besides.
+    /// Warnings and notes of the run.
     pub notes: Vec<Diagnostic>,
-    /// Where it is kept for a page.
+    /// The path, if it is kept for a page.
     path: Option<PathTrace>,
-    /// Numbers of the report, where they are kept.
+    /// Unrounded numbers of the report, if they are kept.
     numbers: Option<Unrounded>,
 }
 
-/// The page that `deflex compensate --html` writes: takes another run, with the stiffness along the path.
+/// The page that `deflex compensate --html` writes. The program is run anew, because the page also shows the stiffness
+/// along the path.
 ///
 /// # Errors
 /// Those of [`compensate`].
+///
+/// # Examples
+/// ```
+/// # use deflex::cli::session::{CellFile, ProgramFiles, Run, compensate_page};
+/// # let cell = CellFile::read("samples/slot/cell.toml".as_ref())?.into();
+/// # let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
+/// let page = compensate_page(&program, &Run::new(cell))?;
+/// assert!(page.starts_with("<!DOCTYPE html>"));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn compensate_page(program: &ProgramFiles, run: &Run) -> Result<String, Vec<Diagnostic>> {
     let run = run.drawing();
     compensate(program, &run).map(|done| run.page(PathKind::Compensate, done))
 }
 
-/// The page that `deflex predict --html` writes, in the same way.
+/// The page that `deflex predict --html` writes. The program is run anew, as in [`compensate_page`].
 ///
 /// # Errors
 /// Those of [`predict`].
+///
+/// # Examples
+/// ```
+/// # use deflex::cli::session::{CellFile, ProgramFiles, Run, predict_page};
+/// # let cell = CellFile::read("samples/slot/cell.toml".as_ref())?.into();
+/// # let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
+/// let page = predict_page(&program, None, &Run::new(cell))?;
+/// assert!(page.starts_with("<!DOCTYPE html>"));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn predict_page(
     program: &ProgramFiles,
     against: Option<&ProgramFiles>,
@@ -204,19 +277,40 @@ pub fn predict_page(
     predict(program, against, &run).map(|done| run.page(PathKind::Predict, done))
 }
 
-/// The numbers of the report of [`compensate`] as they are before they are printed: takes another run.
+/// The numbers of the report of [`compensate`] without rounding. The program is run anew.
 ///
 /// # Errors
 /// Those of [`compensate`].
+///
+/// # Examples
+/// ```
+/// # use deflex::cli::session::{CellFile, ProgramFiles, Run, compensate_unrounded};
+/// # let cell = CellFile::read("samples/slot/cell.toml".as_ref())?.into();
+/// # let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
+/// let columns = compensate_unrounded(&program, &Run::new(cell))?.columns();
+/// let (_, errors_mm) = columns.iter().find(|(name, _)| *name == "error_mm").expect("a column of the report");
+/// assert!(errors_mm.iter().all(|mm| *mm > 0.0));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn compensate_unrounded(program: &ProgramFiles, run: &Run) -> Result<Unrounded, Vec<Diagnostic>> {
     let run = Run { keeps_numbers: true, ..run.clone() };
     compensate(program, &run).map(|done| done.numbers.unwrap_or_default())
 }
 
-/// The same of [`predict`].
+/// The numbers of the report of [`predict`] without rounding. The program is run anew.
 ///
 /// # Errors
 /// Those of [`predict`].
+///
+/// # Examples
+/// ```
+/// # use deflex::cli::session::{CellFile, ProgramFiles, Run, predict_unrounded};
+/// # let cell = CellFile::read("samples/slot/cell.toml".as_ref())?.into();
+/// # let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
+/// let columns = predict_unrounded(&program, None, &Run::new(cell))?.columns();
+/// assert!(columns.iter().any(|(name, _)| *name == "remaining_mm"));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn predict_unrounded(
     program: &ProgramFiles,
     against: Option<&ProgramFiles>,
@@ -226,10 +320,24 @@ pub fn predict_unrounded(
     predict(program, against, &run).map(|done| done.numbers.unwrap_or_default())
 }
 
-/// Corrects a program: what `deflex compensate` does.
+/// Corrects a program, as `deflex compensate` does.
 ///
 /// # Errors
-/// All for which the command ends with exit code 2, and `run.called-off`.
+/// Every error for which the command ends with exit code 2, and `run.called-off` after a cancellation.
+///
+/// # Examples
+/// ```
+/// use deflex::cli::session::{CellFile, ProgramFiles, Run, compensate};
+/// use std::sync::Arc;
+///
+/// let cell = Arc::new(CellFile::read("samples/slot/cell.toml".as_ref())?);
+/// let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
+/// let done = compensate(&program, &Run::new(cell))?;
+/// let (name, bytes) = &done.files[0];
+/// assert_eq!(name.to_str(), Some("slot.mod"));
+/// assert!(bytes.starts_with(b"%%%") && done.summary.max_remaining_mm < 1e-3);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn compensate(program: &ProgramFiles, run: &Run) -> Result<Done, Vec<Diagnostic>> {
     program.marked()?;
     // CL data in other languages than RAPID are posted as a whole.
@@ -239,13 +347,26 @@ pub fn compensate(program: &ProgramFiles, run: &Run) -> Result<Done, Vec<Diagnos
         None => None,
     };
     let done = done.map_or_else(|| compensate_whole(program, run), Ok);
-    told(done, program, run)
+    with_notes(done, program, run)
 }
 
-/// Predicts what becomes of a program as it stands: what `deflex predict` does; `against` is the original of a corrected one.
+/// Predicts the errors of a program without correcting it, as `deflex predict` does. `against` is the original of a
+/// corrected program; errors are then counted from its targets.
 ///
 /// # Errors
-/// All for which the command ends with exit code 2, and `run.called-off`.
+/// Every error for which the command ends with exit code 2, and `run.called-off` after a cancellation.
+///
+/// # Examples
+/// ```
+/// use deflex::cli::session::{CellFile, ProgramFiles, Run, predict};
+/// use std::sync::Arc;
+///
+/// let cell = Arc::new(CellFile::read("samples/slot/cell.toml".as_ref())?);
+/// let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
+/// let done = predict(&program, None, &Run::new(cell))?;
+/// assert!(done.summary.max_error_mm > 0.1);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn predict(program: &ProgramFiles, against: Option<&ProgramFiles>, run: &Run) -> Result<Done, Vec<Diagnostic>> {
     program.marked()?;
     let done = match Long::of(program, run) {
@@ -253,11 +374,11 @@ pub fn predict(program: &ProgramFiles, against: Option<&ProgramFiles>, run: &Run
         None => None,
     };
     let done = done.map_or_else(|| predict_whole(program, against, run), Ok);
-    told(done, program, run)
+    with_notes(done, program, run)
 }
 
-/// With what every run says, and what it was made from.
-fn told(done: Result<Done, Vec<Diagnostic>>, program: &ProgramFiles, run: &Run) -> Result<Done, Vec<Diagnostic>> {
+/// Adds the notes of the run and the hashes of the program's files.
+fn with_notes(done: Result<Done, Vec<Diagnostic>>, program: &ProgramFiles, run: &Run) -> Result<Done, Vec<Diagnostic>> {
     let mut done = done.map_err(|errors| run.setup.failed(run.setup.cell.own(errors)))?;
     done.notes.splice(0..0, run.setup.notes());
     done.notes = run.setup.cell.own(done.notes);
@@ -265,10 +386,10 @@ fn told(done: Result<Done, Vec<Diagnostic>>, program: &ProgramFiles, run: &Run) 
     Ok(done)
 }
 
-/// What is watched for in the rows of a program that is corrected.
+/// Collects what the run reports about the rows of a program that is corrected.
 fn noticed<'a>(program: &ProgramFiles, run: &'a Run) -> Noticed<'a> {
     let files = program.sources().into_iter().map(|source| Path::new(&source.name));
-    Noticed::new(run.setup.options.forces.as_ref(), (!run.again).then(|| Again::beside(files)))
+    Noticed::new(run.setup.options.forces.as_ref(), (!run.again).then(|| Again::in_folders_of(files)))
 }
 
 fn compensate_whole(program: &ProgramFiles, run: &Run) -> Result<Done, Vec<Diagnostic>> {

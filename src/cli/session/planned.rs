@@ -7,14 +7,14 @@ use deflex::report::{Origin, VERSION};
 use deflex::text::{Diagnostic, Source};
 use serde_json::Value;
 
-/// A set of effects below this share of the posterior does not keep a question open.
+/// A set of effects whose posterior probability is below this does not keep a question open.
 const OPEN: f64 = 0.05;
 
-/// A plan with what it was made from.
+/// A plan, and the cell that its reports name.
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Planned {
-    /// What was planned.
+    /// The plan.
     pub found: Plan,
     name: String,
     cell: Origin,
@@ -22,7 +22,7 @@ pub struct Planned {
 }
 
 impl Planned {
-    /// What `--json` writes.
+    /// The text that `--json` writes.
     ///
     /// # Errors
     /// It cannot be written as JSON.
@@ -44,11 +44,25 @@ impl Planned {
     }
 }
 
-/// Plans what to measure: what `deflex plan` does. `pool` are programs whose targets are the places to choose from, `after` the
-/// JSON of an identification, `program` how it is written; `progress` receives the share of the work that is done.
+/// Plans what to measure, as `deflex plan` does. The targets of the programs in `pool` are the candidate places. `after` is the
+/// JSON of an identification whose open questions the plan is to decide, and `program` says in which language the plan is written.
+/// `progress` receives the share of the work that is done, 0 to 1.
 ///
 /// # Errors
-/// All for which the command ends with exit code 2.
+/// Every error for which the command ends with exit code 2.
+///
+/// # Examples
+/// ```no_run
+/// use deflex::cli::session::{CellFile, plan};
+/// use deflex::identify::{Ask, PlanProgram};
+/// use deflex::program::Language;
+///
+/// let cell = CellFile::read("cell.toml".as_ref())?; // with a [plan] table
+/// let program = PlanProgram { name: "plan", language: Language::Rapid, ask: Ask::Never };
+/// let planned = plan(&cell, 24, &[], None, program, &|_| ())?;
+/// std::fs::write("plan.json", planned.json()?)?;
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn plan(
     cell: &CellFile,
     rows: usize,
@@ -69,7 +83,7 @@ pub fn plan(
     Ok(Planned { found, name: program.name.to_owned(), cell: cell.origin(), arm })
 }
 
-/// Pairs of kinds that an identification (its JSON) left undecided.
+/// Pairs of effects that an identification, read from its JSON, left undecided.
 fn undecided(source: &Source) -> Result<Vec<(String, String)>, Vec<Diagnostic>> {
     let bad = |reason: String| {
         let message = format!("not the JSON of an identification: {reason}");

@@ -13,31 +13,45 @@ use std::sync::Arc;
 /// Receives the share of a simulation's cuts that is done; returning `false` cancels the run.
 pub type SimulationProgress = dyn Fn(f64) -> bool + Send + Sync;
 
-/// Triangles on a page, about: a plain canvas draws as many in a tenth of a second.
+/// Largest number of triangles on a page, approximately: a plain canvas draws that many in a tenth of a second.
 const PAGE_TRIANGLES: f64 = 40_000.0;
 
-/// A part before it is cut: what the loaded arm leaves of the stock, held against what is meant.
+/// The part that the loaded arm leaves of the stock, compared with the intended part.
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Simulated {
     name: String,
     cell: String,
     programmed: Removal,
-    /// The nominal part, where the cell has one: what is meant in place of what is programmed.
+    /// The nominal part, if the cell has one. It replaces the programmed part as the intended one.
     nominal: Option<Stock>,
-    /// What is left by the program before its correction, where there is one, and by the program, under their names.
+    /// The part cut by the original, if one is given, and the part cut by the program; each with its name in reports.
     actual: Vec<(&'static str, Removal)>,
     maps: Vec<(&'static str, DeviationMap)>,
     figures: Vec<(&'static str, MapFigures)>,
-    /// What the command says besides.
+    /// Warnings and notes of the command.
     pub notes: Vec<Diagnostic>,
 }
 
-/// Cuts the cell's stock with the poses that the loaded arm takes: what `deflex simulate` does; `against` is the original of a
-/// corrected program. `progress` receives the share of the cuts that is done from time to time, and cancels the run with `false`.
+/// Cuts the cell's stock with the poses that the loaded arm takes, as `deflex simulate` does. `against` is the original
+/// of a corrected program. `progress` receives the share of the cuts that is done, 0 to 1, and cancels the run by
+/// returning `false`.
 ///
 /// # Errors
-/// All for which the command ends with exit code 2, and `run.called-off`.
+/// Every error for which the command ends with exit code 2, and `run.called-off` after a cancellation.
+///
+/// # Examples
+/// ```no_run
+/// use deflex::cli::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
+/// use std::sync::Arc;
+///
+/// let run = Run::new(CellFile::read("samples/stock/cell.toml".as_ref())?.into());
+/// let program = ProgramFiles::read(&["samples/stock/part.mod".into()], &[], None)?;
+/// let progress: Arc<SimulationProgress> = Arc::new(|_| true);
+/// let part = simulate(&program, None, &run, &progress)?;
+/// std::fs::write("part.stl", part.stl())?;
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn simulate(
     program: &ProgramFiles,
     against: Option<&ProgramFiles>,
@@ -87,7 +101,7 @@ impl Simulated {
         Ok(simulated)
     }
 
-    /// Deviations at the corners of cells that are larger than usual by a factor.
+    /// Deviations on a mesh whose triangles are larger than usual by a factor.
     fn maps(&self, larger: f64) -> Vec<(&'static str, DeviationMap)> {
         let intended = self.nominal.as_ref().unwrap_or(&self.programmed.stock);
         let mesh = intended.surface(map_cell(&self.programmed.stock) * larger);
@@ -96,10 +110,10 @@ impl Simulated {
         self.actual.iter().map(|(name, removal)| (*name, map(removal))).collect()
     }
 
-    /// What the program leaves of the stock.
+    /// The stock that the program leaves.
     #[must_use]
     pub fn removal(&self) -> &Removal {
-        // There is always one.
+        // `of` always adds one.
         self.actual.last().map_or(&self.programmed, |(_, removal)| removal)
     }
 
@@ -109,13 +123,13 @@ impl Simulated {
         self.maps.last().map(|(_, map)| map.points()).unwrap_or_default()
     }
 
-    /// What `--report` writes.
+    /// The table that `--report` writes.
     #[must_use]
     pub fn csv(&self) -> Vec<u8> {
         map_csv(&self.points())
     }
 
-    /// What `--stl` writes.
+    /// The binary STL that `--stl` writes.
     #[must_use]
     pub fn stl(&self) -> Vec<u8> {
         stl(&self.removal().stock.surface(map_cell(&self.programmed.stock)))
@@ -129,7 +143,7 @@ impl Simulated {
         simulation_page(&self.name, &self.cell, &maps, &self.figures)
     }
 
-    /// What the command prints.
+    /// The text that the command prints.
     #[must_use]
     pub fn text(&self) -> String {
         let line = |(which, f): &(&str, MapFigures)| {
@@ -148,7 +162,7 @@ impl Simulated {
         self.figures.iter().map(line).collect()
     }
 
-    /// What `--json` says of the program.
+    /// The text that `--json` writes.
     ///
     /// # Errors
     /// It cannot be written as JSON.

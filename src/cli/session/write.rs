@@ -1,4 +1,4 @@
-//! What is held, written as the command writes it.
+//! Writes results that are in memory, with the same guarantees as the command.
 
 use super::super::file_state::Identity;
 use super::super::output::{AtTheEnd, Outputs, refuse};
@@ -6,16 +6,27 @@ use deflex::text::Diagnostic;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-/// Writes files as one set, as the command does: all or none, through symbolic links, into files that have other names too, and
-/// never over one of the `inputs`.
+/// Writes files as one set, as the command does: all of them or none. It writes through symbolic links, keeps further
+/// hard links of a file, and refuses to write over one of the `inputs`.
 ///
 /// # Errors
-/// One of them cannot be written, is read-only, is an input, or is another one's file; then all are as before.
+/// A file cannot be written, is read-only, is an input, or is named twice. All files are then as before.
+///
+/// # Examples
+/// ```no_run
+/// use deflex::cli::session::{CellFile, ProgramFiles, Run, compensate, write};
+///
+/// let program = ProgramFiles::read(&["part.mod".into()], &[], None)?;
+/// let done = compensate(&program, &Run::new(CellFile::read("cell.toml".as_ref())?.into()))?;
+/// let files = [("corrected.mod".into(), &done.files[0].1[..]), ("corrected.csv".into(), &done.csv[..])];
+/// write(files, ["part.mod", "cell.toml"])?;
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn write<'a>(
     files: impl IntoIterator<Item = (PathBuf, &'a [u8])>,
     inputs: impl IntoIterator<Item = impl AsRef<Path>>,
 ) -> Result<(), Vec<Diagnostic>> {
-    /// What waits in a folder is known by the process: one set at a time.
+    /// The staged files in a folder carry the id of the process, so the process writes one set at a time.
     static ONE_SET: Mutex<()> = Mutex::new(());
     let _one = ONE_SET.lock().unwrap_or_else(PoisonError::into_inner);
     let _clean = AtTheEnd;

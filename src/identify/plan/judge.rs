@@ -80,7 +80,7 @@ pub(super) fn judge(
         (0..6).any(|j| (deg[j] - row.axes_deg[j]).abs() > SAME)
     });
     if let Some((_, row)) = elsewhere {
-        let message = format!("the arm would stand otherwise at target {} than planned", row.target);
+        let message = format!("the arm would have another posture at target {} than the plan assumes", row.target);
         let help = "give `[robot] start_deg` near the middle of [plan] box_mm, with the tool upright";
         return Err(vec![Diagnostic::error("cell.plan", "", message).help(help)]);
     }

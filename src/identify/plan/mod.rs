@@ -183,6 +183,18 @@ impl Frames {
 ///
 /// # Errors
 /// No `[plan]`, too few rows, no place that the arm reaches, loads on an arm without a stiffness.
+///
+/// # Examples
+/// ```no_run
+/// use deflex::identify::{Ask, PlanInput, PlanProgram, plan};
+/// use deflex::{cell::Cell, program::Language, text::Source};
+///
+/// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("cell.toml")?))?; // with a [plan] table
+/// let program = PlanProgram { name: "plan", language: Language::Rapid, ask: Ask::Never };
+/// let plan = plan(&PlanInput { cell: &cell, rows: 24, pool: &[], undecided: &[], program, progress: &|_| () })?;
+/// println!("{}", deflex::report::plan_text(&plan));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn plan(input: &PlanInput) -> Result<Plan, Vec<Diagnostic>> {
     let cell = input.cell;
     let section = section(cell)?;

@@ -145,6 +145,17 @@ pub enum Point {
 ///
 /// # Errors
 /// The file is refused (APT-360 source, not CL, no unit): all reasons that were found.
+///
+/// # Examples
+/// ```
+/// use deflex::program::cl::{self, ClOptions, Units};
+/// use deflex::text::Source;
+///
+/// let options = ClOptions { units: Some(Units::Millimetre), any_tool: true, ..ClOptions::default() };
+/// let file = Source::new("blade.aptsource", std::fs::read("samples/blade/blade.aptsource")?);
+/// assert_eq!(cl::read(file, &options)?.targets.len(), 2302);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn read(source: Source, options: &ClOptions) -> Result<Program, Vec<Diagnostic>> {
     if let Some(refusal) = refused(options) {
         return Err(vec![refusal]);

@@ -40,6 +40,16 @@ static LOWERING: Lowering = Lowering {
 ///
 /// # Errors
 /// The file is no job or is cut off: all reasons that were found.
+///
+/// # Examples
+/// ```
+/// use deflex::program::jbi;
+/// use deflex::text::Source;
+///
+/// let program = jbi::read(vec![Source::new("CONTOUR.JBI", std::fs::read("samples/yaskawa/CONTOUR.JBI")?)], vec![])?;
+/// assert!(!program.targets.is_empty());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn read(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
     lowered::read(&LOWERING, sources, context)
 }

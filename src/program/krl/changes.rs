@@ -332,12 +332,12 @@ impl<'a> Runner<'a> {
             return;
         }
         let message = format!(
-            "`{}` moves the robot: where it interrupts, the motion that follows may begin elsewhere than is corrected for",
+            "`{}` moves the robot: after an interrupt, the next motion may begin at another place than the correction assumes",
             decode(name)
         );
         let source = &self.symbols.sources[file];
         let note = Diagnostic::error("krl.interrupt-moves", &source.name, message).at(source, span);
-        let help = "let it go back to $POS_INT before the program goes on";
+        let help = "let it move back to $POS_INT before the program continues";
         self.diagnostics.push(note.severity(Severity::Note).help(help));
     }
 

@@ -60,6 +60,17 @@ pub(crate) struct Layout {
 ///
 /// # Errors
 /// The program as a whole is refused (no text, no KRL, cut off): every reason found.
+///
+/// # Examples
+/// ```
+/// use deflex::program::krl;
+/// use deflex::text::Source;
+///
+/// let file = |name: &str| std::fs::read(format!("samples/kuka/{name}")).map(|bytes| Source::new(name, bytes));
+/// let program = krl::read(vec![file("ring.src")?, file("ring.dat")?], vec![])?;
+/// assert!(!program.targets.is_empty());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn read(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
     read_cut(sources, context, false)
 }

@@ -259,7 +259,7 @@ impl<'a> Runner<'a> {
     pub(super) fn give_up(&mut self, span: Span) -> Result<(), Stop> {
         if self.diagnostics.iter().all(|d| d.code != "krl.endless") {
             let source = &self.symbols.sources[self.here()];
-            let message = "the program runs on without an end that is found";
+            let message = "deflex found no end of the program";
             let error = Diagnostic::error("krl.endless", &source.name, message).at(source, span);
             self.diagnostics.push(error.help("split it, or give loops bounds that end them"));
         }

@@ -70,8 +70,7 @@ impl Runner<'_> {
 
     fn tell_cycle(&mut self, source: usize, span: Span, message: &str) {
         let note = Diagnostic::error("rapid.next-cycle", "", message).at(&self.symbols.sources[source], span);
-        let help =
-            "set it before the first motion: in the next cycle the motions before that go elsewhere than corrected for";
+        let help = "set it before the first motion: otherwise the next cycle drives these motions to other places than the correction assumes";
         self.diagnostics.push(note.severity(Severity::Note).help(help));
     }
 }

@@ -189,6 +189,16 @@ struct Offset {
 ///
 /// # Errors
 /// Every reason for which the program as a whole is refused (encrypted, not RAPID).
+///
+/// # Examples
+/// ```
+/// use deflex::program::rapid;
+/// use deflex::text::Source;
+///
+/// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// assert_eq!(program.targets[0].feed_mm_s, Some(20.0));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn read(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
     let dialect = dialect::of(&sources);
     read_as(dialect, sources, context)

@@ -211,12 +211,11 @@ impl<'a> Runner<'a> {
             }
             let name = String::from_utf8_lossy(self.routine_name(id)).into_owned();
             let message = format!(
-                "trap `{name}` moves the robot: where it interrupts, the motion that follows may begin elsewhere than is corrected for"
+                "trap `{name}` moves the robot: after an interrupt, the next motion may begin at another place than the correction assumes"
             );
             let source = &self.symbols.sources[id.file];
             let note = Diagnostic::error("rapid.trap-moves", "", message).at(source, self.symbols.routine(id).name);
-            let help =
-                "let it go back to where it interrupted (StorePath, CRobT, RestoPath) before the program goes on";
+            let help = "let it move back to the interrupted position (StorePath, CRobT, RestoPath) before the program continues";
             self.diagnostics.push(note.severity(Severity::Note).help(help));
         }
     }

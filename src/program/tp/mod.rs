@@ -90,6 +90,16 @@ impl FrontEnd for Layout {
 ///
 /// # Errors
 /// The program as a whole is refused (no TP, binary, cut off): every reason found.
+///
+/// # Examples
+/// ```
+/// use deflex::program::tp;
+/// use deflex::text::Source;
+///
+/// let program = tp::read(vec![Source::new("contour.ls", std::fs::read("samples/fanuc/contour.ls")?)], vec![])?;
+/// assert!(!program.targets.is_empty());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn read(mut sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
     if sources.len() != 1 {
         let message = format!("{} TP files are as many programs", sources.len());
@@ -229,7 +239,10 @@ fn not_given(source: &Source, code: &Code<'_>, calls: &Calls) -> Option<Diagnost
     if names.len() > SHOWN {
         listed.push(format!("{} more", names.len() - SHOWN));
     }
-    let message = format!("not given, so taken to leave the values of frames and tools alone: {}", listed.join(", "));
+    let message = format!(
+        "these programs are not given, and deflex assumes that they change no frames or tools: {}",
+        listed.join(", ")
+    );
     let warning = Diagnostic::error("ls.called", &source.name, message).at(source, *first);
     Some(warning.severity(Severity::Warning).help("give the programs that it calls with --context; or name those that change neither frames nor positions in `[controller] harmless` of the cell"))
 }

@@ -38,6 +38,17 @@ static LOWERING: Lowering = Lowering {
 ///
 /// # Errors
 /// The program is refused (no text, no URScript, cut off): all reasons that were found.
+///
+/// # Examples
+/// ```
+/// use deflex::program::ur;
+/// use deflex::text::Source;
+///
+/// let text = std::fs::read("samples/ur/contour.script")?;
+/// let program = ur::read(vec![Source::new("contour.script", text)], vec![])?;
+/// assert!(!program.targets.is_empty());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn read(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
     lowered::read(&LOWERING, sources, context)
 }

@@ -36,11 +36,15 @@ pub fn identification_page(found: &Identification, cell: &Origin, data: &[Origin
     outcome += &list("advice", "What to measure next", &found.advice);
     let mut grounds = match found.is_whole_arm() {
         true => section("effects", "Every effect of the written cell", effects(found)),
-        false => section("sets", "What the rows leave open", sets(&found.sets)),
+        false => section("sets", "Possible sets of effects", sets(&found.sets)),
     };
     grounds += &section("ranking", "Every effect alone", ranking(found));
     if !found.separability.is_empty() {
-        outcome += &section("separability", "What these rows hardly tell apart", separability(&found.separability));
+        outcome += &section(
+            "separability",
+            "Effects that these rows can hardly distinguish",
+            separability(&found.separability),
+        );
     }
     body += &format!("<div class=\"pair\">\n<div>{outcome}</div>\n<div>{grounds}</div>\n</div>\n");
     body += &section("words", "What the figures are", WORDS);
@@ -93,7 +97,7 @@ fn figures(found: &Identification) -> String {
             value: found.held_out_rows.to_string(),
             unit: "rows",
             label: "Held out",
-            aside: format!("of {}: no fit has seen them, and the errors here are theirs", found.rows),
+            aside: format!("of {}: no fit has used them, and the errors here are measured on them", found.rows),
         },
     ])
 }

@@ -9,7 +9,7 @@ use sha2::{Digest, Sha256};
 use std::fmt::{Display, Write};
 
 const STYLE: &str = include_str!("assets/page.css");
-/// What every page with a picture begins with.
+/// Scripts that every page with a picture needs.
 pub(super) const COMMON: [&str; 2] = [include_str!("assets/data.js"), include_str!("assets/draw.js")];
 const SCRIPTS: [&str; 8] = [
     COMMON[0],
@@ -46,10 +46,10 @@ impl Document<'_> {
         self.html_with(&SCRIPTS.concat())
     }
 
-    /// The same with scripts of its own.
+    /// The same with scripts in addition.
     pub(super) fn html_with(&self, scripts: &str) -> String {
         let (kicker, title, subtitle) = (escape(self.kicker), escape(self.title), escape(self.subtitle));
-        // `<` would end the element that the data stand in.
+        // A `<` in the data would end the element that contains them.
         let data = shown(self.data).to_string().replace('<', "\\u003c");
         let (version, licence, body) = (VERSION, escape(UPLOT_LICENSE), self.body);
         let made_from = made_from(self.origins);
@@ -107,7 +107,7 @@ fn made_from(origins: &[&Origin]) -> String {
     format!("<details id=\"origins\"><summary>Made from these files (SHA-256)</summary><ul>\n{lines}</ul></details>\n")
 }
 
-/// The data with every text in them as it may be shown.
+/// The data, with characters that are not printable replaced in every text.
 fn shown(data: &Value) -> Value {
     match data {
         Value::String(text) => printable(text).into(),
@@ -117,7 +117,7 @@ fn shown(data: &Value) -> Value {
     }
 }
 
-/// Text as HTML or XML, as it may be shown.
+/// Text as HTML or XML, with characters that are not printable replaced.
 pub(in crate::report) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in printable(text).chars() {
@@ -132,7 +132,7 @@ pub(in crate::report) fn escape(text: &str) -> String {
     out
 }
 
-/// One figure in large type, with what it is below it.
+/// One figure in large type, with its caption.
 pub(super) struct Tile {
     pub(super) key: &'static str,
     pub(super) value: String,
@@ -155,7 +155,7 @@ pub(super) fn tiles(tiles: &[Tile]) -> String {
     out + "</section>\n"
 }
 
-/// A table; cells are HTML, and those of columns that are marked are numbers.
+/// A table. Cells are HTML; the columns that are marked hold numbers.
 pub(super) struct Table {
     id: &'static str,
     head: Vec<(&'static str, bool)>,
@@ -214,13 +214,13 @@ pub(super) fn list(id: &str, heading: &str, texts: &[String]) -> String {
     section(id, heading, format!("<ul>\n{items}</ul>\n"))
 }
 
-/// A bar as long as a share of the largest, with its number before it.
+/// A number, followed by a bar whose length is a share of the largest one.
 pub(super) fn bar(text: &str, share: f64) -> String {
     let percent = 100.0 * share.clamp(0.0, 1.0);
     format!("{text}<span class=\"bar\"><span style=\"width:{percent:.1}%\"></span></span>")
 }
 
-/// Millimetres with four decimals, as a program is written with; no negative zero.
+/// Millimetres with four decimals, as in programs, and no negative zero.
 pub(super) fn mm(value: f64) -> String {
     decimals(value, 4)
 }

@@ -22,7 +22,7 @@ pub enum PathKind {
     Check,
 }
 
-/// Columns of a report row and of how the arm stands there, in the order of [`values`].
+/// Columns of a report row and of the arm's posture there, in the order of [`values`].
 const CHANNELS: &[Channel] = &[
     Channel { key: "x_mm", decimals: 4 },
     Channel { key: "y_mm", decimals: 4 },
@@ -87,10 +87,10 @@ const CHANNELS: &[Channel] = &[
     Channel { key: "remaining_mm", decimals: 6 },
 ];
 
-/// Those of how the arm stands.
+/// Number of columns of the arm's posture.
 const STANCE: usize = 29;
 
-/// Those that a correction adds.
+/// Number of columns that only a correction has.
 const CORRECTED: usize = 11;
 
 fn values(row: &Row, kind: PathKind) -> Vec<f64> {
@@ -128,13 +128,14 @@ fn values(row: &Row, kind: PathKind) -> Vec<f64> {
     values
 }
 
-/// The path of one program, which takes its rows one by one in bounded memory.
+/// The path of one program. It takes rows one by one and uses bounded memory.
 #[derive(Clone, Debug)]
 pub struct PathTrace {
     kind: PathKind,
-    /// One path for each file that contains motions, by its name; a program in one file has one without a name.
+    /// One path for each file with motions, with the name of the file. A program in a single file has one path without
+    /// a name.
     parts: Vec<(Option<String>, Trace)>,
-    /// Which of them takes the next rows.
+    /// Index of the path to which the next rows belong.
     at: usize,
 }
 
@@ -149,7 +150,8 @@ impl PathTrace {
         Self { kind, parts: vec![(None, Trace::new(channels, MOST_STRETCHES / programs.max(1)))], at: 0 }
     }
 
-    /// The next rows are of motions in this file: a program of many files is one tangle otherwise.
+    /// The next rows are motions of this file. Each file has a path of its own, because one path of many files could
+    /// not be read.
     pub fn continue_in(&mut self, file: &str) {
         let named = |(name, _): &(Option<String>, Trace)| name.as_deref().is_none_or(|name| name == file);
         self.at = self.parts.iter().position(named).unwrap_or_else(|| {
@@ -174,14 +176,15 @@ impl PathTrace {
                     Status::Kept(_) => "kept",
                 },
                 values: values(row, self.kind),
-                // NaN of targets that are not solved is no peak.
+                // Targets that are not solved have NaN, which is not a peak.
                 peaks: [row.error_norm_mm().max(0.0), row.remaining_norm_mm().max(0.0)],
             });
         }
     }
 
-    /// Quotes the program at every target that the page will show, once all rows are in: `line_of` gives the text of the
-    /// line for a target's ordinal and its line, called in running order.
+    /// Quotes the line of the program at every target that the page will show. Call it after all rows have been added.
+    /// `line_of` gives the text of a line from the target's ordinal and the line's number, and is called in running
+    /// order.
     pub fn quote(&mut self, mut line_of: impl FnMut(u32, u32) -> Option<String>) {
         self.parts.iter_mut().for_each(|(_, trace)| trace.quote(&mut line_of));
     }
@@ -194,9 +197,9 @@ pub struct PathPage<'a> {
     pub kind: PathKind,
     /// Cell file.
     pub cell: &'a Origin,
-    /// Each program: its sums, which are over all targets, and its path.
+    /// Each program: its summary over all targets, and its path.
     pub programs: &'a [(FileSummary, PathTrace)],
-    /// The cell, where its arm is to be drawn.
+    /// The cell, if its arm is to be drawn.
     pub scene: Option<&'a Cell>,
     /// Largest error that a check allows at a target, mm: a line in its chart.
     pub tolerance_mm: Option<f64>,
@@ -256,7 +259,7 @@ impl PathPage<'_> {
         Document { kicker, title: &title, subtitle: &subtitle, body: &body, data: &data, origins: &origins }.html()
     }
 
-    /// Parts of the targets of all programs.
+    /// Number of targets with each result, over all programs.
     fn parts(&self) -> Vec<(&'static str, usize)> {
         let mut all: Vec<(&'static str, usize)> = Vec::new();
         for (sum, _) in self.programs {
@@ -352,7 +355,7 @@ impl PathPage<'_> {
     }
 
     fn findings(&self) -> String {
-        /// Beyond, a table is a file.
+        /// Longer lists are in the report file.
         const SHOWN: usize = 200;
         let all = || self.programs.iter().flat_map(|(sum, _)| sum.failures.iter().map(move |failure| (sum, failure)));
         let count = all().count() + self.programs.iter().map(|(sum, _)| sum.more_failures).sum::<usize>();

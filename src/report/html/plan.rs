@@ -9,7 +9,7 @@ use crate::report::Origin;
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 
-/// What the picture of a plan shows of each row: the place, the load, and how the arm stands.
+/// What the picture of a plan shows of each row: the place, the load, and the posture of the arm.
 const CHANNELS: &[Channel] = &[
     Channel { key: "x_mm", decimals: 4 },
     Channel { key: "y_mm", decimals: 4 },
@@ -35,7 +35,7 @@ const CHANNELS: &[Channel] = &[
 pub struct DrawnArm(Value);
 
 impl DrawnArm {
-    /// Of a cell.
+    /// The arm of a cell.
     #[must_use]
     pub fn of(cell: &Cell) -> Self {
         Self(scene::scene(cell))
@@ -93,7 +93,7 @@ pub fn plan_page(plan: &Plan, name: &str, cell: &Origin, DrawnArm(scene): &Drawn
     Document { kicker: "plan", title: name, subtitle: &subtitle, body: &body, data: &data, origins: &[cell] }.html()
 }
 
-/// The rows in their order, with how the arm stands at each.
+/// The rows in their order, with the posture of the arm at each.
 fn postures(plan: &Plan) -> Trace {
     let mut trace = Trace::new(CHANNELS, MOST_STRETCHES);
     for row in &plan.rows {

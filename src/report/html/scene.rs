@@ -6,16 +6,17 @@ use crate::stock::{Blank, ClosedMesh};
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 
-/// A surface that turns by more at an edge, rad, shows it: chords of round faces turn by less.
+/// An edge is drawn if the surfaces at it meet at more than this angle, rad. The facets of round faces meet at less.
 const EDGE: f64 = 0.35;
-/// How many edges of a body are drawn, the sharpest first; more would hide the form.
+/// Largest number of edges of a body, the sharpest first: more would hide its form.
 const MOST_EDGES: usize = 4_000;
 
 /// A line on the page, mm.
 type Line = [[f64; 3]; 2];
 
-/// The arm as modified Denavit-Hartenberg rows (rad, mm) with how its axes are counted, linear units under it with their direction
-/// in its base, and the edges of blank and nominal part (mm, work object axes).
+/// The arm as modified Denavit-Hartenberg rows (rad, mm) with the counting direction of each axis, the linear units
+/// below it with their direction in the frame of the arm's base, and the edges of the blank and the nominal part (mm,
+/// work object frame).
 pub(super) fn scene(cell: &Cell) -> Value {
     let robot = &cell.arm.robot;
     let links: Vec<[f64; 4]> =
@@ -51,7 +52,7 @@ pub(super) fn scene(cell: &Cell) -> Value {
     })
 }
 
-/// The edges of a body that show its form; of one without any, those of a box about it.
+/// The edges that show the form of a body; for a body without sharp edges, those of its bounding box.
 fn edges(mesh: &ClosedMesh) -> Vec<Line> {
     let mut sharp = mesh.sharp_edges(EDGE);
     sharp.truncate(MOST_EDGES);
@@ -65,7 +66,7 @@ fn edges_of_box([low, high]: &[Vector3<f64>; 2]) -> Vec<Line> {
 }
 
 fn line(ends: [Vector3<f64>; 2]) -> Line {
-    /// A micrometre is less than a pixel, whatever the part.
+    /// Coordinates are rounded to a micrometre, which is less than a pixel for a part of any size.
     const PER_MM: f64 = 1e3;
     ends.map(|end| [0, 1, 2].map(|k| (1e3 * end[k] * PER_MM).round() / PER_MM))
 }

@@ -5,7 +5,7 @@ use crate::text::number::write_fixed;
 use serde_json::{Value, json};
 use std::sync::Arc;
 
-/// One column of numbers, kept with as many decimals as the CSV report has: a page shows the CSV's own figures.
+/// One column of numbers with as many decimals as in the CSV report, so that a page shows the same digits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Channel {
     /// Name of the CSV column.
@@ -21,15 +21,15 @@ pub(super) struct Sample {
     pub(super) target: u32,
     /// Line in the program or the table.
     pub(super) line: u32,
-    /// Name, where it has one.
+    /// Name of the target, if it has one.
     pub(super) name: Option<Arc<str>>,
-    /// The tool and the work object whose axes its position is in, where the rows say.
+    /// The tool, and the work object in whose frame the position is, if the rows state them.
     pub(super) names: Option<Arc<RowNames>>,
-    /// Its status, in a word or two.
+    /// Result of the target, in one or two words.
     pub(super) status: &'static str,
     /// One number for each channel; a number that is not finite means an absent value.
     pub(super) values: Vec<f64>,
-    /// Sizes whose largest samples are kept whatever the level of detail.
+    /// Sizes of which the largest are kept at every level of detail.
     pub(super) peaks: [f64; 2],
 }
 
@@ -45,17 +45,17 @@ struct Kept {
     peaks: [f64; 2],
 }
 
-/// Marks a value that is absent.
+/// Marks an absent value.
 const ABSENT: i32 = i32::MIN;
 
-/// Stretches of a page with one path: three samples each, of up to 45 columns that vary in base64, a name of 32 letters and a
-/// quoted line, stay below 5 MB.
+/// Largest number of stretches on a page with one path. A stretch has three samples. With 45 columns in base64, a name
+/// of 32 letters and a quoted line for each sample, a page stays below 5 MB.
 pub(super) const MOST_STRETCHES: usize = 3584;
 
-/// Letters of a quoted line: a RAPID instruction with its target written out.
+/// Length of a quoted line, in characters: enough for a RAPID instruction with its target written out.
 const QUOTED: usize = 160;
 
-/// Samples of a path, thinned as it grows.
+/// Samples of a path, which are thinned as the path grows.
 ///
 /// The path is cut into stretches of 1, 2, 4, … samples: each keeps its first sample and those with the largest
 /// [`Sample::peaks`]. When there are too many stretches, neighbours are merged. Memory is bounded by the number of
@@ -69,14 +69,14 @@ pub(super) struct Trace {
     count: usize,
     stretches: Vec<Stretch>,
     last: Option<Kept>,
-    /// Of the kept samples, in their order, once they are quoted.
+    /// The quoted line of each kept sample, after [`Trace::quote`].
     quotes: Vec<String>,
 }
 
 #[derive(Clone, Debug)]
 struct Stretch {
     first: Kept,
-    /// Where they are not the first itself.
+    /// The samples with the largest peaks; `None` if it is the first sample.
     peaks: [Option<Kept>; 2],
 }
 
@@ -161,14 +161,15 @@ impl Trace {
         all
     }
 
-    /// Quotes the program at every kept sample: `line_of` gives the text for a target and its line, in running order.
-    /// For when all samples are in.
+    /// Quotes the line of the program at every kept sample. Call it after all samples have been added. `line_of` gives
+    /// the text from the target's ordinal and the line's number, and is called in running order.
     pub(super) fn quote(&mut self, mut line_of: impl FnMut(u32, u32) -> Option<String>) {
         let quote = |kept: &Kept| line_of(kept.target, kept.line).map_or_else(String::new, |line| quoted(&line));
         self.quotes = self.kept().into_iter().map(quote).collect();
     }
 
-    /// The columns for the page: little-endian 32-bit integers in base64, or the one that all are, to be divided by 10^decimals.
+    /// The columns for the page: little-endian 32-bit integers in base64, to be divided by 10^decimals. A column with a
+    /// single value is that value.
     pub(super) fn json(&self) -> Value {
         let kept = self.kept();
         let column = |decimals: usize, values: &mut dyn Iterator<Item = i32>| {
@@ -199,7 +200,7 @@ impl Trace {
         let frames: Vec<String> = kept.iter().map(|k| k.names.as_ref().map_or_else(String::new, named)).collect();
         let (frames_named, frames) = words(frames.iter().map(String::as_str));
         columns.insert("frames".to_owned(), column(0, &mut frames.into_iter()));
-        // Targets of a loop share a line.
+        // The targets of a loop share a line, so each text is stored once.
         let (quotes, quote) = words(self.quotes.iter().map(String::as_str));
         if quote.len() == kept.len() {
             columns.insert("quote".to_owned(), column(0, &mut quote.into_iter()));
@@ -211,7 +212,7 @@ impl Trace {
     }
 }
 
-/// A line of a program as a page quotes it: without blanks at its ends, and cut to a length that can be read.
+/// A line of a program as a page quotes it: without blanks at its ends, and shortened to a readable length.
 fn quoted(line: &str) -> String {
     let line = line.trim().replace(char::is_control, " ");
     match line.char_indices().nth(QUOTED) {
@@ -234,7 +235,7 @@ fn words<'a>(all: impl Iterator<Item = &'a str>) -> (Vec<&'a str>, Vec<i32>) {
     (list, indices)
 }
 
-/// The digits that the CSV report prints, as an integer. What does not fit is absent.
+/// The digits that the CSV report prints, as an integer; [`ABSENT`] if they do not fit.
 fn fixed(value: f64, decimals: usize) -> i32 {
     if !value.is_finite() {
         return ABSENT;
@@ -245,7 +246,7 @@ fn fixed(value: f64, decimals: usize) -> i32 {
     std::str::from_utf8(&text).ok().and_then(|digits| digits.parse().ok()).unwrap_or(ABSENT)
 }
 
-/// RFC 4648, with padding.
+/// Base64 as in RFC 4648, with padding.
 fn base64(bytes: &[u8]) -> String {
     const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);

@@ -1,7 +1,7 @@
-//! Number tokens: exact reading, fixed-decimal writing.
+//! Reads number tokens exactly, and writes numbers with a fixed number of decimals.
 //!
-//! The common numbers of programs go through integer arithmetic, all others through the standard
-//! library: [`read_plain`] and [`write_fixed_plain`] are the reference that the fast paths agree with.
+//! Numbers of the usual forms are converted by integer arithmetic, all others by the standard library. [`read_plain`]
+//! and [`write_fixed_plain`] are the references with which the fast paths must agree.
 
 mod read;
 mod row;
@@ -17,19 +17,19 @@ pub(crate) use runs::Runs;
 pub(crate) use write::write_fixed_plain;
 pub(crate) use write::{Fixed, printed, write_fixed, write_whole};
 
-/// Powers of ten that are exact in binary.
+/// The powers of ten that are exact as floating-point numbers.
 const TENS: [f64; 23] = [
     1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20,
     1e21, 1e22,
 ];
 
-/// Numbers of so many digits are below 2^53.
+/// Whole numbers with up to this number of digits are below 2^53, so they are exact.
 pub(crate) const MOST_DIGITS: usize = 15;
 
-/// 2^53 · 10^15 is below 2^103.
+/// Largest number of decimals: 2^53 · 10^15 is below 2^103.
 const MOST_DECIMALS: usize = 15;
 
-/// Powers of ten of as many decimals as are written.
+/// Powers of ten for every number of decimals that is written.
 const WHOLE_TENS: [u64; MOST_DECIMALS + 1] = {
     let mut tens = [1; MOST_DECIMALS + 1];
     let mut i = 1;

@@ -1,10 +1,10 @@
-//! Number tokens to values, exactly rounded.
+//! Converts number tokens to values, correctly rounded.
 
 use super::{MOST_DIGITS, TENS, WHOLE_TENS};
 
-/// Reads a plain decimal token (`12`, `-1.5`, `.5`, `5.`, `9E+09`), exactly rounded.
+/// Reads a plain decimal token (`12`, `-1.5`, `.5`, `5.`, `9E+09`), correctly rounded.
 ///
-/// Returns `None` for anything else, infinities and NaN among it.
+/// Returns `None` for all other texts, including infinities and NaN.
 #[must_use]
 pub(crate) fn read(token: &[u8]) -> Option<f64> {
     read_short(token).or_else(|| read_plain(token))
@@ -21,13 +21,13 @@ pub(crate) fn read_plain(token: &[u8]) -> Option<f64> {
     text.parse::<f64>().ok().filter(|v| v.is_finite())
 }
 
-/// Whether a word is what programs print for NaN.
+/// Whether a word is one that programs print for NaN or infinity.
 pub(crate) fn is_none(word: &[u8]) -> bool {
     [&b"nan"[..], b"inf", b"infinity"].iter().any(|none| word.eq_ignore_ascii_case(none))
 }
 
-/// Numbers of at most 15 digits whose power of ten is exact: one multiplication or division of two exact
-/// numbers, which is exactly rounded (Clinger 1990).
+/// Reads numbers of at most 15 digits whose power of ten is exact. The value is one multiplication or division of two
+/// exact numbers, which is correctly rounded (Clinger 1990).
 fn read_short(token: &[u8]) -> Option<f64> {
     let (negative, digits) = match token {
         [b'-', digits @ ..] => (true, digits),
@@ -63,41 +63,44 @@ fn read_short(token: &[u8]) -> Option<f64> {
 /// A number at the beginning of a text.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Leading {
-    /// Its value.
+    /// Value of the number.
     pub(crate) value: f64,
-    /// Its bytes.
+    /// Length of the token, bytes.
     pub(crate) len: u8,
-    /// Digits after the point.
+    /// Number of digits after the point.
     decimals: u8,
-    /// Whether it has neither a plus nor zeros that say nothing before its digits, nor is it a negative zero.
+    /// Whether the token has no plus sign and no leading zeros, and is no negative zero. Then value and decimals
+    /// determine its text.
     pub(crate) bare: bool,
 }
 
 impl Leading {
-    /// Its bytes.
+    /// Length of the token, bytes.
     #[inline]
     pub(crate) fn len(self) -> usize {
         self.len.into()
     }
 
-    /// Digits after the point.
+    /// Number of digits after the point.
     #[inline]
     pub(crate) fn decimals(self) -> usize {
         self.decimals.into()
     }
 
-    /// Stands for decimals of a number that is not bare.
+    /// In place of the number of decimals, if the number is not bare.
     pub(crate) const ODD: u8 = u8::MAX;
 
-    /// Its decimals if it is bare: then these and its value are all its looks. Else [`Leading::ODD`].
+    /// Number of decimals of a bare number, which together with the value determines its text; otherwise
+    /// [`Leading::ODD`].
     #[inline]
     pub(crate) fn bare_decimals(self) -> u8 {
         if self.bare { self.decimals } else { Self::ODD }
     }
 }
 
-/// The number that `bytes` begin with, where it is an optional sign, digits, and a point between digits: what [`read`] gives
-/// for that token, found in one pass. `None` for any other form; the caller checks what follows.
+/// The number with which `bytes` begin, if it consists of an optional sign, digits, and a point between digits. The
+/// value is that of [`read`], but one pass finds value and length. `None` for any other form. The caller has to check
+/// the bytes that follow.
 #[must_use]
 #[inline]
 pub(crate) fn read_leading(bytes: &[u8]) -> Option<Leading> {
@@ -124,7 +127,8 @@ pub(crate) fn read_leading(bytes: &[u8]) -> Option<Leading> {
     Some(Leading { value: if negative { -value } else { value }, len, decimals, bare })
 }
 
-/// `number` with the digits after it that `bytes` begin with, and how many they are. Wraps where they are too many.
+/// Appends the digits with which `bytes` begin to `number`, and returns their count. The number wraps if there are too
+/// many.
 #[inline]
 fn append_digits(number: u64, bytes: &[u8]) -> (u64, usize) {
     if let Some(eight) = bytes.first_chunk() {
@@ -136,21 +140,23 @@ fn append_digits(number: u64, bytes: &[u8]) -> (u64, usize) {
     append_digits_plain(number, bytes)
 }
 
-/// [`append_digits`] one by one.
+/// [`append_digits`] digit by digit.
 #[inline]
 fn append_digits_plain(number: u64, bytes: &[u8]) -> (u64, usize) {
     let digits = bytes.iter().map(|b| b.wrapping_sub(b'0')).take_while(|digit| *digit < 10);
     digits.fold((number, 0), |(number, count), digit| (number.wrapping_mul(10).wrapping_add(digit.into()), count + 1))
 }
 
-/// The number at the beginning of eight bytes of text, the first the lowest, and its digits.
+/// The number at the beginning of eight bytes of text, and its count of digits. The first byte is the lowest.
 #[inline]
 fn digits_of_eight(text: u64) -> (u64, usize) {
-    // A digit becomes its value; anything else has its highest bit set then, or gets it from 0x76 = 0x80 - 10.
+    // The exclusive or turns a digit into its value. The highest bit of any other byte is then set, or becomes set by
+    // adding 0x76 = 0x80 - 10.
     let digits = text ^ 0x3030_3030_3030_3030;
     let others = (digits.wrapping_add(0x7676_7676_7676_7676) | digits) & 0x8080_8080_8080_8080;
     let bits = others.trailing_zeros() & !7;
-    // Zeros go before the number until there are eight digits; then ones and tens, pairs, fours are joined at once.
+    // Zeros are inserted before the number to make eight digits. Ones and tens, then pairs, then fours are joined in
+    // parallel.
     let digits = digits.unbounded_shl(64 - bits);
     let pairs = digits.wrapping_mul(10).wrapping_add(digits >> 8);
     let of_pairs = |pairs: u64, by: u64| (pairs & 0xFF_0000_00FF).wrapping_mul(by);
@@ -158,7 +164,7 @@ fn digits_of_eight(text: u64) -> (u64, usize) {
     (whole, bits as usize / 8)
 }
 
-/// A short exponent: `9`, `+09`, `-3`.
+/// An exponent of one or two digits: `9`, `+09`, `-3`.
 fn exponent(tail: &[u8]) -> Option<i32> {
     let (sign, digits) = match tail {
         [b'-', digits @ ..] => (-1, digits),
@@ -169,7 +175,7 @@ fn exponent(tail: &[u8]) -> Option<i32> {
     short.then(|| sign * digits.iter().fold(0, |e, d| e * 10 + i32::from(d - b'0')))
 }
 
-/// Digits after the point of a token, 0 without one; the exponent is not counted.
+/// Number of digits after the point of a token; 0 without a point. The exponent is not counted.
 #[must_use]
 pub(crate) fn decimals(token: &[u8]) -> usize {
     let mantissa = token.split(|b| matches!(b, b'e' | b'E' | b'd' | b'D')).next().unwrap_or(token);

@@ -1,43 +1,44 @@
-//! Numbers of few digits to text: eight at once.
+//! Prints numbers of few digits, eight at once.
 
 use super::TENS;
 use super::write::{FROM_TIE, Fixed, INTEGERS, SMALL, ZEROS, bits_of_zeros};
 use crate::lanes::widest;
 
-/// Numbers that are looked at side by side.
+/// Number of values that are converted in parallel.
 pub(crate) const SIDE: usize = 8;
 
-/// What rows of `8 · BLOCKS` numbers have in common: how many decimals each of their numbers has.
+/// The format of rows with `8 · BLOCKS` numbers: the number of decimals of each.
 pub(crate) struct Row<const BLOCKS: usize> {
     scales: [Scale; BLOCKS],
 }
 
-/// How eight numbers are printed.
+/// The format of eight numbers.
 struct Scale {
-    /// 10^decimals, one by it, and what fills decimals up to eight.
+    /// 10^decimals, its inverse, and the factor that extends the decimals to eight digits.
     tens: [f64; SIDE],
     tenths: [f64; SIDE],
     fill: [f64; SIDE],
-    /// Bits of the decimals as text, and of what is before them in eight digits.
+    /// Number of bits of the decimals as text, and of the digits before them in a text of eight digits.
     part: [u64; SIDE],
     rest: [u64; SIDE],
-    /// The point before the decimals, with bits for it, and the comma after: for up to seven decimals.
+    /// For up to seven decimals: the text of the point before the decimals with the number of its bits, and of the
+    /// comma after them.
     point: [u64; SIDE],
     marks: [u64; SIDE],
 }
 
-/// Eight numbers as text, of which the first byte is the lowest.
+/// Eight numbers as text. The first character is the lowest byte.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Digits {
-    /// What stands before the point, and its bytes, at most eight.
+    /// The text before the point, and its length in bytes, at most eight.
     head: [u64; SIDE],
     len: [u64; SIDE],
-    /// Digits after the point, maybe with the point, and the comma after if there is room for it.
+    /// The digits after the point. They include the point, and the comma after them, if there is room.
     tail: [u64; SIDE],
 }
 
 impl<const BLOCKS: usize> Row<BLOCKS> {
-    /// One to eight decimals each; the row ends with as many zeros as it takes.
+    /// A format with one to eight decimals for each number. The row is filled with zeros to a multiple of eight.
     pub(crate) const fn new(decimals: &[usize]) -> Self {
         let mut scales = [Scale::NONE; BLOCKS];
         let mut i = 0;
@@ -51,7 +52,8 @@ impl<const BLOCKS: usize> Row<BLOCKS> {
         Self { scales }
     }
 
-    /// Finds the digits of all numbers; false where [`write_fixed`](super::write_fixed) has to look closer at one.
+    /// Finds the digits of all numbers. Returns false if [`write_fixed`](super::write_fixed) has to convert one of
+    /// them.
     pub(crate) fn read(&self, values: &[[f64; SIDE]; BLOCKS], digits: &mut [Digits; BLOCKS]) -> bool {
         (0..BLOCKS).all(|block| self.scales[block].read(&values[block], &mut digits[block]))
     }
@@ -77,19 +79,19 @@ impl Scale {
         self.rest[i] = 64 - self.part[i];
     }
 
-    /// Has the decimals printed with what stands round them.
+    /// Adds the point and the comma to the text of the decimals.
     const fn mark(&mut self, i: usize, decimals: usize) {
         self.point[i] = 8;
         self.marks[i] = b'.' as u64 | (b',' as u64).unbounded_shl(8 * (decimals as u32 + 1));
     }
 
-    /// Finds the digits; false where a closer look is needed.
+    /// Finds the digits. Returns false if a number needs [`write_fixed`](super::write_fixed).
     #[inline]
     fn read(&self, values: &[f64; SIDE], digits: &mut Digits) -> bool {
         self.look(false, values, digits) || self.look(true, values, digits)
     }
 
-    /// The same for numbers of at most eight digits, or of one more.
+    /// Finds the digits of numbers with at most eight digits, or nine if `nine` is set.
     #[inline]
     fn look(&self, nine: bool, values: &[f64; SIDE], digits: &mut Digits) -> bool {
         let mut valid = false;
@@ -105,8 +107,8 @@ impl Scale {
         valid
     }
 
-    /// Numbers without their points, and 1 where these are not valid. Here and below step by step for all eight, so that the
-    /// compiler has them side by side.
+    /// The numbers without their points, and 1 for those that are not valid. Here and below, each step is done for all
+    /// eight numbers, so that the compiler uses vector instructions.
     #[inline(always)]
     fn rounded(&self, values: [f64; SIDE]) -> ([f64; SIDE], [u64; SIDE]) {
         let product = zip(values, self.tens, |value, ten| value.abs() * ten);
@@ -117,35 +119,36 @@ impl Scale {
         (number, unsure)
     }
 
-    /// The digits of numbers of at most eight; the others are not valid.
+    /// The digits of numbers with at most eight digits. Others are not valid.
     #[inline(always)]
     fn eight(&self, values: [f64; SIDE]) -> (Digits, bool) {
         let (number, unsure) = self.rounded(values);
         let unsure = zip(unsure, number, |unsure, number| unsure | u64::from(number >= EIGHT_DIGITS));
         let text = to_integers(number);
-        // Zeros come before those before the point until they are eight.
+        // The digits before the point are extended to eight with leading zeros.
         let whole = zip(text, self.part, |text, part| text.unbounded_shl(part as u32));
         let zeros = map(self.rest, |rest| ZEROS.unbounded_shr(rest as u32));
         let part = zip(text, self.rest, |text, rest| text.unbounded_shr(rest as u32));
         self.printed(values, number, zip(whole, zeros, |whole, zeros| whole | zeros), part, unsure)
     }
 
-    /// The digits of numbers of at most nine.
+    /// The digits of numbers with at most nine digits.
     #[inline(always)]
     fn nine(&self, values: [f64; SIDE]) -> (Digits, bool) {
         let (number, unsure) = self.rounded(values);
-        // Between two multiples of ten: what the product is off by does not matter.
+        // Adding one half puts the number between two multiples of ten, where the rounding of the product has no
+        // effect.
         let whole = zip(number, self.tenths, |number, tenth| ((number + 0.5) * tenth).floor());
         let rest = zip(number, zip(whole, self.tens, |whole, ten| whole * ten), |number, whole| number - whole);
         let text = to_integers(zip(rest, self.fill, |rest, fill| rest * fill));
         let own = map(self.rest, |rest| u64::MAX.unbounded_shr(rest as u32));
         let part = zip(text, own, |text, own| text & own);
-        // Eight digits leave no room for a minus.
+        // Eight digits before the point leave no room for a minus sign.
         let full = zip(values, whole, |value, whole| u64::from((value < 0.0) & (whole >= SEVEN_DIGITS)));
         self.printed(values, number, to_integers(whole), part, zip(unsure, full, |unsure, full| unsure | full))
     }
 
-    /// Puts together what stands before the point and after it, given the eight digits before it.
+    /// Puts together the text before and after the point, given the eight digits before it.
     #[inline(always)]
     fn printed(
         &self,
@@ -166,17 +169,17 @@ impl Scale {
     }
 }
 
-/// 1 where there is a minus before a number.
+/// 1 for each number with a minus sign.
 #[inline(always)]
 fn minus(values: [f64; SIDE], number: [f64; SIDE]) -> [u64; SIDE] {
     zip(values, number, |value, number| u64::from((value < 0.0) & (number > 0.0)))
 }
 
-/// Numbers below have so many digits.
+/// Numbers below these have at most seven or eight digits.
 const SEVEN_DIGITS: f64 = 1e7;
 const EIGHT_DIGITS: f64 = 1e8;
 
-/// [`eight`](super::write::eight) of each.
+/// [`eight`](super::write::eight) of each number.
 #[inline(always)]
 fn to_integers(numbers: [f64; SIDE]) -> [u64; SIDE] {
     let numbers = map(numbers, |number| (number + INTEGERS).to_bits() & ((1 << 27) - 1));
@@ -207,7 +210,7 @@ fn zip<A: Copy, B: Copy, C: Copy + Default>(all: [A; SIDE], others: [B; SIDE], f
 }
 
 impl Digits {
-    /// Writes a number of so many decimals to the beginning of a place for it, and a comma; their bytes.
+    /// Writes number `i` with its decimals and a comma to the start of `place`. Returns the length in bytes.
     #[inline(always)]
     pub(crate) fn put<const DECIMALS: usize>(&self, i: usize, place: &mut [u8; Fixed::SIZE]) -> usize {
         const { assert!(0 < DECIMALS && DECIMALS <= 8) };
@@ -224,7 +227,7 @@ impl Digits {
         at + DECIMALS + 2
     }
 
-    /// Writes a number without its decimals, and a comma; their bytes.
+    /// Writes number `i` without decimals, and a comma. Returns the length in bytes.
     #[inline(always)]
     pub(crate) fn put_whole(&self, i: usize, place: &mut [u8; Fixed::SIZE]) -> usize {
         let at = self.put_head(i, place);
@@ -232,7 +235,7 @@ impl Digits {
         at + 1
     }
 
-    /// Writes a number of so many decimals, without marks round them; its bytes.
+    /// Writes number `i` with its decimals, without a comma. Returns the length in bytes.
     #[inline(always)]
     fn put_any(&self, i: usize, decimals: u8, place: &mut [u8; Fixed::SIZE]) -> usize {
         let at = self.put_head(i, place);
@@ -241,33 +244,33 @@ impl Digits {
         at + 1 + usize::from(decimals)
     }
 
-    /// Writes what stands before the point.
+    /// Writes the text before the point. Returns its length in bytes.
     #[inline(always)]
     fn put_head(&self, i: usize, place: &mut [u8; Fixed::SIZE]) -> usize {
         place[..8].copy_from_slice(&self.head[i].to_le_bytes());
-        // At most eight, which the compiler sees like this.
+        // The length is at most eight. The mask shows that to the compiler.
         (self.len[i] & 15) as usize
     }
 }
 
-/// How up to eight numbers are printed instead of others.
+/// The format of up to eight numbers that replace others.
 pub(crate) struct Numbers {
     scale: Scale,
     decimals: [u8; SIDE],
 }
 
-/// Numbers that are printed instead of others.
+/// Numbers that replace others, as text.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Printed {
     digits: Digits,
     decimals: [u8; SIDE],
-    /// What a reader gets, and one of single precision.
+    /// The values that a reader of the text gets, and the same in single precision.
     pub(crate) values: [f64; SIDE],
     pub(crate) held: [f64; SIDE],
 }
 
 impl Numbers {
-    /// One to eight decimals each.
+    /// A format with one to eight decimals for each number.
     pub(crate) fn new(decimals: [u8; SIDE]) -> Option<Self> {
         let mut scale = Scale::NONE;
         for i in 0..SIDE {
@@ -279,13 +282,13 @@ impl Numbers {
         Some(Self { scale, decimals })
     }
 
-    /// Whether they have so many decimals.
+    /// Whether the format has these numbers of decimals.
     #[inline]
     pub(crate) fn have(&self, decimals: [u8; SIDE]) -> bool {
         self.decimals == decimals
     }
 
-    /// Finds the digits; false where [`Fixed`] has to look closer at one.
+    /// Finds the digits. Returns false if [`Fixed`] has to convert one of the numbers.
     #[inline]
     pub(crate) fn print(&self, values: &[f64; SIDE], printed: &mut Printed) -> bool {
         let valid = self.scale.read(values, &mut printed.digits);
@@ -305,13 +308,14 @@ impl Numbers {
 }
 
 impl Printed {
-    /// Whether a number can be one that stood there with so many decimals, which are fewer.
+    /// Whether number `i` can be equal to the number that it replaces, which has `was` decimals: it has more decimals, and those
+    /// beyond `was` are zeros.
     #[inline]
     pub(crate) fn may_be_the_same(&self, i: usize, was: u8) -> bool {
         was < self.decimals[i] && (self.digits.tail[i] & !ZEROS).unbounded_shr(8 * u32::from(was)) == 0
     }
 
-    /// Writes a number to the beginning of a place for it; its bytes.
+    /// Writes number `i` to the start of `place`. Returns the length in bytes.
     #[inline]
     pub(crate) fn put(&self, i: usize, place: &mut [u8; Fixed::SIZE]) -> usize {
         self.digits.put_any(i, self.decimals[i], place)

@@ -1,25 +1,25 @@
-//! Runs of digits whose lengths are known: eight numbers at once.
+//! Reads runs of digits of known length, eight numbers at once.
 
 use super::TENS;
 use super::write::{INTEGERS, ZEROS};
 
-/// Where digits stand in eight numbers: those before the point and those after it are runs of their own.
+/// The positions of the digits of eight numbers. Each number has a run before the point and a run after it.
 pub(crate) struct Runs {
-    /// Of eight bytes, the last of which is the run's last digit, those that are digits of it.
+    /// Mask of the bytes that are digits of a run, in the eight bytes of which the last is the run's last digit.
     own: [[u64; 8]; 2],
     /// 10^decimals.
     tens: [f64; 8],
-    /// The sign bit where there is a minus.
+    /// The sign bit of negative numbers.
     minus: [u64; 8],
 }
 
 impl Runs {
-    /// Numbers without digits.
+    /// Eight numbers without digits.
     pub(crate) fn new() -> Self {
         Self { own: [[0; 8]; 2], tens: [1.0; 8], minus: [0; 8] }
     }
 
-    /// Says how many digits a number has; false where they are too many, or none before the point.
+    /// Sets the numbers of digits of a number. Returns false if there are too many, or none before the point.
     pub(crate) fn set(&mut self, i: usize, negative: bool, whole: usize, decimals: usize) -> bool {
         let own = |digits: usize| u64::MAX.unbounded_shl(64 - 8 * digits as u32);
         if !(1..=8).contains(&whole) || decimals > 8 {
@@ -31,15 +31,15 @@ impl Runs {
         true
     }
 
-    /// The numbers, exactly rounded, given the eight bytes up to the end of each run, the first the lowest. What is no digit
-    /// gives any number.
+    /// The numbers, correctly rounded, given the eight bytes up to the end of each run. The first byte is the lowest.
+    /// Bytes other than digits give arbitrary numbers.
     #[inline(always)]
     pub(crate) fn read(&self, text: &[[u64; 8]; 2]) -> [f64; 8] {
         let mut values = [0.0; 8];
         for i in 0..8 {
             let whole = number((text[0][i] ^ ZEROS) & self.own[0][i]);
             let part = number((text[1][i] ^ ZEROS) & self.own[1][i]);
-            // Both are whole numbers below 10^8 and their sum is one of at most 15 digits: nothing is rounded but at last.
+            // Both are whole numbers below 10^8, and their sum has at most 15 digits. Only the division rounds.
             let value = (whole * self.tens[i] + part) / self.tens[i];
             values[i] = f64::from_bits(value.to_bits() | self.minus[i]);
         }
@@ -47,10 +47,10 @@ impl Runs {
     }
 }
 
-/// The number that eight digits are, the first the lowest.
+/// The number of eight digits. The first digit is the lowest byte.
 #[inline(always)]
 fn number(digits: u64) -> f64 {
-    // Ones and tens, pairs, fours are joined at once.
+    // Ones and tens, then pairs, then fours are joined in parallel.
     let pairs = digits.wrapping_mul(10).wrapping_add(digits >> 8) & 0x00FF_00FF_00FF_00FF;
     let fours = pairs.wrapping_mul(100).wrapping_add(pairs >> 16) & 0x0000_FFFF_0000_FFFF;
     let eight = 10_000 * (fours & 0xFFFF) + (fours >> 32);

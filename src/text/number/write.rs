@@ -1,4 +1,4 @@
-//! Values to number tokens with a fixed count of decimals.
+//! Converts values to number tokens with a fixed number of decimals.
 
 use super::{MOST_DECIMALS, TENS, WHOLE_TENS};
 
@@ -22,7 +22,7 @@ pub(crate) fn write_fixed_plain(out: &mut Vec<u8>, value: f64, decimals: usize) 
     }
 }
 
-/// What a reader gets of a value that is printed with so many decimals.
+/// The value that a reader gets from a value printed with this number of decimals.
 #[must_use]
 pub(crate) fn printed(value: f64, decimals: usize) -> f64 {
     Fixed::of(value, decimals).and_then(Fixed::value).unwrap_or_else(|| {
@@ -39,7 +39,7 @@ pub(crate) fn write_whole(out: &mut Vec<u8>, value: u32) {
     let len = if high == 0 {
         put_whole(low, place)
     } else {
-        // At most two digits more.
+        // There are at most two more digits.
         let [tens, ones] = pair(high);
         let mut at = 0;
         for digit in [tens, ones].into_iter().skip(usize::from(tens == b'0')) {
@@ -61,7 +61,7 @@ pub(crate) struct Fixed {
 }
 
 impl Fixed {
-    /// `value` with so many digits after the point; `None` for what no program has.
+    /// `value` with this number of decimals; `None` for values that do not occur in programs.
     #[must_use]
     #[inline]
     pub(crate) fn of(value: f64, decimals: usize) -> Option<Self> {
@@ -69,7 +69,8 @@ impl Fixed {
         Some(Self { negative: value < 0.0 && digits != 0, digits, decimals })
     }
 
-    /// What a reader of the digits gets, exactly rounded; `None` where they are too many for that to be one division.
+    /// The value that a reader of the digits gets, correctly rounded; `None` if there are too many digits for a single
+    /// division.
     #[must_use]
     #[inline]
     pub(crate) fn value(self) -> Option<f64> {
@@ -85,14 +86,14 @@ impl Fixed {
         give_back(out, len);
     }
 
-    /// Sign, 20 digits and a point, at most.
+    /// Largest length: a sign, 20 digits and a point.
     pub(crate) const SIZE: usize = 24;
 
-    /// Writes the digits to the beginning of a place for them; their count. What is after them is of no meaning.
+    /// Writes the digits to the start of `place`. Returns their count. The bytes after them are undefined.
     #[inline]
     pub(crate) fn put(self, place: &mut [u8; Self::SIZE]) -> usize {
         let Self { negative, digits, decimals } = self;
-        // As programs and reports have them.
+        // The forms that programs and reports use.
         match decimals {
             0 if digits < EIGHT_DIGITS => {
                 place[0] = b'-';
@@ -107,7 +108,7 @@ impl Fixed {
         }
     }
 
-    /// The same for any number.
+    /// Writes the digits of any number.
     fn put_any(self, place: &mut [u8; Self::SIZE]) -> usize {
         let mut at = Self::SIZE;
         let mut whole = self.digits;
@@ -148,10 +149,10 @@ impl Fixed {
     }
 }
 
-/// Numbers below have eight digits.
+/// Numbers below this have at most eight digits.
 const EIGHT_DIGITS: u64 = 100_000_000;
 
-/// Room for a number at the end of a text; [`give_back`] takes what it does not need.
+/// Reserves room for a number at the end of a text. [`give_back`] releases what is not used.
 #[inline]
 fn room(out: &mut Vec<u8>) -> &mut [u8; Fixed::SIZE] {
     out.extend_from_slice(&[0; Fixed::SIZE]);
@@ -170,7 +171,7 @@ fn fits<const DECIMALS: usize>(digits: u64) -> bool {
     digits < EIGHT_DIGITS * WHOLE_TENS[DECIMALS]
 }
 
-/// Writes digits to the beginning of `place`; their count.
+/// Writes digits to the start of `place`. Returns their count.
 #[inline]
 fn put<const DECIMALS: usize>(negative: bool, digits: u64, place: &mut [u8; Fixed::SIZE]) -> usize {
     const { assert!(0 < DECIMALS && DECIMALS <= 8) };
@@ -185,7 +186,7 @@ fn put<const DECIMALS: usize>(negative: bool, digits: u64, place: &mut [u8; Fixe
     at + 1 + DECIMALS
 }
 
-/// Writes a number of at most eight digits to the beginning of `place`, which has room for as many; their count.
+/// Writes a number of at most eight digits to the start of `place`, which has room for eight. Returns their count.
 #[inline]
 fn put_whole(number: u64, place: &mut [u8]) -> usize {
     if number < 10 {
@@ -197,24 +198,24 @@ fn put_whole(number: u64, place: &mut [u8]) -> usize {
     len
 }
 
-/// Eight digits, but for the zeros before the others or the last one, and how many these are.
+/// Eight digits without leading zeros, and the count of the zeros. The last digit is kept even if it is zero.
 #[inline]
 fn without_zeros(text: u64) -> (u64, usize) {
     let zeros = bits_of_zeros(text);
     (text >> zeros, 8 - zeros as usize / 8)
 }
 
-/// Bits of the zeros that eight digits begin with, but for the last one.
+/// Number of bits of the leading zeros of eight digits, without the last digit.
 #[inline(always)]
 pub(super) fn bits_of_zeros(text: u64) -> u64 {
     let digits = text & 0x0F0F_0F0F_0F0F_0F0F | 1 << 56;
     u64::from(digits.trailing_zeros()) & 56
 }
 
-/// The eight digits of a number below [`EIGHT_DIGITS`], zeros before it: a text whose first byte is the lowest.
+/// The eight digits of a number below [`EIGHT_DIGITS`], with leading zeros. The first character is the lowest byte.
 #[inline]
 fn eight(number: u64) -> u64 {
-    // Parts side by side in one register: two of four digits, four of two, eight of one; the first the lowest.
+    // The register holds two parts of four digits, then four of two, then eight of one; the first part is the lowest.
     let high = (number * 109_951_163) >> 40;
     let fours = high | ((number - 10_000 * high) << 32);
     let hundreds = (fours * 5243) >> 19 & 0x7F_0000_007F;
@@ -232,7 +233,7 @@ fn pair(number: u64) -> [u8; 2] {
     PAIRS[usize::from(number.to_le_bytes()[0])]
 }
 
-/// 00, 01 … 99; the rest is padding that no caller reads.
+/// The digit pairs 00, 01 … 99. The rest of the array is padding.
 const PAIRS: [[u8; 2]; 256] = {
     let mut pairs = [[b'0'; 2]; 256];
     let mut i = 0;
@@ -243,15 +244,16 @@ const PAIRS: [[u8; 2]; 256] = {
     pairs
 };
 
-/// Products below are off by less than 1e9 · 2^-53, a tenth of what a tie is kept away.
+/// The products below have errors of less than 1e9 · 2^-53, a tenth of the required distance from a tie.
 pub(super) const SMALL: f64 = 1e9;
 pub(super) const FROM_TIE: f64 = 1e-6;
 
-/// From here on doubles are integers: what is added to it is rounded to one, which stands in the lowest bits.
+/// From this value on, floating-point numbers are integers. A number that is added to it is rounded to an integer, in
+/// the lowest bits.
 pub(super) const INTEGERS: f64 = 4_503_599_627_370_496.0;
 
-/// A number that is not negative times a power of ten, as the nearest integer; false where it is not small or close to a tie,
-/// so that the product's own rounding could matter.
+/// A number that is not negative times a power of ten, as the nearest integer. False if it is not small, or if it is so
+/// close to a tie that the rounding of the product could change the result.
 #[inline]
 fn nearest(size: f64, ten: f64) -> (u64, bool) {
     let product = size * ten;
@@ -260,7 +262,7 @@ fn nearest(size: f64, ten: f64) -> (u64, bool) {
     (rounded.to_bits() & ((1 << 52) - 1), valid)
 }
 
-/// [`scaled`] where the product's own rounding cannot matter: small numbers that are not close to a tie.
+/// [`scaled`] for small numbers that are not close to a tie, where the rounding of the product has no effect.
 #[inline]
 fn scaled_soon(value: f64, decimals: usize) -> Option<u64> {
     let ten = TENS.get(decimals).filter(|_| decimals <= MOST_DECIMALS)?;
@@ -268,12 +270,12 @@ fn scaled_soon(value: f64, decimals: usize) -> Option<u64> {
     valid.then_some(digits)
 }
 
-/// |value| · 10^decimals as an integer, rounded half to even on the exact value; `None` where it does not fit.
+/// |value| · 10^decimals as an integer, rounded half to even on the exact value; `None` if it is too large.
 fn scaled(value: f64, decimals: usize) -> Option<u64> {
     const FRACTION: u32 = 52;
     let bits = value.to_bits();
     let exponent = i32::try_from(bits >> FRACTION & 0x7FF).ok()?;
-    // Subnormal numbers, infinities and NaN are none of a program's.
+    // Subnormal numbers, infinities and NaN do not occur in programs.
     if decimals > MOST_DECIMALS || exponent == 0x7FF {
         return None;
     }

@@ -64,7 +64,7 @@ fn where_a_line_between_would_be_wrong_none_is_written() {
             1,
             "in a spline block: a point between would make it another curve",
         ),
-        (format!("{full}\nLIN {{X 4}}"), 1, "its position leaves components to the motion before"),
+        (format!("{full}\nLIN {{X 4}}"), 1, "its position takes components from the motion before"),
         (
             format!("TRIGGER WHEN DISTANCE=1 DELAY=0 DO $OUT[1]=TRUE\n{full}"),
             0,

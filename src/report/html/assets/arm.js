@@ -13,7 +13,7 @@ const quaternion = (vector) => {
   return [Math.cos(half), ...vector.map((part) => part * scale)];
 };
 
-// The turn that is a share of the way from one quaternion to another, on the shorter way.
+// The rotation between two quaternions at a share of the shorter turn from one to the other.
 const blend = (from, to, share) => {
   const side = from.reduce((sum, part, k) => sum + part * to[k], 0) < 0 ? -1 : 1;
   const mixed = from.map((part, k) => (1 - share) * part + share * side * to[k]);
@@ -21,14 +21,14 @@ const blend = (from, to, share) => {
   return mixed.map((part) => part / size);
 };
 
-// A frame of a turn and a position.
+// A frame with an orientation and a position.
 const placed = ([w, x, y, z], position) => [
   [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y), position[0]],
   [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x), position[1]],
   [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y), position[2]],
 ];
 
-// A vector in the axes of a frame, and back.
+// Converts a vector into the axes of a frame, and back.
 const into = (frame, v) => [0, 1, 2].map((k) => frame.reduce((sum, row, i) => sum + row[k] * v[i], 0));
 const outOf = (frame, v) => frame.map((row) => row[0] * v[0] + row[1] * v[1] + row[2] * v[2]);
 const point = (frame, v) => outOf(frame, v).map((c, k) => c + frame[k][3]);
@@ -58,11 +58,11 @@ const POSITION = ["x_mm", "y_mm", "z_mm"];
 const CIRCLE = ["circle_x_mm", "circle_y_mm", "circle_z_mm"];
 const TABLE = ["table_x_mm", "table_y_mm", "table_z_mm", "table_i", "table_j", "table_k"];
 
-// Whether a path tells how the arm stands at a target.
+// Whether a path has the posture of the arm at a target.
 const stands = (path, i) => page.scene && path.has(AXES[0]) && path.column(AXES[0]).has(i);
 
-// The target before a place, where the arm cannot be followed on from it: one of the two has no posture, or the axes that the
-// positions are in change.
+// The target before a place if the arm cannot be interpolated from there: one of the two targets has no posture, or
+// they are in the axes of different work objects.
 const followed = (path, place) => {
   const i = Math.floor(place);
   const isOneWay = i === place || stands(path, i) && stands(path, i + 1) && path.frames(i) === path.frames(i + 1);
@@ -72,7 +72,7 @@ const followed = (path, place) => {
 const at = (path, keys, place) => keys.map((key) => path.column(key).between(place));
 const isOnTable = (path, i) => path.has(TABLE[0]) && path.column(TABLE[0]).has(i);
 
-// The frame of the arm's base. Where the part turns on a table, the base turns about the middle of it.
+// The frame of the arm's base. If the part turns on a table, the base turns about the axis of the table.
 const baseAt = (path, place) => {
   const i = Math.floor(place);
   const ends = place === i ? [i] : [i, i + 1];
@@ -94,8 +94,8 @@ const forward = (base, angles) => {
   return frames;
 };
 
-// Frames of base, links and flange at a place; between two targets the joints are on their way from one to the other, and hold the
-// tool's tip at `tip`: a straight line is none in joint angles.
+// Frames of base, links and flange at a place. Between two targets the joint angles are interpolated, and then
+// corrected so that the tip of the tool is at `tip`: a straight line of the tip is not a straight line in joint angles.
 const chain = (path, place, tip) => {
   const base = baseAt(path, place);
   let angles = joints(page.scene, at(path, AXES, place));
@@ -104,13 +104,13 @@ const chain = (path, place, tip) => {
   if (i === place) return frames;
   const flange = chain(path, i)[6];
   const tool = into(flange, minus(at(path, POSITION, i), origin(flange)));
-  // Newton's method with the least turn of the joints (Jᵀ(JJᵀ)⁻¹): some three steps to a hundredth of a millimetre.
+  // Newton's method with the smallest turn of the joints (Jᵀ(JJᵀ)⁻¹): about three steps to a hundredth of a millimetre.
   for (let step = 0; step < 8; step++) {
     const now = point(frames[6], tool);
     const off = minus(tip, now);
     if (Math.hypot(...off) < 0.01) break;
     const columns = frames.slice(1).map((frame) => cross(frame.map((row) => row[2]), minus(now, origin(frame))));
-    // A square millimetre keeps the inverse where an arm is stretched out.
+    // A square millimetre is added so that the matrix can be inverted for a stretched arm.
     const square = [0, 1, 2].map((r) => [0, 1, 2].map((c) => columns.reduce((sum, column) => sum + column[r] * column[c], r === c ? 1 : 0)));
     const [a, b, c] = square;
     const size = dot(a, cross(b, c));
@@ -121,7 +121,7 @@ const chain = (path, place, tip) => {
   return frames;
 };
 
-// What stays where it is when table and track move: the base without what the track has moved it, in the axes of the part.
+// The frame that does not move with table and track: the base without the motion of the track, in the axes of the part.
 const floorAt = (path, place) => {
   const base = baseAt(path, place);
   const moved = page.scene.tracks.reduce((sum, { axis, direction }) => {
@@ -131,8 +131,8 @@ const floorAt = (path, place) => {
   return times(base, [[1, 0, 0, -moved[0]], [0, 1, 0, -moved[1]], [0, 0, 1, -moved[2]]]);
 };
 
-// What stands about the path at a place: lines of points, with a width in mm and a colour of the style sheet; `tip` is where the path
-// is there.
+// The surroundings of the path at a place: lines of points, each with a width in mm and a colour of the style sheet.
+// `tip` is the position of the path there.
 const standing = (path, place, tip) => {
   const things = [];
   const edges = (lines, colour) => lines?.forEach((line) => things.push({ line, width: 0, colour }));
@@ -158,7 +158,7 @@ const standing = (path, place, tip) => {
     const end = (limit, way) => point(base, direction.map((c) => ((limit ?? e + way) - e) * c));
     things.push({ line: [end(min, -1000), end(max, 1000)], width: 60, colour: "--unit" });
   }
-  // From the base up: corners where a link's length and its offset meet.
+  // From the base upwards: the corners where the length of a link and its offset meet.
   const spots = [origin(base)];
   page.scene.links.forEach(([, a], k) => spots.push(k === 0 ? origin(frames[1]) : point(frames[k], [a, 0, 0]), origin(frames[k + 1])));
   const arm = spots.filter((spot, k) => k === 0 || Math.hypot(...minus(spot, spots[k - 1])) > 1e-6);

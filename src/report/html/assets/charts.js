@@ -1,4 +1,4 @@
-// Ticks with the decimals that tell them apart: a scale of micrometres in millimetres is no row of zeros.
+// Ticks with enough decimals to distinguish them, also for micrometres on a scale in millimetres.
 const tickLabels = (ticks, step) => {
   const decimals = Math.max(0, Math.ceil(-Math.log10(step) - 1e-9));
   return ticks.map((tick) => {
@@ -7,10 +7,10 @@ const tickLabels = (ticks, step) => {
   });
 };
 
-// Charts along the path, one above the other with a common cursor and a common zoom (uPlot).
+// Charts along the path, one below the other, with a common cursor and a common zoom (uPlot).
 
 class Charts {
-  // `choose` is given the index of a clicked point.
+  // `choose` receives the index of a clicked point.
   constructor(root, choose) {
     this.root = root;
     this.choose = choose;
@@ -19,9 +19,10 @@ class Charts {
     new ResizeObserver(() => this.resize()).observe(root);
   }
 
-  // panels: [{ heading, title, unit, digits, limit, range, series: [{ label, values, style }] }] over common x values; a panel with a
-  // heading starts a group, whose key it shows; a limit is a line across the chart; a range is what it shows whatever its values are.
-  // `span`: the range of x that is shown at first, where it is not that of the values.
+  // panels: [{ heading, title, unit, digits, limit, range, series: [{ label, values, style }] }] over common x values.
+  // A panel with a heading starts a group, and shows the key of that group. A limit is a line across the chart. A range
+  // is shown whatever the values are. `span` is the range of x that is shown at first, if it differs from that of the
+  // values.
   show(x, xLabel, panels, points, span) {
     this.plots.forEach((plot) => plot.destroy());
     this.root.replaceChildren();
@@ -80,7 +81,7 @@ class Charts {
       plot.ctx.stroke();
       plot.ctx.restore();
     };
-    // The tolerance is in sight, and so is zero, from which it counts.
+    // The tolerance and zero are always visible.
     const limited = (_, low, high) => [Math.min(0, low), 1.08 * Math.max(panel.limit, high)];
     const fixed = () => uPlot.rangeNum(...panel.range, 0.1, true);
     const range = panel.limit ? { range: limited } : panel.range?.every(Number.isFinite) ? { range: fixed } : {};
@@ -113,7 +114,7 @@ class Charts {
     return new uPlot(options, data, host);
   }
 
-  // Gives all charts the zoom of one.
+  // Sets the zoom of all charts to that of one.
   follow(from) {
     if (this.following) return;
     this.following = true;

@@ -1,4 +1,5 @@
-// Numbers of the page: 32-bit integers in base64, or one that all are, each over a power of ten, so that they print as in the CSV report.
+// Numbers of the page: 32-bit integers in base64, or a single value for all, each divided by a power of ten, so that
+// they print as in the CSV report.
 
 const ABSENT = -(2 ** 31);
 
@@ -18,18 +19,18 @@ class Column {
     return this.raw[i] !== ABSENT;
   }
 
-  // As a number, NaN where absent.
+  // The value as a number, NaN if it is absent.
   at(i) {
     return this.has(i) ? this.raw[i] / 10 ** this.decimals : NaN;
   }
 
-  // At a place between two targets, as the share of the way from one to the other; NaN where one of them is absent.
+  // The value at a place between two targets, interpolated; NaN if one of the two is absent.
   between(place) {
     const i = Math.floor(place);
     return i === place ? this.at(i) : this.at(i) + (place - i) * (this.at(i + 1) - this.at(i));
   }
 
-  // As the CSV prints it.
+  // The value as the CSV prints it.
   text(i) {
     return this.has(i) ? this.at(i).toFixed(this.decimals).replace(/^-(0\.?0*)$/, "$1") : "";
   }
@@ -71,12 +72,12 @@ class Path {
     return this.columns.frames ? this.frame_names[this.columns.frames.raw[i]] : "";
   }
 
-  // The program's line, where it is quoted.
+  // The line of the program, if the page quotes it.
   quote(i) {
     return this.columns.quote ? this.quotes[this.columns.quote.raw[i]] : "";
   }
 
-  // Index of a target, or of the nearest one that was kept.
+  // Index of a target, or of the nearest target that the page has.
   find(target) {
     const all = this.columns.target.raw;
     let [low, high] = [0, all.length - 1];
@@ -97,7 +98,7 @@ const element = (name, properties = {}, ...children) => {
   return made;
 };
 
-// Colours of the style sheet, which knows light, dark and print.
+// Colours of the style sheet, which differ for light, dark and print.
 const theme = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
 const grouped = (count) => count.toLocaleString("en");

@@ -1,6 +1,6 @@
-// What all pictures in 3-D have.
+// Functions that all 3-D pictures use.
 
-// A ring around a place of a canvas.
+// Draws a ring around a point of a canvas.
 const drawRing = (context, x, y) => {
   for (const [colour, width] of [[theme("--stage"), 5], [theme("--chosen"), 2.5]]) {
     context.beginPath();
@@ -11,7 +11,7 @@ const drawRing = (context, x, y) => {
   }
 };
 
-// The axes X, Y, Z in the lower left corner, each by its direction on the screen.
+// The axes X, Y and Z in the lower left corner, in their directions on the screen.
 const drawTriad = (context, height, axes) => {
   const [x0, y0, length] = [40, height - 40, 24];
   context.font = `600 12px ${theme("--font")}`;

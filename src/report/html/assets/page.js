@@ -1,8 +1,8 @@
-// What a page shows of its data, and how its parts answer to one another.
+// Shows the data of a page, and keeps its picture, charts and panel at the same target.
 
 const page = JSON.parse(byId("data").textContent);
 
-// Colourings of the 3-D view that come first: the column, what it is called, its unit.
+// The first colourings of the 3-D view: column, name and unit.
 const COLOURS = [
   { key: "error_mm", label: "Predicted error", unit: "mm" },
   { key: "correction_mm", label: "Correction", unit: "mm" },
@@ -15,7 +15,7 @@ const COLOURS = [
   { key: "stiffness_least_n_per_mm", label: "Least stiffness", unit: "N/mm" },
 ];
 
-// Rows of the target panel: a label and the columns behind it.
+// Rows of the target panel: a label and the columns that it shows.
 const triple = (before, after) => ["x", "y", "z"].map((axis) => `${before}${axis}${after}`);
 const FIGURES = [
   ["Position, mm", triple("", "_mm")],
@@ -50,7 +50,7 @@ const FIGURES = [
   ["stiffest direction", ["stiffness_most_n_per_mm"]],
 ];
 
-// What else a column can be called, for columns that are in no list above.
+// Names of columns that are in no list above.
 const AXIS_STYLES = AXES.map((_, i) => `axis${i + 1}`);
 const WORDS = ["status", "name", "frames", "quote"];
 const HIDDEN = [...BASE, ...TABLE, ...CIRCLE, "target", "line", ...WORDS];
@@ -61,7 +61,7 @@ const nameOf = (key) => {
   return NAMES[key] ?? words[0].toUpperCase() + words.slice(1);
 };
 
-// All columns of numbers that a path can be coloured by: those with a name of their own first.
+// All columns of numbers by which a path can be coloured, those with a name of their own first.
 const coloursOf = (path) => {
   const named = COLOURS.filter(({ key }) => path.has(key));
   const known = new Set([...HIDDEN, ...named.map(({ key }) => key)]);
@@ -69,7 +69,7 @@ const coloursOf = (path) => {
   return [...named, ...others.map((key) => ({ key, label: nameOf(key), unit: unitOf(key) }))];
 };
 
-// Groups of colourings, by what a column's name begins with.
+// Groups of colourings, by the first part of a column's name.
 const GROUPS = [
   ["Error", /^(error|sigma|prefit)/],
   ["Correction", /^correction/],
@@ -85,7 +85,7 @@ const optionsOf = (colours) => GROUPS.flatMap(([group, begins], at) => {
   return own.length ? [element("optgroup", { label: group }, ...own.map(option))] : [];
 });
 
-// Digits that a figure deserves: tenths of a micrometre and of an arc second's order. The CSV report has all of them.
+// Number of digits of a figure: a tenth of a micrometre, and about an arc second. The CSV report has all digits.
 const DIGITS = { mm: 4, "°": 4, N: 1, "N/mm": 0 };
 const rounded = (path, key, i) => {
   const column = path.column(key);
@@ -95,21 +95,21 @@ const rounded = (path, key, i) => {
 
 const paths = page.paths.map((json) => new Path(json));
 
-// What the level of detail leaves out.
+// The number of targets that the level of detail leaves out.
 const detail = (path, things) =>
   path.kept === path.count
     ? `All ${grouped(path.count)} ${things} are shown.`
     : `${grouped(path.kept)} of ${grouped(path.count)} ${things} are shown: of every ${path.stride} in a row the first, and those with the largest sizes. ` +
       "The figures above and in the tables are of all of them; the CSV report lists each.";
 
-// The colours of a view, from its least to its largest value.
+// The colours of a view, from its smallest to its largest value.
 const legend = (low, high) => {
   const stops = Array.from({ length: 12 }, (_, i) => ramp(i / 11));
   byId("ramp").style.background = `linear-gradient(to right, ${stops.join(",")})`;
   [byId("low").textContent, byId("high").textContent] = [low, high].map((value) => `${+value.toPrecision(4)}`);
 };
 
-// Puts the tip beside a point of a canvas.
+// Places the tip next to a point of a canvas.
 const tipAt = (canvas, x, y, text) => {
   const tip = byId("tip");
   tip.hidden = !text;
@@ -132,9 +132,9 @@ const listenToButtons = (view, wholeArm) =>
 
 const numbers = (path, key) => path.column(key).numbers();
 
-// Between two tables of figures while a program plays, ms: no faster than they can be read.
+// Time between two updates of the figures while a program plays, ms: no faster than a person can read.
 const BETWEEN_FIGURES = 250;
-// Postures that a picture of the whole arm is to hold.
+// Number of postures that must fit into a picture of the whole arm.
 const POSTURES = 24;
 
 class PathPage {
@@ -166,7 +166,7 @@ class PathPage {
     this.show(paths[0]);
   }
 
-  // The first target of a line of the program, where it is shown.
+  // The first target of a line of the program, if the page has one.
   chooseLine(line) {
     const i = this.path.has("line") ? this.path.column("line").raw.indexOf(line) : -1;
     if (i >= 0) this.choose(i);
@@ -191,12 +191,12 @@ class PathPage {
     this.chosen = 0;
     this.widen();
     const sizes = numbers(path, byId("colour").value);
-    // A plan is looked at in its order, everything else where it is worst.
+    // A plan is shown from its first target, all other pages from the worst one.
     this.choose(page.kind === "plan" ? 0 : sizes.reduce((best, size, i) => (size > sizes[best] ? i : best), 0));
     this.twin.open();
   }
 
-  // The picture and the charts over what both pages have, where there are two.
+  // The ranges of the picture and the charts cover both pages if there are two.
   widen() {
     this.view.pathBox = this.twin.box(this.ownBox);
     this.view.frame([]);
@@ -313,7 +313,7 @@ class PathPage {
     byId("figures").dataset.target = path.column("target").raw[i];
   }
 
-  // The picture at a place: the arm, and the floor held still where the part turns on a table.
+  // The picture at a place: the arm, and the floor held still if the part turns on a table.
   stand(place) {
     const { path, view } = this;
     view.chosen = followed(path, place);
@@ -322,7 +322,7 @@ class PathPage {
     view.redraw();
   }
 
-  // How what stands on the floor has moved in the axes of the part since the first target in the same axes.
+  // The motion of the floor in the axes of the part since the first target in the same axes.
   moved(place) {
     const { path } = this;
     const i = Math.floor(place);
@@ -331,7 +331,7 @@ class PathPage {
     return times(floorAt(path, place), inverse(floorAt(path, first)));
   }
 
-  // While the program plays: the picture at once, figures and charts a few times a second.
+  // While the program plays, the picture is updated at once, figures and charts a few times a second.
   move(place) {
     this.stand(place);
     const i = Math.round(place);
@@ -340,7 +340,7 @@ class PathPage {
     this.tell(i);
   }
 
-  // What stands about the path at places all along it.
+  // The surroundings of the path at places all along it.
   wholeArm() {
     const { path, view } = this;
     const last = path.length - 1;
@@ -406,7 +406,7 @@ class ResidualPage {
     if (this.wanted.length) this.choose(this.wanted.reduce((best, i) => (sizes[i] > sizes[best] ? i : best)));
   }
 
-  // One scale for both pictures shows what the extended cell took away, a scale for each what is left.
+  // One scale for both pictures shows what the extended cell removed; a scale for each shows what remains.
   repaint() {
     const { path, wanted } = this;
     const own = byId("own").checked;
@@ -466,7 +466,7 @@ class ResidualPage {
 
 const shown = page.kind === "identify" ? new ResidualPage() : new PathPage();
 
-// The pictures are painted in the colours of the moment: again where these change.
+// The pictures use the colours of the style sheet, and are painted again when these change.
 const repaint = () => shown.repaint();
 for (const query of ["(prefers-color-scheme: dark)", "print"]) matchMedia(query).addEventListener("change", repaint);
 

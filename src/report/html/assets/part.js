@@ -1,6 +1,6 @@
 // The part in 3-D: triangles from back to front on a plain canvas, coloured by deviation.
 const data = JSON.parse(document.getElementById("data").textContent);
-// A canvas a map, all seen from the same side.
+// One canvas for each map, all seen from the same direction.
 const canvases = [...document.querySelectorAll("canvas.part")];
 const bars = [...document.querySelectorAll("canvas.bars")];
 if (canvases.length && data.points) {
@@ -8,7 +8,7 @@ if (canvases.length && data.points) {
   const count = points.length / 3;
   const limit = document.getElementById("limit");
   const there = document.getElementById("there");
-  // A few places that stick out would leave the rest pale.
+  // The scale ignores a few extreme places, because all others would look pale.
   const sizes = maps.flatMap((map) => map.values.filter((v) => v !== null).map(Math.abs)).sort((a, b) => a - b);
   const most = sizes.length ? sizes[Math.floor(0.98 * (sizes.length - 1))] : 0;
   limit.value = Math.max(most / 1e4, 0.001).toPrecision(2);
@@ -21,7 +21,7 @@ if (canvases.length && data.points) {
   const size = Math.hypot(...high.map((v, k) => v - low[k])) || 1;
   const VIEWS = { iso: [-0.6, 0.9], top: [0, 0], front: [0, 1.57], side: [-1.57, 1.57] };
   const view = { turn: VIEWS.iso[0], tilt: VIEWS.iso[1], zoom: 1, x: 0, y: 0 };
-  // Where each map deviates most.
+  // The place of the largest deviation of each map.
   const worst = maps.map((map) => map.values.reduce((best, v, i) => (v !== null && (best < 0 || Math.abs(v) > Math.abs(map.values[best])) ? i : best), -1));
   const seen = new Float64Array(points.length);
   const order = Array.from({ length: triangles.length / 3 }, (_, i) => i);
@@ -44,7 +44,7 @@ if (canvases.length && data.points) {
     canvases.forEach(drawMap);
     bars.forEach(drawBars);
   };
-  // A canvas cleared and scaled to the screen's pixels, with its context and its size.
+  // Clears a canvas, scales it to the screen's pixels, and returns its context and size.
   const cleared = (canvas) => {
     const context = canvas.getContext("2d");
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
@@ -62,7 +62,7 @@ if (canvases.length && data.points) {
     const reach = 2 * limit.value;
     const BINS = 61;
     const counts = new Array(BINS).fill(0);
-    // What is beyond the chart stands in its last bars.
+    // Values beyond the chart are counted in its outermost bars.
     values.forEach((v) => { counts[Math.min(BINS - 1, Math.max(0, Math.floor(((v + reach) / (2 * reach)) * BINS)))] += 1; });
     const most = Math.max(...counts);
     const [left, right, top, bottom] = [8, width - 8, 8, height - 24];
@@ -110,7 +110,7 @@ if (canvases.length && data.points) {
       const [a, b, c] = [triangles[3 * i], triangles[3 * i + 1], triangles[3 * i + 2]];
       const [x, y] = [seen[3 * a], seen[3 * a + 1]];
       const area = (seen[3 * b] - x) * (seen[3 * c + 1] - y) - (seen[3 * c] - x) * (seen[3 * b + 1] - y);
-      // Counterclockwise from outside: away from the viewer otherwise.
+      // Triangles that are clockwise on the screen face away from the viewer.
       if (area >= 0) continue;
       const three = [values[a], values[b], values[c]].filter((v) => v !== null);
       const value = three.length ? three.reduce((sum, v) => sum + v, 0) / three.length : null;
@@ -192,7 +192,7 @@ if (canvases.length && data.points) {
     if (button.dataset.view in VIEWS) [view.turn, view.tilt] = VIEWS[button.dataset.view];
     soon();
   }));
-  // The last map is what counts: that of the corrected program, where there are two.
+  // The last map is the result: that of the corrected program, if there are two.
   document.getElementById("worst").addEventListener("click", () => {
     const which = maps.length - 1;
     if (worst[which] < 0) return;

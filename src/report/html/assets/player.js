@@ -1,12 +1,12 @@
-// Plays a program: a place along it that moves on by itself, or where its slider is put.
+// Plays a program: moves a place along it, or takes the place from the slider.
 
-// A turn of an axis by a degree takes as long as a millimetre of the way, so that a turn on the spot is seen.
+// A turn of an axis by one degree takes as long as a millimetre of path, so that turns on the spot are visible.
 const MM_PER_DEGREE = 1;
-// Where motion is to be reduced, the arm goes from target to target, each this long in sight, ms.
+// If the user prefers reduced motion, the arm jumps from target to target, and each is shown for this time, ms.
 const STILL = 500;
 
 class Player {
-  // `move` is given each place between targets, `rest` the target where it comes to rest.
+  // `move` receives each place between targets, `rest` the target at which the player stops.
   constructor(root, { move, rest }) {
     this.on = { move, rest };
     this.root = root;
@@ -16,26 +16,26 @@ class Player {
     this.reduced = matchMedia("(prefers-reduced-motion: reduce)");
   }
 
-  // The path to play; where it has no arm there is nothing to play.
+  // The path to play. Without postures of the arm there is nothing to play.
   setPath(path) {
     this.path = path;
     this.root.hidden = path.length < 2 || !page.scene || !path.has(AXES[0]);
     if (this.root.hidden) return;
     this.slider.max = path.length - 1;
-    // When each target is reached, of a whole of 1.
+    // The time at which each target is reached, as a share of the whole time.
     const columns = [...POSITION.map((key) => [key, 0]), ...AXES.map((key) => [key, 1])].map(([key, turn]) => [path.column(key), turn]);
     const times = [0];
     for (let i = 1; i < path.length; i++) {
       const [way, turn] = [[], []];
       for (const [column, isTurn] of columns) (isTurn ? turn : way).push(Math.abs(column.at(i) - column.at(i - 1)) || 0);
-      // Where the arm cannot be followed, there is nothing to wait for.
+      // If the arm cannot be interpolated, the step takes no time.
       const isSeen = followed(path, i - 0.5) === i - 0.5;
       times.push(times[i - 1] + (isSeen ? Math.hypot(...way) + MM_PER_DEGREE * Math.max(...turn) : 0));
     }
     this.times = times.map((time) => time / (times.at(-1) || 1));
   }
 
-  // Follows a target that was chosen elsewhere.
+  // Moves to a target that was chosen elsewhere on the page.
   follow(i) {
     if (this.root.hidden) return;
     this.place = i;
@@ -49,7 +49,7 @@ class Player {
     const text = this.isPlaying ? "Pause" : "Play";
     if (this.button.textContent === text) return;
     this.button.textContent = text;
-    // Figures that change all the time are not read out.
+    // Screen readers must not read figures that change all the time.
     document.querySelector(".panel").setAttribute("aria-live", this.isPlaying ? "off" : "polite");
   }
 
@@ -75,13 +75,13 @@ class Player {
   }
 
   step(now) {
-    // Frames have times of their own, which begin with the first one.
+    // The time stamps of frames have an arbitrary zero, so they are counted from the first frame.
     const passed = now - (this.before ??= now);
     this.frame = requestAnimationFrame((next) => this.step(next));
     if (this.reduced.matches && passed < STILL) return;
     this.before = now;
     const place = this.placeAt(this.timeAt(this.place) + passed / 1000 / Number(this.pace.value));
-    // In steps, at least one target further each time.
+    // Moves in steps of at least one target.
     this.place = this.reduced.matches ? Math.min(this.path.length - 1, Math.max(Math.floor(this.place) + 1, Math.round(place))) : place;
     if (this.place >= this.path.length - 1) return this.stop();
     this.tell();

@@ -1,12 +1,12 @@
-// Two pages that a window shows side by side: through the window each tells the other its ranges and what it looks at, so that both
-// have the same axes, the same colours and the same view.
+// Two pages that a window shows side by side. Each sends its ranges and its view to the other through the window, so
+// that both have the same axes, colours and view.
 
 const wider = ([a, b], [c, d]) => [Math.min(a, c), Math.max(b, d)];
 const NONE = [Infinity, -Infinity];
 const rangeOf = (values, counts = () => true) =>
   values.reduce((range, value, i) => (Number.isNaN(value) || !counts(i) ? range : wider(range, [value, value])), NONE);
 
-// The ranges of all columns of numbers: over all targets, and over those that cut; and the box that the picture is of.
+// The ranges of all columns of numbers, over all targets and over those that cut, and the box of the picture.
 const rangesOf = (path, box) => {
   const cuts = (i) => path.status(i) !== "air";
   const keys = Object.keys(path.columns).filter((key) => !WORDS.includes(key));
@@ -18,7 +18,8 @@ const isBox = (box) => Array.isArray(box) && box.length === 3 && box.every((rang
 const isLook = (look) => ["azimuth", "elevation", "zoom", "target"].every((key) => Number.isFinite(look?.[key])) && isNumbers(look.pan, 2) && isBox(look.box);
 
 class Twin {
-  // `own` gives what this page looks at, `follow` takes what the other does, `widen` is called when its ranges are there.
+  // `own` returns the view of this page, `follow` takes the view of the other page, and `widen` is called when the
+  // ranges of the other page arrive.
   constructor({ ranges, own, follow, widen }) {
     this.on = { ranges, own, follow, widen };
     this.columns = new Map();
@@ -35,7 +36,7 @@ class Twin {
     return this.otherBox ? own.map((range, axis) => wider(range, this.otherBox[axis])) : own;
   }
 
-  // Tells the ranges of a new path; a page that hears them answers with its own.
+  // Sends the ranges of a new path. A page that receives ranges answers with its own.
   open() {
     this.send({ ranges: this.on.ranges(), isAnswer: false });
   }
@@ -46,7 +47,7 @@ class Twin {
 
   hear({ ranges, isAnswer, look }) {
     if (ranges && isBox(ranges.box) && Array.isArray(ranges.columns)) {
-      // A range over nothing has no numbers in it.
+      // The range of an empty column has no numbers.
       this.columns = new Map(ranges.columns.filter(([, all, cuts]) => isNumbers(all, 2) && isNumbers(cuts, 2)).map(([key, ...both]) => [key, both]));
       this.otherBox = ranges.box;
       this.on.widen();
@@ -62,7 +63,7 @@ class Twin {
     this.last = JSON.stringify(this.on.own());
   }
 
-  // Tells the other page what this one looks at, where that is something else than before.
+  // Sends the view of this page, if it has changed.
   tell() {
     if (!this.otherBox || this.isFollowing) return;
     const look = this.on.own();

@@ -1,9 +1,10 @@
 // The toolpath in 3-D on a plain canvas: orthographic, z up, turned about the vertical.
 
-// viridis (van der Walt and Smith), which colour-blind readers and grey printers can follow.
+// viridis (van der Walt and Smith), which works for colour-blind readers and in grey prints.
 const VIRIDIS = ["#440154", "#482475", "#414487", "#355f8d", "#2a788e", "#21918c", "#22a884", "#44bf70", "#7ad151", "#bddf26", "#fde725"];
 
-// What is large stands out: dark on a light page, bright on a dark one. The end that would drown is left out.
+// Large values are dark on a light page and bright on a dark one. The end of the scale that would be hard to see is
+// left out.
 const ramp = (share) => {
   const dark = theme("--scheme") === "dark";
   const place = (dark ? 0.18 + 0.82 * share : 0.9 * (1 - share)) * (VIRIDIS.length - 1);
@@ -14,19 +15,19 @@ const ramp = (share) => {
 };
 
 const SHADES = 32;
-// Points drawn while turning; at rest all are.
+// Number of points that are drawn while the view turns; at rest all are drawn.
 const MOST_MOVING = 4000;
-// Farther than this from the pointer, nothing is meant, px.
+// A point farther than this from the pointer is not selected, px.
 const REACH = 14;
 
 const VIEWS = { iso: [-55, 28], top: [-90, 90], front: [-90, 0], side: [0, 0] };
 
-// The box that a picture is of: that of the targets that cut, and of the others that are not far from them. A home position
-// at the other end of the cell would leave the part a dot.
+// The box of a picture: that of the targets that cut, and of the others that are near them. Otherwise a home position
+// at the other end of the cell would make the part a dot.
 const framed = (points, cuts) => {
   const all = Array.from(points[0], (_, i) => i);
   const range = (indices) => points.map((v) => indices.reduce(([low, high], i) => [Math.min(low, v[i]), Math.max(high, v[i])], [Infinity, -Infinity]));
-  // Where nothing cuts, the middle eight tenths along each axis stand for it.
+  // If no target cuts, the middle eight tenths along each axis are used.
   const middle = () => points.map((v) => {
     const sorted = Array.from(v).sort((a, b) => a - b);
     const at = (share) => sorted[Math.round(share * (sorted.length - 1))];
@@ -40,16 +41,17 @@ const framed = (points, cuts) => {
   return range(shown);
 };
 
-// Places of an arc; a half turn is cut by 0.2 % of its radius.
+// Number of points of an arc: half a turn is off by 0.2 % of its radius.
 const ON_ARC = 24;
 
-// Points of the arcs of a path, by the index of the target that each leads to: from the target before it through its circle point.
+// Points of the arcs of a path by the index of the target at the end: from the target before it through its circle
+// point.
 const bendsOf = (path, [x, y, z]) => {
   const bends = new Map();
   if (!path.has(CIRCLE[0])) return bends;
   const ordinal = path.column("target").raw;
   for (let i = 1; i < path.length; i++) {
-    // What the level of detail left out cannot be drawn.
+    // Points that the level of detail left out cannot be drawn.
     if (!path.column(CIRCLE[0]).has(i) || ordinal[i] - ordinal[i - 1] !== 1) continue;
     const [from, to] = [i - 1, i].map((k) => [x[k], y[k], z[k]]);
     const arc = arcThrough(from, CIRCLE.map((key) => path.column(key).at(i)), to);
@@ -58,13 +60,13 @@ const bendsOf = (path, [x, y, z]) => {
   return bends;
 };
 
-// Points from a through b to c on their circle; nothing for points on a line.
+// Points on the circle from a through b to c; none if the three are on a line.
 const arcThrough = (a, b, c) => {
   const [ab, ac] = [minus(b, a), minus(c, a)];
   const normal = cross(ab, ac);
   const size = dot(normal, normal);
   if (size < 1e-12 * dot(ab, ab) * dot(ac, ac)) return null;
-  // The circumcentre of a triangle from its corner a.
+  // The circumcentre of a triangle, relative to its corner a.
   const [u, v] = [cross(normal, ab), cross(ac, normal)];
   const centre = a.map((p, k) => p + (dot(ac, ac) * u[k] + dot(ab, ab) * v[k]) / (2 * size));
   const from = minus(a, centre);
@@ -91,7 +93,7 @@ class View {
     new ResizeObserver(() => this.resize()).observe(canvas);
   }
 
-  // `only`: no line, but the points that it marks.
+  // `only` draws the points that it marks, without a line.
   setPath(path, only = null) {
     this.only = only;
     this.path = path;
@@ -103,7 +105,7 @@ class View {
     this.fit();
   }
 
-  // Shades of the line: `values` over [low, high], air apart.
+  // Shades of the line: `values` over [low, high]; air has a colour of its own.
   setColours(values, low, high) {
     const { path } = this;
     this.shades = Array.from({ length: SHADES }, () => []);
@@ -122,7 +124,7 @@ class View {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     if (!width || !height) return;
     [this.canvas.width, this.canvas.height] = [Math.round(width * scale), Math.round(height * scale)];
-    // At once: a printer waits for no frame.
+    // Draws at once, because a printer does not wait for a frame.
     this.draw();
   }
 
@@ -137,7 +139,7 @@ class View {
     this.fit();
   }
 
-  // Screen axes in what is held still.
+  // Screen axes in the frame that is held still.
   heldAxes() {
     const [a, e] = [this.azimuth, this.elevation].map((degrees) => (degrees * Math.PI) / 180);
     const right = [-Math.sin(a), Math.cos(a), 0];
@@ -157,7 +159,7 @@ class View {
     return this.moved ? point(this.moved, middle) : middle;
   }
 
-  // Where the line is that is drawn, between two targets on the way from one to the other; work object, mm.
+  // The point of the drawn line at a place, interpolated between two targets; work object, mm.
   spot(place) {
     const i = Math.floor(place);
     const target = (k) => this.points.map((values) => values[k]);
@@ -168,7 +170,7 @@ class View {
     return ways[k].map((c, axis) => c + (along - k) * (ways[k + 1][axis] - c));
   }
 
-  // Pixels a millimetre that show the whole box.
+  // Pixels for each millimetre with which the whole box is visible.
   scale() {
     const size = this.heldAxes().map((axis) => axis.reduce((sum, c, i) => sum + Math.abs(c) * (this.box[i][1] - this.box[i][0]), 0));
     const [width, height] = [this.canvas.clientWidth, this.canvas.clientHeight];
@@ -190,7 +192,7 @@ class View {
     return scale;
   }
 
-  // On the next frame, once.
+  // Draws on the next frame, once.
   redraw(moving = false) {
     this.schedule(moving);
     this.on.look?.();
@@ -265,7 +267,7 @@ class View {
     context.fill();
   }
 
-  // What stands about the path: what is far behind first would ask for depth, so that all of it is seen through.
+  // The surroundings of the path. Drawing hidden lines first would need depths, so all lines are transparent.
   drawStanding(context, scale) {
     if (this.only || !this.standing) return;
     const place = this.placer(scale);
@@ -279,7 +281,7 @@ class View {
       context.lineWidth = Math.max(1.25, width * scale);
       context.stroke();
       if (!capsule) continue;
-      // Its axis, to be seen where links cover one another.
+      // The axis of the line, so that it is visible where lines cover one another.
       context.globalAlpha = 1;
       context.lineWidth = 1.25;
       context.stroke();
@@ -288,7 +290,7 @@ class View {
     context.lineCap = "round";
   }
 
-  // Screen places of points in the work object.
+  // Screen positions of points in the work object.
   placer(scale) {
     const [right, up] = this.axes();
     const middle = this.middle();
@@ -297,7 +299,7 @@ class View {
     return (point) => [centre[0] + scale * along(right, point), centre[1] - scale * along(up, point)];
   }
 
-  // The path in the picture, and what stands about it.
+  // Draws the path and its surroundings.
   frame(things) {
     if (!this.pathBox) return this.fit();
     const points = things.flatMap(({ line }) => line);
@@ -306,7 +308,7 @@ class View {
     this.fit();
   }
 
-  // A triangle over each target that a check complains of.
+  // A triangle over each target with a finding of `check`.
   drawFound(context) {
     if (!this.found?.length) return;
     context.beginPath();
@@ -332,7 +334,7 @@ class View {
     drawTriad(context, this.canvas.clientHeight, right.map((x, k) => [x, -up[k]]));
   }
 
-  // A bar of a round number of millimetres.
+  // A scale bar of a round number of millimetres.
   drawScale(context, scale) {
     const most = 120 / scale;
     const power = 10 ** Math.floor(Math.log10(most));
@@ -353,7 +355,7 @@ class View {
     context.fillText(`${+length.toPrecision(1)} mm`, x, y - 6);
   }
 
-  // The target under the pointer, −1 where there is none.
+  // The target under the pointer, −1 if there is none.
   near(x, y) {
     if (!this.path) return -1;
     let [best, nearest] = [REACH ** 2, -1];
@@ -380,7 +382,7 @@ class View {
     this.redraw(true);
   }
 
-  // About a point of the canvas that stays where it is.
+  // Zooms about a point of the canvas, which stays where it is.
   magnify(factor, x = this.canvas.clientWidth / 2, y = this.canvas.clientHeight / 2) {
     const zoom = Math.max(0.2, Math.min(2000, this.zoom * factor));
     const [cx, cy] = [this.canvas.clientWidth / 2, this.canvas.clientHeight / 2];
