@@ -1,6 +1,6 @@
 //! The interface of the languages: how a program that was read is written.
 
-use super::{Change, Insert, Passing, Program, Reason, RewriteOptions, Rewritten, Role};
+use super::{Change, Goal, Insert, Passing, Program, Reason, RewriteOptions, Rewritten, Role};
 use crate::text::{Edit, Span};
 use std::ops::Range;
 
@@ -54,6 +54,26 @@ pub(super) trait FrontEnd {
     /// See [`Program::inserted_passing`].
     fn inserted_passing(&self, program: &Program, before: usize) -> Passing {
         self.passing(program, before)
+    }
+}
+
+impl Change {
+    /// Whether it moves or turns a target that goes there now.
+    pub(super) fn differs(&self, goal: &Goal) -> bool {
+        let Goal::Pose { position_mm, quat, .. } = *goal else { return true };
+        #[allow(clippy::float_cmp)] // only exactly the number that was read means no change
+        let moved = self.position_mm != position_mm;
+        moved || self.turn(quat).is_some()
+    }
+
+    /// The new orientation, if it is another than this one.
+    pub(super) fn turn(&self, quat: [f64; 4]) -> Option<[f64; 4]> {
+        /// Two orientations closer than this are the same: rounding of the arithmetic between reading and writing.
+        const SAME_QUAT: f64 = 1e-12;
+        let wanted = self.quat?;
+        let length = wanted.iter().map(|part| part * part).sum::<f64>().sqrt();
+        let same = |sign: f64| wanted.iter().zip(quat).all(|(a, b)| (a / length - sign * b).abs() <= SAME_QUAT);
+        (!same(1.0) && !same(-1.0)).then_some(wanted)
     }
 }
 

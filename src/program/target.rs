@@ -286,6 +286,18 @@ pub enum Mark {
 }
 
 impl Mark {
+    /// The mark that a comment is: its text without the sign that begins it.
+    pub(crate) fn of(comment: &[u8]) -> Option<Self> {
+        // Control characters and no-break spaces part words in real files, too.
+        let mut words = comment.split(|b| *b <= b' ' || matches!(b, 0x7F | 0xA0)).filter(|word| !word.is_empty());
+        words.next().filter(|word| word.eq_ignore_ascii_case(b"deflex"))?;
+        let said = words.next()?;
+        [(&b"air"[..], Self::Air), (b"cut", Self::Cut)]
+            .into_iter()
+            .find(|(word, _)| said.eq_ignore_ascii_case(word))
+            .map(|found| found.1)
+    }
+
     /// The text of the comment for this mark.
     pub(crate) fn comment(self) -> &'static str {
         match self {

@@ -708,7 +708,9 @@ fn steps(number: Number, scale: f64, offset: f64, value: f64) -> Number {
     Number { value, exact: is_whole(number.value) && is_whole(value), affine }
 }
 
-fn binary(operator: Binary, left: &Value, right: &Value) -> Value {
+/// What an operator makes of two values.
+#[must_use]
+pub fn binary(operator: Binary, left: &Value, right: &Value) -> Value {
     let decides = |truth: bool| [left, right].iter().any(|side| side.truth() == Some(truth));
     let content = match (&left.content, &right.content) {
         _ if operator == Binary::And && decides(false) => Content::Truth(false),
@@ -749,7 +751,9 @@ fn arithmetic(operator: Binary, a: Number, b: Number) -> Content {
         Binary::Subtract => number(x - y, of(a, b, 1.0, -y, x - y).or_else(|| of(b, a, -1.0, x, x - y))),
         Binary::Multiply => number(x * y, of(a, b, y, 0.0, x * y).or_else(|| of(b, a, x, 0.0, x * y))),
         // Whether two whole numbers divide as whole numbers is the language's affair.
-        Binary::Divide if exact(x / y) || !is_whole(x) || !is_whole(y) => number(x / y, of(a, b, 1.0 / y, 0.0, x / y)),
+        Binary::Divide if exact(x / y) || x.fract() != 0.0 || y.fract() != 0.0 => {
+            number(x / y, of(a, b, 1.0 / y, 0.0, x / y))
+        }
         Binary::Divide => Content::Unknown(Reason::Rounding),
         Binary::Remainder if exact(x % y) && x >= 0.0 && y > 0.0 => number(x % y, None),
         Binary::Remainder => Content::Unknown(Reason::Rounding),

@@ -172,12 +172,12 @@ impl<'a> Runner<'a> {
     /// Says once that the numbers of tool and base stand in none of the files, as those of `FHOME` do without `$config.dat`.
     fn tell_frames_elsewhere(&mut self, act: &Value) {
         let undeclared = matches!(act, Value::Unknown(why, None) if *why == Reason::NameUndeclared);
-        // No name of a program has a blank.
-        if undeclared && self.said.insert(upper(b" FDAT")) {
+        if undeclared {
             let source = &self.symbols.sources[self.here()];
             let message = "the numbers of tool and base of an inline form (FDAT, mostly FHOME) are in none of the files: both are unknown until they are set again";
             let note = Diagnostic::error("krl.frames-elsewhere", &source.name, message).severity(Severity::Note);
-            self.diagnostics.push(note.help("give $config.dat of the controller (KRC/R1/System) with --context"));
+            let help = "give $config.dat of the controller (KRC/R1/System) with --context";
+            self.say(note.help(help), self.here(), None);
         }
     }
 
@@ -226,7 +226,7 @@ impl<'a> Runner<'a> {
     pub(super) fn restore(&mut self, before: &[Value; MODAL]) {
         let symbols = &self.symbols;
         let held = || symbols.modal().into_iter().zip(before);
-        if held().any(|(id, was)| [symbols.base, symbols.tool].contains(&id) && !was.is(&self.value(id))) {
+        if held().any(|(id, was)| [symbols.base, symbols.tool].contains(&id) && *was != self.value(id)) {
             self.leave_frame();
         }
         for (id, value) in self.symbols.modal().into_iter().zip(before) {

@@ -169,9 +169,9 @@ impl<'a> Runner<'a> {
             (b"COS", Some(v)) => v.to_radians().cos(),
             (b"TAN", Some(v)) => v.to_radians().tan(),
             (b"SQRT", Some(v)) if v >= 0.0 => v.sqrt(),
-            _ => return Value::unknown(Reason::Computed),
+            _ => f64::NAN,
         };
-        Value::Number(computed, None)
+        if computed.is_finite() { Value::Number(computed, None) } else { Value::unknown(Reason::Computed) }
     }
 
     /// What a routine that is not followed changes; its first motion may leave components to the motion before.

@@ -1,12 +1,12 @@
 //! What statements could change, found without running them.
 
-use super::expression::{Call, Expression, Part, Setting};
+use super::expression::{Call, Expression, Part, Path, Setting};
 use super::names;
 use super::run::Runner;
 use super::state::{Changes, Id};
 use super::symbols::RoutineId;
 use super::system::{System, system};
-use super::tree::{Statement, StatementKind, walk};
+use super::tree::{File, Statement, StatementKind, walk};
 use super::value::{Name, POSE, Value, upper};
 use crate::program::Reason;
 use crate::text::{Diagnostic, Severity, Span, decode};
@@ -113,7 +113,6 @@ impl<'a> Runner<'a> {
             }
             StatementKind::Interrupt(_) => return,
             StatementKind::Mark(_) => drop(changes.ids.insert(self.symbols.mark)),
-            StatementKind::For(of) => self.changed(&of.variable.name, scope, changes),
             StatementKind::NotUnderstood(_) => {
                 changes.anything = true;
                 statement.names().into_iter().for_each(|name| self.changed(name, scope, changes));
@@ -296,8 +295,21 @@ impl<'a> Runner<'a> {
 
     /// Whether the program puts positions into data that leave components out: such data take these from the motion before.
     pub(super) fn finds_incomplete_positions(&mut self) -> bool {
-        let in_lists = self.symbols.start.iter().any(Value::leaves_components_out);
+        let files: &'a [File] = self.symbols.files;
+        let in_lists = files.iter().enumerate().any(|(at, file)| {
+            let set = file.values.iter().map(|(setting, _)| &setting.value);
+            let mut all = file.data.iter().filter_map(|data| data.value.as_ref()).chain(set);
+            let mut parts = file.values.iter().map(|(setting, _)| &setting.to);
+            all.any(Expression::leaves_components_out) || parts.any(|to| self.sets_a_component(at, to, &HashSet::new()))
+        });
         in_lists || self.symbols.all().any(|id| self.leaves_components_out_in(id))
+    }
+
+    /// Whether a component of a position is set that may have no others.
+    fn sets_a_component(&mut self, file: usize, to: &Path, own: &HashSet<&Name>) -> bool {
+        let is_part = to.component().is_some_and(|part| POSE.contains(&&part[..]));
+        let at = self.symbols.find(file, &to.name);
+        is_part && to.name.first() != Some(&b'$') && (own.contains(&to.name) || !is_complete(&self.symbols.start[at]))
     }
 
     fn leaves_components_out_in(&mut self, id: RoutineId) -> bool {
@@ -315,30 +327,21 @@ impl<'a> Runner<'a> {
             };
             let leaves_out = statement.expressions().into_iter().any(is);
             let StatementKind::Assign(setting) = &statement.kind else { return leaves_out };
-            let (to, name) = (&setting.to, &setting.to.name);
-            if name.first() == Some(&b'$') || !to.component().is_some_and(|part| POSE.contains(&&part[..])) {
-                return leaves_out;
-            }
-            let at = self.symbols.find(id.file, name);
-            leaves_out || own.contains(name) || !is_complete(&self.symbols.start[at])
+            leaves_out || self.sets_a_component(id.file, &setting.to, &own)
         })
     }
 
     /// The motion after an interrupt begins where its routine leaves the robot.
     fn tell_interrupt_that_moves(&mut self, handler: RoutineId, file: usize, span: Span) {
         let name = &self.symbols.routine(handler).name;
-        // No name of a program has a blank.
-        if !self.said.insert([b" INTERRUPT ", &**name].concat().into()) {
-            return;
-        }
         let message = format!(
             "`{}` moves the robot: after an interrupt, the next motion may begin at another place than the correction assumes",
             decode(name)
         );
         let source = &self.symbols.sources[file];
-        let note = Diagnostic::error("krl.interrupt-moves", &source.name, message).at(source, span);
+        let note = Diagnostic::error("krl.interrupt-moves", &source.name, message).severity(Severity::Note);
         let help = "let it move back to $POS_INT before the program continues";
-        self.diagnostics.push(note.severity(Severity::Note).help(help));
+        self.say(note.help(help), file, Some(span));
     }
 
     /// Pins the data that a routine names, as they are at the start; which these are.

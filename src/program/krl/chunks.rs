@@ -5,7 +5,7 @@
 //! last. A position that names all six numbers is the same whatever stands before it, so that the other lines mean what that
 //! one does. Whatever is not like that is read whole.
 
-use super::like::{Axes, Like, Reader, is_speed, layout, moved_axes};
+use super::like::{Axes, Like, Reader, is_speed, layout, line_ends, moved_axes};
 use super::{Layout, dialect, lex};
 use crate::program::{Language, Mark, Next, Predecessor, Program, StreamableChunk, Target, detect};
 use crate::text::{Source, Span};
@@ -44,6 +44,8 @@ pub struct Chunks<R> {
     speed: Vec<u8>,
     /// The last line of a kind.
     last: Option<(Arc<Like>, Vec<u8>)>,
+    /// What stands after it.
+    tail: Option<Chunk>,
     ended: bool,
 }
 
@@ -53,17 +55,15 @@ pub struct Chunk {
     reader: Arc<Reader>,
     source: Source,
     dialect: &'static str,
-    /// The targets of the head, where the stretch is the first.
-    head: Option<Program>,
-    /// Where the lines stand, and from where on they are of which kind.
-    lines: std::ops::Range<usize>,
+    /// What of the source stands in the file.
+    own: std::ops::Range<usize>,
+    /// The targets before the lines, of the head or of what stands after all lines.
+    begun: Option<Program>,
+    /// Where the lines begin, and from where on they are of which kind.
+    lines: usize,
     kinds: Vec<(usize, Arc<Like>)>,
-    /// Lines of the file before them.
-    lines_before: usize,
     motions_before: u32,
     motions: u32,
-    /// The targets after the last line.
-    tail: Option<Program>,
     last: bool,
 }
 
@@ -76,24 +76,8 @@ struct Cut {
 }
 
 impl<R: Read> Chunks<R> {
-    /// Reads the head; `None` where the input does not begin like such a program.
-    ///
-    /// # Errors
-    /// What `input` reports.
-    pub fn new(name: &str, input: R, context: &[Source]) -> io::Result<Option<Self>> {
-        Self::sized(name, input, context, CHUNK)
-    }
-
-    /// The same, with chunks of about so many bytes.
-    ///
-    /// # Errors
-    /// What `input` reports.
-    pub fn sized(name: &str, input: R, context: &[Source], chunk: usize) -> io::Result<Option<Self>> {
-        Self::knowing(name, input, context, chunk, Axes::default())
-    }
-
-    /// The same for a file, which is looked through for external axes that begin to move where the first lines have them at
-    /// zero.
+    /// Reads the head of a file, which is looked through for external axes that begin to move where the first lines have them at zero;
+    /// `None` where it does not begin like such a program. A chunk has about so many bytes.
     ///
     /// # Errors
     /// What `file` reports.
@@ -101,7 +85,8 @@ impl<R: Read> Chunks<R> {
     where
         R: Seek,
     {
-        let begun = Chunks::sized(name, &mut file, context, chunk)?.map(|chunks| chunks.reader.has_axes_at_rest());
+        let begun = Chunks::knowing(name, &mut file, context, chunk, Axes::default())?
+            .map(|chunks| chunks.reader.has_axes_at_rest());
         file.rewind()?;
         let moving = match begun {
             None => return Ok(None),
@@ -127,6 +112,7 @@ impl<R: Read> Chunks<R> {
             mark: None,
             speed: Vec::new(),
             last: None,
+            tail: None,
             ended: false,
         };
         chunks.fill(HEAD)?;
@@ -142,7 +128,7 @@ impl<R: Read> Chunks<R> {
             if is_motion(line) && tried < MOST_KINDS {
                 tried += 1;
                 if let Some((reader, head)) = Reader::new((name, &begin.bytes[..at], context), line, moving) {
-                    chunks.lines = begin.bytes[..at].iter().filter(|byte| **byte == b'\n').count();
+                    chunks.lines = line_ends(&begin.bytes[..at]);
                     (chunks.reader, chunks.motions) = (Arc::new(reader), head.motion_targets() as u32);
                     (chunks.head, chunks.cut) = (Some(head), at);
                     return Ok(Some(chunks));
@@ -171,54 +157,66 @@ impl<R: Read> Chunks<R> {
     /// What the input reports.
     pub fn take(&mut self) -> io::Result<Next<Chunk>> {
         if self.ended {
-            return Ok(Next::End);
+            return Ok(self.tail.take().map_or(Next::End, Next::Chunk));
         }
-        let (first, motions_before) = (self.head.is_some(), self.motions);
+        let (lines_before, motions_before) = (self.lines, self.motions);
         self.fill(2 * self.chunk + LONGEST)?;
-        let lines_before = self.lines;
         let Some(cut) = self.cut() else { return Ok(Next::NotStreamable) };
-        let head = self.head.take();
-        let mut bytes = if first { self.reader.head().to_vec() } else { Vec::new() };
-        let start = bytes.len();
+        let begun = self.head.take();
+        let mut bytes = if begun.is_some() { self.reader.head().to_vec() } else { Vec::new() };
+        let lines = bytes.len();
         bytes.extend_from_slice(&self.rest[self.cut..self.cut + cut.bytes]);
-        let lines = start..bytes.len();
         self.cut += cut.bytes;
         self.lines += cut.lines;
-        let mut tail = None;
         if cut.last {
             self.fill(HEAD + 1)?;
-            let after = &self.rest[self.cut..];
-            let last = self.last.take().filter(|_| after.len() <= HEAD);
-            tail = last.and_then(|(mut like, line)| {
-                if !like.fits(line.trim_ascii()) {
-                    like = Arc::new(self.reader.like_instead(&like, &line)?);
-                }
-                self.reader.tail(&like, &line, after, (bytes.len(), self.lines, self.motions))
-            });
-            if tail.is_none() {
+            self.tail = self.tail();
+            if self.tail.is_none() {
                 return Ok(Next::NotStreamable);
             }
-            bytes.extend_from_slice(after);
             self.ended = true;
+            if bytes.is_empty() {
+                return self.take();
+            }
         }
         let mut source = Source::new(self.reader.name(), bytes);
-        source.lines_before = if first { 0 } else { lines_before };
-        let kinds = cut.kinds.into_iter().map(|(at, like)| (start + at, like)).collect();
-        let (dialect, last) = (self.dialect, cut.last);
-        let motions = self.motions - motions_before;
+        source.lines_before = if begun.is_some() { 0 } else { lines_before };
         Ok(Next::Chunk(Chunk {
             reader: Arc::clone(&self.reader),
+            own: 0..source.bytes.len(),
             source,
-            dialect,
-            head,
+            dialect: self.dialect,
+            begun,
             lines,
-            kinds,
-            lines_before,
+            kinds: cut.kinds.into_iter().map(|(at, like)| (lines + at, like)).collect(),
             motions_before,
-            motions,
-            tail,
-            last,
+            motions: self.motions - motions_before,
+            last: false,
         }))
+    }
+
+    /// What stands after the last line of a kind.
+    fn tail(&mut self) -> Option<Chunk> {
+        let after = &self.rest[self.cut..];
+        let (mut like, line) = self.last.take().filter(|_| after.len() <= HEAD)?;
+        if !like.fits(line.trim_ascii()) {
+            like = Arc::new(self.reader.like_instead(&like, &line)?);
+        }
+        let (program, from) = self.reader.tail(&like, &line, after, (self.lines, self.motions))?;
+        let source = program.sources[0].clone();
+        let lines = source.bytes.len();
+        Some(Chunk {
+            reader: Arc::clone(&self.reader),
+            own: from..lines,
+            source,
+            dialect: self.dialect,
+            begun: Some(program),
+            lines,
+            kinds: Vec::new(),
+            motions_before: self.motions,
+            motions: 0,
+            last: true,
+        })
     }
 
     /// Where the stretch ends that begins at `rest`: after a line of a kind. `None` where a line never ends, or is of one kind
@@ -247,7 +245,7 @@ impl<R: Read> Chunks<R> {
                 _ if !is_motion(line) && own.contains(&b'\r') => return None,
                 None => {}
                 Some(b';') => {
-                    mark = lex::mark(&text[1..]).or(mark);
+                    mark = Mark::of(&text[1..]).or(mark);
                     like = None;
                 }
                 Some(_) if is_speed(text) => {
@@ -296,17 +294,15 @@ impl Chunk {
     /// Reads the chunk; `None` where it is not as it seemed.
     #[must_use]
     pub fn read(self) -> Option<StreamableChunk> {
-        let before = if self.head.is_some() { 0 } else { self.motions_before };
-        let mut program = self.head.unwrap_or_else(|| empty(self.dialect));
+        let mut program = self.begun.unwrap_or_else(|| empty(self.dialect));
         let mut ordinal = self.motions_before;
-        let mut number = self.lines_before;
-        let (mut at, mut kinds) = (self.lines.start, self.kinds.iter().peekable());
+        let (mut at, mut kinds) = (self.lines, self.kinds.iter().peekable());
         let (mut like, mut frames, mut external): (Option<&Like>, _, _) = (None, [0; 2], None);
         // Kinds of lines that only looked like theirs.
         let mut others: Vec<Like> = Vec::new();
-        let bytes = &self.source.bytes[..self.lines.end];
-        let Layout { sites, .. } = layout(&mut program)?;
-        let mut sites = std::mem::take(sites);
+        let bytes = &self.source.bytes;
+        let mut number = self.source.lines_before + line_ends(&bytes[..at]);
+        let Layout { mut sites, motions } = std::mem::take(layout(&mut program)?);
         program.targets.reserve(self.motions as usize);
         sites.reserve(self.motions as usize);
         while let Some(line) = next_line(&bytes[at..]) {
@@ -355,24 +351,11 @@ impl Chunk {
             }
             at += line.len();
         }
-        let mut motions = ordinal;
-        if let Some(mut tail) = self.tail {
-            let own = std::mem::take(&mut layout(&mut tail)?.sites);
-            let tools = super::like::Indices::new(&tail, &mut program.tools, &mut program.wobjs)?;
-            for mut target in tail.targets {
-                tools.set(&mut target)?;
-                motions = motions.max(target.ordinal);
-                program.targets.push(target);
-            }
-            sites.extend(own);
-            program.literal_targets += tail.literal_targets;
-            program.arcs += tail.arcs;
-        }
-        program.layout = crate::program::Layout::Krl(Layout { sites, motions: (motions - before) as usize });
-        let own = 0..self.source.bytes.len();
+        let motions = motions + self.motions as usize;
+        program.layout = crate::program::Layout::Krl(Layout { sites, motions });
         program.sources = [self.source].into();
         program.dialect = self.dialect;
-        Some(StreamableChunk { program, own, elsewhere: Vec::new(), at: 0, last: self.last })
+        Some(StreamableChunk { program, own: self.own, elsewhere: Vec::new(), at: 0, last: self.last })
     }
 }
 

@@ -8,10 +8,9 @@ use super::value::{Name, REST, Step, Value, chained, flat};
 use crate::program::Reason;
 use crate::text::decode;
 use deflex_lang::ir::Binary;
+use deflex_lang::run::binary;
+use deflex_lang::value::{Content, Number};
 use std::rc::Rc;
-
-/// Computed numbers closer than this count as equal: controllers count in single precision.
-const SAME: f64 = 1e-4;
 
 /// A variable, or a part of it.
 #[derive(Clone, Debug)]
@@ -36,6 +35,11 @@ impl<'a> Runner<'a> {
     pub(super) fn value(&self, id: Id) -> Value {
         let held = self.state.values.get(&id).or_else(|| self.symbols.start.get(id));
         held.cloned().unwrap_or(Value::unknown(Reason::Unset))
+    }
+
+    /// The same, unknown where it may change at any moment.
+    pub(super) fn settled(&self, id: Id) -> Value {
+        if self.is_volatile(id) { Value::unknown(Reason::AnyMoment) } else { self.value(id) }
     }
 
     pub(super) fn pin(&mut self, value: &Value) {
@@ -169,66 +173,24 @@ impl<'a> Runner<'a> {
         }
         value
     }
-
-    /// Whether a value is among those of a CASE.
-    pub(super) fn is_among(&mut self, subject: &Value, values: &[Expression]) -> Option<bool> {
-        let mut sure = true;
-        for value in values {
-            let value = self.evaluate(value);
-            match operate(Binary::Equal, subject, &value).bool() {
-                Some(true) => return Some(true),
-                Some(false) => {}
-                None => sure = false,
-            }
-        }
-        sure.then_some(false)
-    }
 }
 
 /// Arithmetic, comparisons and logic of known values.
 fn operate(operator: Binary, a: &Value, b: &Value) -> Value {
-    let unknown = Value::unknown(Reason::Computed);
-    if let (Some(a), Some(b)) = (a.bool(), b.bool()) {
-        return match operator {
-            Binary::And => Value::Bool(a && b),
-            Binary::Or => Value::Bool(a || b),
-            Binary::Xor | Binary::NotEqual => Value::Bool(a != b),
-            Binary::Equal => Value::Bool(a == b),
-            _ => unknown,
-        };
-    }
-    // One side may be enough.
-    match (operator, a.bool().or(b.bool())) {
-        (Binary::And, Some(false)) => return Value::Bool(false),
-        (Binary::Or, Some(true)) => return Value::Bool(true),
-        _ => {}
-    }
-    if let (Value::Constant(a), Value::Constant(b)) = (a, b) {
-        return match operator {
-            Binary::Equal => Value::Bool(a == b),
-            Binary::NotEqual => Value::Bool(a != b),
-            _ => unknown,
-        };
-    }
-    let (Some(a), Some(b)) = (a.number(), b.number()) else { return unknown };
-    let is_whole = a.fract() == 0.0 && b.fract() == 0.0;
-    let number = |value: f64| Some(value).filter(|value| value.is_finite()).map(|value| Value::Number(value, None));
-    #[allow(clippy::float_cmp)] // whole numbers
-    let compared = |holds: bool| (is_whole || (a - b).abs() > SAME * (1.0 + a.abs())).then_some(Value::Bool(holds));
-    #[allow(clippy::float_cmp)]
-    let known = match operator {
-        Binary::Add => number(a + b),
-        Binary::Subtract => number(a - b),
-        Binary::Multiply => number(a * b),
-        // Two INT give an INT: where that matters, which they are is not looked at.
-        Binary::Divide if b != 0.0 && !(is_whole && (a / b).fract() != 0.0) => number(a / b),
-        Binary::Equal => compared(a == b),
-        Binary::NotEqual => compared(a != b),
-        Binary::Less => compared(a < b),
-        Binary::Greater => compared(a > b),
-        Binary::AtMost => compared(a <= b),
-        Binary::AtLeast => compared(a >= b),
-        _ => None,
+    /// Computed numbers closer than this count as equal: controllers count in single precision.
+    const SAME: f64 = 1e-4;
+    let is_apart = || a.number().zip(b.number()).is_some_and(|(a, b)| (a - b).abs() > SAME * (1.0 + a.abs()));
+    let known = |value: &Value| match value {
+        Value::Number(value, _) => {
+            Content::Number(Number { value: *value, exact: value.fract() == 0.0 || is_apart(), affine: None })
+        }
+        Value::Bool(truth) => Content::Truth(*truth),
+        Value::Constant(name) => Content::Text(name.clone()),
+        _ => Content::Unknown(Reason::Computed),
     };
-    known.unwrap_or(unknown)
+    match binary(operator, &known(a).into(), &known(b).into()).content {
+        Content::Number(number) => Value::Number(number.value, None),
+        Content::Truth(truth) => Value::Bool(truth),
+        _ => Value::unknown(Reason::Computed),
+    }
 }

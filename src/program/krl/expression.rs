@@ -2,18 +2,17 @@
 
 use super::lex::{Cursor, LexemeKind};
 use super::names;
-use super::value::{INERTIA, Name, NumberToken, POSE, Value, leaves_out, upper};
+use super::value::{INERTIA, Name, NumberToken, POSE, Value, upper};
 use crate::program::Reason;
 use crate::text::{Span, number};
 use deflex_lang::ir::Binary;
-use std::rc::Rc;
 
 /// Brackets within one another.
 const MAX_DEPTH: usize = 40;
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) enum Expression {
-    /// A literal, or an aggregate of literals.
+    /// A literal.
     Known(Value),
     /// A variable, or a part of it.
     Path(Box<Path>),
@@ -39,7 +38,7 @@ pub(super) enum Operator {
 }
 
 /// `name[i,j].component…`
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Path {
     pub(super) name: Name,
     /// Where the name stands.
@@ -47,7 +46,7 @@ pub(super) struct Path {
     pub(super) steps: Vec<PathStep>,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) enum PathStep {
     /// `name[]` is the whole of it.
     Index(Vec<Expression>),
@@ -55,7 +54,7 @@ pub(super) enum PathStep {
 }
 
 /// `name(arguments)`
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Call {
     pub(super) name: Name,
     /// From after the name to the end of the statement.
@@ -65,7 +64,7 @@ pub(super) struct Call {
 }
 
 /// `path = value`
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Setting {
     pub(super) to: Path,
     pub(super) value: Expression,
@@ -82,19 +81,23 @@ pub(super) enum Part<'e> {
 impl Part<'_> {
     /// Complete numeric positions in it, and not in its parts.
     pub(super) fn positions(&self) -> usize {
-        match self {
-            Self::Other(Expression::Known(value)) => value.positions(),
-            Self::Other(Expression::Aggregate(fields)) => {
-                let is_number = |value: &Expression| matches!(value, Expression::Known(Value::Number(_, Some(_))));
-                let is_named = |part: &[u8]| fields.iter().any(|(name, value)| name[..] == *part && is_number(value));
-                usize::from(POSE.into_iter().all(is_named))
-            }
-            _ => 0,
-        }
+        let Self::Other(Expression::Aggregate(fields)) = self else { return 0 };
+        let is_number = |value: &Expression| matches!(value, Expression::Known(Value::Number(_, Some(_))));
+        let is_named = |part: &[u8]| fields.iter().any(|(name, value)| name[..] == *part && is_number(value));
+        usize::from(POSE.into_iter().all(is_named))
     }
 }
 
 impl Expression {
+    pub(super) fn unknown(why: Reason) -> Self {
+        Self::Unknown(why, Vec::new())
+    }
+
+    /// An operator between it and another.
+    pub(super) fn with(self, operator: Binary, other: Self) -> Self {
+        Self::Chain(Box::new(self), vec![(Operator::Other(operator), other)])
+    }
+
     /// The expressions that it consists of.
     fn parts(&self) -> Vec<&Self> {
         match self {
@@ -120,23 +123,17 @@ impl Expression {
 
     /// Whether it is, or has, a position that leaves components out.
     pub(super) fn leaves_components_out(&self) -> bool {
-        match self {
-            Self::Known(value) => value.leaves_components_out(),
-            Self::Aggregate(fields) => {
-                let is_part = |(name, value): &(Name, Self)| name[..] != *INERTIA && value.leaves_components_out();
-                leaves_out(fields.iter().map(|(name, _)| name)) || fields.iter().any(is_part)
-            }
-            _ => self.parts().into_iter().any(Self::leaves_components_out),
-        }
+        let Self::Aggregate(fields) = self else { return self.parts().into_iter().any(Self::leaves_components_out) };
+        let named = fields.iter().filter(|(name, _)| POSE.contains(&&name[..])).count();
+        let is_part = |(name, value): &(Name, Self)| name[..] != *INERTIA && value.leaves_components_out();
+        (1..POSE.len()).contains(&named) || fields.iter().any(is_part)
     }
 
     /// The same of what a motion goes to: it is put into no data itself, but what it gives a function is.
     pub(super) fn gives_components_out(&self) -> bool {
-        let is_position = matches!(self, Self::Known(_) | Self::Aggregate(_));
-        if is_position {
-            self.parts().into_iter().any(Self::leaves_components_out)
-        } else {
-            self.leaves_components_out()
+        match self {
+            Self::Aggregate(_) => self.parts().into_iter().any(Self::leaves_components_out),
+            _ => self.leaves_components_out(),
         }
     }
 }
@@ -258,7 +255,7 @@ impl Cursor<'_> {
         let lexeme = self.peek();
         if self.depth > MAX_DEPTH {
             self.next();
-            return Expression::Unknown(Reason::ExpressionTooDeep, Vec::new());
+            return Expression::unknown(Reason::ExpressionTooDeep);
         }
         let known = match lexeme.kind {
             LexemeKind::Word => return self.word(),
@@ -269,8 +266,7 @@ impl Cursor<'_> {
                     Some(digits) => self.literal(lexeme.span().to(digits.span())),
                     None => {
                         let (zero, of) = (Expression::Known(Value::Number(0.0, None)), self.deeper(Self::unary));
-                        let operator = if sign == b'-' { Binary::Subtract } else { Binary::Add };
-                        return Expression::Chain(Box::new(zero), vec![(Operator::Other(operator), of)]);
+                        return zero.with(if sign == b'-' { Binary::Subtract } else { Binary::Add }, of);
                     }
                 }
             }
@@ -309,9 +305,7 @@ impl Cursor<'_> {
         }
         match self.call() {
             Some(call) => Expression::Call(Box::new(call)),
-            None => self
-                .path()
-                .map_or(Expression::Unknown(Reason::NotAName, Vec::new()), |path| Expression::Path(Box::new(path))),
+            None => self.path().map_or(Expression::unknown(Reason::NotAName), |path| Expression::Path(Box::new(path))),
         }
     }
 
@@ -380,12 +374,7 @@ impl Cursor<'_> {
         let is_closed = self.accept_mark(b'}');
         let is_twice = (1..fields.len()).any(|at| fields[..at].iter().any(|(name, _)| *name == fields[at].0));
         if is_closed && !is_twice {
-            let known = |(name, value): &(Name, Expression)| match value {
-                Expression::Known(value) => Some((name.clone(), value.clone())),
-                _ => None,
-            };
-            let record = fields.iter().map(known).collect::<Option<Vec<_>>>();
-            return record.map_or(Expression::Aggregate(fields), |all| Expression::Known(Value::Record(Rc::new(all))));
+            return Expression::Aggregate(fields);
         }
         let mut values: Vec<Expression> = fields.into_iter().map(|(_, value)| value).collect();
         if is_twice {

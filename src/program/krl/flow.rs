@@ -2,15 +2,13 @@
 
 use super::expression::{Expression, Setting};
 use super::run::Runner;
-use super::state::{Id, ModalState};
+use super::state::ModalState;
 use super::symbols::RoutineId;
-use super::tree::{File, For, Loop, Statement, StatementKind, Switch};
-use super::value::{NumberToken, Step as Part, Value};
+use super::tree::{File, Loop, Statement, StatementKind};
+use super::value::{Step as Part, Value};
 use crate::program::Reason;
-use crate::text::Span;
 use deflex_lang::flow::{Builder, Flow};
 use deflex_lang::walk::{Machine, Meeting, Stop};
-use std::collections::{BTreeMap, HashSet};
 use std::rc::Rc;
 
 /// Values that are compared and copied in about the time of a statement.
@@ -24,12 +22,6 @@ pub(super) enum Step<'a> {
     /// What WITH says of a spline begins to hold.
     SplineBegins(&'a [Setting]),
     SplineEnds,
-    /// The counter of a loop gets its first value.
-    CountFrom(&'a For),
-    /// Its next.
-    CountOn(&'a For),
-    /// The loop has ended.
-    Counted(&'a For),
     Return(Option<&'a Expression>),
 }
 
@@ -39,10 +31,6 @@ pub(super) enum Test<'a> {
     If(&'a Expression),
     /// Whether there is another round.
     Round(&'a Loop),
-    /// The same of a FOR, which stands there.
-    Count(&'a For, Span),
-    /// Whether it is this case.
-    Case(&'a Switch, usize),
 }
 
 type Steps<'a> = Builder<'a, Step<'a>, Test<'a>>;
@@ -72,9 +60,7 @@ fn is_plain(statement: &Statement) -> bool {
     !matches!(
         statement.kind,
         StatementKind::If(_)
-            | StatementKind::For(_)
             | StatementKind::Loop(_)
-            | StatementKind::Switch(_)
             | StatementKind::Spline(..)
             | StatementKind::Jump(_)
             | StatementKind::Label(_)
@@ -103,18 +89,6 @@ fn lay_statement<'a>(steps: &mut Steps<'a>, statement: &'a Statement) {
         StatementKind::If(of) => {
             steps.branch(Test::If(&of.condition), |steps| lay(steps, &of.then), |steps| lay(steps, &of.otherwise));
         }
-        StatementKind::For(of) => {
-            steps.step(Step::CountFrom(of));
-            let round = |steps: &mut Steps<'a>| {
-                lay(steps, &of.body);
-                steps.step(Step::CountOn(of));
-            };
-            let end = |steps: &mut Steps<'a>| {
-                steps.step(Step::Counted(of));
-                steps.leave();
-            };
-            steps.repeat(|steps| steps.branch(Test::Count(of, statement.at), round, end));
-        }
         StatementKind::Loop(of) => steps.repeat(|steps| {
             let is_tested = !of.is_endless();
             match of.is_until {
@@ -127,7 +101,6 @@ fn lay_statement<'a>(steps: &mut Steps<'a>, statement: &'a Statement) {
                 steps.branch(Test::Round(of), |_| (), Builder::leave);
             }
         }),
-        StatementKind::Switch(of) => lay_cases(steps, of, 0),
         StatementKind::Spline(with, body) => {
             steps.step(Step::SplineBegins(with));
             lay(steps, body);
@@ -138,15 +111,6 @@ fn lay_statement<'a>(steps: &mut Steps<'a>, statement: &'a Statement) {
         StatementKind::Return(value) => steps.returns(Step::Return(value.as_ref())),
         StatementKind::Exit => steps.leave(),
         _ => {}
-    }
-}
-
-fn lay_cases<'a>(steps: &mut Steps<'a>, of: &'a Switch, case: usize) {
-    match of.cases.get(case) {
-        Some((_, body)) => {
-            steps.branch(Test::Case(of, case), |steps| lay(steps, body), |steps| lay_cases(steps, of, case + 1));
-        }
-        None => lay(steps, &of.otherwise),
     }
 }
 
@@ -183,17 +147,11 @@ impl<'a> Machine for Runner<'a> {
 
     fn join(&mut self, known: &mut ModalState, other: &ModalState, meeting: Meeting) -> bool {
         self.steps += (known.values.len() + other.values.len()) / VALUES_PER_STEP;
-        let (start, position) = (&self.symbols.start, self.symbols.position);
-        // Which numbers the last position may have had is part of what holds.
-        let before: HashSet<NumberToken> = known.at(position, start).tokens().into_iter().collect();
-        let is_new = |place: &NumberToken| !before.contains(place) && !self.pinned.contains(place);
-        let is_less = !known.covers(other, start) || other.at(position, start).tokens().iter().any(is_new);
         let why = match meeting {
             Meeting::Branches => Reason::Branches,
             Meeting::Rounds => Reason::Loop,
         };
-        known.join(other, start, position, why, &mut self.pinned);
-        is_less
+        known.join(other, &self.symbols.start, self.symbols.position, why, &mut self.pinned)
     }
 
     fn lose_place(&self, state: &mut ModalState) {
@@ -201,7 +159,7 @@ impl<'a> Machine for Runner<'a> {
     }
 
     fn is_same(&self, a: &ModalState, b: &ModalState) -> bool {
-        a.is(b)
+        a == b
     }
 
     fn notes(&mut self) -> &mut bool {
@@ -230,7 +188,7 @@ impl<'a> Machine for Runner<'a> {
 impl<'a> Runner<'a> {
     /// Runs the steps of a routine from what holds; what holds at its end does after it.
     pub(super) fn walk(&mut self, id: RoutineId) -> Result<(), Stop> {
-        let (routines, state) = (self.routines, std::mem::take(&mut self.state));
+        let (routines, state) = (self.routines.clone(), std::mem::take(&mut self.state));
         self.state = deflex_lang::walk::walk(self, &routines.flow, routines.firsts[id.file] + id.at, state)?;
         Ok(())
     }
@@ -254,18 +212,6 @@ impl<'a> Runner<'a> {
                 self.restore(&std::array::from_fn(item));
                 self.state.values.remove(&self.symbols.spline);
             }
-            Step::CountFrom(of) => self.count_from(of),
-            Step::CountOn(of) => {
-                let counter = self.resolve(&of.variable.name);
-                let next = self.value(counter).index().zip(self.bounds(of)).map(|(at, [_, step])| at + step);
-                self.set_counter(of, next);
-            }
-            Step::Counted(of) => {
-                let counter = self.resolve(&of.variable.name);
-                self.state.values.insert(counter, Value::unknown(Reason::CounterAfterLoop));
-                let bounds = self.bounds_of(of);
-                self.state.values.remove(&bounds);
-            }
             Step::Return(value) => value.into_iter().for_each(|value| drop(self.evaluate(value))),
         }
         Ok(())
@@ -275,75 +221,22 @@ impl<'a> Runner<'a> {
         Ok(match test {
             Test::If(condition) => self.evaluate(condition).bool(),
             Test::Round(of) => {
-                let Some(condition) = &of.condition else { return Ok(None) };
                 self.steps += 1;
-                let holds = self.evaluate(condition).bool().map(|holds| holds != of.is_until);
+                let holds = self.evaluate(&of.condition).bool().map(|holds| holds != of.is_until);
                 // What nothing in the loop changes never ends it.
-                holds.filter(|goes_on| !goes_on || !self.is_steady(of, condition))
-            }
-            Test::Count(of, at) => {
-                self.count(at)?;
-                let counter = self.resolve(&of.variable.name);
-                let at = self.value(counter).index().filter(|_| !self.is_volatile(counter));
-                at.zip(self.bounds(of)).map(|(at, [to, step])| if step > 0 { at <= to } else { at >= to })
-            }
-            Test::Case(of, case) => {
-                let subject = self.evaluate(&of.subject);
-                self.is_among(&subject, &of.cases[case].0)
+                holds.filter(|goes_on| !goes_on || !self.is_steady(of))
             }
         })
     }
 
-    fn is_steady(&mut self, of: &'a Loop, condition: &Expression) -> bool {
+    fn is_steady(&mut self, of: &'a Loop) -> bool {
         let at: *const Loop = of;
         if let Some(known) = self.steady.get(&at) {
             return *known;
         }
         let changes = self.changes_in(&of.body);
-        let is_steady = !self.depends(condition, &changes);
+        let is_steady = !self.depends(&of.condition, &changes);
         self.steady.insert(at, is_steady);
         is_steady
-    }
-
-    /// Bounds are read once, when the loop begins.
-    fn count_from(&mut self, of: &'a For) {
-        let [from, to] = [&of.from, &of.to].map(|bound| self.evaluate(bound).index());
-        let step = of.step.as_ref().map_or(Some(1), |step| self.evaluate(step).index()).filter(|step| *step != 0);
-        let bounds = to.zip(step).filter(|_| from.is_some());
-        #[allow(clippy::cast_precision_loss)] // whole numbers that single precision has
-        let number = |value: i64| Value::Number(value as f64, None);
-        let held = match bounds {
-            Some((to, step)) => Value::Array(Rc::new(BTreeMap::from([(0, number(to)), (1, number(step))]))),
-            None => Value::unknown(Reason::Loop),
-        };
-        let id = self.bounds_of(of);
-        self.state.values.insert(id, held);
-        self.set_counter(of, from.filter(|_| bounds.is_some()));
-    }
-
-    fn set_counter(&mut self, of: &For, value: Option<i64>) {
-        let counter = self.resolve(&of.variable.name);
-        #[allow(clippy::cast_precision_loss)] // a whole number that single precision has
-        let value = value.map_or(Value::unknown(Reason::Loop), |value| Value::Number(value as f64, None));
-        self.state.values.insert(counter, value);
-    }
-
-    /// The variable, without a name, of the last value and the step of a counter.
-    fn bounds_of(&mut self, of: &For) -> Id {
-        let at: *const For = of;
-        if let Some(id) = self.counted.get(&at) {
-            return *id;
-        }
-        let id = self.symbols.local(Value::unknown(Reason::Unset));
-        self.counted.insert(at, id);
-        id
-    }
-
-    /// Last value and step, where they are known.
-    fn bounds(&mut self, of: &For) -> Option<[i64; 2]> {
-        let id = self.bounds_of(of);
-        let held = self.value(id);
-        let item = |at: i64| held.get(&[Part::Element(at)]).index();
-        Some([item(0)?, item(1)?])
     }
 }

@@ -249,24 +249,13 @@ fn line(bytes: &[u8], start: usize, end: usize) -> Line {
     let to = code.iter().rposition(|b| !is_blank(*b)).map_or(from, |last| last + 1);
     let code =
         if code.get(from) == Some(&b'&') { Span::new(start, start) } else { Span::new(start + from, start + to) };
-    Line { code, mark: comment.and_then(|at| mark(&text[at + 1..])) }
+    Line { code, mark: comment.and_then(|at| Mark::of(&text[at + 1..])) }
 }
 
 /// Whether the code of a line begins with this word.
 pub(super) fn is_line_of(line: &[u8], word: &[u8]) -> bool {
     let text = line.trim_ascii_start();
     text.len() > word.len() && text[..word.len()].eq_ignore_ascii_case(word) && !is_word(text[word.len()])
-}
-
-/// `deflex air`, `deflex cut`.
-pub(super) fn mark(comment: &[u8]) -> Option<Mark> {
-    let mut words = comment.split(|b| is_blank(*b)).filter(|word| !word.is_empty());
-    words.next().filter(|word| word.eq_ignore_ascii_case(b"deflex"))?;
-    let word = words.next()?;
-    [(&b"air"[..], Mark::Air), (b"cut", Mark::Cut)]
-        .into_iter()
-        .find(|(known, _)| word.eq_ignore_ascii_case(known))
-        .map(|m| m.1)
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use super::lex;
 use super::run::Site;
 use super::syntax;
 use super::tree::{Statement, StatementKind};
-use super::value::{EXTERNAL, NumberToken, upper};
+use super::value::{EXTERNAL, NumberToken, POSE, upper};
 use crate::program::EXTERNAL_AXES;
 use crate::program::orientation::quaternion_of_zyx_deg;
 use crate::program::{Editable, ExternalAxes, Goal, Mark, Motion, Program, Role, Target, Tool, Wobj};
@@ -24,10 +24,7 @@ const AFTER: [&[u8]; 8] = [b"PTP", b"LIN", b"SPTP", b"SLIN", b"HALT", b"WAIT", b
 pub(super) struct Like {
     speed: Vec<u8>,
     mark: Option<Mark>,
-    /// What stands before each number, without blanks at its ends, and which component of X Y Z A B C that is.
-    before: [(Vec<u8>, usize); 6],
-    /// The same of what follows these: status and turn, external axes.
-    more: Vec<Further>,
+    columns: Vec<Column>,
     /// What stands after the last.
     after: Vec<u8>,
     /// How much of it is the statement: the rest is a comment.
@@ -39,9 +36,11 @@ pub(super) struct Like {
     wobj: Wobj,
 }
 
-/// What may stand after X Y Z A B C.
+/// What a number of a line is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum More {
+enum Number {
+    /// One of X Y Z A B C, by its index.
+    Pose(usize),
     /// An external axis, by its index.
     Axis(usize),
     /// `S`, `T`: what path motions do not look at.
@@ -49,7 +48,7 @@ enum More {
 }
 
 /// What stands before a number, without blanks at its ends, and what the number is.
-type Further = (Vec<u8>, More);
+type Column = (Vec<u8>, Number);
 
 /// What the numbers of a line come to.
 pub(super) struct Line {
@@ -176,12 +175,8 @@ impl Reader {
 
     /// The lines that hold before another one.
     fn lead(speed: &[u8], mark: Option<Mark>) -> Vec<u8> {
-        let mark: &[u8] = match mark {
-            None => b"",
-            Some(Mark::Air) => b"; deflex air\n",
-            Some(Mark::Cut) => b"; deflex cut\n",
-        };
-        [speed, if speed.is_empty() { b"" } else { b"\n" }, mark].concat()
+        let mark = mark.map_or(String::new(), |mark| format!("; {}\n", mark.comment()));
+        [speed, if speed.is_empty() { b"" } else { b"\n" }, mark.as_bytes()].concat()
     }
 
     /// The kind of a line that only looked like one of another kind.
@@ -206,27 +201,15 @@ impl Reader {
         if !plain || marked || target.span.start as usize != start || target.name.is_some() {
             return None;
         }
-        let mut tokens = Vec::new();
-        for (component, place) in site.tokens.iter().enumerate() {
-            tokens.push((place.as_ref()?.span().range(), component));
-        }
-        tokens.sort_by_key(|(token, _)| token.start);
-        let mut at = start;
-        let mut before = Vec::new();
-        for (token, component) in tokens {
-            before.push((text.get(at - start..token.start - start)?.trim_ascii().to_vec(), component));
-            at = token.end;
-        }
-        let begins = before[0].0.ends_with(&[&[b'{'][..], &[b"XYZABC"[before[0].1]]].concat());
-        let (more, at) = more(text, at - start)?;
+        let (columns, at) = columns(text)?;
         let after = text[at..].to_vec();
         let code = (target.span.end as usize).checked_sub(start + at)?;
         let tool = program.tools.get(usize::from(target.tool))?.clone();
         let wobj = program.wobjs.get(usize::from(target.wobj))?.clone();
-        let (speed, before) = (speed.to_vec(), before.try_into().ok()?);
-        let like = Like { speed, mark, before, more, after, code, used: self.used, target, tool, wobj };
+        let speed = speed.to_vec();
+        let like = Like { speed, mark, columns, after, code, used: self.used, target, tool, wobj };
         // What a line does not name it has from the line before it, whatever kind that is of.
-        let names = |axis: usize| like.more.iter().any(|(_, more)| *more == More::Axis(axis));
+        let names = |axis: usize| like.columns.iter().any(|(_, number)| *number == Number::Axis(axis));
         let has = |axis: usize| like.target.external.as_ref().is_some_and(|axes| axes.written[axis].is_some());
         let whole = (0..EXTERNAL_AXES).all(|axis| [names(axis), has(axis)] == [self.named[axis]; 2]);
         let again = like.read(text, start)?;
@@ -234,18 +217,18 @@ impl Reader {
             && again.site.tokens == site.tokens
             && again.end == like.target.span.end as usize
             && like.external(&again, &None) == like.target.external;
-        Some(like).filter(|_| same && whole && begins)
+        Some(like).filter(|_| same && whole)
     }
 
-    /// The targets after the last line, which is of this kind, as they are in a chunk where what stands after it begins at
-    /// this byte, after so many lines and motions.
+    /// The targets after the last line, which is of this kind, and where in their text what stands after it begins. So many lines and
+    /// motions of the file are before that.
     pub(super) fn tail(
         &self,
         like: &Like,
         line: &[u8],
         after: &[u8],
-        (at, lines, motions): (usize, usize, u32),
-    ) -> Option<Program> {
+        (lines, motions): (usize, u32),
+    ) -> Option<(Program, usize)> {
         let mut ended = false;
         for line in lex::lines(after) {
             let code = &after[line.code.range()];
@@ -262,30 +245,31 @@ impl Reader {
         let lead = Self::lead(&like.speed, like.mark);
         let mut program = self.program(&[&lead, line, begun, after])?;
         let from = self.head.len() + lead.len() + line.len() + begun.len();
-        let before = program.sources[0].bytes[..from].iter().filter(|byte| **byte == b'\n').count();
+        let mut source = program.sources[0].clone();
+        source.lines_before = lines.checked_sub(line_ends(&source.bytes[..from]))?;
+        let (of_head, motions_of_head) = (self.targets + 1, self.motions + 1);
         program.literal_targets = program.literal_targets.checked_sub(self.literals + 1)?;
-        let sites = &mut layout(&mut program)?.sites;
-        let mut own = sites.split_off(self.targets + 1);
-        for place in own.iter_mut().flat_map(|site| &mut site.tokens).flatten() {
-            *place = place.moved(from, at)?;
+        let layout = layout(&mut program)?;
+        let sites = layout.sites.split_off(of_head);
+        let begins = |place: &NumberToken| place.span().start as usize >= from;
+        if !sites.iter().flat_map(|site| &site.tokens).flatten().all(begins) {
+            return None;
         }
-        *sites = own;
+        *layout = Layout { sites, motions: layout.motions.checked_sub(motions_of_head)? };
         let is_known = self.knows_axes_of(&program);
-        let mut targets = program.targets.split_off(self.targets + 1);
+        let mut targets = program.targets.split_off(of_head);
         let last = program.targets.pop().filter(|last| last.editable == Editable::Pose)?;
         let own = like.read(line.trim_ascii(), 0).filter(|_| is_known)?;
         if last.external != like.external(&own, &None) {
             return None;
         }
         for target in &mut targets {
-            let shifted = |offset: u32| Some((offset as usize).checked_sub(from)? + at);
-            target.span = Span::new(shifted(target.span.start)?, shifted(target.span.end)?);
-            target.line = u32::try_from((target.line as usize).checked_sub(before)? + lines).ok()?;
-            target.ordinal = (target.ordinal as usize).checked_sub(self.motions + 1)?.try_into().ok()?;
+            target.line = target.line.checked_add(source.lines_before.try_into().ok()?)?;
+            target.ordinal = (target.ordinal as usize).checked_sub(motions_of_head)?.try_into().ok()?;
             target.ordinal = target.ordinal.checked_add(motions)?;
         }
-        program.targets = targets;
-        Some(program)
+        (program.targets, program.sources) = (targets, [source].into());
+        Some((program, from))
     }
 }
 
@@ -303,15 +287,16 @@ impl Like {
     /// Whether a line, without blanks at its ends, begins and ends as those of this kind: what is between is seen when it is
     /// read.
     pub(super) fn looks_like(&self, text: &[u8]) -> bool {
-        text.starts_with(&self.before[0].0) && text.ends_with(&self.after)
+        text.starts_with(&self.columns[0].0) && text.ends_with(&self.after)
     }
 
     /// Whether a line, without blanks at its ends, is of this kind.
     pub(super) fn fits(&self, text: &[u8]) -> bool {
         let mut is_known = true;
-        let known =
-            |more, value: f64| is_known &= !matches!(more, More::Axis(axis) if value != 0.0 && !self.used[axis]);
-        text.ends_with(&self.after) && self.numbers(text, |_, _, _| (), known).is_some() && is_known
+        let known = |number, _, (value, _)| {
+            is_known &= !matches!(number, Number::Axis(axis) if value != 0.0 && !self.used[axis]);
+        };
+        text.ends_with(&self.after) && self.numbers(text, known).is_some() && is_known
     }
 
     pub(super) fn target(&self) -> &Target {
@@ -329,17 +314,15 @@ impl Like {
     /// What a line of this kind, without blanks at its ends, says that begins at this offset.
     pub(super) fn read(&self, text: &[u8], start: usize) -> Option<Line> {
         let (mut numbers, mut site, mut axes) = ([0.0; 6], Site::default(), [None; EXTERNAL_AXES]);
-        let each = |component: usize, at, number: number::Leading| {
-            numbers[component] = number.value;
-            let at = start + at;
-            site.tokens[component] = NumberToken::new(0, Span::new(at, at + number.len()));
-        };
-        let more = |more, value| {
-            if let More::Axis(axis) = more {
-                axes[axis] = Some(value);
+        let each = |number, at: usize, (value, len)| match number {
+            Number::Pose(component) => {
+                numbers[component] = value;
+                site.tokens[component] = NumberToken::new(0, Span::new(start + at, start + at + len));
             }
+            Number::Axis(axis) => axes[axis] = Some(value),
+            Number::Status => {}
         };
-        let end = self.numbers(text, each, more)?;
+        let end = self.numbers(text, each)?;
         // One that begins to move makes all lines before it others than they were read as.
         if axes.iter().zip(self.used).any(|(at, used)| !used && at.is_some_and(|at| at != 0.0)) {
             return None;
@@ -359,56 +342,43 @@ impl Like {
         Some(known.unwrap_or_else(|| Arc::new(ExternalAxes { written, ..(**own).clone() })))
     }
 
-    /// Tells the numbers of a line of this kind, each with its component and its offset; where the last one ends.
-    fn numbers(
-        &self,
-        text: &[u8],
-        mut each: impl FnMut(usize, usize, number::Leading),
-        mut further: impl FnMut(More, f64),
-    ) -> Option<usize> {
+    /// Gives the numbers of a line of this kind, each with its offset, its value and its length; where the last one ends.
+    fn numbers(&self, text: &[u8], mut each: impl FnMut(Number, usize, (f64, usize))) -> Option<usize> {
         let mut at = 0;
-        for (before, component) in &self.before {
+        for (before, number) in &self.columns {
             at += blanks(&text[at..]);
             let after = text[at..].strip_prefix(&before[..])?;
             at = text.len() - after.len() + blanks(after);
-            let number = number::read_leading(&text[at..])?;
-            let end = at + number.len();
-            // `1E3` and `1.5.2` are other numbers.
-            if text.get(end).is_some_and(|next| next.is_ascii_alphanumeric() || matches!(next, b'.' | b'_')) {
-                return None;
-            }
-            each(*component, at, number);
-            at = end;
-        }
-        for (before, more) in &self.more {
-            at += blanks(&text[at..]);
-            let after = text[at..].strip_prefix(&before[..])?;
-            at = text.len() - after.len() + blanks(after);
-            let (value, len) = more.value(&text[at..])?;
-            further(*more, value);
-            at += len;
+            let value = number.value(&text[at..])?;
+            each(*number, at, value);
+            at += value.1;
         }
         (text[at..] == self.after[..]).then_some(at)
     }
 }
 
-/// What stands after X Y Z A B C, up to the brace, from this offset on; and where the last of it ends. `None` where that is
-/// anything else than numbers.
-fn more(text: &[u8], from: usize) -> Option<(Vec<Further>, usize)> {
-    let (mut found, mut at) = (Vec::new(), from);
-    while !text[at..].trim_ascii_start().starts_with(b"}") {
-        let start = at + blanks(&text[at..]);
-        let name = start + 1 + blanks(text.get(start..)?.strip_prefix(b",")?);
-        let len = text[name..].iter().position(|byte| !byte.is_ascii_alphanumeric())?;
-        let more = match &upper(&text[name..name + len])[..] {
-            b"S" | b"T" => More::Status,
-            word => More::Axis(EXTERNAL.iter().position(|axis| *axis == word)?),
+/// The numbers of the position in a line, and where the last of them ends. `None` where it consists of anything else.
+fn columns(text: &[u8]) -> Option<(Vec<Column>, usize)> {
+    let (mut found, mut at, mut name) = (Vec::new(), 0, memchr::memchr(b'{', text)? + 1);
+    loop {
+        name += blanks(&text[name..]);
+        let behind = name + text[name..].iter().position(|byte| !byte.is_ascii_alphanumeric())?;
+        let word = upper(&text[name..behind]);
+        let place = |names: [&[u8]; 6]| names.iter().position(|known| word[..] == **known);
+        let number = match &word[..] {
+            b"S" | b"T" => Number::Status,
+            _ => place(POSE).map(Number::Pose).or_else(|| place(EXTERNAL).map(Number::Axis))?,
         };
-        let value = name + len + blanks(&text[name + len..]);
-        at = value + more.value(&text[value..])?.1;
-        found.push((text[start..name + len].to_vec(), more));
+        found.push((text[at..behind].trim_ascii().to_vec(), number));
+        let value = behind + blanks(&text[behind..]);
+        at = value + number.value(&text[value..])?.1;
+        name = at + blanks(&text[at..]) + 1;
+        match text[name - 1..].first()? {
+            b'}' => return Some((found, at)),
+            b',' => {}
+            _ => return None,
+        }
     }
-    Some((found, at))
 }
 
 /// Adds the external axes that a line, up to its comment, has elsewhere than at zero.
@@ -425,7 +395,7 @@ pub(super) fn moved_axes(line: &[u8], found: &mut Axes) {
     }
 }
 
-impl More {
+impl Number {
     /// The value that a text begins with, and how long its token is.
     fn value(self, text: &[u8]) -> Option<(f64, usize)> {
         // `'B00010110'`
@@ -441,6 +411,10 @@ impl More {
     }
 }
 
+pub(super) fn line_ends(text: &[u8]) -> usize {
+    memchr::memchr_iter(b'\n', text).count()
+}
+
 fn blanks(text: &[u8]) -> usize {
     text.iter().take_while(|byte| byte.is_ascii_whitespace()).count()
 }
@@ -452,26 +426,6 @@ pub(super) fn intern<T: Clone>(known: &mut Vec<T>, wanted: &T, is: impl Fn(&T) -
         known.len() - 1
     });
     u16::try_from(at).ok()
-}
-
-/// What tools and bases of a program are in another.
-pub(super) struct Indices {
-    tools: Vec<u16>,
-    wobjs: Vec<u16>,
-}
-
-impl Indices {
-    pub(super) fn new(program: &Program, tools: &mut Vec<Tool>, wobjs: &mut Vec<Wobj>) -> Option<Self> {
-        let tools = program.tools.iter().map(|own| intern(tools, own, |known| known.is(own))).collect::<Option<_>>()?;
-        let wobjs = program.wobjs.iter().map(|own| intern(wobjs, own, |known| known.is(own))).collect::<Option<_>>()?;
-        Some(Self { tools, wobjs })
-    }
-
-    pub(super) fn set(&self, target: &mut Target) -> Option<()> {
-        target.tool = *self.tools.get(usize::from(target.tool))?;
-        target.wobj = *self.wobjs.get(usize::from(target.wobj))?;
-        Some(())
-    }
 }
 
 /// Where its numbers stand.

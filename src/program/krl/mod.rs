@@ -122,8 +122,7 @@ fn read_cut(mut sources: Vec<Source>, context: Vec<Source>, look: bool) -> Resul
     if !errors.is_empty() {
         return Err(errors);
     }
-    let routines = flow::Routines::of(&files);
-    let mut runner = Runner::new(&sources, &files, &routines, written);
+    let mut runner = Runner::new(&sources, &files, written);
     runner.run();
     let Runner { tools, wobjs, targets, sites, motions, arcs, unknown, mut kept, mut diagnostics, .. } = runner;
     if diagnostics.iter().any(|d| d.severity == Severity::Error) {

@@ -39,7 +39,7 @@ impl Runner<'_> {
         self.keep_motion(span, reason);
     }
 
-    /// Axes that a motion without a target may move.
+    /// Axes that a motion may move elsewhere than to zero.
     pub(super) fn use_axes_of(&mut self, value: &Value) {
         match value {
             Value::Unknown(_, Some(was)) => self.use_axes_of(was),
@@ -91,8 +91,8 @@ impl Runner<'_> {
         if let Some(reason) = invalid {
             self.refuse(span, reason);
         }
+        self.use_axes_of(&end);
         if let Err(reason) = done {
-            self.use_axes_of(&end);
             [via, Some(end)].iter().flatten().for_each(|value| self.pin(value));
             self.lose_position(Reason::PositionBefore);
             self.keep_motion(span, reason);
@@ -189,8 +189,8 @@ impl Runner<'_> {
 
     /// How the tool is turned before a motion, in its base and of its tool; `None` where that is not known.
     fn orientation_before(&self) -> Option<[f64; 4]> {
-        let turned = Some(self.value(self.symbols.turned)).filter(|_| !self.is_volatile(self.symbols.turned))?;
-        let same = |name: &[u8], id| turned.component(name).is_some_and(|frame| frame.is(&self.value(id)));
+        let turned = self.settled(self.symbols.turned);
+        let same = |name: &[u8], id| turned.component(name).is_some_and(|frame| *frame == self.value(id));
         let [a, b, c] = turned.numbers([b"A", b"B", b"C"])?;
         (same(b"BASE", self.symbols.base) && same(b"TOOL", self.symbols.tool))
             .then(|| quaternion(&from_zyx_deg([a, b, c])))
@@ -266,11 +266,7 @@ impl Runner<'_> {
             }
             return Err(why(value));
         };
-        let before = if self.is_volatile(self.symbols.position) {
-            Value::unknown(Reason::Computed)
-        } else {
-            self.value(self.symbols.position)
-        };
+        let before = self.settled(self.symbols.position);
         let mut found = Position { numbers: [0.0; 6], places: [None; 6], external: Default::default() };
         for (i, name) in POSE.iter().enumerate() {
             let own = value.component(name);
@@ -285,10 +281,11 @@ impl Runner<'_> {
                 self.pinned.extend(*at);
             }
         }
+        // An axis at an unknown place stays there in other frames, too.
+        let was = if let Value::Unknown(_, Some(was)) = &before { Some(was) } else { None };
         for (to, name) in found.external.iter_mut().zip(EXTERNAL) {
-            if let Some(component) = value.component(name).or_else(|| before.component(name)) {
-                *to = Some(component.clone());
-            }
+            let stays = || was?.component(name).filter(|axis| axis.number().is_none());
+            *to = value.component(name).or_else(|| before.component(name)).or_else(stays).cloned();
         }
         Ok(found)
     }
@@ -304,8 +301,7 @@ impl Runner<'_> {
         if to.external.iter().flatten().any(|axis| axis.number().is_none()) {
             return Some(Reason::ExternalAxisUnknown);
         }
-        match self.value(self.symbols.mode) {
-            _ if self.is_volatile(self.symbols.mode) => Some(Reason::InterpolationUnknown),
+        match self.settled(self.symbols.mode) {
             Value::Constant(mode) if &mode[..] == b"BASE" => None,
             Value::Constant(_) => Some(Reason::RobotHoldsPart),
             _ => Some(Reason::InterpolationUnknown),
@@ -316,12 +312,10 @@ impl Runner<'_> {
     /// which is all the same where it is that of the start. KUKA System Software, *Operating and Programming Instructions for
     /// System Integrators*, orientation control of LIN and CIRC.
     fn turns(&self, to: &Position) -> Result<bool, Reason> {
-        let kind = match self.value(self.symbols.orientation) {
-            Value::Constant(kind) if !self.is_volatile(self.symbols.orientation) => kind,
-            _ => return Err(Reason::OrientationTypeUnknown),
+        let Value::Constant(kind) = self.settled(self.symbols.orientation) else {
+            return Err(Reason::OrientationTypeUnknown);
         };
-        let before = Some(self.value(self.symbols.position)).filter(|_| !self.is_volatile(self.symbols.position));
-        let before = before.and_then(|before| before.numbers([b"A", b"B", b"C"]));
+        let before = self.settled(self.symbols.position).numbers([b"A", b"B", b"C"]);
         match &kind[..] {
             b"VAR" | b"JOINT" => Ok(true),
             b"CONSTANT" if before.is_some_and(|before| before[..] == to.numbers[3..]) => Ok(false),
@@ -341,7 +335,7 @@ impl Runner<'_> {
         ];
         let mut found = None;
         for (id, reason) in rules {
-            let bits = Some(self.value(id)).filter(|_| !self.is_volatile(id)).and_then(|bits| bits.index());
+            let bits = self.settled(id).index();
             for (i, axis) in to.external.iter_mut().enumerate() {
                 if axis.is_some() && bits.is_none_or(|bits| bits >> i & 1 == 1) {
                     *axis = Some(Value::unknown(reason));
@@ -355,20 +349,17 @@ impl Runner<'_> {
     /// Whether the orientation turns on an arc as it does on a line, which the auxiliary point is corrected for: so it does where
     /// `$CIRC_TYPE` is #BASE, and `$CIRC_MODE`, which says more of SCIRC, is as it was.
     fn turns_on_arc(&self) -> Result<(), Reason> {
-        let [kind, mode] = [self.symbols.circle_type, self.symbols.circle_mode]
-            .map(|id| Some(self.value(id)).filter(|_| !self.is_volatile(id)));
-        match (kind, mode) {
-            (_, mode) if !matches!(&mode, Some(Value::Record(said)) if said.is_empty()) => Err(Reason::ArcModeSet),
-            (Some(Value::Constant(kind)), _) if &kind[..] == b"BASE" => Ok(()),
-            (Some(Value::Constant(_)), _) => Err(Reason::ArcTurns),
+        match (self.settled(self.symbols.circle_type), self.settled(self.symbols.circle_mode)) {
+            (_, mode) if !matches!(&mode, Value::Record(said) if said.is_empty()) => Err(Reason::ArcModeSet),
+            (Value::Constant(kind), _) if &kind[..] == b"BASE" => Ok(()),
+            (Value::Constant(_), _) => Err(Reason::ArcTurns),
             _ => Err(Reason::ArcTypeUnknown),
         }
     }
 
     /// The mark in force, and whether that is known.
     fn mark(&self) -> (Option<Mark>, bool) {
-        match self.value(self.symbols.mark) {
-            _ if self.is_volatile(self.symbols.mark) => (None, false),
+        match self.settled(self.symbols.mark) {
             Value::Bool(_) => (None, true),
             Value::Number(v, _) => (Some(if v > 0.5 { Mark::Cut } else { Mark::Air }), true),
             _ => (None, false),
@@ -377,8 +368,7 @@ impl Runner<'_> {
 
     fn push(&mut self, mut target: Target, site: Site, external: [Option<f64>; 6]) {
         // The motion at whose end the robot stands, and the one before in the order of the text.
-        let stands =
-            if self.is_volatile(self.symbols.position) { None } else { self.value(self.symbols.stands).number() };
+        let stands = self.value(self.symbols.stands).number().filter(|_| !self.is_volatile(self.symbols.position));
         target.predecessor = match self.last {
             None => Predecessor::Start,
             Some(_) if stands == self.last => Predecessor::Previous,
@@ -408,9 +398,7 @@ fn why(value: &Value) -> Reason {
         Value::Unknown(why, _) => *why,
         Value::Own(_) => Reason::ControllerPosition,
         Value::Record(fields) => {
-            let unknown =
-                fields.iter().find_map(|(_, v)| if let Value::Unknown(why, _) = v { Some(*why) } else { None });
-            unknown.unwrap_or(Reason::NotACompletePosition)
+            fields.iter().find_map(|(_, value)| value.why()).unwrap_or(Reason::NotACompletePosition)
         }
         _ => Reason::NotAPosition,
     }

@@ -11,9 +11,6 @@ use crate::text::{Content, Edit, Span, Token};
 use deflex_lang::shared::agree;
 use std::collections::HashSet;
 
-/// Two orientations closer than this are the same: rounding of the arithmetic between reading and writing.
-const SAME_QUAT: f64 = 1e-12;
-
 /// What one motion wants of its six tokens; `None` where one stays.
 #[derive(Clone, Debug, Default)]
 struct NewTokens {
@@ -72,7 +69,7 @@ impl FrontEnd for Layout {
             let site = &self.sites[i];
             let stays = untrue(i) || agreed.get(i) == Some(&false);
             if stays || site.tokens.iter().all(Option::is_none) {
-                if changes[i].as_ref().is_some_and(|change| differs(program, i, change)) {
+                if changes[i].as_ref().is_some_and(|change| change.differs(&program.targets[i].goal)) {
                     let own = match program.targets[i].editable {
                         crate::program::Editable::No(reason) => reason,
                         _ if untrue(i) => Reason::StatusChanges,
@@ -154,20 +151,6 @@ fn together(program: &Program, site: &Site, own: &NewTokens) -> Option<(usize, E
     Some((source, Edit { span: Span::new(start, end), content }))
 }
 
-/// Whether a change asks for anything else than what is there.
-fn differs(program: &Program, i: usize, change: &Change) -> bool {
-    let Goal::Pose { position_mm, quat, .. } = program.targets[i].goal else { return true };
-    #[allow(clippy::float_cmp)] // the very number that was read means no change
-    let moved = change.position_mm != position_mm;
-    moved || change.quat.is_some_and(|q| turned(q, quat))
-}
-
-/// Whether two unit quaternions are different orientations.
-fn turned(a: [f64; 4], b: [f64; 4]) -> bool {
-    let same = |sign: f64| a.iter().zip(b).all(|(a, b)| (a - sign * b).abs() <= SAME_QUAT);
-    !same(1.0) && !same(-1.0)
-}
-
 fn new_tokens_of(program: &Program, site: &Site, i: usize, change: Option<&Change>) -> NewTokens {
     let mut own = NewTokens::default();
     let (Some(change), Goal::Pose { quat, .. }) = (change, program.targets[i].goal) else { return own };
@@ -187,9 +170,7 @@ fn new_tokens_of(program: &Program, site: &Site, i: usize, change: Option<&Chang
     for axis in 0..3 {
         put(axis, change.position_mm[axis], POSITION_DECIMALS);
     }
-    if let (Some(wanted), [_, _, _, Some(a), Some(b), Some(c)]) =
-        (change.quat.filter(|q| turned(*q, quat)), site.tokens)
-    {
+    if let (Some(wanted), [_, _, _, Some(a), Some(b), Some(c)]) = (change.turn(quat), site.tokens) {
         let old = [a, b, c].map(|place| signed(bytes(program, place)).unwrap_or(0.0));
         for (axis, value) in near(zyx_deg(&rotation(wanted)), old).into_iter().enumerate() {
             put(3 + axis, value, ANGLE_DECIMALS);

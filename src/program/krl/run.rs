@@ -4,7 +4,7 @@ use super::flow::{Routines, VALUES_PER_STEP};
 use super::lex::Cursor;
 use super::state::{Changes, Id, ModalState};
 use super::symbols::{RoutineId, Symbols};
-use super::tree::{File, For, Loop, Routine, Statement, StatementKind};
+use super::tree::{File, Loop, Routine, Statement, StatementKind};
 use super::value::{Name, NumberToken, Value, upper};
 use crate::program::{Kept, Mark, Reason, Target, Tool, UnknownMotion, Wobj};
 use crate::text::{Diagnostic, LineIndex, Severity, Source, Span, decode};
@@ -48,9 +48,10 @@ pub(crate) struct Site {
     pub(crate) approximation_mm: Option<f64>,
 }
 
+#[derive(Default)]
 pub(super) struct Runner<'a> {
     pub(super) symbols: Symbols<'a>,
-    pub(super) routines: &'a Routines<'a>,
+    pub(super) routines: Rc<Routines<'a>>,
     pub(super) written: usize,
     pub(super) state: ModalState,
     pub(super) frames: Vec<Frame>,
@@ -63,8 +64,6 @@ pub(super) struct Runner<'a> {
     pub(super) last: Option<f64>,
     /// Loops whose condition nothing in them changes, as far as that has been found.
     pub(super) steady: HashMap<*const Loop, bool>,
-    /// Variables of the bounds of counters.
-    pub(super) counted: HashMap<*const For, Id>,
     pub(super) steps: usize,
     pub(super) most_steps: usize,
     pub(super) most_targets: usize,
@@ -89,7 +88,7 @@ pub(super) struct Runner<'a> {
     pub(super) sites: Vec<Site>,
     /// External axes of each target, as far as positions name them.
     pub(super) external: Vec<[Option<f64>; 6]>,
-    /// Axes that motions without a target move.
+    /// Axes that motions move elsewhere than to zero, or to where it is not known.
     pub(super) used_axes: [bool; 6],
     pub(super) motions: u32,
     pub(super) arcs: usize,
@@ -98,51 +97,23 @@ pub(super) struct Runner<'a> {
     pub(super) kept: Vec<Kept>,
     seen: HashSet<(usize, Span, Reason)>,
     /// What has been said once.
-    pub(super) said: BTreeSet<Name>,
+    said: BTreeSet<String>,
     pub(super) diagnostics: Vec<Diagnostic>,
     pub(super) lines: Vec<LineIndex>,
 }
 
 impl<'a> Runner<'a> {
-    pub(super) fn new(sources: &'a [Source], files: &'a [File], routines: &'a Routines<'a>, written: usize) -> Self {
+    pub(super) fn new(sources: &'a [Source], files: &'a [File], written: usize) -> Self {
         let bytes: usize = sources.iter().map(|s| s.bytes.len()).sum();
         let mut runner = Self {
             symbols: Symbols::new(sources, files),
-            routines,
+            routines: Rc::new(Routines::of(files)),
             written,
             notes: true,
             most_steps: STEPS + STEPS_PER_BYTE * bytes,
             most_targets: TARGETS + TARGETS_PER_BYTE * bytes,
             lines: sources.iter().map(LineIndex::new).collect(),
-            state: ModalState::default(),
-            frames: Vec::new(),
-            context: 0,
-            contexts: HashMap::new(),
-            last: None,
-            steady: HashMap::new(),
-            counted: HashMap::new(),
-            steps: 0,
-            entered: HashSet::new(),
-            pinned: HashSet::new(),
-            volatile: HashSet::new(),
-            at_any_moment: HashSet::new(),
-            read_at_any_moment: HashSet::new(),
-            resumes: false,
-            leaves_components_out: false,
-            changes: HashMap::new(),
-            tools: Vec::new(),
-            wobjs: Vec::new(),
-            targets: Vec::new(),
-            sites: Vec::new(),
-            external: Vec::new(),
-            used_axes: [false; 6],
-            motions: 0,
-            arcs: 0,
-            unknown: Vec::new(),
-            kept: Vec::new(),
-            seen: HashSet::new(),
-            said: BTreeSet::new(),
-            diagnostics: Vec::new(),
+            ..Self::default()
         };
         for (source, file) in files.iter().enumerate().take(written) {
             for &(span, reason) in &file.odd {
@@ -257,12 +228,9 @@ impl<'a> Runner<'a> {
 
     /// The program has no end that is found.
     pub(super) fn give_up(&mut self, span: Span) -> Result<(), Stop> {
-        if self.diagnostics.iter().all(|d| d.code != "krl.endless") {
-            let source = &self.symbols.sources[self.here()];
-            let message = "deflex found no end of the program";
-            let error = Diagnostic::error("krl.endless", &source.name, message).at(source, span);
-            self.diagnostics.push(error.help("split it, or give loops bounds that end them"));
-        }
+        let source = &self.symbols.sources[self.here()];
+        let error = Diagnostic::error("krl.endless", &source.name, "deflex found no end of the program");
+        self.say(error.help("split it, or give loops bounds that end them"), self.here(), Some(span));
         Err(Stop::TooLong)
     }
 
@@ -294,17 +262,22 @@ impl<'a> Runner<'a> {
         self.keep(self.here(), span, reason);
     }
 
-    /// Says once that a routine is not in the files.
-    pub(super) fn tell_unknown(&mut self, name: &Name, span: Span) {
-        if !self.said.insert(name.clone()) {
-            return;
+    /// Says once what is so at a place of a file.
+    pub(super) fn say(&mut self, said: Diagnostic, file: usize, place: Option<Span>) {
+        if self.said.insert(said.message.clone()) {
+            let source = &self.symbols.sources[file];
+            self.diagnostics.push(if let Some(span) = place { said.at(source, span) } else { said });
         }
+    }
+
+    /// A routine is not in the files.
+    pub(super) fn tell_unknown(&mut self, name: &Name, span: Span) {
         let source = &self.symbols.sources[self.here()];
         let message = format!("`{}` is not in the files: what it could change is unknown after it", decode(name));
-        let warning = Diagnostic::error("krl.unknown-routine", &source.name, message).at(source, span);
+        let warning = Diagnostic::error("krl.unknown-routine", &source.name, message).severity(Severity::Warning);
         let help = "give the file that has it with --context; or, where it changes neither frames nor positions, name it in \
                     `[controller] harmless` of the cell";
-        self.diagnostics.push(warning.severity(Severity::Warning).help(help));
+        self.say(warning.help(help), self.here(), Some(span));
     }
 
     /// The same of what an interrupt or a TRIGGER starts.
@@ -314,15 +287,12 @@ impl<'a> Runner<'a> {
         self.tell_unknown(&upper(cursor.text(first)), first.span());
     }
 
-    /// Once: no name of a program has a blank.
     pub(super) fn tell_curve(&mut self, motion: Span) {
-        if self.said.insert(upper(b" SPL")) {
-            let source = &self.symbols.sources[self.here()];
-            let span = Span { end: motion.start + 3, ..motion };
-            let message = "the curve through SPL points is computed as straight lines: figures at the points are right, those between them only as far as the curve keeps to the lines";
-            let note = Diagnostic::error("krl.spline", &source.name, message).at(source, span);
-            self.diagnostics.push(note.severity(Severity::Note).help("put SPL points close together, or use SLIN"));
-        }
+        let source = &self.symbols.sources[self.here()];
+        let span = Span { end: motion.start + 3, ..motion };
+        let message = "the curve through SPL points is computed as straight lines: figures at the points are right, those between them only as far as the curve keeps to the lines";
+        let note = Diagnostic::error("krl.spline", &source.name, message).severity(Severity::Note);
+        self.say(note.help("put SPL points close together, or use SLIN"), self.here(), Some(span));
     }
 
     pub(super) fn simple(&mut self, statement: &'a Statement) -> Result<(), Stop> {

@@ -2,10 +2,10 @@
 
 use super::expression::{Expression, Part};
 use super::run::{Runner, Site};
-use super::symbols::RoutineId;
 use super::tree::{Statement, walk};
 use super::value::{EXTERNAL, NumberToken, Value};
 use crate::program::{Editable, ExternalAxes, Motion, Reason, Role};
+use crate::text::Span;
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
@@ -13,7 +13,6 @@ impl Runner<'_> {
     /// The same of a motion that is not run: of what its text says and of the data that it names.
     fn use_axes_in(&mut self, file: usize, statement: &Statement) {
         statement.each(&mut |part| match part {
-            Part::Other(Expression::Known(value)) => self.use_axes_of(value),
             Part::Other(Expression::Aggregate(fields)) => {
                 for (name, value) in fields {
                     let zero = matches!(value, Expression::Known(Value::Number(number, _)) if *number == 0.0);
@@ -75,11 +74,9 @@ impl Runner<'_> {
 
     /// External axes that positions name; those that are nowhere elsewhere than at zero are at rest.
     pub(super) fn use_axes(&mut self) {
-        let moved = |axis: usize| self.external.iter().any(|external| external[axis].is_some_and(|at| at != 0.0));
         let named = |axis: usize| self.external.iter().any(|external| external[axis].is_some());
-        let used: [bool; 6] = std::array::from_fn(|axis| self.used_axes[axis] || moved(axis));
-        let at_rest: [bool; 6] = std::array::from_fn(|axis| !used[axis] && named(axis));
-        if used == [false; 6] && at_rest == [false; 6] {
+        let at_rest: [bool; 6] = std::array::from_fn(|axis| !self.used_axes[axis] && named(axis));
+        if self.used_axes == [false; 6] && at_rest == [false; 6] {
             return;
         }
         let mut last: Option<Arc<ExternalAxes>> = None;
@@ -131,35 +128,17 @@ impl Runner<'_> {
 
     /// Motions that nothing runs stay, and what routines name that nothing runs.
     pub(super) fn keep_what_is_not_run(&mut self) {
-        #[allow(clippy::cast_possible_truncation)] // as a target has it
-        let place = |id: RoutineId, statement: &Statement| (id.file as u16, statement.at);
-        let ran = || {
-            let targets = self.targets.iter().map(|target| (target.source, target.span));
-            targets.chain(self.unknown.iter().map(|motion| (motion.source, motion.span)))
-        };
-        // Most motions run in the order of the text: only the others are held.
-        let (mut in_order, mut others) = (ran().peekable(), HashSet::new());
-        for id in self.symbols.all() {
-            walk(&self.symbols.routine(id).body, &mut |statement| {
-                let here = place(id, statement);
-                if statement.is_motion() && in_order.next_if_eq(&here).is_none() {
-                    others.insert(here);
-                }
-                while in_order.next_if_eq(&here).is_some() {}
-            });
-        }
-        if !others.is_empty() {
-            ran().for_each(|here| {
-                others.remove(&here);
-            });
-        }
+        let targets = self.targets.iter().map(|target| (target.source, target.span));
+        let ran: HashSet<(u16, Span)> =
+            targets.chain(self.unknown.iter().map(|motion| (motion.source, motion.span))).collect();
         for id in self.symbols.all() {
             let is_entered = self.entered.contains(&id);
             if !is_entered {
                 drop(self.pin_names(id));
             }
             walk(&self.symbols.routine(id).body, &mut |statement| {
-                if !statement.is_motion() || !others.contains(&place(id, statement)) {
+                #[allow(clippy::cast_possible_truncation)] // as a target has it
+                if !statement.is_motion() || ran.contains(&(id.file as u16, statement.at)) {
                     return;
                 }
                 if !is_entered {

@@ -20,7 +20,7 @@ pub(super) struct Changes {
 }
 
 /// What holds; data that are not in it hold what they hold at the start.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct ModalState {
     pub(super) values: BTreeMap<Id, Value>,
     /// Data that may change at any moment from here on: what a TRIGGER may, and what is counted from where the robot stands.
@@ -35,25 +35,8 @@ impl ModalState {
         self.values.get(&id).or_else(|| start.get(id)).unwrap_or(&Value::Unknown(Reason::Unset, None))
     }
 
-    /// The same values from the same tokens.
-    pub(super) fn is(&self, other: &Self) -> bool {
-        let (own, others) = (self.values.iter().rev(), other.values.iter().rev());
-        // From the last, since data of routines, and counters among them, change more often than those of files.
-        (self.proceeds, &self.loose) == (other.proceeds, &other.loose)
-            && self.values.len() == other.values.len()
-            && own.zip(others).all(|(own, other)| own.0 == other.0 && own.1.is(other.1))
-    }
-
-    /// Whether all that is known here holds there as well.
-    pub(super) fn covers(&self, other: &Self, start: &[Value]) -> bool {
-        let ids = self.values.keys().chain(other.values.keys().filter(|id| !self.values.contains_key(id)));
-        (self.proceeds || !other.proceeds)
-            && (Rc::ptr_eq(&self.loose, &other.loose) || self.loose.is_superset(&other.loose))
-            && ids.into_iter().all(|id| self.at(*id, start).covers(other.at(*id, start)))
-    }
-
     /// Reduces it to what holds where either may; tokens of what differs go to `lost`, but those of the position of this number, of which
-    /// only a motion that leaves components out has any use.
+    /// only a motion that leaves components out has any use. Whether anything is less known than before.
     pub(super) fn join(
         &mut self,
         other: &Self,
@@ -61,22 +44,20 @@ impl ModalState {
         position: Id,
         why: Reason,
         lost: &mut HashSet<NumberToken>,
-    ) {
-        let mut join =
-            |id: Id, a: &Value, b: &Value| if id == position { a.either(b, why, lost) } else { a.join(b, why, lost) };
-        for (id, value) in &other.values {
-            let joined = join(*id, self.at(*id, start), value);
-            self.values.insert(*id, joined);
-        }
-        for (id, value) in &mut self.values {
-            if !other.values.contains_key(id) {
-                *value = join(*id, value, other.at(*id, start));
+    ) -> bool {
+        let mut is_less = other.proceeds && !self.proceeds || !self.loose.is_superset(&other.loose);
+        let ids: Vec<Id> = self.values.keys().chain(other.values.keys()).copied().collect();
+        for id in ids {
+            let (own, others) = (self.at(id, start), other.at(id, start));
+            if own != others {
+                let joined = if id == position { own.either(others, why, lost) } else { own.join(others, why, lost) };
+                is_less |= *own != joined;
+                self.values.insert(id, joined);
             }
         }
         self.proceeds |= other.proceeds;
-        if !Rc::ptr_eq(&self.loose, &other.loose) {
-            self.loosen(other.loose.iter().copied());
-        }
+        self.loosen(other.loose.iter().copied());
+        is_less
     }
 
     /// Data may change at any moment from here on.

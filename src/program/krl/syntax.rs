@@ -1,12 +1,13 @@
 //! Lines to routines, data lists and blocks. A line that is not understood stays as it is and takes no other with it.
 
-use super::expression::{Expression, Path, Setting};
+use super::expression::{Expression, Operator, Path, Setting};
 use super::lex::{Cursor, LexemeKind, Line, lines};
 use super::names;
-use super::tree::{Data, File, For, If, Loop, Move, Param, Routine, Started, Statement, StatementKind, Switch, Type};
-use super::value::{Name, upper};
+use super::tree::{Data, File, If, Loop, Move, Param, Routine, Started, Statement, StatementKind, Type};
+use super::value::{Name, Value, upper};
 use crate::program::{Motion, Reason};
 use crate::text::{Source, Span};
+use deflex_lang::ir::Binary;
 
 /// Blocks within one another: more than anybody writes.
 pub(super) const MAX_DEPTH: usize = 100;
@@ -259,32 +260,47 @@ impl<'a> Parser<'a> {
             closed(&end);
             StatementKind::If(Box::new(If { condition, then, otherwise }))
         } else if cursor.accept_word(b"FOR") {
-            let variable = upper(cursor.text(cursor.peek()));
-            let variable = Path { name: variable, at: cursor.next().span(), steps: Vec::new() };
+            let counter = cursor.next();
+            let counter = Path { name: upper(cursor.text(counter)), at: counter.span(), steps: Vec::new() };
             cursor.accept_mark(b'=');
             let (from, _) = cursor.until(&[b"TO"]);
             let (to, which) = cursor.until(&[b"STEP"]);
             let [from, to] = [from, to].map(|span| self.cursor(span).whole());
-            let step = which.map(|_| cursor.whole());
-            let (body, end) = self.block(&[b"ENDFOR"], data)?;
+            let step = which.map_or(Expression::Known(Value::Number(1.0, None)), |_| cursor.whole());
+            let mut bound = |name: &str, value| held(name, at, value, Some(Type::Whole), block, data);
+            let (to, step) = (bound("TO", to), bound("STEP", step));
+            block.push(assignment(counter.clone(), from, at));
+            let (mut then, end) = self.block(&[b"ENDFOR"], data)?;
             closed(&end);
-            StatementKind::For(Box::new(For { variable, from, to, step, body }))
+            // Up to the last value, or down to it.
+            let read = || Expression::Path(Box::new(counter.clone()));
+            let way = read().with(Binary::Subtract, to).with(Binary::Multiply, step.clone());
+            let condition = way.with(Binary::AtMost, Expression::Known(Value::Number(0.0, None)));
+            then.push(assignment(counter.clone(), read().with(Binary::Add, step), at));
+            let end = Expression::unknown(Reason::CounterAfterLoop);
+            let otherwise = vec![assignment(counter.clone(), end, at), Statement { kind: StatementKind::Exit, at }];
+            let round = StatementKind::If(Box::new(If { condition, then, otherwise }));
+            let (condition, body) = (Expression::Known(Value::Bool(true)), vec![Statement { kind: round, at }]);
+            StatementKind::Loop(Box::new(Loop { condition, is_until: false, body }))
         } else if cursor.accept_word(b"WHILE") {
-            let condition = Some(cursor.whole());
+            let condition = cursor.whole();
             let (body, end) = self.block(&[b"ENDWHILE"], data)?;
             closed(&end);
             StatementKind::Loop(Box::new(Loop { condition, is_until: false, body }))
         } else if cursor.accept_word(b"REPEAT") {
             let (body, end) = self.block(&[b"UNTIL"], data)?;
             closed(&end);
-            let condition = end.map(|(_, span)| self.cursor(span).whole());
+            let condition = end.map_or(Expression::Known(Value::Bool(false)), |(_, span)| self.cursor(span).whole());
             StatementKind::Loop(Box::new(Loop { condition, is_until: true, body }))
         } else if cursor.accept_word(b"LOOP") {
             let (body, end) = self.block(&[b"ENDLOOP"], data)?;
             closed(&end);
-            StatementKind::Loop(Box::new(Loop { condition: None, is_until: false, body }))
+            let condition = Expression::Known(Value::Bool(true));
+            StatementKind::Loop(Box::new(Loop { condition, is_until: false, body }))
         } else if cursor.accept_word(b"SWITCH") {
-            self.switch(at, cursor.whole(), data)?
+            let subject = held("CASE", at, cursor.whole(), None, block, data);
+            self.switch(at, &subject, block, data)?;
+            return Ok(());
         } else if cursor.accept_word(b"SPLINE") || cursor.accept_word(b"PTP_SPLINE") {
             cursor.accept_word(b"WITH");
             let (with, _) = settings(cursor);
@@ -310,7 +326,14 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    fn switch(&mut self, at: Span, subject: Expression, data: &mut Vec<Data>) -> Result<StatementKind, TooDeep> {
+    /// Branches of branches, up to ENDSWITCH.
+    fn switch(
+        &mut self,
+        at: Span,
+        subject: &Expression,
+        block: &mut Vec<Statement>,
+        data: &mut Vec<Data>,
+    ) -> Result<(), TooDeep> {
         let ends: [&[u8]; 3] = [b"ENDSWITCH", b"CASE", b"DEFAULT"];
         // What stands before the first CASE is never run.
         let (_, mut end) = self.block(&ends, data)?;
@@ -319,7 +342,9 @@ impl<'a> Parser<'a> {
             match end {
                 Some((1, values)) => {
                     let (body, next) = self.block(&ends, data)?;
-                    cases.push((self.cursor(values).list(), body));
+                    let equal = |value| (Operator::Other(Binary::Or), subject.clone().with(Binary::Equal, value));
+                    let values = self.cursor(values).list().into_iter().map(equal).collect();
+                    cases.push((Expression::Chain(Box::new(Expression::Known(Value::Bool(false))), values), body));
                     end = next;
                 }
                 Some((2, _)) => (otherwise, end) = self.block(&ends, data)?,
@@ -330,8 +355,37 @@ impl<'a> Parser<'a> {
                 }
             }
         }
-        Ok(StatementKind::Switch(Box::new(Switch { subject, cases, otherwise })))
+        for (condition, then) in cases.into_iter().rev() {
+            let kind = StatementKind::If(Box::new(If { condition, then, otherwise }));
+            otherwise = vec![Statement { kind, at }];
+        }
+        block.append(&mut otherwise);
+        Ok(())
     }
+}
+
+/// What an expression is worth where a statement begins, under a name that no program has.
+fn held(
+    name: &str,
+    at: Span,
+    value: Expression,
+    kind: Option<Type>,
+    block: &mut Vec<Statement>,
+    data: &mut Vec<Data>,
+) -> Expression {
+    if matches!(value, Expression::Known(_)) {
+        return value;
+    }
+    let name = upper(format!(" {name}{}", at.start).as_bytes());
+    let own = Data { kind, name: name.clone(), is_global: false, is_constant: false, is_array: false, value: None };
+    data.push(own);
+    let path = Path { name, at, steps: Vec::new() };
+    block.push(assignment(path.clone(), value, at));
+    Expression::Path(Box::new(path))
+}
+
+fn assignment(to: Path, value: Expression, at: Span) -> Statement {
+    Statement { kind: StatementKind::Assign(Box::new(Setting { to, value })), at }
 }
 
 /// A statement that fits on its line.

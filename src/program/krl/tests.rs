@@ -102,6 +102,16 @@ fn missing_components_are_those_of_the_motion_before() {
     assert!(matches!(editable[1], Editable::No(_)) && matches!(editable[2], Editable::No(_)));
 }
 
+/// The first line takes E1 from the data list, which its aggregate leaves as it is; after WITH the frames are others.
+#[test]
+fn an_axis_at_an_unknown_place_stays_there() {
+    let src = "DEF a( )\nP={X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}\nSLIN P WITH $BASE=SBASE(1)\nPTP Q\nEND\n";
+    let dat = "DEFDAT a\nDECL E6POS P={X 4.0,Y 5.0,Z 6.0,A 0.0,B 0.0,C 0.0,E1 300.0}\nDECL E6POS Q={X 7.0,Y 8.0,Z 9.0,A 0.0,B 0.0,C 0.0}\nENDDAT\n";
+    let p = program_of(&[("a.src", src), ("a.dat", dat)], &[]);
+    assert_eq!(editable(&p), ['-', '-']);
+    assert!(!p.targets[1].external.as_ref().unwrap().at_rest[0]);
+}
+
 #[test]
 fn axes_that_only_a_handler_moves_are_in_use() {
     let line = "LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0";

@@ -1,6 +1,6 @@
 //! What a file is made of.
 
-use super::expression::{Call, Expression, Part, Path, Setting};
+use super::expression::{Call, Expression, Part, Setting};
 use super::value::{Name, Value};
 use crate::program::{Mark, Motion, Reason};
 use crate::text::Span;
@@ -84,9 +84,7 @@ pub(super) enum StatementKind {
     /// What it names.
     NotUnderstood(Vec<Expression>),
     If(Box<If>),
-    For(Box<For>),
     Loop(Box<Loop>),
-    Switch(Box<Switch>),
     /// What WITH says holds for all of its segments.
     Spline(Vec<Setting>, Vec<Statement>),
     /// GOTO
@@ -130,38 +128,21 @@ pub(super) struct If {
     pub(super) otherwise: Vec<Statement>,
 }
 
-#[derive(Debug)]
-pub(super) struct For {
-    pub(super) variable: Path,
-    pub(super) from: Expression,
-    pub(super) to: Expression,
-    pub(super) step: Option<Expression>,
-    pub(super) body: Vec<Statement>,
-}
-
 /// Left by its condition, by EXIT, or never.
 #[derive(Debug)]
 pub(super) struct Loop {
-    pub(super) condition: Option<Expression>,
+    pub(super) condition: Expression,
     /// REPEAT … UNTIL: the body runs before the condition is looked at, and again where it does not hold.
     pub(super) is_until: bool,
     pub(super) body: Vec<Statement>,
-}
-
-#[derive(Debug)]
-pub(super) struct Switch {
-    pub(super) subject: Expression,
-    pub(super) cases: Vec<(Vec<Expression>, Vec<Statement>)>,
-    pub(super) otherwise: Vec<Statement>,
 }
 
 impl Loop {
     /// Whether nothing but EXIT leaves it.
     pub(super) fn is_endless(&self) -> bool {
         match &self.condition {
-            Some(Expression::Known(Value::Bool(holds))) => *holds != self.is_until,
-            Some(_) => false,
-            None => true,
+            Expression::Known(Value::Bool(holds)) => *holds != self.is_until,
+            _ => false,
         }
     }
 }
@@ -223,11 +204,7 @@ impl Statement {
             | StatementKind::NotUnderstood(parts) => all.extend(parts),
             StatementKind::Trigger(started) | StatementKind::Interrupt(started) => all.extend(&started.when),
             StatementKind::If(of) => all.push(&of.condition),
-            StatementKind::For(of) => all.extend([&of.from, &of.to].into_iter().chain(&of.step)),
-            StatementKind::Loop(of) => all.extend(&of.condition),
-            StatementKind::Switch(of) => {
-                all.extend(of.cases.iter().flat_map(|(values, _)| values).chain([&of.subject]));
-            }
+            StatementKind::Loop(of) => all.push(&of.condition),
             StatementKind::Return(value) => all.extend(value),
             _ => {}
         }
@@ -239,7 +216,6 @@ impl Statement {
         self.settings().iter().for_each(|setting| setting.to.each(of));
         self.expressions().into_iter().for_each(|part| part.each(of));
         match &self.kind {
-            StatementKind::For(inner) => inner.variable.each(of),
             StatementKind::Call(call) => of(Part::Call(call)),
             StatementKind::Trigger(started) | StatementKind::Interrupt(started) => {
                 started.run.iter().for_each(|run| run.each(of));
@@ -272,13 +248,8 @@ pub(super) fn walk<'a>(block: &'a [Statement], each: &mut impl FnMut(&'a Stateme
                 walk(&of.then, each);
                 walk(&of.otherwise, each);
             }
-            StatementKind::For(of) => walk(&of.body, each),
             StatementKind::Loop(of) => walk(&of.body, each),
             StatementKind::Spline(_, body) => walk(body, each),
-            StatementKind::Switch(of) => {
-                of.cases.iter().for_each(|(_, block)| walk(block, each));
-                walk(&of.otherwise, each);
-            }
             _ => {}
         }
     }

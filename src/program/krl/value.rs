@@ -7,6 +7,7 @@ use nalgebra::Vector3;
 use smallvec::SmallVec;
 use std::collections::{BTreeMap, HashSet};
 use std::rc::Rc;
+use std::sync::Arc;
 
 /// A name, upper case: KRL does not tell case apart.
 pub(super) type Name = SmallVec<[u8; 16]>;
@@ -29,18 +30,13 @@ impl NumberToken {
         Some(Self { source, start: span.start, len: u8::try_from(span.len()).ok()? })
     }
 
-    /// The same token where what stands at byte `from` stands at `to`; `None` before it.
-    pub(super) fn moved(self, from: usize, to: usize) -> Option<Self> {
-        let start = (self.start as usize).checked_sub(from)? + to;
-        Some(Self { start: u32::try_from(start).ok()?, ..self })
-    }
-
     pub(crate) fn span(self) -> Span {
         Span { start: self.start, end: self.start + u32::from(self.len) }
     }
 }
 
-#[derive(Clone, Debug)]
+/// Two are the same if their tokens are, too.
+#[derive(Clone, Debug, PartialEq)]
 pub(super) enum Value {
     /// Known only when the program runs, and why; it may be this one.
     Unknown(Reason, Option<Rc<Value>>),
@@ -49,7 +45,7 @@ pub(super) enum Value {
     Bool(bool),
     Text(Rc<[u8]>),
     /// `#NAME`
-    Constant(Rc<[u8]>),
+    Constant(Arc<[u8]>),
     /// Components by name.
     Record(Rc<Vec<(Name, Value)>>),
     /// Elements by index; several indices are put into one.
@@ -68,6 +64,9 @@ pub(super) enum Step {
     Element(i64),
 }
 
+/// No number is NaN. Records and arrays in one place are then the same without a look at what they hold.
+impl Eq for Value {}
+
 impl Value {
     pub(super) fn unknown(why: Reason) -> Self {
         Self::Unknown(why, None)
@@ -84,6 +83,11 @@ impl Value {
 
     pub(super) fn bool(&self) -> Option<bool> {
         if let Self::Bool(value) = self { Some(*value) } else { None }
+    }
+
+    /// Why it is unknown.
+    pub(super) fn why(&self) -> Option<Reason> {
+        if let Self::Unknown(why, _) = self { Some(*why) } else { None }
     }
 
     /// A whole number.
@@ -128,41 +132,37 @@ impl Value {
             }
             return;
         };
-        match first {
-            Step::Component(name) => {
-                if let Self::Unknown(why, None) = self {
+        if let Self::Unknown(why, None) = self {
+            *self = match first {
+                Step::Component(name) => {
                     // Only data that nothing has set yet are without the other components of a position.
                     let open = *why != Reason::Unset && POSE.contains(&&name[..]);
                     let others = POSE.iter().filter(|_| open);
-                    let fields = others.map(|name| (Name::from_slice(name), Self::unknown(*why))).collect();
-                    *self = Self::Record(Rc::new(fields));
+                    Self::Record(Rc::new(others.map(|name| (Name::from_slice(name), Self::unknown(*why))).collect()))
                 }
-                let Self::Record(fields) = self else {
-                    value.places(lost);
-                    *self = std::mem::replace(self, Self::Bool(false)).forgotten(Reason::Unset);
-                    return;
-                };
+                Step::Element(_) => Self::Array(Rc::new(BTreeMap::from([(REST, Self::unknown(*why))]))),
+            };
+        }
+        let part = match (first, &mut *self) {
+            (Step::Component(name), Self::Record(fields)) => {
                 let fields = Rc::make_mut(fields);
-                if !fields.iter().any(|(known, _)| known == name) {
+                let at = fields.iter().position(|(known, _)| known == name).unwrap_or(fields.len());
+                if at == fields.len() {
                     fields.push((name.clone(), Self::unknown(Reason::Unset)));
                 }
-                if let Some((_, old)) = fields.iter_mut().find(|(known, _)| known == name) {
-                    old.set(rest, value, lost);
-                }
+                &mut fields[at].1
             }
-            Step::Element(at) => {
-                if let Self::Unknown(why, None) = self {
-                    *self = Self::Array(Rc::new(BTreeMap::from([(REST, Self::unknown(*why))])));
-                }
-                let Self::Array(items) = self else {
-                    value.places(lost);
-                    *self = std::mem::replace(self, Self::Bool(false)).forgotten(Reason::Unset);
-                    return;
-                };
+            (Step::Element(at), Self::Array(items)) => {
                 let before = items.get(&REST).cloned().unwrap_or(Self::unknown(Reason::Unset));
-                Rc::make_mut(items).entry(*at).or_insert(before).set(rest, value, lost);
+                Rc::make_mut(items).entry(*at).or_insert(before)
             }
-        }
+            _ => {
+                value.places(lost);
+                *self = std::mem::replace(self, Self::Bool(false)).forgotten(Reason::Unset);
+                return;
+            }
+        };
+        part.set(rest, value, lost);
     }
 
     /// Calls `each` with every token in it, those that it may have had too.
@@ -183,49 +183,12 @@ impl Value {
         all
     }
 
-    /// The same value from the same tokens.
-    pub(super) fn is(&self, other: &Self) -> bool {
-        match (self, other) {
-            (Self::Unknown(a, None), Self::Unknown(b, None)) => a == b,
-            (Self::Unknown(a, Some(was)), Self::Unknown(b, Some(other))) => {
-                a == b && (Rc::ptr_eq(was, other) || was.is(other))
-            }
-            #[allow(clippy::float_cmp)] // the very number
-            (Self::Number(a, at), Self::Number(b, other)) => a == b && at == other,
-            (Self::Bool(a), Self::Bool(b)) => a == b,
-            (Self::Text(a), Self::Text(b)) => a == b,
-            (Self::Constant(a), Self::Constant(b)) => a == b,
-            (Self::Own(a), Self::Own(b)) => a == b,
-            (Self::Record(a), Self::Record(b)) => {
-                Rc::ptr_eq(a, b) || a.len() == b.len() && a.iter().zip(&**b).all(|(a, b)| a.0 == b.0 && a.1.is(&b.1))
-            }
-            (Self::Array(a), Self::Array(b)) => {
-                Rc::ptr_eq(a, b) || a.len() == b.len() && a.iter().zip(&**b).all(|(a, b)| a.0 == b.0 && a.1.is(b.1))
-            }
-            _ => false,
-        }
-    }
-
-    /// Whether what is known here is known, and the same, there as well.
-    pub(super) fn covers(&self, other: &Self) -> bool {
-        match (self, other) {
-            (Self::Unknown(..), _) => true,
-            (Self::Record(a), Self::Record(b)) => {
-                a.len() == b.len() && a.iter().zip(&**b).all(|(a, b)| a.0 == b.0 && a.1.covers(&b.1))
-            }
-            (Self::Array(a), Self::Array(b)) => {
-                Rc::ptr_eq(a, b) || a.len() == b.len() && a.iter().zip(&**b).all(|(a, b)| a.0 == b.0 && a.1.covers(b.1))
-            }
-            (a, b) => a.is(b),
-        }
-    }
-
     /// Of two values that differ, that it may be either: their tokens are those of what it may have been. Where they are too many
     /// to carry on, they go to `lost`.
     pub(super) fn either(&self, other: &Self, why: Reason, lost: &mut HashSet<NumberToken>) -> Self {
         /// Tokens of some hundred motions, between which a program chooses.
         const MOST_TOKENS: usize = 2048;
-        if self.is(other) {
+        if self == other {
             return self.clone();
         }
         if let (Self::Record(a), Self::Record(b)) = (self, other)
@@ -234,7 +197,7 @@ impl Value {
             let fields = a.iter().zip(&**b).map(|(a, b)| (a.0.clone(), a.1.either(&b.1, why, lost)));
             return Self::Record(Rc::new(fields.collect()));
         }
-        let mut all = BTreeMap::new();
+        let (why, mut all) = (self.why().unwrap_or(why), BTreeMap::new());
         for value in [self, other] {
             value.places(&mut |place| {
                 if !lost.contains(&place) {
@@ -252,7 +215,7 @@ impl Value {
 
     /// What holds where either may; tokens of what differs go to `lost`.
     pub(super) fn join(&self, other: &Self, reason: Reason, lost: &mut HashSet<NumberToken>) -> Self {
-        if self.is(other) {
+        if self == other {
             return self.clone();
         }
         match (self, other) {
@@ -267,8 +230,7 @@ impl Value {
             (a, b) => {
                 [a, b].iter().for_each(|value| lost.extend(value.tokens()));
                 // What is set on one of two ways may be set.
-                let set = |why: &Reason| *why != Reason::Unset;
-                let unknown = |v: &Self| if let Self::Unknown(why, _) = v { Some(*why).filter(set) } else { None };
+                let unknown = |value: &Self| value.why().filter(|why| *why != Reason::Unset);
                 Self::unknown([a, b].into_iter().find_map(unknown).unwrap_or(reason))
             }
         }
@@ -291,25 +253,6 @@ impl Value {
         Self::Array(items)
     }
 
-    /// Complete numeric positions in it.
-    pub(super) fn positions(&self) -> usize {
-        let Self::Record(fields) = self else { return 0 };
-        let is_number = |name| matches!(self.component(name), Some(Self::Number(_, Some(_))));
-        usize::from(POSE.into_iter().all(is_number)) + fields.iter().map(|(_, value)| value.positions()).sum::<usize>()
-    }
-
-    /// Whether it is, or has, a position that leaves components out.
-    pub(super) fn leaves_components_out(&self) -> bool {
-        match self {
-            Self::Record(fields) => {
-                let is_part = |(name, value): &(Name, Self)| name[..] != *INERTIA && value.leaves_components_out();
-                leaves_out(fields.iter().map(|(name, _)| name)) || fields.iter().any(is_part)
-            }
-            Self::Array(items) => items.values().any(Self::leaves_components_out),
-            _ => false,
-        }
-    }
-
     /// Numbers of components; `None` where one is missing or unknown.
     pub(super) fn numbers<const N: usize>(&self, names: [&[u8]; N]) -> Option<[f64; N]> {
         let mut out = [0.0; N];
@@ -324,12 +267,6 @@ impl Value {
         let [x, y, z, a, b, c] = self.numbers(POSE)?;
         Some(([x, y, z], quaternion(&from_zyx_deg([a, b, c]))))
     }
-}
-
-/// Whether some components of a position are among these names, and not all.
-pub(super) fn leaves_out<'n>(names: impl Iterator<Item = &'n Name>) -> bool {
-    let named = names.filter(|name| POSE.contains(&&name[..])).count();
-    (1..POSE.len()).contains(&named)
 }
 
 /// Components of a pose: mm, and degrees about z, the turned y, the turned x.

@@ -8,9 +8,6 @@ use deflex_lang::ir::TokenId;
 use deflex_lang::shared::agree;
 use std::collections::BTreeMap;
 
-/// Two orientations closer than this are the same: rounding of the arithmetic between reading and writing.
-const SAME_QUAT: f64 = 1e-12;
-
 /// The new tokens of one target.
 pub(super) struct Print {
     pub(super) tokens: Vec<(TokenId, Option<Token>)>,
@@ -29,7 +26,7 @@ pub(super) fn rewrite(
     for (i, (site, change)) in layout.sites.iter().zip(changes).enumerate() {
         let target = &program.targets[i];
         let print = match (target.editable, site, change) {
-            (Editable::No(why), _, Some(change)) if differs(&target.goal, change) => Err(why),
+            (Editable::No(why), _, Some(change)) if change.differs(&target.goal) => Err(why),
             (Editable::No(_), ..) | (_, None, _) => Ok(None),
             (_, Some(site), None) => Ok(Some(unchanged(site, &target.goal))),
             (editable, Some(site), Some(change)) => {
@@ -79,7 +76,7 @@ pub(super) fn rewrite(
             continue;
         }
         for i in group.clone() {
-            let wanted = changes[i].as_ref().is_some_and(|change| differs(&program.targets[i].goal, change));
+            let wanted = changes[i].as_ref().is_some_and(|change| change.differs(&program.targets[i].goal));
             if wanted && !kept.iter().any(|(kept, _)| *kept == i) {
                 kept.push((i, Reason::SharedNumbers));
             }
@@ -118,11 +115,11 @@ pub(super) fn print(
     options: &RewriteOptions,
 ) -> Result<Print, Reason> {
     let (style, goal) = (layout.style, &program.targets[target].goal);
-    if !differs(goal, change) {
+    if !change.differs(goal) {
         return Ok(unchanged(site, goal));
     }
     let Goal::Pose { quat: was, .. } = *goal else { return Ok(unchanged(site, goal)) };
-    let quat = change.quat.filter(|quat| turned(*quat, was));
+    let quat = change.turn(was);
     let mut values = site.numbers;
     let changed = match quat {
         Some(_) if position_only => return Err(Reason::PositionOnly),
@@ -168,18 +165,4 @@ pub(super) fn print(
     let own = style.dialect.pose(&held).unwrap_or(site.own);
     let (position_mm, turn) = layout.millimetres(&(site.left * own * site.right));
     Ok(Print { tokens, written: (position_mm, if quat.is_some() { turn } else { was }) })
-}
-
-/// Whether a change differs from the present goal.
-fn differs(goal: &Goal, change: &Change) -> bool {
-    let Goal::Pose { position_mm, quat, .. } = *goal else { return true };
-    #[allow(clippy::float_cmp)] // only exactly the number that was read means no change
-    let moved = change.position_mm != position_mm;
-    moved || change.quat.is_some_and(|wanted| turned(wanted, quat))
-}
-
-/// Whether two unit quaternions are different orientations.
-fn turned(a: [f64; 4], b: [f64; 4]) -> bool {
-    let same = |sign: f64| a.iter().zip(&b).all(|(a, b)| (a - sign * b).abs() <= SAME_QUAT);
-    !same(1.0) && !same(-1.0)
 }

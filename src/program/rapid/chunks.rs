@@ -7,7 +7,7 @@
 
 use super::chunk::Chunk;
 use super::kinds::Kinds;
-use super::lex::{self, Cursor, LexemeKind};
+use super::lex::{Cursor, LexemeKind};
 use super::lines::{CHUNK, END, first_word, is_motion, line_of};
 use super::predefined::harmless;
 use crate::program::{Language, Mark, Next, detect};
@@ -126,7 +126,7 @@ impl<R: Read> Chunks<R> {
         chunks.head = chunks.rest.drain(..first).collect();
         chunks.head_lines = chunks.head.iter().filter(|b| **b == b'\n').count();
         let comments = chunks.head.split(|b| *b == b'\n').filter_map(|line| line.trim_ascii().strip_prefix(b"!"));
-        chunks.mark = comments.rev().find_map(lex::mark);
+        chunks.mark = comments.rev().find_map(Mark::of);
         chunks.lines = chunks.head_lines;
         let head = Source::new(name, [&chunks.head, END].concat());
         let rapid = detect(name, &head.bytes) == Some(Language::Rapid);
@@ -274,7 +274,7 @@ impl<R: Read> Chunks<R> {
             behind_motion = !lead.is_empty() && line.starts_with(lead) && text.ends_with(b";");
             match text.first() {
                 None => {}
-                Some(b'!') => self.mark = lex::mark(&text[1..]).or(self.mark),
+                Some(b'!') => self.mark = Mark::of(&text[1..]).or(self.mark),
                 Some(_) => {
                     if !behind_motion {
                         let word = first_word(text);

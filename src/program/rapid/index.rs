@@ -1,9 +1,9 @@
 //! The index of a long program: the lines that declare its targets, and the lines of its routines, unread.
 
-use super::lex;
 use super::lines::{CHUNK, first_word, is_motion};
 use super::predefined::harmless;
 use super::routines::Routine;
+use crate::program::Mark;
 use crate::text::lines;
 use std::io::{self, BufRead, Read, Seek, SeekFrom};
 use std::ops::Range;
@@ -119,8 +119,7 @@ impl Scan {
             (Within::Routine, None) => self.statement(text, start, len, lines_before)?,
             (Within::Module, None) if text.eq_ignore_ascii_case(b"ENDMODULE") => self.within = Within::End,
             // A mark outside the routines is in force somewhere else.
-            (Within::Module | Within::End, None) if is_comment(text) && text.get(1..).and_then(lex::mark).is_none() => {
-            }
+            (Within::Module | Within::End, None) if is_comment(text) && text.get(1..).and_then(Mark::of).is_none() => {}
             _ => return None,
         }
         Some(())

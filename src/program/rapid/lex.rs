@@ -214,7 +214,7 @@ impl<'a> Cursor<'a> {
             match kind {
                 LexemeKind::Space => self.at += len,
                 LexemeKind::Comment => {
-                    self.mark = mark(&self.bytes[self.at + 1..self.at + len]).or(self.mark);
+                    self.mark = Mark::of(&self.bytes[self.at + 1..self.at + len]).or(self.mark);
                     self.at += len;
                 }
                 _ => return,
@@ -266,20 +266,6 @@ impl<'a> Cursor<'a> {
 
     pub(super) fn text(&self, lexeme: Lexeme) -> &'a [u8] {
         &self.bytes[lexeme.start..lexeme.end]
-    }
-}
-
-/// `! deflex air`, `! deflex cut`: the comment's text after `!`.
-pub(super) fn mark(comment: &[u8]) -> Option<Mark> {
-    let mut words = comment.split(|b| b.is_ascii_whitespace()).filter(|w| !w.is_empty());
-    if !words.next()?.eq_ignore_ascii_case(b"deflex") {
-        return None;
-    }
-    let word = words.next()?;
-    match word {
-        _ if word.eq_ignore_ascii_case(b"air") => Some(Mark::Air),
-        _ if word.eq_ignore_ascii_case(b"cut") => Some(Mark::Cut),
-        _ => None,
     }
 }
 

@@ -3,7 +3,7 @@
 
 use super::Site;
 use super::literal::{Literal, POSE};
-use super::writer::{Pose, Writer, single, toward, turned};
+use super::writer::{Pose, Writer, single, toward};
 use crate::program::token::MAX_DECIMALS;
 use crate::program::{Change, Editable, Goal, RewriteOptions};
 use crate::text::number::{Fixed, Leading, Numbers, Printed, read_leading};
@@ -116,7 +116,7 @@ impl Writer<'_> {
                 continue;
             };
             let Goal::Pose { quat: is, conf, .. } = self.program.targets[from + k].goal else { continue };
-            let Some(quat) = change.quat.filter(|quat| turned(*quat, is)) else { continue };
+            let Some(quat) = change.turn(is) else { continue };
             if change.conf.is_some_and(|wanted| Some(wanted) != conf) || change.external.is_some() {
                 continue;
             }
@@ -198,7 +198,7 @@ impl Writer<'_> {
             return None;
         }
         let [x, y, z] = change.position_mm;
-        let turn = change.quat.filter(|wanted| turned(*wanted, is)).map(|wanted| toward(wanted, is));
+        let turn = change.turn(is).map(|wanted| toward(wanted, is));
         let [q1, q2, q3, q4] = turn.unwrap_or(is);
         let wanted = [x, y, z, q1, q2, q3, q4];
         let edited = if turn.is_some() { POSE } else { 3 };

@@ -6,7 +6,6 @@ use super::axes::as_written;
 use super::chunk::Chunk;
 use super::index::{hash, target};
 use super::kinds::{Meaning, Motion, words};
-use super::lex;
 use super::lines::line_of;
 use super::literal::Literal;
 use super::named::Declarations;
@@ -104,7 +103,7 @@ pub(super) fn read(chunk: &Chunk) -> Option<Read> {
             None if line.contains(&b'\r') && !line.ends_with(b"\r\n") => return None,
             None => continue,
             Some(b'!') => {
-                read.mark = lex::mark(&text[1..]).or(read.mark);
+                read.mark = Mark::of(&text[1..]).or(read.mark);
                 if text.contains(&b'\r') {
                     return None;
                 }

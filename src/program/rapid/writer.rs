@@ -9,9 +9,6 @@ use crate::program::{Change, Editable, Goal, Program, Reason, RewriteOptions};
 use crate::text::{Content, Edit, Span, Token};
 use std::collections::{BTreeSet, HashSet};
 
-/// Orientations closer than this are equal; it allows for rounding between reading and writing.
-const SAME_QUAT: f64 = 1e-12;
-
 /// New token texts of one literal; `None` for tokens that stay.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Print {
@@ -66,13 +63,9 @@ impl<'a> Writer<'a> {
 
     /// Whether a change differs from the text.
     pub(super) fn differs(&self, i: usize, change: &Change) -> bool {
-        let Goal::Pose { position_mm, quat, conf } = self.program.targets[i].goal else { return true };
-        #[allow(clippy::float_cmp)] // the very number that was read means no change
-        let moved = change.position_mm != position_mm;
-        moved
-            || change.quat.is_some_and(|q| turned(q, quat))
-            || change.conf.is_some() && change.conf != conf
-            || change.external.is_some()
+        let goal = &self.program.targets[i].goal;
+        let conf = if let Goal::Pose { conf, .. } = goal { *conf } else { None };
+        change.differs(goal) || change.conf.is_some() && change.conf != conf || change.external.is_some()
     }
 
     /// The new tokens of a literal for the change of one user.
@@ -83,7 +76,7 @@ impl<'a> Writer<'a> {
             let new = New::of(self.token(literal, axis), change.position_mm[axis], self.options.position_decimals);
             (print.tokens[axis], print.values[axis]) = (new.token, new.value);
         }
-        if let Some(wanted) = change.quat.filter(|q| turned(*q, quat)) {
+        if let Some(wanted) = change.turn(quat) {
             for (c, value) in toward(wanted, quat).into_iter().enumerate() {
                 let new = New::of(self.token(literal, 3 + c), value, self.options.quat_decimals);
                 (print.tokens[3 + c], print.values[3 + c]) = (new.token, new.value);
@@ -151,13 +144,6 @@ impl<'a> Writer<'a> {
         };
         (std::array::from_fn(value), std::array::from_fn(|i| value(i + 3)))
     }
-}
-
-/// Whether two unit quaternions differ in orientation.
-pub(super) fn turned(a: [f64; 4], b: [f64; 4]) -> bool {
-    let a = unit(a);
-    let same = |sign: f64| a.iter().zip(&b).all(|(a, b)| (a - sign * b).abs() <= SAME_QUAT);
-    !same(1.0) && !same(-1.0)
 }
 
 /// A unit quaternion of the same orientation, with the signs of another.

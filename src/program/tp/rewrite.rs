@@ -10,9 +10,6 @@ use crate::program::{Change, Conf, Editable, Goal, Insert, Program, Reason, Rewr
 use crate::text::{Content, Edit, Span, Token};
 use std::collections::BTreeSet;
 
-/// Two orientations closer than this are the same: rounding of the arithmetic between reading and writing.
-const SAME_QUAT: f64 = 1e-12;
-
 /// New token texts of one position; `None` where a token stays.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Print {
@@ -150,10 +147,9 @@ impl Writer<'_> {
 
     /// Whether a change asks for anything else than what is there.
     fn differs(&self, i: usize, change: &Change) -> bool {
-        let Goal::Pose { position_mm, quat, conf } = self.program.targets[i].goal else { return true };
-        #[allow(clippy::float_cmp)] // the very number that was read means no change
-        let moved = change.position_mm != position_mm;
-        moved || change.quat.is_some_and(|q| turned(q, quat)) || change.conf.is_some() && change.conf != conf
+        let goal = &self.program.targets[i].goal;
+        let conf = if let Goal::Pose { conf, .. } = goal { *conf } else { None };
+        change.differs(goal) || change.conf.is_some() && change.conf != conf
     }
 
     /// New tokens of a position for one user's change.
@@ -168,7 +164,7 @@ impl Writer<'_> {
         for (at, value) in change.position_mm.into_iter().enumerate() {
             put(&mut print, at, value);
         }
-        if let Some(wanted) = change.quat.filter(|wanted| turned(*wanted, quat)) {
+        if let Some(wanted) = change.turn(quat) {
             let [r, p, w] = zyx_deg(&rotation(wanted));
             let [w0, p0, r0] = [pose.values[3], pose.values[4], pose.values[5]];
             for (at, value) in nearest([w, p, r], [w0, p0, r0]).into_iter().enumerate() {
@@ -208,10 +204,4 @@ impl Writer<'_> {
         let turned = print.is_some_and(|print| print.turned);
         ([x, y, z], if turned { quaternion(&from_zyx_deg([r, p, w])) } else { quat })
     }
-}
-
-/// Whether two unit quaternions are different orientations.
-fn turned(a: [f64; 4], b: [f64; 4]) -> bool {
-    let same = |sign: f64| a.iter().zip(&b).all(|(a, b)| (a - sign * b).abs() <= SAME_QUAT);
-    !same(1.0) && !same(-1.0)
 }
