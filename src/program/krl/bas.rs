@@ -10,7 +10,6 @@ use super::symbols::MODAL;
 use super::value::{Step, Value, upper};
 use crate::program::Reason;
 use crate::text::{Diagnostic, Severity};
-use std::rc::Rc;
 
 impl<'a> Runner<'a> {
     /// What spline inline forms use: `STOOL2(FP1)`, `SBASE(FP1.BASE_NO)`, `SVEL_CP(2.0, , LCPDAT1)`.
@@ -25,10 +24,10 @@ impl<'a> Runner<'a> {
             }
             b"SBASE" => self.table(b"BASE_DATA", &value),
             b"SLOAD" => self.table(b"LOAD_DATA", &value),
-            b"SORI_TYP" => value.component(b"ORI_TYP").cloned().unwrap_or(Value::unknown(Reason::Computed)),
-            b"SCIRC_TYP" => value.component(b"CIRC_TYP").cloned().unwrap_or(Value::unknown(Reason::Computed)),
+            b"SORI_TYP" => value.part(b"ORI_TYP"),
+            b"SCIRC_TYP" => value.part(b"CIRC_TYP"),
             b"SCIRC_M" => Value::unknown(Reason::Computed),
-            b"SVEL_CP" => Value::Record(Rc::new(vec![(upper(b"CP"), value)])),
+            b"SVEL_CP" => Value::record([(&b"CP"[..], value)]),
             _ => value,
         }
     }
@@ -89,10 +88,9 @@ impl<'a> Runner<'a> {
             }
             b"CP_DAT" => {
                 let id = self.symbols.find(self.here(), &upper(b"LDAT_ACT"));
-                let speed = self.value(id).component(b"VEL").cloned().unwrap_or(Value::unknown(Reason::Computed));
-                self.set_speed(speed);
-                let distance =
-                    self.value(id).component(b"APO_DIST").cloned().unwrap_or(Value::unknown(Reason::Computed));
+                let act = self.value(id);
+                self.set_speed(act.part(b"VEL"));
+                let distance = act.part(b"APO_DIST");
                 self.pin(&distance);
                 self.set(self.symbols.approximation, b"CDIS", distance);
                 self.orientation_of_act();
@@ -162,11 +160,9 @@ impl<'a> Runner<'a> {
         let id = self.symbols.find(self.here(), &upper(b"FDAT_ACT"));
         let act = self.value(id);
         self.tell_frames_elsewhere(&act);
-        let part = |name: &[u8]| act.component(name).cloned().unwrap_or(Value::unknown(Reason::Computed));
-        let (tool, base, mode) = (part(b"TOOL_NO"), part(b"BASE_NO"), part(b"IPO_FRAME"));
-        self.set_tool(&tool);
-        self.set_base(&base);
-        self.state.values.insert(self.symbols.mode, mode);
+        self.set_tool(&act.part(b"TOOL_NO"));
+        self.set_base(&act.part(b"BASE_NO"));
+        self.state.values.insert(self.symbols.mode, act.part(b"IPO_FRAME"));
     }
 
     /// Says once that the numbers of tool and base stand in none of the files, as those of `FHOME` do without `$config.dat`.

@@ -58,7 +58,7 @@ impl<'a> Runner<'a> {
         }
         for id in changes.ids.into_iter().filter(|id| !self.symbols.is_own_state(*id)).collect::<Vec<_>>() {
             let value = &self.symbols.start[id];
-            if matches!(value, Value::Number(..) | Value::Bool(_) | Value::Constant(_) | Value::Text(_)) {
+            if matches!(value, Value::Number(..) | Value::Bool(_) | Value::Constant(_)) {
                 let value = value.clone().forgotten(Reason::LastRun);
                 self.symbols.start[id] = value;
             }
@@ -123,8 +123,7 @@ impl<'a> Runner<'a> {
 
     /// Another frame may be in force: where the robot stands has other numbers in it. They still follow those of the motion before.
     pub(super) fn leave_frame(&mut self) {
-        let position = self.value(self.symbols.position).forgotten(Reason::BeforeInOtherFrame);
-        self.state.values.insert(self.symbols.position, position);
+        self.lose(self.symbols.position, Reason::BeforeInOtherFrame);
     }
 
     pub(super) fn arguments<'e>(&mut self, call: &'e Call) -> Vec<Argument<'e>> {
@@ -187,8 +186,7 @@ impl<'a> Runner<'a> {
         for argument in arguments {
             self.pin(&argument.value);
             if let (Some(path), true) = (&argument.path, changed) {
-                let value = self.value(path.id).forgotten(Reason::ByReceiver);
-                self.state.values.insert(path.id, value);
+                self.lose(path.id, Reason::ByReceiver);
             }
         }
     }
@@ -234,8 +232,7 @@ impl<'a> Runner<'a> {
         let mut held = Vec::new();
         for path in (0..params.len()).filter_map(lent) {
             held.push((path.id, self.value(path.id)));
-            let value = self.value(path.id).forgotten(Reason::LentToParameter);
-            self.state.values.insert(path.id, value);
+            self.lose(path.id, Reason::LentToParameter);
         }
         // Where an interrupt may leave it half done, what follows runs even if it has no end.
         let before = self.resumes.then(|| self.state.clone());
@@ -258,8 +255,7 @@ impl<'a> Runner<'a> {
         for i in 0..params.len() {
             let Some(path) = lent(i).cloned() else { continue };
             if aliased[i] || self.resumes {
-                let value = self.value(path.id).forgotten(Reason::UnderTwoNames);
-                self.state.values.insert(path.id, value);
+                self.lose(path.id, Reason::UnderTwoNames);
             } else if let Some(left) = left.get(i) {
                 self.assign(&path, left.value.clone(), None);
             }
@@ -280,7 +276,7 @@ impl<'a> Runner<'a> {
     ) -> bool {
         let Some(path) = lent(param) else { return false };
         let twice = (0..params).any(|other| other != param && lent(other).is_some_and(|other| other.id == path.id));
-        twice || changes.ids.contains(&path.id) || changes.anything && self.symbols.visible().contains(&path.id)
+        twice || self.changed_ids(changes).contains(&path.id)
     }
 
     /// What a TRIGGER starts runs some time while the program goes on: what it changes is not known from here.
@@ -301,9 +297,6 @@ impl<'a> Runner<'a> {
         if changes.anything {
             self.tell_started(run);
         }
-        self.state.loosen(changes.ids.iter().copied());
-        if changes.anything {
-            self.state.loosen(self.symbols.visible());
-        }
+        self.state.loosen(self.changed_ids(&changes));
     }
 }

@@ -186,30 +186,28 @@ impl<'a> Runner<'a> {
 
     /// Makes unknown what may have changed.
     pub(super) fn forget(&mut self, changes: &Changes, why: Reason) {
-        let mut ids: BTreeSet<Id> = changes.ids.clone();
-        if changes.anything {
-            ids.extend(self.symbols.visible());
-        }
-        for id in ids {
-            let value = if self.symbols.is_table(id) {
-                self.value(id).all_forgotten(why)
+        for id in self.changed_ids(changes) {
+            if self.symbols.is_table(id) {
+                let value = self.value(id).all_forgotten(why);
+                self.state.values.insert(id, value);
             } else {
-                self.value(id).forgotten(why)
-            };
-            self.state.values.insert(id, value);
+                self.lose(id, why);
+            }
         }
+    }
+
+    /// Variables that may have changed.
+    pub(super) fn changed_ids(&self, changes: &Changes) -> BTreeSet<Id> {
+        let all = if changes.anything { self.symbols.visible() } else { Vec::new() };
+        changes.ids.iter().copied().chain(all).collect()
     }
 
     /// Whether what may be changed has a say in an expression.
     pub(super) fn depends(&mut self, on: &Expression, changes: &Changes) -> bool {
-        let mut found = false;
+        let (mut found, changed) = (false, self.changed_ids(changes));
         on.each(&mut |part| {
             found |= match part {
-                Part::Path(path) => {
-                    let id = self.resolve(&path.name);
-                    let any = || changes.anything && self.symbols.visible().contains(&id);
-                    path.name.first() == Some(&b'$') || changes.ids.contains(&id) || any()
-                }
+                Part::Path(path) => path.name.first() == Some(&b'$') || changed.contains(&self.resolve(&path.name)),
                 Part::Call(_) => true,
                 Part::Other(_) => false,
             }
@@ -233,10 +231,7 @@ impl<'a> Runner<'a> {
                     self.tell_started(run);
                     self.frames.pop();
                 }
-                self.volatile.extend(changes.ids);
-                if changes.anything {
-                    self.volatile.extend(self.symbols.visible());
-                }
+                self.volatile.extend(self.changed_ids(&changes));
             }
         }
     }

@@ -5,7 +5,7 @@
 //! last. A position that names all six numbers is the same whatever stands before it, so that the other lines mean what that
 //! one does. Whatever is not like that is read whole.
 
-use super::like::{Axes, Like, Reader, is_speed, layout, line_ends, moved_axes};
+use super::like::{Axes, Lead, Like, Reader, is_speed, layout, line_ends, moved_axes};
 use super::{Layout, dialect, lex};
 use crate::program::{Language, Mark, Next, Predecessor, Program, StreamableChunk, Target, detect};
 use crate::text::{Source, Span};
@@ -40,8 +40,7 @@ pub struct Chunks<R> {
     /// Line ends before it.
     lines: usize,
     motions: u32,
-    mark: Option<Mark>,
-    speed: Vec<u8>,
+    lead: Lead,
     /// The last line of a kind.
     last: Option<(Arc<Like>, Vec<u8>)>,
     /// What stands after it.
@@ -109,8 +108,7 @@ impl<R: Read> Chunks<R> {
             cut: 0,
             lines: 0,
             motions: 0,
-            mark: None,
-            speed: Vec::new(),
+            lead: Lead::default(),
             last: None,
             tail: None,
             ended: false,
@@ -200,7 +198,7 @@ impl<R: Read> Chunks<R> {
         let after = &self.rest[self.cut..];
         let (mut like, line) = self.last.take().filter(|_| after.len() <= HEAD)?;
         if !like.fits(line.trim_ascii()) {
-            like = Arc::new(self.reader.like_instead(&like, &line)?);
+            like = Arc::new(self.reader.like(&like.lead, &line)?);
         }
         let (program, from) = self.reader.tail(&like, &line, after, (self.lines, self.motions))?;
         let source = program.sources[0].clone();
@@ -228,7 +226,7 @@ impl<R: Read> Chunks<R> {
         let (mut at, mut lines, mut last_line) = (0, 0, None);
         let mut like: Option<Arc<Like>> = None;
         // What holds after the last line of a kind.
-        let (mut mark, mut speed) = (self.mark, self.speed.clone());
+        let mut lead = self.lead.clone();
         while cut.bytes < self.chunk {
             let line = next_line(&rest[at..]).filter(|line| line.last() == Some(&b'\n') || whole);
             let Some(line) = line else {
@@ -245,19 +243,19 @@ impl<R: Read> Chunks<R> {
                 _ if !is_motion(line) && own.contains(&b'\r') => return None,
                 None => {}
                 Some(b';') => {
-                    mark = Mark::of(&text[1..]).or(mark);
+                    lead.mark = Mark::of(&text[1..]).or(lead.mark);
                     like = None;
                 }
                 Some(_) if is_speed(text) => {
-                    speed = text.to_vec();
+                    lead.speed = text.to_vec();
                     like = None;
                 }
                 Some(_) if is_motion(line) => {
                     if !like.as_ref().is_some_and(|like| like.looks_like(text)) {
-                        let known = self.kinds.iter().find(|like| like.holds(&speed, mark) && like.fits(text)).cloned();
+                        let known = self.kinds.iter().find(|like| like.lead == lead && like.fits(text)).cloned();
                         let found = match known {
                             Some(known) => known,
-                            None if self.kinds.len() < MOST_KINDS => match self.reader.like(&speed, mark, line) {
+                            None if self.kinds.len() < MOST_KINDS => match self.reader.like(&lead, line) {
                                 Some(found) => {
                                     self.kinds.push(Arc::new(found));
                                     Arc::clone(self.kinds.last()?)
@@ -272,9 +270,8 @@ impl<R: Read> Chunks<R> {
                     self.motions += 1;
                     last_line = Some(at..at + line.len());
                     (cut.bytes, cut.lines) = (at + line.len(), lines + 1);
-                    self.mark = mark;
-                    if self.speed != speed {
-                        self.speed.clone_from(&speed);
+                    if self.lead != lead {
+                        self.lead.clone_from(&lead);
                     }
                 }
                 Some(_) => break,
@@ -317,11 +314,11 @@ impl Chunk {
                 let start = at + (line.len() - line.trim_ascii_start().len());
                 let (mut kind, mut own) = (like?, like?.read(text, start));
                 if own.is_none() {
-                    let fits = |other: &&Like| other.holds_as(kind) && other.fits(text);
+                    let fits = |other: &&Like| other.lead == kind.lead && other.fits(text);
                     kind = match others.iter().find(fits) {
                         Some(other) => other,
                         None if others.len() < MOST_KINDS => {
-                            others.push(self.reader.like_instead(kind, line)?);
+                            others.push(self.reader.like(&kind.lead, line)?);
                             others.last()?
                         }
                         None => return None,

@@ -33,8 +33,13 @@ impl<'a> Runner<'a> {
 
     /// What a variable holds here.
     pub(super) fn value(&self, id: Id) -> Value {
-        let held = self.state.values.get(&id).or_else(|| self.symbols.start.get(id));
-        held.cloned().unwrap_or(Value::unknown(Reason::Unset))
+        self.state.at(id, &self.symbols.start).clone()
+    }
+
+    /// Something may have changed a variable.
+    pub(super) fn lose(&mut self, id: Id, why: Reason) {
+        let value = self.value(id).forgotten(why);
+        self.state.values.insert(id, value);
     }
 
     /// The same, unknown where it may change at any moment.
@@ -43,17 +48,12 @@ impl<'a> Runner<'a> {
     }
 
     pub(super) fn pin(&mut self, value: &Value) {
-        let pinned = &mut self.pinned;
-        value.places(&mut |place| {
-            pinned.insert(place);
-        });
+        self.pinned.extend(value.tokens());
     }
 
     /// Puts a value at a path; its numbers stay where the way there is not known.
     pub(super) fn put(&mut self, whole: &mut Value, path: &[Step], value: Value) {
-        whole.set(path, value, &mut |place| {
-            self.pinned.insert(place);
-        });
+        whole.set(path, value, &mut self.pinned);
     }
 
     /// The value of what is read where it stands: conditions, bounds, returned values.
@@ -75,14 +75,8 @@ impl<'a> Runner<'a> {
                 let fields = fields.iter().map(|(name, value)| (name.clone(), self.expression(value)));
                 Value::Record(Rc::new(fields.collect()))
             }
-            Expression::Not(of) => {
-                self.expression(of).bool().map_or(Value::unknown(Reason::Computed), |known| Value::Bool(!known))
-            }
-            Expression::Bracketed(of) => self.evaluate(of),
-            Expression::Chain(first, rest) => rest.iter().fold(self.expression(first), |value, (operator, other)| {
-                let other = self.expression(other);
-                self.pin(&value);
-                self.pin(&other);
+            Expression::Chain(first, rest) => rest.iter().fold(self.evaluate(first), |value, (operator, other)| {
+                let other = self.evaluate(other);
                 match operator {
                     Operator::Frame => chained(&value, &other).unwrap_or(Value::unknown(Reason::ChainOfUnknown)),
                     Operator::Other(operator) => operate(*operator, &value, &other),

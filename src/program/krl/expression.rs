@@ -2,10 +2,10 @@
 
 use super::lex::{Cursor, LexemeKind};
 use super::names;
-use super::value::{INERTIA, Name, NumberToken, POSE, Value, upper};
+use super::value::{INERTIA, Name, POSE, Value, upper};
 use crate::program::Reason;
 use crate::text::{Span, number};
-use deflex_lang::ir::Binary;
+use deflex_lang::ir::{Binary, SourceSpan};
 
 /// Brackets within one another.
 const MAX_DEPTH: usize = 40;
@@ -19,10 +19,7 @@ pub(super) enum Expression {
     Call(Box<Call>),
     /// `{[TYPE:] X 1.0, Y A, …}`
     Aggregate(Vec<(Name, Expression)>),
-    Not(Box<Expression>),
-    /// In round brackets.
-    Bracketed(Box<Expression>),
-    /// Operators of one level, from left to right.
+    /// Operators of one level, from left to right; none in round brackets.
     Chain(Box<Expression>, Vec<(Operator, Expression)>),
     /// What it is worth is known only at run time; what it reads.
     Unknown(Reason, Vec<Expression>),
@@ -105,7 +102,6 @@ impl Expression {
             Self::Path(path) => path.indices().collect(),
             Self::Call(call) => call.arguments.iter().flatten().collect(),
             Self::Aggregate(fields) => fields.iter().map(|(_, value)| value).collect(),
-            Self::Not(of) | Self::Bracketed(of) => vec![of],
             Self::Chain(first, rest) => std::iter::once(&**first).chain(rest.iter().map(|(_, of)| of)).collect(),
             Self::Unknown(_, parts) | Self::Refused(_, _, parts) => parts.iter().collect(),
         }
@@ -274,7 +270,7 @@ impl Cursor<'_> {
                 self.next();
                 let inner = self.deeper(Self::expression);
                 self.accept_mark(b')');
-                return Expression::Bracketed(Box::new(inner));
+                return Expression::Chain(Box::new(inner), Vec::new());
             }
             LexemeKind::Mark(b'#') => {
                 self.next();
@@ -286,7 +282,7 @@ impl Cursor<'_> {
                 match kind {
                     LexemeKind::Number => self.literal(lexeme.span()),
                     LexemeKind::Bits => bits(self.text(lexeme)),
-                    LexemeKind::Text => Value::Text(self.text(lexeme).into()),
+                    LexemeKind::Text => Value::unknown(Reason::Computed),
                     _ => Value::unknown(Reason::Expression),
                 }
             }
@@ -296,7 +292,7 @@ impl Cursor<'_> {
 
     fn word(&mut self) -> Expression {
         if self.accept_word(b"NOT") || self.accept_word(b"B_NOT") {
-            return Expression::Not(Box::new(self.deeper(Self::unary)));
+            return self.deeper(Self::unary).with(Binary::Equal, Expression::Known(Value::Bool(false)));
         }
         if self.is_at(b"TRUE") || self.is_at(b"FALSE") {
             let is_true = self.is_at(b"TRUE");
@@ -433,7 +429,7 @@ impl Cursor<'_> {
         let digits = text.strip_prefix(b"-").or_else(|| text.strip_prefix(b"+")).unwrap_or(text).trim_ascii_start();
         let known = |value: f64| if is_negative { -value } else { value };
         number::read(digits).map_or(Value::unknown(Reason::NotANumber), |value| {
-            Value::Number(known(value), NumberToken::new(self.source, span))
+            Value::Number(known(value), Some(SourceSpan { source: self.source, span }))
         })
     }
 }

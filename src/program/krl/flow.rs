@@ -1,29 +1,20 @@
 //! The steps of routines, in which `deflex_lang` finds what runs, and what each step does.
 
-use super::expression::{Expression, Setting};
+use super::expression::Expression;
 use super::run::Runner;
 use super::state::ModalState;
 use super::symbols::RoutineId;
 use super::tree::{File, Loop, Statement, StatementKind};
-use super::value::{Step as Part, Value};
+use super::value::Value;
 use crate::program::Reason;
 use deflex_lang::flow::{Builder, Flow};
 use deflex_lang::walk::{Machine, Meeting, Stop};
-use std::rc::Rc;
 
 /// Values that are compared and copied in about the time of a statement.
 pub(super) const VALUES_PER_STEP: usize = 256;
 
-/// What a node does.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Step<'a> {
-    /// Statements in a row, none of which decides what runs next.
-    Row(&'a [Statement]),
-    /// What WITH says of a spline begins to hold.
-    SplineBegins(&'a [Setting]),
-    SplineEnds,
-    Return(Option<&'a Expression>),
-}
+/// Statements in a row, none of which decides what runs next.
+type Row<'a> = &'a [Statement];
 
 /// What decides between two ways.
 #[derive(Clone, Copy, Debug)]
@@ -33,12 +24,12 @@ pub(super) enum Test<'a> {
     Round(&'a Loop),
 }
 
-type Steps<'a> = Builder<'a, Step<'a>, Test<'a>>;
+type Steps<'a> = Builder<'a, Row<'a>, Test<'a>>;
 
 /// The steps of all routines.
 #[derive(Debug, Default)]
 pub(super) struct Routines<'a> {
-    flow: Flow<Step<'a>, Test<'a>>,
+    flow: Flow<Row<'a>, Test<'a>>,
     /// Number of the first routine of each file.
     firsts: Vec<usize>,
 }
@@ -61,7 +52,6 @@ fn is_plain(statement: &Statement) -> bool {
         statement.kind,
         StatementKind::If(_)
             | StatementKind::Loop(_)
-            | StatementKind::Spline(..)
             | StatementKind::Jump(_)
             | StatementKind::Label(_)
             | StatementKind::Return(_)
@@ -70,17 +60,8 @@ fn is_plain(statement: &Statement) -> bool {
 }
 
 fn lay<'a>(steps: &mut Steps<'a>, block: &'a [Statement]) {
-    let mut rest = block;
-    while let Some(first) = rest.first() {
-        let plain = rest.iter().take_while(|statement| is_plain(statement)).count();
-        if plain > 0 {
-            let (row, next) = rest.split_at(plain);
-            steps.step(Step::Row(row));
-            rest = next;
-            continue;
-        }
-        lay_statement(steps, first);
-        rest = &rest[1..];
+    for row in block.chunk_by(|a, b| is_plain(a) && is_plain(b)) {
+        if is_plain(&row[0]) { steps.step(row) } else { lay_statement(steps, &row[0]) }
     }
 }
 
@@ -101,14 +82,9 @@ fn lay_statement<'a>(steps: &mut Steps<'a>, statement: &'a Statement) {
                 steps.branch(Test::Round(of), |_| (), Builder::leave);
             }
         }),
-        StatementKind::Spline(with, body) => {
-            steps.step(Step::SplineBegins(with));
-            lay(steps, body);
-            steps.step(Step::SplineEnds);
-        }
         StatementKind::Jump(to) => steps.jump(to),
         StatementKind::Label(name) => steps.label(name),
-        StatementKind::Return(value) => steps.returns(Step::Return(value.as_ref())),
+        StatementKind::Return(_) => steps.returns(std::slice::from_ref(statement)),
         StatementKind::Exit => steps.leave(),
         _ => {}
     }
@@ -126,14 +102,14 @@ pub(super) struct Found {
 }
 
 impl<'a> Machine for Runner<'a> {
-    type Step = Step<'a>;
+    type Step = Row<'a>;
     type Test = Test<'a>;
     type State = ModalState;
     type Mark = Found;
 
-    fn step(&mut self, _: usize, step: Step<'a>, state: &mut ModalState) -> Result<(), Stop> {
+    fn step(&mut self, _: usize, row: Row<'a>, state: &mut ModalState) -> Result<(), Stop> {
         self.state = std::mem::take(state);
-        let done = self.run_step(step);
+        let done = row.iter().try_for_each(|statement| self.count(statement.at).and_then(|()| self.simple(statement)));
         *state = std::mem::take(&mut self.state);
         done
     }
@@ -190,30 +166,6 @@ impl<'a> Runner<'a> {
     pub(super) fn walk(&mut self, id: RoutineId) -> Result<(), Stop> {
         let (routines, state) = (self.routines.clone(), std::mem::take(&mut self.state));
         self.state = deflex_lang::walk::walk(self, &routines.flow, routines.firsts[id.file] + id.at, state)?;
-        Ok(())
-    }
-
-    fn run_step(&mut self, step: Step<'a>) -> Result<(), Stop> {
-        match step {
-            Step::Row(statements) => {
-                for statement in statements {
-                    self.count(statement.at)?;
-                    self.simple(statement)?;
-                }
-            }
-            Step::SplineBegins(with) => {
-                let before: Vec<Value> = self.with(with).into();
-                let saved = before.into_iter().enumerate().map(|(at, value)| (at as i64, value)).collect();
-                self.state.values.insert(self.symbols.spline, Value::Array(Rc::new(saved)));
-            }
-            Step::SplineEnds => {
-                let saved = self.value(self.symbols.spline);
-                let item = |at: usize| saved.get(&[Part::Element(at as i64)]);
-                self.restore(&std::array::from_fn(item));
-                self.state.values.remove(&self.symbols.spline);
-            }
-            Step::Return(value) => value.into_iter().for_each(|value| drop(self.evaluate(value))),
-        }
         Ok(())
     }
 

@@ -163,33 +163,19 @@ fn line(program: &Program, layout: &Layout, insert: &Insert, barred: &[Barred]) 
     let after = text.get(point.range().end - target.span.range().start..).unwrap_or_default();
     let old = [a, b, c].map(|place| signed(bytes(program, place)).unwrap_or(0.0));
     let mut content = Vec::new();
-    let mut held = [0.0; 6];
-    let names: [&[u8]; 2] = if spline { [b"SLIN ", b"SCIRC "] } else { [b"LIN ", b"CIRC "] };
+    let names: [&[u8]; 2] = if spline { [b"SLIN {", b"SCIRC {"] } else { [b"LIN {", b"CIRC {"] };
     content.extend_from_slice(names[usize::from(insert.via.is_some())]);
     if let Some((position_mm, _)) = insert.via {
         // Its angles count for nothing.
         put(&mut content, POSE.iter().zip(position_mm), POSITION_DECIMALS);
-        content.extend_from_slice(b"},");
+        content.extend_from_slice(b"},{");
     }
-    for (to, value) in held.iter_mut().zip(put(&mut content, POSE.iter().zip(insert.position_mm), POSITION_DECIMALS)) {
-        *to = value;
-    }
-    content.push(b',');
-    let angles = near(zyx_deg(&rotation(insert.quat)), old);
-    let open = content.len();
-    let printed = put(&mut content, POSE[3..].iter().zip(angles), ANGLE_DECIMALS);
-    content.remove(open);
-    for (to, value) in held[3..].iter_mut().zip(printed) {
-        *to = value;
-    }
+    let position = put(&mut content, POSE.iter().zip(insert.position_mm), POSITION_DECIMALS);
+    let angles = POSE[3..].iter().zip(near(zyx_deg(&rotation(insert.quat)), old));
+    let angles = put(&mut content, angles, ANGLE_DECIMALS);
     let own = target.external.as_ref().map(|external| external.written);
-    for (name, axis) in EXTERNAL.iter().zip(insert.external.or(own).unwrap_or_default()) {
-        let Some(position) = axis else { continue };
-        content.push(b',');
-        let open = content.len();
-        put(&mut content, [(name, position)].into_iter(), POSITION_DECIMALS);
-        content.remove(open);
-    }
+    let axes = EXTERNAL.iter().zip(insert.external.or(own).unwrap_or_default());
+    put(&mut content, axes.filter_map(|(name, axis)| Some((name, axis?))), POSITION_DECIMALS);
     content.push(b'}');
     if !after.is_empty() {
         content.push(b' ');
@@ -198,17 +184,16 @@ fn line(program: &Program, layout: &Layout, insert: &Insert, barred: &[Barred]) 
     let (indent, line_end) = around(&program.sources[source].bytes, target.span);
     content.extend_from_slice(line_end);
     content.extend_from_slice(indent);
-    let [x, y, z, a, b, c] = held;
-    let pose = ([x, y, z], quaternion_of_zyx_deg([a, b, c]));
+    let held = |numbers: Vec<f64>| std::array::from_fn(|i| numbers[i]);
+    let pose = (held(position), quaternion_of_zyx_deg(held(angles)));
     Ok((source, Span { start: target.span.start, end: target.span.start }, content, pose))
 }
 
-/// `{X 1.000,Y 2.000`, and what single precision makes of the numbers.
+/// `X 1.000,Y 2.000` after a brace or other components, and what single precision makes of the numbers.
 fn put<'n>(out: &mut Vec<u8>, components: impl Iterator<Item = (&'n &'n [u8], f64)>, decimals: usize) -> Vec<f64> {
-    out.push(b'{');
     let mut held = Vec::new();
     for (name, value) in components {
-        if !held.is_empty() {
+        if out.last() != Some(&b'{') {
             out.push(b',');
         }
         out.extend_from_slice(name);

@@ -6,11 +6,12 @@ use super::lex;
 use super::run::Site;
 use super::syntax;
 use super::tree::{Statement, StatementKind};
-use super::value::{EXTERNAL, NumberToken, POSE, upper};
+use super::value::{EXTERNAL, POSE, upper};
 use crate::program::EXTERNAL_AXES;
 use crate::program::orientation::quaternion_of_zyx_deg;
 use crate::program::{Editable, ExternalAxes, Goal, Mark, Motion, Program, Role, Target, Tool, Wobj};
 use crate::text::{Diagnostic, Source, Span, number};
+use deflex_lang::ir::SourceSpan;
 use std::sync::Arc;
 
 /// Ends a program that is not there to its end.
@@ -22,8 +23,7 @@ const AFTER: [&[u8]; 8] = [b"PTP", b"LIN", b"SPTP", b"SLIN", b"HALT", b"WAIT", b
 /// A kind of line.
 #[derive(Debug)]
 pub(super) struct Like {
-    speed: Vec<u8>,
-    mark: Option<Mark>,
+    pub(super) lead: Lead,
     columns: Vec<Column>,
     /// What stands after the last.
     after: Vec<u8>,
@@ -34,6 +34,22 @@ pub(super) struct Like {
     target: Target,
     tool: Tool,
     wobj: Wobj,
+}
+
+/// What holds before a line and does not stand in it.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Lead {
+    /// The line that sets it; empty for that of the head.
+    pub(super) speed: Vec<u8>,
+    pub(super) mark: Option<Mark>,
+}
+
+impl Lead {
+    fn text(&self) -> Vec<u8> {
+        let speed: &[u8] = if self.speed.is_empty() { b"" } else { b"\n" };
+        let mark = self.mark.map_or(String::new(), |mark| format!("; {}\n", mark.comment()));
+        [&self.speed, speed, mark.as_bytes()].concat()
+    }
 }
 
 /// What a number of a line is.
@@ -131,7 +147,7 @@ impl Reader {
         for (target, other) in program.targets.iter_mut().zip(reader.program(&[line, END])?.targets) {
             target.external = other.external;
         }
-        reader.like(&[], None, line)?;
+        reader.like(&Lead::default(), line)?;
         Some((reader, program))
     }
 
@@ -173,28 +189,17 @@ impl Reader {
         Some(program).filter(|_| known)
     }
 
-    /// The lines that hold before another one.
-    fn lead(speed: &[u8], mark: Option<Mark>) -> Vec<u8> {
-        let mark = mark.map_or(String::new(), |mark| format!("; {}\n", mark.comment()));
-        [speed, if speed.is_empty() { b"" } else { b"\n" }, mark.as_bytes()].concat()
-    }
-
-    /// The kind of a line that only looked like one of another kind.
-    pub(super) fn like_instead(&self, other: &Like, line: &[u8]) -> Option<Like> {
-        self.like(&other.speed, other.mark, line)
-    }
-
     /// The kind of a line after this speed and mark.
-    pub(super) fn like(&self, speed: &[u8], mark: Option<Mark>, line: &[u8]) -> Option<Like> {
-        let lead = Self::lead(speed, mark);
-        let mut program = self.program(&[&lead, line, END]).filter(|program| self.knows_axes_of(program))?;
+    pub(super) fn like(&self, lead: &Lead, line: &[u8]) -> Option<Like> {
+        let before = lead.text();
+        let mut program = self.program(&[&before, line, END]).filter(|program| self.knows_axes_of(program))?;
         if program.motion_targets() != self.motions + 1 || program.targets.len() != self.targets + 1 {
             return None;
         }
         let site = *layout(&mut program)?.sites.last()?;
         let target = program.targets.pop()?;
         let plain = target.motion == Motion::Linear && target.role == Role::End && target.editable == Editable::Pose;
-        let start = self.head.len() + lead.len() + (line.len() - line.trim_ascii_start().len());
+        let start = self.head.len() + before.len() + (line.len() - line.trim_ascii_start().len());
         let text = line.trim_ascii();
         // A mark after it would hold for what follows.
         let marked = lex::lines(line).any(|line| line.mark.is_some());
@@ -206,8 +211,7 @@ impl Reader {
         let code = (target.span.end as usize).checked_sub(start + at)?;
         let tool = program.tools.get(usize::from(target.tool))?.clone();
         let wobj = program.wobjs.get(usize::from(target.wobj))?.clone();
-        let speed = speed.to_vec();
-        let like = Like { speed, mark, columns, after, code, used: self.used, target, tool, wobj };
+        let like = Like { lead: lead.clone(), columns, after, code, used: self.used, target, tool, wobj };
         // What a line does not name it has from the line before it, whatever kind that is of.
         let names = |axis: usize| like.columns.iter().any(|(_, number)| *number == Number::Axis(axis));
         let has = |axis: usize| like.target.external.as_ref().is_some_and(|axes| axes.written[axis].is_some());
@@ -242,7 +246,7 @@ impl Reader {
         }
         // What stands after the last line of a kind begins on a line of its own.
         let begun: &[u8] = if line.ends_with(b"\n") { b"" } else { b"\n" };
-        let lead = Self::lead(&like.speed, like.mark);
+        let lead = like.lead.text();
         let mut program = self.program(&[&lead, line, begun, after])?;
         let from = self.head.len() + lead.len() + line.len() + begun.len();
         let mut source = program.sources[0].clone();
@@ -251,7 +255,7 @@ impl Reader {
         program.literal_targets = program.literal_targets.checked_sub(self.literals + 1)?;
         let layout = layout(&mut program)?;
         let sites = layout.sites.split_off(of_head);
-        let begins = |place: &NumberToken| place.span().start as usize >= from;
+        let begins = |place: &SourceSpan| place.span.start as usize >= from;
         if !sites.iter().flat_map(|site| &site.tokens).flatten().all(begins) {
             return None;
         }
@@ -274,16 +278,6 @@ impl Reader {
 }
 
 impl Like {
-    /// Whether it is that of lines after this speed and mark.
-    pub(super) fn holds(&self, speed: &[u8], mark: Option<Mark>) -> bool {
-        self.speed == speed && self.mark == mark
-    }
-
-    /// The same for lines after the speed and the mark of another kind.
-    pub(super) fn holds_as(&self, other: &Self) -> bool {
-        self.holds(&other.speed, other.mark)
-    }
-
     /// Whether a line, without blanks at its ends, begins and ends as those of this kind: what is between is seen when it is
     /// read.
     pub(super) fn looks_like(&self, text: &[u8]) -> bool {
@@ -317,7 +311,7 @@ impl Like {
         let each = |number, at: usize, (value, len)| match number {
             Number::Pose(component) => {
                 numbers[component] = value;
-                site.tokens[component] = NumberToken::new(0, Span::new(start + at, start + at + len));
+                site.tokens[component] = Some(SourceSpan { source: 0, span: Span::new(start + at, start + at + len) });
             }
             Number::Axis(axis) => axes[axis] = Some(value),
             Number::Status => {}

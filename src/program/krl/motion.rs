@@ -3,10 +3,11 @@
 use super::expression::Expression;
 use super::run::{Runner, Site};
 use super::tree::Move;
-use super::value::{AXES, EXTERNAL, Name, NumberToken, POSE, Value};
+use super::value::{AXES, EXTERNAL, Name, POSE, Value};
 use crate::program::orientation::{from_zyx_deg, halfway, quaternion, quaternion_of_zyx_deg};
 use crate::program::{Conf, Editable, Goal, Mark, Motion, Predecessor, Reason, Role, Status, Target};
 use crate::text::Span;
+use deflex_lang::ir::SourceSpan;
 use std::sync::Arc;
 
 /// Status and turn.
@@ -15,7 +16,7 @@ const STATUS: [&[u8]; 2] = [b"S", b"T"];
 /// A position as a motion takes it.
 struct Position {
     numbers: [f64; 6],
-    places: [Option<NumberToken>; 6],
+    places: [Option<SourceSpan>; 6],
     /// Those that it, or a motion before, names.
     external: [Option<Value>; 6],
 }
@@ -163,10 +164,9 @@ impl Runner<'_> {
             _ => Value::Number(*v, place),
         });
         let external = to.external.each_ref().map(|axis| axis.as_ref().and_then(Value::number));
-        let named = EXTERNAL.iter().zip(to.external.clone()).filter_map(|(name, axis)| Some((name, axis?)));
-        let all = POSE.iter().zip(numbers).chain(named);
-        let record = all.map(|(name, value)| (Name::from_slice(name), value)).collect();
-        self.state.values.insert(self.symbols.position, Value::Record(std::rc::Rc::new(record)));
+        let named = EXTERNAL.into_iter().zip(to.external.clone()).filter_map(|(name, axis)| Some((name, axis?)));
+        let record = Value::record(POSE.into_iter().zip(numbers).chain(named));
+        self.state.values.insert(self.symbols.position, record);
         self.note_orientation(&to, turns.is_ok());
         let approximation_mm = self.value(self.symbols.approximation).component(b"CDIS").and_then(Value::number);
         self.push(target, Site { tokens: to.places, approximation_mm }, external);
@@ -179,8 +179,7 @@ impl Runner<'_> {
             let angles = POSE[3..].iter().zip(&to.numbers[3..]).map(|(name, v)| (*name, Value::Number(*v, None)));
             let frames = [(&b"BASE"[..], self.symbols.base), (b"TOOL", self.symbols.tool)];
             let frames = frames.map(|(name, id)| (name, self.value(id)));
-            let all = angles.chain(frames).map(|(name, value)| (Name::from_slice(name), value));
-            Value::Record(std::rc::Rc::new(all.collect()))
+            Value::record(angles.chain(frames))
         } else {
             Value::unknown(Reason::OrientationDisregarded)
         };
@@ -249,8 +248,7 @@ impl Runner<'_> {
         }
         let (tool, wobj) = (self.tool_index()?, self.wobj_index()?);
         let target = self.target_here(Goal::Joints { deg }, [tool, wobj], span);
-        let external = EXTERNAL.iter().filter_map(|name| Some((Name::from_slice(name), end.component(name)?.clone())));
-        let record = Value::Record(std::rc::Rc::new(external.collect()));
+        let record = Value::record(EXTERNAL.into_iter().filter_map(|name| Some((name, end.component(name)?.clone()))));
         let at = EXTERNAL.map(|name| end.component(name).and_then(Value::number));
         self.state.values.insert(self.symbols.position, record);
         self.state.values.insert(self.symbols.turned, Value::unknown(Reason::BeforeOnAxes));
@@ -412,6 +410,6 @@ fn axes(value: &Value) -> Result<Option<[f64; 6]>, Reason> {
     value.numbers(AXES).map(Some).ok_or(Reason::AxesMissing)
 }
 
-fn place(value: &Value) -> Option<NumberToken> {
+fn place(value: &Value) -> Option<SourceSpan> {
     if let Value::Number(_, place) = value { *place } else { None }
 }

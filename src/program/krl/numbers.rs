@@ -1,7 +1,7 @@
 //! Number tokens of positions: where they stand, and with how many decimals they are written.
 
-use super::value::NumberToken;
 use crate::program::Program;
+use deflex_lang::ir::SourceSpan;
 
 /// Least decimals of a position, mm: half of the last digit is below what a robot repeats by two orders.
 pub(super) const POSITION_DECIMALS: usize = 3;
@@ -9,13 +9,13 @@ pub(super) const POSITION_DECIMALS: usize = 3;
 pub(super) const ANGLE_DECIMALS: usize = 5;
 
 /// The text of a number.
-pub(super) fn bytes(program: &Program, place: NumberToken) -> &[u8] {
-    program.sources[usize::from(place.source)].slice(place.span())
+pub(super) fn bytes(program: &Program, place: SourceSpan) -> &[u8] {
+    program.sources[usize::from(place.source)].slice(place.span)
 }
 
 /// Whether nothing but its sign parts a number from the name before it.
-pub(super) fn follows_a_name(program: &Program, place: NumberToken) -> bool {
-    let before = program.sources[usize::from(place.source)].bytes.get(..place.span().start as usize);
+pub(super) fn follows_a_name(program: &Program, place: SourceSpan) -> bool {
+    let before = program.sources[usize::from(place.source)].bytes.get(..place.span.start as usize);
     before.and_then(<[u8]>::last).is_some_and(|byte| byte.is_ascii_alphanumeric() || *byte == b'_' || !byte.is_ascii())
 }
 

@@ -88,7 +88,7 @@ impl FrontEnd for Layout {
             for (place, token) in site.tokens.iter().zip(own.tokens) {
                 let (Some(place), Some(token)) = (place, token) else { continue };
                 if apart || done.insert(*place) {
-                    let edit = Edit { span: place.span(), content: Content::from_slice(&token) };
+                    let edit = Edit { span: place.span, content: Content::from_slice(&token) };
                     out.edits[usize::from(place.source)].push(edit);
                 }
             }
@@ -135,10 +135,10 @@ fn together(program: &Program, site: &Site, own: &NewTokens) -> Option<(usize, E
     let (first, token) = changed.next()?;
     let source = usize::from(first.source);
     let text = &program.sources[source].bytes;
-    let (start, mut end) = (first.span().start as usize, first.span().end as usize);
+    let (start, mut end) = (first.span.start as usize, first.span.end as usize);
     let mut content = Content::from_slice(token);
     for (place, token) in changed {
-        let own = place.span().range();
+        let own = place.span.range();
         let between = text.get(end..own.start).filter(|_| place.source == first.source && own.end - start <= NEAR)?;
         // What a point between two targets goes before is at the start of a line.
         if memchr::memchr2(b'\n', b'\r', between).is_some() {

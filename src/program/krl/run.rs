@@ -5,9 +5,10 @@ use super::lex::Cursor;
 use super::state::{Changes, Id, ModalState};
 use super::symbols::{RoutineId, Symbols};
 use super::tree::{File, Loop, Routine, Statement, StatementKind};
-use super::value::{Name, NumberToken, Value, upper};
+use super::value::{Name, Step, Value, upper};
 use crate::program::{Kept, Mark, Reason, Target, Tool, UnknownMotion, Wobj};
 use crate::text::{Diagnostic, LineIndex, Severity, Source, Span, decode};
+use deflex_lang::ir::SourceSpan;
 use deflex_lang::walk::Stop;
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::rc::Rc;
@@ -43,7 +44,7 @@ pub(super) struct Left {
 /// Where a target's six numbers stand: X Y Z A B C; `None` for one that stands nowhere.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Site {
-    pub(crate) tokens: [Option<NumberToken>; 6],
+    pub(crate) tokens: [Option<SourceSpan>; 6],
     /// `$APO.CDIS` when the motion runs, mm, where it is known.
     pub(crate) approximation_mm: Option<f64>,
 }
@@ -69,7 +70,7 @@ pub(super) struct Runner<'a> {
     pub(super) most_targets: usize,
     pub(super) entered: HashSet<RoutineId>,
     /// Numbers that something else than a motion reads.
-    pub(super) pinned: HashSet<NumberToken>,
+    pub(super) pinned: HashSet<SourceSpan>,
     /// Data that may change at any moment.
     pub(super) volatile: HashSet<Id>,
     /// Routines that may run at any moment, or again while they run.
@@ -315,7 +316,19 @@ impl<'a> Runner<'a> {
             StatementKind::Relative(why, to) => self.relative(to, statement.at, *why),
             StatementKind::Trigger(started) => self.trigger(started),
             StatementKind::Proceed => self.state.proceeds = true,
-            StatementKind::Harmless(parts) => parts.iter().for_each(|part| drop(self.evaluate(part))),
+            StatementKind::Harmless(parts) | StatementKind::Return(parts) => {
+                parts.iter().for_each(|part| drop(self.evaluate(part)));
+            }
+            StatementKind::SplineBegins(with) => {
+                let before: Vec<Value> = self.with(with).into();
+                let saved = before.into_iter().enumerate().map(|(at, value)| (at as i64, value)).collect();
+                self.state.values.insert(self.symbols.spline, Value::Array(Rc::new(saved)));
+            }
+            StatementKind::SplineEnds => {
+                let saved = self.value(self.symbols.spline);
+                self.restore(&std::array::from_fn(|at| saved.get(&[Step::Element(at as i64)])));
+                self.state.values.remove(&self.symbols.spline);
+            }
             StatementKind::NotUnderstood(_) => {
                 self.keep(self.here(), statement.at, Reason::NotUnderstood);
                 let ids = statement.names().into_iter().map(|name| self.resolve(name)).collect();

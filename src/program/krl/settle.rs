@@ -3,9 +3,10 @@
 use super::expression::{Expression, Part};
 use super::run::{Runner, Site};
 use super::tree::{Statement, walk};
-use super::value::{EXTERNAL, NumberToken, Value};
+use super::value::{EXTERNAL, Value};
 use crate::program::{Editable, ExternalAxes, Motion, Reason, Role};
 use crate::text::Span;
+use deflex_lang::ir::SourceSpan;
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
@@ -37,19 +38,16 @@ impl Runner<'_> {
         loop {
             let before = self.pinned.len();
             for i in 0..self.targets.len() {
-                let arc = self.targets[i].role == Role::Via && i + 1 < self.targets.len();
-                let reasons = [Some(i), arc.then_some(i + 1)].map(|at| self.fixed(at?));
-                let places = |at: usize, tokens: std::ops::Range<usize>| self.sites[at].tokens[tokens].iter().flatten();
-                if let Some(reason) = reasons.into_iter().flatten().next() {
-                    for at in [Some(i), arc.then_some(i + 1)].into_iter().flatten() {
+                let is_arc = self.targets[i].role == Role::Via && i + 1 < self.targets.len();
+                let all = i..=i + usize::from(is_arc);
+                if let Some(reason) = all.clone().find_map(|at| self.fixed(at)) {
+                    all.for_each(|at| {
                         self.targets[at].editable = Editable::No(reason);
-                        let held: Vec<NumberToken> = places(at, 0..6).copied().collect();
-                        self.pinned.extend(held);
-                    }
+                        self.pinned.extend(self.sites[at].tokens.iter().flatten());
+                    });
                 } else if self.sites[i].tokens[3..].iter().any(|place| self.holds(*place).is_some()) {
                     self.targets[i].editable = Editable::Position;
-                    let held: Vec<NumberToken> = places(i, 3..6).copied().collect();
-                    self.pinned.extend(held);
+                    self.pinned.extend(self.sites[i].tokens[3..].iter().flatten());
                 }
             }
             if self.pinned.len() == before {
@@ -90,7 +88,7 @@ impl Runner<'_> {
 
     /// An angle that several points have (`P[i].A=-30` in a loop) turns all of them: it stays, their positions are their own.
     pub(super) fn hold_shared_angles(&mut self) {
-        let mut owners: HashMap<NumberToken, Option<NumberToken>> = HashMap::new();
+        let mut owners: HashMap<SourceSpan, Option<SourceSpan>> = HashMap::new();
         for site in &self.sites {
             let [x, _, _, angles @ ..] = site.tokens;
             for angle in angles.into_iter().flatten() {
@@ -102,7 +100,7 @@ impl Runner<'_> {
     }
 
     /// Why a number stays as it is.
-    pub(super) fn holds(&self, place: Option<NumberToken>) -> Option<Reason> {
+    pub(super) fn holds(&self, place: Option<SourceSpan>) -> Option<Reason> {
         match place {
             None => Some(Reason::Computed),
             Some(place) if usize::from(place.source) >= self.written => Some(Reason::InContextFile),

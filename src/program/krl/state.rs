@@ -1,8 +1,9 @@
 //! What may hold at a place of the program: values of data by number, those that differ from what the text says.
 
 use super::symbols::RoutineId;
-use super::value::{NumberToken, Value};
+use super::value::Value;
 use crate::program::Reason;
+use deflex_lang::ir::SourceSpan;
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::rc::Rc;
 
@@ -43,7 +44,7 @@ impl ModalState {
         start: &[Value],
         position: Id,
         why: Reason,
-        lost: &mut HashSet<NumberToken>,
+        lost: &mut HashSet<SourceSpan>,
     ) -> bool {
         let mut is_less = other.proceeds && !self.proceeds || !self.loose.is_superset(&other.loose);
         let ids: Vec<Id> = self.values.keys().chain(other.values.keys()).copied().collect();

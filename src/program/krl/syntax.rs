@@ -303,14 +303,15 @@ impl<'a> Parser<'a> {
             return Ok(());
         } else if cursor.accept_word(b"SPLINE") || cursor.accept_word(b"PTP_SPLINE") {
             cursor.accept_word(b"WITH");
-            let (with, _) = settings(cursor);
-            let (body, end) = self.block(&[b"ENDSPLINE"], data)?;
+            block.push(Statement { kind: StatementKind::SplineBegins(settings(cursor).0), at });
+            let (mut body, end) = self.block(&[b"ENDSPLINE"], data)?;
             closed(&end);
-            StatementKind::Spline(with, body)
+            block.append(&mut body);
+            StatementKind::SplineEnds
         } else if cursor.accept_word(b"GOTO") {
             StatementKind::Jump(upper(cursor.text(cursor.peek())))
         } else if cursor.accept_word(b"RETURN") {
-            StatementKind::Return((!cursor.is_done()).then(|| cursor.whole()))
+            StatementKind::Return(if cursor.is_done() { Vec::new() } else { vec![cursor.whole()] })
         } else if cursor.accept_word(b"EXIT") {
             StatementKind::Exit
         } else if let Some(mut found) = self.declaration(at) {

@@ -85,13 +85,14 @@ pub(super) enum StatementKind {
     NotUnderstood(Vec<Expression>),
     If(Box<If>),
     Loop(Box<Loop>),
-    /// What WITH says holds for all of its segments.
-    Spline(Vec<Setting>, Vec<Statement>),
+    /// What WITH says of a spline begins to hold for all of its segments.
+    SplineBegins(Vec<Setting>),
+    SplineEnds,
     /// GOTO
     Jump(Name),
     /// Where a GOTO goes on.
     Label(Name),
-    Return(Option<Expression>),
+    Return(Vec<Expression>),
     Exit,
     Mark(Mark),
 }
@@ -186,7 +187,7 @@ impl Statement {
         match &self.kind {
             StatementKind::Assign(setting) => std::slice::from_ref(setting),
             StatementKind::Move(of) => &of.with,
-            StatementKind::Spline(with, _) => with,
+            StatementKind::SplineBegins(with) => with,
             _ => &[],
         }
     }
@@ -201,11 +202,11 @@ impl Statement {
             }
             StatementKind::Relative(_, parts)
             | StatementKind::Harmless(parts)
+            | StatementKind::Return(parts)
             | StatementKind::NotUnderstood(parts) => all.extend(parts),
             StatementKind::Trigger(started) | StatementKind::Interrupt(started) => all.extend(&started.when),
             StatementKind::If(of) => all.push(&of.condition),
             StatementKind::Loop(of) => all.push(&of.condition),
-            StatementKind::Return(value) => all.extend(value),
             _ => {}
         }
         all
@@ -249,7 +250,6 @@ pub(super) fn walk<'a>(block: &'a [Statement], each: &mut impl FnMut(&'a Stateme
                 walk(&of.otherwise, each);
             }
             StatementKind::Loop(of) => walk(&of.body, each),
-            StatementKind::Spline(_, body) => walk(body, each),
             _ => {}
         }
     }

@@ -2,7 +2,7 @@
 
 use crate::program::Reason;
 use crate::program::orientation::{from_zyx_deg, quaternion, zyx_deg};
-use crate::text::Span;
+use deflex_lang::ir::SourceSpan;
 use nalgebra::Vector3;
 use smallvec::SmallVec;
 use std::collections::{BTreeMap, HashSet};
@@ -16,34 +16,14 @@ pub(super) fn upper(text: &[u8]) -> Name {
     text.iter().map(u8::to_ascii_uppercase).collect()
 }
 
-/// A number token, its sign included.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub(crate) struct NumberToken {
-    pub(crate) source: u16,
-    start: u32,
-    len: u8,
-}
-
-impl NumberToken {
-    /// `None` for a token that is longer than any number.
-    pub(super) fn new(source: u16, span: Span) -> Option<Self> {
-        Some(Self { source, start: span.start, len: u8::try_from(span.len()).ok()? })
-    }
-
-    pub(crate) fn span(self) -> Span {
-        Span { start: self.start, end: self.start + u32::from(self.len) }
-    }
-}
-
 /// Two are the same if their tokens are, too.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Value {
     /// Known only when the program runs, and why; it may be this one.
     Unknown(Reason, Option<Rc<Value>>),
-    /// A number; its token where it is a literal, or a copy of one.
-    Number(f64, Option<NumberToken>),
+    /// A number; its token, with the sign, where it is a literal, or a copy of one.
+    Number(f64, Option<SourceSpan>),
     Bool(bool),
-    Text(Rc<[u8]>),
     /// `#NAME`
     Constant(Arc<[u8]>),
     /// Components by name.
@@ -77,6 +57,10 @@ impl Value {
         Self::Constant(upper(name)[..].into())
     }
 
+    pub(super) fn record<'n>(fields: impl IntoIterator<Item = (&'n [u8], Self)>) -> Self {
+        Self::Record(Rc::new(fields.into_iter().map(|(name, value)| (Name::from_slice(name), value)).collect()))
+    }
+
     pub(super) fn number(&self) -> Option<f64> {
         if let Self::Number(value, _) = self { Some(*value) } else { None }
     }
@@ -101,6 +85,11 @@ impl Value {
         fields.iter().find(|(known, _)| known[..] == *name).map(|(_, value)| value)
     }
 
+    /// The component of this name; unknown where there is none.
+    pub(super) fn part(&self, name: &[u8]) -> Self {
+        self.component(name).cloned().unwrap_or(Self::unknown(Reason::Computed))
+    }
+
     /// What stands at a path.
     pub(super) fn get(&self, path: &[Step]) -> Self {
         let Some((first, rest)) = path.split_first() else { return self.clone() };
@@ -119,7 +108,7 @@ impl Value {
     }
 
     /// Puts a value at a path; where the way there is not known, the whole stays unknown, and the value's tokens go to `lost`.
-    pub(super) fn set(&mut self, path: &[Step], value: Self, lost: &mut impl FnMut(NumberToken)) {
+    pub(super) fn set(&mut self, path: &[Step], value: Self, lost: &mut HashSet<SourceSpan>) {
         let Some((first, rest)) = path.split_first() else {
             // What becomes of components that an aggregate does not name is left open.
             if let (Self::Record(old), Self::Record(new)) = (&*self, &value) {
@@ -137,8 +126,7 @@ impl Value {
                 Step::Component(name) => {
                     // Only data that nothing has set yet are without the other components of a position.
                     let open = *why != Reason::Unset && POSE.contains(&&name[..]);
-                    let others = POSE.iter().filter(|_| open);
-                    Self::Record(Rc::new(others.map(|name| (Name::from_slice(name), Self::unknown(*why))).collect()))
+                    Self::record(POSE.into_iter().filter(|_| open).map(|name| (name, Self::unknown(*why))))
                 }
                 Step::Element(_) => Self::Array(Rc::new(BTreeMap::from([(REST, Self::unknown(*why))]))),
             };
@@ -157,7 +145,7 @@ impl Value {
                 Rc::make_mut(items).entry(*at).or_insert(before)
             }
             _ => {
-                value.places(lost);
+                lost.extend(value.tokens());
                 *self = std::mem::replace(self, Self::Bool(false)).forgotten(Reason::Unset);
                 return;
             }
@@ -165,46 +153,32 @@ impl Value {
         part.set(rest, value, lost);
     }
 
-    /// Calls `each` with every token in it, those that it may have had too.
-    pub(super) fn places(&self, each: &mut impl FnMut(NumberToken)) {
-        match self {
-            Self::Number(_, Some(place)) => each(*place),
-            Self::Record(fields) => fields.iter().for_each(|(_, value)| value.places(each)),
-            Self::Array(items) => items.values().for_each(|value| value.places(each)),
-            Self::Unknown(_, Some(was)) => was.places(each),
-            _ => {}
-        }
-    }
-
     /// Every token in it, those that it may have had too.
-    pub(super) fn tokens(&self) -> Vec<NumberToken> {
-        let mut all = Vec::new();
-        self.places(&mut |place| all.push(place));
-        all
+    pub(super) fn tokens(&self) -> Vec<SourceSpan> {
+        match self {
+            Self::Number(_, place) => place.iter().copied().collect(),
+            Self::Record(fields) => fields.iter().flat_map(|(_, value)| value.tokens()).collect(),
+            Self::Array(items) => items.values().flat_map(Self::tokens).collect(),
+            Self::Unknown(_, Some(was)) => was.tokens(),
+            _ => Vec::new(),
+        }
     }
 
     /// Of two values that differ, that it may be either: their tokens are those of what it may have been. Where they are too many
     /// to carry on, they go to `lost`.
-    pub(super) fn either(&self, other: &Self, why: Reason, lost: &mut HashSet<NumberToken>) -> Self {
+    pub(super) fn either(&self, other: &Self, why: Reason, lost: &mut HashSet<SourceSpan>) -> Self {
         /// Tokens of some hundred motions, between which a program chooses.
         const MOST_TOKENS: usize = 2048;
         if self == other {
             return self.clone();
         }
-        if let (Self::Record(a), Self::Record(b)) = (self, other)
-            && a.iter().map(|field| &field.0).eq(b.iter().map(|field| &field.0))
-        {
-            let fields = a.iter().zip(&**b).map(|(a, b)| (a.0.clone(), a.1.either(&b.1, why, lost)));
-            return Self::Record(Rc::new(fields.collect()));
+        if let Some(parts) = self.zipped(other, |a, b| a.either(b, why, lost)) {
+            return parts;
         }
         let (why, mut all) = (self.why().unwrap_or(why), BTreeMap::new());
-        for value in [self, other] {
-            value.places(&mut |place| {
-                if !lost.contains(&place) {
-                    let at = i64::from(place.source) << 32 | i64::from(place.start);
-                    all.insert(at, Self::Number(0.0, Some(place)));
-                }
-            });
+        for place in self.tokens().into_iter().chain(other.tokens()).filter(|place| !lost.contains(place)) {
+            let at = i64::from(place.source) << 32 | i64::from(place.span.start);
+            all.insert(at, Self::Number(0.0, Some(place)));
         }
         if all.len() > MOST_TOKENS {
             [self, other].iter().for_each(|value| lost.extend(value.tokens()));
@@ -214,25 +188,31 @@ impl Value {
     }
 
     /// What holds where either may; tokens of what differs go to `lost`.
-    pub(super) fn join(&self, other: &Self, reason: Reason, lost: &mut HashSet<NumberToken>) -> Self {
+    pub(super) fn join(&self, other: &Self, reason: Reason, lost: &mut HashSet<SourceSpan>) -> Self {
         if self == other {
             return self.clone();
         }
+        if let Some(parts) = self.zipped(other, |a, b| a.join(b, reason, lost)) {
+            return parts;
+        }
+        [self, other].iter().for_each(|value| lost.extend(value.tokens()));
+        // What is set on one of two ways may be set.
+        let unknown = |value: &Self| value.why().filter(|why| *why != Reason::Unset);
+        Self::unknown([self, other].into_iter().find_map(unknown).unwrap_or(reason))
+    }
+
+    /// A record or an array of what becomes of the parts of two that have the same ones.
+    fn zipped(&self, other: &Self, mut each: impl FnMut(&Self, &Self) -> Self) -> Option<Self> {
         match (self, other) {
             (Self::Record(a), Self::Record(b)) if a.iter().map(|f| &f.0).eq(b.iter().map(|f| &f.0)) => {
-                let fields = a.iter().zip(&**b).map(|(a, b)| (a.0.clone(), a.1.join(&b.1, reason, lost)));
-                Self::Record(Rc::new(fields.collect()))
+                let fields = a.iter().zip(&**b).map(|(a, b)| (a.0.clone(), each(&a.1, &b.1)));
+                Some(Self::Record(Rc::new(fields.collect())))
             }
             (Self::Array(a), Self::Array(b)) if a.keys().eq(b.keys()) => {
-                let items = a.iter().zip(&**b).map(|(a, b)| (*a.0, a.1.join(b.1, reason, lost)));
-                Self::Array(Rc::new(items.collect()))
+                let items = a.iter().zip(&**b).map(|(a, b)| (*a.0, each(a.1, b.1)));
+                Some(Self::Array(Rc::new(items.collect())))
             }
-            (a, b) => {
-                [a, b].iter().for_each(|value| lost.extend(value.tokens()));
-                // What is set on one of two ways may be set.
-                let unknown = |value: &Self| value.why().filter(|why| *why != Reason::Unset);
-                Self::unknown([a, b].into_iter().find_map(unknown).unwrap_or(reason))
-            }
+            _ => None,
         }
     }
 
@@ -280,9 +260,7 @@ pub(super) const EXTERNAL: [&[u8]; 6] = [b"E1", b"E2", b"E3", b"E4", b"E5", b"E6
 
 /// A record of six numbers that stand nowhere.
 pub(super) fn pose_record(numbers: [f64; 6]) -> Value {
-    Value::Record(Rc::new(
-        POSE.iter().zip(numbers).map(|(name, v)| (Name::from_slice(name), Value::Number(v, None))).collect(),
-    ))
+    Value::record(POSE.into_iter().zip(numbers.map(|number| Value::Number(number, None))))
 }
 
 /// `a : b`, the pose `b` in the frame `a`; what `b` has besides stays.
