@@ -14,7 +14,7 @@ use deflex_lang::walk::{Machine, Meeting, Stop};
 pub(super) const VALUES_PER_STEP: usize = 256;
 
 /// Statements in a row, none of which decides what runs next.
-type Row<'a> = &'a [Statement];
+pub(super) type Row<'a> = &'a [Statement];
 
 /// What decides between two ways.
 #[derive(Clone, Copy, Debug)]
@@ -26,24 +26,14 @@ pub(super) enum Test<'a> {
 
 type Steps<'a> = Builder<'a, Row<'a>, Test<'a>>;
 
-/// The steps of all routines.
-#[derive(Debug, Default)]
-pub(super) struct Routines<'a> {
-    flow: Flow<Row<'a>, Test<'a>>,
-    /// Number of the first routine of each file.
-    firsts: Vec<usize>,
-}
+/// The steps of all routines, in the order of the files.
+pub(super) type Routines<'a> = Flow<Row<'a>, Test<'a>>;
 
-impl<'a> Routines<'a> {
-    pub(super) fn of(files: &'a [File]) -> Self {
-        let (mut flow, mut firsts, mut count) = (Flow::default(), Vec::new(), 0);
-        for file in files {
-            firsts.push(count);
-            count += file.routines.len();
-            file.routines.iter().for_each(|routine| flow.add(|steps| lay(steps, &routine.body)));
-        }
-        Self { flow, firsts }
-    }
+pub(super) fn routines(files: &[File]) -> Routines<'_> {
+    let mut flow = Flow::default();
+    let all = files.iter().flat_map(|file| &file.routines);
+    all.for_each(|routine| flow.add(|steps| lay(steps, &routine.body)));
+    flow
 }
 
 /// Whether what runs next does not depend on it.
@@ -165,7 +155,8 @@ impl<'a> Runner<'a> {
     /// Runs the steps of a routine from what holds; what holds at its end does after it.
     pub(super) fn walk(&mut self, id: RoutineId) -> Result<(), Stop> {
         let (routines, state) = (self.routines.clone(), std::mem::take(&mut self.state));
-        self.state = deflex_lang::walk::walk(self, &routines.flow, routines.firsts[id.file] + id.at, state)?;
+        let before: usize = self.symbols.files[..id.file].iter().map(|file| file.routines.len()).sum();
+        self.state = deflex_lang::walk::walk(self, &routines, before + id.at, state)?;
         Ok(())
     }
 

@@ -1,6 +1,6 @@
 //! The program as it runs: calls, loops and branches followed as far as they are known when reading.
 
-use super::flow::{Routines, VALUES_PER_STEP};
+use super::flow::{Routines, VALUES_PER_STEP, routines};
 use super::lex::Cursor;
 use super::state::{Changes, Id, ModalState};
 use super::symbols::{RoutineId, Symbols};
@@ -108,7 +108,7 @@ impl<'a> Runner<'a> {
         let bytes: usize = sources.iter().map(|s| s.bytes.len()).sum();
         let mut runner = Self {
             symbols: Symbols::new(sources, files),
-            routines: Rc::new(Routines::of(files)),
+            routines: Rc::new(routines(files)),
             written,
             notes: true,
             most_steps: STEPS + STEPS_PER_BYTE * bytes,
