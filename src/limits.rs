@@ -1,7 +1,8 @@
-//! The bounds of what deflex reads and computes. Work is sized before memory is allocated: beyond a bound there is an error that says
-//! what to change. This is their one list: code, messages and the table in `docs/limits-and-safety.md` take them from here.
+//! Upper bounds for what deflex reads and computes. The size of the work is determined before memory is allocated. If it
+//! exceeds a bound, the run stops with an error that says what to change. The code, the messages and the table in
+//! `docs/limits-and-safety.md` take all bounds from here.
 
-/// A bound.
+/// An upper bound for a count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Bound {
@@ -14,7 +15,7 @@ pub struct Bound {
 }
 
 impl Bound {
-    /// The message for an input beyond the bound; `None` within it. A count that is not a number is beyond it.
+    /// The message for a count that exceeds the bound; `None` if it does not. NaN counts as exceeding it.
     #[must_use]
     pub fn exceeded(&self, count: f64) -> Option<String> {
         let within = count <= self.most as f64;
@@ -22,27 +23,28 @@ impl Bound {
     }
 }
 
-/// Lines through the blank: a simulation of as many takes a minute on two cores, and some 220 bytes a line.
+/// Lines through the blank on which a simulation stores the stock. With this many lines, a simulation takes about a minute
+/// on two cores, and about 220 bytes of memory for each line.
 pub const STOCK_LINES: Bound = Bound {
     what: "lines of the stock ([stock] resolution_mm over its box)",
     most: 20_000_000,
     help: "give a larger `resolution_mm`, or a smaller blank",
 };
 
-/// Motions that a RAPID program with loops runs through, where those that are alike are held once: a loop that never ends is
-/// distinguished from a long one within minutes.
+/// Motions that a RAPID program with loops executes. Equal motions are stored only once. The bound distinguishes an endless
+/// loop from a long one within minutes.
 pub const RUN_MOTIONS: Bound = Bound {
     what: "motions that a RAPID program runs through in its loops",
     most: 20_000_000,
     help: "split the program, or bound its loops",
 };
 
-/// Triangles of a mesh: a file of 250 MB.
+/// Triangles of a mesh. A binary STL file with this many has 250 MB.
 pub const STL_TRIANGLES: Bound =
     Bound { what: "triangles of an STL file", most: 5_000_000, help: "export the mesh with a coarser tolerance" };
 
-/// How far a corner of a mesh may lie from the origin, mm: a hundred metres are more than any machine; single precision has steps
-/// of a hundredth of a millimetre there.
+/// Largest distance of a mesh's corner from the origin, mm. It is larger than any machine. At this distance, numbers of
+/// single precision have steps of about a hundredth of a millimetre.
 pub const STL_REACH_MM: Bound = Bound {
     what: "coordinates of an STL file, mm",
     most: 100_000,
@@ -52,47 +54,51 @@ pub const STL_REACH_MM: Bound = Bound {
 /// External axes that a program can move.
 pub const EXTERNAL_AXES: usize = 6;
 
-/// Units of a cell: a controller has six external axes, and each unit one of its own.
+/// Mechanical units (tracks and positioners) of a cell. Each has at least one of the six external axes of a controller.
 pub const UNITS: Bound = Bound {
     what: "units ([[unit]]) of a cell",
     most: EXTERNAL_AXES as u64,
     help: "each unit has an external axis of its own, eax_a to eax_f: remove the others",
 };
 
-/// Tools of a cell, and work objects too: more than any magazine holds.
+/// Tools of a cell, and also its work objects. No tool magazine holds as many.
 pub const FRAMES: Bound = Bound {
     what: "tools, or work objects, of a cell",
     most: 10_000,
-    help: "leave those that the programs of this cell use",
+    help: "keep only those that the programs of this cell use",
 };
 
 /// Columns of a measured file or of a table of forces.
 pub const COLUMNS: Bound =
-    Bound { what: "columns of a table", most: 10_000, help: "leave the columns that docs/formats.md lists" };
+    Bound { what: "columns of a table", most: 10_000, help: "keep only the columns that docs/formats.md lists" };
 
-/// Rows of a measured file: an identification holds all of them in memory, some 2 kB each.
+/// Rows of a measured file. An identification holds all of them in memory, about 2 kB each.
 pub const MEASURED_ROWS: Bound = Bound {
     what: "rows of a measured file",
     most: 1_000_000,
-    help: "thin the rows out, or leave some of the runs out: neighbouring rows say nearly the same",
+    help: "keep every second row or fewer, or omit some of the runs: neighbouring rows hardly differ",
 };
 
-/// Joints of a robot description, and links too: an arm has a dozen.
+/// Joints of a robot description (URDF), and also its links. An arm has about a dozen of each.
 pub const URDF_JOINTS: Bound = Bound {
     what: "joints, or links, of a robot description",
     most: 10_000,
     help: "give the description of the arm alone",
 };
 
-/// A file that is held as a whole, bytes: cells, tables, meshes, and programs that cannot be read in parts.
-pub const FILE_BYTES: Bound =
-    Bound { what: "bytes of a file that is held as a whole", most: 2 << 30, help: "split the file, or name another" };
+/// Size of a file that is held in memory as a whole, bytes: of cells, tables and meshes, and of programs that cannot be read
+/// in parts.
+pub const FILE_BYTES: Bound = Bound {
+    what: "bytes of a file that is held as a whole",
+    most: 2 << 30,
+    help: "split the file, or check that it is the right one",
+};
 
-/// Rows of an array that Python hands over: 13 GB of poses come back for them.
+/// Rows of an array in a call from Python. The poses that such a call returns need 13 GB.
 pub const ARRAY_ROWS: Bound =
     Bound { what: "rows of an array", most: 100_000_000, help: "call it with parts of the array" };
 
-/// All of them, in the order of the table.
+/// All bounds, in the order of the table in `docs/limits-and-safety.md`.
 pub const ALL: [Bound; 11] = [
     STOCK_LINES,
     RUN_MOTIONS,

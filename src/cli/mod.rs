@@ -56,10 +56,9 @@ enum Answer {
 /// The answer, or the errors for which there is none. In case of errors no output is written.
 type Outcome = Result<Answer, Vec<Diagnostic>>;
 
-/// glibc's allocator keeps freed blocks for reuse if they are at most twice as large as the largest block that was ever
-/// freed (mallopt(3), dynamic threshold). Until then it returns the memory of each chunk to the system, and page faults
-/// take a third of the time of a long job. Allocating and freeing one block of this size at the start avoids that,
-/// bytes.
+/// Size of a block that is allocated and freed once at the start, bytes. For reuse, glibc's allocator
+/// keeps up to twice the size of the largest block that was ever freed (mallopt(3), dynamic threshold). Without such a
+/// block it returns the memory of each chunk to the system, and page faults take a third of the time of a long job.
 const KEPT_BYTES: usize = 8 << 20;
 
 /// Runs the command line and returns its exit code, as in `docs/reference.md`. The first argument is the name of the

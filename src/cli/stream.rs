@@ -89,7 +89,7 @@ impl<'a> Long<'a> {
         }
     }
 
-    /// The reports of the program. A report with the same path as the program is refused.
+    /// Opens the reports of the program. Refuses a report that has the same path as the program.
     fn reports(&mut self, file: &Path) -> Result<ProgramReports<'a>, Vec<Diagnostic>> {
         let (args, programs) = (self.batch.args, self.batch.programs);
         let default = default_report(args, file);

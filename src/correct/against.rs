@@ -324,7 +324,7 @@ impl Fit for Places<'_> {
 fn fits_nothing(program: &Program, i: usize, most: f64) -> Diagnostic {
     let target = &program.targets[i];
     let message = format!(
-        "target {} fits neither a target of the original nor a point of its path, in order and to {:.1} mm",
+        "in the order of the program, target {} is neither at a target of the original nor on its path, within {:.1} mm",
         target.ordinal,
         1e3 * most
     );
@@ -338,7 +338,7 @@ fn free_axes(cell: &Cell) -> [bool; EXTERNAL_AXES] {
 
 fn other_axes(program: &Program, i: usize) -> Diagnostic {
     let target = &program.targets[i];
-    let message = format!("target {}: its external axes stand elsewhere in the original", target.ordinal);
+    let message = format!("target {}: its external axes have other positions in the original", target.ordinal);
     program.error_at(target, "against.external", message).help(HELP)
 }
 

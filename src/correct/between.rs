@@ -57,7 +57,9 @@ impl Prepared {
             return Ok(point);
         };
         let between = |from: &Pose, to: &Pose| {
-            from.try_lerp_slerp(to, share, 1e-9).ok_or("the path there turns by half a turn: its middle is not known")
+            from.try_lerp_slerp(to, share, 1e-9).ok_or(
+                "the tool turns by half a turn on the path there, so that the orientation in the middle is not defined",
+            )
         };
         point.wobj_from_tcp = between(&before.wobj_from_tcp, &end.wobj_from_tcp)?;
         point.reference = between(&before.reference, &end.reference)?;

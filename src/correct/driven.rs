@@ -267,7 +267,7 @@ impl Course {
         if self.without_speed > 0 {
             let motions = if self.without_speed == 1 { "motion" } else { "motions" };
             let message = format!(
-                "the speed of {} {motions} is known only at run time: that of the motion before is taken for it",
+                "the speed of {} {motions} is known only at run time: deflex uses that of the motion before",
                 self.without_speed
             );
             notes.push(note(message, "write the speed into the program where the path and the run time matter"));
@@ -276,7 +276,7 @@ impl Course {
             cell.controller.path.map(|path| undeclared(&path.law)).filter(|missing| !missing.is_empty())
         {
             let message = format!(
-                "[controller.path] does not say {}: the controller is taken to be without it, and a real one cuts bends by more",
+                "[controller.path] does not state {}: deflex computes without it, and a real controller cuts corners by more",
                 missing.join(", ")
             );
             notes.push(note(message, "find the law of your controller: deflex identify --log PROGRAM LOG.csv"));

@@ -75,7 +75,7 @@ impl KeptReason {
                 "the motion group that carries its user frame moves, and the motion is not coordinated (COORD)"
             }
             Self::UnitPositionMissing => "position of a mechanical unit is not programmed here",
-            Self::UnitDeactivated => "where a deactivated mechanical unit stands is not known",
+            Self::UnitDeactivated => "the position of a deactivated mechanical unit is not known",
             Self::Misfit => "tool and work object are both held by the robot, or neither is",
             Self::ProgramRefused => "in a program of which a target is not reached",
         }

@@ -246,7 +246,7 @@ impl Stand {
             if let Some(position) = sent.filter(|position| !(unit.min..=unit.max).contains(position)) {
                 let (name, axis) = (&unit.name, unit.named);
                 return Err(format!(
-                    "unit `{name}` ({axis}) is sent to {position}, outside its limits {} to {}",
+                    "unit `{name}` ({axis}) would have to move to {position}, outside its limits {} to {}",
                     unit.min, unit.max
                 ));
             }

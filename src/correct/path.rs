@@ -158,8 +158,8 @@ fn unsaid_units(program: &Program, cell: &Cell, are_chosen: bool) -> Result<(), 
     match carrying.find(unsaid) {
         Some(unit) => {
             let unit = &cell.units.all()[unit];
-            let message = format!("CL data do not say where unit `{}` of the cell stands", unit.name);
-            let help = format!("say it in the cell: [cl] external = {{ {} = 0.0 }}", unit.named);
+            let message = format!("CL data do not state the position of unit `{}` of the cell", unit.name);
+            let help = format!("state it in the cell: [cl] external = {{ {} = 0.0 }}", unit.named);
             Err(vec![Diagnostic::error("cell.unit", &source.name, message).help(help)])
         }
         None => Ok(()),
@@ -181,8 +181,8 @@ fn stationary(program: &Program, cell: &Cell) -> Result<(), Vec<Diagnostic>> {
     let on_tool = Parts::TCP.and(Parts::WOBJ).and(Parts::TIP).and(Parts::FLANGE);
     let effect = cell.arm.effects.iter().find(|effect| effect.law().parts().has(on_tool));
     let message = match (effect, &cell.stock) {
-        (Some(effect), _) => format!("effect `{}` is not known of a stationary tool", effect.kind()),
-        (None, Some(_)) => "[stock] is not known of a part that the robot holds".to_owned(),
+        (Some(effect), _) => format!("effect `{}` cannot be computed for a stationary tool", effect.kind()),
+        (None, Some(_)) => "[stock] cannot be computed for a part that the robot holds".to_owned(),
         (None, None) => return Ok(()),
     };
     let name = program.sources.first().map_or("", |source| &source.name);
@@ -264,7 +264,7 @@ impl Walk<'_, '_> {
     /// Adds a target whose pose is unknown.
     fn pass_over(&mut self, target: &Target, why: KeptReason, RunWith { setting, tool }: RunWith) {
         if self.cell.stock.is_some() && self.carried.laws.may_cut(target, tool) {
-            let message = format!("what this move cuts of the stock is not known: {why}");
+            let message = format!("it cannot be computed what this move cuts from the stock: {why}");
             let help = format!("mark it `{}`, or leave [stock] out", self.program.language.mark(Mark::Air));
             return self.refuse(target, "cell.stock", &message, &help);
         }
@@ -457,7 +457,7 @@ impl Walk<'_, '_> {
         stand: &Stand,
     ) {
         if self.cell.stock.is_some() && self.carried.laws.may_cut(target, tool) {
-            let message = format!("what this move cuts of the stock is not known: {why}");
+            let message = format!("it cannot be computed what this move cuts from the stock: {why}");
             let help = format!("mark it `{}`, or leave [stock] out", self.program.language.mark(Mark::Air));
             return self.refuse(target, "cell.stock", &message, &help);
         }

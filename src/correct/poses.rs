@@ -91,7 +91,7 @@ impl ArmState<'_> {
         }
         for (name, count) in given {
             if let Some(count) = count.filter(|count| *count != poses) {
-                let message = format!("`{name}` is of {count} poses, and there are {poses}");
+                let message = format!("`{name}` has values for {count} poses, but there are {poses} poses");
                 errors.push(Diagnostic::error("poses.state", "", message).help("give a value for each pose"));
             }
         }
@@ -142,13 +142,13 @@ pub fn external_of(cell: &Cell, positions: &[(&str, &[f64])], count: usize) -> R
             return wrong(format!("the cell has no unit `{name}`"), help);
         };
         if positions.len() != count {
-            let message = format!("unit `{name}` has {} positions, and there are {count} poses", positions.len());
+            let message = format!("unit `{name}` has {} positions, but there are {count} poses", positions.len());
             return wrong(message, "give a position for each pose".to_owned());
         }
         for (external, &position) in all.iter_mut().zip(*positions) {
             if !(unit.min..=unit.max).contains(&position) {
                 let limits = format!("its limits {} to {}", unit.min, unit.max);
-                let message = format!("unit `{name}` is sent to {position}, outside {limits}");
+                let message = format!("unit `{name}` has the position {position}, outside {limits}");
                 return wrong(message, format!("stay within {limits}"));
             }
             external[unit.axis] = position;

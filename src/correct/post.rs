@@ -215,7 +215,8 @@ fn post_cl(program: &Program, corrected: &Corrected, options: &PostOptions) -> R
         return Err(Diagnostic::error("post.cl", "", message).help("leave out --max-targets and --feed").into());
     }
     if corrected.posted.iter().any(|posted| posted.external.is_some()) {
-        let message = "`--post cl` cannot say where units stand, and their positions are chosen along the path";
+        let message =
+            "`--post cl` cannot write positions of external axes, and this cell lets deflex choose them along the path";
         return Err(Diagnostic::error("post.unit", "", message)
             .help("post RAPID, or leave `free` out of the cell's [[unit]]")
             .into());

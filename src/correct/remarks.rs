@@ -23,7 +23,9 @@ fn notes_of_all(Context { program, cell, .. }: Context<'_>, prepared: &Prepared)
     notes.extend(prepared.notes.iter().cloned());
     if let (StartedFrom::NearestHome, Some(first)) = (prepared.started, program.targets.first()) {
         let said_by = program.language.about().start;
-        let how = format!("{said_by} how the arm stands at the first target: the branch nearest home is taken");
+        let how = format!(
+            "{said_by} which configuration the arm has at the first target: deflex takes the one nearest to home"
+        );
         let said = program.error_at(first, "robot.start", how).severity(Severity::Note);
         notes.push(said.help("give `[robot] start_deg` in the cell"));
     }

@@ -86,7 +86,7 @@ fn reached(progress: &Progress<'_>, share: f64) -> Result<(), Vec<Diagnostic>> {
     if progress(share) {
         return Ok(());
     }
-    Err(Diagnostic::error("run.called-off", "", "the run was called off").into())
+    Err(Diagnostic::error("run.called-off", "", "the run was cancelled").into())
 }
 
 /// Fewest rows that can be divided into fitted and held-out blocks.

@@ -212,8 +212,9 @@ impl MeasuredPoints<'_> {
         };
         let rows = self.pairs.chunk_by(same).find(|rows| rows.len() >= 3)?;
         let (from, to) = (rows.first()?.row.line, rows.last()?.row.line);
-        let message =
-            format!("lines {from} to {to} repeat one reading at targets that lie apart: the instrument stood still");
+        let message = format!(
+            "lines {from} to {to} have the same reading at different targets: the instrument repeated its last value"
+        );
         Some(Fault { line: from, message, help: "delete these rows".to_owned() })
     }
 }

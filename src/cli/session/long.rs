@@ -158,7 +158,7 @@ impl<'a> Long<'a> {
 
     fn through<T>(&self, done: Result<T, StreamError>) -> Result<Option<T>, Vec<Diagnostic>> {
         if done.is_err() && self.stopped.load(Ordering::Relaxed) {
-            return Err(Diagnostic::error("run.called-off", self.files.name(), "the run was called off").into());
+            return Err(Diagnostic::error("run.called-off", self.files.name(), "the run was cancelled").into());
         }
         self.run.setup.through(&self.source().name, done)
     }

@@ -161,7 +161,11 @@ impl Path<'_> {
             return Err(self.refuse(fault.index, &format!("no turn can be taken here: {why}"), Refusal::Between));
         }
         let at = left.unwrap_or(0);
-        Err(self.refuse(at, "no turn between its neighbours' can be taken here", Refusal::Between))
+        Err(self.refuse(
+            at,
+            "the arm can take no turn between those of the neighbouring targets here",
+            Refusal::Between,
+        ))
     }
 }
 

@@ -431,11 +431,11 @@ impl<'a> Path<'a> {
                     ": of its turns and branches {reach} are out of reach, {limits} beyond an axis limit, {singular} closer than {:.0}° to a singular wrist",
                     self.margin.to_degrees()
                 ),
-                "move the part (`[wobjs]`), lower `[cl] singular_margin_deg`, or lean the tool otherwise",
+                "move the part (`[wobjs]`), lower `[cl] singular_margin_deg`, or change the lean of the tool",
             ),
             Refusal::Move => (
                 " within 5° a millimetre of path, the axis limits and speeds, on one branch".to_owned(),
-                "put a joint move or more path between, or move the part (`[wobjs]`)",
+                "insert a joint move or a longer path before it, or move the part (`[wobjs]`)",
             ),
             Refusal::Between => (String::new(), "move the part (`[wobjs]`), or lower `[cl] singular_margin_deg`"),
         };

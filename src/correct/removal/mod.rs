@@ -323,7 +323,7 @@ impl Walk<'_> {
         // Reported once.
         if !goes_on && !std::mem::replace(&mut self.called_off, true) {
             let name = self.program.sources.first().map_or("", |source| &source.name);
-            self.errors.push(Diagnostic::error("run.called-off", name, "the run was called off"));
+            self.errors.push(Diagnostic::error("run.called-off", name, "the run was cancelled"));
         }
         goes_on
     }
@@ -455,12 +455,12 @@ impl Walk<'_> {
         if let Some(i) = self.first_bottom {
             let target = &self.program.targets[i];
             let message = format!(
-                "target {}: the flat bottom goes down into material{}: its own force is not in the model, only that of corner and side",
+                "target {}: the flat bottom of the cutter plunges into material{}: the model has the forces on its corner and side, but not that on its bottom",
                 target.ordinal,
                 if self.bottoms > 1 { format!(" (and at {} targets more)", self.bottoms - 1) } else { String::new() }
             );
             let said = self.program.error_at(target, "stock.bottom", message).severity(Severity::Warning);
-            notes.push(said.help("ramp in gently, and count on more force there"));
+            notes.push(said.help("ramp in gently, and expect a larger force there"));
         }
         notes
     }

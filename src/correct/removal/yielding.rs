@@ -206,7 +206,7 @@ fn cuts(walk: &Walk<'_>, prepared: &Prepared) -> Vec<Cut> {
 }
 
 fn not_held(error: &HoldError, stage: usize) -> Diagnostic {
-    let when = if stage == 0 { "" } else { " when material has gone" };
+    let when = if stage == 0 { "" } else { " after material has been removed" };
     let help = match error {
         HoldError::Untouched(_) => {
             "box_mm of [[part.clamp]] is in the axes of [stock]: it has to reach into the material"

@@ -29,7 +29,7 @@ impl Templates {
     pub(crate) fn fault(key: &str, text: &str) -> Option<String> {
         let allowed = TEMPLATES.iter().find(|(known, _)| *known == key).map_or(&[][..], |(_, names)| names);
         if text.trim().is_empty() {
-            return Some("the template is empty: leave it out where nothing is to be written".to_owned());
+            return Some("the template is empty: to write nothing there, remove its key".to_owned());
         }
         if !text.chars().all(|c| c == '\n' || c == ' ' || c.is_ascii_graphic()) {
             return Some("a template is of printable ASCII characters".to_owned());

@@ -106,7 +106,7 @@ fn added(found: &Identification) -> String {
     if found.added.is_empty() {
         return match found.unexplained.significant {
             _ if found.is_whole_arm() => {
-                "<p>Everything is a little off, and no effect is sure by itself: all are in the written cell.</p>\n"
+                "<p>The errors have many small causes. No single effect is certain, but together they describe the arm: all are in the written cell.</p>\n"
                     .to_owned()
             }
             true => "<p>Nothing.</p>\n".to_owned(),
@@ -324,12 +324,12 @@ const CHARTS: &str = r#"<section class="view twin" id="stage">
 "#;
 
 const WORDS: &str = "<dl>
-<dt>Residual</dt><dd>Measured minus predicted position. Before: by the declared cell, nothing fitted but the pose of the measuring device. After: by the extended cell.</dd>
-<dt>Held out</dt><dd>Rows that no fit, no choice of effect and no smoothing has seen.</dd>
-<dt>Written</dt><dd>Before and after are of held-out rows; the numbers that are written to the cell are then fitted to all rows of a part, held-out ones among them.</dd>
-<dt>Sets</dt><dd>Posterior over the sets of effects and faults about the one that was chosen: itself, each member left out or swapped, each further one.</dd>
-<dt>Posterior</dt><dd>Probability of the effect against everything that could stand in its place, given these data.</dd>
-<dt>d′</dt><dd>What is left of an effect of 0.03 mm rms after all that the other one could imitate, over the noise. From 5 on the two can be distinguished. Below 3 they cannot, however many more such points are measured.</dd>
-<dt>ΔBIC</dt><dd>Twice the log evidence of the declared cell over that of the cell with this one effect: negative is better.</dd>
+<dt>Residual</dt><dd>Measured minus predicted position. Before: predicted with the declared cell, of which only the pose of the measuring device is fitted. After: predicted with the extended cell.</dd>
+<dt>Held out</dt><dd>Rows that were not used to fit numbers, to choose effects or to smooth.</dd>
+<dt>Written</dt><dd>Before and after are residuals of the held-out rows. For a part, the numbers that are written to the cell are then fitted again to all rows, with the held-out ones.</dd>
+<dt>Sets</dt><dd>Posterior probabilities of the chosen set of effects and faults and of those next to it: with one member removed, exchanged or added.</dd>
+<dt>Posterior</dt><dd>Probability that the effect is present, and not another in its place, given these data.</dd>
+<dt>d′</dt><dd>The part of an effect of 0.03 mm rms that the other effect cannot imitate, divided by the noise. From 5 on the two can be distinguished. Below 3 they cannot, even with many more points of this kind.</dd>
+<dt>ΔBIC</dt><dd>Twice the logarithm of the evidence for the declared cell divided by that for the cell with this effect. If it is negative, the effect explains the rows better.</dd>
 </dl>
 ";

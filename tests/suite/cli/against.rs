@@ -101,13 +101,13 @@ fn what_is_not_on_the_path_is_named() {
     let fields: Vec<&str> = position.split(',').collect();
     let lifted = format!("{before}[[{},{},10.0]{rest}", fields[0], fields[1]);
     let said = refused(&text.replacen(line, &format!("{line}\n{lifted}"), 1));
-    assert!(said.contains("against.path") && said.contains("target 7 fits neither"), "{said}");
+    assert!(said.contains("against.path") && said.contains("target 7 is neither"), "{said}");
     // Turned round.
     let mut lines: Vec<&str> = text.lines().collect();
     let first = lines.iter().position(|line| line.contains("MoveL")).unwrap();
     let last = lines.iter().rposition(|line| line.contains("MoveL")).unwrap();
     lines[first..=last].reverse();
-    assert!(refused(&lines.join("\n")).contains("fits neither"));
+    assert!(refused(&lines.join("\n")).contains("is neither at"));
     // Fewer than the original has.
     let (at, _) = body.match_indices("    MoveL").nth(1).unwrap();
     assert!(refused(&module(&body[..at])).contains("but the original has 8"));

@@ -78,7 +78,11 @@ fn a_table_of_any_number_of_columns_or_rows_is_counted_first() {
     bench.write("wide.csv", format!("target,fx_n,fy_n,fz_n{columns}\n"));
     refused(&bench, "predict part.mod --cell cell.toml --forces wide.csv", &["columns of a table: 1000004"]);
     bench.write("long.csv", "target,x_mm,y_mm,z_mm\n".to_owned() + &"1,0,0,0\n".repeat(1_000_001));
-    refused(&bench, "identify --run part.mod long.csv --cell cell.toml", &["rows of a measured file", "thin the rows"]);
+    refused(
+        &bench,
+        "identify --run part.mod long.csv --cell cell.toml",
+        &["rows of a measured file", "keep every second row"],
+    );
 }
 
 #[test]
