@@ -77,7 +77,8 @@ impl Batch<'_> {
         }
         let mut outputs = self.outputs.sibling();
         let post = || post_options(args, &files[0]);
-        let (written, notes) = written(shaped.as_ref().unwrap_or(&program), &corrected, cell, &files, post)?;
+        let Written { files: written, notes } =
+            written(shaped.as_ref().unwrap_or(&program), &corrected, cell, &files, post)?;
         // Reports are named after the first module that has motions: the others only declare names.
         let moving = corrected
             .rows
@@ -129,21 +130,29 @@ fn named_otherwise(args: &Compensate, job: &Job) -> Result<Option<Diagnostic>, V
     }
 }
 
-/// Files of a corrected program, edited or posted, and notes about them.
+/// Files of a corrected program under their names, and notes about them.
+pub(super) struct Written {
+    pub(super) files: Vec<(PathBuf, Vec<u8>)>,
+    pub(super) notes: Vec<Diagnostic>,
+}
+
+/// Edits or posts a corrected program.
 pub(super) fn written(
     program: &Program,
     corrected: &Corrected,
     cell: &Cell,
     files: &[PathBuf],
     post: impl FnOnce() -> PostOptions,
-) -> Result<(Vec<(PathBuf, Vec<u8>)>, Vec<Diagnostic>), Vec<Diagnostic>> {
+) -> Result<Written, Vec<Diagnostic>> {
     if !program.language.is_edited() {
         let posted = correct::post(program, cell, corrected, &post())?;
-        return Ok((posted.files.into_iter().map(|(name, bytes)| (name.into(), bytes)).collect(), posted.notes));
+        let files = posted.files.into_iter().map(|(name, bytes)| (name.into(), bytes)).collect();
+        return Ok(Written { files, notes: posted.notes });
     }
     let edits = corrected.rewritten.as_ref().map_or(&[][..], |rewritten| &rewritten.edits[..]);
     let edited = program.edited(edits).into_iter().take(program.written);
-    Ok((edited.zip(files).map(|(source, file)| (file.clone(), source.bytes)).collect(), Vec::new()))
+    let files = edited.zip(files).map(|(source, file)| (file.clone(), source.bytes)).collect();
+    Ok(Written { files, notes: Vec::new() })
 }
 
 /// Writes the files of one program to their paths.

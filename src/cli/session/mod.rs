@@ -31,7 +31,7 @@ pub use write::write;
 
 use super::again::Again;
 use super::batch::posted_from;
-use super::compensate::written;
+use super::compensate::{Written, written};
 use super::forces::ForceFile;
 use super::output::Outputs;
 use super::report::{Noticed, write_joined};
@@ -402,7 +402,7 @@ fn compensate_whole(program: &ProgramFiles, run: &Run) -> Result<Done, Vec<Diagn
     }
     let names = program.names();
     let post = || run.post.clone().unwrap_or_else(|| Run::posted_from(&names[0]));
-    let (files, notes) = written(&parsed, &corrected, cell, names, post)?;
+    let Written { files, notes } = written(&parsed, &corrected, cell, names, post)?;
     whole(program.name(), &parsed, corrected, noticed, PathKind::Compensate, run).map(|done| {
         let notes = done.notes.into_iter().chain(notes).collect();
         Done { files, notes, ..done }
