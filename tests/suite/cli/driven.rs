@@ -497,7 +497,7 @@ fn a_krl_corner_is_rounded_by_the_distance_that_the_program_sets() {
     };
     let (away, said) = missed(krl("$APO.CDIS=5\n", " C_DIS"));
     assert!((away - 5.0 * 2.0_f64.sqrt() / 4.0).abs() < 0.01, "{away}");
-    assert!(said.contains("does not say smoothing_s, acceleration_mm_s2, corner_acceleration_mm_s2"), "{said}");
+    assert!(said.contains("does not state smoothing_s, acceleration_mm_s2, corner_acceleration_mm_s2"), "{said}");
     // Half of the shorter way is the most.
     let (away, _) = missed(krl("$APO.CDIS=200\n", " C_DIS"));
     assert!((away - 50.0 * 2.0_f64.sqrt() / 4.0).abs() < 0.05, "{away}");
