@@ -10,7 +10,6 @@
 //! | [`Chunks`] | bytes of a long file | targets, a stretch at a time |
 //! | `layout`, `rewrite` | wanted positions | edits on number tokens |
 //! | `corrected`, `feeds` | corrected tips and axes | the same CL data with them |
-//! | [`spin`](fn@spin) | tool axis | orientation of the TCP |
 
 mod arc;
 mod auxiliary;
