@@ -57,6 +57,7 @@ fn survey(cell: &Cell, run: &Run) -> Survey {
     let motors = || points.iter().map(|point| point.motor);
     let times = || points.iter().map(|point| point.time);
     Survey {
+        axes: cell.arm.robot.axes,
         stiffness_declared: cell.arm.stiffness.is_some(),
         part_declared: false,
         clamps: 0,

@@ -117,6 +117,7 @@ impl Cell {
         let still = || wobjs.keys().filter(|name| !wobj_units.contains_key(*name));
         let plan = raw.plan.as_ref().and_then(|keys| super::plan::plan(&mut check, keys, tools.keys(), still()));
         let implied = Implied {
+            axes: robot.as_ref().map(|robot| &robot.axes),
             springs: stiffness.is_some(),
             part: raw.part.as_ref().is_some_and(|part| part.material.is_some()),
             clamps: raw.part.as_ref().map_or(0, |part| part.clamp.len()),
@@ -473,8 +474,10 @@ const SLOWEST_S: f64 = 2.0;
 
 type Effects = (Vec<Box<dyn effects::Effect>>, Vec<Option<DMatrix<f64>>>, Vec<Option<DMatrix<f64>>>);
 
-/// Effects that follow from other tables of the cell.
-struct Implied {
+/// Effects that follow from other tables of the cell, and what an effect may need of the cell.
+struct Implied<'a> {
+    /// How the motors drive the joints; `None` if the robot has errors.
+    axes: Option<&'a Axes>,
     springs: bool,
     part: bool,
     /// Number of `[[part.clamp]]` tables.
@@ -484,7 +487,7 @@ struct Implied {
 fn effects(
     check: &mut Check,
     (raw, units): (&[toml::Table], &Units),
-    implied: Implied,
+    implied: Implied<'_>,
     controller: &mut Controller,
 ) -> Effects {
     let (mut effects, mut covariances, mut joint): Effects = (Vec::new(), Vec::new(), Vec::new());
@@ -518,6 +521,15 @@ fn effects(
                 &key,
                 format!("effect `{name}` needs [robot.stiffness]"),
                 "add joint_nm_per_rad = [ … ] to [robot.stiffness]",
+            );
+            continue;
+        }
+        let serial = implied.axes.is_some_and(|axes| !axes.parallelogram);
+        if effect.needs().contains(&Need::Parallelogram) && serial {
+            check.error(
+                &key,
+                format!("effect `{name}`: `rod_share` is for an arm with a parallelogram"),
+                "remove `rod_share`",
             );
             continue;
         }
@@ -563,7 +575,9 @@ fn effects(
         joint.push(uncertainty.and_then(|table| uncertainty::read_joint(&table, effect.parameters().len())));
         effects.push(effect);
     }
-    if implied.springs && effects::add_implied(&mut effects) {
+    if let Some(axes) = implied.axes.filter(|_| implied.springs)
+        && effects::add_implied(&mut effects, axes)
+    {
         covariances.insert(0, None);
         joint.insert(0, None);
     }

@@ -53,7 +53,7 @@ pub use state::{Cutting, ForceLaw, MOST_CLAMPS, PartAt, PartYield, Situation, To
 pub use survey::Survey;
 
 use crate::lanes::Real;
-use crate::robot::Joints;
+use crate::robot::{Axes, Joints};
 use std::fmt::Debug;
 use table::{ANY, FACTOR, NOT_NEGATIVE, checked, indexed, is_sharp, per_axis, per_direction, scalar, table_of, take};
 
@@ -184,6 +184,8 @@ pub enum ParameterOwner {
 pub enum Need {
     /// `[robot.stiffness]`.
     Stiffness,
+    /// An arm with a parallelogram.
+    Parallelogram,
     /// A cutting force that is not zero everywhere.
     Force,
     /// Time, measured or from path length over feed.
@@ -243,8 +245,8 @@ physics::registry! {
 
 /// The declared springs of the joints: the effect that every cell with `[robot.stiffness]` has, also without an `[[effect]]` table.
 #[must_use]
-pub fn declared_springs() -> Box<dyn Effect> {
-    Box::new(joint_stiffness::JointStiffness::declared())
+pub fn declared_springs(axes: &Axes) -> Box<dyn Effect> {
+    Box::new(joint_stiffness::JointStiffness::declared(axes))
 }
 
 /// The declared stiffness of the part: the effect that every cell with `[part.material]` has, also without an `[[effect]]` table.
@@ -263,11 +265,11 @@ pub fn add_implied_part(effects: &mut Vec<Box<dyn Effect>>) -> bool {
 }
 
 /// Puts [`declared_springs`] before the effects of a cell file unless one of them stands for it. Returns whether it was added.
-pub fn add_implied(effects: &mut Vec<Box<dyn Effect>>) -> bool {
+pub fn add_implied(effects: &mut Vec<Box<dyn Effect>>, axes: &Axes) -> bool {
     let implied = |name| kind(name).is_some_and(|kind| kind.implied_by_stiffness);
     let missing = !effects.iter().any(|effect| implied(effect.kind()));
     if missing {
-        effects.insert(0, declared_springs());
+        effects.insert(0, declared_springs(axes));
     }
     missing
 }

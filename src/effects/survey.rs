@@ -1,8 +1,10 @@
-use crate::robot::Joints;
+use crate::robot::{Axes, Joints};
 
 /// What a set of measured data contains: it decides which effects the data can show, and over which range.
 #[derive(Clone, Debug)]
 pub struct Survey {
+    /// How the motors of the robot drive its joints.
+    pub axes: Axes,
     /// Whether the cell declares a joint stiffness.
     pub stiffness_declared: bool,
     /// Whether the cell declares the material and the clamps of a part that the rows cut.

@@ -163,6 +163,7 @@ fn moving_units(problem: &Problem) -> Vec<String> {
 pub(super) fn survey(arm: &Arm, problem: &Problem) -> Survey {
     let big = f64::INFINITY;
     let mut survey = Survey {
+        axes: arm.robot.axes,
         stiffness_declared: arm.stiffness.is_some(),
         part_declared: false,
         clamps: 0,

@@ -36,6 +36,14 @@ fn declared_springs_come_first_unless_the_file_has_them() {
 }
 
 #[test]
+fn only_a_parallelogram_has_a_rod() {
+    let springs = "[[effect]]\nkind = \"joint_stiffness\"\nscale = [1, 1, 1, 1, 1, 1]\nrod_share = 0.2\n";
+    assert!(read(&format!("{ROBOT}{STIFFNESS}{springs}")).is_ok());
+    let serial = read(&format!("[robot]\nmodel = \"irb6700-150-3.20\"\n{STIFFNESS}{springs}")).unwrap_err();
+    assert!(serial[0].message.contains("`rod_share` is for an arm with a parallelogram"), "{serial:?}");
+}
+
+#[test]
 fn friction_builds_up_over_one_angle_in_all_effects() {
     let cell = |angle: &str| {
         let gap = "[[effect]]\nkind = \"backlash\"\nhalf_gap_rad = [6e-5, 0, 0, 1e-4, 0, 0]\npresliding_rad = 1e-3\n";

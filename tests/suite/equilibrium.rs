@@ -33,7 +33,7 @@ fn arm(effects: &[&str]) -> Arm {
 }
 
 fn arm_of(robot: Robot, effects: &[&str]) -> Arm {
-    let mut all = vec![declared_springs()];
+    let mut all = vec![declared_springs(&robot.axes)];
     for text in effects {
         let mut table: toml::Table = text.parse().unwrap();
         let name = table.remove("kind").unwrap();

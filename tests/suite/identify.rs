@@ -319,6 +319,21 @@ fn an_arm_that_is_off_everywhere_is_corrected_elsewhere_too() {
     assert!(held.iter().sum::<f64>() > 0.85 * held.len() as f64, "{}", held.iter().sum::<f64>() / held.len() as f64);
 }
 
+/// The rod of a parallelogram arm on the same plant, alone: `joint_stiffness` is named, and another program is predicted.
+#[test]
+fn the_rod_of_a_parallelogram_is_found_and_predicts_another_program() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/whole_arm/rod-1");
+    let found = of_folder(&folder);
+    let names: Vec<&str> = found.added.iter().map(|added| &*added.kind).collect();
+    assert_eq!(names, ["joint_stiffness"]);
+    let mut nothing = found.clone();
+    nothing.extended.clear();
+    // Squared, with the noise of the three axes taken off: less than a tenth of the declared error stays.
+    let off = |found: &Identification| transfer(&folder, found).powi(2) - 3.0 * found.noise_mm.powi(2);
+    let (declared, extended) = (off(&nothing), off(&found));
+    assert!(extended < 0.01 * declared, "{extended} {declared} mm²");
+}
+
 /// `--sparse` of the same cell: what is named alone is in the model and in the cell, fitted without the others.
 #[test]
 fn the_named_effects_alone_are_a_cell_too() {

@@ -103,8 +103,9 @@ fn case() -> Case {
     // The tool is what lies between the flange at the printed joints and the wanted cutter pose.
     let flange_from_tcp = robot.forward(&motor).inv_mul(&(base_from_feed * feed_from_tcp));
     let stiffness = Joints::from([8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4]);
+    let effects = vec![declared_springs(&robot.axes)];
     Case {
-        arm: Arm { robot, stiffness: Some(stiffness), effects: vec![declared_springs()] },
+        arm: Arm { robot, stiffness: Some(stiffness), effects },
         motor,
         base_from_feed,
         tool: ToolFrame { flange_from_tcp, mass: 0.0, cog: Vector3::zeros() },

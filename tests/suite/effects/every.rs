@@ -2,7 +2,7 @@
 
 use deflex::effects::{Cutting, Effect, KINDS, PartAt, PartYield, Situation, Survey, ToolFrame, UnitAt, kind};
 use deflex::equilibrium::Arm;
-use deflex::robot::{BUILTIN, Joints, Pose};
+use deflex::robot::{Axes, BUILTIN, Joints, Pose};
 use nalgebra::{DMatrix, Matrix3, Rotation3, Translation3, Vector3};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed, TestRunner};
@@ -46,14 +46,11 @@ fn drawn(effect: &dyn Effect, shares: &[f64]) -> Box<dyn Effect> {
 
 fn arm(effects: Vec<Box<dyn Effect>>) -> Arm {
     // Scaled springs stand in the declared ones' place.
+    let robot = BUILTIN.iter().find(|robot| robot.model == "irb6660-205-1.9").unwrap().robot();
     let mut all = effects;
-    deflex::effects::add_implied(&mut all);
+    deflex::effects::add_implied(&mut all, &robot.axes);
     deflex::effects::add_implied_part(&mut all);
-    Arm {
-        robot: BUILTIN.iter().find(|robot| robot.model == "irb6660-205-1.9").unwrap().robot(),
-        stiffness: Some(Joints::from([8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4])),
-        effects: all,
-    }
+    Arm { robot, stiffness: Some(Joints::from([8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4])), effects: all }
 }
 
 /// A table under the part and a track under the robot.
@@ -345,6 +342,7 @@ fn what_is_wrong_with_a_number_is_said_by_name() {
 #[test]
 fn candidates_follow_the_data_and_do_nothing_yet() {
     let mut survey = Survey {
+        axes: Axes::PARALLELOGRAM,
         stiffness_declared: true,
         part_declared: true,
         clamps: 2,
