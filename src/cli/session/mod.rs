@@ -335,7 +335,7 @@ pub fn predict_unrounded(
 /// let done = compensate(&program, &Run::new(cell))?;
 /// let (name, bytes) = &done.files[0];
 /// assert_eq!(name.to_str(), Some("slot.mod"));
-/// assert!(bytes.starts_with(b"%%%") && done.summary.max_remaining_mm < 1e-3);
+/// assert!(bytes.starts_with(b"%%%") && done.summary.counts.max_remaining_mm < 1e-3);
 /// # Ok::<(), deflex::text::Diagnostics>(())
 /// ```
 pub fn compensate(program: &ProgramFiles, run: &Run) -> Result<Done, Vec<Diagnostic>> {
@@ -364,7 +364,7 @@ pub fn compensate(program: &ProgramFiles, run: &Run) -> Result<Done, Vec<Diagnos
 /// let cell = Arc::new(CellFile::read("samples/slot/cell.toml".as_ref())?);
 /// let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
 /// let done = predict(&program, None, &Run::new(cell))?;
-/// assert!(done.summary.max_error_mm > 0.1);
+/// assert!(done.summary.counts.max_error_mm > 0.1);
 /// # Ok::<(), deflex::text::Diagnostics>(())
 /// ```
 pub fn predict(program: &ProgramFiles, against: Option<&ProgramFiles>, run: &Run) -> Result<Done, Vec<Diagnostic>> {
