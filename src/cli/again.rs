@@ -67,9 +67,9 @@ impl Again {
         let help = "give the original program, or add --again to correct this one once more";
         let written = self.reports.iter().find(|(_, written)| self.contains_most(written));
         let why = match written {
-            Some((report, _)) => format!("according to {}, the correction is already in it", report.display()),
+            Some((report, _)) => format!("according to {}, the correction is in it already", report.display()),
             None if self.posted => {
-                "its first lines say that deflex posted it, so the correction is already in it".to_owned()
+                "its first lines say that deflex posted it, so the correction is in it already".to_owned()
             }
             None => return None,
         };
