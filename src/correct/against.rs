@@ -6,12 +6,11 @@
 
 use super::context::{Context, JudgedPath};
 use super::deviation::{self, Commanded, Deviations, Node, PathDeviation, WalkedPath};
-use super::driven::waypoint_targets;
 use super::inserted::{self, Inserted, segments};
 use super::mount::Moved;
 use super::parallelism::Parallelism;
 use super::point::Point;
-use super::segment::{self, Kind, Segment, Start};
+use super::segment::{self, Kind, Segment, Start, waypoint_targets};
 use super::solve::Solver;
 use super::{Options, Prepared, free_turn, path};
 use crate::cell::Cell;

@@ -7,7 +7,7 @@ use super::load::PointLoad;
 use super::original_loads::OriginalLoads;
 use super::parallelism::Parallelism;
 use super::point::Point;
-use super::segment::{Kind, Segment, Start};
+use super::segment::{Kind, Segment, Start, waypoint_targets};
 use super::solve::{Solver, controller_motor};
 use super::{
     Corrected, DrivenFigures, DrivenSummary, KeptReason, Options, PathDeviation, Prepared, RAPID_MM_S, frames,
@@ -429,11 +429,6 @@ fn undeclared(law: &PathLaw) -> Vec<&'static str> {
         ("corner_acceleration_mm_s2", law.corner_acceleration.is_infinite()),
     ];
     keys.into_iter().filter_map(|(key, is_missing)| is_missing.then_some(key)).collect()
-}
-
-/// Indices of the targets that are [waypoints](Course::waypoints): all except the circle points of arcs.
-pub(super) fn waypoint_targets(program: &Program) -> Vec<usize> {
-    (0..program.targets.len()).filter(|i| Kind::of(program, *i) != Kind::Point).collect()
 }
 
 /// The waypoint of the original for each waypoint of another program: that in the list, or the one with the same number beyond its end.

@@ -4,8 +4,7 @@
 //! moved points have other directions, and inserted targets shift the ordinals by which a table gives forces, times and temperatures.
 
 use super::Prepared;
-use super::driven::waypoint_targets;
-use super::segment::Kind;
+use super::segment::{Kind, waypoint_targets};
 use crate::program::Program;
 use std::sync::Arc;
 

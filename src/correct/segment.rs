@@ -101,6 +101,11 @@ impl Kind {
     }
 }
 
+/// Indices of the targets that are [waypoints](super::driven::Course::waypoints): all except the circle points of arcs.
+pub(super) fn waypoint_targets(program: &Program) -> Vec<usize> {
+    (0..program.targets.len()).filter(|i| Kind::of(program, *i) != Kind::Point).collect()
+}
+
 impl<'p> Segment<'p> {
     /// The segment to target `i` from `start`; `None` if it is neither a line nor an arc.
     pub(super) fn into(program: &Program, prepared: &'p Prepared, i: usize, start: &'p Start) -> Option<Self> {

@@ -1,11 +1,58 @@
 //! The chunks of a long program in any language, for every way of reading them.
 
-use super::chunk::{ChunkReader, Next, UnreadChunk};
+use super::chunk::{Next, StreamableChunk};
 use super::cl::{self, ClOptions};
 use super::krl;
 use super::rapid::{self, Names};
 use crate::text::{Diagnostic, Source};
 use std::io::{self, Read, Seek};
+
+/// A chunk that was taken. Any thread may read it.
+#[derive(Debug)]
+pub enum UnreadChunk {
+    /// RAPID.
+    Rapid(Box<rapid::Chunk>),
+    /// KRL.
+    Krl(Box<krl::Chunk>),
+    /// A chunk that is read when it is taken.
+    Read(Box<StreamableChunk>),
+}
+
+impl UnreadChunk {
+    /// Reads it; `None` if it turns out that only the whole program can be read.
+    #[must_use]
+    pub fn read(self) -> Option<StreamableChunk> {
+        match self {
+            Self::Rapid(chunk) => chunk.read(),
+            Self::Krl(chunk) => chunk.read(),
+            Self::Read(chunk) => Some(*chunk),
+        }
+    }
+}
+
+/// Divides a long program into chunks.
+pub trait ChunkReader {
+    /// Whether every edit of a chunk is in its own bytes, and these bytes in their order are the program.
+    fn is_in_place(&self) -> bool {
+        false
+    }
+
+    /// The next chunk.
+    ///
+    /// # Errors
+    /// The input cannot be read.
+    fn take(&mut self) -> io::Result<Next<UnreadChunk>>;
+
+    /// Whether the numbers of a target belong to one motion only, over all chunks.
+    fn has_own_numbers(&self) -> bool {
+        self.is_in_place()
+    }
+
+    /// Warnings about the text so far.
+    fn warnings(&self) -> Vec<Diagnostic> {
+        Vec::new()
+    }
+}
 
 /// The chunks of a long program.
 #[derive(Debug)]

@@ -1,8 +1,6 @@
 //! Long programs, a chunk at a time.
 
-use super::{Goal, Program, Target, krl, rapid};
-use crate::text::Diagnostic;
-use std::io;
+use super::{Goal, Program, Target};
 use std::ops::Range;
 
 /// The result of taking the next chunk of a program.
@@ -14,53 +12,6 @@ pub enum Next<P> {
     End,
     /// The text has something whose meaning depends on the whole program.
     NotStreamable,
-}
-
-/// A chunk that was taken. Any thread may read it.
-#[derive(Debug)]
-pub enum UnreadChunk {
-    /// RAPID.
-    Rapid(Box<rapid::Chunk>),
-    /// KRL.
-    Krl(Box<krl::Chunk>),
-    /// A chunk that is read when it is taken.
-    Read(Box<StreamableChunk>),
-}
-
-impl UnreadChunk {
-    /// Reads it; `None` if it turns out that only the whole program can be read.
-    #[must_use]
-    pub fn read(self) -> Option<StreamableChunk> {
-        match self {
-            Self::Rapid(chunk) => chunk.read(),
-            Self::Krl(chunk) => chunk.read(),
-            Self::Read(chunk) => Some(*chunk),
-        }
-    }
-}
-
-/// Divides a long program into chunks.
-pub trait ChunkReader {
-    /// Whether every edit of a chunk is in its own bytes, and these bytes in their order are the program.
-    fn is_in_place(&self) -> bool {
-        false
-    }
-
-    /// The next chunk.
-    ///
-    /// # Errors
-    /// The input cannot be read.
-    fn take(&mut self) -> io::Result<Next<UnreadChunk>>;
-
-    /// Whether the numbers of a target belong to one motion only, over all chunks.
-    fn has_own_numbers(&self) -> bool {
-        self.is_in_place()
-    }
-
-    /// Warnings about the text so far.
-    fn warnings(&self) -> Vec<Diagnostic> {
-        Vec::new()
-    }
 }
 
 /// A chunk that was read.

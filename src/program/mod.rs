@@ -39,9 +39,9 @@ pub use marks::unknown_marks;
 pub use modules::{ModuleNames, group_modules};
 // The interface between the languages' `Chunks` and the pipeline that corrects them; not for callers.
 #[doc(hidden)]
-pub use any_chunks::AnyChunks;
+pub use any_chunks::{AnyChunks, ChunkReader, UnreadChunk};
 #[doc(hidden)]
-pub use chunk::{ChunkReader, Next, StreamableChunk, UnreadChunk};
+pub use chunk::{Next, StreamableChunk};
 pub use round_trip::{RoundTrip, round_trip};
 pub use target::{
     Conf, Confdata, Config, Editable, ExternalAxes, Goal, GroupAxis, InactiveUnit, Mark, Motion, Predecessor, Role,
