@@ -6,7 +6,7 @@
 
 use super::Prepared;
 use super::context::JudgedPath;
-use super::halved::{Halved, Tick};
+use super::halved::{Halved, Interval, Tick};
 use super::mount::Moved;
 use super::point::Point;
 use super::segment::{Kind, SMOOTH, Segment, Start};
@@ -57,8 +57,8 @@ impl PathDeviation {
 
     /// This deviation with the jump separated. The distances, m: before the jump, at most within its length, and at
     /// most after it.
-    fn judged(self, before: f64, within: f64, behind: f64) -> Self {
-        let explained = before.max(behind);
+    fn judged(self, before: f64, within: f64, after: f64) -> Self {
+        let explained = before.max(after);
         if within <= explained + KNOWN {
             return self;
         }
@@ -555,8 +555,9 @@ impl<'p> Measure<'_, '_, 'p> {
             return Some(linear(&from, &to, length).with_jump(before, &from, &to));
         }
         let mut all: Option<PathDeviation> = None;
-        for &(from, to) in &known.done {
-            let here = resolved(known.five((from, to))?, length * f64::from(to - from) / f64::from(TICKS));
+        for &interval in &known.done {
+            let share = f64::from(interval.to - interval.from) / f64::from(TICKS);
+            let here = resolved(known.five(interval)?, length * share);
             all = Some(all.map_or(here, |all| all.and(here)));
         }
         let all = all?;
@@ -569,18 +570,18 @@ impl<'p> Measure<'_, '_, 'p> {
 fn with_jump(known: &Known, all: PathDeviation, before: f64, length: f64) -> PathDeviation {
     let over = (JUMP_WITHIN / length).min(1.0) * f64::from(TICKS);
     let known = known.values.iter().filter_map(|(tick, off)| Some((f64::from(*tick), (*off)?)));
-    let (within, behind): (Vec<_>, Vec<_>) = known.partition(|(tick, _)| *tick < over);
-    let (Some((from, first)), Some((to, second))) = (within.last(), behind.first()) else { return all };
+    let (within, after): (Vec<_>, Vec<_>) = known.partition(|(tick, _)| *tick < over);
+    let (Some((from, first)), Some((to, second))) = (within.last(), after.first()) else { return all };
     let at_end = first.lerp(second, (over - from) / (to - from)).norm();
     let most = |off: &[(f64, Vector3<f64>)]| off.iter().map(|(_, off)| off.norm()).fold(0.0, f64::max);
-    all.judged(before, most(&within), at_end.max(most(&behind)))
+    all.judged(before, most(&within), at_end.max(most(&after)))
 }
 
 /// Whether the quarters of an interval are on the curve through its ends and its middle, or it is too short to be halved.
-fn is_resolved((from, to): (Tick, Tick), [a, b, c, d, e]: [Vector3<f64>; 5]) -> bool {
+fn is_resolved(interval: Interval, [a, b, c, d, e]: [Vector3<f64>; 5]) -> bool {
     let misses = [b - (a * 3.0 + c * 6.0 - e) / 8.0, d - (e * 3.0 + c * 6.0 - a) / 8.0];
     let most = [a, b, c, d, e].iter().map(Vector3::norm).fold(0.0, f64::max);
-    (to - from) / 4 <= 1 || misses.iter().all(|miss| miss.norm() <= RESOLVED.max(RESOLVED_SHARE * most))
+    interval.quarter() <= 1 || misses.iter().all(|miss| miss.norm() <= RESOLVED.max(RESOLVED_SHARE * most))
 }
 
 /// The deviation from five errors (m) at even distances along a length (m).

@@ -7,7 +7,7 @@
 //! [`deviation`](super::deviation) judges the result with the forward model.
 
 use super::deviation::{Commanded, JUMP_WITHIN, Node, WalkedPath};
-use super::halved::{Halved, Tick};
+use super::halved::{Halved, Interval, Tick};
 use super::point::Point;
 use super::segment::{Kind, Segment, Start};
 use super::solve::{CorrectionMode, Solved, Solver, controller_motor};
@@ -155,8 +155,8 @@ impl<'p> Plan<'p> {
     }
 
     /// Length of an interval, m.
-    fn size(&self, from: Tick, to: Tick) -> f64 {
-        (self.share(to) - self.share(from)) * self.length
+    fn size(&self, interval: Interval) -> f64 {
+        (self.share(interval.to) - self.share(interval.from)) * self.length
     }
 
     /// Finds whether the needed command jumps at the start.
@@ -200,29 +200,28 @@ impl<'p> Plan<'p> {
     }
 
     /// Whether the controller's interpolation on a part is an arc. The last part is the instruction of the text: an arc.
-    fn is_arc(&self, (from, to): (Tick, Tick)) -> bool {
-        let angle = || self.size(from, to) * (self.segment.track.angle() / self.length);
-        self.segment.track.is_arc() && (to == TICKS || angle() >= SHORTEST_ARC)
+    fn is_arc(&self, interval: Interval) -> bool {
+        let angle = || self.size(interval) * (self.segment.track.angle() / self.length);
+        self.segment.track.is_arc() && (interval.to == TICKS || angle() >= SHORTEST_ARC)
     }
 
     /// Halves the intervals on which the controller's interpolation between the commands is not the needed command.
     fn judge(&mut self, enough: f64) {
         let mut needed = std::mem::replace(&mut self.needed, Halved::new(TICKS));
-        needed.judge(|(from, to), five| {
+        needed.judge(|interval, five| {
             let [a, b, c, d, e] = &five.map(|solved| solved.wobj_from_tcp);
-            let quarter = (to - from) / 4;
-            let between = if self.is_arc((from, to)) { Track::arc(a, c, e) } else { Track::line(a, e) };
+            let between = if self.is_arc(interval) { Track::arc(a, c, e) } else { Track::line(a, e) };
             let mut off = [(1, b), (2, c), (3, d)].into_iter().map(|(k, needed)| {
                 let share = f64::from(k) / 4.0;
                 let shift: Vector3<f64> = between.pose(share).translation.vector - needed.translation.vector;
-                self.segment.track.across(self.share(from + k * quarter), &shift).norm()
+                self.segment.track.across(self.share(interval.from + k * interval.quarter()), &shift).norm()
             });
-            let shortest = if self.segment.track.is_arc() && to == TICKS {
+            let shortest = if self.segment.track.is_arc() && interval.to == TICKS {
                 2.0 * SHORTEST_ARC / (self.segment.track.angle() / self.length)
             } else {
                 2.0 * SHORTEST
             };
-            off.all(|off| off <= enough) || self.size(from, to) < shortest || quarter < 2
+            off.all(|off| off <= enough) || self.size(interval) < shortest || interval.quarter() < 2
         });
         self.needed = needed;
     }
@@ -247,9 +246,9 @@ impl<'p> Plan<'p> {
         if self.first > 0.0 {
             out.nodes.extend(node(0, None));
         }
-        for &(from, to) in &self.needed.done {
-            let middle = from + (to - from) / 2;
-            let arc = self.is_arc((from, to)) && self.needed.five((from, to)).is_some();
+        for &interval in &self.needed.done {
+            let (to, middle) = (interval.to, interval.middle());
+            let arc = self.is_arc(interval) && self.needed.five(interval).is_some();
             if to < TICKS {
                 out.nodes.extend(node(to, arc.then_some(middle)));
             } else if arc && let Some(via) = self.needed.at(middle) {
