@@ -340,12 +340,9 @@ fn shift(
         Pattern::Jump { run, .. } if row.run != run => 0.0,
         // The smaller part of the run has the fault, before the jump or after it. Otherwise a few rows before a jump would decide where
         // the work object lies.
-        Pattern::Jump { run, order, slips: Slips::All } if 2 * order < spans[run].rows => {
-            if row.order < order {
-                -1.0
-            } else {
-                0.0
-            }
+        Pattern::Jump { run, order, slips: Slips::All } => {
+            let of = |is_true: bool| f64::from(u8::from(is_true));
+            of(row.order >= order) - of(2 * order < spans[run].rows)
         }
         Pattern::Jump { order, .. } if row.order < order => 0.0,
         Pattern::Jump { slips: Slips::Clamp(clamp), .. } => {
@@ -353,7 +350,6 @@ fn shift(
             let place = point.clamp_motion(clamp, index).unwrap_or_else(Vector3::zeros);
             return -TYPICAL_MM * place;
         }
-        Pattern::Jump { .. } => 1.0,
         Pattern::Joint(joint) => {
             let angle = ORDERS[which / 2] * row.motor[joint];
             if which.is_multiple_of(2) { angle.cos() } else { angle.sin() }
