@@ -5,7 +5,7 @@
 //! last. A position that names all six numbers is the same whatever stands before it, so that the other lines mean what that
 //! one does. Whatever is not like that is read whole.
 
-use super::like::{Axes, Lead, Like, Reader, is_speed, layout, line_ends, moved_axes};
+use super::like::{Axes, Before, Lead, Like, Reader, is_speed, layout, line_ends, moved_axes};
 use super::{Layout, dialect, lex};
 use crate::program::{Language, Mark, Next, Predecessor, Program, StreamableChunk, Target, detect};
 use crate::text::{Source, Span};
@@ -200,7 +200,8 @@ impl<R: Read> Chunks<R> {
         if !like.fits(line.trim_ascii()) {
             like = Arc::new(self.reader.like(&like.lead, &line)?);
         }
-        let (program, from) = self.reader.tail(&like, &line, after, (self.lines, self.motions))?;
+        let (program, from) =
+            self.reader.tail(&like, &line, after, Before { lines: self.lines, motions: self.motions })?;
         let source = program.sources[0].clone();
         let lines = source.bytes.len();
         Some(Chunk {

@@ -1,5 +1,5 @@
-//! Lines that differ in nothing but the numbers of their position: one of them is read with all that stands before, the others
-//! by their numbers.
+//! Lines that differ only in the numbers of their positions. One of them is read together with the program before it; of the others only
+//! the numbers are read.
 
 use super::Layout;
 use super::lex;
@@ -14,10 +14,10 @@ use crate::text::{Diagnostic, Source, Span, number};
 use deflex_lang::ir::SourceSpan;
 use std::sync::Arc;
 
-/// Ends a program that is not there to its end.
+/// Ends the text of a program of which only the beginning is read.
 const END: &[u8] = b"\nEND\n";
 
-/// First words of what may stand after the last line: nothing that goes back, and nothing that changes what was before.
+/// First words of statements that may follow the last line. None of them jumps back, or changes the meaning of a line before.
 const AFTER: [&[u8]; 8] = [b"PTP", b"LIN", b"SPTP", b"SLIN", b"HALT", b"WAIT", b"$OUT", b"$VEL"];
 
 /// A kind of line.
@@ -25,9 +25,9 @@ const AFTER: [&[u8]; 8] = [b"PTP", b"LIN", b"SPTP", b"SLIN", b"HALT", b"WAIT", b
 pub(super) struct Like {
     pub(super) lead: Lead,
     columns: Vec<Column>,
-    /// What stands after the last.
+    /// The text after the last number.
     after: Vec<u8>,
-    /// How much of it is the statement: the rest is a comment.
+    /// Length of the part of that text that belongs to the statement, bytes; the rest is a comment.
     code: usize,
     /// See [`Reader`].
     used: Axes,
@@ -36,10 +36,10 @@ pub(super) struct Like {
     wobj: Wobj,
 }
 
-/// What holds before a line and does not stand in it.
+/// Settings that are in force at a line and are not written in it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Lead {
-    /// The line that sets it; empty for that of the head.
+    /// The line that sets the speed; empty if the head sets it.
     pub(super) speed: Vec<u8>,
     pub(super) mark: Option<Mark>,
 }
@@ -52,28 +52,37 @@ impl Lead {
     }
 }
 
-/// What a number of a line is.
+/// The meaning of a number in a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Number {
     /// One of X Y Z A B C, by its index.
     Pose(usize),
     /// An external axis, by its index.
     Axis(usize),
-    /// `S`, `T`: what path motions do not look at.
+    /// `S` or `T`, which path motions ignore.
     Status,
 }
 
-/// What stands before a number, without blanks at its ends, and what the number is.
+/// The text before a number, without blanks at its ends, and the meaning of the number.
 type Column = (Vec<u8>, Number);
 
-/// What the numbers of a line come to.
+/// The content of a line, as its numbers give it.
 pub(super) struct Line {
     pub(super) goal: Goal,
     pub(super) site: Site,
-    /// Where its statement ends.
+    /// Offset at which its statement ends.
     pub(super) end: usize,
     /// External axes that it names, mm or degrees.
     axes: [Option<f64>; EXTERNAL_AXES],
+}
+
+/// The size of the part of a file before a line.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Before {
+    /// Number of line ends.
+    pub(super) lines: usize,
+    /// Number of motions.
+    pub(super) motions: u32,
 }
 
 /// Reads lines after a head.
@@ -90,13 +99,13 @@ pub(super) struct Reader {
     used: Axes,
     /// Those that all lines name.
     named: Axes,
-    /// What is said of the program and of none of its lines (a tool without a load).
+    /// Messages about the program as a whole, such as one about a tool without a load.
     said: Vec<Diagnostic>,
 }
 
 pub(super) type Axes = [bool; EXTERNAL_AXES];
 
-/// External axes that stand elsewhere than at zero anywhere.
+/// External axes that have a position other than zero at any target.
 fn used(program: &Program) -> Axes {
     let moved = |axis: usize| {
         let at = |target: &Target| target.external.as_ref().and_then(|external| external.written[axis]);
@@ -105,7 +114,7 @@ fn used(program: &Program) -> Axes {
     std::array::from_fn(moved)
 }
 
-/// `$VEL.CP=0.05`: the one assignment that may stand between the lines.
+/// Whether a line is an assignment like `$VEL.CP=0.05`, the only one that may be between the lines.
 pub(super) fn is_speed(text: &[u8]) -> bool {
     const NAME: &[u8] = b"$VEL.CP";
     let Some(rest) = text.get(NAME.len()..).filter(|_| text[..NAME.len()].eq_ignore_ascii_case(NAME)) else {
@@ -116,8 +125,8 @@ pub(super) fn is_speed(text: &[u8]) -> bool {
 }
 
 impl Reader {
-    /// With the targets of the head; `None` where it has more than one routine, goes back, or anything in it is not known, or
-    /// where the line that follows it is of no kind. `moving` are axes that are known to be in use further on.
+    /// The reader, and a program with the targets of the head. `None` if the head has more than one routine, jumps back, or has anything
+    /// that is not known, or if the line after it is of no kind. `moving` are axes that are known to be in use after the head.
     pub(super) fn new(
         (name, head, context): (&str, &[u8], &[Source]),
         line: &[u8],
@@ -169,13 +178,14 @@ impl Reader {
         used(program).iter().zip(self.used).all(|(used, known)| known || !used)
     }
 
-    /// The program of head and these, where all of it is known and nothing else is said of it than of the whole.
+    /// The program that consists of the head and these parts; `None` if anything in it is not known, or if it has messages that the
+    /// program as a whole does not have.
     fn program(&self, parts: &[&[u8]]) -> Option<Program> {
         let is_said = |diagnostic: &Diagnostic| self.said.contains(diagnostic);
         self.read(parts).filter(|program| program.diagnostics.iter().all(is_said))
     }
 
-    /// The program of head and these, where all of it is known.
+    /// The program that consists of the head and these parts; `None` if anything in it is not known.
     fn read(&self, parts: &[&[u8]]) -> Option<Program> {
         let text = [&[&self.head[..]][..], parts].concat().concat();
         let mut program = super::read(vec![Source::new(self.name.clone(), text)], self.context.clone()).ok()?;
@@ -201,7 +211,7 @@ impl Reader {
         let plain = target.motion == Motion::Linear && target.role == Role::End && target.editable == Editable::Pose;
         let start = self.head.len() + before.len() + (line.len() - line.trim_ascii_start().len());
         let text = line.trim_ascii();
-        // A mark after it would hold for what follows.
+        // A mark in the same line would hold for the lines after it.
         let marked = lex::lines(line).any(|line| line.mark.is_some());
         if !plain || marked || target.span.start as usize != start || target.name.is_some() {
             return None;
@@ -212,7 +222,7 @@ impl Reader {
         let tool = program.tools.get(usize::from(target.tool))?.clone();
         let wobj = program.wobjs.get(usize::from(target.wobj))?.clone();
         let like = Like { lead: lead.clone(), columns, after, code, used: self.used, target, tool, wobj };
-        // What a line does not name it has from the line before it, whatever kind that is of.
+        // A line takes an axis that it does not name from the line before it, which may be of another kind.
         let names = |axis: usize| like.columns.iter().any(|(_, number)| *number == Number::Axis(axis));
         let has = |axis: usize| like.target.external.as_ref().is_some_and(|axes| axes.written[axis].is_some());
         let whole = (0..EXTERNAL_AXES).all(|axis| [names(axis), has(axis)] == [self.named[axis]; 2]);
@@ -224,15 +234,9 @@ impl Reader {
         Some(like).filter(|_| same && whole)
     }
 
-    /// The targets after the last line, which is of this kind, and where in their text what stands after it begins. So many lines and
-    /// motions of the file are before that.
-    pub(super) fn tail(
-        &self,
-        like: &Like,
-        line: &[u8],
-        after: &[u8],
-        (lines, motions): (usize, u32),
-    ) -> Option<(Program, usize)> {
+    /// The targets after the last line of a program, which is of this kind, and the offset in the source of these targets at which the
+    /// text after that line begins. `before` is the part of the file up to the end of that line.
+    pub(super) fn tail(&self, like: &Like, line: &[u8], after: &[u8], before: Before) -> Option<(Program, usize)> {
         let mut ended = false;
         for line in lex::lines(after) {
             let code = &after[line.code.range()];
@@ -244,13 +248,13 @@ impl Reader {
             }
             ended |= word.eq_ignore_ascii_case(b"END");
         }
-        // What stands after the last line of a kind begins on a line of its own.
+        // The text after the last line begins on a line of its own.
         let begun: &[u8] = if line.ends_with(b"\n") { b"" } else { b"\n" };
         let lead = like.lead.text();
         let mut program = self.program(&[&lead, line, begun, after])?;
         let from = self.head.len() + lead.len() + line.len() + begun.len();
         let mut source = program.sources[0].clone();
-        source.lines_before = lines.checked_sub(line_ends(&source.bytes[..from]))?;
+        source.lines_before = before.lines.checked_sub(line_ends(&source.bytes[..from]))?;
         let (of_head, motions_of_head) = (self.targets + 1, self.motions + 1);
         program.literal_targets = program.literal_targets.checked_sub(self.literals + 1)?;
         let layout = layout(&mut program)?;
@@ -270,7 +274,7 @@ impl Reader {
         for target in &mut targets {
             target.line = target.line.checked_add(source.lines_before.try_into().ok()?)?;
             target.ordinal = (target.ordinal as usize).checked_sub(motions_of_head)?.try_into().ok()?;
-            target.ordinal = target.ordinal.checked_add(motions)?;
+            target.ordinal = target.ordinal.checked_add(before.motions)?;
         }
         (program.targets, program.sources) = (targets, [source].into());
         Some((program, from))
@@ -278,8 +282,7 @@ impl Reader {
 }
 
 impl Like {
-    /// Whether a line, without blanks at its ends, begins and ends as those of this kind: what is between is seen when it is
-    /// read.
+    /// Whether a line, without blanks at its ends, begins and ends like the lines of this kind. Its numbers are checked when it is read.
     pub(super) fn looks_like(&self, text: &[u8]) -> bool {
         text.starts_with(&self.columns[0].0) && text.ends_with(&self.after)
     }
@@ -305,7 +308,7 @@ impl Like {
         ])
     }
 
-    /// What a line of this kind, without blanks at its ends, says that begins at this offset.
+    /// Reads a line of this kind, without blanks at its ends, that begins at this offset.
     pub(super) fn read(&self, text: &[u8], start: usize) -> Option<Line> {
         let (mut numbers, mut site, mut axes) = ([0.0; 6], Site::default(), [None; EXTERNAL_AXES]);
         let each = |number, at: usize, (value, len)| match number {
@@ -317,7 +320,7 @@ impl Like {
             Number::Status => {}
         };
         let end = self.numbers(text, each)?;
-        // One that begins to move makes all lines before it others than they were read as.
+        // An axis that begins to move here was taken as resting in all lines before.
         if axes.iter().zip(self.used).any(|(at, used)| !used && at.is_some_and(|at| at != 0.0)) {
             return None;
         }
@@ -327,7 +330,7 @@ impl Like {
         Some(Line { goal, site, end: start + end + self.code, axes })
     }
 
-    /// External axes of a line of this kind, where the line before has these.
+    /// External axes of a line of this kind, if the line before it has the axes `before`.
     pub(super) fn external(&self, line: &Line, before: &Option<Arc<ExternalAxes>>) -> Option<Arc<ExternalAxes>> {
         let own = self.target.external.as_ref()?;
         let written: [Option<f64>; EXTERNAL_AXES] = std::array::from_fn(|axis| line.axes[axis].or(own.written[axis]));
@@ -336,7 +339,8 @@ impl Like {
         Some(known.unwrap_or_else(|| Arc::new(ExternalAxes { written, ..(**own).clone() })))
     }
 
-    /// Gives the numbers of a line of this kind, each with its offset, its value and its length; where the last one ends.
+    /// Calls `each` with the meaning, the offset, the value and the length of each number in a line of this kind. Returns the offset at which
+    /// the last one ends.
     fn numbers(&self, text: &[u8], mut each: impl FnMut(Number, usize, (f64, usize))) -> Option<usize> {
         let mut at = 0;
         for (before, number) in &self.columns {
@@ -351,20 +355,20 @@ impl Like {
     }
 }
 
-/// The numbers of the position in a line, and where the last of them ends. `None` where it consists of anything else.
+/// The numbers of the position in a line, and the offset at which the last of them ends; `None` if the position has anything else.
 fn columns(text: &[u8]) -> Option<(Vec<Column>, usize)> {
     let (mut found, mut at, mut name) = (Vec::new(), 0, memchr::memchr(b'{', text)? + 1);
     loop {
         name += blanks(&text[name..]);
-        let behind = name + text[name..].iter().position(|byte| !byte.is_ascii_alphanumeric())?;
-        let word = upper(&text[name..behind]);
+        let end = name + text[name..].iter().position(|byte| !byte.is_ascii_alphanumeric())?;
+        let word = upper(&text[name..end]);
         let place = |names: [&[u8]; 6]| names.iter().position(|known| word[..] == **known);
         let number = match &word[..] {
             b"S" | b"T" => Number::Status,
             _ => place(POSE).map(Number::Pose).or_else(|| place(EXTERNAL).map(Number::Axis))?,
         };
-        found.push((text[at..behind].trim_ascii().to_vec(), number));
-        let value = behind + blanks(&text[behind..]);
+        found.push((text[at..end].trim_ascii().to_vec(), number));
+        let value = end + blanks(&text[end..]);
         at = value + number.value(&text[value..])?.1;
         name = at + blanks(&text[at..]) + 1;
         match text[name - 1..].first()? {
@@ -390,7 +394,7 @@ pub(super) fn moved_axes(line: &[u8], found: &mut Axes) {
 }
 
 impl Number {
-    /// The value that a text begins with, and how long its token is.
+    /// The value at the beginning of a text, and the length of its token.
     fn value(self, text: &[u8]) -> Option<(f64, usize)> {
         // `'B00010110'`
         let binary = text.strip_prefix(b"'B").filter(|_| self == Self::Status);
@@ -413,7 +417,7 @@ fn blanks(text: &[u8]) -> usize {
     text.iter().take_while(|byte| byte.is_ascii_whitespace()).count()
 }
 
-/// The place of a tool or a base among those of a program; it is the last where it is new.
+/// The index of a tool or a base in the list of a program, to which it is added if it is new.
 pub(super) fn intern<T: Clone>(known: &mut Vec<T>, wanted: &T, is: impl Fn(&T) -> bool) -> Option<u16> {
     let at = known.iter().rposition(is).unwrap_or_else(|| {
         known.push(wanted.clone());
@@ -422,7 +426,7 @@ pub(super) fn intern<T: Clone>(known: &mut Vec<T>, wanted: &T, is: impl Fn(&T) -
     u16::try_from(at).ok()
 }
 
-/// Where its numbers stand.
+/// The places of the numbers of a KRL program; `None` for a program in another language.
 pub(super) fn layout(program: &mut Program) -> Option<&mut Layout> {
     match &mut program.layout {
         crate::program::Layout::Krl(layout) => Some(layout),
