@@ -1,5 +1,7 @@
 //! Gears whose torque-deflection curve is not a straight line: soft while the teeth take up load, or hardening.
 //!
+//! The two flanks of a gear's teeth are not equally stiff: the joint then yields more under a torque of one sign than under the other.
+//!
 //! The declared spring stays in the cell; this effect adds the difference between the curve and that straight line.
 
 use super::{
@@ -13,7 +15,7 @@ pub(super) const KIND: Kind = Kind {
     name: "stiffness_curve",
     summary: "the joints' torque-deflection curve is not a straight line",
     forms: &[
-        "form = 'two_slope'\nwidth_rad = [0, 1e-4, 1e-4, 0, 0, 0]\nratio = [1, 1, 1, 1, 1, 1]",
+        "form = 'two_slope'\nwidth_rad = [0, 1e-4, 1e-4, 0, 0, 0]\nratio = [1, 1, 1, 1, 1, 1]\nasymmetry = [0, 0.1, 0, 0, 0, 0]",
         "form = 'cubic'\nc_per_rad2 = [0, 0, 0, 0, 0, 0]",
     ],
     part: super::Part::JointSpring,
@@ -37,8 +39,14 @@ const STEPS: usize = 60;
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(tag = "form", rename_all = "snake_case", deny_unknown_fields)]
 pub(super) enum StiffnessCurve {
-    /// `ratio` times the declared slope up to a deflection of `width_rad` on either side, the declared slope beyond.
-    TwoSlope { width_rad: [f64; 6], ratio: [f64; 6] },
+    /// `ratio` times the declared slope up to a deflection of `width_rad` on either side, the declared slope beyond. `asymmetry` is the share by
+    /// which the whole spring is softer under a positive torque, and stiffer under a negative one.
+    TwoSlope {
+        width_rad: [f64; 6],
+        ratio: [f64; 6],
+        #[serde(default)]
+        asymmetry: [f64; 6],
+    },
     /// τ = k (δ + c δ³): hardening.
     Cubic { c_per_rad2: [f64; 6] },
 }
@@ -49,7 +57,9 @@ fn candidates(survey: &Survey) -> Vec<Box<dyn Effect>> {
     if !survey.stiffness_declared {
         return vec![];
     }
-    let two_slope = |width: f64| -> Box<dyn Effect> { Box::new(TwoSlope { width_rad: [width; 6], ratio: [1.0; 6] }) };
+    let two_slope = |width: f64| -> Box<dyn Effect> {
+        Box::new(TwoSlope { width_rad: [width; 6], ratio: [1.0; 6], asymmetry: [0.0; 6] })
+    };
     let mut all: Vec<Box<dyn Effect>> = STARTS.map(two_slope).into();
     all.push(Box::new(Cubic { c_per_rad2: [0.0; 6] }));
     all
@@ -95,7 +105,9 @@ impl Physics for StiffnessCurve {
         for i in 0..6 {
             let straight = load.torque[i] * (1.0 / stiffness[i]);
             let excess = match self {
-                TwoSlope { width_rad, ratio } => two_slope_excess(straight, width_rad[i], ratio[i]),
+                TwoSlope { width_rad, ratio, asymmetry } => {
+                    two_slope_excess(straight, width_rad[i], ratio[i]) + straight.abs() * asymmetry[i]
+                }
                 Cubic { c_per_rad2 } => cubic_excess(straight, c_per_rad2[i]),
             };
             out.joints[i] = out.joints[i] + excess;
@@ -111,9 +123,11 @@ impl Effect for StiffnessCurve {
     fn parameters(&self) -> Vec<Parameter> {
         match self {
             // Gears are about twice as soft below some 3 % of their rated torque.
-            TwoSlope { width_rad, ratio } => {
+            // The loading branches of measured hysteresis curves differ by some 10 % between the two directions.
+            TwoSlope { width_rad, ratio, asymmetry } => {
                 let mut all = per_axis("width_rad", width_rad, "rad", 1e-4, TYPICAL_WIDTH, NOT_NEGATIVE);
                 all.extend(per_axis("ratio", ratio, "1", 0.4, 1.0, FACTOR));
+                all.extend(per_axis("asymmetry", asymmetry, "1", 0.1, 0.0, (-0.9, 0.9)));
                 all
             }
             // A quarter stiffer at a deflection of 4e-4 rad. Negative values are excluded: a softening cubic has a largest torque.
@@ -123,7 +137,9 @@ impl Effect for StiffnessCurve {
 
     fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
         Box::new(match self {
-            TwoSlope { .. } => TwoSlope { width_rad: take(&mut values), ratio: take(&mut values) },
+            TwoSlope { .. } => {
+                TwoSlope { width_rad: take(&mut values), ratio: take(&mut values), asymmetry: take(&mut values) }
+            }
             Cubic { .. } => Cubic { c_per_rad2: take(&mut values) },
         })
     }
@@ -131,13 +147,13 @@ impl Effect for StiffnessCurve {
     /// Beyond the kink only `width · (1 − ratio)` has an effect: the same spring with other widths and this product, joint by joint.
     fn lookalikes(&self) -> Vec<Box<dyn Effect>> {
         const FACTORS: [f64; 6] = [0.4, 0.6, 0.8, 1.25, 1.7, 2.5];
-        let TwoSlope { width_rad, ratio } = self else { return Vec::new() };
+        let TwoSlope { width_rad, ratio, asymmetry } = self else { return Vec::new() };
         let other = |(i, factor): (usize, f64)| -> Option<Box<dyn Effect>> {
             let (mut width_rad, mut ratio) = (*width_rad, *ratio);
             width_rad[i] *= factor;
             ratio[i] = 1.0 - (1.0 - ratio[i]) / factor;
             let possible = width_rad[i] > 0.0 && ratio[i] >= FACTOR.0;
-            possible.then(|| -> Box<dyn Effect> { Box::new(TwoSlope { width_rad, ratio }) })
+            possible.then(|| -> Box<dyn Effect> { Box::new(TwoSlope { width_rad, ratio, asymmetry: *asymmetry }) })
         };
         (0..6).flat_map(|i| FACTORS.map(|factor| (i, factor))).filter_map(other).collect()
     }
@@ -146,7 +162,8 @@ impl Effect for StiffnessCurve {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use approx::assert_relative_eq;
+    use crate::effects::bench::Bench;
+    use approx::{assert_abs_diff_eq, assert_relative_eq};
 
     #[test]
     fn two_slopes_meet_at_the_width() {
@@ -154,6 +171,17 @@ mod tests {
         assert_relative_eq!(two_slope_excess(0.4e-4_f64, 1e-4, 0.5), 0.4e-4, max_relative = 1e-14);
         assert_relative_eq!(two_slope_excess(2e-4, 1e-4, 0.5), 0.5e-4, max_relative = 1e-14);
         assert_relative_eq!(two_slope_excess(-2e-4, 1e-4, 0.5), -0.5e-4, max_relative = 1e-14);
+    }
+
+    #[test]
+    fn a_spring_can_be_softer_one_way() {
+        // 100 N sideways at 1.593 m on 1e6 N·m/rad: 1.593e-4 rad, of which a tenth is added one way and taken off the other way.
+        let softer = "kind = \"stiffness_curve\"\nform = \"two_slope\"\nwidth_rad = [0, 0, 0, 0, 0, 0]\nratio = [1, 1, 1, 1, 1, 1]\n\
+                      asymmetry = [0.1, 0, 0, 0, 0, 0]";
+        for force in [100.0, -100.0] {
+            let (_, out) = Bench::pushed(0.0, force, 0.0).run(softer);
+            assert_abs_diff_eq!(out.joints[0], 0.1 * 1.593e-4, epsilon = 1e-15);
+        }
     }
 
     #[test]

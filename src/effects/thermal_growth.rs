@@ -122,8 +122,7 @@ impl TryFrom<Keys> for ThermalGrowth {
 
     fn try_from(keys: Keys) -> Result<Self, &'static str> {
         let by_time = [keys.column_mm, keys.upper_arm_mm, keys.forearm_mm, keys.tool_mm];
-        let by_temperature =
-            [keys.column_mm_per_k, keys.upper_arm_mm_per_k, keys.forearm_mm_per_k, keys.tool_mm_per_k];
+        let by_temperature = [keys.column_mm_per_k, keys.upper_arm_mm_per_k, keys.forearm_mm_per_k, keys.tool_mm_per_k];
         let given = |numbers: &[Option<f64>]| numbers.iter().any(Option::is_some);
         let growth = |numbers: [Option<f64>; 4]| numbers.map(Option::unwrap_or_default);
         match (keys.tau_s, keys.reference_c) {
