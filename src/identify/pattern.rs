@@ -281,25 +281,24 @@ pub(super) fn shifts(problem: &Problem, pattern: Pattern) -> Vec<DVector<f64>> {
     (0..size).map(of_column).collect()
 }
 
-/// Time, place and size of a run.
+/// Time and place of a run.
 struct Span {
     from: f64,
     to: f64,
     centre_mm: Vector3<f64>,
-    /// Number of rows.
-    rows: usize,
 }
 
 impl Span {
     fn of(problem: &Problem, run: usize) -> Self {
-        let mut span = Self { from: f64::INFINITY, to: f64::NEG_INFINITY, centre_mm: Vector3::zeros(), rows: 0 };
+        let mut span = Self { from: f64::INFINITY, to: f64::NEG_INFINITY, centre_mm: Vector3::zeros() };
+        let mut count = 0.0;
         for row in problem.rows.iter().filter(|row| row.run == run) {
             let point = &problem.runs[run].points[row.point];
             (span.from, span.to) = (span.from.min(point.time), span.to.max(point.time));
             span.centre_mm += 1e3 * point.reference.translation.vector;
-            span.rows += 1;
+            count += 1.0;
         }
-        span.centre_mm /= span.rows.max(1) as f64;
+        span.centre_mm /= f64::max(count, 1.0);
         span
     }
 
@@ -337,19 +336,14 @@ fn shift(
         Pattern::Drift { .. } if which % DRIFTS == 0 => along,
         Pattern::Drift { settles: None } => 2.0 * along * (1.0 - along),
         Pattern::Drift { settles: Some(n) } => 1.0 - (-along / SETTLES[n]).exp(),
-        Pattern::Jump { run, .. } if row.run != run => 0.0,
-        // The smaller part of the run has the fault, before the jump or after it. Otherwise a few rows before a jump would decide where
-        // the work object lies.
-        Pattern::Jump { run, order, slips: Slips::All } => {
-            let of = |is_true: bool| f64::from(u8::from(is_true));
-            of(row.order >= order) - of(2 * order < spans[run].rows)
-        }
-        Pattern::Jump { order, .. } if row.order < order => 0.0,
+        Pattern::Jump { run, order, .. } if row.run != run || row.order < order => 0.0,
         Pattern::Jump { slips: Slips::Clamp(clamp), .. } => {
             // The part moves with its clamp, so that the tip moves the other way when it is measured on the part.
             let place = point.clamp_motion(clamp, index).unwrap_or_else(Vector3::zeros);
             return -TYPICAL_MM * place;
         }
+        // The work object was taught before the run, so that the rows after a slip are those that moved.
+        Pattern::Jump { .. } => 1.0,
         Pattern::Joint(joint) => {
             let angle = ORDERS[which / 2] * row.motor[joint];
             if which.is_multiple_of(2) { angle.cos() } else { angle.sin() }
