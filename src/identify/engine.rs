@@ -509,7 +509,11 @@ impl Engine {
                 drop(linear.take());
                 let now = self.linearise(&all, &[white]);
                 let search = Search::new(&self.candidates, &now.moments, &now.always);
-                whole_arm = Some(self.members_of_whole_arm(&search, &self.chosen));
+                let members = self.members_of_whole_arm(&search, &self.chosen);
+                let value = search.objective(&self.chosen);
+                // The forces of the table are wrong only if no model of the arm explains the rows as well.
+                let explains_more = self.is_unlisted() || self.whole_arm_evidence(&members) > value;
+                whole_arm = Some(members).filter(|_| explains_more);
             }
             match &whole_arm {
                 Some(members) => posteriors = self.take_whole_arm(members),

@@ -196,6 +196,11 @@ impl Engine {
         best
     }
 
+    /// The evidence of the model of the whole arm about the present fit, nats, less the prices of its members.
+    pub(super) fn whole_arm_evidence(&mut self, members: &Members) -> f64 {
+        self.sizes(members).map_or(f64::NEG_INFINITY, |sizes| sizes.evidence)
+    }
+
     /// Standard deviations of place, mm, posture, rad, and force, N, over the fitted rows.
     pub(super) fn spreads(&self) -> [f64; noise::OVER.len()] {
         let places: Vec<noise::Places> =
