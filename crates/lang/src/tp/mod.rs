@@ -151,8 +151,10 @@ impl Dialect for Tp {
                     Content::Number(number) if number.exact => Some(number.value),
                     _ => None,
                 };
-                let whole = exact(0).zip(exact(1)).filter(|(_, by)| *by != 0.0).map(|(of, by)| (of / by).trunc());
-                return whole.map_or_else(|| Value::unknown(Reason::Rounding), number);
+                let quotient = exact(0).zip(exact(1)).filter(|(_, by)| *by != 0.0).map(|(of, by)| of / by);
+                // No public manual says whether the quotient is rounded down or towards zero.
+                let known = quotient.filter(|quotient| *quotient >= 0.0 || is_whole(*quotient));
+                return known.map_or_else(|| Value::unknown(Reason::Rounding), |quotient| number(quotient.trunc()));
             }
             builtin::REGISTER => {
                 let known = self.register(&first()).map(|slot| store.get(slot).clone());
