@@ -605,6 +605,7 @@ fn covariance(check: &mut Check, key: &str, value: Option<&toml::Value>, size: u
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::robot::LimitedAngle;
 
     /// Elbow limits are refused for an arm whose axis 3 is counted against the upper arm.
     #[test]
@@ -634,7 +635,7 @@ mod tests {
         };
         let robot = cell(true).unwrap().arm.robot;
         let motor = robot.motor_from_axes_deg(&[0.0, -80.0, -10.0, 0.0, 30.0, 0.0]);
-        assert_eq!(robot.limit_violation(&motor).map(|violation| violation.axis), Some(7));
+        assert_eq!(robot.limit_violation(&motor).map(|violation| violation.angle), Some(LimitedAngle::ElbowSum));
         let errors = format!("{:?}", cell(false).unwrap_err());
         assert!(errors.contains("axis 3 is the elbow"), "{errors}");
     }

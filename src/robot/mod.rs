@@ -36,7 +36,7 @@ pub use forward::{Frames, Links};
 pub(crate) use inverse::pose_gap;
 pub(crate) use inverse::wrap;
 pub use inverse::{Branch, Solutions, Unreachable, polish};
-pub use limits::{LimitViolation, Limits};
+pub use limits::{LimitViolation, LimitedAngle, Limits};
 pub(crate) use model::gravity_at;
 pub use model::{Axes, DhRow, Robot};
 pub use start::{Start, StartedFrom};
