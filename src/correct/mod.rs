@@ -209,7 +209,7 @@ impl Prepared {
     /// The same in a context.
     fn of(context: Context<'_>) -> Result<Self, Vec<Diagnostic>> {
         let mut prepared = path::prepare(context, &mut free_turn::carried(context)?)?;
-        removal::run(context, &mut prepared, (Cuts::Programmed, &context.cell.arm))?;
+        removal::run(context, &mut prepared, Cuts::Programmed, &context.cell.arm)?;
         Ok(prepared)
     }
 

@@ -64,7 +64,7 @@ fn choose(context: Context<'_>) -> Result<ChosenTurns, Vec<Diagnostic>> {
     let mut carried = Carried::new(context.cell);
     carried.free = Free::Sought;
     let mut prepared = super::path::prepare(context, &mut carried)?;
-    removal::run(context, &mut prepared, (Cuts::Programmed, &context.cell.arm))?;
+    removal::run(context, &mut prepared, Cuts::Programmed, &context.cell.arm)?;
     let mut path = Path::of_program(context.program, context.cell, prepared);
     path.unreached = carried.unreached;
     path.choose()

@@ -66,7 +66,8 @@ const RESOLUTION: std::ops::RangeInclusive<f64> = 0.1e-3..=1e-3;
 pub(super) fn run(
     context: Context<'_>,
     prepared: &mut Prepared,
-    (cuts, arm): (Cuts, &Arm),
+    cuts: Cuts,
+    arm: &Arm,
 ) -> Result<Option<Removal>, Vec<Diagnostic>> {
     let Context { program, cell, options, .. } = context;
     let Some(section) = &cell.stock else { return Ok(None) };
