@@ -1,8 +1,9 @@
 //! What a language means where languages differ.
 
-use crate::ir::{Slot, Switch};
+use crate::ir::{Given, Slot, Switch};
+use crate::reason::Reason;
 use crate::store::Store;
-use crate::value::Value;
+use crate::value::{Content, Pose, Value};
 use nalgebra::Isometry3;
 use std::sync::Arc;
 
@@ -10,6 +11,21 @@ use std::sync::Arc;
 pub trait Dialect {
     /// The pose that these numbers are, lengths in the language's unit; `None` where they are no pose.
     fn pose(&self, numbers: &[f64]) -> Option<Isometry3<f64>>;
+
+    /// The value of the pose that these numbers are, as far as they are known. `given` is what the position names besides them.
+    fn pose_value(&self, numbers: Vec<Value>, given: Option<Arc<Given>>) -> Value {
+        let mut known = Vec::with_capacity(numbers.len());
+        for value in &numbers {
+            match &value.content {
+                Content::Number(number) => known.push(number.value),
+                Content::Unknown(reason) => return Value::unknown(*reason).reading(&numbers),
+                _ => return Value::unknown(Reason::Computed).reading(&numbers),
+            }
+        }
+        let Some(own) = self.pose(&known) else { return Value::unknown(Reason::Computed).reading(&numbers) };
+        let identity = Isometry3::identity();
+        Content::Pose(Arc::new(Pose { left: identity, numbers: numbers.into(), own, right: identity, given })).into()
+    }
 
     /// The numbers of a pose, those of the ways to write it that are nearest to others.
     fn numbers(&self, pose: &Isometry3<f64>, near: &[f64]) -> Vec<f64>;

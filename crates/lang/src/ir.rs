@@ -2,7 +2,6 @@
 
 use crate::Span;
 use crate::reason::Reason;
-use crate::value::Given;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -270,6 +269,15 @@ impl From<Expression> for Argument {
     fn from(value: Expression) -> Self {
         Self { name: None, value }
     }
+}
+
+/// What a position names besides its numbers, in languages where a position has a tool and a frame of its own.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Given {
+    /// Name of the tool.
+    pub tool: Arc<str>,
+    /// Name of the frame.
+    pub frame: Arc<str>,
 }
 
 /// Operators of one operand.

@@ -364,7 +364,7 @@ impl<'a> Runner<'a> {
                     return lost(Reason::Computed);
                 }
                 numbers[at] = value;
-                let mut changed = Value::pose_of(numbers, pose.given.clone(), self.dialect);
+                let mut changed = self.dialect.pose_value(numbers, pose.given.clone());
                 changed.reads = changed.reads.with(&whole.reads);
                 changed
             }
@@ -543,7 +543,7 @@ impl<'a> Runner<'a> {
             ExpressionKind::Text(text) => Content::Text(Arc::clone(text)).into(),
             ExpressionKind::Read(slot) => self.read(*slot, store),
             ExpressionKind::List(items) => Content::List(self.all(items, store)?.into()).into(),
-            ExpressionKind::Pose(items, given) => Value::pose_of(self.all(items, store)?, given.clone(), self.dialect),
+            ExpressionKind::Pose(items, given) => self.dialect.pose_value(self.all(items, store)?, given.clone()),
             ExpressionKind::Unknown(reason, parts) => {
                 let value = Value::unknown(*reason).reading(&self.all(parts, store)?);
                 self.use_up(&value.reads);

@@ -1,7 +1,6 @@
 //! Values that are known with where they come from, or unknown with the reason.
 
-use crate::dialect::Dialect;
-use crate::ir::TokenId;
+use crate::ir::{Given, TokenId};
 use crate::reason::Reason;
 use nalgebra::Isometry3;
 use std::sync::Arc;
@@ -114,15 +113,6 @@ pub struct Pose {
     pub given: Option<Arc<Given>>,
 }
 
-/// What a position names besides its numbers, in languages where a position has a tool and a frame of its own.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Given {
-    /// Name of the tool.
-    pub tool: Arc<str>,
-    /// Name of the frame.
-    pub frame: Arc<str>,
-}
-
 /// Largest whole number up to which single precision has all.
 const WHOLE: f64 = 16_777_216.0;
 
@@ -194,22 +184,6 @@ impl Value {
     #[must_use]
     pub fn literal(value: f64, token: TokenId) -> Self {
         Self { content: Content::Number(Number::literal(value, token)), reads: Reads::One(token) }
-    }
-
-    /// The pose of these numbers, as far as they are known.
-    #[must_use]
-    pub fn pose_of(numbers: Vec<Self>, given: Option<Arc<Given>>, dialect: &dyn Dialect) -> Self {
-        let mut known = Vec::with_capacity(numbers.len());
-        for value in &numbers {
-            match &value.content {
-                Content::Number(number) => known.push(number.value),
-                Content::Unknown(reason) => return Self::unknown(*reason).reading(&numbers),
-                _ => return Self::unknown(Reason::Computed).reading(&numbers),
-            }
-        }
-        let Some(own) = dialect.pose(&known) else { return Self::unknown(Reason::Computed).reading(&numbers) };
-        let identity = Isometry3::identity();
-        Content::Pose(Arc::new(Pose { left: identity, numbers: numbers.into(), own, right: identity, given })).into()
     }
 
     /// Depending on others too.

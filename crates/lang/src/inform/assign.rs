@@ -3,7 +3,7 @@
 use super::builtin;
 use super::expression::{Variable, Variables};
 use super::header::{ROBOT, user};
-use super::parse::Parser;
+use super::parser::Parser;
 use crate::Span;
 use crate::cursor::text;
 use crate::ir::{Binary, Expression, ExpressionKind as Is, Slot, StatementKind};

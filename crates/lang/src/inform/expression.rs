@@ -1,6 +1,6 @@
 //! Variables, expressions and conditions.
 
-use super::parse::Parser;
+use super::parser::Parser;
 use crate::cursor::{Level, SUM};
 use crate::ir::{Binary, Expression, ExpressionKind as Is, Slot, Unary};
 use crate::lexeme::{Lexeme, LexemeKind};

@@ -1,7 +1,7 @@
 //! Instructions that decide what runs next: blocks, jumps and calls.
 
 use super::assign::held;
-use super::parse::Parser;
+use super::parser::{CONDITION, Parser};
 use crate::Span;
 use crate::ir::{
     Argument, Binary, Callee, Expression, ExpressionKind as Is, Fault, Slot, Statement, StatementKind, Switch,
@@ -259,6 +259,3 @@ impl Parser<'_, '_> {
 fn joined(lexemes: &[Lexeme<'_>]) -> String {
     lexemes.iter().map(|lexeme| String::from_utf8_lossy(lexeme.text)).collect()
 }
-
-/// What begins the condition of an instruction.
-pub(super) const CONDITION: [&str; 2] = ["IF", "IFEXPRESS"];

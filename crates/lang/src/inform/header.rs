@@ -3,9 +3,8 @@
 use super::lex::{Line, lines};
 use crate::Span;
 use crate::cursor::text;
-use crate::ir::{Expression, ExpressionKind as Is, Fault, Program, SourceSpan};
+use crate::ir::{Expression, ExpressionKind as Is, Fault, Given, Program, SourceSpan};
 use crate::reason::Reason;
-use crate::value::Given;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 

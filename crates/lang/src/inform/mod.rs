@@ -15,13 +15,14 @@ mod header;
 mod lex;
 mod motion;
 mod parse;
+mod parser;
 mod words;
 
 use crate::dialect::{Arguments, Dialect};
-use crate::ir::{Fault, Program, Slot, Switch};
+use crate::ir::{Fault, Given, Program, Slot, Switch};
 use crate::reason::Reason;
 use crate::store::Store;
-use crate::value::{Content, Given, Number, Pose, Value, is_whole};
+use crate::value::{Content, Number, Pose, Value, is_whole};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use std::sync::Arc;
 

@@ -1,7 +1,7 @@
 //! Motion instructions, and circles of several of them.
 
 use super::lex::Line;
-use super::parse::Parser;
+use super::parser::Parser;
 use super::words::{self, Does};
 use crate::Span;
 use crate::ir::{Binary, Expression, ExpressionKind as Is, Motion, Path, StatementKind};

@@ -1,7 +1,7 @@
 //! Statements as the representation that is run.
 
-use super::calls::{Calls, Effect};
 use super::code::Code;
+use super::effects::{Calls, Effect};
 use super::expression::{self, condition, expression};
 use super::motion::{Motion, Point};
 use super::statement::{self, Frame, StatementKind as Written};

@@ -10,6 +10,7 @@
 
 mod calls;
 mod code;
+mod effects;
 mod expression;
 pub mod lex;
 pub mod lines;
@@ -26,8 +27,8 @@ use crate::value::{Content, Value, is_whole};
 use nalgebra::Isometry3;
 use std::ops::Range;
 
-pub use calls::Calls;
 pub use code::Code;
+pub use effects::Calls;
 pub use expression::count;
 pub use lower::{Held, lower};
 pub use motion::{Lasting, Motion, Point, lasting};
