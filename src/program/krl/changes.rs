@@ -3,8 +3,8 @@
 use super::expression::{Call, Expression, Part, Path, Setting};
 use super::names;
 use super::run::Runner;
-use super::state::{Changes, Id};
-use super::symbols::RoutineId;
+use super::state::Changes;
+use super::symbols::{Id, RoutineId};
 use super::system::{System, system};
 use super::tree::{File, Statement, StatementKind, walk};
 use super::value::{Name, POSE, Value, upper};

@@ -3,7 +3,7 @@
 use super::expression::{Expression, Operator, Path, PathStep};
 use super::names;
 use super::run::Runner;
-use super::state::Id;
+use super::symbols::Id;
 use super::value::{Name, REST, Step, Value, chained, flat};
 use crate::program::Reason;
 use crate::text::decode;

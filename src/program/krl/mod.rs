@@ -31,6 +31,7 @@ mod rewrite;
 mod run;
 mod settle;
 mod state;
+mod steps;
 mod symbols;
 mod syntax;
 mod system;

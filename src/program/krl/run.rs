@@ -1,9 +1,9 @@
 //! The program as it runs: calls, loops and branches followed as far as they are known when reading.
 
-use super::flow::{Routines, VALUES_PER_STEP, routines};
 use super::lex::Cursor;
-use super::state::{Changes, Id, ModalState};
-use super::symbols::{RoutineId, Symbols};
+use super::state::{Changes, ModalState};
+use super::steps::{Routines, VALUES_PER_STEP, routines};
+use super::symbols::{Id, RoutineId, Symbols};
 use super::tree::{File, Loop, Routine, Statement, StatementKind};
 use super::value::{Name, Step, Value, upper};
 use crate::program::{Kept, Mark, Reason, Target, Tool, UnknownMotion, Wobj};

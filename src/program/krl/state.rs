@@ -1,14 +1,11 @@
 //! What may hold at a place of the program: values of data by number, those that differ from what the text says.
 
-use super::symbols::RoutineId;
+use super::symbols::{Id, RoutineId};
 use super::value::Value;
 use crate::program::Reason;
 use deflex_lang::ir::SourceSpan;
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::rc::Rc;
-
-/// Number of a variable.
-pub(super) type Id = usize;
 
 /// Variables that may be changed.
 #[derive(Clone, Debug, Default)]

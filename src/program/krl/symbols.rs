@@ -1,13 +1,15 @@
 //! Names of data and routines, and what data hold at the start.
 
 use super::names;
-use super::state::Id;
 use super::tree::{File, Routine, Statement, Type};
 use super::value::{AXES, EXTERNAL, Name, POSE, Step, Value, pose_record, upper};
 use crate::program::Reason;
 use crate::text::Source;
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::rc::Rc;
+
+/// Number of a variable.
+pub(super) type Id = usize;
 
 /// A routine by its file and its place there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

@@ -1,6 +1,6 @@
 //! Identifiers, predefined names, and the check whether a language has a place for the names of the cell.
 
-use super::RapidPlan;
+use super::plan::RapidPlan;
 use crate::program::Language;
 use crate::text::Diagnostic;
 
