@@ -1,18 +1,6 @@
 use super::{Joints, Robot};
 use std::fmt::{self, Display, Formatter};
 
-/// Axis limits as the controller counts them, rad.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Limits {
-    /// Smallest axis angles.
-    pub min: Joints,
-    /// Largest axis angles.
-    pub max: Joints,
-    /// Smallest and largest angle between forearm and upper arm, if this is not the angle of an axis: motor 3 − motor 2
-    /// of a parallelogram, axis 2 + axis 3 if axis 3 is counted against the ground.
-    pub elbow: Option<(f64, f64)>,
-}
-
 /// An angle of the arm that has limits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LimitedAngle {
@@ -53,7 +41,7 @@ pub struct LimitViolation {
 const LIMIT_SLACK: f64 = 1e-9;
 
 impl Robot {
-    /// The angle that [`Limits::elbow`] bounds, rad.
+    /// The angle that [`Limits::elbow`](super::Limits::elbow) bounds, rad.
     pub(super) fn elbow(&self, motor: &Joints) -> f64 {
         motor[2] + self.axes.elbow_of_second() * motor[1]
     }
