@@ -1,4 +1,4 @@
-//! Finds what the programs that are given may do.
+//! Finds the effects of the programs that are given.
 
 use super::code::Code;
 use super::effects::{Calls, Effect, Effects, NOT_GIVEN, effects, upper};
@@ -8,7 +8,7 @@ use super::statement::{self, StatementKind};
 use std::collections::{BTreeMap, BTreeSet};
 
 impl Calls {
-    /// Looks through the texts of programs.
+    /// Reads the texts of programs.
     #[must_use]
     pub fn new<'a>(sources: impl IntoIterator<Item = &'a [u8]>) -> Self {
         let own: BTreeMap<String, Own> = sources.into_iter().filter_map(one).collect();
@@ -16,14 +16,14 @@ impl Calls {
     }
 }
 
-/// What a program does itself, and the programs that it calls.
+/// The effects of a program itself, and the programs that it calls.
 #[derive(Default)]
 struct Own {
     effects: Effects,
     calls: BTreeSet<String>,
 }
 
-/// With all that it calls, and that these call.
+/// The effects of a program with all programs that it calls, directly or not.
 fn closure(name: &str, own: &BTreeMap<String, Own>) -> Effects {
     let (mut all, mut seen, mut open) = (Effects::new(), BTreeSet::new(), vec![name]);
     while let Some(name) = open.pop() {
@@ -44,7 +44,7 @@ fn closure(name: &str, own: &BTreeMap<String, Own>) -> Effects {
     all
 }
 
-/// What the statements of a program do.
+/// The effects of the statements of a program.
 fn one(bytes: &[u8]) -> Option<(String, Own)> {
     let sections = sections(bytes);
     let name = upper(&bytes[sections.name?.range()]);

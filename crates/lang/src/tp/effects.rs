@@ -1,11 +1,11 @@
-//! What statements, and the programs that they call, may do in whatever order they run.
+//! The possible effects of statements, and of the programs that they call, in any order.
 
 use super::expression;
 use super::statement::{self, Frame, StatementKind};
 use crate::reason::Reason;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Something that a program may do, in whatever order its statements run. Numbers are `None` where only a run knows them.
+/// A possible effect of a program. Numbers are `None` if they are known only at run time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Effect {
     /// Gives a register a value.
@@ -14,20 +14,20 @@ pub(super) enum Effect {
     Select(Frame),
     /// Sets the values of a user frame or a tool.
     Redefine(Frame, Option<u32>),
-    /// Moves paths at run time from here on.
+    /// Shifts paths at run time from here on.
     Displace(Reason),
     /// Runs something in parallel from here on.
     Concurrent,
     /// Moves the arm.
     Moves,
-    /// Counts from where the arm stands when it begins.
+    /// Moves relative to where the arm stands when it begins.
     Counts,
 }
 
 pub(super) type Effects = BTreeSet<Effect>;
 
-/// Those of a program that is not given. The values of frames and tools are those of the cell all the same: that is what the cell says
-/// of the controller (`docs/soundness.md`).
+/// The effects of a program that is not given. It does not change the values of frames and tools, because those of the cell are what the
+/// controller has (`docs/soundness.md`).
 pub(super) const NOT_GIVEN: [Effect; 4] =
     [Effect::Register(None), Effect::Select(Frame::User), Effect::Select(Frame::Tool), Effect::Moves];
 
@@ -44,12 +44,12 @@ impl Calls {
         self.given.contains_key(&upper(name))
     }
 
-    /// Whether any of them counts from where the arm stands when it begins.
+    /// Whether any program moves relative to where the arm stands when it begins.
     pub(super) fn may_count(&self) -> bool {
         self.given.values().any(|effects| effects.contains(&Effect::Counts))
     }
 
-    /// What a call of a program may do; of any where it has no name.
+    /// The effects of a call of a program; with an empty name, those of any program.
     pub(super) fn of(&self, name: &[u8]) -> Effects {
         match self.given.get(&upper(name)) {
             Some(effects) => effects.clone(),
@@ -58,7 +58,7 @@ impl Calls {
         }
     }
 
-    /// What a statement may do, with the programs that it runs.
+    /// The effects of a statement and of the programs that it runs.
     pub(super) fn of_statement(&self, kind: &StatementKind<'_>) -> Effects {
         let called = statement::runs(kind).into_iter().flat_map(|name| self.of(name));
         effects(kind).into_iter().chain(called).collect()
@@ -69,7 +69,7 @@ pub(super) fn upper(name: &[u8]) -> String {
     String::from_utf8_lossy(name).to_ascii_uppercase()
 }
 
-/// What a statement does itself.
+/// The effects of a statement itself.
 pub(super) fn effects(kind: &StatementKind<'_>) -> Vec<Effect> {
     match kind {
         StatementKind::Register(register, _) | StatementKind::For(register, ..) => {
