@@ -1,4 +1,4 @@
-//! What each step of a routine does, and what holds where ways meet.
+//! The effect of each step of a routine, and the state where paths meet.
 
 use super::run::Runner;
 use super::state::ModalState;
@@ -9,7 +9,7 @@ use super::value::Value;
 use crate::program::Reason;
 use deflex_lang::walk::{Machine, Meeting, Stop};
 
-/// How much was found so far.
+/// Sizes of the results so far.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Found {
     targets: usize,
@@ -81,7 +81,7 @@ impl<'a> Machine for Runner<'a> {
 }
 
 impl<'a> Runner<'a> {
-    /// Runs the steps of a routine from what holds; what holds at its end does after it.
+    /// Runs the steps of a routine from the present state; the state at its end becomes the present one.
     pub(super) fn walk(&mut self, id: RoutineId) -> Result<(), Stop> {
         let (routines, state) = (self.routines.clone(), std::mem::take(&mut self.state));
         let before: usize = self.symbols.files[..id.file].iter().map(|file| file.routines.len()).sum();
@@ -95,7 +95,7 @@ impl<'a> Runner<'a> {
             Test::Round(of) => {
                 self.steps += 1;
                 let holds = self.evaluate(&of.condition).bool().map(|holds| holds != of.is_until);
-                // What nothing in the loop changes never ends it.
+                // A condition that nothing in the loop changes never ends it.
                 holds.filter(|goes_on| !goes_on || !self.is_steady(of))
             }
         })

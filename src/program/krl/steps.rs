@@ -1,16 +1,16 @@
-//! The steps of routines, in which `deflex_lang` finds what runs.
+//! The steps of routines. `deflex_lang` finds which of them run.
 
 use super::expression::Expression;
 use super::tree::{File, Loop, Statement, StatementKind};
 use deflex_lang::flow::{Builder, Flow};
 
-/// Values that are compared and copied in about the time of a statement.
+/// Number of values that are compared and copied in about the time in which a statement runs.
 pub(super) const VALUES_PER_STEP: usize = 256;
 
-/// Statements in a row, none of which decides what runs next.
+/// Consecutive statements that do not decide which statement runs next.
 pub(super) type Row<'a> = &'a [Statement];
 
-/// What decides between two ways.
+/// The test that decides between two paths.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Test<'a> {
     If(&'a Expression),
@@ -30,7 +30,7 @@ pub(super) fn routines(files: &[File]) -> Routines<'_> {
     flow
 }
 
-/// Whether what runs next does not depend on it.
+/// Whether the next statement does not depend on this one.
 fn is_plain(statement: &Statement) -> bool {
     !matches!(
         statement.kind,
