@@ -16,7 +16,6 @@ use crate::program::Program;
 use crate::robot::{Excursion, Joints, LimitedAngle, Pose, Robot, Unreachable, turn_between};
 use crate::text::{Diagnostic, Severity};
 use std::f64::consts::PI;
-use std::iter;
 
 /// An axis limit that is exceeded by less than this between two computed points is not seen, rad: a hundredth of a degree, less than arms
 /// repeat.
@@ -29,7 +28,7 @@ const UNSEEN_SPEED: f64 = 0.01;
 /// degree, FANUC within about one.
 const SINGULAR: f64 = PI / 180.0;
 
-/// Closer than this to axis 1, m, the wrist centre is in a singular posture: a degree's worth of half a metre.
+/// Closer than this to axis 1, m, the wrist centre is in a singular posture: the arc of one degree at a radius of half a metre.
 const SINGULAR_SHOULDER: f64 = 0.01;
 
 /// Largest speed of the orientation, rad/s: that of ABB's predefined speeddata (500°/s); other makers have smaller ones.
@@ -120,12 +119,20 @@ impl WayFinding {
             WayFault::Singular => "lead the tool past it: turn or lean it, or move the part",
             WayFault::Unreachable => "move the part, or shorten the path",
         };
+        // As docs/reference.md numbers the angles for scripts.
         let axis = match self.angle {
-            Some(LimitedAngle::Axis(axis)) => Some(("axis", axis as f64)),
-            _ => None,
+            None => 0.0,
+            Some(LimitedAngle::Axis(axis)) => axis as f64,
+            Some(LimitedAngle::ElbowDifference) => 7.0,
+            Some(LimitedAngle::ElbowSum) => 8.0,
         };
-        let numbers = [("share", self.share), ("value", self.value), ("limit", self.limit)];
-        let figures = iter::once(("target", f64::from(target.ordinal))).chain(axis).chain(numbers).collect();
+        let figures = vec![
+            ("target", f64::from(target.ordinal)),
+            ("share", self.share),
+            ("axis", axis),
+            ("value", self.value),
+            ("limit", self.limit),
+        ];
         Diagnostic { figures, ..program.error_at(target, self.fault.code(), message).help(help) }
     }
 

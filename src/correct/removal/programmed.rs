@@ -51,7 +51,7 @@ struct Batch {
 pub(super) fn cut(walk: &mut Walk<'_>, prepared: &mut Prepared) {
     let mut batch = Batch::default();
     if let Some(stages) = &mut walk.stages {
-        stages.look(&walk.stock);
+        stages.take_snapshot(&walk.stock);
     }
     walk.stock.keep_history();
     for i in 0..prepared.points.len() {
@@ -157,7 +157,7 @@ impl Batch {
         self.pending.clear();
         self.moves = 0;
         if let Some(stages) = &mut walk.stages {
-            stages.look(&walk.stock);
+            stages.take_snapshot(&walk.stock);
         }
         walk.stock.keep_history();
     }

@@ -323,9 +323,9 @@ fn not_read(source: &Source, odd: &[(Span, Reason)]) -> Vec<Diagnostic> {
             more => format!("{reason} ({more} statements)"),
         };
         let warning = Diagnostic::error("rapid.not-read", &source.name, message).at(source, first);
-        warning
-            .severity(Severity::Warning)
-            .help("motion in it is neither seen nor corrected; a controller may not load it")
+        warning.severity(Severity::Warning).help(
+            "deflex does not see the motions in it, so it corrects none of them; a controller may refuse to load it",
+        )
     };
     reasons.into_iter().map(said).collect()
 }
