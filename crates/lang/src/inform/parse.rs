@@ -1,4 +1,4 @@
-//! Jobs to the intermediate representation.
+//! Lowers jobs to the intermediate representation.
 
 use super::builtin;
 use super::expression::variable;
@@ -99,7 +99,7 @@ impl<'a, 'n> Parser<'a, 'n> {
         self.program
     }
 
-    /// The job's own variables, and how often each label stands in it.
+    /// Finds the local variables of the job, and how often each label occurs in it.
     fn survey(&mut self) {
         for line in 0..self.own.lines.len() {
             self.own.line = line;
@@ -119,7 +119,7 @@ impl<'a, 'n> Parser<'a, 'n> {
         self.own.line = 0;
     }
 
-    /// Statements up to an instruction that ends their block, which is left open.
+    /// Reads statements up to an instruction that ends their block. That instruction is not read.
     pub(super) fn block(&mut self, ends: &[&str]) -> Result<Vec<Statement>, Fault> {
         let (mut all, place) = (Vec::new(), self.since(self.here()));
         self.begin_block(place)?;
@@ -159,7 +159,7 @@ impl<'a, 'n> Parser<'a, 'n> {
         Ok(())
     }
 
-    /// The next statement; `None` where it is not understood. Blocks go on to their last line.
+    /// The next statement; `None` if it is not understood. Blocks are read to their last line.
     fn known_statement(&mut self, start: Span) -> Result<Option<Vec<StatementKind>>, Fault> {
         let Some(word) = self.peek() else { return Ok(Some(Vec::new())) };
         self.at += 1;
