@@ -5,7 +5,7 @@
 //! | `lex` | bytes | lines of lexemes, marks |
 //! | `syntax`, `expression`, `tree` | lines | routines, data lists, statements, expressions: each read once |
 //! | `value`, `eval`, `symbols`, `state` | expressions | values, known or unknown, and where their numbers stand |
-//! | `flow` | blocks | the steps of routines; `deflex_lang::walk` finds which of them run, and what holds at each |
+//! | `steps`, `flow` | blocks | the steps of routines; `deflex_lang::walk` finds which of them run, and what holds at each |
 //! | `run`, `calls`, `motion` | statements | targets |
 //! | `chunks`, `like` | a long file | the same in constant memory |
 //! | `changes`, `names` | statements | what they could change |
