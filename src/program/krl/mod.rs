@@ -160,7 +160,7 @@ fn refuse(source: &Source) -> Option<Diagnostic> {
     if u32::try_from(source.bytes.len()).is_err() {
         return Some(whole("krl.too-large", "file is larger than 4 GiB", 0).help("split it"));
     }
-    let at = crate::program::detect::no_text(&source.bytes)?;
+    let at = crate::text::no_text(&source.bytes)?;
     Some(whole("krl.no-text", "the file is no text: expected KRL", at).help("save it from the controller as text"))
 }
 

@@ -342,7 +342,7 @@ fn refuse(source: &Source) -> Option<Diagnostic> {
     if text.starts_with(b"\xFF\xFE") || text.starts_with(b"\xFE\xFF") || text.starts_with(b"M\0") {
         return Some(whole("rapid.utf16", "the file is UTF-16 text").help("save it as UTF-8 or ISO 8859-1"));
     }
-    if let Some(at) = crate::program::detect::no_text(bytes) {
+    if let Some(at) = crate::text::no_text(bytes) {
         let message = "the module is encrypted, or no text at all: expected RAPID in plain text";
         return Some(
             whole("rapid.encrypted", message)
