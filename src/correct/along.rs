@@ -28,7 +28,8 @@ const UNSEEN_SPEED: f64 = 0.01;
 /// degree, FANUC within about one.
 const SINGULAR: f64 = PI / 180.0;
 
-/// Closer than this to axis 1, m, the wrist centre is in a singular posture: the arc of one degree at a radius of half a metre.
+/// With the wrist centre closer than this to axis 1, m, the arm is in a singular posture. It is the arc of one degree at a radius of half a
+/// metre.
 const SINGULAR_SHOULDER: f64 = 0.01;
 
 /// Largest speed of the orientation, rad/s: that of ABB's predefined speeddata (500°/s); other makers have smaller ones.
@@ -40,7 +41,7 @@ const STRAIGHT: f64 = 0.1;
 /// A piece is not halved below this share of its segment: a flip of the wrist within it has no meaningful speed.
 const SHORTEST: f64 = 1e-6;
 
-/// A posture within this share of the sufficient distance counts as singular itself: nearer ones are not distinguished.
+/// A posture within this share of the sufficient distance from a singular one counts as singular itself.
 const IN_IT: f64 = 0.02;
 
 /// Number of parts in which a long segment is followed from its start.
