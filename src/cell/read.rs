@@ -6,7 +6,7 @@ use super::cut::{cut, milling_parts};
 use super::syntax::{in_words, parse};
 use super::{Cell, Controller, ControllerPath, CorrectionLimits, nearest, plausible, raw, uncertainty};
 use crate::drive::PathLaw;
-use crate::effects::{self, Covered, MOST_CLAMPS, Need, ToolFrame};
+use crate::effects::{self, Covered, Effect, MOST_CLAMPS, Need, ToolFrame};
 use crate::equilibrium::Arm;
 use crate::limits::{FRAMES, UNITS};
 use crate::measured::ColumnNames;
@@ -525,12 +525,13 @@ fn effects(
             continue;
         }
         let serial = implied.axes.is_some_and(|axes| !axes.parallelogram);
-        if effect.needs().contains(&Need::Parallelogram) && serial {
-            check.error(
-                &key,
-                format!("effect `{name}`: `rod_share` is for an arm with a parallelogram"),
-                "remove `rod_share`",
-            );
+        let only_parallelogram = effect.needs().iter().find_map(|need| match need {
+            Need::Parallelogram(key) => Some(key),
+            _ => None,
+        });
+        if let Some(own) = only_parallelogram.filter(|_| serial) {
+            let message = format!("effect `{name}`: `{own}` is for an arm with a parallelogram");
+            check.error(&key, message, format!("remove `{own}`"));
             continue;
         }
         if let Some(unit) = effect.unit().filter(|unit| units.named(unit).is_none()) {
@@ -571,7 +572,7 @@ fn effects(
             controller.left_out.push(name);
             continue;
         }
-        covariances.push(covariance(check, &key, uncertainty.as_ref(), effect.parameters().len()));
+        covariances.push(covariance(check, &key, uncertainty.as_ref(), &*effect));
         joint.push(uncertainty.and_then(|table| uncertainty::read_joint(&table, effect.parameters().len())));
         effects.push(effect);
     }
@@ -589,14 +590,17 @@ fn effects(
 }
 
 /// The covariance of the effect's parameters, if the cell states one.
-fn covariance(check: &mut Check, key: &str, value: Option<&toml::Value>, size: usize) -> Option<DMatrix<f64>> {
+fn covariance(check: &mut Check, key: &str, value: Option<&toml::Value>, effect: &dyn Effect) -> Option<DMatrix<f64>> {
+    let (name, size) = (effect.kind(), effect.parameters().len());
     let value = value.filter(|value| uncertainty::KEYS.iter().any(|key| value.get(key).is_some()))?;
     let covariance = uncertainty::read(value, size);
     if covariance.is_none() {
         check.error(
             key,
-            format!("uncertainty is not a covariance of {size} parameters"),
-            "remove `uncertainty`, or identify again",
+            format!(
+                "effect `{name}`: [effect.uncertainty] does not fit the {size} parameters that the effect has in this version of deflex"
+            ),
+            "another version of deflex wrote it: identify again from the cell as it was before; or remove this [effect.uncertainty], after which corrections stay the same and `sigma_mm` in reports lacks the share of this effect",
         );
     }
     covariance
@@ -605,6 +609,7 @@ fn covariance(check: &mut Check, key: &str, value: Option<&toml::Value>, size: u
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::robot::LimitedAngle;
 
     /// Elbow limits are refused for an arm whose axis 3 is counted against the upper arm.
     #[test]
@@ -634,7 +639,7 @@ mod tests {
         };
         let robot = cell(true).unwrap().arm.robot;
         let motor = robot.motor_from_axes_deg(&[0.0, -80.0, -10.0, 0.0, 30.0, 0.0]);
-        assert_eq!(robot.limit_violation(&motor).map(|violation| violation.axis), Some(7));
+        assert_eq!(robot.limit_violation(&motor).map(|violation| violation.angle), Some(LimitedAngle::ElbowSum));
         let errors = format!("{:?}", cell(false).unwrap_err());
         assert!(errors.contains("axis 3 is the elbow"), "{errors}");
     }

@@ -164,7 +164,7 @@ fn streamed(args: &Check, batch: &Batch<'_>, name: &str, predicted: Predicted) -
     };
     let notes = streamed.notes.into_iter().chain(not_judged(name, &judgement)).collect();
     let file = CheckFile::new(name, judgement, found);
-    let path = path.map(|path| (FileSummary::of(name, &sum, &[]).with_findings(&file), path));
+    let path = path.map(|path| (FileSummary::of(name, &sum, &[]).with_findings(&file.findings, file.more), path));
     Ok(Checked { file, outputs, rows, path, notes })
 }
 
@@ -215,7 +215,7 @@ fn whole(args: &Check, batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result
             held.add(about_the_program(batch, refused)?);
             let judgement = refused_judgement(args, targets);
             let file = CheckFile::new(&name, judgement, held.into_parts());
-            let nothing = FileSummary::of(&name, &Summary::default(), &[]).with_findings(&file);
+            let nothing = FileSummary::of(&name, &Summary::default(), &[]).with_findings(&file.findings, file.more);
             let path = batch.path.clone().map(|path| (nothing, path));
             let rows = batch.rows(Some(Rows::new(&[])))?;
             return Ok(Checked { file, outputs, rows, path, notes: Vec::new() });
@@ -239,7 +239,7 @@ fn whole(args: &Check, batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result
     let path = batch.path.clone().map(|mut path| {
         rows.draw(&mut path, &predicted.rows);
         path.quote(|target, _| program.line_of(target));
-        (FileSummary::new(&name, &predicted).with_findings(&file), path)
+        (FileSummary::new(&name, &predicted).with_findings(&file.findings, file.more), path)
     });
     let rows = batch.rows(Some(rows))?;
     let mut noticed = Noticed::new(setup.options.forces.as_ref(), None);

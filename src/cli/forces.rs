@@ -89,7 +89,7 @@ impl LeftOut {
     pub(super) fn note(&self, name: &str) -> Option<Diagnostic> {
         let lines = lines_of(&self.lines)?;
         let message = format!(
-            "{} of {} targets have no row in the table of forces and are taken for air: {lines}",
+            "{} of {} targets have no row in the table of forces, so deflex assumes that they do not cut: {lines}",
             self.count, self.targets
         );
         Some(

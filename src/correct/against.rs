@@ -22,7 +22,7 @@ use crate::text::Diagnostic;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// Commands are off the path by the correction, and by this for single precision and the bend between two targets, m.
+/// A command is off the path by its correction and at most this more, m: single precision, and the bend between two targets.
 const SLACK: f64 = 0.5e-3;
 
 /// External axes of inserted targets are interpolated to this (mm, degrees), because the correction moves targets along the path.

@@ -13,7 +13,7 @@ use super::travel::moved;
 use crate::drive::Track;
 use crate::equilibrium::{Dragged, Setting};
 use crate::program::Program;
-use crate::robot::{Excursion, Joints, Pose, Robot, Unreachable, turn_between};
+use crate::robot::{Excursion, Joints, LimitedAngle, Pose, Robot, Unreachable, turn_between};
 use crate::text::{Diagnostic, Severity};
 use std::f64::consts::PI;
 
@@ -28,7 +28,8 @@ const UNSEEN_SPEED: f64 = 0.01;
 /// degree, FANUC within about one.
 const SINGULAR: f64 = PI / 180.0;
 
-/// Closer than this to axis 1, m, the wrist centre is in a singular posture: a degree's worth of half a metre.
+/// With the wrist centre closer than this to axis 1, m, the arm is in a singular posture. It is the arc of one degree at a radius of half a
+/// metre.
 const SINGULAR_SHOULDER: f64 = 0.01;
 
 /// Largest speed of the orientation, rad/s: that of ABB's predefined speeddata (500°/s); other makers have smaller ones.
@@ -40,7 +41,7 @@ const STRAIGHT: f64 = 0.1;
 /// A piece is not halved below this share of its segment: a flip of the wrist within it has no meaningful speed.
 const SHORTEST: f64 = 1e-6;
 
-/// A posture within this share of the sufficient distance counts as singular itself: nearer ones are not distinguished.
+/// A posture within this share of the sufficient distance from a singular one counts as singular itself.
 const IN_IT: f64 = 0.02;
 
 /// Number of parts in which a long segment is followed from its start.
@@ -97,8 +98,8 @@ pub struct WayFinding {
     pub index: usize,
     /// Share of the segment to it.
     pub share: f64,
-    /// Axis from 1; 7 is axis 3 − axis 2 of a parallelogram, 8 is axis 3 + axis 2 where axis 3 is counted against the ground, 0 is none.
-    pub axis: usize,
+    /// The angle that is at fault; `None` if the path is out of reach.
+    pub angle: Option<LimitedAngle>,
     /// In the unit of the fault.
     pub value: f64,
     /// The limit that it exceeds.
@@ -119,10 +120,17 @@ impl WayFinding {
             WayFault::Singular => "lead the tool past it: turn or lean it, or move the part",
             WayFault::Unreachable => "move the part, or shorten the path",
         };
+        // As docs/reference.md numbers the angles for scripts.
+        let axis = match self.angle {
+            None => 0.0,
+            Some(LimitedAngle::Axis(axis)) => axis as f64,
+            Some(LimitedAngle::ElbowDifference) => 7.0,
+            Some(LimitedAngle::ElbowSum) => 8.0,
+        };
         let figures = vec![
             ("target", f64::from(target.ordinal)),
             ("share", self.share),
-            ("axis", self.axis as f64),
+            ("axis", axis),
             ("value", self.value),
             ("limit", self.limit),
         ];
@@ -143,16 +151,12 @@ impl WayFinding {
     }
 
     pub(super) fn text(&self) -> String {
-        let Self { fault, share, axis, value, limit, .. } = self;
+        let Self { fault, share, angle, value, limit, .. } = self;
         let place = match share {
             share if *share >= 1.0 => "at the target".to_owned(),
             share => format!("after {:.1} % of the path to it", 100.0 * share),
         };
-        let axis = match axis {
-            7 => "axis 3 − axis 2".to_owned(),
-            8 => "axis 3 + axis 2".to_owned(),
-            axis => format!("axis {axis}"),
-        };
+        let axis = angle.map_or_else(String::new, |angle| angle.to_string());
         match fault {
             WayFault::AxisLimit => format!("{place} {axis} is at {value:.2}°, and its limit is {limit:.2}°"),
             WayFault::AxisSpeed => {
@@ -160,7 +164,7 @@ impl WayFinding {
                     "{place} {axis} would turn at {value:.0}°/s at the programmed feed, and its limit is {limit:.0}°/s"
                 )
             }
-            WayFault::Singular if axis == "axis 1" => {
+            WayFault::Singular if *angle == Some(LimitedAngle::Axis(1)) => {
                 format!(
                     "{place} the wrist centre is {value:.1} mm from axis 1, where the angle of axis 1 is not defined"
                 )
@@ -208,7 +212,7 @@ impl Worst {
         };
         if self.unreachable.is_none_or(|known| value > known.value) {
             let fault = WayFault::Unreachable;
-            self.unreachable = Some(WayFinding { fault, index, share, axis: 0, value, limit: 0.0 });
+            self.unreachable = Some(WayFinding { fault, index, share, angle: None, value, limit: 0.0 });
         }
     }
 }
@@ -357,8 +361,8 @@ impl FollowedSegment<'_> {
                     if ratio > 1.0 + 1e-9 && worst.speed.is_none_or(|(known, _)| ratio > known) {
                         let (value, limit) = (speed.to_degrees(), speeds[i].to_degrees());
                         let share = 0.5 * (shares[0] + shares[1]);
-                        let fault = WayFault::AxisSpeed;
-                        worst.speed = Some((ratio, WayFinding { fault, index, share, axis: i + 1, value, limit }));
+                        let (fault, angle) = (WayFault::AxisSpeed, Some(LimitedAngle::Axis(i + 1)));
+                        worst.speed = Some((ratio, WayFinding { fault, index, share, angle, value, limit }));
                     }
                 }
             }
@@ -432,9 +436,9 @@ impl FollowedSegment<'_> {
         if let Some(violation) = self.robot.limit_violation(motor) {
             let by = violation.by_deg.to_radians();
             if worst.limit.is_none_or(|(known, _)| by > known) {
-                let (axis, value, limit) = (violation.axis + 1, violation.value_deg, violation.limit_deg);
+                let (angle, value, limit) = (Some(violation.angle), violation.value_deg, violation.limit_deg);
                 let fault = WayFault::AxisLimit;
-                worst.limit = Some((by, WayFinding { fault, index: self.index, share, axis, value, limit }));
+                worst.limit = Some((by, WayFinding { fault, index: self.index, share, angle, value, limit }));
             }
         }
         let Some([wrist, elbow, shoulder]) = self.robot.clearance(motor) else { return };
@@ -445,8 +449,8 @@ impl FollowedSegment<'_> {
         ];
         for (axis, part, value, limit) in kinds {
             if part < 1.0 && worst.singular.is_none_or(|(known, _)| part < known) {
-                let fault = WayFault::Singular;
-                worst.singular = Some((part, WayFinding { fault, index: self.index, share, axis, value, limit }));
+                let (fault, angle) = (WayFault::Singular, Some(LimitedAngle::Axis(axis)));
+                worst.singular = Some((part, WayFinding { fault, index: self.index, share, angle, value, limit }));
             }
         }
     }

@@ -33,7 +33,7 @@ impl Prepared {
     /// As [`Prepared::new`].
     pub(crate) fn cut_by(&mut self, arm: &Arm, program: &Program, cell: &Cell) -> Result<(), Vec<Diagnostic>> {
         let mut added = self.points.split_off(program.targets.len());
-        removal::run(Context::whole(program, cell, &Options::default()), self, (Cuts::Deflected, arm))?;
+        removal::run(Context::whole(program, cell, &Options::default()), self, Cuts::Deflected, arm)?;
         for (point, place) in added.iter_mut().zip(&self.between) {
             self.take_load(point, *place);
         }

@@ -23,10 +23,10 @@ pub(super) fn contradictions(program: &Program, cell: &Cell) -> Vec<Diagnostic> 
         let own = object_frame(wobj.data.as_ref()?);
         Some((format!("wobjs.{}", wobj.name), own, *cell.wobjs.get(&wobj.name.to_ascii_uppercase())?))
     });
-    tools.chain(wobjs).filter_map(|(key, own, of_cell)| told(program, &key, &own, &of_cell)).collect()
+    tools.chain(wobjs).filter_map(|(key, own, of_cell)| contradiction(program, &key, &own, &of_cell)).collect()
 }
 
-fn told(program: &Program, key: &str, own: &Pose, of_cell: &Pose) -> Option<Diagnostic> {
+fn contradiction(program: &Program, key: &str, own: &Pose, of_cell: &Pose) -> Option<Diagnostic> {
     let apart = (own.translation.vector - of_cell.translation.vector).norm();
     let turned = turn_between(&own.rotation, &of_cell.rotation).norm();
     if apart <= NOISE_M && turned <= NOISE_RAD {
@@ -60,9 +60,10 @@ mod tests {
         #[allow(clippy::approx_constant)] // as programs print it
         let half = 0.707_106_78;
         for same in [[half, 0.0, half, 0.0], [half, half, 0.0, 0.0], [half, 0.0, 0.0, half], [0.5; 4]] {
-            assert_eq!(told(&program, "tools.tA", &turned(same), &turned(same)), None, "{same:?}");
+            assert_eq!(contradiction(&program, "tools.tA", &turned(same), &turned(same)), None, "{same:?}");
         }
-        let other = told(&program, "tools.tA", &turned([1.0, 0.0, 0.0, 0.0]), &turned([0.0, 1.0, 0.0, 0.0])).unwrap();
+        let other =
+            contradiction(&program, "tools.tA", &turned([1.0, 0.0, 0.0, 0.0]), &turned([0.0, 1.0, 0.0, 0.0])).unwrap();
         assert!(other.message.contains("180.0000°"), "{}", other.message);
     }
 }

@@ -297,7 +297,7 @@ fn change(
     }
     let (position_mm, quat) = frames::millimetres(&solved.wobj_from_tcp);
     let robot = &cell.arm.robot;
-    // The configuration is updated only if it was true: post-processors write dummies.
+    // The configuration is updated only if it is that of the arm: some post-processors write a placeholder.
     // Joint motions of KRL go by S and T, even if they are not those of the arm, which is reported.
     let goes_by = |written: &Conf| matches!(written, Conf::Status(_));
     let holds =

@@ -35,7 +35,7 @@ pub fn cut_stock(
         Some(original) => against::judged(context, original)?.0,
         None => Prepared::new(program, cell, options)?,
     };
-    removal::run(context, &mut prepared, (cuts, &cell.arm))?.ok_or_else(|| {
+    removal::run(context, &mut prepared, cuts, &cell.arm)?.ok_or_else(|| {
         let message = match &cell.stock {
             None => "the cell has no [stock] to cut",
             Some(_) => "nothing in the program cuts the stock",

@@ -13,7 +13,7 @@ use crate::robot::{Joints, Pose};
 
 /// An inserted target is at its point of the path when it moves by less than this, m.
 const SETTLED: f64 = 1e-9;
-/// Most rounds of this: force and deflection hardly change along the path, and a round gains two digits or more.
+/// Largest number of rounds. Force and deflection hardly change along the path, so that each round gains two digits or more.
 const MOST_STEPS: usize = 8;
 
 /// A target on the segment to a target of the original.

@@ -105,13 +105,13 @@ pub fn predict_chunks<R: Read + Seek + Send>(
     let source =
         Source { chunks: Mutex::new((0, chunks)), solve: &|turn, chunk| solve(turn, &chunk.program), refusals };
     let mut found = found;
-    let mut told = |findings: Vec<Diagnostic>| {
+    let mut pass_on = |findings: Vec<Diagnostic>| {
         if let Some(found) = &mut found {
             found(findings);
         }
         Ok(())
     };
-    let mut streamed = flow::run(&source, threads, &mut told, sinks)?;
+    let mut streamed = flow::run(&source, threads, &mut pass_on, sinks)?;
     let warnings = source.chunks.into_inner().map(|(_, chunks)| chunks.warnings()).unwrap_or_default();
     streamed.notes.splice(0..0, warnings);
     if streamed.refused.is_empty()
@@ -132,9 +132,9 @@ struct OriginalChunks<'a, R> {
     prepared: Option<Prepared>,
     /// Name of the first source of the corrected program.
     name: String,
-    /// Number of targets of each program so far.
-    asked: usize,
-    came: usize,
+    /// Numbers of targets of the corrected program and of the original so far.
+    targets: usize,
+    original_targets: usize,
     begun: bool,
     ended: bool,
     refused: Messages,
@@ -148,8 +148,8 @@ impl<'a, R: Read + Seek> OriginalChunks<'a, R> {
             points: VecDeque::new(),
             prepared: None,
             name: String::new(),
-            asked: 0,
-            came: 0,
+            targets: 0,
+            original_targets: 0,
             begun: false,
             ended: false,
             refused: Messages::default(),
@@ -161,14 +161,14 @@ impl<'a, R: Read + Seek> OriginalChunks<'a, R> {
     fn next(&mut self, context: Context<'_>) -> Result<Option<Prepared>, StreamError> {
         let Context { program, cell, options, .. } = context;
         let count = program.targets.len();
-        self.asked += count;
+        self.targets += count;
         if self.name.is_empty() {
             self.name = program.sources.first().map_or_else(String::new, |source| source.name.clone());
         }
-        while self.came < self.asked && !self.ended {
+        while self.original_targets < self.targets && !self.ended {
             self.read(cell, options)?;
         }
-        if self.came < self.asked {
+        if self.original_targets < self.targets {
             return Err(StreamError::NotStreamable);
         }
         let Some(prepared) = self.prepared.as_ref().filter(|_| self.refused.is_empty()) else { return Ok(None) };
@@ -189,7 +189,7 @@ impl<'a, R: Read + Seek> OriginalChunks<'a, R> {
         if !(std::mem::replace(&mut self.begun, true) || chunk.last || leaves_its_start(&chunk.program.targets)) {
             return Err(StreamError::NotStreamable);
         }
-        self.came += chunk.program.targets.len();
+        self.original_targets += chunk.program.targets.len();
         match path::prepare(Context::chunk(&chunk.program, cell, options), &mut self.path) {
             Ok(mut prepared) => {
                 self.points.extend(prepared.points.drain(..));
@@ -206,8 +206,8 @@ impl<'a, R: Read + Seek> OriginalChunks<'a, R> {
             self.read(cell, options)?;
             self.points.clear();
         }
-        let refused = if self.refused.is_empty() && self.asked != self.came {
-            vec![other_count(&self.name, self.asked, self.came)]
+        let refused = if self.refused.is_empty() && self.targets != self.original_targets {
+            vec![other_count(&self.name, self.targets, self.original_targets)]
         } else {
             self.refused.all()
         };

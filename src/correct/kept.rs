@@ -77,7 +77,7 @@ impl KeptReason {
             Self::UnitPositionMissing => "position of a mechanical unit is not programmed here",
             Self::UnitDeactivated => "the position of a deactivated mechanical unit is not known",
             Self::Misfit => "tool and work object are both held by the robot, or neither is",
-            Self::ProgramRefused => "in a program of which a target is not reached",
+            Self::ProgramRefused => "in a program that `check` refused because of another target",
         }
     }
 

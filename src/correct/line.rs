@@ -60,7 +60,7 @@ pub fn predict(
         Some(original) => against::judged(context, original)?,
         None => (Prepared::new(program, cell, options)?, Original::Itself),
     };
-    if removal::run(context, &mut prepared, (Cuts::Deflected, &cell.arm))?.is_some() {
+    if removal::run(context, &mut prepared, Cuts::Deflected, &cell.arm)?.is_some() {
         original.settle(&mut prepared, &cell.arm);
     }
     let rows = |prepared: &Prepared, judged_path: JudgedPath| {
@@ -150,7 +150,7 @@ impl<'a> Stages<'a> {
     /// Runs the stages `path` and `load`.
     pub(super) fn prepare(&self, context: Context<'_>, turn: &Turn<'_>) -> Result<Prepared, Unsolved> {
         let mut prepared = turn.take(&self.path, |path| path::prepare(context, path))??;
-        removal::run(context, &mut prepared, (Cuts::Programmed, &context.cell.arm))?;
+        removal::run(context, &mut prepared, Cuts::Programmed, &context.cell.arm)?;
         Ok(prepared)
     }
 

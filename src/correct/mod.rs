@@ -75,12 +75,10 @@ pub use point::Point;
 pub use poses::{ArmState, Standing, external_of, predict_poses, tool_of};
 pub use post::{Outline, PostOptions, PostedProgram, Poster, RAPID_MM_S, post};
 pub use removal::{CutProgress, Cuts, Removal};
-pub use row::{Row, RowNames, Status, Summary};
+pub use row::{Row, RowNames, Stance, Status, Stiffness, Summary};
 pub use shaped::{DrivenCompensation, compensate_driven};
 pub(crate) use sigma::SIGMA_STEP;
-pub use stance::Stance;
 pub(crate) use stance::millimetres_and_degrees;
-pub use stiffness::Stiffness;
 pub use stream::{compensate_chunks, compensate_declared, compensate_executed, count_chunks, post_chunks};
 
 use crate::cell::{Cell, CutForce, SpinRule};
@@ -209,7 +207,7 @@ impl Prepared {
     /// The same in a context.
     fn of(context: Context<'_>) -> Result<Self, Vec<Diagnostic>> {
         let mut prepared = path::prepare(context, &mut free_turn::carried(context)?)?;
-        removal::run(context, &mut prepared, (Cuts::Programmed, &context.cell.arm))?;
+        removal::run(context, &mut prepared, Cuts::Programmed, &context.cell.arm)?;
         Ok(prepared)
     }
 

@@ -7,12 +7,12 @@ use smallvec::SmallVec;
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
-/// How the points of a pass are spread.
+/// How the points of a pass are distributed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Parallelism {
-    /// Over all threads: a program as a whole.
+    /// Over all threads: for a program that is held as a whole.
     Threads,
-    /// On this one: a chunk of a program whose other chunks are on the others.
+    /// On the calling thread alone: for a chunk of a program whose other chunks run on other threads.
     Here,
 }
 
@@ -40,11 +40,11 @@ impl Parallelism {
             let mut room = workspaces.take();
             for first in indices.clone().step_by(WIDTH) {
                 let block = first..indices.end.min(first + WIDTH);
-                let asked: SmallVec<[usize; WIDTH]> = block.clone().filter(|i| simple(*i)).collect();
+                let indices: SmallVec<[usize; WIDTH]> = block.clone().filter(|i| simple(*i)).collect();
                 let start = out.len();
                 out.extend(block.clone().map(|_| T::open()));
-                if !asked.is_empty() {
-                    many(&mut room, &asked, Answers { out: &mut out[start..], asked: &asked, first });
+                if !indices.is_empty() {
+                    many(&mut room, &indices, Answers { out: &mut out[start..], indices: &indices, first });
                 }
                 for (i, answer) in block.zip(&mut out[start..]).filter(|(_, answer)| answer.is_open()) {
                     *answer = one(&mut room, i);
@@ -85,14 +85,14 @@ impl<T: Send> Answer for Result<T, EquilibriumError> {
 /// Receives the results of eight points.
 pub(super) struct Answers<'a, T> {
     out: &'a mut [T],
-    asked: &'a [usize],
+    indices: &'a [usize],
     first: usize,
 }
 
 impl<T> Answers<'_, T> {
     /// Sets the result of the point in a lane.
     pub(super) fn put(&mut self, lane: usize, answer: T) {
-        self.out[self.asked[lane] - self.first] = answer;
+        self.out[self.indices[lane] - self.first] = answer;
     }
 }
 

@@ -211,7 +211,7 @@ pub fn post(
 /// The CL data themselves, with corrected tips and tool axes.
 fn post_cl(program: &Program, corrected: &Corrected, options: &PostOptions) -> Result<PostedProgram, Vec<Diagnostic>> {
     if options.max_targets.is_some() || options.feed_mm_s.is_some() {
-        let message = "`--post cl` changes points alone: it neither splits the file nor gives it a feed";
+        let message = "`--post cl` changes only points: it neither splits the file nor gives it a feed";
         return Err(Diagnostic::error("post.cl", "", message).help("leave out --max-targets and --feed").into());
     }
     if corrected.posted.iter().any(|posted| posted.external.is_some()) {
@@ -228,8 +228,7 @@ fn post_cl(program: &Program, corrected: &Corrected, options: &PostOptions) -> R
     };
     let points: Vec<CorrectedPoint> = corrected.posted.iter().map(point).collect();
     let bytes = cl::write(program, &points, &options.title)?;
-    let message =
-        "the turn about the tool axis is left to the post: the correction holds for that of the cell's `spin`";
+    let message = "your post-processor chooses the turn about the tool axis: the correction is right for the turn that `spin` in the cell gives";
     let mut notes = vec![Diagnostic::error("post.spin", "", message).severity(Severity::Note)];
     if program.targets.iter().any(|target| target.role == Role::Interpolated) {
         let message = "arcs and drilling cycles are written as points; their statements stay as comments";
@@ -403,7 +402,7 @@ fn moved(outline: &Outline, cell: &Cell, language: Language) -> Result<(), Vec<D
         (Some(why), _) if outline.external.iter().any(Option::is_some) || are_chosen(cell) => why.to_owned(),
         (_, Some(wobj)) => {
             let (name, wobj) = (language.name(), &wobj.name);
-            format!("{name} is posted with bases that stand still: `{wobj}` is on a mechanical unit")
+            format!("{name} is posted only with work objects that stand still: `{wobj}` is on a mechanical unit")
         }
         _ => return Ok(()),
     };

@@ -1,7 +1,8 @@
 use super::point::Point;
-use super::{KeptCount, KeptReason, PathDeviation, Stance, Stiffness};
+use super::{KeptCount, KeptReason, PathDeviation};
 use crate::equilibrium::PredictedPose;
 use crate::program::{Editable, Goal, Target, UnknownMotion};
+use crate::robot::External;
 use nalgebra::Vector3;
 use serde::Serialize;
 use std::sync::Arc;
@@ -84,6 +85,38 @@ pub struct Row {
     pub stiffness: Option<Stiffness>,
     /// Posture of the arm; `Some` with [`Options::stance`](super::Options::stance).
     pub stance: Option<Arc<Stance>>,
+}
+
+/// The posture of the arm at a target, as programmed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stance {
+    /// Axes as the controller counts them, degrees.
+    pub axes_deg: [f64; 6],
+    /// Distance from the nearest axis limit, degrees; negative beyond it.
+    pub limit_margin_deg: f64,
+    /// Distance of axis 5 from where axes 4 and 6 line up, degrees.
+    pub singular_margin_deg: f64,
+    /// The base in the work object: position, mm, and rotation vector, degrees.
+    pub base: [f64; 6],
+    /// External axes, mm or degrees; NaN where one is not in use.
+    pub external: External,
+    /// The unit that carries the work object, in the work object: a point of its axis, mm, and the direction of the axis.
+    pub table: Option<[f64; 6]>,
+    /// Circle point of the arc that leads to the target, work object axes, mm.
+    pub circle_point: Option<[f64; 3]>,
+}
+
+/// Stiffness of the TCP against a force on the tool, N/mm, at the force that acts there.
+///
+/// C is the derivative of the TCP's position in the work object with respect to that force, through every effect of the cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stiffness {
+    /// Along the surface normal n: 1/(nᵀCn).
+    pub normal_n_per_mm: f64,
+    /// In the softest direction: 1 over the largest eigenvalue of C's symmetric part.
+    pub least_n_per_mm: f64,
+    /// In the stiffest direction: 1 over the smallest one.
+    pub most_n_per_mm: f64,
 }
 
 impl Row {

@@ -89,7 +89,7 @@ pub fn compensate_driven(
     let written = edited(&shaped.program, edits)?;
     let further = inserted_before(&shaped.program, corrected.rewritten.as_ref());
     let after = given.judged(&written, &given.origins(&shaped, &further))?;
-    given.tell(&shaped, &mut corrected, &before, &after);
+    given.complete(&shaped, &mut corrected, &before, &after);
     Ok(DrivenCompensation { program: shaped.program, corrected })
 }
 
@@ -291,7 +291,13 @@ impl Given<'_> {
     }
 
     /// Completes the rows, and adds the notes and the figures.
-    fn tell(&self, shaped: &ShapedProgram, corrected: &mut Corrected, before: &DrivenSegments, after: &DrivenSegments) {
+    fn complete(
+        &self,
+        shaped: &ShapedProgram,
+        corrected: &mut Corrected,
+        before: &DrivenSegments,
+        after: &DrivenSegments,
+    ) {
         let Self { program, course, prepared, .. } = *self;
         // Ordinals of the original program, increased by the number of inserted targets.
         let mut ordinals: Vec<(u32, usize)> = Vec::new();
@@ -350,7 +356,7 @@ impl Given<'_> {
         let Self { program, course, .. } = *self;
         let name = program.sources.first().map_or("", |source| &source.name);
         // The millimetres of the option, without the rounding of their conversion.
-        let asked = (1e9 * self.tolerance).round() / 1e6;
+        let allowed = (1e9 * self.tolerance).round() / 1e6;
         let (was, is) = (before.figures, after.figures);
         let mut notes = course.notes(program, self.cell);
         let stops = shaped.command.motions.iter().zip(&course.waypoints);
@@ -381,15 +387,15 @@ impl Given<'_> {
             });
         }
         notes.push(note);
-        if is.max_mm > asked {
+        if is.max_mm > allowed {
             let over: Vec<usize> = (0..after.segments.len())
-                .filter(|i| after.counts[*i] && after.segments[*i].is_some_and(|segment| segment.max_mm > asked))
+                .filter(|i| after.counts[*i] && after.segments[*i].is_some_and(|segment| segment.max_mm > allowed))
                 .collect();
             let lines: Vec<String> =
                 over.iter().take(NAMED).map(|i| program.targets[course.targets[*i]].line.to_string()).collect();
             let more = if over.len() > NAMED { ", …" } else { "" };
             let message = format!(
-                "--max-path-error {asked} is not kept on the path to {} of {} targets (lines {}{more}): {:.3} mm can be kept",
+                "--max-path-error {allowed} is not kept on the path to {} of {} targets (lines {}{more}): {:.3} mm can be kept",
                 over.len(),
                 after.segments.len(),
                 lines.join(", "),

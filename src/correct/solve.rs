@@ -100,12 +100,12 @@ impl<'a> Solver<'a> {
     /// Commands of every point with the programmed travel, and the pose where the arm ends up without a correction.
     pub(super) fn first(&self, modes: &[CorrectionMode]) -> Vec<First> {
         let prepared = self.prepared;
-        let many = |room: &mut Room<'a>, asked: &[usize], mut out: Answers<'_, _>| {
+        let many = |room: &mut Room<'a>, indices: &[usize], mut out: Answers<'_, _>| {
             let wanted = |lane: usize| {
-                let point = &prepared.points[asked[lane]];
-                (prepared.site(asked[lane]), &point.motor, &point.travel)
+                let point = &prepared.points[indices[lane]];
+                (prepared.site(indices[lane]), &point.motor, &point.travel)
             };
-            self.many.aim(room, asked.len(), wanted, |lane, aim, nominal, predicted| {
+            self.many.aim(room, indices.len(), wanted, |lane, aim, nominal, predicted| {
                 out.put(lane, First { aim: Ok(aim), nominal, uncorrected: Ok(predicted) });
             });
         };
@@ -132,9 +132,9 @@ impl<'a> Solver<'a> {
         let (arm, prepared) = (self.arm, self.prepared);
         let follows = arm.follows_command();
         let commanded = |i: usize| Some(first[i].aim().ok()?.commanded(&travels[i]));
-        let many = |room: &mut Room<'a>, asked: &[usize], mut out: Answers<'_, _>| {
-            let given = |lane: usize| Some((prepared.setting(asked[lane]), commanded(asked[lane])?));
-            self.many.nominal(room, asked.len(), given, |lane, motor, wobj_from_tcp| {
+        let many = |room: &mut Room<'a>, indices: &[usize], mut out: Answers<'_, _>| {
+            let given = |lane: usize| Some((prepared.setting(indices[lane]), commanded(indices[lane])?));
+            self.many.nominal(room, indices.len(), given, |lane, motor, wobj_from_tcp| {
                 out.put(lane, Ok(Solved { motor, wobj_from_tcp }));
             });
         };
@@ -199,13 +199,13 @@ impl<'a> Solver<'a> {
         command: impl Fn(usize) -> (&'c Joints, &'c Joints) + Sync,
         near: impl Fn(usize) -> WarmStart + Sync,
     ) -> Vec<Result<PredictedPose, EquilibriumError>> {
-        let many = |room: &mut Room<'a>, asked: &[usize], mut out: Answers<'_, _>| {
+        let many = |room: &mut Room<'a>, indices: &[usize], mut out: Answers<'_, _>| {
             let given = |lane: usize| {
-                let i = asked[lane];
+                let i = indices[lane];
                 let (motor, travel) = command(i);
                 Given { site: self.prepared.site(i), motor, travel, near: near(i) }
             };
-            self.many.land(room, asked.len(), given, |lane, predicted| out.put(lane, Ok(predicted)));
+            self.many.land(room, indices.len(), given, |lane, predicted| out.put(lane, Ok(predicted)));
         };
         let known = |i: usize| self.prepared.points[i].unsolved.is_none();
         let one = |_: &mut Room<'a>, i: usize| {
@@ -224,11 +224,11 @@ impl<'a> Solver<'a> {
         is_changed: &[bool],
     ) -> Vec<Result<Reached, EquilibriumError>> {
         let (robot, points) = (BatchArm::of(&self.arm.robot), &self.prepared.points);
-        let many = |room: &mut Room<'a>, asked: &[usize], mut out: Answers<'_, _>| {
+        let many = |room: &mut Room<'a>, indices: &[usize], mut out: Answers<'_, _>| {
             // The branch is that of the actual angles, which differ by the deflection.
             let near = |i: usize| first[i].aim().map_or(&points[i].motor, |aim| &aim.motor);
             let place = |lane: usize| {
-                let i = asked[lane];
+                let i = indices[lane];
                 let setting = self.prepared.setting(i);
                 WrittenTarget {
                     base_from_wobj: &setting.base_from_wobj,
@@ -239,9 +239,9 @@ impl<'a> Solver<'a> {
                 }
             };
             if let Some(robot) = &robot {
-                robot.find(asked.len(), place, &mut room.found);
-                room.found.turn_from(asked.len(), |lane| &points[asked[lane]].wobj_from_tcp.rotation);
-                for (lane, i) in asked.iter().enumerate() {
+                robot.find(indices.len(), place, &mut room.found);
+                room.found.turn_from(indices.len(), |lane| &points[indices[lane]].wobj_from_tcp.rotation);
+                for (lane, i) in indices.iter().enumerate() {
                     if let Some(motor) = room.found.nearest(lane, near(*i)) {
                         out.put(lane, Ok(Reached { motor, turn: room.found.turn(lane) }));
                     }

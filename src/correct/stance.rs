@@ -1,31 +1,13 @@
 //! The posture of the arm at a target, for pictures and for charts of its margins.
 
+use super::Prepared;
 use super::collected::points_of;
 use super::context::Context;
+use super::row::{Row, Stance};
 use super::segment::Kind;
-use super::{Prepared, Row};
 use crate::cell::Cell;
-use crate::robot::{EXTERNAL_AXES, External, Pose};
+use crate::robot::{EXTERNAL_AXES, Pose};
 use std::sync::Arc;
-
-/// The posture of the arm at a target, as programmed.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Stance {
-    /// Axes as the controller counts them, degrees.
-    pub axes_deg: [f64; 6],
-    /// Distance from the nearest axis limit, degrees; negative beyond it.
-    pub limit_margin_deg: f64,
-    /// Distance of axis 5 from where axes 4 and 6 line up, degrees.
-    pub singular_margin_deg: f64,
-    /// The base in the work object: position, mm, and rotation vector, degrees.
-    pub base: [f64; 6],
-    /// External axes, mm or degrees; NaN where one is not in use.
-    pub external: External,
-    /// The unit that carries the work object, in the work object: a point of its axis, mm, and the direction of the axis.
-    pub table: Option<[f64; 6]>,
-    /// Circle point of the arc that leads to the target, work object axes, mm.
-    pub circle_point: Option<[f64; 3]>,
-}
 
 /// Fills `stance`.
 pub(super) fn fill(rows: &mut [Row], Context { program, cell, .. }: Context<'_>, prepared: &Prepared) {

@@ -1,24 +1,12 @@
 //! The stiffness of the TCP at each target.
 
+use super::Prepared;
 use super::collected::points_of;
 use super::context::Context;
-use super::{Prepared, Row};
+use super::row::{Row, Stiffness};
 use crate::cell::Cell;
 use crate::effects::Cutting;
 use nalgebra::{Matrix3, Vector3};
-
-/// Stiffness of the TCP against a force on the tool, N/mm, at the force that acts there.
-///
-/// C is the derivative of the TCP's position in the work object with respect to that force, through every effect of the cell.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stiffness {
-    /// Along the surface normal n: 1/(nᵀCn).
-    pub normal_n_per_mm: f64,
-    /// In the softest direction: 1 over the largest eigenvalue of C's symmetric part.
-    pub least_n_per_mm: f64,
-    /// In the stiffest direction: 1 over the smallest one.
-    pub most_n_per_mm: f64,
-}
 
 impl Stiffness {
     /// The stiffness for a compliance (m/N) and a unit normal; `None` if the TCP does not yield.

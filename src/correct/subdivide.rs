@@ -260,16 +260,16 @@ impl<'p> Plan<'p> {
 
 /// The motions to insert for nodes.
 pub(super) fn inserts(program: &Program, cell: &Cell, prepared: &Prepared, nodes: &[Node]) -> Vec<Insert> {
-    let beside =
+    let neighbour =
         |k: Option<usize>, node: &Node| k.and_then(|k| nodes.get(k)).filter(|other| other.before == node.before);
     let insert = |(k, node): (usize, &Node)| {
         let (target, point) = (&program.targets[node.before], &prepared.points[node.before]);
-        let from = beside(k.checked_sub(1), node).map_or(0.0, |before| before.share);
-        let to = beside(Some(k + 1), node).map_or(1.0, |behind| behind.share);
+        let from = neighbour(k.checked_sub(1), node).map_or(0.0, |before| before.share);
+        let to = neighbour(Some(k + 1), node).map_or(1.0, |after| after.share);
         let room = (node.share - from).min(to - node.share) * node.length;
-        // The configuration is updated only if it was true: post-processors write dummies.
+        // The configuration is updated only if it is that of the arm: some post-processors write a placeholder.
         let robot = &cell.arm.robot;
-        let honest = target.conf().filter(|written| conf_is(robot, &point.motor, *written));
+        let written_conf = target.conf().filter(|written| conf_is(robot, &point.motor, *written));
         let setting = node.moved.as_ref().map_or(prepared.setting(node.before), |moved| &moved.setting);
         let motor = controller_motor(robot, setting, &node.commanded, &point.motor);
         // As written, that is without the offsets of the controller.
@@ -284,7 +284,7 @@ pub(super) fn inserts(program: &Program, cell: &Cell, prepared: &Prepared, nodes
         });
         let (position_mm, quat) = frames::millimetres(&node.commanded);
         Insert {
-            conf: motor.zip(honest).map(|(motor, written)| conf_like(robot, &motor, written)),
+            conf: motor.zip(written_conf).map(|(motor, written)| conf_like(robot, &motor, written)),
             via: node.via.as_ref().map(frames::millimetres),
             external,
             ..Insert::line(node.before, (position_mm, quat), 1e3 * room)

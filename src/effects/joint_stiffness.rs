@@ -68,7 +68,7 @@ impl Physics for JointStiffness {
 impl Effect for JointStiffness {
     fn needs(&self) -> &'static [Need] {
         match self.rod_share {
-            Some(_) => &[Need::Stiffness, Need::Parallelogram],
+            Some(_) => &[Need::Stiffness, Need::Parallelogram("rod_share")],
             None => &[Need::Stiffness],
         }
     }

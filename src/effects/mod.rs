@@ -184,8 +184,8 @@ pub enum ParameterOwner {
 pub enum Need {
     /// `[robot.stiffness]`.
     Stiffness,
-    /// An arm with a parallelogram.
-    Parallelogram,
+    /// An arm with a parallelogram, because the effect has this key.
+    Parallelogram(&'static str),
     /// A cutting force that is not zero everywhere.
     Force,
     /// Time, measured or from path length over feed.

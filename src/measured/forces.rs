@@ -1,4 +1,4 @@
-use super::TargetRef;
+use super::target::TargetRef;
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 

@@ -1,22 +1,13 @@
 use super::clock::Clock;
 use super::columns::{COLUMNS, PROBE_TOOL, Places, wrong};
 use super::layout::{ColumnNames, Decimal, Wanted, What, places, separator};
+use super::target::TargetRef;
 use super::text::LineFeeds;
 use super::{ForceRow, Forces};
 use crate::limits::MEASURED_ROWS;
 use crate::text::{Diagnostic, Severity, Source};
 use nalgebra::Vector3;
 use std::io::{BufRead, BufReader, Chain, Cursor, Read};
-
-/// The target to which a row belongs.
-#[derive(Clone, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum TargetRef {
-    /// 1-based ordinal among the executed motions.
-    Ordinal(u32),
-    /// Name of a declared robtarget that the program visits once, as written.
-    Name(String),
-}
 
 /// One measured row, in the units of the file. Missing columns and empty cells are `None`.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,7 +1,7 @@
 //! Finds the language of a file.
 
 use super::Language;
-use crate::text::lines;
+use crate::text::{ENCRYPTED, lines};
 
 /// Finds the language from the content. The ending of the file is a hint if the content does not decide.
 ///
@@ -44,27 +44,6 @@ pub fn detect(name: &str, bytes: &[u8]) -> Option<Language> {
     let ending = name.rsplit_once('.').map_or(String::new(), |(_, ending)| ending.to_ascii_lowercase());
     let by_ending = Language::ALL.into_iter().find(|language| language.endings().contains(&ending.as_str()));
     by_ending.or_else(|| head.first().is_some_and(|&b| b >= ENCRYPTED).then_some(Language::Rapid))
-}
-
-/// A byte with which no text begins, but encrypted modules do.
-const ENCRYPTED: u8 = 0xF0;
-
-/// The offset at which a file shows that it is no text: its first byte, or a control character, of which real files have few.
-pub(super) fn no_text(bytes: &[u8]) -> Option<usize> {
-    /// Number of bytes that are examined at the beginning.
-    const LOOK: usize = 64 * 1024;
-    /// Least number of bytes for each control character in a text.
-    const BYTES_PER_CONTROL: usize = 100;
-    let control = |b: &u8| b.is_ascii_control() && !b.is_ascii_whitespace();
-    let start = if bytes.starts_with(b"\xEF\xBB\xBF") { 3 } else { 0 };
-    if bytes.get(start).is_some_and(|b| *b >= ENCRYPTED) {
-        return Some(start);
-    }
-    // The last block of a file may be filled with NUL, or with the character for the end of a file.
-    let filled = bytes.iter().rev().take_while(|b| matches!(b, 0 | 0x1A)).count();
-    let head = &bytes[..(bytes.len() - filled).min(LOOK)];
-    let count = head.iter().filter(|b| control(b)).count();
-    if count * BYTES_PER_CONTROL > head.len() { head.iter().position(control) } else { None }
 }
 
 /// The result of `of` for the first line that is not blank.

@@ -90,10 +90,10 @@ fn difference(
     }
     if ambiguous.is_none() {
         if again.literal_targets != program.literal_targets || again.arcs != program.arcs {
-            return Some("another number of literal targets or arcs".to_owned());
+            return Some("the number of literal targets or arcs is different".to_owned());
         }
         if again.kept.len() != program.kept.len() || again.tools != program.tools || again.wobjs != program.wobjs {
-            return Some("another reading of what was not edited".to_owned());
+            return Some("text that was not edited is read differently".to_owned());
         }
     }
     let mut unwritten = vec![None; program.targets.len()];
@@ -103,7 +103,7 @@ fn difference(
     for (at, (was, is)) in targets.iter().zip(targets_again).enumerate() {
         let fault = |what: &str| Some(format!("line {}: {what}", was.line));
         if let (Some(reason), false) = (unwritten[at], matches!(was.editable, Editable::No(_))) {
-            return fault(&format!("editable, yet not written: {reason}"));
+            return fault(&format!("the target can be edited, but was not written: {reason}"));
         }
         let change = changes[at].as_ref().filter(|_| unwritten[at].is_none());
         // An offset counts from its base in the controller's precision.

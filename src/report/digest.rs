@@ -1,8 +1,6 @@
 //! The largest errors of a program, collected from its rows.
 
-use super::FileSummary;
-use super::html::PathKind;
-use super::summary::{counted, summary_line};
+use super::summary::{FileSummary, PathKind, counted, summary_line};
 use crate::correct::Row;
 use serde::Serialize;
 use std::fmt::Write;

@@ -1,9 +1,20 @@
-use super::html::PathKind;
-use super::{CheckFile, Origin};
+use super::Origin;
 use crate::correct::{Corrected, DrivenSummary, KeptCount, Summary};
 use crate::text::Diagnostic;
 use serde::Serialize;
 use std::fmt;
+
+/// The command that made a page.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum PathKind {
+    /// A program was corrected.
+    Compensate,
+    /// The errors of a program as it is.
+    Predict,
+    /// The errors of a program, judged by `check`; [`FileSummary::failures`] are listed.
+    Check,
+}
 
 /// The summary of one program, for `--json`.
 #[derive(Clone, Debug, Serialize)]
@@ -73,10 +84,10 @@ impl FileSummary {
         }
     }
 
-    /// The same summary with the findings of `check` as failures.
+    /// The same summary with findings of `check` as failures; `more` of them are not listed.
     #[must_use]
-    pub fn with_findings(self, found: &CheckFile) -> Self {
-        Self { failures: lines(&found.findings), more_failures: found.more, ..self }
+    pub fn with_findings(self, findings: &[Diagnostic], more: usize) -> Self {
+        Self { failures: lines(findings), more_failures: more, ..self }
     }
 
     /// The summary from counts that were collected in parts.

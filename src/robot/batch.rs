@@ -1,7 +1,7 @@
 //! Solves arms with an explicit inverse for eight targets at once: the chain and the inverse of
 //! [`forward`](super::forward) and [`inverse`](super::inverse), computed with sines and cosines instead of angles.
 
-use super::inverse::ClosedForm;
+use super::closed_form::ClosedForm;
 use super::kinematics::{Six, one, set};
 use super::{Joints, Pose, Robot, turn_between, turns_between};
 use crate::lanes::{Frame, LaneMask, Lanes, Mask, ROUND, Real, SinCos, Vector, six, widest};

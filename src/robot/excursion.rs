@@ -1,7 +1,7 @@
 //! Bounds on the motion of each axis while the flange moves by at most a given length and turn. They hold everywhere on a piece of path
 //! between two places.
 
-use super::inverse::ClosedForm;
+use super::closed_form::ClosedForm;
 use super::{Joints, Robot};
 use std::f64::consts::{FRAC_PI_2, PI, SQRT_2};
 

@@ -1,86 +1,8 @@
-use super::kinematics::{Chain, Rows};
-use super::{DhRow, Jacobian, Joints, Pose, Robot};
+use super::kinematics::{Rows, Six};
+use super::{Frames, Jacobian, Joints, Pose, Robot};
 use crate::lanes::{Real, SinCos, six};
 use nalgebra::Vector3;
-
-/// The frames of links 1 to 6 (index 0 to 5); link 6 ends in the flange.
-#[derive(Clone, Copy, Debug)]
-pub struct Frames {
-    /// Modified-DH frames of the links in the base frame, m.
-    pub base_from_link: [Pose; 6],
-    /// Directions of the joint axes in base axes: the z axes of the links, without the tilt of a link that acts after its own joint.
-    pub axes: [Vector3<f64>; 6],
-}
-
-impl Default for Frames {
-    fn default() -> Self {
-        Self { base_from_link: [Pose::identity(); 6], axes: [Vector3::zeros(); 6] }
-    }
-}
-
-impl Frames {
-    /// The flange frame (tool0).
-    #[must_use]
-    pub fn base_from_flange(&self) -> &Pose {
-        &self.base_from_link[5]
-    }
-
-    /// Axis of serial joint `i` (0 to 5) in base axes.
-    #[must_use]
-    pub fn axis(&self, i: usize) -> Vector3<f64> {
-        self.axes[i]
-    }
-
-    /// A point on the axis of serial joint `i`, base frame, m.
-    #[must_use]
-    pub fn origin(&self, i: usize) -> Vector3<f64> {
-        self.base_from_link[i].translation.vector
-    }
-}
-
-/// Modified-DH rows with the sines and cosines of their twists, for chains that are evaluated many times.
-#[derive(Clone, Copy, Debug)]
-pub struct Links {
-    rows: [DhRow; 6],
-    /// Sines and cosines of the twists.
-    alpha: [SinCos<f64>; 6],
-}
-
-impl Links {
-    /// The links of these rows.
-    #[must_use]
-    pub fn new(rows: [DhRow; 6]) -> Self {
-        Self { rows, alpha: rows.map(|row| SinCos::of(row.alpha)) }
-    }
-
-    /// The rows.
-    #[must_use]
-    pub fn rows(&self) -> &[DhRow; 6] {
-        &self.rows
-    }
-
-    /// The chain at **serial** joint angles, rad.
-    #[must_use]
-    pub fn chain(&self, serial: &Joints) -> Frames {
-        let rows = self.numbers::<f64>();
-        let joints = six!(i => SinCos::of(self.rows[i].theta + serial[i]));
-        let mut chain = Chain::default();
-        rows.chain(&joints, None, &mut chain);
-        Frames { base_from_link: six!(i => chain.links[i].lane(0)), axes: six!(i => chain.axes[i].lane(0)) }
-    }
-
-    /// The rows, over any [`Real`].
-    #[inline(always)]
-    pub(crate) fn numbers<R: Real>(&self) -> Rows<R> {
-        let (rows, alpha) = (&self.rows, &self.alpha);
-        Rows {
-            a: six!(i => R::of(rows[i].a)),
-            d: six!(i => R::of(rows[i].d)),
-            theta: six!(i => R::of(rows[i].theta)),
-            alpha: six!(i => SinCos { sin: R::of(alpha[i].sin), cos: R::of(alpha[i].cos) }),
-        }
-    }
-}
+use std::ops::{Neg, Sub};
 
 /// Up to this angle, rad, the series for the sum of angles is exact to rounding.
 pub(crate) const NUDGE: f64 = 0.01;
@@ -135,5 +57,50 @@ impl Robot {
             jacobian.column_mut(i).scale_mut(sign);
         }
         jacobian
+    }
+}
+
+impl Robot {
+    /// The nominal rows.
+    #[inline(always)]
+    pub(crate) fn rows<R: Real>(&self) -> Rows<R> {
+        self.links.numbers()
+    }
+
+    /// Serial joint angles, or changes of them, from those of motor angles, rad.
+    #[inline(always)]
+    pub(crate) fn serial<R: Real>(&self, motor: &Six<R>) -> Six<R> {
+        let mut serial = six!(i => motor[i] * self.axes.sign[i]);
+        if self.axes.parallelogram {
+            serial[2] = serial[2] - serial[1];
+        }
+        serial
+    }
+
+    /// Motor angles from serial joint angles, rad.
+    #[inline(always)]
+    pub(crate) fn motor<R: Real>(&self, serial: &Six<R>) -> Six<R> {
+        let mut motor = *serial;
+        if self.axes.parallelogram {
+            motor[2] = motor[2] + serial[1];
+        }
+        six!(i => motor[i] * self.axes.sign[i])
+    }
+
+    /// Torques (N·m), or derivatives with respect to angles, of the motors from those of the serial joints: the power is the same in both.
+    #[inline(always)]
+    pub(crate) fn by_motor<T: Copy + Sub<Output = T> + Neg<Output = T>>(&self, serial: &[T; 6]) -> [T; 6] {
+        let mut motor = *serial;
+        if self.axes.parallelogram {
+            motor[1] = motor[1] - serial[2];
+        }
+        six!(i => if self.axes.sign[i] < 0.0 { -motor[i] } else { motor[i] })
+    }
+
+    /// Sines and cosines of the Denavit-Hartenberg angles (joint plus theta) at motor angles, rad.
+    #[inline(always)]
+    pub(crate) fn joints<R: Real>(&self, theta: &Six<R>, motor: &Six<R>) -> [SinCos<R>; 6] {
+        let serial = self.serial(motor);
+        six!(i => SinCos::of(serial[i] + theta[i]))
     }
 }

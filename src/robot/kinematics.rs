@@ -1,9 +1,8 @@
 //! The kinematic chain of the arm, for a single target or for several lanes. The scalar functions of [`Robot`] and the equilibria of batches
 //! both use it.
 
-use super::{Joints, Robot};
+use super::Joints;
 use crate::lanes::{Frame, Real, SinCos, Vector, six};
-use std::ops::{Neg, Sub};
 
 /// Six numbers, one for each joint, of one target or of several lanes: for example motor angles, rad, or torques, N·m.
 pub(crate) type Six<R> = [R; 6];
@@ -83,50 +82,5 @@ impl<R: Real> Rows<R> {
             give(i, link, z);
         }
         link
-    }
-}
-
-impl Robot {
-    /// The nominal rows.
-    #[inline(always)]
-    pub(crate) fn rows<R: Real>(&self) -> Rows<R> {
-        self.links.numbers()
-    }
-
-    /// Serial joint angles, or changes of them, from those of motor angles, rad.
-    #[inline(always)]
-    pub(crate) fn serial<R: Real>(&self, motor: &Six<R>) -> Six<R> {
-        let mut serial = six!(i => motor[i] * self.axes.sign[i]);
-        if self.axes.parallelogram {
-            serial[2] = serial[2] - serial[1];
-        }
-        serial
-    }
-
-    /// Motor angles from serial joint angles, rad.
-    #[inline(always)]
-    pub(crate) fn motor<R: Real>(&self, serial: &Six<R>) -> Six<R> {
-        let mut motor = *serial;
-        if self.axes.parallelogram {
-            motor[2] = motor[2] + serial[1];
-        }
-        six!(i => motor[i] * self.axes.sign[i])
-    }
-
-    /// Torques (N·m), or derivatives with respect to angles, of the motors from those of the serial joints: the power is the same in both.
-    #[inline(always)]
-    pub(crate) fn by_motor<T: Copy + Sub<Output = T> + Neg<Output = T>>(&self, serial: &[T; 6]) -> [T; 6] {
-        let mut motor = *serial;
-        if self.axes.parallelogram {
-            motor[1] = motor[1] - serial[2];
-        }
-        six!(i => if self.axes.sign[i] < 0.0 { -motor[i] } else { motor[i] })
-    }
-
-    /// Sines and cosines of the Denavit-Hartenberg angles (joint plus theta) at motor angles, rad.
-    #[inline(always)]
-    pub(crate) fn joints<R: Real>(&self, theta: &Six<R>, motor: &Six<R>) -> [SinCos<R>; 6] {
-        let serial = self.serial(motor);
-        six!(i => SinCos::of(serial[i] + theta[i]))
     }
 }

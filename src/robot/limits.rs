@@ -1,24 +1,34 @@
 use super::{Joints, Robot};
+use std::fmt::{self, Display, Formatter};
 
-/// Axis limits as the controller counts them, rad.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Limits {
-    /// Smallest axis angles.
-    pub min: Joints,
-    /// Largest axis angles.
-    pub max: Joints,
-    /// Smallest and largest angle between forearm and upper arm, if this is not the angle of an axis: motor 3 − motor 2
-    /// of a parallelogram, axis 2 + axis 3 if axis 3 is counted against the ground.
-    pub elbow: Option<(f64, f64)>,
+/// An angle of the arm that has limits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LimitedAngle {
+    /// The angle of an axis, from 1 to 6.
+    Axis(usize),
+    /// The angle between forearm and upper arm of a parallelogram: motor 3 − motor 2.
+    ElbowDifference,
+    /// The angle between forearm and upper arm where axis 3 is counted against the ground: axis 3 + axis 2.
+    ElbowSum,
 }
 
-/// An axis beyond its limit.
+impl Display for LimitedAngle {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Axis(axis) => write!(f, "axis {axis}"),
+            Self::ElbowDifference => f.write_str("elbow (axis 3 − axis 2)"),
+            Self::ElbowSum => f.write_str("elbow (axis 3 + axis 2)"),
+        }
+    }
+}
+
+/// An angle beyond its limit.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("{name} at {value_deg:.3}°, {by_deg:.3}° beyond its limit of {limit_deg:.3}°", name = self.name())]
+#[error("{angle} at {value_deg:.3}°, {by_deg:.3}° beyond its limit of {limit_deg:.3}°")]
 pub struct LimitViolation {
-    /// Axis 0 to 5; 6 is a parallelogram's motor 3 − motor 2; 7 is axis 3 + axis 2 where axis 3 is counted against the ground.
-    pub axis: usize,
-    /// The angle of the axis, degrees.
+    /// Which angle it is.
+    pub angle: LimitedAngle,
+    /// The size of the angle, degrees.
     pub value_deg: f64,
     /// The limit that it passes, degrees.
     pub limit_deg: f64,
@@ -26,22 +36,12 @@ pub struct LimitViolation {
     pub by_deg: f64,
 }
 
-impl LimitViolation {
-    fn name(&self) -> String {
-        match self.axis {
-            6 => "elbow (axis 3 − axis 2)".to_owned(),
-            7 => "elbow (axis 3 + axis 2)".to_owned(),
-            axis => format!("axis {}", axis + 1),
-        }
-    }
-}
-
 /// Angles that exceed a limit by less than this, rad, count as being at the limit, because printed programs are
 /// rounded.
 const LIMIT_SLACK: f64 = 1e-9;
 
 impl Robot {
-    /// The angle that [`Limits::elbow`] bounds, rad.
+    /// The angle that [`Limits::elbow`](super::Limits::elbow) bounds, rad.
     pub(super) fn elbow(&self, motor: &Joints) -> f64 {
         motor[2] + self.axes.elbow_of_second() * motor[1]
     }
@@ -59,11 +59,11 @@ impl Robot {
     ///
     /// # Examples
     /// ```
-    /// # use deflex::robot::Builtin;
+    /// # use deflex::robot::{Builtin, LimitedAngle};
     /// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
     /// let far = robot.motor_from_axes_deg(&[200.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     /// let violation = robot.limit_violation(&far).expect("axis 1 is beyond its limit");
-    /// assert_eq!((violation.axis, violation.limit_deg), (0, 180.0));
+    /// assert_eq!((violation.angle, violation.limit_deg), (LimitedAngle::Axis(1), 180.0));
     /// ```
     #[must_use]
     pub fn limit_violation(&self, motor: &Joints) -> Option<LimitViolation> {
@@ -75,13 +75,13 @@ impl Robot {
         {
             return None;
         }
-        let axes = (0..6).map(|i| (i, counted[i], limits.min[i], limits.max[i]));
-        let which = if self.axes.parallelogram { 6 } else { 7 };
+        let axes = (0..6).map(|i| (LimitedAngle::Axis(i + 1), counted[i], limits.min[i], limits.max[i]));
+        let which = if self.axes.parallelogram { LimitedAngle::ElbowDifference } else { LimitedAngle::ElbowSum };
         axes.chain(limits.elbow.map(|(min, max)| (which, elbow, min, max)))
-            .filter_map(|(axis, value, min, max)| {
+            .filter_map(|(angle, value, min, max)| {
                 let (limit, by) = if value < min { (min, min - value) } else { (max, value - max) };
                 (by > LIMIT_SLACK).then(|| LimitViolation {
-                    axis,
+                    angle,
                     value_deg: value.to_degrees(),
                     limit_deg: limit.to_degrees(),
                     by_deg: by.to_degrees(),

@@ -1,5 +1,6 @@
-use super::inverse::ClosedForm;
-use super::{Joints, Limits, Links, Pose};
+use super::closed_form::ClosedForm;
+use super::links::{DhRow, Links};
+use super::{Joints, Pose};
 use nalgebra::Vector3;
 
 /// Standard gravity, m/s².
@@ -8,19 +9,6 @@ const GRAVITY: f64 = 9.806_65;
 /// Gravity in the frame of a base, m/s², for a pose of the base in the world. Gravity acts along world −z.
 pub(crate) fn gravity_at(world_from_base: &Pose) -> Vector3<f64> {
     world_from_base.rotation.inverse_transform_vector(&Vector3::new(0.0, 0.0, -GRAVITY))
-}
-
-/// One modified Denavit-Hartenberg row (Craig): `Rx(alpha) Tx(a) Rz(theta + joint) Tz(d)`.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct DhRow {
-    /// Twist about the previous x axis, rad.
-    pub alpha: f64,
-    /// Length along the previous x axis, m.
-    pub a: f64,
-    /// Length along the joint axis, m.
-    pub d: f64,
-    /// Angle added to the joint, rad.
-    pub theta: f64,
 }
 
 /// The controller's model of the arm.
@@ -40,6 +28,18 @@ pub struct Robot {
     pub world_from_base: Pose,
     /// The explicit inverse; `None` if the geometry has none.
     closed_form: Option<ClosedForm>,
+}
+
+/// Axis limits as the controller counts them, rad.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Smallest axis angles.
+    pub min: Joints,
+    /// Largest axis angles.
+    pub max: Joints,
+    /// Smallest and largest angle between forearm and upper arm, if this is not the angle of an axis: motor 3 − motor 2
+    /// of a parallelogram, axis 2 + axis 3 if axis 3 is counted against the ground.
+    pub elbow: Option<(f64, f64)>,
 }
 
 /// How the controller's axes move the joints of the Denavit-Hartenberg rows. Differences between the two zero positions

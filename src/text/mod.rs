@@ -1,5 +1,6 @@
 //! Bytes and positions: sources, spans, edits, tokens of numbers, and diagnostics.
 
+mod binary;
 mod diagnostic;
 mod diagnostics;
 mod edit;
@@ -11,6 +12,7 @@ mod printable;
 mod source;
 pub use deflex_lang::Span;
 
+pub(crate) use binary::{ENCRYPTED, no_text};
 pub use diagnostic::{Diagnostic, Severity};
 pub use diagnostics::Diagnostics;
 pub(crate) use diagnostics::cannot_read;

@@ -44,6 +44,16 @@ fn only_a_parallelogram_has_a_rod() {
 }
 
 #[test]
+fn an_uncertainty_of_another_size_says_what_to_do() {
+    let springs = "[[effect]]\nkind = \"joint_stiffness\"\nscale = [1, 1, 1, 1, 1, 1]\nrod_share = 0.2\n";
+    let covariance = "[effect.uncertainty]\ncovariance = [[1e-4, 0], [0, 1e-4]]\n";
+    let errors = read(&format!("{ROBOT}{STIFFNESS}{springs}{covariance}")).unwrap_err();
+    let (message, help) = (&errors[0].message, errors[0].help.as_deref().unwrap_or_default());
+    assert!(message.contains("does not fit the 7 parameters"), "{errors:?}");
+    assert!(help.contains("remove this [effect.uncertainty]"), "{errors:?}");
+}
+
+#[test]
 fn friction_builds_up_over_one_angle_in_all_effects() {
     let cell = |angle: &str| {
         let gap = "[[effect]]\nkind = \"backlash\"\nhalf_gap_rad = [6e-5, 0, 0, 1e-4, 0, 0]\npresliding_rad = 1e-3\n";

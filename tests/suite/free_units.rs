@@ -128,7 +128,7 @@ fn a_track_is_sent_where_the_arm_is_stiff() {
     let chosen = rms(&errors(&corrected));
     assert!(from > 1.05 * best && chosen < 0.99 * stiffest, "{from} {stiffest} {chosen} {best}");
     assert!(from - chosen >= 0.9 * (from - best), "{from} {chosen} {best}");
-    assert!(note(&corrected).contains("unit `TRACK1` is sent from"), "{}", note(&corrected));
+    assert!(note(&corrected).contains("unit `TRACK1` moves between"), "{}", note(&corrected));
 
     // What is posted: within limits and rate, and the tool stands in the part where the CL data have it.
     let file = post(&program, &cell, &corrected, &posting(Language::Rapid)).unwrap().files.remove(0).1;
@@ -193,7 +193,7 @@ fn two_units_are_chosen_in_one_search() {
         (rms(&errors(&there)), note(&there).to_owned())
     };
     let (both, said) = chosen("", format!("{track}free = true\n{table}free = true\n"));
-    assert!(said.contains("unit `TRACK1` is sent from") && said.contains("unit `STN1` is sent from"), "{said}");
+    assert!(said.contains("unit `TRACK1` moves between") && said.contains("unit `STN1` moves between"), "{said}");
     let standing = |external: [f64; 2]| {
         let external = format!("external = {{ eax_a = {:?}, eax_b = {:?} }}", external[0], external[1]);
         chosen(&external, format!("{track}{table}")).0
@@ -285,7 +285,7 @@ fn a_gain_is_told_of_targets_that_both_turns_reach() {
         let said = note(&corrected);
         assert!(!said.contains("-0.0") && !said.contains("NaN"), "{said}");
         let unreached =
-            |n: &usize| said.ends_with(&format!("; with `spin_deg` throughout {n} targets are not reached"));
+            |n: &usize| said.ends_with(&format!("; with `spin_deg` throughout, {n} targets are out of reach"));
         let unreached = (1..=TARGETS).find(unreached).unwrap_or(0);
         let reached = TARGETS - unreached;
         assert_eq!(said.contains(", "), reached > 0, "{said}");

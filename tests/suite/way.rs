@@ -5,6 +5,7 @@ use crate::units::{TABLE, TRACK, cell as cell_with};
 use deflex::cell::Cell;
 use deflex::correct::{Corrected, Options, Row, Status, WayFault, WayFinding, compensate, predict};
 use deflex::program::{Program, krl, rapid};
+use deflex::robot::LimitedAngle;
 use deflex::text::{Source, apply};
 use std::fmt::Write;
 
@@ -298,7 +299,7 @@ fn a_limit_that_is_passed_between_targets_is_found_whatever_the_length() {
             let [fault] = &faults[..] else {
                 panic!("{seed}, axis {}, {beyond} beyond at {share}: {faults:?}\n{text}", axis + 1)
             };
-            assert_eq!((fault.fault, fault.axis, fault.index > 0), (WayFault::AxisLimit, axis + 1, true));
+            assert_eq!((fault.fault, fault.angle, fault.index > 0), (WayFault::AxisLimit, self::axis(axis + 1), true));
             assert!((fault.value - most).abs() < 0.012 && (fault.limit - max[axis]).abs() < 1e-9, "{fault:?} {most}");
             let near = way[(fault.share * STEPS as f64).round() as usize][axis];
             assert!((near - fault.value).abs() < 0.1, "{fault:?}: {near} there, {share}");
@@ -334,7 +335,7 @@ fn the_fastest_place_of_a_way_is_found() {
             let faults = found(&text, &way[0], (&WIDE.map(|wide| -wide), &WIDE), Some(limits)).unwrap();
             assert_eq!(!faults.is_empty(), is_found, "{seed}, {factor}: {faults:?}\n{text}");
             if let Some(fault) = faults.first() {
-                assert_eq!((fault.fault, fault.axis), (WayFault::AxisSpeed, fastest + 1));
+                assert_eq!((fault.fault, fault.angle), (WayFault::AxisSpeed, axis(fastest + 1)));
                 let value = exact * STEPS as f64 / duration;
                 assert!((fault.value / value - 1.0).abs() < 0.03, "{seed}: {fault:?} {value}\n{text}");
             }
@@ -373,10 +374,15 @@ fn between_axes(cell: &Cell, places: &[[f64; 6]], speed: &str) -> Program {
     rapid::read(vec![Source::new("m.mod", text)], Vec::new()).unwrap()
 }
 
-fn kinds(cell: &Cell, program: &Program) -> Vec<(WayFault, usize)> {
+/// The angle of an axis, from 1.
+fn axis(axis: usize) -> Option<LimitedAngle> {
+    Some(LimitedAngle::Axis(axis))
+}
+
+fn kinds(cell: &Cell, program: &Program) -> Vec<(WayFault, Option<LimitedAngle>)> {
     let predicted = predict(program, cell, &Options::default(), None).unwrap();
     assert!(predicted.failures.is_empty(), "{:?}", predicted.failures);
-    predicted.on_the_way.iter().map(|found| (found.fault, found.axis)).collect()
+    predicted.on_the_way.iter().map(|found| (found.fault, found.angle)).collect()
 }
 
 #[test]
@@ -385,13 +391,13 @@ fn a_singular_wrist_on_the_way_is_found_and_its_speed() {
     let at = |a4: f64, a5: f64| [5.0, 20.0, 15.0, a4, a5, 10.0];
     // Axis 5 runs through zero between two targets that keep off it.
     let through = between_axes(&cell, &[at(0.0, 6.0), at(0.0, -5.0)], "v20");
-    assert!(kinds(&cell, &through).contains(&(WayFault::Singular, 5)), "{:?}", kinds(&cell, &through));
+    assert!(kinds(&cell, &through).contains(&(WayFault::Singular, axis(5))), "{:?}", kinds(&cell, &through));
     // A target that stands in it.
     let into = between_axes(&cell, &[at(0.0, 6.0), at(0.0, 0.0)], "v20");
-    assert!(kinds(&cell, &into).contains(&(WayFault::Singular, 5)), "{:?}", kinds(&cell, &into));
+    assert!(kinds(&cell, &into).contains(&(WayFault::Singular, axis(5))), "{:?}", kinds(&cell, &into));
     // Past it by two degrees: axis 4 turns by half a turn, at a speed that depends on the feed.
     let past = |speed| between_axes(&cell, &[at(80.0, 2.5), at(-80.0, 2.5)], speed);
-    assert!(kinds(&cell, &past("v100")).contains(&(WayFault::AxisSpeed, 4)), "{:?}", kinds(&cell, &past("v100")));
+    assert!(kinds(&cell, &past("v100")).contains(&(WayFault::AxisSpeed, axis(4))), "{:?}", kinds(&cell, &past("v100")));
     let far = between_axes(&cell, &[at(0.0, 30.0), at(5.0, 35.0)], "v20");
     assert_eq!(kinds(&cell, &far), []);
 }

@@ -1,4 +1,4 @@
-//! What the parsers of all languages share: the place in the lexemes of a text, and operators by their levels of precedence.
+//! Parts that the parsers of all languages share: a cursor over the lexemes of a text, and operators with levels of precedence.
 
 use crate::Span;
 use crate::ir::{
@@ -19,13 +19,13 @@ pub(crate) type Level = &'static [(&'static str, Binary)];
 /// The operators of sums.
 pub(crate) const SUM: Level = &[("+", Binary::Add), ("-", Binary::Subtract)];
 
-/// The lexemes that are read, which of them comes next, the program that they become, and what a language knows besides.
+/// A cursor over lexemes, with the program that is built from them and the state of the parser of a language.
 pub(crate) struct Cursor<'a, 'n, L> {
     pub(crate) own: L,
     pub(crate) lexemes: &'n [Lexeme<'a>],
     pub(crate) at: usize,
     pub(crate) source: u16,
-    /// How many blocks and expressions are open.
+    /// Number of open blocks and expressions.
     pub(crate) depth: usize,
     pub(crate) program: Program,
     pub(crate) called: BTreeSet<FunctionId>,
@@ -46,7 +46,7 @@ impl<'a, L> Cursor<'a, '_, L> {
         self.peek().is_some_and(|lexeme| lexeme.is(text))
     }
 
-    /// Whether this comes after the lexeme that is next.
+    /// Whether the lexeme after the next one is this one.
     pub(crate) fn second_is(&self, text: &str) -> bool {
         self.lexemes.get(self.at + 1).is_some_and(|lexeme| lexeme.is(text))
     }
@@ -57,7 +57,7 @@ impl<'a, L> Cursor<'a, '_, L> {
         is
     }
 
-    /// The name that is next, which is read.
+    /// Reads the next lexeme if it is a name.
     pub(crate) fn take_name(&mut self) -> Option<Lexeme<'a>> {
         let name = self.peek().filter(|lexeme| lexeme.kind == LexemeKind::Name);
         self.at += usize::from(name.is_some());
@@ -69,7 +69,7 @@ impl<'a, L> Cursor<'a, '_, L> {
         self.at >= self.lexemes.len()
     }
 
-    /// Where the lexeme that is next stands, or the last one ends.
+    /// The place of the next lexeme, or the end of the last one.
     pub(crate) fn here(&self) -> Span {
         let last = || self.lexemes.last().map_or(Span::default(), |l| Span { start: l.span.end, end: l.span.end });
         self.peek().map_or_else(last, |lexeme| lexeme.span)
@@ -79,23 +79,23 @@ impl<'a, L> Cursor<'a, '_, L> {
         SourceSpan { source: self.source, span }
     }
 
-    /// From a lexeme to the last one read.
+    /// The place from a lexeme to the last one that was read.
     pub(crate) fn since(&self, start: Span) -> SourceSpan {
         let last = self.lexemes.get(self.at.wrapping_sub(1)).map_or(start, |lexeme| lexeme.span);
         self.place(if last.end < start.end { start } else { start.to(last) })
     }
 
-    /// An expression from a lexeme to the last one read.
+    /// An expression with the place from a lexeme to the last one that was read.
     pub(crate) fn expression_at(&self, kind: ExpressionKind, start: Span) -> Expression {
         Expression { kind, place: self.since(start) }
     }
 
-    /// Something that is known at run time only.
+    /// An expression that is known only at run time.
     pub(crate) fn unknown(&self, reason: Reason, start: Span) -> Expression {
         Expression::unknown(reason, Vec::new(), self.since(start))
     }
 
-    /// A number literal with its sign; `unreadable` says why it has no value where it is beyond the numbers of this machine.
+    /// A number literal with its sign. If its value cannot be represented, it is unknown for the reason `unreadable`.
     pub(crate) fn number(&mut self, sign: Option<Span>, lexeme: Lexeme<'_>, unreadable: Reason) -> Expression {
         let place = self.place(sign.map_or(lexeme.span, |sign| sign.to(lexeme.span)));
         let sign: &[u8] = if sign.is_some() { b"-" } else { b"" };
@@ -109,7 +109,7 @@ impl<'a, L> Cursor<'a, '_, L> {
         Statement { kind: StatementKind::assign(Switch::Mark.slot(), value), place }
     }
 
-    /// Begins a block, which `place` begins too.
+    /// Begins a block at `place`.
     pub(crate) fn begin_block(&mut self, place: SourceSpan) -> Result<(), Fault> {
         if self.depth >= DEEPEST {
             return Err(Fault { place, message: "blocks are nested deeper than 64" });
@@ -126,7 +126,7 @@ impl<'a, L> Cursor<'a, '_, L> {
         Callee::Foreign
     }
 
-    /// Reads what an expression contains; nothing where it is nested too deep.
+    /// Reads a part of an expression; `None` if it is nested too deep.
     pub(crate) fn inner<T>(&mut self, read: impl FnOnce(&mut Self) -> Option<T>) -> Option<T> {
         self.depth += 1;
         let inner = if self.depth < 2 * DEEPEST { read(self) } else { None };
@@ -134,7 +134,7 @@ impl<'a, L> Cursor<'a, '_, L> {
         inner
     }
 
-    /// Operands that operators of these levels join, loosest first; each level is read from left to right.
+    /// Reads operands with operators of these levels, the loosest first. Each level is read from left to right.
     pub(crate) fn binary(
         &mut self,
         levels: &[Level],
@@ -155,7 +155,7 @@ impl<'a, L> Cursor<'a, '_, L> {
     }
 }
 
-/// Gives a global variable its slot, after those of [`Switch`], where it has none.
+/// Gives a global variable a slot, after those of [`Switch`], if it has none.
 pub(crate) fn declare<K: Ord>(globals: &mut BTreeMap<K, Slot>, name: K) {
     let next = Slot::Global((Switch::ALL.len() + globals.len()) as u32);
     globals.entry(name).or_insert(next);
@@ -167,7 +167,7 @@ pub(crate) fn global_names<K>(globals: &BTreeMap<K, Slot>, name: impl Fn(&K) -> 
     Switch::ALL.iter().map(|switch| Arc::from(format!("{switch:?}"))).chain(named.into_values()).collect()
 }
 
-/// What is written, as text.
+/// The bytes as text.
 pub(crate) fn text(bytes: &[u8]) -> Arc<str> {
     String::from_utf8_lossy(bytes).into()
 }

@@ -1,22 +1,23 @@
-//! Steps as a graph: where each goes on, where branches meet again, which loops stand within which, and which nothing leaves.
+//! The steps of a program as a graph: the successors of each, the nodes where branches meet again, the nesting of loops, and the loops that
+//! nothing leaves.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-/// One node: what a language does there ([`Machine`](crate::walk::Machine) runs it), or where it goes on.
+/// One node: a step of the language, which a [`Machine`](crate::walk::Machine) runs, or a decision about the next node.
 #[derive(Clone, Copy, Debug)]
 pub enum Node<S, T> {
-    /// Goes on at the next node.
+    /// A step, after which the next node follows.
     Do(S),
-    /// Goes on here or there.
+    /// A branch to one of two nodes.
     Branch {
-        /// What is looked at.
+        /// The test.
         test: T,
-        /// Where it goes on if that holds.
+        /// The next node if the test is true.
         yes: usize,
-        /// Where it goes on if not.
+        /// The next node if it is false.
         no: usize,
     },
-    /// Goes on there.
+    /// A jump to a node.
     Jump(usize),
     /// Leaves the routine, by its exit.
     Return(S),
@@ -26,12 +27,12 @@ pub enum Node<S, T> {
     Exit,
 }
 
-/// A loop: nodes each of which leads to each other.
+/// A loop: nodes from each of which all others can be reached.
 #[derive(Clone, Copy, Debug)]
 struct Loop {
-    /// The loop that it stands in.
+    /// The loop that contains it.
     parent: Option<usize>,
-    /// Where it is entered, the first such node in the text.
+    /// The node at which it is entered, the first one in the text.
     head: usize,
 }
 
@@ -41,9 +42,9 @@ pub struct Flow<S, T> {
     pub(crate) nodes: Vec<Node<S, T>>,
     /// First node and exit of each routine.
     pub(crate) routines: Vec<(usize, usize)>,
-    /// Nodes that more than one node, a branch or a jump goes on at: what is run from one to the next stands in a row in the text.
+    /// Nodes that are reached from more than one node, or by a branch or a jump. The nodes between two of them run one after the other.
     pub(crate) leads: Vec<bool>,
-    /// Where all ways from a node that end the routine meet again.
+    /// For each node, the node where all paths to the end of the routine meet again.
     pub(crate) meets: Vec<Option<usize>>,
     /// The innermost loop of each node.
     pub(crate) inner: Vec<Option<usize>>,
@@ -67,7 +68,7 @@ impl<S: Copy, T: Copy> Default for Flow<S, T> {
 }
 
 impl<S: Copy, T: Copy> Flow<S, T> {
-    /// Adds a routine, which is the next by number.
+    /// Adds a routine, which gets the next number.
     pub fn add<'n>(&mut self, build: impl FnOnce(&mut Builder<'n, S, T>)) {
         let mut builder = Builder { nodes: std::mem::take(&mut self.nodes), ..Builder::default() };
         let first = builder.nodes.len();
@@ -101,12 +102,12 @@ impl<S: Copy, T: Copy> Flow<S, T> {
         self.loops_around(node).any(|around| around == of)
     }
 
-    /// Whether a loop is another, or stands in it.
+    /// Whether a loop is another one or is inside it.
     pub(crate) fn is_loop_within(&self, inner: usize, of: usize) -> bool {
         std::iter::successors(Some(inner), |inner| self.loops[*inner].parent).any(|around| around == of)
     }
 
-    /// Where all ways meet out of a loop, from a node in it.
+    /// The node after a loop where all paths from a node in it meet.
     pub(crate) fn meet_after(&self, node: usize, of: usize) -> Option<usize> {
         std::iter::successors(self.meets[node], |meets| self.meets[*meets].filter(|next| next != meets))
             .find(|meets| !self.is_within(*meets, of))
@@ -117,12 +118,12 @@ impl<S: Copy, T: Copy> Flow<S, T> {
         std::iter::successors(self.inner[node], |of| self.loops[*of].parent)
     }
 
-    /// The loop that is entered at a node.
+    /// The innermost loop of a node, if the node is its entry.
     pub(crate) fn loop_headed(&self, node: usize) -> Option<usize> {
         self.inner[node].filter(|of| self.loops[*of].head == node)
     }
 
-    /// Where a node goes on.
+    /// The successors of a node.
     fn next(&self, node: usize, exit: usize) -> impl Iterator<Item = usize> + use<S, T> {
         let (a, b) = match self.nodes[node] {
             Node::Do(_) => (Some(node + 1), None),
@@ -206,10 +207,11 @@ impl<S: Copy, T: Copy> Flow<S, T> {
         }
     }
 
-    /// Strongly connected components (Tarjan 1972): what repeats, and what never ends; within each, without its head, those within it.
+    /// Finds loops as strongly connected components (Tarjan 1972), then inner loops as those of each component without its head, and the
+    /// loops that never end.
     fn loops_of(&mut self, nodes: &[usize], exit: usize, parent: Option<usize>) {
         const NEW: usize = usize::MAX;
-        /// Most nested loops that are distinguished: more than people write, and each costs a pass.
+        /// Most nesting levels of loops that are distinguished: more than programs have, and each level costs a pass.
         const DEEPEST: usize = 32;
         if std::iter::successors(parent, |of| self.loops[*of].parent).count() >= DEEPEST {
             return;
@@ -276,7 +278,7 @@ pub struct Builder<'n, S, T> {
     nodes: Vec<Node<S, T>>,
     labels: BTreeMap<&'n [u8], usize>,
     jumps: Vec<(usize, &'n [u8])>,
-    /// Where the innermost loop begins, and jumps out of it that wait for its end.
+    /// The start of the innermost loop, and the jumps that leave it, whose targets are set at its end.
     loops: Vec<(usize, Vec<usize>)>,
 }
 
@@ -287,7 +289,7 @@ impl<S, T> Default for Builder<'_, S, T> {
 }
 
 impl<'n, S, T> Builder<'n, S, T> {
-    /// A node that is filled in later.
+    /// Reserves a node that is set later.
     fn gap(&mut self) -> usize {
         self.nodes.push(Node::Halt);
         self.nodes.len() - 1
@@ -298,7 +300,7 @@ impl<'n, S, T> Builder<'n, S, T> {
         self.nodes.push(Node::Do(step));
     }
 
-    /// One of two ways.
+    /// Adds a branch with two paths.
     pub fn branch(&mut self, test: T, then: impl FnOnce(&mut Self), otherwise: impl FnOnce(&mut Self)) {
         let branch = self.gap();
         then(self);
@@ -308,7 +310,7 @@ impl<'n, S, T> Builder<'n, S, T> {
         self.nodes[end_of_then] = Node::Jump(self.nodes.len());
     }
 
-    /// A loop, which [`Self::leave`] leaves.
+    /// Adds a loop, which [`Self::leave`] leaves.
     pub fn repeat(&mut self, body: impl FnOnce(&mut Self)) {
         // A node of its own: a loop that begins with another is another loop.
         let start = self.gap();
@@ -321,7 +323,7 @@ impl<'n, S, T> Builder<'n, S, T> {
         leaves.into_iter().for_each(|gap| self.nodes[gap] = Node::Jump(end));
     }
 
-    /// Leaves the innermost loop. Where there is none, that is an error of the program, and it goes on.
+    /// Leaves the innermost loop. Without a loop this is an error of the program, and the next node follows.
     pub fn leave(&mut self) {
         let gap = self.nodes.len();
         if let Some((_, leaves)) = self.loops.last_mut() {
@@ -330,25 +332,25 @@ impl<'n, S, T> Builder<'n, S, T> {
         }
     }
 
-    /// Goes on with the next round of the innermost loop.
+    /// Continues with the next round of the innermost loop.
     pub fn again(&mut self) {
         let to = self.loops.last().map(|(start, _)| *start);
         self.nodes.push(to.map_or(Node::Halt, Node::Jump));
     }
 
-    /// A place to jump to, in the same routine.
+    /// Adds a label, to which jumps of the same routine lead.
     pub fn label(&mut self, name: &'n [u8]) {
         let at = self.nodes.len();
         self.labels.insert(name, at);
     }
 
-    /// Goes on at a label.
+    /// Adds a jump to a label.
     pub fn jump(&mut self, to: &'n [u8]) {
         let at = self.gap();
         self.jumps.push((at, to));
     }
 
-    /// Goes on at a label where that holds.
+    /// Adds a jump to a label if a test is true.
     pub fn jump_if(&mut self, test: T, to: &'n [u8]) {
         let at = self.gap();
         self.nodes[at] = Node::Branch { test, yes: at + 1, no: at + 1 };

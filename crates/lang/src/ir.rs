@@ -1,12 +1,11 @@
-//! The intermediate representation that every front end lowers to.
+//! The intermediate representation to which every front end lowers its programs.
 
 use crate::Span;
 use crate::reason::Reason;
-use crate::value::Given;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// A program: functions, and where it begins.
+/// A program: its functions, and those with which a run begins.
 #[derive(Clone, Debug, Default)]
 pub struct Program {
     /// All functions of all sources.
@@ -58,16 +57,16 @@ pub enum Slot {
     Local(u32),
 }
 
-/// What the controller holds apart from the program's variables: the first globals of each program.
+/// Settings of the controller that are not variables of the program. They are the first globals of each program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Switch {
     /// Pose of the tool in the flange.
     Tool,
     /// Mass that the arm carries, and its centre of gravity.
     Load,
-    /// The frame that positions count from.
+    /// The frame in which positions are counted.
     Frame,
-    /// Known while nothing moves positions aside.
+    /// The shift of all positions; known while none is active.
     Shift,
     /// The `deflex` mark in force.
     Mark,
@@ -87,15 +86,15 @@ impl Switch {
 /// A routine.
 #[derive(Clone, Debug, Default)]
 pub struct Function {
-    /// As it is written; empty for the statements of a file that stand in no routine.
+    /// The name as it is written; empty for the statements of a file that are in no routine.
     pub name: Arc<str>,
     /// Its parameters, which are its first local variables, with their default values.
     pub parameters: Vec<Parameter>,
-    /// How many local variables it has.
+    /// Number of its local variables.
     pub locals: u32,
-    /// What it does.
+    /// Its statements.
     pub body: Vec<Statement>,
-    /// Where it begins.
+    /// The place of its beginning.
     pub place: SourceSpan,
 }
 
@@ -104,7 +103,7 @@ pub struct Function {
 pub struct Parameter {
     /// As it is written.
     pub name: Arc<str>,
-    /// What it is where a call does not give it.
+    /// Its value if a call does not give the argument.
     pub default: Option<Expression>,
 }
 
@@ -120,7 +119,7 @@ pub struct Statement {
 /// What a statement does.
 #[derive(Clone, Debug)]
 pub enum StatementKind {
-    /// A variable, or an item of one, gets a value.
+    /// Assigns a value to a variable or to an item of one.
     Assign {
         /// The variable.
         slot: Slot,
@@ -129,81 +128,81 @@ pub enum StatementKind {
         /// What it gets.
         value: Expression,
     },
-    /// An expression whose value is not used: a call.
+    /// Evaluates an expression whose value is not used: a call.
     Evaluate(Expression),
     /// The arm moves.
     Move(Box<Motion>),
-    /// The first arm whose condition holds runs.
+    /// Runs the first arm whose condition is true.
     If {
         /// Conditions and what runs under each.
         arms: Vec<(Expression, Vec<Statement>)>,
-        /// What runs where none holds.
+        /// The statements that run if no condition is true.
         otherwise: Vec<Statement>,
     },
-    /// Runs as long as its condition holds; without one until it is left.
+    /// Repeats its body while the condition is true; without a condition until it is left.
     Loop {
-        /// Looked at before each round.
+        /// Evaluated before each round.
         condition: Option<Expression>,
         /// A round.
         body: Vec<Statement>,
     },
     /// Leaves the innermost loop.
     Break,
-    /// Goes on with the next round of the innermost loop.
+    /// Continues with the next round of the innermost loop.
     Continue,
     /// A place to jump to, in the same routine.
     Label(Arc<str>),
-    /// Goes on at a label where the condition holds.
+    /// Continues at a label if the condition is true.
     Jump {
         /// The label.
         to: Arc<str>,
-        /// Whether it jumps; without one it always does.
+        /// The condition; without one it always jumps.
         condition: Option<Expression>,
     },
     /// Leaves the routine.
     Return(Option<Expression>),
     /// Ends the program.
     Halt,
-    /// Something that is not understood and may change these variables, or every global.
+    /// A statement that is not understood, and that may change these variables or every global.
     Opaque {
         /// `None`: every global.
         writes: Option<Vec<Slot>>,
-        /// What it may use.
+        /// The expressions that it may use.
         reads: Vec<Expression>,
-        /// What is said of it.
+        /// The reason that is reported.
         reason: Reason,
     },
 }
 
-/// How the arm goes to a point.
+/// The kind of path to a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Path {
     /// On a line.
     Linear,
-    /// As its axes go.
+    /// With all axes evenly (a joint motion).
     Joint,
     /// On a circle.
     Circular,
-    /// In a way that only the controller knows, to a point that is known.
+    /// A path that only the controller knows, to a known point.
     Other(Reason),
-    /// To nowhere that the text says.
+    /// A motion to a point that the text does not state.
     Unknown(Reason),
 }
 
-/// A motion: one statement, one end.
+/// A motion: one statement with one end.
 #[derive(Clone, Debug)]
 pub struct Motion {
-    /// How it goes.
+    /// The kind of its path.
     pub path: Path,
-    /// The point on the way, of a circle.
+    /// The circle point, for a circle.
     pub via: Option<Expression>,
-    /// Where to.
+    /// The target.
     pub to: Option<Expression>,
     /// Speed, in the language's unit.
     pub speed: Option<Expression>,
-    /// How far from the end it is left, in the language's unit.
+    /// Distance from the end at which the path is left, in the language's unit.
     pub blend: Option<Expression>,
-    /// What else it is given, none of which says where it goes.
+    /// Other arguments, which do not change where it goes.
     pub others: Vec<Expression>,
 }
 
@@ -227,30 +226,30 @@ pub enum ExpressionKind {
     Truth(bool),
     /// A text.
     Text(Arc<[u8]>),
-    /// What a variable holds.
+    /// The value of a variable.
     Read(Slot),
     /// An item of a list or of a pose.
     Item(Box<[Expression; 2]>),
     /// A list.
     List(Vec<Expression>),
-    /// A pose, by the numbers that the dialect writes it with, and what it names besides.
+    /// A pose, by the numbers with which the dialect writes it, and its names of tool and frame.
     Pose(Vec<Expression>, Option<Arc<Given>>),
-    /// An operator and its operand.
+    /// A unary operator with its operand.
     Unary(Unary, Box<Expression>),
-    /// An operator and its operands.
+    /// A binary operator with its operands.
     Binary(Binary, Box<[Expression; 2]>),
-    /// A call with its arguments in order, and those that are named.
+    /// A call with its arguments, in order or by name.
     Call(Callee, Vec<Argument>),
-    /// Something that is known at run time only, with what it may use.
+    /// A value that is known only at run time, with the expressions that it may use.
     Unknown(Reason, Vec<Expression>),
 }
 
-/// What is called.
+/// The callee of a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Callee {
     /// A routine of the program.
     Function(FunctionId),
-    /// The language's own, by the dialect's number.
+    /// A routine of the language itself, by the dialect's number.
     Builtin(u16),
     /// A routine that is not given.
     Foreign,
@@ -259,7 +258,7 @@ pub enum Callee {
 /// An argument of a call.
 #[derive(Clone, Debug)]
 pub struct Argument {
-    /// The parameter that it names.
+    /// The name of the parameter; `None` for an argument by position.
     pub name: Option<Arc<str>>,
     /// Its value.
     pub value: Expression,
@@ -270,6 +269,15 @@ impl From<Expression> for Argument {
     fn from(value: Expression) -> Self {
         Self { name: None, value }
     }
+}
+
+/// The tool and the frame that a position names, in languages in which each position has its own.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Given {
+    /// Name of the tool.
+    pub tool: Arc<str>,
+    /// Name of the frame.
+    pub frame: Arc<str>,
 }
 
 /// Operators of one operand.
@@ -315,7 +323,7 @@ pub enum Binary {
 }
 
 impl Program {
-    /// A number literal with its sign, as an expression, which is not known for this reason where its value is not finite.
+    /// The expression of a number literal with its sign. If the value is not finite, it is unknown for this reason.
     pub(crate) fn literal(&mut self, digits: &[u8], place: SourceSpan, unreadable: Reason) -> Expression {
         let value = std::str::from_utf8(digits).ok().and_then(|digits| digits.parse::<f64>().ok());
         let Some(value) = value.filter(|value| value.is_finite()) else {
@@ -326,7 +334,7 @@ impl Program {
         Expression { kind: ExpressionKind::Number(value, id), place }
     }
 
-    /// The literals that each variable may depend on when a run has ended, with what some of them hold before.
+    /// The literals on which each variable may depend after a run, given the values of some variables before it.
     pub(crate) fn left<'a>(
         &self,
         before: impl Iterator<Item = (Slot, &'a Expression)>,
@@ -371,19 +379,19 @@ impl Program {
 }
 
 impl StatementKind {
-    /// The whole of a variable gets a value.
+    /// An assignment to a whole variable.
     pub(crate) fn assign(slot: Slot, value: Expression) -> Self {
         Self::Assign { slot, path: Vec::new(), value }
     }
 }
 
 impl Expression {
-    /// Something that is known at run time only, with what it may use.
+    /// An expression that is known only at run time, with the expressions that it may use.
     pub(crate) fn unknown(reason: Reason, reads: Vec<Self>, place: SourceSpan) -> Self {
         Self { kind: ExpressionKind::Unknown(reason, reads), place }
     }
 
-    /// A call of the language's own routine, by the dialect's number, with arguments that have no names.
+    /// A call of a routine of the language itself, by the dialect's number, with arguments without names.
     pub(crate) fn builtin(number: u16, arguments: Vec<Self>, place: SourceSpan) -> Self {
         let arguments = arguments.into_iter().map(Argument::from).collect();
         Self { kind: ExpressionKind::Call(Callee::Builtin(number), arguments), place }
@@ -394,13 +402,13 @@ impl Expression {
         Self { kind: ExpressionKind::Constant(value), place: SourceSpan::default() }
     }
 
-    /// This and a number without a token.
+    /// This expression and a number without a token, joined by an operator.
     pub(crate) fn with(self, operator: Binary, value: f64) -> Self {
         let place = self.place;
         Self { kind: ExpressionKind::Binary(operator, Box::new([self, Self::constant(value)])), place }
     }
 
-    /// Calls `of` with this expression and all within it.
+    /// Calls `of` with this expression and all its parts.
     pub fn each<'a>(&'a self, of: &mut impl FnMut(&'a Self)) {
         of(self);
         match &self.kind {
@@ -420,7 +428,7 @@ impl Expression {
 }
 
 impl Statement {
-    /// Calls `of` with this statement and all within it.
+    /// Calls `of` with this statement and all nested statements.
     pub fn each<'a>(&'a self, of: &mut impl FnMut(&'a Self)) {
         of(self);
         match &self.kind {
@@ -432,7 +440,7 @@ impl Statement {
         }
     }
 
-    /// The expressions of this statement alone.
+    /// The expressions of this statement, without those of nested statements.
     #[must_use]
     pub fn expressions(&self) -> Vec<&Expression> {
         match &self.kind {
@@ -453,10 +461,10 @@ impl Statement {
     }
 }
 
-/// Why a text as a whole is not read.
+/// Why a text cannot be read at all.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
-    /// Where reading ends.
+    /// The place at which reading ended.
     pub place: SourceSpan,
     /// What was expected.
     pub message: &'static str,

@@ -1,4 +1,4 @@
-//! A word of a text with its place: what the lexers of all languages make, and how they make it.
+//! Lexemes with their places, and the parts that the lexers of all languages share.
 
 use crate::Span;
 use nom::branch::alt;
@@ -6,20 +6,20 @@ use nom::bytes::complete::{tag, take, take_till};
 use nom::combinator::{opt, recognize};
 use nom::{IResult, Parser};
 
-/// What a lexeme is.
+/// The kind of a lexeme.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum LexemeKind {
     /// A name or a word of the language.
     Name,
     Number,
     Text,
-    /// An operator or a bracket; two characters where the language has one of two.
+    /// An operator or a bracket, of one or two characters.
     Sign,
-    /// The end of a statement, outside brackets.
+    /// The end of a statement, outside of brackets.
     Line,
     /// A comment `# deflex …`.
     Mark,
-    /// Nothing that the language has.
+    /// A text that the language does not have.
     Other,
 }
 
@@ -38,10 +38,10 @@ impl Lexeme<'_> {
     }
 }
 
-/// What a lexer finds: `None` of blanks and comments, and the bytes.
+/// The result of a lexer: a lexeme, or `None` for blanks and comments, and the number of bytes.
 pub(crate) type Found<'a> = (Option<LexemeKind>, &'a [u8]);
 
-/// All lexemes of a text whose first byte is at `start`, as `one` finds them, its blanks and comments left out.
+/// All lexemes of a text whose first byte is at `start`, without blanks and comments; `one` finds each.
 pub(crate) fn lexemes<'a>(
     text: &'a [u8],
     start: usize,
@@ -66,7 +66,7 @@ pub(crate) fn text_or_other(left: &[u8]) -> IResult<&[u8], Found<'_>> {
         .parse(left)
 }
 
-/// What a comment says after `deflex`, where that is its first word; it may say nothing.
+/// The text after `deflex` in a comment that begins with this word; it may be empty.
 pub(crate) fn mark(comment: &[u8]) -> Option<&[u8]> {
     let mut words = comment.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
     words.next().filter(|word| word.eq_ignore_ascii_case(b"deflex")).map(|_| words.next().unwrap_or_default())

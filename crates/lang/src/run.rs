@@ -1,7 +1,7 @@
-//! The abstract run: what holds at each motion in every run that a controller could make.
+//! The abstract run: finds what is true at each motion in every run that a controller could make.
 //!
-//! [`walk`](crate::walk) says which statements run. Where ways meet, what holds there holds in every run, and each motion on the way counts
-//! once, in the order of the text.
+//! [`walk`](crate::walk) decides which statements run. Where paths meet, only values that are the same on all of them stay known. Each
+//! motion on the paths counts once, in the order of the text.
 
 use crate::dialect::{Arguments, Dialect};
 use crate::flow::{Builder, Flow, Node};
@@ -16,50 +16,50 @@ use crate::walk::{Machine, Meeting, Stop, walk};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// What a run comes to.
+/// The result of a run.
 #[derive(Debug, Default)]
 pub struct Outcome {
     /// Motions, in running order.
     pub motions: Vec<Moved>,
-    /// Tokens that decide something other than where a motion goes.
+    /// Tokens that are used for more than the targets of motions.
     pub used: BTreeMap<TokenId, Reason>,
 }
 
-/// A motion that runs, with what is known at it.
+/// An executed motion, with the values that are known there.
 #[derive(Clone, Debug)]
 pub struct Moved {
     /// Its statement.
     pub place: SourceSpan,
-    /// How it goes.
+    /// The kind of its path.
     pub path: Path,
-    /// The point on the way, of a circle.
+    /// The circle point, for a circle.
     pub via: Option<Value>,
-    /// Where to.
+    /// The target.
     pub to: Value,
     /// Speed, in the language's unit.
     pub speed: Option<f64>,
-    /// How far from the end it is left, in the language's unit; `None` where it is not known.
+    /// Distance from the end at which the path is left, in the language's unit; `None` if it is unknown.
     pub blend: Option<f64>,
-    /// What each [`Switch`] holds.
+    /// The value of each [`Switch`].
     pub switches: Arc<[Value; Switch::ALL.len()]>,
-    /// Where its way begins.
+    /// The start of its path.
     pub from: From,
-    /// Whether a thread makes it.
+    /// Whether a thread executes it.
     pub in_thread: bool,
 }
 
-/// Where the way into a motion's end begins, in every run.
+/// The start of the path to the end of a motion, in every run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum From {
-    /// Where the program found the arm.
+    /// Where the arm was when the program began.
     Start,
-    /// At the end of the motion before in the outcome.
+    /// At the end of the previous motion of the outcome.
     Previous,
-    /// It is known only at run time.
+    /// Known only at run time.
     Unknown,
 }
 
-/// A program that does not end within the bounds of a run: statements, motions or calls.
+/// The error for a program that does not end within the bounds on statements, motions or calls.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TooLong;
 
@@ -67,13 +67,12 @@ pub struct TooLong;
 const MOST_STEPS: u64 = 5_000_000;
 /// Most motions that loops and calls may add to those of the text: a fifth of a gigabyte.
 const MOST_REPEATED: usize = 200_000;
-/// Most calls within each other; controllers allow fewer.
+/// Largest depth of calls; controllers allow fewer.
 const DEEPEST: usize = 32;
 
 /// Runs a program.
 ///
-/// # Errors
-/// It is too long, with its loops joined too.
+/// # Errors It is too long, even with its loops joined.
 pub fn run(program: &Program, dialect: &dyn Dialect) -> Result<Outcome, TooLong> {
     let flow = flow(program);
     Runner::new(program, &flow, dialect, true)
@@ -139,7 +138,7 @@ struct Runner<'a> {
     dialect: &'a dyn Dialect,
     /// Whether loops with known conditions are followed round by round.
     unrolls: bool,
-    /// Whether motions are noted: not while a region's states are still growing.
+    /// Whether motions are recorded. They are not while the states of a region are still being joined.
     notes: bool,
     in_thread: bool,
     thread_moves: bool,
@@ -147,15 +146,15 @@ struct Runner<'a> {
     /// Variables that threads read.
     watched: BTreeSet<Slot>,
     calls: Vec<FunctionId>,
-    /// The chain of calls that runs, and all that have run.
+    /// The running chain of calls, and all chains so far.
     context: u32,
     sites: BTreeMap<(u32, usize), u32>,
-    /// Site of the last noted motion.
+    /// Site of the last recorded motion.
     last: Option<u32>,
     node: usize,
     steps: u64,
     most_motions: usize,
-    /// What the switches held at the last motion: mostly they hold the same at the next.
+    /// Values of the switches at the last motion, which mostly are the same at the next one.
     switches: Arc<[Value; Switch::ALL.len()]>,
     out: Outcome,
 }
@@ -288,13 +287,13 @@ impl<'a> Runner<'a> {
         Ok(result.unwrap_or_else(|| Content::Nothing.into()))
     }
 
-    /// The number of the node that runs, in its chain of calls.
+    /// The number of the running node, in its chain of calls.
     fn site(&mut self) -> u32 {
         let next = self.sites.len() as u32 + 1;
         *self.sites.entry((self.context, self.node)).or_insert(next)
     }
 
-    /// Counts what is run at a node.
+    /// Counts the work at a node.
     fn count(&mut self, node: usize) -> Result<(), Stop> {
         self.steps += 1;
         self.node = node;
@@ -348,7 +347,7 @@ impl<'a> Runner<'a> {
         Ok(())
     }
 
-    /// A value with one item replaced.
+    /// The value with one item replaced.
     fn put(&self, whole: Value, indices: &[Option<usize>], value: Value) -> Value {
         let Some((index, rest)) = indices.split_first() else { return value };
         let lost = |reason| Value::unknown(reason).reading([&whole, &value]);
@@ -364,7 +363,7 @@ impl<'a> Runner<'a> {
                     return lost(Reason::Computed);
                 }
                 numbers[at] = value;
-                let mut changed = Value::pose_of(numbers, pose.given.clone(), self.dialect);
+                let mut changed = self.dialect.pose_value(numbers, pose.given.clone());
                 changed.reads = changed.reads.with(&whole.reads);
                 changed
             }
@@ -373,7 +372,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// The numbers that a pose is written with.
+    /// The numbers with which a pose is written.
     fn numbers_of(&self, pose: &Pose, whole: &Value) -> Vec<Value> {
         if pose.is_plain() {
             return pose.numbers.to_vec();
@@ -444,8 +443,8 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Whatever a routine that is not given may do to the program's variables and switches, but for what the dialect says that it leaves;
-    /// of a line that is not understood, that is not assumed.
+    /// Applies everything that a routine that is not given may do to variables and switches, except for the switches that the dialect
+    /// assumes it to leave. For a line that is not understood, nothing is assumed.
     fn anything(&mut self, reason: Reason, store: &mut Store) {
         for at in 0..self.program.globals.len() as u32 {
             let slot = Slot::Global(at);
@@ -460,7 +459,7 @@ impl<'a> Runner<'a> {
         store.stands = Stands::Unknown;
     }
 
-    /// A call that is not followed: what it could change is unknown, and all that it names is used.
+    /// A call that is not followed: everything that it could change becomes unknown, and all tokens that it names count as used.
     fn not_followed(&mut self, id: FunctionId, arguments: &[(Option<Arc<str>>, Value)], store: &mut Store) -> Value {
         let effects = self.effects(id);
         effects.tokens.into_iter().for_each(|token| self.use_up(&Reads::One(token)));
@@ -490,7 +489,7 @@ impl<'a> Runner<'a> {
         value
     }
 
-    /// What a routine and those that it calls may do.
+    /// The possible effects of a routine and of those that it calls.
     fn effects(&self, id: FunctionId) -> Effects {
         let mut effects = Effects::default();
         let mut seen = BTreeSet::from([id]);
@@ -543,7 +542,7 @@ impl<'a> Runner<'a> {
             ExpressionKind::Text(text) => Content::Text(Arc::clone(text)).into(),
             ExpressionKind::Read(slot) => self.read(*slot, store),
             ExpressionKind::List(items) => Content::List(self.all(items, store)?.into()).into(),
-            ExpressionKind::Pose(items, given) => Value::pose_of(self.all(items, store)?, given.clone(), self.dialect),
+            ExpressionKind::Pose(items, given) => self.dialect.pose_value(self.all(items, store)?, given.clone()),
             ExpressionKind::Unknown(reason, parts) => {
                 let value = Value::unknown(*reason).reading(&self.all(parts, store)?);
                 self.use_up(&value.reads);
@@ -628,7 +627,7 @@ impl<'a> Machine for Runner<'a> {
     type Step = &'a Statement;
     type Test = &'a Expression;
     type State = Store;
-    /// Motions, and the site of the last.
+    /// The number of motions so far, and the site of the last one.
     type Mark = (usize, Option<u32>);
 
     fn step(&mut self, node: usize, statement: &'a Statement, store: &mut Store) -> Result<(), Stop> {
@@ -670,7 +669,7 @@ impl<'a> Machine for Runner<'a> {
         self.last = last;
     }
 
-    /// A run that takes too much is run again, with all loops joined.
+    /// If the run exceeds a bound, the program is run again with all loops joined.
     fn is_too_much(&self, _: (usize, Option<u32>)) -> bool {
         false
     }
@@ -680,7 +679,7 @@ impl<'a> Machine for Runner<'a> {
     }
 }
 
-/// What a routine may do.
+/// The possible effects of a routine.
 #[derive(Default)]
 struct Effects {
     writes: BTreeSet<Slot>,
@@ -708,7 +707,7 @@ fn steps(number: Number, scale: f64, offset: f64, value: f64) -> Number {
     Number { value, exact: is_whole(number.value) && is_whole(value), affine }
 }
 
-/// What an operator makes of two values.
+/// The result of a binary operator.
 #[must_use]
 pub fn binary(operator: Binary, left: &Value, right: &Value) -> Value {
     let decides = |truth: bool| [left, right].iter().any(|side| side.truth() == Some(truth));
@@ -755,6 +754,7 @@ fn arithmetic(operator: Binary, a: Number, b: Number) -> Content {
             number(x / y, of(a, b, 1.0 / y, 0.0, x / y))
         }
         Binary::Divide => Content::Unknown(Reason::Rounding),
+        // Languages differ in the sign of the remainder of a negative number.
         Binary::Remainder if exact(x % y) && x >= 0.0 && y > 0.0 => number(x % y, None),
         Binary::Remainder => Content::Unknown(Reason::Rounding),
         Binary::And | Binary::Or | Binary::Xor => Content::Unknown(Reason::Computed),
@@ -762,7 +762,7 @@ fn arithmetic(operator: Binary, a: Number, b: Number) -> Content {
     }
 }
 
-/// A comparison that comes out the same in single and in double precision.
+/// A comparison; unknown if its result could differ between single and double precision.
 #[allow(clippy::float_cmp, clippy::cast_possible_truncation)]
 fn compares(operator: Binary, a: Number, b: Number) -> Content {
     let (x, y) = (a.value, b.value);

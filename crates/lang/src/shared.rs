@@ -1,4 +1,4 @@
-//! Who else reads a number: which motions may be edited, and which texts all users of a number agree on.
+//! Finds all uses of a number: which motions may be edited, and the texts on which all users of a number agree.
 
 use crate::ir::{Path, Switch, TokenId};
 use crate::reason::Reason;
@@ -6,7 +6,7 @@ use crate::run::{Moved, Outcome};
 use crate::value::{Content, Pose, Value};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// What of a point may be edited in the text.
+/// Which numbers of a point may be edited in the text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Edit {
     /// All of its numbers.
@@ -20,9 +20,9 @@ pub enum Edit {
 /// Numbers of a position.
 const POSITION: usize = 3;
 
-/// What of each motion may be edited; a circle goes with its point on the way.
+/// Which numbers of each motion may be edited; a circle and its circle point are edited together.
 ///
-/// `arcs` are runs of motions that are edited all or not at all.
+/// `arcs` are groups of consecutive motions that are edited together or not at all.
 #[must_use]
 pub fn editable(outcome: &Outcome, arcs: &[std::ops::Range<usize>]) -> Vec<Edit> {
     let mut edits: Vec<Edit> = outcome.motions.iter().map(own).collect();
@@ -91,12 +91,12 @@ fn points(motion: &Moved) -> impl Iterator<Item = &Value> {
     motion.via.iter().chain([&motion.to])
 }
 
-/// Tokens that the points of a motion depend on.
+/// Tokens on which the points of a motion depend.
 fn tokens(motion: &Moved) -> BTreeSet<TokenId> {
     points(motion).flat_map(|value| value.all_reads().tokens().to_vec()).collect()
 }
 
-/// Whether two poses come from the same tokens by the same steps.
+/// Whether two poses are computed from the same tokens by the same steps.
 fn is_same(a: &Pose, b: &Pose) -> bool {
     let affine = |pose: &Pose| (0..pose.numbers.len()).map(|at| pose.affine(at)).collect::<Vec<_>>();
     std::ptr::eq(a, b) || a.left == b.left && a.right == b.right && affine(a) == affine(b)
@@ -108,7 +108,7 @@ fn edited_tokens(motion: &Moved) -> Vec<TokenId> {
     poses.flat_map(|pose| (0..pose.numbers.len()).filter_map(|at| Some(pose.affine(at)?.token))).collect()
 }
 
-/// What of a motion may be edited, were it the only user of its numbers.
+/// Which numbers of a motion could be edited if nothing else used them.
 fn own(motion: &Moved) -> Edit {
     let switch = |switch: Switch| &motion.switches[switch as usize];
     if motion.in_thread {
@@ -150,10 +150,10 @@ fn own(motion: &Moved) -> Edit {
     edit
 }
 
-/// Which users get the texts that they want for their tokens: all users of a token have to want the same text, and a user gets all
-/// of its texts or none.
+/// Decides which users get the wanted texts of their tokens. All users of a token have to want the same text, and a user gets all of its
+/// texts or none.
 ///
-/// A text of `None` leaves the token as it is, which is also what a user wants that does not change anything.
+/// The text `None` leaves a token as it is; users that change nothing want `None`.
 ///
 /// ```
 /// use deflex_lang::ir::TokenId;

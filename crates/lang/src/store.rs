@@ -1,4 +1,4 @@
-//! What is known at one moment of a run.
+//! The values of all variables at one moment of a run.
 
 use crate::ir::{Slot, Switch};
 use crate::reason::Reason;
@@ -7,27 +7,27 @@ use crate::value::{Content, Value};
 /// Where the arm is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Stands {
-    /// Where the program found it.
+    /// Where it was when the program began.
     #[default]
     Start,
-    /// At the end of the motion with this site, a statement in a chain of calls.
+    /// At the end of the motion of this site (a statement in a chain of calls).
     At(u32),
-    /// It is known only at run time.
+    /// Known only at run time.
     Unknown,
 }
 
-/// What every variable holds, as far as it is known.
+/// The values of all variables, as far as they are known.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Store {
     pub(crate) globals: Vec<Value>,
     pub(crate) locals: Vec<Value>,
     pub(crate) stands: Stands,
-    /// What the routine returns.
+    /// The value that the routine returns.
     pub(crate) result: Option<Value>,
 }
 
 impl Store {
-    /// Nothing but switches as the controller has them.
+    /// A store in which all variables are unset and the switches are as the controller has them.
     pub(crate) fn new(globals: usize) -> Self {
         let mut store = Self { globals: vec![Value::unknown(Reason::Unset); globals], ..Self::default() };
         for switch in Switch::ALL {
@@ -36,7 +36,7 @@ impl Store {
         store
     }
 
-    /// What a variable holds.
+    /// The value of a variable.
     #[must_use]
     pub fn get(&self, slot: Slot) -> &Value {
         match slot {
@@ -57,18 +57,18 @@ impl Store {
         *self.get_mut(switch.slot()) = value;
     }
 
-    /// The arm may stand anywhere.
+    /// Makes the position of the arm unknown.
     pub fn lose_place(&mut self) {
         self.stands = Stands::Unknown;
     }
 
-    /// What of a variable is known is lost; what it depends on is not.
+    /// Makes a variable unknown. The tokens on which it depends are kept.
     pub(crate) fn lose(&mut self, slot: Slot, reason: Reason) {
         let value = self.get_mut(slot);
         *value = Value { content: Content::Unknown(reason), reads: value.all_reads() };
     }
 
-    /// What holds where either of two stores may.
+    /// Joins the values with those of another path.
     pub(crate) fn join(&mut self, other: &Self) {
         let both = |own: &mut Vec<Value>, others: &[Value]| {
             for (own, other) in own.iter_mut().zip(others) {

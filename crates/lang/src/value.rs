@@ -1,12 +1,11 @@
-//! Values that are known with where they come from, or unknown with the reason.
+//! Values: known, with the tokens from which they come, or unknown, with the reason.
 
-use crate::dialect::Dialect;
-use crate::ir::TokenId;
+use crate::ir::{Given, TokenId};
 use crate::reason::Reason;
 use nalgebra::Isometry3;
 use std::sync::Arc;
 
-/// Literal tokens that a value depends on, sorted.
+/// The literal tokens on which a value depends, sorted.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Reads {
     /// None.
@@ -47,16 +46,16 @@ impl Reads {
     }
 }
 
-/// A value and what of the text it depends on.
+/// A value, and the tokens on which it depends.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Value {
-    /// What is known of it.
+    /// Its content, as far as it is known.
     pub content: Content,
-    /// Tokens that it depends on, apart from those of its parts.
+    /// Tokens on which it depends, without those of its parts.
     pub reads: Reads,
 }
 
-/// What is known of a value.
+/// The content of a value.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Content {
     /// Nothing, for this reason.
@@ -73,7 +72,7 @@ pub enum Content {
     List(Arc<[Value]>),
     /// A pose.
     Pose(Arc<Pose>),
-    /// Axis angles that reach a pose, the solution next to these angles where they are given.
+    /// Axis angles that reach a pose; if angles are given, the solution nearest to them.
     AxesOf(Arc<Pose>, Option<Arc<[f64]>>),
 }
 
@@ -82,9 +81,9 @@ pub enum Content {
 pub struct Number {
     /// Its value.
     pub value: f64,
-    /// Whether every arithmetic of at least single precision gives just this number.
+    /// Whether every arithmetic with at least single precision gives exactly this number.
     pub exact: bool,
-    /// The token that it comes from, and how.
+    /// The token from which it is computed, and how.
     pub affine: Option<Affine>,
 }
 
@@ -99,35 +98,26 @@ pub struct Affine {
     pub offset: f64,
 }
 
-/// A pose: the one that the numbers are in the dialect, with known poses multiplied to its left and right.
+/// A pose: that of the numbers in the dialect, multiplied by known poses on its left and right.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pose {
     /// Multiplied on the left.
     pub left: Isometry3<f64>,
-    /// As the dialect writes a pose; empty for the identity.
+    /// The numbers with which the dialect writes a pose; empty for the identity.
     pub numbers: Box<[Value]>,
     /// The pose of the numbers.
     pub own: Isometry3<f64>,
     /// Multiplied on the right.
     pub right: Isometry3<f64>,
-    /// What the position names besides.
+    /// The names of tool and frame, if the position has its own.
     pub given: Option<Arc<Given>>,
 }
 
-/// What a position names besides its numbers, in languages where a position has a tool and a frame of its own.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Given {
-    /// Name of the tool.
-    pub tool: Arc<str>,
-    /// Name of the frame.
-    pub frame: Arc<str>,
-}
-
-/// Largest whole number up to which single precision has all.
+/// Up to this number, single precision represents all whole numbers.
 const WHOLE: f64 = 16_777_216.0;
 
 impl Number {
-    /// A number that no token decides.
+    /// A number that depends on no token.
     #[must_use]
     pub fn constant(value: f64) -> Self {
         Self { value, exact: is_whole(value), affine: None }
@@ -140,7 +130,7 @@ impl Number {
     }
 }
 
-/// Whether a number is whole and single precision has all its neighbours.
+/// Whether a number is whole, and small enough that single precision represents all whole numbers around it.
 #[must_use]
 #[allow(clippy::float_cmp)] // just the whole numbers
 pub fn is_whole(value: f64) -> bool {
@@ -148,7 +138,7 @@ pub fn is_whole(value: f64) -> bool {
 }
 
 impl Pose {
-    /// A known pose that no tokens decide.
+    /// A known pose that depends on no token.
     #[must_use]
     pub fn constant(pose: Isometry3<f64>) -> Self {
         let (identity, numbers) = (Isometry3::identity(), Box::default());
@@ -161,7 +151,7 @@ impl Pose {
         self.left * self.own * self.right
     }
 
-    /// The token of one of its numbers; none where something else decides it.
+    /// The token from which one of its numbers is computed; `None` if it is not computed from a single token.
     #[must_use]
     pub fn affine(&self, at: usize) -> Option<Affine> {
         match &self.numbers.get(at)?.content {
@@ -170,13 +160,13 @@ impl Pose {
         }
     }
 
-    /// Whether nothing is multiplied to it: its numbers are those of the pose.
+    /// Whether it is not multiplied by other poses, so that its numbers are those of the pose.
     #[must_use]
     pub fn is_plain(&self) -> bool {
         !self.numbers.is_empty() && self.left == Isometry3::identity() && self.right == Isometry3::identity()
     }
 
-    /// The first so many numbers that tokens decide.
+    /// How many of the first numbers are computed from tokens.
     #[must_use]
     pub fn affine_numbers(&self) -> usize {
         (0..self.numbers.len()).take_while(|at| self.affine(*at).is_some()).count()
@@ -184,7 +174,7 @@ impl Pose {
 }
 
 impl Value {
-    /// Not known.
+    /// An unknown value.
     #[must_use]
     pub fn unknown(reason: Reason) -> Self {
         Content::Unknown(reason).into()
@@ -196,23 +186,7 @@ impl Value {
         Self { content: Content::Number(Number::literal(value, token)), reads: Reads::One(token) }
     }
 
-    /// The pose of these numbers, as far as they are known.
-    #[must_use]
-    pub fn pose_of(numbers: Vec<Self>, given: Option<Arc<Given>>, dialect: &dyn Dialect) -> Self {
-        let mut known = Vec::with_capacity(numbers.len());
-        for value in &numbers {
-            match &value.content {
-                Content::Number(number) => known.push(number.value),
-                Content::Unknown(reason) => return Self::unknown(*reason).reading(&numbers),
-                _ => return Self::unknown(Reason::Computed).reading(&numbers),
-            }
-        }
-        let Some(own) = dialect.pose(&known) else { return Self::unknown(Reason::Computed).reading(&numbers) };
-        let identity = Isometry3::identity();
-        Content::Pose(Arc::new(Pose { left: identity, numbers: numbers.into(), own, right: identity, given })).into()
-    }
-
-    /// Depending on others too.
+    /// The value, depending on other values too.
     #[must_use]
     pub fn reading<'a>(mut self, others: impl IntoIterator<Item = &'a Self>) -> Self {
         for other in others {
@@ -221,7 +195,7 @@ impl Value {
         self
     }
 
-    /// Every token that it depends on.
+    /// All tokens on which it depends.
     #[must_use]
     pub fn all_reads(&self) -> Reads {
         let parts: &[Self] = match &self.content {
@@ -245,7 +219,7 @@ impl Value {
         Reads::Many(all.into())
     }
 
-    /// The number, where it is a known one.
+    /// The number, if it is a known one.
     #[must_use]
     pub fn number(&self) -> Option<f64> {
         match &self.content {
@@ -254,7 +228,7 @@ impl Value {
         }
     }
 
-    /// The pose, where it is a known one, or axis angles that reach one.
+    /// The pose, if it is a known one or axis angles that reach one.
     #[must_use]
     pub fn pose(&self) -> Option<&Pose> {
         match &self.content {
@@ -272,7 +246,7 @@ impl Value {
         }
     }
 
-    /// The truth value, where it is known.
+    /// The truth value, if it is known.
     #[must_use]
     pub fn truth(&self) -> Option<bool> {
         match &self.content {
@@ -281,7 +255,7 @@ impl Value {
         }
     }
 
-    /// Why it is not known.
+    /// The reason why it is unknown; `None` if it is known.
     #[must_use]
     pub fn reason(&self) -> Option<Reason> {
         match &self.content {
@@ -290,7 +264,7 @@ impl Value {
         }
     }
 
-    /// What holds where either of two values may.
+    /// The value where paths with two values meet: unknown if they differ.
     #[must_use]
     pub fn join(&self, other: &Self) -> Self {
         if self == other {

@@ -1,73 +1,72 @@
-//! The walk over a [`Flow`]: which steps run, with what holds at each, whatever the steps and what holds are.
+//! The walk over a [`Flow`]: which steps run, and the state at each. It does not depend on what the steps and the states are.
 //!
-//! A test that is known is followed, loops round by round. From a test that is not known on, all ways are followed to where they meet again,
-//! or to the end of the round, and what they leave is joined, until it stays the same. A loop that nothing leaves, or whose number of rounds is
-//! not known, is run so from its beginning: all of its rounds are one. A loop within it whose own rounds are known is still followed round by
-//! round (as in a hierarchical iteration: Bourdoncle 1993, *Efficient chaotic iteration strategies with widenings*).
+//! A known test is followed, and so are loops, round by round. From an unknown test on, all paths are followed to where they meet again, or
+//! to the end of the round. Their states are joined until they no longer change. A loop that nothing leaves, or with an unknown number of
+//! rounds, is treated like this from its beginning: all of its rounds are one. A loop within it whose own rounds are known is still
+//! followed round by round (as in a hierarchical iteration: Bourdoncle 1993, *Efficient chaotic iteration strategies with widenings*).
 
 use crate::flow::{Flow, Node};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Why a run does not go on.
+/// Why a run stops.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
-    /// The program ends, or goes on forever.
+    /// The program ends, or continues forever.
     Ends,
     /// It does not end within the bounds of a run.
     TooLong,
 }
 
-/// Where two ways meet.
+/// A place where two paths meet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Meeting {
     /// After one of several branches.
     Branches,
-    /// Where a round of a loop begins again.
+    /// At the beginning of a further round of a loop.
     Rounds,
 }
 
-/// What runs the steps of a language, and holds what is known between them.
+/// The machine that runs the steps of a language. The state between steps is passed to it.
 pub trait Machine {
-    /// What a node does.
+    /// The work of a node.
     type Step: Copy;
-    /// What decides between two ways.
+    /// The test that decides between two paths.
     type Test: Copy;
-    /// What holds at one moment.
+    /// The state at one moment.
     type State: Clone;
-    /// How much a run has come to so far.
+    /// The size of the results so far.
     type Mark: Copy;
 
     /// Runs a step.
     ///
-    /// # Errors
-    /// The run does not go on.
+    /// # Errors The run stops.
     fn step(&mut self, node: usize, step: Self::Step, state: &mut Self::State) -> Result<(), Stop>;
 
-    /// Whether a test holds; `None` where that is not known.
+    /// The result of a test; `None` if it is unknown.
     ///
     /// # Errors
     /// The run does not go on.
     fn holds(&mut self, node: usize, test: Self::Test, state: &mut Self::State) -> Result<Option<bool>, Stop>;
 
-    /// Reduces what is known to what holds in another state too; whether anything is less known than before.
+    /// Joins a state with another one: only what is true in both stays known. Returns whether anything is less known than before.
     fn join(&mut self, known: &mut Self::State, other: &Self::State, meeting: Meeting) -> bool;
 
-    /// Loses which motion the arm has made last: a loop goes on after this state has left it, and may make the same motion again.
+    /// Makes the last motion of the arm unknown, because the loop continues after this state has left it and may repeat a motion.
     fn lose_place(&self, state: &mut Self::State);
 
-    /// Whether two states are the same, so that all that follows is the same.
+    /// Whether two states are equal, so that everything after them is equal.
     fn is_same(&self, a: &Self::State, b: &Self::State) -> bool;
 
-    /// Whether what a run comes to is noted: not while states are still growing.
+    /// Whether results are recorded. They are not while states are still being joined.
     fn notes(&mut self) -> &mut bool;
 
-    /// What a run has come to so far.
+    /// A marker for the results so far.
     fn mark(&self) -> Self::Mark;
 
-    /// Gives up what it has come to since then.
+    /// Discards the results since a marker.
     fn back_to(&mut self, mark: Self::Mark);
 
-    /// Whether a loop that began then has taken so much that its rounds are run as one.
+    /// Whether a loop that began at a marker has taken so many steps that its rounds are to be run as one.
     fn is_too_much(&self, since: Self::Mark) -> bool;
 
     /// Whether loops with known tests are followed round by round.
@@ -76,10 +75,9 @@ pub trait Machine {
     }
 }
 
-/// Runs a routine from a state; what holds at its end.
+/// Runs a routine from a state, and returns the state at its end.
 ///
-/// # Errors
-/// It has no end, or the run does not go on within it.
+/// # Errors The routine has no end, or the run stops within it.
 pub fn walk<M: Machine>(
     machine: &mut M,
     flow: &Flow<M::Step, M::Test>,
@@ -95,56 +93,55 @@ struct Walk<'w, M: Machine> {
     machine: &'w mut M,
     flow: &'w Flow<M::Step, M::Test>,
     exit: usize,
-    /// Loops whose rounds are known not to be known: each is found out once.
+    /// Loops whose number of rounds has turned out to be unknown.
     joined: BTreeSet<usize>,
     /// Loops that a known test has not left in this round.
     counted: BTreeSet<usize>,
 }
 
-/// Where a step goes on.
+/// Where the run continues after a step.
 enum Goes {
     To(usize),
-    /// A test that is not known: here or there.
+    /// After an unknown test: at one of these two nodes.
     Either(usize, usize),
 }
 
-/// A node that a run goes on at, and what holds there.
+/// A node at which the run continues, with the state there.
 type At<M> = (usize, <M as Machine>::State);
 
-/// What holds at nodes.
+/// The states at nodes.
 type States<M> = BTreeMap<usize, <M as Machine>::State>;
 
-/// The rounds of a loop, watched for one that is like another (Brent 1980, *An improved Monte Carlo factorization algorithm*).
+/// Detects a round of a loop that is equal to an earlier one (Brent 1980, *An improved Monte Carlo factorization algorithm*).
 struct Rounds<S> {
     count: u64,
     saved: Option<S>,
 }
 
-/// Nodes that are run together, since it is not known which of them run.
+/// A region: nodes that are run together, because it is unknown which of them run.
 struct Region {
-    /// The loop in which they stand.
+    /// The loop that contains them.
     within: Option<usize>,
-    /// The loop that they are, whose rounds are not known.
+    /// The loop that they form, if its number of rounds is unknown.
     joined: Option<usize>,
     ends: Ends,
-    /// Loops among them that have been reached, and whether they are followed round by round.
+    /// Inner loops that were reached, and whether they are followed round by round.
     apart: BTreeMap<usize, bool>,
-    /// Whether one of them has turned out to be none that is followed.
+    /// Whether an inner loop has turned out not to be followed.
     is_other: bool,
 }
 
-/// Where a region ends.
+/// The end of a region.
 #[derive(Clone, Copy)]
 enum Ends {
-    /// Where all ways meet, if they do.
+    /// The node where all paths meet, if they do.
     Meet(Option<usize>),
-    /// With the round of the loop, or out of it.
+    /// The end of a round of the loop, or its exits.
     Round(usize),
 }
 
 impl<M: Machine> Walk<'_, M> {
-    /// Runs from a node, in a loop to the nodes out of it, else to the end of the routine; `None` where it is not known how often the loop
-    /// goes round.
+    /// Runs from a node: in a loop to the nodes after it, otherwise to the end of the routine. `None` if the number of rounds is unknown.
     fn follow(&mut self, from: usize, within: Option<usize>, mut state: M::State) -> Result<Option<States<M>>, Stop> {
         let (mut out, mut rounds, mut node) = (BTreeMap::new(), Rounds { count: 0, saved: None }, from);
         let begun = self.machine.mark();
@@ -198,7 +195,7 @@ impl<M: Machine> Walk<'_, M> {
         }
     }
 
-    /// Runs through a loop within another, or in none; what holds where the regions of the outer one go on.
+    /// Runs through a loop, which may be inside another one. Returns the states at which the outer region continues.
     fn pass(
         &mut self,
         node: usize,
@@ -231,7 +228,7 @@ impl<M: Machine> Walk<'_, M> {
         self.machine.unrolls() && !self.flow.endless[node] && !self.joined.contains(&of)
     }
 
-    /// Where a region ends whose ways meet there.
+    /// The end of a region whose paths meet at a node.
     fn ends(&self, meets: Option<usize>, within: Option<usize>) -> Ends {
         match within {
             Some(of) if !meets.is_some_and(|meets| self.flow.is_within(meets, of)) => Ends::Round(of),
@@ -239,12 +236,12 @@ impl<M: Machine> Walk<'_, M> {
         }
     }
 
-    /// Whether a node belongs to a loop, where there is one.
+    /// Whether a node belongs to a loop; true without a loop.
     fn is_in(&self, node: usize, within: Option<usize>) -> bool {
         within.is_none_or(|of| self.flow.is_within(node, of))
     }
 
-    /// Adds what holds at a node; whether less is known there than before.
+    /// Adds a state at a node. Returns whether less is known there than before.
     fn meet(&mut self, states: &mut States<M>, node: usize, state: M::State, meeting: Meeting) -> bool {
         match states.get_mut(&node) {
             None => states.insert(node, state).is_none(),
@@ -252,7 +249,7 @@ impl<M: Machine> Walk<'_, M> {
         }
     }
 
-    /// Counts a round; whether all that holds in it held in an earlier one.
+    /// Counts a round. Returns whether its state is equal to that of an earlier round.
     fn repeats(&self, rounds: &mut Rounds<M::State>, state: &M::State) -> bool {
         if rounds.saved.as_ref().is_some_and(|saved| self.machine.is_same(saved, state)) {
             return true;
@@ -290,7 +287,7 @@ impl<M: Machine> Walk<'_, M> {
         }))
     }
 
-    /// Follows all ways from some nodes to where the region ends; what holds there.
+    /// Follows all paths from some nodes to the end of the region. Returns the states there.
     fn region(&mut self, mut region: Region, mut states: States<M>) -> Result<States<M>, Stop> {
         let (mark, notes) = (self.machine.mark(), *self.machine.notes());
         loop {
@@ -321,7 +318,7 @@ impl<M: Machine> Walk<'_, M> {
         }
     }
 
-    /// Joins what holds at the nodes of a region until it stays the same.
+    /// Joins the states at the nodes of a region until they no longer change.
     fn grow(&mut self, region: &mut Region, states: &mut States<M>) -> Result<(), Stop> {
         let mut work: BTreeSet<usize> = states.keys().copied().filter(|node| !self.is_end(region, *node)).collect();
         while let Some(node) = work.pop_first() {
@@ -336,7 +333,7 @@ impl<M: Machine> Walk<'_, M> {
         Ok(())
     }
 
-    /// Runs from a node of a region to the next ones that others lead to as well, or through a loop; what holds there.
+    /// Runs from a node of a region to the next nodes at which paths meet, or through a loop. Returns the states there.
     fn ways(&mut self, node: usize, region: &mut Region, state: M::State) -> Result<Vec<At<M>>, Stop> {
         let is_apart = |of: &usize| {
             let is_around = region.within.is_some_and(|within| self.flow.is_loop_within(within, *of));

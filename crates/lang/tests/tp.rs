@@ -29,6 +29,7 @@ fn whole_numbers_are_known_and_nothing_else() {
         ("(R[2] DIV 4)*(R[2] MOD 4)", 4),
         ("-(R[1]-R[2])", 7),
         ("R[2]/5", 2),
+        ("3+(R[1]-9) DIV 3", 1),
     ] {
         assert_eq!(known(index), Some(number), "{index}");
     }
@@ -36,6 +37,10 @@ fn whole_numbers_are_known_and_nothing_else() {
     for unknown in
         ["R[2]/4", "R[3]", "2.5", "2.5*2", "R[1]/0", "R[1] DIV 0", "R[1]+DI[1]", "AR[1]", "R[1] R[2]", "", "((("]
     {
+        assert_eq!(known(unknown), None, "{unknown}");
+    }
+    // FANUC's manuals do not say which way the quotient of a negative number is rounded.
+    for unknown in ["3+(R[1]-R[2]) MOD 4", "3+R[2] MOD (0-4)", "3+(R[1]-R[2]) DIV 4", "3+R[1] DIV (0-2)"] {
         assert_eq!(known(unknown), None, "{unknown}");
     }
     assert_eq!(known(&format!("{}1{}", "(".repeat(500), ")".repeat(500))), None);

@@ -1,11 +1,11 @@
 //! The folder that the window shows: what is in it, and files read and written whole.
 
 use crate::name::Name;
+use crate::refused::Refused;
 use axum::body::Body;
 use axum::http::StatusCode;
 use http_body_util::BodyExt;
 use serde::Serialize;
-use std::fmt::Display;
 use std::fs::{self, File, Metadata, OpenOptions};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
@@ -19,35 +19,6 @@ pub(crate) const LARGEST_SHOWN: u64 = 64 << 20;
 const MOST_FILES: usize = 5000;
 /// Folders in each other that are looked through.
 const DEEPEST: usize = 4;
-
-/// A request that is not carried out: the status and a sentence for the user.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Refused {
-    pub(crate) status: StatusCode,
-    pub(crate) message: String,
-}
-
-impl Refused {
-    pub(crate) fn new(status: StatusCode, message: impl Into<String>) -> Self {
-        Self { status, message: message.into() }
-    }
-
-    pub(crate) fn too_large(what: impl Display, most: u64) -> Self {
-        let message = format!("{what} is larger than the {} MiB that the window takes", most >> 20);
-        Self::new(StatusCode::PAYLOAD_TOO_LARGE, message)
-    }
-
-    fn of(name: &Name, error: &io::Error) -> Self {
-        match error.kind() {
-            io::ErrorKind::NotFound => Self::new(StatusCode::NOT_FOUND, format!("{name} is not in the folder")),
-            io::ErrorKind::PermissionDenied => Self::new(
-                StatusCode::FORBIDDEN,
-                format!("{name}: the system does not permit it; check the file's rights"),
-            ),
-            _ => Self::new(StatusCode::INTERNAL_SERVER_ERROR, format!("{name}: {error}")),
-        }
-    }
-}
 
 /// A file of the folder.
 #[derive(Clone, Debug, Serialize)]

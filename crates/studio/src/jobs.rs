@@ -1,6 +1,6 @@
 //! Runs: each is a process of its own, followed line by line.
 
-use crate::folder::Refused;
+use crate::refused::Refused;
 use crate::run::{Call, Run, command_line};
 use axum::http::StatusCode;
 use serde::Serialize;

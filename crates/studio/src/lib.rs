@@ -14,6 +14,7 @@ mod folder;
 mod guard;
 mod jobs;
 mod name;
+mod refused;
 mod run;
 mod server;
 

@@ -3,9 +3,10 @@
 use crate::Shared;
 use crate::assets;
 use crate::cell;
-use crate::folder::{Expected, LARGEST_FILE, LARGEST_SHOWN, Refused};
+use crate::folder::{Expected, LARGEST_FILE, LARGEST_SHOWN};
 use crate::guard::{self, RESULT_POLICY};
 use crate::name::Name;
+use crate::refused::Refused;
 use crate::run::Run;
 use axum::Router;
 use axum::body::{Body, Bytes};

@@ -93,23 +93,23 @@ pub(super) fn of(folder: &Path, id: &str) -> PathBuf {
 
 /// Text of the marker of a folder: the outputs in it, and the other folders of the set.
 pub(super) fn text(folder: &Path, folders: &BTreeSet<PathBuf>, moves: &[Move]) -> io::Result<Vec<u8>> {
-    let said = "these outputs of one run are unfinished: some are new, some are those of before; \
+    let text = "a run was killed while it replaced these outputs: some are new, some are still the former ones; \
                 the next run of deflex that writes to this folder finishes them";
     let name = |path: &Path| Name::of(path.file_name().unwrap_or_default());
     let entry = |go: &Move| -> io::Result<Entry> {
-        let staged = fs::symlink_metadata(&go.waits)?;
+        let staged = fs::symlink_metadata(&go.temporary)?;
         Ok(Entry {
-            waits: name(&go.waits),
+            waits: name(&go.temporary),
             target: name(&go.target),
             how: go.how,
-            sha256: hash(&go.waits)?,
+            sha256: hash(&go.temporary)?,
             staged: FileState::of_content(&staged),
             before: state(&go.target),
         })
     };
     let here = moves.iter().filter(|go| place::folder_of(&go.target) == folder);
     let marker = Marker {
-        deflex: said.to_owned(),
+        deflex: text.to_owned(),
         folders: folders.iter().map(Name::of).collect(),
         files: here.map(entry).collect::<io::Result<_>>()?,
     };
@@ -172,7 +172,7 @@ type Doubt = &'static str;
 fn read(folder: &Path, id: &str, user: u32) -> Result<Marker, Doubt> {
     let path = of(folder, id);
     if !lock::is_id(id) || !is_file_of(&path, user) {
-        return Err("it is not a file that a run of yours has made");
+        return Err("it is not a file that a run of the same user has written");
     }
     if fs::metadata(&path).map_or(true, |metadata| metadata.len() > MOST_BYTES) {
         return Err("it is longer than any marker");
@@ -194,16 +194,16 @@ impl Part {
         let target = entry.target.within(&self.folder).ok_or("it names files of other folders")?;
         let name = waits.file_name().and_then(|name| name.to_str()).filter(|name| !lock::is_lock(name));
         if name.and_then(lock::owner) != Some(id) {
-            return Err("it names files that its run has not staged");
+            return Err("it names files that its run did not write");
         }
         if fs::symlink_metadata(&waits).is_err_and(|error| error.kind() == io::ErrorKind::NotFound) {
             return Ok(None);
         }
         let staged = is_file_of(&waits, user) && state(&waits) == Some(entry.staged);
         if !staged || hash(&waits).ok().as_ref() != Some(&entry.sha256) {
-            return Err("a file that it names is not the one that its run has staged");
+            return Err("a file that it names has changed since its run wrote it");
         }
-        Ok(Some(Move { waits, target, how: entry.how }))
+        Ok(Some(Move { temporary: waits, target, how: entry.how }))
     }
 
     /// All moves of this folder. They are checked before any file is changed.
@@ -228,10 +228,12 @@ fn untouched(go: &Move, before: Option<FileState>) -> bool {
 /// Finishes the set of a run of this user that was killed. The caller holds the lock of `here`.
 pub(super) fn recover(here: &Path, id: &str, user: u32) {
     if let Err(why) = finish(here, id, user) {
-        let message = format!("is left alone, with all that it names: {why}");
+        let message = format!(
+            "deflex does not use this marker of an unfinished run, and leaves the files that it names as they are: {why}"
+        );
         let doubt = Diagnostic::error("io.marker", &of(here, id).display().to_string(), message)
             .severity(Severity::Warning)
-            .help("look at the files that it names; delete it when they are as they should be");
+            .help("check the files that it names, then delete the marker");
         message::print(&[doubt], false);
     }
 }
@@ -263,7 +265,7 @@ fn finish(here: &Path, id: &str, user: u32) -> Result<(), Doubt> {
     // Only some folders have a marker: the run was killed either before it renamed the first file, or after it had
     // renamed the last one.
     if !marked {
-        moves.iter().for_each(|(go, _)| drop(fs::remove_file(&go.waits)));
+        moves.iter().for_each(|(go, _)| drop(fs::remove_file(&go.temporary)));
         unmark(folders(), id);
         return Ok(());
     }
@@ -271,28 +273,29 @@ fn finish(here: &Path, id: &str, user: u32) -> Result<(), Doubt> {
     for (go, before) in &moves {
         if !untouched(go, *before) {
             kept.push(go.target.display().to_string());
-            let _ = fs::remove_file(&go.waits);
+            let _ = fs::remove_file(&go.temporary);
         } else if place::place(go).is_err() {
-            return Err("a staged file cannot be renamed");
+            return Err("a temporary file cannot be renamed");
         }
     }
     folders().for_each(|folder| sync_folder(folder));
     unmark(folders(), id);
     let targets = parts.iter().flat_map(|part| part.files.iter().filter_map(|entry| entry.target.within(&part.folder)));
-    message::print(&told(&targets.collect::<Vec<_>>(), &kept), false);
+    message::print(&messages(&targets.collect::<Vec<_>>(), &kept), false);
     Ok(())
 }
 
-fn told(files: &[PathBuf], kept: &[String]) -> Vec<Diagnostic> {
+fn messages(files: &[PathBuf], kept: &[String]) -> Vec<Diagnostic> {
     let first = files.first().map_or_else(String::new, |target| target.display().to_string());
     let finished = match files.len() {
-        1 => "the output of a run that was killed is finished now".to_owned(),
-        count => format!("the {count} outputs of a run that was killed are finished now"),
+        1 => "the output of a run that was killed is now complete".to_owned(),
+        count => format!("the {count} outputs of a run that was killed are now complete"),
     };
     let mut all = vec![Diagnostic::error("io.finished", &first, finished).severity(Severity::Note)];
     if !kept.is_empty() {
-        let message = format!("left as changed since, though their set is newer: {}", kept.join(", "));
-        let help = "run again what wrote them";
+        let message =
+            format!("not replaced, because another program has changed them since that run: {}", kept.join(", "));
+        let help = "repeat the run that was killed, so that all files come from one run";
         all.push(Diagnostic::error("io.mixed", &first, message).severity(Severity::Warning).help(help));
     }
     all

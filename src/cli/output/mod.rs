@@ -71,7 +71,7 @@ enum Goes {
     /// The temporary file becomes the target, which is a regular file.
     Into(How),
     /// The content is written to the target, which is not a regular file (stdout, a pipe, `/dev/null`).
-    Poured,
+    Copied,
 }
 
 /// A temporary file, which is removed when this is dropped or when the run is interrupted.
@@ -167,7 +167,7 @@ impl Outputs {
             stdout_is_open(path)?;
             let (temporary, file) = Temporary::spool().map_err(|error| cannot_write(path, &error))?;
             let identity = Identity::of(path);
-            self.staged.push(Staged { target: path.to_owned(), identity, temporary, goes: Goes::Poured });
+            self.staged.push(Staged { target: path.to_owned(), identity, temporary, goes: Goes::Copied });
             return Ok(file);
         }
         self.make_folder_of(path).map_err(|error| cannot_write(path, &error))?;
@@ -212,19 +212,21 @@ impl Outputs {
     pub(super) fn commit(mut self) -> Result<(), Vec<Diagnostic>> {
         // Some inputs may have been opened after an output was staged.
         self.staged.iter().try_for_each(|staged| not_an_input(&staged.target, &staged.identity))?;
-        let files = || self.staged.iter().filter(|staged| staged.goes != Goes::Poured);
+        let files = || self.staged.iter().filter(|staged| staged.goes != Goes::Copied);
         for staged in files() {
             let kept = staged.temporary.reopen().and_then(|file| file.sync_all());
             kept.map_err(|error| cannot_write(&staged.target, &error))?;
         }
         watch::changed()?;
-        for staged in self.staged.iter().filter(|staged| staged.goes == Goes::Poured) {
-            pour(&staged.temporary, &staged.target).map_err(|error| cannot_write(&staged.target, &error))?;
+        for staged in self.staged.iter().filter(|staged| staged.goes == Goes::Copied) {
+            copy_to_target(&staged.temporary, &staged.target).map_err(|error| cannot_write(&staged.target, &error))?;
         }
         print(&self.stdout)?;
         let go = |staged: &Staged| match staged.goes {
-            Goes::Into(how) => Some(Move { waits: staged.temporary.path.clone(), target: staged.target.clone(), how }),
-            Goes::Poured => None,
+            Goes::Into(how) => {
+                Some(Move { temporary: staged.temporary.path.clone(), target: staged.target.clone(), how })
+            }
+            Goes::Copied => None,
         };
         let moves: Vec<Move> = self.staged.iter().filter_map(go).collect();
         set::put_in_place(&moves).map_err(|(path, error)| cannot_write(&path, &error))?;
@@ -234,7 +236,7 @@ impl Outputs {
     }
 
     fn claim(&self, path: &Path, identity: &Identity) -> Result<(), Vec<Diagnostic>> {
-        match self.staged.iter().find(|staged| staged.identity == *identity && staged.goes != Goes::Poured) {
+        match self.staged.iter().find(|staged| staged.identity == *identity && staged.goes != Goes::Copied) {
             Some(other) if other.target == path => {
                 Err(refuse(path, "two outputs have this name", "give each output a name of its own"))
             }
@@ -306,7 +308,7 @@ fn stage(target: PathBuf, identity: Identity) -> io::Result<(Staged, File)> {
     }
     if existing.as_ref().is_some_and(|metadata| !metadata.is_file()) {
         let (temporary, file) = Temporary::spool()?;
-        return Ok((Staged { target, identity, temporary, goes: Goes::Poured }, file));
+        return Ok((Staged { target, identity, temporary, goes: Goes::Copied }, file));
     }
     if let Some(existing) = &existing {
         place::writable(&target, existing)?;
@@ -318,7 +320,7 @@ fn stage(target: PathBuf, identity: Identity) -> io::Result<(Staged, File)> {
 
 /// Copies a temporary file to a target that cannot be replaced. It is not an error if the reader of stdout has closed
 /// the pipe.
-fn pour(temporary: &Temporary, target: &Path) -> io::Result<()> {
+fn copy_to_target(temporary: &Temporary, target: &Path) -> io::Result<()> {
     let mut from = temporary.reopen()?;
     if !is_stdout(target) {
         return io::copy(&mut from, &mut OpenOptions::new().write(true).open(target)?).map(|_| ());
@@ -356,7 +358,11 @@ fn not_a_program(path: &Path) -> Result<(), Vec<Diagnostic>> {
     let there = !is_stdout(path) && fs::metadata(path).is_ok_and(|metadata| metadata.is_file());
     let read = there && File::open(path).and_then(|file| file.take(LOOK).read_to_end(&mut start)).is_ok();
     if read && detect("", &start).is_some() {
-        return Err(refuse(path, "a program is in this file", "choose another name for the report"));
+        return Err(refuse(
+            path,
+            "the file contains a robot program, and reports never replace programs",
+            "choose another name for the report",
+        ));
     }
     Ok(())
 }

@@ -20,7 +20,7 @@ pub(super) enum How {
 /// A temporary file, its target, and how it replaces the target.
 #[derive(Clone, Debug)]
 pub(super) struct Move {
-    pub(super) waits: PathBuf,
+    pub(super) temporary: PathBuf,
     pub(super) target: PathBuf,
     pub(super) how: How,
 }
@@ -80,8 +80,8 @@ pub(super) fn adopt(new: &File, existing: &Metadata) -> io::Result<How> {
 /// Replaces the target by the temporary file.
 pub(super) fn place(go: &Move) -> io::Result<()> {
     match go.how {
-        How::Rename => fs::rename(&go.waits, &go.target),
-        How::Overwrite => overwrite(&mut File::open(&go.waits)?, &go.target),
+        How::Rename => fs::rename(&go.temporary, &go.target),
+        How::Overwrite => overwrite(&mut File::open(&go.temporary)?, &go.target),
     }
 }
 

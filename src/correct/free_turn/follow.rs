@@ -21,7 +21,7 @@ const ROUNDING: f64 = 1e-6;
 const AS_WRITTEN: f64 = 5e-4;
 
 /// Smooths the steps of the grid in the values at the knots. Each value moves towards the line between its neighbours, by at most half a
-/// cell, so that its cost hardly changes; averages keep the rate.
+/// cell, so that its cost hardly changes. If values keep the largest rate, so do their averages.
 fn smoothed(
     found: &[f64],
     motions: &[Move],

@@ -64,7 +64,7 @@ fn choose(context: Context<'_>) -> Result<ChosenTurns, Vec<Diagnostic>> {
     let mut carried = Carried::new(context.cell);
     carried.free = Free::Sought;
     let mut prepared = super::path::prepare(context, &mut carried)?;
-    removal::run(context, &mut prepared, (Cuts::Programmed, &context.cell.arm))?;
+    removal::run(context, &mut prepared, Cuts::Programmed, &context.cell.arm)?;
     let mut path = Path::of_program(context.program, context.cell, prepared);
     path.unreached = carried.unreached;
     path.choose()
@@ -158,12 +158,16 @@ impl Path<'_> {
         }
         if let Some(fault) = wrong.first() {
             let why = fault.text();
-            return Err(self.refuse(fault.index, &format!("no turn can be taken here: {why}"), Refusal::Between));
+            return Err(self.refuse(
+                fault.index,
+                &format!("no turn about the tool axis is possible here: {why}"),
+                Refusal::Between,
+            ));
         }
         let at = left.unwrap_or(0);
         Err(self.refuse(
             at,
-            "the arm can take no turn between those of the neighbouring targets here",
+            "no turn about the tool axis here leads from the turn of the target before to that of the next target",
             Refusal::Between,
         ))
     }
@@ -198,7 +202,7 @@ fn gain(path: &Path<'_>, chosen: &[Chosen]) -> String {
         let at = chosen.iter().filter_map(|chosen| Some(chosen.external.as_ref()?[axis.axis]));
         let (least, most) = at.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), at| (a.min(at), b.max(at)));
         if least <= most {
-            units += &format!("; unit `{}` is sent from {least} to {most}", axis.name);
+            units += &format!("; unit `{}` moves between {least} and {most}", axis.name);
         }
     }
     let turned = chosen.iter().filter(|chosen| chosen.turn.is_some()).count();
@@ -214,7 +218,7 @@ fn gain(path: &Path<'_>, chosen: &[Chosen]) -> String {
     }
     message += &units;
     if !path.unreached.is_empty() {
-        message += &format!("; with {written} {} targets are not reached", path.unreached.len());
+        message += &format!("; with {written}, {} targets are out of reach", path.unreached.len());
     }
     message
 }

@@ -284,7 +284,7 @@ impl<'a> Path<'a> {
                 if standing.on_lanes.is_empty() {
                     return Err(self.refuse(
                         i,
-                        "the arm can take no turn about the tool axis here",
+                        "no turn about the tool axis is possible here",
                         Refusal::Stand(standing.refused),
                     ));
                 }
@@ -295,7 +295,7 @@ impl<'a> Path<'a> {
                 if !search.advance((&motions[at], stages[at].begins), robot.axis_speed.as_ref(), &costs) {
                     return Err(self.refuse(
                         i,
-                        "no turn can be followed to here from the targets before",
+                        "no turn about the tool axis leads from the targets before to this one",
                         Refusal::Move,
                     ));
                 }
@@ -428,13 +428,13 @@ impl<'a> Path<'a> {
         let (why, help) = match why {
             Refusal::Stand(states::Refused { reach, limits, singular }) => (
                 format!(
-                    ": of its turns and branches {reach} are out of reach, {limits} beyond an axis limit, {singular} closer than {:.0}° to a singular wrist",
+                    ": of the turns and branches that were tried, {reach} are out of reach, {limits} are beyond an axis limit, and {singular} are closer than {:.0}° to a singular wrist",
                     self.margin.to_degrees()
                 ),
                 "move the part (`[wobjs]`), lower `[cl] singular_margin_deg`, or change the lean of the tool",
             ),
             Refusal::Move => (
-                " within 5° a millimetre of path, the axis limits and speeds, on one branch".to_owned(),
+                ": it would have to stay on one branch, within the axis limits and speeds, and change by at most 5° for each millimetre of path".to_owned(),
                 "insert a joint move or a longer path before it, or move the part (`[wobjs]`)",
             ),
             Refusal::Between => (String::new(), "move the part (`[wobjs]`), or lower `[cl] singular_margin_deg`"),

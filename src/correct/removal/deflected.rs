@@ -106,7 +106,7 @@ fn step(walk: &mut Walk<'_>, prepared: &mut Prepared, i: usize, before: Option<L
             let moment = walk.stock.now();
             let speed = place.driven.as_ref().map_or(1.0, |driven| driven.speed);
             let met = settled.engaged;
-            let ask = |tool: &ToolPose| match feed_per_tooth {
+            let meet = |tool: &ToolPose| match feed_per_tooth {
                 Some(feed) => {
                     let tool = ToolPose { tip: tool.tip + on, ..*tool };
                     // At a stop, the engagement is that at the end of the motion.
@@ -144,7 +144,7 @@ fn step(walk: &mut Walk<'_>, prepared: &mut Prepared, i: usize, before: Option<L
                 Some((shift, there.rotation * place.pose.rotation.inverse()))
             };
             for round in 0..ROUNDS {
-                (settled.engaged, settled.force) = ask(&bent_tool(walk, &settled.bent));
+                (settled.engaged, settled.force) = meet(&bent_tool(walk, &settled.bent));
                 let Some(there) = land(&settled.force) else { break };
                 let step = there.0 - settled.bent.0;
                 // Later rounds take half steps: a cut that comes and goes with the deflection oscillates.

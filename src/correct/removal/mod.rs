@@ -66,7 +66,8 @@ const RESOLUTION: std::ops::RangeInclusive<f64> = 0.1e-3..=1e-3;
 pub(super) fn run(
     context: Context<'_>,
     prepared: &mut Prepared,
-    (cuts, arm): (Cuts, &Arm),
+    cuts: Cuts,
+    arm: &Arm,
 ) -> Result<Option<Removal>, Vec<Diagnostic>> {
     let Context { program, cell, options, .. } = context;
     let Some(section) = &cell.stock else { return Ok(None) };
@@ -124,7 +125,7 @@ pub(super) fn run(
         return Err(walk.errors);
     }
     if let Some(mut stages) = walk.stages.take() {
-        stages.look_last(&walk.stock);
+        stages.take_last_snapshot(&walk.stock);
         let notes = stages.settle(&walk, prepared)?;
         prepared.notes.extend(notes);
     }
@@ -444,10 +445,10 @@ impl Walk<'_> {
 
     fn notes(&self, resolution: f64, chosen: bool) -> Vec<Diagnostic> {
         let mut notes = Vec::new();
-        let why = if chosen { ", from the smallest cutter" } else { "" };
+        let why = if chosen { ", which follows from the smallest cutter" } else { "" };
         let share = if self.peak > 0.0 { 100.0 * self.bound / self.peak } else { 0.0 };
         let message = format!(
-            "stock: lines {:.3} mm apart{why}; the rim of the engagement is known to {:.1} N of a force ({share:.1} % of the largest)",
+            "stock: computed with lines {:.3} mm apart{why}; this spacing leaves the cutting force uncertain by {:.1} N ({share:.1} % of the largest force)",
             1e3 * resolution,
             self.bound
         );

@@ -8,7 +8,7 @@ use crate::drive::Track;
 use crate::robot::Pose;
 
 /// Largest distance between two computed forces on a segment, m: the engagement changes within a fraction of a cutter.
-const ASK_EVERY: f64 = 2e-3;
+const ENGAGEMENT_STEP: f64 = 2e-3;
 /// Share of that distance that the rounding of a program's digits may add.
 const PRINTED: f64 = 1e-3;
 /// Most positions on a segment.
@@ -58,7 +58,7 @@ impl Walk<'_> {
                 let share = if square > 0.0 { (off.dot(&displacement) / square).clamp(0.0, 1.0) } else { 0.0 };
                 (off - displacement * share).norm()
             };
-            square <= ASK_EVERY.powi(2)
+            square <= ENGAGEMENT_STEP.powi(2)
                 && (motion.speed(to) - motion.speed(from)).abs() <= SPEED
                 && poses[from - first].rotation.angle_to(&poses[to - first].rotation) <= TURN
                 && (from + 1..to).all(|sample| aside(sample) <= BEND)
@@ -86,7 +86,7 @@ impl Walk<'_> {
     }
 
     /// The positions on the segment to target `i`, of which the last is the target, and the length of a line or an arc, m.
-    pub(super) fn places(&self, prepared: &Prepared, i: usize, asks: bool) -> (Vec<Place>, f64) {
+    pub(super) fn places(&self, prepared: &Prepared, i: usize, needs_engagement: bool) -> (Vec<Place>, f64) {
         let point = &prepared.points[i];
         let goal = self.goal(point);
         let end = Place::programmed(1.0, goal);
@@ -133,9 +133,9 @@ impl Walk<'_> {
         let mut n = (turn / TURN).ceil().max(1.0);
         if track.is_arc() {
             n = n.max(length / CHORD_OF_ARC).min(20_000.0);
-        } else if asks || self.cuts != Cuts::Programmed {
+        } else if needs_engagement || self.cuts != Cuts::Programmed {
             // Steps of exactly that length, as printed, are not halved.
-            n = n.max((length / ASK_EVERY - PRINTED).min(MOST_PLACES as f64));
+            n = n.max((length / ENGAGEMENT_STEP - PRINTED).min(MOST_PLACES as f64));
         }
         let n = n.ceil() as usize;
         let place = |k: usize| {

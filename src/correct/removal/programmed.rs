@@ -15,8 +15,8 @@ const BATCH: usize = 512;
 /// Number of motions of a batch if the part yields: the state of the stock is stored between batches.
 const BATCH_OF_A_PART: usize = 16;
 
-/// A position for which the engagement of the tool is computed.
-struct Asked {
+/// A position of the tool whose engagement is computed when the batch settles.
+struct PendingEngagement {
     moment: Moment,
     tool: ToolPose,
     /// Displacement to it, stock's axes.
@@ -38,7 +38,7 @@ struct Recorded {
 
 #[derive(Default)]
 struct Batch {
-    asked: Vec<Asked>,
+    pending: Vec<PendingEngagement>,
     recorded: Vec<Recorded>,
     /// Number of motions of all these.
     moves: usize,
@@ -51,14 +51,14 @@ struct Batch {
 pub(super) fn cut(walk: &mut Walk<'_>, prepared: &mut Prepared) {
     let mut batch = Batch::default();
     if let Some(stages) = &mut walk.stages {
-        stages.look(&walk.stock);
+        stages.take_snapshot(&walk.stock);
     }
     walk.stock.keep_history();
     for i in 0..prepared.points.len() {
         if Kind::of(walk.program, i) != Kind::Point {
             batch.record(walk, prepared, i);
             let most = if walk.stages.is_some() { BATCH_OF_A_PART } else { BATCH };
-            if batch.asked.len().max(batch.moves) >= most {
+            if batch.pending.len().max(batch.moves) >= most {
                 batch.settle(walk, prepared);
                 if !walk.goes_on(i + 1, prepared.points.len()) {
                     return;
@@ -78,8 +78,8 @@ impl Batch {
         let solid = walk.fronts[through.front as usize].solid();
         let feed_per_tooth = through.feed_per_tooth;
         // The compliance of a part depends on where it is cut, for every kind of force.
-        let asks = feed_per_tooth.is_some() || (walk.stages.is_some() && through.cuts);
-        let (places, length) = walk.places(prepared, i, asks);
+        let needs_engagement = feed_per_tooth.is_some() || (walk.stages.is_some() && through.cuts);
+        let (places, length) = walk.places(prepared, i, needs_engagement);
         let stock_from_wobj = walk.stock_from_wobj(prepared, i).rotation;
         let mut goes_on = false;
         let mut moves = 0;
@@ -89,9 +89,9 @@ impl Batch {
             let tool = walk.tool(prepared, i, &place.pose.translation.vector, &tool_axis(&place.pose));
             let displacement = stock_from_wobj * walk.displacement(&places, k);
             let begins = k == 0 && places.len() > 1;
-            let mut ask = |tool: &ToolPose| {
-                if asks {
-                    self.asked.push(Asked {
+            let mut add = |tool: &ToolPose| {
+                if needs_engagement {
+                    self.pending.push(PendingEngagement {
                         moment: walk.stock.now(),
                         tool: *tool,
                         displacement,
@@ -101,14 +101,14 @@ impl Batch {
             };
             if let Some(from) = last.replace(tool) {
                 // The engagement at the end of a step is computed before the step removes material.
-                ask(&tool);
+                add(&tool);
                 walk.stock.defer(solid, &from, &tool);
                 moves += 1;
             } else if begins && end.is_some_and(|end| end.goes_on(prepared, i, &displacement)) {
                 goes_on = true;
             } else {
                 let on = if begins { ahead(&displacement) } else { Vector3::zeros() };
-                ask(&ToolPose { tip: tool.tip + on, ..tool });
+                add(&ToolPose { tip: tool.tip + on, ..tool });
             }
             if displacement != Vector3::zeros() {
                 direction = Some(displacement.normalize());
@@ -120,7 +120,7 @@ impl Batch {
             feed_per_tooth,
             direction,
         });
-        let shares = if asks { places.iter().map(|place| place.share).collect() } else { Vec::new() };
+        let shares = if needs_engagement { places.iter().map(|place| place.share).collect() } else { Vec::new() };
         let passed = Passed::new(i, through, length);
         self.moves += moves;
         self.recorded.push(Recorded { passed, moves, shares, goes_on, wobj_from_stock: stock_from_wobj.inverse() });
@@ -130,22 +130,22 @@ impl Batch {
     fn settle(&mut self, walk: &mut Walk<'_>, prepared: &mut Prepared) {
         let mut volumes = walk.stock.settle().into_iter();
         let (stock, fronts) = (&walk.stock, &walk.fronts);
-        let meets = |asked: &Asked| {
-            let Asked { moment, tool, displacement, front } = asked;
+        let meets = |pending: &PendingEngagement| {
+            let PendingEngagement { moment, tool, displacement, front } = pending;
             Walk::meets(&fronts[*front as usize], (stock, moment), tool, displacement)
         };
-        let answers: Vec<Engaged> = self.asked.par_iter().map(meets).collect();
-        let mut answers = answers.into_iter().zip(&self.asked);
+        let engagements: Vec<Engaged> = self.pending.par_iter().map(meets).collect();
+        let mut engagements = engagements.into_iter().zip(&self.pending);
         for Recorded { mut passed, moves, shares, goes_on, wobj_from_stock } in self.recorded.drain(..) {
             passed.removed = volumes.by_ref().take(moves).sum();
             for (k, share) in shares.iter().enumerate() {
                 let begins = k == 0 && shares.len() > 1;
                 if !(begins && goes_on)
-                    && let Some((engaged, asked)) = answers.next()
+                    && let Some((engaged, pending)) = engagements.next()
                 {
                     let force = |feed_per_tooth| FedForce::new(&wobj_from_stock, &engaged.force, feed_per_tooth);
                     let force = passed.through.feed_per_tooth.map_or_else(FedForce::default, force);
-                    self.met = Met::new(engaged, force, &asked.tool, &asked.displacement);
+                    self.met = Met::new(engaged, force, &pending.tool, &pending.displacement);
                 }
                 passed.push(*share, &self.met);
                 if let Some(feed_per_tooth) = passed.through.feed_per_tooth.filter(|_| !begins) {
@@ -154,10 +154,10 @@ impl Batch {
             }
             walk.finish(prepared, passed);
         }
-        self.asked.clear();
+        self.pending.clear();
         self.moves = 0;
         if let Some(stages) = &mut walk.stages {
-            stages.look(&walk.stock);
+            stages.take_snapshot(&walk.stock);
         }
         walk.stock.keep_history();
     }

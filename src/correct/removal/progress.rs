@@ -3,26 +3,26 @@
 use std::fmt;
 use std::sync::Arc;
 
-type Told = dyn Fn(f64) -> bool + Send + Sync;
+type Receiver = dyn Fn(f64) -> bool + Send + Sync;
 
 /// Receives the share of a cut that is done, 0 to 1, from time to time, and cancels the run with `false`; by default there is no receiver.
 #[derive(Clone, Default)]
-pub struct CutProgress(Option<Arc<Told>>);
+pub struct CutProgress(Option<Arc<Receiver>>);
 
 impl CutProgress {
     /// A receiver that calls this function.
-    pub fn new(told: impl Fn(f64) -> bool + Send + Sync + 'static) -> Self {
-        Self(Some(Arc::new(told)))
+    pub fn new(receiver: impl Fn(f64) -> bool + Send + Sync + 'static) -> Self {
+        Self(Some(Arc::new(receiver)))
     }
 
     /// Reports the number of points that are done. Returns whether the cut goes on.
     pub(super) fn goes_on(&self, done: usize, points: usize) -> bool {
-        self.0.as_ref().is_none_or(|told| told(done as f64 / points.max(1) as f64))
+        self.0.as_ref().is_none_or(|receiver| receiver(done as f64 / points.max(1) as f64))
     }
 }
 
 impl fmt::Debug for CutProgress {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_tuple("CutProgress").field(&self.0.as_ref().map(|_| "told")).finish()
+        f.debug_tuple("CutProgress").field(&self.0.as_ref().map(|_| "receiver")).finish()
     }
 }

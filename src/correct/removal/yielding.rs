@@ -30,11 +30,11 @@ const GONE: f64 = 0.36;
 /// The states of the stock from time to time.
 pub(super) struct Stages {
     held: HeldPart,
-    looks: Vec<Look>,
+    snapshots: Vec<Snapshot>,
 }
 
 /// The state of the stock at a moment.
-struct Look {
+struct Snapshot {
     /// Volume removed up to then, m³.
     removed: f64,
     solid: Solid,
@@ -53,7 +53,7 @@ struct Cut {
 
 impl Stages {
     pub(super) fn new(held: &HeldPart) -> Self {
-        Self { held: held.clone(), looks: Vec::new() }
+        Self { held: held.clone(), snapshots: Vec::new() }
     }
 
     /// Size of the cells over a blank, mm.
@@ -78,48 +78,49 @@ impl Stages {
     }
 
     /// Stores the state of the stock if enough was removed since the last one.
-    pub(super) fn look(&mut self, stock: &Stock) {
+    pub(super) fn take_snapshot(&mut self, stock: &Stock) {
         let [low, high] = stock.blank().bounds();
         let whole = (high - low).product();
         let share = GONE / self.held.stages as f64;
-        let gone = |last: &Look| stock.removed() - last.removed >= share * (whole - last.removed);
-        if self.looks.last().is_none_or(gone) {
-            self.take(stock);
+        let gone = |last: &Snapshot| stock.removed() - last.removed >= share * (whole - last.removed);
+        if self.snapshots.last().is_none_or(gone) {
+            self.push(stock);
         }
     }
 
     /// Stores the last state of the stock if anything was removed since the one before.
-    pub(super) fn look_last(&mut self, stock: &Stock) {
-        if self.looks.last().is_none_or(|last| stock.removed() > last.removed) {
-            self.take(stock);
+    pub(super) fn take_last_snapshot(&mut self, stock: &Stock) {
+        if self.snapshots.last().is_none_or(|last| stock.removed() > last.removed) {
+            self.push(stock);
         }
     }
 
-    fn take(&mut self, stock: &Stock) {
+    fn push(&mut self, stock: &Stock) {
         let [low, high] = stock.blank().bounds().map(|corner| corner * 1e3);
         let grid = Grid::over(low.into(), high.into(), self.cell(&low, &high));
         let solid = Solid::of(grid, |point| 1e3 * stock.depth(&(Vector3::from(point) * 1e-3)));
-        self.looks.push(Look { removed: stock.removed(), solid });
+        self.snapshots.push(Snapshot { removed: stock.removed(), solid });
     }
 
     /// Computes the compliance at each target that is cut. Returns notes about it.
     pub(super) fn settle(self, walk: &Walk<'_>, prepared: &mut Prepared) -> Result<Vec<Diagnostic>, Vec<Diagnostic>> {
-        let Self { held, looks } = self;
+        let Self { held, snapshots } = self;
         let cuts = cuts(walk, prepared);
-        let count = looks.len();
+        let count = snapshots.len();
         // Evenly among the states, including the first and the last.
         let most = held.stages;
-        let chosen: Vec<&Look> = if count <= most {
-            looks.iter().collect()
+        let chosen: Vec<&Snapshot> = if count <= most {
+            snapshots.iter().collect()
         } else {
-            (0..most).map(|n| &looks[n * (count - 1) / (most - 1)]).collect()
+            (0..most).map(|n| &snapshots[n * (count - 1) / (most - 1)]).collect()
         };
         // The stages of each cut: it is between two of them, or after the last.
-        let after = |cut: &Cut| chosen.partition_point(|look| look.removed <= cut.removed).clamp(1, chosen.len());
+        let after =
+            |cut: &Cut| chosen.partition_point(|snapshot| snapshot.removed <= cut.removed).clamp(1, chosen.len());
         let clamps = held.clamps.len();
         let mut yields: Vec<Vec<(PartYield, f64)>> = vec![Vec::new(); cuts.len()];
         let (mut before, mut softest, mut places, mut elements, mut off) = (None, 0.0_f64, 0, 0, 0.0_f64);
-        for (n, look) in chosen.iter().enumerate() {
+        for (n, snapshot) in chosen.iter().enumerate() {
             // A cut between the stages n and n + 1 belongs to both.
             let of_stage: Vec<(usize, f64)> = cuts
                 .iter()
@@ -137,7 +138,7 @@ impl Stages {
                 })
                 .collect();
             let body =
-                Body::new(&look.solid, held.material, &held.clamps).map_err(|error| vec![not_held(&error, n)])?;
+                Body::new(&snapshot.solid, held.material, &held.clamps).map_err(|error| vec![not_held(&error, n)])?;
             elements = elements.max(body.elements());
             if of_stage.is_empty() {
                 continue;
@@ -172,7 +173,7 @@ impl Stages {
             1e3 * off,
         );
         let mut notes = vec![Diagnostic::error("stock.part", "", message).severity(Severity::Note)];
-        let thin = looks.last().map_or(0.0, |look| look.solid.thinner_than(THIN.0));
+        let thin = snapshots.last().map_or(0.0, |snapshot| snapshot.solid.thinner_than(THIN.0));
         if thin > THIN.1 {
             let message = format!(
                 "part: {:.0} % of it is in walls thinner than a cell, whose stiffness is uncertain",

@@ -51,7 +51,9 @@ pub fn write(program: &Program, points: &[CorrectedPoint], title: &[String]) -> 
             record.span,
             u32::try_from(record.line).unwrap_or(u32::MAX),
         );
-        error.help("have the CAM system print points (linear output), or post with --post rapid, krl or ls")
+        error.help(
+            "have the CAM system print points (linear output), or post it in the language of your controller (--post)",
+        )
     };
     if layout.cards {
         let message = "a deck of cards has no room for corrected axes";
@@ -78,7 +80,10 @@ pub fn write(program: &Program, points: &[CorrectedPoint], title: &[String]) -> 
     }
     if at != program.targets.len() && errors.is_empty() {
         let message = "statements that are run more than once are not written as points";
-        errors.push(Diagnostic::error("post.cl", &source.name, message).help("post with --post rapid, krl or ls"));
+        errors.push(
+            Diagnostic::error("post.cl", &source.name, message)
+                .help("post it in the language of your controller (--post)"),
+        );
     }
     if !errors.is_empty() {
         return Err(errors);

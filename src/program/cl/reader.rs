@@ -126,7 +126,7 @@ impl Reader {
                 Some((.., count)) => *count += 1,
                 None => {
                     let warning = Diagnostic::error("cl.kept", &source.name, kept.reason.text()).at(source, kept.span);
-                    let help = "it has no part in the program that is written";
+                    let help = "the written program does not contain it";
                     self.reported.push((kept.reason, warning.severity(Severity::Warning).help(help), 1));
                 }
             }

@@ -1,18 +1,18 @@
-//! KUKA's own BAS, and what `WITH` sets for one motion.
+//! KUKA's routine BAS, and the settings that `WITH` makes for one motion.
 
 use super::calls::Argument;
 use super::eval::Place;
 use super::expression::{Expression, Setting};
 use super::names;
 use super::run::Runner;
-use super::state::{Changes, Id};
-use super::symbols::MODAL;
+use super::state::Changes;
+use super::symbols::{Id, MODAL};
 use super::value::{Step, Value, upper};
 use crate::program::Reason;
 use crate::text::{Diagnostic, Severity};
 
 impl<'a> Runner<'a> {
-    /// What spline inline forms use: `STOOL2(FP1)`, `SBASE(FP1.BASE_NO)`, `SVEL_CP(2.0, , LCPDAT1)`.
+    /// The value of a function of spline inline forms: `STOOL2(FP1)`, `SBASE(FP1.BASE_NO)`, `SVEL_CP(2.0, , LCPDAT1)`.
     pub(super) fn frame_function(&mut self, name: &[u8], first: Option<Value>) -> Value {
         let Some(value) = first else { return Value::unknown(Reason::Computed) };
         self.pin(&value);
@@ -58,7 +58,7 @@ impl<'a> Runner<'a> {
         self.read(&Place { id, name: &name, steps, known })
     }
 
-    /// The name of such an element.
+    /// The name of an element of such a table.
     pub(super) fn table_name(table: &str, number: &Value) -> Option<String> {
         match number.index()? {
             0 => Some("$NULLFRAME".to_owned()),
@@ -66,7 +66,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// KUKA's own BAS.SRC.
+    /// Follows a call of BAS, the routine in KUKA's BAS.SRC.
     pub(super) fn bas(&mut self, arguments: &[Argument<'_>]) {
         let Some(Value::Constant(command)) = arguments.first().map(|a| a.value.clone()) else {
             return self.frames_unknown();
@@ -165,7 +165,7 @@ impl<'a> Runner<'a> {
         self.state.values.insert(self.symbols.mode, act.part(b"IPO_FRAME"));
     }
 
-    /// Says once that the numbers of tool and base stand in none of the files, as those of `FHOME` do without `$config.dat`.
+    /// Notes once that no file has the numbers of tool and base. Those of `FHOME`, for example, are in `$config.dat`.
     fn tell_frames_elsewhere(&mut self, act: &Value) {
         let undeclared = matches!(act, Value::Unknown(why, None) if *why == Reason::NameUndeclared);
         if undeclared {
@@ -177,8 +177,8 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// `LDAT_ACT={… ORI_TYP #VAR,CIRC_TYP #BASE}` comes into force; the controller's own, where the program sets none, says #VAR and #BASE, and a BAS
-    /// that reads what the record does not have stops.
+    /// `LDAT_ACT={… ORI_TYP #VAR,CIRC_TYP #BASE}` comes into force. If the program sets no `LDAT_ACT`, that of the controller has #VAR and
+    /// #BASE. If the record lacks a component, BAS stops when it reads it.
     pub(super) fn orientation_of_act(&mut self) {
         let id = self.symbols.find(self.here(), &upper(b"LDAT_ACT"));
         let act = self.value(id);
@@ -193,7 +193,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// What `WITH` sets for one motion; gives what held before.
+    /// Applies the settings of `WITH` for one motion. Returns the values before.
     pub(super) fn with(&mut self, settings: &[Setting]) -> [Value; MODAL] {
         let before = self.symbols.modal().map(|id| self.value(id));
         for Setting { to, value } in settings {
@@ -218,7 +218,7 @@ impl<'a> Runner<'a> {
         before
     }
 
-    /// Puts back what `WITH` set; the position is where the motion went.
+    /// Restores the settings that `WITH` has changed. The position stays that at the end of the motion.
     pub(super) fn restore(&mut self, before: &[Value; MODAL]) {
         let symbols = &self.symbols;
         let held = || symbols.modal().into_iter().zip(before);

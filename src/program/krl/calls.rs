@@ -4,28 +4,28 @@ use super::eval::Place;
 use super::expression::{Call, Expression, Setting};
 use super::names;
 use super::run::{MAX_CALLS, Runner};
-use super::state::{Changes, Id};
-use super::symbols::RoutineId;
+use super::state::Changes;
+use super::symbols::{Id, RoutineId};
 use super::tree::{Param, Started, Statement, StatementKind};
 use super::value::Value;
 use crate::program::Reason;
 use deflex_lang::walk::Stop;
 
-/// What a call is given: a value, and the variable that it stands in.
+/// An argument of a call: its value, and the variable that has it.
 pub(super) struct Argument<'e> {
     pub(super) value: Value,
     pub(super) path: Option<Place<'e>>,
 }
 
 impl<'a> Runner<'a> {
-    /// Declares the data of all files, and gives them what the text says.
+    /// Declares the data of all files, with their start values from the text.
     pub(super) fn declare(&mut self) {
         for file in 0..self.symbols.files.len() {
             self.symbols.declare(file);
         }
         for file in 0..self.symbols.files.len() {
             let found = &self.symbols.files[file];
-            // Names are those of the file, as if one of its routines ran.
+            // Names are resolved as in a routine of the file.
             self.frames.push(super::run::Frame::of_file(file));
             for data in &found.data {
                 let Some(value) = &data.value else { continue };
@@ -49,10 +49,11 @@ impl<'a> Runner<'a> {
         self.forget_what_lasts();
     }
 
-    /// Numbers and switches of data lists that a program assigns keep what its last run left.
+    /// Numbers and switches of data lists that the program assigns are unknown at the start, because they keep their values from the last
+    /// run.
     fn forget_what_lasts(&mut self) {
         let mut changes = Changes::default();
-        // What those of BAS.SRC do is known.
+        // The effects of the routines in BAS.SRC are known.
         for id in self.symbols.all().filter(|id| !self.symbols.is_bas(id.file)).collect::<Vec<_>>() {
             self.changes_of(id, &mut changes);
         }
@@ -74,7 +75,7 @@ impl<'a> Runner<'a> {
         self.assign(&place, value, source);
     }
 
-    /// Assigns; base and tool take the name of what they are made of.
+    /// Assigns a value. Base and tool also get the name of the frame that is assigned.
     pub(super) fn assign(&mut self, path: &Place<'_>, value: Value, source: Option<String>) {
         let is_followed =
             names::SETTLED.contains(&&path.name[..]) || names::MODELLED_SYSTEM_VARIABLES.contains(&&path.name[..]);
@@ -89,14 +90,14 @@ impl<'a> Runner<'a> {
             self.state.loosen([self.symbols.base, self.symbols.tool]);
         }
         let is_frame = path.id == self.symbols.base || path.id == self.symbols.tool;
-        // What a base and a zone are made of is read where the robot goes, and not moved with it; what reads data that may change at any
-        // moment is not followed, nor are handlers.
+        // The numbers of a frame or a zone must not be edited. Neither must numbers in data that handlers read, or that may change at any
+        // moment, because deflex does not follow all uses of such data.
         let is_read = is_frame || path.id == self.symbols.approximation;
         if is_read || self.is_volatile(path.id) || self.read_at_any_moment.contains(&path.id) {
             self.pin(&value);
         }
         let value = self.symbols.converted(path.id, &path.steps, value);
-        // Taken out, so that an element is set in place.
+        // The value is taken out of the map, so that an element can be set without a copy.
         let mut whole = self.state.values.remove(&path.id).unwrap_or_else(|| self.symbols.start[path.id].clone());
         if path.known {
             let fits = !self.symbols.is_whole(path.id) || value.number().is_none_or(|v| v.fract() == 0.0);
@@ -112,7 +113,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Another base or tool is in force, under this name.
+    /// Records that another base or tool is in force, and its name.
     pub(super) fn name_frame(&mut self, id: Id, name: Option<String>) {
         let (names, own) =
             if id == self.symbols.base { (self.symbols.base_name, "$BASE") } else { (self.symbols.tool_name, "$TOOL") };
@@ -121,7 +122,8 @@ impl<'a> Runner<'a> {
         self.leave_frame();
     }
 
-    /// Another frame may be in force: where the robot stands has other numbers in it. They still follow those of the motion before.
+    /// Makes the last position unknown, because its numbers are different in another frame. They still depend on those of the motion
+    /// before.
     pub(super) fn leave_frame(&mut self) {
         self.lose(self.symbols.position, Reason::BeforeInOtherFrame);
     }
@@ -140,7 +142,7 @@ impl<'a> Runner<'a> {
         out
     }
 
-    /// A function's value; what it could change is unknown after it.
+    /// The value of a function. Data that the function could change are unknown after it.
     pub(super) fn function(&mut self, call: &Call) -> Value {
         let (name, arguments) = (&call.name, self.arguments(call));
         if let Some(id) = self.symbols.find_routine(self.here(), name) {
@@ -173,7 +175,7 @@ impl<'a> Runner<'a> {
         if computed.is_finite() { Value::Number(computed, None) } else { Value::unknown(Reason::Computed) }
     }
 
-    /// What a routine that is not followed changes; its first motion may leave components to the motion before.
+    /// Applies the changes of a routine that is not followed. Its first motion may take components from the motion before.
     fn run_unfollowed(&mut self, changes: &Changes, why: Reason) {
         if changes.ids.contains(&self.symbols.stands) {
             self.hold_position_before();
@@ -181,7 +183,7 @@ impl<'a> Runner<'a> {
         self.forget(changes, why);
     }
 
-    /// What was handed to a routine that is not followed: it may be read, and changed where it is a variable.
+    /// Handles the arguments of a routine that is not followed: it may read them, and change those that are variables.
     fn give_away(&mut self, arguments: &[Argument<'_>], changed: bool) {
         for argument in arguments {
             self.pin(&argument.value);
@@ -204,7 +206,7 @@ impl<'a> Runner<'a> {
         let arguments = self.arguments(call);
         let around = self.frames.iter().filter(|frame| frame.routine == id).count();
         if around > 0 || self.symbols.routine(id).is_function {
-            // Not followed: its own targets stay.
+            // It is not followed, so its targets are kept.
             self.keep(self.here(), statement.at, Reason::RoutineCallsItself);
             let changes = self.known_changes(id);
             self.run_unfollowed(&changes, Reason::ByRecursiveRoutine);
@@ -217,10 +219,10 @@ impl<'a> Runner<'a> {
         self.within(std::ptr::from_ref(statement).addr(), |runner| runner.follow(id, &arguments))
     }
 
-    /// Runs a routine with copies of what it is given, and gives back what is its caller's own.
+    /// Runs a routine with copies of its arguments, and copies the parameters that are `:OUT` back.
     fn follow(&mut self, id: RoutineId, arguments: &[Argument<'_>]) -> Result<(), Stop> {
         let params: &'a [Param] = &self.symbols.routine(id).params;
-        // What a routine that is declared without parameters takes all the same (one of `[controller] harmless`).
+        // A routine of `[controller] harmless` is declared without parameters, but may get arguments.
         self.give_away(arguments.get(params.len()..).unwrap_or_default(), true);
         let values: Vec<Value> = arguments.iter().map(|argument| argument.value.clone()).collect();
         let lent = |i: usize| arguments.get(i).and_then(|a| a.path.as_ref()).filter(|_| params[i].is_out);
@@ -228,13 +230,13 @@ impl<'a> Runner<'a> {
         let aliased: Vec<bool> = (0..params.len()).map(|i| self.is_aliased(i, params.len(), &changes, &lent)).collect();
         let volatile = self.volatile.clone();
         self.volatile.extend((0..params.len()).filter(|i| aliased[*i]).filter_map(lent).map(|path| path.id));
-        // A variable that is lent is the parameter's meanwhile.
+        // During the call, the value of a variable given to `:OUT` is that of the parameter.
         let mut held = Vec::new();
         for path in (0..params.len()).filter_map(lent) {
             held.push((path.id, self.value(path.id)));
             self.lose(path.id, Reason::LentToParameter);
         }
-        // Where an interrupt may leave it half done, what follows runs even if it has no end.
+        // If an interrupt may end it half-way, the statements after the call run even if the routine itself has no end.
         let before = self.resumes.then(|| self.state.clone());
         let ended = self.enter(id, &values, &aliased);
         if let (Err(Stop::Ends), Some(before)) = (&ended, before) {
@@ -245,7 +247,7 @@ impl<'a> Runner<'a> {
             Err(Stop::Ends) if self.resumes => Vec::new(),
             ended => ended.inspect_err(|_| self.volatile.clone_from(&volatile))?,
         };
-        // What a TRIGGER may still change under a parameter's name is the caller's.
+        // A TRIGGER may still change the parameter, which is the caller's variable.
         let late = (0..params.len()).filter(|i| left.get(*i).is_some_and(|left| left.is_triggered)).filter_map(lent);
         self.state.loosen(late.map(|path| path.id));
         self.volatile = volatile;
@@ -266,7 +268,7 @@ impl<'a> Runner<'a> {
         Ok(())
     }
 
-    /// Whether what a parameter is lent has another name in the routine: a global one, or another parameter's.
+    /// Whether the routine can reach the variable of a parameter under another name: as a global variable, or as another parameter.
     fn is_aliased<'p>(
         &self,
         param: usize,
@@ -279,7 +281,7 @@ impl<'a> Runner<'a> {
         twice || self.changed_ids(changes).contains(&path.id)
     }
 
-    /// What a TRIGGER starts runs some time while the program goes on: what it changes is not known from here.
+    /// Handles a TRIGGER, which starts something at an unknown moment. The data that it changes are unknown from here on.
     pub(super) fn trigger(&mut self, started: &'a Started) {
         let Some(run) = &started.run else { return };
         match &run.kind {

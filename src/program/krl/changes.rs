@@ -1,10 +1,10 @@
-//! What statements could change, found without running them.
+//! Finds the data that statements could change, without running the statements.
 
 use super::expression::{Call, Expression, Part, Path, Setting};
 use super::names;
 use super::run::Runner;
-use super::state::{Changes, Id};
-use super::symbols::RoutineId;
+use super::state::Changes;
+use super::symbols::{Id, RoutineId};
 use super::system::{System, system};
 use super::tree::{File, Statement, StatementKind, walk};
 use super::value::{Name, POSE, Value, upper};
@@ -13,21 +13,21 @@ use crate::text::{Diagnostic, Severity, Span, decode};
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::rc::Rc;
 
-/// Whose names statements use.
+/// The scope in which the names of statements are resolved.
 struct Scope<'n> {
     file: usize,
     own: Option<&'n HashMap<Name, Id>>,
-    /// Names of a routine that is not run: its own data end with it.
+    /// Names of a routine that is not followed. Its own data do not outlive it, so their changes do not matter.
     hidden: HashSet<&'n Name>,
-    /// The statement is what an interrupt starts.
+    /// Whether an interrupt starts the statement.
     is_handler: bool,
 }
 
-/// Statements that are looked through in about the time that one takes to run.
+/// Number of statements that are scanned in about the time in which one is run.
 const STATEMENTS_PER_STEP: usize = 8;
 
 impl<'a> Runner<'a> {
-    /// What a block of the routine that is being run could change.
+    /// The data that a block of the running routine could change.
     pub(super) fn changes_in(&mut self, block: &'a [Statement]) -> Changes {
         let mut changes = Changes::default();
         let own = self.frames.last().map(|frame| frame.names.clone());
@@ -36,7 +36,7 @@ impl<'a> Runner<'a> {
         changes
     }
 
-    /// What a routine could change.
+    /// Adds the data that a routine could change.
     pub(super) fn changes_of(&mut self, id: RoutineId, changes: &mut Changes) {
         if !changes.through.insert(id) {
             return;
@@ -46,7 +46,7 @@ impl<'a> Runner<'a> {
         self.collect(&routine.body, &Scope { file: id.file, own: None, hidden, is_handler: false }, changes);
     }
 
-    /// The same, found once.
+    /// The data that a routine could change; computed once for each routine.
     pub(super) fn known_changes(&mut self, id: RoutineId) -> Rc<Changes> {
         if let Some(known) = self.changes.get(&id) {
             return known.clone();
@@ -62,7 +62,7 @@ impl<'a> Runner<'a> {
             count += 1;
             self.collect_statement(statement, scope, changes);
         });
-        // A loop is looked through each time that it begins.
+        // A loop is scanned each time it begins.
         self.steps += count / STATEMENTS_PER_STEP;
     }
 
@@ -72,7 +72,7 @@ impl<'a> Runner<'a> {
         } else if !scope.hidden.contains(name) {
             changes.ids.insert(self.symbols.find(scope.file, name));
         }
-        // What base and tool are counted from changes them too.
+        // Base and tool also change when the frame changes from which they are counted.
         let (base, tool) = match &name[..] {
             b"$BASE" | b"$ROBROOT" | b"$ERSYSROOT" => (true, false),
             b"$TOOL" => (false, true),
@@ -82,8 +82,8 @@ impl<'a> Runner<'a> {
         self.frames_change(changes, base, tool);
     }
 
-    /// Adds what a routine that no file has may change; `starts` where its first argument is 1, or an interrupt starts it. Whether
-    /// it may change the variables that it is given as well.
+    /// Adds the data that a routine may change of which no file has the text. `starts` is true if its first argument is 1, or if an
+    /// interrupt starts it. Returns whether it may also change the variables in its arguments.
     pub(super) fn add_system(&mut self, name: &[u8], starts: bool, changes: &mut Changes) -> bool {
         match system(name) {
             _ if names::is_frame_function(name) => false,
@@ -121,7 +121,7 @@ impl<'a> Runner<'a> {
         }
         let is_assignment = matches!(statement.kind, StatementKind::Assign(_));
         for Setting { to, .. } in statement.settings() {
-            // What WITH says of the controller is put back after it.
+            // Settings of the controller in WITH are restored after the statement.
             if is_assignment || to.name.first() != Some(&b'$') {
                 self.changed(&to.name, scope, changes);
             }
@@ -172,7 +172,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Base or tool change, and with them what the position before is counted in.
+    /// Adds a change of base or tool, which also changes the frame of the position before.
     fn frames_change(&self, changes: &mut Changes, base: bool, tool: bool) {
         let symbols = &self.symbols;
         changes.ids.insert(symbols.position);
@@ -184,7 +184,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Makes unknown what may have changed.
+    /// Makes all data unknown that may have changed.
     pub(super) fn forget(&mut self, changes: &Changes, why: Reason) {
         for id in self.changed_ids(changes) {
             if self.symbols.is_table(id) {
@@ -196,13 +196,13 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Variables that may have changed.
+    /// The variables that may have changed.
     pub(super) fn changed_ids(&self, changes: &Changes) -> BTreeSet<Id> {
         let all = if changes.anything { self.symbols.visible() } else { Vec::new() };
         changes.ids.iter().copied().chain(all).collect()
     }
 
-    /// Whether what may be changed has a say in an expression.
+    /// Whether the value of an expression may depend on the changes.
     pub(super) fn depends(&mut self, on: &Expression, changes: &Changes) -> bool {
         let (mut found, changed) = (false, self.changed_ids(changes));
         on.each(&mut |part| {
@@ -215,7 +215,7 @@ impl<'a> Runner<'a> {
         found
     }
 
-    /// Routines that interrupts start may run at any moment: what they change is never known, what they name stays.
+    /// Scans the routines that interrupts start. They may run at any moment, so the data that they change are never known.
     pub(super) fn expect_interrupts(&mut self) {
         for id in self.symbols.all() {
             for statement in self.symbols.routine(id).statements() {
@@ -236,8 +236,8 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Handlers, functions (which are not followed) and routines that call themselves, with all that they call: what they
-    /// name stays.
+    /// Finds handlers, functions (which are not followed) and routines that call themselves, with everything that they call. The data that
+    /// they name must not be edited.
     pub(super) fn find_what_runs_at_any_moment(&mut self) {
         let mut calls: HashMap<RoutineId, BTreeSet<RoutineId>> = HashMap::new();
         let mut handlers = Vec::new();
@@ -288,7 +288,8 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Whether the program puts positions into data that leave components out: such data take these from the motion before.
+    /// Whether the program assigns positions without some components. A motion to such a position takes these components from the motion
+    /// before.
     pub(super) fn finds_incomplete_positions(&mut self) -> bool {
         let files: &'a [File] = self.symbols.files;
         let in_lists = files.iter().enumerate().any(|(at, file)| {
@@ -300,7 +301,7 @@ impl<'a> Runner<'a> {
         in_lists || self.symbols.all().any(|id| self.leaves_components_out_in(id))
     }
 
-    /// Whether a component of a position is set that may have no others.
+    /// Whether a component is assigned to a position that may lack other components.
     fn sets_a_component(&mut self, file: usize, to: &Path, own: &HashSet<&Name>) -> bool {
         let is_part = to.component().is_some_and(|part| POSE.contains(&&part[..]));
         let at = self.symbols.find(file, &to.name);
@@ -326,7 +327,7 @@ impl<'a> Runner<'a> {
         })
     }
 
-    /// The motion after an interrupt begins where its routine leaves the robot.
+    /// Notes that the motion after an interrupt begins where the interrupt's routine leaves the robot.
     fn tell_interrupt_that_moves(&mut self, handler: RoutineId, file: usize, span: Span) {
         let name = &self.symbols.routine(handler).name;
         let message = format!(
@@ -339,7 +340,7 @@ impl<'a> Runner<'a> {
         self.say(note.help(help), file, Some(span));
     }
 
-    /// Pins the data that a routine names, as they are at the start; which these are.
+    /// Marks the start values of all data that a routine names as not editable. Returns these data.
     pub(super) fn pin_names(&mut self, id: RoutineId) -> HashSet<Id> {
         let mut named = HashSet::new();
         let routine = self.symbols.routine(id);
@@ -354,7 +355,7 @@ impl<'a> Runner<'a> {
     }
 }
 
-/// Whether data hold positions alone, each with all components.
+/// Whether data hold only positions, each with all components.
 fn is_complete(value: &Value) -> bool {
     match value {
         Value::Array(items) => !items.is_empty() && items.values().all(is_complete),

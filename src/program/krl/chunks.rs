@@ -1,9 +1,9 @@
 //! A long program in chunks that fit in memory.
 //!
-//! One routine whose lines differ in nothing but the numbers of their positions: what stands before the first of them, the
-//! head, is run once for each [kind of line](Like), with one line of the kind after it, and once with what stands after the
-//! last. A position that names all six numbers is the same whatever stands before it, so that the other lines mean what that
-//! one does. Whatever is not like that is read whole.
+//! Such a program is one routine whose lines differ only in the numbers of their positions. The text before the first of these lines, the
+//! head, is run once for each [kind of line](Like), with one line of the kind after it, and once with the text after the last line. A
+//! position that names all six numbers does not depend on the lines before it, so that all lines of a kind have the same meaning. Any other
+//! program is read as a whole.
 
 use super::like::{Axes, Before, Lead, Like, Reader, is_speed, layout, line_ends, moved_axes};
 use super::{Layout, dialect, lex};
@@ -12,19 +12,19 @@ use crate::text::{Source, Span};
 use std::io::{self, BufRead, BufReader, Read, Seek};
 use std::sync::Arc;
 
-/// Bytes of lines in a chunk: some thousand targets. Any number of threads sees the same chunks.
+/// Bytes of lines in a chunk: some thousand targets. The chunks do not depend on the number of threads.
 pub const CHUNK: usize = 64 * 1024;
 
 /// Most bytes before the first line of a kind and after the last.
 const HEAD: usize = 256 * 1024;
 
-/// What a chunk may have to read on to the end of a line.
+/// Bytes that a chunk may have to read further to the end of a line.
 const LONGEST: usize = 4096;
 
 /// Most kinds of lines: a program with more has nothing to gain.
 const MOST_KINDS: usize = 64;
 
-/// Cuts a program into chunks, reading no further than needed.
+/// Divides a program into chunks, and reads no further than needed.
 #[derive(Debug)]
 pub struct Chunks<R> {
     input: R,
@@ -34,7 +34,7 @@ pub struct Chunks<R> {
     /// The targets of the head.
     head: Option<Program>,
     kinds: Vec<Arc<Like>>,
-    /// Read and, from an offset on, not yet cut.
+    /// The text that is read and, from an offset on, not yet in a chunk.
     rest: Vec<u8>,
     cut: usize,
     /// Line ends before it.
@@ -43,7 +43,7 @@ pub struct Chunks<R> {
     lead: Lead,
     /// The last line of a kind.
     last: Option<(Arc<Like>, Vec<u8>)>,
-    /// What stands after it.
+    /// The text after it.
     tail: Option<Chunk>,
     ended: bool,
 }
@@ -54,11 +54,11 @@ pub struct Chunk {
     reader: Arc<Reader>,
     source: Source,
     dialect: &'static str,
-    /// What of the source stands in the file.
+    /// The bytes of the source that are in the file.
     own: std::ops::Range<usize>,
-    /// The targets before the lines, of the head or of what stands after all lines.
+    /// Number of the targets before the lines: those of the head, or of the text after all lines.
     begun: Option<Program>,
-    /// Where the lines begin, and from where on they are of which kind.
+    /// Where the lines begin, and the offsets from which on they are of each kind.
     lines: usize,
     kinds: Vec<(usize, Arc<Like>)>,
     motions_before: u32,
@@ -66,7 +66,7 @@ pub struct Chunk {
     last: bool,
 }
 
-/// Where a stretch ends.
+/// The end of a stretch.
 struct Cut {
     bytes: usize,
     lines: usize,
@@ -75,11 +75,10 @@ struct Cut {
 }
 
 impl<R: Read> Chunks<R> {
-    /// Reads the head of a file, which is looked through for external axes that begin to move where the first lines have them at zero;
-    /// `None` where it does not begin like such a program. A chunk has about so many bytes.
+    /// Reads the head of a file. The whole file is scanned for external axes that are at zero in the first lines and move later. `None` if
+    /// the file does not begin like such a program. A chunk has about `chunk` bytes.
     ///
-    /// # Errors
-    /// What `file` reports.
+    /// # Errors `file` cannot be read.
     pub fn of_file(name: &str, mut file: R, context: &[Source], chunk: usize) -> io::Result<Option<Self>>
     where
         R: Seek,
@@ -137,7 +136,7 @@ impl<R: Read> Chunks<R> {
         Ok(None)
     }
 
-    /// Reads until so many bytes wait, or to the end.
+    /// Reads until `wanted` bytes are waiting, or to the end.
     fn fill(&mut self, wanted: usize) -> io::Result<()> {
         /// Chunks that are read at once.
         const AHEAD: usize = 4;
@@ -151,8 +150,7 @@ impl<R: Read> Chunks<R> {
 
     /// The next chunk.
     ///
-    /// # Errors
-    /// What the input reports.
+    /// # Errors The input cannot be read.
     pub fn take(&mut self) -> io::Result<Next<Chunk>> {
         if self.ended {
             return Ok(self.tail.take().map_or(Next::End, Next::Chunk));
@@ -193,7 +191,7 @@ impl<R: Read> Chunks<R> {
         }))
     }
 
-    /// What stands after the last line of a kind.
+    /// The text after the last line of a kind.
     fn tail(&mut self) -> Option<Chunk> {
         let after = &self.rest[self.cut..];
         let (mut like, line) = self.last.take().filter(|_| after.len() <= HEAD)?;
@@ -218,8 +216,7 @@ impl<R: Read> Chunks<R> {
         })
     }
 
-    /// Where the stretch ends that begins at `rest`: after a line of a kind. `None` where a line never ends, or is of one kind
-    /// too many.
+    /// The end of the stretch that begins at `rest`, after a line of a kind. `None` if a line does not end, or if there are too many kinds.
     fn cut(&mut self) -> Option<Cut> {
         let rest = &self.rest[self.cut..];
         let whole = rest.len() < 2 * self.chunk + LONGEST;
@@ -289,7 +286,7 @@ impl<R: Read> Chunks<R> {
 }
 
 impl Chunk {
-    /// Reads the chunk; `None` where it is not as it seemed.
+    /// Reads the chunk; `None` if its lines are not of the expected kind.
     #[must_use]
     pub fn read(self) -> Option<StreamableChunk> {
         let mut program = self.begun.unwrap_or_else(|| empty(self.dialect));
@@ -357,13 +354,13 @@ impl Chunk {
     }
 }
 
-/// A program without anything.
+/// An empty program.
 fn empty(dialect: &'static str) -> Program {
     let layout = crate::program::Layout::Krl(Layout::default());
     Program::empty(Language::Krl, dialect, (Arc::new([]), 1), layout)
 }
 
-/// External axes that a line has elsewhere than at zero.
+/// External axes that are not zero in a line.
 fn axes_that_move(mut text: impl BufRead) -> io::Result<Axes> {
     let (mut found, mut line) = (Axes::default(), Vec::new());
     // One without an end is no line of a kind.

@@ -1,9 +1,9 @@
-//! What expressions are worth.
+//! Evaluates expressions.
 
 use super::expression::{Expression, Operator, Path, PathStep};
 use super::names;
 use super::run::Runner;
-use super::state::Id;
+use super::symbols::Id;
 use super::value::{Name, REST, Step, Value, chained, flat};
 use crate::program::Reason;
 use crate::text::decode;
@@ -23,7 +23,7 @@ pub(super) struct Place<'e> {
 }
 
 impl<'a> Runner<'a> {
-    /// The variable of a name where the program is.
+    /// The variable of a name in the running routine.
     pub(super) fn resolve(&mut self, name: &Name) -> Id {
         if let Some(id) = self.frames.last().and_then(|frame| frame.names.get(name)) {
             return *id;
@@ -31,18 +31,18 @@ impl<'a> Runner<'a> {
         self.symbols.find(self.here(), name)
     }
 
-    /// What a variable holds here.
+    /// The present value of a variable.
     pub(super) fn value(&self, id: Id) -> Value {
         self.state.at(id, &self.symbols.start).clone()
     }
 
-    /// Something may have changed a variable.
+    /// Makes a variable unknown that may have changed.
     pub(super) fn lose(&mut self, id: Id, why: Reason) {
         let value = self.value(id).forgotten(why);
         self.state.values.insert(id, value);
     }
 
-    /// The same, unknown where it may change at any moment.
+    /// The present value of a variable; unknown if it may change at any moment.
     pub(super) fn settled(&self, id: Id) -> Value {
         if self.is_volatile(id) { Value::unknown(Reason::AnyMoment) } else { self.value(id) }
     }
@@ -51,12 +51,12 @@ impl<'a> Runner<'a> {
         self.pinned.extend(value.tokens());
     }
 
-    /// Puts a value at a path; its numbers stay where the way there is not known.
+    /// Sets the value at a path. If the path is not known, its numbers must not be edited.
     pub(super) fn put(&mut self, whole: &mut Value, path: &[Step], value: Value) {
         whole.set(path, value, &mut self.pinned);
     }
 
-    /// The value of what is read where it stands: conditions, bounds, returned values.
+    /// The value of an expression whose numbers must not be edited: a condition, a bound, a returned value.
     pub(super) fn evaluate(&mut self, of: &Expression) -> Value {
         let value = self.expression(of);
         self.pin(&value);
@@ -92,7 +92,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Where a path leads.
+    /// The variable, or part of one, that a path names.
     pub(super) fn place<'e>(&mut self, path: &'e Path) -> Place<'e> {
         let mut place = Place { id: self.resolve(&path.name), name: &path.name, steps: Vec::new(), known: true };
         for step in &path.steps {
@@ -113,8 +113,8 @@ impl<'a> Runner<'a> {
         all.into_iter().collect()
     }
 
-    /// The name of a variable, or of a part of it, as the author wrote it, with the indices that hold: `Points[3]`. `None` for
-    /// other expressions.
+    /// The name of a variable, or of a part of it, as it is written, with the values of its indices: `Points[3]`. `None` for other
+    /// expressions.
     pub(super) fn label(&mut self, of: &Expression) -> Option<String> {
         let Expression::Path(path) = of else { return None };
         let bytes = self.bytes(self.here());
@@ -133,7 +133,7 @@ impl<'a> Runner<'a> {
         Some(label)
     }
 
-    /// What stands at a path; what it may be is pinned where it is not known.
+    /// The value at a path. If it is unknown, the numbers that it may have must not be edited.
     pub(super) fn read(&mut self, path: &Place<'_>) -> Value {
         if path.name.first() == Some(&b'$') && !names::SETTLED.contains(&&path.name[..]) {
             return Value::unknown(Reason::SystemValue);
@@ -158,7 +158,7 @@ impl<'a> Runner<'a> {
         let value = whole.get(&path.steps);
         match value {
             Value::Unknown(_, Some(_)) => self.pin(&value),
-            // An INT takes no decimals.
+            // An INT cannot have decimals, so its number must not be edited.
             Value::Number(number, Some(_)) if !self.symbols.is_real(path.id, &path.steps) => {
                 self.pin(&value);
                 return Value::Number(number, None);

@@ -1,4 +1,4 @@
-//! Expressions, each read once into a tree with where its names and numbers stand.
+//! Expressions. Each is read once, into a tree with the places of its names and numbers.
 
 use super::lex::{Cursor, LexemeKind};
 use super::names;
@@ -7,7 +7,7 @@ use crate::program::Reason;
 use crate::text::{Span, number};
 use deflex_lang::ir::{Binary, SourceSpan};
 
-/// Brackets within one another.
+/// Largest nesting depth of brackets.
 const MAX_DEPTH: usize = 40;
 
 #[derive(Clone, Debug)]
@@ -19,11 +19,11 @@ pub(super) enum Expression {
     Call(Box<Call>),
     /// `{[TYPE:] X 1.0, Y A, …}`
     Aggregate(Vec<(Name, Expression)>),
-    /// Operators of one level, from left to right; none in round brackets.
+    /// Operands with operators of one level, from left to right; without an operator it is an expression in brackets.
     Chain(Box<Expression>, Vec<(Operator, Expression)>),
-    /// What it is worth is known only at run time; what it reads.
+    /// Its value is known only at run time; with the expressions that it reads.
     Unknown(Reason, Vec<Expression>),
-    /// No controller loads it: why, and where it stands.
+    /// No controller loads it: the reason, its place, and the expressions that it reads.
     Refused(Reason, Span, Vec<Expression>),
 }
 
@@ -38,14 +38,14 @@ pub(super) enum Operator {
 #[derive(Clone, Debug)]
 pub(super) struct Path {
     pub(super) name: Name,
-    /// Where the name stands.
+    /// Place of the name.
     pub(super) at: Span,
     pub(super) steps: Vec<PathStep>,
 }
 
 #[derive(Clone, Debug)]
 pub(super) enum PathStep {
-    /// `name[]` is the whole of it.
+    /// Without an expression, `name[]`, it is the whole array.
     Index(Vec<Expression>),
     Component(Name, Span),
 }
@@ -54,9 +54,9 @@ pub(super) enum PathStep {
 #[derive(Clone, Debug)]
 pub(super) struct Call {
     pub(super) name: Name,
-    /// From after the name to the end of the statement.
+    /// The text from the end of the name to the end of the statement.
     pub(super) rest: Span,
-    /// `None` for one that is left out.
+    /// `None` for an argument that is left out.
     pub(super) arguments: Vec<Option<Expression>>,
 }
 
@@ -67,7 +67,7 @@ pub(super) struct Setting {
     pub(super) value: Expression,
 }
 
-/// What expressions and statements consist of.
+/// A part of an expression or a statement.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Part<'e> {
     Path(&'e Path),
@@ -76,7 +76,7 @@ pub(super) enum Part<'e> {
 }
 
 impl Part<'_> {
-    /// Complete numeric positions in it, and not in its parts.
+    /// Number of complete numeric positions in it, without those in its parts.
     pub(super) fn positions(&self) -> usize {
         let Self::Other(Expression::Aggregate(fields)) = self else { return 0 };
         let is_number = |value: &Expression| matches!(value, Expression::Known(Value::Number(_, Some(_))));
@@ -90,12 +90,12 @@ impl Expression {
         Self::Unknown(why, Vec::new())
     }
 
-    /// An operator between it and another.
+    /// This expression and another, joined by an operator.
     pub(super) fn with(self, operator: Binary, other: Self) -> Self {
         Self::Chain(Box::new(self), vec![(Operator::Other(operator), other)])
     }
 
-    /// The expressions that it consists of.
+    /// The expressions of which it consists.
     fn parts(&self) -> Vec<&Self> {
         match self {
             Self::Known(_) => Vec::new(),
@@ -107,7 +107,7 @@ impl Expression {
         }
     }
 
-    /// Calls `of` with it and all within it.
+    /// Calls `of` with the expression and all its parts.
     pub(super) fn each<'e>(&'e self, of: &mut impl FnMut(Part<'e>)) {
         match self {
             Self::Path(path) => return path.each(of),
@@ -117,7 +117,7 @@ impl Expression {
         self.parts().into_iter().for_each(|part| part.each(of));
     }
 
-    /// Whether it is, or has, a position that leaves components out.
+    /// Whether it is or contains a position without some components.
     pub(super) fn leaves_components_out(&self) -> bool {
         let Self::Aggregate(fields) = self else { return self.parts().into_iter().any(Self::leaves_components_out) };
         let named = fields.iter().filter(|(name, _)| POSE.contains(&&name[..])).count();
@@ -125,7 +125,7 @@ impl Expression {
         (1..POSE.len()).contains(&named) || fields.iter().any(is_part)
     }
 
-    /// The same of what a motion goes to: it is put into no data itself, but what it gives a function is.
+    /// The same for the target of a motion. The target itself is assigned to no data, but an argument of a function in it may be.
     pub(super) fn gives_components_out(&self) -> bool {
         match self {
             Self::Aggregate(_) => self.parts().into_iter().any(Self::leaves_components_out),
@@ -152,13 +152,13 @@ impl Path {
 }
 
 impl Call {
-    /// Where its name stands.
+    /// Place of the name.
     pub(super) fn at(&self) -> Span {
         let end = self.rest.start as usize;
         Span::new(end - self.name.len(), end)
     }
 
-    /// Variables that it is given.
+    /// Names of the variables among the arguments.
     pub(super) fn variables(&self) -> impl Iterator<Item = &Name> {
         let given = self.arguments.iter().flatten();
         given.filter_map(|given| if let Expression::Path(path) = given { Some(&path.name) } else { None })
@@ -166,14 +166,14 @@ impl Call {
 }
 
 impl Cursor<'_> {
-    /// All that is left as one expression.
+    /// The rest of the span as one expression.
     pub(super) fn whole(mut self) -> Expression {
         let mut from_start = self;
         let value = self.expression();
         if self.is_done() { value } else { Expression::Unknown(Reason::Expression, from_start.parts(LexemeKind::End)) }
     }
 
-    /// Comparisons and logic: on one level, so that what mixes them without brackets is not known.
+    /// Comparisons and logical operators. They are read as one level, and an expression that mixes them without brackets is unknown.
     pub(super) fn expression(&mut self) -> Expression {
         let first = self.sum();
         let mut rest = Vec::new();
@@ -196,7 +196,7 @@ impl Cursor<'_> {
         }
     }
 
-    /// A comparison, or what joins two; within that `None` where what comes of it is not looked at.
+    /// The next comparison or logical operator; `Some(None)` for one whose result is not evaluated.
     fn logic(&self) -> Option<Option<Binary>> {
         let lexeme = self.peek();
         Some(match lexeme.kind {
@@ -327,7 +327,7 @@ impl Cursor<'_> {
         }
     }
 
-    /// `name(arguments)`; where it is none, nothing is passed.
+    /// `name(arguments)`; if it is not a call, the cursor does not move.
     pub(super) fn call(&mut self) -> Option<Call> {
         let mut inner = *self;
         let name = inner.accept(LexemeKind::Word)?;
@@ -376,13 +376,13 @@ impl Cursor<'_> {
         if is_twice {
             return Expression::Refused(Reason::ComponentTwice, Span { start, end: self.rest().start }, values);
         }
-        // What it is made of is read, if nothing else.
+        // The rest is not understood, but the data that it names are read.
         values.append(&mut self.deeper(|inner| inner.parts(LexemeKind::Mark(b'}'))));
         self.next();
         Expression::Unknown(Reason::Aggregate, values)
     }
 
-    /// The expressions up to a lexeme of this kind, of a text that is not understood as a whole.
+    /// The expressions, up to a lexeme of this kind, in a text that is not understood as a whole.
     pub(super) fn parts(&mut self, end: LexemeKind) -> Vec<Expression> {
         let mut parts = Vec::new();
         while !self.is_done() && self.peek().kind != end {
@@ -404,7 +404,7 @@ impl Cursor<'_> {
         parts
     }
 
-    /// Expressions with commas between them, and those of what stands after the last.
+    /// A list of expressions separated by commas, and the expressions in any text after the last one.
     pub(super) fn list(mut self) -> Vec<Expression> {
         let mut all = vec![self.expression()];
         while self.accept_mark(b',') {

@@ -1,86 +1,15 @@
-//! The steps of routines, in which `deflex_lang` finds what runs, and what each step does.
+//! The effect of each step of a routine, and the state where paths meet.
 
-use super::expression::Expression;
 use super::run::Runner;
 use super::state::ModalState;
+use super::steps::{Row, Test, VALUES_PER_STEP};
 use super::symbols::RoutineId;
-use super::tree::{File, Loop, Statement, StatementKind};
+use super::tree::Loop;
 use super::value::Value;
 use crate::program::Reason;
-use deflex_lang::flow::{Builder, Flow};
 use deflex_lang::walk::{Machine, Meeting, Stop};
 
-/// Values that are compared and copied in about the time of a statement.
-pub(super) const VALUES_PER_STEP: usize = 256;
-
-/// Statements in a row, none of which decides what runs next.
-pub(super) type Row<'a> = &'a [Statement];
-
-/// What decides between two ways.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Test<'a> {
-    If(&'a Expression),
-    /// Whether there is another round.
-    Round(&'a Loop),
-}
-
-type Steps<'a> = Builder<'a, Row<'a>, Test<'a>>;
-
-/// The steps of all routines, in the order of the files.
-pub(super) type Routines<'a> = Flow<Row<'a>, Test<'a>>;
-
-pub(super) fn routines(files: &[File]) -> Routines<'_> {
-    let mut flow = Flow::default();
-    let all = files.iter().flat_map(|file| &file.routines);
-    all.for_each(|routine| flow.add(|steps| lay(steps, &routine.body)));
-    flow
-}
-
-/// Whether what runs next does not depend on it.
-fn is_plain(statement: &Statement) -> bool {
-    !matches!(
-        statement.kind,
-        StatementKind::If(_)
-            | StatementKind::Loop(_)
-            | StatementKind::Jump(_)
-            | StatementKind::Label(_)
-            | StatementKind::Return(_)
-            | StatementKind::Exit
-    )
-}
-
-fn lay<'a>(steps: &mut Steps<'a>, block: &'a [Statement]) {
-    for row in block.chunk_by(|a, b| is_plain(a) && is_plain(b)) {
-        if is_plain(&row[0]) { steps.step(row) } else { lay_statement(steps, &row[0]) }
-    }
-}
-
-fn lay_statement<'a>(steps: &mut Steps<'a>, statement: &'a Statement) {
-    match &statement.kind {
-        StatementKind::If(of) => {
-            steps.branch(Test::If(&of.condition), |steps| lay(steps, &of.then), |steps| lay(steps, &of.otherwise));
-        }
-        StatementKind::Loop(of) => steps.repeat(|steps| {
-            let is_tested = !of.is_endless();
-            match of.is_until {
-                false if is_tested => {
-                    steps.branch(Test::Round(of), |steps| lay(steps, &of.body), Builder::leave);
-                }
-                _ => lay(steps, &of.body),
-            }
-            if of.is_until && is_tested {
-                steps.branch(Test::Round(of), |_| (), Builder::leave);
-            }
-        }),
-        StatementKind::Jump(to) => steps.jump(to),
-        StatementKind::Label(name) => steps.label(name),
-        StatementKind::Return(_) => steps.returns(std::slice::from_ref(statement)),
-        StatementKind::Exit => steps.leave(),
-        _ => {}
-    }
-}
-
-/// How much was found so far.
+/// Sizes of the results so far.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Found {
     targets: usize,
@@ -152,7 +81,7 @@ impl<'a> Machine for Runner<'a> {
 }
 
 impl<'a> Runner<'a> {
-    /// Runs the steps of a routine from what holds; what holds at its end does after it.
+    /// Runs the steps of a routine from the present state; the state at its end becomes the present one.
     pub(super) fn walk(&mut self, id: RoutineId) -> Result<(), Stop> {
         let (routines, state) = (self.routines.clone(), std::mem::take(&mut self.state));
         let before: usize = self.symbols.files[..id.file].iter().map(|file| file.routines.len()).sum();
@@ -166,7 +95,7 @@ impl<'a> Runner<'a> {
             Test::Round(of) => {
                 self.steps += 1;
                 let holds = self.evaluate(&of.condition).bool().map(|holds| holds != of.is_until);
-                // What nothing in the loop changes never ends it.
+                // A condition that nothing in the loop changes never ends it.
                 holds.filter(|goes_on| !goes_on || !self.is_steady(of))
             }
         })

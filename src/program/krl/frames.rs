@@ -2,7 +2,7 @@
 
 use super::like::intern;
 use super::run::Runner;
-use super::state::Id;
+use super::symbols::Id;
 use super::value::Value;
 use crate::program::{Reason, Tool, ToolData, Wobj, WobjData};
 use crate::text::{Diagnostic, Severity};

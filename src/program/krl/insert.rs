@@ -1,4 +1,4 @@
-//! Points between two targets: motions of their own before the statement, in the file's layout.
+//! Inserted points between two targets: each becomes a motion before the statement, in the layout of the file.
 
 use super::Layout;
 use super::lex::{Cursor, lines};
@@ -11,7 +11,7 @@ use crate::program::{Editable, Insert, Motion, Passing, Program, Reason, Rewritt
 use crate::text::{Edit, Source, Span, number};
 use std::ops::Range;
 
-/// Writes the inserts into `out`; gives each as the controller will hold it, where it could be written.
+/// Writes the inserts into `out`. Returns each as the controller will store it; `None` if it could not be written.
 pub(super) fn write(program: &Program, layout: &Layout, inserts: &[Insert], out: &mut Rewritten) {
     if inserts.is_empty() {
         return;
@@ -37,7 +37,7 @@ pub(super) fn write(program: &Program, layout: &Layout, inserts: &[Insert], out:
     out.not_inserted.dedup();
 }
 
-/// Where nothing may be inserted.
+/// Places where nothing may be inserted.
 struct Barred {
     /// Blocks of splines.
     splines: Vec<Range<usize>>,
@@ -81,7 +81,7 @@ impl Barred {
     }
 }
 
-/// Folds that the controller writes: their first line holds the parameters of a form (`;%{PE}`).
+/// Folds that the controller writes. Their first line has the parameters of an inline form (`;%{PE}`).
 fn forms(bytes: &[u8]) -> Vec<Range<usize>> {
     let (mut found, mut open) = (Vec::new(), Vec::new());
     for at in memchr::memchr_iter(b';', bytes) {
@@ -189,7 +189,7 @@ fn line(program: &Program, layout: &Layout, insert: &Insert, barred: &[Barred]) 
     Ok((source, Span { start: target.span.start, end: target.span.start }, content, pose))
 }
 
-/// `X 1.000,Y 2.000` after a brace or other components, and what single precision makes of the numbers.
+/// Writes `X 1.000,Y 2.000` after a brace or other components. Returns the numbers in single precision.
 fn put<'n>(out: &mut Vec<u8>, components: impl Iterator<Item = (&'n &'n [u8], f64)>, decimals: usize) -> Vec<f64> {
     let mut held = Vec::new();
     for (name, value) in components {
@@ -206,7 +206,7 @@ fn put<'n>(out: &mut Vec<u8>, components: impl Iterator<Item = (&'n &'n [u8], f6
     held
 }
 
-/// The blanks before a statement, and how its line ends.
+/// The blanks before a statement, and its line end.
 fn around(bytes: &[u8], statement: Span) -> (&[u8], &[u8]) {
     let Range { start, end } = statement.range();
     let blanks = bytes[..start].iter().rev().take_while(|byte| matches!(byte, b' ' | b'\t')).count();

@@ -1,4 +1,4 @@
-//! Bytes to lexemes, a line at a time: a statement ends with its line.
+//! Splits the text into lexemes, one line at a time, because a statement ends with its line.
 
 use crate::program::Mark;
 use crate::text::Span;
@@ -8,7 +8,7 @@ use nom::character::complete::one_of;
 use nom::combinator::{opt, recognize};
 use nom::{IResult, Parser};
 
-/// What a lexeme is.
+/// The kind of a lexeme.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum LexemeKind {
     /// Name, reserved word or system variable.
@@ -29,13 +29,13 @@ pub(super) enum LexemeKind {
     AtLeast,
     /// Any other printable character.
     Mark(u8),
-    /// A byte that KRL has no use for, or a text without an end.
+    /// A byte that KRL does not use, or a string without an end.
     Junk,
     /// The end of the line.
     End,
 }
 
-/// One lexeme and where it stands.
+/// A lexeme with its place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Lexeme {
     pub(super) kind: LexemeKind,
@@ -72,13 +72,13 @@ fn number(input: Bytes<'_>) -> Found<'_> {
     recognize((alt((whole, recognize((tag("."), digits)))), opt(exponent))).parse(input)
 }
 
-/// Up to the same quote on the line.
+/// The text up to the same quote on the line.
 fn quoted(input: Bytes<'_>) -> Found<'_> {
     let quote = input[0];
     recognize((one_of("\"'"), take_till(|b| b == quote), one_of("\"'"))).parse(input)
 }
 
-/// The lexeme at the start of `input`, blanks passed: its kind and length, which is 0 only at the end.
+/// Kind and length of the lexeme at the start of `input`, after blanks. The length is 0 only at the end.
 fn lexeme(input: Bytes<'_>) -> (LexemeKind, usize) {
     let Some(&first) = input.first() else { return (LexemeKind::End, 0) };
     let taken =
@@ -98,7 +98,7 @@ fn lexeme(input: Bytes<'_>) -> (LexemeKind, usize) {
     }
 }
 
-/// A walk over the lexemes of a span, mostly one line's.
+/// A cursor over the lexemes of a span, which is mostly one line.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cursor<'a> {
     pub(super) bytes: &'a [u8],
@@ -106,7 +106,7 @@ pub(super) struct Cursor<'a> {
     pub(super) source: u16,
     at: usize,
     end: usize,
-    /// How many brackets are open.
+    /// Number of open brackets.
     pub(super) depth: usize,
 }
 
@@ -116,17 +116,17 @@ impl<'a> Cursor<'a> {
         Self { bytes, source, at: range.start, end: range.end.min(bytes.len()), depth: 0 }
     }
 
-    /// A walk over a part of the same text.
+    /// A cursor over another part of the same text.
     pub(super) fn within(&self, span: Span) -> Self {
         Self { at: span.start as usize, end: span.end as usize, ..*self }
     }
 
-    /// What is left of the span.
+    /// The rest of the span.
     pub(super) fn rest(&self) -> Span {
         Span::new(self.at.min(self.end), self.end)
     }
 
-    /// The next lexeme, without passing it.
+    /// The next lexeme; the cursor does not move.
     pub(super) fn peek(&self) -> Lexeme {
         let rest = &self.bytes[self.at.min(self.end)..self.end];
         let start = self.at + rest.iter().position(|b| !is_blank(*b)).unwrap_or(rest.len());
@@ -134,14 +134,14 @@ impl<'a> Cursor<'a> {
         Lexeme { kind, start, end: start + len }
     }
 
-    /// Passes and gives the next lexeme.
+    /// Returns the next lexeme and moves after it.
     pub(super) fn next(&mut self) -> Lexeme {
         let lexeme = self.peek();
         self.at = lexeme.end;
         lexeme
     }
 
-    /// Passes the next lexeme if it is of this kind.
+    /// Moves after the next lexeme and returns it, if it is of this kind.
     pub(super) fn accept(&mut self, kind: LexemeKind) -> Option<Lexeme> {
         let lexeme = self.peek();
         (lexeme.kind == kind).then(|| {
@@ -154,7 +154,7 @@ impl<'a> Cursor<'a> {
         self.accept(LexemeKind::Mark(mark)).is_some()
     }
 
-    /// Passes `[…]`; whether that is next.
+    /// Moves after `[…]` if that is next. Returns whether it was.
     pub(super) fn accept_brackets(&mut self) -> bool {
         let is = self.accept_mark(b'[');
         while is && !self.is_done() && !self.accept_mark(b']') {
@@ -169,7 +169,7 @@ impl<'a> Cursor<'a> {
         lexeme.kind == LexemeKind::Word && self.text(lexeme).eq_ignore_ascii_case(word)
     }
 
-    /// Passes the next lexeme if it is this word.
+    /// Moves after the next lexeme if it is this word. Returns whether it was.
     pub(super) fn accept_word(&mut self, word: &[u8]) -> bool {
         let is = self.is_at(word);
         if is {
@@ -186,7 +186,7 @@ impl<'a> Cursor<'a> {
         &self.bytes[lexeme.start..lexeme.end]
     }
 
-    /// Passes to the first of these words outside brackets; what stands before it, and which it is.
+    /// Moves to the first of these words outside of brackets. Returns the text before it, and which word it is.
     pub(super) fn until(&mut self, words: &[&[u8]]) -> (Span, Option<usize>) {
         let start = self.at;
         let mut depth = 0_usize;
@@ -213,14 +213,14 @@ impl<'a> Cursor<'a> {
     }
 }
 
-/// A line: what of it is code, without blanks around, and the mark in its comment.
+/// A line: its code without blanks at the ends, and the mark in its comment.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Line {
     pub(super) code: Span,
     pub(super) mark: Option<Mark>,
 }
 
-/// The lines of a file that hold code or a mark.
+/// The lines of a file that have code or a mark.
 pub(super) fn lines(bytes: &[u8]) -> impl Iterator<Item = Line> {
     let mut at = if bytes.starts_with(b"\xEF\xBB\xBF") { 3 } else { 0 };
     std::iter::from_fn(move || {

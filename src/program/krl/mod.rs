@@ -5,7 +5,7 @@
 //! | `lex` | bytes | lines of lexemes, marks |
 //! | `syntax`, `expression`, `tree` | lines | routines, data lists, statements, expressions: each read once |
 //! | `value`, `eval`, `symbols`, `state` | expressions | values, known or unknown, and where their numbers stand |
-//! | `flow` | blocks | the steps of routines; `deflex_lang::walk` finds which of them run, and what holds at each |
+//! | `steps`, `flow` | blocks | the steps of routines; `deflex_lang::walk` finds which of them run, and what holds at each |
 //! | `run`, `calls`, `motion` | statements | targets |
 //! | `chunks`, `like` | a long file | the same in constant memory |
 //! | `changes`, `names` | statements | what they could change |
@@ -31,6 +31,7 @@ mod rewrite;
 mod run;
 mod settle;
 mod state;
+mod steps;
 mod symbols;
 mod syntax;
 mod system;
@@ -159,7 +160,7 @@ fn refuse(source: &Source) -> Option<Diagnostic> {
     if u32::try_from(source.bytes.len()).is_err() {
         return Some(whole("krl.too-large", "file is larger than 4 GiB", 0).help("split it"));
     }
-    let at = crate::program::detect::no_text(&source.bytes)?;
+    let at = crate::text::no_text(&source.bytes)?;
     Some(whole("krl.no-text", "the file is no text: expected KRL", at).help("save it from the controller as text"))
 }
 

@@ -1,4 +1,4 @@
-//! Executed motions: their targets, tools, bases and speeds, and what of them may be edited.
+//! Executed motions: their targets, tools, bases and speeds, and which parts of them may be edited.
 
 use super::expression::Expression;
 use super::run::{Runner, Site};
@@ -13,11 +13,11 @@ use std::sync::Arc;
 /// Status and turn.
 const STATUS: [&[u8]; 2] = [b"S", b"T"];
 
-/// A position as a motion takes it.
+/// The position to which a motion goes.
 struct Position {
     numbers: [f64; 6],
     places: [Option<SourceSpan>; 6],
-    /// Those that it, or a motion before, names.
+    /// External axes that this position or one before names.
     external: [Option<Value>; 6],
 }
 
@@ -29,7 +29,7 @@ impl Position {
 }
 
 impl Runner<'_> {
-    /// A motion that is not followed: its start is not known.
+    /// Records a motion that is not followed, because its start is unknown.
     pub(super) fn relative(&mut self, to: &[Expression], span: Span, reason: Reason) {
         self.motions += u32::from(self.notes);
         for to in to {
@@ -40,7 +40,7 @@ impl Runner<'_> {
         self.keep_motion(span, reason);
     }
 
-    /// Axes that a motion may move elsewhere than to zero.
+    /// Marks the external axes that a motion may move to a position other than zero.
     pub(super) fn use_axes_of(&mut self, value: &Value) {
         match value {
             Value::Unknown(_, Some(was)) => self.use_axes_of(was),
@@ -59,7 +59,7 @@ impl Runner<'_> {
         }
     }
 
-    /// One executed motion.
+    /// Follows one executed motion.
     pub(super) fn motion(&mut self, of: &Move, span: Span) {
         let motion = of.motion;
         self.motions += u32::from(self.notes);
@@ -67,7 +67,7 @@ impl Runner<'_> {
         if of.is_curve {
             self.tell_curve(span);
         }
-        // What is moved to may call functions, which come before WITH.
+        // The position may call functions, which run before WITH.
         let via = of.via.as_ref().map(|via| self.expression(via));
         let name = self.label(&of.end).map(|label| label.as_str().into());
         let end = self.expression(&of.end);
@@ -114,7 +114,7 @@ impl Runner<'_> {
         if let Some(joints) = axes(end)? {
             return self.go_to_joints(motion, joints, end, span);
         }
-        // First of all: what it takes from the motion before stays there.
+        // This comes first, because the components that it takes from the motion before must not be edited.
         let to = self.position(end);
         let (tool, wobj) = (self.tool_index()?, self.wobj_index()?);
         let mut to = to?;
@@ -156,7 +156,7 @@ impl Runner<'_> {
             self.via(via, &to, &target)?;
         }
         if turns != Ok(true) {
-            // A correction of the turn there would turn this one too.
+            // A corrected orientation of that number would turn this target too.
             self.pinned.extend(to.places[3..].iter_mut().filter_map(Option::take));
         }
         let numbers = to.numbers.iter().zip(to.places).enumerate().map(|(i, (v, place))| match turns {
@@ -173,7 +173,7 @@ impl Runner<'_> {
         Ok(())
     }
 
-    /// Notes how the tool is turned at the end of a motion, and in what frames that is counted.
+    /// Records the orientation at the end of a motion, with the base and the tool in which it is counted.
     fn note_orientation(&mut self, to: &Position, is_known: bool) {
         let turned = if is_known {
             let angles = POSE[3..].iter().zip(&to.numbers[3..]).map(|(name, v)| (*name, Value::Number(*v, None)));
@@ -186,7 +186,7 @@ impl Runner<'_> {
         self.state.values.insert(self.symbols.turned, turned);
     }
 
-    /// How the tool is turned before a motion, in its base and of its tool; `None` where that is not known.
+    /// The orientation before a motion, in the motion's base and of its tool; `None` if it is unknown.
     fn orientation_before(&self) -> Option<[f64; 4]> {
         let turned = self.settled(self.symbols.turned);
         let same = |name: &[u8], id| turned.component(name).is_some_and(|frame| *frame == self.value(id));
@@ -195,7 +195,8 @@ impl Runner<'_> {
             .then(|| quaternion(&from_zyx_deg([a, b, c])))
     }
 
-    /// The auxiliary point of a circle: its angles are ignored, the orientation turns from that before to that at the end.
+    /// Adds the auxiliary point of a circle. The controller ignores its angles: the orientation turns evenly from that before the arc to
+    /// that at its end.
     fn via(&mut self, via: &Value, to: &Position, target: &Target) -> Result<(), Reason> {
         let [x, y, z] = via.numbers([b"X", b"Y", b"Z"]).ok_or_else(|| why(via))?;
         let before = self.orientation_before();
@@ -216,7 +217,7 @@ impl Runner<'_> {
         Ok(())
     }
 
-    /// The end of a motion of the axes, at the mark that is in force.
+    /// The target of a motion at the running statement, with the mark that is in force.
     fn target_here(&self, goal: Goal, [tool, wobj]: [u16; 2], span: Span) -> Target {
         Target {
             ordinal: self.motions,
@@ -256,7 +257,7 @@ impl Runner<'_> {
         Ok(())
     }
 
-    /// The numbers of a position; those that it does not name are those of the position before.
+    /// The numbers of a position; a component that it does not name is that of the position before.
     fn position(&mut self, value: &Value) -> Result<Position, Reason> {
         let Value::Record(_) = value else {
             if self.leaves_components_out {
@@ -288,13 +289,13 @@ impl Runner<'_> {
         Ok(found)
     }
 
-    /// A component that is not known may still be that of the motion before, whichever that is.
+    /// An unknown component may be that of any motion before.
     pub(super) fn hold_position_before(&mut self) {
         let before = self.value(self.symbols.position);
         self.pin(&before);
     }
 
-    /// Why it is not known where the controller goes, if that is so.
+    /// Why it is unknown where the controller goes; `None` if it is known.
     fn unlocated(&self, to: &Position) -> Option<Reason> {
         if to.external.iter().flatten().any(|axis| axis.number().is_none()) {
             return Some(Reason::ExternalAxisUnknown);
@@ -306,9 +307,9 @@ impl Runner<'_> {
         }
     }
 
-    /// Whether a path motion turns to the orientation at its end (`$ORI_TYPE`): with `#CONSTANT` the controller disregards it,
-    /// which is all the same where it is that of the start. KUKA System Software, *Operating and Programming Instructions for
-    /// System Integrators*, orientation control of LIN and CIRC.
+    /// Whether a path motion turns to the orientation at its end (`$ORI_TYPE`). With `#CONSTANT` the controller ignores that orientation,
+    /// which makes no difference if it is that of the start. KUKA System Software, *Operating and Programming Instructions for System
+    /// Integrators*, orientation control of LIN and CIRC.
     fn turns(&self, to: &Position) -> Result<bool, Reason> {
         let Value::Constant(kind) = self.settled(self.symbols.orientation) else {
             return Err(Reason::OrientationTypeUnknown);
@@ -321,7 +322,7 @@ impl Runner<'_> {
         }
     }
 
-    /// External axes that do not go where the position says: it is not known where they are from here on.
+    /// Makes external axes unknown that do not go where the position says.
     ///
     /// A bit of `$EX_AX_IGNORE` lets the controller choose the axis between the points of a spline around it; one of
     /// `$ASYNC_AXIS` leaves it to `ASYPTP` and to the operator. KUKA System Software 8, *Operating and Programming Instructions
@@ -344,8 +345,8 @@ impl Runner<'_> {
         found
     }
 
-    /// Whether the orientation turns on an arc as it does on a line, which the auxiliary point is corrected for: so it does where
-    /// `$CIRC_TYPE` is #BASE, and `$CIRC_MODE`, which says more of SCIRC, is as it was.
+    /// Whether the orientation turns on an arc as on a line, as the correction of the auxiliary point assumes. It does if `$CIRC_TYPE` is
+    /// #BASE and `$CIRC_MODE`, which refines it for SCIRC, is not set.
     fn turns_on_arc(&self) -> Result<(), Reason> {
         match (self.settled(self.symbols.circle_type), self.settled(self.symbols.circle_mode)) {
             (_, mode) if !matches!(&mode, Value::Record(said) if said.is_empty()) => Err(Reason::ArcModeSet),
@@ -355,7 +356,7 @@ impl Runner<'_> {
         }
     }
 
-    /// The mark in force, and whether that is known.
+    /// The mark in force, and whether it is known.
     fn mark(&self) -> (Option<Mark>, bool) {
         match self.settled(self.symbols.mark) {
             Value::Bool(_) => (None, true),
@@ -390,7 +391,7 @@ fn has_other_components(value: &Value) -> bool {
     fields.iter().any(|(name, _)| !known(name))
 }
 
-/// Why a value is no position.
+/// Why a value is not a position.
 fn why(value: &Value) -> Reason {
     match value {
         Value::Unknown(why, _) => *why,
@@ -402,7 +403,7 @@ fn why(value: &Value) -> Reason {
     }
 }
 
-/// Axis angles, degrees, where the value has any.
+/// Axis angles, degrees; `None` if the value has none.
 fn axes(value: &Value) -> Result<Option<[f64; 6]>, Reason> {
     if AXES.iter().all(|name| value.component(name).is_none()) {
         return Ok(None);

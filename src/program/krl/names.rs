@@ -1,4 +1,4 @@
-//! Names of the language and of KUKA's own files: what they do, as far as it matters to where the robot goes.
+//! Names of the language and of KUKA's own files, by their effect on where the robot goes.
 //!
 //! Source: KUKA System Software, *Operating and Programming Instructions for System Integrators*, KSS 8.3, chapter on KRL, and
 //! the comments of the controller's own BAS.SRC, as cited in public programs.
@@ -15,7 +15,8 @@ pub(super) fn motion(word: &[u8]) -> Option<Motion> {
     })
 }
 
-/// A motion that counts from where the robot stands, or moves external axes asynchronously to the program.
+/// Why the motion of a word is not followed: it is relative to the present position, or moves external axes asynchronously to the program.
+/// `None` for other words.
 pub(super) fn relative(word: &[u8]) -> Option<Reason> {
     Some(match word {
         b"PTP_REL" | b"LIN_REL" | b"CIRC_REL" | b"SPTP_REL" | b"SLIN_REL" | b"SCIRC_REL" | b"SPL_REL" => {
@@ -26,7 +27,7 @@ pub(super) fn relative(word: &[u8]) -> Option<Reason> {
     })
 }
 
-/// Words that say how a motion goes over into the next, after the one that says what holds for it alone.
+/// `WITH`, and the words that say how a motion is blended into the next one.
 pub(super) const APPROXIMATE: [&[u8]; 6] = [b"WITH", b"C_DIS", b"C_VEL", b"C_ORI", b"C_PTP", b"C_SPL"];
 
 /// Statements that change no data and move nothing.
@@ -48,21 +49,21 @@ pub(super) const HARMLESS_STATEMENTS: [&[u8]; 15] = [
     b"ON_ERROR_PROCEED",
 ];
 
-/// Words of the language that may stand before a bracket and call nothing.
+/// Words of the language that may be before a bracket without a call.
 pub(super) const NO_CALLS: [&[u8]; 15] = [
     b"AND", b"OR", b"NOT", b"EXOR", b"B_AND", b"B_OR", b"B_NOT", b"B_EXOR", b"FOR", b"SEC", b"CA", b"DO", b"WHEN",
     b"TO", b"STEP",
 ];
 
-/// System data that keep what they are assigned; all others change by themselves.
+/// System data that keep an assigned value; all others change by themselves.
 pub(super) const SETTLED: [&[u8]; 9] =
     [b"$BASE", b"$TOOL", b"$LOAD", b"$VEL", b"$APO", b"$IPO_MODE", b"$ORI_TYPE", b"$NULLFRAME", b"$WORLD"];
 
-/// System data that say how motions are understood; what they hold is not read.
+/// System data that change the meaning of motions; deflex models them itself.
 pub(super) const MODELLED_SYSTEM_VARIABLES: [&[u8]; 4] =
     [b"$EX_AX_IGNORE", b"$ASYNC_AXIS", b"$CIRC_TYPE", b"$CIRC_MODE"];
 
-/// Switches by which BAS corrects a base, and a tool, with frames of their own; `BAS (#INITMOV,0)` takes them back.
+/// Switches with which BAS corrects a base or a tool by an additional frame; `BAS (#INITMOV,0)` resets them.
 pub(super) const CORRECTIONS: [[&[u8]; 2]; 2] =
     [[b"BASE_CORR_ON", b"M_BAS_COR_ON"], [b"TOOL_CORR_ON", b"TOOL_CORR_W_ON"]];
 
@@ -70,7 +71,7 @@ pub(super) const CORRECTIONS: [[&[u8]; 2]; 2] =
 pub(super) const KEEPS_APPROXIMATION: [&[u8]; 7] =
     [b"BASE", b"TOOL", b"VEL_CP", b"VEL_PTP", b"ACC_CP", b"ACC_PTP", b"OV_PRO"];
 
-/// Commands of BAS that set nothing that matters to where the robot goes, or how fast along a path.
+/// Commands of BAS that change neither where the robot goes nor its speed along a path.
 pub(super) const HARMLESS_COMMANDS: [&[u8]; 10] = [
     b"VEL_PTP",
     b"ACC_PTP",
@@ -84,7 +85,7 @@ pub(super) const HARMLESS_COMMANDS: [&[u8]; 10] = [
     b"GROUP",
 ];
 
-/// Functions that name a table's frame, a speed, or how the orientation turns.
+/// Functions of inline forms that return a frame of a table, a speed, or the control of the orientation.
 pub(super) fn is_frame_function(name: &[u8]) -> bool {
     const CIRCLES: [&[u8]; 2] = [b"SCIRC_TYP", b"SCIRC_M"];
     CIRCLES.contains(&name)

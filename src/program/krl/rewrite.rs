@@ -1,4 +1,4 @@
-//! Corrected poses back into number tokens: nothing but sign and digits changes.
+//! Writes corrected poses into the number tokens of the text: only signs and digits change.
 
 use super::numbers::{ANGLE_DECIMALS, POSITION_DECIMALS, bytes, follows_a_name, near};
 use super::run::Site;
@@ -11,7 +11,7 @@ use crate::text::{Content, Edit, Span, Token};
 use deflex_lang::shared::agree;
 use std::collections::HashSet;
 
-/// What one motion wants of its six tokens; `None` where one stays.
+/// New texts of the six tokens of a motion; `None` for a token that stays.
 #[derive(Clone, Debug, Default)]
 struct NewTokens {
     tokens: [Option<Token>; 6],
@@ -106,13 +106,14 @@ impl FrontEnd for Layout {
 }
 
 impl Layout {
-    /// Whether no number is used twice: they stand in the order of the targets.
+    /// Whether no number is used twice: the tokens are in the order of the targets.
     fn are_apart(&self) -> bool {
         let places = || self.sites.iter().flat_map(|site| site.tokens.into_iter().flatten());
         places().zip(places().skip(1)).all(|(a, b)| a < b)
     }
 
-    /// Which targets get the numbers that they want: all that share one have to want the same of it, and an arc is edited as a whole.
+    /// Decides which targets get their new numbers. All targets that share a number must need the same one, and an arc is edited as a
+    /// whole.
     fn agreed(&self, program: &Program, new_tokens: &[NewTokens]) -> Vec<bool> {
         let wishes_of = |i: usize| {
             let wishes = self.sites[i].tokens.iter().zip(&new_tokens[i].tokens);
@@ -126,9 +127,9 @@ impl Layout {
     }
 }
 
-/// One edit for all numbers that change, with what stands between them; `None` where nothing does, or they are far apart.
+/// One edit for all numbers that change, including the text between them; `None` if none changes, or if they are far apart.
 fn together(program: &Program, site: &Site, own: &NewTokens) -> Option<(usize, Edit)> {
-    /// As much as an edit holds in place.
+    /// Number of bytes that an edit stores without an allocation.
     const NEAR: usize = 80;
     let mut changed =
         site.tokens.iter().zip(&own.tokens).filter_map(|(place, token)| place.as_ref().zip(token.as_ref()));
@@ -179,7 +180,7 @@ fn new_tokens_of(program: &Program, site: &Site, i: usize, change: Option<&Chang
     own
 }
 
-/// Position and orientation as the controller will hold them.
+/// Position and orientation as the controller will store them.
 fn written(program: &Program, site: &Site, i: usize, own: &NewTokens) -> ([f64; 3], [f64; 4]) {
     let Goal::Pose { position_mm, quat, .. } = program.targets[i].goal else { return ([0.0; 3], [1.0, 0.0, 0.0, 0.0]) };
     #[allow(clippy::cast_possible_truncation)]

@@ -1,9 +1,9 @@
-//! The program as it runs: calls, loops and branches followed as far as they are known when reading.
+//! Runs the program: follows calls, loops and branches as far as deflex knows them.
 
-use super::flow::{Routines, VALUES_PER_STEP, routines};
 use super::lex::Cursor;
-use super::state::{Changes, Id, ModalState};
-use super::symbols::{RoutineId, Symbols};
+use super::state::{Changes, ModalState};
+use super::steps::{Routines, VALUES_PER_STEP, routines};
+use super::symbols::{Id, RoutineId, Symbols};
 use super::tree::{File, Loop, Routine, Statement, StatementKind};
 use super::value::{Name, Step, Value, upper};
 use crate::program::{Kept, Mark, Reason, Target, Tool, UnknownMotion, Wobj};
@@ -13,39 +13,41 @@ use deflex_lang::walk::Stop;
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::rc::Rc;
 
-/// Statements run in all, and for each byte of the program besides. A loop that takes a fourth of them is run as one round.
+/// Most statements that are run: this many, plus a number for each byte of the program. A loop that takes a quarter of them is run as one
+/// round.
 const STEPS: usize = 2_000_000;
 const STEPS_PER_BYTE: usize = 8;
-/// Targets in all, loops expanded, and for each byte of the program besides: a short file must not fill the memory.
+/// Most targets with all loops expanded: this many, plus a number for each byte of the program, so that a short file cannot fill the
+/// memory.
 const TARGETS: usize = 200_000;
 const TARGETS_PER_BYTE: usize = 1;
-/// Calls within one another.
+/// Largest depth of calls.
 pub(super) const MAX_CALLS: usize = 60;
-/// A routine that is being run.
+/// A call of a routine that is running.
 pub(super) struct Frame {
     pub(super) routine: RoutineId,
     pub(super) names: HashMap<Name, Id>,
 }
 
 impl Frame {
-    /// The names of a file alone.
+    /// A frame outside of all routines, which has only the names of a file.
     pub(super) fn of_file(file: usize) -> Self {
         Self { routine: RoutineId { file, at: usize::MAX }, names: HashMap::new() }
     }
 }
 
-/// What a routine leaves in one of its parameters.
+/// The value of a parameter at the end of a routine.
 pub(super) struct Left {
     pub(super) value: Value,
-    /// A TRIGGER may change it still.
+    /// Whether a TRIGGER may still change it.
     pub(super) is_triggered: bool,
 }
 
-/// Where a target's six numbers stand: X Y Z A B C; `None` for one that stands nowhere.
+/// Places of a target's six numbers X Y Z A B C in the text; `None` for a number that is not in the text.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Site {
     pub(crate) tokens: [Option<SourceSpan>; 6],
-    /// `$APO.CDIS` when the motion runs, mm, where it is known.
+    /// `$APO.CDIS` when the motion runs, mm, if it is known.
     pub(crate) approximation_mm: Option<f64>,
 }
 
@@ -56,40 +58,40 @@ pub(super) struct Runner<'a> {
     pub(super) written: usize,
     pub(super) state: ModalState,
     pub(super) frames: Vec<Frame>,
-    /// Whether targets are noted: not while what holds in a loop is still being found.
+    /// Whether targets are recorded. They are not while the state at the start of any round of a loop is being found.
     pub(super) notes: bool,
-    /// The chain of calls that runs, and the numbers of all that have run, each by the chain around it and what calls in it.
+    /// Number of the running chain of calls.
     context: u32,
     contexts: HashMap<(u32, usize), u32>,
-    /// Where the last target stands, in its chain of calls.
+    /// Place of the last target, in its chain of calls.
     pub(super) last: Option<f64>,
-    /// Loops whose condition nothing in them changes, as far as that has been found.
+    /// Whether anything in a loop can change its condition; computed once for each loop.
     pub(super) steady: HashMap<*const Loop, bool>,
     pub(super) steps: usize,
     pub(super) most_steps: usize,
     pub(super) most_targets: usize,
     pub(super) entered: HashSet<RoutineId>,
-    /// Numbers that something else than a motion reads.
+    /// Numbers that are read by more than motions, or must not be edited for another reason.
     pub(super) pinned: HashSet<SourceSpan>,
     /// Data that may change at any moment.
     pub(super) volatile: HashSet<Id>,
     /// Routines that may run at any moment, or again while they run.
     pub(super) at_any_moment: HashSet<RoutineId>,
-    /// Data that they name.
+    /// Data that these routines name.
     pub(super) read_at_any_moment: HashSet<Id>,
-    /// Whether an interrupt may leave what is called half done.
+    /// Whether an interrupt may end a routine half-way (RESUME).
     pub(super) resumes: bool,
-    /// Whether the program puts positions into data that leave components out.
+    /// Whether the program assigns positions without some components.
     pub(super) leaves_components_out: bool,
-    /// What routines could change, each found once.
+    /// The data that routines could change; computed once for each routine.
     pub(super) changes: HashMap<RoutineId, Rc<Changes>>,
     pub(super) tools: Vec<Tool>,
     pub(super) wobjs: Vec<Wobj>,
     pub(super) targets: Vec<Target>,
     pub(super) sites: Vec<Site>,
-    /// External axes of each target, as far as positions name them.
+    /// External axes of each target; `None` for axes that its position does not name.
     pub(super) external: Vec<[Option<f64>; 6]>,
-    /// Axes that motions move elsewhere than to zero, or to where it is not known.
+    /// External axes that a motion moves to a position that is unknown or not zero.
     pub(super) used_axes: [bool; 6],
     pub(super) motions: u32,
     pub(super) arcs: usize,
@@ -97,7 +99,7 @@ pub(super) struct Runner<'a> {
     pub(super) unknown: Vec<UnknownMotion>,
     pub(super) kept: Vec<Kept>,
     seen: HashSet<(usize, Span, Reason)>,
-    /// What has been said once.
+    /// Texts of the messages so far; each is given once.
     said: BTreeSet<String>,
     pub(super) diagnostics: Vec<Diagnostic>,
     pub(super) lines: Vec<LineIndex>,
@@ -125,7 +127,7 @@ impl<'a> Runner<'a> {
         runner
     }
 
-    /// Runs what an operator may select: the first routine of each file that no other calls.
+    /// Runs everything that an operator may select: the first routine of each file that no other routine calls.
     pub(super) fn run(&mut self) {
         self.expect_interrupts();
         self.find_what_runs_at_any_moment();
@@ -183,7 +185,7 @@ impl<'a> Runner<'a> {
         }
         let before = self.volatile.clone();
         self.volatile.extend(own.iter().zip(aliased).filter(|(_, aliased)| **aliased).map(|(id, _)| *id));
-        // A parameter is declared within, too: that says its type.
+        // The declaration of a parameter in the routine has given its type.
         for data in routine.data.iter().filter(|data| routine.params.iter().all(|param| param.name != data.name)) {
             let local = self.symbols.local(Value::unknown(Reason::Unset));
             self.symbols.declare_type(local, data.kind);
@@ -193,7 +195,7 @@ impl<'a> Runner<'a> {
         let ended = self.walk(id);
         let left = |id: &Id| Left { value: self.value(*id), is_triggered: self.state.loose.contains(id) };
         let out = own.iter().map(left).collect();
-        // Its own data end with it.
+        // The routine's own data do not outlive it.
         let locals: HashSet<Id> = self.frames.pop().into_iter().flat_map(|frame| frame.names.into_values()).collect();
         self.state.values.retain(|id, _| !locals.contains(id));
         self.state.tighten(&locals);
@@ -206,7 +208,7 @@ impl<'a> Runner<'a> {
         self.volatile.contains(&id) || self.state.loose.contains(&id)
     }
 
-    /// Runs what is called at an address, in a chain of calls with a number of its own.
+    /// Calls `run` in the chain of calls that the statement at `address` continues. Each chain has a number.
     pub(super) fn within<T>(&mut self, address: usize, run: impl FnOnce(&mut Self) -> T) -> T {
         let (next, around) = (self.contexts.len() as u32 + 1, self.context);
         self.context = *self.contexts.entry((around, address)).or_insert(next);
@@ -215,7 +217,7 @@ impl<'a> Runner<'a> {
         done
     }
 
-    /// A place in the text, in the chain of calls that runs.
+    /// A number for a place in the text, in the running chain of calls.
     pub(super) fn site(&self, at: Span) -> f64 {
         f64::from(self.context) * (f64::from(u32::MAX) + 1.0) + f64::from(at.start)
     }
@@ -227,7 +229,7 @@ impl<'a> Runner<'a> {
         if is_too_long { self.give_up(at) } else { Ok(()) }
     }
 
-    /// The program has no end that is found.
+    /// Ends the run with an error, because no end of the program was found.
     pub(super) fn give_up(&mut self, span: Span) -> Result<(), Stop> {
         let source = &self.symbols.sources[self.here()];
         let error = Diagnostic::error("krl.endless", &source.name, "deflex found no end of the program");
@@ -239,7 +241,7 @@ impl<'a> Runner<'a> {
         self.note(Kept { source, span, line: 0, reason, fault: false, help: "" });
     }
 
-    /// What a controller does not load: no program is written from this one.
+    /// Records something that a controller does not load. No program will be written.
     pub(super) fn refuse(&mut self, span: Span, reason: Reason) {
         self.note(Kept { source: self.here(), span, line: 0, reason, fault: true, help: "" });
     }
@@ -251,7 +253,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// A motion whose target is not known.
+    /// Records a motion with an unknown target.
     pub(super) fn keep_motion(&mut self, span: Span, reason: Reason) {
         if !self.notes {
             return;
@@ -263,7 +265,7 @@ impl<'a> Runner<'a> {
         self.keep(self.here(), span, reason);
     }
 
-    /// Says once what is so at a place of a file.
+    /// Adds a message at a place of a file, unless it was given already.
     pub(super) fn say(&mut self, said: Diagnostic, file: usize, place: Option<Span>) {
         if self.said.insert(said.message.clone()) {
             let source = &self.symbols.sources[file];
@@ -271,7 +273,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// A routine is not in the files.
+    /// Warns of a routine that is not in the files.
     pub(super) fn tell_unknown(&mut self, name: &Name, span: Span) {
         let source = &self.symbols.sources[self.here()];
         let message = format!("`{}` is not in the files: what it could change is unknown after it", decode(name));
@@ -281,7 +283,7 @@ impl<'a> Runner<'a> {
         self.say(warning.help(help), self.here(), Some(span));
     }
 
-    /// The same of what an interrupt or a TRIGGER starts.
+    /// Warns of a routine that an interrupt or a TRIGGER starts, and that is not in the files.
     pub(super) fn tell_started(&mut self, run: &Statement) {
         let cursor = Cursor::new(self.bytes(self.here()), 0, run.at);
         let first = cursor.peek();
@@ -300,7 +302,7 @@ impl<'a> Runner<'a> {
         if !std::mem::take(&mut self.state.proceeds) {
             return self.run_simple(statement);
         }
-        // Where it fails the program goes on all the same, and what it sets is as it was.
+        // If the statement fails, the program continues, and the data that it sets keep their values.
         let changes = self.changes_in(std::slice::from_ref(statement));
         self.run_simple(statement)?;
         self.forget(&changes, Reason::StatementMayFail);

@@ -1,4 +1,4 @@
-//! What of the targets may be edited, once all that reads their numbers is known.
+//! Decides which parts of the targets may be edited, after everything that reads their numbers is known.
 
 use super::expression::{Expression, Part};
 use super::run::{Runner, Site};
@@ -11,7 +11,7 @@ use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 impl Runner<'_> {
-    /// The same of a motion that is not run: of what its text says and of the data that it names.
+    /// Marks the external axes that are used by a motion that is not run: in its text, and in the start values of the data that it names.
     fn use_axes_in(&mut self, file: usize, statement: &Statement) {
         statement.each(&mut |part| match part {
             Part::Other(Expression::Aggregate(fields)) => {
@@ -30,8 +30,8 @@ impl Runner<'_> {
         });
     }
 
-    /// What of the targets may be edited, now that all that reads their numbers is known: what stays holds its numbers, and
-    /// with them what else uses these, until that is so of all.
+    /// Decides which parts of the targets may be edited. A target that must stay fixes its numbers, and these fix every other target that
+    /// uses them, until nothing changes any more.
     pub(super) fn settle(&mut self) {
         self.use_axes();
         self.hold_shared_angles();
@@ -70,7 +70,7 @@ impl Runner<'_> {
         }
     }
 
-    /// External axes that positions name; those that are nowhere elsewhere than at zero are at rest.
+    /// Sets the external axes of the targets. An axis that is at zero in all of the program is at rest.
     pub(super) fn use_axes(&mut self) {
         let named = |axis: usize| self.external.iter().any(|external| external[axis].is_some());
         let at_rest: [bool; 6] = std::array::from_fn(|axis| !self.used_axes[axis] && named(axis));
@@ -86,7 +86,8 @@ impl Runner<'_> {
         }
     }
 
-    /// An angle that several points have (`P[i].A=-30` in a loop) turns all of them: it stays, their positions are their own.
+    /// Fixes angles that several points share (`P[i].A=-30` in a loop), because an edit would turn all of them. Their positions can still
+    /// be edited.
     pub(super) fn hold_shared_angles(&mut self) {
         let mut owners: HashMap<SourceSpan, Option<SourceSpan>> = HashMap::new();
         for site in &self.sites {
@@ -99,7 +100,7 @@ impl Runner<'_> {
         }
     }
 
-    /// Why a number stays as it is.
+    /// Why a number must not be edited; `None` if it may be.
     pub(super) fn holds(&self, place: Option<SourceSpan>) -> Option<Reason> {
         match place {
             None => Some(Reason::Computed),
@@ -109,7 +110,7 @@ impl Runner<'_> {
         }
     }
 
-    /// Why a target stays as it is.
+    /// Why a target must not be edited; `None` if it may be.
     pub(super) fn fixed(&self, i: usize) -> Option<Reason> {
         if let Editable::No(reason) = self.targets[i].editable {
             return Some(reason);
@@ -119,12 +120,12 @@ impl Runner<'_> {
         [x, y, z].into_iter().find_map(|place| self.holds(place)).or(one)
     }
 
-    /// Whether the routine runs elsewhere too, where the state is not known.
+    /// Whether the running routine may also run at another moment, in an unknown state.
     pub(super) fn runs_at_any_moment(&self) -> bool {
         self.frames.last().is_some_and(|frame| self.at_any_moment.contains(&frame.routine))
     }
 
-    /// Motions that nothing runs stay, and what routines name that nothing runs.
+    /// Keeps the motions that were not run, and fixes the data that routines name which were not run.
     pub(super) fn keep_what_is_not_run(&mut self) {
         let targets = self.targets.iter().map(|target| (target.source, target.span));
         let ran: HashSet<(u16, Span)> =

@@ -1,43 +1,40 @@
-//! What may hold at a place of the program: values of data by number, those that differ from what the text says.
+//! The state at a place of the program: the values of data that differ from their start values, by number.
 
-use super::symbols::RoutineId;
+use super::symbols::{Id, RoutineId};
 use super::value::Value;
 use crate::program::Reason;
 use deflex_lang::ir::SourceSpan;
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::rc::Rc;
 
-/// Number of a variable.
-pub(super) type Id = usize;
-
-/// Variables that may be changed.
+/// The changes that some statements could make.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Changes {
     pub(super) ids: BTreeSet<Id>,
-    /// All that other files see, base and tool among it.
+    /// Whether everything may change that other files see, including base and tool.
     pub(super) anything: bool,
-    /// Routines that were looked through.
+    /// Routines that were scanned.
     pub(super) through: BTreeSet<RoutineId>,
 }
 
-/// What holds; data that are not in it hold what they hold at the start.
+/// The state of the run. Data without a value here have their start values.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct ModalState {
     pub(super) values: BTreeMap<Id, Value>,
-    /// Data that may change at any moment from here on: what a TRIGGER may, and what is counted from where the robot stands.
+    /// Data that may change at any moment from here on: those that a TRIGGER changes, and those that depend on where the robot stands.
     pub(super) loose: Rc<BTreeSet<Id>>,
-    /// The next statement may fail, and the program goes on after it.
+    /// Whether the program continues if the next statement fails.
     pub(super) proceeds: bool,
 }
 
 impl ModalState {
-    /// What a variable holds.
+    /// The value of a variable.
     pub(super) fn at<'s>(&'s self, id: Id, start: &'s [Value]) -> &'s Value {
         self.values.get(&id).or_else(|| start.get(id)).unwrap_or(&Value::Unknown(Reason::Unset, None))
     }
 
-    /// Reduces it to what holds where either may; tokens of what differs go to `lost`, but those of the position of this number, of which
-    /// only a motion that leaves components out has any use. Whether anything is less known than before.
+    /// Joins it with the state on another path. Tokens of values that differ go to `lost`, except for those of the last position, which
+    /// only a motion without some components uses. Returns whether anything is less known than before.
     pub(super) fn join(
         &mut self,
         other: &Self,
@@ -61,7 +58,7 @@ impl ModalState {
         is_less
     }
 
-    /// Data may change at any moment from here on.
+    /// Records that data may change at any moment from here on.
     pub(super) fn loosen(&mut self, ids: impl IntoIterator<Item = Id>) {
         for id in ids {
             if !self.loose.contains(&id) {
@@ -70,7 +67,7 @@ impl ModalState {
         }
     }
 
-    /// Data end, and with them what is said of them.
+    /// Forgets data that no longer exist.
     pub(super) fn tighten(&mut self, ended: &HashSet<Id>) {
         if self.loose.iter().any(|id| ended.contains(id)) {
             Rc::make_mut(&mut self.loose).retain(|id| !ended.contains(id));

@@ -1,13 +1,15 @@
-//! Names of data and routines, and what data hold at the start.
+//! Names of data and routines, and the start values of data.
 
 use super::names;
-use super::state::Id;
 use super::tree::{File, Routine, Statement, Type};
 use super::value::{AXES, EXTERNAL, Name, POSE, Step, Value, pose_record, upper};
 use crate::program::Reason;
 use crate::text::Source;
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::rc::Rc;
+
+/// Number of a variable.
+pub(super) type Id = usize;
 
 /// A routine by its file and its place there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -20,9 +22,9 @@ pub(super) struct RoutineId {
 pub(super) struct Symbols<'a> {
     pub(super) sources: &'a [Source],
     pub(super) files: &'a [File],
-    /// What each variable holds at the start.
+    /// Start value of each variable.
     pub(super) start: Vec<Value>,
-    /// Types of variables, where they are declared.
+    /// Types of the variables that declare one.
     types: HashMap<Id, Type>,
     constant: HashSet<Id>,
     /// Names that all files see.
@@ -34,12 +36,12 @@ pub(super) struct Symbols<'a> {
     pub(super) tool: Id,
     pub(super) load: Id,
     pub(super) speed: Id,
-    /// `$APO`: how far a motion is approximated.
+    /// `$APO`: how far from its end a motion is left.
     pub(super) approximation: Id,
     pub(super) mode: Id,
     /// `$ORI_TYPE`.
     pub(super) orientation: Id,
-    /// `$EX_AX_IGNORE`, `$ASYNC_AXIS`: external axes, one bit each, that do not go where positions say.
+    /// `$EX_AX_IGNORE`, `$ASYNC_AXIS`: external axes, one bit each, that do not go to the programmed positions.
     pub(super) ignored_axes: Id,
     pub(super) asynchronous_axes: Id,
     /// `$CIRC_TYPE`, `$CIRC_MODE`: how the orientation turns on an arc.
@@ -50,22 +52,22 @@ pub(super) struct Symbols<'a> {
     pub(super) tool_name: Id,
     /// The last position commanded.
     pub(super) position: Id,
-    /// Its orientation, with the base and the tool that it is counted in.
+    /// Its orientation, with the base and the tool in which it is counted.
     pub(super) turned: Id,
-    /// Ordinal of the motion at whose end the robot stands.
+    /// Place of the motion at whose end the robot stands.
     pub(super) stands: Id,
     /// The mark in force: nothing, 0 for air, 1 for cut.
     pub(super) mark: Id,
-    /// What held before a spline.
+    /// The settings before a spline.
     pub(super) spline: Id,
     /// `BASE_DATA`, `TOOL_DATA`, `LOAD_DATA`.
     tables: HashSet<Id>,
 }
 
-/// Data that say how motions are understood.
+/// Number of the settings of motions, see [`Symbols::modal`].
 pub(super) const MODAL: usize = 13;
 
-/// Tables of frames and loads that the controller has under these names.
+/// Names of the controller's tables of frames and loads.
 const TABLES: [&[u8]; 3] = [b"BASE_DATA", b"TOOL_DATA", b"LOAD_DATA"];
 
 impl<'a> Symbols<'a> {
@@ -91,7 +93,7 @@ impl<'a> Symbols<'a> {
         symbols.asynchronous_axes = symbols.global(b"$ASYNC_AXIS", Value::Number(0.0, None));
         symbols.circle_type = symbols.global(b"$CIRC_TYPE", Value::constant(b"BASE"));
         symbols.circle_mode = symbols.global(b"$CIRC_MODE", Value::Record(Rc::default()));
-        // A routine that is not in the files may change them before the program names one.
+        // A routine that is not in the files may change the tables before the program names one of their elements.
         for table in TABLES {
             let id = symbols.global(table, Value::Array(Rc::default()));
             symbols.tables.insert(id);
@@ -102,7 +104,7 @@ impl<'a> Symbols<'a> {
         for world in [&b"$NULLFRAME"[..], b"$WORLD"] {
             symbols.global(world, pose_record([0.0; 6]));
         }
-        // Names that no program can have.
+        // No program can have these names.
         symbols.base_name = symbols.global(b" BASE", own("$BASE"));
         symbols.tool_name = symbols.global(b" TOOL", own("$TOOL"));
         symbols.position = symbols.global(b" POSITION", Value::unknown(Reason::PositionBefore));
@@ -119,16 +121,16 @@ impl<'a> Symbols<'a> {
         id
     }
 
-    /// A variable of its own.
+    /// Adds a variable without a name.
     pub(super) fn local(&mut self, value: Value) -> Id {
         self.start.push(value);
         self.start.len() - 1
     }
 
-    /// Declares data of a file; their start values come later.
+    /// Declares the data of a file; their start values are set later.
     pub(super) fn declare(&mut self, file: usize) {
         let found: &'a File = &self.files[file];
-        // KUKA's own lists ($CONFIG, $MACHINE) are seen by all.
+        // All files see KUKA's own data lists ($CONFIG, $MACHINE).
         let all = found.module.first() == Some(&b'$');
         for data in &found.data {
             let name = &data.name;
@@ -148,17 +150,17 @@ impl<'a> Symbols<'a> {
         }
     }
 
-    /// Notes a variable's type.
+    /// Records the type of a variable.
     pub(super) fn declare_type(&mut self, id: Id, kind: Option<Type>) {
         self.types.extend(kind.map(|kind| (id, kind)));
     }
 
-    /// Whether it holds whole numbers alone.
+    /// Whether a variable holds only whole numbers.
     pub(super) fn is_whole(&self, id: Id) -> bool {
         self.types.get(&id) == Some(&Type::Whole)
     }
 
-    /// Whether a number of it may be written with decimals: of a REAL, or of a position's component.
+    /// Whether its number may be written with decimals: it is a REAL, or a component of a position.
     pub(super) fn is_real(&self, id: Id, steps: &[Step]) -> bool {
         match steps.last() {
             Some(Step::Component(name)) => POSE.iter().chain(&AXES).chain(&EXTERNAL).any(|known| name[..] == **known),
@@ -166,7 +168,7 @@ impl<'a> Symbols<'a> {
         }
     }
 
-    /// A value as a variable takes it: a FRAME has no axes and no status.
+    /// The value as a variable of this type stores it: a FRAME has no axes and no status.
     pub(super) fn converted(&self, id: Id, steps: &[Step], value: Value) -> Value {
         let status: &[&[u8]] = match self.types.get(&id) {
             Some(Type::Frame) => &[],
@@ -183,7 +185,7 @@ impl<'a> Symbols<'a> {
         Value::Record(fields)
     }
 
-    /// The variable of this name; one that no file declares is the controller's.
+    /// The variable of this name. If no file declares it, it belongs to the controller.
     pub(super) fn find(&mut self, file: usize, name: &Name) -> Id {
         let module = self.modules.get(&self.files[file].module).and_then(|names| names.get(name));
         if let Some(id) = module.or_else(|| self.globals.get(name)) {
@@ -192,7 +194,7 @@ impl<'a> Symbols<'a> {
         self.global(name, Value::unknown(Reason::NameUndeclared))
     }
 
-    /// What says how motions are understood: `WITH` sets it for one of them.
+    /// The settings of motions, which `WITH` can set for a single one.
     pub(super) fn modal(&self) -> [Id; MODAL] {
         [
             self.base,
@@ -211,17 +213,17 @@ impl<'a> Symbols<'a> {
         ]
     }
 
-    /// Whether a variable is the run's own.
+    /// Whether a variable describes the state of the run, and is not data of the program.
     pub(super) fn is_own_state(&self, id: Id) -> bool {
         self.modal().contains(&id) || [self.position, self.turned, self.stands, self.mark, self.spline].contains(&id)
     }
 
-    /// Whether an element that nothing sets is the controller's own.
+    /// Whether it is a table, of which the controller has the elements that no statement sets.
     pub(super) fn is_table(&self, id: Id) -> bool {
         self.tables.contains(&id)
     }
 
-    /// What a routine of another file could change.
+    /// The variables that a routine of another file could change.
     pub(super) fn visible(&self) -> Vec<Id> {
         let kept = |name: &Name| {
             matches!(&name[..], b"$NULLFRAME" | b"$WORLD") || names::MODELLED_SYSTEM_VARIABLES.contains(&&name[..])
@@ -238,7 +240,7 @@ impl<'a> Symbols<'a> {
     pub(super) fn find_routine(&self, file: usize, name: &Name) -> Option<RoutineId> {
         let own = self.files[file].routines.iter().position(|routine| routine.name == *name);
         let found = own.map(|at| RoutineId { file, at }).or_else(|| self.routines.get(name).copied());
-        // What those of the controller's own BAS.SRC say is known.
+        // The functions in the controller's BAS.SRC are known.
         found.filter(|id| !self.is_bas(id.file) || !names::is_frame_function(name))
     }
 
@@ -252,7 +254,7 @@ impl<'a> Symbols<'a> {
         files.iter().enumerate().flat_map(|(file, f)| (0..f.routines.len()).map(move |at| RoutineId { file, at }))
     }
 
-    /// First routines of the written files that no other routine calls; all of them where each is called.
+    /// The first routines of the written files that no other routine calls; if each is called, all first routines.
     pub(super) fn roots(&self, written: usize) -> Vec<RoutineId> {
         let mut called = BTreeSet::new();
         for id in self.all() {

@@ -1,4 +1,4 @@
-//! Lines to routines, data lists and blocks. A line that is not understood stays as it is and takes no other with it.
+//! Builds routines, data lists and blocks from lines. A line that is not understood does not affect the reading of other lines.
 
 use super::expression::{Expression, Operator, Path, Setting};
 use super::lex::{Cursor, LexemeKind, Line, lines};
@@ -9,14 +9,15 @@ use crate::program::{Motion, Reason};
 use crate::text::{Source, Span};
 use deflex_lang::ir::Binary;
 
-/// Blocks within one another: more than anybody writes.
+/// Largest nesting depth of blocks: more than programs have.
 pub(super) const MAX_DEPTH: usize = 100;
 
-/// Blocks are nested too deep; where.
+/// The place where blocks are nested too deep.
 #[derive(Debug)]
 pub(super) struct TooDeep(pub(super) Span);
 
-/// Words that two words in a row do not make a declaration after, and those of motions and of statements that change no data.
+/// First words of statements in which two words in a row are not a declaration, in addition to motions and to statements that change no
+/// data.
 const STATEMENTS: [&[u8]; 5] = [b"TRIGGER", b"GOTO", b"RETURN", b"ANIN", b"ASYCANCEL"];
 
 /// Types of the system.
@@ -39,7 +40,7 @@ const TYPES: [&[u8]; 16] = [
     b"SPL_VELOCITY",
 ];
 
-/// A block's statements, and what ended it: which word, and what stands after it.
+/// The statements of a block, the word that ended it, and the text after that word.
 type Block = (Vec<Statement>, Option<(usize, Span)>);
 
 /// Reads a file.
@@ -155,7 +156,7 @@ impl<'a> Parser<'a> {
         self.file.cut = Some(at);
     }
 
-    /// `[GLOBAL] [DECL] [CONST] type name […]`; `None` where a line is something else.
+    /// `[GLOBAL] [DECL] [CONST] type name […]`; `None` if the line is not a declaration.
     fn declaration(&mut self, code: Span) -> Option<Vec<Data>> {
         let mut cursor = self.cursor(code);
         let (mut is_global, mut is_constant, mut is_declared) = (false, false, false);
@@ -207,7 +208,7 @@ impl<'a> Parser<'a> {
         Some(found)
     }
 
-    /// Statements up to one of these words, which of them it was, and the words after it.
+    /// Reads statements up to one of these words. Returns which of them it was, and the text after it.
     pub(super) fn block(&mut self, ends: &[&[u8]], data: &mut Vec<Data>) -> Result<Block, TooDeep> {
         self.depth += 1;
         let mut block = Vec::new();
@@ -365,7 +366,7 @@ impl<'a> Parser<'a> {
     }
 }
 
-/// What an expression is worth where a statement begins, under a name that no program has.
+/// Stores the value of an expression at the start of a statement, under a name that no program can have.
 fn held(
     name: &str,
     at: Span,
@@ -459,7 +460,7 @@ fn moves(motion: Motion, mut cursor: Cursor<'_>) -> Move {
     Move { motion, is_curve: false, via, end, angle, with, is_whole: is_whole && cursor.is_done() }
 }
 
-/// What WITH says, and whether that is all.
+/// The settings of WITH, and whether nothing else follows.
 fn settings(mut cursor: Cursor<'_>) -> (Vec<Setting>, bool) {
     let mut all = Vec::new();
     while let Some(setting) = cursor.setting() {

@@ -1,29 +1,27 @@
-//! What KUKA's own routines may change of what decides where the tool goes: the one list of them.
+//! The only list of KUKA's own routines, with the data that each may change and that affect where the tool goes.
 //!
-//! Sources: KUKA System Software 8, *Operating and Programming Instructions for System Integrators* and *CREAD/CWRITE*, for the
-//! functions of the language; the manuals of KUKA.EthernetKRL (`EKI_…`), KUKA.GripperTech and SpotTech (`H50`, `USER_GRP`,
-//! `USERSPOT`, `GRPg_…`), KUKA.ArcTech (`A10`, `A20`, `ArcMainNG`) and KUKA.TouchSense (`H70`); and the text of the controller's
-//! own files (`System/bas.src`, `ir_stopm.src`, `collmonlib.src`, `MsgLib.src`, `tm_bib.src`, `TP/p00.src`), read in four
-//! backups of KSS 8.2 to 8.7: what each of them, and what it calls, assigns. A name that is not here is taken for one that may
-//! change anything: see `docs/soundness.md`, which repeats these lists. A routine that the files themselves have is followed
-//! instead.
+//! Sources: KUKA System Software 8, *Operating and Programming Instructions for System Integrators* and *CREAD/CWRITE*, for the functions
+//! of the language; the manuals of KUKA.EthernetKRL (`EKI_…`), KUKA.GripperTech and SpotTech (`H50`, `USER_GRP`, `USERSPOT`, `GRPg_…`),
+//! KUKA.ArcTech (`A10`, `A20`, `ArcMainNG`) and KUKA.TouchSense (`H70`); and the text of the controller's own files (`System/bas.src`,
+//! `ir_stopm.src`, `collmonlib.src`, `MsgLib.src`, `tm_bib.src`, `TP/p00.src`), read in four backups of KSS 8.2 to 8.7: their own
+//! assignments and those of the routines that they call. A routine that is not listed may change anything. `docs/soundness.md` repeats
+//! these lists. If the files of the program contain a routine of this name, that one is followed instead.
 
 /// What a routine may change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum System {
-    /// No data of a program, and none of those that say where the tool is.
+    /// Neither data of a program nor data that affect where the tool goes.
     Nothing,
-    /// The data that it is given, and no other.
+    /// Only the variables in its arguments.
     Arguments,
-    /// These data, and no other.
+    /// Only these data.
     Data(&'static [&'static str]),
-    /// `H70`: nothing where it starts (`H70 (1, …)`) and as the handler of its own search, which it alone switches on;
-    /// else the frames that `BAS` corrects base and tool by.
+    /// `H70`: nothing if it starts a search (`H70 (1, …)`) or runs as the handler of that search; otherwise the frames by which `BAS`
+    /// corrects base and tool.
     TouchSense,
 }
 
-/// Change nothing, functions and procedures: of the language, of messages, of collision and torque monitoring, of grippers and
-/// guns.
+/// Functions and procedures that change nothing: of the language, of messages, of collision and torque monitoring, of grippers and guns.
 pub(super) const NOTHING: &[&str] = &[
     "ABS",
     "ACOS",
@@ -124,7 +122,7 @@ pub(super) const NOTHING: &[&str] = &[
     "WSPACETAKE",
 ];
 
-/// Change the data that they are given: of texts, channels, kinematics and KUKA.EthernetKRL.
+/// Routines that change the variables in their arguments: of texts, channels, kinematics and KUKA.EthernetKRL.
 pub(super) const ARGUMENTS: &[&str] = &[
     "CAST_FROM",
     "CAST_TO",
@@ -166,7 +164,7 @@ pub(super) const ARGUMENTS: &[&str] = &[
     "SWRITE",
 ];
 
-/// Change these data of their own, or the speed that a weld has.
+/// Routines that change these data of their own, or the speed of a weld.
 pub(super) const DATA: &[(&str, &[&str])] = &[
     ("A10", &["$VEL"]),
     ("A20", &["$VEL"]),
@@ -177,7 +175,7 @@ pub(super) const DATA: &[(&str, &[&str])] = &[
     ("P00", &["PGNO", "PGNO_ERROR"]),
 ];
 
-/// What a routine that no file has may change, by its name in upper case; `None` where nothing is known of it.
+/// The changes of a routine that is in no file, by its name in upper case; `None` if the routine is not known.
 pub(super) fn system(name: &[u8]) -> Option<System> {
     let has = |list: &[&str]| list.binary_search_by(|known| known.as_bytes().cmp(name)).is_ok();
     if has(NOTHING) {

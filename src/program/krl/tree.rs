@@ -1,4 +1,4 @@
-//! What a file is made of.
+//! The syntax tree of a file.
 
 use super::expression::{Call, Expression, Part, Setting};
 use super::value::{Name, Value};
@@ -12,13 +12,13 @@ pub(super) struct File {
     pub(super) module: Name,
     pub(super) routines: Vec<Routine>,
     pub(super) data: Vec<Data>,
-    /// Elements that a data list sets, in text order: `Points[1]={X 1,…}`, and where.
+    /// Elements that a data list sets, in text order, with their places: `Points[1]={X 1,…}`.
     pub(super) values: Vec<(Setting, Span)>,
     /// Statements that are not understood, with the reason.
     pub(super) odd: Vec<(Span, Reason)>,
-    /// The last mark before the first routine: in force from the start.
+    /// The last mark before the first routine, which is in force from the start.
     pub(super) mark: Option<Mark>,
-    /// Where the file ends within a routine or a block.
+    /// Place of a routine or a block within which the file ends.
     pub(super) cut: Option<Span>,
 }
 
@@ -36,7 +36,7 @@ pub(super) struct Routine {
 #[derive(Debug)]
 pub(super) struct Param {
     pub(super) name: Name,
-    /// `:OUT`, which is the caller's own variable, and what holds where nothing is said.
+    /// `:OUT`, which is the default: the parameter is the caller's variable.
     pub(super) is_out: bool,
 }
 
@@ -71,26 +71,26 @@ pub(super) enum StatementKind {
     Assign(Box<Setting>),
     Call(Box<Call>),
     Move(Box<Move>),
-    /// A motion that is not followed, and why; what it is given.
+    /// A motion that is not followed: the reason, and its arguments.
     Relative(Reason, Vec<Expression>),
     Trigger(Box<Started>),
     Interrupt(Box<Started>),
-    /// Changes no data and moves nothing: what it reads.
+    /// A statement that changes no data and moves nothing, with the expressions that it reads.
     Harmless(Vec<Expression>),
     /// RESUME
     Resume,
     /// `ON_ERROR_PROCEED`
     Proceed,
-    /// What it names.
+    /// A statement that is not understood, with the expressions in it.
     NotUnderstood(Vec<Expression>),
     If(Box<If>),
     Loop(Box<Loop>),
-    /// What WITH says of a spline begins to hold for all of its segments.
+    /// The start of a spline, with the settings of its WITH, which apply to all of its segments.
     SplineBegins(Vec<Setting>),
     SplineEnds,
     /// GOTO
     Jump(Name),
-    /// Where a GOTO goes on.
+    /// The target of a GOTO.
     Label(Name),
     Return(Vec<Expression>),
     Exit,
@@ -105,20 +105,20 @@ pub(super) struct Move {
     pub(super) is_curve: bool,
     pub(super) via: Option<Box<Expression>>,
     pub(super) end: Expression,
-    /// `CA`: how far it goes on a circle.
+    /// `CA`: the angle of a circle.
     pub(super) angle: Option<Box<Expression>>,
-    /// What WITH says.
+    /// The settings of WITH.
     pub(super) with: Vec<Setting>,
-    /// Whether nothing else is said.
+    /// Whether the statement has nothing else.
     pub(super) is_whole: bool,
 }
 
-/// What an interrupt or a TRIGGER starts while the program goes on.
+/// A statement that an interrupt or a TRIGGER starts while the program continues.
 #[derive(Debug)]
 pub(super) struct Started {
-    /// What says when.
+    /// The expressions that say when it starts.
     pub(super) when: Vec<Expression>,
-    /// Nothing where an interrupt is only switched.
+    /// The statement; `None` if an interrupt is only switched on or off.
     pub(super) run: Option<Statement>,
 }
 
@@ -129,17 +129,17 @@ pub(super) struct If {
     pub(super) otherwise: Vec<Statement>,
 }
 
-/// Left by its condition, by EXIT, or never.
+/// A loop. Its condition or EXIT ends it, or nothing does.
 #[derive(Debug)]
 pub(super) struct Loop {
     pub(super) condition: Expression,
-    /// REPEAT … UNTIL: the body runs before the condition is looked at, and again where it does not hold.
+    /// REPEAT … UNTIL: the condition is evaluated after the body, and ends the loop if it is true.
     pub(super) is_until: bool,
     pub(super) body: Vec<Statement>,
 }
 
 impl Loop {
-    /// Whether nothing but EXIT leaves it.
+    /// Whether only EXIT can end it.
     pub(super) fn is_endless(&self) -> bool {
         match &self.condition {
             Expression::Known(Value::Bool(holds)) => *holds != self.is_until,
@@ -149,7 +149,7 @@ impl Loop {
 }
 
 impl File {
-    /// Complete numeric positions in it: aggregates with all six of X, Y, Z, A, B, C.
+    /// Number of complete numeric positions in it: aggregates with all six of X, Y, Z, A, B, C.
     pub(super) fn positions(&self) -> usize {
         let mut count = 0;
         let mut add = |part: Part<'_>| count += part.positions();
@@ -168,7 +168,7 @@ impl Routine {
         self.data.iter().map(|data| &data.name).chain(self.params.iter().map(|param| &param.name))
     }
 
-    /// All of its statements, those of blocks in blocks included.
+    /// All of its statements, including those in nested blocks.
     pub(super) fn statements(&self) -> Vec<&Statement> {
         let mut all = Vec::new();
         walk(&self.body, &mut |statement| all.push(statement));
@@ -182,7 +182,7 @@ impl Statement {
         matches!(self.kind, StatementKind::Move(_) | StatementKind::Relative(..))
     }
 
-    /// What it sets by `path = value`, for the time that it runs or for longer.
+    /// The settings `path = value` that it makes, for itself only (WITH) or from then on.
     pub(super) fn settings(&self) -> &[Setting] {
         match &self.kind {
             StatementKind::Assign(setting) => std::slice::from_ref(setting),
@@ -192,7 +192,7 @@ impl Statement {
         }
     }
 
-    /// The expressions of this statement alone.
+    /// The expressions of this statement, without those of nested statements.
     pub(super) fn expressions(&self) -> Vec<&Expression> {
         let mut all: Vec<&Expression> = self.settings().iter().map(|setting| &setting.value).collect();
         match &self.kind {
@@ -212,7 +212,7 @@ impl Statement {
         all
     }
 
-    /// Calls `of` with all that it consists of, what it starts included, and without the statements of its blocks.
+    /// Calls `of` with all parts of the statement, including what it starts, but without the statements of its blocks.
     pub(super) fn each<'s>(&'s self, of: &mut impl FnMut(Part<'s>)) {
         self.settings().iter().for_each(|setting| setting.to.each(of));
         self.expressions().into_iter().for_each(|part| part.each(of));
@@ -225,14 +225,14 @@ impl Statement {
         }
     }
 
-    /// Its calls, and those of what it starts.
+    /// Its calls, including those in a statement that it starts.
     pub(super) fn calls(&self) -> Vec<&Call> {
         let mut calls = Vec::new();
         self.each(&mut |part| calls.extend(if let Part::Call(call) = part { Some(call) } else { None }));
         calls
     }
 
-    /// Names of data in it and in what it starts.
+    /// Names of data in it, including those in a statement that it starts.
     pub(super) fn names(&self) -> Vec<&Name> {
         let mut names = Vec::new();
         self.each(&mut |part| names.extend(if let Part::Path(path) = part { Some(&path.name) } else { None }));

@@ -1,4 +1,4 @@
-//! What an expression is worth, as far as it is known when reading, and where its numbers stand.
+//! Values of expressions, as far as deflex knows them, and the places of their numbers in the text.
 
 use crate::program::Reason;
 use crate::program::orientation::{from_zyx_deg, quaternion, zyx_deg};
@@ -9,32 +9,32 @@ use std::collections::{BTreeMap, HashSet};
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// A name, upper case: KRL does not tell case apart.
+/// A name in upper case, because KRL ignores case.
 pub(super) type Name = SmallVec<[u8; 16]>;
 
 pub(super) fn upper(text: &[u8]) -> Name {
     text.iter().map(u8::to_ascii_uppercase).collect()
 }
 
-/// Two are the same if their tokens are, too.
+/// A value. Two values are equal only if their tokens are equal too.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Value {
-    /// Known only when the program runs, and why; it may be this one.
+    /// Known only at run time, with the reason; it may be the value in the option.
     Unknown(Reason, Option<Rc<Value>>),
-    /// A number; its token, with the sign, where it is a literal, or a copy of one.
+    /// A number, and its token with the sign if it is a literal or a copy of one.
     Number(f64, Option<SourceSpan>),
     Bool(bool),
     /// `#NAME`
     Constant(Arc<[u8]>),
     /// Components by name.
     Record(Rc<Vec<(Name, Value)>>),
-    /// Elements by index; several indices are put into one.
+    /// Elements by index; several indices are combined into one, see [`flat`].
     Array(Rc<BTreeMap<i64, Value>>),
-    /// Data that no file declares and the controller has under this name.
+    /// Data of this name that no file declares, but the controller has.
     Own(Rc<str>),
 }
 
-/// What an array holds of all elements that it does not list; no index is below 0.
+/// Index of the value of all elements that an array does not list; real indices are not negative.
 pub(super) const REST: i64 = -1;
 
 /// One step into a record or array.
@@ -44,7 +44,7 @@ pub(super) enum Step {
     Element(i64),
 }
 
-/// No number is NaN. Records and arrays in one place are then the same without a look at what they hold.
+/// No number is NaN, so equality is reflexive. Shared records and arrays are then compared by their address.
 impl Eq for Value {}
 
 impl Value {
@@ -69,12 +69,12 @@ impl Value {
         if let Self::Bool(value) = self { Some(*value) } else { None }
     }
 
-    /// Why it is unknown.
+    /// The reason why it is unknown; `None` if it is known.
     pub(super) fn why(&self) -> Option<Reason> {
         if let Self::Unknown(why, _) = self { Some(*why) } else { None }
     }
 
-    /// A whole number.
+    /// The value if it is a whole number.
     pub(super) fn index(&self) -> Option<i64> {
         #[allow(clippy::cast_possible_truncation)]
         self.number().filter(|v| v.fract() == 0.0 && v.abs() < 1e9).map(|v| v as i64)
@@ -85,12 +85,12 @@ impl Value {
         fields.iter().find(|(known, _)| known[..] == *name).map(|(_, value)| value)
     }
 
-    /// The component of this name; unknown where there is none.
+    /// The component of this name; unknown if there is none.
     pub(super) fn part(&self, name: &[u8]) -> Self {
         self.component(name).cloned().unwrap_or(Self::unknown(Reason::Computed))
     }
 
-    /// What stands at a path.
+    /// The value at a path.
     pub(super) fn get(&self, path: &[Step]) -> Self {
         let Some((first, rest)) = path.split_first() else { return self.clone() };
         match (self, first) {
@@ -107,10 +107,11 @@ impl Value {
         }
     }
 
-    /// Puts a value at a path; where the way there is not known, the whole stays unknown, and the value's tokens go to `lost`.
+    /// Sets the value at a path. If the path does not lead through known values, the whole becomes unknown, and the tokens of the new value
+    /// go to `lost`.
     pub(super) fn set(&mut self, path: &[Step], value: Self, lost: &mut HashSet<SourceSpan>) {
         let Some((first, rest)) = path.split_first() else {
-            // What becomes of components that an aggregate does not name is left open.
+            // Components that an aggregate does not name become unknown.
             if let (Self::Record(old), Self::Record(new)) = (&*self, &value) {
                 let named = |name: &Name| new.iter().any(|(known, _)| known == name);
                 let rest = old.iter().filter(|(name, _)| !named(name));
@@ -124,7 +125,7 @@ impl Value {
         if let Self::Unknown(why, None) = self {
             *self = match first {
                 Step::Component(name) => {
-                    // Only data that nothing has set yet are without the other components of a position.
+                    // Only data that were never set lack the other components of a position.
                     let open = *why != Reason::Unset && POSE.contains(&&name[..]);
                     Self::record(POSE.into_iter().filter(|_| open).map(|name| (name, Self::unknown(*why))))
                 }
@@ -153,7 +154,7 @@ impl Value {
         part.set(rest, value, lost);
     }
 
-    /// Every token in it, those that it may have had too.
+    /// All tokens in it, including those of values that it may have.
     pub(super) fn tokens(&self) -> Vec<SourceSpan> {
         match self {
             Self::Number(_, place) => place.iter().copied().collect(),
@@ -164,8 +165,7 @@ impl Value {
         }
     }
 
-    /// Of two values that differ, that it may be either: their tokens are those of what it may have been. Where they are too many
-    /// to carry on, they go to `lost`.
+    /// Joins two values to one that may be either, and keeps the tokens of both. If the tokens are too many to keep, they go to `lost`.
     pub(super) fn either(&self, other: &Self, why: Reason, lost: &mut HashSet<SourceSpan>) -> Self {
         /// Tokens of some hundred motions, between which a program chooses.
         const MOST_TOKENS: usize = 2048;
@@ -187,7 +187,7 @@ impl Value {
         Self::Unknown(why, Some(Rc::new(Self::Array(Rc::new(all)))))
     }
 
-    /// What holds where either may; tokens of what differs go to `lost`.
+    /// Joins the values of two paths: parts that differ become unknown, and their tokens go to `lost`.
     pub(super) fn join(&self, other: &Self, reason: Reason, lost: &mut HashSet<SourceSpan>) -> Self {
         if self == other {
             return self.clone();
@@ -196,12 +196,12 @@ impl Value {
             return parts;
         }
         [self, other].iter().for_each(|value| lost.extend(value.tokens()));
-        // What is set on one of two ways may be set.
+        // A value that is set on only one of the two paths counts as set.
         let unknown = |value: &Self| value.why().filter(|why| *why != Reason::Unset);
         Self::unknown([self, other].into_iter().find_map(unknown).unwrap_or(reason))
     }
 
-    /// A record or an array of what becomes of the parts of two that have the same ones.
+    /// Combines two records or arrays part by part; `None` if they do not have the same parts.
     fn zipped(&self, other: &Self, mut each: impl FnMut(&Self, &Self) -> Self) -> Option<Self> {
         match (self, other) {
             (Self::Record(a), Self::Record(b)) if a.iter().map(|f| &f.0).eq(b.iter().map(|f| &f.0)) => {
@@ -216,7 +216,7 @@ impl Value {
         }
     }
 
-    /// As something may have changed it.
+    /// The value after something may have changed it.
     pub(super) fn forgotten(self, why: Reason) -> Self {
         match self {
             Self::Unknown(_, was) => Self::Unknown(why, was),
@@ -224,7 +224,7 @@ impl Value {
         }
     }
 
-    /// The same of an array whose elements are known again once they are set.
+    /// The same for an array, whose elements are known again after they are set.
     pub(super) fn all_forgotten(self, why: Reason) -> Self {
         let Self::Array(mut items) = self else { return self.forgotten(why) };
         let own = Rc::make_mut(&mut items);
@@ -233,7 +233,7 @@ impl Value {
         Self::Array(items)
     }
 
-    /// Numbers of components; `None` where one is missing or unknown.
+    /// Numbers of components; `None` if one is missing or unknown.
     pub(super) fn numbers<const N: usize>(&self, names: [&[u8]; N]) -> Option<[f64; N]> {
         let mut out = [0.0; N];
         for (to, name) in out.iter_mut().zip(names) {
@@ -251,19 +251,19 @@ impl Value {
 
 /// Components of a pose: mm, and degrees about z, the turned y, the turned x.
 pub(super) const POSE: [&[u8]; 6] = [b"X", b"Y", b"Z", b"A", b"B", b"C"];
-/// The component of a LOAD whose X, Y, Z are no position: moments of inertia, kg m².
+/// The component of a LOAD whose X, Y, Z are moments of inertia, kg m², and not a position.
 pub(super) const INERTIA: &[u8] = b"J";
 /// Axis angles, degrees.
 pub(super) const AXES: [&[u8]; 6] = [b"A1", b"A2", b"A3", b"A4", b"A5", b"A6"];
 /// External axes, mm or degrees.
 pub(super) const EXTERNAL: [&[u8]; 6] = [b"E1", b"E2", b"E3", b"E4", b"E5", b"E6"];
 
-/// A record of six numbers that stand nowhere.
+/// A record of six numbers that are not in the text.
 pub(super) fn pose_record(numbers: [f64; 6]) -> Value {
     Value::record(POSE.into_iter().zip(numbers.map(|number| Value::Number(number, None))))
 }
 
-/// `a : b`, the pose `b` in the frame `a`; what `b` has besides stays.
+/// `a : b`: the pose `b` in the frame `a`. Other components of `b` stay.
 pub(super) fn chained(a: &Value, b: &Value) -> Option<Value> {
     let ([x, y, z, aa, ab, ac], [bx, by, bz, ba, bb, bc]) = (a.numbers(POSE)?, b.numbers(POSE)?);
     let (first, second) = (from_zyx_deg([aa, ab, ac]), from_zyx_deg([ba, bb, bc]));
@@ -277,11 +277,11 @@ pub(super) fn chained(a: &Value, b: &Value) -> Option<Value> {
     Some(out)
 }
 
-/// Several indices as one; `None` where no array has such an element.
+/// Combines several indices into one; `None` if no array has such an element.
 pub(super) fn flat(indices: &[i64]) -> Option<i64> {
-    /// More elements than any dimension has.
+    /// More elements than a dimension can have.
     const EACH: i64 = 1 << 20;
-    /// KRL knows no more.
+    /// The most dimensions of a KRL array.
     const DIMENSIONS: usize = 3;
     let fit = (1..=DIMENSIONS).contains(&indices.len()) && indices.iter().all(|index| (0..EACH).contains(index));
     fit.then(|| indices.iter().fold(0, |all, index| all * EACH + index))

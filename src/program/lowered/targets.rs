@@ -139,7 +139,7 @@ fn refused(source: &Source, lowering: &Lowering) -> Option<Diagnostic> {
     if u32::try_from(source.bytes.len()).is_err() {
         return Some(whole(too_large, "file is larger than 4 GiB", 0).help("split it"));
     }
-    let at = crate::program::detect::no_text(&source.bytes)?;
+    let at = crate::text::no_text(&source.bytes)?;
     Some(whole(no_text, &format!("the file is not text: expected {}", lowering.expected), at).help(lowering.which))
 }
 

@@ -29,7 +29,9 @@ pub(crate) const STATEMENTS: Statements = Statements {
     write: Some(jobs),
     held: Some(held_pose),
     without_axes: Some("INFORM is posted without external axes: their group is not known"),
-    check: Some("the first flag of RCONF is written by the sign of axis B, in which controllers differ"),
+    check: Some(
+        "deflex writes the first flag of RCONF by the sign of axis B, and controllers differ in the meaning of this flag",
+    ),
     ..Statements::RAPID
 };
 

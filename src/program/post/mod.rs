@@ -17,6 +17,7 @@ mod data;
 pub(crate) mod jbi;
 pub(crate) mod krl;
 mod names;
+mod plan;
 mod statements;
 mod template;
 pub(crate) mod tp;
@@ -26,7 +27,8 @@ mod zone;
 
 pub use names::identifier;
 pub(crate) use names::refuse as refuse_names;
+pub use plan::RapidPlan;
 pub(crate) use statements::Statements;
 pub(crate) use template::TEMPLATES;
 pub use template::Templates;
-pub use writer::{PostedPoint, RapidPlan, RapidPost, Text, WriterPosition};
+pub use writer::{PostedPoint, RapidPost, Text, WriterPosition};

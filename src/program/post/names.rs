@@ -1,6 +1,6 @@
 //! Identifiers, predefined names, and the check whether a language has a place for the names of the cell.
 
-use super::RapidPlan;
+use super::plan::RapidPlan;
 use crate::program::Language;
 use crate::text::Diagnostic;
 
@@ -121,7 +121,7 @@ pub(crate) fn refuse(plan: &RapidPlan, language: Language) -> Result<(), Vec<Dia
     let expected = |prefix: &str| {
         let known = language.name();
         if about.are_names_numbers {
-            format!("a {known} program knows it by its number alone: expected a name like `{prefix} 1`")
+            format!("a {known} program has only a number for it: expected a name like `{prefix} 1`")
         } else {
             format!("{known} cannot declare it: expected a letter, then letters, digits and _, at most {LONGEST}")
         }

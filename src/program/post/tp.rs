@@ -1,7 +1,7 @@
 //! Writes points as FANUC TP programs in text form.
 
+use super::plan::RapidPlan;
 use super::statements::Statements;
-use super::writer::RapidPlan;
 use super::zone::{FINE, zone};
 use super::{PostedPoint, names};
 use crate::program::orientation::{from_zyx_deg, quaternion, rotation, zyx_deg};

@@ -29,26 +29,26 @@ pub(super) enum Agreement {
     /// Nothing will be written.
     None,
     /// It is being determined.
-    Asked(Arc<Asked>),
+    Open(Arc<WantedValues>),
     /// It is known.
     Found(Arc<Agreed>),
 }
 
 /// The wanted values of motions, by the first target of equal ones.
 #[derive(Debug, Default)]
-pub(super) struct Asked(Mutex<HashMap<u32, Vec<Wanted>>>);
+pub(super) struct WantedValues(Mutex<HashMap<u32, Vec<Wanted>>>);
 
 /// The wanted values of one motion.
 #[derive(Clone, Debug)]
 struct Wanted {
     ordinal: u32,
-    said: SmallVec<[Said; 2]>,
+    edits: SmallVec<[WantedEdit; 2]>,
     changes: SmallVec<[Option<Change>; 2]>,
 }
 
-/// What a changed target asks of the numbers in the text.
+/// The edit of the text that a changed target needs.
 #[derive(Clone, Debug, PartialEq)]
-enum Said {
+enum WantedEdit {
     Nothing,
     /// New tokens of its literal.
     Print(Box<Print>),
@@ -86,8 +86,8 @@ impl Again {
         let nothing = Settled::default();
         let settled = match &self.agreement {
             Agreement::None => &nothing,
-            Agreement::Asked(asked) => {
-                asked.add(&writer, &self.alike, changes);
+            Agreement::Open(wanted) => {
+                wanted.add(&writer, &self.alike, changes);
                 &nothing
             }
             Agreement::Found(agreed) => {
@@ -102,7 +102,7 @@ impl Again {
     }
 }
 
-impl Asked {
+impl WantedValues {
     /// Adds the wanted values of a chunk's targets.
     fn add(&self, writer: &Writer<'_>, alike: &[u32], changes: &[Option<Change>]) {
         let targets = &writer.program.targets;
@@ -112,7 +112,7 @@ impl Asked {
             let motion = at..(end + 1).min(targets.len());
             let wanted = Wanted {
                 ordinal: targets[at].ordinal,
-                said: motion.clone().map(|i| said(writer, i, changes[i].as_ref())).collect(),
+                edits: motion.clone().map(|i| wanted_edit(writer, i, changes[i].as_ref())).collect(),
                 changes: changes[motion.clone()].iter().cloned().collect(),
             };
             let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
@@ -151,7 +151,7 @@ impl Asked {
 
 /// Stores the wanted value of a motion if it is new.
 fn add(known: &mut Vec<Wanted>, wanted: Wanted) {
-    if let Some(same) = known.iter_mut().find(|known| known.said == wanted.said) {
+    if let Some(same) = known.iter_mut().find(|known| known.edits == wanted.edits) {
         // The first of them, whichever thread comes first.
         if wanted.ordinal < same.ordinal {
             *same = wanted;
@@ -159,37 +159,37 @@ fn add(known: &mut Vec<Wanted>, wanted: Wanted) {
         return;
     }
     let is_new = |k: usize| {
-        let mut different: SmallVec<[&Said; MOST_WANTED]> = SmallVec::new();
+        let mut different: SmallVec<[&WantedEdit; MOST_WANTED]> = SmallVec::new();
         for known in known.iter() {
-            if !different.contains(&&known.said[k]) {
-                different.push(&known.said[k]);
+            if !different.contains(&&known.edits[k]) {
+                different.push(&known.edits[k]);
             }
         }
-        different.len() < MOST_WANTED && !different.contains(&&wanted.said[k])
+        different.len() < MOST_WANTED && !different.contains(&&wanted.edits[k])
     };
-    if (0..wanted.said.len()).any(is_new) {
+    if (0..wanted.edits.len()).any(is_new) {
         known.push(wanted);
     }
 }
 
 /// The wanted change of the text for a target.
-fn said(writer: &Writer<'_>, i: usize, change: Option<&Change>) -> Said {
+fn wanted_edit(writer: &Writer<'_>, i: usize, change: Option<&Change>) -> WantedEdit {
     /// Parts of the last printed digit.
     const PARTS: f64 = 100.0;
     let target = &writer.program.targets[i];
     match (writer.layout.sites[i], target.editable, target.goal) {
         (Site::Literal { literal, .. }, Editable::Pose, _) => {
             let literal = &writer.layout.literals[literal as usize];
-            Said::Print(Box::new(change.map_or_else(Print::default, |change| writer.print(i, literal, change))))
+            WantedEdit::Print(Box::new(change.map_or_else(Print::default, |change| writer.print(i, literal, change))))
         }
         (Site::Offset(_), Editable::Position, Goal::Pose { position_mm, .. }) => {
             let wanted = change.map_or(position_mm, |change| change.position_mm);
             let decimals = writer.options.position_decimals.min(MAX_DECIMALS);
             let scale = PARTS * 10_f64.powi(i32::try_from(decimals).unwrap_or(0));
             #[allow(clippy::cast_possible_truncation)] // metres in parts of a micrometre
-            Said::Position(wanted.map(|mm| (mm * scale).round() as i64))
+            WantedEdit::Position(wanted.map(|mm| (mm * scale).round() as i64))
         }
-        _ => Said::Nothing,
+        _ => WantedEdit::Nothing,
     }
 }
 

@@ -81,7 +81,7 @@ impl<'a> Runner<'a> {
                 {
                     self.stands = None;
                 }
-                self.behind(id, &bound, normal, raised)
+                self.after_call(id, &bound, normal, raised)
             }
         };
         self.symbols.variables.truncate(before);
@@ -90,7 +90,13 @@ impl<'a> Runner<'a> {
     }
 
     /// Continues after a call that may have ended normally or with an error.
-    fn behind(&mut self, id: RoutineId, bound: &[(usize, Bound)], normal: Option<Left>, raised: Option<Left>) -> Flow {
+    fn after_call(
+        &mut self,
+        id: RoutineId,
+        bound: &[(usize, Bound)],
+        normal: Option<Left>,
+        raised: Option<Left>,
+    ) -> Flow {
         let mut joined = normal;
         if let Some(raised) = raised {
             if self.handler().is_some_and(|handler| handler.again) {

@@ -140,7 +140,7 @@ impl<R: Read> Chunks<R> {
     }
 
     /// The same for an input that begins with the first motion, after `lines` lines; `head` is the text of them that every chunk needs.
-    pub(super) fn behind(
+    pub(super) fn after_head(
         name: &str,
         input: R,
         context: &[Source],

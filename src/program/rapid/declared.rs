@@ -55,7 +55,7 @@ impl<R: Read + Seek> Declared<R> {
         let Some(stretches) = running(&routines) else { return Ok(None) };
         let stretches: Arc<[_]> = stretches.into();
         let running = Running::new(body, Arc::clone(&stretches));
-        let chunks = Chunks::behind(name, running, context, head.text, LINES, chunk)?;
+        let chunks = Chunks::after_head(name, running, context, head.text, LINES, chunk)?;
         let new = |chunks| Self { index: Arc::new(index), chunks, parts: Parts::new(stretches), file, data: head.data };
         Ok(chunks.map(new))
     }

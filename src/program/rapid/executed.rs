@@ -1,7 +1,7 @@
 //! A program that runs through more motions than memory can hold. It runs once to find equal motions, and once more for each use of its
 //! chunks.
 
-use super::agreed::{Agreed, Agreement, Asked};
+use super::agreed::{Agreed, Agreement, WantedValues};
 use super::gathering::{Distinct, Emitter, Gathering};
 use super::runner::Runner;
 use super::tree::File;
@@ -87,9 +87,9 @@ impl Executed {
     }
 
     /// Its targets in chunks for two runs: the first to compute the corrections, the second with the corrections as they will be written.
-    pub(crate) fn asked(&self) -> (ExecutedChunks, Asking<'_>) {
-        let asked = Arc::new(Asked::default());
-        (self.run(Agreement::Asked(Arc::clone(&asked))), Asking { program: self, asked })
+    pub(crate) fn asked(&self) -> (ExecutedChunks, FirstRun<'_>) {
+        let wanted = Arc::new(WantedValues::default());
+        (self.run(Agreement::Open(Arc::clone(&wanted))), FirstRun { program: self, wanted })
     }
 
     fn run(&self, agreement: Agreement) -> ExecutedChunks {
@@ -115,16 +115,16 @@ impl Executed {
 const STACK: usize = 8 << 20;
 
 /// The first of two runs of a program.
-pub(crate) struct Asking<'a> {
+pub(crate) struct FirstRun<'a> {
     program: &'a Executed,
-    asked: Arc<Asked>,
+    wanted: Arc<WantedValues>,
 }
 
-impl<'a> Asking<'a> {
+impl<'a> FirstRun<'a> {
     /// The second run.
     pub(crate) fn answered(self, options: &RewriteOptions) -> io::Result<(ExecutedChunks, Answer)> {
         let none = || io::Error::other("the program has no layout");
-        let agreed = Arc::new(self.asked.agreed(&self.program.like, options).ok_or_else(none)?);
+        let agreed = Arc::new(self.wanted.agreed(&self.program.like, options).ok_or_else(none)?);
         Ok((self.program.run(Agreement::Found(Arc::clone(&agreed))), Answer(agreed)))
     }
 }

@@ -323,9 +323,9 @@ fn not_read(source: &Source, odd: &[(Span, Reason)]) -> Vec<Diagnostic> {
             more => format!("{reason} ({more} statements)"),
         };
         let warning = Diagnostic::error("rapid.not-read", &source.name, message).at(source, first);
-        warning
-            .severity(Severity::Warning)
-            .help("motion in it is neither seen nor corrected; a controller may not load it")
+        warning.severity(Severity::Warning).help(
+            "deflex does not see the motions in it, so it corrects none of them; a controller may refuse to load it",
+        )
     };
     reasons.into_iter().map(said).collect()
 }
@@ -342,7 +342,7 @@ fn refuse(source: &Source) -> Option<Diagnostic> {
     if text.starts_with(b"\xFF\xFE") || text.starts_with(b"\xFE\xFF") || text.starts_with(b"M\0") {
         return Some(whole("rapid.utf16", "the file is UTF-16 text").help("save it as UTF-8 or ISO 8859-1"));
     }
-    if let Some(at) = crate::program::detect::no_text(bytes) {
+    if let Some(at) = crate::text::no_text(bytes) {
         let message = "the module is encrypted, or no text at all: expected RAPID in plain text";
         return Some(
             whole("rapid.encrypted", message)

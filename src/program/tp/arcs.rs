@@ -1,8 +1,8 @@
-//! Arcs: points of one stand or fall together, and `A` motions, each of which has one point, make arcs with their neighbours.
+//! Arcs: the points of an arc are edited together or not at all. `A` motions have one point each, and form arcs with their neighbours.
 //!
-//! The first of the `A` motions in a row goes on a line, all others on the circle through three of them: the second and the
-//! third on that of the first three, each later one on that of itself and the two before. Three are the least. Source: FANUC,
-//! R-30iB Operator's Manual (Basic Operation), circle arc motion; robot-forum.com, thread 43838.
+//! The first of consecutive `A` motions is a line. The second and the third follow the circle through the first three points, and each
+//! later one the circle through its own point and the two before. At least three are needed. Source: FANUC, R-30iB Operator's Manual (Basic
+//! Operation), circle arc motion; robot-forum.com, thread 43838.
 
 use super::builder::{Between, Builder, Site, Visit, are_in_one_frame, refuse};
 use crate::program::orientation::halfway;
@@ -12,10 +12,10 @@ use nalgebra::{Unit, Vector3};
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-/// The fewest `A` motions in a row that make an arc.
+/// Least number of consecutive `A` motions that form an arc.
 const FEWEST_MOTIONS: usize = 3;
 
-/// `A` motions in a row, as ranges of statements: only remarks stand between them.
+/// Consecutive `A` motions, as ranges of statements; only remarks may be between them.
 pub(super) fn rows(code: &Code<'_>) -> Vec<Range<usize>> {
     let mut found: Vec<Range<usize>> = Vec::new();
     let mut open = false;
@@ -35,8 +35,8 @@ pub(super) fn rows(code: &Code<'_>) -> Vec<Range<usize>> {
     found
 }
 
-/// Half way, on the circle through three points, from the first to the second or from there to the third; on the chord where
-/// they lie on a line.
+/// The middle of the arc from the first to the second of three points, or from the second to the third; the middle of the chord if the
+/// points are on a line.
 pub(super) fn middle([a, b, c]: [[f64; 3]; 3], first_half: bool) -> [f64; 3] {
     let [a, b, c] = [a, b, c].map(Vector3::from);
     let (from, to) = if first_half { (a, b) } else { (b, c) };
@@ -57,7 +57,7 @@ pub(super) fn middle([a, b, c]: [[f64; 3]; 3], first_half: bool) -> [f64; 3] {
 }
 
 impl Builder<'_> {
-    /// The `A` motions of a row, which `visits` begin with; how many of them run.
+    /// Adds the consecutive `A` motions at the beginning of `visits`. Returns how many of them run.
     pub(super) fn row(&mut self, visits: &[Visit<'_>], row: Range<usize>) -> usize {
         let on = |two: &&[Visit<'_>]| row.contains(&two[1].at) && two[1].at > two[0].at;
         let run = 1 + visits.windows(2).take_while(on).count();
@@ -93,10 +93,10 @@ impl Builder<'_> {
         run
     }
 
-    /// Targets of a row whose points are all known, with a circle point on the way to each but the first.
+    /// Targets of consecutive `A` motions whose points are all known, with a circle point on the path to each except the first.
     fn arc(&mut self, points: Vec<(usize, (Target, Site))>, poses: &[([f64; 3], [f64; 4])]) {
         let first = self.built.targets.len();
-        // Between two points there is a circle point.
+        // There is a circle point between two points.
         let index = |k: usize| first + 2 * k;
         for (k, (run, (mut target, site))) in points.into_iter().enumerate() {
             if let Some(before) = k.checked_sub(1) {
@@ -119,7 +119,7 @@ impl Builder<'_> {
         self.built.points.push(first..self.built.targets.len());
     }
 
-    /// An arc with one of its points moved is another arc, and so are those that share the other.
+    /// Keeps all points of an arc if one of them must stay, and with them every arc that shares one of these positions.
     pub(super) fn keep_halves_of_arcs(&mut self) {
         let built = &mut self.built;
         loop {

@@ -1,4 +1,4 @@
-//! What a run comes to, as it is built.
+//! Builds the targets of a run.
 
 use super::position::Position;
 use crate::program::{AxisName, EXTERNAL_AXES, Reason};
@@ -7,27 +7,27 @@ use deflex_lang::tp::{Code, Held, Motion, Point};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
-/// A position that a target is, and may be edited: an index into the positions.
+/// The position of a target, if it may be edited: an index into the positions.
 pub(super) type Site = Option<u32>;
 
-/// Targets of one arc, its circle points among them: one with a point moved is another.
+/// The targets of one arc, including its circle points; they are edited together or not at all.
 pub(super) type Points = Range<usize>;
 
-/// A circle point that no text states, on the way between two `A` motions.
+/// A circle point between two `A` motions, which is not in the text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Between {
-    /// Its own target.
+    /// Index of its target.
     pub(super) target: usize,
-    /// The targets that its circle goes through, as they run.
+    /// The three targets through which its circle goes, in running order.
     pub(super) circle: [usize; 3],
-    /// Whether it is on the way to the second of them; else to the third.
+    /// Whether it is on the path to the second of them, and not to the third.
     pub(super) first_half: bool,
 }
 
-/// A motion that runs.
+/// An executed motion.
 #[derive(Clone, Copy)]
 pub(super) struct Visit<'a> {
-    /// Its place among those that run.
+    /// Its index among the executed motions.
     pub(super) run: usize,
     /// Its statement.
     pub(super) at: usize,
@@ -36,7 +36,7 @@ pub(super) struct Visit<'a> {
 }
 
 impl Visit<'_> {
-    /// The number of the position in a role; `Err` where what it goes to is no position.
+    /// The number of the position in a role; `Err` if it does not go to a position.
     pub(super) fn number(&self, role: Role) -> Result<Option<u32>, Reason> {
         let (point, number) = match (role, self.motion.via) {
             (Role::Via, Some(via)) => (via, self.held.via()),
@@ -53,11 +53,11 @@ impl Visit<'_> {
     }
 }
 
-/// What a run comes to.
+/// The results of a run.
 #[derive(Debug, Default)]
 pub(super) struct Built {
     pub(super) targets: Vec<Target>,
-    /// One a target.
+    /// One for each target.
     pub(super) sites: Vec<Site>,
     pub(super) tools: Vec<Tool>,
     pub(super) wobjs: Vec<Wobj>,
@@ -66,27 +66,27 @@ pub(super) struct Built {
     pub(super) arcs: usize,
     /// The targets of each arc.
     pub(super) points: Vec<Points>,
-    /// Circle points that no text states.
+    /// Circle points that are not in the text.
     pub(super) between: Vec<Between>,
     /// Motions without a target.
     pub(super) unknown: Vec<UnknownMotion>,
 }
 
-/// Builds targets from what runs.
+/// Builds targets from executed motions.
 pub(super) struct Builder<'a> {
     pub(super) code: &'a Code<'a>,
     pub(super) positions: &'a [Position],
-    /// Index of each number; the second where a number is there twice.
+    /// Index of the position with each number; the second one if a number occurs twice.
     pub(super) numbers: BTreeMap<u32, (usize, bool)>,
-    /// Positions that stay for the sake of other uses, with the reason.
+    /// Positions that must not be edited because of other uses, with the reason.
     pub(super) frozen: BTreeMap<usize, Reason>,
-    /// The same of every position.
+    /// The reason why no position may be edited.
     pub(super) all_frozen: Option<Reason>,
-    /// External axes that any position has elsewhere than at zero.
+    /// External axes that are not zero in some position.
     pub(super) axes: [bool; EXTERNAL_AXES],
-    /// Axes of other motion groups that any position has elsewhere than at zero.
+    /// Axes of other motion groups that are not zero in some position.
     pub(super) groups: BTreeSet<AxisName>,
-    /// The last motion that gave a target, among those that run.
+    /// Index of the last executed motion that has a target.
     pub(super) last: Option<usize>,
     pub(super) built: Built,
 }

@@ -1,12 +1,12 @@
-//! Who made a program, by what its makers write into its head and its first remarks.
+//! Finds the software that wrote a program, from its head and its first remarks.
 
 use crate::text::Source;
 use std::ops::Range;
 
-/// Bytes after the attributes that are looked at: generators sign with their first remark.
+/// Number of bytes after the attributes that are searched, because generators name themselves in the first remark.
 const BEHIND: usize = 1024;
 
-/// Signs in lower case and the maker that they mean; the first that is found counts.
+/// Texts in lower case and the software that they identify; the first one that is found counts.
 const SIGNS: [(&str, &str); 10] = [
     ("robodk", "robodk"),
     ("robotmaster", "robotmaster"),
@@ -20,14 +20,14 @@ const SIGNS: [(&str, &str); 10] = [
     ("posted by deflex", "deflex"),
 ];
 
-/// The maker of a program: `fanuc` where it has the attributes that a controller prints, `ls` where nothing tells.
+/// The software that wrote a program: `fanuc` if it has the attributes that a controller prints, `ls` if it is unknown.
 pub(super) fn of(source: &Source, head: Range<usize>) -> &'static str {
     let end = source.bytes.len().min(head.end + BEHIND);
     let text = source.bytes[head.start.min(end)..end].to_ascii_lowercase();
     let contains = |sign: &str| memchr::memmem::find(&text, sign.as_bytes()).is_some();
     match SIGNS.iter().find(|(sign, _)| contains(sign)) {
         Some((_, maker)) => maker,
-        // Both are what a controller works out from the stored program.
+        // A controller computes both from the stored program.
         None if contains("memory_size") || contains("speichergr") => "fanuc",
         None => "ls",
     }

@@ -1,5 +1,5 @@
-//! Points between two targets: motions of their own before the statement, positions of their own after the others, and the
-//! statements that follow counted on, as a controller prints them.
+//! Inserted points between two targets: each gets a motion before the statement and a position after the others. The statements that follow
+//! are renumbered, as a controller prints them.
 
 use super::Layout;
 use super::position::{self, Body, Pose, Position};
@@ -16,19 +16,19 @@ use deflex_lang::tp::{Lasting, lasting};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
-/// The largest number that a position gets: three digits, as in every program of the corpus that posts are held against.
+/// The largest number of a new position: three digits, as in every program of the corpus with which posted programs are compared.
 pub(crate) const MOST_POINTS: usize = 999;
-/// The most statements: where RoboDK's post for these controllers splits a program (`MAX_LINES_X_PROG`).
+/// The most statements of a program: RoboDK's post for these controllers splits longer ones (`MAX_LINES_X_PROG`).
 const MOST_LINES: usize = 9999;
 
-/// Why nothing can be inserted before a target, as far as its statement and its position say.
+/// Why nothing can be inserted before a target, from its statement and its position.
 pub(super) fn refusal(program: &Program, layout: &Layout, before: usize) -> Option<Reason> {
     statement(program, layout, before).err()
 }
 
-/// What an inserted motion has of the statement that it goes before.
+/// The parts of a statement that an inserted motion before it takes over.
 struct Like<'a> {
-    /// All of it, from its number on.
+    /// The whole statement, from its number on.
     text: &'a [u8],
     lasting: Lasting<'a>,
     position: &'a Position,
@@ -67,7 +67,7 @@ fn statement<'a>(program: &'a Program, layout: &'a Layout, before: usize) -> Res
     }
 }
 
-/// Writes the inserts into `out`, whose edits are those of the positions; gives each as the controller will hold it.
+/// Writes the inserts into `out`, which has the edits of the positions already. Returns each as the controller will store it.
 pub(super) fn write(
     program: &Program,
     layout: &Layout,
@@ -117,7 +117,7 @@ pub(super) fn write(
     edits.sort_by_key(|edit| edit.span);
 }
 
-/// Edits that take inserted motions out again: `spans` are their statements.
+/// Edits that remove inserted motions; `spans` are their statements.
 pub(super) fn removal(program: &Program, layout: &Layout, spans: &[Span]) -> Vec<Edit> {
     let bytes = &program.sources[0].bytes;
     let (lines, inner) = counted(bytes);
@@ -157,11 +157,11 @@ struct Writer<'a> {
     options: &'a RewriteOptions,
     lines: Vec<Line<'a>>,
     inner: Vec<bool>,
-    /// How often each statement runs to a point.
+    /// How often each statement runs.
     runs: BTreeMap<Span, usize>,
     /// Largest number of a position.
     largest: usize,
-    /// Statements, the inserted ones among them.
+    /// Number of statements, including the inserted ones.
     count: usize,
     /// New positions.
     text: Vec<u8>,
@@ -179,8 +179,8 @@ impl<'a> Writer<'a> {
         Self { program, layout, options, lines, inner, runs, largest, count, text: Vec::new() }
     }
 
-    /// Positions of motions before a target, of all of them or none: what the motions are like, the numbers of their circle
-    /// points and ends, and what the controller will hold.
+    /// Adds the positions of all motions that are inserted before a target, or none. Returns the form of the motions, the numbers of their
+    /// circle points and ends, and the poses as the controller will store them.
     fn positions(&mut self, before: usize, inserts: &[Insert]) -> Result<Written<'a>, Reason> {
         let like = statement(self.program, self.layout, before)?;
         if self.runs.get(&self.program.targets[before].span) != Some(&1) {
@@ -210,7 +210,7 @@ impl<'a> Writer<'a> {
         Ok((like, numbers, poses))
     }
 
-    /// A position as that of the target, with other numbers: its groups, frames and configuration.
+    /// A copy of the target's position (groups, frames, configuration) with other numbers.
     fn position(
         &self,
         like: &Like<'_>,
@@ -268,7 +268,7 @@ impl<'a> Writer<'a> {
     }
 }
 
-/// The largest number that a position has, or that a statement names; one that cannot be read counts.
+/// The largest number of a position, also of one that cannot be read, or in a statement.
 fn largest(bytes: &[u8], lines: &[Line<'_>], layout: &Layout) -> usize {
     let named = |text: &[u8]| {
         let numbers = memchr::memmem::find_iter(text, b"P[").filter_map(|at| {
@@ -285,7 +285,7 @@ fn largest(bytes: &[u8], lines: &[Line<'_>], layout: &Layout) -> usize {
     in_lines.max(own).unwrap_or(0).max(in_positions)
 }
 
-/// `  12:C P[31]    :  P[32] 30mm/sec CNT100 ACC80    ;`, laid out as the statement that it goes before.
+/// `  12:C P[31]    :  P[32] 30mm/sec CNT100 ACC80    ;`, in the layout of the statement before which it is inserted.
 fn line(
     bytes: &[u8],
     (at, start): (usize, usize),
@@ -323,7 +323,7 @@ fn line(
         out.push(b' ');
         out.extend_from_slice(speed);
     }
-    // Without a stop, which would dwell in the cut: on a way that goes straight on, or nearly so, nothing is rounded.
+    // No stop, because the tool would dwell in the cut. The path is almost straight there, so that nothing is rounded.
     out.extend_from_slice(b" CNT100");
     for option in options {
         out.push(b' ');

@@ -24,16 +24,16 @@ use deflex_lang::tp::{Calls, Code, StatementKind, lines, lower, runs};
 pub(super) use insert::MOST_POINTS;
 use position::{Body, Position};
 
-/// Where the numbers of positions stand.
+/// Places of the numbers of positions in the text.
 #[derive(Debug, Default)]
 pub(crate) struct Layout {
     /// In the order of the text.
     positions: Vec<Position>,
-    /// One a target.
+    /// One for each target.
     sites: Vec<builder::Site>,
     /// The targets of each arc.
     points: Vec<builder::Points>,
-    /// Circle points that no text states.
+    /// Circle points that are not in the text.
     between: Vec<builder::Between>,
     motions: usize,
 }
@@ -53,13 +53,13 @@ impl FrontEnd for Layout {
         let target = &program.targets[target];
         let text = &program.sources[usize::from(target.source)].bytes[target.span.range()];
         let mut words = text.split(|byte| !byte.is_ascii_alphanumeric());
-        // `CNT` has no radius: how far the corner is rounded depends on the speed.
+        // `CNT` states no radius: how far the corner is rounded depends on the speed.
         let stops = |word: &[u8]| word.eq_ignore_ascii_case(b"FINE") || word.eq_ignore_ascii_case(b"FEIN");
         if words.any(stops) { Passing::Stop } else { Passing::Unstated }
     }
 
     fn passing_edits(&self, program: &Program, wanted: &[(usize, Passing)]) -> Vec<Option<Edit>> {
-        // `CNT50` as one word: `CNT R[1]` has its number elsewhere.
+        // Only `CNT50`, as one word: the number of `CNT R[1]` is in a register.
         let passes = |text: &[u8]| {
             let is_word = |byte: u8| byte.is_ascii_alphanumeric();
             let (at, _) = text.windows(3).enumerate().find(|(at, word)| {
@@ -86,10 +86,9 @@ impl FrontEnd for Layout {
     }
 }
 
-/// Reads one program; programs of `context` tell what those that it calls may change.
+/// Reads one program. From the programs in `context` follows what a call of them may change.
 ///
-/// # Errors
-/// The program as a whole is refused (no TP, binary, cut off): every reason found.
+/// # Errors The program as a whole is refused (not TP, binary, truncated): every reason that was found.
 ///
 /// # Examples
 /// ```
@@ -102,7 +101,7 @@ impl FrontEnd for Layout {
 /// ```
 pub fn read(mut sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
     if sources.len() != 1 {
-        let message = format!("{} TP files are as many programs", sources.len());
+        let message = format!("{} TP files are separate programs", sources.len());
         return Err(Diagnostic::error("ls.several", "", message).help("give them one by one").into());
     }
     sources.extend(context);
@@ -154,7 +153,7 @@ pub fn read(mut sources: Vec<Source>, context: Vec<Source>) -> Result<Program, V
     })
 }
 
-/// Why the program as a whole follows something at run time: a schedule of line tracking other than 0 in its head.
+/// Why all motions of the program are moved at run time: its head has a line tracking schedule other than 0.
 fn follows(head: &[u8]) -> Option<Reason> {
     const SCHEDULE: &[u8] = b"LINE_TRACK_SCHEDULE_NUMBER";
     let at = memchr::memmem::find(&head.to_ascii_uppercase(), SCHEDULE)? + SCHEDULE.len();
@@ -176,9 +175,9 @@ fn positions(source: &Source, section: std::ops::Range<usize>) -> (Vec<Position>
     (found, odd)
 }
 
-/// Why a file as a whole is not read.
+/// Why a file cannot be read at all.
 fn refused(source: &Source) -> Option<Diagnostic> {
-    /// Of this many bytes at the beginning one in `PER_CONTROL` may be a control character.
+    /// Number of bytes at the beginning in which at most one of `PER_CONTROL` bytes may be a control character.
     const LOOK: usize = 64 * 1024;
     const PER_CONTROL: usize = 100;
     let bytes = &source.bytes;
@@ -209,7 +208,7 @@ fn without_section(source: &Source, has_statements: bool) -> Diagnostic {
     Diagnostic::error("ls.no-section", &source.name, message).at(source, first).help(help)
 }
 
-/// A warning for positions that cannot be read, at the first of them.
+/// The warning about positions that cannot be read, at the first of them.
 fn not_read(source: &Source, odd: &[Span]) -> Option<Diagnostic> {
     let message = match odd.len() {
         1 => Reason::PositionUnread.to_string(),
@@ -220,7 +219,7 @@ fn not_read(source: &Source, odd: &[Span]) -> Option<Diagnostic> {
     Some(warning.severity(Severity::Warning).help(help))
 }
 
-/// A warning for programs that are called and not given, at the first of them.
+/// The warning about called programs that are not given, at the first of them.
 fn not_given(source: &Source, code: &Code<'_>, calls: &Calls) -> Option<Diagnostic> {
     let mut names: Vec<(String, Span)> = Vec::new();
     for (line, kind) in code.lines.iter().zip(&code.kinds) {
@@ -232,7 +231,7 @@ fn not_given(source: &Source, code: &Code<'_>, calls: &Calls) -> Option<Diagnost
             }
         }
     }
-    /// Of so many names the rest is only counted.
+    /// Number of names that are listed; further ones are only counted.
     const SHOWN: usize = 8;
     let (_, first) = names.first()?;
     let mut listed: Vec<String> = names.iter().take(SHOWN).map(|(name, _)| name.clone()).collect();

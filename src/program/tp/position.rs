@@ -1,4 +1,4 @@
-//! `/POS`: positions as written, and where their numbers stand.
+//! Reads `/POS`: the positions as written, and the places of their numbers.
 
 use crate::program::{AxisName, EXTERNAL_AXES, Reason};
 use crate::program::{Config as Said, GroupAxis};
@@ -16,9 +16,9 @@ use nom::sequence::{delimited, preceded};
 pub(super) struct Position {
     /// Its number.
     pub(super) number: u32,
-    /// All of it.
+    /// The whole position in the text.
     pub(super) span: Span,
-    /// What motion group 1 has.
+    /// The place that motion group 1 states.
     pub(super) body: Body,
     /// E1 … E6 of motion group 1, mm or degrees.
     pub(super) external: [Option<f64>; EXTERNAL_AXES],
@@ -26,19 +26,19 @@ pub(super) struct Position {
     pub(super) groups: Vec<GroupAxis>,
 }
 
-/// Where a position is.
+/// The place of a position.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Body {
     /// A pose in a user frame.
     Pose(Box<Pose>),
-    /// Axes 1 to 6 as the controller counts, degrees.
+    /// Axes 1 to 6 as the controller counts them, degrees.
     Joints {
         /// Axes 1 to 6.
         deg: [f64; 6],
-        /// User frame and tool that it was taught in.
+        /// User frame and tool with which it was taught.
         frames: [Number; 2],
     },
-    /// No numbers to go by, for this reason.
+    /// It has no usable numbers, for this reason.
     None(Reason),
 }
 
@@ -51,7 +51,7 @@ pub(super) struct Pose {
     pub(super) values: [f64; 6],
     /// Their tokens, sign included.
     pub(super) tokens: [Span; 6],
-    /// Posture and turns, where they can be read.
+    /// Posture and turns, if they can be read.
     pub(super) config: Option<Config>,
 }
 
@@ -60,14 +60,14 @@ pub(super) struct Pose {
 pub(super) enum Number {
     /// As written.
     Known(u32),
-    /// `F`: the one that is selected when the motion runs.
+    /// `F`: the frame or tool that is selected when the motion runs.
     Selected,
 }
 
 /// `CONFIG` with the places of its turn numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Config {
-    /// What it says.
+    /// The configuration.
     pub(super) config: Said,
     /// Tokens of the turn numbers.
     pub(super) tokens: [Span; 3],
@@ -75,8 +75,7 @@ pub(super) struct Config {
 
 const EXTERNAL: [&str; EXTERNAL_AXES] = ["E1", "E2", "E3", "E4", "E5", "E6"];
 
-/// The first position of `input`, after whatever stands before it; `None` where there is none any more. Offsets count
-/// from `base`, the whole text.
+/// The first position in `input`, after any other text; `None` if there is none. Offsets count from the start of `base`, the whole text.
 pub(super) fn next<'a>(base: &'a [u8], input: &'a [u8]) -> Option<(&'a [u8], Result<Position, Span>)> {
     let mut rest = input;
     loop {
@@ -96,7 +95,7 @@ pub(super) fn next<'a>(base: &'a [u8], input: &'a [u8]) -> Option<(&'a [u8], Res
     }
 }
 
-/// The text that tokens are found in.
+/// The text in which tokens are located.
 #[derive(Clone, Copy)]
 struct Base<'a>(&'a [u8]);
 
@@ -141,7 +140,7 @@ struct Item<'a> {
     unit: Option<&'a [u8]>,
 }
 
-/// What stands after a key.
+/// The value of a key.
 #[derive(Clone, Copy)]
 enum Value<'a> {
     Number {
@@ -211,14 +210,14 @@ fn position(number: u32, span: Span, items: &[Item<'_>]) -> Position {
 fn numbers<'a, const N: usize>(items: &[Item<'a>], keys: [&str; N]) -> Option<[Value<'a>; N]> {
     let find = |key: &str| {
         let mut own = items.iter().filter(|item| item.group == 1 && item.key.eq_ignore_ascii_case(key.as_bytes()));
-        // A key that is there twice says nothing.
+        // The value of a key that occurs twice is unknown.
         own.next().filter(|_| own.next().is_none()).map(|item| item.value)
     };
     let found = keys.map(find);
     found.iter().all(Option::is_some).then(|| found.map(|value| value.unwrap_or(Value::Unset)))
 }
 
-/// Whether a number of motion group 1 has another unit than its key is read in.
+/// Whether a number of motion group 1 has another unit than the one in which its key is read.
 fn has_other_units(items: &[Item<'_>]) -> bool {
     let wanted = |key: &[u8]| match key {
         [b'X' | b'Y' | b'Z' | b'x' | b'y' | b'z'] => Some(&b"mm"[..]),
@@ -290,7 +289,7 @@ fn config(items: &[Item<'_>]) -> Option<Config> {
             b'F' => config.posture |= 1,
             b'D' => config.posture |= 2,
             b'B' => config.posture |= 4,
-            // L and R tell the shoulders of arms apart that have a lateral one.
+            // L and R distinguish the shoulder postures of arms with a lateral offset.
             b'L' | b'R' => letters -= 1,
             b',' => break,
             _ => return None,
@@ -303,11 +302,11 @@ fn config(items: &[Item<'_>]) -> Option<Config> {
     }
     for i in 0..3 {
         let turn = recognize((opt(one_of("+-")), digit1));
-        // The comma before the first went with the letters.
+        // The comma before the first one was read with the letters.
         let comma = |input| opt(char(',')).parse(input) as Parsed<'_, Option<char>>;
         let (behind, (_, token)) = (comma, spaced(turn)).parse(rest).ok()?;
         config.turns[i] = std::str::from_utf8(token).ok()?.parse().ok()?;
-        // The token begins where what is after it and its own bytes leave off.
+        // The start of the token follows from the rest of the text and its own length.
         let end = text.len() - behind.len();
         let trimmed = text[..end].trim_ascii_end().len();
         let place = base.span(&text[trimmed - token.len()..], token.len());
@@ -317,7 +316,7 @@ fn config(items: &[Item<'_>]) -> Option<Config> {
     rest.is_empty().then_some(Config { config, tokens })
 }
 
-/// Axes of other motion groups, each once; a pose of another arm counts for its group as a whole.
+/// Axes of other motion groups, each once; the pose of another arm counts as its whole group.
 fn others(items: &[Item<'_>]) -> Vec<GroupAxis> {
     let mut found: Vec<GroupAxis> = Vec::new();
     for item in items.iter().filter(|item| item.group != 1) {
@@ -334,7 +333,7 @@ fn others(items: &[Item<'_>]) -> Vec<GroupAxis> {
             _ => continue,
         };
         match found.iter_mut().find(|known| known.axis == axis) {
-            // An axis that is there twice says nothing.
+            // The position of an axis that occurs twice is unknown.
             Some(known) => known.position = None,
             None => found.push(GroupAxis { axis, position, at_rest: false }),
         }

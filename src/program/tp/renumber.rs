@@ -1,4 +1,4 @@
-//! Statements are counted from 1, and the attributes say how many there are: what changes where some are added or taken out.
+//! Renumbers statements after some are added or removed. Statements are numbered from 1, and the attributes state their count.
 
 use crate::text::{Content, Edit, Span};
 use deflex_lang::tp::Code;
@@ -7,11 +7,11 @@ use deflex_lang::tp::lines::{Line, numbers, sections, statements};
 /// Names of the line count among the attributes, in English and German.
 const COUNTS: [&[u8]; 2] = [b"LINE_COUNT", b"ZEILEN"];
 
-/// By how much the statements of a text are counted on.
+/// How much the numbers of statements grow along the text.
 pub(super) struct Shifts(Vec<(usize, i64)>);
 
 impl Shifts {
-    /// From the places that so many statements come at, in order.
+    /// From the places at which statements are added, in order, with their numbers.
     pub(super) fn new(counts: impl Iterator<Item = (usize, usize)>) -> Self {
         let mut sum = 0;
         let add = |(start, count)| {
@@ -21,26 +21,26 @@ impl Shifts {
         Self(counts.map(add).collect())
     }
 
-    /// At a place, with those that come there.
+    /// The growth at a place, including the statements that are added there.
     pub(super) fn at(&self, start: usize) -> i64 {
         self.0.partition_point(|(at, _)| *at <= start).checked_sub(1).map_or(0, |last| self.0[last].1)
     }
 
-    /// At a place, without those that come there.
+    /// The growth at a place, without the statements that are added there.
     pub(super) fn before(&self, start: usize) -> i64 {
         start.checked_sub(1).map_or(0, |start| self.at(start))
     }
 }
 
-/// The statements, and which of them are counted apart: those of point logic.
+/// The statements, and whether each belongs to point logic, whose statements have numbers of their own.
 pub(super) fn counted(bytes: &[u8]) -> (Vec<Line<'_>>, Vec<bool>) {
     let lines = sections(bytes).statements.map_or_else(Vec::new, |section| statements(bytes, section));
     let inner = Code::new(&lines).inner;
     (lines, inner)
 }
 
-/// Numbers of the statements that follow others than before, and the count among the attributes where it was the last number.
-/// A number keeps the width that it has with the blanks before it.
+/// Edits for the numbers of statements that change, and for the count among the attributes if it was the last number. A number keeps its
+/// width including the blanks before it.
 pub(super) fn renumber<'a>(
     bytes: &'a [u8],
     lines: &'a [Line<'a>],
@@ -72,7 +72,7 @@ pub(super) fn renumber<'a>(
     own.map(with_blanks).chain(count)
 }
 
-/// Where the digits of the line count stand among the attributes, and how many.
+/// Place and number of the digits of the line count among the attributes.
 fn count(bytes: &[u8]) -> Option<(usize, usize)> {
     let head = sections(bytes).head;
     let upper = bytes[head.clone()].to_ascii_uppercase();
@@ -86,18 +86,18 @@ fn count(bytes: &[u8]) -> Option<(usize, usize)> {
     (len > 0).then_some((head.start + behind + between, len))
 }
 
-/// Where the line of a place begins.
+/// The start of the line of a place.
 pub(super) fn line_start(bytes: &[u8], at: usize) -> usize {
     memchr::memrchr2(b'\n', b'\r', &bytes[..at]).map_or(0, |end| end + 1)
 }
 
-/// How the line of a place ends, and how many bytes there are up to the next line.
+/// The line end after a place, and the number of bytes up to the next line.
 pub(super) fn line_end(bytes: &[u8], at: usize) -> (&[u8], usize) {
     let rest = &bytes[at..];
     let end = memchr::memchr2(b'\n', b'\r', rest).unwrap_or(rest.len());
     let returns = rest[end..].iter().take_while(|byte| **byte == b'\r').count();
     let feed = rest.get(end + returns) == Some(&b'\n');
-    // A return alone ends one line, and the next is empty.
+    // A carriage return alone ends a line.
     let len = if feed { returns + 1 } else { returns.min(1) };
     (if len == 0 { b"\n" } else { &rest[end..end + len] }, end + len)
 }

@@ -1,4 +1,4 @@
-//! Corrected poses back into the numbers of `/POS`: nothing but sign and digits changes, and points between are [inserted](super::insert).
+//! Writes corrected poses into the numbers of `/POS`: only signs and digits change. Points between targets are [inserted](super::insert).
 
 use super::Layout;
 use super::position::{Body, Config as Written, Pose};
@@ -10,14 +10,14 @@ use crate::program::{Change, Conf, Editable, Goal, Insert, Program, Reason, Rewr
 use crate::text::{Content, Edit, Span, Token};
 use std::collections::BTreeSet;
 
-/// New token texts of one position; `None` where a token stays.
+/// New texts of the tokens of a position; `None` for a token that stays.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Print {
     tokens: [Option<Token>; 6],
     turns: [Option<Token>; 3],
-    /// The numbers that stand there then.
+    /// The numbers that these texts have.
     values: [f64; 6],
-    /// Whether the angles are others than before.
+    /// Whether the angles change.
     turned: bool,
 }
 
@@ -63,7 +63,7 @@ pub(super) fn rewrite(
     }
     let mut written: Vec<_> = (0..program.targets.len()).map(|i| writer.written(i, &prints)).collect();
     for between in &layout.between {
-        // Where the points that are written lead it.
+        // Its place follows from the points as they are written.
         let [a, b, c] = between.circle.map(|i| written[i]);
         let (from, to) = if between.first_half { (a, b) } else { (b, c) };
         written[between.target] = (arcs::middle([a.0, b.0, c.0], between.first_half), halfway(from.1, to.1));
@@ -77,12 +77,12 @@ struct Writer<'a> {
     program: &'a Program,
     layout: &'a Layout,
     options: &'a RewriteOptions,
-    /// Positions that stay for the sake of another point of their arc.
+    /// Positions that must stay because another point of their arc must.
     frozen: BTreeSet<u32>,
 }
 
 impl Writer<'_> {
-    /// What each position is to become, agreed among all motions that use it, and targets whose change is not written.
+    /// The new numbers of each position, on which all motions that use it agree, and the targets whose change is not written.
     fn prints(&self, changes: &[Option<Change>]) -> (Vec<Option<Print>>, Vec<(usize, Reason)>) {
         let mut prints: Vec<Option<Print>> = vec![None; self.layout.positions.len()];
         let (mut kept, mut refused) = (Vec::new(), BTreeSet::new());
@@ -127,7 +127,7 @@ impl Writer<'_> {
         (prints, kept)
     }
 
-    /// Holds the other points of arcs of which one is kept; whether there is any.
+    /// Keeps the other points of arcs of which one point is kept. Returns whether there are any.
     fn freeze(&mut self, kept: &[(usize, Reason)]) -> bool {
         let count = self.frozen.len();
         let points = &self.layout.points;
@@ -145,14 +145,14 @@ impl Writer<'_> {
         }
     }
 
-    /// Whether a change asks for anything else than what is there.
+    /// Whether a change differs from the present numbers.
     fn differs(&self, i: usize, change: &Change) -> bool {
         let goal = &self.program.targets[i].goal;
         let conf = if let Goal::Pose { conf, .. } = goal { *conf } else { None };
         change.differs(goal) || change.conf.is_some() && change.conf != conf
     }
 
-    /// New tokens of a position for one user's change.
+    /// New tokens of a position for the change of one motion.
     fn print(&self, i: usize, pose: &Pose, change: &Change) -> Result<Print, Reason> {
         let mut print = Print::of(pose);
         let Goal::Pose { quat, .. } = self.program.targets[i].goal else { return Ok(print) };
@@ -178,7 +178,7 @@ impl Writer<'_> {
         Ok(print)
     }
 
-    /// New turn numbers. Letters are no numbers: they stay, and so does what would need others.
+    /// New turn numbers. The letters of CONFIG are never edited, so a position that needs other letters is kept.
     fn turns(&self, print: &mut Print, written: Written, posture: i32, turns: [i32; 3]) -> Result<(), Reason> {
         if posture != written.config.posture {
             return Err(Reason::ConfigChanges);
@@ -190,7 +190,7 @@ impl Writer<'_> {
         Ok(())
     }
 
-    /// A target as the controller will hold it: the printed numbers in single precision.
+    /// A target as the controller will store it: the printed numbers in single precision.
     fn written(&self, i: usize, prints: &[Option<Print>]) -> ([f64; 3], [f64; 4]) {
         let Goal::Pose { position_mm, quat, .. } = self.program.targets[i].goal else {
             return ([0.0; 3], [1.0, 0.0, 0.0, 0.0]);

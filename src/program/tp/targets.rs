@@ -1,4 +1,4 @@
-//! Motions that run to targets: which position, in which frames, and whether its numbers may be edited.
+//! Builds targets from executed motions: their position, their frames, and whether the numbers may be edited.
 
 use super::arcs;
 use super::builder::{Builder, Built, Site, Visit, are_in_one_frame, refuse};
@@ -58,7 +58,7 @@ impl<'a> Builder<'a> {
         self.built
     }
 
-    /// The position of a number.
+    /// The position with a number.
     fn position(&self, number: Option<u32>) -> Result<usize, Reason> {
         match self.numbers.get(&number.ok_or(Reason::PositionUnknown)?) {
             Some((at, false)) => Ok(*at),
@@ -93,7 +93,7 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// Where the way into a point of a motion begins.
+    /// The start of the segment to a point of a motion.
     fn predecessor(&self, visit: &Visit<'_>, role: Role) -> Predecessor {
         let Some(last) = self.last else { return Predecessor::Start };
         let behind_via = role == Role::End && visit.motion.via.is_some();
@@ -101,14 +101,14 @@ impl<'a> Builder<'a> {
         if behind_via || stands { Predecessor::Previous } else { Predecessor::Unknown }
     }
 
-    /// Takes a point of a motion, by its place among those that run.
+    /// Adds a point of a motion, given by its index among the executed ones.
     pub(super) fn push(&mut self, run: usize, (target, site): (Target, Site)) {
         self.last = Some(run);
         self.built.targets.push(target);
         self.built.sites.push(site);
     }
 
-    /// A motion whose end is not known: what it names stays.
+    /// Records a motion with an unknown end. The positions that it names must not be edited.
     pub(super) fn lose(&mut self, visit: &Visit<'_>, why: Reason) {
         for number in visit.roles().iter().filter_map(|role| visit.number(*role).ok()) {
             self.freeze(number, Reason::MovedToo);
@@ -116,7 +116,7 @@ impl<'a> Builder<'a> {
         self.unknown(visit.at, why);
     }
 
-    /// A point that a motion goes to or through; or why its place is not known.
+    /// The target for a point of a motion; `Err` has the reason if its place is unknown.
     pub(super) fn point(&mut self, visit: &Visit<'_>, role: Role) -> Result<(Target, Site), Reason> {
         let motion = visit.motion;
         let known = self.position(visit.number(role)?)?;
@@ -175,7 +175,7 @@ impl<'a> Builder<'a> {
         Ok((target, site))
     }
 
-    /// External axes and those of other motion groups.
+    /// The external axes, including those of other motion groups.
     fn external(&self, position: &Position, motion: &Motion<'_>) -> Option<Arc<ExternalAxes>> {
         let written = position.external;
         if written == [None; EXTERNAL_AXES] && position.groups.is_empty() {
@@ -207,7 +207,7 @@ impl<'a> Builder<'a> {
         Ok([intern(&mut self.built.wobjs, wobj), intern(&mut self.built.tools, tool)])
     }
 
-    /// A motion whose end is not known.
+    /// Records a motion with an unknown end.
     fn unknown(&mut self, at: usize, why: Reason) {
         let (line, most) = (&self.code.lines[at], u32::MAX);
         self.built.unknown.push(UnknownMotion {
@@ -228,7 +228,7 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// Numbers that something else uses, too, stay as they are.
+    /// Keeps the targets whose numbers must not be edited because of other uses.
     fn hold_what_others_use(&mut self, outcome: &Outcome) {
         let built = &mut self.built;
         for (target, site) in built.targets.iter_mut().zip(&built.sites) {
@@ -240,7 +240,7 @@ impl<'a> Builder<'a> {
                 refuse(target, why);
             }
         }
-        // One that stays for a reason of its own holds its numbers for all that use them.
+        // A target that must stay fixes its numbers for all motions that use them.
         let mut held: BTreeMap<u32, Reason> = BTreeMap::new();
         for (target, site) in built.targets.iter().zip(&built.sites) {
             if let (Editable::No(why), Some(site)) = (target.editable, site) {
@@ -260,7 +260,7 @@ impl<'a> Builder<'a> {
             .built
             .targets
             .iter()
-            // Circle points that no text states have the reason of their arc.
+            // Circle points that are not in the text have the reason of their arc.
             .filter(|target| target.motion != Path::AbsoluteJoint && target.name.is_some())
             .filter_map(|target| match target.editable {
                 Editable::No(why) => Some((spans[&target.span], why)),
@@ -272,12 +272,12 @@ impl<'a> Builder<'a> {
     }
 }
 
-/// Options that leave the end of a motion where its position says.
+/// Motion options that do not change where the motion ends.
 fn stays_at_its_point(motion: &Motion<'_>) -> bool {
     motion.moved == Some(Reason::SplineOption)
 }
 
-/// A pose as the correction sees it: W, P, R turn about the fixed x, y, z.
+/// A pose from X, Y, Z and W, P, R, which are turns about the fixed axes x, y, z.
 fn goal(pose: &Pose) -> Goal {
     let [x, y, z, w, p, r] = pose.values;
     Goal::Pose {

@@ -1,10 +1,10 @@
-//! How a pose becomes the numbers of a position, of one that is edited and of a new one.
+//! The numbers of a pose, for a position that is edited and for a new one.
 
-/// Least decimals of X … R: as many as every controller prints, and reads (`docs/formats.md`).
+/// Least decimals of X … R: as many as every controller prints and reads (`docs/formats.md`).
 pub(super) const DECIMALS: usize = 3;
 
-/// Of the angles of one orientation, those next to others: half a turn of the first and the last goes with the second counted
-/// from the other side.
+/// Of the two triples of angles for one orientation, the one that is nearer to another triple. In the second triple the first and the last
+/// angle differ by half a turn, and the second one is counted from the other side.
 pub(super) fn nearest(wpr: [f64; 3], before: [f64; 3]) -> [f64; 3] {
     let within = |angle: f64| angle - 360.0 * (angle / 360.0).round();
     let [w, p, r] = wpr;
@@ -13,7 +13,7 @@ pub(super) fn nearest(wpr: [f64; 3], before: [f64; 3]) -> [f64; 3] {
     if off(&other) < off(&wpr) { other } else { wpr }
 }
 
-/// The controller's reals are IEEE singles.
+/// The controller stores numbers in single precision (IEEE).
 #[allow(clippy::cast_possible_truncation)]
 pub(super) fn single(value: f64) -> f64 {
     f64::from(value as f32)

@@ -17,9 +17,10 @@ mod scene;
 mod simulation;
 mod trace;
 
+pub use super::summary::PathKind;
 pub use diff::diff_page;
 pub use identification::identification_page;
 pub(super) use markup::escape;
-pub use path::{PathKind, PathPage, PathTrace};
+pub use path::{PathPage, PathTrace};
 pub use plan::{DrawnArm, plan_page};
 pub use simulation::simulation_page;

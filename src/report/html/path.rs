@@ -5,22 +5,10 @@ use super::scene;
 use super::trace::{Channel, MOST_STRETCHES, Sample, Trace};
 use crate::cell::Cell;
 use crate::correct::{KeptCount, Row, Status};
-use crate::report::summary::{FailureLine, parts_text};
+use crate::report::summary::{FailureLine, PathKind, parts_text};
 use crate::report::{FileSummary, Origin};
 use serde_json::json;
 use std::collections::BTreeSet;
-
-/// The command that made a page.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum PathKind {
-    /// A program was corrected.
-    Compensate,
-    /// The errors of a program as it is.
-    Predict,
-    /// The errors of a program, judged by `check`; [`FileSummary::failures`] are listed.
-    Check,
-}
 
 /// Columns of a report row and of the arm's posture there, in the order of [`values`].
 const CHANNELS: &[Channel] = &[

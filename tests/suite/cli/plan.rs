@@ -142,5 +142,5 @@ fn a_plan_is_posted_for_the_controller_of_the_cell() {
     bench.run("plan --cell shop.toml --rows 8 -o p.mod --post rapid --ask target").exits(0);
     assert!(bench.read("p.mod").contains("UIMsgBox \"Measure, then go on.\";"));
     let ran = bench.run("plan --cell shop.toml --rows 8 -o q.ls --post ls").exits(2);
-    assert!(ran.stderr.contains("tool `tMill`: a FANUC TP program knows it by its number alone"), "{}", ran.stderr);
+    assert!(ran.stderr.contains("tool `tMill`: a FANUC TP program has only a number for it"), "{}", ran.stderr);
 }

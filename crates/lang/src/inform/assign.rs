@@ -1,9 +1,9 @@
-//! Instructions that give variables values.
+//! Instructions that assign values to variables.
 
 use super::builtin;
 use super::expression::{Variable, Variables};
 use super::header::{ROBOT, user};
-use super::parse::Parser;
+use super::parser::Parser;
 use crate::Span;
 use crate::cursor::text;
 use crate::ir::{Binary, Expression, ExpressionKind as Is, Slot, StatementKind};
@@ -11,7 +11,7 @@ use crate::lexeme::LexemeKind;
 use crate::reason::Reason;
 
 impl Variables {
-    /// They get a value that is not known: which one of them is changed is not known either.
+    /// Makes the variables unknown. If there are several, it is unknown which one is changed.
     pub(super) fn lost(self, reads: impl IntoIterator<Item = Expression>, reason: Reason) -> StatementKind {
         let reads = reads.into_iter().chain(self.index).collect();
         StatementKind::Opaque { writes: Some(self.slots), reads, reason }
@@ -19,19 +19,19 @@ impl Variables {
 }
 
 impl Parser<'_, '_> {
-    /// What an instruction gives a value to.
+    /// The variables to which an instruction assigns a value.
     pub(super) fn target(&mut self) -> Option<Variables> {
         let target = self.variables()?;
         self.own.written.extend(&target.slots);
         Some(target)
     }
 
-    /// The variable that gets a value, where it is a single one and nothing of the line is left.
+    /// The variable, if it is a single one and nothing of the line is left.
     fn single(&self, target: &Variables) -> Option<Slot> {
         target.single().filter(|_| self.is_over())
     }
 
-    /// The target gets what is not computed here, of a value and of what is left of the line.
+    /// Makes the target unknown, because its value is not computed here. It depends on `value` and on the rest of the line.
     fn computed(&mut self, target: Variables, value: Option<Expression>) -> Vec<StatementKind> {
         let rest = self.rest(Reason::Computed);
         vec![target.lost(value.into_iter().chain([rest]), Reason::Computed)]
@@ -106,7 +106,7 @@ impl Parser<'_, '_> {
         Some(vec![StatementKind::assign(slot, held(target.kind, value))])
     }
 
-    /// `CLEAR B003 10`: some variables of a kind, from one on.
+    /// `CLEAR B003 10`: a number of variables of a kind, from one on.
     pub(super) fn clear(&mut self) -> Option<Vec<StatementKind>> {
         let from = self.next_variable().filter(|from| from.number.is_some())?;
         self.at += 1;
@@ -135,7 +135,7 @@ impl Parser<'_, '_> {
     }
 }
 
-/// A value as a variable of a kind holds it: whole numbers, or it is not known how they are rounded.
+/// The value as a variable of a kind stores it. If an integer variable gets a number that is not whole, its rounding is unknown.
 pub(super) fn held(kind: &[u8], value: Expression) -> Expression {
     if !matches!(kind, b"B" | b"I" | b"D") {
         return value;
@@ -144,7 +144,7 @@ pub(super) fn held(kind: &[u8], value: Expression) -> Expression {
     Expression::builtin(builtin::WHOLE, vec![value], place)
 }
 
-/// Millimetres or degrees of a count in an element of a position.
+/// Millimetres or degrees for a count in an element of a position.
 fn unit(element: u8) -> f64 {
     if element < 3 { 1e-3 } else { 1e-4 }
 }

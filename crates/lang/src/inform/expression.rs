@@ -1,22 +1,22 @@
 //! Variables, expressions and conditions.
 
-use super::parse::Parser;
+use super::parser::Parser;
 use crate::cursor::{Level, SUM};
 use crate::ir::{Binary, Expression, ExpressionKind as Is, Slot, Unary};
 use crate::lexeme::{Lexeme, LexemeKind};
 use crate::reason::Reason;
 
-/// A variable as a word names it.
+/// A variable as it is written.
 #[derive(Clone, Copy)]
 pub(super) struct Variable {
-    /// Whether it is a job's own.
+    /// Whether it is a local variable of the job.
     pub(super) is_local: bool,
     pub(super) kind: &'static [u8],
-    /// `None` where an index chooses one of the kind.
+    /// Its number; `None` if an index chooses one of the kind.
     pub(super) number: Option<u32>,
 }
 
-/// `P012`, `LB000`; `LP`, which an index has to follow. `PX012` is `P012` with its other axes.
+/// `P012`, `LB000`, or `LP`, after which an index has to follow. `PX012` is `P012` with its other axes.
 pub(super) fn variable(word: &[u8]) -> Option<Variable> {
     const KINDS: [&[u8]; 8] = [b"B", b"I", b"D", b"R", b"S", b"P", b"BP", b"EX"];
     let (is_local, word) = word.strip_prefix(b"L").map_or((false, word), |word| (true, word));
@@ -33,7 +33,7 @@ fn taught(word: &[u8]) -> Option<u32> {
     std::str::from_utf8(word.strip_prefix(b"C")?).ok()?.parse().ok()
 }
 
-/// One variable, or several one of which an index chooses.
+/// One variable, or several from which an index chooses one.
 pub(super) struct Variables {
     pub(super) kind: &'static [u8],
     pub(super) slots: Vec<Slot>,
@@ -41,7 +41,7 @@ pub(super) struct Variables {
 }
 
 impl Variables {
-    /// The variable, where no index chooses it.
+    /// The variable, if no index chooses it.
     pub(super) fn single(&self) -> Option<Slot> {
         self.slots.first().copied().filter(|_| self.index.is_none())
     }
@@ -65,12 +65,12 @@ const COMPARED: Level = &[
 const NUMBERS: [Level; 2] = [SUM, &[("*", Binary::Multiply), ("/", Binary::Divide)]];
 
 impl<'a> Parser<'a, '_> {
-    /// The variable that is next, if one is.
+    /// The next lexeme as a variable; `None` if it is not one.
     pub(super) fn next_variable(&self) -> Option<Variable> {
         variable(self.peek()?.text).filter(|variable| variable.number.is_some() || self.second_is("["))
     }
 
-    /// All variables that these words may mean: of a kind where there is no number.
+    /// All variables that a name may mean: those of a kind if it has no number.
     pub(super) fn slots(&mut self, variable: Variable) -> Vec<Slot> {
         let Variable { is_local, kind, number } = variable;
         let Some(number) = number else {
@@ -85,7 +85,7 @@ impl<'a> Parser<'a, '_> {
         vec![Slot::Local(*self.own.locals.entry((kind, number)).or_insert(next))]
     }
 
-    /// The variables that are next: `P012`, or `P[I000]`, which may be any of its kind.
+    /// Reads `P012`, or `P[I000]`, which may be any variable of its kind.
     pub(super) fn variables(&mut self) -> Option<Variables> {
         let variable = self.next_variable()?;
         self.at += 1;
@@ -97,14 +97,14 @@ impl<'a> Parser<'a, '_> {
         Some(Variables { kind: variable.kind, slots: self.slots(variable), index })
     }
 
-    /// What the rest of the line names, as something that is not known.
+    /// The rest of the line as an unknown expression with everything that it names.
     pub(super) fn rest(&mut self, reason: Reason) -> Expression {
         let start = self.here();
         let parts = self.named(&[]);
         self.expression_at(Is::Unknown(reason, parts), start)
     }
 
-    /// What the rest of the line names.
+    /// The expressions that the rest of the line names.
     pub(super) fn named(&mut self, ends: &[&str]) -> Vec<Expression> {
         let mut parts = Vec::new();
         while let Some(lexeme) = self.peek().filter(|lexeme| !ends.iter().any(|end| lexeme.is(end))) {
@@ -135,7 +135,7 @@ impl<'a> Parser<'a, '_> {
         self.next_variable().filter(|variable| variable.kind == b"P").and_then(|_| self.operand())
     }
 
-    /// Conditions joined by `AND` and `OR`; what is not understood is not known.
+    /// Conditions joined by `AND` and `OR`; a condition that is not understood is unknown.
     pub(super) fn condition(&mut self) -> Expression {
         let (start, from) = (self.here(), self.at);
         if let Some(condition) = self.binary(&JOINED, Self::compared).filter(|_| self.is_over()) {

@@ -1,7 +1,7 @@
-//! Instructions that decide what runs next: blocks, jumps and calls.
+//! Instructions that decide which instruction runs next: blocks, jumps and calls.
 
 use super::assign::held;
-use super::parse::Parser;
+use super::parser::{CONDITION, Parser};
 use crate::Span;
 use crate::ir::{
     Argument, Binary, Callee, Expression, ExpressionKind as Is, Fault, Slot, Statement, StatementKind, Switch,
@@ -9,7 +9,7 @@ use crate::ir::{
 use crate::lexeme::Lexeme;
 use crate::reason::Reason;
 
-/// What a loop counts, from where to where, and by how much.
+/// The counter of a loop, with its first and last value and its step.
 struct Count {
     kind: &'static [u8],
     slot: Slot,
@@ -19,7 +19,7 @@ struct Count {
 }
 
 impl Parser<'_, '_> {
-    /// An instruction that may say `IF` and a condition.
+    /// Reads `IF` and a condition, if they follow an instruction.
     pub(super) fn perhaps(&mut self, kinds: Vec<StatementKind>, start: Span) -> Option<Vec<StatementKind>> {
         if !CONDITION.iter().any(|word| self.take(word)) {
             return self.is_over().then_some(kinds);
@@ -30,7 +30,7 @@ impl Parser<'_, '_> {
         Some(vec![StatementKind::If { arms: vec![(condition, body)], otherwise: Vec::new() }])
     }
 
-    /// A condition, with what the lines after it add.
+    /// A condition, with the lines after it that extend it.
     fn conditions(&mut self) -> Expression {
         let mut condition = self.condition();
         self.own.line += 1;
@@ -44,7 +44,7 @@ impl Parser<'_, '_> {
         condition
     }
 
-    /// A block up to the line that ends it, which is left open.
+    /// A block up to the line that ends it, which is not read.
     fn body(&mut self, ends: &[&str], start: Span) -> Result<Vec<Statement>, Fault> {
         let body = self.block(ends)?;
         if self.own.line >= self.own.lines.len() {
@@ -53,7 +53,7 @@ impl Parser<'_, '_> {
         Ok(body)
     }
 
-    /// The arms from the line that is open on; `condition` reads all lines of the condition of one.
+    /// The arms from the present line on; `condition` reads all lines of the condition of an arm.
     fn arms(
         &mut self,
         ends: &[&str],
@@ -152,7 +152,7 @@ impl Parser<'_, '_> {
         Ok(before.into_iter().map(|statement| statement.kind).chain([cases]).collect())
     }
 
-    /// What stands without a blank from here on: the name of a label or a job.
+    /// The text up to the next blank: the name of a label or a job.
     pub(super) fn name(&mut self) -> String {
         let from = self.at;
         let mut end = None;
@@ -166,7 +166,7 @@ impl Parser<'_, '_> {
         joined(&self.lexemes[from..self.at])
     }
 
-    /// What stands before a condition.
+    /// The text before a condition.
     fn up_to_condition(&mut self) -> String {
         let from = self.at;
         while self.peek().is_some_and(|lexeme| !lexeme.text.starts_with(b"IF")) {
@@ -175,7 +175,7 @@ impl Parser<'_, '_> {
         joined(&self.lexemes[from..self.at])
     }
 
-    /// The labels of the name that comes next: of several, it is not known which one is found first.
+    /// The labels with the next name. If there are several, it is unknown which one the controller finds first.
     pub(super) fn labels_named(&mut self) -> Vec<String> {
         let name = self.name();
         let count = self.own.labels.get(&name).copied().unwrap_or(0);
@@ -234,7 +234,7 @@ impl Parser<'_, '_> {
         Some(moved.into_iter().chain([call]).collect())
     }
 
-    /// A call of something that no file has.
+    /// A call of a routine that is in no file.
     pub(super) fn foreign_call(&mut self, name: &str, arguments: Vec<Expression>, start: Span) -> StatementKind {
         let place = self.since(start);
         let callee = self.foreign(name.into(), place);
@@ -259,6 +259,3 @@ impl Parser<'_, '_> {
 fn joined(lexemes: &[Lexeme<'_>]) -> String {
     lexemes.iter().map(|lexeme| String::from_utf8_lossy(lexeme.text)).collect()
 }
-
-/// What begins the condition of an instruction.
-pub(super) const CONDITION: [&str; 2] = ["IF", "IFEXPRESS"];

@@ -1,25 +1,24 @@
-//! What stands before a job's instructions: its name, its groups of axes, and its positions with the tool and frame of each.
+//! Reads the head of a job: its name, its groups of axes, and its positions with the tool and frame of each.
 
 use super::lex::{Line, lines};
 use crate::Span;
 use crate::cursor::text;
-use crate::ir::{Expression, ExpressionKind as Is, Fault, Program, SourceSpan};
+use crate::ir::{Expression, ExpressionKind as Is, Fault, Given, Program, SourceSpan};
 use crate::reason::Reason;
-use crate::value::Given;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// What the axes of the robot's own coordinates are called, which base coordinates are too where no base axis carries it.
+/// Name of the frame of the robot coordinates. Base coordinates are the same frame if no base axis carries the robot.
 pub const ROBOT: &str = "ROBOT";
-/// Base coordinates where a base axis carries the robot.
+/// Name of the frame of the base coordinates if a base axis carries the robot.
 pub(super) const BASE: &str = "BASE";
 
-/// What a user frame is called.
+/// Name of a user frame.
 pub(super) fn user(number: &str) -> String {
     format!("USER {}", whole(number))
 }
 
-/// Without zeros before it.
+/// The number without leading zeros.
 fn whole(number: &str) -> String {
     number.trim().parse::<u32>().map_or_else(|_| number.trim().to_owned(), |number| number.to_string())
 }
@@ -31,7 +30,7 @@ pub(super) struct Job<'a> {
     pub(super) place: SourceSpan,
     /// Whether a base axis carries the robot.
     pub(super) has_base_axis: bool,
-    /// Positions as they are written, which [`Self::positions`] are made of.
+    /// Positions as they are written, from which [`Self::positions`] are built.
     written: Vec<Written<'a>>,
     /// Teaching positions by number.
     pub(super) positions: BTreeMap<u32, Expression>,
@@ -39,14 +38,14 @@ pub(super) struct Job<'a> {
     pub(super) lines: Vec<Line<'a>>,
 }
 
-/// A position as it is written, with what holds where it stands.
+/// A position as it is written, with the settings that apply at its line.
 #[derive(Clone, Copy, Default)]
 struct Written<'a> {
     is_variable: bool,
     number: u32,
     start: usize,
     numbers: &'a [u8],
-    /// What the coordinates count from, as `POSTYPE` says it.
+    /// The frame of the coordinates, as `POSTYPE` states it.
     kind: &'a [u8],
     tool: &'a [u8],
     user: &'a [u8],
@@ -122,13 +121,13 @@ pub(super) fn jobs<'a>(
     }
 }
 
-/// A line's first word, and what follows it.
+/// The first word of a line, and the text after it.
 fn split(line: &[u8]) -> (&[u8], &[u8]) {
     let end = line.iter().position(u8::is_ascii_whitespace).unwrap_or(line.len());
     (&line[..end], line[end..].trim_ascii())
 }
 
-/// `C00001=` and `P012=`: whether it is a variable, its number, and where what it is begins.
+/// `C00001=` and `P012=`: whether it is a variable, its number, and the offset of its value.
 fn position(line: &[u8]) -> Option<(bool, u32, usize)> {
     let equals = line.iter().position(|b| *b == b'=')?;
     let name = line[..equals].trim_ascii();
@@ -142,12 +141,12 @@ fn position(line: &[u8]) -> Option<(bool, u32, usize)> {
 }
 
 impl Job<'_> {
-    /// What base coordinates are called.
+    /// Name of the frame of the base coordinates.
     pub(super) fn base(&self) -> &'static str {
         if self.has_base_axis { BASE } else { ROBOT }
     }
 
-    /// Makes its positions of what is written.
+    /// Builds its positions from the written ones.
     fn place_positions(&mut self, source: u16, program: &mut Program, loaded: &mut BTreeMap<u32, Vec<Expression>>) {
         let mut names: BTreeMap<(String, String), Arc<Given>> = BTreeMap::new();
         for written in std::mem::take(&mut self.written) {

@@ -1,4 +1,4 @@
-//! Lines, and the lexemes of an instruction. Every line has lexemes; what belongs to none is one by itself.
+//! Lines, and the lexemes of an instruction. Every line can be split: a byte that belongs to no lexeme is one by itself.
 
 use crate::Span;
 use crate::lexeme::{self, Found, Lexeme, LexemeKind, text_or_other};
@@ -9,7 +9,7 @@ use nom::combinator::{opt, recognize, rest};
 use nom::sequence::preceded;
 use nom::{IResult, Parser};
 
-/// The lines of a text without the blanks around them, each with where it begins. Some files have CR alone at their ends.
+/// The lines of a text without blanks at their ends, each with its offset. Some files have CR alone at their ends.
 pub(super) fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, &[u8])> {
     let mut at = 0;
     bytes.split(|b| matches!(b, b'\n' | b'\r')).map(move |line| {
@@ -19,15 +19,15 @@ pub(super) fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, &[u8])> {
     })
 }
 
-/// A line with something in it.
+/// A line that is not empty.
 pub(super) enum Line<'a> {
     Code(Vec<Lexeme<'a>>),
-    /// What a comment says after `deflex`, and where the comment stands.
+    /// The text of a comment after `deflex`, and the place of the comment.
     Mark(&'a [u8], Span),
 }
 
 impl<'a> Line<'a> {
-    /// The line that begins there; `None` where nothing is in it.
+    /// The line at an offset; `None` if it is empty.
     pub(super) fn read(bytes: &'a [u8], start: usize) -> Option<Self> {
         if let Some(comment) = bytes.strip_prefix(b"'") {
             let said = lexeme::mark(comment).filter(|said| !said.is_empty())?;

@@ -1,12 +1,12 @@
 //! Yaskawa's INFORM, as controllers write their jobs (`.JBI`).
 //!
-//! Lengths are millimetres and angles degrees, about the fixed axes x, y, z in this order: `R = Rz·Ry·Rx` (Roboception, *rc_visard*
-//! manual, *Yaskawa Pose Format*). A position names its tool and its frame. Positions in motor pulses are not read: how many pulses a
-//! degree has is a parameter of the controller. Position variables (`P012`) keep their values from run to run, so that one is known
-//! where no job that is given writes it, or where one has written it in the same run.
+//! Lengths are millimetres and angles degrees, about the fixed axes x, y, z in this order: `R = Rz·Ry·Rx` (Roboception, *rc_visard* manual,
+//! *Yaskawa Pose Format*). A position names its tool and its frame. Positions in motor pulses are not read: how many pulses a degree has is
+//! a parameter of the controller. Position variables (`P012`) keep their values from run to run, so that one is known if no given job
+//! writes it, or after a job has written it in the same run.
 //!
-//! A circle is three `MOVC` in a row: the first point is gone to on a line. Sources: Yaskawa, *NX100 / DX100 Data Transmission Function*
-//! (job data format); *YRC1000 Options, Instructions: INFORM Language*.
+//! A circle is three consecutive `MOVC`: the path to the first point is a line. Sources: Yaskawa, *NX100 / DX100 Data Transmission
+//! Function* (job data format); *YRC1000 Options, Instructions: INFORM Language*.
 
 mod assign;
 mod expression;
@@ -15,28 +15,29 @@ mod header;
 mod lex;
 mod motion;
 mod parse;
+mod parser;
 mod words;
 
 use crate::dialect::{Arguments, Dialect};
-use crate::ir::{Fault, Program, Slot, Switch};
+use crate::ir::{Fault, Given, Program, Slot, Switch};
 use crate::reason::Reason;
 use crate::store::Store;
-use crate::value::{Content, Given, Number, Pose, Value, is_whole};
+use crate::value::{Content, Number, Pose, Value, is_whole};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use std::sync::Arc;
 
 pub use header::ROBOT;
 
-/// What INFORM means.
+/// The semantics of INFORM.
 #[derive(Clone, Copy, Debug)]
 pub struct Inform;
 
-/// Numbers of what jobs lower to.
+/// Numbers of the routines to which jobs are lowered.
 mod builtin {
     use crate::ir::{Expression, SourceSpan};
     use crate::reason::Reason;
 
-    /// The value, where it is whole, as integer variables hold it.
+    /// The value of an integer variable: unknown if it is not whole.
     pub(super) const WHOLE: u16 = 0;
     /// `SFTON`, with the position and the name of the frame.
     pub(super) const SHIFT: u16 = 1;
@@ -46,7 +47,7 @@ mod builtin {
     pub(super) const WEAVE: u16 = 3;
     /// `WVOF`
     pub(super) const UNWEAVE: u16 = 4;
-    /// What earlier runs have left of the arguments, for each of these reasons.
+    /// An unknown value from an earlier run that depends on the arguments, for each of these reasons.
     const LEFT: u16 = 5;
     const REASONS: [Reason; 3] = [Reason::Variable, Reason::Foreign, Reason::NotUnderstood];
 
@@ -170,7 +171,7 @@ impl Dialect for Inform {
     }
 }
 
-/// What `SFTON` moves positions by, where that is known: one shift at a time, along the axes of the frame that they are in.
+/// The shift of `SFTON`, if it is known: only one shift at a time, along the axes of the frame of the positions.
 fn shift_of(arguments: &Arguments<'_>, before: &Value) -> Option<Value> {
     let (by, frame) = (arguments.get("", 0)?, arguments.get("", 1)?);
     let (Content::Pose(pose), Content::Text(frame), Content::Nothing) = (&by.content, &frame.content, &before.content)

@@ -1,14 +1,14 @@
 //! Motion instructions, and circles of several of them.
 
 use super::lex::Line;
-use super::parse::Parser;
+use super::parser::Parser;
 use super::words::{self, Does};
 use crate::Span;
 use crate::ir::{Binary, Expression, ExpressionKind as Is, Motion, Path, StatementKind};
 use crate::lexeme::{Lexeme, LexemeKind};
 use crate::reason::Reason;
 
-/// Whether circles of a job are three points in a row each, with another motion before them that always comes first.
+/// Whether each circle of a job is three consecutive points, after another motion that always runs before it.
 pub(super) fn has_plain_circles(lines: &[Line<'_>]) -> bool {
     // Points of the circle that is open, and whether the motion before is the one in the text.
     let (mut points, mut before) = (0, false);
@@ -42,13 +42,13 @@ pub(super) fn has_plain_circles(lines: &[Line<'_>]) -> bool {
     matches!(points, 0 | 3)
 }
 
-/// The words of a motion that a line has, without its sign for another robot.
+/// The motion word of a line, without the sign for another robot.
 fn word<'a>(code: &[Lexeme<'a>]) -> Option<&'a [u8]> {
     let word = code.iter().find(|lexeme| lexeme.kind == LexemeKind::Name)?.text;
     motion_path(word).map(|_| word)
 }
 
-/// How a motion instruction goes; `None` where the word is none.
+/// The kind of path of a motion word; `None` for other words.
 pub(super) fn motion_path(word: &[u8]) -> Option<Path> {
     Some(match word {
         b"MOVJ" => Path::Joint,
@@ -114,7 +114,7 @@ impl Parser<'_, '_> {
         Some(moves.into_iter().chain(jumps).collect())
     }
 
-    /// Of three points in a row the first is gone to on a line; the second is on the way to the third, and no motion of its own.
+    /// Handles three consecutive points: the path to the first is a line, and the second is the circle point on the path to the third.
     fn circle(&mut self, is_point: bool, motion: &mut Motion) -> bool {
         if !is_point {
             self.own.circle = (0, None);

@@ -1,51 +1,20 @@
-//! Jobs to the intermediate representation.
+//! Lowers jobs to the intermediate representation.
 
 use super::builtin;
 use super::expression::variable;
-use super::flow::CONDITION;
 use super::header::{self, Job};
 use super::lex::Line;
 use super::motion::{has_plain_circles, motion_path};
+use super::parser::{CONDITION, Known, Parser};
 use super::words::{self, Does};
 use crate::Span;
-use crate::cursor::{Cursor, declare, global_names, text};
+use crate::cursor::{declare, global_names, text};
 use crate::ir::{
     Binary, Callee, Expression, ExpressionKind as Is, Fault, Function, FunctionId, Program, Slot, SourceSpan,
     Statement, StatementKind,
 };
 use crate::reason::Reason;
-use std::collections::{BTreeMap, BTreeSet};
-
-/// A variable's kind, `b"P"`, and its number.
-type Numbered = (&'static [u8], u32);
-
-/// A parser of jobs.
-pub(super) type Parser<'a, 'n> = Cursor<'a, 'n, Known<'a, 'n>>;
-
-/// What is known of the jobs, and of the one that is being read.
-#[derive(Default)]
-pub(super) struct Known<'a, 'n> {
-    pub(super) jobs: BTreeMap<&'a [u8], Vec<FunctionId>>,
-    pub(super) globals: BTreeMap<Numbered, Slot>,
-    /// Position variables that jobs bring along, with what they are when the job is loaded.
-    loaded: BTreeMap<u32, Vec<Expression>>,
-    /// Variables that some statement writes.
-    pub(super) written: BTreeSet<Slot>,
-    /// Whether all circles are three points in a row, which is what is known of how they go.
-    pub(super) has_plain_circles: bool,
-    /// What some instruction defines anew.
-    defined: BTreeMap<Slot, Reason>,
-    // The job that is being read.
-    pub(super) job: Option<&'n Job<'a>>,
-    pub(super) lines: &'n [Line<'a>],
-    pub(super) line: usize,
-    pub(super) locals: BTreeMap<Numbered, u32>,
-    /// How often each label stands in the job, and how often it has been passed.
-    pub(super) labels: BTreeMap<String, u32>,
-    passed: BTreeMap<String, u32>,
-    /// Points of the circle that is open, and the one on the way.
-    pub(super) circle: (u32, Option<Expression>),
-}
+use std::collections::BTreeMap;
 
 pub(super) fn read(sources: &[&[u8]], written: usize) -> Result<Program, Fault> {
     let mut program = Program::default();
@@ -130,14 +99,7 @@ impl<'a, 'n> Parser<'a, 'n> {
         self.program
     }
 
-    /// Begins with the next line, where it is an instruction.
-    pub(super) fn open(&mut self) -> bool {
-        let Some(Line::Code(code)) = self.own.lines.get(self.own.line) else { return false };
-        (self.lexemes, self.at) = (code, 0);
-        true
-    }
-
-    /// The job's own variables, and how often each label stands in it.
+    /// Finds the local variables of the job, and how often each label occurs in it.
     fn survey(&mut self) {
         for line in 0..self.own.lines.len() {
             self.own.line = line;
@@ -157,7 +119,7 @@ impl<'a, 'n> Parser<'a, 'n> {
         self.own.line = 0;
     }
 
-    /// Statements up to an instruction that ends their block, which is left open.
+    /// Reads statements up to an instruction that ends their block. That instruction is not read.
     pub(super) fn block(&mut self, ends: &[&str]) -> Result<Vec<Statement>, Fault> {
         let (mut all, place) = (Vec::new(), self.since(self.here()));
         self.begin_block(place)?;
@@ -197,13 +159,7 @@ impl<'a, 'n> Parser<'a, 'n> {
         Ok(())
     }
 
-    /// Something that may do anything.
-    pub(super) fn not_understood(&mut self, reads: Vec<Expression>, place: SourceSpan) -> StatementKind {
-        self.program.not_understood.push(place);
-        StatementKind::Opaque { writes: None, reads, reason: Reason::NotUnderstood }
-    }
-
-    /// The next statement; `None` where it is not understood. Blocks go on to their last line.
+    /// The next statement; `None` if it is not understood. Blocks are read to their last line.
     fn known_statement(&mut self, start: Span) -> Result<Option<Vec<StatementKind>>, Fault> {
         let Some(word) = self.peek() else { return Ok(Some(Vec::new())) };
         self.at += 1;

@@ -6,20 +6,20 @@ use super::builtin::{SHIFT, UNSHIFT, UNWEAVE, WEAVE};
 use crate::ir::Switch;
 use crate::reason::Reason;
 
-/// What an instruction does.
+/// The effect of an instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Does {
-    /// Changes nothing that a motion depends on.
+    /// Changes nothing on which a motion depends.
     Nothing,
-    /// Gives the variable that it names first a value that is not known, for this reason.
+    /// Makes the variable that it names first unknown, for this reason.
     Gives(Reason),
-    /// Defines what is in force anew.
+    /// Redefines a setting, for this reason.
     Defines(Switch, Reason),
-    /// Moves positions aside from here on, or ends that: a routine of the dialect.
+    /// Begins or ends a shift of positions: a routine of the dialect.
     Calls(u16),
 }
 
-/// What an instruction does; `None` where the word is none of these.
+/// The effect of an instruction; `None` for other words.
 pub(super) fn find(word: &[u8]) -> Option<Does> {
     let word = std::str::from_utf8(word).ok()?;
     INSTRUCTIONS

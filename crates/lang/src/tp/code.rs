@@ -1,4 +1,4 @@
-//! The statements of a program with what belongs together.
+//! The statements of a program, with the links between those that belong together.
 
 use super::expression;
 use super::lines::Line;
@@ -10,15 +10,15 @@ use std::collections::BTreeMap;
 pub struct Code<'a> {
     /// Their texts.
     pub lines: &'a [Line<'a>],
-    /// What each does.
+    /// The kind of each statement.
     pub kinds: Vec<StatementKind<'a>>,
-    /// Whether each stands in a block of point logic, which runs in parallel with the motion before it.
+    /// Whether each statement is in a block of point logic, which runs in parallel with the motion before it.
     pub inner: Vec<bool>,
     pub(super) labels: BTreeMap<u32, usize>,
-    /// Of `IF`, where it goes on if not so; of `ELSE`, after `ENDIF`; of `FOR`, its `ENDFOR`, and the other way round; of the
-    /// cases of a `SELECT`, after it.
+    /// For `IF`, the statement at which the program continues if the condition is false; for `ELSE`, the one after `ENDIF`; for `FOR` its
+    /// `ENDFOR` and vice versa; for the cases of a `SELECT`, the one after it.
     pub(super) partner: BTreeMap<usize, usize>,
-    /// Of the cases of a `SELECT`, its first.
+    /// The first case of the `SELECT`, for each of its cases.
     pub(super) first_case: BTreeMap<usize, usize>,
 }
 
@@ -33,7 +33,7 @@ impl<'a> Code<'a> {
         code
     }
 
-    /// Finds what belongs together. What has lost its partner is not known.
+    /// Links the statements that belong together. A statement without its partner becomes an unknown one.
     fn link(&mut self) {
         let (mut open, mut select): (Vec<(usize, Vec<usize>)>, Option<usize>) = (Vec::new(), None);
         let mut odd = Vec::new();
@@ -93,7 +93,7 @@ impl<'a> Code<'a> {
     }
 }
 
-/// Which statements stand in blocks of point logic: after a motion that announces one, up to a line of dashes.
+/// Which statements are in blocks of point logic: from a motion that announces one up to a line of dashes.
 fn inner(lines: &[Line<'_>], kinds: &[StatementKind<'_>]) -> Vec<bool> {
     let mut within = false;
     let one = |(line, kind): (&Line<'_>, &StatementKind<'_>)| {

@@ -11,13 +11,13 @@ use nom::character::complete::char;
 use nom::combinator::{map, recognize};
 use nom::multi::many0_count;
 
-/// Parentheses deeper than this are no program's.
+/// Largest nesting of parentheses: more than programs have.
 const DEEPEST: usize = 32;
 
-/// Longer texts are no program's, whose lines have less; it bounds how deep a sum of many terms is nested.
+/// Longest text of an expression: more than a line of a program has. It bounds the depth of a sum of many terms.
 const LONGEST: usize = 1000;
 
-/// An expression; something that is not known where the text is none.
+/// An expression; an unknown one if the text is not an expression.
 pub(super) fn expression(text: &[u8], place: SourceSpan) -> Expression {
     match condition(text, place) {
         (rest, whole) if rest.trim_ascii().is_empty() => whole,
@@ -25,13 +25,13 @@ pub(super) fn expression(text: &[u8], place: SourceSpan) -> Expression {
     }
 }
 
-/// A condition up to a comma, `THEN` or its end, and what follows it.
+/// A condition up to a comma, `THEN` or its end, and the text after it.
 pub(super) fn condition(text: &[u8], place: SourceSpan) -> (&[u8], Expression) {
     let tree = if text.len() > LONGEST { None } else { Terms { place }.joined(text, &LEVELS, DEEPEST).ok() };
     tree.unwrap_or_else(|| (text, unknown(place)))
 }
 
-/// The number from 0 on that a text is, which counts registers, labels, frames or positions; `None` where it is computed.
+/// The number in a text, as the number of a register, label, frame or position; `None` if it is computed.
 #[must_use]
 pub fn count(text: &[u8]) -> Option<u32> {
     match expression(text, SourceSpan::default()).kind {
@@ -40,7 +40,7 @@ pub fn count(text: &[u8]) -> Option<u32> {
     }
 }
 
-/// A whole number from 0 on that single precision has.
+/// The value as a whole number from 0 on, if single precision represents it.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
 pub(super) fn counted(number: f64) -> Option<u32> {
     (number >= 0.0 && crate::value::is_whole(number)).then_some(number as u32)
@@ -50,7 +50,7 @@ fn unknown(place: SourceSpan) -> Expression {
     Expression::unknown(Reason::Input, Vec::new(), place)
 }
 
-/// What an operator does.
+/// The meaning of an operator.
 #[derive(Clone, Copy)]
 enum Joins {
     By(Binary),
@@ -88,7 +88,7 @@ const PRODUCT: Level = &[
 /// All levels, loosest first; operators of one level are read from left to right.
 const LEVELS: [Level; 5] = [ANY_OF, ALL_OF, COMPARISON, SUM, PRODUCT];
 
-/// The operator that is next, as a whole word, and what follows it.
+/// The next operator, as a whole word, and the text after it.
 fn operator(input: &[u8], level: Level) -> Option<(&[u8], Joins)> {
     let input = input.trim_ascii_start();
     level.iter().find_map(|(sign, joins)| {
@@ -98,7 +98,7 @@ fn operator(input: &[u8], level: Level) -> Option<(&[u8], Joins)> {
     })
 }
 
-/// Reads the expressions of a statement, which stands here.
+/// Reads the expressions of a statement at this place.
 struct Terms {
     place: SourceSpan,
 }
@@ -108,7 +108,7 @@ impl Terms {
         Expression { kind, place: self.place }
     }
 
-    /// Operands that operators of these levels join.
+    /// Operands with operators of these levels.
     fn joined<'a>(&self, input: &'a [u8], levels: &[Level], depth: usize) -> Parsed<'a, Expression> {
         let Some((level, tighter)) = levels.split_first() else { return self.operand(input, depth) };
         let (mut rest, mut left) = self.joined(input, tighter, depth)?;

@@ -7,10 +7,10 @@ use nom::combinator::{opt, recognize, verify};
 use nom::sequence::{pair, preceded, terminated};
 use nom::{IResult, Parser};
 
-/// What a parser of a piece of a TP text gives.
+/// The result of a parser of a part of a TP text.
 pub type Parsed<'a, T> = IResult<&'a [u8], T>;
 
-/// Blanks, and the ends of lines that a position is wrapped over.
+/// Blanks, and line ends within a position.
 pub fn blanks(input: &[u8]) -> Parsed<'_, &[u8]> {
     take_while(|b: u8| b.is_ascii_whitespace()).parse(input)
 }
@@ -51,7 +51,7 @@ pub fn value_of(token: &[u8]) -> Option<f64> {
     std::str::from_utf8(token).ok()?.parse().ok().filter(|value: &f64| value.is_finite())
 }
 
-/// `[…]`: what stands within, brackets in it balanced.
+/// `[…]`: the text inside, with balanced brackets.
 pub fn brackets(input: &[u8]) -> Parsed<'_, &[u8]> {
     let (rest, _) = tag("[").parse(input)?;
     let mut depth = 1_usize;

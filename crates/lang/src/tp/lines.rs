@@ -4,7 +4,7 @@ use crate::Span;
 use std::borrow::Cow;
 use std::ops::Range;
 
-/// Where the sections are that are read.
+/// Ranges of the sections that are read.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sections {
     /// Name that `/PROG` gives.
@@ -132,13 +132,13 @@ fn is_case(before: &[u8], body: &[u8]) -> bool {
     row(body) && (row(before) || starts(before, b"SELECT"))
 }
 
-/// Line ends in a stretch, as editors do.
+/// Number of line ends in a text, as editors count them.
 fn line_ends(bytes: &[u8]) -> usize {
     let lone = |at: usize| bytes[at] == b'\r' && !matches!(bytes.get(at + 1), Some(b'\n' | b'\r'));
     memchr::memchr2_iter(b'\n', b'\r', bytes).filter(|&at| bytes[at] == b'\n' || lone(at)).count()
 }
 
-/// How many digits the number of a statement has, which it begins with; `None` where it has none.
+/// Number of digits of the statement number at the beginning of a line; `None` without a number.
 pub fn numbers(statement: &[u8]) -> Option<usize> {
     let digits = statement.iter().take_while(|b| b.is_ascii_digit()).count();
     (unnumbered(statement).0).then_some(digits)

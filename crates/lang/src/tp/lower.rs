@@ -1,7 +1,7 @@
-//! Statements as the representation that is run.
+//! Lowers statements to the intermediate representation.
 
-use super::calls::{Calls, Effect};
 use super::code::Code;
+use super::effects::{Calls, Effect};
 use super::expression::{self, condition, expression};
 use super::motion::{Motion, Point};
 use super::statement::{self, Frame, StatementKind as Written};
@@ -17,14 +17,14 @@ use crate::value::{Content, Value, is_whole};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// Numbers of registers that are followed, where the text computes some: as many as a controller has that is not configured otherwise.
+/// Number of registers that are followed if the text computes their numbers: as many as a controller has by default.
 const REGISTERS: u32 = 200;
-/// The same of user frames and of tools, with number 0.
+/// The same for user frames and for tools, including number 0.
 const NUMBERED: u32 = 11;
 /// Larger numbers of registers, frames and positions are not followed: no controller has them.
 const MOST: u32 = 32_768;
 
-/// The name of the place that a statement goes on at which may go on anywhere.
+/// The label at which a statement continues that may continue anywhere.
 const ANYWHERE: &str = "anywhere";
 
 /// Lowers a program. `positions` are the numbers of those in `/POS`, each with its place, which is the token with its index;
@@ -47,32 +47,32 @@ pub fn lower(code: &Code<'_>, positions: &[(u32, Span)], calls: &Calls, displace
     Lowering::new(code, calls).program(tokens, positions, stands, displaced)
 }
 
-/// Whether a program counts from where the arm stands when it begins: no other motion comes before on some way. The programs that it calls
-/// are looked at apart; whether they move the arm makes no difference to those that do not.
+/// Whether a program moves relative to where the arm stands when it begins: on some path, no other motion comes first. The programs that it
+/// calls are examined separately.
 pub(super) fn counts_from_its_start(code: &Code<'_>) -> bool {
     let stands = Expression { kind: Is::Number(0.0, TokenId(0)), place: SourceSpan::default() };
     let (program, tp) = Lowering::new(code, &Calls::default()).program(vec![SourceSpan::default()], &[], stands, None);
     run::run(&program, &tp).map_or(true, |outcome| !outcome.used.is_empty())
 }
 
-/// What is known where a motion of a lowered program runs.
+/// The values that are known at a motion of a lowered program.
 #[derive(Clone, Copy, Debug)]
 pub struct Held<'a>(pub &'a Moved);
 
 impl Held<'_> {
-    /// The number of the position that it goes to, where it is known.
+    /// The number of its position, if it is known.
     #[must_use]
     pub fn end(self) -> Option<u32> {
         number(item(&self.0.to, 0)?)
     }
 
-    /// The same of the point on the way of a circle.
+    /// The number of the position of its circle point, if it is known.
     #[must_use]
     pub fn via(self) -> Option<u32> {
         number(item(self.0.via.as_ref()?, 0)?)
     }
 
-    /// The user frame or tool that is selected, where it is known.
+    /// The selected user frame or tool, if it is known.
     #[must_use]
     pub fn selected(self, frame: Frame) -> Option<u32> {
         number(self.switch([Switch::Frame, Switch::Tool][frame as usize]))
@@ -88,13 +88,13 @@ impl Held<'_> {
         }
     }
 
-    /// Why paths are moved at run time, where they are.
+    /// Why paths are shifted at run time; `None` if they are not.
     #[must_use]
     pub fn displaced(self) -> Option<Reason> {
         self.switch(Switch::Shift).reason()
     }
 
-    /// What the mark in force says, if one is; `Err` where it depends on the run.
+    /// The text of the mark in force, if there is one; `Err` if it depends on the run.
     ///
     /// # Errors
     /// It depends on the run.
@@ -125,11 +125,11 @@ fn number(value: &Value) -> Option<u32> {
 struct Lowering<'a> {
     code: &'a Code<'a>,
     calls: &'a Calls,
-    /// Whether anything may count from where the arm stands.
+    /// Whether any motion may be relative to where the arm stands.
     counts: bool,
     /// Whether a statement may be a label that is not known.
     has_odd_labels: bool,
-    /// Statements that something jumps to, and whether something may go on at any.
+    /// Statements that are targets of jumps.
     wanted: BTreeSet<usize>,
     goes_anywhere: bool,
     /// The statement that is lowered.

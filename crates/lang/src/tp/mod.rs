@@ -1,15 +1,16 @@
 //! FANUC TP, as controllers print their programs (`.ls`).
 //!
-//! A program is statements (`/MN`) and positions (`/POS`). A position is known by its number, and counts from the user frame and the tool
-//! that it was recorded with, or that are selected when the motion runs. Registers (`R[…]`), the selected frames and the values of frames
-//! belong to the controller: any program may change them. The lowering therefore takes a program that is called as what it and those that
-//! it calls may do, in any order. A register is known where the program has given it a whole number: the controller holds reals in single
-//! precision, and whether two of those are equal is not known here.
+//! A program is statements (`/MN`) and positions (`/POS`). A position has a number, and is relative to the user frame and the tool with
+//! which it was recorded, or that are selected when the motion runs. Registers (`R[…]`), the selected frames and the values of frames
+//! belong to the controller: any program may change them. The lowering therefore represents a called program by the possible effects of it
+//! and of all programs that it calls, in any order. A register is known if the program has set it to a whole number: the controller stores
+//! real numbers in single precision, so that deflex cannot know whether two of them are equal.
 //!
 //! Source: FANUC, *R-30iB Operator's Manual (Basic Operation)*.
 
 mod calls;
 mod code;
+mod effects;
 mod expression;
 pub mod lex;
 pub mod lines;
@@ -26,28 +27,28 @@ use crate::value::{Content, Value, is_whole};
 use nalgebra::Isometry3;
 use std::ops::Range;
 
-pub use calls::Calls;
 pub use code::Code;
+pub use effects::Calls;
 pub use expression::count;
 pub use lower::{Held, lower};
 pub use motion::{Lasting, Motion, Point, lasting};
 pub use statement::{Frame, StatementKind, kind, positions_named, runs};
 
-/// Numbers of the routines that programs lower to.
+/// Numbers of the routines to which programs are lowered.
 mod builtin {
     /// The whole part of a quotient of whole numbers.
     pub(super) const QUOTIENT: u16 = 0;
-    /// What a register holds, by its number.
+    /// The value of a register, by its number.
     pub(super) const REGISTER: u16 = 1;
-    /// Gives a register, by its number, a value.
+    /// Sets a register, by its number.
     pub(super) const SET: u16 = 2;
     /// Selects a user frame or a tool, by its number.
     pub(super) const SELECT: [u16; 2] = [3, 4];
-    /// A user frame or a tool, by its number, has other values from here on.
+    /// Records that a user frame or a tool, by its number, has other values from here on.
     pub(super) const REDEFINE: [u16; 2] = [5, 6];
-    /// A program runs in parallel from here on.
+    /// Records that a program runs in parallel from here on.
     pub(super) const CONCURRENT: u16 = 7;
-    /// Another program may have moved the arm.
+    /// Records that another program may have moved the arm.
     pub(super) const ELSEWHERE: u16 = 8;
     /// A position, by its number, with the frames whose values a program has set.
     pub(super) const POSITION: u16 = 9;
@@ -64,10 +65,10 @@ const ANY: [u32; 2] = [POSITIONS + 1, POSITIONS + 2];
 /// The first user frame.
 const FRAMES: u32 = ANY[1] + 1;
 
-/// What TP means, of one program.
+/// The semantics of TP for one program.
 #[derive(Clone, Debug)]
 pub struct Tp {
-    /// Variables that say whether a program has set the values of each user frame, of each tool.
+    /// Variables that record whether a program has set the values of each user frame and of each tool.
     frames: [Range<u32>; 2],
     /// Registers, from `R[0]` on.
     registers: Range<u32>,
@@ -78,7 +79,7 @@ impl Tp {
         slot(&self.registers, index)
     }
 
-    /// A register gets a value; each may, where its number is not known.
+    /// Sets a register. If its number is unknown, all registers become unknown.
     fn set(&self, arguments: &Arguments<'_>, store: &mut Store) {
         let (Some(index), Some(value)) = (arguments.get("", 0), arguments.get("", 1)) else { return };
         if whole(index).is_none() {
@@ -89,7 +90,7 @@ impl Tp {
         }
     }
 
-    /// Numbers of frames whose values a program has set; unknown where it may be any.
+    /// Numbers of frames whose values a program has set; unknown if it may be any frame.
     fn redefined(&self, frame: usize, store: &Store) -> Value {
         let is_set = |slot: u32| !matches!(store.get(Slot::Global(slot)).content, Content::Truth(false));
         if is_set(ANY[frame]) {
@@ -106,7 +107,7 @@ fn number(value: f64) -> Value {
     Content::Number(crate::value::Number::constant(value)).into()
 }
 
-/// A whole number from 0 on that a value is in every arithmetic.
+/// The value, if it is a whole number from 0 on in every arithmetic.
 fn whole(value: &Value) -> Option<u32> {
     match value.content {
         Content::Number(number) if number.exact => expression::counted(number.value),
@@ -114,7 +115,7 @@ fn whole(value: &Value) -> Option<u32> {
     }
 }
 
-/// The variable of a number.
+/// The variable with a number.
 fn slot(all: &Range<u32>, index: &Value) -> Option<Slot> {
     let slot = all.start.checked_add(whole(index)?)?;
     all.contains(&slot).then_some(Slot::Global(slot))
@@ -124,7 +125,7 @@ fn runs_in_parallel(store: &Store) -> bool {
     !matches!(store.get(Slot::Global(CONCURRENT)).content, Content::Truth(false))
 }
 
-/// A value as far as it is known: whole, and nothing that runs in parallel may change it.
+/// The value if it is whole and nothing that runs in parallel may change it; otherwise unknown.
 fn known(value: &Value, is_concurrent: bool) -> Value {
     match value.content {
         _ if is_concurrent => Value::unknown(Reason::Thread),
@@ -151,8 +152,10 @@ impl Dialect for Tp {
                     Content::Number(number) if number.exact => Some(number.value),
                     _ => None,
                 };
-                let whole = exact(0).zip(exact(1)).filter(|(_, by)| *by != 0.0).map(|(of, by)| (of / by).trunc());
-                return whole.map_or_else(|| Value::unknown(Reason::Rounding), number);
+                let quotient = exact(0).zip(exact(1)).filter(|(_, by)| *by != 0.0).map(|(of, by)| of / by);
+                // No public manual says whether the quotient is rounded down or towards zero.
+                let known = quotient.filter(|quotient| *quotient >= 0.0 || is_whole(*quotient));
+                return known.map_or_else(|| Value::unknown(Reason::Rounding), |quotient| number(quotient.trunc()));
             }
             builtin::REGISTER => {
                 let known = self.register(&first()).map(|slot| store.get(slot).clone());
@@ -187,12 +190,12 @@ impl Dialect for Tp {
         Content::Nothing.into()
     }
 
-    /// Called programs are no routines here: their effects stand where they are called. No routine therefore needs an answer.
+    /// Called programs are not lowered to routines; their effects are applied at the call. So this list is not needed.
     fn writes(&self, _: u16) -> &[Slot] {
         &[]
     }
 
-    /// What a program that is not given may change is said where it is called.
+    /// The changes of a program that is not given are applied at the call.
     fn left_by_foreign(&self) -> &[Switch] {
         &Switch::ALL
     }

@@ -10,51 +10,51 @@ use nom::character::complete::one_of;
 use nom::combinator::{map, opt, recognize};
 use std::ops::Range;
 
-/// A motion as written.
+/// A motion as it is written.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion<'a> {
-    /// Into its last point.
+    /// The kind of its path.
     pub path: Path,
     /// Circle point of `C`.
     pub via: Option<Point<'a>>,
-    /// Where it ends.
+    /// Its end.
     pub end: Point<'a>,
-    /// Speed of the TCP, mm/s, where it is a number and says so.
+    /// Speed of the TCP, mm/s, if it is written as a number in such a unit.
     pub feed_mm_s: Option<f64>,
     /// Why the motion does not end at its point, or not with this robot alone.
     pub moved: Option<Reason>,
-    /// On the way, it stays on a line or an arc in what another motion group carries (`COORD`).
+    /// Whether its path is a line or an arc in the frame that another motion group carries (`COORD`).
     pub coordinated: bool,
-    /// Other statements run in parallel with it.
+    /// Whether other statements run in parallel with it.
     pub runs_others: bool,
     /// Programs that it calls (`TB .10sec,CALL OPEN`), as written.
     pub calls: Vec<&'a [u8]>,
-    /// Where it goes on when a condition was not met (`Skip,LBL[n]`).
+    /// The label at which the program continues if a condition was not met (`Skip,LBL[n]`).
     pub skip: Option<&'a [u8]>,
-    /// `A`: on a circle with its neighbours.
+    /// Whether it is an `A` motion, on a circle with its neighbours.
     pub is_arc: bool,
-    /// A block of statements that run in parallel with it follows.
+    /// Whether a block of statements follows that run in parallel with it.
     pub point_logic: bool,
 }
 
 impl Motion<'_> {
-    /// Whether it is counted from where the arm stands.
+    /// Whether it is relative to where the arm stands.
     #[must_use]
     pub fn counts_on(&self) -> bool {
         self.moved == Some(Reason::Increment)
     }
 }
 
-/// What a motion goes to.
+/// The end of a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Point<'a> {
     /// `P[…]`: the index as written.
     Position(&'a [u8]),
-    /// Something whose value only a run knows, and what.
+    /// A place that is known only at run time, with the reason.
     RunTime(Reason),
 }
 
-/// Reads a motion; `None` where the statement is another.
+/// Reads a motion; `None` for other statements.
 pub(super) fn motion(text: &[u8]) -> Option<Motion<'_>> {
     let (rest, letter) = one_of::<_, _, nom::error::Error<&[u8]>>("JLCASjlcas").parse(text).ok()?;
     let (rest, first) = point(rest).ok()?;
@@ -108,7 +108,7 @@ fn point(input: &[u8]) -> Parsed<'_, Point<'_>> {
 const INCH: f64 = 25.4;
 const MINUTE: f64 = 60.0;
 
-/// `500mm/sec`, `R[1]cm/min`, `100%`, `max_speed`: the speed in mm/s where it is one and a number.
+/// `500mm/sec`, `R[1]cm/min`, `100%`, `max_speed`: the speed in mm/s, if it is a path speed that is written as a number.
 fn speed(input: &[u8]) -> Parsed<'_, Option<f64>> {
     let number = map(number_token, value_of);
     let register = map((word, brackets), |_| None);
@@ -127,17 +127,17 @@ fn speed(input: &[u8]) -> Parsed<'_, Option<f64>> {
     Ok((rest, value.zip(unit).map(|(value, unit)| value * unit).filter(|speed| *speed > 0.0)))
 }
 
-/// What the words after the speed mean.
+/// The meaning of a motion option.
 enum Meaning {
-    /// Nothing for where the motion ends.
+    /// No effect on where the motion ends.
     Plain,
-    /// It ends elsewhere.
+    /// The motion ends elsewhere.
     Moved(Reason),
-    /// It may end before, at a condition.
+    /// The motion may end earlier, at a condition.
     Skip,
-    /// Something runs shortly before or after the point: the rest says what.
+    /// Something runs shortly before or after the point; the rest names it.
     Timed,
-    /// The way is one in what another motion group carries.
+    /// The path is one in the frame that another motion group carries.
     Coordinated,
 }
 
@@ -196,7 +196,7 @@ const WORDS: [(&[u8], Meaning); 51] = [
     (b"HOP", Meaning::Plain),
 ];
 
-/// Reads what stands after the speed.
+/// Reads the options after the speed.
 fn modifiers<'a>(text: &'a [u8], motion: &mut Motion<'a>) {
     let upper = text.to_ascii_uppercase();
     let has = |wanted: &[u8]| memchr::memmem::find(&upper, wanted).is_some();
@@ -254,29 +254,28 @@ fn modifiers<'a>(text: &'a [u8], motion: &mut Motion<'a>) {
     }
 }
 
-/// What a motion on a part of the way of another has in common with it.
+/// The parts of a motion that a motion along a part of its path takes over.
 #[derive(Debug, PartialEq)]
 pub struct Lasting<'a> {
     /// `L`, `C`, `A`, as written.
     pub letter: u8,
-    /// Where it stands.
+    /// Offset of the letter.
     pub letter_at: usize,
-    /// Where its points stand: circle point and end, or the end.
+    /// Ranges of its points: circle point and end, or the end.
     pub points: Vec<Range<usize>>,
-    /// As written; empty where there is none.
+    /// The speed as written; empty if there is none.
     pub speed: &'a [u8],
-    /// Those that hold all of the way, as written.
+    /// The options that apply along the whole path, as written.
     pub options: Vec<&'a [u8]>,
 }
 
-/// Words that say how a motion ends, and those that hold all of its way.
+/// Options for the end of a motion, and options that apply along its whole path.
 const ENDS: [&[u8]; 5] = [b"FINE", b"FEIN", b"CNT", b"CR", b"CD"];
 const LASTS: [&[u8]; 6] = [b"ACC", b"WJNT", b"PTH", b"MAX_SPEED", b"WELD_SPEED", b"COORD"];
 
-/// Looks at a whole statement, number and all, for what a point between would have of it.
+/// The parts of a whole statement, with its number, that a motion to an inserted point would take over.
 ///
-/// # Errors
-/// Why there can be none.
+/// # Errors Why no point can be inserted.
 pub fn lasting(text: &[u8]) -> Result<Lasting<'_>, Reason> {
     let place = |rest: &[u8]| text.len() - rest.len();
     let body = text[super::lines::numbers(text).unwrap_or(0)..].trim_ascii_start();
@@ -320,7 +319,7 @@ pub fn lasting(text: &[u8]) -> Result<Lasting<'_>, Reason> {
     }
 }
 
-/// The name of a program that is called, and what follows it; empty where a register names it (`CALL SR[1]`).
+/// The name of a called program, and the text after it; empty if a register has the name (`CALL SR[1]`).
 pub(super) fn program(text: &[u8]) -> (&[u8], &[u8]) {
     let ends = |b: &u8| matches!(b, b'(' | b'[' | b',' | b';') || b.is_ascii_whitespace();
     let end = text.iter().position(ends).unwrap_or(text.len());

@@ -1,4 +1,4 @@
-//! What a statement of `/MN` does to where the robot goes.
+//! The statements of `/MN`, by their effect on where the robot goes.
 
 use super::lex::{Parsed, brackets, index, is_letter, keyword, spaced, word};
 use super::lines::Line;
@@ -12,15 +12,15 @@ use nom::combinator::{opt, recognize};
 /// A statement.
 #[derive(Clone, Debug, PartialEq)]
 pub enum StatementKind<'a> {
-    /// Nothing for motion: outputs, waits, messages, speeds, remarks.
+    /// A statement without an effect on motions: outputs, waits, messages, speeds, remarks.
     Plain,
     /// `! deflex air`, `! deflex cut`
     Mark(&'static [u8]),
     /// A motion.
     Motion(Box<Motion<'a>>),
-    /// `UFRAME_NUM=…`, `UTOOL_NUM=…`: which, and the value.
+    /// `UFRAME_NUM=…`, `UTOOL_NUM=…`: frame or tool, and the value.
     Select(Frame, &'a [u8]),
-    /// `UFRAME[…]=…`, `UTOOL[…]=…`: which, and the index.
+    /// `UFRAME[…]=…`, `UTOOL[…]=…`: frame or tool, and the index.
     Redefine(Frame, &'a [u8]),
     /// `R[…]=…`: index and value.
     Register(&'a [u8], &'a [u8]),
@@ -28,39 +28,39 @@ pub enum StatementKind<'a> {
     Label(&'a [u8]),
     /// `JMP LBL[…]`
     Jump(&'a [u8]),
-    /// `IF … THEN`: all after `IF`.
+    /// `IF … THEN`: the text after `IF`.
     If(&'a [u8]),
     /// `ELSE`
     Else,
     /// `ENDIF`
     EndIf,
-    /// `IF …,statement`: the condition with what follows it.
+    /// `IF …,statement`: the condition with the statement.
     When(&'a [u8]),
-    /// `SELECT R[…]=value,statement`: what is compared, then a value with what follows it.
+    /// `SELECT R[…]=value,statement`: the compared expression, and the value with the statement.
     SelectCase(&'a [u8], &'a [u8]),
-    /// `=value,statement` of the same.
+    /// A further case of a `SELECT`, `=value,statement`.
     Case(&'a [u8]),
-    /// `ELSE,statement` of the same.
+    /// The last case of a `SELECT`, `ELSE,statement`.
     ElseCase(&'a [u8]),
     /// `FOR R[…]=from TO to`: index, first value, last value, whether it counts down.
     For(&'a [u8], &'a [u8], &'a [u8], bool),
     /// `ENDFOR`
     EndFor,
-    /// Runs another program, and comes back: its name; empty where only a run knows it.
+    /// A call of another program, by its name; empty if the name is known only at run time.
     Call(&'a [u8]),
-    /// A program runs in parallel from here on, or may run at any moment: its name; empty where only a run knows it.
+    /// A program runs in parallel from here on, or may run at any moment, by its name; empty if the name is known only at run time.
     Concurrent(&'a [u8]),
     /// `WAIT …,TIMEOUT,LBL[…]`
     Timeout(&'a [u8]),
-    /// Paths are moved at run time from here on, in this way.
+    /// Paths are shifted at run time from here on, for this reason.
     Displace(Reason),
     /// `$MNUFRAME[…]=…`: values of frames or tools by their system variables.
     RedefineAny,
     /// `END`, `ABORT`
     End,
-    /// Not known; it may be a macro, which is a call.
+    /// An unknown statement, which may be a macro, that is, a call.
     Macro,
-    /// Not known, and it may go on anywhere.
+    /// An unknown statement, after which the program may continue anywhere.
     Unknown,
 }
 
@@ -73,7 +73,7 @@ pub enum Frame {
     Tool,
 }
 
-/// Words that a statement begins with which does nothing to motion, upper case.
+/// First words of statements without an effect on motions, in upper case.
 const PLAIN: [&str; 23] = [
     "WAIT",
     "WARTE",
@@ -100,13 +100,13 @@ const PLAIN: [&str; 23] = [
     "FB",
 ];
 
-/// Data that a statement sets without doing anything to motion: an index follows.
+/// Data whose assignment has no effect on motions; an index follows the name.
 const DATA: [&str; 21] = [
     "DO", "RO", "SO", "UO", "GO", "AO", "WO", "SDO", "SPO", "F", "M", "SR", "PR", "P", "PL", "AR", "DI", "A", "E",
     "TIMER", "VR",
 ];
 
-/// The statement.
+/// The kind of a statement.
 #[must_use]
 pub fn kind<'a>(line: &'a Line<'_>) -> StatementKind<'a> {
     of(&line.text, true)
@@ -160,7 +160,8 @@ fn of(text: &[u8], nested: bool) -> StatementKind<'_> {
     }
 }
 
-/// `$MNUFRAME[1,3]=PR[2]`, `$MNUFRAMENUM[1]=3`, `$FRM_CHKTYP=-2`, upper case: what it sets, wherever in it the name stands.
+/// `$MNUFRAME[1,3]=PR[2]`, `$MNUFRAMENUM[1]=3`, `$FRM_CHKTYP=-2`, in upper case: the effect of the assignment; the name may be anywhere in
+/// the path.
 fn system_variable(upper: &[u8]) -> StatementKind<'static> {
     let has = |wanted: &[u8]| contains(upper, wanted);
     match () {
@@ -171,7 +172,7 @@ fn system_variable(upper: &[u8]) -> StatementKind<'static> {
     }
 }
 
-/// `GP GP1 L P[1] … GP2 J P[1] …`: groups that move each in its own way; the first of group 1 is the motion that counts.
+/// `GP GP1 L P[1] … GP2 J P[1] …`: several motion groups with motions of their own; the motion of group 1 counts.
 fn grouped(rest: &[u8]) -> StatementKind<'_> {
     let upper = rest.to_ascii_uppercase();
     let own = memchr::memmem::find(&upper, b"GP1").and_then(|at| motion::motion(rest[at + 3..].trim_ascii_start()));
@@ -181,7 +182,7 @@ fn grouped(rest: &[u8]) -> StatementKind<'_> {
     }
 }
 
-/// Brackets name what a jump goes to; a macro is a name alone.
+/// A statement with brackets may jump; a macro has only a name.
 fn unknown(text: &[u8]) -> StatementKind<'_> {
     if text.contains(&b'[') { StatementKind::Unknown } else { StatementKind::Macro }
 }
@@ -304,7 +305,7 @@ fn beside(rest: &[u8]) -> StatementKind<'_> {
     StatementKind::Concurrent(motion::program(behind.trim_ascii_start()).0)
 }
 
-/// The statement that a condition or a case guards.
+/// The statement after a condition or a case.
 pub(super) fn guarded_by<'a>(kind: &StatementKind<'a>) -> Option<StatementKind<'a>> {
     match kind {
         StatementKind::When(text) | StatementKind::SelectCase(_, text) | StatementKind::Case(text) => {
@@ -315,7 +316,7 @@ pub(super) fn guarded_by<'a>(kind: &StatementKind<'a>) -> Option<StatementKind<'
     }
 }
 
-/// Programs that a statement runs, guarded by a condition or not; an empty name where only a run knows it.
+/// Programs that a statement runs, also after a condition; an empty name is known only at run time.
 #[must_use]
 pub fn runs<'a>(kind: &StatementKind<'a>) -> Vec<&'a [u8]> {
     match kind {
@@ -325,7 +326,7 @@ pub fn runs<'a>(kind: &StatementKind<'a>) -> Vec<&'a [u8]> {
     }
 }
 
-/// What follows a condition: from the first comma on outside all brackets and texts.
+/// The text after a condition: from the first comma on that is outside of brackets and strings.
 pub(super) fn behind_condition(text: &[u8]) -> &[u8] {
     let (mut depth, mut quoted) = (0_i32, false);
     for (at, byte) in text.iter().enumerate() {
@@ -352,20 +353,20 @@ fn timeout(text: &[u8]) -> StatementKind<'_> {
     }
 }
 
-/// What follows a condition or a value, after its comma.
+/// The text after the comma of a condition or a value.
 pub(super) fn guarded<'a>(text: &'a [u8]) -> StatementKind<'a> {
     let text = text.trim_ascii_start();
     of(text.strip_prefix(b",").unwrap_or(text), false)
 }
 
-/// The value of a case and what follows it.
+/// The value of a case, and the text after it.
 pub(super) fn case(text: &[u8]) -> (&[u8], StatementKind<'_>) {
     // Quotes and brackets hold no comma: a value is a number, a constant or a register.
     let at = text.iter().position(|b| *b == b',').unwrap_or(text.len());
     (&text[..at], guarded(&text[at..]))
 }
 
-/// Indices of the positions that a statement names besides those that it moves to, as written.
+/// Indices, as written, of the positions that a statement names, without those to which it moves.
 #[must_use]
 pub fn positions_named<'a>(line: &'a Line<'_>, kind: &StatementKind<'_>) -> Vec<&'a [u8]> {
     let text = &line.text[..];

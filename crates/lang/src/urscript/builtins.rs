@@ -1,16 +1,16 @@
-//! The routines that URScript has of its own.
+//! The routines of URScript itself.
 //!
 //! Source: Universal Robots, *The URScript Programming Language*, versions 3.15 and 5.11: modules motion, internals, urmath and
 //! interfaces. A name that is not here may change anything.
 
-/// What a routine of the controller does.
+/// The effect of a routine of the controller.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Builtin {
-    /// Changes nothing that a motion depends on, and has no value.
+    /// Changes nothing on which a motion depends, and has no value.
     Quiet,
-    /// Gives a value that is known at run time only.
+    /// Returns a value that is known only at run time.
     Asks,
-    /// A value of its arguments that is not computed here.
+    /// Returns a value of its arguments that is not computed here.
     Computes,
     PoseTrans,
     PoseAdd,
@@ -24,15 +24,15 @@ pub(super) enum Builtin {
     Number(fn(f64) -> f64),
     SetTcp,
     SetPayload,
-    /// Moves positions aside from here on.
+    /// Shifts positions from here on.
     Shifts,
-    /// Ends that.
+    /// Ends the shift.
     Unshifts,
-    /// The arm may stand elsewhere afterwards.
+    /// May leave the arm at an unknown position.
     Stops,
 }
 
-/// A routine's name and what it does.
+/// The number of a routine by its name; `None` if it is not one of URScript.
 pub(super) fn find(name: &[u8]) -> Option<u16> {
     let name = std::str::from_utf8(name).ok()?;
     let at = NAMES.iter().position(|(names, _)| names.split_ascii_whitespace().any(|known| known == name))?;

@@ -1,4 +1,4 @@
-//! Bytes to lexemes. Every text has lexemes; what belongs to none is one by itself.
+//! Splits a text into lexemes. Every text can be split: a byte that belongs to no lexeme is one by itself.
 
 use crate::lexeme::{self, Found, Lexeme, LexemeKind, text_or_other};
 use nom::branch::alt;
@@ -8,7 +8,7 @@ use nom::combinator::{opt, recognize};
 use nom::sequence::preceded;
 use nom::{IResult, Parser};
 
-/// All lexemes of a text, its blanks and comments left out.
+/// All lexemes of a text, without blanks and comments.
 pub(super) fn lexemes(bytes: &[u8]) -> Vec<Lexeme<'_>> {
     let (mut depth, mut begins) = (0_usize, true);
     lexeme::lexemes(bytes, 0, |rest| {

@@ -1,8 +1,7 @@
 //! Universal Robots' URScript (`.script`).
 //!
-//! Lengths are metres, angles radians, orientations rotation vectors. Names belong to a routine unless the program declares them
-//! `global` or gives them a value outside all routines; a name that a routine and one around it both use without a declaration is
-//! not followed.
+//! Lengths are metres, angles radians, orientations rotation vectors. Names belong to a routine unless the program declares them `global`
+//! or assigns them outside of all routines. A name that a routine and an enclosing routine both use without a declaration is not followed.
 
 mod builtins;
 mod lex;
@@ -18,7 +17,7 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-/// What URScript means.
+/// The semantics of URScript.
 #[derive(Clone, Copy, Debug)]
 pub struct UrScript;
 
@@ -30,8 +29,7 @@ pub fn routines_that_change_nothing() -> Vec<&'static str> {
 
 /// Reads a program; `sources` beyond the first `written` only define routines.
 ///
-/// # Errors
-/// The text is no URScript: its blocks do not close, or a line begins one that is not known.
+/// # Errors The text is not URScript: its blocks do not close, or a line begins an unknown kind of block.
 pub fn read(sources: &[&[u8]], written: usize) -> Result<Program, Fault> {
     parse::read(sources, written)
 }
@@ -153,7 +151,7 @@ impl Dialect for UrScript {
     }
 }
 
-/// Why one of these is not known; computed where all are.
+/// Why one of these values is unknown; `Computed` if all are known.
 fn reason<'a>(values: impl IntoIterator<Item = &'a Value>) -> Reason {
     values.into_iter().find_map(Value::reason).unwrap_or(Reason::Computed)
 }
@@ -175,7 +173,7 @@ fn scaled(value: Option<&Value>, factor: f64) -> Value {
     Value { content, reads: reads.clone() }
 }
 
-/// `pose_trans`: one pose after the other. The inner one's numbers stay its own; where it has none, the outer one's.
+/// `pose_trans`: the product of two poses. The result keeps the numbers of the inner pose, or those of the outer one if the inner has none.
 fn trans(from: &Value, to: &Value) -> Value {
     let (Content::Pose(outer), Content::Pose(inner)) = (&from.content, &to.content) else {
         return Value::unknown(reason([from, to])).reading([from, to]);

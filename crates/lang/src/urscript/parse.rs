@@ -1,4 +1,4 @@
-//! Lexemes to the intermediate representation.
+//! Lowers lexemes to the intermediate representation.
 
 use super::builtins;
 use super::lex::lexemes;
@@ -12,17 +12,17 @@ use crate::lexeme::{self, Lexeme, LexemeKind};
 use crate::reason::Reason;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// What is known of names before statements are read.
+/// The names that are found before statements are read.
 #[derive(Default)]
 struct Names<'a> {
     /// The routines with this name, in the order of the text.
     functions: BTreeMap<&'a [u8], Vec<FunctionId>>,
-    /// Routines of files that are only read, which may vouch for others.
+    /// Routines of context files, which may be declared in place of others (`harmless`).
     context: BTreeSet<FunctionId>,
     /// Each routine by the place of the word that begins it.
     begins: BTreeMap<SourceSpan, FunctionId>,
     globals: BTreeMap<&'a [u8], Slot>,
-    /// Names that a routine and one around it both use.
+    /// Names that a routine and an enclosing routine both use.
     unclear: BTreeSet<&'a [u8]>,
 }
 
@@ -90,23 +90,23 @@ fn survey<'a>(all: &[Vec<Lexeme<'a>>], written: usize, unclear: BTreeSet<&'a [u8
 struct Scope<'a> {
     /// Its variables by name.
     locals: BTreeMap<&'a [u8], u32>,
-    /// Those that no declaration and no parameter makes its own.
+    /// Names without a declaration and a parameter in it.
     free: BTreeSet<&'a [u8]>,
-    /// Those of the routines within it.
+    /// Such names of the routines inside it.
     inner: BTreeSet<&'a [u8]>,
 }
 
 /// A parser of files.
 type Parser<'a, 'n> = Cursor<'a, 'n, Known<'a, 'n>>;
 
-/// What is known of the routines, and of the one that is being read.
+/// The state of the parser: all routines, and the one that is being read.
 struct Known<'a, 'n> {
     names: &'n Names<'a>,
     /// Routines around the statement, innermost last.
     scopes: Vec<Scope<'a>>,
-    /// Free names of routines and of those around them that are the same.
+    /// Names without a declaration that a routine and an enclosing one share.
     clashes: BTreeSet<&'a [u8]>,
-    /// Routines outside all others, of the first source.
+    /// Routines of the first source that are inside no other routine.
     outer: Vec<(FunctionId, u16)>,
     threads: BTreeSet<FunctionId>,
 }
@@ -139,7 +139,7 @@ impl<'a, 'n> Parser<'a, 'n> {
         Ok(())
     }
 
-    /// Free names that routines around have too.
+    /// Names without a declaration that enclosing routines have too.
     fn unclear(&self) -> BTreeSet<&'a [u8]> {
         self.own.clashes.clone()
     }
@@ -169,7 +169,7 @@ impl<'a, 'n> Parser<'a, 'n> {
         self.peek().is_none_or(|lexeme| matches!(lexeme.kind, LexemeKind::Line | LexemeKind::Mark))
     }
 
-    /// Statements up to the word that ends their block.
+    /// Reads statements up to the word that ends their block.
     fn block(&mut self) -> Result<Vec<Statement>, Fault> {
         let mut all = Vec::new();
         let place = self.place(self.here());
@@ -208,7 +208,7 @@ impl<'a, 'n> Parser<'a, 'n> {
         Ok(())
     }
 
-    /// A line that is not understood: it may do anything, and uses what it names.
+    /// A line that is not understood: it may do anything, and uses everything that it names.
     fn not_understood(&mut self) -> Result<StatementKind, Fault> {
         let (from, start) = (self.at, self.here());
         while !self.ends() {
@@ -600,7 +600,7 @@ impl<'a, 'n> Parser<'a, 'n> {
         Some(Is::Call(callee, arguments))
     }
 
-    /// The routines with a name. Those of files that are only read may have it in capitals, as a cell has names.
+    /// The routines with a name. Those of context files may have it in capitals, as the cell stores names.
     fn functions(&self, name: &[u8]) -> Option<&'n [FunctionId]> {
         let functions = &self.own.names.functions;
         let capital = || functions.get(&name.to_ascii_uppercase()[..]);
@@ -616,10 +616,10 @@ impl<'a, 'n> Parser<'a, 'n> {
     }
 }
 
-/// What has been read.
+/// The kind of a statement that was read.
 enum Read {
     Statement(StatementKind),
-    /// Nothing that runs.
+    /// A declaration, which does not run.
     Nothing,
 }
 
@@ -631,10 +631,10 @@ enum Use {
     Local,
 }
 
-/// Speed of a motion on a path that names none, m/s.
+/// Speed of a path motion that states none, m/s.
 const DEFAULT_SPEED: f64 = 0.25;
 
-/// How a motion instruction goes, and what its arguments are called; `None` where the word is none.
+/// The kind of path of a motion instruction, and the names of its arguments; `None` for other words.
 fn motion_path(word: &[u8]) -> Option<(Path, &'static [&'static str])> {
     const LINE: &[&str] = &["to", "a", "v", "t", "r"];
     Some(match word {

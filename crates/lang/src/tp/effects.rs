@@ -1,0 +1,93 @@
+//! The possible effects of statements, and of the programs that they call, in any order.
+
+use super::expression;
+use super::statement::{self, Frame, StatementKind};
+use crate::reason::Reason;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// A possible effect of a program. Numbers are `None` if they are known only at run time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Effect {
+    /// Gives a register a value.
+    Register(Option<u32>),
+    /// Selects a user frame or a tool.
+    Select(Frame),
+    /// Sets the values of a user frame or a tool.
+    Redefine(Frame, Option<u32>),
+    /// Shifts paths at run time from here on.
+    Displace(Reason),
+    /// Runs something in parallel from here on.
+    Concurrent,
+    /// Moves the arm.
+    Moves,
+    /// Moves relative to where the arm stands when it begins.
+    Counts,
+}
+
+pub(super) type Effects = BTreeSet<Effect>;
+
+/// The effects of a program that is not given. It does not change the values of frames and tools, because those of the cell are what the
+/// controller has (`docs/soundness.md`).
+pub(super) const NOT_GIVEN: [Effect; 4] =
+    [Effect::Register(None), Effect::Select(Frame::User), Effect::Select(Frame::Tool), Effect::Moves];
+
+/// The programs that are given, by name.
+#[derive(Clone, Debug, Default)]
+pub struct Calls {
+    pub(super) given: BTreeMap<String, Effects>,
+}
+
+impl Calls {
+    /// Whether a program is given.
+    #[must_use]
+    pub fn knows(&self, name: &[u8]) -> bool {
+        self.given.contains_key(&upper(name))
+    }
+
+    /// Whether any program moves relative to where the arm stands when it begins.
+    pub(super) fn may_count(&self) -> bool {
+        self.given.values().any(|effects| effects.contains(&Effect::Counts))
+    }
+
+    /// The effects of a call of a program; with an empty name, those of any program.
+    pub(super) fn of(&self, name: &[u8]) -> Effects {
+        match self.given.get(&upper(name)) {
+            Some(effects) => effects.clone(),
+            None if name.is_empty() => self.given.values().flatten().copied().chain(NOT_GIVEN).collect(),
+            None => NOT_GIVEN.into(),
+        }
+    }
+
+    /// The effects of a statement and of the programs that it runs.
+    pub(super) fn of_statement(&self, kind: &StatementKind<'_>) -> Effects {
+        let called = statement::runs(kind).into_iter().flat_map(|name| self.of(name));
+        effects(kind).into_iter().chain(called).collect()
+    }
+}
+
+pub(super) fn upper(name: &[u8]) -> String {
+    String::from_utf8_lossy(name).to_ascii_uppercase()
+}
+
+/// The effects of a statement itself.
+pub(super) fn effects(kind: &StatementKind<'_>) -> Vec<Effect> {
+    match kind {
+        StatementKind::Register(register, _) | StatementKind::For(register, ..) => {
+            vec![Effect::Register(expression::count(register))]
+        }
+        StatementKind::Select(frame, _) => vec![Effect::Select(*frame)],
+        StatementKind::Redefine(frame, index) => vec![Effect::Redefine(*frame, expression::count(index))],
+        StatementKind::RedefineAny => {
+            let of = |frame| [Effect::Select(frame), Effect::Redefine(frame, None)];
+            [Frame::User, Frame::Tool].into_iter().flat_map(of).collect()
+        }
+        StatementKind::Macro | StatementKind::Unknown => NOT_GIVEN.into(),
+        StatementKind::Concurrent(_) => vec![Effect::Concurrent],
+        StatementKind::Motion(motion) => {
+            let concurrent = motion.runs_others.then_some(Effect::Concurrent);
+            concurrent.into_iter().chain([Effect::Moves]).collect()
+        }
+        StatementKind::Displace(why) => vec![Effect::Displace(*why)],
+        _ => statement::guarded_by(kind).map_or_else(Vec::new, |guarded| effects(&guarded)),
+    }
+}
