@@ -1,6 +1,6 @@
 use super::html::PathKind;
 use super::{CheckFile, Origin};
-use crate::correct::{Corrected, DrivenSummary, KeptCount, Summary};
+use crate::correct::{Corrected, DrivenSummary, KeptCount, Streamed, Summary};
 use crate::text::Diagnostic;
 use serde::Serialize;
 use std::fmt;
@@ -77,6 +77,12 @@ impl FileSummary {
     #[must_use]
     pub fn with_findings(self, found: &CheckFile) -> Self {
         Self { failures: lines(&found.findings), more_failures: found.more, ..self }
+    }
+
+    /// The summary of a program that was streamed.
+    #[must_use]
+    pub fn of_streamed(path: &str, streamed: &Streamed) -> Self {
+        Self { driven_path: streamed.driven, ..Self::of(path, &streamed.summary, &[]) }
     }
 
     /// The summary from counts that were collected in parts.
