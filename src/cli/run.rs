@@ -69,7 +69,7 @@ impl Done {
     /// Results of a program that was read chunk by chunk.
     pub(super) fn streamed(name: &str, kind: PathKind, passed: Passed) -> Self {
         let Passed { streamed, outputs, rows, path, digest } = passed;
-        let summary = FileSummary::of(name, &streamed.summary, &[]);
+        let summary = FileSummary::of_streamed(name, &streamed);
         let text = report::summary_text(&summary, kind);
         Self { outputs, rows, summary, text, notes: streamed.notes, path, digest }
     }

@@ -94,24 +94,10 @@ impl<'a> Collected<'a> {
         }
     }
 
-    /// Adds the deviation on the segment to every point. A row has that of all points up to its end.
+    /// Adds the deviation on the segment to every point.
     pub(super) fn paths(&mut self, paths: &[Option<PathDeviation>]) {
-        let mut rows = self.rows.iter_mut().peekable();
-        let mut segment: Option<Option<PathDeviation>> = None;
-        for (target, path) in self.context.program.targets.iter().zip(paths) {
-            if target.role != Role::Via {
-                segment = Some(match segment {
-                    None => *path,
-                    Some(before) => before.zip(*path).map(|(before, path)| before.and(path)),
-                });
-            }
-            if target.is_end() {
-                let whole = segment.take().flatten();
-                if let Some(row) = rows.next_if(|row| row.target == target.ordinal) {
-                    row.path = whole;
-                }
-            }
-        }
+        let ends = self.context.program.targets.iter().zip(paths).filter(|(target, _)| target.role != Role::Via);
+        fill_paths(&mut self.rows, ends.map(|(target, path)| RowSegment::new(target, *path)));
     }
 
     fn fail(&mut self, i: usize, error: &EquilibriumError) {
@@ -181,6 +167,42 @@ impl<'a> Collected<'a> {
         self.failures.sort_by_key(|(i, _)| *i);
         let failures = self.failures.into_iter().map(|(_, failure)| failure).collect();
         Corrected { rows: self.rows, failures, ..Corrected::default() }
+    }
+}
+
+/// The segment to a point.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RowSegment {
+    /// Ordinal of its target.
+    ordinal: u32,
+    /// Whether the row of that target ends with it.
+    is_end: bool,
+    pub(super) path: Option<PathDeviation>,
+}
+
+impl RowSegment {
+    pub(super) fn new(target: &Target, path: Option<PathDeviation>) -> Self {
+        Self { ordinal: target.ordinal, is_end: target.is_end(), path }
+    }
+}
+
+/// Gives each row the deviation on all segments up to its end.
+pub(super) fn fill_paths(rows: &mut [Row], segments: impl Iterator<Item = RowSegment>) {
+    let mut rows = rows.iter_mut().peekable();
+    let mut whole: Option<Option<PathDeviation>> = None;
+    for RowSegment { ordinal, is_end, path } in segments {
+        let path = match whole.take() {
+            None => path,
+            Some(before) => before.zip(path).map(|(before, path)| before.and(path)),
+        };
+        if !is_end {
+            whole = Some(path);
+            continue;
+        }
+        while rows.next_if(|row| row.target < ordinal).is_some() {}
+        if let Some(row) = rows.next_if(|row| row.target == ordinal) {
+            row.path = path;
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! The path that the controller drives and the loaded arm takes, sampled over time.
 
+use super::compared::Comparison;
 use super::context::Context;
 use super::deviation::Commanded;
 use super::laws::Law;
@@ -7,28 +8,26 @@ use super::load::PointLoad;
 use super::original_loads::OriginalLoads;
 use super::parallelism::Parallelism;
 use super::point::Point;
-use super::segment::{Kind, Segment, Start, waypoint_targets};
+use super::segment::{Kind, Segment, waypoint_targets};
 use super::solve::{Solver, controller_motor};
 use super::{
-    Corrected, DrivenFigures, DrivenSummary, KeptReason, Options, PathDeviation, Prepared, RAPID_MM_S, frames,
+    Corrected, DrivenFigures, DrivenSummary, KeptReason, Options, PathDeviation, Prepared, RAPID_MM_S, Shared, frames,
 };
 use crate::cell::Cell;
-use crate::drive::{
-    DriveError, DrivenSample, Lead, Offset, PathLaw, ProgrammedPath, SAMPLE_S, Waypoint, drive, nearest_between,
-    timeline,
-};
-use crate::equilibrium::{Arm, Setting, WarmStart};
+use crate::drive::{DriveError, DrivenSample, Driver, Lead, PathLaw, SAMPLE_S, Waypoint, drive};
+use crate::equilibrium::{Arm, EquilibriumError, Setting, WarmStart};
 use crate::program::{Passing, Program, Target};
 use crate::robot::{Joints, Pose, Robot};
 use crate::text::{Diagnostic, Severity};
 use nalgebra::{Rotation3, Translation3, Vector3};
-use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Number of samples that are solved at once: some ten megabytes.
-const BATCH: usize = 16_384;
+/// Number of samples of which the first and the last are solved, so that those between them need no others.
+const TOGETHER: usize = 256;
+/// Number of samples that a program which is held as a whole solves at once: some ten megabytes.
+const BATCH: usize = 64 * TOGETHER;
 /// Largest distance along a driven path between two solved equilibria, m: over it, a deflection of 1 mm of an arm of 1 m bends by
 /// 0.01 µm.
 const SOLVED_EVERY: f64 = 1e-2;
@@ -56,12 +55,40 @@ pub struct Course {
     pub(super) targets: Vec<usize>,
     /// Share of the segment to that target; 1 at the target.
     shares: Vec<f64>,
+    /// Number of waypoints before these, which are no longer needed.
+    first: usize,
+    /// Speed of the last motion that has one, m/s.
+    feed: Option<f64>,
     /// Number of waypoints that the robot passes in a zone of unknown size: they count as stops.
     unstated: usize,
     /// Lines and arcs of unknown speed: they get the speed of the motion before, or of the first one after them.
     without_speed: usize,
-    /// Waypoints with a zone at which the controller stops, because the program waits, with the statement.
-    waits: Vec<(usize, &'static str)>,
+    /// Waypoints with a zone at which the controller stops, because the program waits; the word of the statement after the first one.
+    waits: Found<&'static str>,
+    /// Waypoints whose zone is larger than half the distance to a neighbouring one.
+    overlaps: Found<()>,
+    /// Waypoints that are passed after less time than the controller needs to plan a motion; the shortest time, s.
+    short: Found<f64>,
+    /// Where the last waypoint is in the program, if its neighbours are not all known yet.
+    last: Option<Diagnostic>,
+}
+
+/// Waypoints about which a note says something.
+#[derive(Clone, Debug, Default)]
+struct Found<T> {
+    count: usize,
+    /// The one that the note names: its place in the program, and what is said about it.
+    named: Option<(Diagnostic, T)>,
+}
+
+impl<T> Found<T> {
+    /// Adds a waypoint; the note names it instead of the one so far if that is not `better`.
+    fn add(&mut self, found: T, place: &dyn Fn() -> Diagnostic, better: impl Fn(&T, &T) -> bool) {
+        self.count += 1;
+        if self.named.as_ref().is_none_or(|(_, named)| better(&found, named)) {
+            self.named = Some((place(), found));
+        }
+    }
 }
 
 /// One moment of the driven and loaded path, in the target's work object.
@@ -79,9 +106,9 @@ pub struct LoadedSample {
     /// Force on the tool, N.
     pub force: Vector3<f64>,
     /// Index of the waypoint at the end of the segment.
-    waypoint: usize,
+    pub(super) waypoint: usize,
     /// Actual TCP in the robot's base, m.
-    base_from_tcp: Vector3<f64>,
+    pub(super) base_from_tcp: Vector3<f64>,
 }
 
 /// The driven and loaded path of a program.
@@ -117,11 +144,25 @@ impl Course {
     /// # Errors
     /// A target whose pose is unknown, external axes that move the base or the part, a motion without a speed.
     pub fn new(program: &Program, cell: &Cell, prepared: &Prepared) -> Result<Self, Vec<Diagnostic>> {
-        let unstated_zone = cell.controller.path.and_then(|path| path.zone);
         let mut course = Self::default();
-        let mut feed = None;
-        let ends = waypoint_targets(program);
-        for (at, i) in ends.iter().copied().enumerate() {
+        course.extend(program, cell, prepared, 0)?;
+        course.end(program, cell);
+        Ok(course)
+    }
+
+    /// Adds the ends of the motions of a program, or of its next chunk, whose own text begins at `from`. A zone at the last one may still
+    /// turn out to be a stop.
+    pub(super) fn extend(
+        &mut self,
+        program: &Program,
+        cell: &Cell,
+        prepared: &Prepared,
+        from: usize,
+    ) -> Result<(), Vec<Diagnostic>> {
+        let unstated_zone = cell.controller.path.and_then(|path| path.zone);
+        let mut before = None;
+        let mut passing = Passing::Stop;
+        for i in waypoint_targets(program) {
             let (target, point) = (&program.targets[i], &prepared.points[i]);
             let refuse = |message: &str, help: &str| vec![program.error_at(target, "path.target", message).help(help)];
             if let Some(why) = point.unsolved.filter(|why| *why != KeptReason::PredecessorUnknown) {
@@ -137,24 +178,25 @@ impl Course {
             // first one that follows. They do not cut.
             let programmed = |target: &Target| target.feed_mm_s.map(|mm_s| 1e-3 * mm_s).filter(|feed| *feed > 0.0);
             let is_joint = Kind::of(program, i) == Kind::Joint;
-            course.without_speed += usize::from(!is_joint && !target.rapid && at > 0 && programmed(target).is_none());
+            let is_first = self.waypoints.is_empty();
+            self.without_speed += usize::from(!is_joint && !target.rapid && !is_first && programmed(target).is_none());
             let rapid = target.rapid.then_some(1e-3 * RAPID_MM_S);
-            feed = programmed(target).or(rapid).or(feed).or_else(|| program.targets[i..].iter().find_map(programmed));
-            let Some(feed) = feed else {
+            let feed = programmed(target).or(rapid).or(self.feed);
+            self.feed = feed.or_else(|| program.targets[i..].iter().find_map(programmed));
+            let Some(feed) = self.feed else {
                 return Err(refuse("no motion of the program has a speed", "the path over time needs a speed"));
             };
-            let zone = match program.passing(i) {
+            if before.is_none_or(|before| !program.is_worded_like(before, i)) {
+                passing = program.passing(i);
+            }
+            let zone = match passing {
                 Passing::Stop => None,
                 Passing::Zone(mm) => Some(1e-3 * mm),
                 Passing::Unstated => {
-                    course.unstated += usize::from(unstated_zone.is_none());
+                    self.unstated += usize::from(unstated_zone.is_none());
                     unstated_zone
                 }
             };
-            // The controller does not round a corner if it does not know the next motion in time.
-            let waits = zone.and_then(|_| program.waits_between(i, *ends.get(at + 1)?));
-            course.waits.extend(waits.map(|word| (at, word)));
-            let zone = zone.filter(|_| waits.is_none());
             let setting = prepared.setting(i);
             let in_base = |pose: &Pose| setting.base_from_wobj * pose;
             let lead = match Kind::of(program, i) {
@@ -170,9 +212,57 @@ impl Course {
                 feed,
                 zone,
             };
-            course.push(waypoint, i, 1.0);
+            let waits = match before {
+                Some(before) => program.waits_between(before, i),
+                None if is_first => None,
+                None => program.waits_before(i, from),
+            };
+            self.push(waypoint, i, 1.0);
+            self.look(program, cell, waits);
+            before = Some(i);
         }
-        Ok(course)
+        self.last = self.targets.last().map(|last| program.error_at(&program.targets[*last], "", ""));
+        Ok(())
+    }
+
+    /// Looks at the waypoint before the last one, whose neighbours are known now. `waits` is the word of a statement between both at which
+    /// the controller waits.
+    fn look(&mut self, program: &Program, cell: &Cell, waits: Option<&'static str>) {
+        let Some(at) = self.waypoints.len().checked_sub(2) else { return };
+        let (known, target) = (self.last.take(), self.targets[at]);
+        let place = || known.clone().unwrap_or_else(|| program.error_at(&program.targets[target], "", ""));
+        // The controller does not round a corner if it does not know the next motion in time.
+        if let Some(word) = waits.filter(|_| self.waypoints[at].zone.is_some()) {
+            self.waits.add(word, &place, |_, _| false);
+            self.waypoints[at].zone = None;
+        }
+        if at == 0 {
+            return;
+        }
+        let room = 0.5 * self.distance(at).min(self.distance(at + 1));
+        if self.waypoints[at].zone.is_some_and(|zone| room > 0.0 && zone > room) {
+            self.overlaps.add((), &place, |(), ()| false);
+        }
+        self.time(cell, at, &place);
+    }
+
+    /// Looks at the last waypoint, which no further one follows.
+    pub(super) fn end(&mut self, program: &Program, cell: &Cell) {
+        if let Some((at, target)) =
+            self.waypoints.len().checked_sub(1).zip(self.targets.last().copied()).filter(|(at, _)| *at > 0)
+        {
+            self.time(cell, at, &|| program.error_at(&program.targets[target], "", ""));
+        }
+    }
+
+    /// Looks at the time of the motion to a waypoint.
+    fn time(&mut self, cell: &Cell, at: usize, place: &dyn Fn() -> Diagnostic) {
+        let waypoint = &self.waypoints[at];
+        let Some(planning) = cell.controller.path.and_then(|path| path.planning) else { return };
+        let seconds = self.distance(at) / waypoint.feed;
+        if waypoint.zone.is_some() && matches!(waypoint.lead, Lead::Line) && seconds < planning {
+            self.short.add(seconds, place, |seconds, shortest| seconds < shortest);
+        }
     }
 
     fn push(&mut self, waypoint: Waypoint, target: usize, share: f64) {
@@ -181,11 +271,16 @@ impl Course {
         self.shares.push(share);
     }
 
-    /// The course of the corrected program: its commands and the inserted targets.
-    fn corrected(&self, program: &Program, cell: &Cell, prepared: &Prepared, commanded: &Commanded) -> Self {
+    /// Adds these waypoints to the course of the corrected program, with its commands and the inserted targets.
+    pub(super) fn correct(
+        &self,
+        Context { program, cell, .. }: Context<'_>,
+        prepared: &Prepared,
+        commanded: &Commanded,
+        course: &mut Self,
+    ) {
         let robot = &cell.arm.robot;
         let unstated_zone = cell.controller.path.and_then(|path| path.zone);
-        let mut course = Self::default();
         for (waypoint, &i) in self.waypoints.iter().zip(&self.targets) {
             let base_from_wobj = prepared.base_from_wobj(i);
             let first = commanded.nodes.partition_point(|node| node.before < i);
@@ -208,7 +303,24 @@ impl Course {
             let base_from_tcp = base_from_wobj * commanded.poses[i];
             course.push(Waypoint { lead, base_from_tcp, motor: commanded.steps[i].motor, ..*waypoint }, i, 1.0);
         }
-        course
+    }
+
+    /// Adds the waypoints of another course.
+    pub(super) fn append(&mut self, other: &Self) {
+        self.waypoints.extend_from_slice(&other.waypoints);
+        self.targets.extend_from_slice(&other.targets);
+        self.shares.extend_from_slice(&other.shares);
+    }
+
+    /// The waypoints after the first ones.
+    pub(super) fn behind(&self, count: usize) -> Self {
+        let (waypoints, targets) = (self.waypoints[count..].to_vec(), self.targets[count..].to_vec());
+        Self { waypoints, targets, shares: self.shares[count..].to_vec(), first: self.first + count, ..Self::default() }
+    }
+
+    /// The number of a waypoint in the whole program.
+    pub(super) fn ordinal(&self, waypoint: usize) -> usize {
+        self.first + waypoint
     }
 
     /// The target at which the segment to a waypoint begins, and the share of the segment to the waypoint's target at that start.
@@ -217,29 +329,33 @@ impl Course {
         if self.targets[before] != target {
             return (self.targets[before], 0.0);
         }
-        let from = self.targets[..before].partition_point(|other| *other < target);
-        (self.targets[from.saturating_sub(1)], self.shares[before])
+        (self.targets[self.ends_before(waypoint)], self.shares[before])
     }
 
-    /// For each waypoint the number of its stretch: consecutive segments with one tool, work object and speed, and a continuous load. The
-    /// load of a cut from stock changes along a segment.
-    fn stretches(&self, prepared: &Prepared) -> Vec<usize> {
-        let goes_on = |waypoint: usize| {
-            let [before, here] = [waypoint - 1, waypoint].map(|at| &prepared.points[self.targets[at]]);
-            before.setting == here.setting
-                && self.waypoints[waypoint - 1].feed.total_cmp(&self.waypoints[waypoint].feed).is_eq()
-                && before.milled.is_none()
-                && here.milled.is_none()
-                && before.part.is_none()
-                && here.part.is_none()
-                && before.load.is_near(&here.load)
-        };
-        let mut stretch = 0;
-        let number = |waypoint: usize| {
-            stretch += usize::from(waypoint > 0 && !goes_on(waypoint));
-            stretch
-        };
-        (0..self.waypoints.len()).map(number).collect()
+    /// The waypoint at the target before that of another waypoint.
+    fn ends_before(&self, waypoint: usize) -> usize {
+        self.targets[..waypoint].partition_point(|other| *other < self.targets[waypoint]).saturating_sub(1)
+    }
+
+    /// Forgets the first waypoints.
+    pub(super) fn forget(&mut self, count: usize) {
+        self.waypoints.drain(..count);
+        self.targets.drain(..count);
+        self.shares.drain(..count);
+        self.first += count;
+    }
+
+    /// Whether the segment to a waypoint continues the one before: with its tool, work object and speed, and a continuous load. The load of a
+    /// cut from stock changes along a segment.
+    fn goes_on(&self, prepared: &Prepared, waypoint: usize) -> bool {
+        let [before, here] = [waypoint - 1, waypoint].map(|at| &prepared.points[self.targets[at]]);
+        before.setting == here.setting
+            && self.waypoints[waypoint - 1].feed.total_cmp(&self.waypoints[waypoint].feed).is_eq()
+            && before.milled.is_none()
+            && here.milled.is_none()
+            && before.part.is_none()
+            && here.part.is_none()
+            && before.load.is_near(&here.load)
     }
 
     /// Notes about the course, each once.
@@ -283,9 +399,9 @@ impl Course {
         }
         if let Some(path) = cell.controller.path {
             notes.extend(path.axis_acceleration.and_then(|limits| self.fast_axes(program, cell, &limits)));
-            notes.extend(path.planning.and_then(|planning| self.short_motions(program, planning)));
-            notes.extend(self.cut_zones(program));
-            notes.extend(self.corner_failures(program));
+            notes.extend(path.planning.and_then(|planning| self.short_motions(planning)));
+            notes.extend(self.cut_zones());
+            notes.extend(self.corner_failures());
         }
         notes
     }
@@ -297,29 +413,22 @@ impl Course {
     }
 
     /// Warns of motions that end before the controller has planned the next one (s): it slows down or stops there.
-    fn short_motions(&self, program: &Program, planning: f64) -> Option<Diagnostic> {
-        let seconds = |i: usize| self.distance(i) / self.waypoints[i].feed;
-        let short = (1..self.waypoints.len()).filter(|i| {
-            let passed = self.waypoints[*i].zone.is_some() && matches!(self.waypoints[*i].lead, Lead::Line);
-            passed && seconds(*i) < planning
-        });
-        let all: Vec<usize> = short.collect();
-        let shortest = all.iter().copied().min_by(|a, b| seconds(*a).total_cmp(&seconds(*b)))?;
-        let (what, take) = if all.len() == 1 { ("motion", "takes") } else { ("motions", "take") };
+    fn short_motions(&self, planning: f64) -> Option<Diagnostic> {
+        let Found { count, named } = &self.short;
+        let (place, seconds) = named.as_ref()?;
+        let (what, take) = if *count == 1 { ("motion", "takes") } else { ("motions", "take") };
         let message = format!(
-            "{} {what} {take} less than the {planning} s that the controller needs to plan one: the arm will stutter; the shortest takes \
-             {:.4} s",
-            all.len(),
-            seconds(shortest)
+            "{count} {what} {take} less than the {planning} s that the controller needs to plan one: the arm will stutter; the shortest takes \
+             {seconds:.4} s"
         );
-        let warning = self.at(program, shortest, "path.stutter", message).severity(Severity::Warning);
+        let warning = Diagnostic { code: "path.stutter", message, severity: Severity::Warning, ..place.clone() };
         Some(warning.help("put the points further apart, or lower the feed"))
     }
 
     /// Warns of corners that the controller cannot round, because the program waits before the next motion is known.
-    fn corner_failures(&self, program: &Program) -> Option<Diagnostic> {
-        let &(first, word) = self.waits.first()?;
-        let more = match self.waits.len() - 1 {
+    fn corner_failures(&self) -> Option<Diagnostic> {
+        let (place, word) = self.waits.named.as_ref()?;
+        let more = match self.waits.count - 1 {
             0 => String::new(),
             more => format!(", and at {more} more"),
         };
@@ -327,7 +436,7 @@ impl Course {
             "the program waits after this motion ({word}) before the next one is known: the controller comes to rest here in place of \
              rounding the corner (corner path failure){more}"
         );
-        let warning = self.at(program, first, "path.corner-failure", message).severity(Severity::Warning);
+        let warning = Diagnostic { code: "path.corner-failure", message, severity: Severity::Warning, ..place.clone() };
         Some(warning.help("write a stop where the arm is to wait, or move the statement"))
     }
 
@@ -367,20 +476,14 @@ impl Course {
 
     /// Notes how many zones are larger than half the distance to a neighbouring point. Controllers limit them to that: "Interpolation with
     /// overlapping position zones", RAPID Reference Manual, Motion and I/O Principles.
-    fn cut_zones(&self, program: &Program) -> Option<Diagnostic> {
-        let is_cut = |i: &usize| {
-            let room = 0.5 * self.distance(*i).min(self.distance(*i + 1));
-            self.waypoints[*i].zone.is_some_and(|zone| room > 0.0 && zone > room)
-        };
-        let all: Vec<usize> = (1..self.waypoints.len().saturating_sub(1)).filter(is_cut).collect();
-        let first = *all.first()?;
-        let (zones, are) = if all.len() == 1 { ("zone", "is") } else { ("zones", "are") };
+    fn cut_zones(&self) -> Option<Diagnostic> {
+        let Found { count, named } = &self.overlaps;
+        let (place, ()) = named.as_ref()?;
+        let (zones, are, them) = if *count == 1 { ("zone", "is", "it") } else { ("zones", "are", "them") };
         let message = format!(
-            "{} {zones} {are} larger than half the distance to a neighbouring point: the controller cuts {} to that",
-            all.len(),
-            if all.len() == 1 { "it" } else { "them" }
+            "{count} {zones} {are} larger than half the distance to a neighbouring point: the controller cuts {them} to that"
         );
-        let note = self.at(program, first, "path.zones-overlap", message).severity(Severity::Note);
+        let note = Diagnostic { code: "path.zones-overlap", message, severity: Severity::Note, ..place.clone() };
         Some(note.help("the driven path counts the zones as the controller cuts them"))
     }
 
@@ -552,7 +655,8 @@ pub(super) fn judge_corrected(
         let path = loaded_along(prepared, course, context, Sampling::Sparse)?;
         let before = driven_segments(prepared, &path.course, robot, &path, &|waypoint| waypoint);
         let course = path.course;
-        let sent = course.corrected(program, cell, prepared, commanded);
+        let mut sent = Course::default();
+        course.correct(context, prepared, commanded, &mut sent);
         let corrected = loaded_along(prepared, sent, context, Sampling::Sparse)?;
         let mut waypoint = 0;
         let origin = |target: &usize| {
@@ -602,7 +706,7 @@ pub fn loaded_path(program: &Program, cell: &Cell, options: &Options) -> Result<
 /// The driven path of the loaded arm along a course.
 pub(super) struct LoadedCourse {
     pub(super) course: Course,
-    samples: Vec<LoadedSample>,
+    pub(super) samples: Vec<LoadedSample>,
 }
 
 /// The same along a course of a prepared program.
@@ -612,57 +716,20 @@ pub(super) fn loaded_along(
     context: Context<'_>,
     sampling: Sampling,
 ) -> Result<LoadedCourse, Vec<Diagnostic>> {
-    let Context { program, cell, .. } = context;
+    let program = context.program;
     let mut motion = DrivenMotion::along(course, context, prepared, sampling)?;
-    let mut samples: Vec<LoadedSample> = Vec::with_capacity(motion.samples.len());
-    for from in (0..motion.samples.len()).step_by(BATCH) {
-        let batch: Vec<usize> = (from..motion.samples.len().min(from + BATCH)).collect();
-        let points: Vec<Point> = motion.points(prepared, &batch).into_iter().map(|driven| driven.point).collect();
-        let solved = solved_among(&points);
-        let solved_points = prepared.with_points(solved.iter().map(|k| points[*k].clone()).collect());
-        let solver = Solver::new(&cell.arm, &solved_points, Parallelism::Threads);
-        let landed = solver.forward(|i| solved_points.points[i].as_programmed(), |_| WarmStart::default());
-        let mut bends: Vec<Bend> = Vec::with_capacity(solved.len());
-        for ((k, point), landed) in solved.iter().zip(&solved_points.points).zip(landed) {
-            let landed = landed.map_err(|error| {
-                let message = format!("the loaded arm has no equilibrium on the path to this target: {error}");
-                let help = "check the forces and the stiffness of the cell";
-                motion.course.refused_at(program, motion.samples[batch[*k]].waypoint, message, help)
-            })?;
-            let rotation = Rotation3::from_scaled_axis(landed.turn) * point.reference.rotation;
-            bends.push(Bend {
-                shift: point.reference.translation.vector + landed.shift - point.wobj_from_tcp.translation.vector,
-                turn: (rotation * point.wobj_from_tcp.rotation.inverse()).scaled_axis(),
-                force: landed.cut,
-            });
-        }
-        let mut after = 0;
-        for (k, (i, point)) in batch.iter().zip(&points).enumerate() {
-            let sample = &motion.samples[*i];
-            while solved[after] < k {
-                after += 1;
-            }
-            let bend = if solved[after] == k {
-                bends[after]
-            } else {
-                let time = |at: usize| motion.samples[batch[solved[at]]].time;
-                bends[after - 1]
-                    .between(&bends[after], (sample.time - time(after - 1)) / (time(after) - time(after - 1)))
-            };
-            let position = point.wobj_from_tcp.translation.vector + bend.shift;
-            let rotation = Rotation3::from_scaled_axis(bend.turn) * point.wobj_from_tcp.rotation;
-            let wobj_from_tcp = Pose::from_parts(Translation3::from(position), rotation);
-            let target = motion.target(*i);
-            samples.push(LoadedSample {
-                time: sample.time,
-                target: program.targets[target].ordinal,
-                wobj_from_tcp,
-                feed: 0.0,
-                force: bend.force,
-                waypoint: sample.waypoint,
-                base_from_tcp: (prepared.base_from_wobj(target) * wobj_from_tcp).translation.vector,
-            });
-        }
+    let count = motion.samples.len();
+    let mut samples: Vec<LoadedSample> = Vec::with_capacity(count);
+    for from in (0..count).step_by(BATCH) {
+        let batch = motion.load(prepared, from..count.min(from + BATCH), Parallelism::Threads);
+        samples.extend(batch.map_err(|NoEquilibrium { waypoint, error }| {
+            let message = format!("the loaded arm has no equilibrium on the path to this target: {error}");
+            motion.course.refused_at(program, waypoint, message, "check the forces and the stiffness of the cell")
+        })?);
+    }
+    let targets: Vec<u32> = (0..count).map(|i| program.targets[motion.target(i)].ordinal).collect();
+    for (sample, target) in samples.iter_mut().zip(targets) {
+        sample.target = target;
     }
     // The mean speed over the step before and the step after; a change of work object is no motion.
     let speed = |from: &LoadedSample, to: &LoadedSample| {
@@ -747,72 +814,18 @@ pub(super) fn driven_segments(
     path: &LoadedCourse,
     waypoint_of: &(dyn Fn(usize) -> usize + Sync),
 ) -> DrivenSegments {
-    let programmed = ProgrammedPath::new(robot, &course.waypoints);
-    let counts = course.counting(prepared);
-    let mut segments: Vec<Option<PathDeviation>> = (0..course.waypoints.len())
-        .map(|i| {
-            programmed
-                .track(i)
-                .map(|track| PathDeviation { length_mm: 1e3 * track.length(), ..PathDeviation::default() })
-        })
-        .collect();
-    let places: Vec<Vector3<f64>> = path.samples.iter().map(|sample| sample.base_from_tcp).collect();
-    let mut driven_length = vec![0.0; segments.len()];
+    let mut comparison = Comparison::new(robot);
+    comparison.extend(prepared, course);
+    let offsets = comparison.drive(&path.samples, waypoint_of, Parallelism::Threads);
     let mut passed = Vec::new();
-    let offset = |sample: &LoadedSample| programmed.offset(&sample.base_from_tcp, waypoint_of(sample.waypoint));
-    let offsets: Vec<Option<Offset>> = path.samples.par_iter().map(offset).collect();
-    for (k, (sample, offset)) in path.samples.iter().zip(offsets).enumerate() {
-        let waypoint = waypoint_of(sample.waypoint);
-        let back = || prepared.base_from_wobj(course.targets[waypoint]).rotation.inverse();
-        let off = offset.map(|offset| back() * offset.vector);
+    for (sample, offset) in path.samples.iter().zip(offsets) {
         // A motion that ends between two samples has the value of the next one.
-        passed.resize(sample.waypoint + 1, off);
-        passed[sample.waypoint] = off;
-        let Some((segment, offset)) = segments[waypoint].as_mut().zip(offset) else { continue };
-        let distance = 1e3 * offset.vector.norm();
-        let length = k.checked_sub(1).map_or(0.0, |before| (places[k] - places[before]).norm());
-        segment.max_mm = segment.max_mm.max(distance);
-        segment.mean_square_mm2 += length * distance * distance;
-        driven_length[waypoint] += length;
+        passed.resize(sample.waypoint + 1, offset);
+        passed[sample.waypoint] = offset;
     }
-    let about = |sample: &LoadedSample| waypoint_of(sample.waypoint);
-    let mut missed = vec![None; segments.len()];
-    let (mut from, mut to) = (0, 0);
-    for (i, segment) in segments.iter_mut().enumerate() {
-        let Some(segment) = segment else { continue };
-        // The distance from a corner counts, however near the path is to both segments.
-        let is_about =
-            |sample: usize, most: usize| path.samples.get(sample).is_some_and(|sample| about(sample) <= most);
-        while i > 0 && is_about(from, i - 1) {
-            from += 1;
-        }
-        while is_about(to, i + 1) {
-            to += 1;
-        }
-        let corner = &course.waypoints[i].base_from_tcp.translation.vector;
-        let back = prepared.base_from_wobj(course.targets[i]).rotation.inverse();
-        // From the last sample before both segments to the first one after them.
-        let places = &places[from.saturating_sub(1)..(to + 1).min(places.len())];
-        missed[i] = nearest_between(corner, places).map(|(vector, _)| back * vector);
-        let off = |corner: Option<usize>| corner.and_then(|i| missed[i]).map_or(0.0, |missed| 1e3 * missed.norm());
-        let [begin, end] = [off(i.checked_sub(1)), off(Some(i))];
-        if driven_length[i] > 0.0 {
-            segment.mean_square_mm2 /= driven_length[i];
-        } else {
-            // The segment has no sample: the deviation changes evenly from corner to corner.
-            segment.max_mm = begin;
-            segment.mean_square_mm2 = (begin * begin + begin * end + end * end) / 3.0;
-        }
-        segment.max_mm = segment.max_mm.max(end);
-        segment.way_mm = segment.max_mm;
-    }
-    let counted =
-        segments.iter().zip(&counts).filter(|(_, counts)| **counts).filter_map(|(segment, _)| segment.as_ref());
-    let figures = DrivenFigures {
-        max_mm: counted.map(|segment| segment.max_mm).fold(0.0, f64::max),
-        run_time_s: path.samples.last().map_or(0.0, |sample| sample.time),
-    };
-    DrivenSegments { segments, missed, passed, counts, figures }
+    let compared = std::iter::from_fn(|| comparison.close());
+    let (segments, missed) = compared.map(|compared| (compared.path, compared.missed)).unzip();
+    DrivenSegments { segments, missed, passed, counts: course.counting(prepared), figures: comparison.figures() }
 }
 
 /// The force laws of a program at the driven feeds. A cutter has a law for each of [`FEED_STEPS`] feeds up to its largest one, however many
@@ -820,7 +833,7 @@ pub(super) fn driven_segments(
 struct DrivenFeeds {
     /// For each law of the program, the law of the same cutter at its largest feed.
     fastest: Vec<usize>,
-    /// Laws computed so far, by the fastest one and the step.
+    /// Laws computed so far, by the fastest one and the step: their numbers after those of the program.
     known: BTreeMap<(usize, usize), usize>,
 }
 
@@ -839,33 +852,64 @@ impl DrivenFeeds {
         Self { fastest: laws.iter().enumerate().map(of).collect(), known: BTreeMap::new() }
     }
 
+    /// Takes over what a further chunk of the program added to the tools, work objects and laws of `known`, before the laws at driven feeds.
+    ///
+    /// # Errors
+    /// A cutter has a larger feed than in the chunks before.
+    fn extend(&mut self, known: &mut Prepared, chunk: &Prepared) -> Result<(), FasterCut> {
+        let (count, laws) = (self.fastest.len(), &chunk.shared.laws);
+        if count == laws.len() && known.shared.settings.len() == chunk.shared.settings.len() {
+            return Ok(());
+        }
+        let Self { fastest, .. } = Self::new(laws);
+        if fastest[..count] != self.fastest {
+            return Err(FasterCut);
+        }
+        self.fastest = fastest;
+        let slowed = known.shared.laws[count.min(known.shared.laws.len())..].iter().cloned();
+        let laws = laws.iter().cloned().chain(slowed).collect();
+        known.shared = Arc::new(Shared { laws, ..Shared::clone(&chunk.shared) });
+        Ok(())
+    }
+
     /// Gives points the force law at their share of the programmed speed.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss)]
     fn slow_down(&mut self, prepared: &mut Prepared, points: &mut [DrivenPoint]) {
         let steps = FEED_STEPS as f64;
+        let count = self.fastest.len();
         for DrivenPoint { point, speed, .. } in points {
             let PointLoad::Law { law, .. } = &mut point.load else { continue };
-            let laws = &prepared.shared.laws;
-            let fastest = self.fastest[*law];
-            let largest = laws[fastest].feed_per_tooth();
-            let step = (*speed * laws[*law].feed_per_tooth() / largest * steps).round() as usize;
             // At the programmed feed the law of the program stays.
             if (1.0 - *speed) * steps < 0.5 {
                 continue;
             }
+            let laws = &prepared.shared.laws;
+            let fastest = self.fastest[*law];
+            let largest = laws[fastest].feed_per_tooth();
+            let step = (*speed * laws[*law].feed_per_tooth() / largest * steps).round() as usize;
             let shared = &mut prepared.shared;
-            *law = *self.known.entry((fastest, step)).or_insert_with(|| {
-                let laws = &mut Arc::make_mut(shared).laws;
-                laws.push(laws[fastest].at_feed(largest * step as f64 / steps));
-                laws.len() - 1
-            });
+            *law = count
+                + *self.known.entry((fastest, step)).or_insert_with(|| {
+                    let laws = &mut Arc::make_mut(shared).laws;
+                    laws.push(laws[fastest].at_feed(largest * step as f64 / steps));
+                    laws.len() - 1 - count
+                });
         }
     }
 }
 
+/// A chunk has a larger feed of a cutter than those before, from which the feeds were counted.
+pub(super) struct FasterCut;
+
+/// The loaded arm has no equilibrium on the segment to a waypoint.
+#[derive(Debug)]
+pub(super) struct NoEquilibrium {
+    waypoint: usize,
+    error: EquilibriumError,
+}
+
 /// The motion that the controller drives along a program, sample by sample, of the unloaded arm.
 pub(super) struct DrivenMotion<'a> {
-    program: &'a Program,
     arm: &'a Arm,
     course: Course,
     samples: Vec<DrivenSample>,
@@ -899,25 +943,31 @@ impl<'a> DrivenMotion<'a> {
         prepared: &Prepared,
         sampling: Sampling,
     ) -> Result<Self, Vec<Diagnostic>> {
-        let law = cell.controller.path.map_or(PathLaw::AS_WRITTEN, |path| path.law);
-        let arm = &cell.arm;
-        let route = timeline(&arm.robot, &law, &course.waypoints).map_err(|error| course.refused(program, error))?;
-        let samples = match sampling {
-            Sampling::All => route.samples(),
-            Sampling::Sparse => {
-                let stretches = course.stretches(prepared);
-                // Within a stretch, the spacing of the equilibria decides.
-                let longest = |from: usize, to: usize| match stretches.get(from) == stretches.get(to) {
-                    true => SOLVED_EVERY / course.waypoints[from.min(course.waypoints.len() - 1)].feed,
-                    false => 0.0,
-                };
-                route.sparse_samples(&longest)
-            }
-        };
-        let flanges: Vec<Pose> = samples.par_iter().map(|sample| arm.robot.forward(&sample.motor)).collect();
-        let speeds = speeds(&course, &samples, &flanges);
-        let feeds = DrivenFeeds::new(&prepared.shared.laws);
-        Ok(Self { program, arm, course, samples, flanges, speeds, feeds, last: None })
+        let mut follower = Follower::new(cell, course, &prepared.shared.laws);
+        match follower.drive(prepared, (Extent::Whole, sampling), Parallelism::Threads) {
+            Ok(()) => Ok(follower.motion),
+            Err(error) => Err(follower.motion.course.refused(program, error)),
+        }
+    }
+
+    /// Adds samples. The speed at the last one is known if they are all.
+    fn extend(&mut self, samples: Vec<DrivenSample>, extent: Extent, parallelism: Parallelism) {
+        let robot = &self.arm.robot;
+        self.flanges.extend(parallelism.map(samples.len(), |i| robot.forward(&samples[i].motor)));
+        self.samples.extend(samples);
+        let (from, to) = (self.speeds.len(), extent.of(self.samples.len()));
+        let speeds = parallelism.map(to.saturating_sub(from), |k| self.speed_at(from + k));
+        self.speeds.extend(speeds);
+    }
+
+    /// Speed of the TCP at a sample over the programmed one, 0 to 1, from the samples before and after it.
+    fn speed_at(&self, i: usize) -> f64 {
+        let waypoint = &self.course.waypoints[self.samples[i].waypoint - self.course.first];
+        let [before, after] = [i.saturating_sub(1), (i + 1).min(self.samples.len() - 1)];
+        let [from, to] = [before, after].map(|at| (self.flanges[at] * waypoint.flange_from_tcp).translation.vector);
+        let time = self.samples[after].time - self.samples[before].time;
+        let speed = if time > 0.0 { (to - from).norm() / time } else { 0.0 };
+        (speed / waypoint.feed).min(1.0)
     }
 
     pub(super) fn course(&self) -> &Course {
@@ -926,7 +976,7 @@ impl<'a> DrivenMotion<'a> {
 
     /// Index of the target at the end of a sample's segment.
     fn target(&self, sample: usize) -> usize {
-        self.course.targets[self.samples[sample].waypoint]
+        self.course.targets[self.samples[sample].waypoint - self.course.first]
     }
 
     /// The samples on the segment to a target; empty if the segment takes less than the time between two samples; `None` for the first
@@ -952,6 +1002,63 @@ impl<'a> DrivenMotion<'a> {
         self.samples[sample].share
     }
 
+    /// The actual poses at consecutive samples. Of each [`TOGETHER`] of them, the first and the last are solved. The ordinals of the targets
+    /// and the speeds stay open.
+    fn load(
+        &mut self,
+        prepared: &mut Prepared,
+        range: Range<usize>,
+        parallelism: Parallelism,
+    ) -> Result<Vec<LoadedSample>, NoEquilibrium> {
+        let from = range.start;
+        let batch: Vec<usize> = range.collect();
+        let points: Vec<Point> = self.points(prepared, &batch).into_iter().map(|driven| driven.point).collect();
+        let parts = points.chunks(TOGETHER).enumerate();
+        let solved: Vec<usize> =
+            parts.flat_map(|(n, part)| solved_among(part).into_iter().map(move |k| n * TOGETHER + k)).collect();
+        let solved_points = prepared.with_points(solved.iter().map(|k| points[*k].clone()).collect());
+        let solver = Solver::new(self.arm, &solved_points, parallelism);
+        let landed = solver.forward(|i| solved_points.points[i].as_programmed(), |_| WarmStart::default());
+        let mut bends: Vec<Bend> = Vec::with_capacity(solved.len());
+        for ((k, point), landed) in solved.iter().zip(&solved_points.points).zip(landed) {
+            let landed = landed.map_err(|error| NoEquilibrium { waypoint: self.samples[from + *k].waypoint, error })?;
+            let rotation = Rotation3::from_scaled_axis(landed.turn) * point.reference.rotation;
+            bends.push(Bend {
+                shift: point.reference.translation.vector + landed.shift - point.wobj_from_tcp.translation.vector,
+                turn: (rotation * point.wobj_from_tcp.rotation.inverse()).scaled_axis(),
+                force: landed.cut,
+            });
+        }
+        let mut after = 0;
+        let mut samples = Vec::with_capacity(points.len());
+        for (k, point) in points.iter().enumerate() {
+            let sample = &self.samples[from + k];
+            while solved[after] < k {
+                after += 1;
+            }
+            let bend = if solved[after] == k {
+                bends[after]
+            } else {
+                let time = |at: usize| self.samples[from + solved[at]].time;
+                bends[after - 1]
+                    .between(&bends[after], (sample.time - time(after - 1)) / (time(after) - time(after - 1)))
+            };
+            let position = point.wobj_from_tcp.translation.vector + bend.shift;
+            let rotation = Rotation3::from_scaled_axis(bend.turn) * point.wobj_from_tcp.rotation;
+            let wobj_from_tcp = Pose::from_parts(Translation3::from(position), rotation);
+            samples.push(LoadedSample {
+                time: sample.time,
+                target: 0,
+                wobj_from_tcp,
+                feed: 0.0,
+                force: bend.force,
+                waypoint: sample.waypoint,
+                base_from_tcp: (prepared.base_from_wobj(self.target(from + k)) * wobj_from_tcp).translation.vector,
+            });
+        }
+        Ok(samples)
+    }
+
     /// The points of samples, which must be in running order, each once.
     pub(super) fn points(&mut self, prepared: &mut Prepared, samples: &[usize]) -> Vec<DrivenPoint> {
         let (mut points, mut last) = (Vec::with_capacity(samples.len()), self.last);
@@ -971,21 +1078,16 @@ impl<'a> DrivenMotion<'a> {
         last: &mut Option<(Joints, Joints)>,
         points: &mut Vec<DrivenPoint>,
     ) {
-        let Some(waypoint) = samples.first().map(|i| self.samples[*i].waypoint) else { return };
+        let Some(waypoint) = samples.first().map(|i| self.samples[*i].waypoint - self.course.first) else { return };
+        let kind = match self.course.waypoints[waypoint].lead {
+            Lead::Line => Kind::Line,
+            Lead::Arc(_) => Kind::Arc,
+            Lead::Joints => Kind::Joint,
+        };
         let end = self.course.targets[waypoint];
         let (begin, gone) = self.course.begins(waypoint);
         let share = |own: f64| gone + (self.course.shares[waypoint] - gone) * own;
-        let from = &prepared.points[begin];
-        let start = Start {
-            point: from.clone(),
-            setting: *prepared.setting(begin),
-            commanded: from.wobj_from_tcp,
-            motor: from.motor,
-            travel: from.travel,
-            tangent: None,
-            left: 0.0,
-        };
-        let segment = Segment::into(self.program, prepared, end, &start);
+        let segment = Segment::between(kind, prepared, begin, end);
         for i in samples {
             let (sample, speed) = (&self.samples[*i], self.speeds[*i]);
             let driven = self.pose(prepared.setting(end), *i);
@@ -1007,15 +1109,158 @@ impl<'a> DrivenMotion<'a> {
     }
 }
 
-/// The speed of the TCP at each sample over the programmed one, 0 to 1.
-fn speeds(course: &Course, driven: &[DrivenSample], flanges: &[Pose]) -> Vec<f64> {
-    let share = |i: usize| {
-        let tool = &course.waypoints[driven[i].waypoint].flange_from_tcp;
-        let [before, after] = [i.saturating_sub(1), (i + 1).min(driven.len() - 1)];
-        let [from, to] = [before, after].map(|at| (flanges[at] * tool).translation.vector);
-        let time = driven[after].time - driven[before].time;
-        let speed = if time > 0.0 { (to - from).norm() / time } else { 0.0 };
-        (speed / course.waypoints[driven[i].waypoint].feed).min(1.0)
-    };
-    (0..driven.len()).into_par_iter().map(share).collect()
+/// How much of a program is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Extent {
+    /// Its first part: what the last element depends on is still unknown.
+    SoFar,
+    Whole,
+}
+
+impl Extent {
+    /// The number of elements that are final.
+    fn of(self, count: usize) -> usize {
+        match self {
+            Self::SoFar => count.saturating_sub(1),
+            Self::Whole => count,
+        }
+    }
+}
+
+/// Drives along a course that grows.
+pub(super) struct Follower<'a> {
+    driver: Driver<'a>,
+    pub(super) motion: DrivenMotion<'a>,
+    /// For each waypoint the number of its stretch: consecutive segments of which each [goes on](Course::goes_on) from the one before.
+    stretches: Vec<usize>,
+    /// Number of waypoints of the course that the driver has received.
+    given: usize,
+    /// Number of samples of the motion that are loaded.
+    loaded: usize,
+}
+
+impl<'a> Follower<'a> {
+    /// Begins a course that has a first part already, of a program with these force laws.
+    pub(super) fn new(cell: &'a Cell, course: Course, laws: &[Law]) -> Self {
+        let law = cell.controller.path.map_or(PathLaw::AS_WRITTEN, |path| path.law);
+        let (arm, feeds) = (&cell.arm, DrivenFeeds::new(laws));
+        let (samples, flanges, speeds) = (Vec::new(), Vec::new(), Vec::new());
+        let motion = DrivenMotion { arm, course, samples, flanges, speeds, feeds, last: None };
+        Self { driver: Driver::new(&arm.robot, &law), motion, stretches: Vec::new(), given: 0, loaded: 0 }
+    }
+
+    /// Adds the points of the next chunk to the known ones, and its waypoints to the course. Says how the last waypoint before them is passed
+    /// (`settled`). Returns the targets of the new waypoints in the chunk.
+    pub(super) fn extend(
+        &mut self,
+        known: &mut Prepared,
+        chunk: &Prepared,
+        settled: Option<Option<f64>>,
+        add: impl FnOnce(&mut Course),
+    ) -> Result<impl Iterator<Item = usize>, FasterCut> {
+        let DrivenMotion { course, feeds, .. } = &mut self.motion;
+        feeds.extend(known, chunk)?;
+        if let Some((last, zone)) = course.waypoints.last_mut().zip(settled) {
+            last.zone = zone;
+        }
+        let (waypoints, points) = (course.waypoints.len(), known.points.len());
+        add(course);
+        let targets = course.targets[waypoints..].to_vec();
+        course.targets[waypoints..].iter_mut().for_each(|target| *target += points);
+        known.points.extend_from_slice(&chunk.points);
+        Ok(targets.into_iter())
+    }
+
+    /// Number of waypoints that are forgotten.
+    pub(super) fn first(&self) -> usize {
+        self.motion.course.first
+    }
+
+    /// Drives as far as the course is known.
+    pub(super) fn drive(
+        &mut self,
+        prepared: &Prepared,
+        (extent, sampling): (Extent, Sampling),
+        parallelism: Parallelism,
+    ) -> Result<(), DriveError> {
+        let Self { driver, motion, stretches, given, .. } = self;
+        let course = &motion.course;
+        // The zone of the last waypoint depends on the statements after it.
+        let to = extent.of(course.waypoints.len());
+        course.waypoints[*given..to].iter().try_for_each(|waypoint| driver.add(waypoint))?;
+        *given = to;
+        for waypoint in stretches.len()..course.waypoints.len() {
+            let before = stretches.last().copied();
+            let number = |last: usize| last + usize::from(!course.goes_on(prepared, waypoint));
+            stretches.push(before.map_or(0, number));
+        }
+        if extent == Extent::Whole {
+            driver.end()?;
+        }
+        let samples = match sampling {
+            Sampling::All => driver.samples(),
+            Sampling::Sparse => {
+                // Within a stretch, the spacing of the equilibria decides.
+                let longest = |from: usize, to: usize| {
+                    let [begin, end] = [from, to].map(|at| at - course.first);
+                    match stretches.get(begin) == stretches.get(end) {
+                        true => SOLVED_EVERY / course.waypoints[begin.min(course.waypoints.len() - 1)].feed,
+                        false => 0.0,
+                    }
+                };
+                let chosen = driver.choose(&longest)?;
+                parallelism.map_each(&chosen, |periods| driver.samples_at(periods)).concat()
+            }
+        };
+        driver.forget();
+        motion.extend(samples, extent, parallelism);
+        Ok(())
+    }
+
+    /// Loads the samples that are known, as many at a time as are [solved together](TOGETHER).
+    pub(super) fn load(
+        &mut self,
+        prepared: &mut Prepared,
+        extent: Extent,
+        parallelism: Parallelism,
+    ) -> Result<Vec<LoadedSample>, NoEquilibrium> {
+        let known = self.motion.speeds.len();
+        let to = match extent {
+            Extent::SoFar => self.loaded + (known - self.loaded) / TOGETHER * TOGETHER,
+            Extent::Whole => known,
+        };
+        let samples = self.motion.load(prepared, self.loaded..to, parallelism)?;
+        // The speed at the next sample depends on the last one.
+        let passed = to.saturating_sub(1);
+        self.motion.samples.drain(..passed);
+        self.motion.flanges.drain(..passed);
+        self.motion.speeds.drain(..passed);
+        self.loaded = to - passed;
+        Ok(samples)
+    }
+
+    /// The first waypoint that further samples need: its segment, or the one before it.
+    fn needed(&self) -> usize {
+        let unloaded = self.motion.samples.get(self.loaded).map(|sample| sample.waypoint);
+        unloaded.into_iter().chain([self.driver.waypoint()]).min().unwrap_or_default()
+    }
+
+    /// Forgets waypoints before this one that no further sample needs, if they are at least half of all. Returns their number.
+    pub(super) fn forget(&mut self, prepared: &mut Prepared, waypoint: usize) -> usize {
+        let needed = waypoint.min(self.needed());
+        let course = &mut self.motion.course;
+        let needed = needed - course.first;
+        // The segment to it begins at the target before.
+        let passed = if needed > 0 { course.ends_before(needed) } else { 0 };
+        if 2 * passed < course.waypoints.len() {
+            return 0;
+        }
+        let points = course.targets[passed];
+        prepared.points.drain(..points);
+        course.forget(passed);
+        course.targets.iter_mut().for_each(|target| *target -= points);
+        self.stretches.drain(..passed);
+        self.given -= passed;
+        passed
+    }
 }

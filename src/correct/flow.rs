@@ -6,7 +6,7 @@
 use super::messages::{Messages, Repeated};
 use super::ordered::{Order, Ordered, Stopped, Turn};
 use super::row::Tally;
-use super::{Corrected, Row, Summary};
+use super::{Corrected, DrivenSummary, Row, Summary};
 use crate::program::chunk::leaves_its_start;
 use crate::program::rapid::Names;
 use crate::program::{ChunkReader, Next, StreamableChunk, UnreadChunk};
@@ -40,6 +40,8 @@ pub struct Streamed {
     pub failures: Vec<Diagnostic>,
     /// Notes and warnings.
     pub notes: Vec<Diagnostic>,
+    /// Figures of the driven path, if it was computed.
+    pub driven: Option<DrivenSummary>,
     /// Names of its targets and of those of its original, if they have any and the way of reading keeps them.
     pub(super) names: Vec<Names>,
 }
@@ -217,6 +219,7 @@ struct SoFar {
     refused: Messages,
     failures: Messages,
     notes: Vec<Diagnostic>,
+    driven: Option<DrivenSummary>,
     repeated: Repeated,
 }
 
@@ -238,6 +241,7 @@ impl<T> Writer<'_, '_, T> {
                 so_far.notes.push(note);
             }
         }
+        so_far.driven = corrected.driven.or(so_far.driven);
         so_far.repeated.add(corrected.repeated);
         so_far.tally.add(&corrected.rows);
         so_far.tally.insert(corrected.inserted);
@@ -253,13 +257,14 @@ impl<T> Writer<'_, '_, T> {
 
     fn done(self) -> io::Result<Streamed> {
         self.sinks.report.flush()?;
-        let SoFar { tally, last, refused, failures, notes, repeated, .. } = self.so_far;
+        let SoFar { tally, last, refused, failures, notes, driven, repeated, .. } = self.so_far;
         Ok(Streamed {
             summary: tally.summary(),
             last,
             refused,
             failures: failures.all(),
             notes: notes.into_iter().chain(repeated.once()).collect(),
+            driven,
             names: Vec::new(),
         })
     }

@@ -14,7 +14,7 @@ use super::point::Point;
 use super::{Corrected, Options, Prepared, Row};
 use crate::cell::Cell;
 use crate::program::chunk::leaves_its_start;
-use crate::program::{AnyChunks, ChunkReader, Next, Program};
+use crate::program::{AnyChunks, ChunkReader, Next, Program, StreamableChunk};
 use crate::text::Diagnostic;
 use std::collections::VecDeque;
 use std::io::{Read, Seek};
@@ -65,7 +65,12 @@ pub fn predict_chunks<R: Read + Seek + Send>(
     if super::is_held_whole(cell, options) || (original.is_some() && options.turns.is_some()) {
         return Err(StreamError::NotStreamable);
     }
-    let stages = || Stages::new(Carried::with_turns(cell, options.turns.as_ref()));
+    // Findings need the rows of their own chunk, and the text between two motions shows where the controller waits.
+    let is_followed = original.is_none() && judge.is_none() && chunks.is_in_place();
+    if cell.controller.path.is_some() && !is_followed {
+        return Err(StreamError::NotStreamable);
+    }
+    let stages = || Stages::new(cell, Carried::with_turns(cell, options.turns.as_ref()));
     let prediction = stages();
     let correction = judge.as_ref().filter(|judge| judge.corrects).map(|_| stages());
     let original = original.map(|chunks| Ordered::new(OriginalChunks::new(chunks, Carried::new(cell))));
@@ -73,8 +78,8 @@ pub fn predict_chunks<R: Read + Seek + Send>(
         Some(judge) => (Messages::with_room(judge.refusals), Some(judge.findings), Some(judge.found)),
         None => (Messages::default(), None, None),
     };
-    let solve = |turn: &Turn<'_>, program: &Program| -> Result<(Vec<Diagnostic>, Corrected), Unsolved> {
-        let context = Context::chunk(program, cell, options);
+    let solve = |turn: &Turn<'_>, chunk: &StreamableChunk| -> Result<(Vec<Diagnostic>, Corrected), Unsolved> {
+        let (program, context) = (&chunk.program, Context::chunk(chunk, cell, options).driven());
         let prepared = prediction.prepare(context, turn);
         let corrected = correction.as_ref().map(|stages| stages.correct(context, turn));
         let counted_from = match &original {
@@ -102,8 +107,7 @@ pub fn predict_chunks<R: Read + Seek + Send>(
         let Corrected { rows, moved_mm, on_the_way, .. } = &predicted;
         Ok((findings(Judged { program, rows, failures, moved_mm, on_the_way }), predicted))
     };
-    let source =
-        Source { chunks: Mutex::new((0, chunks)), solve: &|turn, chunk| solve(turn, &chunk.program), refusals };
+    let source = Source { chunks: Mutex::new((0, chunks)), solve: &solve, refusals };
     let mut found = found;
     let mut pass_on = |findings: Vec<Diagnostic>| {
         if let Some(found) = &mut found {
@@ -190,7 +194,7 @@ impl<'a, R: Read + Seek> OriginalChunks<'a, R> {
             return Err(StreamError::NotStreamable);
         }
         self.original_targets += chunk.program.targets.len();
-        match path::prepare(Context::chunk(&chunk.program, cell, options), &mut self.path) {
+        match path::prepare(Context::chunk(&chunk, cell, options), &mut self.path) {
             Ok(mut prepared) => {
                 self.points.extend(prepared.points.drain(..));
                 self.prepared = Some(prepared);

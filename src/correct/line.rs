@@ -7,6 +7,7 @@
 //! | solve | the commands as written, and where the loaded arm ends up | [`correction::Carried`] |
 //! | deviation | the error of the tip on the segment to every target | [`Stages::end`] |
 //! | rows | the rows of the report, and notes | [`Stages::corrected`] |
+//! | follow | the deviation on the path that the controller drives, and the rows that wait for it | [`Followed`] |
 //!
 //! [`Stages::correct`] runs all stages. [`Stages::predict`] leaves out `solve`: the commands are those of the program. The stages need
 //! no code for a chunk that is refused or whose thread panics: see [`ordered`](super::ordered).
@@ -18,6 +19,7 @@ use super::corrected::Corrected;
 use super::correction::{self, Correction};
 use super::deviation::{self, Commanded, WalkedPath};
 use super::flow::Unsolved;
+use super::followed::Followed;
 use super::ordered::{Order, Ordered, Stopped, Turn};
 use super::segment::Start;
 use super::solve::Solver;
@@ -64,12 +66,12 @@ pub fn predict(
         original.settle(&mut prepared, &cell.arm);
     }
     let rows = |prepared: &Prepared, judged_path: JudgedPath| {
-        let (order, stages) = (Order::default(), Stages::new(carried::Carried::new(cell)));
+        let (order, stages) = (Order::default(), Stages::new(cell, carried::Carried::new(cell)));
         let predicted = stages.predict(Context { judged_path, ..context }, &order.turn(0), prepared, &original);
-        Ok::<_, Vec<Diagnostic>>(predicted.map_err(Unsolved::from).map_err(Unsolved::refused)?.with_repeated())
+        predicted.map_err(Unsolved::refused)
     };
     if cell.controller.path.is_none() {
-        return rows(&prepared, JudgedPath::Written);
+        return Ok(rows(&prepared, JudgedPath::Written)?.with_repeated());
     }
     let (judged_path, waypoints) = match &original {
         Original::Itself => (JudgedPath::Driven, None),
@@ -84,7 +86,7 @@ pub fn predict(
         }
         predicted.notes.extend(why);
     }
-    Ok(predicted)
+    Ok(predicted.with_repeated())
 }
 
 /// Corrects a program: the command whose loaded TCP lands on each programmed target.
@@ -107,14 +109,13 @@ pub fn predict(
 /// # Ok::<(), deflex::text::Diagnostics>(())
 /// ```
 pub fn compensate(program: &Program, cell: &Cell, options: &Options) -> Result<Corrected, Vec<Diagnostic>> {
-    let is_driven = cell.controller.path.is_some() && program.language.is_edited();
-    let judged_path = if is_driven { JudgedPath::Driven } else { JudgedPath::Written };
-    compensate_in(Context { judged_path, ..Context::whole(program, cell, options) })
+    let context = Context::whole(program, cell, options);
+    compensate_in(if program.language.is_edited() { context.driven() } else { context })
 }
 
 /// The same in a context.
 pub(super) fn compensate_in(context: Context<'_>) -> Result<Corrected, Vec<Diagnostic>> {
-    let (order, stages) = (Order::default(), Stages::new(free_turn::carried(context)?));
+    let (order, stages) = (Order::default(), Stages::new(context.cell, free_turn::carried(context)?));
     Ok(stages.correct(context, &order.turn(0)).map_err(Unsolved::refused)?.with_repeated())
 }
 
@@ -125,6 +126,7 @@ pub(super) struct Stages<'a> {
     /// The start of the segment to the next chunk, as written.
     end: Ordered<Option<Start>>,
     corrected: Ordered<LastCorrected>,
+    followed: Followed<'a>,
 }
 
 /// Values of the targets before that rows need.
@@ -138,12 +140,13 @@ struct LastCorrected {
 
 impl<'a> Stages<'a> {
     /// The state before the first chunk.
-    pub(super) fn new(path: carried::Carried<'a>) -> Self {
+    pub(super) fn new(cell: &'a Cell, path: carried::Carried<'a>) -> Self {
         Self {
             path: Ordered::new(path),
             solve: correction::Carried::new(),
             end: Ordered::new(None),
             corrected: Ordered::new(LastCorrected::default()),
+            followed: Followed::new(cell),
         }
     }
 
@@ -164,18 +167,21 @@ impl<'a> Stages<'a> {
         let walked = WalkedPath { program, prepared: &prepared, commanded: &commanded, last };
         commanded.nodes = stops.place(&walked, &context.cell.arm);
         let driven = match context.judged_path {
-            JudgedPath::Driven => Some(driven::judge_corrected(context, &mut prepared, &commanded)),
-            JudgedPath::Written => None,
+            JudgedPath::Driven if context.chunk.is_none() => {
+                Some(driven::judge_corrected(context, &mut prepared, &commanded))
+            }
+            JudgedPath::Driven | JudgedPath::Written => None,
         };
         let walked = WalkedPath { program, prepared: &prepared, commanded: &commanded, last };
         let near = |i: usize| correction.nearby(i);
         let solver = Solver::new(&context.cell.arm, &prepared, context.parallelism);
-        let judged_path = if matches!(driven, Some(Ok(_))) { JudgedPath::Driven } else { JudgedPath::Written };
+        let judged_path = if matches!(driven, Some(Err(_))) { JudgedPath::Written } else { context.judged_path };
         let mut paths = deviation::measure(&walked, &solver, &near, judged_path).whole(&commanded.nodes);
         if let Some(Ok(driven)) = &driven {
             driven.fill(&mut paths);
         }
-        let mut corrected = self.rows(context, turn, &walked, paths, Some(correction))?;
+        let mut corrected = self.rows(context, turn, &walked, &paths, Some(correction))?;
+        self.follow(context, turn, (&walked, Some(&commanded)), &paths, &mut corrected)?;
         match driven {
             Some(Ok(driven)) => {
                 corrected.driven = Some(driven.summary);
@@ -194,7 +200,7 @@ impl<'a> Stages<'a> {
         turn: &Turn<'_>,
         prepared: &Prepared,
         original: &Original<'_>,
-    ) -> Result<Corrected, Stopped> {
+    ) -> Result<Corrected, Unsolved> {
         let Context { program, cell, parallelism, .. } = context;
         let solver = Solver::new(&cell.arm, prepared, parallelism);
         let landed = solver.forward(|i| prepared.points[i].as_programmed(), |_| WarmStart::default());
@@ -208,7 +214,24 @@ impl<'a> Stages<'a> {
             }
         };
         let moved_mm = if matches!(original, Original::Itself) { Vec::new() } else { prepared.moved_mm() };
-        Ok(Corrected { moved_mm, ..self.rows(context, turn, &walked, paths, None)? })
+        let mut predicted = Corrected { moved_mm, ..self.rows(context, turn, &walked, &paths, None)? };
+        self.follow(context, turn, (&walked, None), &paths, &mut predicted)?;
+        Ok(predicted)
+    }
+
+    /// The stage `follow`. A program that is held as a whole follows the driven path by itself.
+    fn follow(
+        &self,
+        context: Context<'_>,
+        turn: &Turn<'_>,
+        (walked, commanded): (&WalkedPath<'_>, Option<&Commanded>),
+        paths: &[Option<PathDeviation>],
+        corrected: &mut Corrected,
+    ) -> Result<(), Unsolved> {
+        if context.chunk.is_none() || context.judged_path == JudgedPath::Written {
+            return Ok(());
+        }
+        self.followed.follow((context, turn), walked, commanded, paths, corrected)
     }
 
     /// The stage `rows`.
@@ -217,7 +240,7 @@ impl<'a> Stages<'a> {
         context: Context<'_>,
         turn: &Turn<'_>,
         walked: &WalkedPath<'_>,
-        paths: Vec<Option<PathDeviation>>,
+        paths: &[Option<PathDeviation>],
         correction: Option<Correction>,
     ) -> Result<Corrected, Stopped> {
         let Context { program, cell, options, .. } = context;
@@ -226,7 +249,7 @@ impl<'a> Stages<'a> {
         for i in 0..prepared.points.len() {
             out.target(i, commanded, correction.as_ref());
         }
-        out.paths(&paths);
+        out.paths(paths);
         let zone_mm = match &correction {
             Some(correction) => turn.take(&self.corrected, |last| {
                 out.check_limits(correction, &mut last.shift);

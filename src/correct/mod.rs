@@ -14,6 +14,7 @@ mod along;
 mod between;
 mod carried;
 mod collected;
+mod compared;
 mod context;
 mod contradictions;
 mod corrected;
@@ -22,6 +23,7 @@ mod cut_stock;
 mod deviation;
 mod driven;
 mod flow;
+mod followed;
 mod frames;
 mod free_turn;
 mod halved;
@@ -141,10 +143,11 @@ impl Options {
     }
 }
 
-/// Whether programs of a cell can only be corrected as a whole: they cut a stock, or the law of the controller depends on all of the path.
+/// Whether programs of a cell can only be corrected as a whole: they cut a stock, or the whole path is checked for the accelerations of its
+/// axes.
 #[must_use]
 pub fn holds_whole(cell: &Cell) -> bool {
-    cell.stock.is_some() || cell.controller.path.is_some()
+    cell.stock.is_some() || cell.controller.path.is_some_and(|path| path.axis_acceleration.is_some())
 }
 
 /// Whether a program can only be corrected as a whole, because of its cell or because its turns about the tool axis are still to be chosen.
@@ -300,6 +303,11 @@ impl Prepared {
     #[must_use]
     pub fn tool(&self, i: usize) -> &ToolFrame {
         &self.setting(i).tool
+    }
+
+    /// Laws of the cutting force.
+    fn laws(&self) -> &[laws::Law] {
+        &self.shared.laws
     }
 
     /// Other points with the same settings and laws.

@@ -25,6 +25,14 @@ impl Parallelism {
         }
     }
 
+    /// The value of each of a few large parts, in order.
+    pub(super) fn map_each<P: Sync, T: Send>(self, parts: &[P], value: impl Fn(&P) -> T + Sync + Send) -> Vec<T> {
+        match self {
+            Self::Threads => parts.par_iter().map(value).collect(),
+            Self::Here => parts.iter().map(value).collect(),
+        }
+    }
+
     /// The same, eight at a time. `many` computes the indices that are `simple`, as far as it can, and `one` computes the others; both get a
     /// workspace.
     pub(super) fn for_each_batch<T: Answer, R: Default + Send>(

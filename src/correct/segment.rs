@@ -119,10 +119,27 @@ impl<'p> Segment<'p> {
         Some(segment)
     }
 
+    /// The segment of a known kind between two points in work objects that stand still; `None` if it is neither a line nor an arc.
+    pub(super) fn between(kind: Kind, prepared: &'p Prepared, begin: usize, end: usize) -> Option<Self> {
+        let (from, to) = (&prepared.points[begin], &prepared.points[end]);
+        let [was, is] = [begin, end].map(|i| prepared.setting(i));
+        let start = match was == is {
+            true => from.reference,
+            false => is.wobj_from_tcp(&was.base_from_flange(&from.reference)),
+        };
+        let track = Self::track_of_kind(kind, prepared, end, &start)?;
+        let (mount, laws) = (prepared.mount(end), &prepared.shared.laws);
+        Some(Self { end, track, from, to, mount, laws, corner: true })
+    }
+
     /// The programmed curve to target `i` from a pose.
     pub(super) fn track(program: &Program, prepared: &Prepared, i: usize, from: &Pose) -> Option<Track> {
+        Self::track_of_kind(Kind::of(program, i), prepared, i, from)
+    }
+
+    fn track_of_kind(kind: Kind, prepared: &Prepared, i: usize, from: &Pose) -> Option<Track> {
         let to = &prepared.points[i].reference;
-        match Kind::of(program, i) {
+        match kind {
             Kind::Joint | Kind::Point => None,
             Kind::Line => Some(Track::line(from, to)),
             Kind::Arc => Some(Track::arc(from, &prepared.points[i - 1].reference, to)),

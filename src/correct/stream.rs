@@ -53,7 +53,7 @@ pub fn compensate_declared<R: Read + Seek + Send, S: Read + Write + Seek + Send>
     sinks: &mut Sinks<'_>,
 ) -> Result<Streamed, StreamError> {
     // The name of a clone would have to be new in the whole program.
-    if (options.allow_clones && chunks.shares()) || super::is_held_whole(cell, options) {
+    if (options.allow_clones && chunks.shares()) || super::is_held_whole(cell, options) || is_driven(cell) {
         return Err(StreamError::NotStreamable);
     }
     let (mut shared, mut disputed) = (HashMap::new(), false);
@@ -86,7 +86,7 @@ pub fn compensate_executed(
     sinks: &mut Sinks<'_>,
 ) -> Result<(Streamed, Vec<Vec<Edit>>), StreamError> {
     // Motions would have to agree on clones and inserted targets too.
-    if options.allow_clones || options.subdivide.is_some() || super::is_held_whole(cell, options) {
+    if options.allow_clones || options.subdivide.is_some() || super::is_held_whole(cell, options) || is_driven(cell) {
         return Err(StreamError::NotStreamable);
     }
     let pass = |chunks: rapid::ExecutedChunks, sinks: &mut Sinks<'_>| {
@@ -177,6 +177,12 @@ pub fn count_chunks<C: ChunkReader + Send>(
     Ok(())
 }
 
+/// Whether the deviation is that of the path that the controller drives. The chunks of a text that is not read in its order do not show where
+/// the controller waits between two motions.
+fn is_driven(cell: &Cell) -> bool {
+    cell.controller.path.is_some()
+}
+
 /// Passes the chunks of a source through the pipeline; `made` makes the text of one.
 fn walked<C: ChunkReader + Send, T: Send>(
     chunks: C,
@@ -185,11 +191,13 @@ fn walked<C: ChunkReader + Send, T: Send>(
     write: &mut (dyn FnMut(T) -> io::Result<()> + Send),
     sinks: &mut Sinks<'_>,
 ) -> Result<Streamed, StreamError> {
-    let stages = Stages::new(Carried::with_turns(cell, options.turns.as_ref()));
+    let stages = Stages::new(cell, Carried::with_turns(cell, options.turns.as_ref()));
     let source = Source {
         chunks: Mutex::new((0, chunks)),
         solve: &|turn, chunk| {
-            let corrected = stages.correct(Context::chunk(&chunk.program, cell, options), turn)?;
+            let context = Context::chunk(chunk, cell, options);
+            let is_edited = chunk.program.language.is_edited();
+            let corrected = stages.correct(if is_edited { context.driven() } else { context }, turn)?;
             Ok((made(turn, chunk, &corrected)?, corrected))
         },
         refusals: Messages::default(),

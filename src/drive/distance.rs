@@ -3,6 +3,7 @@
 use super::{Lead, Track, Waypoint};
 use crate::robot::Robot;
 use nalgebra::Vector3;
+use smallvec::SmallVec;
 
 /// Length of programmed path on which the point nearest to a driven one is searched for, m: more than any controller cuts from a
 /// corner at milling speeds.
@@ -11,8 +12,13 @@ const REACH: f64 = 0.03;
 /// Number of consecutive segments that are skipped at once if none of them is near.
 const TOGETHER: usize = 8;
 
-/// The programmed lines and arcs.
+/// The programmed lines and arcs, from the first one that is not forgotten.
+#[derive(Clone, Debug, Default)]
 pub(crate) struct ProgrammedPath {
+    /// Waypoint of the first track: a multiple of [`TOGETHER`].
+    first: usize,
+    /// The last waypoint.
+    last: Option<Waypoint>,
     /// The segment to each waypoint; `None` for joint motions, which have no programmed path, and for the first waypoint.
     tracks: Vec<Option<Track>>,
     /// Length of the path up to the end of each segment, m; a segment without a track counts as longer than [`REACH`].
@@ -22,7 +28,7 @@ pub(crate) struct ProgrammedPath {
 }
 
 /// A ball around a part of a path.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 struct Ball {
     centre: Vector3<f64>,
     radius: f64,
@@ -57,34 +63,56 @@ pub(crate) struct Offset {
 
 impl ProgrammedPath {
     pub(crate) fn new(robot: &Robot, waypoints: &[Waypoint]) -> Self {
-        let track = |i: usize| {
-            let (from, to) = (&waypoints[i.checked_sub(1)?], &waypoints[i]);
-            let start = from.start_of(robot, to);
-            match &to.lead {
-                Lead::Line => Some(Track::line(&start, &to.base_from_tcp)),
-                Lead::Arc(via) => Some(Track::arc(&start, via, &to.base_from_tcp)),
-                Lead::Joints => None,
-            }
-        };
-        let tracks: Vec<Option<Track>> = (0..waypoints.len()).map(track).collect();
-        let mut end = 0.0;
-        let lengths = tracks.iter().map(|track| track.as_ref().map_or(2.0 * REACH, Track::length));
-        let along = lengths.map(|length| {
-            end += length;
-            end
+        let mut path = Self::default();
+        waypoints.iter().for_each(|waypoint| path.add(robot, waypoint));
+        path
+    }
+
+    /// Adds the next waypoint.
+    pub(crate) fn add(&mut self, robot: &Robot, to: &Waypoint) {
+        let start = self.last.as_ref().map(|from| from.start_of(robot, to));
+        let track = start.and_then(|start| match &to.lead {
+            Lead::Line => Some(Track::line(&start, &to.base_from_tcp)),
+            Lead::Arc(via) => Some(Track::arc(&start, via, &to.base_from_tcp)),
+            Lead::Joints => None,
         });
-        let along = along.collect();
-        let ball = |tracks: &[Option<Track>]| {
-            let balls: Vec<Ball> = tracks.iter().flatten().map(Ball::around).collect();
-            Ball::around_all(&balls).unwrap_or(Ball { centre: Vector3::zeros(), radius: f64::INFINITY })
-        };
-        let balls = tracks.chunks(TOGETHER).map(ball).collect();
-        Self { tracks, along, balls }
+        let length = track.as_ref().map_or(2.0 * REACH, Track::length);
+        self.last = Some(*to);
+        self.along.push(self.along.last().unwrap_or(&0.0) + length);
+        self.tracks.push(track);
+        if self.tracks.len().is_multiple_of(TOGETHER) {
+            let tracks = &self.tracks[self.tracks.len() - TOGETHER..];
+            let balls: SmallVec<[Ball; TOGETHER]> = tracks.iter().flatten().map(Ball::around).collect();
+            let none = Ball { centre: Vector3::zeros(), radius: f64::INFINITY };
+            self.balls.push(Ball::around_all(&balls).unwrap_or(none));
+        }
     }
 
     /// The line or arc that leads to a waypoint.
     pub(crate) fn track(&self, waypoint: usize) -> Option<&Track> {
-        self.tracks.get(waypoint)?.as_ref()
+        self.tracks.get(waypoint.checked_sub(self.first)?)?.as_ref()
+    }
+
+    /// Whether the path is known as far as a driven point on the segment to a waypoint may be near it.
+    pub(crate) fn reaches(&self, waypoint: usize) -> bool {
+        let ends = self.along.get(waypoint - self.first);
+        self.along.last().zip(ends).is_some_and(|(last, ends)| last - ends >= REACH)
+    }
+
+    /// Forgets what is not near the segment to a waypoint or to one after it.
+    pub(crate) fn forget(&mut self, waypoint: usize) {
+        let needed = self.near(waypoint) / TOGETHER;
+        self.tracks.drain(..needed * TOGETHER);
+        self.along.drain(..needed * TOGETHER);
+        self.balls.drain(..needed);
+        self.first += needed * TOGETHER;
+    }
+
+    /// Index of the first track within reach along the path before the segment to a waypoint.
+    fn near(&self, waypoint: usize) -> usize {
+        let own = waypoint - self.first;
+        let Some(begins) = self.along.get(own.saturating_sub(1)) else { return 0 };
+        self.along[..own].partition_point(|along| begins - along >= REACH)
     }
 
     /// The offset of a point (base frame, m) of the driven path on the segment to a waypoint; `None` if no line or arc is near it along
@@ -102,17 +130,17 @@ impl ProgrammedPath {
         };
         self.track(waypoint).into_iter().for_each(|track| look(track, &mut best));
         // The segments that begin or end within reach along the path.
-        let own = waypoint.min(self.along.len().saturating_sub(1));
-        let (begins, ends) = (self.along[own.saturating_sub(1)], self.along[own]);
-        let first = self.along[..own].partition_point(|along| begins - along >= REACH);
-        let mut way = first;
+        let own = waypoint - self.first;
+        let ends = *self.along.get(own)?;
+        let mut way = self.near(waypoint);
         while way < self.along.len() && (way <= own || self.along[way - 1] - ends < REACH) {
             let least = best.as_ref().map_or(f64::INFINITY, |(least, _)| least.sqrt());
-            if way % TOGETHER == 0 && !self.balls[way / TOGETHER].is_within(least, place) {
+            let ball = if way.is_multiple_of(TOGETHER) { self.balls.get(way / TOGETHER) } else { None };
+            if ball.is_some_and(|ball| !ball.is_within(least, place)) {
                 way += TOGETHER;
                 continue;
             }
-            if let Some(track) = self.track(way).filter(|_| way != own) {
+            if let Some(track) = self.tracks[way].as_ref().filter(|_| way != own) {
                 look(track, &mut best);
             }
             way += 1;

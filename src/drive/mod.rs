@@ -33,11 +33,12 @@ pub(crate) use distance::{Offset, ProgrammedPath, nearest_between};
 pub use fit::{FittedLaw, LogError, fit_law};
 pub use log::{Log, LogSample};
 pub use shape::{AddedPoint, CommandedMotion, DrivenResult, Freedom, ShapedCommand, Wanted, shape};
-pub(crate) use smoothing::Timeline;
 pub(crate) use track::Track;
 
 use crate::robot::{Joints, Pose, Robot};
-use route::Route;
+use route::Router;
+use smoothing::Timeline;
+use speed::Clock;
 
 /// Time between two samples of a driven path, s: the interpolation period of an ABB controller.
 pub const SAMPLE_S: f64 = 0.004;
@@ -198,12 +199,75 @@ pub const LONGEST_S: f64 = 86_400.0;
 /// println!("{:.2} s", samples.last().map_or(0.0, |sample| sample.time));
 /// ```
 pub fn drive(robot: &Robot, law: &PathLaw, waypoints: &[Waypoint]) -> Result<Vec<DrivenSample>, DriveError> {
-    Ok(timeline(robot, law, waypoints)?.samples())
+    let mut driver = Driver::new(robot, law);
+    waypoints.iter().try_for_each(|waypoint| driver.add(waypoint))?;
+    driver.end()?;
+    Ok(driver.samples())
 }
 
-/// The route over time from which [`drive`] takes its samples.
-pub(crate) fn timeline(robot: &Robot, law: &PathLaw, waypoints: &[Waypoint]) -> Result<Timeline, DriveError> {
-    let route = Route::new(robot, law, waypoints)?;
-    let times = speed::times(law, &route)?;
-    Ok(Timeline::new(law, &route, &times))
+/// Drives along waypoints that come one after the other. It keeps only what further samples need: the route of the time over which the law
+/// smooths, and up to where the motion could brake to rest.
+#[derive(Clone, Debug)]
+pub(crate) struct Driver<'r> {
+    router: Router<'r>,
+    clock: Clock,
+    timeline: Timeline,
+}
+
+impl<'r> Driver<'r> {
+    pub(crate) fn new(robot: &'r Robot, law: &PathLaw) -> Self {
+        Self { router: Router::new(robot, law), clock: Clock::new(law), timeline: Timeline::new(law) }
+    }
+
+    /// Adds the next waypoint.
+    ///
+    /// # Errors
+    /// As [`drive`].
+    pub(crate) fn add(&mut self, waypoint: &Waypoint) -> Result<(), DriveError> {
+        self.router.add(waypoint)
+    }
+
+    /// Computes the times of the route, as far as they are known.
+    fn time(&mut self) -> Result<(), DriveError> {
+        let Self { router, clock, timeline } = self;
+        clock.add(router.known(), &mut |knot, time| timeline.add(knot, time))
+    }
+
+    /// Ends at the last waypoint.
+    ///
+    /// # Errors
+    /// As [`drive`].
+    pub(crate) fn end(&mut self) -> Result<(), DriveError> {
+        let Self { router, clock, timeline } = self;
+        router.end()?;
+        clock.end(router.knots.drain(..), &mut |knot, time| timeline.add(knot, time))?;
+        timeline.end();
+        Ok(())
+    }
+
+    /// All samples, after the end.
+    pub(crate) fn samples(&self) -> Vec<DrivenSample> {
+        self.timeline.samples()
+    }
+
+    /// Chooses further samples: see [`Timeline::choose`].
+    pub(crate) fn choose(&mut self, longest: &dyn Fn(usize, usize) -> f64) -> Result<Vec<Vec<usize>>, DriveError> {
+        self.time()?;
+        Ok(self.timeline.choose(longest))
+    }
+
+    /// The samples at periods that were chosen together.
+    pub(crate) fn samples_at(&self, periods: &[usize]) -> Vec<DrivenSample> {
+        self.timeline.samples_at(periods)
+    }
+
+    /// The waypoint at the end of the first segment that further samples need.
+    pub(crate) fn waypoint(&self) -> usize {
+        self.timeline.waypoint()
+    }
+
+    /// Forgets what only the samples so far needed.
+    pub(crate) fn forget(&mut self) {
+        self.timeline.forget();
+    }
 }

@@ -48,11 +48,21 @@ pub(super) struct Route {
 }
 
 /// A segment: the programmed motion from one waypoint to the next.
-struct Segment<'w> {
-    from: &'w Waypoint,
-    to: &'w Waypoint,
-    /// Index of `to`.
+#[derive(Clone, Debug)]
+struct Segment {
+    /// Motor angles at its start and at its end, rad.
+    from: Joints,
+    to: Joints,
+    /// The TCP in the flange, m.
+    flange_from_tcp: Pose,
+    /// Radius of the zone at its end, m; see [`Waypoint::zone`].
+    zone: Option<f64>,
+    /// Index of the waypoint at its end.
     index: usize,
+    /// Largest speed on it, m/s: the feed, and what the acceleration across an arc allows.
+    speed: f64,
+    /// Unit directions of the TCP at its start and at its end, base frame; zero if it does not move.
+    directions: [Vector3<f64>; 2],
     /// The curve of a line or an arc; `None` for a joint motion.
     track: Option<Track>,
     /// Length, counted as [`Knot::length`], m.
@@ -68,8 +78,8 @@ struct Segment<'w> {
     bow: Option<Joints>,
 }
 
-impl<'w> Segment<'w> {
-    fn new(robot: &Robot, from: &'w Waypoint, to: &'w Waypoint, index: usize) -> Self {
+impl Segment {
+    fn new(robot: &Robot, law: &PathLaw, from: &Waypoint, to: &Waypoint, index: usize) -> Self {
         // A motion has the tool of its end.
         let start = from.start_of(robot, to);
         let track = match &to.lead {
@@ -84,7 +94,24 @@ impl<'w> Segment<'w> {
             None => turn_between(&start.rotation, &to.base_from_tcp.rotation).norm(),
         };
         let length = straight.max(turn * to.feed / REORIENTATION_RAD_S);
-        let mut segment = Self { from, to, index, track, length, turn, radius: 0.0, changes: [true; 2], bow: None };
+        let direction = |share: f64| track.as_ref().and_then(|track| track.tangent(share));
+        let arc = track.as_ref().filter(|track| track.is_arc());
+        let bend = arc.map_or(f64::INFINITY, |arc| (law.corner_acceleration * arc.length() / arc.angle()).sqrt());
+        let mut segment = Self {
+            from: from.motor,
+            to: to.motor,
+            flange_from_tcp: to.flange_from_tcp,
+            zone: to.zone,
+            index,
+            speed: to.feed.min(bend),
+            directions: [0.0, 1.0].map(|share| direction(share).unwrap_or_else(Vector3::zeros)),
+            track,
+            length,
+            turn,
+            radius: 0.0,
+            changes: [true; 2],
+            bow: None,
+        };
         if length <= PARABOLA && turn <= PARABOLA_TURN {
             let mean = (from.motor + to.motor) / 2.0;
             let is_straight = segment.track.is_none() || length <= STEP && turn <= TURN;
@@ -99,93 +126,128 @@ impl<'w> Segment<'w> {
 
     /// Motor angles at a share of the segment, near known ones.
     fn motor(&self, robot: &Robot, share: f64, near: &Joints) -> Result<Joints, DriveError> {
-        let even = || self.from.motor.lerp(&self.to.motor, share);
+        let even = || self.from.lerp(&self.to, share);
         match (&self.track, &self.bow) {
             (None, _) => Ok(even()),
             (_, Some(bow)) => Ok(even() + bow * (4.0 * share * (1.0 - share))),
-            _ if share <= 0.0 => Ok(self.from.motor),
-            _ if share >= 1.0 => Ok(self.to.motor),
+            _ if share <= 0.0 => Ok(self.from),
+            _ if share >= 1.0 => Ok(self.to),
             (Some(track), None) => self.inverse(robot, &track.pose(share), near),
         }
     }
 
     fn inverse(&self, robot: &Robot, base_from_tcp: &Pose, near: &Joints) -> Result<Joints, DriveError> {
-        let base_from_flange = base_from_tcp * self.to.flange_from_tcp.inverse();
+        let base_from_flange = base_from_tcp * self.flange_from_tcp.inverse();
         let reached = robot.inverse_near_unlimited(&base_from_flange, near);
         reached.map_err(|_| DriveError::Unreachable { waypoint: self.index })
     }
 
-    /// Unit direction of the TCP at the start or the end, base frame; zero if it does not move.
-    fn direction(&self, share: f64) -> Vector3<f64> {
-        self.track.as_ref().and_then(|track| track.tangent(share)).unwrap_or_else(Vector3::zeros)
+    /// Length of the change of the unit direction at the corner to the next segment.
+    fn turns_to(&self, next: &Self) -> f64 {
+        (next.directions[0] - self.directions[1]).norm()
     }
+}
 
-    /// Largest speed on the segment, m/s: the feed, and what the acceleration across an arc allows.
-    fn speed(&self, law: &PathLaw) -> f64 {
-        let arc = self.track.as_ref().filter(|track| track.is_arc());
-        let bend = arc.map_or(f64::INFINITY, |arc| (law.corner_acceleration * arc.length() / arc.angle()).sqrt());
-        self.to.feed.min(bend)
-    }
+/// Makes a route of waypoints that come one after the other.
+#[derive(Clone, Debug)]
+pub(super) struct Router<'r> {
+    robot: &'r Robot,
+    law: PathLaw,
+    /// Number of waypoints so far.
+    count: usize,
+    /// The last waypoint at which the TCP has moved.
+    last: Option<Waypoint>,
+    /// The segment to it, and the share of the segment up to which the route has knots.
+    open: Option<(Segment, f64)>,
+    /// Motor angles at the last knot, rad.
+    near: Joints,
+    /// The knots that are known and not yet taken.
+    pub(super) knots: Vec<Knot>,
 }
 
 impl Route {
     pub(super) fn new(robot: &Robot, law: &PathLaw, waypoints: &[Waypoint]) -> Result<Self, DriveError> {
-        let Some(first) = waypoints.first() else { return Ok(Self { knots: Vec::new() }) };
-        let mut segments: Vec<Segment<'_>> = Vec::new();
-        let mut last = first;
-        for (index, to) in waypoints.iter().enumerate().skip(1) {
-            let segment = Segment::new(robot, last, to, index);
-            if segment.length > NO_LENGTH {
-                segments.push(segment);
-                last = to;
-            }
-        }
-        for i in 1..segments.len() {
-            let room = 0.5 * segments[i - 1].length.min(segments[i].length);
-            let Some(radius) = segments[i - 1].to.zone else { continue };
-            // A controller limits a zone to half of the shorter segment, and rounds within a share of that.
-            segments[i - 1].radius = law.zone_share * radius.min(room);
-            let (segment, next) = (&segments[i - 1], &segments[i]);
-            let speeds = [segment.speed(law), next.speed(law)];
-            let turn = (next.direction(0.0) - segment.direction(1.0)).norm();
-            let keeps = speeds[0].total_cmp(&speeds[1]).is_eq() && law.corner_speed(turn, segment.radius) >= speeds[0];
-            (segments[i - 1].changes[1], segments[i].changes[0]) = (!keeps, !keeps);
-        }
-        #[allow(clippy::cast_precision_loss)]
-        let place = first.base_from_tcp.translation.vector;
-        let start = Knot { motor: first.motor, place, length: 0.0, speed: first.feed, stops: true, progress: 0.0 };
-        let mut route = Self { knots: vec![start] };
-        let mut begins = 0.0;
-        for (i, segment) in segments.iter().enumerate() {
-            let ends = 1.0 - segment.radius / segment.length;
-            route.straight(robot, law, segment, [begins, ends])?;
-            match segments.get(i + 1) {
-                Some(next) if segment.radius > 0.0 => {
-                    route.corner(robot, law, segment, next)?;
-                    begins = segment.radius / next.length;
-                }
-                Some(next) if segment.to.zone.is_some() => {
-                    // Without a rounding, the speed limit of the corner applies at its point.
-                    let turn = (next.direction(0.0) - segment.direction(1.0)).norm();
-                    route.limit_last(law.corner_speed(turn, 0.0));
-                    begins = 0.0;
-                }
-                _ => {
-                    route.stop_last();
-                    begins = 0.0;
-                }
-            }
-        }
-        Ok(route)
+        let mut router = Router::new(robot, law);
+        waypoints.iter().try_for_each(|waypoint| router.add(waypoint))?;
+        router.end()?;
+        Ok(Self { knots: router.knots })
     }
 
     /// The programmed path: no corner is rounded.
     pub(super) fn as_programmed(robot: &Robot, waypoints: &[Waypoint]) -> Result<Self, DriveError> {
         Self::new(robot, &PathLaw::AS_WRITTEN, waypoints)
     }
+}
 
-    fn near(&self) -> Joints {
-        self.knots.last().map_or_else(Joints::zeros, |knot| knot.motor)
+impl<'r> Router<'r> {
+    pub(super) fn new(robot: &'r Robot, law: &PathLaw) -> Self {
+        let near = Joints::zeros();
+        Self { robot, law: *law, count: 0, last: None, open: None, near, knots: Vec::new() }
+    }
+
+    /// Adds a waypoint: the route up to the corner before it becomes known.
+    pub(super) fn add(&mut self, to: &Waypoint) -> Result<(), DriveError> {
+        let index = self.count;
+        self.count += 1;
+        let Some(last) = &self.last else {
+            let place = to.base_from_tcp.translation.vector;
+            self.last = Some(*to);
+            self.push(Knot { motor: to.motor, place, length: 0.0, speed: to.feed, stops: true, progress: 0.0 });
+            return Ok(());
+        };
+        let mut next = Segment::new(self.robot, &self.law, last, to, index);
+        if next.length <= NO_LENGTH {
+            return Ok(());
+        }
+        self.last = Some(*to);
+        let mut begins = 0.0;
+        if let Some((mut segment, begun)) = self.open.take() {
+            self.round(&mut segment, &mut next);
+            self.straight(&segment, [begun, 1.0 - segment.radius / segment.length])?;
+            if segment.radius > 0.0 {
+                self.corner(&segment, &next)?;
+                begins = segment.radius / next.length;
+            } else if segment.zone.is_some() {
+                // Without a rounding, the speed limit of the corner applies at its point.
+                self.limit_last(self.law.corner_speed(segment.turns_to(&next), 0.0));
+            } else {
+                self.stop_last();
+            }
+        }
+        self.open = Some((next, begins));
+        Ok(())
+    }
+
+    /// Ends the route at the last waypoint.
+    pub(super) fn end(&mut self) -> Result<(), DriveError> {
+        if let Some((segment, begun)) = self.open.take() {
+            self.straight(&segment, [begun, 1.0])?;
+            self.stop_last();
+        }
+        Ok(())
+    }
+
+    /// Decides how the corner between two segments is passed.
+    fn round(&self, segment: &mut Segment, next: &mut Segment) {
+        let law = &self.law;
+        let room = 0.5 * segment.length.min(next.length);
+        let Some(radius) = segment.zone else { return };
+        // A controller limits a zone to half of the shorter segment, and rounds within a share of that.
+        segment.radius = law.zone_share * radius.min(room);
+        let is_even = segment.speed.total_cmp(&next.speed).is_eq();
+        let keeps = is_even && law.corner_speed(segment.turns_to(next), segment.radius) >= segment.speed;
+        (segment.changes[1], next.changes[0]) = (!keeps, !keeps);
+    }
+
+    /// Takes the knots that are known. The last one may still become a stop.
+    pub(super) fn known(&mut self) -> impl Iterator<Item = Knot> + '_ {
+        let known = self.knots.len().saturating_sub(1);
+        self.knots.drain(..known)
+    }
+
+    fn push(&mut self, knot: Knot) {
+        self.near = knot.motor;
+        self.knots.push(knot);
     }
 
     fn stop_last(&mut self) {
@@ -201,46 +263,36 @@ impl Route {
     }
 
     /// Adds a segment between two of its shares.
-    fn straight(
-        &mut self,
-        robot: &Robot,
-        law: &PathLaw,
-        segment: &Segment<'_>,
-        [from, to]: [f64; 2],
-    ) -> Result<(), DriveError> {
+    fn straight(&mut self, segment: &Segment, [from, to]: [f64; 2]) -> Result<(), DriveError> {
+        let robot = self.robot;
         let length = segment.length * (to - from);
         if length <= NO_LENGTH {
             return Ok(());
         }
         let is_even = segment.track.is_some() && segment.changes == [false; 2];
+        let speed = segment.speed;
         let count = intervals(length, if is_even { segment.turn * (to - from) / TURN } else { f64::INFINITY });
         for k in 1..=count {
             let share = from + (to - from) * part(k, count);
-            let motor = segment.motor(robot, share, &self.near())?;
+            let motor = segment.motor(robot, share, &self.near)?;
             let place = match &segment.track {
                 Some(track) => track.place(share),
-                None => (robot.forward(&motor) * segment.to.flange_from_tcp).translation.vector,
+                None => (robot.forward(&motor) * segment.flange_from_tcp).translation.vector,
             };
-            let speed = segment.speed(law);
             let progress = progress(segment.index, share);
-            self.knots.push(Knot { motor, place, length: length * part(1, count), speed, stops: false, progress });
+            self.push(Knot { motor, place, length: length * part(1, count), speed, stops: false, progress });
         }
         Ok(())
     }
 
     /// Adds the rounding between two segments: while the first one comes to its end, the second one begins. If both are straight, the sum
     /// of the two motions is a parabola.
-    fn corner(
-        &mut self,
-        robot: &Robot,
-        law: &PathLaw,
-        segment: &Segment<'_>,
-        next: &Segment<'_>,
-    ) -> Result<(), DriveError> {
+    fn corner(&mut self, segment: &Segment, next: &Segment) -> Result<(), DriveError> {
+        let (robot, law) = (self.robot, self.law);
         let radius = segment.radius;
-        let directions = [segment.direction(1.0), next.direction(0.0)];
-        let turn = (directions[1] - directions[0]).norm();
-        let speed = segment.speed(law).min(next.speed(law)).min(law.corner_speed(turn, radius));
+        let directions = [segment.directions[1], next.directions[0]];
+        let turn = segment.turns_to(next);
+        let speed = segment.speed.min(next.speed).min(law.corner_speed(turn, radius));
         let turned = (segment.turn / segment.length + next.turn / next.length) * radius;
         let bends = (0.25 * radius * turn / FLAT).sqrt().max(turned / TURN);
         let is_path = segment.track.is_some() && next.track.is_some();
@@ -264,21 +316,19 @@ impl Route {
                 (Some(first), Some(second)) if !is_sum => {
                     let corner = first.pose(1.0);
                     // The next segment may have another tool: both use the tool of the segment that ends here.
-                    let other = next.to.flange_from_tcp.inverse() * segment.to.flange_from_tcp;
+                    let other = next.flange_from_tcp.inverse() * segment.flange_from_tcp;
                     let pose = sum(&first.pose(shares[0]), &(second.pose(shares[1]) * other), &corner);
-                    (segment.inverse(robot, &pose, &self.near())?, pose.translation.vector)
+                    (segment.inverse(robot, &pose, &self.near)?, pose.translation.vector)
                 }
                 (first, second) => {
-                    let segments = [
-                        segment.motor(robot, shares[0], &segment.to.motor)?,
-                        next.motor(robot, shares[1], &segment.to.motor)?,
-                    ];
-                    let motor = segments[0] + segments[1] - segment.to.motor;
+                    let segments =
+                        [segment.motor(robot, shares[0], &segment.to)?, next.motor(robot, shares[1], &segment.to)?];
+                    let motor = segments[0] + segments[1] - segment.to;
                     let place = match (first, second) {
                         (Some(first), Some(second)) => {
                             first.place(shares[0]) + second.place(shares[1]) - second.place(0.0)
                         }
-                        _ => (robot.forward(&motor) * segment.to.flange_from_tcp).translation.vector,
+                        _ => (robot.forward(&motor) * segment.flange_from_tcp).translation.vector,
                     };
                     (motor, place)
                 }
@@ -289,7 +339,7 @@ impl Route {
                 progress(next.index, radius * (2.0 * passed - 1.0) / next.length)
             };
             let length = 2.0 * radius * part(1, count) * shorter(passed - 0.5 * part(1, count));
-            self.knots.push(Knot { motor, place, length, speed, stops: false, progress });
+            self.push(Knot { motor, place, length, speed, stops: false, progress });
         }
         Ok(())
     }

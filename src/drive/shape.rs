@@ -400,7 +400,7 @@ impl Shaper<'_> {
         };
         let route = Route::new(self.robot, self.law, &command).map_err(of_programmed)?;
         let times = speed::times(self.law, &route)?;
-        let samples = Timeline::new(self.law, &route, &times).samples();
+        let samples = Timeline::of(self.law, &route, &times).samples();
         let hats: Vec<[f64; 3]> = layout.nodes.iter().map(|node| node.hat).collect();
         let responses = smoothing::responses(self.law, &route, &times, &hats);
         let places: Vec<Vector3<f64>> = samples

@@ -1,6 +1,6 @@
 //! Two moving averages over time, and the lag of each axis.
 
-use super::route::Route;
+use super::route::{Knot, Route};
 use super::{DrivenSample, PathLaw, SAMPLE_S};
 use crate::robot::Joints;
 use nalgebra::{SVector, Vector3};
@@ -20,15 +20,36 @@ const MOST_PERIODS: usize = 64;
 /// waypoints that are close together would have more weight than others.
 type State = SVector<f64, 7>;
 
-/// A route over time. Everything changes evenly between two of its moments.
+/// A route over time, from which samples are taken as soon as they are known. Everything changes evenly between two of its moments.
 #[derive(Clone, Debug)]
-pub(crate) struct Timeline {
+pub(super) struct Timeline {
     law: PathLaw,
+    /// The moments that samples still need.
     moments: Vec<Moment>,
+    /// Whether the last moment is the end of the route.
+    is_ended: bool,
+    last: Option<LastKnot>,
+    /// The next period to be sampled.
+    period: usize,
+    /// Chosen periods whose samples are not taken.
+    chosen: Vec<usize>,
+    /// The last moments whose changes no longer act at that period, and before it.
+    left: usize,
+    reached: usize,
+}
+
+/// The last knot of a route that goes on.
+#[derive(Clone, Debug)]
+struct LastKnot {
+    place: Vector3<f64>,
+    /// Whether the motion rests here before it goes on.
+    rests: bool,
+    /// Velocity of the TCP up to it, m/s.
+    velocity: Vector3<f64>,
 }
 
 /// A moment at which the route turns, or changes its speed.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 struct Moment {
     /// Time since the start of the first motion, s.
     time: f64,
@@ -49,75 +70,112 @@ struct Integrals {
 }
 
 impl Timeline {
-    /// The timeline of a route that is at its knots at `times`, s. At a stop the route rests until the axes have come to rest.
-    pub(super) fn new(law: &PathLaw, route: &Route, times: &[f64]) -> Self {
-        let knots = &route.knots;
-        let mut moments: Vec<Moment> = Vec::with_capacity(knots.len() + 1);
-        let (mut along, mut turned, mut velocity) = (0.0, 0.0, Vector3::zeros());
-        for (i, (knot, time)) in knots.iter().zip(times).enumerate() {
-            along += knot.length;
-            let state = State::from_fn(|i, _| if i < 6 { knot.motor[i] } else { along });
-            let moment = Moment { time: *time, state, progress: knot.progress, turned: 0.0 };
-            if i > 0 {
-                let way = knot.place - knots[i - 1].place;
-                let last = moments.len() - 1;
-                let lasts = time - moments[last].time;
-                let next = if lasts > 0.0 { way / lasts } else { velocity };
-                turned += (next - velocity).norm();
-                (moments[last].turned, velocity) = (turned, next);
-            }
-            moments.push(moment.clone());
-            if knot.stops && i > 0 && i + 1 < knots.len() {
-                turned += velocity.norm();
-                velocity = Vector3::zeros();
-                moments.push(Moment { time: time + law.settling(), ..moment });
-                let rests = moments.len() - 2;
-                moments[rests].turned = turned;
-            }
+    pub(super) fn new(law: &PathLaw) -> Self {
+        Self {
+            law: *law,
+            moments: Vec::new(),
+            is_ended: false,
+            last: None,
+            period: 0,
+            chosen: Vec::new(),
+            left: 0,
+            reached: 0,
         }
-        if let Some(last) = moments.last_mut() {
-            last.turned = turned + velocity.norm();
-        }
-        Self { law: *law, moments }
     }
 
-    /// Number of samples of the path, every [`SAMPLE_S`], until the axes are at rest.
+    /// The timeline of a route that is at its knots at `times`, s.
+    pub(super) fn of(law: &PathLaw, route: &Route, times: &[f64]) -> Self {
+        let mut timeline = Self::new(law);
+        route.knots.iter().zip(times).for_each(|(knot, time)| timeline.add(*knot, *time));
+        timeline.end();
+        timeline
+    }
+
+    /// Adds the next knot of a route, with its time, s. At a stop the route rests until the axes have come to rest.
+    pub(super) fn add(&mut self, knot: Knot, time: f64) {
+        let mut state = State::from_fn(|i, _| if i < 6 { knot.motor[i] } else { knot.length });
+        let (mut turned, mut velocity, is_first) = (0.0, Vector3::zeros(), self.last.is_none());
+        if let Some(last) = self.last.take() {
+            velocity = last.velocity;
+            if last.rests {
+                let stopped = self.turn_last(velocity.norm());
+                velocity = Vector3::zeros();
+                self.moments.push(Moment { time: stopped.time + self.law.settling(), ..stopped });
+            }
+            let lasts = time - self.moments.last().map_or(0.0, |left| left.time);
+            let next = if lasts > 0.0 { (knot.place - last.place) / lasts } else { velocity };
+            let left = self.turn_last((next - velocity).norm());
+            (turned, velocity) = (left.turned, next);
+            state[6] += left.state[6];
+        }
+        self.moments.push(Moment { time, state, progress: knot.progress, turned });
+        self.last = Some(LastKnot { place: knot.place, rests: knot.stops && !is_first, velocity });
+    }
+
+    /// Ends the route at the last knot.
+    pub(super) fn end(&mut self) {
+        let speed = self.last.as_ref().map_or(0.0, |last| last.velocity.norm());
+        self.turn_last(speed);
+        self.is_ended = true;
+    }
+
+    /// Adds a change of the velocity of the TCP (m/s) at the last moment, and returns that moment.
+    fn turn_last(&mut self, change: f64) -> Moment {
+        let Some(last) = self.moments.last_mut() else { return Moment::default() };
+        last.turned += change;
+        last.clone()
+    }
+
+    /// Number of samples of the path, every [`SAMPLE_S`], until the axes are at rest; more than any path has, as long as the end is unknown.
     fn count(&self) -> usize {
+        if !self.is_ended {
+            return usize::MAX;
+        }
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         self.moments.last().map_or(0, |last| ((last.time + self.law.settling()) / SAMPLE_S).ceil() as usize + 1)
     }
 
     /// The path, sampled every [`SAMPLE_S`].
-    pub(crate) fn samples(&self) -> Vec<DrivenSample> {
-        self.at((0..self.count()).collect())
+    pub(super) fn samples(&self) -> Vec<DrivenSample> {
+        let periods: Vec<usize> = (0..self.count()).collect();
+        periods.par_chunks(TOGETHER).map(|periods| self.samples_at(periods)).flatten_iter().collect()
     }
 
-    /// Some of these samples, chosen so that the path between two of them is straight to [`STRAIGHT`]. `longest` gives the longest time (s)
-    /// between two samples of which the first is on the segment to one waypoint and the second on the segment to another.
-    pub(crate) fn sparse_samples(&self, longest: &dyn Fn(usize, usize) -> f64) -> Vec<DrivenSample> {
+    /// Chooses further samples, as far as the route is known, so that the path between two of them is straight to [`STRAIGHT`]. `longest`
+    /// gives the longest time (s) between two samples of which the first is on the segment to one waypoint and the second on the segment to
+    /// another. Returns the periods of [`SAMPLE_S`] of those that are computed together.
+    pub(super) fn choose(&mut self, longest: &dyn Fn(usize, usize) -> f64) -> Vec<Vec<usize>> {
         let count = self.count();
         let settling = self.law.settling();
-        let (mut chosen, mut period) = (Vec::new(), 0);
-        // The last moments whose changes no longer act, and before the next sample.
-        let (mut left, mut reached) = (0, 0);
-        while period < count {
-            chosen.push(period);
+        let known = match self.moments.len().checked_sub(2) {
+            _ if self.is_ended => f64::INFINITY,
+            // The direction after the last moment is still unknown.
+            Some(last) => self.moments[last].time,
+            None => return Vec::new(),
+        };
+        while self.period < count {
+            let period = self.period;
             #[allow(clippy::cast_precision_loss)]
-            let time = period as f64 * SAMPLE_S;
+            let [time, latest] = [period, period + MOST_PERIODS + 1].map(|period| period as f64 * SAMPLE_S);
+            if latest >= known {
+                break;
+            }
+            self.chosen.push(period);
+            let moments = &self.moments;
             let advance = |from: &mut usize, until: f64| {
-                while self.moments.get(*from + 1).is_some_and(|next| next.time <= until) {
+                while moments.get(*from + 1).is_some_and(|next| next.time <= until) {
                     *from += 1;
                 }
             };
-            advance(&mut left, time - settling);
-            advance(&mut reached, time);
-            let (mut periods, mut ahead) = (1, reached);
+            advance(&mut self.left, time - settling);
+            advance(&mut self.reached, time);
+            let (mut periods, mut ahead) = (1, self.reached);
             while 2 * periods <= MOST_PERIODS && period + 2 * periods < count {
                 #[allow(clippy::cast_precision_loss)]
                 let step = (2 * periods) as f64 * SAMPLE_S;
                 advance(&mut ahead, time + step);
-                let (from, to) = (&self.moments[left], &self.moments[ahead]);
-                let next = self.moments.get(ahead + 1).unwrap_or(to);
+                let (from, to) = (&moments[self.left], &moments[ahead]);
+                let next = moments.get(ahead + 1).unwrap_or(to);
                 let before = if from.time <= time - settling { from.turned } else { 0.0 };
                 if self.law.bend(to.turned - before, step) > STRAIGHT
                     || longest(place(from.progress).0, place(next.progress).0) < step
@@ -126,21 +184,33 @@ impl Timeline {
                 }
                 periods *= 2;
             }
-            period += periods;
+            self.period += periods;
+            // The path ends with a sample.
+            if self.period >= count && period + 1 < count {
+                self.period = count - 1;
+            }
         }
-        if let Some(last) = count.checked_sub(1).filter(|last| chosen.last() != Some(last)) {
-            chosen.push(last);
-        }
-        self.at(chosen)
+        let ready = if self.is_ended { self.chosen.len() } else { self.chosen.len() / TOGETHER * TOGETHER };
+        self.chosen.drain(..ready).collect::<Vec<_>>().chunks(TOGETHER).map(<[usize]>::to_vec).collect()
     }
 
-    /// The path at periods of [`SAMPLE_S`], in their order.
-    fn at(&self, periods: Vec<usize>) -> Vec<DrivenSample> {
-        let stretches = periods.par_chunks(TOGETHER).map(|periods| self.stretch(periods));
-        stretches.flatten_iter().collect()
+    /// The waypoint at the end of the segment of the first moment.
+    pub(super) fn waypoint(&self) -> usize {
+        self.moments.first().map_or(0, |first| place(first.progress).0)
     }
 
-    fn stretch(&self, periods: &[usize]) -> Vec<DrivenSample> {
+    /// Forgets the moments that no further sample needs.
+    pub(super) fn forget(&mut self) {
+        #[allow(clippy::cast_precision_loss)]
+        let time = *self.chosen.first().unwrap_or(&self.period) as f64 * SAMPLE_S;
+        let needed = self.moments.partition_point(|moment| moment.time <= time - self.law.settling()).saturating_sub(1);
+        self.moments.drain(..needed);
+        self.left = self.left.saturating_sub(needed);
+        self.reached = self.reached.saturating_sub(needed);
+    }
+
+    /// The path at some consecutive ones of the chosen periods.
+    pub(super) fn samples_at(&self, periods: &[usize]) -> Vec<DrivenSample> {
         #[allow(clippy::cast_precision_loss)]
         let time_of = |period: &usize| *period as f64 * SAMPLE_S;
         let Some((begins, ends)) = periods.first().map(time_of).zip(periods.last().map(time_of)) else {

@@ -433,8 +433,8 @@ fn a_path_that_is_sampled_sparsely_is_straight_between_its_samples() {
         line([0.0, 100.0], None),
         arc,
     ];
-    let route = timeline(&bench.robot, &law, &waypoints).expect("within reach");
-    let (all, sparse) = (route.samples(), route.sparse_samples(&|_, _| 0.1));
+    let all = drive(&bench.robot, &law, &waypoints).expect("within reach");
+    let sparse = sparse(&bench, &law, &waypoints, waypoints.len());
     // The arc bends and the motors lead all along it; on the straight lines most samples are left out.
     assert!(4 * sparse.len() < 3 * all.len(), "{} of {}", sparse.len(), all.len());
     assert_eq!(sparse.last().map(|last| last.time), all.last().map(|last| last.time));
@@ -445,6 +445,48 @@ fn a_path_that_is_sampled_sparsely_is_straight_between_its_samples() {
             let straight = place(&pair[0]).lerp(&place(&pair[1]), (between.time - pair[0].time) / span);
             let off = 1e6 * (place(between) - straight).norm();
             assert!(off < 1.0, "{off} µm at {} s", between.time);
+        }
+    }
+}
+
+/// The sparse samples of waypoints that are added some at a time.
+fn sparse(bench: &Bench, law: &PathLaw, waypoints: &[Waypoint], at_once: usize) -> Vec<DrivenSample> {
+    let mut driver = Driver::new(&bench.robot, law);
+    let mut samples = Vec::new();
+    let mut parts = waypoints.chunks(at_once).peekable();
+    while let Some(part) = parts.next() {
+        part.iter().try_for_each(|waypoint| driver.add(waypoint)).expect("within reach");
+        if parts.peek().is_none() {
+            driver.end().expect("within a day");
+        }
+        let chosen = driver.choose(&|_, _| 0.1).expect("within a day");
+        samples.extend(chosen.iter().flat_map(|periods| driver.samples_at(periods)));
+        driver.forget();
+    }
+    samples
+}
+
+#[test]
+fn a_path_that_comes_in_parts_has_the_same_samples() {
+    let bench = Bench::new();
+    // A wave of short lines with a stop in it, and twice a change of the feed.
+    let waypoint = |k: u32| {
+        let x = 0.4 * f64::from(k);
+        let zone = if k == 400 { None } else { Some(1.0) };
+        let feed = if (200..300).contains(&k) { 0.02 } else { 0.1 };
+        Waypoint { feed, ..bench.waypoint([x - 150.0, 5.0 * (0.1 * x).sin()], Lead::Line, zone) }
+    };
+    let waypoints: Vec<Waypoint> = (0..700).map(waypoint).collect();
+    for law in [PathLaw::TYPICAL, PathLaw { acceleration: 0.2, ..PathLaw::TYPICAL }, PathLaw::AS_WRITTEN] {
+        let whole = sparse(&bench, &law, &waypoints, waypoints.len());
+        assert!(whole.len() > 300, "several groups of samples");
+        for at_once in [1, 7, 64, 699] {
+            let parts = sparse(&bench, &law, &waypoints, at_once);
+            assert_eq!(parts.len(), whole.len());
+            for (part, whole) in parts.iter().zip(&whole) {
+                assert_eq!((part.time, part.motor, part.waypoint), (whole.time, whole.motor, whole.waypoint));
+                assert_eq!(part.share.to_bits(), whole.share.to_bits());
+            }
         }
     }
 }

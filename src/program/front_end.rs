@@ -46,6 +46,11 @@ pub(super) trait FrontEnd {
         Passing::Unstated
     }
 
+    /// See [`Program::is_worded_like`].
+    fn is_worded_like(&self, _program: &Program, _target: usize, _other: usize) -> bool {
+        false
+    }
+
     /// See [`Program::passing_edits`].
     fn passing_edits(&self, _program: &Program, wanted: &[(usize, Passing)]) -> Vec<Option<Edit>> {
         vec![None; wanted.len()]

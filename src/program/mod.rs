@@ -347,14 +347,32 @@ impl Program {
         self.layout.front_end().passing(self, target)
     }
 
+    /// Whether the instructions of two targets surely differ in the numbers of their targets only.
+    #[must_use]
+    pub(crate) fn is_worded_like(&self, target: usize, other: usize) -> bool {
+        self.layout.front_end().is_worded_like(self, target, other)
+    }
+
     /// The word of a statement between two targets at which the controller waits, so that it cannot round the corner before it; `None` if there
     /// is none, or if the second target may not follow the first.
     #[must_use]
     pub(crate) fn waits_between(&self, target: usize, next: usize) -> Option<&'static str> {
         let (before, after) = (self.targets.get(target)?, self.targets.get(next)?);
-        let source = &self.sources[usize::from(before.source)];
-        let span = before.span.range().end..after.span.range().start;
-        let text = source.bytes.get(span).filter(|_| before.source == after.source)?;
+        if before.source != after.source {
+            return None;
+        }
+        self.waits_in(before.source, before.span.range().end..after.span.range().start)
+    }
+
+    /// The same between the start of a chunk, whose own text begins there, and its first target.
+    #[must_use]
+    pub(crate) fn waits_before(&self, target: usize, from: usize) -> Option<&'static str> {
+        let target = self.targets.get(target)?;
+        self.waits_in(target.source, from..target.span.range().start)
+    }
+
+    fn waits_in(&self, source: u16, span: std::ops::Range<usize>) -> Option<&'static str> {
+        let text = self.sources[usize::from(source)].bytes.get(span)?;
         let comment = self.language.comment();
         let code = text
             .split(|byte| *byte == b'\n')

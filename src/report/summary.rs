@@ -1,5 +1,5 @@
 use super::Origin;
-use crate::correct::{Corrected, DrivenSummary, KeptCount, Summary};
+use crate::correct::{Corrected, DrivenSummary, KeptCount, Streamed, Summary};
 use crate::text::Diagnostic;
 use serde::Serialize;
 use std::fmt;
@@ -88,6 +88,12 @@ impl FileSummary {
     #[must_use]
     pub fn with_findings(self, findings: &[Diagnostic], more: usize) -> Self {
         Self { failures: lines(findings), more_failures: more, ..self }
+    }
+
+    /// The summary of a program that was streamed.
+    #[must_use]
+    pub fn of_streamed(path: &str, streamed: &Streamed) -> Self {
+        Self { driven_path: streamed.driven, ..Self::of(path, &streamed.summary, &[]) }
     }
 
     /// The summary from counts that were collected in parts.

@@ -1,13 +1,17 @@
 //! Programs in chunks against the same programs as a whole: the same bytes, the same words.
 
 use deflex::cell::Cell;
-use deflex::correct::{Options, Sinks, StreamError, Streamed, choose_turns, compensate, compensate_chunks};
+use deflex::correct::{
+    Options, Sinks, StreamError, Streamed, choose_turns, compensate, compensate_chunks, predict, predict_chunks,
+};
+use deflex::program::AnyChunks;
 use deflex::program::rapid::{self, CHUNK, Chunks};
 use deflex::report::html::PathKind;
 use deflex::report::{CSV_HEADER, FileSummary, csv_rows, summary_line, write_csv};
 use deflex::text::{Diagnostic, Source, apply};
 use proptest::prelude::*;
 use std::fmt::Write;
+use std::io::Cursor;
 
 const CELL: &str = r#"
 [robot]
@@ -92,7 +96,8 @@ fn whole(text: &str, cell: &Cell, options: &Options) -> Came {
     let (mut bytes, mut report) = (Vec::new(), Vec::new());
     apply(&program.sources[0].bytes, &corrected.rewritten.as_ref().unwrap().edits[0], &mut bytes).unwrap();
     write_csv(&corrected.rows, &mut report).unwrap();
-    Ok((bytes, report, summary_line(&FileSummary::new("", &corrected), PathKind::Compensate), corrected.notes))
+    let said = summary_line(&FileSummary::new("", &corrected), PathKind::Compensate);
+    Ok((bytes, report, format!("{said} {:?}", corrected.driven), corrected.notes))
 }
 
 /// `None` where the program is not straight.
@@ -109,8 +114,9 @@ fn streamed(text: &str, cell: &Cell, options: &Options, threads: usize) -> Optio
     let mut sinks =
         Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
     Some(match compensate_chunks(chunks, cell, options, threads, &mut program, &mut sinks) {
-        Ok(Streamed { summary, failures, notes, .. }) if failures.is_empty() => {
-            Ok((program, report, summary_line(&FileSummary::of("", &summary, &[]), PathKind::Compensate), notes))
+        Ok(Streamed { summary, failures, notes, driven, .. }) if failures.is_empty() => {
+            let said = summary_line(&FileSummary::of("", &summary, &[]), PathKind::Compensate);
+            Ok((program, report, format!("{said} {driven:?}"), notes))
         }
         Ok(Streamed { failures, .. }) | Err(StreamError::Refused(failures)) => Err(failures),
         Err(StreamError::NotStreamable) => return None,
@@ -155,6 +161,7 @@ enum Line {
     Blank,
     Mark(bool),
     Harmless,
+    Wait,
 }
 
 fn line() -> impl Strategy<Value = Line> {
@@ -168,6 +175,7 @@ fn line() -> impl Strategy<Value = Line> {
         1 => Just(Line::Blank),
         1 => any::<bool>().prop_map(Line::Mark),
         1 => Just(Line::Harmless),
+        1 => Just(Line::Wait),
     ]
 }
 
@@ -205,6 +213,7 @@ fn program(lines: &[Line], ends: &str) -> String {
             Line::Blank => Ok(()),
             Line::Mark(air) => write!(text, "    ! deflex {}", if *air { "air" } else { "cut" }),
             Line::Harmless => write!(text, "    SetDO doCoolant,1;"),
+            Line::Wait => write!(text, "    WaitTime 0.2;"),
         };
         written.unwrap();
         text.push('\n');
@@ -233,6 +242,53 @@ proptest! {
         let said = words(&whole(&text, &cell, &options));
         prop_assert!(said.iter().all(|said| said.contains("subdivide.zone")), "{:?}", said);
         agree(&text, &cell, &options)?;
+    }
+
+    #[test]
+    fn the_driven_path_is_the_same_in_chunks(
+        lines in proptest::collection::vec(line(), SOME_CHUNKS),
+        subdivide in prop::option::of(Just(5e-6)),
+        acceleration in prop_oneof![Just("8000.0"), Just("20.0")],
+        planning in any::<bool>(),
+    ) {
+        let law = law(acceleration) + if planning { "planning_s = 0.005\n" } else { "" };
+        let cell = cell(&CELL.replace("max_step_mm = 1.0", "max_step_mm = 5.0").replace("compensates = []\n", &law));
+        agree(&program(&lines, "\n"), &cell, &Options { subdivide, ..Options::default() })?;
+    }
+}
+
+/// The law of a controller, for the acceleration along the path, mm/s².
+fn law(acceleration: &str) -> String {
+    format!(
+        "compensates = []
+[controller.path]
+zone_share = 0.87
+smoothing_s = [0.058, 0.04]
+axis_lead_s2 = [4e-4, 2e-4, 4e-4, 1e-4, 3e-4, 1e-4]
+acceleration_mm_s2 = {acceleration}
+corner_acceleration_mm_s2 = 4000.0
+"
+    )
+}
+
+#[test]
+fn a_prediction_along_the_driven_path_is_the_same_in_chunks() {
+    let cell = cell(&CELL.replace("compensates = []\n", &law("8000.0")));
+    let lines: Vec<Line> = (0..SOME_CHUNKS.start).map(|i| if i % 97 == 0 { Line::Slow } else { Line::Cut }).collect();
+    let text = program(&lines, "\n");
+    let whole = rapid::read(vec![Source::new("part.mod", text.as_bytes())], Vec::new()).unwrap();
+    let expected = predict(&whole, &cell, &Options::default(), None).unwrap();
+    assert!(expected.driven.is_some_and(|driven| driven.programmed.max_mm > 0.0));
+    let mut rows = Vec::new();
+    write_csv(&expected.rows, &mut rows).unwrap();
+    for threads in [1, 3] {
+        let chunks = AnyChunks::inline("part.mod", Cursor::new(text.as_bytes()), &[]).unwrap().unwrap();
+        let mut report = CSV_HEADER.as_bytes().to_vec();
+        let mut sinks =
+            Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
+        let came = predict_chunks(chunks, None, &cell, &Options::default(), threads, None, &mut sinks).unwrap();
+        assert_eq!((came.driven, &came.notes), (expected.driven, &expected.notes));
+        assert!(report == rows, "the reports differ");
     }
 }
 

@@ -58,6 +58,12 @@ fn cell() -> Cell {
     Cell::read(&Source::new("cell.toml", CELL)).unwrap()
 }
 
+/// The same with the law of its controller.
+fn driven() -> Cell {
+    let law = "[controller]\ncompensates = []\n[controller.path]\nzone_share = 0.9\nsmoothing_s = [0.04, 0.03]\nzone_mm = 0.4\n";
+    Cell::read(&Source::new("cell.toml", [law, CELL].concat())).unwrap()
+}
+
 type Came = Result<(Vec<u8>, Vec<u8>, String, Vec<String>), Vec<String>>;
 
 fn words(said: &[Diagnostic]) -> Vec<String> {
@@ -73,7 +79,8 @@ fn whole(text: &str, cell: &Cell, options: &Options) -> Came {
     let (mut bytes, mut report) = (Vec::new(), Vec::new());
     apply(&program.sources[0].bytes, &corrected.rewritten.as_ref().unwrap().edits[0], &mut bytes).unwrap();
     write_csv(&corrected.rows, &mut report).unwrap();
-    Ok((bytes, report, summary_line(&FileSummary::new("", &corrected), PathKind::Compensate), words(&corrected.notes)))
+    let said = summary_line(&FileSummary::new("", &corrected), PathKind::Compensate);
+    Ok((bytes, report, format!("{said} {:?}", corrected.driven), words(&corrected.notes)))
 }
 
 /// `None` where the program is read whole.
@@ -83,12 +90,10 @@ fn streamed(text: &str, cell: &Cell, options: &Options, chunk: usize, threads: u
     let mut sinks =
         Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
     Some(match compensate_chunks(chunks, cell, options, threads, &mut program, &mut sinks) {
-        Ok(Streamed { summary, failures, notes, .. }) if failures.is_empty() => Ok((
-            program,
-            report,
-            summary_line(&FileSummary::of("", &summary, &[]), PathKind::Compensate),
-            words(&notes),
-        )),
+        Ok(Streamed { summary, failures, notes, driven, .. }) if failures.is_empty() => {
+            let said = summary_line(&FileSummary::of("", &summary, &[]), PathKind::Compensate);
+            Ok((program, report, format!("{said} {driven:?}"), words(&notes)))
+        }
         Ok(Streamed { failures, .. }) | Err(StreamError::Refused(failures)) => Err(words(&failures)),
         Err(StreamError::NotStreamable) => return None,
         Err(error) => panic!("{error:?}"),
@@ -168,13 +173,16 @@ proptest! {
         crlf in any::<bool>(),
         chunk in 200..4000_usize,
         subdivide in prop::option::of(Just(5e-6)),
+        is_driven in any::<bool>(),
+        approximated in any::<bool>(),
     ) {
         let options = Options { subdivide, ..Options::default() };
         // The direction out of the first target has to be told by the first chunk.
         lines.splice(0..0, [Line::Cut; 4]);
         let text = program(&lines);
+        let text = if approximated { text.replacen("  PTP", "  $APO.CDIS=0.2\n  PTP", 1) } else { text };
         let text = if crlf { text.replace('\n', "\r\n") } else { text };
-        let cell = cell();
+        let cell = if is_driven { driven() } else { cell() };
         let expected = whole(&text, &cell, &options);
         prop_assert!(expected.is_ok(), "{expected:?}");
         for threads in [1, 3] {

@@ -147,7 +147,7 @@ impl<'a> Long<'a> {
         }
         let name = self.files.name();
         let noticed = reports.noticed.notes(name)?;
-        let summary = FileSummary::of(name, &done.summary, &[]);
+        let summary = FileSummary::of_streamed(name, &done);
         let notes = done.notes.into_iter().chain(noticed).collect();
         if let Some(path) = &mut reports.path {
             quote(path, &self.source().bytes[..]);

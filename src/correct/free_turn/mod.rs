@@ -93,16 +93,17 @@ pub fn choose_turns(
             Next::NotStreamable => None,
             Next::End => break,
         };
-        let Some(StreamableChunk { program, last, .. }) = chunk else { return Err(StreamError::NotStreamable) };
+        let Some(chunk) = chunk else { return Err(StreamError::NotStreamable) };
+        let StreamableChunk { program, last, .. } = &chunk;
         if !has_free_turns(program.language, cell, options) {
             return Ok(None);
         }
-        let leaves = path.is_some() || last || leaves_its_start(&program.targets);
+        let leaves = path.is_some() || *last || leaves_its_start(&program.targets);
         if !leaves || program.targets.iter().any(path::has_moved_alone) {
             return Err(StreamError::NotStreamable);
         }
-        match super::path::prepare(Context::chunk(&program, cell, options), &mut carried) {
-            Ok(prepared) => path.get_or_insert_with(|| Path::new(&program, cell)).extend(&program, prepared),
+        match super::path::prepare(Context::chunk(&chunk, cell, options), &mut carried) {
+            Ok(prepared) => path.get_or_insert_with(|| Path::new(program, cell)).extend(program, prepared),
             Err(why) => refused.add_once(why),
         }
     }

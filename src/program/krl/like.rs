@@ -31,6 +31,8 @@ pub(super) struct Like {
     code: usize,
     /// See [`Reader`].
     used: Axes,
+    /// See [`Site::approximation_mm`].
+    approximation_mm: Option<f64>,
     target: Target,
     tool: Tool,
     wobj: Wobj,
@@ -221,7 +223,8 @@ impl Reader {
         let code = (target.span.end as usize).checked_sub(start + at)?;
         let tool = program.tools.get(usize::from(target.tool))?.clone();
         let wobj = program.wobjs.get(usize::from(target.wobj))?.clone();
-        let like = Like { lead: lead.clone(), columns, after, code, used: self.used, target, tool, wobj };
+        let (used, approximation_mm) = (self.used, site.approximation_mm);
+        let like = Like { lead: lead.clone(), columns, after, code, used, approximation_mm, target, tool, wobj };
         // A line takes an axis that it does not name from the line before it, which may be of another kind.
         let names = |axis: usize| like.columns.iter().any(|(_, number)| *number == Number::Axis(axis));
         let has = |axis: usize| like.target.external.as_ref().is_some_and(|axes| axes.written[axis].is_some());
@@ -310,7 +313,8 @@ impl Like {
 
     /// Reads a line of this kind, without blanks at its ends, that begins at this offset.
     pub(super) fn read(&self, text: &[u8], start: usize) -> Option<Line> {
-        let (mut numbers, mut site, mut axes) = ([0.0; 6], Site::default(), [None; EXTERNAL_AXES]);
+        let (mut numbers, mut axes) = ([0.0; 6], [None; EXTERNAL_AXES]);
+        let mut site = Site { approximation_mm: self.approximation_mm, ..Site::default() };
         let each = |number, at: usize, (value, len)| match number {
             Number::Pose(component) => {
                 numbers[component] = value;

@@ -2,14 +2,12 @@
 
 use super::clone::layout_at;
 use super::lex::{Cursor, LexemeKind};
-use super::literal::Literal;
 use super::motion::{self, Call, Simple, ToolAt, Zone};
 use super::value::quarters;
 use super::value::{SourceSpan, unit};
 use super::writer::{Writer, single};
 use super::{Layout, Site};
-use crate::program::Passing;
-use crate::program::{Conf, Goal, Insert, Motion, Program, Reason, Role};
+use crate::program::{Conf, Goal, Insert, Motion, Passing, Program, Reason, Role, Target};
 use crate::text::{Edit, Span, number};
 
 /// Zones for a point that the controller flies by, with the radius of their TCP path, mm.
@@ -176,16 +174,29 @@ fn radius_mm(zone: &[u8]) -> Option<f64> {
     number::read(fields.next()?.trim_ascii()).filter(|_| flies)
 }
 
+/// The target that an instruction has written out as its first argument.
+fn own_literal(target: &Target, layout: &Layout, i: usize) -> Option<Span> {
+    let literal = match layout.sites.get(i)? {
+        Site::Literal { literal, argument: None } => layout.literals.get(*literal as usize)?.span(),
+        _ => return None,
+    };
+    target.span.range().contains(&(literal.start as usize)).then_some(literal)
+}
+
+/// The text of an instruction before and after the target that it has written out.
+pub(super) fn around_literal<'p>(program: &'p Program, layout: &Layout, i: usize) -> Option<[&'p [u8]; 2]> {
+    let target = program.targets.get(i)?;
+    let (literal, span) = (own_literal(target, layout, i)?.range(), target.span.range());
+    let bytes = &program.sources[target.source as usize].bytes;
+    Some([bytes.get(span.start..literal.start)?, bytes.get(literal.end..span.end)?])
+}
+
 /// The argument that states the zone of a target's instruction; `None` for instructions without a zone.
 fn zone_argument(program: &Program, i: usize) -> Option<Span> {
     let (target, layout) = (program.targets.get(i)?, Layout::of(program)?);
     let bytes = &program.sources[target.source as usize].bytes;
     let shape = |name: Span| motion::shape(&bytes[name.range()]).filter(|shape| shape.zone == Zone::BeforeTool);
-    let inline = match layout.sites.get(i)? {
-        Site::Literal { literal, argument: None } => layout.literals.get(*literal as usize).map(Literal::span),
-        _ => None,
-    };
-    let (call, shape, passed) = match inline.filter(|literal| target.span.range().contains(&(literal.start as usize))) {
+    let (call, shape, passed) = match own_literal(target, layout, i) {
         // The numbers of a written-out target need not be read again.
         Some(literal) => {
             let mut cursor = Cursor::new(bytes, target.span);

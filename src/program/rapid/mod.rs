@@ -158,6 +158,11 @@ impl FrontEnd for Layout {
         insert::passing(program, target).unwrap_or(Passing::Unstated)
     }
 
+    fn is_worded_like(&self, program: &Program, target: usize, other: usize) -> bool {
+        let words = [target, other].map(|i| insert::around_literal(program, self, i));
+        words[0].is_some() && words[0] == words[1]
+    }
+
     fn passing_edits(&self, program: &Program, wanted: &[(usize, Passing)]) -> Vec<Option<Edit>> {
         insert::passing_edits(program, wanted)
     }
