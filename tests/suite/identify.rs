@@ -345,6 +345,16 @@ fn an_imperfect_law_is_found_and_predicts_another_program() {
     }
 }
 
+/// A zig-zag under one load (`shop.py`, `force_turned_plain`, seed 3001): the arm hardly changes its posture, so that other
+/// effects together can nearly imitate a force with the wrong sign. They must not, because the error elsewhere would grow.
+#[test]
+fn a_force_with_the_wrong_sign_is_not_replaced_by_effects() {
+    let found = of_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/turned_force"));
+    assert!(found.extended.is_empty(), "{:?}", found.added);
+    let fault = found.unexplained.correlates.iter().find(|correlate| correlate.fault == Some("force_readings"));
+    assert!(fault.is_some_and(|fault| fault.with.contains("fy_n with its sign turned")), "{:?}", found.unexplained);
+}
+
 /// `--sparse` of the same cell: what is named alone is in the model and in the cell, fitted without the others.
 #[test]
 fn the_named_effects_alone_are_a_cell_too() {
