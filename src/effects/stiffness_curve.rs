@@ -39,8 +39,8 @@ const STEPS: usize = 60;
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(tag = "form", rename_all = "snake_case", deny_unknown_fields)]
 pub(super) enum StiffnessCurve {
-    /// `ratio` times the declared slope up to a deflection of `width_rad` on either side, the declared slope beyond. `asymmetry` is the share by
-    /// which the whole spring is softer under a positive torque, and stiffer under a negative one.
+    /// `ratio` times the declared slope up to a deflection of `width_rad` on either side, the declared slope beyond. `asymmetry` is the share of
+    /// the declared compliance by which the joint yields more under a positive torque, and less under a negative one.
     TwoSlope {
         width_rad: [f64; 6],
         ratio: [f64; 6],
@@ -122,8 +122,8 @@ impl Effect for StiffnessCurve {
 
     fn parameters(&self) -> Vec<Parameter> {
         match self {
-            // Gears are about twice as soft below some 3 % of their rated torque.
-            // The loading branches of measured hysteresis curves differ by some 10 % between the two directions.
+            // Gears are about twice as soft below some 3 % of their rated torque. That the flanks of their teeth differ by a tenth is an
+            // assumption, for which we have no source.
             TwoSlope { width_rad, ratio, asymmetry } => {
                 let mut all = per_axis("width_rad", width_rad, "rad", 1e-4, TYPICAL_WIDTH, NOT_NEGATIVE);
                 all.extend(per_axis("ratio", ratio, "1", 0.4, 1.0, FACTOR));
