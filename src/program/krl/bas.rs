@@ -50,7 +50,7 @@ impl<'a> Runner<'a> {
         let (steps, known) = match number.index() {
             Some(0) => {
                 let zero = self.symbols.find(self.here(), &upper(b"$NULLFRAME"));
-                return if table == b"LOAD_DATA" { Value::unknown(Reason::Computed) } else { self.value(zero) };
+                return if table == b"LOAD_DATA" { Value::unknown(Reason::Computed) } else { self.settled(zero) };
             }
             Some(at) => (vec![Step::Element(at)], true),
             None => (Vec::new(), false),
@@ -88,7 +88,7 @@ impl<'a> Runner<'a> {
             }
             b"CP_DAT" => {
                 let id = self.symbols.find(self.here(), &upper(b"LDAT_ACT"));
-                let act = self.value(id);
+                let act = self.settled(id);
                 self.set_speed(act.part(b"VEL"));
                 let distance = act.part(b"APO_DIST");
                 self.pin(&distance);
@@ -158,7 +158,7 @@ impl<'a> Runner<'a> {
     /// `FDAT_ACT={TOOL_NO n,BASE_NO m,IPO_FRAME #BASE}` comes into force.
     pub(super) fn frames_of_act(&mut self) {
         let id = self.symbols.find(self.here(), &upper(b"FDAT_ACT"));
-        let act = self.value(id);
+        let act = self.settled(id);
         self.tell_frames_elsewhere(&act);
         self.set_tool(&act.part(b"TOOL_NO"));
         self.set_base(&act.part(b"BASE_NO"));
@@ -181,11 +181,12 @@ impl<'a> Runner<'a> {
     /// #BASE. If the record lacks a component, BAS stops when it reads it.
     pub(super) fn orientation_of_act(&mut self) {
         let id = self.symbols.find(self.here(), &upper(b"LDAT_ACT"));
-        let act = self.value(id);
+        let act = self.settled(id);
+        let is_set = self.state.values.contains_key(&id) || self.is_volatile(id);
         for (to, part) in [(self.symbols.orientation, &b"ORI_TYP"[..]), (self.symbols.circle_type, b"CIRC_TYP")] {
             let kind = match act {
                 Value::Record(_) => act.component(part).cloned(),
-                _ => self.state.values.contains_key(&id).then(|| Value::unknown(Reason::Computed)),
+                _ => is_set.then(|| Value::unknown(Reason::Computed)),
             };
             if let Some(kind) = kind {
                 self.state.values.insert(to, kind);

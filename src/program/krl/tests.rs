@@ -325,6 +325,17 @@ fn interrupts_and_triggers_change_at_any_moment_what_they_change() {
         "INTERRUPT DECL 5 WHEN $IN[1] DO isr()\n$BASE=BASE_DATA[1]\n{line}\nEND\nDEF isr()\n$BASE=BASE_DATA[2]"
     ));
     assert_eq!(reasons(&p), [Reason::BaseAnyMoment]);
+    // What BAS reads may change between its assignment and the call.
+    for (act, edited) in [
+        ("FDAT_ACT.BASE_NO=2", vec![]),
+        ("FDAT_ACT={TOOL_NO 1,BASE_NO 2,IPO_FRAME #BASE}", vec![]),
+        ("$OUT[3]=TRUE", vec!['P']),
+    ] {
+        let p = program(&format!(
+            "INTERRUPT DECL 5 WHEN $IN[1] DO isr()\nBAS(#INITMOV,0)\nFDAT_ACT={{TOOL_NO 1,BASE_NO 1,IPO_FRAME #BASE}}\nBAS(#CP_PARAMS,0.1)\n{line}\nEND\nDEF isr()\n{act}"
+        ));
+        assert_eq!(editable(&p), edited, "{act}");
+    }
     let p = program(&format!("GLOBAL INTERRUPT DECL 3 WHEN $STOPMESS==TRUE DO IR_STOPM ( )\nINTERRUPT ON 3\n{line}"));
     assert_eq!(p.targets[0].editable, Editable::Pose);
     let p = program(&format!("TRIGGER WHEN DISTANCE=0 DELAY=0 DO other() PRIO=-1\n{line}"));
