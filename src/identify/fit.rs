@@ -67,7 +67,7 @@ impl Engine {
     /// Minimises the misfit of the chosen numbers, with their priors and the present noise (Levenberg 1944, Marquardt
     /// 1963). Sets the posterior covariance too.
     pub(super) fn descend(&mut self) {
-        let chosen = self.chosen.clone();
+        let (chosen, sigma) = (self.chosen.clone(), self.sigma_of_fit());
         let (mut last, mut largest) = (None, f64::INFINITY);
         for _ in 0..REFITS {
             let linear = match last.take() {
@@ -80,11 +80,11 @@ impl Engine {
             // For a set of few effects the covariance has the typical sizes as prior sizes, so that directions that the
             // rows do not determine are not too certain. In the model of the whole arm the prior sizes were estimated.
             let wide = if self.is_whole_arm() { columns.clone() } else { columns.full_size() };
-            let Some((_, covariance)) = posterior(moments, &wide, self.sigma) else { return };
+            let Some((_, covariance)) = posterior(moments, &wide, sigma) else { return };
             let (frames, size) = (linear.always.len(), covariance.nrows() - linear.always.len());
             let typical = |i: usize, j: usize| covariance[(i, j)] * wide.list[i].1 * wide.list[j].1;
             self.covariance = DMatrix::from_fn(size, size, |i, j| typical(frames + i, frames + j));
-            let normal = Normal::of(moments, &columns, self.sigma);
+            let normal = Normal::of(moments, &columns, sigma);
             largest = self.step(&linear, &normal);
             if largest < SETTLED {
                 break;
@@ -171,7 +171,7 @@ impl Engine {
         let series = self.problem.series(|row| !row.held_out);
         let white = noise::whiten(&DMatrix::from_columns(&[left]), &series, self.shape).columns;
         let used = series.iter().flat_map(|s| s.samples.iter().map(|&(row, ..)| white[(row, 0)].powi(2)));
-        used.sum::<f64>() / (self.sigma * self.sigma) + prior
+        used.sum::<f64>() / self.sigma_of_fit().powi(2) + prior
     }
 
     /// Removes the members without which the others, fitted again, have a larger objective or almost the same. The

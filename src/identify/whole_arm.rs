@@ -15,7 +15,7 @@
 
 use super::candidate::Candidate;
 use super::columns::Columns;
-use super::decisions::{MATERIAL, UNLISTED, caution};
+use super::decisions::{MATERIAL, caution};
 use super::engine::{Engine, stacked};
 use super::found::{Members, Posterior};
 use super::moments::Moments;
@@ -111,6 +111,17 @@ impl Engine {
         self.shape.field.is_some_and(|field| matches!(field.over, Over::Everything(_)))
     }
 
+    /// Standard deviation of the white noise with which the numbers are fitted, mm. In the model of the whole arm the
+    /// nats of the rows count as in a posterior (see [`caution`]), because its discrepancy describes only the smooth
+    /// part of the errors of the laws.
+    pub(super) fn sigma_of_fit(&self) -> f64 {
+        if !self.is_whole_arm() {
+            return self.sigma;
+        }
+        let fitted = self.problem.rows.iter().filter(|row| !row.held_out);
+        self.sigma * caution(fitted.map(|row| row.reading.len()).sum()).sqrt()
+    }
+
     /// The members of the model of the whole arm: those of a set, without unlisted patterns and faults, and one of
     /// every other family.
     pub(super) fn members_of_whole_arm(&self, search: &Search, set: &[usize]) -> Members {
@@ -145,13 +156,13 @@ impl Engine {
         }
     }
 
-    /// Whether the model of the whole arm, still without its discrepancy, gains more than [`UNLISTED`] over a set. Both
-    /// have the moments of the search, so that this costs little.
+    /// Whether the model of the whole arm, still without its discrepancy, has larger evidence than a set, less the
+    /// prices of both. Both have the moments of the search, so that this costs little.
     pub(super) fn gains_on(&self, search: &Search, set: &[usize], members: &Members) -> bool {
         let value = search.objective(set);
         Shares::all().any(|shares| {
             let trial = self.trial(members, shares, search.always);
-            score(search.moments, &trial.columns, None).evidence - trial.price > value + UNLISTED
+            score(search.moments, &trial.columns, None).evidence - trial.price > value
         })
     }
 
