@@ -552,13 +552,13 @@ fn effects(
             check.error(&key, message, "count [[part.clamp]] from 1, in the order of the cell file");
             continue;
         }
-        let other = effects.iter().filter_map(|effect| effect.presliding_rad()).next();
-        if let (Some(own), Some(other)) = (effect.presliding_rad(), other)
-            && own.to_bits() != other.to_bits()
+        let other = effects.iter().filter_map(|effect| effect.presliding()).next();
+        if let (Some(own), Some(other)) = (effect.presliding(), other)
+            && own != other
         {
             check.error(
                 &key,
-                format!("effect `{name}`: `presliding_rad` is {own}, and {other} in another effect: the joints of an arm have one"),
+                format!("effect `{name}`: `presliding_rad` is {own}, and {other} in another effect: all effects of an arm have the same"),
                 "give both effects the same `presliding_rad`",
             );
             continue;

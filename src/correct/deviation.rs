@@ -531,7 +531,7 @@ impl<'p> Measure<'_, '_, 'p> {
         };
         let mut point = segment.at(part.share(tick));
         (point.wobj_from_tcp, point.motor) = (commanded, motor);
-        point.travel = if arm.presliding_rad() > 0.0 {
+        point.travel = if !arm.presliding().is_sharp() {
             arm.travel(&part.start.motor, &motor, &part.start.travel)
         } else if part.short {
             part.travel

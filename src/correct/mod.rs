@@ -84,7 +84,7 @@ pub(crate) use stance::millimetres_and_degrees;
 pub use stream::{compensate_chunks, compensate_declared, compensate_executed, count_chunks, post_chunks};
 
 use crate::cell::{Cell, CutForce, SpinRule};
-use crate::effects::{Situation, ToolFrame};
+use crate::effects::{Presliding, Situation, ToolFrame};
 use crate::equilibrium::Dragged;
 use crate::equilibrium::{Setting, Site};
 use crate::measured::Forces;
@@ -226,11 +226,11 @@ impl Prepared {
         Self::sharing(shared, points, StartedFrom::JointTarget)
     }
 
-    /// Travel into every point along the programmed motion, with friction that builds up over an angle (rad).
-    pub(crate) fn travels(&self, presliding_rad: f64) -> Vec<Joints> {
+    /// Travel into every point along the programmed motion, with friction that builds up over the presliding angles.
+    pub(crate) fn travels(&self, presliding: &Presliding) -> Vec<Joints> {
         let mut last: Option<Dragged> = None;
         let into = |point: &Point| {
-            let travel = last.map_or_else(Joints::zeros, |last| last.travel_to(&point.motor, presliding_rad));
+            let travel = last.map_or_else(Joints::zeros, |last| last.travel_to(&point.motor, presliding));
             last = Some(Dragged { motor: point.motor, travel });
             travel
         };

@@ -78,7 +78,7 @@ impl ArmState<'_> {
         let mut errors = Vec::new();
         for effect in &cell.arm.effects {
             let needs = [
-                effect.presliding_rad().is_some(),
+                effect.presliding().is_some(),
                 effect.needs().contains(&Need::Speed),
                 effect.needs().contains(&Need::Time),
                 effect.needs().contains(&Need::Temperature),

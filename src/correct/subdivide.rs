@@ -188,7 +188,7 @@ impl<'p> Plan<'p> {
             controller_motor(&arm.robot, &self.segment.setting(share), &self.segment.track.pose(share), &near)
         };
         let here = motor(share)?;
-        point.travel = if arm.presliding_rad() > 0.0 {
+        point.travel = if !arm.presliding().is_sharp() {
             arm.travel(&self.dragged.motor, &here, &self.dragged.travel)
         } else if share < STEP {
             arm.travel(&here, &motor(share + STEP)?, &point.travel)

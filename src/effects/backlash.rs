@@ -1,6 +1,6 @@
 //! Backlash, or lost motion: after a reversal, the joint stays where it is until the motor has crossed the gap of the gear.
 
-use super::{Effect, Kind, NOT_NEGATIVE, Offset, Parameter, Physics, Site, checked, is_sharp, per_axis, take};
+use super::{Effect, Kind, NOT_NEGATIVE, Offset, Parameter, Physics, Presliding, Site, checked, per_axis, take};
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -12,7 +12,7 @@ pub(super) const KIND: Kind = Kind {
         "half_gap_rad = [0, 6e-5, 0, 0, 0, 0]\npresliding_rad = 1e-3",
     ],
     read: |table| checked(table.try_into::<Backlash>()?),
-    candidates: |_| vec![Box::new(Backlash { half_gap_rad: [0.0; 6], presliding_rad: 0.0 })],
+    candidates: |_| vec![Box::new(Backlash { half_gap_rad: [0.0; 6], presliding_rad: Presliding::default() })],
     ..Kind::PLAIN
 };
 
@@ -22,9 +22,9 @@ pub(super) const KIND: Kind = Kind {
 pub(super) struct Backlash {
     /// Half of the angle that the joint loses when its motor reverses, rad, for each joint.
     half_gap_rad: [f64; 6],
-    /// Angle over which the lost motion builds up after a reversal, rad; the same in all effects of an arm.
-    #[serde(default, skip_serializing_if = "is_sharp")]
-    presliding_rad: f64,
+    /// Angles over which the lost motion builds up after a reversal, rad; the same in all effects of an arm.
+    #[serde(default, skip_serializing_if = "Presliding::is_sharp")]
+    presliding_rad: Presliding,
 }
 
 impl Physics for Backlash {
@@ -37,11 +37,11 @@ impl Physics for Backlash {
 }
 
 impl Effect for Backlash {
-    fn presliding_rad(&self) -> Option<f64> {
+    fn presliding(&self) -> Option<Presliding> {
         Some(self.presliding_rad)
     }
 
-    fn with_presliding(&self, presliding_rad: f64) -> Box<dyn Effect> {
+    fn with_presliding(&self, presliding_rad: Presliding) -> Box<dyn Effect> {
         Box::new(Self { presliding_rad, ..*self })
     }
 

@@ -1,7 +1,7 @@
 //! Friction in the gears: lost motion that is proportional to the torque of the joint.
 
 use super::{
-    Deflection, Effect, Kind, Load, Need, Parameter, Parts, Physics, State, checked, is_sharp, per_axis, take,
+    Deflection, Effect, Kind, Load, Need, Parameter, Parts, Physics, Presliding, State, checked, per_axis, take,
 };
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
@@ -14,7 +14,7 @@ pub(super) const KIND: Kind = Kind {
     read: |table| checked(table.try_into::<Hysteresis>()?),
     candidates: |survey| {
         if survey.stiffness_declared {
-            vec![Box::new(Hysteresis { fraction: [0.0; 6], presliding_rad: 0.0 })]
+            vec![Box::new(Hysteresis { fraction: [0.0; 6], presliding_rad: Presliding::default() })]
         } else {
             vec![]
         }
@@ -28,9 +28,9 @@ pub(super) const KIND: Kind = Kind {
 pub(super) struct Hysteresis {
     /// Share of the torque that friction carries, 0 to 1, for each joint.
     fraction: [f64; 6],
-    /// Angle over which the friction builds up after a reversal, rad; the same in all effects of an arm.
-    #[serde(default, skip_serializing_if = "is_sharp")]
-    presliding_rad: f64,
+    /// Angles over which the friction builds up after a reversal, rad; the same in all effects of an arm.
+    #[serde(default, skip_serializing_if = "Presliding::is_sharp")]
+    presliding_rad: Presliding,
 }
 
 impl Physics for Hysteresis {
@@ -49,11 +49,11 @@ impl Physics for Hysteresis {
 }
 
 impl Effect for Hysteresis {
-    fn presliding_rad(&self) -> Option<f64> {
+    fn presliding(&self) -> Option<Presliding> {
         Some(self.presliding_rad)
     }
 
-    fn with_presliding(&self, presliding_rad: f64) -> Box<dyn Effect> {
+    fn with_presliding(&self, presliding_rad: Presliding) -> Box<dyn Effect> {
         Box::new(Self { presliding_rad, ..*self })
     }
 

@@ -25,6 +25,7 @@ mod kind;
 mod link_geometry;
 mod part_stiffness;
 mod physics;
+mod presliding;
 mod spline;
 mod state;
 mod stiffness_curve;
@@ -48,6 +49,7 @@ pub use joint_error_curve::{JointCurve, joint_error_curve};
 pub use kind::{Kind, Part, Shape, Stage};
 pub use physics::Law;
 pub(crate) use physics::{Deflection, Load, Offset, Parts, Physics, Site, State};
+pub use presliding::Presliding;
 pub(crate) use state::unit_key;
 pub use state::{Cutting, ForceLaw, MOST_CLAMPS, PartAt, PartYield, Situation, ToolFrame, UnitAt};
 pub use survey::Survey;
@@ -55,7 +57,7 @@ pub use survey::Survey;
 use crate::lanes::Real;
 use crate::robot::{Axes, Joints};
 use std::fmt::Debug;
-use table::{ANY, FACTOR, NOT_NEGATIVE, checked, indexed, is_sharp, per_axis, per_direction, scalar, table_of, take};
+use table::{ANY, FACTOR, NOT_NEGATIVE, checked, indexed, per_axis, per_direction, scalar, table_of, take};
 
 /// The part of [`Effect`] that the registry ([`KINDS`]) implements for every effect.
 pub trait Listed {
@@ -79,14 +81,14 @@ pub trait Effect: Listed + Debug + Send + Sync {
         false
     }
 
-    /// Angle over which the friction of the effect builds up after a joint has reversed, rad; 0 if it acts at once.
-    /// `None` if the effect does not depend on the direction of travel.
-    fn presliding_rad(&self) -> Option<f64> {
+    /// Angles over which the friction of the effect builds up after each joint has reversed. `None` if the effect does
+    /// not depend on the direction of travel.
+    fn presliding(&self) -> Option<Presliding> {
         None
     }
 
-    /// The same effect with another presliding angle, rad; an unchanged copy if it has none.
-    fn with_presliding(&self, _presliding_rad: f64) -> Box<dyn Effect> {
+    /// The same effect with other presliding angles; an unchanged copy if it has none.
+    fn with_presliding(&self, _presliding: Presliding) -> Box<dyn Effect> {
         self.clone_box()
     }
 

@@ -17,8 +17,10 @@ pub(super) const FACTOR: (f64, f64) = (0.05, 20.0);
 /// # Errors
 /// A number that is not finite, or outside its physical bounds; the message names it.
 pub(super) fn checked<E: Effect + 'static>(effect: E) -> Result<Box<dyn Effect>, toml::de::Error> {
-    if let Some(angle) = effect.presliding_rad().filter(|angle| !angle.is_finite() || *angle < 0.0) {
-        let message = format!("`presliding_rad` is {angle}, expected a finite number not below 0 (unit rad)");
+    if let Some(angles) = effect.presliding().filter(|angles| !angles.is_valid()) {
+        let message = format!(
+            "`presliding_rad` is {angles}, expected a finite number not below 0 (unit rad), or six numbers above 0"
+        );
         return Err(toml::de::Error::custom(message));
     }
     for Parameter { name, value, unit, bounds: (min, max), .. } in effect.parameters() {
@@ -99,12 +101,6 @@ pub(super) fn per_direction(
 fn owned_by(mut all: Vec<Parameter>, owners: impl Iterator<Item = ParameterOwner>) -> Vec<Parameter> {
     all.iter_mut().zip(owners).for_each(|(parameter, owner)| parameter.owner = owner);
     all
-}
-
-/// Whether friction is there at once after a reversal; serde then leaves the key `presliding_rad` out.
-#[allow(clippy::trivially_copy_pass_by_ref)] // the signature that serde calls
-pub(super) fn is_sharp(presliding_rad: &f64) -> bool {
-    *presliding_rad <= 0.0
 }
 
 /// Removes the first `N` of the values given to [`Effect::with_values`] and returns them, padded with 0 if there are fewer.

@@ -22,7 +22,7 @@ impl Arm {
     /// Whether any effect depends on the direction of travel of the joints.
     #[must_use]
     pub fn follows_travel(&self) -> bool {
-        self.effects.iter().any(|effect| effect.presliding_rad().is_some())
+        self.effects.iter().any(|effect| effect.presliding().is_some())
     }
 
     /// Whether the weight of the tool or the payload acts on the arm.

@@ -2,6 +2,7 @@
 //! built up since it reversed.
 
 use super::arm::Arm;
+use crate::effects::Presliding;
 use crate::robot::Joints;
 
 /// Commanded motions smaller than this count as a stop, rad (`docs/effects.md`).
@@ -14,7 +15,7 @@ impl Arm {
     /// stops. With a presliding angle w, friction builds up as the joint turns: dz/dq = (1 − z·sgn q̇) / w (Dahl 1968). The solution over
     /// one motion is exact for any length, so that a motion in several steps ends with the same travel as in one.
     pub(crate) fn travel(&self, previous: &Joints, now: &Joints, held: &Joints) -> Joints {
-        Dragged { motor: *previous, travel: *held }.travel_to(now, self.presliding_rad())
+        Dragged { motor: *previous, travel: *held }.travel_to(now, &self.presliding())
     }
 
     /// The travel after a motion from `last` to commanded motor angles, rad; zero for the first motion. `last` becomes the new state.
@@ -32,18 +33,17 @@ impl Arm {
     /// consistent, the joint keeps its direction. With a presliding angle the command is a continuous function of the travel; the joint
     /// moves in the direction in which it would have to move with its previous travel.
     pub(crate) fn settled_travel(&self, from: &Dragged, free: &Joints, lost: &Joints, programmed: &Joints) -> Joints {
-        let width = self.presliding_rad();
+        let widths = self.presliding();
         Joints::from_fn(|i, _| {
             let joint =
                 Joint { held: from.travel[i], programmed: programmed[i], free: free[i] - from.motor[i], lost: lost[i] };
-            if width > 0.0 { joint.built_up(width) } else { joint.direction() }
+            if widths.is_sharp() { joint.direction() } else { joint.built_up(widths.of(i)) }
         })
     }
 
-    /// Angle over which friction builds up after a joint has reversed, rad, the same for all joints; 0 if it acts at
-    /// once.
-    pub(crate) fn presliding_rad(&self) -> f64 {
-        self.effects.iter().filter_map(|effect| effect.presliding_rad()).fold(0.0, f64::max)
+    /// Angles over which friction builds up after each joint has reversed, the same for all effects of the arm.
+    pub(crate) fn presliding(&self) -> Presliding {
+        self.effects.iter().find_map(|effect| effect.presliding()).unwrap_or_default()
     }
 }
 
@@ -55,9 +55,9 @@ pub(crate) struct Dragged {
 }
 
 impl Dragged {
-    /// Travel after a motion to commanded motor angles, rad, with a presliding angle, rad (0 for none).
-    pub(crate) fn travel_to(&self, motor: &Joints, presliding_rad: f64) -> Joints {
-        Joints::from_fn(|i, _| driven(self.travel[i], motor[i] - self.motor[i], presliding_rad))
+    /// Travel after a motion to commanded motor angles, rad, with presliding angles.
+    pub(crate) fn travel_to(&self, motor: &Joints, presliding: &Presliding) -> Joints {
+        Joints::from_fn(|i, _| driven(self.travel[i], motor[i] - self.motor[i], presliding.of(i)))
     }
 }
 

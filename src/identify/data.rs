@@ -6,7 +6,7 @@ use super::probing::Probing;
 use super::reading::Reading;
 use crate::cell::Cell;
 use crate::correct::Prepared;
-use crate::effects::{Cutting, Situation};
+use crate::effects::{Cutting, Presliding, Situation};
 use crate::equilibrium::{Arm, Batch, Nearby, Room, Setting, Settled, Site};
 use crate::lanes::WIDTH;
 use crate::measured::{MeasuredRow, Table};
@@ -34,7 +34,7 @@ pub(super) struct Observation {
     pub(super) line: u64,
     /// Motor angles, rad.
     pub(super) motor: Joints,
-    /// Direction of travel of each joint to this point, from −1 to 1, with the presliding angle of the problem.
+    /// Direction of travel of each joint to this point, from −1 to 1, with the presliding angles of the problem.
     pub(super) travel: Joints,
     /// Index of the point before it, if it was measured between two targets.
     pub(super) way_from: Option<usize>,
@@ -112,8 +112,8 @@ pub(super) struct Problem {
     pub(super) read_in_order: bool,
     /// Whether the length that was cut before each row is known: see [`Survey`](crate::effects::Survey).
     pub(super) has_cut_length: bool,
-    /// Angle over which friction in the joints builds up, rad: see [`Problem::set_presliding`].
-    pub(super) presliding_rad: f64,
+    /// Angles over which friction in the joints builds up: see [`Problem::set_presliding`].
+    pub(super) presliding: Presliding,
 }
 
 /// The scalars of a row without an equilibrium.
@@ -200,7 +200,7 @@ impl Problem {
             steps_mm: None,
             read_in_order: true,
             has_cut_length: true,
-            presliding_rad: 0.0,
+            presliding: Presliding::default(),
         }
     }
 
@@ -575,7 +575,7 @@ impl Problem {
         self.rows.reserve_exact(rows.len());
         self.rows.extend(rows);
         self.rows.sort_unstable_by_key(|row| (row.run, row.order));
-        self.set_presliding(self.presliding_rad);
+        self.set_presliding(self.presliding);
         self.number_scalars();
     }
 

@@ -209,7 +209,7 @@ impl Engine {
         let aside = problem.set_aside();
         let candidates = candidates::all(&declared, &problem, covariances);
         let reuse = Reuse::of(if problem.free_device { 0 } else { candidates.len() });
-        let presliding_rad = declared.presliding_rad();
+        let presliding = declared.presliding();
         let shape = noise::Shape { drift: 0.0, correlation: 0.0, field: None };
         let covariance = DMatrix::zeros(0, 0);
         let mut engine = Self {
@@ -230,7 +230,7 @@ impl Engine {
             doubt: None,
             last: Mutex::new(None),
         };
-        engine.set_presliding(presliding_rad);
+        engine.set_presliding(presliding);
         engine
     }
 

@@ -1,5 +1,5 @@
-//! Chooses the presliding angle over which the friction in the joints builds up after a reversal. The arm has one
-//! angle, that of most evidence.
+//! Chooses the presliding angles over which the friction in the joints builds up after a reversal: those of most
+//! evidence.
 
 use super::candidate::{Candidate, Home, Shape};
 use super::data::Problem;
@@ -11,6 +11,7 @@ use super::pattern::Pattern;
 use super::score::score;
 use super::search::Search;
 use super::whole_arm::Shares;
+use crate::effects::Presliding;
 use crate::equilibrium::Dragged;
 use crate::robot::Joints;
 
@@ -21,29 +22,29 @@ use crate::robot::Joints;
 const ANGLES: [f64; 4] = [0.0, 3e-4, 1e-3, 3e-3];
 
 impl Problem {
-    /// Sets the presliding angle, rad, on which the direction of travel at every row depends.
-    pub(super) fn set_presliding(&mut self, presliding_rad: f64) {
-        self.presliding_rad = presliding_rad;
-        let into: Vec<Vec<Joints>> = self.runs.iter().map(|run| run.travels(presliding_rad)).collect();
+    /// Sets the presliding angles, on which the direction of travel at every row depends.
+    pub(super) fn set_presliding(&mut self, presliding: Presliding) {
+        self.presliding = presliding;
+        let into: Vec<Vec<Joints>> = self.runs.iter().map(|run| run.travels(&presliding)).collect();
         for row in &mut self.rows {
-            row.probing.iter_mut().for_each(|probing| probing.set_presliding(presliding_rad));
+            row.probing.iter_mut().for_each(|probing| probing.set_presliding(&presliding));
             row.travel = match row.way_from {
                 None => into[row.run][row.point],
                 Some(from) => Dragged { motor: self.runs[row.run].points[from].motor, travel: into[row.run][from] }
-                    .travel_to(&row.motor, presliding_rad),
+                    .travel_to(&row.motor, &presliding),
             };
         }
     }
 }
 
 impl Engine {
-    /// Sets the presliding angle, rad, of the rows and of all effects that can be added.
-    pub(super) fn set_presliding(&mut self, presliding_rad: f64) {
-        self.problem.set_presliding(presliding_rad);
+    /// Sets the presliding angles of the rows and of all effects that can be added.
+    pub(super) fn set_presliding(&mut self, presliding: Presliding) {
+        self.problem.set_presliding(presliding);
         for (c, candidate) in self.candidates.iter_mut().enumerate() {
             match &mut candidate.home {
-                Home::New(Shape(effect)) if effect.presliding_rad().is_some() => {
-                    *effect = effect.with_presliding(presliding_rad);
+                Home::New(Shape(effect)) if effect.presliding().is_some() => {
+                    *effect = effect.with_presliding(presliding);
                 }
                 Home::Pattern(Pattern::Direction) => {}
                 _ => continue,
@@ -52,11 +53,12 @@ impl Engine {
         }
     }
 
-    /// Sets the presliding angle of most evidence, computed with every effect at a common share of its typical size. If
-    /// the cell declares effects that depend on the direction of travel, their angle is kept.
+    /// Sets the presliding angles of most evidence, computed with every effect at a common share of its typical size:
+    /// first one angle for all joints, then, unless friction is sharp, one for each joint in turn. If the cell declares
+    /// effects that depend on the direction of travel, their angles are kept.
     pub(super) fn choose_presliding(&mut self) {
         let has_friction = |candidate: &Candidate| match &candidate.home {
-            Home::New(Shape(effect)) => effect.presliding_rad().is_some(),
+            Home::New(Shape(effect)) => effect.presliding().is_some(),
             Home::Declared(_) | Home::Pattern(_) => false,
         };
         if self.declared.follows_travel() || !self.candidates.iter().any(has_friction) {
@@ -67,15 +69,26 @@ impl Engine {
         let linear = self.linearise(&every, &shapes);
         let search = Search::new(&self.candidates, &linear.moments, &linear.always);
         let members = self.members_of_whole_arm(&search, &self.chosen);
-        let mut best = (f64::NEG_INFINITY, 0.0);
-        for angle in ANGLES {
-            self.set_presliding(angle);
+        let mut best = (f64::NEG_INFINITY, Presliding::default());
+        let mut weigh = |presliding: Presliding| {
+            self.set_presliding(presliding);
             let evidence = self.evidence_of_all(&members);
             if evidence > best.0 {
-                best = (evidence, angle);
+                best = (evidence, presliding);
+            }
+            best.1
+        };
+        let mut chosen = ANGLES.map(Presliding::alike).map(&mut weigh)[ANGLES.len() - 1];
+        if !chosen.is_sharp() {
+            for joint in 0..6 {
+                for angle in ANGLES.into_iter().filter(|angle| *angle > 0.0) {
+                    if angle.to_bits() != chosen.of(joint).to_bits() {
+                        chosen = weigh(chosen.with(joint, angle));
+                    }
+                }
             }
         }
-        self.set_presliding(best.1);
+        self.set_presliding(chosen);
     }
 
     /// Log evidence of all members, less their price, with the best common share of their typical sizes and the best of

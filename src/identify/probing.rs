@@ -8,7 +8,7 @@
 use super::reading::{ELSEWHERE_MM, Reading};
 use crate::cell::Cell;
 use crate::correct::{Prepared, named_tool};
-use crate::effects::{Cutting, Situation, ToolFrame};
+use crate::effects::{Cutting, Presliding, Situation, ToolFrame};
 use crate::equilibrium::Dragged;
 use crate::measured::MeasuredRow;
 use crate::robot::{Joints, Pose};
@@ -92,14 +92,14 @@ impl Probing {
             time: row.time_s.unwrap_or(end),
             temperature: row.temperature_c.or(there.temperature),
         };
-        probing.set_presliding(0.0);
+        probing.set_presliding(&Presliding::default());
         Ok(Some(probing))
     }
 
-    /// Sets the presliding angle over which friction builds up, rad.
-    pub(super) fn set_presliding(&mut self, presliding_rad: f64) {
+    /// Sets the presliding angles.
+    pub(super) fn set_presliding(&mut self, presliding: &Presliding) {
         let start = Dragged { motor: self.from, travel: Joints::zeros() };
-        self.travel = start.travel_to(&self.motor, presliding_rad);
+        self.travel = start.travel_to(&self.motor, presliding);
     }
 
     /// The circumstances of the touch, from those of the cut at the same place.
@@ -248,7 +248,7 @@ mod tests {
         assert!(ran.time < 1.0, "{}", ran.time);
         assert!((probing.situation(ran).time - 700.0).abs() < 1e-9);
         let sharp = probing.travel;
-        problem.set_presliding(0.1);
+        problem.set_presliding(Presliding::alike(0.1));
         let soft = problem.rows[0].probing.as_ref().unwrap().travel;
         for joint in [1, 2, 4] {
             assert!((sharp[joint].abs() - 1.0).abs() < 1e-12, "{sharp}");

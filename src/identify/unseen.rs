@@ -84,7 +84,8 @@ impl Engine {
         let explained: Vec<Explained> = columns.list.iter().map(explained).collect();
         let fit_without = |group: usize| {
             let series = self.problem.series(|row| !row.held_out && groups[&row.offset] != group);
-            let (mean, covariance) = posterior(&Moments::of(&stacked, &series, self.shape), &local, self.sigma_of_fit())?;
+            let (mean, covariance) =
+                posterior(&Moments::of(&stacked, &series, self.shape), &local, self.sigma_of_fit())?;
             let less = |left: &DVector<f64>, by: Explained| {
                 let mut left = left.clone();
                 let numbers = columns.list.iter().enumerate().filter(|(k, _)| explained[*k] == by);

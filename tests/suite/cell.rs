@@ -54,16 +54,18 @@ fn an_uncertainty_of_another_size_says_what_to_do() {
 }
 
 #[test]
-fn friction_builds_up_over_one_angle_in_all_effects() {
+fn friction_builds_up_over_the_same_angles_in_all_effects() {
     let cell = |angle: &str| {
         let gap = "[[effect]]\nkind = \"backlash\"\nhalf_gap_rad = [6e-5, 0, 0, 1e-4, 0, 0]\npresliding_rad = 1e-3\n";
         let friction = format!("[[effect]]\nkind = \"hysteresis\"\nfraction = [0.1, 0, 0, 0, 0, 0]\n{angle}");
         read(&format!("{ROBOT}{STIFFNESS}{gap}{friction}"))
     };
-    assert!(cell("presliding_rad = 1e-3\n").is_ok());
-    for other in ["presliding_rad = 2e-3\n", ""] {
+    for same in ["presliding_rad = 1e-3\n", "presliding_rad = [1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3]\n"] {
+        assert!(cell(same).is_ok(), "{same}");
+    }
+    for other in ["presliding_rad = 2e-3\n", "presliding_rad = [2e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3]\n", ""] {
         let refused = cell(other).unwrap_err();
-        assert!(refused[0].message.contains("the joints of an arm have one"), "{refused:?}");
+        assert!(refused[0].message.contains("all effects of an arm have the same"), "{refused:?}");
     }
 }
 

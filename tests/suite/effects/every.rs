@@ -291,6 +291,10 @@ fn what_is_wrong_with_a_number_is_said_by_name() {
         ("kind = 'backlash'\nhalf_gap_rad = [0, 0, 0, 0, 0, 0]\npresliding_rad = -1e-3", "`presliding_rad`"),
         ("kind = 'hysteresis'\nfraction = [0, 0, 0, 0, 0, 0]\npresliding_rad = inf", "`presliding_rad`"),
         (
+            "kind = 'backlash'\nhalf_gap_rad = [0, 0, 0, 0, 0, 0]\npresliding_rad = [0, 1, 1, 1, 1, 1]",
+            "six numbers above 0",
+        ),
+        (
             "kind = 'empirical'\nreach = 0\nspread = [1, 1, 1]\nat_mm = []\nwrist_deg = []\nforce_n = []\nshift_mm = []",
             "`reach`",
         ),
