@@ -168,6 +168,10 @@ def table(rows):
         if of:
             shares = [100 * sum(c[0][i] for c in of) / sum(c[1] for c in of) for i in range(3)]
             out.append(f"`sigma_mm` holds the {name} within 1, 2, 3 of it in {shares[0]:.0f}, {shares[1]:.0f}, {shares[2]:.0f} %.")
+    expected = [r["said"]["transfer_sigma_mm"] / (r["errors"]["deflex"]["transfer"] / np.sqrt(3)) for r in rows if r.get("said", {}).get("transfer_sigma_mm")]
+    if expected:
+        out.append(f"`transfer_sigma_mm` is {geometric(expected):.2f} times the error of an axis on the other program (geometric mean), from "
+                   f"{min(expected):.2f} to {max(expected):.2f} times.")
     seconds = [r["seconds"] for r in rows if "seconds" in r]
     if seconds:
         out.append(f"An identification takes {np.median(seconds):.1f} s, {max(seconds):.1f} s at most.")

@@ -1,6 +1,6 @@
 //! Reads and writes files, with the messages for files that cannot be read, and gathers the errors of many files.
 
-use super::watch::watch;
+use super::output::watch::watch;
 use deflex::limits::FILE_BYTES;
 use deflex::program::Language;
 use deflex::text::{Diagnostic, Severity, Source, cannot_read};

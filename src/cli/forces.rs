@@ -1,6 +1,6 @@
 //! Reads the table of forces, and checks that it belongs to the program.
 
-use super::watch::watch;
+use super::output::watch::watch;
 use deflex::correct::{Row, Status};
 use deflex::measured::Forces;
 use deflex::measured::{ColumnNames, Rows, TargetRef};

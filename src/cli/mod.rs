@@ -37,7 +37,6 @@ mod simulate;
 mod stream;
 mod studio;
 mod text;
-mod watch;
 
 use args::{Cli, Command, Common};
 use clap::Parser;
@@ -78,7 +77,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
             return if error.use_stderr() { 2 } else { 0 };
         }
     };
-    watch::start();
+    output::watch::start();
     output::lock::wait_at_most(cli.lock_timeout);
     output::clean_up_when_interrupted();
     let _clean = output::AtTheEnd;

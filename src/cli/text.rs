@@ -1,7 +1,7 @@
 //! The text of a file, which may be in memory or not.
 
 use super::files::source;
-use super::watch::watch;
+use super::output::watch::watch;
 use deflex::program::{LongText, ModuleNames};
 use deflex::report::Origin;
 use deflex::text::{Diagnostic, Source, cannot_read};

@@ -175,7 +175,7 @@ fn place<'t>(
 impl Chords {
     /// Computes the approaches of consecutive poses; `before` is the position (m) before the first.
     fn find(&mut self, before: &Vector3<f64>, poses: &Frame, lean: &Lean) {
-        self.from = poses.origin.behind(before);
+        self.from = poses.origin.shifted(before);
         widest!(<'a> (chords: &'a mut Chords = self, poses: &'a Frame = poses, lean: &'a Lean = lean) {
             chords.chord = poses.origin - chords.from;
             chords.size = chords.chord.dot(chords.chord).sqrt();

@@ -1,6 +1,6 @@
 //! Compares the path that the loaded arm takes with the programmed one, as both become known.
 
-use super::driven::{Course, LoadedSample};
+use super::course::{Course, LoadedSample};
 use super::parallelism::Parallelism;
 use super::{DrivenFigures, PathDeviation, Prepared};
 use crate::drive::{Offset, ProgrammedPath, nearest_between};

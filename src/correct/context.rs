@@ -1,7 +1,6 @@
 //! The input that all stages of the pipeline share.
 
 use super::Options;
-use super::driven::Extent;
 use super::original_loads::OriginalLoads;
 use super::parallelism::Parallelism;
 use crate::cell::Cell;
@@ -28,6 +27,24 @@ pub(super) enum JudgedPath {
     Written,
     /// The path that the controller drives. It depends on the whole program, so the stages leave the deviation of lines and arcs open.
     Driven,
+}
+
+/// How much of a program is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Extent {
+    /// Its first part: what the last element depends on is still unknown.
+    SoFar,
+    Whole,
+}
+
+impl Extent {
+    /// The number of elements that are final.
+    pub(super) fn of(self, count: usize) -> usize {
+        match self {
+            Self::SoFar => count.saturating_sub(1),
+            Self::Whole => count,
+        }
+    }
 }
 
 impl<'a> Context<'a> {

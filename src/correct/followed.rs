@@ -6,8 +6,10 @@
 use super::collected::{RowSegment, fill_paths};
 use super::compared::{ComparedSegment, Comparison};
 use super::context::Context;
+use super::context::Extent;
+use super::course::{Course, LoadedSample};
 use super::deviation::{Commanded, WalkedPath};
-use super::driven::{Course, Extent, Follower, LoadedSample, Sampling};
+use super::driven::{Follower, Sampling};
 use super::flow::{StreamError, Unsolved};
 use super::ordered::{Ordered, Turn};
 use super::parallelism::Parallelism;
@@ -132,7 +134,7 @@ impl CourseSoFar {
             notes = course.notes(program, cell);
         }
         let settled = known.checked_sub(1).map(|last| course.waypoints[last].zone);
-        let next = NextWaypoints { course: course.behind(known), settled, prepared, extent, notes };
+        let next = NextWaypoints { course: course.without_first(known), settled, prepared, extent, notes };
         // The next chunk looks at the last waypoint again, whose segment begins at the one before.
         course.forget(course.waypoints.len().saturating_sub(2));
         Ok(Some(next))

@@ -7,7 +7,7 @@ use crate::cell::{Cell, CutForce, SpinRule};
 use crate::program::cl::{self, CorrectedPoint};
 use crate::program::orientation::rotation;
 use crate::program::post::refuse_names;
-use crate::program::post::{PostedPoint, RapidPlan, RapidPost, Templates, Text, WriterPosition};
+use crate::program::post::{PostPlan, PostWriter, PostedPoint, Templates, Text, WriterPosition};
 use crate::program::{
     Action, ActionKind, ChunkReader, Goal, Language, Mark, Next, Program, Role, Tool, ToolData, Wobj, WobjData,
 };
@@ -241,7 +241,7 @@ fn post_cl(program: &Program, corrected: &Corrected, options: &PostOptions) -> R
 /// Posts a program whose outline is known, whole or a chunk at a time.
 #[derive(Debug)]
 pub struct Poster {
-    pub(super) post: RapidPost,
+    pub(super) post: PostWriter,
     /// Warnings about the text of a long program.
     pub(super) warnings: Vec<Diagnostic>,
     /// Notes about the posted program.
@@ -278,7 +278,7 @@ impl Poster {
             let message = format!("moves before the first feed get {feed} mm/s");
             notes.push(Diagnostic { message, ..early }.severity(Severity::Note));
         }
-        let plan = RapidPlan {
+        let plan = PostPlan {
             name: options.name.clone(),
             title: options.title.clone(),
             tools: outline.tools.iter().map(|tool| (tool.name.to_string(), tool_data(cell, &tool.name))).collect(),
@@ -301,7 +301,7 @@ impl Poster {
         notes.extend(statements.check.map(warning));
         let no_force = cell.cut.as_ref().is_none_or(|cut| cut.force == CutForce::None);
         Ok(Self {
-            post: RapidPost::new(plan),
+            post: PostWriter::new(plan),
             warnings: outline.warnings,
             notes,
             first_feed: first_feed.unwrap_or(options.rapid_mm_s),

@@ -101,7 +101,7 @@ impl Kind {
     }
 }
 
-/// Indices of the targets that are [waypoints](super::driven::Course::waypoints): all except the circle points of arcs.
+/// Indices of the targets that are [waypoints](super::course::Course::waypoints): all except the circle points of arcs.
 pub(super) fn waypoint_targets(program: &Program) -> Vec<usize> {
     (0..program.targets.len()).filter(|i| Kind::of(program, *i) != Kind::Point).collect()
 }

@@ -6,7 +6,8 @@
 
 use super::context::Context;
 use super::corrected::DrivenSummary;
-use super::driven::{Course, DrivenSegments, Sampling, driven_segments, loaded_along, original_waypoint};
+use super::course::Course;
+use super::driven::{DrivenSegments, Sampling, driven_segments, loaded_along, original_waypoint};
 use super::line::compensate_in;
 use super::original_loads::OriginalLoads;
 use super::{Corrected, Options, Prepared, Row, frames};

@@ -92,7 +92,7 @@ pub fn compensate_executed(
     let pass = |chunks: rapid::ExecutedChunks, sinks: &mut Sinks<'_>| {
         walked(chunks, (cell, options, threads), &|_, _, _| Ok(()), &mut |()| Ok(()), sinks)
     };
-    let (chunks, asking) = program.asked();
+    let (chunks, asking) = program.chunks_of_two_runs();
     let mut nowhere =
         Sinks { report: &mut io::sink(), rows: &|_| Vec::new(), each: &mut |_| (), progress: sinks.progress };
     pass(chunks, &mut nowhere)?;
@@ -125,7 +125,7 @@ pub fn post_chunks<C: ChunkReader + Send, W: Write + Send>(
     let posted = Ordered::new(WriterPosition::default());
     let made = |turn: &Turn<'_>, chunk: &StreamableChunk, corrected: &Corrected| {
         let points = poster.points(&chunk.program, corrected);
-        let from = turn.take(&posted, |place| std::mem::replace(place, place.behind(&points)))?;
+        let from = turn.take(&posted, |place| std::mem::replace(place, place.after(&points)))?;
         let end = chunk.last.then(|| poster.end(&chunk.program));
         Ok(poster.post.chunk(&from, &points, end.as_deref()))
     };

@@ -64,12 +64,12 @@ impl<R: Real> Vector<R> {
 
 impl Vector<Lanes> {
     /// The vectors shifted by one lane: each lane gets the vector of the lane before, the first lane gets `first`.
-    pub(crate) fn behind(&self, first: &Vector3<f64>) -> Self {
-        let mut behind = Self::of(first);
-        for (behind, all) in [(&mut behind.x, &self.x), (&mut behind.y, &self.y), (&mut behind.z, &self.z)] {
-            behind.0[1..].copy_from_slice(&all.0[..WIDTH - 1]);
+    pub(crate) fn shifted(&self, first: &Vector3<f64>) -> Self {
+        let mut shifted = Self::of(first);
+        for (shifted, all) in [(&mut shifted.x, &self.x), (&mut shifted.y, &self.y), (&mut shifted.z, &self.z)] {
+            shifted.0[1..].copy_from_slice(&all.0[..WIDTH - 1]);
         }
-        behind
+        shifted
     }
 }
 

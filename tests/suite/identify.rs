@@ -302,10 +302,11 @@ fn an_arm_that_is_off_everywhere_is_corrected_elsewhere_too() {
     let declared = transfer(&folder, &nothing);
     let extended_mm = transfer(&folder, &found);
     assert!(extended_mm < 0.5 * declared, "{extended_mm} {declared}");
-    // What the answer says of other programs is neither a third of what this one is off by, nor three times as much.
+    // On 22 cells of this plant, what the answer says of other programs is about 1.0 times what another program is off by (geometric
+    // mean), and 0.30 to 3.2 times on single ones (`docs/real-arm.md`).
     let off_mm = (extended_mm.powi(2) / 3.0 - found.noise_mm.powi(2)).sqrt();
     let said_mm = found.transfer_sigma_mm;
-    assert!((off_mm / 3.0..3.0 * off_mm).contains(&said_mm), "{said_mm} mm said, {off_mm} mm off");
+    assert!((off_mm / 4.0..4.0 * off_mm).contains(&said_mm), "{said_mm} mm said, {off_mm} mm off");
     // Per axis, as far as another program may be off: most rows within twice that and the noise.
     let text = String::from_utf8(source(&folder.join("cell.toml")).bytes).unwrap();
     let cell = Cell::read(&Source::new("extended", extended(&text, &found.extended).unwrap().into_bytes())).unwrap();

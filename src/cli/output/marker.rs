@@ -302,7 +302,7 @@ fn messages(files: &[PathBuf], kept: &[String]) -> Vec<Diagnostic> {
 }
 
 /// The files of unfinished sets in a folder, each with the name of its marker.
-pub(in crate::cli) fn unfinished(folder: &Path) -> Vec<(PathBuf, String)> {
+pub(super) fn unfinished(folder: &Path) -> Vec<(PathBuf, String)> {
     let Ok(entries) = fs::read_dir(folder) else { return Vec::new() };
     let names = entries.flatten().filter_map(|entry| entry.file_name().into_string().ok());
     let marked = |name: String| {

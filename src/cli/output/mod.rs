@@ -6,15 +6,15 @@
 //! removed. If a run is killed, it cannot remove them; the next run that writes to the folder does.
 
 pub(super) mod lock;
-pub(super) mod marker;
+mod marker;
 mod old;
 mod place;
 mod set;
 mod staging;
+pub(super) mod watch;
 
 use super::blocks::Blocks;
 use super::file_state::Identity;
-use super::watch;
 use deflex::program::detect;
 use deflex::text::{Diagnostic, printable};
 use place::{How, Move, folder_of, resolved};

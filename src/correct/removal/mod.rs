@@ -8,7 +8,8 @@ mod yielding;
 
 use super::Prepared;
 use super::context::Context;
-use super::driven::{Course, DrivenMotion, Sampling, as_written};
+use super::course::Course;
+use super::driven::{DrivenMotion, Sampling, as_written};
 use super::frames;
 use super::load::{Follows, PointLoad, Through};
 use super::mount::Mount;

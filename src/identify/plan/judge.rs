@@ -26,6 +26,7 @@ use crate::program::{self, Language, ReadOptions};
 use crate::text::{Diagnostic, Source};
 use nalgebra::{DVector, Vector3};
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Number of simulated measurements of each kind.
 const SIMULATED: usize = 12;
@@ -107,12 +108,16 @@ pub(super) fn judge(
     let mut tried = truths(&laws, named, SEED, SIMULATED);
     criterion::scale(&mut tried, columns, axes, section.effect_mm);
     let simulation = Simulation { engine: &engine, linear: &linear, noise_mm: section.noise_mm };
+    let done = AtomicUsize::new(0);
     let verdicts: Vec<Verdict> = tried
         .par_iter()
         .enumerate()
-        .map(|(number, truth)| simulation.run(truth, &named[truth.kind], number as u64))
+        .map(|(number, truth)| {
+            let verdict = simulation.run(truth, &named[truth.kind], number as u64);
+            progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / tried.len() as f64);
+            verdict
+        })
         .collect();
-    progress(1.0);
     // The expected probability under Jeffreys' prior (1946), because a dozen draws cannot show that a probability is 0
     // or 1.
     let chance = |of: &dyn Fn(usize) -> bool, verdict: Verdict| {

@@ -5,7 +5,7 @@ use super::{Ask, PlanProgram, PlannedRow};
 use crate::cell::{Instrument, PlanSection};
 use crate::identify::data::Blocks;
 use crate::program::orientation::quaternion;
-use crate::program::post::{PostedPoint, RapidPlan, RapidPost, Templates, WriterPosition, refuse_names};
+use crate::program::post::{PostPlan, PostWriter, PostedPoint, Templates, WriterPosition, refuse_names};
 use crate::program::{ActionKind, Language, Mark, ToolData, WobjData};
 use crate::robot::{Pose, config_of};
 use crate::text::Diagnostic;
@@ -90,7 +90,7 @@ pub(super) fn program(bench: &Bench, sheet: &Sheet, how: &PlanProgram) -> Result
     let world_from_wobj = bench.frames.world_from_wobj;
     let in_base = how.language.robot_base().is_some();
     let frame = if in_base { robot.world_from_base.inverse() * world_from_wobj } else { world_from_wobj };
-    let plan = RapidPlan {
+    let plan = PostPlan {
         units: Vec::new(),
         external: [None; crate::robot::EXTERNAL_AXES],
         name: how.name.to_owned(),
@@ -107,7 +107,7 @@ pub(super) fn program(bench: &Bench, sheet: &Sheet, how: &PlanProgram) -> Result
         corner_tolerance_mm: 0.0,
     };
     refuse_names(&plan, how.language)?;
-    let post = RapidPost::new(plan);
+    let post = PostWriter::new(plan);
     let end = between(count);
     let bytes = match how.language.about().post.write {
         Some(write) => {
@@ -152,7 +152,7 @@ impl Lines {
 
     /// A message that the operator has to acknowledge before the program continues.
     fn message(&self, text: &str) -> Vec<String> {
-        (self.language.about().post.asks)(text)
+        (self.language.about().post.stops_with_message)(text)
     }
 }
 

@@ -5,7 +5,7 @@
 //! if a statement changes earlier targets, or if something depends on all of it.
 
 use super::cards::Cards;
-use super::lex::{Lexer, RecordStart, Token, behind_mark};
+use super::lex::{Lexer, RecordStart, Token, after_byte_order_mark};
 use super::reader::Reader;
 use super::{ClOptions, is_foreign, is_source_language, refused};
 use crate::program::chunk::leaves_its_start;
@@ -78,7 +78,7 @@ impl<R: Read> Chunks<R> {
             return Ok(None);
         }
         chunks.reader = Reader::new(&chunks.rest, options);
-        chunks.place.at = behind_mark(&chunks.rest);
+        chunks.place.at = after_byte_order_mark(&chunks.rest);
         Ok(Some(chunks))
     }
 

@@ -141,8 +141,8 @@ impl<'a> Writer<'a> {
         mut points: Vec<CorrectedPoint>,
     ) -> Result<(), Reason> {
         // `RAPID, GOTO/…` is two statements in a line.
-        let behind_rapid = statement.behind_rapid();
-        let statement = behind_rapid.as_ref().unwrap_or(statement);
+        let after_rapid = statement.after_rapid();
+        let statement = after_rapid.as_ref().unwrap_or(statement);
         if statement.major.eq_ignore_ascii_case(b"MULTAX") {
             self.multax = !statement.has(b"OFF");
         }
@@ -202,7 +202,7 @@ impl<'a> Writer<'a> {
             }
             let is_own = own == Some(*point);
             // RAPID applies to one motion.
-            if target.rapid && !std::mem::take(&mut says_rapid) && !(is_own && behind_rapid.is_some()) {
+            if target.rapid && !std::mem::take(&mut says_rapid) && !(is_own && after_rapid.is_some()) {
                 line(&mut before, b"RAPID");
             }
             if !is_own {

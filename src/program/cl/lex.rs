@@ -75,7 +75,7 @@ pub(super) struct RecordStart {
 }
 
 /// Offset after the byte order mark that a file may begin with.
-pub(super) fn behind_mark(bytes: &[u8]) -> usize {
+pub(super) fn after_byte_order_mark(bytes: &[u8]) -> usize {
     const MARK: &[u8] = b"\xEF\xBB\xBF";
     if bytes.starts_with(MARK) { MARK.len() } else { 0 }
 }
@@ -92,7 +92,7 @@ impl<'a> Lexer<'a> {
     /// Reads a whole file from its start.
     pub(super) fn new(bytes: &'a [u8], lines_before: usize) -> Self {
         let cards = Cards::detect(bytes);
-        Self { bytes, at: behind_mark(bytes), line: lines_before + 1, cards }
+        Self { bytes, at: after_byte_order_mark(bytes), line: lines_before + 1, cards }
     }
 
     /// Reads a file, which is no deck of cards, from a position on.

@@ -145,7 +145,7 @@ impl Reader {
     /// `rapid, goto/…`: two statements in a line.
     fn rapid(&mut self, record: Record, s: &Statement) -> Outcome {
         self.modal.rapid = true;
-        let Some(next) = s.behind_rapid() else { return Ok(()) };
+        let Some(next) = s.after_rapid() else { return Ok(()) };
         match words::find(next.major).map(|word| word.meaning) {
             Some(Meaning::Goto) => self.goto(record, &next),
             Some(Meaning::Godlta) => self.godlta(record, &next),

@@ -40,7 +40,7 @@ impl<'a> Statement<'a> {
     }
 
     /// The statement after `RAPID,` in the same line.
-    pub(super) fn behind_rapid(&self) -> Option<Self> {
+    pub(super) fn after_rapid(&self) -> Option<Self> {
         let word = words::find(self.major).filter(|word| matches!(word.meaning, Meaning::Rapid));
         let at = word.and_then(|_| self.items.iter().position(|t| t.kind == TokenKind::Word))?;
         Self::parse(self.bytes, &self.items[at..])

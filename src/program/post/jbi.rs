@@ -2,7 +2,7 @@
 
 use super::names::{self, identifier};
 use super::statements::{Files, Held, Statements};
-use super::writer::{PostedPoint, RapidPost, WriterPosition};
+use super::writer::{PostWriter, PostedPoint, WriterPosition};
 use crate::program::Language;
 use crate::program::jbi::DECIMALS;
 use crate::program::orientation::{from_zyx_deg, quaternion, rotation, zyx_deg};
@@ -20,7 +20,7 @@ const ENDING: usize = 4;
 /// The statements of INFORM in posted programs.
 pub(crate) const STATEMENTS: Statements = Statements {
     dwell: |seconds| format!("TIMER T={seconds:.2}"),
-    asks: |text| {
+    stops_with_message: |text| {
         /// Most characters of a message.
         const MESSAGE: usize = 32;
         let short: String = text.replace('"', "'").chars().take(MESSAGE).collect();
@@ -45,7 +45,7 @@ pub(crate) fn held_pose(mm: [f64; 3], quat: [f64; 4]) -> Held {
 ///
 /// # Errors
 /// A tool or a work object whose name is not a number (`TOOL 1`, `USER 1`).
-fn jobs(post: &RapidPost, points: &[PostedPoint], axes_deg: &[[f64; 6]], end: &str) -> Result<Files, Vec<Diagnostic>> {
+fn jobs(post: &PostWriter, points: &[PostedPoint], axes_deg: &[[f64; 6]], end: &str) -> Result<Files, Vec<Diagnostic>> {
     let plan = post.plan();
     names::refuse(plan, Language::Jbi)?;
     let name = identifier(&plan.name, ENDING).to_ascii_uppercase();
@@ -67,12 +67,19 @@ fn jobs(post: &RapidPost, points: &[PostedPoint], axes_deg: &[[f64; 6]], end: &s
 }
 
 /// Points as a job.
-fn job(post: &RapidPost, name: &str, title: &str, points: &[PostedPoint], axes_deg: &[[f64; 6]], end: &str) -> Vec<u8> {
+fn job(
+    post: &PostWriter,
+    name: &str,
+    title: &str,
+    points: &[PostedPoint],
+    axes_deg: &[[f64; 6]],
+    end: &str,
+) -> Vec<u8> {
     let plan = post.plan();
     let (mut positions, mut lines) = (String::new(), title.to_owned());
     let (mut place, mut group, mut mark) = (WriterPosition::default(), String::new(), None);
     for (i, (point, axes)) in points.iter().zip(axes_deg).enumerate() {
-        let here = place.behind(std::slice::from_ref(point));
+        let here = place.after(std::slice::from_ref(point));
         point.lines.iter().flat_map(|text| text.lines()).for_each(|line| lines.extend([line, "\n"]));
         if mark != point.mark {
             point.mark.iter().for_each(|mark| lines += &format!("'{}\n", mark.comment()));
@@ -133,7 +140,7 @@ fn position(out: &mut String, number: usize, point: &PostedPoint) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::RapidPlan;
+    use super::super::PostPlan;
     use super::*;
     use crate::program::{Editable, Goal, Mark, ToolData, WobjData, jbi};
     use crate::text::Source;
@@ -144,7 +151,7 @@ mod tests {
         let tool = ToolData { robhold: true, tcp_mm: zero, tcp_quat: unit, mass_kg: 2.0, cog_mm: zero };
         let [robhold, fixed] = [false, true];
         let wobj = WobjData { robhold, fixed, uframe_mm: zero, uframe_quat: unit, oframe_mm: zero, oframe_quat: unit };
-        let plan = RapidPlan {
+        let plan = PostPlan {
             name: "part".to_owned(),
             title: vec!["from a test".to_owned()],
             tools: vec![("TOOL 2".to_owned(), tool)],
@@ -163,7 +170,7 @@ mod tests {
             point
         };
         let points: Vec<PostedPoint> = (0..4).map(point).collect();
-        jobs(&RapidPost::new(plan), &points, &[[1.0, -20.0, 10.0, 190.0, -45.0, 0.0]; 4], "DOUT OT#(1) OFF").unwrap()
+        jobs(&PostWriter::new(plan), &points, &[[1.0, -20.0, 10.0, 190.0, -45.0, 0.0]; 4], "DOUT OT#(1) OFF").unwrap()
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use super::names::identifier;
 use super::statements::Statements;
 use super::template::decimal;
-use super::writer::{PostedPoint, RapidPost, WriterPosition};
+use super::writer::{PostWriter, PostedPoint, WriterPosition};
 use super::zone::radius;
 use crate::program::orientation::{rotation, zyx_deg};
 use crate::program::{Mark, ToolData, WobjData};
@@ -26,14 +26,14 @@ const SHORTER: usize = 32 - 24 + 8;
 pub(crate) const STATEMENTS: Statements = Statements {
     dwell: |seconds| format!("WAIT SEC {}", decimal(seconds)),
     // A message with an answer would need declarations. The pendant shows the line of a HALT, and the program continues with Start.
-    asks: |text| vec![format!("; {text}"), "HALT".to_owned()],
+    stops_with_message: |text| vec![format!("; {text}"), "HALT".to_owned()],
     write: Some(|post, points, axes, end| Ok(post.krl(points, axes, end))),
     most_points: Some(MOST_POINTS),
     stands_still: true,
     ..Statements::RAPID
 };
 
-impl RapidPost {
+impl PostWriter {
     /// Writes the program: points with the axis angles there (degrees), and the lines of its end; its files by name, the
     /// one to start first.
     ///
@@ -54,7 +54,7 @@ impl RapidPost {
             let mut said = Said::default();
             text.extend_from_slice(b"$IPO_MODE = #BASE\r\n");
             for (i, point) in points.iter().enumerate() {
-                let here = place.behind(std::slice::from_ref(point));
+                let here = place.after(std::slice::from_ref(point));
                 let next = points.get(i + 1);
                 self.krl_motion(&mut text, &here, point, next, &axes[i], &mut said);
                 place = here;
@@ -219,12 +219,12 @@ fn numbered(name: &str, table: &str) -> Option<u32> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::RapidPlan;
+    use super::super::PostPlan;
     use super::*;
     use crate::program::{Goal, krl};
     use crate::text::Source;
 
-    fn plan(max_points: Option<usize>) -> RapidPlan {
+    fn plan(max_points: Option<usize>) -> PostPlan {
         let tool = ToolData {
             robhold: true,
             tcp_mm: [1.0, 2.0, 310.0],
@@ -240,7 +240,7 @@ mod tests {
             oframe_mm: [0.0; 3],
             oframe_quat: [1.0, 0.0, 0.0, 0.0],
         };
-        RapidPlan {
+        PostPlan {
             name: "part".to_owned(),
             title: vec!["from a test".to_owned()],
             tools: vec![("tMill".to_owned(), tool)],
@@ -268,7 +268,7 @@ mod tests {
 
     #[test]
     fn what_is_written_is_read_back() {
-        let files = RapidPost::new(plan(None)).krl(&points(), &[[1.0, -90.0, 90.0, 0.0, 45.0, 0.0]; 5], "rOff()");
+        let files = PostWriter::new(plan(None)).krl(&points(), &[[1.0, -90.0, 90.0, 0.0, 45.0, 0.0]; 5], "rOff()");
         let [(name, text)] = &files[..] else { panic!("{} files", files.len()) };
         assert_eq!(name, "part.src");
         let program = krl::read(vec![Source::new("part.src", text.clone())], Vec::new()).unwrap();
@@ -294,7 +294,7 @@ mod tests {
 
     #[test]
     fn parts_are_programs_of_their_own() {
-        let files = RapidPost::new(plan(Some(2))).krl(&points(), &[[0.0; 6]; 5], "");
+        let files = PostWriter::new(plan(Some(2))).krl(&points(), &[[0.0; 6]; 5], "");
         let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
         assert_eq!(names, ["part.src", "part_1.src", "part_2.src", "part_3.src"]);
         let sources = files.iter().map(|(name, text)| Source::new(name.clone(), text.clone())).collect();

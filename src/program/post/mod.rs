@@ -27,8 +27,8 @@ mod zone;
 
 pub use names::identifier;
 pub(crate) use names::refuse as refuse_names;
-pub use plan::RapidPlan;
+pub use plan::PostPlan;
 pub(crate) use statements::Statements;
 pub(crate) use template::TEMPLATES;
 pub use template::Templates;
-pub use writer::{PostedPoint, RapidPost, Text, WriterPosition};
+pub use writer::{PostWriter, PostedPoint, Text, WriterPosition};

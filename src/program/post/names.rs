@@ -1,6 +1,6 @@
 //! Identifiers, predefined names, and the check whether a language has a place for the names of the cell.
 
-use super::plan::RapidPlan;
+use super::plan::PostPlan;
 use crate::program::Language;
 use crate::text::Diagnostic;
 
@@ -107,7 +107,7 @@ pub(super) fn number(name: &str, prefix: &str) -> Option<u32> {
 ///
 /// # Errors
 /// Every tool and work object whose name does not fit.
-pub(crate) fn refuse(plan: &RapidPlan, language: Language) -> Result<(), Vec<Diagnostic>> {
+pub(crate) fn refuse(plan: &PostPlan, language: Language) -> Result<(), Vec<Diagnostic>> {
     let about = language.about();
     let [tool, wobj] = about.prefixes.unwrap_or_default().map(str::trim_end);
     let fits = |name: &str, prefix: &str, predefined: &str| {

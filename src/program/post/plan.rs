@@ -4,7 +4,7 @@ use crate::program::{EXTERNAL_AXES, ToolData, WobjData};
 
 /// The plan of a posted program, before its first point.
 #[derive(Clone, Debug)]
-pub struct RapidPlan {
+pub struct PostPlan {
     /// Name of the program, usually the stem of the file's name, from which an identifier is made.
     pub name: String,
     /// Lines of the head comment.
@@ -29,7 +29,7 @@ pub struct RapidPlan {
     pub corner_tolerance_mm: f64,
 }
 
-impl RapidPlan {
+impl PostPlan {
     /// Lines of the head comment in printable ASCII characters.
     pub(super) fn plain_title(&self) -> impl Iterator<Item = String> {
         let plain = |c: char| if c.is_ascii_graphic() { c } else { ' ' };

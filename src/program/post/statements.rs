@@ -1,13 +1,13 @@
 //! The statements of posted programs that differ between languages.
 
 use super::template::decimal;
-use super::writer::{PostedPoint, RapidPost};
+use super::writer::{PostWriter, PostedPoint};
 use crate::text::Diagnostic;
 
 /// Files by name.
 pub(crate) type Files = Vec<(String, Vec<u8>)>;
 /// Writes points, with the axis angles there (degrees) and the lines of the end, as files.
-pub(crate) type Write = fn(&RapidPost, &[PostedPoint], &[[f64; 6]], &str) -> Result<Files, Vec<Diagnostic>>;
+pub(crate) type Write = fn(&PostWriter, &[PostedPoint], &[[f64; 6]], &str) -> Result<Files, Vec<Diagnostic>>;
 /// Gives a position, mm, and an orientation, scalar first, in the controller's precision.
 pub(crate) type Print = fn([f64; 3], [f64; 4]) -> Held;
 /// A position, mm, and an orientation, scalar first.
@@ -19,7 +19,7 @@ pub(crate) struct Statements {
     /// Waits for a number of seconds.
     pub(crate) dwell: fn(f64) -> String,
     /// Shows the operator a message that has to be acknowledged.
-    pub(crate) asks: fn(&str) -> Vec<String>,
+    pub(crate) stops_with_message: fn(&str) -> Vec<String>,
     /// Writes a program as a whole; RAPID is written in chunks.
     pub(crate) write: Option<Write>,
     /// A printed pose in the controller's precision; `None` for RAPID, which prints quaternions.
@@ -40,7 +40,7 @@ impl Statements {
     /// The statements of RAPID, from which others differ.
     pub(crate) const RAPID: Self = Self {
         dwell: |seconds| format!("WaitTime {};", decimal(seconds)),
-        asks: |text| vec![format!("UIMsgBox \"{text}\";")],
+        stops_with_message: |text| vec![format!("UIMsgBox \"{text}\";")],
         write: None,
         held: None,
         most_points: None,

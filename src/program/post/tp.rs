@@ -1,6 +1,6 @@
 //! Writes points as FANUC TP programs in text form.
 
-use super::plan::RapidPlan;
+use super::plan::PostPlan;
 use super::statements::Statements;
 use super::zone::{FINE, zone};
 use super::{PostedPoint, names};
@@ -21,7 +21,7 @@ const ENDING: usize = 4;
 /// The statements of FANUC TP in posted programs.
 pub(crate) const STATEMENTS: Statements = Statements {
     dwell: |seconds| format!("WAIT {seconds:.2}(sec)"),
-    asks: |text| {
+    stops_with_message: |text| {
         /// Most characters of a TP message.
         const MESSAGE: usize = 24;
         let short: String = text.replace(',', "").chars().take(MESSAGE).collect();
@@ -45,7 +45,7 @@ pub(crate) fn held_pose(mm: [f64; 3], quat: [f64; 4]) -> ([f64; 3], [f64; 4]) {
 /// # Errors
 /// A tool or a work object whose name is not a number (`UT 1`, `UF 1`).
 pub(crate) fn programs(
-    plan: &RapidPlan,
+    plan: &PostPlan,
     points: &[PostedPoint],
     end: &str,
 ) -> Result<Vec<(String, Vec<u8>)>, Vec<Diagnostic>> {
@@ -74,7 +74,7 @@ pub(crate) fn programs(
 }
 
 struct Writer<'a> {
-    plan: &'a RapidPlan,
+    plan: &'a PostPlan,
     points: &'a [PostedPoint],
     tools: &'a [u32],
     wobjs: &'a [u32],

@@ -3,7 +3,7 @@
 use super::names::identifier;
 use super::statements::Statements;
 use super::template::decimal;
-use super::writer::{PostedPoint, RapidPost, WriterPosition};
+use super::writer::{PostWriter, PostedPoint, WriterPosition};
 use crate::program::orientation::{quaternion, rotation, rotation_vector};
 use crate::program::{Mark, ToolData};
 use crate::text::number::{printed, write_fixed};
@@ -23,7 +23,7 @@ const SHORTER: usize = 0;
 /// The statements of URScript in posted programs.
 pub(crate) const STATEMENTS: Statements = Statements {
     dwell: |seconds| format!("sleep({})", decimal(seconds)),
-    asks: |text| vec![format!("popup(\"{text}\", blocking=True)")],
+    stops_with_message: |text| vec![format!("popup(\"{text}\", blocking=True)")],
     write: Some(|post, points, axes, end| Ok(post.ur(points, axes, end))),
     held: Some(held_pose),
     unsplit: Some("a URScript program is one routine in one file: it is not split"),
@@ -40,7 +40,7 @@ pub(crate) fn held_pose(mm: [f64; 3], quat: [f64; 4]) -> ([f64; 3], [f64; 4]) {
     (mm.map(|mm| 1e3 * held(1e-3 * mm, M)), quaternion(&Rotation3::new(turn)))
 }
 
-impl RapidPost {
+impl PostWriter {
     /// Writes the program: points with the axis angles there (degrees), and the lines of its end. Work objects are frames in the
     /// robot's base.
     ///
@@ -59,7 +59,7 @@ impl RapidPost {
         }
         let (mut place, mut said) = (WriterPosition::default(), Said::default());
         for (i, point) in points.iter().enumerate() {
-            let here = place.behind(std::slice::from_ref(point));
+            let here = place.after(std::slice::from_ref(point));
             lines(&mut text, point.lines.as_deref().unwrap_or_default());
             if said.tool != Some(point.tool) {
                 if let Some((_, data)) = self.plan.tools.get(usize::from(point.tool)) {
@@ -140,7 +140,7 @@ fn tool(text: &mut Vec<u8>, data: &ToolData) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::RapidPlan;
+    use super::super::PostPlan;
     use super::*;
     use crate::program::{Goal, WobjData, ur};
     use crate::text::Source;
@@ -162,7 +162,7 @@ mod tests {
             oframe_mm: [0.0; 3],
             oframe_quat: [1.0, 0.0, 0.0, 0.0],
         };
-        let plan = RapidPlan {
+        let plan = PostPlan {
             name: "part".to_owned(),
             title: vec!["from a test".to_owned()],
             tools: vec![("TCP".to_owned(), tool)],
@@ -181,7 +181,7 @@ mod tests {
             point
         };
         let points: Vec<PostedPoint> = (0..4).map(point).collect();
-        let files = RapidPost::new(plan).ur(&points, &[[1.0, -90.0, 90.0, 0.0, 45.0, 0.0]; 4], "spindle_off()");
+        let files = PostWriter::new(plan).ur(&points, &[[1.0, -90.0, 90.0, 0.0, 45.0, 0.0]; 4], "spindle_off()");
         let [(name, text)] = &files[..] else { panic!("{} files", files.len()) };
         assert_eq!(name, "part.script");
         let program = ur::read(vec![Source::new("part.script", text.clone())], Vec::new()).unwrap();

@@ -2,7 +2,7 @@
 
 use super::data::{robtarget, speeddata, speeds, tooldata, wobjdata};
 use super::names::{SAME_SPEED, identifier, predefined_speed};
-use super::plan::RapidPlan;
+use super::plan::PostPlan;
 use super::zone::{FINE, radius, zone};
 use crate::program::EXTERNAL_AXES;
 use crate::program::{Confdata, Mark};
@@ -32,9 +32,9 @@ pub struct PostedPoint {
     pub lines: Option<Arc<str>>,
     /// Mark in force.
     pub mark: Option<Mark>,
-    /// Index into [`RapidPlan::tools`].
+    /// Index into [`PostPlan::tools`].
     pub tool: u16,
-    /// Index into [`RapidPlan::wobjs`].
+    /// Index into [`PostPlan::wobjs`].
     pub wobj: u16,
     /// Positions of the external axes, mm or degrees; `None` for those of the plan.
     pub external: Option<Box<[Option<f64>; EXTERNAL_AXES]>>,
@@ -114,7 +114,7 @@ impl WriterPosition {
 
     /// The position after further points, of which all except the last are written.
     #[must_use]
-    pub fn behind(&self, points: &[PostedPoint]) -> Self {
+    pub fn after(&self, points: &[PostedPoint]) -> Self {
         let mut known = [&self.before, &self.waiting].into_iter().flatten().chain(points).rev();
         let waiting = known.next().cloned();
         let count = usize::from(self.waiting.is_some()) + points.len();
@@ -126,8 +126,8 @@ impl WriterPosition {
 ///
 /// The head comes first, then chunks of points, each from its [`WriterPosition`] on; any thread may write any chunk.
 #[derive(Clone, Debug)]
-pub struct RapidPost {
-    pub(super) plan: RapidPlan,
+pub struct PostWriter {
+    pub(super) plan: PostPlan,
     module: String,
     /// Names of the declared speeds, slowest first.
     speeds: Vec<(f64, String)>,
@@ -139,10 +139,10 @@ pub struct RapidPost {
 /// Longest ending of a part's names: `_12345_run`.
 const ENDING: usize = 10;
 
-impl RapidPost {
+impl PostWriter {
     /// Makes the layout of the program: its declarations and parts.
     #[must_use]
-    pub fn new(plan: RapidPlan) -> Self {
+    pub fn new(plan: PostPlan) -> Self {
         let module = identifier(&plan.name, ENDING);
         let part = plan.max_points.map(|most| most.max(1)).filter(|most| plan.points > *most);
         let mut post = Self { plan, module, speeds: Vec::new(), part, head: Text::default() };
@@ -152,7 +152,7 @@ impl RapidPost {
 
     /// The plan of the layout.
     #[must_use]
-    pub fn plan(&self) -> &RapidPlan {
+    pub fn plan(&self) -> &PostPlan {
         &self.plan
     }
 
@@ -201,7 +201,7 @@ impl RapidPost {
         let mut place = from.clone();
         for point in points {
             self.movement(&mut text, &place, Some(point));
-            place = place.behind(std::slice::from_ref(point));
+            place = place.after(std::slice::from_ref(point));
         }
         if let Some(lines) = end {
             self.movement(&mut text, &place, None);
@@ -306,7 +306,7 @@ mod tests {
     use crate::program::{ToolData, WobjData};
     use proptest::prelude::*;
 
-    fn plan_and_points(max_points: Option<usize>) -> (RapidPlan, [PostedPoint; 5]) {
+    fn plan_and_points(max_points: Option<usize>) -> (PostPlan, [PostedPoint; 5]) {
         let quat = [0.0, 1.0, 0.0, -0.0];
         let conf = Confdata { cf1: 0, cf4: -1, cf6: 0, cfx: 1 };
         let at = |x: f64, speed_mm_s: f64, rapid: bool, mark| PostedPoint {
@@ -347,7 +347,7 @@ mod tests {
             oframe_mm: [0.0; 3],
             oframe_quat: unit,
         };
-        let plan = RapidPlan {
+        let plan = PostPlan {
             name: "2 blade".into(),
             title: vec!["from 2 blade.apt".into()],
             tools: vec![("tMill".into(), tool)],
@@ -367,12 +367,12 @@ mod tests {
     fn posted(max_points: Option<usize>, ends: &[usize]) -> Vec<(String, String)> {
         let (plan, mut points) = plan_and_points(max_points);
         points[2].lines = Some("rSpindle 9000;\nWaitTime 2;".into());
-        let post = RapidPost::new(plan);
+        let post = PostWriter::new(plan);
         let mut texts = vec![post.head().clone()];
         let (mut place, mut start) = (WriterPosition::default(), 0);
         for &end in ends.iter().chain([&points.len()]) {
             texts.push(post.chunk(&place, &points[start..end], (end == points.len()).then_some("rSpindleOff;")));
-            place = place.behind(&points[start..end]);
+            place = place.after(&points[start..end]);
             start = end;
         }
         let mut files: Vec<(String, String)> = Vec::new();

@@ -87,7 +87,7 @@ impl Executed {
     }
 
     /// Its targets in chunks for two runs: the first to compute the corrections, the second with the corrections as they will be written.
-    pub(crate) fn asked(&self) -> (ExecutedChunks, FirstRun<'_>) {
+    pub(crate) fn chunks_of_two_runs(&self) -> (ExecutedChunks, FirstRun<'_>) {
         let wanted = Arc::new(WantedValues::default());
         (self.run(Agreement::Open(Arc::clone(&wanted))), FirstRun { program: self, wanted })
     }

@@ -221,7 +221,7 @@ impl<'a> Lowering<'a> {
             (Written::When(text), _) => {
                 let (rest, holds) = match condition(text, self.place) {
                     (rest, holds) if rest.trim_ascii_start().starts_with(b",") => (rest, holds),
-                    _ => (statement::behind_condition(text), self.unknown()),
+                    _ => (statement::after_condition(text), self.unknown()),
                 };
                 let guarded = self.plain(at, &statement::guarded(rest));
                 vec![guard(holds, guarded, self.place)]

@@ -309,7 +309,7 @@ fn beside(rest: &[u8]) -> StatementKind<'_> {
 pub(super) fn guarded_by<'a>(kind: &StatementKind<'a>) -> Option<StatementKind<'a>> {
     match kind {
         StatementKind::When(text) | StatementKind::SelectCase(_, text) | StatementKind::Case(text) => {
-            Some(guarded(behind_condition(text)))
+            Some(guarded(after_condition(text)))
         }
         StatementKind::ElseCase(text) => Some(guarded(text)),
         _ => None,
@@ -327,7 +327,7 @@ pub fn runs<'a>(kind: &StatementKind<'a>) -> Vec<&'a [u8]> {
 }
 
 /// The text after a condition: from the first comma on that is outside of brackets and strings.
-pub(super) fn behind_condition(text: &[u8]) -> &[u8] {
+pub(super) fn after_condition(text: &[u8]) -> &[u8] {
     let (mut depth, mut quoted) = (0_i32, false);
     for (at, byte) in text.iter().enumerate() {
         match byte {

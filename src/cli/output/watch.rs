@@ -1,8 +1,8 @@
 //! Detects inputs that change during a run. A program is read several times and must have the same bytes each time.
 
-use super::file_state::{FileState, Identity};
-use super::message;
-use super::output::marker;
+use super::marker;
+use crate::cli::file_state::{FileState, Identity};
+use crate::cli::message;
 use deflex::report::Origin;
 use deflex::text::{Diagnostic, Severity};
 use std::collections::BTreeMap;
@@ -42,12 +42,12 @@ fn watched() -> MutexGuard<'static, Option<All>> {
 }
 
 /// Watches all files that are opened from now on.
-pub(super) fn start() {
+pub(in crate::cli) fn start() {
     *watched() = Some(All { files: BTreeMap::new(), unfinished: BTreeMap::new() });
 }
 
 /// Records the state of a file before it is read. Pipes and devices can be read only once, and are not watched.
-pub(super) fn watch(path: &Path) {
+pub(in crate::cli) fn watch(path: &Path) {
     let Ok(metadata) = fs::metadata(path) else { return };
     if !metadata.is_file() || watched().as_ref().is_none_or(|all| all.files.contains_key(path)) {
         return;
