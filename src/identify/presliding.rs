@@ -70,25 +70,32 @@ impl Engine {
         let search = Search::new(&self.candidates, &linear.moments, &linear.always);
         let members = self.members_of_whole_arm(&search, &self.chosen);
         let mut best = (f64::NEG_INFINITY, Presliding::default());
-        let mut weigh = |presliding: Presliding| {
+        best = self.best_presliding(&members, ANGLES.map(Presliding::alike), best);
+        for joint in 0..6 {
+            if best.1.is_sharp() {
+                break;
+            }
+            let others = ANGLES.into_iter().filter(|angle| *angle > 0.0).map(|angle| best.1.with(joint, angle));
+            best = self.best_presliding(&members, others.filter(|other| *other != best.1), best);
+        }
+        self.set_presliding(best.1);
+    }
+
+    /// The presliding angles of most evidence among those that are tried and the best so far, with their evidence, nats.
+    fn best_presliding(
+        &mut self,
+        members: &Members,
+        tried: impl IntoIterator<Item = Presliding>,
+        mut best: (f64, Presliding),
+    ) -> (f64, Presliding) {
+        for presliding in tried {
             self.set_presliding(presliding);
-            let evidence = self.evidence_of_all(&members);
+            let evidence = self.evidence_of_all(members);
             if evidence > best.0 {
                 best = (evidence, presliding);
             }
-            best.1
-        };
-        let mut chosen = ANGLES.map(Presliding::alike).map(&mut weigh)[ANGLES.len() - 1];
-        if !chosen.is_sharp() {
-            for joint in 0..6 {
-                for angle in ANGLES.into_iter().filter(|angle| *angle > 0.0) {
-                    if angle.to_bits() != chosen.of(joint).to_bits() {
-                        chosen = weigh(chosen.with(joint, angle));
-                    }
-                }
-            }
         }
-        self.set_presliding(chosen);
+        best
     }
 
     /// Log evidence of all members, less their price, with the best common share of their typical sizes and the best of

@@ -37,43 +37,12 @@ fn code_of(text: &str) -> String {
     code.join("\n")
 }
 
-/// Layers that a text names.
-fn named(text: &str) -> BTreeSet<String> {
-    let code = code_of(text);
-    let after = ["crate::", "deflex::"].into_iter().flat_map(|root| code.split(root).skip(1));
-    after.map(|rest| rest.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()).collect()
-}
-
-#[test]
-fn no_layer_imports_from_one_after_it() {
-    let layers = layers();
-    assert!(layers.len() > 10, "{layers:?}");
-    let mut all = Vec::new();
-    sources(&root().join("src"), &mut all);
-    let mut wrong = Vec::new();
-    for path in all {
-        let inside = path.strip_prefix(root().join("src")).unwrap();
-        let first =
-            inside.components().next().unwrap().as_os_str().to_str().unwrap().trim_end_matches(".rs").to_owned();
-        // The library's and the binary's own files join all layers.
-        if ["lib", "main"].contains(&&*first) {
-            continue;
-        }
-        let own = layers.iter().position(|layer| *layer == first);
-        let own = own.unwrap_or_else(|| panic!("{first} is no layer of the table in ARCHITECTURE.md"));
-        let later = |name: &&String| layers.iter().position(|layer| layer == *name).is_some_and(|at| at > own);
-        let text = std::fs::read_to_string(&path).unwrap();
-        wrong.extend(named(&text).iter().filter(later).map(|name| format!("{} imports from {name}", inside.display())));
-    }
-    assert!(wrong.is_empty(), "{wrong:#?}");
-}
-
 /// Where a path of a `use` or an expression leads, from the module `own`; `None` if it leaves the crate.
 fn target(path: &str, own: &[String]) -> Option<Vec<String>> {
     let mut at: Option<Vec<String>> = None;
     for part in path.split("::") {
         match (part, &mut at) {
-            ("crate", None) => at = Some(Vec::new()),
+            ("crate" | "deflex", None) => at = Some(Vec::new()),
             ("super", None) => at = Some(own[..own.len().checked_sub(1)?].to_vec()),
             ("super", Some(at)) => drop(at.pop()?),
             (name, Some(at)) => at.push(name.to_owned()),
@@ -83,11 +52,11 @@ fn target(path: &str, own: &[String]) -> Option<Vec<String>> {
     at
 }
 
-/// The paths that begin with `crate` or `super` in a text without comments, with each member of a group in braces.
+/// The paths that begin with `crate`, `deflex` or `super` in a text without comments, with each member of a group in braces.
 fn paths(code: &str) -> Vec<String> {
     let is_part = |c: char| c.is_alphanumeric() || c == '_' || c == ':';
     let mut all = Vec::new();
-    for (at, _) in code.match_indices("crate::").chain(code.match_indices("super::")) {
+    for (at, _) in ["crate::", "deflex::", "super::"].into_iter().flat_map(|root| code.match_indices(root)) {
         if code[..at].ends_with(is_part) {
             continue;
         }
@@ -116,27 +85,34 @@ fn paths(code: &str) -> Vec<String> {
     all
 }
 
-/// For each folder of a crate, by its module path, the files and folders in it with those that each imports.
-fn imports(crate_folder: &Path) -> BTreeMap<String, BTreeMap<String, BTreeSet<String>>> {
+/// One file or folder that imports from another one in the same folder.
+struct Import {
+    /// Module path of the folder; empty for the root of the crate.
+    folder: String,
+    from: String,
+    to: String,
+    /// The file that has the import.
+    file: PathBuf,
+}
+
+/// The imports of a crate. Its own files and those of its binary name it as `crate` and as `deflex`.
+fn imports(crate_folder: &Path) -> Vec<Import> {
     let mut all = Vec::new();
     sources(crate_folder, &mut all);
-    let mut found: BTreeMap<String, BTreeMap<String, BTreeSet<String>>> = BTreeMap::new();
+    let mut found = Vec::new();
     for path in all {
-        let inside = path.strip_prefix(crate_folder).unwrap().with_extension("");
-        let mut own: Vec<String> = inside.iter().map(|part| part.to_str().unwrap().to_owned()).collect();
-        if own.contains(&"tests".to_owned()) {
-            continue;
-        }
+        let file = path.strip_prefix(crate_folder).unwrap().to_owned();
+        let mut own: Vec<String> =
+            file.with_extension("").iter().map(|part| part.to_str().unwrap().to_owned()).collect();
         if ["mod", "lib", "main"].contains(&&**own.last().unwrap()) {
             own.pop();
         }
         let text = std::fs::read_to_string(&path).unwrap();
-        for path in paths(&code_of(&text)) {
-            let Some(target) = target(&path, &own) else { continue };
+        for target in paths(&code_of(&text)).iter().filter_map(|path| target(path, &own)) {
             let shared = own.iter().zip(&target).take_while(|(own, target)| own == target).count();
             if let (Some(from), Some(to)) = (own.get(shared), target.get(shared)) {
-                let folder = found.entry(own[..shared].join("::")).or_default();
-                folder.entry(from.clone()).or_default().insert(to.clone());
+                let (folder, file) = (own[..shared].join("::"), file.clone());
+                found.push(Import { folder, from: from.clone(), to: to.clone(), file });
             }
         }
     }
@@ -144,21 +120,45 @@ fn imports(crate_folder: &Path) -> BTreeMap<String, BTreeMap<String, BTreeSet<St
 }
 
 #[test]
+fn no_layer_imports_from_one_after_it() {
+    let layers = layers();
+    assert!(layers.len() > 10, "{layers:?}");
+    let mut all = Vec::new();
+    sources(&root().join("src"), &mut all);
+    for path in all {
+        let inside = path.strip_prefix(root().join("src")).unwrap().with_extension("");
+        let first = inside.iter().next().unwrap().to_str().unwrap().to_owned();
+        // The library's and the binary's own files join all layers.
+        let is_placed = layers.contains(&first) || ["lib", "main"].contains(&&*first);
+        assert!(is_placed, "{first} is no layer of the table in ARCHITECTURE.md");
+    }
+    let mut wrong = BTreeSet::new();
+    for Import { from, to, file, .. } in imports(&root().join("src")).iter().filter(|import| import.folder.is_empty()) {
+        let place = |name: &String| layers.iter().position(|layer| layer == name);
+        if place(to).is_some_and(|at| at > place(from).unwrap()) {
+            wrong.insert(format!("{} imports from {to}", file.display()));
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+#[test]
 fn files_of_a_folder_do_not_import_one_another_in_a_circle() {
-    let crates = ["src", "crates/elastic/src", "crates/lang/src", "crates/studio/src"];
-    let mut circles = Vec::new();
-    for folder in crates {
-        let imports = imports(&root().join(folder));
-        assert!(!imports.is_empty(), "{folder}");
-        for (module, imports) in imports {
-            for file in imports.keys() {
-                let (mut reached, mut open) = (BTreeSet::new(), vec![file]);
-                while let Some(next) = open.pop() {
-                    open.extend(imports.get(next).into_iter().flatten().filter(|to| reached.insert((*to).clone())));
-                }
-                if reached.contains(file) {
-                    circles.push(format!("{folder}: {module}::{file}"));
-                }
+    let mut circles = BTreeSet::new();
+    for name in ["src", "crates/elastic/src", "crates/lang/src", "crates/studio/src"] {
+        let imports = imports(&root().join(name));
+        assert!(!imports.is_empty(), "{name}");
+        let mut next: BTreeMap<(&str, &str), BTreeSet<&str>> = BTreeMap::new();
+        for Import { folder, from, to, .. } in &imports {
+            next.entry((folder, from)).or_default().insert(to);
+        }
+        for &(folder, from) in next.keys() {
+            let (mut reached, mut open) = (BTreeSet::new(), vec![from]);
+            while let Some(file) = open.pop() {
+                open.extend(next.get(&(folder, file)).into_iter().flatten().filter(|to| reached.insert(**to)));
+            }
+            if reached.contains(from) {
+                circles.insert(format!("{name}: {folder}::{from}"));
             }
         }
     }
