@@ -62,9 +62,9 @@ impl Effect for Creep {
     }
 
     fn parameters(&self) -> Vec<Parameter> {
-        // That gears creep by some percent of their deflection is an assumption, for which we have no source.
+        // That gears creep by a tenth of their deflection is an assumption, for which we have no source.
         let named = ["share_5_s", "share_25_s", "share_125_s"].into_iter().zip(self.shares());
-        named.flat_map(|(name, shares)| per_axis(name, shares, "1", 0.05, 0.0, NOT_NEGATIVE)).collect()
+        named.flat_map(|(name, shares)| per_axis(name, shares, "1", 0.1, 0.0, NOT_NEGATIVE)).collect()
     }
 
     fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {

@@ -1,6 +1,8 @@
 //! Rules that hold for every kind in the registry, in every form it has.
 
-use deflex::effects::{Cutting, DelayedTorque, Effect, KINDS, PartAt, PartYield, Situation, Survey, ToolFrame, UnitAt, kind};
+use deflex::effects::{
+    Cutting, DelayedTorque, Effect, KINDS, PartAt, PartYield, Situation, Survey, ToolFrame, UnitAt, kind,
+};
 use deflex::equilibrium::Arm;
 use deflex::robot::{Axes, BUILTIN, Joints, Pose};
 use nalgebra::{DMatrix, Matrix3, Rotation3, Translation3, Vector3};
