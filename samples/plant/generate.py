@@ -57,6 +57,10 @@ def hysteresis(rng, robot, span, s):
     return {"fraction": np.clip(np.abs(some(rng, 4, 0.06, 0.2, 5)) * s, 0, 0.6)}
 
 
+def creep(rng, robot, span, s):
+    return {"share": np.abs(some(rng, 4, 0.05, 0.2, 5)) * s, "after_s": float(np.exp(rng.uniform(np.log(4), np.log(60))))}
+
+
 def gear_harmonic(rng, robot, span, s):
     joints = rng.choice([1, 2, 3, 5], rng.integers(1, 3), replace=False)
     return {"terms": [{"joint": int(j), "order": int(rng.integers(11, 60)), "cos_rad": float(s * rng.normal() * 7e-5), "sin_rad": float(s * rng.normal() * 7e-5)} for j in joints]}
@@ -153,7 +157,7 @@ def cable_drag(rng, robot, span, s):
 # Each maker draws one effect: `span` is the run's length in s, `s` its size.
 LISTED = [joint_stiffness, stiffness_curve, gravity, backlash, hysteresis, gear_harmonic, joint_error_curve, zero_offset, link_geometry,
           tool_frame, work_object_frame, base_compliance, bearing_compliance, tool_compliance, workpiece_compliance, thermal_growth,
-          force_scale, tool_wear, tracking_lag, joint_coupling]
+          force_scale, tool_wear, tracking_lag, joint_coupling, creep]
 UNLISTED = [space_field, fixture_jump, temperature_cycle, cable_drag]
 # Pairs of different families, so that each of the two can be seen beside the other.
 PAIRS = [(gravity, backlash), (base_compliance, gear_harmonic), (thermal_growth, zero_offset), (stiffness_curve, tracking_lag), (tool_wear, tool_frame),

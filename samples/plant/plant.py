@@ -134,6 +134,8 @@ def run(cell, program, truth, force=None, time=None):
 
     moved = [(Frame(rotvec_to_rot(e.get("d_rad", [0, 0, 0])), np.array(e.get("d_mm", [0, 0, 0]), float) * MM)) for e in effects if e["kind"] == "work_object_frame"]
     factor = np.prod([e["factor"] for e in effects if e["kind"] == "force_scale"])
+    creeping = [e for e in effects if e["kind"] == "creep"]
+    crept = [np.zeros(6) for _ in creeping]  # twist of each gear that has been followed so far, rad
     arms, cut_m, position, rotation, normals = {}, 0.0, [], [], []
     for k, move in enumerate(moves):
         if move.tool not in arms:
@@ -150,8 +152,18 @@ def run(cell, program, truth, force=None, time=None):
             if e["kind"] == "cable_drag":
                 drag += np.array(e["nm_per_rad2"]) * motor[k][3] * motor[k][5]
         unloaded = gear_angles(effects, commanded[k], travel[k])
-        world_from_tcp, _ = arm.rest(unloaded, world[k].rot @ load * worn * factor, travel[k], world[k].rot @ normal,
-                                     part_compliance(effects, x, y), drag, time[k])
+
+        def rest(crept):
+            angle = unloaded - sum((np.array(e["share"]) * c for e, c in zip(creeping, crept)), np.zeros(6))
+            return arm.rest(angle, world[k].rot @ load * worn * factor, travel[k], world[k].rot @ normal,
+                            part_compliance(effects, x, y), drag, time[k])
+
+        if creeping:
+            # The twist hardly depends on what has crept: the load alone decides it.
+            _, twist = rest(crept)
+            waited = time[k] - time[k - 1] if k else 0.0
+            crept = [twist + (c - twist) * np.exp(-waited / e["after_s"]) for e, c in zip(creeping, crept)]
+        world_from_tcp, _ = rest(crept)
         true_wobj = world[k]
         for d in moved:
             true_wobj = true_wobj @ d

@@ -1,6 +1,7 @@
 //! Points on segments that are added to a program's points, where something was measured.
 
 use super::context::Context;
+use super::delayed::delayed_between;
 use super::point::Point;
 use super::removal::{self, Cuts};
 use super::{Options, Prepared};
@@ -33,11 +34,13 @@ impl Prepared {
     /// As [`Prepared::new`].
     pub(crate) fn cut_by(&mut self, arm: &Arm, program: &Program, cell: &Cell) -> Result<(), Vec<Diagnostic>> {
         let mut added = self.points.split_off(program.targets.len());
+        let between = std::mem::take(&mut self.between);
         removal::run(Context::whole(program, cell, &Options::default()), self, Cuts::Deflected, arm)?;
-        for (point, place) in added.iter_mut().zip(&self.between) {
+        for (point, place) in added.iter_mut().zip(&between) {
             self.take_load(point, *place);
         }
         self.points.append(&mut added);
+        self.between = between;
         Ok(())
     }
 
@@ -76,11 +79,14 @@ impl Prepared {
         Ok(point)
     }
 
-    /// Gives an added point the force that follows from the stock at its position.
+    /// Gives an added point the force that follows from the stock at its position, and the delayed torques there.
     fn take_load(&self, point: &mut Point, Between { target, share }: Between) {
         let force = self.points[target].milled.as_ref().and_then(|milled| milled.at(share));
         if let Some(force) = force {
             point.load = removal::load(force.programmed);
+        }
+        if let Some(before) = target.checked_sub(1) {
+            point.delayed = delayed_between(&self.points[before], &self.points[target], share);
         }
     }
 }

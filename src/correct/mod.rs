@@ -21,6 +21,7 @@ mod corrected;
 mod correction;
 mod course;
 mod cut_stock;
+mod delayed;
 mod deviation;
 mod driven;
 mod flow;

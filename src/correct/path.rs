@@ -121,7 +121,6 @@ pub(super) fn prepare(context: Context<'_>, carried: &mut Carried<'_>) -> Result
         (points[end - 1].unsolved, points[end].unsolved) = (why, why);
     }
     let before = carried.before.clone();
-    carried.before = points.last().cloned().or_else(|| carried.before.take());
     if errors.is_empty() {
         let mut prepared = Prepared {
             points,
@@ -135,8 +134,13 @@ pub(super) fn prepare(context: Context<'_>, carried: &mut Carried<'_>) -> Result
         if let Some(loads) = context.loads {
             loads.apply(&mut prepared);
         }
+        if cell.arm.follows_load() {
+            prepared.follow_loads(&cell.arm);
+        }
+        carried.before = prepared.points.last().cloned().or_else(|| carried.before.take());
         Ok(prepared)
     } else {
+        carried.before = points.last().cloned().or_else(|| carried.before.take());
         Err(errors)
     }
 }
@@ -426,6 +430,7 @@ impl Walk<'_, '_> {
             plunges,
             milled: None,
             part: None,
+            delayed: None,
         };
         self.points.push(point);
     }

@@ -5,7 +5,7 @@ use super::laws::Law;
 use super::load::{Follows, PointLoad, Through};
 use super::mount::Moved;
 use crate::cutting::ForceParts;
-use crate::effects::{Cutting, PartAt, PartYield, Situation, ToolFrame, UnitAt};
+use crate::effects::{Cutting, DelayedTorque, PartAt, PartYield, Situation, ToolFrame, UnitAt};
 use crate::equilibrium::{Dragged, PredictedPose, Setting, Site};
 use crate::robot::{Joints, Pose};
 use nalgebra::{Rotation3, Unit, Vector3};
@@ -50,6 +50,8 @@ pub struct Point {
     pub(super) milled: Option<Milled>,
     /// Compliance of the clamped part where it is cut, work object axes.
     pub(super) part: Option<Arc<PartYield>>,
+    /// What is left of earlier cutting forces in gears that creep; see [`Prepared::follow_loads`](super::Prepared::follow_loads).
+    pub(super) delayed: Option<Arc<DelayedTorque>>,
 }
 
 /// The cut of the segment to a target.
@@ -140,6 +142,7 @@ impl Point {
             payload: self.payload,
             units: self.units(),
             part: self.part.as_deref().map(PartAt::in_wobj),
+            delayed: self.delayed.as_deref(),
         }
     }
 
@@ -165,6 +168,7 @@ impl Point {
             payload: self.payload,
             units: self.units(),
             part: self.part.as_deref().map(PartAt::in_wobj),
+            delayed: self.delayed.as_deref(),
         }
     }
 
@@ -233,6 +237,7 @@ impl Point {
             plunges: false,
             milled: None,
             part: None,
+            delayed: None,
         }
     }
 

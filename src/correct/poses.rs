@@ -206,7 +206,10 @@ pub fn predict_poses(
         }
         points.push(point);
     }
-    let prepared = Prepared::of_points(points, robot, *tool);
+    let mut prepared = Prepared::of_points(points, robot, *tool);
+    if cell.arm.follows_load() {
+        prepared.follow_loads(&cell.arm);
+    }
     let solver = Solver::new(&cell.arm, &prepared, Parallelism::Threads);
     let there = solver.forward(|i| prepared.points[i].as_programmed(), |_| WarmStart::default());
     let actual = |(there, point): (Result<_, EquilibriumError>, &Point)| {
@@ -265,6 +268,7 @@ mod tests {
                 payload: 0.0,
                 units: &[],
                 part: None,
+                delayed: None,
             };
             let one = cell.arm.predict(&situation, &motor, &Joints::zeros()).unwrap().wobj_from_tcp;
             let off = found.as_ref().unwrap().translation.vector - one.translation.vector;

@@ -5,6 +5,7 @@
 //! ([`Segment::load`]). A force that changes along the segment, such as that of a stock, has its value at that point.
 
 use super::Prepared;
+use super::delayed::delayed_between;
 use super::laws::Law;
 use super::load::{Follows, PointLoad};
 use super::mount::{Mount, Moved};
@@ -199,6 +200,7 @@ impl<'p> Segment<'p> {
                 }
                 (before, after) => after.clone().or_else(|| before.clone()),
             },
+            delayed: delayed_between(from, to, share),
             ..to.clone()
         }
     }

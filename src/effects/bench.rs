@@ -46,6 +46,7 @@ impl Default for Bench {
                 payload: 0.0,
                 units: &[],
                 part: None,
+                delayed: None,
             },
         }
     }
@@ -66,7 +67,7 @@ impl Bench {
         let situation = &self.situation;
         let mut part = PartSite::default();
         part.set(0, self.part.as_ref().map(PartAt::in_wobj).as_ref());
-        let site = Site {
+        let mut site = Site {
             commanded: self.motor.into(),
             base_from_wobj: Frame::of(&situation.base_from_wobj),
             gravity: Vector::of(&situation.gravity),
@@ -81,7 +82,9 @@ impl Bench {
             tool_mass: situation.tool.mass,
             tool_cog: Vector::of(&situation.tool.cog),
             part,
+            delayed: Default::default(),
         };
+        site.set_delayed(0, situation.delayed);
         let rows = robot.rows::<f64>();
         let mut chain = Chain::default();
         rows.chain(&robot.joints(&rows.theta, &site.commanded), None, &mut chain);

@@ -11,6 +11,7 @@ mod bearing_compliance;
 mod bench;
 mod cable_pull;
 mod clamp_compliance;
+mod creep;
 mod discrepancy;
 mod empirical;
 mod empirical_field;
@@ -50,8 +51,8 @@ pub use kind::{Kind, Part, Shape, Stage};
 pub use physics::Law;
 pub(crate) use physics::{Deflection, Load, Offset, Parts, Physics, Site, State};
 pub use presliding::Presliding;
-pub(crate) use state::unit_key;
-pub use state::{Cutting, ForceLaw, MOST_CLAMPS, PartAt, PartYield, Situation, ToolFrame, UnitAt};
+pub(crate) use state::{CREEP_TIMES_S, unit_key};
+pub use state::{Cutting, DelayedTorque, ForceLaw, MOST_CLAMPS, PartAt, PartYield, Situation, ToolFrame, UnitAt};
 pub use survey::Survey;
 
 use crate::lanes::Real;
@@ -78,6 +79,11 @@ pub trait Effect: Listed + Debug + Send + Sync {
     /// Whether its offsets depend on the **commanded** motor angles. Then the command that reaches a wanted pose has to be found by
     /// iteration.
     fn follows_command(&self) -> bool {
+        false
+    }
+
+    /// Whether it depends on the cutting forces at the targets before.
+    fn follows_load(&self) -> bool {
         false
     }
 
@@ -222,6 +228,7 @@ physics::registry! {
     gravity: Gravity;
     backlash: Backlash;
     hysteresis: Hysteresis;
+    creep: Creep;
     gear_harmonic: GearHarmonic;
     joint_error_curve: JointErrorCurve;
     zero_offset: ZeroOffset;

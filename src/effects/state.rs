@@ -1,5 +1,5 @@
 use crate::lanes::{LaneMask, Mask, Vector, WIDTH};
-use crate::robot::Pose;
+use crate::robot::{Joints, Pose};
 use nalgebra::{DMatrix, Matrix3, Rotation3, Vector3};
 use std::fmt;
 
@@ -96,6 +96,32 @@ pub struct Situation<'a> {
     pub units: &'a [UnitAt],
     /// The compliance of the clamped part where it is cut; `None` without `[part.material]`.
     pub part: Option<PartAt<'a>>,
+    /// What is left of earlier cutting forces in gears that creep; `None` where there were none.
+    pub delayed: Option<&'a DelayedTorque>,
+}
+
+/// Times after which gears that creep follow a torque, s: one to a factor of five, from the time of a motion to that of a program.
+pub(crate) const CREEP_TIMES_S: [f64; 3] = [5.0, 25.0, 125.0];
+
+/// Torques of the cutting force at the motors, each delayed by a lag of the first order. Gears that creep yield to them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct DelayedTorque {
+    /// The delayed torques, N·m: with a lag of 5 s, of 25 s and of 125 s.
+    pub torques_nm: [Joints; CREEP_TIMES_S.len()],
+}
+
+impl DelayedTorque {
+    /// The delayed torques after a torque (N·m) has acted for some seconds.
+    #[must_use]
+    pub fn after(&self, torque_nm: &Joints, seconds: f64) -> Self {
+        let one = |n: usize| torque_nm + (self.torques_nm[n] - torque_nm) * (-seconds / CREEP_TIMES_S[n]).exp();
+        Self { torques_nm: std::array::from_fn(one) }
+    }
+
+    /// The delayed torques at a share of the way from one target to the next.
+    pub(crate) fn lerp(&self, to: &Self, share: f64) -> Self {
+        Self { torques_nm: std::array::from_fn(|n| self.torques_nm[n].lerp(&to.torques_nm[n], share)) }
+    }
 }
 
 /// The compliance of a clamped part at the place where it is cut.

@@ -1,5 +1,8 @@
-use crate::effects::Effect;
+use crate::effects::{Cutting, Effect, Load, Parts, Situation};
+use crate::lanes::Vector;
+use crate::robot::kinematics::Chain;
 use crate::robot::{Joints, Robot};
+use nalgebra::Vector3;
 
 /// The arm of a cell: the controller's model of it, and the effects that make the real arm differ from that model.
 #[derive(Debug)]
@@ -23,6 +26,31 @@ impl Arm {
     #[must_use]
     pub fn follows_travel(&self) -> bool {
         self.effects.iter().any(|effect| effect.presliding().is_some())
+    }
+
+    /// Whether any effect depends on the cutting forces at the targets before.
+    #[must_use]
+    pub fn follows_load(&self) -> bool {
+        self.effects.iter().any(|effect| effect.follows_load())
+    }
+
+    /// Torques of the cutting force at the motors, N·m, while the arm is in its nominal pose.
+    #[must_use]
+    pub fn cutting_torque(&self, situation: &Situation<'_>, motor: &Joints) -> Joints {
+        let force = match situation.cutting {
+            Cutting::Air => return Joints::zeros(),
+            Cutting::Constant(force) => force,
+            Cutting::Law { law, wobj_from_feed } => {
+                let axis = wobj_from_feed.inverse() * (situation.wobj_from_tcp.rotation * -Vector3::z());
+                wobj_from_feed * law.force(&Vector3::zeros(), &axis)
+            }
+        };
+        let (rows, mut chain, mut load) = (self.robot.rows::<f64>(), Chain::default(), Load::default());
+        rows.chain(&self.robot.joints(&rows.theta, &(*motor).into()), None, &mut chain);
+        load.start(Vector::of(&(situation.base_from_wobj.rotation * force)), Parts::NONE);
+        let base_from_tcp = situation.base_from_wobj * situation.wobj_from_tcp;
+        load.fill_torque(&self.robot, &chain, Vector::of(&base_from_tcp.translation.vector));
+        load.torque.into()
     }
 
     /// Whether the weight of the tool or the payload acts on the arm.

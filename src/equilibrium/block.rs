@@ -1,5 +1,5 @@
 use super::Number;
-use crate::effects::{self, Cutting, ForceLaw, PartAt, Situation, ToolFrame, UnitAt};
+use crate::effects::{self, Cutting, DelayedTorque, ForceLaw, PartAt, Situation, ToolFrame, UnitAt};
 use crate::lanes::{Frame, Mask, Vector, WIDTH};
 use crate::robot::Pose;
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -37,6 +37,7 @@ pub(crate) struct Site<'a> {
     pub(crate) payload: f64,
     pub(crate) units: &'a [UnitAt],
     pub(crate) part: Option<PartAt<'a>>,
+    pub(crate) delayed: Option<&'a DelayedTorque>,
 }
 
 impl Setting {
@@ -73,6 +74,7 @@ impl<'a> Site<'a> {
             payload: situation.payload,
             units: situation.units,
             part: situation.part,
+            delayed: situation.delayed,
         }
     }
 }
@@ -101,9 +103,10 @@ pub(super) struct Block<'a, R: Number> {
     lanes: SmallVec<[R::Mask; 2]>,
     /// Whether laws have changed since `lanes` was computed.
     changed: bool,
-    /// Whether any lane has ever had mechanical units, or a part that yields.
+    /// Whether any lane has ever had mechanical units, a part that yields, or delayed torques.
     units: bool,
     part: bool,
+    delayed: bool,
 }
 
 impl<'a, R: Number> Block<'a, R> {
@@ -126,6 +129,10 @@ impl<'a, R: Number> Block<'a, R> {
         if site.part.is_some() || self.part {
             own.part.set(lane, site.part.as_ref());
             self.part = true;
+        }
+        if site.delayed.is_some() || self.delayed {
+            own.set_delayed(lane, site.delayed);
+            self.delayed = true;
         }
         match &site.cutting {
             Cutting::Air => self.cut(lane, &NOWHERE, None),

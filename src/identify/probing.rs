@@ -111,6 +111,7 @@ impl Probing {
             velocity: Vector3::zeros(),
             time: self.time,
             temperature: self.temperature,
+            delayed: None,
             ..cut
         }
     }

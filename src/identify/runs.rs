@@ -58,6 +58,7 @@ impl Problem {
             Some(original) => Prepared::judged_by(original, program, cell, &options)?,
             None => Prepared::new(program, cell, &options)?,
         };
+        prepared.follow_loads(&cell.arm);
         if let Some(forces) = options.forces.as_ref().filter(|forces| forces.forces_given) {
             self.has_cut_length &= has_all_cuts(program, &prepared, forces);
         }

@@ -26,7 +26,7 @@ from robots import ROBOTS
 # What deflex calls each group: any of these names is right where the group acts.
 NAMES = {
     "springs": ["joint_stiffness"], "bent": ["stiffness_curve", "joint_stiffness"], "friction": ["hysteresis", "backlash"], "play": ["backlash"],
-    "creep": ["joint_stiffness", "hysteresis"], "periodic": ["gear_harmonic", "joint_error_curve"], "zeros": ["zero_offset"], "tool": ["tool_frame"],
+    "creep": ["creep"], "periodic": ["gear_harmonic", "joint_error_curve"], "zeros": ["zero_offset"], "tool": ["tool_frame"],
     "links": ["link_geometry"], "frame": ["work_object_frame"], "taught": ["work_object_frame"], "weight": ["gravity"], "balancer": ["gravity"],
     "beams": ["bearing_compliance", "base_compliance", "joint_stiffness"], "bearings": ["bearing_compliance"], "mount": ["base_compliance"],
     "holder": ["tool_compliance"], "plate": ["workpiece_compliance"], "heat": ["thermal_growth"], "rod": ["joint_stiffness", "stiffness_curve"],

@@ -101,6 +101,8 @@ impl Site {
             through: rare.and_then(|rare| rare.through),
             milled: rare.and_then(|rare| rare.milled.clone()),
             part: rare.and_then(|rare| rare.part.clone()),
+            // Creep follows the posture that is still to be chosen.
+            delayed: None,
             plunges: self.plunges,
         }
     }

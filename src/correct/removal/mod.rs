@@ -133,6 +133,9 @@ pub(super) fn run(
     if cuts == Cuts::Programmed {
         prepared.notes.extend(walk.notes(resolution, section.resolution.is_none()));
     }
+    if arm.follows_load() || prepared.points.iter().any(|point| point.delayed.is_some()) {
+        prepared.follow_loads(arm);
+    }
     Ok(Some(Removal { stock: walk.stock, notes }))
 }
 

@@ -1,6 +1,8 @@
 //! Rules that hold for every kind in the registry, in every form it has.
 
-use deflex::effects::{Cutting, Effect, KINDS, PartAt, PartYield, Situation, Survey, ToolFrame, UnitAt, kind};
+use deflex::effects::{
+    Cutting, DelayedTorque, Effect, KINDS, PartAt, PartYield, Situation, Survey, ToolFrame, UnitAt, kind,
+};
 use deflex::equilibrium::Arm;
 use deflex::robot::{Axes, BUILTIN, Joints, Pose};
 use nalgebra::{DMatrix, Matrix3, Rotation3, Translation3, Vector3};
@@ -66,6 +68,11 @@ static PART: std::sync::LazyLock<PartYield> = std::sync::LazyLock::new(|| PartYi
     stiffness: DMatrix::from_fn(6, 6, |i, j| if i % 3 == j % 3 { if i == j { 1e7 } else { -1e7 } } else { 0.0 }),
 });
 
+/// A cut that has gone on for a while.
+static DELAYED: std::sync::LazyLock<DelayedTorque> = std::sync::LazyLock::new(|| {
+    DelayedTorque::default().after(&Joints::new(-300.0, 800.0, 500.0, 50.0, -80.0, 20.0), 20.0)
+});
+
 /// A cut at `motor` with everything that an effect may look at.
 fn situation(arm: &Arm, motor: &Joints, force: Vector3<f64>) -> Situation<'static> {
     let tool = ToolFrame {
@@ -92,6 +99,7 @@ fn situation(arm: &Arm, motor: &Joints, force: Vector3<f64>) -> Situation<'stati
         payload: 6.0,
         units: &UNITS,
         part: Some(PartAt { yields: &PART, wobj_from_part: Rotation3::from_euler_angles(0.1, 0.2, -0.3) }),
+        delayed: Some(&DELAYED),
     }
 }
 

@@ -1,0 +1,76 @@
+//! Gears that creep, along a program: by hand, and in chunks against the same program as a whole.
+
+use deflex::cell::Cell;
+use deflex::correct::{Options, Sinks, compensate, compensate_chunks, predict};
+use deflex::program::Program;
+use deflex::program::rapid::{self, Chunks};
+use deflex::report::{CSV_HEADER, csv_rows, write_csv};
+use deflex::text::{Source, apply};
+
+/// The slot of the paper at 2 mm/s: 80 mm in 40 s. The force is constant.
+const CUT: &str = "[cut]\nforce = \"constant\"\nforce_n = [150.0, -90.0, 120.0]\nframe = \"wobj\"\n";
+
+/// All joints yield by another fifth, with a time constant of 5 s.
+const CREEP: &str = "\n[[effect]]\nkind = \"creep\"\nshare_5_s = [0.2, 0.2, 0.2, 0.2, 0.2, 0.2]\n\
+                     share_25_s = [0, 0, 0, 0, 0, 0]\nshare_125_s = [0, 0, 0, 0, 0, 0]\n";
+/// Share of the deflection by which the change of the pose in the last seconds may matter.
+const CHANGE_OF_POSE: f64 = 1e-3;
+
+const SOFTER: &str = "\n[[effect]]\nkind = \"joint_stiffness\"\nscale = [SCALE, SCALE, SCALE, SCALE, SCALE, SCALE]\n";
+
+fn cell(more: &str) -> Cell {
+    let text = std::fs::read_to_string("samples/slot/cell.toml").unwrap();
+    let text = format!("{}{CUT}{more}", text.split_once("[cut]").unwrap().0);
+    Cell::read(&Source::new("cell.toml", text.into_bytes())).unwrap()
+}
+
+fn text() -> String {
+    std::fs::read_to_string("samples/slot/slot.mod").unwrap().replace(",v20,", ",[2,500,5000,1000],")
+}
+
+fn program() -> Program {
+    rapid::read(vec![Source::new("slot.mod", text().into_bytes())], Vec::new()).unwrap()
+}
+
+/// Size of the predicted error at each target, mm.
+fn errors(more: &str) -> Vec<f64> {
+    let predicted = predict(&program(), &cell(more), &Options::default(), None).unwrap();
+    assert!(predicted.failures.is_empty(), "{:?}", predicted.failures);
+    predicted.rows.iter().map(deflex::correct::Row::error_norm_mm).collect()
+}
+
+#[test]
+fn joints_yield_more_and_more_until_they_are_as_soft_as_springs_softer_by_the_share() {
+    let crept = errors(CREEP);
+    // 0.5 s for each millimetre; the pose of the arm hardly changes.
+    for target in [1, 10, 20, 80] {
+        let share = 0.2 * (1.0 - (-0.5 * target as f64 / 5.0).exp());
+        let by_hand = errors(&SOFTER.replace("SCALE", &format!("{}", 1.0 / (1.0 + share))))[target];
+        assert!(
+            (crept[target] - by_hand).abs() < CHANGE_OF_POSE * by_hand,
+            "target {target}: {} and {by_hand}",
+            crept[target]
+        );
+    }
+}
+
+#[test]
+fn a_program_is_corrected_for_creep_the_same_in_chunks() {
+    let (cell, text, options) = (cell(CREEP), text(), Options::default());
+    let whole = compensate(&program(), &cell, &options).unwrap();
+    assert!(whole.rows.iter().all(|row| row.remaining_norm_mm() < 1e-4));
+    let (mut expected, mut report) = (Vec::new(), Vec::new());
+    apply(text.as_bytes(), &whole.rewritten.as_ref().unwrap().edits[0], &mut expected).unwrap();
+    write_csv(&whole.rows, &mut report).unwrap();
+    for (threads, size) in [(1, 700), (2, 2_000), (2, 1 << 20)] {
+        let chunks = Chunks::sized("slot.mod", text.as_bytes(), &[], size).unwrap().unwrap();
+        let (mut bytes, mut rows) = (Vec::new(), CSV_HEADER.as_bytes().to_vec());
+        let mut sinks =
+            Sinks { report: &mut rows, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
+        let streamed = compensate_chunks(chunks, &cell, &options, threads, &mut bytes, &mut sinks).unwrap();
+        assert!(streamed.failures.is_empty(), "{:?}", streamed.failures);
+        assert!(bytes == expected, "chunks of {size} bytes on {threads} threads");
+        let (rows, report) = (String::from_utf8_lossy(&rows), String::from_utf8_lossy(&report));
+        assert_eq!(rows, report, "chunks of {size} bytes on {threads} threads");
+    }
+}
