@@ -5,6 +5,7 @@
   benches/compare.py --figure docs/speed.svg [--largest N]           how time and memory grow
   benches/compare.py --memory [--targets N]                          peak memory by kind of program and command
   benches/compare.py --identification --rows 210000                  the same of an identification alone
+  benches/compare.py --driven                                        what the driven path costs
 
 --anchors (or ANCHORS in the environment) is a folder with the hand-written floor, built: target/release/pipeline_floor and
 force_bench; --python an interpreter with the packages of its python_job.py, the same job in NumPy. What is not there is left
@@ -259,6 +260,43 @@ def memory(args, folder):
         program.unlink()
 
 
+PATH_LAW = """
+[controller.path]
+zone_share = 0.87
+smoothing_s = [0.058, 0.058]
+acceleration_mm_s2 = 8000.0
+corner_acceleration_mm_s2 = 4000.0
+"""
+
+
+def processor_time(command):
+    """User and system time of one run, s."""
+    with subprocess.Popen([str(c) for c in command], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as job:
+        _, status, usage = os.wait4(job.pid, 0)
+        job.returncode = os.waitstatus_to_exitcode(status)
+    # 1 is a run with findings, such as the note of a large error between targets.
+    if job.returncode not in (0, 1):
+        sys.exit(f"{command} ended with {job.returncode}")
+    return usage.ru_utime + usage.ru_stime
+
+
+def driven(args, folder):
+    """Processor time on one thread without and with the law of the driven path, the least of the runs."""
+    surface, stock = folder / "surface.mod", ROOT / "samples/stock"
+    generate(surface, 50_000)
+    print("| run | without `[controller.path]` | with it | ratio |\n|---|---|---|---|")
+    jobs = [("surface", surface, HERE / "cell.toml", command) for command in ("predict", "compensate")]
+    jobs += [("samples/stock", stock / "part.mod", stock / "cell.toml", command) for command in ("predict", "compensate", "simulate")]
+    for name, program, cell, command in jobs:
+        with_law = folder / "with.toml"
+        with_law.write_text(cell.read_text() + PATH_LAW)
+        output = ["-o", folder / "out.mod"] if command == "compensate" else []
+        report = [] if command == "simulate" else ["--report", folder / "out.csv"]
+        least = [min(processor_time([DEFLEX, command, program, "--cell", c, *report, *output, "--jobs", 1, "--quiet"]) for _ in range(args.runs))
+                 for c in (cell, with_law)]
+        print(f"| `{command}`, {name} | {least[0]:.2f} s | {least[1]:.2f} s | {least[1] / least[0]:.2f} |", flush=True)
+
+
 def figure(args, folder):
     """Panels of (x, seconds, MiB)."""
     panels = []
@@ -392,6 +430,7 @@ def main():
     parser.add_argument("--rows", type=int, default=10_000, help="most measured rows of an identification; 1000000 for the largest")
     parser.add_argument("--identification", action="store_true", help="only how an identification grows")
     parser.add_argument("--memory", action="store_true", help="only peak memory")
+    parser.add_argument("--driven", action="store_true", help="only what the driven path costs")
     parser.add_argument("--generate", metavar="FILE", help="only write the program of --targets")
     args = parser.parse_args()
     if args.generate:
@@ -400,7 +439,7 @@ def main():
         sys.exit("/usr/bin/time is needed for the peak memory: apt-get install time")
     subprocess.run(["cargo", "build", "--release", "--quiet"], cwd=ROOT, check=True)
     with tempfile.TemporaryDirectory(dir=os.environ.get("DATA")) as folder:
-        what = figure if args.figure else memory if args.memory else identification if args.identification else table
+        what = figure if args.figure else memory if args.memory else driven if args.driven else identification if args.identification else table
         what(args, pathlib.Path(folder))
 
 
