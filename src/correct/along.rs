@@ -424,7 +424,7 @@ impl FollowedSegment<'_> {
         let setting = (self.setting)(1.0);
         let longer = if bend > 0.0 { LONGER } else { 1.0 };
         let length = longer * (ends[1].translation.vector - ends[0].translation.vector).norm();
-        // Through a circle point the orientation may turn there and back.
+        // On an arc the orientation may turn the longer way.
         let turn = (longer * turn_between(&ends[0].rotation, &ends[1].rotation).norm()).max(span * self.track.turn());
         let lever = if setting.held { 0.0 } else { setting.tool.flange_from_tcp.translation.vector.norm() };
         let time = time(span * self.track.length(), span * self.track.turn(), self.feed_mm_s);

@@ -89,10 +89,8 @@ impl Segment {
         };
         let chord = (to.base_from_tcp.translation.vector - start.translation.vector).norm();
         let straight = track.as_ref().map_or(chord, Track::length);
-        let turn = match track.as_ref().filter(|track| !track.is_arc()) {
-            Some(line) => line.turn(),
-            None => turn_between(&start.rotation, &to.base_from_tcp.rotation).norm(),
-        };
+        let joint_turn = || turn_between(&start.rotation, &to.base_from_tcp.rotation).norm();
+        let turn = track.as_ref().map_or_else(joint_turn, Track::turn);
         let length = straight.max(turn * to.feed / REORIENTATION_RAD_S);
         let direction = |share: f64| track.as_ref().and_then(|track| track.tangent(share));
         let arc = track.as_ref().filter(|track| track.is_arc());
