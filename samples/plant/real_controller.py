@@ -50,6 +50,8 @@ JUDGED = ["v50", "v300", "v500"]
 ZONES = ["fine", "z1", "z10", "z20"]
 WIDE_ZONES = ["z50", "z100", "z200", "z500"]
 RIGHT_MM, RIGHT_SHARE = 0.05, 0.1
+CURVES = {"movel_smooth": "two lines, tool turning", "movec_smooth": "two arcs", "movec+movel_smooth": "arc and line", "blade": "edge of a blade, three arcs"}
+NEAR_MM = 0.5  # a log begins and ends nearer than this to the ends of the programmed path
 
 
 def tcp(cell, deg):
@@ -96,33 +98,76 @@ def missed(path, corner):
     return float(np.linalg.norm(a + share[:, None] * along - corner, axis=1).min())
 
 
+def log_of(study, logs, case):
+    return log_rows(study / f"{logs}/{case[0]}/curve_exe_{case[1]}_{case[2]}.csv")
+
+
+def driven(cell, rows, ends):
+    """The TCP (mm) at the samples of a log between the ends of a path, without lead-in and lead-out."""
+    places = np.array([tcp(cell, row[2:8]).pos / MM for row in rows])
+    at_start, at_end = (np.flatnonzero(np.linalg.norm(places - end, axis=1) < NEAR_MM) for end in ends)
+    first = at_start[-1]
+    return places[first : at_end[at_end > first][0] + 1]
+
+
+def write_case(study, cell, logs, case, folder):
+    """Writes the program and the log of a case; returns their common stem and the corner."""
+    stem = folder / "_".join(case)
+    text, corner = program(study, cell, *case)
+    pathlib.Path(f"{stem}.mod").write_text(text)
+    rows = log_of(study, logs, case)
+    np.savetxt(f"{stem}.csv", np.column_stack([rows[:, 0], rows[:, 2:8]]), delimiter=",", fmt="%.6f",
+               header="time_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg", comments="")
+    return stem, corner
+
+
+def fit(deflex, stems, cell_file, folder):
+    """The cell with the law of these logs, and what `identify` says of it."""
+    law = folder / "law.toml"
+    given = [word for stem in stems for word in ("--log", f"{stem}.mod", f"{stem}.csv")]
+    subprocess.run([deflex, "identify", *given, "--cell", cell_file, "-o", law, "--json", folder / "law.json"], check=True, stdout=subprocess.DEVNULL)
+    return law, json.loads((folder / "law.json").read_text())["path"]
+
+
+def predicted(deflex, stem, cell_file, folder):
+    """The predicted path of the TCP, mm."""
+    subprocess.run([deflex, "predict", f"{stem}.mod", "--cell", cell_file, "--path", folder / "path.csv", "--report", folder / "r.csv", "-q"], check=True)
+    with open(folder / "path.csv", newline="") as f:
+        return np.array([[float(row[axis]) for axis in ("x_mm", "y_mm", "z_mm")] for row in csv.DictReader(f)])
+
+
+def curves(study, deflex, folder):
+    """Distance (rms, mm) of each curve's logs from the programmed and from the predicted path."""
+    cell_file = folder / "cell.toml"
+    cell_file.write_text(CELL)
+    cell = read_cell(cell_file)
+    for name, words in CURVES.items():
+        fitted = [write_case(study, cell, "execution", (name, speed, zone), folder)[0] for speed in ("v50", "v300") for zone in ZONES[1:]]
+        law, _ = fit(deflex, fitted, cell_file, folder)
+        figures = []
+        for speed in ("v500", "v1000"):
+            case = name, speed, "z10"
+            stem, _ = write_case(study, cell, "execution", case, folder)
+            paths = [predicted(deflex, stem, by, folder) for by in (cell_file, law)]
+            places = driven(cell, log_of(study, "execution", case), paths[0][[0, -1]])
+            for path in paths:
+                figures.append(np.sqrt(np.mean([missed(path, place) ** 2 for place in places])))
+        print(f"| {words} | " + " | ".join(f"{figure:.3f} mm" for figure in figures) + " |")
+
+
 def judge(study, logs, deflex, folder):
     cell_file = folder / "cell.toml"
     cell_file.write_text(CELL)
     cell = read_cell(cell_file)
     cases = [(name, speed, zone) for name in CORNERS for speed in JUDGED for zone in ZONES]
     cases += [(CORNERS[0], speed, zone) for speed in JUDGED for zone in WIDE_ZONES if (study / f"{logs}/{CORNERS[0]}/curve_exe_{speed}_{zone}.csv").exists()]
-    given, corners = [], {}
-    for case in cases:
-        stem = folder / "_".join(case)
-        text, corners[case] = program(study, cell, *case)
-        stem.with_suffix(".mod").write_text(text)
-        rows = log_rows(study / f"{logs}/{case[0]}/curve_exe_{case[1]}_{case[2]}.csv")
-        np.savetxt(stem.with_suffix(".csv"), np.column_stack([rows[:, 0], rows[:, 2:8]]), delimiter=",", fmt="%.6f",
-                   header="time_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg", comments="")
-        if case[0] in FITTED[0] and case[1] in FITTED[1] and case[2] in ZONES:
-            given += ["--log", stem.with_suffix(".mod"), stem.with_suffix(".csv")]
-    law = folder / "law.toml"
-    subprocess.run([deflex, "identify", *given, "--cell", cell_file, "-o", law, "--json", folder / "law.json"], check=True, stdout=subprocess.DEVNULL)
-    found = json.loads((folder / "law.json").read_text())["path"]
+    written = {case: write_case(study, cell, logs, case, folder) for case in cases}
+    fitted = [stem for case, (stem, _) in written.items() if case[0] in FITTED[0] and case[1] in FITTED[1] and case[2] in ZONES]
+    law, found = fit(deflex, fitted, cell_file, folder)
     right, worst = 0, []
-    for case in cases:
-        stem = folder / "_".join(case)
-        subprocess.run([deflex, "predict", stem.with_suffix(".mod"), "--cell", law, "--path", folder / "path.csv", "--report", folder / "r.csv", "-q"], check=True)
-        with open(folder / "path.csv", newline="") as f:
-            path = np.array([[float(row[axis]) for axis in ("x_mm", "y_mm", "z_mm")] for row in csv.DictReader(f)])
-        measured = np.array([tcp(cell, row[2:8]).pos / MM for row in log_rows(study / f"{logs}/{case[0]}/curve_exe_{case[1]}_{case[2]}.csv")])
-        was, said = missed(measured, corners[case]), missed(path, corners[case])
+    for case, (stem, corner) in written.items():
+        was = missed(np.array([tcp(cell, row[2:8]).pos / MM for row in log_of(study, logs, case)]), corner)
+        said = missed(predicted(deflex, stem, law, folder), corner)
         is_right = abs(said - was) <= max(RIGHT_MM, RIGHT_SHARE * was)
         right += is_right
         if not is_right:
@@ -140,6 +185,9 @@ def main():
             found, right, count, worst = judge(a.study, logs, a.deflex, pathlib.Path(folder))
         print(f"{logs}: corner right in {right} of {count}\n{json.dumps(found)}")
         print("".join(f"  {line}\n" for line in worst))
+    print("| program | 500 mm/s, from the programmed path | from the predicted path | 1000 mm/s, from the programmed path | from the predicted path |")
+    with tempfile.TemporaryDirectory() as folder:
+        curves(a.study, a.deflex, pathlib.Path(folder))
 
 
 if __name__ == "__main__":
