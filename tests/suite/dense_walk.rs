@@ -152,15 +152,9 @@ fn along(from: &Pose, to: &Move, share: f64) -> (Pose, Vector3<f64>) {
         let (a, b) = (from.0 - centre, p - centre);
         a.cross(&b).dot(&axis).atan2(a.dot(&b)).rem_euclid(2.0 * PI)
     };
-    let (whole, half) = (angle(&to.to.0), angle(&via.0));
-    let out = Rotation3::from_axis_angle(&axis, share * whole) * (from.0 - centre);
-    let first = half / whole;
-    let orientation = if share < first {
-        turned(from, &via, share / first)
-    } else {
-        turned(&via, &to.to, (share - first) / (1.0 - first))
-    };
-    ((centre + out, orientation), axis.cross(&out).normalize())
+    let out = Rotation3::from_axis_angle(&axis, share * angle(&to.to.0)) * (from.0 - centre);
+    // The controller does not use the orientation of the circle point. These programs turn by less than half a turn.
+    ((centre + out, turned(from, &to.to, share)), axis.cross(&out).normalize())
 }
 
 fn length(from: &Pose, to: &Move) -> f64 {
