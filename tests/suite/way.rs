@@ -279,7 +279,7 @@ fn beyond_ends(way: &[[f64; 6]], axis: usize) -> (f64, f64) {
 fn a_limit_that_is_passed_between_targets_is_found_whatever_the_length() {
     const STEPS: usize = 2000;
     let mut tally = [0; 6];
-    for seed in 0..120 {
+    for seed in 0..720 {
         let text = drawn_way(&mut Dice::new(7_000 + seed));
         let way: Vec<[f64; 6]> = followed(&text, STEPS).0.iter().map(|q| q.map(f64::to_degrees).into()).collect();
         if way.iter().any(|q| q[4] < 15.0) {
