@@ -16,6 +16,7 @@ import random
 import re
 import statistics
 import subprocess
+import sys
 import tempfile
 import time
 
@@ -42,7 +43,10 @@ def identify(deflex, rows, cell):
         start = time.perf_counter()
         job = subprocess.Popen([deflex, "identify", "--poses", folder / "rows.csv", "--cell", folder / "cell.toml", "-o", folder / "found.toml",
                                 "--json", folder / "found.json"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        _, _, usage = os.wait4(job.pid, 0)
+        _, status, usage = os.wait4(job.pid, 0)
+        job.returncode = os.waitstatus_to_exitcode(status)
+        if job.returncode:
+            sys.exit(f"{job.args} ended with {job.returncode}")
         took = time.perf_counter() - start, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 2**20
         return json.loads((folder / "found.json").read_text()), took
 

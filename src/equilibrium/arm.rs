@@ -35,8 +35,7 @@ impl Arm {
     }
 
     /// Torques of the cutting force at the motors, N·m, while the arm is in its nominal pose.
-    #[must_use]
-    pub fn cutting_torque(&self, situation: &Situation<'_>, motor: &Joints) -> Joints {
+    pub(crate) fn cutting_torque(&self, situation: &Situation<'_>, motor: &Joints) -> Joints {
         let force = match situation.cutting {
             Cutting::Air => return Joints::zeros(),
             Cutting::Constant(force) => force,
