@@ -21,6 +21,23 @@ use std::sync::Mutex;
 ///
 /// # Errors
 /// See [`StreamError`]; what was written until then must not be used.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// use deflex::correct::{Options, Sinks, compensate_chunks, compensate};
+/// use deflex::program::rapid;
+///
+/// let text = std::fs::File::open("samples/slot/slot.mod")?;
+/// if let Some(chunks) = rapid::Chunks::new("slot.mod", text, &[])? {
+///     let (mut corrected, mut report) = (Vec::new(), Vec::new());
+///     let mut sinks = Sinks { report: &mut report, rows: &|_| Vec::new(), each: &mut |_| (), progress: &|_, _| () };
+///     let done = compensate_chunks(chunks, &cell, &Options::default(), 2, &mut corrected, &mut sinks);
+///     assert!(done.is_ok_and(|done| done.failures.is_empty()) && corrected.starts_with(b"%%%"));
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn compensate_chunks<C: ChunkReader + Send>(
     chunks: C,
     cell: &Cell,

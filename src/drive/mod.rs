@@ -88,6 +88,13 @@ impl PathLaw {
     };
 
     /// Time for which the controller still moves the axes after its path has ended, s.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::drive::PathLaw;
+    ///
+    /// assert!(PathLaw::TYPICAL.settling() > 0.0); // s
+    /// ```
     #[must_use]
     pub fn settling(&self) -> f64 {
         self.smoothing[0] + self.smoothing[1]

@@ -112,6 +112,16 @@ pub struct DelayedTorque {
 
 impl DelayedTorque {
     /// The delayed torques after a torque (N·m) has acted for some seconds.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::effects::DelayedTorque;
+    /// use deflex::robot::Joints;
+    ///
+    /// // After a long time, the gears have followed the torque.
+    /// let delayed = DelayedTorque::default().after(&Joints::repeat(100.0), 1e6);
+    /// assert!((delayed.torques_nm[2][0] - 100.0).abs() < 1e-9); // N·m
+    /// ```
     #[must_use]
     pub fn after(&self, torque_nm: &Joints, seconds: f64) -> Self {
         let one = |n: usize| torque_nm + (self.torques_nm[n] - torque_nm) * (-seconds / CREEP_TIMES_S[n]).exp();
@@ -141,6 +151,15 @@ pub const MOST_CLAMPS: usize = 4;
 
 impl PartYield {
     /// A part whose clamps have their declared stiffness and cannot give way further.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::effects::PartYield;
+    /// use deflex::nalgebra::Matrix3;
+    ///
+    /// let yields = PartYield::held_as_declared(Matrix3::identity() * 1e-7); // m/N
+    /// println!("{yields:?}");
+    /// ```
     #[must_use]
     pub fn held_as_declared(compliance: Matrix3<f64>) -> Self {
         Self { compliance, motions: Vec::new(), stiffness: DMatrix::zeros(0, 0) }
@@ -205,6 +224,15 @@ pub struct UnitAt {
 
 impl UnitAt {
     /// A unit by its name; upper and lower case are the same.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::effects::UnitAt;
+    /// use deflex::robot::Pose;
+    ///
+    /// let table = UnitAt::new("STN1", Pose::identity(), true, false); // it carries the part
+    /// println!("{table:?}");
+    /// ```
     #[must_use]
     pub fn new(name: &str, wobj_from_unit: Pose, part: bool, robot: bool) -> Self {
         Self { key: unit_key(name), wobj_from_unit, part, robot }

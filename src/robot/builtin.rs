@@ -69,6 +69,14 @@ fn forward() -> [f64; 6] {
 
 impl Builtin {
     /// The language of its maker's controllers; `None` if deflex does not read it.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::{program::Language, robot::Builtin};
+    ///
+    /// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot");
+    /// assert_eq!(robot.language(), Some(Language::Rapid));
+    /// ```
     #[must_use]
     pub fn language(&self) -> Option<Language> {
         Language::ALL.into_iter().find(|language| language.about().maker == self.maker)
