@@ -36,6 +36,15 @@ impl Origin {
     ///
     /// # Errors
     /// Those of `input`.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::report::Origin;
+    ///
+    /// let origin = Origin::read("part.mod", &b"MODULE A"[..])?;
+    /// assert_eq!(origin.sha256, Origin::of("part.mod", b"MODULE A").sha256);
+    /// # Ok::<(), std::io::Error>(())
+    /// ```
     pub fn read(path: &str, mut input: impl Read) -> io::Result<Self> {
         let (mut hash, mut block) = (Sha256::new(), vec![0; 64 * 1024]);
         loop {

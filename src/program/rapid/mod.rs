@@ -213,6 +213,15 @@ pub fn read(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<D
 ///
 /// # Errors
 /// As [`read`], but for cut-off files.
+///
+/// # Examples
+/// ```
+/// use deflex::{program::rapid, text::Source};
+///
+/// let program = rapid::look(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// assert_eq!(program.motion_targets(), 81);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn look(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
     let dialect = dialect::of(&sources);
     read_cut(dialect, sources, context, Cut::Looked)

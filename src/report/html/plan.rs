@@ -36,6 +36,14 @@ pub struct DrawnArm(Value);
 
 impl DrawnArm {
     /// The arm of a cell.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{cell::Cell, text::Source};
+    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+    /// let arm = deflex::report::html::DrawnArm::of(&cell);
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn of(cell: &Cell) -> Self {
         Self(scene::scene(cell))
