@@ -152,7 +152,7 @@ fn the_command_checks_a_subdivided_program() {
     let largest = |json: &serde_json::Value, key: &str| json[key].as_f64().unwrap();
     let correction = largest(&told["files"][0], "max_correction_mm");
     assert!((largest(&json, "max_mm") - correction).abs() < PRINTED, "{json}");
-    // Something else changed besides: its line.
+    // Something else changed as well: its line is listed.
     bench.write("slower.mod", bench.read("out.mod").replacen(",v20,fine", ",v10,fine", 1));
     let ran = bench.run("diff walk.mod slower.mod").exits(1);
     assert!(ran.stdout.ends_with("\n  other differences           2\n"), "{}", ran.stdout);

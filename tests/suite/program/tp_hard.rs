@@ -589,7 +589,7 @@ fn a_called_program_may_count_from_where_the_robot_stands() {
     }
 }
 
-/// What runs at a time before or behind a point says nothing of the options that follow it.
+/// A call that runs some time before or after a point does not change the options that follow it.
 #[test]
 fn options_behind_a_timed_call_count() {
     let statements = "L P[1] 10mm/sec FINE TB .10sec,CALL SUB2 Offset,PR[1]\nL P[2] 10mm/sec FINE TB .10sec,DO[1]=ON";

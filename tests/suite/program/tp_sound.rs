@@ -29,7 +29,7 @@ enum Op {
     Read(u32),
     Redefine(u32),
     Call,
-    /// Runs a program beside this one.
+    /// Runs a program in parallel to this one.
     Beside,
     Label(u32),
     Jump(u32),
@@ -277,7 +277,7 @@ impl Machine<'_> {
                     let Some(to) = self.last[start].or(to) else { return };
                     let counter = self.registers[register as usize] + if down { -1 } else { 1 };
                     let enters = if down { counter >= to } else { counter <= to };
-                    // What is in the counter behind the loop is anybody's guess.
+                    // The manuals do not say which value the counter has after the loop.
                     self.registers[register as usize] = if enters { counter } else { self.random(5) as i32 };
                     next = Some(if enters { start + 1 } else { at + 1 });
                 }
