@@ -3,6 +3,13 @@
 //! `docs/limits-and-safety.md` take all bounds from here.
 
 /// An upper bound for a count.
+///
+/// # Examples
+/// ```
+/// for bound in deflex::limits::ALL {
+///     println!("{}: at most {}", bound.what, bound.most);
+/// }
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Bound {

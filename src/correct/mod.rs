@@ -111,6 +111,14 @@ pub enum Correct {
 }
 
 /// Options of a run.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::{Correct, Options};
+///
+/// // Correct positions alone, and insert targets until at most 0.02 mm remains between two of them.
+/// let options = Options { correct: Correct::Position, subdivide: Some(2e-5), ..Options::default() };
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct Options {
     /// Whether pose or position is corrected.

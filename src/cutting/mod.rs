@@ -34,6 +34,14 @@ pub(crate) use milling::{check_coefficients, check_cutter, check_feed};
 pub use table::{ForceTable, TABLE_BOUND};
 
 /// A bull-nose cutter; ball (`corner_radius = diameter/2`) and flat (`corner_radius = 0`) included.
+///
+/// # Examples
+/// ```
+/// use deflex::cutting::Cutter;
+///
+/// let bull_nose = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 30_f64.to_radians() };
+/// assert_eq!(bull_nose.radius(), 0.0125); // m
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cutter {
     /// Diameter, m.
@@ -58,6 +66,15 @@ pub enum Mode {
 }
 
 /// How the cutter meets the material at the programmed pose.
+///
+/// # Examples
+/// ```
+/// use deflex::cutting::{Engagement, Mode};
+///
+/// // Down milling, 1 mm deep and 12 mm wide, with the tool leaning forward by 8°.
+/// let lead = 8_f64.to_radians();
+/// let cut = Engagement { mode: Mode::Down, depth: 1e-3, width: 0.012, feed_per_tooth: 7e-5, lead, tilt: 0.0 };
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Engagement {
     /// Slot, up or down milling.

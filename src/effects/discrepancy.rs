@@ -43,6 +43,17 @@ pub struct Bell {
 
 /// The effect `empirical` as a sum of bells. `reach` is their length scale in units of the spreads of place (mm), wrist angles (rad) and
 /// force (N).
+///
+/// # Examples
+/// ```
+/// use deflex::effects::{Bell, discrepancy};
+/// use deflex::nalgebra::Vector3;
+///
+/// // 0.05 mm along x near one place, at one posture of the wrist, without a force.
+/// let at = Vector3::new(900.0, 0.0, 400.0);
+/// let bell = Bell { at, wrist: Vector3::zeros(), force: Vector3::zeros(), shift: Vector3::new(0.05, 0.0, 0.0) };
+/// assert_eq!(discrepancy(2.0, [80.0, 0.1, 100.0], &[bell]).kind(), "empirical");
+/// ```
 #[must_use]
 pub fn discrepancy(reach: f64, [place, wrist, force]: [f64; 3], bells: &[Bell]) -> Box<dyn Effect> {
     let all = |of: &dyn Fn(&Bell) -> Vector3<f64>| bells.iter().map(|bell| of(bell).into()).collect();

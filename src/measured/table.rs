@@ -49,6 +49,15 @@ pub struct MeasuredRow {
 }
 
 /// A measured file.
+///
+/// # Examples
+/// ```
+/// use deflex::{measured::Table, text::Source};
+///
+/// let table = Table::read(&Source::new("probe.csv", "target,normal_mm\n1,0.12\n2,0.14\n"))?;
+/// assert_eq!(table.rows.len(), 2);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Table {
     /// File name, for messages.

@@ -52,6 +52,15 @@ use crate::text::{Diagnostic, Edit, Source, Span, applied};
 use std::sync::Arc;
 
 /// A program as read: one or several sources with shared names.
+///
+/// # Examples
+/// ```
+/// use deflex::{program::rapid, text::Source};
+///
+/// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// println!("{} targets, {} tools", program.targets.len(), program.tools.len());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Program {
@@ -216,6 +225,14 @@ pub struct UnknownMotion {
 }
 
 /// The wanted values of one target.
+///
+/// # Examples
+/// ```
+/// use deflex::program::Change;
+///
+/// // Lift a target by 0.1 mm.
+/// let change = Change { position_mm: [0.0, 0.0, 0.1], quat: None, conf: None, external: None };
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Change {
     /// New position in the target's work object, mm.
@@ -265,6 +282,13 @@ impl Insert {
 }
 
 /// Options for writing corrections.
+///
+/// # Examples
+/// ```
+/// use deflex::program::RewriteOptions;
+///
+/// let options = RewriteOptions { allow_clones: true, ..RewriteOptions::default() };
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct RewriteOptions {
     /// Whether a declared target used with different corrections may get a clone of its own.

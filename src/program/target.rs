@@ -193,6 +193,14 @@ pub enum Motion {
 }
 
 /// The pose or the joints of a target.
+///
+/// # Examples
+/// ```
+/// use deflex::program::Goal;
+///
+/// let goal = Goal::Pose { position_mm: [10.0, 0.0, -2.0], quat: [0.0, 1.0, 0.0, 0.0], conf: None };
+/// assert!(matches!(goal, Goal::Pose { position_mm: [x, _, _], .. } if x == 10.0));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Goal {
     /// A pose in the work object.

@@ -10,6 +10,14 @@ use serde_json::{Value, json};
 use std::fmt::Write;
 
 /// The result of `check` for one program.
+///
+/// # Examples
+/// ```
+/// use deflex::report::{CheckFile, Judgement};
+///
+/// let file = CheckFile::new("part.mod", Judgement { targets: 12, ..Judgement::default() }, (vec![], 0));
+/// assert_eq!(file.path, "part.mod");
+/// ```
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct CheckFile {

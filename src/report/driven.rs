@@ -39,6 +39,17 @@ pub fn path_csv(samples: &[LoadedSample]) -> Vec<u8> {
 }
 
 /// The result of fitting the law of a controller to logs, as text.
+///
+/// # Examples
+/// ```
+/// use deflex::drive::FittedLaw;
+/// use deflex::report::path_law_text;
+///
+/// /// Prints the answer.
+/// fn show(found: &FittedLaw) {
+///     print!("{}", path_law_text(found));
+/// }
+/// ```
 #[must_use]
 pub fn path_law_text(found: &FittedLaw) -> String {
     let FittedLaw { law, before, after, run_time_s, .. } = found;

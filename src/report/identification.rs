@@ -7,6 +7,17 @@ use std::fmt::Write;
 
 /// The answer in one sentence: what is wrong with the data, which effects were found in which axes, how much smaller the error is with
 /// them, and whether anything else remains.
+///
+/// # Examples
+/// ```
+/// use deflex::identify::Identification;
+/// use deflex::report::identify_answer;
+///
+/// /// Prints the answer.
+/// fn show(found: &Identification) {
+///     print!("{}", identify_answer(found));
+/// }
+/// ```
 #[must_use]
 pub fn identify_answer(found: &Identification) -> String {
     let mut parts = Vec::new();
@@ -118,6 +129,17 @@ pub(super) fn significant(value: f64) -> String {
 
 /// The summary: the answer in one sentence, the errors before and after, the effects that were added, those that the rows cannot
 /// distinguish, what remains unexplained, and what to measure next.
+///
+/// # Examples
+/// ```
+/// use deflex::identify::Identification;
+/// use deflex::report::identify_text;
+///
+/// /// Prints the answer.
+/// fn show(found: &Identification) {
+///     print!("{}", identify_text(found));
+/// }
+/// ```
 #[must_use]
 pub fn identify_text(found: &Identification) -> String {
     let mut out = identify_answer(found);

@@ -8,6 +8,13 @@ use std::io::{self, Read};
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// A file from which a result was made, with its hash. `sha256sum` shows whether it has changed since.
+///
+/// # Examples
+/// ```
+/// use deflex::report::Origin;
+///
+/// assert_eq!(Origin::of("part.mod", b"MODULE A").sha256.len(), 64);
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub struct Origin {

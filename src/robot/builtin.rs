@@ -4,6 +4,13 @@ use serde::Deserialize;
 use std::sync::LazyLock;
 
 /// A built-in robot, for which a cell needs no `[robot.kinematics]`.
+///
+/// # Examples
+/// ```
+/// use deflex::robot::BUILTIN;
+///
+/// assert!(BUILTIN.iter().any(|robot| robot.model == "irb6660-205-1.9"));
+/// ```
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]

@@ -6,6 +6,14 @@ use crate::lanes::{Real, SinCos, six};
 use nalgebra::Vector3;
 
 /// One modified Denavit-Hartenberg row (Craig): `Rx(alpha) Tx(a) Rz(theta + joint) Tz(d)`.
+///
+/// # Examples
+/// ```
+/// use deflex::robot::DhRow;
+///
+/// // The first row of an IRB 6660, rad and m.
+/// let row = DhRow { alpha: 0.0, a: 0.0, d: 0.8145, theta: 0.0 };
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DhRow {
     /// Twist about the previous x axis, rad.

@@ -12,6 +12,15 @@ pub(crate) fn gravity_at(world_from_base: &Pose) -> Vector3<f64> {
 }
 
 /// The controller's model of the arm.
+///
+/// # Examples
+/// ```
+/// use deflex::robot::Builtin;
+///
+/// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+/// let flange = robot.forward(&robot.motor_from_axes_deg(&[0.0; 6]));
+/// assert!((flange.translation.x - 1.393).abs() < 1e-9); // m
+/// ```
 #[derive(Clone, Debug)]
 pub struct Robot {
     /// Name for messages.

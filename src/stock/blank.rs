@@ -5,6 +5,13 @@ use nalgebra::Vector3;
 use std::sync::Arc;
 
 /// A blank in the stock's frame, m.
+///
+/// # Examples
+/// ```
+/// use deflex::{nalgebra::Vector3, stock::Blank};
+///
+/// let blank = Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]); // m
+/// ```
 #[derive(Clone, Debug)]
 pub enum Blank {
     /// A box with its lower and upper corner.

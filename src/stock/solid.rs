@@ -3,6 +3,14 @@
 use crate::cutting::Cutter;
 
 /// A cutter as a solid: a cylinder whose lower edge is rounded. Flat (corner 0) and ball (corner = radius) included.
+///
+/// # Examples
+/// ```
+/// use deflex::stock::Solid;
+///
+/// let ball = Solid { radius: 5e-3, corner: 5e-3 }; // m
+/// assert_eq!(ball.flat(), 0.0);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Solid {
     /// Radius, m.

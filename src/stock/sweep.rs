@@ -5,6 +5,13 @@ use nalgebra::{Rotation3, Unit, Vector3};
 use std::ops::Range;
 
 /// The pose of a tool in the stock's frame.
+///
+/// # Examples
+/// ```
+/// use deflex::{nalgebra::Vector3, stock::ToolPose};
+///
+/// let upright = ToolPose { tip: Vector3::new(0.0, 0.0, -2e-3), axis: Vector3::z_axis() };
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToolPose {
     /// The tip, m.

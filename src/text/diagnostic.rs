@@ -13,6 +13,14 @@ pub enum Severity {
 }
 
 /// A message about one place: what is wrong, what was expected, and what to do.
+///
+/// # Examples
+/// ```
+/// use deflex::text::Diagnostic;
+///
+/// let found = Diagnostic::error("a.code", "part.mod", "what is wrong").help("what to do");
+/// assert!(found.to_string().contains("what is wrong"));
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Diagnostic {

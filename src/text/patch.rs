@@ -11,12 +11,12 @@ pub struct Patch<S: Write> {
     scratch: BufWriter<S>,
     /// Number of bytes in the scratch file.
     waiting: u64,
-    parts: Vec<Part>,
+    parts: Vec<Replacement>,
 }
 
 /// One replacement: the range of `old` bytes from `start`, and the range of its new text in the scratch file.
 #[derive(Clone, Copy, Debug)]
-struct Part {
+struct Replacement {
     start: u64,
     waits: u64,
     old: u32,
@@ -61,7 +61,7 @@ impl<S: Read + Write + Seek> Patch<S> {
     pub fn replace(&mut self, start: u64, old: u32, text: &[u8]) -> io::Result<()> {
         let new = u32::try_from(text.len()).map_err(|_| io::ErrorKind::FileTooLarge)?;
         self.scratch.write_all(text)?;
-        self.parts.push(Part { start, waits: self.waiting, old, new });
+        self.parts.push(Replacement { start, waits: self.waiting, old, new });
         self.waiting += text.len() as u64;
         Ok(())
     }

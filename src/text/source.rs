@@ -2,6 +2,14 @@ use super::Span;
 use std::borrow::Cow;
 
 /// One input file: its name in messages, and its bytes, which are never converted.
+///
+/// # Examples
+/// ```
+/// use deflex::text::Source;
+///
+/// let source = Source::new("part.mod", "MODULE A\nENDMODULE\n");
+/// assert_eq!(source.bytes.len(), 19);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Source {
     /// Path as the user typed it, `-` for standard input.

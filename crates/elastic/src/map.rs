@@ -71,7 +71,7 @@ pub struct ComplianceMap {
     /// Combinations of fields, by column, that are orthonormal in energy.
     basis: DMatrix<f64>,
     /// Places at which forces have been solved.
-    solved: Vec<Place>,
+    solved: Vec<SolvedPlace>,
     /// Largest distance between two places, mm.
     size: f64,
     rounds: usize,
@@ -80,7 +80,7 @@ pub struct ComplianceMap {
 }
 
 /// A place at which forces have been solved.
-struct Place {
+struct SolvedPlace {
     at: [f64; 3],
     spot: Spot,
     sampled: Sampled,
@@ -410,7 +410,7 @@ impl ComplianceMap {
             let lacked = Lacked { compliance: lacked / found.sqrt(), distance };
             let lacked = (distance < self.size).then_some(lacked);
             let Candidate { at, spot, sampled, .. } = &candidates[candidate];
-            self.solved.push(Place { at: *at, spot: spot.clone(), sampled: sampled.clone(), known, lacked });
+            self.solved.push(SolvedPlace { at: *at, spot: spot.clone(), sampled: sampled.clone(), known, lacked });
         }
     }
 

@@ -8,6 +8,15 @@ use deflex::text::{Diagnostic, Source};
 use std::path::PathBuf;
 
 /// The files of one program, read and not yet parsed.
+///
+/// # Examples
+/// ```
+/// use deflex::cli::session::ProgramFiles;
+///
+/// let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
+/// println!("{}", program.name());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct ProgramFiles {
     /// Holds the texts in memory.

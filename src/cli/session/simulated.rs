@@ -219,7 +219,7 @@ impl Simulated {
     pub fn text(&self) -> String {
         let row = |(which, f): &(&str, MapFigures)| {
             format!(
-                "  {which:9} {:8.4} {:8.4} {:8.4} {:14.4} {:8.1} % {:14.4} {:8.1} %\n",
+                "  {which:9} {:8.4} {:8.4} {:8.4} {:14.4} {:10.1} % {:15.4} {:10.1} %\n",
                 f.rms_mm,
                 f.mean_mm,
                 f.max_mm,
@@ -231,7 +231,7 @@ impl Simulated {
         };
         let rows: String = self.figures.iter().map(row).collect();
         format!(
-            "{}: deviation of the surface, mm\n  {:9} {:>8} {:>8} {:>8} {:>14} {:>10} {:>14} {:>10}\n{rows}",
+            "{}: deviation of the surface, mm\n  {:9} {:>8} {:>8} {:>8} {:>14} {:>12} {:>15} {:>12}\n{rows}",
             self.name, "", "rms", "mean", "max", "deepest gouge", "of surface", "most left over", "of surface"
         )
     }

@@ -87,6 +87,24 @@ fn choose(context: Context<'_>) -> Result<ChosenTurns, Vec<Diagnostic>> {
 ///
 /// # Errors
 /// See [`StreamError`].
+///
+/// # Examples
+/// ```
+/// # use deflex::cell::Cell;
+/// # use deflex::correct::{Options, Sinks, StreamError, Streamed};
+/// use deflex::correct::choose_turns;
+/// use deflex::program::rapid;
+///
+/// /// The options for the runs of a program whose turns about the tool axis are free.
+/// fn with_turns(cell: &Cell, options: Options) -> Result<Options, StreamError> {
+///     let file = std::fs::File::open("part.mod").map_err(StreamError::Read)?;
+///     let Some(chunks) = rapid::Chunks::new("part.mod", file, &[]).map_err(StreamError::Read)? else {
+///         return Err(StreamError::NotStreamable);
+///     };
+///     let turns = choose_turns(chunks, cell, &options)?;
+///     Ok(Options { turns, ..options })
+/// }
+/// ```
 pub fn choose_turns(
     mut chunks: impl ChunkReader,
     cell: &Cell,

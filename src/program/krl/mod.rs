@@ -45,14 +45,14 @@ pub use chunks::{CHUNK, Chunk, Chunks};
 
 use super::{Kept, Language, Program, Reason};
 use crate::text::{Diagnostic, Severity, Source, Span};
-use run::{Runner, Site};
+use run::{PositionTokens, Runner};
 use tree::File;
 
 /// Where the numbers of targets stand.
 #[derive(Debug, Default)]
 pub(crate) struct Layout {
     /// One a target.
-    sites: Vec<Site>,
+    sites: Vec<PositionTokens>,
     /// Executed motions, those whose target is not known when reading among them.
     motions: usize,
 }

@@ -51,6 +51,19 @@ impl DrawnArm {
 }
 
 /// The page of a plan called `name`, made for a cell with this arm.
+///
+/// # Examples
+/// ```
+/// use deflex::cell::Cell;
+/// use deflex::identify::Plan;
+/// use deflex::report::Origin;
+/// use deflex::report::html::{DrawnArm, plan_page};
+///
+/// /// Writes the page of a plan.
+/// fn write(plan: &Plan, cell: &Cell) -> std::io::Result<()> {
+///     std::fs::write("plan.html", plan_page(plan, "plan.mod", &Origin::of("cell.toml", b""), &DrawnArm::of(cell)))
+/// }
+/// ```
 #[must_use]
 pub fn plan_page(plan: &Plan, name: &str, cell: &Origin, DrawnArm(scene): &DrawnArm) -> String {
     let percent = |share: f64| decimals(100.0 * share, 0);
