@@ -46,7 +46,7 @@ pub struct InspectFile {
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Reached {
-    /// Of each work object that positions are in, in the order in which they are met.
+    /// The extent of the positions in each work object, in the order of the program.
     pub extents: Vec<Extent>,
     /// Slowest and fastest programmed feed, mm/s.
     pub feed_mm_s: Option<[f64; 2]>,

@@ -63,7 +63,7 @@ pub struct MapFigures {
 }
 
 impl MapFigures {
-    /// Of deviations, mm.
+    /// The figures of deviations, mm.
     ///
     /// # Examples
     /// ```

@@ -17,7 +17,7 @@ const LONGEST_OFFER: usize = 40;
 /// A step into the document.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged)]
-pub(crate) enum Step {
+pub(crate) enum PathStep {
     Key(String),
     Index(usize),
 }
@@ -38,7 +38,7 @@ enum Shown {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 struct Field {
     key: String,
-    path: Vec<Step>,
+    path: Vec<PathStep>,
     #[serde(flatten)]
     shown: Shown,
     /// First and last line, counted from 1.
@@ -70,7 +70,7 @@ pub(crate) enum OfferSource {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 struct Section {
     title: String,
-    path: Vec<Step>,
+    path: Vec<PathStep>,
     line: usize,
     /// The comments directly above the header.
     help: String,
@@ -198,15 +198,15 @@ fn form(text: &str) -> Form {
     form
 }
 
-fn add_table(table: &Table, path: &mut Vec<Step>, lines: &Lines<'_>, sections: &mut Vec<Section>) {
+fn add_table(table: &Table, path: &mut Vec<PathStep>, lines: &Lines<'_>, sections: &mut Vec<Section>) {
     let mut fields = Vec::new();
     for (key, item) in table {
-        path.push(Step::Key(key.to_owned()));
+        path.push(PathStep::Key(key.to_owned()));
         match item {
             Item::Table(inner) => add_table(inner, path, lines, sections),
             Item::ArrayOfTables(all) => {
                 for (i, inner) in all.iter().enumerate() {
-                    path.push(Step::Index(i));
+                    path.push(PathStep::Index(i));
                     add_table(inner, path, lines, sections);
                     path.pop();
                 }
@@ -227,19 +227,19 @@ fn add_table(table: &Table, path: &mut Vec<Step>, lines: &Lines<'_>, sections: &
 }
 
 /// The name of a section for people, who count from 1: the second effect is `effect 2`.
-fn title(path: &[Step]) -> String {
+fn title(path: &[PathStep]) -> String {
     let mut title = String::new();
     for step in path {
         match step {
-            Step::Key(key) if title.is_empty() => title = key.clone(),
-            Step::Key(key) => title = format!("{title}.{key}"),
-            Step::Index(at) => title = format!("{title} {}", at + 1),
+            PathStep::Key(key) if title.is_empty() => title = key.clone(),
+            PathStep::Key(key) => title = format!("{title}.{key}"),
+            PathStep::Index(at) => title = format!("{title} {}", at + 1),
         }
     }
     title
 }
 
-fn field(key: &str, path: &[Step], value: &Value, lines: &Lines<'_>) -> Option<Field> {
+fn field(key: &str, path: &[PathStep], value: &Value, lines: &Lines<'_>) -> Option<Field> {
     let span = value.span()?;
     let last = lines.line(span.end.max(1) - 1);
     let after = lines.text.get(span.end..lines.range(last).end).unwrap_or_default();
@@ -391,19 +391,19 @@ fn add_offers(lines: &Lines<'_>, form: &mut Form) {
 #[serde(tag = "what", rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) enum Edit {
     /// Replaces a value by a number as it was typed, by a text, or by any TOML if the old value is neither.
-    Set { path: Vec<Step>, value: String },
+    Set { path: Vec<PathStep>, value: String },
     /// Accepts an example as the user's own value.
-    Accept { path: Vec<Step> },
+    Accept { path: Vec<PathStep> },
     /// Comments a key out.
-    Omit { path: Vec<Step> },
+    Omit { path: Vec<PathStep> },
     /// Adds a key to the section at this path, from a line where it is commented out or from the template.
-    Take { path: Vec<Step>, place: OfferSource, line: usize },
+    Take { path: Vec<PathStep>, place: OfferSource, line: usize },
     /// Adds a section without its optional keys.
     TakeSection { place: OfferSource, line: usize },
     /// Copies a section, with all sections in it, under another name.
-    Copy { path: Vec<Step>, name: String },
+    Copy { path: Vec<PathStep>, name: String },
     /// Removes a section and all sections in it.
-    Remove { path: Vec<Step> },
+    Remove { path: Vec<PathStep> },
 }
 
 impl Edit {
@@ -440,33 +440,33 @@ struct Found<'a> {
 
 const GONE: &str = "this place is no longer in the file: load it again";
 
-fn find<'a>(document: &'a Document<&str>, path: &[Step]) -> Result<Found<'a>, String> {
+fn find<'a>(document: &'a Document<&str>, path: &[PathStep]) -> Result<Found<'a>, String> {
     let value = in_table(document.as_table(), path).ok_or(GONE)?;
     Ok(Found { value, span: value.span().ok_or(GONE)? })
 }
 
-fn in_table<'a>(table: &'a Table, path: &[Step]) -> Option<&'a Value> {
-    let (Step::Key(key), rest) = path.split_first()? else { return None };
+fn in_table<'a>(table: &'a Table, path: &[PathStep]) -> Option<&'a Value> {
+    let (PathStep::Key(key), rest) = path.split_first()? else { return None };
     match table.get(key)? {
         Item::Value(value) => in_value(value, rest),
         Item::Table(inner) => in_table(inner, rest),
         Item::ArrayOfTables(all) => {
-            let (Step::Index(at), rest) = rest.split_first()? else { return None };
+            let (PathStep::Index(at), rest) = rest.split_first()? else { return None };
             in_table(all.get(*at)?, rest)
         }
         Item::None => None,
     }
 }
 
-fn in_value<'a>(value: &'a Value, path: &[Step]) -> Option<&'a Value> {
+fn in_value<'a>(value: &'a Value, path: &[PathStep]) -> Option<&'a Value> {
     match path.split_first() {
         None => Some(value),
-        Some((Step::Index(at), rest)) => in_value(value.as_array()?.get(*at)?, rest),
-        Some((Step::Key(key), rest)) => in_value(value.as_inline_table()?.get(key)?, rest),
+        Some((PathStep::Index(at), rest)) => in_value(value.as_array()?.get(*at)?, rest),
+        Some((PathStep::Key(key), rest)) => in_value(value.as_inline_table()?.get(key)?, rest),
     }
 }
 
-fn set(document: &Document<&str>, lines: &Lines<'_>, path: &[Step], typed: &str) -> Result<String, String> {
+fn set(document: &Document<&str>, lines: &Lines<'_>, path: &[PathStep], typed: &str) -> Result<String, String> {
     let Found { value, span } = find(document, path)?;
     let parsed = |text: &str| {
         let parsed = text.parse::<Value>();
@@ -602,7 +602,7 @@ fn take_section(lines: &Lines<'_>, line: usize) -> Result<String, String> {
 }
 
 /// The text with a key of the template at the end of a section.
-fn key_from(template: &Lines<'_>, line: usize, text: &str, path: &[Step]) -> Result<String, String> {
+fn key_from(template: &Lines<'_>, line: usize, text: &str, path: &[PathStep]) -> Result<String, String> {
     let first = checked(template, line)?;
     let added = match offered_key(template, first) {
         Some((_, _, last)) => taken(template, first, last),
@@ -652,7 +652,7 @@ fn with_added(text: &str, at: usize, added: &str) -> String {
 
 /// The lines of each section at a path and in it, in their order: from the header to the last value, with the comments directly
 /// after it.
-fn own_lines(text: &str, path: &[Step]) -> Vec<(Vec<Step>, Range<usize>)> {
+fn own_lines(text: &str, path: &[PathStep]) -> Vec<(Vec<PathStep>, Range<usize>)> {
     let lines = Lines::of(text);
     let sections = form(text).sections.into_iter().filter(|section| section.path.starts_with(path));
     let range = |section: &Section| {
@@ -664,18 +664,18 @@ fn own_lines(text: &str, path: &[Step]) -> Vec<(Vec<Step>, Range<usize>)> {
     sections.map(|section| (section.path.clone(), range(&section))).collect()
 }
 
-fn copy(text: &str, path: &[Step], name: &str) -> Result<String, String> {
+fn copy(text: &str, path: &[PathStep], name: &str) -> Result<String, String> {
     let Some((last, before)) = path.split_last() else { return Err(GONE.to_owned()) };
     let lines = Lines::of(text);
     let own = own_lines(text, path);
     let end = own.last().ok_or(GONE)?.1.end;
     let mut taken = before.to_owned();
-    if matches!(last, Step::Key(_)) {
+    if matches!(last, PathStep::Key(_)) {
         let is_name = |c: char| c.is_alphanumeric() || "_-.[] #$".contains(c);
         if name.trim().is_empty() || !name.chars().all(is_name) {
             return Err(format!("{name:?} cannot be a name: expected letters, digits and _"));
         }
-        taken.push(Step::Key(name.to_owned()));
+        taken.push(PathStep::Key(name.to_owned()));
         if !own_lines(text, &taken).is_empty() {
             return Err(format!("`{name}` is in the file already: choose another name"));
         }
@@ -685,12 +685,12 @@ fn copy(text: &str, path: &[Step], name: &str) -> Result<String, String> {
         let header = lines.get(range.start);
         added.push('\n');
         match last {
-            Step::Key(_) => {
+            PathStep::Key(_) => {
                 let steps = taken.iter().chain(&section[path.len()..]).cloned();
                 let comment = header.find('#').filter(|_| !header.contains('"')).map_or("", |at| &header[at..]);
                 added += format!("[{}] {comment}", header_of(steps)).trim_end();
             }
-            Step::Index(_) => added += header,
+            PathStep::Index(_) => added += header,
         }
         added.push('\n');
         for line in range.start + 1..range.end {
@@ -704,17 +704,17 @@ fn copy(text: &str, path: &[Step], name: &str) -> Result<String, String> {
 }
 
 /// Keys with points between, quoted where they must be.
-fn header_of(steps: impl Iterator<Item = Step>) -> String {
+fn header_of(steps: impl Iterator<Item = PathStep>) -> String {
     let keys: Vec<String> = steps
         .map(|step| match step {
-            Step::Key(key) => toml_edit::Key::new(key).display_repr().into_owned(),
-            Step::Index(at) => at.to_string(),
+            PathStep::Key(key) => toml_edit::Key::new(key).display_repr().into_owned(),
+            PathStep::Index(at) => at.to_string(),
         })
         .collect();
     keys.join(".")
 }
 
-fn remove(text: &str, path: &[Step]) -> Result<String, String> {
+fn remove(text: &str, path: &[PathStep]) -> Result<String, String> {
     let own = own_lines(text, path);
     if own.is_empty() || path.is_empty() {
         return Err(GONE.to_owned());
@@ -730,7 +730,7 @@ fn remove(text: &str, path: &[Step]) -> Result<String, String> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used)] // a failure is a failed test
 mod tests {
-    use super::{Edit, OfferSource, Shown, Step, form, form_with};
+    use super::{Edit, OfferSource, PathStep, Shown, form, form_with};
 
     const CELL: &str = r#"# A cell.
 [robot]
@@ -758,8 +758,10 @@ tcp_mm = [0.0, 0.0, 310.0] # << tooldata
 units = "mm"  # << where the file does not say: mm | inch
 "#;
 
-    fn path(text: &str) -> Vec<Step> {
-        text.split('.').map(|step| step.parse().map_or_else(|_| Step::Key(step.to_owned()), Step::Index)).collect()
+    fn path(text: &str) -> Vec<PathStep> {
+        text.split('.')
+            .map(|step| step.parse().map_or_else(|_| PathStep::Key(step.to_owned()), PathStep::Index))
+            .collect()
     }
 
     fn set(text: &str, at: &str, value: &str) -> Result<String, String> {
@@ -866,7 +868,7 @@ units = "mm"  # << where the file does not say: mm | inch
         let added = "\n[tools.\"t[2]\"]\ntcp_mm = [0.0, 0.0, 310.0] # << tooldata\n\n[tools.\"t[2]\".cutter]\nunits = \"mm\"  # << where the file does not say: mm | inch\n";
         assert_eq!(copied, format!("{CELL}{added}"));
         assert!(Edit::Copy { path: path("tools.tMill"), name: "tMill".to_owned() }.apply(CELL, "").is_err());
-        let removed = Edit::Remove { path: vec![Step::Key("tools".into()), Step::Key("t[2]".into())] }
+        let removed = Edit::Remove { path: vec![PathStep::Key("tools".into()), PathStep::Key("t[2]".into())] }
             .apply(&copied, "")
             .unwrap();
         assert_eq!(removed, format!("{CELL}\n\n"));

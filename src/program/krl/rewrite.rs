@@ -141,7 +141,7 @@ fn together(program: &Program, site: &PositionTokens, own: &NewTokens) -> Option
     for (place, token) in changed {
         let own = place.span.range();
         let between = text.get(end..own.start).filter(|_| place.source == first.source && own.end - start <= NEAR)?;
-        // What a point between two targets goes before is at the start of a line.
+        // An inserted target stands before the start of a line, so the statement must begin its line.
         if memchr::memchr2(b'\n', b'\r', between).is_some() {
             return None;
         }
