@@ -36,17 +36,12 @@ impl Arm {
 
     /// Torques of the cutting force at the motors, N·m, while the arm is in its nominal pose.
     pub(crate) fn cutting_torque(&self, situation: &Situation<'_>, motor: &Joints) -> Joints {
-        let force = match situation.cutting {
-            Cutting::Air => return Joints::zeros(),
-            Cutting::Constant(force) => force,
-            Cutting::Law { law, wobj_from_feed } => {
-                let axis = wobj_from_feed.inverse() * (situation.wobj_from_tcp.rotation * -Vector3::z());
-                wobj_from_feed * law.force(&Vector3::zeros(), &axis)
-            }
-        };
+        if matches!(situation.cutting, Cutting::Air) {
+            return Joints::zeros();
+        }
         let (rows, mut chain, mut load) = (self.robot.rows::<f64>(), Chain::default(), Load::default());
         rows.chain(&self.robot.joints(&rows.theta, &(*motor).into()), None, &mut chain);
-        load.start(Vector::of(&(situation.base_from_wobj.rotation * force)), Parts::NONE);
+        load.start(Vector::of(&(situation.base_from_wobj.rotation * cutting_force(situation))), Parts::NONE);
         let base_from_tcp = situation.base_from_wobj * situation.wobj_from_tcp;
         load.fill_torque(&self.robot, &chain, Vector::of(&base_from_tcp.translation.vector));
         load.torque.into()
@@ -56,5 +51,17 @@ impl Arm {
     #[must_use]
     pub fn weighs_payload(&self) -> bool {
         self.effects.iter().any(|effect| effect.weighs_payload())
+    }
+}
+
+/// The cutting force on the tool in the wanted pose, N, work object axes.
+pub(crate) fn cutting_force(situation: &Situation<'_>) -> Vector3<f64> {
+    match situation.cutting {
+        Cutting::Air => Vector3::zeros(),
+        Cutting::Constant(force) => force,
+        Cutting::Law { law, wobj_from_feed } => {
+            let axis = wobj_from_feed.inverse() * (situation.wobj_from_tcp.rotation * -Vector3::z());
+            wobj_from_feed * law.force(&Vector3::zeros(), &axis)
+        }
     }
 }
