@@ -52,7 +52,7 @@ pub use physics::Law;
 pub(crate) use physics::{Deflection, Load, Offset, Parts, Physics, Site, State};
 pub use presliding::Presliding;
 pub(crate) use state::{CREEP_TIMES_S, unit_key};
-pub use state::{Cutting, DelayedTorque, ForceLaw, MOST_CLAMPS, PartAt, PartYield, Situation, ToolFrame, UnitAt};
+pub use state::{Cutting, CuttingTorque, ForceLaw, MOST_CLAMPS, PartAt, PartYield, Situation, ToolFrame, UnitAt};
 pub use survey::Survey;
 
 use crate::lanes::Real;

@@ -28,10 +28,10 @@ impl Arm {
         self.effects.iter().any(|effect| effect.presliding().is_some())
     }
 
-    /// Whether any effect depends on the cutting forces at the targets before.
+    /// Whether any effect depends on the cutting forces at the targets before: gears that creep, and friction with a presliding angle.
     #[must_use]
     pub fn follows_load(&self) -> bool {
-        self.effects.iter().any(|effect| effect.follows_load())
+        self.effects.iter().any(|effect| effect.follows_load()) || !self.presliding().is_sharp()
     }
 
     /// Torques of the cutting force at the motors, N·m, while the arm is in its nominal pose.

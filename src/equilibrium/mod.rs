@@ -27,7 +27,7 @@ pub(crate) use batch::{Batch, Given, Nearby, Room, Settled};
 pub(crate) use block::{Setting, Site};
 pub use command::Command;
 pub(crate) use command::{InverseSolution, Start};
-pub(crate) use friction::Dragged;
+pub(crate) use friction::{Dragged, Settling, direction};
 pub(crate) use number::Number;
 pub use predict::{Equilibrium, Load};
 pub(crate) use predict::{PredictedPose, WarmStart};
