@@ -573,7 +573,7 @@ fn effects(
             continue;
         }
         covariances.push(covariance(check, &key, uncertainty.as_ref(), &*effect));
-        joint.push(uncertainty.and_then(|table| uncertainty::read_joint(&table, effect.parameters().len())));
+        joint.push(uncertainty.and_then(|table| uncertainty::read_joint(&table, effect.uncertain())));
         effects.push(effect);
     }
     if let Some(axes) = implied.axes.filter(|_| implied.springs)
@@ -591,7 +591,7 @@ fn effects(
 
 /// The covariance of the effect's parameters, if the cell states one.
 fn covariance(check: &mut Check, key: &str, value: Option<&toml::Value>, effect: &dyn Effect) -> Option<DMatrix<f64>> {
-    let (name, size) = (effect.kind(), effect.parameters().len());
+    let (name, size) = (effect.kind(), effect.uncertain());
     let value = value.filter(|value| uncertainty::KEYS.iter().any(|key| value.get(key).is_some()))?;
     let covariance = uncertainty::read(value, size);
     if covariance.is_none() {

@@ -38,7 +38,8 @@ pub(super) fn table(uncertainty: &Uncertainty) -> toml::Table {
         Uncertainty::Own(covariance) => covariance,
         Uncertainty::Joint(rows) => {
             let short = |value: &f64| format!("{value:.JOINT_DIGITS$e}").parse().unwrap_or(*value);
-            let rows: Vec<Vec<f64>> = rows.iter().map(|row| row.iter().map(short).collect()).collect();
+            let used = |row: &Vec<f64>| row.iter().rposition(|value| value.abs() > 0.0).map_or(0, |last| last + 1);
+            let rows: Vec<Vec<f64>> = rows.iter().map(|row| row[..used(row)].iter().map(short).collect()).collect();
             return toml::Table::from_iter([(JOINT.to_owned(), rows.into())]);
         }
     };

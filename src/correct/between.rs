@@ -1,7 +1,7 @@
 //! Points on segments that are added to a program's points, where something was measured.
 
 use super::context::Context;
-use super::delayed::delayed_between;
+use super::loads_before::torque_between;
 use super::point::Point;
 use super::removal::{self, Cuts};
 use super::{Options, Prepared};
@@ -68,7 +68,8 @@ impl Prepared {
         point.reference = between(&before.reference, &end.reference)?;
         let flange = self.base_from_wobj(target) * point.wobj_from_tcp * self.tool(target).flange_from_tcp.inverse();
         point.motor = cell.arm.robot.inverse_near(&flange, &before.motor).map_err(|error| error.to_string())?;
-        point.travel = cell.arm.travel(&before.motor, &point.motor, &before.travel);
+        point.torque = torque_between(before, end, share);
+        point.travel = cell.arm.travel(&before.step(), &point.motor, &point.twist());
         let mix = |a: f64, b: f64| a + (b - a) * share;
         point.normal = before.normal.lerp(&end.normal, share).try_normalize(1e-9).unwrap_or(end.normal);
         point.time = mix(before.time, end.time);
@@ -79,14 +80,14 @@ impl Prepared {
         Ok(point)
     }
 
-    /// Gives an added point the force that follows from the stock at its position, and the delayed torques there.
+    /// Gives an added point the force that follows from the stock at its position, and the torques there.
     fn take_load(&self, point: &mut Point, Between { target, share }: Between) {
         let force = self.points[target].milled.as_ref().and_then(|milled| milled.at(share));
         if let Some(force) = force {
             point.load = removal::load(force.programmed);
         }
         if let Some(before) = target.checked_sub(1) {
-            point.delayed = delayed_between(&self.points[before], &self.points[target], share);
+            point.torque = torque_between(&self.points[before], &self.points[target], share);
         }
     }
 }

@@ -13,7 +13,7 @@ use super::segment::{Kind, SMOOTH, Segment, Start};
 use super::solve::{Solved, Solver, controller_motor};
 use super::travel;
 use crate::drive::Track;
-use crate::equilibrium::{Dragged, EquilibriumError, PredictedPose, WarmStart};
+use crate::equilibrium::{Dragged, EquilibriumError, PredictedPose, WarmStart, direction};
 use crate::program::Program;
 use crate::robot::{Joints, Pose};
 use nalgebra::Vector3;
@@ -136,7 +136,8 @@ impl Commanded {
             commanded.is_known[i] = solved.is_ok();
             if let Ok(solved) = solved {
                 commanded.poses[i] = solved.wobj_from_tcp;
-                commanded.steps[i] = Dragged { motor: solved.motor, travel: travels[i] };
+                commanded.steps[i].motor = solved.motor;
+                commanded.steps[i].travel = travels[i];
             }
         }
         commanded
@@ -294,7 +295,7 @@ impl WalkedPath<'_> {
     /// Target `from` as the start of the segment after it; with `None`, the end of the targets before.
     pub(super) fn start(&self, from: Option<usize>) -> Option<Start> {
         let Some(i) = from else { return self.last.cloned() };
-        let Dragged { motor, travel } = *self.commanded.step(i)?;
+        let Dragged { motor, travel, .. } = *self.commanded.step(i)?;
         let setting = *self.prepared.setting(i);
         // The segment that ends at this target: the next one may begin at an angle to its tangent.
         let own = (0..i).rev().find(|before| Kind::of(self.program, *before) != Kind::Point);
@@ -397,11 +398,11 @@ impl WalkedPath<'_> {
     ) {
         let (i, commanded) = (segment.end, self.commanded);
         let Some(begins) = start.seen(&start.commanded, self.prepared, i) else { return };
-        let Some(&Dragged { motor, travel }) = commanded.step(i) else { return };
+        let Some(&Dragged { motor, travel, twist }) = commanded.step(i) else { return };
         let first = commanded.nodes.partition_point(|node| node.before < i);
         let nodes = commanded.nodes[first..].iter().take_while(|node| node.before == i);
         let (mut share, mut pose) = (0.0, begins);
-        let mut from = Dragged { motor: start.motor, travel: start.travel };
+        let mut from = start.dragged();
         for (k, node) in nodes.enumerate() {
             let track = match &node.via {
                 Some(via) => Track::arc(&pose, via, &node.commanded),
@@ -414,7 +415,7 @@ impl WalkedPath<'_> {
                 node: node_at,
                 ..SegmentPart::new(at, (share, node.share), track, (from, to), travel)
             });
-            from = Dragged { motor: to, travel: solver.arm.travel(&from.motor, &to, &from.travel) };
+            from = Dragged { motor: to, twist, travel: solver.arm.travel(&from, &to, &twist) };
             (share, pose) = (node.share, node.commanded);
         }
         let to = commanded.poses[i];
@@ -541,13 +542,13 @@ impl<'p> Measure<'_, '_, 'p> {
         let mut point = segment.at(part.share(tick));
         (point.wobj_from_tcp, point.motor) = (commanded, motor);
         point.travel = if !arm.presliding().is_sharp() {
-            arm.travel(&part.start.motor, &motor, &part.start.travel)
+            arm.travel(&part.start, &motor, &point.twist())
         } else if part.short {
             part.travel
         } else if tick == 0 {
-            arm.travel(&motor, &at(1.0)?.1, &part.travel)
+            direction(&motor, &at(1.0)?.1, &part.travel)
         } else {
-            arm.travel(&at(f64::from(tick) - 1.0)?.1, &motor, &part.travel)
+            direction(&at(f64::from(tick) - 1.0)?.1, &motor, &part.travel)
         };
         Some(point)
     }

@@ -14,9 +14,9 @@ use super::solve::Solver;
 use super::{Corrected, DrivenFigures, DrivenSummary, Options, PathDeviation, Prepared, Shared};
 use crate::cell::Cell;
 use crate::drive::{DriveError, DrivenSample, Driver, Lead, PathLaw};
-use crate::equilibrium::{Arm, EquilibriumError, Setting, WarmStart};
+use crate::equilibrium::{Arm, Dragged, EquilibriumError, Setting, WarmStart};
 use crate::program::Program;
-use crate::robot::{Joints, Pose, Robot};
+use crate::robot::{Pose, Robot};
 use crate::text::{Diagnostic, Severity};
 use nalgebra::{Rotation3, Translation3, Vector3};
 use std::collections::BTreeMap;
@@ -430,7 +430,7 @@ pub(super) struct DrivenMotion<'a> {
     speeds: Vec<f64>,
     feeds: DrivenFeeds,
     /// The axes at the last sample that was used, and their direction of travel.
-    last: Option<(Joints, Joints)>,
+    last: Option<Dragged>,
 }
 
 /// One sample of a [`DrivenMotion`] as a point.
@@ -586,7 +586,7 @@ impl<'a> DrivenMotion<'a> {
         &self,
         prepared: &Prepared,
         samples: &[usize],
-        last: &mut Option<(Joints, Joints)>,
+        last: &mut Option<Dragged>,
         points: &mut Vec<DrivenPoint>,
     ) {
         let Some(waypoint) = samples.first().map(|i| self.samples[*i].waypoint - self.course.first) else { return };
@@ -610,10 +610,10 @@ impl<'a> DrivenMotion<'a> {
             let shift = driven.translation.vector - point.reference.translation.vector;
             let aside =
                 segment.as_ref().map_or(0.0, |segment| segment.track.across(share(sample.share), &shift).norm());
-            let held =
-                last.map_or_else(|| point.travel, |(before, held)| self.arm.travel(&before, &sample.motor, &held));
-            *last = Some((sample.motor, held));
-            (point.wobj_from_tcp, point.motor, point.travel, point.time) = (driven, sample.motor, held, sample.time);
+            let (motor, twist) = (sample.motor, point.twist());
+            let travel = last.as_ref().map_or(point.travel, |last| self.arm.travel(last, &motor, &twist));
+            *last = Some(Dragged { motor, twist, travel });
+            (point.wobj_from_tcp, point.motor, point.travel, point.time) = (driven, motor, travel, sample.time);
             point.unsolved = None;
             points.push(DrivenPoint { point, speed, aside });
         }

@@ -103,6 +103,7 @@ struct Stop {
     node: usize,
     pose: Pose,
     motor: Joints,
+    twist: Joints,
     travel: Joints,
     role: Role,
 }
@@ -117,7 +118,8 @@ impl Stops {
             for (pose, role) in [(node.via, Role::Via), (Some(node.commanded), Role::End)] {
                 let Some(pose) = pose else { continue };
                 let motor = controller_motor(&arm.robot, setting, &pose, near).unwrap_or(*near);
-                all.push(Stop { node: k, pose, motor, travel: Joints::zeros(), role });
+                let twist = prepared.points[node.before].twist();
+                all.push(Stop { node: k, pose, motor, twist, travel: Joints::zeros(), role });
             }
         }
         Self { all }
@@ -126,7 +128,7 @@ impl Stops {
     /// Directions of travel to the targets, which go to these motor angles, and to the stops on their segments.
     pub(super) fn travels(
         &mut self,
-        arm: &Arm,
+        (arm, prepared): (&Arm, &Prepared),
         program: &Program,
         nodes: &[Node],
         motors: &[Joints],
@@ -138,10 +140,10 @@ impl Stops {
             // The circle point of an arc comes after the stops that are inserted before it.
             let end = if Kind::of(program, i) == Kind::Point { i + 1 } else { i };
             while let Some(stop) = self.all.get_mut(next).filter(|stop| nodes[stop.node].before <= end) {
-                stop.travel = arm.go_on(stop.motor, last).travel;
+                stop.travel = arm.go_on(stop.motor, stop.twist, last).travel;
                 next += 1;
             }
-            out.push(arm.go_on(*motor, last));
+            out.push(arm.go_on(*motor, prepared.points[i].twist(), last));
         }
         out
     }

@@ -21,7 +21,6 @@ mod corrected;
 mod correction;
 mod course;
 mod cut_stock;
-mod delayed;
 mod deviation;
 mod driven;
 mod flow;
@@ -35,6 +34,7 @@ mod kept;
 mod laws;
 mod line;
 mod load;
+mod loads_before;
 mod long;
 mod machine_actions;
 mod messages;
@@ -249,8 +249,9 @@ impl Prepared {
     pub(crate) fn travels(&self, presliding: &Presliding) -> Vec<Joints> {
         let mut last: Option<Dragged> = None;
         let into = |point: &Point| {
-            let travel = last.map_or_else(Joints::zeros, |last| last.travel_to(&point.motor, presliding));
-            last = Some(Dragged { motor: point.motor, travel });
+            let (motor, twist) = (point.motor, point.twist());
+            let travel = last.map_or_else(Joints::zeros, |last| last.travel_to(&motor, &twist, presliding));
+            last = Some(Dragged { motor, twist, travel });
             travel
         };
         self.points.iter().map(into).collect()

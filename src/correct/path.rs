@@ -13,7 +13,7 @@ use super::travel::CHORD;
 use super::{Options, Prepared};
 use crate::cell::Cell;
 use crate::effects::{Parts, ToolFrame};
-use crate::equilibrium::{Dragged, Setting};
+use crate::equilibrium::{Dragged, Setting, direction};
 use crate::lanes::WIDTH;
 use crate::program::{Editable, Goal, Language, Mark, Motion, Predecessor, Program, Role, Target};
 use crate::robot::{BatchArm, BatchSolutions, EXTERNAL_AXES, External, Joints, Pose, StartedFrom, WrittenTarget};
@@ -288,7 +288,7 @@ impl Walk<'_, '_> {
         };
         // Before the first target the joints are unknown: not a number.
         let motor = self.carried.near.unwrap_or_else(|| Joints::repeat(f64::NAN));
-        let point = Point::unsolved(why, at, Dragged { motor, travel }, setting, self.last());
+        let point = Point::unsolved(why, at, Dragged { motor, twist: Joints::zeros(), travel }, setting, self.last());
         self.points.push(point);
     }
 
@@ -382,7 +382,7 @@ impl Walk<'_, '_> {
             return self.leave(
                 target,
                 KeptReason::PredecessorUnknown,
-                (wobj_from_tcp, Dragged { motor, travel }),
+                (wobj_from_tcp, Dragged { motor, twist: Joints::zeros(), travel }),
                 run_with,
                 stand,
             );
@@ -430,7 +430,7 @@ impl Walk<'_, '_> {
             plunges,
             milled: None,
             part: None,
-            delayed: None,
+            torque: None,
         };
         self.points.push(point);
     }
@@ -440,10 +440,11 @@ impl Walk<'_, '_> {
         self.points.last().or(self.carried.before.as_ref())
     }
 
-    /// Travel of a programmed motion to these motor angles, rad.
+    /// Travel of a programmed motion to these motor angles, rad, with sharp friction: [`Prepared::follow_loads`] computes the travel of other
+    /// friction when the forces are known.
     fn travel_to(&self, motor: &Joints) -> Joints {
         let held = self.last().map_or_else(Joints::zeros, |previous| previous.travel);
-        self.carried.near.map_or(held, |near| self.cell.arm.travel(&near, motor, &held))
+        self.carried.near.map_or(held, |near| direction(&near, motor, &held))
     }
 
     /// Whether the force or the error at a target depends on the start of the segment to it.

@@ -5,7 +5,7 @@ use super::laws::Law;
 use super::load::{Follows, PointLoad, Through};
 use super::mount::Moved;
 use crate::cutting::ForceParts;
-use crate::effects::{Cutting, DelayedTorque, PartAt, PartYield, Situation, ToolFrame, UnitAt};
+use crate::effects::{Cutting, CuttingTorque, PartAt, PartYield, Situation, ToolFrame, UnitAt};
 use crate::equilibrium::{Dragged, PredictedPose, Setting, Site};
 use crate::robot::{Joints, Pose};
 use nalgebra::{Rotation3, Unit, Vector3};
@@ -51,7 +51,7 @@ pub struct Point {
     /// Compliance of the clamped part where it is cut, work object axes.
     pub(super) part: Option<Arc<PartYield>>,
     /// What is left of earlier cutting forces in gears that creep; see [`Prepared::follow_loads`](super::Prepared::follow_loads).
-    pub(super) delayed: Option<Arc<DelayedTorque>>,
+    pub(super) torque: Option<Arc<CuttingTorque>>,
 }
 
 /// The cut of the segment to a target.
@@ -122,9 +122,14 @@ impl Point {
         (&self.motor, &self.travel)
     }
 
-    /// The same by value.
+    /// The joints after the motion as programmed.
     pub(super) fn step(&self) -> Dragged {
-        Dragged { motor: self.motor, travel: self.travel }
+        Dragged { motor: self.motor, twist: self.twist(), travel: self.travel }
+    }
+
+    /// Twists of the gears under the cutting force, rad.
+    pub(crate) fn twist(&self) -> Joints {
+        self.torque.as_ref().map_or_else(Joints::zeros, |torque| torque.twist_rad)
     }
 
     pub(super) fn site<'a>(&'a self, setting: &'a Setting, laws: &'a [Law]) -> Site<'a> {
@@ -142,7 +147,7 @@ impl Point {
             payload: self.payload,
             units: self.units(),
             part: self.part.as_deref().map(PartAt::in_wobj),
-            delayed: self.delayed.as_deref(),
+            torque: self.torque.as_deref(),
         }
     }
 
@@ -168,7 +173,7 @@ impl Point {
             payload: self.payload,
             units: self.units(),
             part: self.part.as_deref().map(PartAt::in_wobj),
-            delayed: self.delayed.as_deref(),
+            torque: self.torque.as_deref(),
         }
     }
 
@@ -237,7 +242,7 @@ impl Point {
             plunges: false,
             milled: None,
             part: None,
-            delayed: None,
+            torque: None,
         }
     }
 
@@ -245,7 +250,7 @@ impl Point {
     pub(super) fn unsolved(
         why: KeptReason,
         at: Pose,
-        Dragged { motor, travel }: Dragged,
+        Dragged { motor, travel, .. }: Dragged,
         setting: u32,
         previous: Option<&Self>,
     ) -> Self {

@@ -268,7 +268,7 @@ mod tests {
                 payload: 0.0,
                 units: &[],
                 part: None,
-                delayed: None,
+                torque: None,
             };
             let one = cell.arm.predict(&situation, &motor, &Joints::zeros()).unwrap().wobj_from_tcp;
             let off = found.as_ref().unwrap().translation.vector - one.translation.vector;

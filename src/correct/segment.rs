@@ -5,15 +5,15 @@
 //! ([`Segment::load`]). A force that changes along the segment, such as that of a stock, has its value at that point.
 
 use super::Prepared;
-use super::delayed::delayed_between;
 use super::laws::Law;
 use super::load::{Follows, PointLoad};
+use super::loads_before::torque_between;
 use super::mount::{Mount, Moved};
 use super::point::{Point, tool_axis};
 use crate::cutting::Lean;
 use crate::drive::Track;
 use crate::effects::PartYield;
-use crate::equilibrium::Setting;
+use crate::equilibrium::{Dragged, Setting};
 use crate::program::{Motion, Program, Role};
 use crate::robot::{Joints, Pose};
 use nalgebra::{Unit, Vector3};
@@ -55,6 +55,11 @@ pub(super) struct Segment<'p> {
 pub(super) const SMOOTH: f64 = 0.996;
 
 impl Start {
+    /// The joints there.
+    pub(super) fn dragged(&self) -> Dragged {
+        Dragged { motor: self.motor, twist: self.point.twist(), travel: self.travel }
+    }
+
     /// A pose of this target with the tool and the work object of target `i`, at the same joints and units; `None` if the position of that
     /// work object was unknown.
     pub(super) fn seen(&self, pose: &Pose, prepared: &Prepared, i: usize) -> Option<Pose> {
@@ -200,7 +205,7 @@ impl<'p> Segment<'p> {
                 }
                 (before, after) => after.clone().or_else(|| before.clone()),
             },
-            delayed: delayed_between(from, to, share),
+            torque: torque_between(from, to, share),
             ..to.clone()
         }
     }

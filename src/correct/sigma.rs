@@ -5,7 +5,7 @@ use super::context::Context;
 use super::parallelism::Parallelism;
 use super::{Prepared, Row};
 use crate::cell::Cell;
-use crate::equilibrium::Arm;
+use crate::equilibrium::{Arm, cutting_force};
 use crate::robot::Joints;
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -58,13 +58,13 @@ fn directions(cell: &Cell) -> Vec<Direction> {
 }
 
 impl Prepared {
-    /// Variance of the predicted position of a point, m², all axes together, from the joints for which an effect was not measured there.
+    /// Variance of the predicted position of a point, m², all axes together, because an effect was not measured there.
     pub(crate) fn unseen(&self, arm: &Arm, effect: usize, point: usize) -> f64 {
-        let sigma = arm.effects[effect].unseen(&self.points[point].motor);
-        if sigma.amax() <= 0.0 {
-            return 0.0;
-        }
         let (situation, point) = (self.situation(point), &self.points[point]);
+        let sigma = arm.effects[effect].unseen(&point.motor);
+        if sigma.amax() <= 0.0 {
+            return arm.effects[effect].unseen_shift(&situation, &point.motor, &cutting_force(&situation));
+        }
         let place = |motor: &Joints| {
             let there = arm.predict(&situation, motor, &point.travel).ok()?;
             Some(there.wobj_from_tcp.translation.vector)
@@ -93,9 +93,7 @@ fn slopes(
             let Some((_, change)) = direction.iter().find(|(changed, _)| *changed == i) else {
                 return effect.clone_box();
             };
-            let values: Vec<f64> =
-                effect.parameters().iter().zip(change.iter()).map(|(p, change)| p.value + step * change).collect();
-            effect.with_values(&values)
+            effect.moved((change * step).as_slice())
         };
         let arm = Arm {
             robot: cell.arm.robot.clone(),

@@ -3,8 +3,8 @@
 use super::parallelism::{Answer, Answers, Parallelism, WorkspacePool};
 use super::{Correct, Prepared, frames};
 use crate::equilibrium::{
-    Arm, Batch, Command, Dragged, EquilibriumError, Given, InverseSolution, PredictedPose, Room, Setting, Start,
-    WarmStart,
+    Arm, Batch, Command, Dragged, EquilibriumError, Given, InverseSolution, PredictedPose, Room, Setting, Settling,
+    Start, WarmStart,
 };
 use crate::program::{Editable, Language};
 use crate::robot::{BatchArm, Joints, Pose, Robot, Unreachable, WrittenTarget, turn_between};
@@ -274,11 +274,15 @@ pub(super) fn settle_travel(arm: &Arm, prepared: &Prepared, first: &[First], las
         .zip(&prepared.points)
         .map(|(first, point)| {
             let Ok(command) = first.aim() else { return point.travel };
+            let twist = point.twist();
             let travel = match *last {
-                Some(from) => arm.settled_travel(&from, &command.free, &command.lost, &point.travel),
+                Some(from) => {
+                    let (free, lost, programmed) = (&command.free, &command.lost, &point.travel);
+                    arm.settled_travel(&from, Settling { free, lost, twist: &twist, programmed })
+                }
                 None => Joints::zeros(),
             };
-            *last = Some(Dragged { motor: command.commanded(&travel), travel });
+            *last = Some(Dragged { motor: command.commanded(&travel), twist, travel });
             travel
         })
         .collect()

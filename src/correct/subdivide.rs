@@ -14,7 +14,7 @@ use super::solve::{CorrectionMode, Solved, Solver, controller_motor};
 use super::{Prepared, frames};
 use crate::cell::Cell;
 use crate::drive::Track;
-use crate::equilibrium::Dragged;
+use crate::equilibrium::{Dragged, direction};
 use crate::program::{Insert, Program};
 use crate::robot::{conf_is, conf_like};
 use nalgebra::Vector3;
@@ -137,16 +137,8 @@ impl<'p> Plan<'p> {
         let begins = start.seen(&start.commanded, walked.prepared, i)?;
         let from = Solved { motor: start.motor, wobj_from_tcp: begins };
         let to = Solved { motor, wobj_from_tcp: walked.commanded.poses[i] };
-        let plan = Self {
-            segment,
-            from,
-            dragged: Dragged { motor: start.motor, travel: start.travel },
-            to,
-            mode,
-            length,
-            first: 0.0,
-            needed: Halved::new(TICKS),
-        };
+        let plan =
+            Self { segment, from, dragged: start.dragged(), to, mode, length, first: 0.0, needed: Halved::new(TICKS) };
         (length > 2.0 * JUMP_LEAST).then_some(plan)
     }
 
@@ -189,11 +181,11 @@ impl<'p> Plan<'p> {
         };
         let here = motor(share)?;
         point.travel = if !arm.presliding().is_sharp() {
-            arm.travel(&self.dragged.motor, &here, &self.dragged.travel)
+            arm.travel(&self.dragged, &here, &point.twist())
         } else if share < STEP {
-            arm.travel(&here, &motor(share + STEP)?, &point.travel)
+            direction(&here, &motor(share + STEP)?, &point.travel)
         } else {
-            arm.travel(&motor(share - STEP)?, &here, &point.travel)
+            direction(&motor(share - STEP)?, &here, &point.travel)
         };
         point.motor = here;
         Some(point)

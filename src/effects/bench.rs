@@ -46,7 +46,7 @@ impl Default for Bench {
                 payload: 0.0,
                 units: &[],
                 part: None,
-                delayed: None,
+                torque: None,
             },
         }
     }
@@ -84,7 +84,7 @@ impl Bench {
             part,
             delayed: Default::default(),
         };
-        site.set_delayed(0, situation.delayed);
+        site.set_torque(0, situation.torque);
         let rows = robot.rows::<f64>();
         let mut chain = Chain::default();
         rows.chain(&robot.joints(&rows.theta, &site.commanded), None, &mut chain);

@@ -74,7 +74,7 @@ impl Effect for Creep {
 
 #[cfg(test)]
 mod tests {
-    use crate::effects::DelayedTorque;
+    use crate::effects::CuttingTorque;
     use crate::effects::bench::Bench;
     use crate::robot::Joints;
     use approx::assert_abs_diff_eq;
@@ -82,10 +82,10 @@ mod tests {
     #[test]
     fn a_joint_yields_more_by_its_share_of_the_delayed_torque() {
         // 1000 N·m on axis 2 after 25 s, on 1e6 N·m/rad: 5 % of 1e-3 rad. The other times have no torque.
-        let mut torque = DelayedTorque::default();
-        torque.torques_nm[1] = Joints::new(0.0, 1000.0, 0.0, 0.0, 0.0, 0.0);
+        let mut torque = CuttingTorque::default();
+        torque.delayed_nm[1] = Joints::new(0.0, 1000.0, 0.0, 0.0, 0.0, 0.0);
         let mut bench = Bench::default();
-        bench.situation.delayed = Some(Box::leak(Box::new(torque)));
+        bench.situation.torque = Some(Box::leak(Box::new(torque)));
         let (_, out) = bench.run(
             r#"kind = "creep"
             share_5_s = [0, 0.1, 0, 0, 0, 0]

@@ -5,10 +5,12 @@
 //! the wrist has other angles, or the cutting force is another.
 
 use super::empirical_field::NOTHING;
-use super::{Deflection, Effect, Load, Parameter, Parts, Physics, State};
+use super::{Deflection, Effect, Load, Parameter, Parts, Physics, Situation, State};
 use crate::lanes::{Mask, Real, Vector};
-use nalgebra::Vector3;
+use crate::robot::Joints;
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Vector3};
 use serde::{Deserialize, Serialize};
+use std::sync::{Arc, OnceLock};
 
 /// A shift of the TCP in base axes: a sum of bells about places, postures and forces.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -26,6 +28,15 @@ pub(super) struct Discrepancy {
     force_n: Vec<[f64; 3]>,
     /// Shift of the TCP by the bell of each centre, mm, base axes.
     shift_mm: Vec<[f64; 3]>,
+    /// Standard deviation of the process for each axis, mm; 0 if unknown.
+    #[serde(default)]
+    sigma_mm: f64,
+    /// Standard deviation of what was measured of the process at each centre, for each axis, mm.
+    #[serde(default)]
+    noise_mm: f64,
+    /// See [`Discrepancy::measured_correlations`]; computed at its first use.
+    #[serde(skip)]
+    factor: Arc<OnceLock<Option<Cholesky<f64, Dyn>>>>,
 }
 
 /// A measured row as the centre of a bell: place, wrist angles and force, and the shift of the TCP there.
@@ -41,21 +52,35 @@ pub struct Bell {
     pub shift: Vector3<f64>,
 }
 
-/// The effect `empirical` as a sum of bells. `reach` is their length scale in units of the spreads of place (mm), wrist angles (rad) and
-/// force (N).
+/// Sizes of the process whose mean is a sum of bells.
+#[derive(Clone, Copy, Debug)]
+pub struct BellSizes {
+    /// Length scale of a bell in units of the spreads.
+    pub reach: f64,
+    /// Spreads of place (mm), wrist angles (rad) and force (N) over the measured rows.
+    pub spreads: [f64; 3],
+    /// Standard deviation of the process for each axis, mm.
+    pub sigma_mm: f64,
+    /// Standard deviation of what the rows say about the process at each centre, for each axis, mm.
+    pub noise_mm: f64,
+}
+
+/// The effect `empirical` as a sum of bells.
 ///
 /// # Examples
 /// ```
-/// use deflex::effects::{Bell, discrepancy};
+/// use deflex::effects::{Bell, BellSizes, discrepancy};
 /// use deflex::nalgebra::Vector3;
 ///
 /// // 0.05 mm along x near one place, at one posture of the wrist, without a force.
 /// let at = Vector3::new(900.0, 0.0, 400.0);
 /// let bell = Bell { at, wrist: Vector3::zeros(), force: Vector3::zeros(), shift: Vector3::new(0.05, 0.0, 0.0) };
-/// assert_eq!(discrepancy(2.0, [80.0, 0.1, 100.0], &[bell]).kind(), "empirical");
+/// let sizes = BellSizes { reach: 2.0, spreads: [80.0, 0.1, 100.0], sigma_mm: 0.05, noise_mm: 0.01 };
+/// assert_eq!(discrepancy(sizes, &[bell]).kind(), "empirical");
 /// ```
 #[must_use]
-pub fn discrepancy(reach: f64, [place, wrist, force]: [f64; 3], bells: &[Bell]) -> Box<dyn Effect> {
+pub fn discrepancy(sizes: BellSizes, bells: &[Bell]) -> Box<dyn Effect> {
+    let BellSizes { reach, spreads: [place, wrist, force], sigma_mm, noise_mm } = sizes;
     let all = |of: &dyn Fn(&Bell) -> Vector3<f64>| bells.iter().map(|bell| of(bell).into()).collect();
     Box::new(Discrepancy {
         reach,
@@ -64,6 +89,9 @@ pub fn discrepancy(reach: f64, [place, wrist, force]: [f64; 3], bells: &[Bell]) 
         wrist_deg: all(&|bell| bell.wrist.map(f64::to_degrees)),
         force_n: all(&|bell| bell.force),
         shift_mm: all(&|bell| bell.shift),
+        sigma_mm,
+        noise_mm,
+        factor: Arc::default(),
     })
 }
 
@@ -71,6 +99,11 @@ impl Discrepancy {
     pub(super) fn check(self) -> Result<Self, String> {
         if !(self.reach.is_finite() && self.reach > 0.0) {
             return Err(format!("`reach` is {}, expected more than 0", self.reach));
+        }
+        for (key, value) in [("sigma_mm", self.sigma_mm), ("noise_mm", self.noise_mm)] {
+            if !(value.is_finite() && value >= 0.0) {
+                return Err(format!("`{key}` is {value}, expected 0 or more"));
+            }
         }
         if !self.spread.iter().all(|spread| spread.is_finite() && *spread >= 0.0) {
             return Err(format!("`spread` is {:?}, expected three numbers not below 0", self.spread));
@@ -94,6 +127,23 @@ impl Discrepancy {
     /// Factors from a difference in each coordinate to units of the reach; 0 for a coordinate that is ignored.
     fn scales(&self) -> [f64; 3] {
         self.spread.map(|spread| if spread > 0.0 { 1.0 / (spread * self.reach) } else { 0.0 })
+    }
+
+    /// Cholesky factor of the covariance of the measurements at the centres, relative to the variance of the process.
+    fn measured_correlations(&self) -> Option<&Cholesky<f64, Dyn>> {
+        /// Least share of the diagonal, so that centres near one another leave the matrix positive definite.
+        const NUGGET: f64 = 1e-9;
+        let factored = || {
+            let scales = self.scales();
+            let noise = (self.noise_mm / self.sigma_mm).powi(2).max(NUGGET);
+            let count = self.shift_mm.len();
+            let of =
+                |i: usize| [self.at_mm[i], self.wrist_deg[i], self.force_n[i]].map(|part| Vector::of(&part.into()));
+            let alike = |i: usize, j: usize| (-0.5 * self.apart::<f64>(i, scales, of(j))).exp();
+            let covariance = |i, j| alike(i, j) + if i == j { noise } else { 0.0 };
+            DMatrix::from_fn(count, count, covariance).cholesky()
+        };
+        self.factor.get_or_init(factored).as_ref()
     }
 
     /// Squared distance from each centre, in units of the reach.
@@ -144,11 +194,38 @@ impl Effect for Discrepancy {
     fn with_values(&self, _: &[f64]) -> Box<dyn Effect> {
         Box::new(self.clone())
     }
+
+    /// The heights of the bells, mm: the three axes of the first bell, then those of the next.
+    fn uncertain(&self) -> usize {
+        3 * self.shift_mm.len()
+    }
+
+    fn moved(&self, changes: &[f64]) -> Box<dyn Effect> {
+        let mut moved = self.clone();
+        moved.shift_mm.as_flattened_mut().iter_mut().zip(changes).for_each(|(height, change)| *height += change);
+        Box::new(moved)
+    }
+
+    /// The variance of the process, given a measurement at each centre (Rasmussen and Williams 2006, equation 2.26).
+    fn unseen_shift(&self, situation: &Situation<'_>, motor_commanded: &Joints, force: &Vector3<f64>) -> f64 {
+        if self.sigma_mm <= 0.0 {
+            return 0.0;
+        }
+        let degrees = |i: usize| motor_commanded[i].to_degrees();
+        let at = situation.base_from_wobj * situation.wobj_from_tcp;
+        let here = [at.translation.vector * 1e3, Vector3::new(degrees(3), degrees(4), degrees(5)), *force];
+        let (here, scales) = (here.map(|part| Vector::of(&part)), self.scales());
+        let alike = |i: usize| (-0.5 * self.apart::<f64>(i, scales, here)).exp();
+        let alike = DVector::from_iterator(self.shift_mm.len(), (0..self.shift_mm.len()).map(alike));
+        let known: f64 = self.measured_correlations().map_or(0.0, |factor| alike.dot(&factor.solve(&alike)));
+        3e-6 * self.sigma_mm.powi(2) * (1.0 - known).max(0.0)
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use crate::effects::bench::Bench;
+    use crate::effects::kind;
     use approx::assert_abs_diff_eq;
     use nalgebra::Vector3;
 
@@ -174,6 +251,40 @@ mod tests {
         let near = (-0.5f64).exp();
         assert_abs_diff_eq!(at(0.2, 400.0).x, 1e-4 * near, epsilon = 1e-12);
         assert_abs_diff_eq!(at(0.2, 400.0).y, -4e-5 * near * (-2.0f64).exp(), epsilon = 1e-12);
+    }
+
+    /// One measurement with a third of the standard deviation of the process leaves 1 − 1/(1 + 1/9) of its variance at
+    /// the centre, and nearly all of it two reaches away.
+    #[test]
+    fn the_variance_grows_from_the_centre_outwards() {
+        let one = r#"kind = "empirical"
+            reach = 1
+            spread = [50, 0, 0]
+            at_mm = [[100, 0, 0]]
+            wrist_deg = [[0, 0, 0]]
+            force_n = [[0, 0, 0]]
+            shift_mm = [[0.1, 0, 0]]
+            sigma_mm = 0.03
+            noise_mm = 0.01"#;
+        let effect = (kind("empirical").unwrap().read)(
+            toml::from_str::<toml::Table>(one)
+                .map(|mut table| {
+                    table.remove("kind");
+                    table
+                })
+                .unwrap(),
+        )
+        .unwrap();
+        let variance = |x: f64| {
+            let mut bench = Bench::default();
+            bench.situation.base_from_wobj.translation.vector = Vector3::zeros();
+            bench.situation.wobj_from_tcp.translation.vector = Vector3::new(x, 0.0, 0.0);
+            effect.unseen_shift(&bench.situation, &bench.motor, &Vector3::zeros())
+        };
+        let process = 3.0 * 0.03e-3f64.powi(2);
+        assert_abs_diff_eq!(variance(0.1), process * 0.1, epsilon = 1e-18);
+        assert_abs_diff_eq!(variance(0.2), process * (1.0 - 0.9 * (-4.0f64).exp()), epsilon = 1e-18);
+        assert_abs_diff_eq!(variance(1.3), process, epsilon = 1e-18);
     }
 
     #[test]

@@ -43,7 +43,7 @@ mod work_object_frame;
 mod workpiece_compliance;
 mod zero_offset;
 
-pub use discrepancy::{Bell, discrepancy};
+pub use discrepancy::{Bell, BellSizes, discrepancy};
 pub(crate) use empirical_field::fade;
 pub use gear_harmonic::gear_harmonic;
 pub use joint_error_curve::{JointCurve, joint_error_curve};
@@ -52,11 +52,12 @@ pub use physics::Law;
 pub(crate) use physics::{Deflection, Load, Offset, Parts, Physics, Site, State};
 pub use presliding::Presliding;
 pub(crate) use state::{CREEP_TIMES_S, unit_key};
-pub use state::{Cutting, DelayedTorque, ForceLaw, MOST_CLAMPS, PartAt, PartYield, Situation, ToolFrame, UnitAt};
+pub use state::{Cutting, CuttingTorque, ForceLaw, MOST_CLAMPS, PartAt, PartYield, Situation, ToolFrame, UnitAt};
 pub use survey::Survey;
 
 use crate::lanes::Real;
 use crate::robot::{Axes, Joints};
+use nalgebra::Vector3;
 use std::fmt::Debug;
 use table::{ANY, FACTOR, NOT_NEGATIVE, checked, indexed, per_axis, per_direction, scalar, table_of, take};
 
@@ -129,6 +130,13 @@ pub trait Effect: Listed + Debug + Send + Sync {
         Joints::zeros()
     }
 
+    /// Variance of the shift of the TCP that remains where the effect was not measured, m², all axes together. `force` is
+    /// the cutting force on the tool, N, work object axes.
+    fn unseen_shift(&self, situation: &Situation<'_>, motor_commanded: &Joints, force: &Vector3<f64>) -> f64 {
+        let _ = (situation, motor_commanded, force);
+        0.0
+    }
+
     /// The effect as the error curve of a single joint; `None` if it is anything else.
     fn joint_curve(&self) -> Option<JointCurve> {
         None
@@ -139,6 +147,19 @@ pub trait Effect: Listed + Debug + Send + Sync {
 
     /// The same effect with other numbers, in the order of [`Effect::parameters`].
     fn with_values(&self, values: &[f64]) -> Box<dyn Effect>;
+
+    /// How many numbers have an uncertainty in `[effect.uncertainty]` of the cell file: those of [`Effect::parameters`],
+    /// unless the effect has numbers that are not fitted one by one.
+    fn uncertain(&self) -> usize {
+        self.parameters().len()
+    }
+
+    /// The same effect with its uncertain numbers changed, for a derivative: see [`Parameter::moved`].
+    fn moved(&self, changes: &[f64]) -> Box<dyn Effect> {
+        let parameters = self.parameters();
+        let values: Vec<f64> = parameters.iter().zip(changes).map(|(own, change)| own.moved(*change)).collect();
+        self.with_values(&values)
+    }
 
     /// The same effect with other numbers that act nearly alike. A fit by small steps can be stuck at one of them.
     fn lookalikes(&self) -> Vec<Box<dyn Effect>> {
@@ -171,6 +192,27 @@ pub struct Parameter {
     pub neutral: f64,
     /// Physical bounds, in `unit`: a half gap is not negative.
     pub bounds: (f64, f64),
+}
+
+impl Parameter {
+    /// The value after a change, for a derivative by central differences. If the value cannot change to one of both
+    /// sides, because it would leave its bounds, it changes twice as far to the other side, so that the difference of
+    /// both is the same. It never leaves its bounds, where many laws have no meaning.
+    #[must_use]
+    pub fn moved(&self, change: f64) -> f64 {
+        moved_within(self.value, change, self.bounds)
+    }
+}
+
+/// [`Parameter::moved`] of a value with these bounds.
+pub(crate) fn moved_within(value: f64, change: f64, (low, high): (f64, f64)) -> f64 {
+    let is_within = |changed: f64| (low..=high).contains(&changed);
+    let factor = match (is_within(value + change), is_within(value - change)) {
+        (true, false) => 2.0,
+        (false, true) => 0.0,
+        _ => 1.0,
+    };
+    (value + factor * change).clamp(low, high)
 }
 
 /// What a number of an effect belongs to. The index in the number's name counts from 0; this says what the index
@@ -323,4 +365,20 @@ pub fn add_implied(effects: &mut Vec<Box<dyn Effect>>, axes: &Axes) -> bool {
 #[must_use]
 pub fn kind(name: &str) -> Option<&'static Kind> {
     KINDS.iter().find(|kind| kind.name == name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::moved_within;
+    use approx::assert_abs_diff_eq;
+
+    #[test]
+    fn a_value_at_its_bound_moves_twice_as_far_inwards() {
+        let difference = |value: f64, bounds| moved_within(value, 0.5, bounds) - moved_within(value, -0.5, bounds);
+        for (value, bounds) in [(3.0, (0.0, 9.0)), (0.0, (0.0, 9.0)), (9.0, (0.0, 9.0)), (0.2, (0.0, 9.0))] {
+            assert_abs_diff_eq!(difference(value, bounds), 1.0);
+        }
+        // There is no room for a difference of 1.
+        assert_abs_diff_eq!(difference(0.1, (0.0, 0.2)), 0.2);
+    }
 }

@@ -1,6 +1,6 @@
 //! The physics of an effect, written once for a single target and for several at a time (lanes).
 
-use super::{CREEP_TIMES_S, DelayedTorque, MOST_CLAMPS, PartAt, UnitAt};
+use super::{CREEP_TIMES_S, CuttingTorque, MOST_CLAMPS, PartAt, UnitAt};
 use crate::lanes::{Frame, Real, Vector, six};
 use crate::robot::kinematics::{Chain, Six};
 use crate::robot::{EXTERNAL_AXES, Joints, Robot};
@@ -124,7 +124,7 @@ pub(crate) struct Site<R> {
     pub(crate) tool_cog: Vector<R>,
     /// The compliance of the clamped part where it is cut.
     pub(crate) part: PartSite<R>,
-    /// See [`DelayedTorque`], N·m.
+    /// See [`CuttingTorque`], N·m.
     pub(crate) delayed: [Six<R>; CREEP_TIMES_S.len()],
 }
 
@@ -182,9 +182,9 @@ pub(crate) struct UnitSite<R> {
 
 impl<R: Real> Site<R> {
     /// Sets the delayed torques of a lane.
-    pub(crate) fn set_delayed(&mut self, lane: usize, delayed: Option<&DelayedTorque>) {
-        let delayed = delayed.copied().unwrap_or_default();
-        for (own, torque) in self.delayed.iter_mut().zip(&delayed.torques_nm) {
+    pub(crate) fn set_torque(&mut self, lane: usize, torque: Option<&CuttingTorque>) {
+        let torque = torque.copied().unwrap_or_default();
+        for (own, torque) in self.delayed.iter_mut().zip(&torque.delayed_nm) {
             own.iter_mut().zip(torque.iter()).for_each(|(own, torque)| own.set(lane, *torque));
         }
     }

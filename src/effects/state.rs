@@ -96,41 +96,46 @@ pub struct Situation<'a> {
     pub units: &'a [UnitAt],
     /// The compliance of the clamped part where it is cut; `None` without `[part.material]`.
     pub part: Option<PartAt<'a>>,
-    /// What is left of earlier cutting forces in gears that creep; `None` where there were none.
-    pub delayed: Option<&'a DelayedTorque>,
+    /// Torques of this and earlier cutting forces, for effects that follow the forces along a program; `None` where there were none.
+    pub torque: Option<&'a CuttingTorque>,
 }
 
 /// Times after which gears that creep follow a torque, s: one to a factor of five, from the time of a motion to that of a program.
 pub(crate) const CREEP_TIMES_S: [f64; 3] = [5.0, 25.0, 125.0];
 
-/// Torques of the cutting force at the motors, each delayed by a lag of the first order. Gears that creep yield to them.
+/// What the cutting force at a target, and the forces before it, do to the gears.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct DelayedTorque {
-    /// The delayed torques, N·m: with a lag of 5 s, of 25 s and of 125 s.
-    pub torques_nm: [Joints; CREEP_TIMES_S.len()],
+pub struct CuttingTorque {
+    /// Twist of the gears under the force at the target, by their declared stiffness, rad.
+    pub twist_rad: Joints,
+    /// Torques of the forces at the motors, each delayed by a lag of the first order, N·m: with a lag of 5 s, of 25 s and of 125 s.
+    pub delayed_nm: [Joints; CREEP_TIMES_S.len()],
 }
 
-impl DelayedTorque {
-    /// The delayed torques after a torque (N·m) has acted for some seconds.
+impl CuttingTorque {
+    /// The same after a torque (N·m) has acted for some seconds and has twisted the gears by an angle, rad.
     ///
     /// # Examples
     /// ```
-    /// use deflex::effects::DelayedTorque;
+    /// use deflex::effects::CuttingTorque;
     /// use deflex::robot::Joints;
     ///
     /// // After a long time, the gears have followed the torque.
-    /// let delayed = DelayedTorque::default().after(&Joints::repeat(100.0), 1e6);
-    /// assert!((delayed.torques_nm[2][0] - 100.0).abs() < 1e-9); // N·m
+    /// let torque = CuttingTorque::default().after(&Joints::repeat(100.0), Joints::zeros(), 1e6);
+    /// assert!((torque.delayed_nm[2][0] - 100.0).abs() < 1e-9); // N·m
     /// ```
     #[must_use]
-    pub fn after(&self, torque_nm: &Joints, seconds: f64) -> Self {
-        let one = |n: usize| torque_nm + (self.torques_nm[n] - torque_nm) * (-seconds / CREEP_TIMES_S[n]).exp();
-        Self { torques_nm: std::array::from_fn(one) }
+    pub fn after(&self, torque_nm: &Joints, twist_rad: Joints, seconds: f64) -> Self {
+        let one = |n: usize| torque_nm + (self.delayed_nm[n] - torque_nm) * (-seconds / CREEP_TIMES_S[n]).exp();
+        Self { twist_rad, delayed_nm: std::array::from_fn(one) }
     }
 
-    /// The delayed torques at a share of the way from one target to the next.
+    /// The same at a share of the way from one target to the next.
     pub(crate) fn lerp(&self, to: &Self, share: f64) -> Self {
-        Self { torques_nm: std::array::from_fn(|n| self.torques_nm[n].lerp(&to.torques_nm[n], share)) }
+        Self {
+            twist_rad: self.twist_rad.lerp(&to.twist_rad, share),
+            delayed_nm: std::array::from_fn(|n| self.delayed_nm[n].lerp(&to.delayed_nm[n], share)),
+        }
     }
 }
 

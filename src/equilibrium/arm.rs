@@ -42,7 +42,7 @@ impl Arm {
         self.effects.iter().any(|effect| effect.presliding().is_some())
     }
 
-    /// Whether any effect depends on the cutting forces at the targets before.
+    /// Whether any effect depends on the cutting forces at the targets before: gears that creep, and friction with a presliding angle.
     ///
     /// # Examples
     /// ```
@@ -52,22 +52,17 @@ impl Arm {
     /// ```
     #[must_use]
     pub fn follows_load(&self) -> bool {
-        self.effects.iter().any(|effect| effect.follows_load())
+        self.effects.iter().any(|effect| effect.follows_load()) || !self.presliding().is_sharp()
     }
 
     /// Torques of the cutting force at the motors, N·m, while the arm is in its nominal pose.
     pub(crate) fn cutting_torque(&self, situation: &Situation<'_>, motor: &Joints) -> Joints {
-        let force = match situation.cutting {
-            Cutting::Air => return Joints::zeros(),
-            Cutting::Constant(force) => force,
-            Cutting::Law { law, wobj_from_feed } => {
-                let axis = wobj_from_feed.inverse() * (situation.wobj_from_tcp.rotation * -Vector3::z());
-                wobj_from_feed * law.force(&Vector3::zeros(), &axis)
-            }
-        };
+        if matches!(situation.cutting, Cutting::Air) {
+            return Joints::zeros();
+        }
         let (rows, mut chain, mut load) = (self.robot.rows::<f64>(), Chain::default(), Load::default());
         rows.chain(&self.robot.joints(&rows.theta, &(*motor).into()), None, &mut chain);
-        load.start(Vector::of(&(situation.base_from_wobj.rotation * force)), Parts::NONE);
+        load.start(Vector::of(&(situation.base_from_wobj.rotation * cutting_force(situation))), Parts::NONE);
         let base_from_tcp = situation.base_from_wobj * situation.wobj_from_tcp;
         load.fill_torque(&self.robot, &chain, Vector::of(&base_from_tcp.translation.vector));
         load.torque.into()
@@ -84,5 +79,17 @@ impl Arm {
     #[must_use]
     pub fn weighs_payload(&self) -> bool {
         self.effects.iter().any(|effect| effect.weighs_payload())
+    }
+}
+
+/// The cutting force on the tool in the wanted pose, N, work object axes.
+pub(crate) fn cutting_force(situation: &Situation<'_>) -> Vector3<f64> {
+    match situation.cutting {
+        Cutting::Air => Vector3::zeros(),
+        Cutting::Constant(force) => force,
+        Cutting::Law { law, wobj_from_feed } => {
+            let axis = wobj_from_feed.inverse() * (situation.wobj_from_tcp.rotation * -Vector3::z());
+            wobj_from_feed * law.force(&Vector3::zeros(), &axis)
+        }
     }
 }

@@ -1,5 +1,5 @@
 use super::Number;
-use crate::effects::{self, Cutting, DelayedTorque, ForceLaw, PartAt, Situation, ToolFrame, UnitAt};
+use crate::effects::{self, Cutting, CuttingTorque, ForceLaw, PartAt, Situation, ToolFrame, UnitAt};
 use crate::lanes::{Frame, Mask, Vector, WIDTH};
 use crate::robot::Pose;
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -37,7 +37,7 @@ pub(crate) struct Site<'a> {
     pub(crate) payload: f64,
     pub(crate) units: &'a [UnitAt],
     pub(crate) part: Option<PartAt<'a>>,
-    pub(crate) delayed: Option<&'a DelayedTorque>,
+    pub(crate) torque: Option<&'a CuttingTorque>,
 }
 
 impl Setting {
@@ -74,7 +74,7 @@ impl<'a> Site<'a> {
             payload: situation.payload,
             units: situation.units,
             part: situation.part,
-            delayed: situation.delayed,
+            torque: situation.torque,
         }
     }
 }
@@ -103,10 +103,10 @@ pub(super) struct Block<'a, R: Number> {
     lanes: SmallVec<[R::Mask; 2]>,
     /// Whether laws have changed since `lanes` was computed.
     changed: bool,
-    /// Whether any lane has ever had mechanical units, a part that yields, or delayed torques.
+    /// Whether any lane has ever had mechanical units, a part that yields, or torques of earlier forces.
     units: bool,
     part: bool,
-    delayed: bool,
+    torque: bool,
 }
 
 impl<'a, R: Number> Block<'a, R> {
@@ -130,9 +130,9 @@ impl<'a, R: Number> Block<'a, R> {
             own.part.set(lane, site.part.as_ref());
             self.part = true;
         }
-        if site.delayed.is_some() || self.delayed {
-            own.set_delayed(lane, site.delayed);
-            self.delayed = true;
+        if site.torque.is_some() || self.torque {
+            own.set_torque(lane, site.torque);
+            self.torque = true;
         }
         match &site.cutting {
             Cutting::Air => self.cut(lane, &NOWHERE, None),

@@ -1,5 +1,8 @@
-//! The travel of the joints along the commanded motion: the direction in which each joint was last moved, and how far its friction has
-//! built up since it reversed.
+//! The travel of the joints along a motion: the direction in which each joint was last moved, and how far its friction has built up since it
+//! reversed.
+//!
+//! With a presliding angle, friction follows the joint itself, which turns with its motor and with the twist of its gear under the cutting
+//! force: a force that comes or goes turns friction too. Without one, travel is the direction of the commanded motion.
 
 use super::arm::Arm;
 use crate::effects::Presliding;
@@ -9,35 +12,42 @@ use crate::robot::Joints;
 pub(crate) const TRAVEL_THRESHOLD: f64 = 1e-7;
 
 impl Arm {
-    /// Travel of each joint after a commanded motion, −1 to 1: the share of the lost motion that acts, with the sign of the direction.
+    /// Travel of each joint after a motion to commanded motor angles and twists of the gears, rad, −1 to 1: the share of the lost motion that
+    /// acts, with the sign of the direction.
     ///
-    /// `held` is the travel before the motion. Without a presliding angle the travel is the sign of the motion, and stays the same at
-    /// stops. With a presliding angle w, friction builds up as the joint turns: dz/dq = (1 − z·sgn q̇) / w (Dahl 1968). The solution over
-    /// one motion is exact for any length, so that a motion in several steps ends with the same travel as in one.
-    pub(crate) fn travel(&self, previous: &Joints, now: &Joints, held: &Joints) -> Joints {
-        Dragged { motor: *previous, travel: *held }.travel_to(now, &self.presliding())
+    /// Without a presliding angle the travel is the sign of the motion, and stays the same at stops. With a presliding angle w, friction
+    /// builds up as the joint turns: dz/dq = (1 − z·sgn q̇) / w (Dahl 1968). The solution over one motion is exact for any length, so that
+    /// a motion in several steps ends with the same travel as in one.
+    pub(crate) fn travel(&self, from: &Dragged, motor: &Joints, twist: &Joints) -> Joints {
+        from.travel_to(motor, twist, &self.presliding())
     }
 
-    /// The travel after a motion from `last` to commanded motor angles, rad; zero for the first motion. `last` becomes the new state.
-    pub(crate) fn go_on(&self, motor: Joints, last: &mut Option<Dragged>) -> Dragged {
-        let travel = last.map_or_else(Joints::zeros, |last| self.travel(&last.motor, &motor, &last.travel));
-        let there = Dragged { motor, travel };
+    /// The state after a motion from `last` to commanded motor angles and twists, rad; without travel for the first motion. `last` becomes the
+    /// new state.
+    pub(crate) fn go_on(&self, motor: Joints, twist: Joints, last: &mut Option<Dragged>) -> Dragged {
+        let travel = last.as_ref().map_or_else(Joints::zeros, |last| self.travel(last, &motor, &twist));
+        let there = Dragged { motor, twist, travel };
         *last = Some(there);
         there
     }
 
     /// Travel after a corrected motion. It depends on the command, and the command on it: `free + travel · lost`, rad. `programmed` is the
-    /// travel of the motion as programmed.
+    /// travel of the motion as programmed, and `twist` the twist of the gears there, rad.
     ///
     /// Without a presliding angle, a direction is consistent if the command computed with it moves the joint in that direction. If both are
     /// consistent, the joint keeps its direction. With a presliding angle the command is a continuous function of the travel; the joint
     /// moves in the direction in which it would have to move with its previous travel.
-    pub(crate) fn settled_travel(&self, from: &Dragged, free: &Joints, lost: &Joints, programmed: &Joints) -> Joints {
+    pub(crate) fn settled_travel(&self, from: &Dragged, to: Settling<'_>) -> Joints {
         let widths = self.presliding();
+        let is_sharp = widths.is_sharp();
         Joints::from_fn(|i, _| {
-            let joint =
-                Joint { held: from.travel[i], programmed: programmed[i], free: free[i] - from.motor[i], lost: lost[i] };
-            if widths.is_sharp() { joint.direction() } else { joint.built_up(widths.of(i)) }
+            let joint = Joint {
+                held: from.travel[i],
+                programmed: to.programmed[i],
+                free: to.free[i] - from.motor[i] + if is_sharp { 0.0 } else { to.twist[i] - from.twist[i] },
+                lost: to.lost[i],
+            };
+            if is_sharp { joint.direction() } else { joint.built_up(widths.of(i)) }
         })
     }
 
@@ -47,18 +57,39 @@ impl Arm {
     }
 }
 
-/// The commanded motor angles of the joints, rad, and their travel there, −1 to 1.
+/// The joints after a motion.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Dragged {
+    /// Commanded motor angles, rad.
     pub(crate) motor: Joints,
+    /// Twists of the gears under the cutting force, rad, by their declared stiffness.
+    pub(crate) twist: Joints,
+    /// Travel, −1 to 1.
     pub(crate) travel: Joints,
 }
 
+/// The end of a motion to a corrected command: see [`Arm::settled_travel`].
+#[derive(Clone, Copy)]
+pub(crate) struct Settling<'a> {
+    pub(crate) free: &'a Joints,
+    pub(crate) lost: &'a Joints,
+    pub(crate) twist: &'a Joints,
+    pub(crate) programmed: &'a Joints,
+}
+
 impl Dragged {
-    /// Travel after a motion to commanded motor angles, rad, with presliding angles.
-    pub(crate) fn travel_to(&self, motor: &Joints, presliding: &Presliding) -> Joints {
-        Joints::from_fn(|i, _| driven(self.travel[i], motor[i] - self.motor[i], presliding.of(i)))
+    /// Travel after a motion to commanded motor angles and twists of the gears, rad, with presliding angles.
+    pub(crate) fn travel_to(&self, motor: &Joints, twist: &Joints, presliding: &Presliding) -> Joints {
+        let is_sharp = presliding.is_sharp();
+        let step = |i: usize| motor[i] - self.motor[i] + if is_sharp { 0.0 } else { twist[i] - self.twist[i] };
+        Joints::from_fn(|i, _| driven(self.travel[i], step(i), presliding.of(i)))
     }
+}
+
+/// Travel of sharp friction after a motion from one set of motor angles to another, rad: the sign of the motion, or the travel `held` before it
+/// where a joint does not move.
+pub(crate) fn direction(from: &Joints, to: &Joints, held: &Joints) -> Joints {
+    Joints::from_fn(|i, _| driven(held[i], to[i] - from[i], 0.0))
 }
 
 /// Travel after a step, rad, from the travel `held` before it; `width` is the presliding angle, rad.
@@ -121,6 +152,15 @@ mod tests {
         let forward = driven(0.0, 1.0, 1e-3);
         assert_abs_diff_eq!(forward, 1.0, epsilon = 1e-12);
         assert_abs_diff_eq!(driven(forward, -1e-3, 1e-3), 2.0 / std::f64::consts::E - 1.0, epsilon = 1e-12);
+    }
+
+    /// A motor that stands still, and a cutting force that comes: 1 mrad of twist over a presliding angle of 1 mrad turns friction by 1 − 1/e.
+    #[test]
+    fn a_force_turns_friction_with_a_presliding_angle_alone() {
+        let rest = Dragged { motor: Joints::zeros(), twist: Joints::zeros(), travel: Joints::zeros() };
+        let twisted = |angle: f64| rest.travel_to(&rest.motor, &Joints::repeat(1e-3), &Presliding::alike(angle));
+        assert_abs_diff_eq!(twisted(1e-3)[2], 1.0 - 1.0 / std::f64::consts::E, epsilon = 1e-12);
+        assert_abs_diff_eq!(twisted(0.0)[2], 0.0);
     }
 
     #[test]

@@ -22,11 +22,12 @@ mod number;
 mod predict;
 
 pub use arm::Arm;
+pub(crate) use arm::cutting_force;
 pub(crate) use batch::{Batch, Given, Nearby, Room, Settled};
 pub(crate) use block::{Setting, Site};
 pub use command::Command;
 pub(crate) use command::{InverseSolution, Start};
-pub(crate) use friction::Dragged;
+pub(crate) use friction::{Dragged, Settling, direction};
 pub(crate) use number::Number;
 pub use predict::{Equilibrium, Load};
 pub(crate) use predict::{PredictedPose, WarmStart};

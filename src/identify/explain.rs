@@ -7,7 +7,7 @@ use super::controller;
 use super::data::Observation;
 use super::decisions::{EVEN, MENTIONED, MOST_WANDER, NAMED};
 use super::engine::Engine;
-use super::found::{Elsewhere, Findings, LeavingOut, Linearised, MAP, Map, Posterior, Ranking, Refused};
+use super::found::{Elsewhere, Findings, LeavingOut, Linearised, MAP, Posterior, Ranking, Refused};
 use super::noise;
 use super::outcome::{
     Added, Correlate, Coverage, Errors, FittedParameter, Identification, InModel, Ranked, ResidualRow, Unexplained,
@@ -27,6 +27,21 @@ use nalgebra::{DMatrix, DVector};
 const WIDER: f64 = 1.5;
 /// The rival of every name while an error remains that is in no list.
 const UNLISTED: &str = "unlisted";
+
+/// An effect that is added.
+struct FittedEffect {
+    parameters: Vec<FittedParameter>,
+    /// Its table of the cell file.
+    table: toml::Table,
+    uncertainty: Uncertainty,
+}
+
+/// The effects that are added.
+struct FittedEffects {
+    effects: Vec<FittedEffect>,
+    /// The uncertainty of the map's heights, known together with the numbers of the effects; `None` without a map.
+    of_map: Option<Uncertainty>,
+}
 
 impl Engine {
     /// Every kind of effect alone with its best variant, the best kind first, and how well pairs of kinds can be
@@ -198,14 +213,14 @@ impl Engine {
             }
         }
         let mut extended: Vec<NewEffect> = Vec::new();
-        for (added, (parameters, table, uncertainty)) in
-            added.iter_mut().zip(self.fitted_effects(&posteriors, elsewhere.wider))
-        {
+        let FittedEffects { effects: fitted, of_map } = self.fitted_effects(&posteriors, elsewhere.wider);
+        for (added, FittedEffect { parameters, table, uncertainty }) in added.iter_mut().zip(fitted) {
             added.parameters = parameters;
             extended.push(NewEffect { table, uncertainty: Some(uncertainty), provenance: provenance() });
         }
-        let of_map = |map: Map| NewEffect { table: map.effect.to_table(), uncertainty: None, provenance: provenance() };
-        extended.extend(self.map.take().map(of_map));
+        if let Some(map) = self.map.take() {
+            extended.push(NewEffect { table: map.effect.to_table(), uncertainty: of_map, provenance: provenance() });
+        }
         merge_curves(&mut added, &mut extended, &mut shares_mm);
         let in_model = |(added, share_rms_mm): (&Added, &f64)| InModel {
             kind: added.kind.clone(),
@@ -302,13 +317,9 @@ impl Engine {
         if all > 0.0 { (wide / all).sqrt() } else { 1.0 }
     }
 
-    /// Fitted numbers, table of the cell and uncertainty of every effect that is added, in the order of the chosen set.
-    /// `wider` is the variance that left-out rows show relative to the variance that the fit predicts.
-    fn fitted_effects(
-        &self,
-        posteriors: &[Posterior],
-        wider: f64,
-    ) -> Vec<(Vec<FittedParameter>, toml::Table, Uncertainty)> {
+    /// The effects that are added, in the order of the chosen set, with the uncertainty of all. `wider` is the variance
+    /// that left-out rows show relative to the variance that the fit predicts.
+    fn fitted_effects(&self, posteriors: &[Posterior], wider: f64) -> FittedEffects {
         let mut at = 0;
         let mut all = Vec::new();
         let covariance = self.wider_covariance(wider);
@@ -318,7 +329,9 @@ impl Engine {
         // The errors of several effects partly cancel, so that only their joint covariance gives the uncertainty of a
         // prediction. The covariance is factored in typical sizes, because the units of the numbers differ by orders of
         // magnitude.
-        let factor = covariance.clone().cholesky().filter(|_| posteriors.len() > 1).map(|factor| factor.l());
+        let is_joint = posteriors.len() > 1 || self.map.is_some();
+        let mut factor = covariance.clone().cholesky().filter(|_| is_joint).map(|factor| factor.l());
+        let of_map = self.map.as_ref().zip(factor.as_mut()).map(|(map, factor)| map.rows_of_factor(factor));
         for &c in &self.chosen {
             let candidate = &self.candidates[c];
             let size = candidate.values.len();
@@ -336,13 +349,15 @@ impl Engine {
             let parameters = effect.parameters().into_iter().enumerate().map(parameter).collect();
             let uncertainty = match &factor {
                 Some(factor) => {
-                    Uncertainty::Joint(own.map(|i| (0..=i).map(|j| factor[(i, j)] * typical[i]).collect()).collect())
+                    let row = |i: usize| (factor.row(i) * typical[i]).iter().copied().collect();
+                    Uncertainty::Joint(own.map(row).collect())
                 }
                 None => Uncertainty::Own(own.clone().map(|i| own.clone().map(|j| scaled[(i, j)]).collect()).collect()),
             };
-            all.push((parameters, effect.to_table(), uncertainty));
+            all.push(FittedEffect { parameters, table: effect.to_table(), uncertainty });
         }
-        all
+        let rows = |heights: DMatrix<f64>| heights.row_iter().map(|row| row.iter().copied().collect()).collect();
+        FittedEffects { effects: all, of_map: of_map.map(|heights| Uncertainty::Joint(rows(heights))) }
     }
 
     /// Posterior covariance of the chosen columns, in typical sizes, if the variance of the data is larger by the

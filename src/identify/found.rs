@@ -4,7 +4,7 @@ use super::design::Design;
 use super::moments::Moments;
 use super::outcome::{Errors, Ranked, Separation, Unexplained};
 use crate::effects::Effect;
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 /// The index of a chosen candidate, its posterior probability, and the kinds that could replace it with their
 /// probabilities.
@@ -94,6 +94,11 @@ pub(super) const MAP: &str = "empirical";
 /// The discrepancy as an effect.
 pub(super) struct Map {
     pub(super) effect: Box<dyn Effect>,
+    /// Change of its heights, mm, when a chosen number grows by its typical size: a row for each axis of each bell, and
+    /// a column for each number.
+    pub(super) response: DMatrix<f64>,
+    /// Correlations of the process at the centres of its bells.
+    pub(super) alike: DMatrix<f64>,
     /// Probability that it reduces the error on blocks that its fit has not seen.
     pub(super) likely: f64,
 }

@@ -17,8 +17,8 @@ use super::pattern::Standing;
 use super::reading::Reading;
 use super::statistics::in_standard_errors;
 use super::whole_arm::VARIANCES;
-use crate::effects::{Bell, Effect, discrepancy};
-use nalgebra::{Cholesky, DMatrix, Dyn, Vector3};
+use crate::effects::{Bell, BellSizes, Effect, discrepancy};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Vector3};
 use rayon::prelude::*;
 use statrs::function::erf::erf;
 use std::collections::BTreeMap;
@@ -46,8 +46,20 @@ struct Scalar {
     places: Places,
     /// Direction in which it was measured, base axes.
     along: Vector3<f64>,
+    /// Index of the first scalar of its row in stacked vectors.
+    offset: usize,
+    /// Its weights of the scalars of its row, which may be measured along other axes.
+    weights: [f64; 3],
     /// The residual, mm.
     error: f64,
+}
+
+impl Scalar {
+    /// Its value in a stacked vector over the scalars of all rows.
+    fn of(&self, stacked: &DVector<f64>) -> f64 {
+        let own = self.weights.iter().enumerate().filter(|(_, weight)| **weight != 0.0);
+        own.map(|(k, weight)| weight * stacked[self.offset + k]).sum()
+    }
 }
 
 /// The residuals of some rows.
@@ -70,6 +82,38 @@ impl Residuals<'_> {
     }
 }
 
+impl Map {
+    /// Rotates a factor of the covariance of the chosen numbers, so that its first columns change the map most, and
+    /// returns the rows of the heights in the same columns. Later columns, which hardly change the map, are left out
+    /// there.
+    pub(super) fn rows_of_factor(&self, factor: &mut DMatrix<f64>) -> DMatrix<f64> {
+        /// Root mean square of all changes of the map at its centres that are left out together, mm: a tenth of the
+        /// noise of a laser tracker, to keep the cell file short.
+        const LEFT_OUT_MM: f64 = 1e-3;
+        let heights = &self.response * &*factor;
+        if factor.is_empty() {
+            return heights;
+        }
+        let axis = |axis: usize| heights.rows_with_step(axis, self.alike.nrows(), 2);
+        let square = |at: usize| {
+            let shifts = &self.alike * axis(at);
+            shifts.tr_mul(&shifts)
+        };
+        let eigen = (square(0) + square(1) + square(2)).symmetric_eigen();
+        let mut order: Vec<usize> = (0..eigen.eigenvalues.len()).collect();
+        order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
+        let mut budget = LEFT_OUT_MM.powi(2) * heights.nrows() as f64;
+        let is_left_out = |k: &&usize| {
+            budget -= eigen.eigenvalues[**k].max(0.0);
+            budget > 0.0
+        };
+        let kept = order.len() - order.iter().rev().take_while(is_left_out).count();
+        let rotation = eigen.eigenvectors.select_columns(&order);
+        *factor *= &rotation;
+        heights * rotation.columns(0, kept)
+    }
+}
+
 /// A process over some of the coordinates, with the centres of its bells.
 struct Process {
     field: Field,
@@ -80,15 +124,16 @@ struct Process {
 impl Engine {
     /// The mean of the discrepancy as an effect, if the evidence supports it and it does not increase the error of
     /// blocks that its fit has not seen.
-    pub(super) fn field_map(&self, posteriors: &[Posterior]) -> Option<Map> {
+    pub(super) fn field_map(&mut self, posteriors: &[Posterior]) -> Option<Map> {
         let (scalars, whole) = self.residuals()?;
         let all = Residuals { scalars: scalars.iter().collect(), whole };
         let (process, products) = self.best_process(&all)?;
         let gain_of = |way: usize, block: &(usize, usize)| {
             let (own, others): (Vec<&Scalar>, Vec<&Scalar>) =
                 scalars.iter().partition(|scalar| scalar.blocks[way] == *block);
-            let heights =
-                self.products(&Residuals { scalars: others, whole }, &process).heights(process.field.share)?;
+            let heights = self
+                .products_of_errors(&Residuals { scalars: others, whole }, &process)
+                .heights(process.field.share)?;
             let gain = |scalar: &&Scalar| {
                 let bells = process.centres.iter().zip(&heights);
                 let there: Vector3<f64> =
@@ -114,15 +159,48 @@ impl Engine {
             return None;
         }
         let gain = in_standard_errors(&in_time);
-        let effect = products.mean(&process)?;
-        (gain > -CHANCE).then(|| Map { effect, likely: 0.5 * (1.0 + erf(gain / std::f64::consts::SQRT_2)) })
+        let likely = 0.5 * (1.0 + erf(gain / std::f64::consts::SQRT_2));
+        (gain > -CHANCE).then(|| self.map_of(&all, &process, &products, likely)).flatten()
     }
 
     /// An accepted map, fitted again to the present rows.
-    pub(super) fn renewed_map(&self, map: Map) -> Option<Map> {
+    pub(super) fn renewed_map(&mut self, map: Map) -> Option<Map> {
         let (scalars, whole) = self.residuals()?;
-        let (process, products) = self.best_process(&Residuals { scalars: scalars.iter().collect(), whole })?;
-        Some(Map { effect: products.mean(&process)?, ..map })
+        let all = Residuals { scalars: scalars.iter().collect(), whole };
+        let (process, products) = self.best_process(&all)?;
+        self.map_of(&all, &process, &products, map.likely)
+    }
+
+    fn map_of(&mut self, residuals: &Residuals, process: &Process, products: &Products, likely: f64) -> Option<Map> {
+        let effect = products.mean(process, self.sigma)?;
+        let response = self.response(residuals, process)?;
+        let bells = process.centres.len();
+        let alike =
+            DMatrix::from_fn(bells, bells, |i, j| process.field.similarity(&process.centres[i], &process.centres[j]));
+        Some(Map { effect, response, alike, likely })
+    }
+
+    /// Change of the heights of the bells, base axes, mm, when a chosen number grows by its typical size: a row for
+    /// each axis of each bell, and a column for each number, in the order of the covariance. The process describes what
+    /// the numbers leave, so that near the measured rows it makes up for an error of a number.
+    fn response(&mut self, residuals: &Residuals, process: &Process) -> Option<DMatrix<f64>> {
+        let design = self.linearise(&self.chosen.clone(), &[]).design;
+        let in_residual = |&&c: &&usize| self.candidates[c].standing() != Some(Standing::Unlisted);
+        let columns = self.chosen.iter().flat_map(|c| {
+            let numbers = self.candidates[*c].columns();
+            numbers.map(move |column| (column, in_residual(&c)))
+        });
+        let change = |(column, in_residual): (usize, bool)| {
+            let mut change = DVector::zeros(self.problem.scalars);
+            if in_residual {
+                design.add([(column, -1.0)], &mut change);
+            }
+            residuals.scalars.iter().map(|scalar| scalar.of(&change)).collect::<Vec<f64>>()
+        };
+        let changes: Vec<Vec<f64>> = columns.map(change).collect();
+        let heights = self.products(residuals, process, &changes).heights(process.field.share)?;
+        let bells = process.centres.len();
+        Some(DMatrix::from_fn(3 * bells, changes.len(), |i, k| heights[k * bells + i / 3][i % 3]))
     }
 
     /// The process of most evidence, over place, posture and force or over the place alone, with its products; `None`
@@ -136,7 +214,7 @@ impl Engine {
             REACHES.map(|reach| Process { field: Field { reach, ..field }, spreads, centres: centres.clone() })
         });
         let of_size = |process: Process| {
-            let products = self.products(residuals, &process);
+            let products = self.products_of_errors(residuals, &process);
             let weighed = VARIANCES.into_iter().filter_map(|share| Some((products.evidence(share)?, share)));
             let (evidence, share) = weighed.max_by(|a, b| a.0.total_cmp(&b.0))?;
             Some((evidence, (Process { field: Field { share, ..process.field }, ..process }, products)))
@@ -166,19 +244,16 @@ impl Engine {
         for row in rows {
             let run = &self.problem.runs[row.run];
             let turn = run.base_from_wobj(row.point).rotation;
-            let shown = |k: usize| row.reading.has(k).then(|| residual[row.offset + k]);
-            let lines: Vec<(usize, Vector3<f64>, f64)> = match row.reading {
+            let unit = |k: usize| Vector3::ith(k, 1.0);
+            let lines: Vec<(usize, Vector3<f64>, Vector3<f64>)> = match row.reading {
                 Reading::Distance(_) => return None,
-                Reading::Normal(_) => vec![(0, turn * run.points[row.point].normal, residual[row.offset])],
-                Reading::Position(_) if whole => {
-                    let error = turn * Vector3::from_fn(|k, _| residual[row.offset + k]);
-                    (0..3).map(|k| (k, Vector3::ith(k, 1.0), error[k])).collect()
-                }
+                Reading::Normal(_) => vec![(0, turn * run.points[row.point].normal, unit(0))],
+                Reading::Position(_) if whole => (0..3).map(|k| (k, unit(k), turn.inverse() * unit(k))).collect(),
                 Reading::Position(_) => {
-                    (0..3).filter_map(|k| Some((k, turn * Vector3::ith(k, 1.0), shown(k)?))).collect()
+                    (0..3).filter(|&k| row.reading.has(k)).map(|k| (k, turn * unit(k), unit(k))).collect()
                 }
             };
-            let of = |(axis, along, error)| Scalar {
+            let of = |(axis, along, weights): (usize, Vector3<f64>, Vector3<f64>)| Scalar {
                 run: row.run,
                 order: row.order,
                 axis,
@@ -186,22 +261,37 @@ impl Engine {
                 weight: row.weight * row.tail,
                 places: self.problem.places(row),
                 along,
-                error,
+                offset: row.offset,
+                weights: weights.into(),
+                error: 0.0,
             };
-            scalars.extend(lines.into_iter().map(of));
+            let read = |scalar: Scalar| Scalar { error: scalar.of(&residual), ..scalar };
+            scalars.extend(lines.into_iter().map(of).map(read));
         }
         Some((scalars, whole))
     }
 
-    /// Products of the bells with one another and with the residuals, whitened by the noise and the drift of the fit.
-    fn products(&self, residuals: &Residuals, Process { field, centres, .. }: &Process) -> Products {
+    /// Products of the bells with one another and with the residuals.
+    fn products_of_errors(&self, residuals: &Residuals, process: &Process) -> Products {
+        self.products(residuals, process, &[residuals.scalars.iter().map(|scalar| scalar.error).collect()])
+    }
+
+    /// Products of the bells with one another and with some vectors, each of which has a value for every scalar,
+    /// whitened by the noise and the drift of the fit.
+    fn products(
+        &self,
+        residuals: &Residuals,
+        Process { field, centres, .. }: &Process,
+        vectors: &[Vec<f64>],
+    ) -> Products {
         let (together, each) = (residuals.scalars_each_row(), residuals.columns_each_centre());
         let columns = each * centres.len();
         let rows: Vec<&[&Scalar]> = residuals.scalars.chunks_exact(together).collect();
-        let stacked = DMatrix::from_fn(rows.len(), columns + together, |i, j| match j.checked_sub(columns) {
+        let width = columns + together * vectors.len();
+        let stacked = DMatrix::from_fn(rows.len(), width, |i, j| match j.checked_sub(columns) {
             None if each == 1 => field.similarity(&rows[i][0].places, &centres[j]),
             None => field.similarity(&rows[i][0].places, &centres[j / 3]) * rows[i][0].along[j % 3],
-            Some(axis) => rows[i][axis].error,
+            Some(other) => vectors[other / together][together * i + other % together],
         });
         let mut series: BTreeMap<(usize, usize), Vec<Sample>> = BTreeMap::new();
         for (i, row) in rows.iter().enumerate() {
@@ -209,13 +299,15 @@ impl Engine {
         }
         let series: Vec<Series> = series.into_values().map(|samples| Series { samples, places: [].into() }).collect();
         let whitened = whiten(&stacked, &series, noise::Shape { field: None, ..self.shape }).columns;
-        let (bells, errors) = (whitened.columns(0, columns), whitened.columns(columns, together));
+        let (bells, errors) = (whitened.columns(0, columns), whitened.columns(columns, width - columns));
         let alike = |i: usize, j: usize| field.similarity(&centres[i / each], &centres[j / each]);
         Products {
             gram: bells.tr_mul(&bells),
             cross: bells.tr_mul(&errors),
             square: errors.norm_squared(),
             scalars: residuals.scalars.len(),
+            together,
+            informative: bells.norm_squared() / stacked.columns(0, columns).norm_squared(),
             prior: DMatrix::from_fn(columns, columns, |i, j| if i % each == j % each { alike(i, j) } else { 0.0 }),
         }
     }
@@ -226,11 +318,16 @@ impl Engine {
 struct Products {
     /// Nᵀ N.
     gram: DMatrix<f64>,
-    /// Nᵀ e: one column for each axis if the rows are whole positions, and one column otherwise.
+    /// Nᵀ e for each vector e: one column for each axis if the rows are whole positions, and one column otherwise.
     cross: DMatrix<f64>,
     /// eᵀ e.
     square: f64,
     scalars: usize,
+    /// Number of scalars that share a row of N: see [`Residuals::scalars_each_row`].
+    together: usize,
+    /// Squares of the whitened bells, relative to those of the bells themselves: how much a row says about the process,
+    /// relative to a row with white noise alone.
+    informative: f64,
     /// K.
     prior: DMatrix<f64>,
 }
@@ -246,22 +343,32 @@ impl Products {
         Some([prior.cholesky()?, sum.cholesky()?])
     }
 
-    /// Heights of the bells, base axes, mm: (K / share + Nᵀ N)⁻¹ Nᵀ e.
+    /// Heights of the bells, base axes, mm, for each vector in turn: (K / share + Nᵀ N)⁻¹ Nᵀ e.
     fn heights(&self, share: f64) -> Option<Vec<Vector3<f64>>> {
         let [_, sum] = self.factors(share)?;
         let heights = sum.solve(&self.cross);
-        // The three axes of a centre are a row of the solution, or three successive elements of its only column.
-        let axes = if heights.ncols() == 1 { heights.data.into() } else { heights.transpose().data.into() };
-        let axes: Vec<f64> = axes;
-        Some(axes.chunks_exact(3).map(Vector3::from_column_slice).collect())
+        if self.together == 1 {
+            // The three axes of a centre are three successive elements of the column of a vector.
+            return Some(heights.as_slice().chunks_exact(3).map(Vector3::from_column_slice).collect());
+        }
+        let bell = |n: usize| {
+            let (vector, bell) = (n / heights.nrows(), n % heights.nrows());
+            Vector3::from_fn(|axis, _| heights[(bell, 3 * vector + axis)])
+        };
+        Some((0..heights.len() / 3).map(bell).collect())
     }
 
     /// The mean of the process as an effect.
-    fn mean(&self, process: &Process) -> Option<Box<dyn Effect>> {
+    fn mean(&self, process: &Process, sigma_mm: f64) -> Option<Box<dyn Effect>> {
         let heights = self.heights(process.field.share)?;
         let bell = |(&[at, wrist, force], &shift): (&Places, &Vector3<f64>)| Bell { at, wrist, force, shift };
         let bells: Vec<Bell> = process.centres.iter().zip(&heights).map(bell).collect();
-        Some(discrepancy(process.field.reach, process.spreads, &bells))
+        let Field { reach, share, .. } = process.field;
+        // Each centre stands for an equal part of the rows, which count less where their noise drifts.
+        let rows = self.informative * self.scalars as f64 / 3.0;
+        let noise_mm = sigma_mm * (bells.len() as f64 / rows).sqrt();
+        let sizes = BellSizes { reach, spreads: process.spreads, sigma_mm: sigma_mm * share.sqrt(), noise_mm };
+        Some(discrepancy(sizes, &bells))
     }
 
     /// Log evidence with the best σ except for a constant, nats.

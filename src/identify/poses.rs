@@ -65,7 +65,7 @@ impl Problem {
             let mut previous = None;
             let run = problem.runs.len();
             for (order, PoseRow { row, motor, reading }) in rows.iter().enumerate() {
-                let travel = cell.arm.go_on(*motor, &mut previous).travel;
+                let travel = cell.arm.go_on(*motor, Joints::zeros(), &mut previous).travel;
                 let base_from_tcp = cell.arm.robot.forward(motor) * tool.flange_from_tcp;
                 let mut point = Point::measured(base_from_tcp, *motor, travel);
                 (point.time, point.temperature) = (row.time_s.unwrap_or(0.0), row.temperature_c);

@@ -30,8 +30,12 @@ impl Problem {
             row.probing.iter_mut().for_each(|probing| probing.set_presliding(&presliding));
             row.travel = match row.way_from {
                 None => into[row.run][row.point],
-                Some(from) => Dragged { motor: self.runs[row.run].points[from].motor, travel: into[row.run][from] }
-                    .travel_to(&row.motor, &presliding),
+                Some(from) => {
+                    let points = &self.runs[row.run].points;
+                    let twist = points[from].twist();
+                    let from = Dragged { motor: points[from].motor, twist, travel: into[row.run][from] };
+                    from.travel_to(&row.motor, &points[row.point].twist(), &presliding)
+                }
             };
         }
     }

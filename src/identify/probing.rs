@@ -98,8 +98,8 @@ impl Probing {
 
     /// Sets the presliding angles.
     pub(super) fn set_presliding(&mut self, presliding: &Presliding) {
-        let start = Dragged { motor: self.from, travel: Joints::zeros() };
-        self.travel = start.travel_to(&self.motor, presliding);
+        let start = Dragged { motor: self.from, twist: Joints::zeros(), travel: Joints::zeros() };
+        self.travel = start.travel_to(&self.motor, &Joints::zeros(), presliding);
     }
 
     /// The circumstances of the touch, from those of the cut at the same place.
@@ -111,7 +111,7 @@ impl Probing {
             velocity: Vector3::zeros(),
             time: self.time,
             temperature: self.temperature,
-            delayed: None,
+            torque: None,
             ..cut
         }
     }

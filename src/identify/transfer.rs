@@ -10,6 +10,7 @@ use super::data::{Observation, Problem};
 use super::engine::Engine;
 use super::reading::Reading;
 use crate::correct::{Prepared, SIGMA_STEP};
+use crate::effects::moved_within;
 use crate::equilibrium::Arm;
 use crate::robot::Pose;
 use nalgebra::{DVector, Rotation3, Translation3, Vector3};
@@ -51,8 +52,9 @@ impl Engine {
             let candidate = &self.candidates[c];
             let own = &direction.as_slice()[first..first + candidate.values.len()];
             first += own.len();
-            let values = candidate.values.iter().zip(&candidate.typical).zip(own);
-            (&candidate.home, values.map(|((value, typical), change)| value + step * change * typical).collect())
+            let value =
+                |k: usize| moved_within(candidate.values[k], step * own[k] * candidate.typical[k], candidate.bounds[k]);
+            (&candidate.home, (0..own.len()).map(value).collect())
         };
         let values: Vec<(&Home, Vec<f64>)> = self.chosen.iter().map(moved).collect();
         let changes: Vec<(&Home, &[f64])> = values.iter().map(|(home, values)| (*home, &values[..])).collect();

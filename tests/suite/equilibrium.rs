@@ -60,7 +60,7 @@ fn situation(arm: &Arm, motor: &Joints, force: Vector3<f64>) -> Situation<'stati
         payload: 0.0,
         units: &[],
         part: None,
-        delayed: None,
+        torque: None,
     }
 }
 

@@ -35,8 +35,8 @@ fn containing(folders: &[&str], words: &[&str]) -> BTreeSet<String> {
 
 /// An effect that depends on nothing that others do not depend on too.
 const EFFECT: &str = "cable_pull";
-/// What the newest effect added to the state on which effects depend.
-const NEW_FIELD: [&str; 3] = ["delayed:", "mod delayed;", ".delayed"];
+/// Words of what the newest effect added to the state on which effects depend: its type, its values and its module.
+const NEW_FIELD: [&str; 4] = ["CuttingTorque", "torque: None,", "torque_between", "mod loads_before;"];
 /// The heading of the guide from which on the files of such a field are listed.
 const NEW_STATE: &str = "## If the effect depends on something new";
 

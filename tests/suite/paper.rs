@@ -128,7 +128,7 @@ fn situation<'a>(case: &Case, law: &'a Slot) -> Situation<'a> {
         payload: 0.0,
         units: &[],
         part: None,
-        delayed: None,
+        torque: None,
     }
 }
 

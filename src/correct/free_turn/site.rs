@@ -102,7 +102,7 @@ impl Site {
             milled: rare.and_then(|rare| rare.milled.clone()),
             part: rare.and_then(|rare| rare.part.clone()),
             // Creep follows the posture that is still to be chosen.
-            delayed: None,
+            torque: None,
             plunges: self.plunges,
         }
     }

@@ -133,7 +133,7 @@ pub(super) fn run(
     if cuts == Cuts::Programmed {
         prepared.notes.extend(walk.notes(resolution, section.resolution.is_none()));
     }
-    if arm.follows_load() || prepared.points.iter().any(|point| point.delayed.is_some()) {
+    if arm.follows_load() || prepared.points.iter().any(|point| point.torque.is_some()) {
         prepared.follow_loads(arm);
     }
     Ok(Some(Removal { stock: walk.stock, notes }))

@@ -60,7 +60,7 @@ impl Bench<'_> {
         let (mut time, mut cut) = (0.0, 0.0);
         for (i, row) in sheet.rows.iter().enumerate() {
             let motor = self.spots[row.spot].motor;
-            let travel = self.arm.go_on(motor, &mut previous).travel;
+            let travel = self.arm.go_on(motor, Joints::zeros(), &mut previous).travel;
             let load = self.section.loads[sheet.loads[i]];
             let mut point = Point::measured(place(row), motor, travel);
             let way = if i > 0 { chord(i - 1, i) } else { chord(0, 1.min(sheet.rows.len() - 1)) };

@@ -1,7 +1,7 @@
 //! Rules that hold for every kind in the registry, in every form it has.
 
 use deflex::effects::{
-    Cutting, DelayedTorque, Effect, KINDS, PartAt, PartYield, Situation, Survey, ToolFrame, UnitAt, kind,
+    Cutting, CuttingTorque, Effect, KINDS, PartAt, PartYield, Situation, Survey, ToolFrame, UnitAt, kind,
 };
 use deflex::equilibrium::Arm;
 use deflex::robot::{Axes, BUILTIN, Joints, Pose};
@@ -69,8 +69,8 @@ static PART: std::sync::LazyLock<PartYield> = std::sync::LazyLock::new(|| PartYi
 });
 
 /// A cut that has gone on for a while.
-static DELAYED: std::sync::LazyLock<DelayedTorque> = std::sync::LazyLock::new(|| {
-    DelayedTorque::default().after(&Joints::new(-300.0, 800.0, 500.0, 50.0, -80.0, 20.0), 20.0)
+static LOADED: std::sync::LazyLock<CuttingTorque> = std::sync::LazyLock::new(|| {
+    CuttingTorque::default().after(&Joints::new(-300.0, 800.0, 500.0, 50.0, -80.0, 20.0), Joints::zeros(), 20.0)
 });
 
 /// A cut at `motor` with everything that an effect may look at.
@@ -99,7 +99,7 @@ fn situation(arm: &Arm, motor: &Joints, force: Vector3<f64>) -> Situation<'stati
         payload: 6.0,
         units: &UNITS,
         part: Some(PartAt { yields: &PART, wobj_from_part: Rotation3::from_euler_angles(0.1, 0.2, -0.3) }),
-        delayed: Some(&DELAYED),
+        torque: Some(&LOADED),
     }
 }
 

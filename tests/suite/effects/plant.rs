@@ -131,7 +131,7 @@ fn residual(cell: &Cell, program: &Program, measured: &Table) -> Vec<Vector3<f64
             payload: 0.0,
             units: &[],
             part: None,
-            delayed: None,
+            torque: None,
         };
         states.push((situation, motor, travel, 1e-3 * Vector3::from(row.position_mm.unwrap())));
     }
