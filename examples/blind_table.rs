@@ -5,9 +5,9 @@
 //! is a folder with `cell.toml`, `part*.mod`, `measured*.csv`, `truth.json` and, for the transfer figure, `transfer.mod`,
 //! `transfer_measured.csv` and `transfer_exact.csv`.
 //!
-//! Verdicts: *wrong*, a name that is not there and claims to be told apart; *right*, all that is there named outright, or what
-//! is in no list (drift, slips, faulty columns, unlisted effects) said as unexplained; *undecided*, within the sets told;
-//! *missed*, the rest. *Worse*: another program is predicted worse than by the declared cell.
+//! Verdicts: *wrong*, if an effect is named as certain that is not there. *Right*, if every effect is named outright, or if an error that is
+//! in no list (drift, slips, faulty columns, unlisted effects) is reported as unexplained. *Undecided*, if the truth is in the sets of effects
+//! that cannot be distinguished. *Missed*, otherwise. *Worse*: the extended cell predicts another program worse than the declared cell.
 
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
@@ -29,7 +29,7 @@ fn program(path: &Path) -> Program {
     rapid::read(vec![source(path)], Vec::new()).unwrap()
 }
 
-/// Rows of a program as a cell predicts them beside what was measured: squared gaps, mm², and standard uncertainties.
+/// The prediction of a program by a cell, compared with its measured rows.
 struct Transfer {
     rms_mm: f64,
     /// (inside, all) of the axes whose noise-free error lies within 1.96 `sigma_mm` of the prediction.
@@ -79,7 +79,7 @@ struct Case {
     covered: (usize, usize),
     /// (inside, all) of the predictions' `sigma_mm`.
     sigma_covered: (usize, usize),
-    /// The least posterior of a name that claims to be told apart, and whether all of them are there.
+    /// The smallest probability of the effects that are named as certain, and whether all of them are there.
     said: Option<(f64, bool)>,
     /// The chance of a right name that the plan of these rows gave its one effect.
     planned: Option<f64>,
@@ -120,7 +120,7 @@ fn verdict(found: &Identification, names: &[String], faults: &[String], tie: boo
     // An empirical map names nothing.
     let named = || found.added.iter().filter(|a| a.kind != "empirical");
     let wrong = named().any(|a| {
-        // A drift that is told as possible is not denied.
+        // A drift in the set of possible causes is not a wrong answer.
         let there = |other: &String| names.contains(other) || faults.contains(other);
         !names.contains(&a.kind) && (sure(a) || !a.not_told_apart_from.iter().any(there))
     });
@@ -128,7 +128,7 @@ fn verdict(found: &Identification, names: &[String], faults: &[String], tie: boo
     let in_sets = listed.iter().all(|n| found.added.iter().any(|a| a.kind == **n || a.not_told_apart_from.contains(n)));
     match () {
         () if wrong => "wrong",
-        // What is in no list is to be said; a listed effect beside it is a gain, and no duty.
+        // An error that is in no list has to be reported as unexplained. Naming the listed effects in addition is not required.
         () if beyond && !found.unexplained.significant => "missed",
         () if all_named && (tie || named().all(sure)) => "right",
         () if beyond && named().next().is_none() => "right",

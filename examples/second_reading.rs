@@ -115,7 +115,7 @@ fn random(count: u64, first: u64, shown: usize) -> ExitCode {
         if seen.len() >= shown {
             break;
         }
-        // Of the same kind, not another that lies beside it.
+        // A smaller program must differ in the same way, and not in another one.
         let kind = |why: &str| {
             (why.contains("panics"), why.contains("nothing says"), why.contains("moved by"), why.contains("said to be"))
         };

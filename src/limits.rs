@@ -3,6 +3,13 @@
 //! `docs/limits-and-safety.md` take all bounds from here.
 
 /// An upper bound for a count.
+///
+/// # Examples
+/// ```
+/// for bound in deflex::limits::ALL {
+///     println!("{}: at most {}", bound.what, bound.most);
+/// }
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Bound {
@@ -16,6 +23,14 @@ pub struct Bound {
 
 impl Bound {
     /// The message for a count that exceeds the bound; `None` if it does not. NaN counts as exceeding it.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::limits::STOCK_LINES;
+    ///
+    /// assert!(STOCK_LINES.exceeded(1e6).is_none());
+    /// assert!(STOCK_LINES.exceeded(1e9).is_some_and(|message| message.contains("20000000")));
+    /// ```
     #[must_use]
     pub fn exceeded(&self, count: f64) -> Option<String> {
         let within = count <= self.most as f64;

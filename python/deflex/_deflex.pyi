@@ -91,7 +91,7 @@ class Cell:
         """Kinds of the effects that act, in order."""
     @property
     def units(self) -> list[str]:
-        """Names of the mechanical units besides the robot."""
+        """Names of the mechanical units in addition to the robot."""
     @property
     def notes(self) -> list[Diagnostic]:
         """Values that are possible and seldom meant."""

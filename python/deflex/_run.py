@@ -190,7 +190,7 @@ def plan(
     ask: Literal["never", "load", "target"] = "never",
     progress: Progress | None = None,
 ) -> Planned:
-    """Plans what to measure, so that effects can be told apart: `deflex plan`.
+    """Plans what to measure, so that effects can be distinguished: `deflex plan`.
 
     The cell's `[plan]` says where the tool may go, which loads can be applied and what is measured with; `rows` (8 to 500) is how
     many places are measured. `pool` are programs whose targets are the places to choose from; `after` an identification whose

@@ -105,7 +105,7 @@ def _mapped(
     retries: int,
     progress: Progress | None,
 ) -> Results:
-    # Neither asked for before it is needed, nor typed.
+    # Imported only when it is needed, and without types.
     distributed: Any = importlib.import_module("distributed")
     client = distributed.get_client() if client is None else client
     # A run is never another's, whatever its arguments: files may have changed.

@@ -85,7 +85,7 @@ impl Cell {
         shaped(py, pose_matrix(&tool.flange_from_tcp).as_flattened().to_vec(), [4, 4])
     }
 
-    /// Names of the mechanical units besides the robot.
+    /// Names of the mechanical units in addition to the robot.
     #[getter]
     fn units(&self) -> Vec<&str> {
         self.file.cell().units.all().iter().map(|unit| &*unit.name).collect()

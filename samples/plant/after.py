@@ -22,7 +22,7 @@ CLAMPING = (2.5e-4, 0.2)
 
 
 def undecided(binary, folder, scratch):
-    """Runs identify on a cell's rows; the JSON's file where a name is not told apart from others, else None."""
+    """Runs identify on a cell's rows; the file of its JSON if a name cannot be distinguished from others, else None."""
     found = scratch / "first.json"
     subprocess.run([binary, "identify", "--run", folder / "part.mod", folder / "measured.csv", "--cell", folder / "cell.toml",
                     "-o", scratch / "first.toml", "--json", found, "--quiet"], check=True, stdout=subprocess.DEVNULL)

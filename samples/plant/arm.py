@@ -44,7 +44,7 @@ class Arm:
         self.b = cell.motor_from_serial
 
     def xml(self, tool):
-        """The tree as MJCF: base mount, six links (modified DH), tool holder, tool tip, and the clamped part beside them."""
+        """The tree as MJCF: base mount, six links (modified DH), tool holder, tool tip, and the clamped part."""
         fx = self.effects
         rows = self.cell.links.copy()
         rows[:, 0] += compliance(fx, "link_geometry", "d_alpha_rad", 6)

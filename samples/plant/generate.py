@@ -132,7 +132,7 @@ def joint_coupling(rng, robot, span, s):
 
 
 def cable_pull(rng, robot, span, s):
-    """A hose from behind the column to the elbow, a third longer or shorter than at rest over the work."""
+    """A hose from the rear of the column to the elbow, a third longer or shorter than at rest over the work."""
     reach = robot.links[3][2]
     return {"stiffness_n_per_m": 300 * s, "rest_mm": rng.uniform(0.5, 0.8) * reach, "from_mm": [-0.3 * reach, rng.uniform(-150, 150), 100], "from_link": 1,
             "to_mm": [rng.uniform(50, 150), 0.2 * reach, 80], "to_link": 3}
@@ -159,7 +159,7 @@ LISTED = [joint_stiffness, stiffness_curve, gravity, backlash, hysteresis, gear_
           tool_frame, work_object_frame, base_compliance, bearing_compliance, tool_compliance, workpiece_compliance, thermal_growth,
           force_scale, tool_wear, tracking_lag, joint_coupling, creep]
 UNLISTED = [space_field, fixture_jump, temperature_cycle, cable_drag]
-# Pairs of different families, so that each of the two can be seen beside the other.
+# Pairs of different families, so that each of the two can be distinguished from the other.
 PAIRS = [(gravity, backlash), (base_compliance, gear_harmonic), (thermal_growth, zero_offset), (stiffness_curve, tracking_lag), (tool_wear, tool_frame),
          (hysteresis, gravity), (workpiece_compliance, thermal_growth), (joint_stiffness, backlash), (force_scale, gear_harmonic), (tool_compliance, joint_error_curve)]
 

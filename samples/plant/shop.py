@@ -103,7 +103,7 @@ CASES = {
     # The same effects and noise on twice and four times the rows.
     "planned48": dict(plan="planned", rows=48, effects=FEW_ROWS, draws_of="planned"),
     "planned96": dict(plan="planned", rows=96, effects=FEW_ROWS, draws_of="planned"),
-    # The same effects and noise on rows that nobody planned.
+    # The same effects and noise on rows that were not planned.
     "unplanned": dict(plan="zigzag", effects=FEW_ROWS, draws_of="planned"),
 }
 

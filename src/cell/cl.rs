@@ -118,7 +118,7 @@ fn harmless(check: &mut Check, raw: &[String]) -> BTreeSet<String> {
     for word in raw.iter().filter(|word| !may_be_declared_harmless(word)) {
         let message =
             format!("`{word}` moves the tool or changes how it cuts: it is read, and cannot be declared harmless");
-        check.error("cl.harmless", message, "take it out of the list");
+        check.error("cl.harmless", message, "remove it from the list");
     }
     raw.iter().map(|word| word.to_ascii_uppercase()).collect()
 }

@@ -112,7 +112,7 @@ pub enum Engaged {
 
 /// A table that a run needs and that the cell does not have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("neither [tools.X.{part}] nor [cut.{part}] is there")]
+#[error("the cell has neither [tools.X.{part}] nor [cut.{part}]")]
 pub struct MissingCutKey {
     /// Name of the table: `cutter`, `engagement` or `coefficients`.
     pub part: &'static str,
@@ -186,7 +186,7 @@ pub(super) fn cut(check: &mut Check, raw: &raw::Cut, tools: &BTreeMap<String, Mi
                     "cut",
                     "frame",
                     raw.frame.as_deref(),
-                    "force = \"constant\" needs the axes it is given in",
+                    "force = \"constant\" needs the axes that it is given in",
                 )?;
                 let frames = [("wobj", ForceFrame::Wobj), ("tool", ForceFrame::Tool), ("feed", ForceFrame::Feed)];
                 CutForce::Constant { force: force.into(), frame: check.word("cut.frame", frame, &frames)? }

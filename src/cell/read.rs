@@ -312,7 +312,7 @@ fn links(check: &mut Check, raw: &[raw::Link]) -> Option<[[f64; 4]; 6]> {
 /// The frame of a tool; `None` if the program has to declare it.
 fn tool(check: &mut Check, key: &str, raw: &raw::Tool) -> Option<ToolFrame> {
     if raw.mass_kg.is_nan() || raw.mass_kg < 0.0 {
-        check.error(&format!("{key}.mass_kg"), "a mass is not negative", "kg");
+        check.error(&format!("{key}.mass_kg"), "a mass cannot be negative", "kg");
     }
     check.finite(&format!("{key}.cog_mm"), &raw.cog_mm);
     let turn = Turn { quat: raw.tcp_quat, abc_deg: raw.tcp_abc_deg, wpr_deg: raw.tcp_wpr_deg };

@@ -231,7 +231,7 @@ fn held(
             check.error(
                 &key,
                 format!("[[part.clamp]] number {} is outside of the blank: it holds nothing", n + 1),
-                "box_mm is in the axes of [stock], as its box_mm is",
+                "give box_mm of the clamp in the axes of [stock], like box_mm of the blank",
             );
         }
         let key = format!("part.clamp.{n}.stiffness_n_per_mm");

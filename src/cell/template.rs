@@ -410,7 +410,7 @@ fn stiffness(published: Option<[f64; 6]>) -> String {
             "[robot.stiffness]               # {HOW}\njoint_nm_per_rad = {stiffness:?}   # << published for this model; yours differs"
         ),
         None => format!(
-            "# Needed as soon as a force acts. None is published for this robot, and another robot's is not its own: measure it.\n\
+            "# Needed as soon as a force acts. No stiffness is published for this robot, and that of another robot does not hold for it: measure it.\n\
              # [robot.stiffness]             # {HOW}\n# joint_nm_per_rad = [ , , , , , ]"
         ),
     }

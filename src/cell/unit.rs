@@ -87,8 +87,10 @@ fn places(check: &mut Check, raw: &[raw::Unit], named: &[(usize, AxisName)]) -> 
     let mut left = (0..EXTERNAL_AXES).filter(|index| named.iter().all(|(_, axis)| own(*axis) != Some(*index)));
     let place = |(i, axis): &(usize, AxisName)| {
         own(*axis).or_else(|| left.next()).unwrap_or_else(|| {
-            let message =
-                format!("unit `{}` is one too many: at most {EXTERNAL_AXES} can carry something", raw[*i].name);
+            let message = format!(
+                "at most {EXTERNAL_AXES} units can carry something, and unit `{}` is one too many",
+                raw[*i].name
+            );
             check.error(&format!("unit.{i}"), message, "leave out those that carry neither the robot nor the part");
             0
         })
@@ -133,7 +135,11 @@ fn unit(check: &mut Check, key: &str, (keys, place): (&raw::Unit, AxisSlot), all
             check.finite(&format!("{key}.direction"), &direction);
             let unit = Vector3::from(direction).try_normalize(f64::MIN_POSITIVE);
             if unit.is_none() {
-                check.error(&format!("{key}.direction"), "a direction of no length", "for example [0.0, 1.0, 0.0]");
+                check.error(
+                    &format!("{key}.direction"),
+                    "the direction has a length of zero",
+                    "for example [0.0, 1.0, 0.0]",
+                );
             }
             UnitKind::Linear(unit?)
         }
@@ -148,7 +154,7 @@ fn unit(check: &mut Check, key: &str, (keys, place): (&raw::Unit, AxisSlot), all
         (false, None) => UnitKind::Rotary,
         (false, Some(_)) => {
             let help = "a rotary unit turns about z of its own frame: set base_quat, and remove `direction`";
-            check.error(&format!("{key}.direction"), "a direction is of linear units", help);
+            check.error(&format!("{key}.direction"), "a rotary unit has no direction", help);
             return None;
         }
     };

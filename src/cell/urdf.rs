@@ -114,7 +114,7 @@ pub fn described(source: &Source, tip: Option<&str>) -> Result<Described, Vec<Di
     let rows = Rows::of(&axes, &at).map_err(|(i, message)| {
         refuse(
             format!("joint {}: {message}", turning[i].name),
-            "deflex takes six axes of which no two that follow each other are one",
+            "deflex needs six axes, of which no two neighbours coincide",
         )
     })?;
     let limit = |i: usize| {
@@ -155,7 +155,7 @@ pub fn described(source: &Source, tip: Option<&str>) -> Result<Described, Vec<Di
         let turned = (ours.rotation.matrix() - described.rotation.matrix()).amax();
         // NaN fails this test too.
         if !(off <= SAME && turned <= SAME) {
-            let message = format!("the rows miss the description by {:.1e} mm", 1e3 * off);
+            let message = format!("the rows differ from the description by {:.1e} mm", 1e3 * off);
             return Err(refuse(message, "please report this description: its chain should be one of six axes"));
         }
     }

@@ -146,12 +146,30 @@ impl CellFile {
     }
 
     /// The checked cell.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::cli::session::CellFile;
+    ///
+    /// let cell = CellFile::read("samples/slot/cell.toml".as_ref())?;
+    /// assert!(cell.cell().arm.robot.model.starts_with("irb6660"));
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn cell(&self) -> &Cell {
         &self.cell
     }
 
     /// Text of the cell file.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::cli::session::CellFile;
+    ///
+    /// let cell = CellFile::read("samples/slot/cell.toml".as_ref())?;
+    /// assert!(cell.source().name.ends_with("cell.toml"));
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn source(&self) -> &Source {
         &self.source

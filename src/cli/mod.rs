@@ -62,6 +62,11 @@ const KEPT_BYTES: usize = 8 << 20;
 
 /// Runs the command line and returns its exit code, as in `docs/reference.md`. The first argument is the name of the
 /// command itself. Call it once in a process, because it sets the number of threads and the handler of interrupts.
+///
+/// # Examples
+/// ```no_run
+/// std::process::exit(deflex::cli::main(std::env::args_os()).into());
+/// ```
 pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
     drop(std::hint::black_box(Vec::<u8>::with_capacity(KEPT_BYTES)));
     let args: Vec<OsString> = args.into_iter().collect();

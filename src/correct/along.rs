@@ -71,12 +71,26 @@ impl WayFault {
     const ALL: [Self; 4] = [Self::AxisLimit, Self::AxisSpeed, Self::Singular, Self::Unreachable];
 
     /// Whether a message has the code of one of these.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::correct::WayFault;
+    ///
+    /// assert!(WayFault::is_code("singular") && !WayFault::is_code("cell.syntax"));
+    /// ```
     #[must_use]
     pub fn is_code(code: &str) -> bool {
         Self::ALL.iter().any(|fault| fault.code() == code)
     }
 
     /// Its name in findings.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::correct::WayFault;
+    ///
+    /// assert!(WayFault::is_code(WayFault::Singular.code()));
+    /// ```
     #[must_use]
     pub fn code(self) -> &'static str {
         match self {

@@ -31,24 +31,24 @@ pub struct Course {
     /// Lines and arcs of unknown speed: they get the speed of the motion before, or of the first one after them.
     without_speed: usize,
     /// Waypoints with a zone at which the controller stops, because the program waits; the word of the statement after the first one.
-    waits: Found<&'static str>,
+    waits: NotedWaypoints<&'static str>,
     /// Waypoints whose zone is larger than half the distance to a neighbouring one.
-    overlaps: Found<()>,
+    overlaps: NotedWaypoints<()>,
     /// Waypoints that are passed after less time than the controller needs to plan a motion; the shortest time, s.
-    short: Found<f64>,
+    short: NotedWaypoints<f64>,
     /// Where the last waypoint is in the program, if its neighbours are not all known yet.
     last: Option<Diagnostic>,
 }
 
 /// Waypoints about which a note says something.
 #[derive(Clone, Debug, Default)]
-struct Found<T> {
+struct NotedWaypoints<T> {
     count: usize,
     /// The one that the note names: its place in the program, and what is said about it.
     named: Option<(Diagnostic, T)>,
 }
 
-impl<T> Found<T> {
+impl<T> NotedWaypoints<T> {
     /// Adds a waypoint; the note names it instead of the one so far if that is not `better`.
     fn add(&mut self, found: T, place: &dyn Fn() -> Diagnostic, better: impl Fn(&T, &T) -> bool) {
         self.count += 1;
@@ -381,7 +381,7 @@ impl Course {
 
     /// Warns of motions that end before the controller has planned the next one (s): it slows down or stops there.
     fn short_motions(&self, planning: f64) -> Option<Diagnostic> {
-        let Found { count, named } = &self.short;
+        let NotedWaypoints { count, named } = &self.short;
         let (place, seconds) = named.as_ref()?;
         let (what, take) = if *count == 1 { ("motion", "takes") } else { ("motions", "take") };
         let message = format!(
@@ -444,7 +444,7 @@ impl Course {
     /// Notes how many zones are larger than half the distance to a neighbouring point. Controllers limit them to that: "Interpolation with
     /// overlapping position zones", RAPID Reference Manual, Motion and I/O Principles.
     fn cut_zones(&self) -> Option<Diagnostic> {
-        let Found { count, named } = &self.overlaps;
+        let NotedWaypoints { count, named } = &self.overlaps;
         let (place, ()) = named.as_ref()?;
         let (zones, are, them) = if *count == 1 { ("zone", "is", "it") } else { ("zones", "are", "them") };
         let message = format!(

@@ -165,7 +165,7 @@ const RESOLVED_SHARE: f64 = 0.02;
 const TICKS: Tick = 256;
 
 /// A part of a segment between two commanded points.
-struct Part {
+struct SegmentPart {
     /// Index into the segments.
     segment: usize,
     /// Index of the node that it ends at; `None` at the target.
@@ -389,7 +389,13 @@ impl WalkedPath<'_> {
         }
     }
 
-    fn parts(&self, solver: &Solver<'_>, (at, segment): (usize, &Segment<'_>), start: &Start, parts: &mut Vec<Part>) {
+    fn parts(
+        &self,
+        solver: &Solver<'_>,
+        (at, segment): (usize, &Segment<'_>),
+        start: &Start,
+        parts: &mut Vec<SegmentPart>,
+    ) {
         let (i, commanded) = (segment.end, self.commanded);
         let Some(begins) = start.seen(&start.commanded, self.prepared, i) else { return };
         let Some(&Dragged { motor, travel, twist }) = commanded.step(i) else { return };
@@ -405,7 +411,10 @@ impl WalkedPath<'_> {
             let setting = segment.setting(node.share);
             let to = controller_motor(&solver.arm.robot, &setting, &node.commanded, &from.motor).unwrap_or(from.motor);
             let node_at = Some(first + k);
-            parts.push(Part { node: node_at, ..Part::new(at, (share, node.share), track, (from, to), travel) });
+            parts.push(SegmentPart {
+                node: node_at,
+                ..SegmentPart::new(at, (share, node.share), track, (from, to), travel)
+            });
             from = Dragged { motor: to, twist, travel: solver.arm.travel(&from, &to, &twist) };
             (share, pose) = (node.share, node.commanded);
         }
@@ -414,11 +423,11 @@ impl WalkedPath<'_> {
             Kind::Arc => Track::arc(&pose, &commanded.poses[i - 1], &to),
             _ => Track::line(&pose, &to),
         };
-        parts.push(Part::new(at, (share, 1.0), track, (from, motor), travel));
+        parts.push(SegmentPart::new(at, (share, 1.0), track, (from, motor), travel));
     }
 }
 
-impl Part {
+impl SegmentPart {
     fn new(
         segment: usize,
         (from, to): (f64, f64),
@@ -442,7 +451,7 @@ struct Measure<'a, 's, 'p> {
     solver: &'a Solver<'s>,
     near: &'a Near<'a>,
     segments: &'a [(Segment<'p>, &'p Start)],
-    parts: &'a [Part],
+    parts: &'a [SegmentPart],
 }
 
 /// The results for a part: deviations across the programmed path by ticks, m; `None` where there is no equilibrium.
@@ -450,7 +459,7 @@ type Known = Halved<Vector3<f64>>;
 
 impl<'p> Measure<'_, '_, 'p> {
     /// The segment of a part.
-    fn segment(&self, part: &Part) -> &Segment<'p> {
+    fn segment(&self, part: &SegmentPart) -> &Segment<'p> {
         &self.segments[part.segment].0
     }
 
@@ -474,7 +483,7 @@ impl<'p> Measure<'_, '_, 'p> {
         self.parts.iter().zip(&known).map(|(part, known)| self.result(part, known)).collect()
     }
 
-    fn begin(&self, part: &Part) -> Known {
+    fn begin(&self, part: &SegmentPart) -> Known {
         let mut known = Known::new(TICKS);
         let segment = self.segment(part);
         let landed = self.walked.commanded.landed[segment.end].as_ref().ok();
@@ -515,7 +524,7 @@ impl<'p> Measure<'_, '_, 'p> {
     }
 
     /// The point at a tick of a part.
-    fn point(&self, part: &Part, tick: Tick) -> Option<Point> {
+    fn point(&self, part: &SegmentPart, tick: Tick) -> Option<Point> {
         let segment = self.segment(part);
         let arm = self.solver.arm;
         let at = |tick: f64| {
@@ -544,7 +553,7 @@ impl<'p> Measure<'_, '_, 'p> {
         Some(point)
     }
 
-    fn result(&self, part: &Part, known: &Known) -> Option<PathDeviation> {
+    fn result(&self, part: &SegmentPart, known: &Known) -> Option<PathDeviation> {
         let length = (part.to - part.from) * self.segment(part).track.length();
         // The error before the part: a jump is what comes in addition.
         let before = match part.from <= 0.0 {

@@ -52,6 +52,20 @@ pub struct Judged<'a> {
 ///
 /// # Errors
 /// See [`StreamError`].
+///
+/// # Examples
+/// ```
+/// # use deflex::cell::Cell;
+/// # use deflex::correct::{Options, Sinks, StreamError, Streamed};
+/// use deflex::correct::predict_chunks;
+/// use deflex::program::AnyChunks;
+/// use std::fs::File;
+///
+/// /// Predicts the errors of a program as it is.
+/// fn predict(chunks: AnyChunks<File>, cell: &Cell, sinks: &mut Sinks<'_>) -> Result<Streamed, StreamError> {
+///     predict_chunks(chunks, None, cell, &Options::default(), 4, None, sinks)
+/// }
+/// ```
 pub fn predict_chunks<R: Read + Seek + Send>(
     chunks: AnyChunks<R>,
     original: Option<AnyChunks<R>>,

@@ -51,6 +51,13 @@ pub struct KeptCount {
 
 impl KeptReason {
     /// A fixed phrase, which reports count.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::correct::KeptReason;
+    ///
+    /// assert!(KeptReason::PredecessorUnknown.text().starts_with("the path to it begins"));
+    /// ```
     #[must_use]
     pub const fn text(self) -> &'static str {
         match self {

@@ -54,7 +54,7 @@ impl MachineActions {
             }
             if without_speed && known.without_speed.is_none() {
                 known.without_speed =
-                    Some(at("the spindle speed is a surface speed, and no CUTTER says of which diameter"));
+                    Some(at("the spindle speed is a surface speed, and no CUTTER states the diameter of the cutter"));
             }
         }
     }

@@ -22,12 +22,28 @@ impl Default for Messages {
 
 impl Messages {
     /// An empty list; messages beyond `most` will only be counted.
+    ///
+    /// # Examples
+    /// ```
+    /// assert!(deflex::correct::Messages::with_room(100).is_empty());
+    /// ```
     #[must_use]
     pub fn with_room(most: usize) -> Self {
         Self { first: Vec::new(), count: 0, most }
     }
 
     /// Adds messages.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::correct::Messages;
+    /// use deflex::text::Diagnostic;
+    ///
+    /// let mut messages = Messages::with_room(1);
+    /// messages.add(vec![Diagnostic::error("a.code", "a.mod", "first"), Diagnostic::error("a.code", "a.mod", "second")]);
+    /// let (kept, more) = messages.into_parts();
+    /// assert_eq!((kept.len(), more), (1, 1));
+    /// ```
     pub fn add(&mut self, messages: Vec<Diagnostic>) {
         self.count += messages.len();
         let room = self.most - self.first.len();
@@ -42,12 +58,23 @@ impl Messages {
     }
 
     /// Whether there is none.
+    ///
+    /// # Examples
+    /// ```
+    /// assert!(deflex::correct::Messages::default().is_empty());
+    /// ```
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }
 
     /// The first messages, and the number of the others.
+    ///
+    /// # Examples
+    /// ```
+    /// let (messages, more) = deflex::correct::Messages::default().into_parts();
+    /// assert!(messages.is_empty() && more == 0);
+    /// ```
     #[must_use]
     pub fn into_parts(self) -> (Vec<Diagnostic>, usize) {
         let more = self.count - self.first.len();
@@ -55,6 +82,11 @@ impl Messages {
     }
 
     /// The first messages, and one more with the number of the others.
+    ///
+    /// # Examples
+    /// ```
+    /// assert!(deflex::correct::Messages::default().all().is_empty());
+    /// ```
     #[must_use]
     pub fn all(mut self) -> Vec<Diagnostic> {
         let more = self.count - self.first.len();

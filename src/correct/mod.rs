@@ -111,6 +111,14 @@ pub enum Correct {
 }
 
 /// Options of a run.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::{Correct, Options};
+///
+/// // Correct positions alone, and insert targets until at most 0.02 mm remains between two of them.
+/// let options = Options { correct: Correct::Position, subdivide: Some(2e-5), ..Options::default() };
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct Options {
     /// Whether pose or position is corrected.
@@ -148,6 +156,14 @@ impl Options {
 
 /// Whether programs of a cell can only be corrected as a whole: they cut a stock, or the whole path is checked for the accelerations of its
 /// axes.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// assert!(!deflex::correct::holds_whole(&cell)); // the cell has no stock
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[must_use]
 pub fn holds_whole(cell: &Cell) -> bool {
     cell.stock.is_some() || cell.controller.path.is_some_and(|path| path.axis_acceleration.is_some())
@@ -288,6 +304,16 @@ impl Prepared {
     }
 
     /// Declared work object of point `i` in the base.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{cell::Cell, program::rapid, text::Source};
+    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// # let prepared = deflex::correct::Prepared::new(&program, &cell, &Default::default())?;
+    /// println!("{}", prepared.base_from_wobj(0));
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn base_from_wobj(&self, i: usize) -> Pose {
         let setting = self.setting(i);
@@ -304,6 +330,16 @@ impl Prepared {
     }
 
     /// Declared tool of point `i`; with a stationary tool, the work object in the flange.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{cell::Cell, program::rapid, text::Source};
+    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// # let prepared = deflex::correct::Prepared::new(&program, &cell, &Default::default())?;
+    /// assert!(prepared.tool(0).mass > 0.0); // kg
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn tool(&self, i: usize) -> &ToolFrame {
         &self.setting(i).tool
@@ -339,12 +375,32 @@ impl Prepared {
     }
 
     /// External axes at point `i`, mm or degrees; NaN for one that is not known, `None` if there are none.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{cell::Cell, program::rapid, text::Source};
+    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// # let prepared = deflex::correct::Prepared::new(&program, &cell, &Default::default())?;
+    /// assert!(prepared.external(0).is_none()); // the cell has no mechanical units
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn external(&self, i: usize) -> Option<&External> {
         self.points[i].moved.as_ref().map(|moved| &moved.external)
     }
 
     /// Why the target of point `i` is not solved; `None` if it is.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{cell::Cell, program::rapid, text::Source};
+    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// # let prepared = deflex::correct::Prepared::new(&program, &cell, &Default::default())?;
+    /// assert!(prepared.unsolved(0).is_none());
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn unsolved(&self, i: usize) -> Option<KeptReason> {
         self.points[i].unsolved
@@ -358,6 +414,17 @@ impl Prepared {
     }
 
     /// The situation of point `i`, for the two computations of [`Arm`](crate::equilibrium::Arm).
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{cell::Cell, program::rapid, text::Source};
+    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// # let prepared = deflex::correct::Prepared::new(&program, &cell, &Default::default())?;
+    /// let situation = prepared.situation(0);
+    /// println!("{:?}", situation.wobj_from_tcp);
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn situation(&self, i: usize) -> Situation<'_> {
         self.points[i].situation(self.setting(i), &self.shared.laws)

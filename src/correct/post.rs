@@ -93,6 +93,17 @@ impl Outline {
     }
 
     /// Adds a program, or its next chunk.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{correct::Outline, program::cl, text::Source};
+    /// # let source = Source::new("blade.aptsource", std::fs::read("samples/blade/blade.aptsource")?);
+    /// # let program = cl::read(source, &Default::default())?;
+    /// let mut outline = Outline::default();
+    /// outline.add(&program);
+    /// assert!(outline.points() > 2000);
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     pub fn add(&mut self, program: &Program) {
         self.actions.add(program, self.points);
         self.points += program.targets.len();

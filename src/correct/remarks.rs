@@ -89,7 +89,7 @@ fn unweighed_loads(Context { program, cell, .. }: Context<'_>, repeated: &mut Re
 
 /// Reasons why targets are not solved, if the user can remove them.
 fn unsolved(Context { program, .. }: Context<'_>, prepared: &Prepared, repeated: &mut Repeated) {
-    let mut say = |reason: KeptReason, place: Place| {
+    let mut say = |reason: KeptReason, place: MotionInText| {
         let Some(help) = reason.help(program.language) else { return };
         let message = format!("{reason}: the target stays unchanged and is not solved");
         let source = &program.sources[usize::from(place.source)];
@@ -98,17 +98,17 @@ fn unsolved(Context { program, .. }: Context<'_>, prepared: &Prepared, repeated:
     };
     for (target, point) in program.targets.iter().zip(&prepared.points).filter(|(target, _)| target.is_end()) {
         if let Some(reason) = point.unsolved {
-            say(reason, Place { source: target.source, span: target.span, line: target.line });
+            say(reason, MotionInText { source: target.source, span: target.span, line: target.line });
         }
     }
     for motion in &program.unknown {
-        say(motion.reason.into(), Place { source: motion.source, span: motion.span, line: motion.line });
+        say(motion.reason.into(), MotionInText { source: motion.source, span: motion.span, line: motion.line });
     }
 }
 
 /// A motion in the text: index into [`Program::sources`](crate::program::Program::sources), bytes of the instruction, and its line
 /// from 1.
-struct Place {
+struct MotionInText {
     source: u16,
     span: Span,
     line: u32,

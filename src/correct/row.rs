@@ -121,24 +121,68 @@ pub struct Stiffness {
 
 impl Row {
     /// Size of the predicted error, mm.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{cell::Cell, program::rapid, text::Source};
+    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+    /// let row = &corrected.rows[10];
+    /// assert!((row.error_norm_mm() - 0.14).abs() < 0.01); // mm
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn error_norm_mm(&self) -> f64 {
         Vector3::from(self.error_mm).norm()
     }
 
     /// Size of the correction, mm.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{cell::Cell, program::rapid, text::Source};
+    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+    /// let row = &corrected.rows[10];
+    /// assert!(row.correction_norm_mm() > 0.0); // mm
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn correction_norm_mm(&self) -> f64 {
         Vector3::from(self.correction_mm).norm()
     }
 
     /// Size of the error that remains, mm.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{cell::Cell, program::rapid, text::Source};
+    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+    /// let row = &corrected.rows[10];
+    /// assert!(row.remaining_norm_mm() < 1e-4); // mm
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn remaining_norm_mm(&self) -> f64 {
         Vector3::from(self.remaining_mm).norm()
     }
 
     /// Largest distance of the tip from the programmed path on the segment to the target, mm.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{cell::Cell, program::rapid, text::Source};
+    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+    /// let row = &corrected.rows[10];
+    /// assert!(row.remaining_path_mm().is_some_and(|mm| mm < 0.001));
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn remaining_path_mm(&self) -> Option<f64> {
         self.path.map(|path| path.max_mm)
@@ -186,12 +230,34 @@ impl Row {
     }
 
     /// Why the target is kept or not judged; empty for others.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{cell::Cell, program::rapid, text::Source};
+    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+    /// let row = &corrected.rows[10];
+    /// assert_eq!(row.reason(), ""); // it is not kept
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn reason(&self) -> &'static str {
         if let Status::Kept(reason) = self.status { reason.text() } else { "" }
     }
 
     /// Whether its numbers changed by more than the rounding of printing.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{cell::Cell, program::rapid, text::Source};
+    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+    /// let row = &corrected.rows[10];
+    /// assert!(row.is_corrected());
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn is_corrected(&self) -> bool {
         let turned = self.correction_deg.iter().any(|angle| angle.abs() > ROUNDED_DEG);
@@ -199,6 +265,17 @@ impl Row {
     }
 
     /// Whether its errors are known: the target was solved.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{cell::Cell, program::rapid, text::Source};
+    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+    /// let row = &corrected.rows[10];
+    /// assert!(row.is_solved());
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn is_solved(&self) -> bool {
         !self.error_normal_mm.is_nan()
@@ -271,6 +348,19 @@ pub struct Summary {
 
 impl Summary {
     /// Counts rows.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{cell::Cell, program::rapid, text::Source};
+    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+    /// use deflex::correct::Summary;
+    ///
+    /// let summary = Summary::of(&corrected.rows);
+    /// println!("{summary:?}");
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn of(rows: &[Row]) -> Self {
         let mut tally = Tally::default();
@@ -279,6 +369,17 @@ impl Summary {
     }
 
     /// The same with targets that were inserted.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{cell::Cell, program::rapid, text::Source};
+    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+    /// let summary = deflex::correct::Summary::of(&corrected.rows).with_inserted(3);
+    /// println!("{summary:?}");
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn with_inserted(self, inserted: usize) -> Self {
         Self { targets: self.targets + inserted, inserted: self.inserted + inserted, ..self }

@@ -21,6 +21,23 @@ use std::sync::Mutex;
 ///
 /// # Errors
 /// See [`StreamError`]; what was written until then must not be used.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// use deflex::correct::{Options, Sinks, compensate_chunks, compensate};
+/// use deflex::program::rapid;
+///
+/// let text = std::fs::File::open("samples/slot/slot.mod")?;
+/// if let Some(chunks) = rapid::Chunks::new("slot.mod", text, &[])? {
+///     let (mut corrected, mut report) = (Vec::new(), Vec::new());
+///     let mut sinks = Sinks { report: &mut report, rows: &|_| Vec::new(), each: &mut |_| (), progress: &|_, _| () };
+///     let done = compensate_chunks(chunks, &cell, &Options::default(), 2, &mut corrected, &mut sinks);
+///     assert!(done.is_ok_and(|done| done.failures.is_empty()) && corrected.starts_with(b"%%%"));
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn compensate_chunks<C: ChunkReader + Send>(
     chunks: C,
     cell: &Cell,
@@ -44,6 +61,26 @@ pub fn compensate_chunks<C: ChunkReader + Send>(
 ///
 /// # Errors
 /// See [`StreamError`].
+///
+/// # Examples
+/// ```
+/// # use deflex::cell::Cell;
+/// # use deflex::correct::{Options, Sinks, StreamError, Streamed};
+/// use deflex::correct::compensate_declared;
+/// use deflex::program::rapid;
+/// use deflex::text::Patch;
+/// use std::fs::File;
+///
+/// /// Corrects a file into a patch of it.
+/// fn correct(
+///     chunks: rapid::Declared<File>,
+///     cell: &Cell,
+///     patch: &mut Patch<File>,
+///     sinks: &mut Sinks<'_>,
+/// ) -> Result<Streamed, StreamError> {
+///     compensate_declared(chunks, cell, &Options::default(), 4, patch, sinks)
+/// }
+/// ```
 pub fn compensate_declared<R: Read + Seek + Send, S: Read + Write + Seek + Send>(
     chunks: rapid::Declared<R>,
     cell: &Cell,
@@ -78,6 +115,20 @@ pub fn compensate_declared<R: Read + Seek + Send, S: Read + Write + Seek + Send>
 ///
 /// # Errors
 /// See [`StreamError`].
+///
+/// # Examples
+/// ```
+/// # use deflex::cell::Cell;
+/// # use deflex::correct::{Options, Sinks, StreamError, Streamed};
+/// use deflex::correct::compensate_executed;
+/// use deflex::program::rapid::Executed;
+///
+/// /// The number of edits of a program's files.
+/// fn edits(program: &Executed, cell: &Cell, sinks: &mut Sinks<'_>) -> Result<usize, StreamError> {
+///     let (_, edits) = compensate_executed(program, cell, &Options::default(), 4, sinks)?;
+///     Ok(edits.iter().map(Vec::len).sum())
+/// }
+/// ```
 pub fn compensate_executed(
     program: &rapid::Executed,
     cell: &Cell,
@@ -109,6 +160,20 @@ pub fn compensate_executed(
 ///
 /// # Errors
 /// See [`StreamError`]; what was written until then must not be used.
+///
+/// # Examples
+/// ```
+/// # use deflex::cell::Cell;
+/// # use deflex::correct::{Options, Sinks, StreamError, Streamed};
+/// use deflex::correct::{Poster, post_chunks};
+/// use deflex::program::cl;
+/// use std::fs::File;
+///
+/// /// Posts CL data into the files that the poster names.
+/// fn post(chunks: cl::Chunks<File>, cell: &Cell, poster: &Poster, sinks: &mut Sinks<'_>) -> Result<Streamed, StreamError> {
+///     post_chunks(chunks, cell, &Options::default(), 4, poster, |name| File::create(name), sinks)
+/// }
+/// ```
 pub fn post_chunks<C: ChunkReader + Send, W: Write + Send>(
     chunks: C,
     cell: &Cell,
@@ -154,6 +219,21 @@ pub fn post_chunks<C: ChunkReader + Send, W: Write + Send>(
 ///
 /// # Errors
 /// See [`StreamError`].
+///
+/// # Examples
+/// ```
+/// # use deflex::cell::Cell;
+/// # use deflex::correct::{Options, Sinks, StreamError, Streamed};
+/// use deflex::correct::{Outline, count_chunks};
+/// use deflex::program::cl;
+/// use std::fs::File;
+///
+/// /// Counts the points of the posted program.
+/// fn points(chunks: cl::Chunks<File>, cell: &Cell, outline: &mut Outline) -> Result<usize, StreamError> {
+///     count_chunks(chunks, cell, &Options::default(), 4, outline, &|_, _| ())?;
+///     Ok(outline.points())
+/// }
+/// ```
 pub fn count_chunks<C: ChunkReader + Send>(
     chunks: C,
     cell: &Cell,

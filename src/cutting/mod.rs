@@ -34,6 +34,14 @@ pub(crate) use milling::{check_coefficients, check_cutter, check_feed};
 pub use table::{ForceTable, TABLE_BOUND};
 
 /// A bull-nose cutter; ball (`corner_radius = diameter/2`) and flat (`corner_radius = 0`) included.
+///
+/// # Examples
+/// ```
+/// use deflex::cutting::Cutter;
+///
+/// let bull_nose = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 30_f64.to_radians() };
+/// assert_eq!(bull_nose.radius(), 0.0125); // m
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cutter {
     /// Diameter, m.
@@ -58,6 +66,15 @@ pub enum Mode {
 }
 
 /// How the cutter meets the material at the programmed pose.
+///
+/// # Examples
+/// ```
+/// use deflex::cutting::{Engagement, Mode};
+///
+/// // Down milling, 1 mm deep and 12 mm wide, with the tool leaning forward by 8°.
+/// let lead = 8_f64.to_radians();
+/// let cut = Engagement { mode: Mode::Down, depth: 1e-3, width: 0.012, feed_per_tooth: 7e-5, lead, tilt: 0.0 };
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Engagement {
     /// Slot, up or down milling.
@@ -104,6 +121,17 @@ pub struct CuttingError {
 
 impl Cutter {
     /// Half the diameter, m.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::cutting::{Cutter, Engagement, Milling, Mode, materials};
+    /// # use deflex::nalgebra::Vector3;
+    /// # let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
+    /// # let engagement = Engagement { mode: Mode::Slot, depth: 1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
+    /// # let material = materials::find("ni-al-bronze").expect("a material");
+    /// # let milling = Milling::new(cutter, engagement, material.coefficients).expect("a possible cut");
+    /// assert_eq!(cutter.radius(), 0.0125); // m
+    /// ```
     pub fn radius(&self) -> f64 {
         0.5 * self.diameter
     }

@@ -132,23 +132,76 @@ impl ForceTable {
     }
 
     /// The cut to which the table belongs.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::cutting::{Cutter, Engagement, Milling, Mode, materials};
+    /// # use deflex::nalgebra::Vector3;
+    /// # let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
+    /// # let engagement = Engagement { mode: Mode::Slot, depth: 1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
+    /// # let material = materials::find("ni-al-bronze").expect("a material");
+    /// # let milling = Milling::new(cutter, engagement, material.coefficients).expect("a possible cut");
+    /// # let table = std::sync::Arc::new(deflex::cutting::ForceTable::new(milling));
+    /// assert_eq!(table.milling().cutter().teeth, 3);
+    /// ```
     pub fn milling(&self) -> &Milling {
         &self.milling
     }
 
     /// Largest relative error of the force that was found during construction; `None` if there is no table.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::cutting::{Cutter, Engagement, Milling, Mode, materials};
+    /// # use deflex::nalgebra::Vector3;
+    /// # let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
+    /// # let engagement = Engagement { mode: Mode::Slot, depth: 1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
+    /// # let material = materials::find("ni-al-bronze").expect("a material");
+    /// # let milling = Milling::new(cutter, engagement, material.coefficients).expect("a possible cut");
+    /// # let table = std::sync::Arc::new(deflex::cutting::ForceTable::new(milling));
+    /// assert!(table.measured_error().is_none_or(|error| error < deflex::cutting::TABLE_BOUND));
+    /// ```
     pub fn measured_error(&self) -> Option<f64> {
         self.grid.as_ref().map(|grid| grid.error)
     }
 
     /// Ranges around the programmed pose in both directions: depth (m; towards larger depths it may be wider) and turn
     /// of the axis (rad).
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::cutting::{Cutter, Engagement, Milling, Mode, materials};
+    /// # use deflex::nalgebra::Vector3;
+    /// # let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
+    /// # let engagement = Engagement { mode: Mode::Slot, depth: 1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
+    /// # let material = materials::find("ni-al-bronze").expect("a material");
+    /// # let milling = Milling::new(cutter, engagement, material.coefficients).expect("a possible cut");
+    /// # let table = std::sync::Arc::new(deflex::cutting::ForceTable::new(milling));
+    /// if let Some([shift, tilt]) = table.ranges() {
+    ///     println!("the table holds for {:.2} mm and {:.1}°", 1e3 * shift, tilt.to_degrees());
+    /// }
+    /// ```
     pub fn ranges(&self) -> Option<[f64; 2]> {
         let of = |g: &Grid| [g.depth_range + g.depth_middle, g.turn_range];
         self.grid.as_ref().map(of)
     }
 
     /// [`Milling::mean_force`] at a feed per tooth (m), within [`TABLE_BOUND`] of it.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::cutting::{Cutter, Engagement, Milling, Mode, materials};
+    /// # use deflex::nalgebra::Vector3;
+    /// # let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
+    /// # let engagement = Engagement { mode: Mode::Slot, depth: 1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
+    /// # let material = materials::find("ni-al-bronze").expect("a material");
+    /// # let milling = Milling::new(cutter, engagement, material.coefficients).expect("a possible cut");
+    /// # let table = std::sync::Arc::new(deflex::cutting::ForceTable::new(milling));
+    /// let axis = table.milling().axis_in_feed();
+    /// let force = table.mean_force(&Vector3::zeros(), &axis, 7e-5);
+    /// let exact = table.milling().mean_force(&Vector3::zeros(), &axis);
+    /// assert!((force - exact).norm() < 0.01 * exact.norm());
+    /// ```
     #[inline]
     pub fn mean_force(&self, shift: &Vector3<f64>, axis: &Unit<Vector3<f64>>, feed_per_tooth: f64) -> Vector3<f64> {
         let integral = || self.milling.force_parts(shift, axis).at(feed_per_tooth);

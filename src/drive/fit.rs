@@ -119,13 +119,13 @@ pub enum LogError {
 /// A run of a program, cut into places.
 struct Run<'a> {
     waypoints: &'a [Waypoint],
-    places: Vec<Place>,
+    places: Vec<LoggedPoint>,
     seconds: f64,
 }
 
 /// A place of a log: the position of the TCP (base frame, m), and the time (s from the first place).
 #[derive(Clone, Copy)]
-struct Place {
+struct LoggedPoint {
     at: Vector3<f64>,
     time: f64,
 }
@@ -209,7 +209,8 @@ impl<'a> Run<'a> {
     fn new(robot: &Robot, waypoints: &'a [Waypoint], samples: &[LogSample]) -> Option<Self> {
         let tool = &waypoints.last()?.flange_from_tcp;
         let (first, last) = (samples.first()?, samples.last()?);
-        let place = |sample: &LogSample| Place { at: tcp(robot, &sample.motor, tool), time: sample.time - first.time };
+        let place =
+            |sample: &LogSample| LoggedPoint { at: tcp(robot, &sample.motor, tool), time: sample.time - first.time };
         let path = Line::new(in_step(samples.iter().map(place).collect()));
         let length = path.length();
         if length <= 0.0 {
@@ -245,12 +246,13 @@ impl<'a> Run<'a> {
             Some(law) => {
                 let driven = drive(robot, law, self.waypoints)?;
                 let seconds = self.seconds_of(robot, &driven);
-                let of = |sample: &DrivenSample| Place { at: tcp(robot, &sample.motor, &tool), time: sample.time };
+                let of =
+                    |sample: &DrivenSample| LoggedPoint { at: tcp(robot, &sample.motor, &tool), time: sample.time };
                 (Line::new(driven.iter().map(of)), seconds)
             }
             None => {
                 let route = Route::as_programmed(robot, self.waypoints)?;
-                let of = |motor: &Joints| Place { at: tcp(robot, motor, &tool), time: 0.0 };
+                let of = |motor: &Joints| LoggedPoint { at: tcp(robot, motor, &tool), time: 0.0 };
                 (Line::new(route.knots.iter().map(|knot| of(&knot.motor))), 0.0)
             }
         };
@@ -279,8 +281,8 @@ fn even([from, to]: [f64; 2], count: usize) -> impl Iterator<Item = f64> {
 
 /// The places without those that are farther from the line between their neighbours than an arm can accelerate. The logger read the axes
 /// of such a sample at different times.
-fn in_step(places: Vec<Place>) -> Vec<Place> {
-    let aside = |around: &[Place]| {
+fn in_step(places: Vec<LoggedPoint>) -> Vec<LoggedPoint> {
+    let aside = |around: &[LoggedPoint]| {
         let [before, here, after] = around else { return false };
         let way = after.at - before.at;
         let off = here.at - before.at;
@@ -295,21 +297,21 @@ fn in_step(places: Vec<Place>) -> Vec<Place> {
 
 /// A path through places, by its length.
 struct Line {
-    places: Vec<Place>,
+    places: Vec<LoggedPoint>,
     /// Length up to each place, m.
     lengths: Vec<f64>,
 }
 
 /// A place on a line and the length up to it, m.
 struct OnLine {
-    place: Place,
+    place: LoggedPoint,
     along: f64,
 }
 
 impl Line {
-    fn new(places: impl IntoIterator<Item = Place>) -> Self {
+    fn new(places: impl IntoIterator<Item = LoggedPoint>) -> Self {
         let mut line = Self { places: Vec::new(), lengths: Vec::new() };
-        for Place { at, time } in places {
+        for LoggedPoint { at, time } in places {
             let length = line.places.last().map_or(0.0, |last| (at - last.at).norm());
             let before = line.lengths.last().copied().unwrap_or(0.0);
             // At rest only the time changes: the path keeps the moment at which the arm moves on.
@@ -319,7 +321,7 @@ impl Line {
                 }
                 continue;
             }
-            line.places.push(Place { at, time });
+            line.places.push(LoggedPoint { at, time });
             line.lengths.push(before + length);
         }
         line
@@ -330,15 +332,15 @@ impl Line {
     }
 
     /// The place at a length along the line.
-    fn at(&self, along: f64) -> Place {
+    fn at(&self, along: f64) -> LoggedPoint {
         let after = self.lengths.partition_point(|length| *length < along).clamp(1, self.places.len() - 1);
         let (from, to) = (self.lengths[after - 1], self.lengths[after]);
         self.between(after, if to > from { ((along - from) / (to - from)).clamp(0.0, 1.0) } else { 1.0 })
     }
 
-    fn between(&self, after: usize, share: f64) -> Place {
+    fn between(&self, after: usize, share: f64) -> LoggedPoint {
         let (from, to) = (&self.places[after - 1], &self.places[after]);
-        Place { at: from.at.lerp(&to.at, share), time: from.time + (to.time - from.time) * share }
+        LoggedPoint { at: from.at.lerp(&to.at, share), time: from.time + (to.time - from.time) * share }
     }
 
     /// The place nearest to a point between two lengths.
@@ -453,16 +455,16 @@ fn fit_with(robot: &Robot, runs: &[(usize, Run<'_>)], of_axes: OfAxes) -> Result
 
 #[cfg(test)]
 mod tests {
-    use super::{Place, Vector3, in_step};
+    use super::{LoggedPoint, Vector3, in_step};
 
     /// At 300 mm/s a place every 8 ms; the arm bends its path by 0.64 mm there at most.
     #[test]
     fn a_sample_of_axes_that_were_read_at_different_times_is_left_out() {
         let along = |y: f64| {
             let at = |k: u32| Vector3::new(2.4e-3 * f64::from(k), if k == 2 { y } else { 0.0 }, 0.0);
-            (0..5).map(|k| Place { at: at(k), time: 8e-3 * f64::from(k) }).collect::<Vec<_>>()
+            (0..5).map(|k| LoggedPoint { at: at(k), time: 8e-3 * f64::from(k) }).collect::<Vec<_>>()
         };
-        let times = |places: Vec<Place>| in_step(places).iter().map(|place| place.time).collect::<Vec<_>>();
+        let times = |places: Vec<LoggedPoint>| in_step(places).iter().map(|place| place.time).collect::<Vec<_>>();
         assert_eq!(times(along(6e-4)).len(), 5);
         assert_eq!(times(along(1e-3)), [0.0, 8e-3, 24e-3, 32e-3]);
     }

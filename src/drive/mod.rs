@@ -47,6 +47,13 @@ pub const SAMPLE_S: f64 = 0.004;
 const REORIENTATION_RAD_S: f64 = 500.0 * std::f64::consts::PI / 180.0;
 
 /// How a controller leads the axes along a programmed path: `[controller.path]` of the cell.
+///
+/// # Examples
+/// ```
+/// use deflex::drive::PathLaw;
+///
+/// let slow = PathLaw { acceleration: 1.0, ..PathLaw::TYPICAL }; // m/s²
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathLaw {
     /// Share of the programmed zone's radius within which a corner is rounded.
@@ -88,6 +95,13 @@ impl PathLaw {
     };
 
     /// Time for which the controller still moves the axes after its path has ended, s.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::drive::PathLaw;
+    ///
+    /// assert!(PathLaw::TYPICAL.settling() > 0.0); // s
+    /// ```
     #[must_use]
     pub fn settling(&self) -> f64 {
         self.smoothing[0] + self.smoothing[1]

@@ -245,7 +245,7 @@ struct Driven {
 }
 
 /// Result of a search.
-struct Found {
+struct SearchResult {
     ends: Vec<EndFound>,
     result: DrivenResult,
 }
@@ -368,7 +368,7 @@ impl Layout {
     }
 }
 
-impl Found {
+impl SearchResult {
     fn motions(&self, shaper: &Shaper<'_>) -> Vec<CommandedMotion> {
         let mut motions: Vec<CommandedMotion> = Vec::with_capacity(shaper.waypoints.len());
         let mut added = Vec::new();
@@ -491,7 +491,7 @@ impl Shaper<'_> {
     }
 
     /// Moves the nodes of a layout until the driven path keeps the tolerance, or the rounds are over.
-    fn search(&self, layout: &Layout) -> Result<Found, DriveError> {
+    fn search(&self, layout: &Layout) -> Result<SearchResult, DriveError> {
         let mut moved = vec![Vector3::zeros(); layout.nodes.len()];
         let mut groups: Vec<Group> = self.groups(layout).into_iter().map(Group::new).collect();
         for _ in 0..ROUNDS {
@@ -532,7 +532,7 @@ impl Shaper<'_> {
             end: shift,
             via,
         });
-        Ok(Found { ends: ends.collect(), result })
+        Ok(SearchResult { ends: ends.collect(), result })
     }
 
     /// Groups of nodes that are so near one another that the controller smooths them together.

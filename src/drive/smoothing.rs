@@ -18,7 +18,7 @@ const MOST_PERIODS: usize = 64;
 
 /// The quantities that are averaged: motor angles, rad, and last the covered length of the route, m. In an average of the progress,
 /// waypoints that are close together would have more weight than others.
-type State = SVector<f64, 7>;
+type Averaged = SVector<f64, 7>;
 
 /// A route over time, from which samples are taken as soon as they are known. Everything changes evenly between two of its moments.
 #[derive(Clone, Debug)]
@@ -53,7 +53,7 @@ struct LastKnot {
 struct Moment {
     /// Time since the start of the first motion, s.
     time: f64,
-    state: State,
+    state: Averaged,
     /// See [`Knot::progress`](super::route::Knot::progress).
     progress: f64,
     /// Sum of all changes of the velocity of the TCP up to here, m/s.
@@ -64,9 +64,9 @@ struct Moment {
 /// stretch.
 #[derive(Clone, Copy)]
 struct Integrals {
-    rate: State,
-    once: State,
-    twice: State,
+    rate: Averaged,
+    once: Averaged,
+    twice: Averaged,
 }
 
 impl Timeline {
@@ -93,7 +93,7 @@ impl Timeline {
 
     /// Adds the next knot of a route, with its time, s. At a stop the route rests until the axes have come to rest.
     pub(super) fn add(&mut self, knot: Knot, time: f64) {
-        let mut state = State::from_fn(|i, _| if i < 6 { knot.motor[i] } else { knot.length });
+        let mut state = Averaged::from_fn(|i, _| if i < 6 { knot.motor[i] } else { knot.length });
         let (mut turned, mut velocity, is_first) = (0.0, Vector3::zeros(), self.last.is_none());
         if let Some(last) = self.last.take() {
             velocity = last.velocity;
@@ -221,12 +221,12 @@ impl Timeline {
         let last = self.moments.partition_point(|moment| moment.time < ends).max(first);
         let moments = &self.moments[first..(last + 1).min(self.moments.len())];
         let from = moments[0].state;
-        let (mut once, mut twice) = (State::zeros(), State::zeros());
+        let (mut once, mut twice) = (Averaged::zeros(), Averaged::zeros());
         let integrals: Vec<Integrals> = (0..moments.len())
             .map(|i| {
                 let (here, next) = (&moments[i], moments.get(i + 1).unwrap_or(&moments[i]));
                 let lasts = next.time - here.time;
-                let rate = if lasts > 0.0 { (next.state - here.state) / lasts } else { State::zeros() };
+                let rate = if lasts > 0.0 { (next.state - here.state) / lasts } else { Averaged::zeros() };
                 let integrals = Integrals { rate, once, twice };
                 let changed = here.state - from;
                 twice += (once + (changed / 2.0 + rate * (lasts / 6.0)) * lasts) * lasts;
@@ -245,7 +245,7 @@ impl Timeline {
         let mut at = vec![0; terms.len()];
         let sample = |period: &usize| {
             let time = time_of(period);
-            let mut means = [State::zeros(); 3];
+            let mut means = [Averaged::zeros(); 3];
             for ((delay, weight), at) in terms.iter().zip(&mut at) {
                 let then = time - delay;
                 while moments.get(*at + 1).is_some_and(|next| next.time <= then) {
@@ -263,7 +263,7 @@ impl Timeline {
                     once + (changed + rate * (since / 2.0)) * since,
                     changed + rate * since,
                     *rate,
-                    State::zeros(),
+                    Averaged::zeros(),
                 ];
                 for (mean, integral) in means.iter_mut().zip(&integrals[2 - widths.len()..]) {
                     *mean += integral * *weight;

@@ -112,7 +112,7 @@ impl Clock {
     /// Gives the first `count` knots their times; the last of them is passed at this square of the speed.
     fn pass(&mut self, count: usize, last: f64, known: &mut impl FnMut(Knot, f64)) -> Result<(), DriveError> {
         let mut square = last;
-        // What the limits up to the last of them alone allow.
+        // The speed that the limits of these knots alone allow.
         let mut reached = last;
         for i in (0..count).rev() {
             let allowed = std::mem::replace(&mut self.squares[i], square);

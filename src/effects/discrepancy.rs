@@ -66,6 +66,18 @@ pub struct BellSizes {
 }
 
 /// The effect `empirical` as a sum of bells.
+///
+/// # Examples
+/// ```
+/// use deflex::effects::{Bell, BellSizes, discrepancy};
+/// use deflex::nalgebra::Vector3;
+///
+/// // 0.05 mm along x near one place, at one posture of the wrist, without a force.
+/// let at = Vector3::new(900.0, 0.0, 400.0);
+/// let bell = Bell { at, wrist: Vector3::zeros(), force: Vector3::zeros(), shift: Vector3::new(0.05, 0.0, 0.0) };
+/// let sizes = BellSizes { reach: 2.0, spreads: [80.0, 0.1, 100.0], sigma_mm: 0.05, noise_mm: 0.01 };
+/// assert_eq!(discrepancy(sizes, &[bell]).kind(), "empirical");
+/// ```
 #[must_use]
 pub fn discrepancy(sizes: BellSizes, bells: &[Bell]) -> Box<dyn Effect> {
     let BellSizes { reach, spreads: [place, wrist, force], sigma_mm, noise_mm } = sizes;

@@ -7,6 +7,14 @@ use super::{Effect, Survey};
 ///
 /// `Kind::PLAIN` has the values of an ordinary kind: a physical law with few numbers that is independent of all other kinds. An entry
 /// states its name, its reader and its candidates, and only those properties in which it differs.
+///
+/// # Examples
+/// ```
+/// use deflex::effects::kind;
+///
+/// let backlash = kind("backlash").expect("a kind of effect");
+/// println!("{}: {}", backlash.name, backlash.summary);
+/// ```
 #[non_exhaustive]
 pub struct Kind {
     /// Name in the cell file.

@@ -295,18 +295,37 @@ physics::registry! {
 }
 
 /// The declared springs of the joints: the effect that every cell with `[robot.stiffness]` has, also without an `[[effect]]` table.
+///
+/// # Examples
+/// ```
+/// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+/// let springs = deflex::effects::declared_springs(&robot.axes);
+/// assert_eq!(springs.kind(), "joint_stiffness");
+/// ```
 #[must_use]
 pub fn declared_springs(axes: &Axes) -> Box<dyn Effect> {
     Box::new(joint_stiffness::JointStiffness::declared(axes))
 }
 
 /// The declared stiffness of the part: the effect that every cell with `[part.material]` has, also without an `[[effect]]` table.
+///
+/// # Examples
+/// ```
+/// assert_eq!(deflex::effects::declared_part().kind(), "part_stiffness");
+/// ```
 #[must_use]
 pub fn declared_part() -> Box<dyn Effect> {
     Box::new(part_stiffness::PartStiffness::declared())
 }
 
 /// Appends [`declared_part`] to the effects of a cell file unless one of them stands for it. Returns whether it was appended.
+///
+/// # Examples
+/// ```
+/// let mut effects = Vec::new();
+/// assert!(deflex::effects::add_implied_part(&mut effects));
+/// assert!(!deflex::effects::add_implied_part(&mut effects));
+/// ```
 pub fn add_implied_part(effects: &mut Vec<Box<dyn Effect>>) -> bool {
     let missing = !effects.iter().any(|effect| kind(effect.kind()).is_some_and(|kind| kind.implied_by_part));
     if missing {
@@ -316,6 +335,14 @@ pub fn add_implied_part(effects: &mut Vec<Box<dyn Effect>>) -> bool {
 }
 
 /// Puts [`declared_springs`] before the effects of a cell file unless one of them stands for it. Returns whether it was added.
+///
+/// # Examples
+/// ```
+/// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+/// let mut effects = Vec::new();
+/// assert!(deflex::effects::add_implied(&mut effects, &robot.axes)); // the springs of the joints
+/// assert!(!deflex::effects::add_implied(&mut effects, &robot.axes)); // they are there already
+/// ```
 pub fn add_implied(effects: &mut Vec<Box<dyn Effect>>, axes: &Axes) -> bool {
     let implied = |name| kind(name).is_some_and(|kind| kind.implied_by_stiffness);
     let missing = !effects.iter().any(|effect| implied(effect.kind()));

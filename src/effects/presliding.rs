@@ -19,11 +19,26 @@ enum Written {
 
 impl Presliding {
     /// The same angle, rad, for all joints.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::effects::Presliding;
+    ///
+    /// assert_eq!(Presliding::alike(1e-3).of(5), 1e-3); // rad
+    /// ```
     pub const fn alike(angle_rad: f64) -> Self {
         Self([angle_rad; 6])
     }
 
     /// The same angles, except for that of one joint, counted from 0.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::effects::Presliding;
+    ///
+    /// let angles = Presliding::alike(1e-3).with(1, 2e-3);
+    /// assert_eq!((angles.of(0), angles.of(1)), (1e-3, 2e-3)); // rad
+    /// ```
     #[must_use]
     pub fn with(mut self, joint: usize, angle_rad: f64) -> Self {
         self.0[joint] = angle_rad;
@@ -31,11 +46,25 @@ impl Presliding {
     }
 
     /// The angle of a joint, counted from 0, rad.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::effects::Presliding;
+    ///
+    /// assert_eq!(Presliding::alike(2e-3).of(0), 2e-3); // rad
+    /// ```
     pub fn of(&self, joint: usize) -> f64 {
         self.0[joint]
     }
 
     /// Whether friction acts at once after a reversal.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::effects::Presliding;
+    ///
+    /// assert!(Presliding::alike(0.0).is_sharp() && !Presliding::alike(1e-3).is_sharp());
+    /// ```
     pub fn is_sharp(&self) -> bool {
         self.0.iter().all(|angle| *angle <= 0.0)
     }

@@ -114,6 +114,16 @@ pub struct CuttingTorque {
 
 impl CuttingTorque {
     /// The same after a torque (N·m) has acted for some seconds and has twisted the gears by an angle, rad.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::effects::CuttingTorque;
+    /// use deflex::robot::Joints;
+    ///
+    /// // After a long time, the gears have followed the torque.
+    /// let torque = CuttingTorque::default().after(&Joints::repeat(100.0), Joints::zeros(), 1e6);
+    /// assert!((torque.delayed_nm[2][0] - 100.0).abs() < 1e-9); // N·m
+    /// ```
     #[must_use]
     pub fn after(&self, torque_nm: &Joints, twist_rad: Joints, seconds: f64) -> Self {
         let one = |n: usize| torque_nm + (self.delayed_nm[n] - torque_nm) * (-seconds / CREEP_TIMES_S[n]).exp();
@@ -146,6 +156,15 @@ pub const MOST_CLAMPS: usize = 4;
 
 impl PartYield {
     /// A part whose clamps have their declared stiffness and cannot give way further.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::effects::PartYield;
+    /// use deflex::nalgebra::Matrix3;
+    ///
+    /// let yields = PartYield::held_as_declared(Matrix3::identity() * 1e-7); // m/N
+    /// println!("{yields:?}");
+    /// ```
     #[must_use]
     pub fn held_as_declared(compliance: Matrix3<f64>) -> Self {
         Self { compliance, motions: Vec::new(), stiffness: DMatrix::zeros(0, 0) }
@@ -210,6 +229,15 @@ pub struct UnitAt {
 
 impl UnitAt {
     /// A unit by its name; upper and lower case are the same.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::effects::UnitAt;
+    /// use deflex::robot::Pose;
+    ///
+    /// let table = UnitAt::new("STN1", Pose::identity(), true, false); // it carries the part
+    /// println!("{table:?}");
+    /// ```
     #[must_use]
     pub fn new(name: &str, wobj_from_unit: Pose, part: bool, robot: bool) -> Self {
         Self { key: unit_key(name), wobj_from_unit, part, robot }

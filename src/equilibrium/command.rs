@@ -88,18 +88,44 @@ pub(crate) enum Start<'a> {
 
 impl Command {
     /// A command without a correction: the motors are commanded to `motor`, rad.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::equilibrium::Command;
+    /// use deflex::robot::Joints;
+    ///
+    /// let motor = Joints::repeat(0.1);
+    /// assert_eq!(Command::held(&motor).deflection(), Joints::zeros());
+    /// ```
     #[must_use]
     pub fn held(motor: &Joints) -> Self {
         Self { motor: *motor, free: *motor, lost: Joints::zeros(), load: Load::default() }
     }
 
     /// Actual minus commanded motor angles, without lost motion, rad.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::equilibrium::Command;
+    /// use deflex::robot::Joints;
+    ///
+    /// assert_eq!(Command::held(&Joints::zeros()).deflection(), Joints::zeros()); // rad
+    /// ```
     #[must_use]
     pub fn deflection(&self) -> Joints {
         self.motor - self.free
     }
 
     /// Commanded motor angles for a direction of travel (−1 to 1 for each joint), rad.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::equilibrium::Command;
+    /// use deflex::robot::Joints;
+    ///
+    /// let motor = Joints::repeat(0.1);
+    /// assert_eq!(Command::held(&motor).commanded(&Joints::zeros()), motor);
+    /// ```
     #[must_use]
     pub fn commanded(&self, travel: &Joints) -> Joints {
         self.aim().commanded(travel)

@@ -37,6 +37,11 @@ pub(super) const COLUMNS: [&str; 30] = [
 ];
 
 /// Names of the columns that a measured table may have.
+///
+/// # Examples
+/// ```
+/// assert!(deflex::measured::column_names().any(|name| name == "x_mm"));
+/// ```
 pub fn names() -> impl Iterator<Item = &'static str> {
     COLUMNS.into_iter().filter(|name| !name.is_empty())
 }

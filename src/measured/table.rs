@@ -49,6 +49,15 @@ pub struct MeasuredRow {
 }
 
 /// A measured file.
+///
+/// # Examples
+/// ```
+/// use deflex::{measured::Table, text::Source};
+///
+/// let table = Table::read(&Source::new("probe.csv", "target,normal_mm\n1,0.12\n2,0.14\n"))?;
+/// assert_eq!(table.rows.len(), 2);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Table {
     /// File name, for messages.
@@ -235,6 +244,16 @@ impl<R: Read> Rows<R> {
     ///
     /// # Errors
     /// Unknown columns (with the most similar known one), and named columns that the file does not have.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::measured::Rows;
+    ///
+    /// let table = "target,x_mm,y_mm,z_mm\n1,10.02,0.01,-0.13\n";
+    /// let mut rows = Rows::new("measured.csv", table.as_bytes(), None)?;
+    /// assert!(rows.next().is_some_and(|row| row.is_ok()));
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     pub fn new(file: &str, input: R, names: Option<&ColumnNames>) -> Result<Self, Vec<Diagnostic>> {
         Self::read_header(file, input, Wanted { what: What::All, names })
     }
@@ -244,6 +263,16 @@ impl<R: Read> Rows<R> {
     ///
     /// # Errors
     /// The table has none of these columns, or one of them is mistyped.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::measured::Rows;
+    ///
+    /// let table = "target,fx_n,fy_n,fz_n\n7,0,0,120\n";
+    /// let mut rows = Rows::of_forces("forces.csv", table.as_bytes(), None)?;
+    /// assert!(rows.next().is_some_and(|row| row.is_ok()));
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     pub fn of_forces(file: &str, input: R, names: Option<&ColumnNames>) -> Result<Self, Vec<Diagnostic>> {
         Self::read_header(file, input, Wanted { what: What::Forces, names })
     }

@@ -58,6 +58,13 @@ pub enum ActionKind {
 
 impl ActionKind {
     /// A fixed phrase for its kind, by which actions are counted.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::program::ActionKind;
+    ///
+    /// assert_eq!(ActionKind::SpindleOff.what(), "the stop of the spindle");
+    /// ```
     #[must_use]
     pub fn what(&self) -> &'static str {
         match self {
@@ -74,6 +81,14 @@ impl ActionKind {
     }
 
     /// The key of its template under `[cl.post]`; `None` if every language has a statement for it.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::program::ActionKind;
+    ///
+    /// assert_eq!(ActionKind::SpindleOff.template(), Some("spindle_off")); // its key under `[cl.post]`
+    /// assert_eq!(ActionKind::Dwell { seconds: 1.0 }.template(), None);
+    /// ```
     #[must_use]
     pub fn template(&self) -> Option<&'static str> {
         Some(match self {

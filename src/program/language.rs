@@ -86,24 +86,53 @@ impl Language {
     }
 
     /// Its word, as in `--input-format`.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::program::Language;
+    ///
+    /// assert_eq!(Language::Krl.word(), "krl"); // as `--post` and `--input-format` have it
+    /// ```
     #[must_use]
     pub fn word(self) -> &'static str {
         self.about().word
     }
 
     /// Its name for people.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::program::Language;
+    ///
+    /// println!("the program is {}", Language::Krl.name());
+    /// ```
     #[must_use]
     pub fn name(self) -> &'static str {
         self.about().name
     }
 
     /// Endings of its files, lower case.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::program::Language;
+    ///
+    /// assert!(Language::Krl.endings().contains(&"src"));
+    /// ```
     #[must_use]
     pub fn endings(self) -> &'static [&'static str] {
         self.about().endings
     }
 
     /// Whether a corrected program is the same text with other numbers. CL data are posted instead.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::program::Language;
+    ///
+    /// assert!(Language::Rapid.is_edited());
+    /// assert!(!Language::Cl.is_edited()); // it is posted
+    /// ```
     #[must_use]
     pub fn is_edited(self) -> bool {
         self != Self::Cl
@@ -115,6 +144,13 @@ impl Language {
     }
 
     /// The comment that marks a stretch, as this language writes it: `! deflex air`.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::program::{Language, Mark};
+    ///
+    /// assert_eq!(Language::Rapid.mark(Mark::Air), "! deflex air");
+    /// ```
     #[must_use]
     pub fn mark(self, mark: Mark) -> String {
         let word = match mark {
@@ -175,7 +211,7 @@ static RAPID: About = About {
     prefixes: None,
     are_names_numbers: false,
     or_context: ", or give the module that declares it with --context",
-    start: "no MoveAbsJ, no `[robot] start_deg` and no fitting confdata say",
+    start: "no MoveAbsJ, no `[robot] start_deg` and no suitable confdata says",
     has_modules: true,
     companion: None,
     are_points_named: false,
@@ -225,7 +261,7 @@ static KRL: About = About {
     prefixes: Some(["TOOL_DATA[", "BASE_DATA["]),
     are_names_numbers: false,
     or_context: ", or give the file that sets it with --context",
-    start: "no PTP to axis angles, no `[robot] start_deg` and no fitting S and T say",
+    start: "no PTP to axis angles, no `[robot] start_deg` and no suitable S and T say",
     has_modules: true,
     companion: Some("dat"),
     are_points_named: false,
@@ -248,7 +284,7 @@ static TP: About = About {
     prefixes: Some(["UT ", "UF "]),
     are_names_numbers: true,
     or_context: "",
-    start: "no joint position, no `[robot] start_deg` and no fitting CONFIG say",
+    start: "no joint position, no `[robot] start_deg` and no suitable CONFIG says",
     has_modules: false,
     companion: None,
     are_points_named: true,
@@ -274,7 +310,7 @@ static UR: About = About {
     prefixes: None,
     are_names_numbers: false,
     or_context: "",
-    start: "no movej to axis angles, no `[robot] start_deg` and no qnear say",
+    start: "no movej to axis angles, no `[robot] start_deg` and no qnear says",
     has_modules: false,
     companion: None,
     are_points_named: false,

@@ -52,6 +52,15 @@ use crate::text::{Diagnostic, Edit, Source, Span, applied};
 use std::sync::Arc;
 
 /// A program as read: one or several sources with shared names.
+///
+/// # Examples
+/// ```
+/// use deflex::{program::rapid, text::Source};
+///
+/// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// println!("{} targets, {} tools", program.targets.len(), program.tools.len());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Program {
@@ -216,6 +225,14 @@ pub struct UnknownMotion {
 }
 
 /// The wanted values of one target.
+///
+/// # Examples
+/// ```
+/// use deflex::program::Change;
+///
+/// // Lift a target by 0.1 mm.
+/// let change = Change { position_mm: [0.0, 0.0, 0.1], quat: None, conf: None, external: None };
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Change {
     /// New position in the target's work object, mm.
@@ -250,6 +267,14 @@ pub struct Insert {
 
 impl Insert {
     /// A line to a pose (mm, scalar first) before a target, with this room (mm) around it.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::program::Insert;
+    ///
+    /// let insert = Insert::line(3, ([10.0, 0.0, -2.0], [0.0, 1.0, 0.0, 0.0]), 5.0);
+    /// assert_eq!(insert.before, 3); // index of the target
+    /// ```
     #[must_use]
     pub fn line(before: usize, (position_mm, quat): ([f64; 3], [f64; 4]), room_mm: f64) -> Self {
         Self { before, position_mm, quat, conf: None, via: None, external: None, room_mm }
@@ -257,6 +282,13 @@ impl Insert {
 }
 
 /// Options for writing corrections.
+///
+/// # Examples
+/// ```
+/// use deflex::program::RewriteOptions;
+///
+/// let options = RewriteOptions { allow_clones: true, ..RewriteOptions::default() };
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct RewriteOptions {
     /// Whether a declared target used with different corrections may get a clone of its own.
@@ -323,12 +355,28 @@ impl Program {
 
     /// Number of executed motions, with loops expanded. An arc counts once; motions whose target is known only at run time count too, although
     /// `targets` has none of them.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{program::rapid, text::Source};
+    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// assert_eq!(program.motion_targets(), 81);
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn motion_targets(&self) -> usize {
         self.layout.front_end().motion_targets(self)
     }
 
     /// The numbers of [`Program::motion_targets`] whose target is known only at run time, by reason in the order of first occurrence.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{program::rapid, text::Source};
+    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// assert!(program.unknown_targets().is_empty()); // every target is written as numbers
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn unknown_targets(&self) -> Vec<(Reason, usize)> {
         let mut counts: Vec<(Reason, usize)> = Vec::new();
@@ -342,6 +390,14 @@ impl Program {
     }
 
     /// How the controller passes a target, by the text.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{program::rapid, text::Source};
+    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// println!("the robot passes the first target: {:?}", program.passing(0));
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn passing(&self, target: usize) -> Passing {
         self.layout.front_end().passing(self, target)
@@ -403,6 +459,14 @@ impl Program {
     }
 
     /// The zone radius of a target as written, mm; `None` for a stop, and if the text gives no radius.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{program::rapid, text::Source};
+    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// assert!(program.zone_mm(0).is_some()); // mm, of the first target
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn zone_mm(&self, target: usize) -> Option<f64> {
         match self.passing(target) {
@@ -430,6 +494,14 @@ impl Program {
     }
 
     /// The text of the line with the motion of this ordinal.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{program::rapid, text::Source};
+    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// assert!(program.line_of(1).is_some_and(|line| line.contains("MoveL")));
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn line_of(&self, ordinal: u32) -> Option<String> {
         let i = self.targets.binary_search_by_key(&ordinal, |target| target.ordinal).ok()?;
@@ -444,6 +516,15 @@ impl Program {
     }
 
     /// The sources with the edits of [`Program::rewrite`]; sources without edits as they are.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{program::rapid, text::Source};
+    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// let unchanged = program.edited(&vec![Vec::new(); program.sources.len()]);
+    /// assert_eq!(unchanged[0].bytes, program.sources[0].bytes);
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn edited(&self, edits: &[Vec<Edit>]) -> Vec<Source> {
         let edited = |(i, source): (usize, &Source)| Source {
@@ -455,6 +536,14 @@ impl Program {
     }
 
     /// The reasons why no program may be written from this one: every statement whose motion is not what its text states.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{program::rapid, text::Source};
+    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// assert!(program.faults().is_empty());
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn faults(&self) -> Vec<Diagnostic> {
         let (code, help) = self.language.fault();

@@ -19,6 +19,14 @@ pub struct RoundTrip {
 
 impl RoundTrip {
     /// Whether both writes are right.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{program::rapid, text::Source};
+    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// assert!(deflex::program::round_trip(&program, rapid::read).holds());
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn holds(&self) -> bool {
         self.identical && self.shifted_ok

@@ -61,12 +61,28 @@ pub enum Predecessor {
 
 impl Target {
     /// Whether it ends an executed motion: one report row.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{program::rapid, text::Source};
+    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// assert!(program.targets.iter().all(|target| target.is_end())); // there are no arcs
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn is_end(&self) -> bool {
         self.role == Role::End
     }
 
     /// Its configuration as written.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{program::rapid, text::Source};
+    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// assert!(program.targets[0].conf().is_some()); // its confdata
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn conf(&self) -> Option<Conf> {
         match self.goal {
@@ -177,6 +193,14 @@ pub enum Motion {
 }
 
 /// The pose or the joints of a target.
+///
+/// # Examples
+/// ```
+/// use deflex::program::Goal;
+///
+/// let goal = Goal::Pose { position_mm: [10.0, 0.0, -2.0], quat: [0.0, 1.0, 0.0, 0.0], conf: None };
+/// assert!(matches!(goal, Goal::Pose { position_mm: [x, _, _], .. } if x == 10.0));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Goal {
     /// A pose in the work object.
@@ -220,6 +244,13 @@ pub enum Conf {
 
 impl Conf {
     /// The solution that is nearest to axis angles, degrees.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::program::Conf;
+    ///
+    /// assert_eq!(Conf::near([0.0, 90.0, 0.0, 0.0, 30.0, 0.0]), Conf::Near([0, 900_000, 0, 0, 300_000, 0]));
+    /// ```
     #[must_use]
     pub fn near(deg: [f64; 6]) -> Self {
         #[allow(clippy::cast_possible_truncation)] // a cast of a float saturates

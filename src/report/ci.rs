@@ -10,6 +10,14 @@ use serde_json::{Value, json};
 use std::fmt::Write;
 
 /// The result of `check` for one program.
+///
+/// # Examples
+/// ```
+/// use deflex::report::{CheckFile, Judgement};
+///
+/// let file = CheckFile::new("part.mod", Judgement { targets: 12, ..Judgement::default() }, (vec![], 0));
+/// assert_eq!(file.path, "part.mod");
+/// ```
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct CheckFile {
@@ -68,12 +76,26 @@ pub struct Verdict {
 
 impl Verdict {
     /// From the largest error that was found, and the limit, mm.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::report::Verdict;
+    ///
+    /// assert!(!Verdict::new(None, Some(0.02)).fails()); // nothing was judged
+    /// ```
     #[must_use]
     pub fn new(largest: Option<Spot>, limit_mm: Option<f64>) -> Self {
         Self { limit_mm, largest }
     }
 
     /// Whether the largest error is above the limit.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::report::Verdict;
+    ///
+    /// assert!(!Verdict::new(None, Some(0.02)).fails());
+    /// ```
     #[must_use]
     pub fn fails(&self) -> bool {
         self.largest.as_ref().zip(self.limit_mm).is_some_and(|(largest, limit)| largest.mm > limit)
@@ -82,6 +104,15 @@ impl Verdict {
 
 impl Verdicts {
     /// Of targets, of the paths between them, and of jumps.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::report::{Verdict, Verdicts};
+    ///
+    /// let none = || Verdict::new(None, Some(0.02));
+    /// let verdicts = Verdicts::new(none(), none(), Verdict::new(None, None));
+    /// assert!(!verdicts.targets.fails());
+    /// ```
     #[must_use]
     pub fn new(targets: Verdict, ways: Verdict, jumps: Verdict) -> Self {
         Self { targets, ways, jumps }
@@ -90,29 +121,69 @@ impl Verdicts {
     /// The verdicts with the words for what is measured, and the help for a failure.
     fn all(&self) -> [(&Verdict, &'static str, &'static str); 3] {
         [
-            (&self.targets, "targets: largest error", "correct the program with `deflex compensate`"),
+            (&self.targets, "targets", "correct the program with `deflex compensate`"),
             (
                 &self.ways,
-                "paths between targets: largest distance from the programmed path",
-                "insert targets with `deflex compensate --subdivide MM`; `--max-path-error` is the limit",
+                "paths between targets",
+                "insert targets with `deflex compensate --subdivide MM`, or raise the limit `--max-path-error`",
             ),
             (
                 &self.jumps,
-                "jumps where the force sets in, ends or turns at once: largest",
-                "lead in and out gently: no inserted target removes a jump; `--max-jump` is the limit",
+                "jumps of the force",
+                "lead in and out of the cut gently, because no inserted target removes a jump; or raise the limit `--max-jump`",
             ),
         ]
+    }
+
+    /// A table with the largest error of each verdict and its limit, and the remedy for each that fails.
+    fn table(&self) -> String {
+        let judged: Vec<_> = self
+            .all()
+            .into_iter()
+            .filter_map(|(verdict, what, help)| Some((verdict, what, help, verdict.largest.as_ref()?)))
+            .collect();
+        if judged.is_empty() {
+            return String::new();
+        }
+        let places: Vec<String> =
+            judged.iter().map(|(.., largest)| format!("target {}, line {}", largest.target, largest.line)).collect();
+        let wide = places.iter().map(String::len).max().unwrap_or_default();
+        let mut out = format!("  {:23}largest error  {:wide$}  tolerance\n", "", "at");
+        // Writing to a String cannot fail.
+        for ((verdict, what, _, largest), place) in judged.iter().zip(&places) {
+            let _ = write!(out, "  {what:23}{:10.4} mm  {place:wide$}  ", largest.mm);
+            let _ = match verdict.limit_mm {
+                Some(limit) => writeln!(out, "{limit} mm{}", if verdict.fails() { ", exceeded" } else { "" }),
+                None => writeln!(out, "none given, not judged"),
+            };
+        }
+        for (.., help, _) in judged.iter().filter(|(verdict, ..)| verdict.fails()) {
+            let _ = writeln!(out, "  help: {help}");
+        }
+        out
     }
 }
 
 impl Judgement {
     /// Targets that were not judged.
+    ///
+    /// # Examples
+    /// ```
+    /// assert_eq!(deflex::report::Judgement::default().unjudged_count(), 0);
+    /// ```
     #[must_use]
     pub fn unjudged_count(&self) -> usize {
         self.unjudged.iter().map(|unjudged| unjudged.count).sum()
     }
 
     /// Targets that were judged and cut.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::report::Judgement;
+    ///
+    /// assert_eq!(Judgement { targets: 12, air: 2, ..Judgement::default() }.judged(), 10);
+    /// ```
     #[must_use]
     pub fn judged(&self) -> usize {
         self.targets.saturating_sub(self.air + self.unjudged_count())
@@ -126,24 +197,55 @@ impl Judgement {
 
 impl CheckFile {
     /// The check of the program at `path`.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::report::{CheckFile, Judgement};
+    ///
+    /// let file = CheckFile::new("part.mod", Judgement { targets: 12, ..Judgement::default() }, (vec![], 0));
+    /// assert!(file.passed());
+    /// ```
     #[must_use]
     pub fn new(path: impl Into<String>, judgement: Judgement, (findings, more): (Vec<Diagnostic>, usize)) -> Self {
         Self { path: path.into(), judgement, findings, more, sources: Vec::new() }
     }
 
     /// Whether there are no findings, and every target was judged that had to be.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::report::{CheckFile, Judgement};
+    ///
+    /// assert!(CheckFile::new("part.mod", Judgement::default(), (vec![], 0)).passed());
+    /// ```
     #[must_use]
     pub fn passed(&self) -> bool {
         self.findings.is_empty() && self.judgement.missing() == 0
     }
 
     /// How many findings there are, listed or not.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::report::{CheckFile, Judgement};
+    ///
+    /// let file = CheckFile::new("part.mod", Judgement::default(), (vec![], 7)); // none is listed
+    /// assert_eq!(file.count(), 7);
+    /// ```
     #[must_use]
     pub fn count(&self) -> usize {
         self.findings.len() + self.more
     }
 
     /// The sentence about the findings that are not listed.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::report::{CheckFile, Judgement};
+    ///
+    /// let file = CheckFile::new("part.mod", Judgement::default(), (vec![], 7));
+    /// assert!(file.rest().is_some_and(|text| text.starts_with("7 more findings")));
+    /// ```
     #[must_use]
     pub fn rest(&self) -> Option<String> {
         (self.more > 0).then(|| format!("{}: --report CSV has every target", more_of(self.more, "finding")))
@@ -192,15 +294,7 @@ pub fn check_text(files: &[CheckFile]) -> String {
             let _ = write!(out, ", {} not judged: {}", grouped(unjudged), reasons.join(", "));
         }
         out.push_str(")\n");
-        for (verdict, what, help) in sum.verdicts.all() {
-            let Some(largest) = &verdict.largest else { continue };
-            let _ = write!(out, "  {what} {:.4} mm at target {}, line {}", largest.mm, largest.target, largest.line);
-            let _ = match verdict.limit_mm {
-                Some(limit) if verdict.fails() => writeln!(out, "; more than {limit} mm: {help}"),
-                Some(limit) => writeln!(out, "; at most {limit} mm allowed"),
-                None => writeln!(out, "; not judged"),
-            };
-        }
+        out += &sum.verdicts.table();
     }
     out
 }

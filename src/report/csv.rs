@@ -248,6 +248,17 @@ pub fn write_csv(rows: &[Row], out: &mut impl Write) -> io::Result<()> {
 }
 
 /// The rows without the header, one line for each target.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+/// let text = deflex::report::csv_rows(&corrected.rows);
+/// assert_eq!(text.iter().filter(|byte| **byte == b'\n').count(), corrected.rows.len());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[must_use]
 pub fn csv_rows(rows: &[Row]) -> Vec<u8> {
     let mut text = Text { done: Vec::with_capacity(USUAL * rows.len()), next: [0; AT_ONCE], len: 0 };
@@ -282,6 +293,18 @@ pub struct Unrounded {
 
 impl Unrounded {
     /// Adds rows, in running order.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{cell::Cell, program::rapid, text::Source};
+    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+    /// let mut unrounded = deflex::report::Unrounded::default();
+    /// unrounded.take(&corrected.rows);
+    /// assert!(unrounded.columns().iter().all(|(_, values)| values.len() == corrected.rows.len()));
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     pub fn take(&mut self, rows: &[Row]) {
         if self.columns.is_empty() {
             let is_number = |column: &&ReportColumn| matches!(column.kind, ColumnKind::Number { .. });

@@ -68,6 +68,15 @@ pub struct OtherDifference {
 
 impl Difference {
     /// Whether the programs are the same.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{program::rapid, text::Source};
+    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// let found = deflex::report::difference(&program, &program);
+    /// assert!(found.is_empty());
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.moved.is_empty() && self.inserted.is_empty() && self.other.is_empty()
@@ -256,12 +265,30 @@ fn skeleton(bytes: &[u8]) -> impl Iterator<Item = (usize, String, Vec<f64>)> + '
 }
 
 /// The differences as text: a line for each target, all other differences, and a summary.
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// let found = deflex::report::difference(&program, &program);
+/// assert_eq!(deflex::report::diff_text(&found), "81 targets: the programs are the same\n");
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[must_use]
 pub fn diff_text(found: &Difference) -> String {
     text_of(found, &found.moved.iter().collect::<Vec<_>>(), found.other.len())
 }
 
 /// [`diff_text`] with only the targets that moved farthest.
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// let found = deflex::report::difference(&program, &program);
+/// assert_eq!(deflex::report::diff_summary(&found), "81 targets: the programs are the same\n");
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[must_use]
 pub fn diff_summary(found: &Difference) -> String {
     /// How many targets and other differences are listed.
@@ -303,26 +330,34 @@ fn text_of(found: &Difference, moved: &[&MovedTarget], others: usize) -> String 
         let _ = writeln!(out, "{place}{}", other.what);
     }
     let turned = found.moved.iter().filter(|m| m.conf.is_some()).count();
-    let inserted = match found.inserted.len() {
-        0 => String::new(),
-        count => format!("; {} inserted", counted(count, "target")),
-    };
     let _ = writeln!(
         out,
-        "{} of {} changed: largest {} mm and {}°, mean {} mm, largest step between neighbours {} mm, {turned} with another \
-         configuration{inserted}; {}",
+        "{} of {} changed\n  shift                       mean {} mm, largest {} mm\n  turn                        largest {}°\n  \
+         step between neighbours     largest {} mm\n  with another configuration  {}\n  inserted targets            {}\n  \
+         other differences           {}",
         grouped(found.moved.len()),
         counted(found.targets, "target"),
+        short(found.mean_mm),
         short(found.max_mm),
         short(found.max_deg),
-        short(found.mean_mm),
         short(found.max_step_mm),
-        counted(found.other.len(), "other difference"),
+        grouped(turned),
+        grouped(found.inserted.len()),
+        grouped(found.other.len()),
     );
     out
 }
 
 /// The targets that moved, as CSV.
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// let found = deflex::report::difference(&program, &program);
+/// assert_eq!(deflex::report::diff_csv(&found).lines().count(), 1); // the header
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[must_use]
 pub fn diff_csv(found: &Difference) -> String {
     let mut out =

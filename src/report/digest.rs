@@ -9,6 +9,22 @@ use std::fmt::Write;
 const WORST: usize = 10;
 
 /// The largest errors of a program as text: their sizes, their places, and the targets with the largest errors.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+/// use deflex::correct::Summary;
+/// use deflex::report::{Digest, FileSummary, digest_text};
+///
+/// let mut digest = Digest::default();
+/// digest.take(&corrected.rows);
+/// let summary = FileSummary::of("slot.mod", &Summary::of(&corrected.rows), &[]);
+/// assert!(digest_text(&summary, &digest).starts_with("slot.mod: 81 targets"));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[must_use]
 pub fn digest_text(summary: &FileSummary, digest: &Digest) -> String {
     let mut out = format!("{}: {}\n", summary.path, summary_line(summary, PathKind::Predict));
@@ -79,6 +95,18 @@ pub struct Digest {
 
 impl Digest {
     /// Adds rows, in running order.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{cell::Cell, program::rapid, text::Source};
+    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+    /// let mut digest = deflex::report::Digest::default();
+    /// digest.take(&corrected.rows);
+    /// assert!(!digest.worst.is_empty());
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     pub fn take(&mut self, rows: &[Row]) {
         for row in rows.iter().filter(|row| row.is_solved()) {
             let error = row.error_norm_mm();

@@ -7,6 +7,17 @@ use std::fmt::Write;
 
 /// The answer in one sentence: what is wrong with the data, which effects were found in which axes, how much smaller the error is with
 /// them, and whether anything else remains.
+///
+/// # Examples
+/// ```
+/// use deflex::identify::Identification;
+/// use deflex::report::identify_answer;
+///
+/// /// Prints the answer.
+/// fn show(found: &Identification) {
+///     print!("{}", identify_answer(found));
+/// }
+/// ```
 #[must_use]
 pub fn identify_answer(found: &Identification) -> String {
     let mut parts = Vec::new();
@@ -118,6 +129,17 @@ pub(super) fn significant(value: f64) -> String {
 
 /// The summary: the answer in one sentence, the errors before and after, the effects that were added, those that the rows cannot
 /// distinguish, what remains unexplained, and what to measure next.
+///
+/// # Examples
+/// ```
+/// use deflex::identify::Identification;
+/// use deflex::report::identify_text;
+///
+/// /// Prints the answer.
+/// fn show(found: &Identification) {
+///     print!("{}", identify_text(found));
+/// }
+/// ```
 #[must_use]
 pub fn identify_text(found: &Identification) -> String {
     let mut out = identify_answer(found);
@@ -139,11 +161,13 @@ pub fn identify_text(found: &Identification) -> String {
     );
     out.push_str("  no fit has seen the held-out rows; the numbers in the extended cell are then fitted to all rows\n");
 
-    let _ = writeln!(out, "  {}", elsewhere(found));
+    for line in [elsewhere(found)].into_iter().chain(nearby(found)) {
+        let _ = writeln!(out, "  {line}");
+    }
     if let Some(rms_mm) = found.run_drift_rms_mm {
         let _ = writeln!(
             out,
-            "  the drift of the run, {rms_mm:.4} mm rms, is taken out of both errors: it is estimated from neighbouring rows and is not part of the cell"
+            "  both errors are without the drift of the run, {rms_mm:.4} mm rms, which is estimated from neighbouring rows and is not part of the cell"
         );
     }
     if found.is_whole_arm() {
@@ -231,16 +255,14 @@ pub fn identify_text(found: &Identification) -> String {
 
 /// How well the extended cell predicts places, postures and loads that were not measured.
 pub(super) fn elsewhere(found: &Identification) -> String {
-    let left_out =
-        format!("at places, postures and loads left out of the fit: {:.4} mm rms", found.after_other_places.rms_mm);
-    match found.transfer_sigma_mm {
-        sigma_mm if sigma_mm > 0.0 => {
-            format!(
-                "{left_out}; for this program at a neighbouring place: standard uncertainty {sigma_mm:.4} mm per axis"
-            )
-        }
-        _ => left_out,
-    }
+    format!("at places, postures and loads left out of the fit: {:.4} mm rms", found.after_other_places.rms_mm)
+}
+
+/// How well the extended cell predicts the same program at a neighbouring place, if that was estimated.
+pub(super) fn nearby(found: &Identification) -> Option<String> {
+    let sigma_mm = found.transfer_sigma_mm;
+    let text = || format!("for this program at a neighbouring place: standard uncertainty {sigma_mm:.4} mm per axis");
+    (sigma_mm > 0.0).then(text)
 }
 
 /// Each parameter with its interval. Curves have hundreds of knots, so only their number and largest value are printed.
@@ -272,6 +294,11 @@ fn write_parameters(out: &mut String, parameters: &[FittedParameter]) {
 }
 
 /// Residuals as CSV, one line for each measured row.
+///
+/// # Examples
+/// ```
+/// assert!(deflex::report::residual_csv(&[]).starts_with("run,line,")); // the header
+/// ```
 #[must_use]
 pub fn residual_csv(rows: &[ResidualRow]) -> String {
     let mut out = b"run,line,block,held_out,outlier,x_mm,y_mm,z_mm,prefit_x_mm,prefit_y_mm,prefit_z_mm,postfit_x_mm,postfit_y_mm,postfit_z_mm,whitened_x,whitened_y,whitened_z,target\n".to_vec();

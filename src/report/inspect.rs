@@ -46,7 +46,7 @@ pub struct InspectFile {
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Reached {
-    /// Of each work object that positions are in, in the order in which they are met.
+    /// The extent of the positions in each work object, in the order of the program.
     pub extents: Vec<Extent>,
     /// Slowest and fastest programmed feed, mm/s.
     pub feed_mm_s: Option<[f64; 2]>,
@@ -165,6 +165,17 @@ pub struct KeptLine {
 
 impl InspectFile {
     /// A program that was read, and what its round trip showed.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{program::rapid, text::Source};
+    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// use deflex::program::round_trip;
+    ///
+    /// let file = deflex::report::InspectFile::read("slot.mod", &program, &round_trip(&program, rapid::read));
+    /// assert_eq!(file.motion_targets, 81);
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn read(path: &str, program: &Program, proof: &RoundTrip) -> Self {
         // The names of CL input are the cell's, not the file's.
@@ -190,6 +201,15 @@ impl InspectFile {
     }
 
     /// A file that is refused as a whole.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::report::InspectFile;
+    /// use deflex::text::Diagnostic;
+    ///
+    /// let file = InspectFile::refused("part.mod", None, &[Diagnostic::error("a.code", "part.mod", "no program")]);
+    /// assert!(file.refused.is_some());
+    /// ```
     #[must_use]
     pub fn refused(path: &str, language: Option<Language>, errors: &[Diagnostic]) -> Self {
         let reason = errors.first().map_or_else(|| "not read".to_owned(), |error| error.message.clone());

@@ -28,5 +28,5 @@ pub use inspect::{InspectFile, InspectFiles, KeptLine, inspect_table};
 pub use origin::{Origin, VERSION};
 pub use pairs::InsertedTarget;
 pub use plan::plan_text;
-pub use simulation::{DeviationMap, MapFigures, OneSide, SurfacePoint, map_cell, map_csv, probe, stl};
+pub use simulation::{CutterAt, DeviationMap, MapFigures, OneSide, SurfacePoint, map_cell, map_csv, probe, stl};
 pub use summary::{FileSummary, summary_line};

@@ -8,6 +8,13 @@ use std::io::{self, Read};
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// A file from which a result was made, with its hash. `sha256sum` shows whether it has changed since.
+///
+/// # Examples
+/// ```
+/// use deflex::report::Origin;
+///
+/// assert_eq!(Origin::of("part.mod", b"MODULE A").sha256.len(), 64);
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub struct Origin {
@@ -36,6 +43,15 @@ impl Origin {
     ///
     /// # Errors
     /// Those of `input`.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::report::Origin;
+    ///
+    /// let origin = Origin::read("part.mod", &b"MODULE A"[..])?;
+    /// assert_eq!(origin.sha256, Origin::of("part.mod", b"MODULE A").sha256);
+    /// # Ok::<(), std::io::Error>(())
+    /// ```
     pub fn read(path: &str, mut input: impl Read) -> io::Result<Self> {
         let (mut hash, mut block) = (Sha256::new(), vec![0; 64 * 1024]);
         loop {

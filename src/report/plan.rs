@@ -10,6 +10,17 @@ const APART: f64 = 5.0;
 
 /// The summary: how much work the measurement is, how often `identify` will name the right effect, and which pairs of effects the rows
 /// cannot distinguish, with the reason.
+///
+/// # Examples
+/// ```
+/// use deflex::identify::Plan;
+/// use deflex::report::plan_text;
+///
+/// /// Prints the answer.
+/// fn show(found: &Plan) {
+///     print!("{}", plan_text(found));
+/// }
+/// ```
 #[must_use]
 pub fn plan_text(plan: &Plan) -> String {
     let mut out = String::new();

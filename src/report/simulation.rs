@@ -1,8 +1,12 @@
 //! The part, before it is really cut: the deviation of the surface that the loaded arm leaves from the programmed surface.
 
-use crate::stock::{Blank, Mesh, Stock};
+use crate::cell::Cell;
+use crate::cutting::Cutter;
+use crate::program::orientation::rotation;
+use crate::program::{Goal, Motion, Program, Role, Target};
+use crate::stock::{Blank, Mesh, Stock, ToolPose};
 use crate::text::number::write_fixed;
-use nalgebra::Vector3;
+use nalgebra::{Unit, Vector3};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -59,7 +63,15 @@ pub struct MapFigures {
 }
 
 impl MapFigures {
-    /// Of deviations, mm.
+    /// The figures of deviations, mm.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::report::MapFigures;
+    ///
+    /// let figures = MapFigures::of(&[0.02, -0.04]);
+    /// assert_eq!((figures.max_mm, figures.gouge.max_mm, figures.leftover.max_mm), (0.04, 0.04, 0.02));
+    /// ```
     #[must_use]
     pub fn of(deviations: &[f64]) -> Self {
         let n = deviations.len().max(1) as f64;
@@ -124,7 +136,71 @@ impl DeviationMap {
     }
 }
 
+/// A cutter at a place of its path, in the frame of the stock.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CutterAt {
+    /// Its pose.
+    pub pose: ToolPose,
+    /// The cutter.
+    pub cutter: Cutter,
+}
+
+impl CutterAt {
+    /// The programmed cutter on its path as near as possible to the largest deviation of a map. `None` if nothing was cut, or if no motion
+    /// in the work object of the stock has a tool with a cutter.
+    #[must_use]
+    pub fn worst(map: &DeviationMap, program: &Program, cell: &Cell) -> Option<Self> {
+        let places = map.programmed.points.iter().zip(&map.deviations_mm);
+        let deviation = |(place, deviation): (_, &Option<f64>)| deviation.map(|mm| (place, mm.abs()));
+        let (worst, _) = places.filter_map(deviation).max_by(|(_, a), (_, b)| a.total_cmp(b))?;
+        let path = Self::path(program, cell);
+        let nearest = |pair: &[Self]| {
+            let along = pair[1].pose.tip - pair[0].pose.tip;
+            let share =
+                ((worst - pair[0].pose.tip).dot(&along) / along.norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+            Self { pose: pair[0].pose.between(&pair[1].pose, share), cutter: pair[1].cutter }
+        };
+        let ways = path.windows(2).filter(|pair| pair[0].cutter == pair[1].cutter).map(nearest);
+        let far = |at: &Self| (at.pose.tip - worst).norm();
+        ways.chain(path.iter().copied()).min_by(|a, b| far(a).total_cmp(&far(b)))
+    }
+
+    /// The cutter at each target of lines and arcs in the work object of the stock.
+    fn path(program: &Program, cell: &Cell) -> Vec<Self> {
+        let moves =
+            |target: &&Target| target.role == Role::End && matches!(target.motion, Motion::Linear | Motion::Circular);
+        let name = |target: &Target| program.wobjs.get(usize::from(target.wobj)).map(|wobj| &*wobj.name);
+        let declared = cell.stock.as_ref().and_then(|stock| stock.wobj.as_deref());
+        let wobj = declared.or_else(|| program.targets.iter().find(moves).and_then(name));
+        let at = |target: &Target| {
+            let (position_mm, axis) = match target.goal {
+                // The z axis of a tool points away from the spindle.
+                Goal::Pose { position_mm, quat, .. } => (position_mm, rotation(quat) * -Vector3::z()),
+                Goal::Axis { position_mm, axis, .. } => (position_mm, Vector3::from(axis)),
+                Goal::Joints { .. } => return None,
+            };
+            let tool = program.tools.get(usize::from(target.tool))?;
+            let cutter = cell.milling(&tool.name).ok()?.cutter;
+            Some(Self {
+                pose: ToolPose { tip: 1e-3 * Vector3::from(position_mm), axis: Unit::new_normalize(axis) },
+                cutter,
+            })
+        };
+        let here = |target: &&Target| name(target).zip(wobj).is_some_and(|(own, wobj)| own.eq_ignore_ascii_case(wobj));
+        program.targets.iter().filter(moves).filter(here).filter_map(at).collect()
+    }
+}
+
 /// Distance of a map's corners, m, for a stock.
+///
+/// # Examples
+/// ```
+/// use deflex::nalgebra::Vector3;
+/// use deflex::stock::{Blank, Stock};
+///
+/// let block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
+/// assert!(deflex::report::map_cell(&block) >= 1e-3); // m
+/// ```
 #[must_use]
 pub fn map_cell(stock: &Stock) -> f64 {
     let [low, high] = stock.blank().bounds();
@@ -177,6 +253,11 @@ pub fn probe(actual: &Stock, point: &Vector3<f64>, normal: Option<&Vector3<f64>>
 }
 
 /// CSV with the columns `x_mm,y_mm,z_mm,deviation_mm`, one row for each point.
+///
+/// # Examples
+/// ```
+/// assert!(deflex::report::map_csv(&[]).starts_with(b"x_mm,"));
+/// ```
 #[must_use]
 pub fn map_csv(points: &[SurfacePoint]) -> Vec<u8> {
     let mut out = b"x_mm,y_mm,z_mm,deviation_mm\n".to_vec();

@@ -97,6 +97,20 @@ impl FileSummary {
     }
 
     /// The summary from counts that were collected in parts.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{cell::Cell, program::rapid, text::Source};
+    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+    /// use deflex::correct::Summary;
+    /// use deflex::report::FileSummary;
+    ///
+    /// let summary = FileSummary::of("slot.mod", &Summary::of(&corrected.rows), &[]);
+    /// assert_eq!(summary.counts.targets, 81);
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn of(path: &str, sum: &Summary, failures: &[Diagnostic]) -> Self {
         Self {
@@ -127,6 +141,21 @@ impl fmt::Display for KeptCount {
 
 /// `1,236 targets: 1,211 corrected, 20 air, 5 kept: target computed at run time (3), … (2)`: the parts add up to the number of targets.
 /// A prediction corrects nothing: there the targets cut, are in the air, or are kept.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+/// use deflex::correct::Summary;
+/// use deflex::report::html::PathKind;
+/// use deflex::report::{FileSummary, summary_line};
+///
+/// let summary = FileSummary::of("slot.mod", &Summary::of(&corrected.rows), &[]);
+/// assert!(summary_line(&summary, PathKind::Compensate).starts_with("81 targets: 81 corrected"));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[must_use]
 pub fn summary_line(summary: &FileSummary, kind: PathKind) -> String {
     let first = match kind {

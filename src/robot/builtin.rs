@@ -4,6 +4,13 @@ use serde::Deserialize;
 use std::sync::LazyLock;
 
 /// A built-in robot, for which a cell needs no `[robot.kinematics]`.
+///
+/// # Examples
+/// ```
+/// use deflex::robot::BUILTIN;
+///
+/// assert!(BUILTIN.iter().any(|robot| robot.model == "irb6660-205-1.9"));
+/// ```
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
@@ -69,6 +76,14 @@ fn forward() -> [f64; 6] {
 
 impl Builtin {
     /// The language of its maker's controllers; `None` if deflex does not read it.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::{program::Language, robot::Builtin};
+    ///
+    /// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot");
+    /// assert_eq!(robot.language(), Some(Language::Rapid));
+    /// ```
     #[must_use]
     pub fn language(&self) -> Option<Language> {
         Language::ALL.into_iter().find(|language| language.about().maker == self.maker)

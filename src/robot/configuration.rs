@@ -66,12 +66,27 @@ fn status_like(robot: &Robot, motor: &Joints, like: Status) -> Status {
 }
 
 /// `S` and `T` for motor angles (rad). Bits that do not describe the robot are zero.
+///
+/// # Examples
+/// ```
+/// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+/// let motor = robot.motor_from_axes_deg(&[-10.0, 0.0, 0.0, 0.0, 30.0, 0.0]);
+/// assert_eq!(deflex::robot::status_of(&robot, &motor).turn & 1, 1); // axis 1 is below zero
+/// ```
 #[must_use]
 pub fn status_of(robot: &Robot, motor: &Joints) -> Status {
     status_like(robot, motor, Status { status: 0, turn: 0 })
 }
 
 /// FANUC's configuration for motor angles, rad.
+///
+/// # Examples
+/// ```
+/// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+/// let motor = robot.motor_from_axes_deg(&[0.0, 0.0, 0.0, 0.0, 30.0, 0.0]);
+/// let config = deflex::robot::config_of(&robot, &motor);
+/// println!("{config:?}");
+/// ```
 #[must_use]
 pub fn config_of(robot: &Robot, motor: &Joints) -> Config {
     Config { posture: posture(robot, motor), turns: [motor[0], motor[3], motor[5]].map(whole_turn) }
@@ -85,6 +100,17 @@ fn below_zero(angle: f64) -> i32 {
 }
 
 /// The configuration of motor angles (rad), in the notation of `like`.
+///
+/// # Examples
+/// ```
+/// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+/// use deflex::program::{Conf, Confdata};
+/// use deflex::robot::conf_like;
+///
+/// let motor = robot.motor_from_axes_deg(&[10.0, 0.0, 0.0, 0.0, 30.0, 0.0]);
+/// let conf = conf_like(&robot, &motor, Conf::Quarters(Confdata { cf1: 1, cf4: 0, cf6: 0, cfx: 0 }));
+/// assert_eq!(conf, Conf::Quarters(Confdata { cf1: 0, cf4: 0, cf6: 0, cfx: 0 }));
+/// ```
 #[must_use]
 pub fn conf_like(robot: &Robot, motor: &Joints, like: Conf) -> Conf {
     match like {
@@ -97,6 +123,16 @@ pub fn conf_like(robot: &Robot, motor: &Joints, like: Conf) -> Conf {
 
 /// Whether motor angles (rad) have a configuration, as `conf_like(robot, motor, conf) == conf`. Mostly the turns
 /// differ, and the posture is not computed.
+///
+/// # Examples
+/// ```
+/// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+/// use deflex::robot::{conf_is, conf_like};
+/// # use deflex::program::{Conf, Confdata};
+/// # let motor = robot.motor_from_axes_deg(&[10.0, 0.0, 0.0, 0.0, 30.0, 0.0]);
+/// let conf = conf_like(&robot, &motor, Conf::near([0.0; 6]));
+/// assert!(conf_is(&robot, &motor, conf));
+/// ```
 #[must_use]
 pub fn conf_is(robot: &Robot, motor: &Joints, conf: Conf) -> bool {
     let turned = |index: fn(f64) -> i32, wanted: [i32; 3]| {

@@ -9,6 +9,13 @@ pub(crate) const NUDGE: f64 = 0.01;
 
 impl Robot {
     /// Frames of all links at motor angles (rad) of the nominal geometry.
+    ///
+    /// # Examples
+    /// ```
+    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// let frames = robot.frames(&robot.motor_from_axes_deg(&[0.0; 6]));
+    /// println!("the wrist centre is {:.0} mm above the base", 1e3 * frames.origin(4).z);
+    /// ```
     #[must_use]
     pub fn frames(&self, motor: &Joints) -> Frames {
         self.links.chain(&self.serial_from_motor(motor))

@@ -78,6 +78,16 @@ impl Robot {
     ///
     /// # Errors
     /// The pose is out of reach.
+    ///
+    /// # Examples
+    /// ```
+    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// use deflex::robot::Joints;
+    ///
+    /// let motor = Joints::new(0.1, 0.2, 0.3, 0.4, 0.5, 0.6);
+    /// let found = robot.inverse_near_unlimited(&robot.forward(&motor), &motor).expect("within reach");
+    /// assert!((found - motor).amax() < 1e-9);
+    /// ```
     pub fn inverse_near_unlimited(&self, base_from_flange: &Pose, near: &Joints) -> Result<Joints, Unreachable> {
         // On a path the branch stays the same. The other seven branches are computed only if one of them could be
         // nearer.
@@ -130,6 +140,13 @@ impl Robot {
     }
 
     /// Posture at motor angles: whether the wrist centre is behind axis 1, and whether it is behind the lower arm.
+    ///
+    /// # Examples
+    /// ```
+    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// let up = robot.posture(&robot.motor_from_axes_deg(&[0.0, 0.0, 0.0, 0.0, 30.0, 0.0]));
+    /// println!("wrist before axis 1 and elbow up: {up:?}");
+    /// ```
     #[must_use]
     pub fn posture(&self, motor: &Joints) -> (bool, bool) {
         match self.closed_form() {
@@ -158,6 +175,17 @@ impl Robot {
 ///
 /// # Errors
 /// The method did not converge: the seed is too far from a solution, or the pose is out of reach.
+///
+/// # Examples
+/// ```
+/// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+/// use deflex::robot::Joints;
+///
+/// let serial = Joints::new(0.1, 0.2, 0.3, 0.4, 0.5, 0.6);
+/// let pose = *robot.links.chain(&serial).base_from_flange();
+/// let found = deflex::robot::polish(&robot.links, &pose, &serial.add_scalar(0.01)).expect("within reach");
+/// assert!((found - serial).amax() < 1e-9);
+/// ```
 pub fn polish(links: &Links, base_from_last: &Pose, seed: &Joints) -> Result<Joints, Unreachable> {
     // Newton's method doubles the digits in each step, so 50 steps are reached only if it does not converge.
     const NEWTON_STEPS: usize = 50;

@@ -6,6 +6,14 @@ use crate::lanes::{Real, SinCos, six};
 use nalgebra::Vector3;
 
 /// One modified Denavit-Hartenberg row (Craig): `Rx(alpha) Tx(a) Rz(theta + joint) Tz(d)`.
+///
+/// # Examples
+/// ```
+/// use deflex::robot::DhRow;
+///
+/// // The first row of an IRB 6660, rad and m.
+/// let row = DhRow { alpha: 0.0, a: 0.0, d: 0.8145, theta: 0.0 };
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DhRow {
     /// Twist about the previous x axis, rad.
@@ -35,18 +43,39 @@ impl Default for Frames {
 
 impl Frames {
     /// The flange frame (tool0).
+    ///
+    /// # Examples
+    /// ```
+    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// let motor = robot.motor_from_axes_deg(&[0.0; 6]);
+    /// assert_eq!(*robot.frames(&motor).base_from_flange(), robot.forward(&motor));
+    /// ```
     #[must_use]
     pub fn base_from_flange(&self) -> &Pose {
         &self.base_from_link[5]
     }
 
     /// Axis of serial joint `i` (0 to 5) in base axes.
+    ///
+    /// # Examples
+    /// ```
+    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// let frames = robot.frames(&robot.motor_from_axes_deg(&[0.0; 6]));
+    /// assert!((frames.axis(0).z - 1.0).abs() < 1e-12); // axis 1 is upright
+    /// ```
     #[must_use]
     pub fn axis(&self, i: usize) -> Vector3<f64> {
         self.axes[i]
     }
 
     /// A point on the axis of serial joint `i`, base frame, m.
+    ///
+    /// # Examples
+    /// ```
+    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// let frames = robot.frames(&robot.motor_from_axes_deg(&[0.0; 6]));
+    /// assert!((frames.origin(1).z - 0.8145).abs() < 1e-9); // height of axis 2, m
+    /// ```
     #[must_use]
     pub fn origin(&self, i: usize) -> Vector3<f64> {
         self.base_from_link[i].translation.vector
@@ -63,18 +92,39 @@ pub struct Links {
 
 impl Links {
     /// The links of these rows.
+    ///
+    /// # Examples
+    /// ```
+    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// let links = deflex::robot::Links::new(*robot.links.rows());
+    /// assert_eq!(links.rows(), robot.links.rows());
+    /// ```
     #[must_use]
     pub fn new(rows: [DhRow; 6]) -> Self {
         Self { rows, alpha: rows.map(|row| SinCos::of(row.alpha)) }
     }
 
     /// The rows.
+    ///
+    /// # Examples
+    /// ```
+    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// assert_eq!(robot.links.rows().len(), 6);
+    /// ```
     #[must_use]
     pub fn rows(&self) -> &[DhRow; 6] {
         &self.rows
     }
 
     /// The chain at **serial** joint angles, rad.
+    ///
+    /// # Examples
+    /// ```
+    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// let motor = robot.motor_from_axes_deg(&[0.0; 6]);
+    /// let frames = robot.links.chain(&robot.serial_from_motor(&motor));
+    /// assert_eq!(*frames.base_from_flange(), robot.forward(&motor));
+    /// ```
     #[must_use]
     pub fn chain(&self, serial: &Joints) -> Frames {
         let rows = self.numbers::<f64>();

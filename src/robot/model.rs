@@ -12,6 +12,15 @@ pub(crate) fn gravity_at(world_from_base: &Pose) -> Vector3<f64> {
 }
 
 /// The controller's model of the arm.
+///
+/// # Examples
+/// ```
+/// use deflex::robot::Builtin;
+///
+/// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+/// let flange = robot.forward(&robot.motor_from_axes_deg(&[0.0; 6]));
+/// assert!((flange.translation.x - 1.393).abs() < 1e-9); // m
+/// ```
 #[derive(Clone, Debug)]
 pub struct Robot {
     /// Name for messages.
@@ -90,12 +99,28 @@ impl Robot {
     }
 
     /// Gravity in the frame of the robot's base, m/s².
+    ///
+    /// # Examples
+    /// ```
+    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// assert!((robot.gravity().z + 9.81).abs() < 0.01); // m/s², in the base of an arm that stands upright
+    /// ```
     #[must_use]
     pub fn gravity(&self) -> Vector3<f64> {
         gravity_at(&self.world_from_base)
     }
 
     /// The same robot with its base at another pose in the world.
+    ///
+    /// # Examples
+    /// ```
+    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// use deflex::nalgebra::Translation3;
+    /// # use deflex::robot::Pose;
+    ///
+    /// let on_pedestal = robot.standing_at(Pose::from_parts(Translation3::new(0.0, 0.0, 0.5), Default::default()));
+    /// assert_eq!(on_pedestal.world_from_base.translation.z, 0.5); // m
+    /// ```
     #[must_use]
     pub fn standing_at(mut self, world_from_base: Pose) -> Self {
         self.world_from_base = world_from_base;
@@ -103,6 +128,15 @@ impl Robot {
     }
 
     /// The same robot with these largest axis speeds, rad/s.
+    ///
+    /// # Examples
+    /// ```
+    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// use deflex::robot::Joints;
+    ///
+    /// let slower = robot.as_fast_as(Some(Joints::repeat(1.0))); // rad/s
+    /// assert_eq!(slower.axis_speed, Some(Joints::repeat(1.0)));
+    /// ```
     #[must_use]
     pub fn as_fast_as(mut self, axis_speed: Option<Joints>) -> Self {
         self.axis_speed = axis_speed;
@@ -115,18 +149,44 @@ impl Robot {
     }
 
     /// Whether the inverse is explicit. Otherwise Newton's method computes it from a start.
+    ///
+    /// # Examples
+    /// ```
+    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// assert!(robot.has_closed_form()); // its wrist is spherical
+    /// let ur10 = deflex::robot::Builtin::named("ur10e").expect("a built-in robot").robot();
+    /// assert!(!ur10.has_closed_form());
+    /// ```
     #[must_use]
     pub fn has_closed_form(&self) -> bool {
         self.closed_form.is_some()
     }
 
     /// Serial joint angles from motor angles, rad.
+    ///
+    /// # Examples
+    /// ```
+    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// let motor = robot.motor_from_axes_deg(&[0.0, 20.0, 0.0, 0.0, 30.0, 0.0]);
+    /// let serial = robot.serial_from_motor(&motor);
+    /// assert!((robot.motor_from_serial(&serial) - motor).amax() < 1e-12);
+    /// ```
     #[must_use]
     pub fn serial_from_motor(&self, motor: &Joints) -> Joints {
         self.serial(&(*motor).into()).into()
     }
 
     /// Motor angles from serial joint angles, rad.
+    ///
+    /// # Examples
+    /// ```
+    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// use deflex::robot::Joints;
+    ///
+    /// // The rod of a parallelogram: the forearm keeps its direction while axis 2 moves.
+    /// let turned = robot.motor_from_serial(&Joints::new(0.0, 0.1, -0.1, 0.0, 0.0, 0.0));
+    /// assert!(turned[2].abs() < 1e-12);
+    /// ```
     #[must_use]
     pub fn motor_from_serial(&self, serial: &Joints) -> Joints {
         self.motor(&(*serial).into()).into()
@@ -142,12 +202,27 @@ impl Robot {
     }
 
     /// The same angles in degrees, as in programs and files.
+    ///
+    /// # Examples
+    /// ```
+    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// let deg = [10.0, 20.0, -5.0, 0.0, 30.0, 0.0];
+    /// let back = robot.axes_deg_from_motor(&robot.motor_from_axes_deg(&deg));
+    /// assert!(back.iter().zip(deg).all(|(a, b)| (a - b).abs() < 1e-9));
+    /// ```
     #[must_use]
     pub fn axes_deg_from_motor(&self, motor: &Joints) -> [f64; 6] {
         self.axes_from_motor(motor).map(f64::to_degrees).into()
     }
 
     /// Motor angles (rad) from angles as the controller counts them, degrees.
+    ///
+    /// # Examples
+    /// ```
+    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// let motor = robot.motor_from_axes_deg(&[0.0, 0.0, 0.0, 0.0, 90.0, 0.0]);
+    /// assert!((motor[4].abs() - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
+    /// ```
     #[must_use]
     pub fn motor_from_axes_deg(&self, axes_deg: &[f64; 6]) -> Joints {
         let mut motor = Joints::from(axes_deg.map(f64::to_radians));

@@ -7,13 +7,13 @@ const FEW: usize = 8;
 
 /// A part of a name: letters, or a number, of which 3.2 and 3.20 are one.
 #[derive(Clone, Debug, PartialEq)]
-enum Part {
+enum NamePart {
     Letters(String),
     Number(f64),
 }
 
 /// The parts of a name, without blanks and signs that join words.
-fn parts(name: &str) -> Vec<Part> {
+fn parts(name: &str) -> Vec<NamePart> {
     let number = |c: char| c.is_ascii_digit() || c == '.';
     let mut parts = Vec::new();
     let mut rest = name;
@@ -22,8 +22,8 @@ fn parts(name: &str) -> Vec<Part> {
         let (part, behind) = rest.split_at(end.unwrap_or(rest.len()).max(first.len_utf8()));
         rest = behind;
         match part.parse::<f64>() {
-            Ok(value) if number(first) => parts.push(Part::Number(value)),
-            _ if first.is_alphanumeric() => parts.push(Part::Letters(part.to_lowercase())),
+            Ok(value) if number(first) => parts.push(NamePart::Number(value)),
+            _ if first.is_alphanumeric() => parts.push(NamePart::Letters(part.to_lowercase())),
             _ => {}
         }
     }
@@ -31,9 +31,9 @@ fn parts(name: &str) -> Vec<Part> {
 }
 
 /// Whether parts occur in a name one after the other. The last word may be abbreviated.
-fn stand_in(wanted: &[Part], name: &[Part]) -> bool {
-    let alike = |(i, (a, b)): (usize, (&Part, &Part))| match (a, b) {
-        (Part::Letters(a), Part::Letters(b)) if i + 1 == wanted.len() => b.starts_with(&a[..]),
+fn stand_in(wanted: &[NamePart], name: &[NamePart]) -> bool {
+    let alike = |(i, (a, b)): (usize, (&NamePart, &NamePart))| match (a, b) {
+        (NamePart::Letters(a), NamePart::Letters(b)) if i + 1 == wanted.len() => b.starts_with(&a[..]),
         _ => a == b,
     };
     !wanted.is_empty() && name.windows(wanted.len()).any(|name| wanted.iter().zip(name).enumerate().all(alike))
@@ -92,11 +92,11 @@ impl Builtin {
         let mut robots: Vec<&Self> = BUILTIN.iter().filter(held).collect();
         robots.sort_by(|a, b| {
             a.maker.cmp(&b.maker).then_with(|| {
-                let order = |(a, b): (&Part, &Part)| match (a, b) {
-                    (Part::Number(a), Part::Number(b)) => a.total_cmp(b),
-                    (Part::Letters(a), Part::Letters(b)) => a.cmp(b),
-                    (Part::Number(_), Part::Letters(_)) => std::cmp::Ordering::Less,
-                    (Part::Letters(_), Part::Number(_)) => std::cmp::Ordering::Greater,
+                let order = |(a, b): (&NamePart, &NamePart)| match (a, b) {
+                    (NamePart::Number(a), NamePart::Number(b)) => a.total_cmp(b),
+                    (NamePart::Letters(a), NamePart::Letters(b)) => a.cmp(b),
+                    (NamePart::Number(_), NamePart::Letters(_)) => std::cmp::Ordering::Less,
+                    (NamePart::Letters(_), NamePart::Number(_)) => std::cmp::Ordering::Greater,
                 };
                 let (a, b) = (parts(&a.model), parts(&b.model));
                 a.iter().zip(&b).map(order).find(|order| order.is_ne()).unwrap_or(a.len().cmp(&b.len()))
@@ -119,10 +119,10 @@ impl Builtin {
 }
 
 /// The text of parts, without the characters between them.
-fn parts_text(parts: &[Part]) -> String {
-    let text = |part: &Part| match part {
-        Part::Letters(letters) => letters.clone(),
-        Part::Number(value) => value.to_string(),
+fn parts_text(parts: &[NamePart]) -> String {
+    let text = |part: &NamePart| match part {
+        NamePart::Letters(letters) => letters.clone(),
+        NamePart::Number(value) => value.to_string(),
     };
     parts.iter().map(text).collect()
 }

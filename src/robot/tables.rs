@@ -16,6 +16,13 @@ const AT_LEAST: usize = 1024;
 const ROTATION: f64 = 1e-5;
 
 /// A pose as a matrix.
+///
+/// # Examples
+/// ```
+/// use deflex::robot::{Pose, pose_matrix};
+///
+/// assert_eq!(pose_matrix(&Pose::identity())[3], [0.0, 0.0, 0.0, 1.0]);
+/// ```
 #[must_use]
 pub fn pose_matrix(pose: &Pose) -> PoseMatrix {
     let (r, p) = (pose.rotation.matrix(), pose.translation.vector * 1e3);
@@ -46,6 +53,15 @@ pub fn pose_of_matrix(matrix: &PoseMatrix) -> Option<Pose> {
 
 impl Robot {
     /// Poses, in the robot base, of a frame that is fixed to the flange, for many axis angles (degrees).
+    ///
+    /// # Examples
+    /// ```
+    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// use deflex::robot::Pose;
+    ///
+    /// let poses = robot.forward_table(&[[0.0; 6], [10.0, 0.0, 0.0, 0.0, 0.0, 0.0]], &Pose::identity());
+    /// assert_eq!(poses.len(), 2);
+    /// ```
     #[must_use]
     pub fn forward_table(&self, axes_deg: &[[f64; 6]], flange_from_tcp: &Pose) -> Vec<PoseMatrix> {
         let tcp = |deg: &[f64; 6]| pose_matrix(&(self.forward(&self.motor_from_axes_deg(deg)) * flange_from_tcp));
@@ -81,6 +97,17 @@ impl Robot {
 
     /// Axis angles along a path: each solution is the nearest to the one before, the first to `start_deg`. Poses that
     /// are not reached are skipped.
+    ///
+    /// # Examples
+    /// ```
+    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// use deflex::robot::Pose;
+    ///
+    /// let start = [0.0, 0.0, 0.0, 0.0, 30.0, 0.0];
+    /// let pose = robot.forward(&robot.motor_from_axes_deg(&start));
+    /// let axes = robot.inverse_path(&[pose], &Pose::identity(), &start);
+    /// assert!(axes[0].as_ref().is_ok_and(|deg| (deg[4] - 30.0).abs() < 1e-9));
+    /// ```
     #[must_use]
     pub fn inverse_path(
         &self,
@@ -98,6 +125,15 @@ impl Robot {
 
     /// Jacobians of that frame's origin, row by row: (vx, vy, vz) in mm/rad and (wx, wy, wz) in rad/rad, base axes,
     /// with respect to the motor angles.
+    ///
+    /// # Examples
+    /// ```
+    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// use deflex::robot::Pose;
+    ///
+    /// let jacobians = robot.jacobian_table(&[[0.0; 6]], &Pose::identity());
+    /// assert!((jacobians[0][1][0] - 1393.0).abs() < 1e-6); // axis 1 moves the flange along y, mm/rad
+    /// ```
     #[must_use]
     pub fn jacobian_table(&self, axes_deg: &[[f64; 6]], flange_from_tcp: &Pose) -> Vec<[[f64; 6]; 6]> {
         let jacobian = |deg: &[f64; 6]| rows(&self.jacobian_mm(deg, flange_from_tcp));

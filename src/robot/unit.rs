@@ -41,7 +41,7 @@ pub struct Unit {
     pub axis: usize,
     /// How it moves.
     pub kind: UnitKind,
-    /// What it moves.
+    /// Whether it carries the robot, the part or neither.
     pub carries: Carries,
     /// Its frame at position zero, in the world or in the moved frame of the unit on which it stands, m.
     pub frame: Pose,

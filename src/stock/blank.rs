@@ -5,6 +5,13 @@ use nalgebra::Vector3;
 use std::sync::Arc;
 
 /// A blank in the stock's frame, m.
+///
+/// # Examples
+/// ```
+/// use deflex::{nalgebra::Vector3, stock::Blank};
+///
+/// let blank = Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]); // m
+/// ```
 #[derive(Clone, Debug)]
 pub enum Blank {
     /// A box with its lower and upper corner.
@@ -15,6 +22,14 @@ pub enum Blank {
 
 impl Blank {
     /// Lower and upper corner of its bounding box, m.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::{nalgebra::Vector3, stock::Blank};
+    ///
+    /// let blank = Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]);
+    /// assert_eq!(blank.bounds()[1].z, 0.05); // m
+    /// ```
     #[must_use]
     pub fn bounds(&self) -> [Vector3<f64>; 2] {
         match self {
@@ -24,6 +39,14 @@ impl Blank {
     }
 
     /// Signed depth of a point in the blank, m: positive inside. For a mesh its size is known up to a bound of one millimetre.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::{nalgebra::Vector3, stock::Blank};
+    ///
+    /// let blank = Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]);
+    /// assert!((blank.depth(&Vector3::new(0.05, 0.05, 0.04)) - 0.01).abs() < 1e-12); // m below the top
+    /// ```
     #[inline]
     #[must_use]
     pub fn depth(&self, point: &Vector3<f64>) -> f64 {

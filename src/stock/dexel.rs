@@ -31,6 +31,15 @@ pub struct Stock {
 
 impl Stock {
     /// Number of lines of a blank at a spacing (m), before memory is allocated: see [`limits`](crate::limits::STOCK_LINES).
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::nalgebra::Vector3;
+    /// use deflex::stock::{Blank, Stock};
+    ///
+    /// let lines = Stock::lines_over(&Blank::Box([Vector3::zeros(), Vector3::new(0.6, 0.4, 0.1)]), 0.25e-3);
+    /// assert!(lines > 0.6 * 0.4 / 0.25e-3_f64.powi(2)); // the lattice is turned, and covers the box
+    /// ```
     #[must_use]
     pub fn lines_over(blank: &Blank, spacing: f64) -> f64 {
         lines_over(blank, spacing)
@@ -54,24 +63,56 @@ impl Stock {
     }
 
     /// The blank.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::nalgebra::Vector3;
+    /// # use deflex::stock::{Blank, Solid, Stock, ToolPose};
+    /// # let mut block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
+    /// assert_eq!(block.blank().bounds()[1].z, 0.05); // m
+    /// ```
     #[must_use]
     pub fn blank(&self) -> &Blank {
         &self.lattice.blank
     }
 
     /// Spacing of the lines, m.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::nalgebra::Vector3;
+    /// # use deflex::stock::{Blank, Solid, Stock, ToolPose};
+    /// # let mut block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
+    /// assert_eq!(block.spacing(), 1e-3); // m
+    /// ```
     #[must_use]
     pub fn spacing(&self) -> f64 {
         self.lattice.spacing
     }
 
     /// Volume that has been removed, m³.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::nalgebra::Vector3;
+    /// # use deflex::stock::{Blank, Solid, Stock, ToolPose};
+    /// # let mut block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
+    /// assert_eq!(block.removed(), 0.0); // m³
+    /// ```
     #[must_use]
     pub fn removed(&self) -> f64 {
         self.removed
     }
 
     /// Volume of the remaining material, m³, summed over all lines.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::nalgebra::Vector3;
+    /// # use deflex::stock::{Blank, Solid, Stock, ToolPose};
+    /// # let mut block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
+    /// assert!((block.volume() - 5e-4).abs() < 1e-5); // m³
+    /// ```
     #[must_use]
     pub fn volume(&self) -> f64 {
         let [columns, rows] = self.lattice.lines;
@@ -91,6 +132,14 @@ impl Stock {
     }
 
     /// Signed depth of a point in the material, m: positive inside. Near a surface it is the distance from the surface.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::nalgebra::Vector3;
+    /// # use deflex::stock::{Blank, Solid, Stock, ToolPose};
+    /// # let mut block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
+    /// assert!(block.depth(&Vector3::new(0.05, 0.05, 0.04)) > 0.0); // inside
+    /// ```
     #[must_use]
     pub fn depth(&self, point: &Vector3<f64>) -> f64 {
         self.depth_at(&Moment::LATEST, point, BLANK).0
@@ -204,6 +253,16 @@ impl Stock {
 
     /// Adds a cutter's straight motion between two poses, and leaves the removal to [`Stock::settle`]. The cut counts as later than every
     /// moment before, so that only [later moments](Stock::now) may be read from then on.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::nalgebra::Vector3;
+    /// # use deflex::stock::{Blank, Solid, Stock, ToolPose};
+    /// # let mut block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
+    /// let at = |x: f64| ToolPose { tip: Vector3::new(x, 0.05, 0.048), axis: Vector3::z_axis() };
+    /// block.defer(Solid { radius: 5e-3, corner: 0.0 }, &at(-0.02), &at(0.12));
+    /// assert!((block.settle().iter().sum::<f64>() - 0.1 * 0.01 * 0.002).abs() < 1e-7); // m³
+    /// ```
     pub fn defer(&mut self, solid: Solid, start: &ToolPose, end: &ToolPose) {
         let [low, high] = self.lattice.blank.bounds();
         let count = Sweep::count(start, end, (high.z - low.z).max(solid.radius));
@@ -217,6 +276,14 @@ impl Stock {
     }
 
     /// Removes what was deferred, with the bands in parallel. Returns the volume of each of these moves, m³.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::nalgebra::Vector3;
+    /// # use deflex::stock::{Blank, Solid, Stock, ToolPose};
+    /// # let mut block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
+    /// assert!(block.settle().is_empty()); // no motion waits
+    /// ```
     pub fn settle(&mut self) -> Vec<f64> {
         let cuts = std::mem::take(&mut self.deferred);
         let first = cuts.iter().map(|cut| cut.rows.start).min().unwrap_or(0) / TILE;

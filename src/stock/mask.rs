@@ -5,7 +5,7 @@ type Corner = ([f64; 2], f64);
 
 /// An engaged part of a cell: its share of the cell, its centroid, and its extent along the second side, in the unit square.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Part {
+pub(super) struct EngagedPart {
     pub(super) share: f64,
     pub(super) centroid: [f64; 2],
     pub(super) low: f64,
@@ -13,7 +13,7 @@ pub(super) struct Part {
 }
 
 /// Calls `each` with every part in which a function is positive that is linear on the four triangles around the middle. Corners: (0,0), (1,0), (1,1), (0,1).
-pub(super) fn engaged_parts(corners: [f64; 4], middle: f64, mut each: impl FnMut(Part)) {
+pub(super) fn engaged_parts(corners: [f64; 4], middle: f64, mut each: impl FnMut(EngagedPart)) {
     const PLACES: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     for k in 0..4 {
         let next = (k + 1) % 4;
@@ -22,7 +22,7 @@ pub(super) fn engaged_parts(corners: [f64; 4], middle: f64, mut each: impl FnMut
 }
 
 /// The same for one triangle, a quarter of the cell.
-fn triangle(corners: [Corner; 3], each: &mut impl FnMut(Part)) {
+fn triangle(corners: [Corner; 3], each: &mut impl FnMut(EngagedPart)) {
     const SHARE: f64 = 0.25;
     let [a, b, c] = corners;
     let centroid = |p: [f64; 2], q: [f64; 2], r: [f64; 2]| [(p[0] + q[0] + r[0]) / 3.0, (p[1] + q[1] + r[1]) / 3.0];
@@ -32,7 +32,7 @@ fn triangle(corners: [Corner; 3], each: &mut impl FnMut(Part)) {
         return;
     }
     let whole = centroid(a.0, b.0, c.0);
-    let part = |share: f64, centroid: [f64; 2], ends: &[f64]| Part {
+    let part = |share: f64, centroid: [f64; 2], ends: &[f64]| EngagedPart {
         share: SHARE * share,
         centroid,
         low: ends.iter().fold(f64::INFINITY, |a, b| a.min(*b)),

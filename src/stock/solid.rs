@@ -3,6 +3,14 @@
 use crate::cutting::Cutter;
 
 /// A cutter as a solid: a cylinder whose lower edge is rounded. Flat (corner 0) and ball (corner = radius) included.
+///
+/// # Examples
+/// ```
+/// use deflex::stock::Solid;
+///
+/// let ball = Solid { radius: 5e-3, corner: 5e-3 }; // m
+/// assert_eq!(ball.flat(), 0.0);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Solid {
     /// Radius, m.
@@ -13,12 +21,27 @@ pub struct Solid {
 
 impl Solid {
     /// The envelope of a cutter.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::cutting::Cutter;
+    /// # let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
+    /// let solid = deflex::stock::Solid::of(&cutter);
+    /// assert_eq!((solid.radius, solid.corner), (0.0125, 5e-3)); // m
+    /// ```
     #[must_use]
     pub fn of(cutter: &Cutter) -> Self {
         Self { radius: cutter.radius(), corner: cutter.corner_radius }
     }
 
     /// Radius of the flat bottom, m.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::stock::Solid;
+    ///
+    /// assert!((Solid { radius: 5e-3, corner: 1e-3 }.flat() - 4e-3).abs() < 1e-12); // m
+    /// ```
     #[must_use]
     pub fn flat(&self) -> f64 {
         self.radius - self.corner
@@ -26,6 +49,14 @@ impl Solid {
 
     /// Signed distance (m) of a point that is `across` (m) from the axis and `up` (m) above the tip: negative inside. It is convex, and its
     /// slope is at most one.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::stock::Solid;
+    ///
+    /// let flat = Solid { radius: 5e-3, corner: 0.0 };
+    /// assert!((flat.distance(7e-3, 0.01) - 2e-3).abs() < 1e-12); // m next to its side
+    /// ```
     #[inline]
     #[must_use]
     pub fn distance(&self, across: f64, up: f64) -> f64 {
@@ -35,6 +66,14 @@ impl Solid {
     }
 
     /// Height (m) of the lower surface above the tip, at a distance (m) from the axis that is at most the radius.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::stock::Solid;
+    ///
+    /// let ball = Solid { radius: 5e-3, corner: 5e-3 };
+    /// assert!(ball.height(0.0).abs() < 1e-12 && (ball.height(5e-3) - 5e-3).abs() < 1e-12); // m above the tip
+    /// ```
     #[inline]
     #[must_use]
     pub fn height(&self, across: f64) -> f64 {

@@ -26,6 +26,14 @@ const NUDGE: f64 = 1e-6;
 
 impl Mesh {
     /// Volume inside, m³ (divergence theorem).
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::nalgebra::Vector3;
+    /// # use deflex::stock::{Blank, Solid, Stock, ToolPose};
+    /// # let mut block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
+    /// assert!((block.surface(2e-3).volume() - 5e-4).abs() < 1e-5); // m³
+    /// ```
     #[must_use]
     pub fn volume(&self) -> f64 {
         let corner = |i: u32| self.points[i as usize];
@@ -36,6 +44,14 @@ impl Mesh {
 impl Stock {
     /// The surface of the remaining material, with corners on it that are about `cell` (m) apart. It is made by naive surface nets on the
     /// sign of [`Stock::depth`]; each corner is then moved onto the surface along the gradient of the depth, within its cell.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::nalgebra::Vector3;
+    /// # use deflex::stock::{Blank, Solid, Stock, ToolPose};
+    /// # let mut block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
+    /// assert!(!block.surface(2e-3).triangles.is_empty());
+    /// ```
     #[must_use]
     pub fn surface(&self, cell: f64) -> Mesh {
         let [low, high] = self.blank().bounds();

@@ -13,6 +13,14 @@ pub enum Severity {
 }
 
 /// A message about one place: what is wrong, what was expected, and what to do.
+///
+/// # Examples
+/// ```
+/// use deflex::text::Diagnostic;
+///
+/// let found = Diagnostic::error("a.code", "part.mod", "what is wrong").help("what to do");
+/// assert!(found.to_string().contains("what is wrong"));
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Diagnostic {
@@ -62,6 +70,15 @@ impl Diagnostic {
     }
 
     /// Adds a place in a source.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::text::{Diagnostic, Source, Span};
+    ///
+    /// let source = Source::new("part.mod", "MODULE A\nENDMODULE\n");
+    /// let found = Diagnostic::error("a.code", &source.name, "what is wrong").at(&source, Span { start: 9, end: 18 });
+    /// assert_eq!((found.line, found.column), (2, 1));
+    /// ```
     #[must_use]
     pub fn at(self, source: &Source, span: Span) -> Self {
         let place = source.line_column(span.start as usize);
@@ -70,6 +87,16 @@ impl Diagnostic {
 
     /// Adds a place whose line is known. Counting lines takes time: a program with a message for each target would be
     /// counted through for each.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::text::{Diagnostic, Source, Span};
+    ///
+    /// // A chunk of a long program, whose first line is line 1000 of the file.
+    /// let chunk = Source::new("part.mod", "MoveL p1;\n");
+    /// let found = Diagnostic::error("a.code", &chunk.name, "what is wrong").on_line(&chunk, Span { start: 6, end: 8 }, 1000);
+    /// assert_eq!((found.line, found.column), (1000, 7));
+    /// ```
     #[must_use]
     pub fn on_line(mut self, source: &Source, span: Span, line: u32) -> Self {
         self.file.clone_from(&source.name);
@@ -80,6 +107,14 @@ impl Diagnostic {
     }
 
     /// Adds what to do.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::text::Diagnostic;
+    ///
+    /// let found = Diagnostic::error("a.code", "part.mod", "what is wrong").help("what to do");
+    /// assert_eq!(found.help.as_deref(), Some("what to do"));
+    /// ```
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(readable(help.into()));
@@ -87,6 +122,14 @@ impl Diagnostic {
     }
 
     /// Sets the severity.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::text::{Diagnostic, Severity};
+    ///
+    /// let note = Diagnostic::error("a.code", "part.mod", "what is remarkable").severity(Severity::Note);
+    /// assert_eq!(note.severity, Severity::Note);
+    /// ```
     #[must_use]
     pub fn severity(mut self, severity: Severity) -> Self {
         self.severity = severity;

@@ -10,6 +10,19 @@ pub(crate) type Token = SmallVec<[u8; 24]>;
 pub(crate) type Content = SmallVec<[u8; 96]>;
 
 /// Replacement of one span by other bytes.
+///
+/// # Examples
+/// ```
+/// use deflex::program::{Change, RewriteOptions, rapid};
+/// use deflex::text::Source;
+///
+/// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// let mut changes = vec![None; program.targets.len()];
+/// changes[0] = Some(Change { position_mm: [0.0, 0.0, 0.1], quat: None, conf: None, external: None });
+/// let edits = &program.rewrite(&changes, &[], &RewriteOptions::default()).edits[0];
+/// assert!(edits.iter().all(|edit| edit.span.start < edit.span.end));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Edit {
     /// The bytes that are replaced; empty for an insertion.

@@ -11,12 +11,12 @@ pub struct Patch<S: Write> {
     scratch: BufWriter<S>,
     /// Number of bytes in the scratch file.
     waiting: u64,
-    parts: Vec<Part>,
+    parts: Vec<Replacement>,
 }
 
 /// One replacement: the range of `old` bytes from `start`, and the range of its new text in the scratch file.
 #[derive(Clone, Copy, Debug)]
-struct Part {
+struct Replacement {
     start: u64,
     waits: u64,
     old: u32,
@@ -45,10 +45,23 @@ impl<S: Read + Write + Seek> Patch<S> {
     ///
     /// # Errors
     /// Every error of the scratch file; a text of more than 4 GiB.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::text::Patch;
+    /// use std::io::Cursor;
+    ///
+    /// let mut patch = Patch::new(Cursor::new(Vec::new()));
+    /// patch.replace(4, 3, b"10.5")?; // three bytes from the fifth on
+    /// let mut out = Vec::new();
+    /// patch.apply(&b"X = 1.0;"[..], &mut out)?;
+    /// assert_eq!(out, b"X = 10.5;");
+    /// # Ok::<(), std::io::Error>(())
+    /// ```
     pub fn replace(&mut self, start: u64, old: u32, text: &[u8]) -> io::Result<()> {
         let new = u32::try_from(text.len()).map_err(|_| io::ErrorKind::FileTooLarge)?;
         self.scratch.write_all(text)?;
-        self.parts.push(Part { start, waits: self.waiting, old, new });
+        self.parts.push(Replacement { start, waits: self.waiting, old, new });
         self.waiting += text.len() as u64;
         Ok(())
     }
@@ -57,6 +70,17 @@ impl<S: Read + Write + Seek> Patch<S> {
     ///
     /// # Errors
     /// Every error of the three files.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::text::Patch;
+    /// use std::io::Cursor;
+    ///
+    /// let mut out = Vec::new();
+    /// Patch::new(Cursor::new(Vec::new())).apply(&b"unchanged"[..], &mut out)?;
+    /// assert_eq!(out, b"unchanged");
+    /// # Ok::<(), std::io::Error>(())
+    /// ```
     pub fn apply(mut self, original: impl Read, out: &mut impl Write) -> io::Result<()> {
         self.parts.sort_unstable_by_key(|part| part.start);
         let mut scratch = self.scratch.into_inner().map_err(io::IntoInnerError::into_error)?;

@@ -20,6 +20,14 @@ pub fn printable(text: &str) -> Cow<'_, str> {
 }
 
 /// The text in one line: line feeds and tabs become pictures too.
+///
+/// # Examples
+/// ```
+/// use deflex::text::printable_line;
+///
+/// assert_eq!(printable_line("part.mod"), "part.mod");
+/// assert!(!printable_line("two\nlines").contains('\n'));
+/// ```
 #[must_use]
 pub fn printable_line(text: &str) -> Cow<'_, str> {
     replaced(text, |_| true)

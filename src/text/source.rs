@@ -2,6 +2,14 @@ use super::Span;
 use std::borrow::Cow;
 
 /// One input file: its name in messages, and its bytes, which are never converted.
+///
+/// # Examples
+/// ```
+/// use deflex::text::Source;
+///
+/// let source = Source::new("part.mod", "MODULE A\nENDMODULE\n");
+/// assert_eq!(source.bytes.len(), 19);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Source {
     /// Path as the user typed it, `-` for standard input.
@@ -37,12 +45,28 @@ impl Source {
     }
 
     /// The bytes of a span.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::text::{Source, Span};
+    ///
+    /// let source = Source::new("part.mod", "MODULE A\n");
+    /// assert_eq!(source.slice(Span { start: 7, end: 8 }), b"A");
+    /// ```
     #[must_use]
     pub fn slice(&self, span: Span) -> &[u8] {
         &self.bytes[span.range()]
     }
 
     /// Bytes as text for messages: UTF-8 if valid, otherwise Latin-1 (each byte is a character).
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::text::{Source, Span};
+    ///
+    /// let source = Source::new("part.mod", "MODULE A\n");
+    /// assert_eq!(source.text(Span { start: 0, end: 6 }), "MODULE");
+    /// ```
     #[must_use]
     pub fn text(&self, span: Span) -> Cow<'_, str> {
         decode(self.slice(span))
@@ -50,6 +74,14 @@ impl Source {
 
     /// Line and column of an offset. CR LF, LF and a single CR end a line. It takes time proportional to the offset, so
     /// it is for messages only.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::text::Source;
+    ///
+    /// let at = Source::new("part.mod", "MODULE A\nENDMODULE\n").line_column(11);
+    /// assert_eq!((at.line, at.column), (2, 3));
+    /// ```
     #[must_use]
     pub fn line_column(&self, offset: usize) -> LineColumn {
         let offset = offset.min(self.bytes.len());
@@ -71,6 +103,14 @@ impl Source {
     }
 
     /// The line around an offset. Of a line that is too long to read, only the part after the offset.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::text::Source;
+    ///
+    /// let source = Source::new("part.mod", "MODULE A\nENDMODULE\n");
+    /// assert_eq!(source.line_at(10), "ENDMODULE");
+    /// ```
     #[must_use]
     pub fn line_at(&self, offset: usize) -> Cow<'_, str> {
         const NEAR: usize = 1000;
@@ -88,6 +128,13 @@ impl Source {
     }
 
     /// Column of an offset, from 1. It takes time proportional to the length of the line.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::text::Source;
+    ///
+    /// assert_eq!(Source::new("part.mod", "MODULE A\nENDMODULE\n").column(11), 3);
+    /// ```
     #[must_use]
     pub fn column(&self, offset: usize) -> usize {
         let before = &self.bytes[..offset.min(self.bytes.len())];

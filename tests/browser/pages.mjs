@@ -72,7 +72,7 @@ const open = async (name, options = {}) => {
   await settle(page);
   return page;
 };
-// Two frames: a picture asked for is drawn.
+// After two frames, every requested picture is drawn.
 const settle = (page) => page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
 
 // Pixels of a canvas that differ from its most frequent colour, and a sum that tells pictures apart.
@@ -235,7 +235,7 @@ const tests = {
     const { figures, charts } = await checkPath("slot", sample(slot("slot.mod")), csv("slot.csv"), {
       targets: String(sums.targets), max_error_mm: four(sums.max_error_mm), max_correction_mm: four(sums.max_correction_mm), remaining_path_max_mm: four(sums.remaining_path_max_mm),
     });
-    // Stiffness, axes and margins besides the error.
+    // Three charts of the error, and those of stiffness, axes and margins.
     assert.equal(charts, 6);
     const page = await open("slot");
     for (const tcp of await inFlange(page)) tcp.forEach((c, k) => assert(Math.abs(c - [-156.66, 0, 160][k]) < 0.1, `tool at ${tcp}`));
@@ -513,7 +513,7 @@ ENDMODULE
     long();
     const size = statSync(at("long.html")).size;
     assert(size < 5e6, `${size} bytes`);
-    const { page } = await checkPath("long", at("original.mod"), csv("long.csv"), { targets: String(LONG) });
+    const { page } = await checkPath("long", at("original.mod"), csv("long.csv"), { targets: LONG.toLocaleString("en") });
     const note = await page.textContent("#detail");
     assert(note.includes("of 100,000 targets are shown"), note);
     const frame = await page.evaluate(() => {

@@ -4,7 +4,7 @@ import { readFileSync } from "node:fs";
 
 const assets = new URL("../../src/report/html/assets/", import.meta.url);
 
-// The function that begins with `const NAME` in a script and ends before `behind`.
+// The function that begins with `const NAME` in a script and ends before the text `behind`.
 const taken = (file, name, behind) => {
   const text = readFileSync(new URL(file, assets), "utf8");
   const [start, end] = [text.indexOf(`const ${name} =`), text.indexOf(behind)];
@@ -12,7 +12,7 @@ const taken = (file, name, behind) => {
   return new Function(`${text.slice(start, end)}; return ${name};`)();
 };
 
-// Ticks of a scale are told apart, and none is a negative zero.
+// Ticks of a scale differ, and none is a negative zero.
 const tickLabels = taken("charts.js", "tickLabels", "// Charts along");
 assert.deepEqual(tickLabels([-2e-5, -0, 1e-5], 1e-5), ["-0.00002", "0.00000", "0.00001"]);
 assert.deepEqual(tickLabels([0, 0.1, 0.2], 0.1), ["0.0", "0.1", "0.2"]);

@@ -57,7 +57,7 @@ fn brute(c: &Cutter, e: &Engagement, shift: &Vector3<f64>, axis: &Vector3<f64>) 
     let x = y.cross(axis);
     // Above this height along the axis nothing is below the stock's top.
     let top = (-tip.z + radius * axis.x.hypot(axis.y)) / axis.z;
-    // The same cutter beside, off by the same deflection: at each height it leaves a stepover of what this one reaches.
+    // The neighbouring pass has the same cutter and the same deflection: at each height it leaves a stepover of what this one reaches.
     let sign = if e.mode == Mode::Down { -1.0 } else { 1.0 };
     let beside = nominal.cross(&Vector3::x()).normalize();
     let along = beside.cross(&nominal);
@@ -228,7 +228,7 @@ fn impossible_cuts_are_named() {
 }
 
 /// Stepovers below the passes' cusps and widths of the corner: a force of zero once stood where a ball or a bull nose cuts
-/// beside its own pass.
+/// next to its own pass.
 #[test]
 fn every_stepover_meets_material() {
     let cut = |c: Cutter, mode, depth: f64, width: f64| {

@@ -155,6 +155,29 @@ fn every_effect_is_documented() {
     let rows = page.lines().filter_map(|line| line.strip_prefix("| `")?.split('`').next());
     let kinds: Vec<&str> = deflex::effects::KINDS.iter().map(|kind| kind.name).collect();
     assert_eq!(rows.collect::<Vec<_>>(), kinds);
+    // Each row names the keys of its effect.
+    for kind in deflex::effects::KINDS {
+        let row = page.lines().find(|line| line.starts_with(&format!("| `{}`", kind.name))).unwrap();
+        let words: std::collections::BTreeSet<&str> =
+            row.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_')).collect();
+        for form in kind.forms {
+            let table: toml::Table = toml::from_str(form).unwrap();
+            for key in table.keys() {
+                assert!(words.contains(&**key), "docs/effects.md: `{}` has no `{key}`", kind.name);
+            }
+        }
+    }
+}
+
+/// The page of formats has each column of a measured file.
+#[test]
+fn every_column_of_a_measured_file_is_documented() {
+    let page = std::fs::read_to_string(Path::new(ROOT).join("docs/formats.md")).unwrap();
+    let section = page.split("## Measured file").nth(1).unwrap().split("\n## ").next().unwrap();
+    let words: std::collections::BTreeSet<&str> =
+        section.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_')).collect();
+    let missing: Vec<&str> = deflex::measured::column_names().filter(|name| !words.contains(name)).collect();
+    assert!(missing.is_empty(), "docs/formats.md, Measured file: no word of {missing:?}");
 }
 
 /// The page of limits has a row for each bound of the code, in its order, with its number and what to change.
@@ -236,23 +259,162 @@ fn every_key_of_the_cell_is_documented() {
     let fields = keys.lines().filter_map(|line| line.strip_prefix("    pub(super) ")?.split_once(": "));
     let names: Vec<&str> = fields.map(|(name, _)| name).filter(|name| !name.contains(' ')).collect();
     assert!(names.len() > 80, "{} keys", names.len());
-    let words: std::collections::BTreeSet<&str> =
-        section.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_')).collect();
+    // Names in the code of tables and in code blocks: a name in prose explains nothing.
+    let mut words = std::collections::BTreeSet::new();
+    for (i, block) in section.split("```").enumerate() {
+        let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
+        if i % 2 == 1 {
+            words.extend(block.split(|c| !is_word(c)));
+        } else {
+            let rows = block.lines().filter(|line| line.starts_with('|'));
+            let code = rows.flat_map(|row| row.split('`').skip(1).step_by(2));
+            words.extend(code.flat_map(|code| code.split(|c| !is_word(c))));
+        }
+    }
     let missing: Vec<&&str> = names.iter().filter(|name| !words.contains(**name)).collect();
-    assert!(missing.is_empty(), "docs/formats.md, Cell file: no word of {missing:?}");
+    assert!(missing.is_empty(), "docs/formats.md, Cell file: no row has {missing:?}");
+}
+
+/// What `deflex` prints with some arguments.
+fn printed(arguments: &[&str]) -> String {
+    let done = Command::new(env!("CARGO_BIN_EXE_deflex")).args(arguments).output().unwrap();
+    String::from_utf8(done.stdout).unwrap()
+}
+
+/// The names of the commands, or of those within a command, as its help lists them.
+fn commands(of: &[&str]) -> Vec<String> {
+    let help = printed(&[of, &["--help"]].concat());
+    let list = help.split("Commands:\n").nth(1).unwrap_or_default().split("\n\n").next().unwrap();
+    let is_name = |line: &&str| line.starts_with("  ") && !line.starts_with("   ");
+    let names = list.lines().filter(is_name).filter_map(|line| line.split_whitespace().next());
+    names.map(str::to_owned).collect()
+}
+
+/// The arguments and options in the help of a command, with their texts.
+fn options(help: &str) -> Vec<(String, String)> {
+    let mut found: Vec<(String, String)> = Vec::new();
+    let mut is_listed = false;
+    for line in help.lines() {
+        if !line.starts_with(' ') && !line.is_empty() {
+            is_listed = ["Arguments:", "Options:"].contains(&line);
+        }
+        let text = line.trim();
+        if !is_listed || text.is_empty() || !line.starts_with(' ') {
+            continue;
+        }
+        let indent = line.len() - line.trim_start().len();
+        if indent <= 6 && text.starts_with(['-', '<', '[']) {
+            let (option, text) = text.split_once("  ").unwrap_or((text, ""));
+            found.push((option.to_owned(), text.trim().to_owned()));
+        } else if let Some((_, all)) = found.last_mut() {
+            let between = if all.is_empty() { "" } else { " " };
+            *all += &format!("{between}{text}");
+        }
+    }
+    found.retain(|(option, _)| !["-h, --help", "-V, --version"].contains(&&**option));
+    found
+}
+
+/// The text of an option with its values and its default as sentences.
+fn sentences(text: &str) -> String {
+    let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let (text, default) = text.split_once(" [default: ").map_or((&*text, ""), |(text, rest)| (text, rest));
+    let (default, values) = match default.split_once(']') {
+        Some((default, rest)) => (default, rest.trim()),
+        None => ("", ""),
+    };
+    let (text, own) = text.split_once(" [possible values: ").map_or((text, values), |(text, rest)| (text, rest));
+    let values = own.trim_start_matches("[possible values: ").trim_end_matches(']');
+    let (text, listed) = text.split_once(" Possible values: - ").unwrap_or((text, ""));
+    let listed = listed.replace(" - ", "; ");
+    let mut all = text.to_owned();
+    for (what, value) in [("Values", values), ("Values", &listed), ("Default", default)] {
+        if !value.is_empty() {
+            all += &format!(". {what}: {value}");
+        }
+    }
+    all
+}
+
+/// The page of options, made from the help of the commands. `UPDATE_OPTIONS=1` writes it.
+#[test]
+fn every_option_is_documented() {
+    let mut page = "# Options\n\nThis page lists the arguments and options of each command, as `deflex COMMAND --help` prints them. A test \
+                    makes it: `UPDATE_OPTIONS=1\ncargo test --test suite every_option` writes it.\n"
+        .to_owned();
+    let mut named: Vec<String> = Vec::new();
+    for name in commands(&[]) {
+        let own = commands(&[&name]);
+        named.extend(if own.is_empty() { vec![name] } else { own.iter().map(|own| format!("{name} {own}")).collect() });
+    }
+    for name in named {
+        let arguments: Vec<&str> = name.split(' ').chain(["--help"]).collect();
+        let options = options(&printed(&arguments));
+        assert!(!options.is_empty(), "{name}");
+        page += &format!("\n## deflex {name}\n\n| option | meaning |\n|---|---|\n");
+        for (option, text) in options {
+            page += &format!("| `{}` | {} |\n", option.replace('|', "\\|"), sentences(&text).replace('|', "\\|"));
+        }
+    }
+    let file = Path::new(ROOT).join("docs/options.md");
+    if std::env::var_os("UPDATE_OPTIONS").is_some() {
+        std::fs::write(&file, &page).unwrap();
+    }
+    let written = std::fs::read_to_string(file).unwrap_or_default();
+    let differing = written.lines().zip(page.lines()).find(|(written, made)| written != made);
+    assert!(written == page, "docs/options.md differs ({differing:?}): UPDATE_OPTIONS=1 writes it");
 }
 
 /// The reference has each command.
 #[test]
 fn every_command_is_documented() {
-    let done = Command::new(env!("CARGO_BIN_EXE_deflex")).arg("--help").output().unwrap();
-    let help = String::from_utf8(done.stdout).unwrap();
-    let list = help.split("Commands:\n").nth(1).unwrap().split("\n\n").next().unwrap();
-    let is_name = |line: &&str| line.starts_with("  ") && !line.starts_with("   ");
-    let names: Vec<&str> = list.lines().filter(is_name).filter_map(|line| line.split_whitespace().next()).collect();
+    let names = commands(&[]);
     assert!(names.len() > 10, "{names:?}");
     let page = std::fs::read_to_string(Path::new(ROOT).join("docs/reference.md")).unwrap();
     for name in names {
         assert!(page.contains(&format!("| `deflex {name}")), "docs/reference.md has no row for `{name}`");
+    }
+}
+
+/// Keys of a JSON value and of all values in it, without those below a key whose own keys are names of other things.
+fn keys(value: &serde_json::Value, found: &mut std::collections::BTreeSet<String>) {
+    match value {
+        serde_json::Value::Array(all) => all.iter().for_each(|value| keys(value, found)),
+        serde_json::Value::Object(all) => {
+            for (key, value) in all {
+                found.insert(key.clone());
+                keys(value, found);
+            }
+        }
+        _ => {}
+    }
+}
+
+/// The reference has each key of the JSON that the commands write.
+#[test]
+fn every_key_of_the_json_is_documented() {
+    let samples = Path::new(ROOT).join("samples");
+    let runs = [
+        "compensate slot/slot.mod --cell slot/cell.toml -q -o /dev/null --json -",
+        "predict units/units.mod --cell units/cell.toml -q --json -",
+        "check slot/slot.mod --cell slot/cell.toml --max-error 0.14 -q --output-format json",
+        "inspect slot/slot.mod kuka/ring.src --json",
+        "simulate stock/part.mod --cell stock/cell.toml -q --json -",
+        "diff slot/slot.mod blade/blade.mod -q --json -",
+        "identify --run closed-loop/part.mod closed-loop/measured.csv --cell closed-loop/cell.toml -q --json -",
+        "pose --cell slot/cell.toml --joints 0,0,0,0,30,0 --json",
+    ];
+    let page = std::fs::read_to_string(Path::new(ROOT).join("docs/reference.md")).unwrap();
+    let words: std::collections::BTreeSet<&str> =
+        page.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_')).collect();
+    for run in runs {
+        let done =
+            Command::new(env!("CARGO_BIN_EXE_deflex")).args(run.split(' ')).current_dir(&samples).output().unwrap();
+        let json: serde_json::Value =
+            serde_json::from_slice(&done.stdout).unwrap_or_else(|error| panic!("{run}: {error}"));
+        let mut found = std::collections::BTreeSet::new();
+        keys(&json, &mut found);
+        let missing: Vec<&String> = found.iter().filter(|key| !words.contains(&***key)).collect();
+        assert!(missing.is_empty(), "{run}: docs/reference.md has no word of {missing:?}");
     }
 }

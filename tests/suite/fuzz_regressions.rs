@@ -1,4 +1,4 @@
-//! Inputs that once broke an invariant, and seeds beside them, asked again without a fuzzer.
+//! Inputs that once broke an invariant, and seeds of the fuzzer, run again without a fuzzer.
 
 #[path = "../../fuzz/invariants.rs"]
 mod invariants;

@@ -5,12 +5,14 @@ use std::path::Path;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
+fn page(guide: &str) -> String {
+    std::fs::read_to_string(Path::new(ROOT).join("docs").join(guide)).unwrap()
+}
+
 /// Paths in the first column of a guide's tables, with `NAME` replaced.
-fn listed(guide: &str, name: &str) -> BTreeSet<String> {
-    let page = std::fs::read_to_string(Path::new(ROOT).join("docs").join(guide)).unwrap();
-    let cell =
-        |line: &str| line.strip_prefix("| `").and_then(|rest| rest.split_once('`')).map(|(cell, _)| cell.to_owned());
-    let paths = page.lines().filter_map(cell).filter(|cell| cell.contains('/'));
+fn listed(page: &str, name: &str) -> BTreeSet<String> {
+    let first = page.lines().filter_map(|line| line.strip_prefix("| ")?.split_once(" |")).map(|(first, _)| first);
+    let paths = first.flat_map(|cell| cell.split('`').skip(1).step_by(2)).filter(|path| path.contains('/'));
     paths.map(|path| path.replace("NAME", name)).collect()
 }
 
@@ -31,8 +33,12 @@ fn containing(folders: &[&str], words: &[&str]) -> BTreeSet<String> {
     found
 }
 
-/// The newest effect, by which the guide was written.
+/// An effect that depends on nothing that others do not depend on too.
 const EFFECT: &str = "cable_pull";
+/// Words of what the newest effect added to the state on which effects depend: its type, its values and its module.
+const NEW_FIELD: [&str; 4] = ["CuttingTorque", "torque: None,", "torque_between", "mod loads_before;"];
+/// The heading of the guide from which on the files of such a field are listed.
+const NEW_STATE: &str = "## If the effect depends on something new";
 
 #[test]
 fn the_guide_of_effects_lists_the_files_of_an_effect() {
@@ -41,19 +47,27 @@ fn the_guide_of_effects_lists_the_files_of_an_effect() {
     for page in ["docs/add-an-effect.md", "tests/suite/guides.rs"] {
         assert!(found.remove(page), "{page}");
     }
-    assert_eq!(found, listed("add-an-effect.md", EFFECT));
+    let guide = page("add-an-effect.md");
+    let (usual, new_state) = guide.split_once(NEW_STATE).unwrap();
+    assert_eq!(found, listed(usual, EFFECT));
+    let mut found = containing(&["src", "tests/suite"], &NEW_FIELD);
+    // The effect's own file, and this one.
+    for page in ["src/effects/creep.rs", "tests/suite/guides.rs"] {
+        assert!(found.remove(page), "{page}");
+    }
+    assert_eq!(found, listed(new_state, EFFECT));
 }
 
 #[test]
 fn the_guide_of_robots_lists_the_files_of_a_robot() {
     let library = std::fs::read_to_string(Path::new(ROOT).join("src/robot/library.toml")).unwrap();
     let vectors = std::fs::read_to_string(Path::new(ROOT).join("tests/fixtures/robots/forward.csv")).unwrap();
-    let listed = listed("add-a-robot.md", "");
+    let listed = listed(&page("add-a-robot.md"), "");
     let vector = vectors.lines().last().unwrap().split(',').next().unwrap();
     assert!(library.contains(&format!("model = \"{vector}\"")), "{vector}");
     assert_eq!(listed, containing(&["src", "tests"], &[vector]));
     // Each key of an entry has its row.
-    let guide = std::fs::read_to_string(Path::new(ROOT).join("docs/add-a-robot.md")).unwrap();
+    let guide = page("add-a-robot.md");
     let keys: BTreeSet<&str> = library
         .lines()
         .filter(|line| !line.starts_with(['#', '[']))
@@ -69,5 +83,5 @@ fn the_guide_of_languages_lists_where_the_code_decides_by_language() {
     let mut found = containing(&["src"], &["Language::Krl", "Language::Ls"]);
     // A language's own reader.
     found.retain(|path| !path.starts_with("src/program/krl/") && !path.starts_with("src/program/tp/"));
-    assert_eq!(found, listed("add-a-language.md", ""));
+    assert_eq!(found, listed(&page("add-a-language.md"), ""));
 }

@@ -11,7 +11,7 @@ use nalgebra::{Rotation3, Translation3};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// Data that are too large, or not ours to keep: beside the repository, or where `DEFLEX_SHARED` says.
+/// Data that are too large for the repository, or whose licence does not permit a copy: next to the repository, or in the folder `DEFLEX_SHARED`.
 fn shared(folder: &str) -> PathBuf {
     Path::new(&std::env::var("DEFLEX_SHARED").unwrap_or_else(|_| "../shared".into())).join(folder)
 }

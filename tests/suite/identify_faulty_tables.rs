@@ -103,7 +103,7 @@ fn ordinals(rows: &mut Rows, by: i64) {
     rows.retain(|row| matches!(row.target, Some(TargetRef::Ordinal(n)) if n > 0 && i64::from(n) <= count));
 }
 
-/// Forces of the rows before (or behind), the rest as it was.
+/// The forces of the rows before (or after); all other values stay.
 fn late(rows: &mut Rows, by: isize) {
     let read: Vec<_> = rows.iter().map(|row| row.force_n).collect();
     for (i, row) in rows.iter_mut().enumerate() {
@@ -163,7 +163,7 @@ const REFUSED: [(&str, Fault); 22] = [
     ("forces in kilonewtons", |rows, _| forces(rows, |f| f.map(|v| 1e-3 * v))),
 ];
 
-/// Faults that are said beside what is fitted.
+/// Faults that are reported in addition to the fitted effects.
 const SAID: [(&str, Fault); 15] = [
     ("forces in pounds", |rows, _| forces(rows, |f| f.map(|v| v / 4.448))),
     ("forces in kilograms", |rows, _| forces(rows, |f| f.map(|v| v / 9.807))),

@@ -86,7 +86,7 @@ fn rows_that_name_a_place_belong_to_the_target_there() {
     const ROWS: usize = 24;
     let (named, placed) = (found(program(), table(ROWS)).unwrap(), found(program(), by_place(ROWS, 1.0)).unwrap());
     assert_eq!((named.rows, placed.rows), (ROWS, ROWS));
-    // Above a path that rises, the nearest place is a little beside the target.
+    // Above a path that rises, the nearest place is a little off the target.
     assert!((named.before.rms_mm / placed.before.rms_mm - 1.0).abs() < 0.05, "{:?} {:?}", named.before, placed.before);
     let far = found(program(), by_place(ROWS, 8.0)).unwrap_err();
     assert!(far[0].line == 2 && far[0].message.contains("8.00 mm from the path"), "{}", far[0]);

@@ -16,7 +16,7 @@ use std::sync::Mutex;
 
 const CELL: &str = include_str!("../../benches/cell.toml");
 
-/// Lines for what the machine does besides motion.
+/// Lines for actions of the machine other than motions.
 const POST: &str = "[cl.post]\ntool_change = \"rTool {number};\"\nhome = \"rHome;\"\nspindle_off = \"rOff;\"\n";
 
 fn cell(text: &str) -> Cell {
@@ -290,9 +290,9 @@ proptest! {
         subdivide in prop::option::of(Just(5e-6)),
     ) {
         let corrects = Options { subdivide, ..Options::default() };
-        // How many parts there are is told by what is inserted.
+        // The number of parts follows from the inserted targets.
         let most = most.filter(|_| subdivide.is_none());
-        // Random paths step the correction; limits refuse some of them, which must be told alike.
+        // The correction steps on random paths. Limits refuse some of them, and both ways must report the same.
         let cell = CELL.replace("max_step_mm = 1.0", if tight { "max_step_mm = 0.05" } else { "max_step_mm = 5.0" });
         let text = file(&lines, "\n");
         let cell = self::cell(&format!("{}\n{POST}", cell));

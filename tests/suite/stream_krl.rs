@@ -177,7 +177,7 @@ proptest! {
         approximated in any::<bool>(),
     ) {
         let options = Options { subdivide, ..Options::default() };
-        // The direction out of the first target has to be told by the first chunk.
+        // The first chunk has to contain the direction out of the first target.
         lines.splice(0..0, [Line::Cut; 4]);
         let text = program(&lines);
         let text = if approximated { text.replacen("  PTP", "  $APO.CDIS=0.2\n  PTP", 1) } else { text };
@@ -253,7 +253,7 @@ fn units_that_move_or_stand_give_the_same_in_chunks() {
     assert!(streamed(&moving, &own, &options, 600, 1).unwrap() == whole(&moving, &own, &options));
 }
 
-/// Frames as numbers in the program, as posts write them: nobody says what the tool weighs, and that is told once.
+/// Frames as numbers in the program, as post-processors write them. No mass of the tool is stated, which one note says.
 #[test]
 fn a_tool_without_a_load_is_told_once_in_chunks_too() {
     let text = program(&[Line::Cut; 200]);
@@ -269,7 +269,7 @@ fn a_tool_without_a_load_is_told_once_in_chunks_too() {
     }
 }
 
-/// Whatever stands in the middle or behind: read whole, or the same in chunks.
+/// Any text in the middle or at the end: read as a whole, or the same in chunks.
 #[test]
 fn what_only_the_whole_tells_is_read_whole() {
     let lines = [Line::Cut; 60];

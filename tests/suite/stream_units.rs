@@ -76,7 +76,7 @@ fn whole(text: &str, cell: &Cell, options: &Options) -> Came {
     (bytes, report(&corrected), corrected.notes)
 }
 
-/// Report rows, and what a run over chunks gives besides.
+/// Report rows, and the other results of a run over chunks.
 fn reported(
     run: impl FnOnce(&mut Sinks<'_>) -> Result<Streamed, StreamError>,
 ) -> Result<(Vec<u8>, Streamed), StreamError> {

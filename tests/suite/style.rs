@@ -235,10 +235,36 @@ fn lines(text: &str) -> Vec<String> {
     lines
 }
 
+/// Texts of the pages and of the window, by their file: quoted texts of scripts, and texts between the tags of a page.
+fn page_texts() -> Vec<(String, String)> {
+    let mut found = Vec::new();
+    for folder in ["src/report/html/assets", "crates/studio/assets"] {
+        for entry in std::fs::read_dir(Path::new(ROOT).join(folder)).unwrap() {
+            let path = entry.unwrap().path();
+            let name = path.strip_prefix(ROOT).unwrap().display().to_string();
+            let text = std::fs::read_to_string(&path).unwrap();
+            match path.extension().and_then(|ending| ending.to_str()) {
+                Some("js") => {
+                    let code: Vec<&str> = text.lines().filter(|line| !line.trim_start().starts_with("//")).collect();
+                    let quoted = code.iter().flat_map(|line| line.split(['"', '`']).skip(1).step_by(2));
+                    found.extend(quoted.map(|text| (name.clone(), text.replace("${", "{"))));
+                }
+                Some("html") => found.push((name, text)),
+                _ => {}
+            }
+        }
+    }
+    assert!(found.len() > 500, "{} texts of pages", found.len());
+    found.retain(|(_, text)| text.split_whitespace().count() > 3);
+    found.sort();
+    found.dedup();
+    found
+}
+
 #[test]
-fn messages_are_in_plain_words() {
+fn messages_and_pages_are_in_plain_words() {
     let mut found: Vec<String> = Vec::new();
-    for (file, text) in messages() {
+    for (file, text) in messages().into_iter().chain(page_texts()) {
         let is_faulty = |line: &String| !faults(&plain(line)).is_empty();
         found.extend(lines(&text).iter().filter(|line| is_faulty(line)).map(|line| format!("{file}: {}", line.trim())));
     }
@@ -251,7 +277,7 @@ fn messages_are_in_plain_words() {
 fn every_text_stands_in_one_file() {
     let mut file = String::new();
     let mut all = String::new();
-    for (of, text) in messages() {
+    for (of, text) in messages().into_iter().chain(page_texts()) {
         if of != file {
             all += &format!("\n== {of}\n");
             file = of;

@@ -42,7 +42,7 @@ fn a_crate_that_is_there_twice_has_its_reason() {
     assert_eq!(twice, skipped.collect());
 }
 
-/// An action is one commit, with its version behind it; a tag could be moved to another.
+/// An action is pinned to a commit, with its version in a comment, because a tag could be moved to another commit.
 #[test]
 fn actions_are_pinned_by_commit() {
     for workflow in [

@@ -85,7 +85,7 @@ fn line([x, y, z]: [f64; 3], quat: [f64; 4], external: &str) -> String {
     format!("    MoveL [[{x},{y},{z}],{quat:?},[0,0,0,0],[{external}]],v50,fine,tA\\WObj:=wA;")
 }
 
-/// A walk about the middle of the work object, `external` being told the share of the way.
+/// A path around the middle of the work object; `external` receives the share of the path.
 fn walk(count: usize, external: impl Fn(f64) -> String) -> Vec<String> {
     let at = |i: usize| {
         let share = i as f64 / (count - 1) as f64;
@@ -308,7 +308,7 @@ fn axes_without_a_unit_are_kept_and_not_called_unreachable() {
 fn a_work_object_on_an_unknown_unit_is_kept() {
     let program = program(ON_TABLE, &walk(3, |_| NONE.into()));
     assert_eq!(kept(&program, &cell([0.0; 3], "")).len(), 3);
-    // Declared, but nobody says where it stands.
+    // Declared, but its position is stated nowhere.
     assert_eq!(kept(&program, &cell([0.0; 3], TABLE)), ["position of a mechanical unit is not programmed here"; 3]);
 }
 

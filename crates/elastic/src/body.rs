@@ -1,4 +1,4 @@
-//! A held body, and the displacements that forces on it bring about.
+//! A clamped body, and its displacements under forces.
 
 use crate::direct::{Band, cost, ordered};
 use crate::element::{CORNERS, Element, Matrix, Rule, SIZE, shape};
@@ -20,30 +20,30 @@ pub struct Material {
     pub nu: f64,
 }
 
-/// The direct solution of the coarsest grid may take so many operations: a second or so, once.
+/// Largest number of operations for the direct solution of the coarsest grid: about a second, once for each body.
 const DIRECT: f64 = 1.5e9;
-/// And so many numbers: each round of the iteration goes through them.
+/// Largest number of values in it: each round of the iteration reads all of them.
 const DIRECT_SIZE: usize = 1_500_000;
-/// The hierarchy has no more grids than this: each halves the one before.
+/// Largest number of grids in the hierarchy: each is half as fine as the one before.
 const LEVELS: usize = 16;
-/// Rounds of conjugate gradients before what is found is taken as it is.
+/// Largest number of rounds of conjugate gradients. The result is used as it is then.
 const ROUNDS: usize = 300;
-/// The last rounds that are looked at for whether more of them would change anything.
+/// Number of last rounds whose progress decides whether the iteration ends.
 const LATEST: usize = 2;
-/// Share of the energy that these may have won where the iteration ends, where a compliance is wanted for itself.
+/// The iteration for a single compliance ends when these rounds added less than this share of the energy.
 const SETTLED: f64 = 3e-4;
-/// A force of a [map](crate::ComplianceMap) is spread over so many cells to each side, so that its dent, which the grid is too
-/// coarse for, is small.
+/// Number of cells to each side over which a [map](crate::ComplianceMap) spreads a force. This keeps the local dent small, for
+/// which the grid is too coarse.
 const SPREAD: f64 = 2.0;
-/// Cells with less material than this share carry no force themselves: the nearest one that has more does.
+/// A cell with less than this share of material carries no force itself: the nearest cell with more material carries it.
 const CARRIES: f64 = 0.05;
 
-/// A part, held, ready to be loaded.
+/// A clamped part, ready to be loaded.
 pub struct Body {
     levels: Vec<Level>,
     transfers: Vec<Transfer>,
     coarsest: Band,
-    /// What is rigid, its nodes by number.
+    /// The nodes that clamps hold rigidly.
     rigid: Vec<Rigid>,
     pub(crate) grid: crate::Grid,
     cells: Vec<Filling>,
@@ -51,41 +51,42 @@ pub struct Body {
     pub(crate) pulled: Pulled,
 }
 
-/// What a motion of 1 mm of a clamp along an axis takes while all nodes that are free stay where they are; number 3·clamp + axis.
+/// The forces of a motion of a clamp by 1 mm along an axis while all free nodes stay where they are. The motion has the number
+/// 3·clamp + axis.
 pub(crate) struct Pulled {
-    /// Forces that it puts on these nodes (of the whole grid), N.
+    /// Forces on the free nodes (of the whole grid), N.
     pub(crate) loads: Vec<BTreeMap<u32, Vector3<f64>>>,
-    /// Forces that it takes at each clamp, N/mm.
+    /// Forces at each clamp, N/mm.
     pub(crate) at_clamps: DMatrix<f64>,
 }
 
-/// A force's place: numbers of the nodes that take it, and the share of each.
+/// The place of a force: the numbers of the nodes that carry it, and the share of each.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Spot(pub(crate) Vec<(u32, f64)>);
 
-/// Forces by axis on nodes, by number.
+/// Forces on nodes: the number of the node, and the force by axis.
 pub(crate) type Load = Vec<(u32, Vector3<f64>)>;
 
 impl Spot {
-    /// A force that the spot takes.
+    /// The load of a force at this spot.
     pub(crate) fn under(&self, force: &Vector3<f64>) -> Load {
         self.0.iter().map(|(number, share)| (*number, force * *share)).collect()
     }
 }
 
-/// What displacements have come to.
+/// The result of the iteration.
 pub(crate) struct Solved {
-    /// What is to be added to the displacements that the iteration has started from.
+    /// Displacements to be added to those from which the iteration started.
     pub(crate) change: Vector,
-    /// Forces that are left.
+    /// Residual forces.
     pub(crate) left: Vector,
-    /// What the change adds to each load's work, N·mm: for unit forces that is compliance.
+    /// Work that the change adds for each load, N·mm. For unit forces this is the compliance.
     pub(crate) won: [f64; LANES],
-    /// Rounds that it took.
+    /// Number of rounds.
     pub(crate) rounds: usize,
 }
 
-/// What vectors the iteration works in, of one grid, and what it hands to the next one.
+/// The vectors that the iteration needs for one grid, and those for the next coarser one.
 struct Work {
     step: Vector,
     next: Vector,
@@ -127,23 +128,23 @@ impl Body {
         Ok(Self { levels, transfers, coarsest, rigid, grid: solid.grid, cells, shares, pulled })
     }
 
-    /// Cells that carry something.
+    /// Number of cells with material that is joined to a clamp.
     #[must_use]
     pub fn elements(&self) -> usize {
         self.cells.iter().filter(|filling| **filling != Filling::Empty).count()
     }
 
     /// Compliance (mm/N) at places on the surface (mm): the displacement there by axis (rows) under a unit force by axis
-    /// (columns). A force is spread over the nodes of the cell that it acts on; the compliance has the dent that it makes in it.
+    /// (columns). A force is spread over the nodes of the cell on which it acts, and the compliance includes its local dent.
     ///
-    /// Good to about a thousandth of itself; a place outside of the body is moved to the nearest cell of it.
+    /// The result is accurate to about a thousandth. A place outside of the body is moved to the nearest cell of the body.
     #[must_use]
     pub fn compliance(&self, places: &[[f64; 3]]) -> Vec<Matrix3<f64>> {
         self.compliance_of(&places.iter().map(|place| vec![(*place, 1.0)]).collect::<Vec<_>>())
     }
 
-    /// The same of forces that are spread over places by their shares: the mean of the displacements by the same shares, under a
-    /// unit force that they add up to.
+    /// The same for forces that are spread over several places by shares: the mean displacement with these shares, under shares
+    /// of a unit force.
     #[must_use]
     pub fn compliance_of(&self, patches: &[Vec<([f64; 3], f64)>]) -> Vec<Matrix3<f64>> {
         let spread = |patch: &Vec<([f64; 3], f64)>| {
@@ -169,7 +170,7 @@ impl Body {
         all.into_iter().map(|c| (c + c.transpose()) * 0.5).collect()
     }
 
-    /// The nodes that take a force at a place: those of the cell that it is in, or that is nearest.
+    /// The nodes that carry a force at a place: those of the cell that contains it, or of the nearest cell.
     fn point(&self, place: [f64; 3]) -> Spot {
         let (cell, at) = self.nearest(place);
         let nodes = self.grid.nodes();
@@ -178,8 +179,8 @@ impl Body {
         Spot((0..CORNERS).filter_map(|a| Some((self.number(corner(a))?, shares[a]))).collect())
     }
 
-    /// The nodes that take a force that is spread about a place: those less than [`SPREAD`] cells from it along each axis, by
-    /// their distance, and by how much of the cells about them is material.
+    /// The nodes that carry a force that is spread around a place: those less than [`SPREAD`] cells from it along each axis.
+    /// Their shares depend on their distance and on the material in the cells around them.
     pub(crate) fn spread(&self, place: [f64; 3]) -> Spot {
         let (cell, at) = self.nearest(place);
         let grid = &self.grid;
@@ -217,7 +218,7 @@ impl Body {
         Spot(shares)
     }
 
-    /// The cell that carries a force at a place, and where in it (0 to 1) that is: the nearest one with enough material.
+    /// The nearest cell with enough material to carry a force at a place, and the position in the cell (0 to 1).
     fn nearest(&self, place: [f64; 3]) -> ([usize; 3], [f64; 3]) {
         let grid = &self.grid;
         let home: [i64; 3] = std::array::from_fn(|k| {
@@ -227,7 +228,8 @@ impl Body {
         let mut best: Option<(f64, [usize; 3], [f64; 3])> = None;
         let mut found_at = None;
         for ring in 0..=most {
-            // One ring more than the first that has any: its corners are further than the next one's faces.
+            // One ring more than the first one with such a cell, because the corners of a ring are farther away than the faces of
+            // the next one.
             if found_at.is_some_and(|found| ring > found + 1) {
                 break;
             }
@@ -259,7 +261,7 @@ impl Body {
         best.map_or(([0; 3], [0.5; 3]), |(_, cell, at)| (cell, at))
     }
 
-    /// Displacement at a spot of one load, mm.
+    /// Displacement of one load at a spot, mm.
     pub(crate) fn sample(&self, x: &Vector, lane: usize, spot: &Spot) -> Vector3<f64> {
         let mut sum = Vector3::zeros();
         for (number, share) in &spot.0 {
@@ -268,7 +270,7 @@ impl Body {
         sum
     }
 
-    /// Number of a node of the whole grid.
+    /// Number of a node of the whole grid; `None` for a node without material.
     pub(crate) fn number(&self, node: usize) -> Option<u32> {
         Some(self.levels[0].number[node]).filter(|number| *number != NONE)
     }
@@ -281,7 +283,7 @@ impl Body {
         &self.levels[0]
     }
 
-    /// Nothing moves where it is rigid.
+    /// Sets the displacements of rigid nodes to zero.
     pub(crate) fn hold(&self, x: &mut Vector) {
         for Rigid { node, axes, .. } in &self.rigid {
             for k in 0..3 {
@@ -292,7 +294,7 @@ impl Body {
         }
     }
 
-    /// What is rigid moves by 1 mm with its clamp (number 3·clamp + axis).
+    /// Moves the rigid nodes of a clamp by 1 mm with it (motion 3·clamp + axis).
     pub(crate) fn move_held(&self, motion: usize, field: &mut [[f32; 3]]) {
         let axis = motion % 3;
         for held in self.rigid.iter().filter(|held| held.clamp == motion / 3 && held.axes[axis]) {
@@ -300,7 +302,7 @@ impl Body {
         }
     }
 
-    /// The forces of loads, one each.
+    /// The forces of loads, each in its own lane.
     pub(crate) fn loaded(&self, loads: &[Load]) -> Vector {
         let mut b = self.zeros();
         for (lane, load) in loads.iter().enumerate() {
@@ -314,8 +316,8 @@ impl Body {
         b
     }
 
-    /// Displacements under forces, each load alone. It ends where `settled` holds of each load's number, what it has won, and what
-    /// of that the latest rounds have won.
+    /// Displacements under forces, for each load by itself. The iteration ends when `settled` is true for every load; it receives
+    /// the lane, the work so far, and the work that the last rounds added.
     pub(crate) fn solve(&self, forces: Vector, settled: impl Fn(usize, f64, f64) -> bool) -> Solved {
         let fine = &self.levels[0];
         let mut r = forces;
@@ -362,7 +364,7 @@ impl Body {
         self.levels.windows(2).map(of).collect()
     }
 
-    /// x = M⁻¹ b: one round of multigrid from a grid on.
+    /// x = M⁻¹ b: one cycle of multigrid, from this grid to the coarsest one and back.
     fn cycle(&self, at: usize, b: &Vector, x: &mut Vector, work: &mut [Work]) {
         let (level, [own, rest @ ..]) = (&self.levels[at], work) else {
             self.coarsest.solve(b, x);
@@ -387,8 +389,8 @@ pub(crate) fn unit(axis: usize) -> Vector3<f64> {
 }
 
 struct Stiffnesses {
-    /// The stiffness of each cell, with springs added to one of the cells about each of their nodes, and the rows of what is rigid
-    /// taken out.
+    /// The stiffness of each cell. The spring of a node is added to one of the cells around it, and the rows of rigid nodes are
+    /// removed.
     cells: Cells,
     /// The share of each cell that is material.
     shares: Vec<f64>,
@@ -412,7 +414,7 @@ fn stiffnesses(solid: &Solid, material: Material, fillings: &[Filling], holds: &
         let cell = unravel(grid.cells, cell);
         ravel(nodes, std::array::from_fn(|k| cell[k] + (a >> k & 1)))
     };
-    // Springs by the cell that has them.
+    // Springs, sorted by their cell.
     let mut sprung: Vec<(usize, usize, [f64; 3])> = Vec::new();
     for Spring { node, stiffness, .. } in &holds.springs {
         let at = unravel(nodes, *node as usize);

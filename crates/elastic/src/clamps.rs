@@ -1,29 +1,29 @@
-//! What a part does when its clamps give way.
+//! The motion of a part whose clamps give way.
 //!
-//! A clamp that gives way moves as a whole, along the axes of the grid. With the displacements W of the part under such motions of
-//! 1 mm, one by one, and the forces K that they take at the clamps, a clamp of the compliance c (diagonal) on which the part
-//! presses with F moves by d = c F. A force f at a place presses on the clamps with Wᵀ f, for that is how works are the same
-//! (Betti), and a motion takes K d of it away: d = (1 + c K)⁻¹ c Wᵀ f. The place moves with it by W d: the compliance there grows by
-//! W (1 + c K)⁻¹ c Wᵀ, whatever c is.
+//! A clamp that gives way moves as a whole, along the axes of the grid. Let W be the displacements of the part under single clamp
+//! motions of 1 mm, K the forces that these motions require at the clamps, and c the (diagonal) compliance of the clamps. A clamp
+//! on which the part presses with a force F moves by d = c F. A force f at a place presses on the clamps with Wᵀ f (theorem of
+//! Betti), and the motion d reduces this by K d. So d = (1 + c K)⁻¹ c Wᵀ f. The place moves by W d, and the compliance there
+//! increases by W (1 + c K)⁻¹ c Wᵀ.
 
 use crate::body::{Body, Load, Solved};
 use crate::level::LANES;
 use nalgebra::{DMatrix, Vector3};
 use rayon::prelude::*;
 
-/// Share of the force at a clamp, with all free nodes held, that the last rounds of the iteration may take away: what is left is the
-/// small difference of large forces.
+/// The iteration ends when its last rounds change the force at a clamp by less than this share of the force with all free nodes
+/// held. The bound is small because the result is the small difference of large forces.
 const SETTLED: f64 = 1e-7;
 
-/// The motions of a body with its clamps.
+/// The displacements of a body when its clamps move.
 pub struct ClampMotions {
-    /// By motion, and number of the node.
+    /// For each motion, the displacement of each node.
     fields: Vec<Vec<[f32; 3]>>,
     stiffness: DMatrix<f64>,
 }
 
 impl ClampMotions {
-    /// Of all clamps of a body, along x, y and z each.
+    /// The motions of all clamps of a body, along x, y and z each.
     #[must_use]
     pub fn of(body: &Body) -> Self {
         let count = body.pulled.loads.len();
@@ -50,7 +50,7 @@ impl ClampMotions {
             fields.extend((0..loads.len()).map(|lane| of_lane(&change, lane)));
             lefts.extend((0..loads.len()).map(|lane| of_lane(&left, lane)));
         }
-        // K − bᵀ w, and what is left of b does with w: the error is that of an energy.
+        // K − bᵀ w, with the work of the residual of b in w: the error is then of second order, as that of an energy.
         for (j, load) in loads.iter().enumerate() {
             for (k, (field, left)) in fields.iter().zip(&lefts).enumerate() {
                 let work = |(number, force): &(u32, Vector3<f64>)| {
@@ -72,14 +72,15 @@ impl ClampMotions {
         Self { fields, stiffness }
     }
 
-    /// Forces along the motions' axes that motions of 1 mm take at the clamps, N/mm: row and column are 3·clamp + axis.
+    /// Forces at the clamps that motions of 1 mm require, along the axes of the motions, N/mm. Row and column have the number
+    /// 3·clamp + axis.
     #[must_use]
     pub fn stiffness(&self) -> &DMatrix<f64> {
         &self.stiffness
     }
 
-    /// Displacement at a place on the surface under motions of 1 mm, by motion: spread as in
-    /// [`ComplianceMap::at`](crate::ComplianceMap::at). `body` is the one that the motions are of.
+    /// Displacement at a place on the surface for each motion of 1 mm, averaged over the same cells as in
+    /// [`ComplianceMap::at`](crate::ComplianceMap::at). `body` is the body of the motions.
     #[must_use]
     pub fn at(&self, body: &Body, place: [f64; 3]) -> Vec<Vector3<f64>> {
         let spot = body.spread(place);

@@ -1,29 +1,29 @@
-//! The coarsest grid is solved directly: Cholesky's factor within the band.
+//! The coarsest grid is solved directly, by a Cholesky factorisation within the band.
 
 use crate::level::{LANES, Level, Vector};
 use crate::widest::widest;
 use rayon::prelude::*;
 
-/// Loads that one task solves for.
+/// Number of loads that one task solves.
 const TOGETHER: usize = 8;
 
-/// The lower factor L, row by row from the first column of the band on; displacements that nothing holds stay zero.
+/// The lower factor L, row by row, beginning with the first column of the band. Displacements that nothing holds stay zero.
 pub(crate) struct Band {
     width: usize,
     rows: Vec<f64>,
-    /// Place of each node in the order that is eliminated.
+    /// The position of each node in the order of elimination.
     order: Vec<u32>,
 }
 
-/// A pivot this small against its diagonal is of a motion that costs nothing.
+/// A pivot below this share of its diagonal belongs to a motion without stiffness.
 const SINGULAR: f64 = 1e-13;
 
-/// Operations that a factor in a band takes: [`Band::new`] is for grids where this is some 10⁹.
+/// Number of operations of a factorisation in a band. [`Band::new`] is meant for grids with about 10⁹ at most.
 pub(crate) fn cost(unknowns: usize, width: usize) -> f64 {
     unknowns as f64 * (width as f64).powi(2)
 }
 
-/// Nodes in the order of planes across the longest axis of the grid, and the width of the band in that order.
+/// The nodes in the order of the planes across the longest axis of the grid, and the width of the band in this order.
 pub(crate) fn ordered(level: &Level) -> (Vec<u32>, usize) {
     let counts = level.counts;
     let mut axes = [0, 1, 2];
@@ -86,7 +86,7 @@ impl Band {
         Self { width, rows, order }
     }
 
-    /// Solves for all loads, some of them at once.
+    /// Solves all loads, several at once.
     pub(crate) fn solve(&self, b: &Vector, x: &mut Vector) {
         let halves: Vec<Vec<[f64; TOGETHER]>> =
             (0..LANES / TOGETHER).into_par_iter().map(|part| self.solve_part(b, part * TOGETHER)).collect();
@@ -102,7 +102,7 @@ impl Band {
         }
     }
 
-    /// The solutions for the loads from `first` on, by place in the order.
+    /// The solutions for the loads from `first` on, in the order of elimination.
     fn solve_part(&self, b: &Vector, first: usize) -> Vec<[f64; TOGETHER]> {
         let n = 3 * self.order.len();
         let width = self.width;

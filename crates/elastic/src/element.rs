@@ -1,8 +1,8 @@
 //! The stiffness of one cell: a hexahedron of eight nodes with nine incompatible modes, of which material may fill a part.
 //!
-//! The displacement is trilinear in the nodes' plus the modes 1 − ξ², 1 − η², 1 − ζ² in each direction (Wilson et al. 1973), so
-//! that one layer of cells carries bending. The modes' strains are taken less their mean over the material of the cell (Taylor,
-//! Beresford and Wilson 1976), so that a uniform stress does no work on them: the patch test holds, in cut cells too.
+//! The displacement is trilinear between the nodes, plus the modes 1 − ξ², 1 − η², 1 − ζ² in each direction (Wilson et al. 1973),
+//! so that one layer of cells can bend. The mean of the modes' strains over the material of the cell is subtracted (Taylor,
+//! Beresford and Wilson 1976). A uniform stress then does no work on the modes, and the patch test holds, also in cut cells.
 //!
 //! Products of strains have at most degree two in each of ξ, η, ζ. A rule at the 3 × 3 × 3 Gauss points is therefore exact over
 //! *any* part of the cell, if the weight of each point is the integral of its Lagrange polynomial over that part.
@@ -11,7 +11,7 @@ use nalgebra::SMatrix;
 
 /// Corners of a cell; number `a` is at x = bit 0, y = bit 1, z = bit 2 of `a`.
 pub(crate) const CORNERS: usize = 8;
-/// Displacements of a cell.
+/// Number of displacements of a cell.
 pub(crate) const SIZE: usize = 3 * CORNERS;
 const MODES: usize = 9;
 const ALL: usize = SIZE + MODES;
@@ -48,7 +48,7 @@ fn integrals(low: f64, high: f64) -> [f64; 3] {
 impl Rule {
     pub(crate) const NONE: Self = Self([0.0; POINTS]);
 
-    /// Of a cell that is full.
+    /// The rule of a cell that is full of material.
     pub(crate) fn full() -> Self {
         let mut rule = Self::NONE;
         rule.add([0.0; 3], [1.0; 3], 1.0);
@@ -70,7 +70,7 @@ impl Rule {
     }
 }
 
-/// What the cells of a grid have in common: products of strains at each point of the rule.
+/// The data that all cells of a grid share: products of strains at each point of the rule.
 pub(crate) struct Element {
     strains: Vec<Strain>,
     products: Vec<SMatrix<f64, ALL, ALL>>,
@@ -79,7 +79,7 @@ pub(crate) struct Element {
 }
 
 impl Element {
-    /// For cells of a size (mm) and a material: Young's modulus in N/mm², Poisson's ratio.
+    /// The element for cells of a size (mm) and a material with Young's modulus (N/mm²) and Poisson's ratio.
     pub(crate) fn new(size: [f64; 3], e: f64, nu: f64) -> Self {
         let (lambda, mu) = (e * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), e / (2.0 * (1.0 + nu)));
         let elasticity = SMatrix::<f64, 6, 6>::from_fn(|i, j| match (i, j) {
@@ -93,7 +93,7 @@ impl Element {
         Self { strains, products, elasticity, volume: size.iter().product() }
     }
 
-    /// Stiffness of a cell that material fills as a rule says, N/mm: the modes are condensed.
+    /// Stiffness of a cell with the material that a rule describes, N/mm. The modes are eliminated by static condensation.
     pub(crate) fn stiffness(&self, rule: &Rule) -> Matrix {
         let full = Rule::full();
         let weights: [f64; POINTS] = std::array::from_fn(|p| rule.0[p] + EMPTY * (full.0[p] - rule.0[p]));
@@ -103,7 +103,7 @@ impl Element {
             sum += product * *weight;
             strain += b * *weight;
         }
-        // The modes' strains less their mean over the material.
+        // The strains of the modes without their mean over the material.
         let mean = strain.fixed_columns::<MODES>(SIZE) / whole;
         let stress = self.elasticity * mean;
         let nodes = strain.fixed_columns::<SIZE>(0);
@@ -129,7 +129,7 @@ fn strain(size: [f64; 3], xi: [f64; 3]) -> Strain {
     let mut put = |column: usize, gradient: [f64; 3]| {
         for axis in 0..3 {
             let (next, last) = ((axis + 1) % 3, (axis + 2) % 3);
-            // Shear strain number 3 + k is of the two axes that are not k.
+            // Shear strain 3 + k is between the two axes other than k.
             b[(axis, column + axis)] = gradient[axis];
             b[(3 + last, column + axis)] = gradient[next];
             b[(3 + next, column + axis)] = gradient[last];

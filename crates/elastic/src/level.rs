@@ -8,17 +8,17 @@ use pulp::Simd;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// Loads that are solved for at once.
+/// Number of loads that are solved at once.
 pub(crate) const LANES: usize = 16;
-/// A displacement or a force of a node, for each load: axes x, y, z. Single precision is enough for what is stored: rounding a
-/// force is a force of a ten-millionth, and rounding a displacement costs the square of that in energy. What has to be exact is
-/// the product with the stiffness, whose terms cancel: [`Level::apply`] adds these up in double precision.
+/// A displacement or a force of a node along x, y and z, for each load. Single precision is enough for storage: rounding a force
+/// adds a ten-millionth of it, and rounding a displacement changes the energy by the square of that. Only the product with the
+/// stiffness has to be exact, because its terms cancel. [`Level::apply`] adds them in double precision.
 pub(crate) type Node = [[f32; LANES]; 3];
-/// Of all nodes, and one more that is zero: a neighbour that does not exist.
+/// The values of all nodes, and one more that is zero. It stands for neighbours that do not exist.
 pub(crate) type Vector = Vec<Node>;
 pub(crate) const ZERO: Node = [[0.0; LANES]; 3];
 
-/// No matrix: a cell without material.
+/// The index of a cell without material, which has no matrix.
 pub(crate) const NONE: u32 = u32::MAX;
 /// The matrix that all full cells of a level share.
 pub(crate) const SHARED: u32 = 0;
@@ -26,10 +26,10 @@ pub(crate) const SHARED: u32 = 0;
 /// The 3 × 3 blocks of a node's equations, by neighbour (x running fastest), rows first.
 type Stencil<T> = [[T; 9]; 27];
 
-/// Nodes that a task takes at once: the same sums for any number of threads.
+/// Number of nodes in one task. It is fixed, so that sums are the same for any number of threads.
 const CHUNK: usize = 2048;
 
-/// Cells of a grid by the index of their stiffness.
+/// The cells of a grid, each with the index of its stiffness.
 pub(crate) struct Cells {
     pub(crate) counts: [usize; 3],
     pub(crate) matrix: Vec<u32>,
@@ -45,12 +45,12 @@ pub(crate) struct Level {
     /// Nodes of the whole grid along each axis.
     pub(crate) counts: [usize; 3],
     neighbours: Vec<[u32; 27]>,
-    /// In double precision, of the finest and the coarsest grid.
+    /// The stencils in double precision; only the finest and the coarsest grid keep them.
     exact: Vec<Stencil<f64>>,
     stencils: Vec<Stencil<f32>>,
     inverse_diagonals: Vec<[f32; 9]>,
     stencil: Vec<u32>,
-    /// Bound on the eigenvalues of the inverse diagonal times the matrix, about.
+    /// Approximate largest eigenvalue of the inverse diagonal times the matrix.
     largest: f64,
 }
 
@@ -100,7 +100,7 @@ impl Level {
                 })
             })
             .collect();
-        // Nodes among full cells share what they have by which of the eight cells there are.
+        // Nodes whose cells are all full share a stencil if the same of their eight cells exist.
         let mut shared = BTreeMap::new();
         let mut own = Vec::new();
         let mut stencil = Vec::with_capacity(node.len());
@@ -128,7 +128,7 @@ impl Level {
         level
     }
 
-    /// Forgets the stiffness in double precision, which only the finest and the coarsest grid need.
+    /// Drops the stiffness in double precision, which only the finest and the coarsest grid need.
     pub(crate) fn forget_exact(&mut self) {
         self.exact = Vec::new();
     }
@@ -142,7 +142,7 @@ impl Level {
         vec![ZERO; self.len() + 1]
     }
 
-    /// The block of a node's equations for a neighbour, and that neighbour's number, of those that exist.
+    /// The existing neighbours of a node, with the blocks of its equations.
     pub(crate) fn row(&self, node: usize) -> impl Iterator<Item = (usize, &[f64; 9])> {
         let stencil = &self.exact[self.stencil[node] as usize];
         let present = |(n, block): (&u32, _)| ((*n as usize) < self.len()).then_some((*n as usize, block));
@@ -176,7 +176,7 @@ impl Level {
     fn product<S: Simd>(&self, simd: S, node: usize, x: &[Node]) -> [[f64; LANES]; 3] {
         let stencil = &self.exact[self.stencil[node] as usize];
         let parts = LANES / S::F64_LANES;
-        // As many as the narrowest registers need.
+        // Enough sums for the narrowest registers.
         let mut sums = [[simd.splat_f64s(0.0); 3]; LANES];
         for (block, n) in stencil.iter().zip(&self.neighbours[node]) {
             let single = &x[*n as usize];
@@ -205,7 +205,7 @@ impl Level {
         product
     }
 
-    /// What a sweep comes to at each node.
+    /// Computes a sweep at each node.
     pub(crate) fn sweep(&self, sweep: Sweep<'_>, out: &mut Vector) {
         let nodes = self.len();
         let factors = self.chebyshev();
@@ -223,7 +223,7 @@ impl Level {
         });
     }
 
-    /// The factors over the part of the spectrum that coarser grids do not see.
+    /// The factors for the part of the spectrum that coarser grids cannot represent.
     fn chebyshev(&self) -> Chebyshev {
         let (high, low) = (1.1 * self.largest, self.largest / 6.0);
         let (middle, half) = (0.5 * (high + low), 0.5 * (high - low));
@@ -232,7 +232,7 @@ impl Level {
         Chebyshev { first: (1.0 / middle) as f32, keep: (next * rho) as f32, second: (2.0 * next / half) as f32 }
     }
 
-    /// What a sweep comes to at a node, for the loads of a register.
+    /// The result of a sweep at a node, for the loads of one register.
     #[inline(always)]
     fn swept<S: Simd>(&self, simd: S, sweep: Sweep<'_>, factors: &Chebyshev, node: usize, part: usize) -> [S::f32s; 3] {
         match sweep {
@@ -273,7 +273,7 @@ impl Level {
         left
     }
 
-    /// D⁻¹ r at a node, by a factor.
+    /// D⁻¹ r at a node, times a factor.
     #[inline(always)]
     fn scaled<S: Simd>(&self, simd: S, node: usize, r: &[S::f32s; 3], factor: f32) -> [S::f32s; 3] {
         let inverse = &self.inverse_diagonals[self.stencil[node] as usize];
@@ -287,7 +287,7 @@ impl Level {
         scaled
     }
 
-    /// Largest eigenvalue of D⁻¹ A by the power method, from as many starts as there are lanes at once.
+    /// Largest eigenvalue of D⁻¹ A by the power method, with a random start in each lane.
     fn largest_eigenvalue(&self) -> f64 {
         let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
         let mut random = || {
@@ -309,7 +309,7 @@ impl Level {
             // Rayleigh's quotient in the norm of A's diagonal is near (D⁻¹A z, A z)/(z, A z).
             let (top, bottom) = (dot(&z, &y), dot(&x, &y).map(|v| -v));
             largest = (0..LANES).filter(|l| bottom[*l] > 0.0).map(|l| top[l] / bottom[l]).fold(0.0, f64::max);
-            // The sweep is D⁻¹ by its factor for a largest eigenvalue of 1.
+            // The sweep has multiplied by the factor for `self.largest`, which is still 1.
             largest /= f64::from(self.chebyshev().first);
             let size = dot(&z, &z).map(|square| if square > 0.0 { -1.0 / square.sqrt() } else { 0.0 });
             x.fill(ZERO);
@@ -319,8 +319,8 @@ impl Level {
     }
 }
 
-/// Factors of two steps of Chebyshev's iteration: of D⁻¹ r in the first one, of the first step in the second one, and of D⁻¹ r
-/// there.
+/// Factors of two steps of a Chebyshev iteration. `first` is that of D⁻¹ r in the first step, `keep` that of the first step in
+/// the second one, and `second` that of D⁻¹ r in the second one.
 #[derive(Clone, Copy)]
 struct Chebyshev {
     first: f32,
@@ -328,27 +328,27 @@ struct Chebyshev {
     second: f32,
 }
 
-/// What is done at each node, for b − A x = 0.
+/// What a sweep computes at each node, to solve b − A x = 0.
 #[derive(Clone, Copy)]
 pub(crate) enum Sweep<'a> {
     /// b − A x.
     Residual { b: &'a [Node], x: &'a [Node] },
-    /// The first of two steps of Chebyshev's iteration from x = 0.
+    /// The first of two steps of the Chebyshev iteration, from x = 0.
     FirstFromZero { b: &'a [Node] },
     /// The first step from x.
     First { b: &'a [Node], x: &'a [Node] },
-    /// Where the second step leads from x, to which the first one has led.
+    /// The result of the second step; x is the result of the first one.
     Second { b: &'a [Node], x: &'a [Node], step: &'a [Node] },
 }
 
-/// What a node has, for the loads of a register. No closure here: the compiler would not inline it.
+/// The values of a node for the loads of one register. A function and no closure, which the compiler would not inline.
 #[inline(always)]
 pub(crate) fn rows<S: Simd>(node: &Node, part: usize) -> [S::f32s; 3] {
     let [x, y, z] = node;
     [S::as_simd_f32s(x).0[part], S::as_simd_f32s(y).0[part], S::as_simd_f32s(z).0[part]]
 }
 
-/// Sums of what chunks have, always in the same order.
+/// Sums over chunks, always in the same order.
 fn in_order(parts: &[[f64; LANES]]) -> [f64; LANES] {
     let mut sum = [0.0; LANES];
     for part in parts {
@@ -375,8 +375,7 @@ pub(crate) fn dot(a: &Vector, b: &Vector) -> [f64; LANES] {
     in_order(&a.par_chunks(CHUNK).zip(b.par_chunks(CHUNK)).map(work).collect::<Vec<_>>())
 }
 
-/// Changes each node of a vector by that of another one, for each load by what it is in the first, what it is in the second, and
-/// the load's factor.
+/// Changes each value of a vector by a function of it, of the value of another vector, and of the factor of the load.
 fn combine(y: &mut Vector, factor: &[f64; LANES], x: &Vector, of: impl Fn(f32, f32, f32) -> f32 + Sync) {
     let factor = factor.map(|v| v as f32);
     y.par_iter_mut().zip(x).with_min_len(CHUNK).for_each(|(y, x)| {
@@ -418,7 +417,7 @@ fn assemble(about: &[u32; CORNERS], matrices: &[Matrix]) -> Stencil<f64> {
     stencil
 }
 
-/// Inverse of a block of the diagonal; axes that are held, whose row is zero, stay zero.
+/// Inverse of a block of the diagonal. Axes that are held have a row of zeros and stay zero.
 fn inverse(block: &[f64; 9]) -> [f64; 9] {
     let mut matrix = Matrix3::from_row_slice(block);
     let held: [bool; 3] = std::array::from_fn(|k| matrix[(k, k)] <= 0.0);
@@ -436,7 +435,7 @@ fn inverse(block: &[f64; 9]) -> [f64; 9] {
     std::array::from_fn(|n| inverse[(n / 3, n % 3)])
 }
 
-/// Weights of a coarse cell's two nodes along an axis, for the two nodes of a fine cell in it.
+/// Weights of the two nodes of a coarse cell along an axis, for the two nodes of a fine cell in it.
 fn along(halved: bool, position: usize) -> [[f64; 2]; 2] {
     if halved {
         std::array::from_fn(|t| {
@@ -448,7 +447,7 @@ fn along(halved: bool, position: usize) -> [[f64; 2]; 2] {
     }
 }
 
-/// What a coarse cell's corners contribute to a fine cell's, at one of eight positions in it.
+/// Contribution of the corners of a coarse cell to those of a fine cell, at one of the eight positions in it.
 fn weights(halved: [bool; 3], position: usize) -> [[f64; CORNERS]; CORNERS] {
     let along: [[[f64; 2]; 2]; 3] = std::array::from_fn(|k| along(halved[k], corner(position)[k]));
     std::array::from_fn(|fine| {
@@ -486,12 +485,12 @@ fn add_galerkin(k: &Matrix, w: &[[f64; CORNERS]; CORNERS], sum: &mut Matrix) {
     }
 }
 
-/// Which axes the next grid halves.
+/// Along which axes the next grid has half as many cells.
 pub(crate) fn halved(counts: [usize; 3]) -> [bool; 3] {
     counts.map(|cells| cells > 1)
 }
 
-/// The cells of a grid that is half as fine, with the energy that the fine cells have in its displacements.
+/// The cells of a grid that is half as fine. They have the energy of the fine cells under the same displacements.
 pub(crate) fn coarser(fine: &Cells) -> Cells {
     let halved = halved(fine.counts);
     let counts: [usize; 3] =
@@ -535,11 +534,11 @@ pub(crate) fn coarser(fine: &Cells) -> Cells {
     Cells { counts, matrix, matrices }
 }
 
-/// What takes vectors of a grid to the next coarser one and back.
+/// Transfers vectors from a grid to the next coarser one and back.
 pub(crate) struct Transfer {
-    /// Numbers and weights of the coarse nodes about each fine one.
+    /// Numbers and weights of the coarse nodes around each fine one.
     coarse: Vec<[(u32, f32); CORNERS]>,
-    /// Numbers and weights of the fine nodes about each coarse one.
+    /// Numbers and weights of the fine nodes around each coarse one.
     fine: Vec<[(u32, f32); 27]>,
 }
 
@@ -594,7 +593,7 @@ impl Transfer {
         }
     }
 
-    /// The coarse forces that do the same work as fine ones.
+    /// The coarse forces that do the same work as the fine ones.
     pub(crate) fn restrict(&self, fine: &Vector, out: &mut Vector) {
         out.par_iter_mut().zip(&self.fine).with_min_len(CHUNK).for_each(|(out, from)| {
             *out = ZERO;

@@ -1,13 +1,13 @@
 //! The compliance at any number of places, from the displacements under forces at a few of them.
 //!
-//! What a body does under a force is mostly a sum of a few smooth motions, whatever the place of the force. The displacements
-//! that have been solved for span a space, in which Galerkin's answer to a force anywhere is had at the price of some sums. It is
-//! never more than the compliance, and lacks what is local to the place: nothing where the body has been solved for a force,
-//! and between such places what grows with the square of the distance from them, as the deflection of a plate does. What is
-//! found at each new place says how much that is, and the next ones are where most is lacking.
+//! Under a force anywhere on its surface, a body moves mostly by a sum of a few smooth motions. The displacement fields that have
+//! been solved span a space, and Galerkin's method gives the answer to any other force in this space at the cost of some sums.
+//! The result is never larger than the compliance. It lacks the part that is local to the place. This part is zero where a force
+//! has been solved, and grows with the square of the distance from such places, as the deflection of a plate does. Each new
+//! solution measures how large it is. The next forces are solved where the largest part is missing.
 //!
-//! A map begins with forces of random signs all over the surface, so that nothing soft is overlooked. When material goes, the
-//! motions of the stage before span much of what is wanted still: those that move the surface most are kept.
+//! A map begins with forces of random signs all over the surface, so that no soft region is overlooked. After material has been
+//! removed, the motions of the previous stage still span most of the space. Those that move the surface most are kept.
 
 use crate::body::{Body, Load, Solved, Spot};
 use crate::level::{LANES, Node, Vector, rows};
@@ -15,44 +15,46 @@ use crate::widest::widest;
 use nalgebra::{DMatrix, DVector, Matrix3, SymmetricEigen, Vector3};
 use rayon::prelude::*;
 
-/// How close a map comes to what would be solved for at each place.
+/// How close a map has to come to the compliance that a solution at each place would give.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Accuracy {
     /// Share of the largest compliance at the place, in its softest direction.
     pub relative: f64,
-    /// What is less than this, mm/N, is as good as nothing.
+    /// Errors below this do not matter, mm/N.
     pub absolute: f64,
-    /// No more fields than this are kept, one for each force that is solved for.
+    /// Largest number of fields that are kept: one for each force that is solved.
     pub most_fields: usize,
 }
 
 impl Default for Accuracy {
-    /// 3 %, or 30 nm/N: 6 µm under the 200 N that a robot mills with, a tenth of what it repeats itself to.
+    /// 3 %, or 30 nm/N. Under a milling force of 200 N this is 6 µm, a tenth of the repeatability of a robot.
     fn default() -> Self {
         Self { relative: 0.03, absolute: 3e-5, most_fields: 240 }
     }
 }
 
 impl Accuracy {
-    /// What may be lacking of a compliance, mm/N.
+    /// Allowed error of a compliance, mm/N.
     fn of(&self, compliance: f64) -> f64 {
         self.absolute.max(self.relative * compliance)
     }
 }
 
-/// Numbers that all fields together may have: 0.7 GB.
+/// Largest number of values in all fields together: 0.7 GB.
 const NUMBERS: usize = 180_000_000;
-/// Places among which the next ones are chosen, about: a few times as many as are solved for.
+/// Approximate number of places from which the next ones are chosen: several times as many as are solved.
 const CANDIDATES: usize = 1000;
-/// A combination of fields with less than this share of the energy of the largest adds nothing but rounding.
+/// A combination of fields with less than this share of the largest energy adds rounding errors only.
 const NOTHING_NEW: f64 = 1e-4;
-/// Share of the accuracy that the last rounds of the iteration may win: what is left then is less than half of it.
+/// The iteration ends when its last rounds change the result by less than this share of the allowed error. The remaining error is
+/// then less than half of it.
 const SETTLED: f64 = 0.2;
-/// Places that are closer than this share of the size of all count as being so far apart, where means are taken.
+/// Smallest distance between two places in weighted means, as a share of the extent of all places. Nearer places count as being
+/// this far apart.
 const NEAR: f64 = 1e-3;
-/// What is expected to be lacking may be wrong by a factor of two: it has to be less than this share of the accuracy.
+/// The expected error may be wrong by a factor of two, so it has to be below this share of the allowed one.
 const SURE: f64 = 0.5;
-/// Nodes that a task takes at once.
+/// Number of nodes in one task.
 const CHUNK: usize = 256;
 
 type Field = Vec<[f32; 3]>;
@@ -62,72 +64,73 @@ type Sampled = Vec<[f64; 3]>;
 /// The compliance over the surface of a body.
 pub struct ComplianceMap {
     fields: Vec<Field>,
-    /// Nodes of the whole grid that they are of, by number.
+    /// The node of the whole grid for each node of a field.
     nodes: Vec<u32>,
     /// Work that the forces of one field do in another.
     work: DMatrix<f64>,
     /// Combinations of fields, by column, that are orthonormal in energy.
     basis: DMatrix<f64>,
-    /// Places that have been solved for.
-    solved: Vec<Place>,
-    /// No place is further from another than this, mm.
+    /// Places at which forces have been solved.
+    solved: Vec<SolvedPlace>,
+    /// Largest distance between two places, mm.
     size: f64,
     rounds: usize,
     error: f64,
     off: f64,
 }
 
-/// A place that has been solved for.
-struct Place {
+/// A place at which forces have been solved.
+struct SolvedPlace {
     at: [f64; 3],
     spot: Spot,
     sampled: Sampled,
     known: Known,
-    /// What the fields before lacked there; for the first places that says nothing about others.
+    /// The part of the compliance that the earlier fields did not have there. `None` for the first places, where it says nothing
+    /// about other places.
     lacked: Option<Lacked>,
 }
 
-/// What fields lacked at a place before it was solved for.
+/// The part of the compliance that the fields did not have at a place before it was solved.
 struct Lacked {
-    /// By the root of the compliance that was found, √(mm/N).
+    /// The missing part divided by the square root of the compliance that was found, √(mm/N).
     compliance: Matrix3<f64>,
-    /// Distance from what had been solved for, mm.
+    /// Distance from the nearest place that had been solved before, mm.
     distance: f64,
 }
 
-/// What the fields know of a place.
+/// The compliance at a place that follows from the fields.
 #[derive(Clone)]
 struct Known {
     compliance: Matrix3<f64>,
     /// The largest compliance, by direction.
     most: f64,
-    /// How much of each combination of fields a force in that direction brings about, with a square of 1 in all.
+    /// Share of each combination of fields in the response to a force in that direction, as a unit vector.
     moved: DVector<f64>,
 }
 
-/// A place that may be solved for.
+/// A place at which forces may be solved.
 struct Candidate {
     at: [f64; 3],
     spot: Spot,
     sampled: Sampled,
-    /// Distance from what has been solved for, mm.
+    /// Distance from the nearest place that has been solved, mm.
     distance: f64,
 }
 
-/// Unit forces at a place, to be solved for together.
+/// Unit forces at a place that are solved together.
 struct Chosen {
     candidate: usize,
     known: Known,
     distance: f64,
-    /// What is expected to be lacking.
+    /// The part of the compliance that the fields are expected to lack.
     lacks: Matrix3<f64>,
     directions: Vec<Vector3<f64>>,
 }
 
 impl ComplianceMap {
-    /// The map over places on the surface of a body (mm): any of these, and others between them, can be looked up in it.
+    /// The map over places on the surface of a body (mm). It gives the compliance at these places and at all places between them.
     ///
-    /// `before` is the map of the same grid with more material or other clamps.
+    /// `before` is the map of the same grid when it had more material or other clamps.
     #[must_use]
     pub fn over(body: &Body, places: &[[f64; 3]], accuracy: &Accuracy, before: Option<Self>) -> Self {
         let most = accuracy.most_fields.min(NUMBERS / (3 * body.fine().len())).max(4 * LANES);
@@ -150,17 +153,18 @@ impl ComplianceMap {
         map
     }
 
-    /// Compliance at a place, mm/N: displacement by axis (rows) under a unit force by axis (columns), both spread over what is
-    /// material within two cells of the place. `body` is the one that the map is of.
+    /// Compliance at a place, mm/N: displacement by axis (rows) under a unit force by axis (columns). Both are spread over the
+    /// material within two cells of the place. `body` is the body of the map.
     #[must_use]
     pub fn at(&self, body: &Body, place: [f64; 3]) -> Matrix3<f64> {
         self.between(body, place, place)
     }
 
-    /// Displacement of one place by axis (rows) under a unit force by axis (columns) at another, mm/N. What the fields lack is taken
-    /// to be that of the place of the force: the two are to be near one another against the size of the body.
+    /// Displacement of one place by axis (rows) under a unit force by axis (columns) at another, mm/N. The part that the fields
+    /// lack is that of the place of the force, so the distance of the two places should be small compared with the size of the
+    /// body.
     ///
-    /// By Maxwell and Betti this is the transpose of the displacement of the other place under a force at the one.
+    /// By the theorem of Maxwell and Betti, exchanging the two places gives the transpose.
     #[must_use]
     pub fn between(&self, body: &Body, moved: [f64; 3], loaded: [f64; 3]) -> Matrix3<f64> {
         let sampled = |place: [f64; 3]| {
@@ -176,26 +180,26 @@ impl ComplianceMap {
         found + lacks.unwrap_or_else(Matrix3::zeros)
     }
 
-    /// Compliances at places, solved for one by one, mm/N: what [`ComplianceMap::at`] comes close to.
+    /// Compliances at places, each solved by itself, mm/N. [`ComplianceMap::at`] approximates them.
     #[must_use]
     pub fn solved_at(body: &Body, places: &[[f64; 3]]) -> Vec<Matrix3<f64>> {
         body.compliance_at(&places.iter().map(|place| body.spread(*place)).collect::<Vec<_>>())
     }
 
-    /// Places that have been solved for, in this stage.
+    /// Number of places that were solved in this stage.
     #[must_use]
     pub fn places(&self) -> usize {
         self.solved.len()
     }
 
-    /// Rounds of the iteration over all of them, sixteen loads at a time.
+    /// Number of rounds of the iteration for all of them, with sixteen loads at a time.
     #[must_use]
     pub fn rounds(&self) -> usize {
         self.rounds
     }
 
-    /// Largest error of the map at the last places that were solved for, before their fields were added, as a share of the
-    /// compliance there, where it is more than the accuracy's absolute bound: it is about the error between places.
+    /// Largest error of the map at the last places that were solved, before their fields were added, as a share of the compliance
+    /// there. Errors below [`Accuracy::absolute`] do not count. It is about the error between places.
     #[must_use]
     pub fn error(&self) -> f64 {
         self.error
@@ -221,7 +225,7 @@ impl ComplianceMap {
         }
     }
 
-    /// Displacements at a spot in each field: adds those that are not there yet.
+    /// Adds the displacements at a spot for the fields that `sampled` does not have yet.
     fn sample(&self, spot: &Spot, sampled: &mut Sampled) {
         for field in &self.fields[sampled.len()..] {
             let mut sum = [0.0; 3];
@@ -234,13 +238,13 @@ impl ComplianceMap {
         }
     }
 
-    /// Displacements at a spot in each combination of fields that is orthonormal in energy, an axis a column.
+    /// Displacements at a spot in each combination of fields that is orthonormal in energy, with one column for each axis.
     fn orthonormal(&self, sampled: &Sampled) -> DMatrix<f64> {
         let sampled = DMatrix::from_fn(self.basis.nrows(), 3, |row, k| sampled[row][k]);
         self.basis.tr_mul(&sampled)
     }
 
-    /// What the fields know of a place, by Galerkin.
+    /// The compliance at a place that follows from the fields by Galerkin's method.
     fn known(&self, sampled: &Sampled) -> Known {
         let moved = self.orthonormal(sampled);
         let compliance = Matrix3::from_fn(|i, j| moved.column(i).dot(&moved.column(j)));
@@ -254,22 +258,23 @@ impl ComplianceMap {
         Known { compliance, most: eigen.eigenvalues[most], moved }
     }
 
-    /// How far two places are from each other, mm: more than in space, by how little both move together.
+    /// Distance between two places, mm. It is larger than the distance in space if the two places move differently.
     fn apart(&self, a: (&[f64; 3], &Known), b: (&[f64; 3], &Known)) -> f64 {
         let distance = square(a.0, b.0).sqrt();
         let together = a.1.moved.dot(&b.1.moved).powi(2);
         if distance < self.size * together { distance / together } else { self.size }
     }
 
-    /// How far a place is from the nearest one that has been solved for, mm.
+    /// Distance of a place from the nearest one that has been solved, mm.
     fn nearest(&self, place: &[f64; 3], known: &Known) -> f64 {
         let distances = self.solved.iter().map(|solved| self.apart((place, known), (&solved.at, &solved.known)));
         distances.fold(self.size, f64::min)
     }
 
-    /// What is expected to be lacking at a place at a distance from what has been solved for. It is the mean of what was found to
-    /// be lacking at places, weighted by the inverse fourth power of their distances (Shepard); each of these is scaled by the
-    /// square of the distance, and by the root of the compliance, which is lower near a clamp and in what is thick.
+    /// The part of the compliance that the fields are expected to lack at a place, at a distance from the nearest solved one. It
+    /// is the mean of the parts that were missing at the solved places, weighted by the inverse fourth power of their distances
+    /// (Shepard). Each is scaled by the square of the distance and by the square root of the compliance, which is lower near a
+    /// clamp and where the part is thick.
     fn lacking(&self, place: &[f64; 3], known: &Known, distance: f64) -> Option<Matrix3<f64>> {
         let (mut sum, mut weights) = (Matrix3::zeros(), 0.0);
         for solved in &self.solved {
@@ -303,7 +308,7 @@ impl ComplianceMap {
         self.solved = solved;
     }
 
-    /// The places to be solved for next, or none where no more is lacking anywhere than the accuracy allows.
+    /// The places to be solved next; `None` if the expected error is within the allowed one everywhere.
     fn choose(&self, candidates: &mut [Candidate], accuracy: &Accuracy) -> Option<Vec<Chosen>> {
         let look = |candidate: &mut Candidate| {
             let known = self.known(&candidate.sampled);
@@ -312,7 +317,7 @@ impl ComplianceMap {
             (known, lacks)
         };
         let looked_at: Vec<(Known, Option<Matrix3<f64>>)> = candidates.par_iter_mut().map(look).collect();
-        // What is lacking as a share of what may be, or how much there is at all where that is not known yet.
+        // The expected error as a share of the allowed one. As long as no error is known, the compliance itself takes its place.
         let score = |(known, lacks): &(Known, Option<Matrix3<f64>>)| match lacks {
             Some(lacks) => {
                 lacks.symmetric_eigenvalues().max() / accuracy.of(known.most + lacks.symmetric_eigenvalues().max())
@@ -331,7 +336,7 @@ impl ComplianceMap {
             let best = (0..candidates.len()).max_by(|a, b| now(*a).total_cmp(&now(*b)).then(b.cmp(a)))?;
             let least = if is_known { SURE } else { 0.0 };
             let wanted = now(best);
-            // The last places of a batch may be such as are good already.
+            // A batch is filled up with places that are accurate enough already.
             if wanted <= 0.0 || (chosen.is_empty() && wanted <= least) {
                 break;
             }
@@ -362,7 +367,7 @@ impl ComplianceMap {
         (!chosen.is_empty()).then_some(chosen)
     }
 
-    /// Solves for forces of random signs at all candidates, so that whatever is soft moves in some field.
+    /// Solves forces of random signs at all candidates, so that every soft region moves in some field.
     fn probe(&mut self, body: &Body, candidates: &[Candidate], accuracy: &Accuracy) {
         let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
         let mut sign = || {
@@ -380,7 +385,7 @@ impl ComplianceMap {
         self.solve(body, &loads, |work, latest| latest <= accuracy.relative * work);
     }
 
-    /// Solves for forces at places that have been chosen.
+    /// Solves forces at places that have been chosen.
     fn solve_for(&mut self, body: &Body, candidates: &[Candidate], chosen: Vec<Chosen>, accuracy: &Accuracy) {
         let under = |place: &Chosen| -> Vec<Load> {
             let spot = &candidates[place.candidate].spot;
@@ -405,12 +410,13 @@ impl ComplianceMap {
             let lacked = Lacked { compliance: lacked / found.sqrt(), distance };
             let lacked = (distance < self.size).then_some(lacked);
             let Candidate { at, spot, sampled, .. } = &candidates[candidate];
-            self.solved.push(Place { at: *at, spot: spot.clone(), sampled: sampled.clone(), known, lacked });
+            self.solved.push(SolvedPlace { at: *at, spot: spot.clone(), sampled: sampled.clone(), known, lacked });
         }
     }
 
-    /// Solves for loads, on from what the fields have of them, and takes what is new into the fields; how much of each load's
-    /// work that is. `settled` is of a load's work, and of how much of it the latest rounds have won.
+    /// Solves loads, starting from the answer of the fields, and adds the new part to the fields. Returns the work of each load
+    /// in the new part. `settled` decides when the iteration ends, from the work of a load and the part of it that the last
+    /// rounds added.
     fn solve(&mut self, body: &Body, loads: &[Load], settled: impl Fn(f64, f64) -> bool) -> Vec<f64> {
         let mut forces = body.loaded(loads);
         let mut had = [0.0; LANES];
@@ -435,7 +441,7 @@ impl ComplianceMap {
         won[..loads.len()].to_vec()
     }
 
-    /// Work that each load does in each field, by row.
+    /// Work of each load (columns) in each field (rows).
     fn work_of(&self, loads: &[Load]) -> DMatrix<f64> {
         let under = |field: &Field| {
             let mut work = [0.0; LANES];
@@ -448,7 +454,7 @@ impl ComplianceMap {
         DMatrix::from_fn(work.len(), LANES, |row, lane| work[row][lane])
     }
 
-    /// Takes in the displacements of some lanes, and the forces that belong to them.
+    /// Adds the displacements of some lanes, and their forces, to the fields.
     fn take_in(&mut self, x: &Vector, forces: &Vector, lanes: &[usize]) {
         let first = self.fields.len();
         let nodes = self.nodes.len();
@@ -464,7 +470,7 @@ impl ComplianceMap {
                 if row < first {
                     (self.work[(row, column)], self.work[(column, row)]) = (products[*lane], products[*lane]);
                 } else {
-                    // The mean of both.
+                    // The mean of both, which is symmetric.
                     self.work[(row, column)] += 0.5 * products[*lane];
                     self.work[(column, row)] += 0.5 * products[*lane];
                 }
@@ -472,7 +478,7 @@ impl ComplianceMap {
         }
     }
 
-    /// Sums of products of each field with a vector.
+    /// Scalar product of each field with each lane of a vector.
     fn products(&self, q: &Vector) -> Vec<[f64; LANES]> {
         let part = |chunk: usize| -> Vec<[f64; LANES]> {
             let range = chunk * CHUNK..((chunk + 1) * CHUNK).min(self.nodes.len());
@@ -504,11 +510,11 @@ impl ComplianceMap {
         sums
     }
 
-    /// Adds fields by their factors.
+    /// Adds the fields, multiplied by factors, to a vector.
     fn add(&self, factors: &[[f32; LANES]], x: &mut Vector) {
         let nodes = self.nodes.len();
         x[..nodes].par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, x)| {
-            // Some fields at a time: a processor reads ahead in a few arrays, not in hundreds.
+            // A few fields at a time, because processors prefetch from few arrays at once, and not from hundreds.
             for (fields, factors) in self.fields.chunks(LANES).zip(factors.chunks(LANES)) {
                 widest!(<'a> simd: S; (x: &'a mut [Node] = x, fields: &'a [Field] = fields, factors: &'a [[f32; LANES]] = factors, first: usize = chunk * CHUNK) -> () {
                     for (i, x) in x.iter_mut().enumerate() {
@@ -530,7 +536,7 @@ impl ComplianceMap {
         });
     }
 
-    /// Takes over the motions of a map of the same grid that move candidates most.
+    /// Takes over those motions of an earlier map of the same grid that move the candidates most.
     fn take_over(&mut self, body: &Body, before: Self, candidates: &[Candidate], most: usize) {
         let Self { fields, nodes, basis, .. } = before;
         let mut place = vec![None; body.fine().number.len()];
@@ -587,7 +593,7 @@ fn subtract(a: &mut Vector, b: &Vector) {
     a.par_iter_mut().zip(b).with_min_len(CHUNK).for_each(less);
 }
 
-/// One place, the first, in each of the cells of a grid in which they are not too many.
+/// The first place in each cell of a grid. The grid is as coarse as the number of candidates requires.
 fn candidates(body: &Body, places: &[[f64; 3]]) -> Vec<Candidate> {
     let mut size = body.grid.size.iter().fold(0.0_f64, |most, size| most.max(*size));
     let mut chosen = places.to_vec();
@@ -603,7 +609,7 @@ fn candidates(body: &Body, places: &[[f64; 3]]) -> Vec<Candidate> {
     chosen.into_par_iter().map(candidate).collect()
 }
 
-/// Diagonal of the box about places.
+/// Diagonal of the bounding box of places.
 fn extent(places: &[[f64; 3]]) -> f64 {
     let along = |k: usize| {
         let low = places.iter().map(|place| place[k]).fold(f64::INFINITY, f64::min);

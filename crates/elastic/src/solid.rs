@@ -1,16 +1,16 @@
-//! A grid of cells, and how much of each is material.
+//! A grid of cells, and the share of each that is material.
 
 use crate::element::Rule;
 use rayon::prelude::*;
 
-/// Points along each axis at which a cell that the surface may cut is looked at.
+/// Number of points along each axis at which a cell that the surface may cut is sampled.
 const SAMPLES: usize = 4;
-/// A point this share of a cell's size off the surface is on it: rounding moves no cell.
+/// A point nearer to the surface than this share of a cell counts as on it, so that rounding changes no cell.
 const ON_SURFACE: f64 = 1e-3;
-/// Cells with less material than this share are left out. A wall of two cells is thinner by a two-thousandth then.
+/// Cells with less than this share of material are left out. A wall of two cells is then thinner by a two-thousandth.
 const LEAST: f64 = 1e-3;
 
-/// A regular grid over a box: lengths in mm.
+/// A regular grid over a box. Lengths are in mm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grid {
     /// The lower corner.
@@ -22,7 +22,8 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// The grid over a box whose cells are cubes of about a spacing: the box has a whole number of them along each axis.
+    /// The grid over a box whose cells are nearly cubes of the size `spacing`: the box has a whole number of cells along each
+    /// axis.
     #[must_use]
     pub fn over(low: [f64; 3], high: [f64; 3], spacing: f64) -> Self {
         let cells: [usize; 3] = std::array::from_fn(|k| (((high[k] - low[k]) / spacing - 1e-9).ceil() as usize).max(1));
@@ -51,7 +52,7 @@ impl Grid {
         self.cells.map(|cells| cells + 1)
     }
 
-    /// A node's place.
+    /// The position of a node, mm.
     pub(crate) fn place(&self, node: [usize; 3]) -> [f64; 3] {
         std::array::from_fn(|k| self.low[k] + self.size[k] * node[k] as f64)
     }
@@ -67,7 +68,7 @@ pub(crate) fn ravel(counts: [usize; 3], at: [usize; 3]) -> usize {
     (at[2] * counts[1] + at[1]) * counts[0] + at[0]
 }
 
-/// A cell's material.
+/// The material in a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Filling {
     Empty,
@@ -76,7 +77,7 @@ pub(crate) enum Filling {
     Cut(u32),
 }
 
-/// What of a grid is material.
+/// The part of a grid that is material.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solid {
     pub(crate) grid: Grid,
@@ -85,11 +86,11 @@ pub struct Solid {
 }
 
 impl Solid {
-    /// The cells that a body fills, wholly or in part. `depth` is how far (mm) a point is inside it: near the surface the
-    /// distance from it, below zero outside.
+    /// The cells that a body fills, wholly or in part. `depth` gives the depth of a point in the body, mm: near the surface its
+    /// distance from the surface, and below zero outside.
     ///
-    /// A cell whose corners and middle are all inside is taken as full: a slot that is narrower than a cell may pass between them
-    /// unseen. So may a wall that is thinner than a quarter of a cell ([`Solid::thinner_than`]).
+    /// A cell whose corners and middle are all inside counts as full, so that a slot narrower than a cell may be missed. A wall
+    /// thinner than a quarter of a cell may be missed as well ([`Solid::thinner_than`]).
     #[must_use]
     pub fn of(grid: Grid, depth: impl Fn([f64; 3]) -> f64 + Sync) -> Self {
         let nodes = grid.nodes();
@@ -107,7 +108,7 @@ impl Solid {
             if middle > -near && (0..8).all(|a| corner(a) > -near) {
                 return Some(Rule::full());
             }
-            // No wall thicker than a quarter of a cell along an axis is missed by these.
+            // These points miss no wall that is thicker than a quarter of a cell along an axis.
             let quarter = |a: usize| depth(at(std::array::from_fn(|k| if a >> k & 1 == 1 { 0.75 } else { 0.25 })));
             if middle < near && (0..8).all(|a| corner(a) < near) && (0..8).all(|a| quarter(a) < near) {
                 return None;
@@ -118,7 +119,7 @@ impl Solid {
                 let sample = unravel([SAMPLES; 3], n);
                 let low: [f64; 3] = std::array::from_fn(|k| sample[k] as f64 * step);
                 let inside = depth(at(low.map(|t| t + 0.5 * step)));
-                // What a plane surface leaves of the sample's box.
+                // The share of the sample's box on the inner side of a plane surface.
                 let size = step * grid.size.iter().sum::<f64>() / 3.0;
                 let share = (0.5 + inside / size).clamp(0.0, 1.0);
                 if share > 0.0 {
@@ -142,7 +143,7 @@ impl Solid {
         Self { grid, cells, rules }
     }
 
-    /// The same with whole cells only: those that are at least half material. For what cutting the cells is worth.
+    /// The same with whole cells only: those with at least half material. It shows what is gained by cutting the cells.
     #[must_use]
     pub fn in_whole_cells(&self) -> Self {
         let whole = |filling: &Filling| match filling {
@@ -159,8 +160,8 @@ impl Solid {
         &self.grid
     }
 
-    /// Share of the cells with material that are in walls thinner than a number of cells along some axis of the grid. A wall of
-    /// one cell bends as it should; of one that is thinner, the samples within its cells may not tell the thickness.
+    /// Share of the cells with material that are in walls thinner than a number of cells along an axis of the grid. A wall of one
+    /// cell bends correctly. The samples in its cells may not determine the thickness of a thinner one.
     #[must_use]
     pub fn thinner_than(&self, cells: f64) -> f64 {
         let counts = self.grid.cells;
@@ -190,7 +191,7 @@ impl Solid {
         thin.iter().filter(|thin| **thin).count() as f64 / self.elements().max(1) as f64
     }
 
-    /// Cells with material in them.
+    /// Number of cells with material.
     #[must_use]
     pub fn elements(&self) -> usize {
         self.cells.iter().filter(|filling| **filling != Filling::Empty).count()
@@ -228,7 +229,7 @@ mod tests {
 
     #[test]
     fn a_wall_between_the_nodes_is_seen_and_called_thin() {
-        // 0.3 thick, in cells of 1: neither nodes nor middles are in it.
+        // 0.3 mm thick in cells of 1 mm: it contains neither nodes nor middles of cells.
         let grid = Grid::over([0.0; 3], [4.0; 3], 1.0);
         let solid = Solid::of(grid, |p| 0.15 - (p[0] - 2.25).abs());
         assert_eq!(solid.elements(), 16);

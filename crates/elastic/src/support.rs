@@ -1,18 +1,18 @@
-//! Where a body is held, and whether that holds it.
+//! The clamps of a body, and whether they hold it.
 
 use crate::element::CORNERS;
 use crate::solid::{Filling, Solid, ravel, unravel};
 use nalgebra::{Matrix3, SMatrix, Vector3};
 use std::collections::BTreeMap;
 
-/// A clamp: what is in its box is held.
+/// A clamp. It holds the material in its box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clamp {
-    /// Lower and upper corner, mm. Nodes less than half a cell outside of it belong to it too, so that a face can be clamped by
-    /// a box without thickness.
+    /// Lower and upper corner, mm. Nodes less than half a cell outside belong to the clamp too, so that a box without thickness
+    /// can clamp a face.
     pub bounds: [[f64; 3]; 2],
-    /// Stiffness of the clamp as a whole along x, y and z, N/mm, spread evenly over its nodes; infinite where it is rigid, zero
-    /// where it slides.
+    /// Stiffness of the whole clamp along x, y and z, N/mm, spread evenly over its nodes: infinite if it is rigid, zero if it
+    /// slides.
     pub stiffness: [f64; 3],
 }
 
@@ -23,27 +23,27 @@ pub enum HoldError {
     /// No cell has material.
     #[error("there is no material")]
     Empty,
-    /// A clamp has no node of the body in its box; the index is that of the clamp.
+    /// No node of the body is in the box of a clamp. The index is that of the clamp.
     #[error("clamp {} touches no material", .0 + 1)]
     Untouched(usize),
     /// The clamps leave the body free to move or to turn.
     #[error("the clamps leave the part free to {}", if *turns { "turn" } else { "move" })]
     Free {
-        /// Whether it turns, rather than moves.
+        /// Whether it is free to turn, and not to move.
         turns: bool,
     },
 }
 
-/// What holds each node of a grid.
+/// The nodes of a grid that clamps hold.
 pub(crate) struct Holds {
     pub(crate) rigid: Vec<Rigid>,
     pub(crate) springs: Vec<Spring>,
 }
 
-/// A node that a clamp holds along some axes.
+/// A node that a clamp holds rigidly along some axes.
 #[derive(Clone, Copy)]
 pub(crate) struct Rigid {
-    /// Of the whole grid.
+    /// Number of the node in the whole grid.
     pub(crate) node: u32,
     pub(crate) clamp: usize,
     pub(crate) axes: [bool; 3],
@@ -52,21 +52,21 @@ pub(crate) struct Rigid {
 /// A node that a clamp holds by a spring.
 #[derive(Clone, Copy)]
 pub(crate) struct Spring {
-    /// Of the whole grid.
+    /// Number of the node in the whole grid.
     pub(crate) node: u32,
     pub(crate) clamp: usize,
-    /// N/mm.
+    /// Stiffness along each axis, N/mm.
     pub(crate) stiffness: [f64; 3],
 }
 
-/// Cells that are joined to what is held, face to face: all others carry nothing, and are left out.
+/// The cells that are joined to a held node, face to face. All others carry nothing and are left out.
 pub(crate) struct Held {
     pub(crate) cells: Vec<Filling>,
     pub(crate) holds: Holds,
 }
 
-/// A direction in which the least stiff motion of the rigid body is stiffer than this share of the stiffest one is held.
-/// Rounding leaves some 1e-16 of it.
+/// The body is held if its softest motion as a rigid body is stiffer than this share of the stiffest one. Rounding leaves about
+/// 1e-16 of it.
 const FREE: f64 = 1e-10;
 
 pub(crate) fn hold(solid: &Solid, clamps: &[Clamp]) -> Result<Held, HoldError> {
@@ -82,12 +82,12 @@ pub(crate) fn hold(solid: &Solid, clamps: &[Clamp]) -> Result<Held, HoldError> {
         })
     };
     let mut holds = Holds { rigid: Vec::new(), springs: Vec::new() };
-    // What the first of several clamps has made rigid is its own.
+    // If several clamps hold a node rigidly, it belongs to the first one.
     let mut taken: BTreeMap<u32, [bool; 3]> = BTreeMap::new();
     for (number, clamp) in clamps.iter().enumerate() {
         let mut range = [[0; 2]; 3];
         for k in 0..3 {
-            // A little less than half a cell, so that a box that ends on nodes holds no more than these.
+            // A little less than half a cell, so that a box that ends at nodes holds no nodes beyond them.
             let reach = 0.499 * grid.size[k];
             let first = ((clamp.bounds[0][k] - reach - grid.low[k]) / grid.size[k]).ceil().max(0.0);
             let last = ((clamp.bounds[1][k] + reach - grid.low[k]) / grid.size[k]).floor().min(grid.cells[k] as f64);
@@ -157,12 +157,12 @@ fn joined(solid: &Solid, holds: &Holds) -> Vec<Filling> {
     solid.cells.iter().zip(reached).map(|(filling, reached)| if reached { *filling } else { Filling::Empty }).collect()
 }
 
-/// Whether the holds leave the body no motion as a whole.
+/// Checks that the body cannot move as a whole.
 fn is_held(solid: &Solid, holds: &Holds) -> Result<(), HoldError> {
     let (grid, nodes) = (&solid.grid, solid.grid.nodes());
     let middle = grid.place(grid.cells.map(|cells| cells / 2));
     let reach: f64 = (0..3).map(|k| grid.size[k] * grid.cells[k] as f64).fold(0.0, f64::max);
-    // As stiff as the stiffest spring, whatever that is: only whether it holds counts.
+    // Every hold counts with the same stiffness, because only the directions matter.
     let mut stiffness = SMatrix::<f64, 6, 6>::zeros();
     let rigid = holds.rigid.iter().map(|held| (held.node, held.axes.map(|rigid| f64::from(u8::from(rigid)))));
     let springs = holds.springs.iter().map(|held| (held.node, held.stiffness.map(|k| f64::from(u8::from(k > 0.0)))));

@@ -1,8 +1,9 @@
-//! Loops with the widest registers that the processor has.
+//! Loops that use the widest registers of the processor.
 
-/// Runs a block, compiled for each width of registers that processors have, with the one that this processor has; it gets what
-/// pulp knows that width by. The block is a method that is always inlined: a closure of some size the compiler would leave as
-/// narrow as the whole program is built. Products and sums stay apart, so that the numbers are the same for each width.
+/// Runs a block that is compiled for each width of registers, in the version for this processor. The block gets the token of the
+/// crate pulp for that width. It is a method that is always inlined, because the compiler would build a large closure for the
+/// narrow registers of the whole program. Products and sums stay separate operations, so that the results are the same for each
+/// width.
 macro_rules! widest {
     (<$($life:lifetime),*> $simd:ident: $width:ident;
      ($($name:ident: $type:ty = $value:expr),* $(,)?) -> $output:ty $work:block) => {{

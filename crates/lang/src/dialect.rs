@@ -12,7 +12,7 @@ pub trait Dialect {
     /// The pose with these numbers, lengths in the language's unit; `None` if they are not a pose.
     fn pose(&self, numbers: &[f64]) -> Option<Isometry3<f64>>;
 
-    /// The value of the pose that these numbers are, as far as they are known. `given` is what the position names besides them.
+    /// The value of the pose that these numbers are, as far as they are known. `given` has the other parts of the position.
     fn pose_value(&self, numbers: Vec<Value>, given: Option<Arc<Given>>) -> Value {
         let mut known = Vec::with_capacity(numbers.len());
         for value in &numbers {

@@ -256,7 +256,7 @@ impl<S: Copy, T: Copy> Flow<S, T> {
         found.retain(|within| within.len() > 1 || within.iter().any(|node| steps(node).contains(node)));
         for within in found {
             let of = self.loops.len();
-            // What leads into it from elsewhere does so at its head, apart from jumps into the midst of it.
+            // Paths from elsewhere enter the loop at its head, except for jumps into the middle of it.
             let outer = nodes.iter().filter(|node| !within.contains(node));
             let entered: BTreeSet<usize> = outer.flat_map(|node| self.next(*node, exit)).collect();
             let head = within.iter().find(|node| entered.contains(node)).or(within.first()).copied().unwrap_or(exit);

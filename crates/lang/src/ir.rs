@@ -125,7 +125,7 @@ pub enum StatementKind {
         slot: Slot,
         /// Indices into it, outermost first; empty for the whole of it.
         path: Vec<Expression>,
-        /// What it gets.
+        /// The value that is assigned.
         value: Expression,
     },
     /// Evaluates an expression whose value is not used: a call.
@@ -209,9 +209,9 @@ pub struct Motion {
 /// An expression with its place in the text.
 #[derive(Clone, Debug)]
 pub struct Expression {
-    /// What it is.
+    /// Its kind, with its parts.
     pub kind: ExpressionKind,
-    /// Where it stands.
+    /// Its place in the text.
     pub place: SourceSpan,
 }
 

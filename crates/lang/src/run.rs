@@ -256,7 +256,7 @@ impl<'a> Runner<'a> {
             return Ok(self.not_followed(id, arguments, store));
         }
         let function = &self.program.functions[id.0 as usize];
-        // What the routine has no parameter for may still be used by it.
+        // The routine may still use an argument for which it has no parameter.
         for (at, (name, value)) in arguments.iter().enumerate() {
             let is_taken = match name {
                 Some(name) => function.parameters.iter().any(|parameter| parameter.name == *name),
@@ -266,7 +266,7 @@ impl<'a> Runner<'a> {
                 self.use_up(&value.all_reads());
             }
         }
-        // What a default value names is the routine's own.
+        // The names in a default value are those of the routine.
         let locals = vec![Value::unknown(Reason::Unset); function.locals as usize];
         let saved = (std::mem::replace(&mut store.locals, locals), store.result.take(), self.context, self.node);
         for (at, parameter) in function.parameters.iter().enumerate() {

@@ -147,7 +147,7 @@ const edit = async (root, name, app) => {
       state.textContent = "Saved, reading …";
       const [looked] = await Promise.all([run({ command: "pose", cell: name }), watch.again()]);
       diagnostics = looked.messages.filter(({ severity }) => severity !== "line");
-      said.replaceChildren(messages(diagnostics, (_, line) => goTo(line)) || h("p", { className: "good" }, "deflex reads this cell and has nothing to say about it."));
+      said.replaceChildren(messages(diagnostics, (_, line) => goTo(line)) || h("p", { className: "good" }, "deflex reads this cell without a message."));
       mark();
     } catch (error) {
       fail(error);

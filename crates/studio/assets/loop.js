@@ -137,8 +137,8 @@ const answer = (figures, output, app) => {
     h("h3", {}, words),
     table("Error on rows that no fit has seen", ["Error on rows that no fit has seen", "rms, mm", "mean, mm", "largest, mm"],
       [["before", before.rms_mm, before.mean_mm, before.max_mm], ["after", after.rms_mm, after.mean_mm, after.max_mm]]),
-    h("p", { className: "hint" }, `Rows: ${rows}, held out: ${held_out_rows}; noise ${figure(noise_mm)} mm an axis; effects in the model: ${effects?.length ?? 0}.`),
-    unexplained?.significant ? h("p", { className: "warning" }, "A part of the error stays unexplained: the page says what it goes with.") : "",
+    h("p", { className: "hint" }, `Rows: ${rows}, held out: ${held_out_rows}; noise ${figure(noise_mm)} mm per axis; effects in the model: ${effects?.length ?? 0}.`),
+    unexplained?.significant ? h("p", { className: "warning" }, "A part of the error stays unexplained: the page shows what it depends on.") : "",
     advice?.length > 0 ? h("details", {}, h("summary", {}, "What to measure next"), h("ul", {}, advice.map((text) => h("li", {}, text)))) : "",
     h("div", { className: "actions" }, button("Use this cell", () => { app.chosen.cell = output; app.go("cell"); }, { className: "main" }),
       button("Correct the program with it", () => { app.chosen.cell = output; app.command = "compensate"; app.go("run"); })));
@@ -159,7 +159,7 @@ const plan = (app, outcome) => {
       outcome.replaceChildren(h("p", { className: "error", role: "alert" }, error.message));
     }
   };
-  return h("div", {}, h("p", { className: "hint" }, "The cell's section [plan] says where the tool may go, which loads can be applied and what is measured with. It can be added in the view Cell."),
+  return h("div", {}, h("p", { className: "hint" }, "The cell's section [plan] says where the tool may go, which loads can be applied and which instrument measures. It can be added in the view Cell."),
     h("div", { className: "fields" }, labelled("Rows to measure (8 to 500)", rows), labelled("Name of the measuring program", output),
       after.length > 0 ? labelled("Settle what an identification left open", select([["", "no"], ...after.map((name) => [name, name])], "", (name) => { settled = name; })) : ""),
     h("details", { className: "more" }, h("summary", {}, "More options"),

@@ -57,7 +57,7 @@ export const show = (body, app) => {
         more(flag("Correct the position alone", "position", "orientations stay as they are written"),
           flag("Correct a corrected program once more", "again"),
           flag("Declare copies of a target that several motions use with different corrections", "allowClones"),
-          isCl ? [text("Split into modules of at most so many targets", "maxTargets", "Empty: one module."), text("Speed of rapid travel, mm/s", "rapidSpeed", "Empty: 200 mm/s."), text("Speed of moves without one, mm/s", "feed")] : ""),
+          isCl ? [text("Split into modules of at most this many targets", "maxTargets", "Empty: one module."), text("Speed of rapid travel, mm/s", "rapidSpeed", "Empty: 200 mm/s."), text("Speed of moves without one, mm/s", "feed")] : ""),
       ],
       check: () => [
         text("Largest error of a target, mm", "maxError"), text("Largest error between targets, mm", "checkedPathError", "Empty: as that of a target."),

@@ -1,6 +1,6 @@
-//! The page: plain modules and styles, as they are in the sources.
+//! The files of the page: plain modules and styles, without a build step.
 
-/// A file of the page: its address, its type, its content.
+/// A file of the page: its address, its media type and its content.
 pub(crate) const ALL: [(&str, &str, &str); 14] = [
     ("/", "text/html; charset=utf-8", include_str!("../assets/index.html")),
     ("/studio.css", "text/css; charset=utf-8", include_str!("../assets/studio.css")),

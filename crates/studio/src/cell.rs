@@ -1,9 +1,9 @@
-//! A cell file as a form: what the text says becomes fields, and a change of a field becomes a change of the text at that place
-//! alone, so that all comments and all else stay byte for byte.
+//! A cell file as a form. The text becomes fields, and a change of a field changes the text at that place only. All comments and
+//! all other bytes stay.
 //!
-//! Nothing here knows what a cell file holds. Keys have their unit in their name. The comment after a value says what it means, and
-//! ` | ` between words lists what may stand there. `<<` marks an example that waits for the user's own value. A key or a section
-//! that is commented out is offered, and so is what a template has besides.
+//! This module does not know the keys of a cell file. Keys have their unit in their name. The comment after a value explains it,
+//! and ` | ` between words lists the possible values. `<<` marks an example that the user has to replace. The form offers keys
+//! and sections that are commented out, and those that only a template has.
 
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
@@ -11,18 +11,18 @@ use toml_edit::{Array, Document, Item, Table, Value};
 
 /// The mark of an example.
 const EXAMPLE: &str = "<<";
-/// Lines that a commented-out value may go over.
+/// Largest number of lines of a value that is commented out.
 const LONGEST_OFFER: usize = 40;
 
 /// A step into the document.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged)]
-pub(crate) enum Step {
+pub(crate) enum PathStep {
     Key(String),
     Index(usize),
 }
 
-/// A value, as a form shows it. Numbers are kept as they are written.
+/// A value as the form shows it. Numbers stay as they are written.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "kind", content = "value", rename_all = "kebab-case")]
 enum Shown {
@@ -38,10 +38,10 @@ enum Shown {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 struct Field {
     key: String,
-    path: Vec<Step>,
+    path: Vec<PathStep>,
     #[serde(flatten)]
     shown: Shown,
-    /// First and last line, from 1.
+    /// First and last line, counted from 1.
     lines: [usize; 2],
     help: String,
     is_example: bool,
@@ -57,11 +57,11 @@ struct Offer {
     help: String,
 }
 
-/// Where it stands.
+/// Where it was found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum OfferSource {
-    /// Commented out in the file itself.
+    /// In the file itself, commented out.
     Own,
     /// In the template.
     Template,
@@ -70,15 +70,15 @@ pub(crate) enum OfferSource {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 struct Section {
     title: String,
-    path: Vec<Step>,
+    path: Vec<PathStep>,
     line: usize,
-    /// Comments right above the header.
+    /// The comments directly above the header.
     help: String,
     fields: Vec<Field>,
     offers: Vec<Offer>,
 }
 
-/// What is wrong with the text as TOML.
+/// A syntax error of the TOML text.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub(crate) struct Wrong {
     line: usize,
@@ -95,7 +95,7 @@ pub(crate) struct Form {
     wrong: Option<Wrong>,
 }
 
-/// Lines of a text with their places.
+/// The lines of a text with their positions.
 struct Lines<'a> {
     text: &'a str,
     starts: Vec<usize>,
@@ -128,7 +128,7 @@ impl<'a> Lines<'a> {
     }
 }
 
-/// The form of a text, with what the template has besides.
+/// The form of a text, with the keys and sections that only the template has.
 pub(crate) fn form_with(text: &str, template: &str) -> Form {
     let mut own = form(text);
     let more = form(template);
@@ -159,7 +159,8 @@ pub(crate) fn form_with(text: &str, template: &str) -> Form {
 }
 
 impl Form {
-    /// Offers a section that is not there, nor another of its name: of tools and work objects each cell has its own.
+    /// Offers a section of the template if the text has neither it nor another one of its kind, because each cell has its own
+    /// tools and work objects.
     fn offer_section(&mut self, offer: Offer) {
         let (group, is_named) = match offer.key.split_once('.') {
             Some((group @ ("tools" | "wobjs"), _)) => (group, true),
@@ -197,15 +198,15 @@ fn form(text: &str) -> Form {
     form
 }
 
-fn add_table(table: &Table, path: &mut Vec<Step>, lines: &Lines<'_>, sections: &mut Vec<Section>) {
+fn add_table(table: &Table, path: &mut Vec<PathStep>, lines: &Lines<'_>, sections: &mut Vec<Section>) {
     let mut fields = Vec::new();
     for (key, item) in table {
-        path.push(Step::Key(key.to_owned()));
+        path.push(PathStep::Key(key.to_owned()));
         match item {
             Item::Table(inner) => add_table(inner, path, lines, sections),
             Item::ArrayOfTables(all) => {
                 for (i, inner) in all.iter().enumerate() {
-                    path.push(Step::Index(i));
+                    path.push(PathStep::Index(i));
                     add_table(inner, path, lines, sections);
                     path.pop();
                 }
@@ -215,7 +216,7 @@ fn add_table(table: &Table, path: &mut Vec<Step>, lines: &Lines<'_>, sections: &
         }
         path.pop();
     }
-    // A table that stands for its inner ones alone has no line of its own.
+    // A table that only contains other tables has no line of its own.
     if fields.is_empty() && (table.is_implicit() || path.is_empty()) {
         return;
     }
@@ -225,20 +226,20 @@ fn add_table(table: &Table, path: &mut Vec<Step>, lines: &Lines<'_>, sections: &
     sections.push(Section { title: title(path), path: path.clone(), line, help, fields, offers: Vec::new() });
 }
 
-/// A section as people count: the second effect is `effect 2`.
-fn title(path: &[Step]) -> String {
+/// The name of a section for people, who count from 1: the second effect is `effect 2`.
+fn title(path: &[PathStep]) -> String {
     let mut title = String::new();
     for step in path {
         match step {
-            Step::Key(key) if title.is_empty() => title = key.clone(),
-            Step::Key(key) => title = format!("{title}.{key}"),
-            Step::Index(at) => title = format!("{title} {}", at + 1),
+            PathStep::Key(key) if title.is_empty() => title = key.clone(),
+            PathStep::Key(key) => title = format!("{title}.{key}"),
+            PathStep::Index(at) => title = format!("{title} {}", at + 1),
         }
     }
     title
 }
 
-fn field(key: &str, path: &[Step], value: &Value, lines: &Lines<'_>) -> Option<Field> {
+fn field(key: &str, path: &[PathStep], value: &Value, lines: &Lines<'_>) -> Option<Field> {
     let span = value.span()?;
     let last = lines.line(span.end.max(1) - 1);
     let after = lines.text.get(span.end..lines.range(last).end).unwrap_or_default();
@@ -286,7 +287,7 @@ fn shown(value: &Value, lines: &Lines<'_>) -> Shown {
     }
 }
 
-/// Words that a comment lists: `what it is: one | two (why) | three`.
+/// The words that a comment lists, as in `what it is: one | two (why) | three`.
 fn choices(help: &str) -> Vec<String> {
     let parts: Vec<&str> = help.split(" | ").map(str::trim).collect();
     if parts.len() < 2 {
@@ -296,18 +297,18 @@ fn choices(help: &str) -> Vec<String> {
         let end = text.find(|c: char| !(c.is_alphanumeric() || c == '-' || c == '_')).unwrap_or(text.len());
         (end > 0).then(|| text[..end].to_owned())
     };
-    // Before the first word there may be what the key is; after it, what the word means.
+    // An explanation of the key may precede the first word, and one of the word may follow it.
     let first =
         parts[0].rsplit_once(": ").filter(|(before, _)| before.contains(' ')).map_or(parts[0], |(_, first)| first);
     std::iter::once(first).chain(parts[1..].iter().copied()).map(word).collect::<Option<_>>().unwrap_or_default()
 }
 
-/// What follows `#` where the line is a comment.
+/// The text after `#`, if the line is a comment.
 fn commented(line: &str) -> Option<&str> {
     line.trim_start().strip_prefix('#').map(|rest| rest.strip_prefix(' ').unwrap_or(rest))
 }
 
-/// Comments that stand right above a header and are no offer.
+/// The comments directly above a header, except for those that are a key or a section commented out.
 fn help_above(lines: &Lines<'_>, header: usize) -> String {
     let mut help: Vec<&str> = Vec::new();
     for line in (1..header).rev() {
@@ -322,7 +323,7 @@ fn help_above(lines: &Lines<'_>, header: usize) -> String {
     help.join(" ")
 }
 
-/// The name of a section and its comment, where a comment is its header.
+/// The name of a section and its comment, if a comment contains its header.
 fn offered_header(text: &str) -> Option<(String, String)> {
     if !text.starts_with('[') {
         return None;
@@ -334,7 +335,7 @@ fn offered_header(text: &str) -> Option<(String, String)> {
     (is_header && !name.is_empty()).then_some((name, comment))
 }
 
-/// A key that is commented out from this line on: the key, its comment, and its last line.
+/// A key that is commented out and begins at this line: the key, its comment, and its last line.
 fn offered_key(lines: &Lines<'_>, line: usize) -> Option<(String, String, usize)> {
     let first = commented(lines.get(line))?;
     let (key, rest) = first.split_once('=')?;
@@ -356,7 +357,7 @@ fn offered_key(lines: &Lines<'_>, line: usize) -> Option<(String, String, usize)
     None
 }
 
-/// Lines of a section that is commented out, from its header on, up to the next header or the next line that is no comment.
+/// The lines of a section that is commented out: from its header up to the next header, or the next line that is no comment.
 fn offered_lines(lines: &Lines<'_>, header: usize) -> Range<usize> {
     let goes_on = |line: &usize| commented(lines.get(*line)).is_some_and(|text| offered_header(text).is_none());
     header..(header + 1..=lines.count()).take_while(goes_on).last().unwrap_or(header) + 1
@@ -389,24 +390,24 @@ fn add_offers(lines: &Lines<'_>, form: &mut Form) {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(tag = "what", rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) enum Edit {
-    /// Puts a value in: a number as it was typed, a text, or any TOML where the old value is neither.
-    Set { path: Vec<Step>, value: String },
+    /// Replaces a value by a number as it was typed, by a text, or by any TOML if the old value is neither.
+    Set { path: Vec<PathStep>, value: String },
     /// Accepts an example as the user's own value.
-    Accept { path: Vec<Step> },
+    Accept { path: Vec<PathStep> },
     /// Comments a key out.
-    Omit { path: Vec<Step> },
-    /// Takes a key into the section at this path: that of a line where it is commented out, or of a line of the template.
-    Take { path: Vec<Step>, place: OfferSource, line: usize },
-    /// Takes a section, without the keys that can be left out.
+    Omit { path: Vec<PathStep> },
+    /// Adds a key to the section at this path, from a line where it is commented out or from the template.
+    Take { path: Vec<PathStep>, place: OfferSource, line: usize },
+    /// Adds a section without its optional keys.
     TakeSection { place: OfferSource, line: usize },
-    /// Adds a section that is like another, with those inside it, under another name.
-    Copy { path: Vec<Step>, name: String },
-    /// Removes a section and those inside it.
-    Remove { path: Vec<Step> },
+    /// Copies a section, with all sections in it, under another name.
+    Copy { path: Vec<PathStep>, name: String },
+    /// Removes a section and all sections in it.
+    Remove { path: Vec<PathStep> },
 }
 
 impl Edit {
-    /// The text with the change; nothing else of it changes.
+    /// The text with the change. All other bytes stay.
     ///
     /// # Errors
     /// A sentence for the user, where there is no such place or the value does not fit there.
@@ -439,33 +440,33 @@ struct Found<'a> {
 
 const GONE: &str = "this place is no longer in the file: load it again";
 
-fn find<'a>(document: &'a Document<&str>, path: &[Step]) -> Result<Found<'a>, String> {
+fn find<'a>(document: &'a Document<&str>, path: &[PathStep]) -> Result<Found<'a>, String> {
     let value = in_table(document.as_table(), path).ok_or(GONE)?;
     Ok(Found { value, span: value.span().ok_or(GONE)? })
 }
 
-fn in_table<'a>(table: &'a Table, path: &[Step]) -> Option<&'a Value> {
-    let (Step::Key(key), rest) = path.split_first()? else { return None };
+fn in_table<'a>(table: &'a Table, path: &[PathStep]) -> Option<&'a Value> {
+    let (PathStep::Key(key), rest) = path.split_first()? else { return None };
     match table.get(key)? {
         Item::Value(value) => in_value(value, rest),
         Item::Table(inner) => in_table(inner, rest),
         Item::ArrayOfTables(all) => {
-            let (Step::Index(at), rest) = rest.split_first()? else { return None };
+            let (PathStep::Index(at), rest) = rest.split_first()? else { return None };
             in_table(all.get(*at)?, rest)
         }
         Item::None => None,
     }
 }
 
-fn in_value<'a>(value: &'a Value, path: &[Step]) -> Option<&'a Value> {
+fn in_value<'a>(value: &'a Value, path: &[PathStep]) -> Option<&'a Value> {
     match path.split_first() {
         None => Some(value),
-        Some((Step::Index(at), rest)) => in_value(value.as_array()?.get(*at)?, rest),
-        Some((Step::Key(key), rest)) => in_value(value.as_inline_table()?.get(key)?, rest),
+        Some((PathStep::Index(at), rest)) => in_value(value.as_array()?.get(*at)?, rest),
+        Some((PathStep::Key(key), rest)) => in_value(value.as_inline_table()?.get(key)?, rest),
     }
 }
 
-fn set(document: &Document<&str>, lines: &Lines<'_>, path: &[Step], typed: &str) -> Result<String, String> {
+fn set(document: &Document<&str>, lines: &Lines<'_>, path: &[PathStep], typed: &str) -> Result<String, String> {
     let Found { value, span } = find(document, path)?;
     let parsed = |text: &str| {
         let parsed = text.parse::<Value>();
@@ -491,13 +492,13 @@ fn set(document: &Document<&str>, lines: &Lines<'_>, path: &[Step], typed: &str)
     Ok(without_example(&text, &Lines::of(&text), &span))
 }
 
-/// A decimal comma as the point that TOML has.
+/// A number with its decimal comma replaced by a point.
 fn with_a_point(number: &str) -> String {
     let is_decimal_comma = number.matches(',').count() == 1 && !number.contains('.');
     if is_decimal_comma { number.replace(',', ".") } else { number.to_owned() }
 }
 
-/// The text without the mark of an example in the comment after a value, which may be one of an array.
+/// The text without the mark of an example in the comment after a value, or after an element of an array.
 fn without_example(text: &str, lines: &Lines<'_>, span: &Range<usize>) -> String {
     let mut changed = text.to_owned();
     let end = lines.range(lines.line(span.end.max(1) - 1)).end;
@@ -533,13 +534,13 @@ fn uncommented(line: &str) -> String {
     format!("{}{}", &line[..before], text.strip_prefix(' ').unwrap_or(text))
 }
 
-/// Lines of a key without their `# `, with its value marked as an example: it is not the user's own yet.
+/// The lines of a key without their `# `. Its value is marked as an example, because it is not the user's own yet.
 fn taken(lines: &Lines<'_>, first: usize, last: usize) -> String {
     let text: String = (first..=last).map(|line| filled(&uncommented(&lines.text[lines.range(line)]))).collect();
     as_example(&text)
 }
 
-/// A line with zeros where a list is left blank, `[ , , ]`: fields to fill in.
+/// A line with zeros in place of the blanks of a list, `[ , , ]`.
 fn filled(line: &str) -> String {
     let Some((before, list)) = line.split_once("= [") else { return line.to_owned() };
     let Some((blanks, after)) = list.split_once(']') else { return line.to_owned() };
@@ -601,7 +602,7 @@ fn take_section(lines: &Lines<'_>, line: usize) -> Result<String, String> {
 }
 
 /// The text with a key of the template at the end of a section.
-fn key_from(template: &Lines<'_>, line: usize, text: &str, path: &[Step]) -> Result<String, String> {
+fn key_from(template: &Lines<'_>, line: usize, text: &str, path: &[PathStep]) -> Result<String, String> {
     let first = checked(template, line)?;
     let added = match offered_key(template, first) {
         Some((_, _, last)) => taken(template, first, last),
@@ -633,7 +634,7 @@ fn section_from(template: &str, line: usize, text: &str) -> Result<String, Strin
     Ok(with_added(text, text.len(), &format!("{gap}{added}")))
 }
 
-/// Lines of a section that was just taken: up to the next empty line, or the next header, commented out or not.
+/// The lines of a section that was just added: up to the next empty line or the next header, commented out or not.
 fn offered_lines_after(lines: &Lines<'_>, header: usize) -> Range<usize> {
     let goes_on = |line: &usize| {
         let text = lines.get(*line);
@@ -649,9 +650,9 @@ fn with_added(text: &str, at: usize, added: &str) -> String {
     format!("{}{newline}{added}{end}{}", &text[..at], &text[at..])
 }
 
-/// The lines of each section at a path and inside it, in their order: from the header to the last value, with the comments right
+/// The lines of each section at a path and in it, in their order: from the header to the last value, with the comments directly
 /// after it.
-fn own_lines(text: &str, path: &[Step]) -> Vec<(Vec<Step>, Range<usize>)> {
+fn own_lines(text: &str, path: &[PathStep]) -> Vec<(Vec<PathStep>, Range<usize>)> {
     let lines = Lines::of(text);
     let sections = form(text).sections.into_iter().filter(|section| section.path.starts_with(path));
     let range = |section: &Section| {
@@ -663,18 +664,18 @@ fn own_lines(text: &str, path: &[Step]) -> Vec<(Vec<Step>, Range<usize>)> {
     sections.map(|section| (section.path.clone(), range(&section))).collect()
 }
 
-fn copy(text: &str, path: &[Step], name: &str) -> Result<String, String> {
+fn copy(text: &str, path: &[PathStep], name: &str) -> Result<String, String> {
     let Some((last, before)) = path.split_last() else { return Err(GONE.to_owned()) };
     let lines = Lines::of(text);
     let own = own_lines(text, path);
     let end = own.last().ok_or(GONE)?.1.end;
     let mut taken = before.to_owned();
-    if matches!(last, Step::Key(_)) {
+    if matches!(last, PathStep::Key(_)) {
         let is_name = |c: char| c.is_alphanumeric() || "_-.[] #$".contains(c);
         if name.trim().is_empty() || !name.chars().all(is_name) {
             return Err(format!("{name:?} cannot be a name: expected letters, digits and _"));
         }
-        taken.push(Step::Key(name.to_owned()));
+        taken.push(PathStep::Key(name.to_owned()));
         if !own_lines(text, &taken).is_empty() {
             return Err(format!("`{name}` is in the file already: choose another name"));
         }
@@ -684,12 +685,12 @@ fn copy(text: &str, path: &[Step], name: &str) -> Result<String, String> {
         let header = lines.get(range.start);
         added.push('\n');
         match last {
-            Step::Key(_) => {
+            PathStep::Key(_) => {
                 let steps = taken.iter().chain(&section[path.len()..]).cloned();
                 let comment = header.find('#').filter(|_| !header.contains('"')).map_or("", |at| &header[at..]);
                 added += format!("[{}] {comment}", header_of(steps)).trim_end();
             }
-            Step::Index(_) => added += header,
+            PathStep::Index(_) => added += header,
         }
         added.push('\n');
         for line in range.start + 1..range.end {
@@ -703,17 +704,17 @@ fn copy(text: &str, path: &[Step], name: &str) -> Result<String, String> {
 }
 
 /// Keys with points between, quoted where they must be.
-fn header_of(steps: impl Iterator<Item = Step>) -> String {
+fn header_of(steps: impl Iterator<Item = PathStep>) -> String {
     let keys: Vec<String> = steps
         .map(|step| match step {
-            Step::Key(key) => toml_edit::Key::new(key).display_repr().into_owned(),
-            Step::Index(at) => at.to_string(),
+            PathStep::Key(key) => toml_edit::Key::new(key).display_repr().into_owned(),
+            PathStep::Index(at) => at.to_string(),
         })
         .collect();
     keys.join(".")
 }
 
-fn remove(text: &str, path: &[Step]) -> Result<String, String> {
+fn remove(text: &str, path: &[PathStep]) -> Result<String, String> {
     let own = own_lines(text, path);
     if own.is_empty() || path.is_empty() {
         return Err(GONE.to_owned());
@@ -729,7 +730,7 @@ fn remove(text: &str, path: &[Step]) -> Result<String, String> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used)] // a failure is a failed test
 mod tests {
-    use super::{Edit, OfferSource, Shown, Step, form, form_with};
+    use super::{Edit, OfferSource, PathStep, Shown, form, form_with};
 
     const CELL: &str = r#"# A cell.
 [robot]
@@ -757,8 +758,10 @@ tcp_mm = [0.0, 0.0, 310.0] # << tooldata
 units = "mm"  # << where the file does not say: mm | inch
 "#;
 
-    fn path(text: &str) -> Vec<Step> {
-        text.split('.').map(|step| step.parse().map_or_else(|_| Step::Key(step.to_owned()), Step::Index)).collect()
+    fn path(text: &str) -> Vec<PathStep> {
+        text.split('.')
+            .map(|step| step.parse().map_or_else(|_| PathStep::Key(step.to_owned()), PathStep::Index))
+            .collect()
     }
 
     fn set(text: &str, at: &str, value: &str) -> Result<String, String> {
@@ -865,7 +868,7 @@ units = "mm"  # << where the file does not say: mm | inch
         let added = "\n[tools.\"t[2]\"]\ntcp_mm = [0.0, 0.0, 310.0] # << tooldata\n\n[tools.\"t[2]\".cutter]\nunits = \"mm\"  # << where the file does not say: mm | inch\n";
         assert_eq!(copied, format!("{CELL}{added}"));
         assert!(Edit::Copy { path: path("tools.tMill"), name: "tMill".to_owned() }.apply(CELL, "").is_err());
-        let removed = Edit::Remove { path: vec![Step::Key("tools".into()), Step::Key("t[2]".into())] }
+        let removed = Edit::Remove { path: vec![PathStep::Key("tools".into()), PathStep::Key("t[2]".into())] }
             .apply(&copied, "")
             .unwrap();
         assert_eq!(removed, format!("{CELL}\n\n"));

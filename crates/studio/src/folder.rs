@@ -1,4 +1,4 @@
-//! The folder that the window shows: what is in it, and files read and written whole.
+//! The folder that the window shows: its listing, and files that are read and written as a whole.
 
 use crate::name::Name;
 use crate::refused::Refused;
@@ -11,24 +11,24 @@ use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
-/// Largest file that the window takes, bytes: a program of some two million targets.
+/// Largest file that can be added, bytes: a program of about two million targets.
 pub(crate) const LARGEST_FILE: u64 = 256 << 20;
 /// Largest file that the window shows as text, bytes.
 pub(crate) const LARGEST_SHOWN: u64 = 64 << 20;
-/// Most files that are listed.
+/// Largest number of files that are listed.
 const MOST_FILES: usize = 5000;
-/// Folders in each other that are looked through.
+/// Largest depth of the folders that are listed.
 const DEEPEST: usize = 4;
 
 /// A file of the folder.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Entry {
     name: Name,
-    /// Bytes.
+    /// Size, bytes.
     size: u64,
-    /// Seconds since 1970.
+    /// Time of the last change, seconds since 1970.
     modified_s: u64,
-    /// Of a small file, its beginning: the page tells cells and tables apart by it.
+    /// The beginning of a small file, from which the page recognises cells and tables.
     head: String,
 }
 
@@ -36,17 +36,17 @@ pub(crate) struct Entry {
 #[derive(Clone, Debug, Default, Serialize)]
 pub(crate) struct Listing {
     files: Vec<Entry>,
-    /// Files that are there and not listed: hidden ones do not count.
+    /// Number of further files that are not listed. Hidden files do not count.
     left_out: usize,
 }
 
-/// Bytes of a file's beginning that a listing has.
+/// Number of bytes of a file's beginning in the listing.
 const HEAD: u64 = 400;
 
 /// A file as it was read.
 pub(crate) struct Content {
     pub(crate) bytes: Vec<u8>,
-    /// Changes with each write.
+    /// The version, which changes with each write.
     pub(crate) version: String,
 }
 
@@ -57,7 +57,7 @@ pub(crate) enum Expected {
     Nothing,
     /// The file as it was read, by its version.
     Version(String),
-    /// Whatever is there is replaced.
+    /// Any file is replaced.
     Anything,
 }
 
@@ -78,7 +78,7 @@ impl Folder {
         &self.root
     }
 
-    /// Where a file that exists really is: links are followed, and must end inside the folder.
+    /// The real path of an existing file. Links are followed, and must end inside the folder.
     pub(crate) fn existing(&self, name: &Name) -> Result<PathBuf, Refused> {
         let path = fs::canonicalize(self.join(name)).map_err(|error| Refused::of(name, &error))?;
         if !path.starts_with(&self.root) {
@@ -88,7 +88,7 @@ impl Folder {
         Ok(path)
     }
 
-    /// Whether a file that a run writes is inside the folder: what there is of its path may not lead out by a link.
+    /// Whether a file that a run writes is inside the folder: no existing part of its path may lead out by a link.
     pub(crate) fn is_inside(&self, name: &Name) -> Result<(), Refused> {
         let mut path = self.root.clone();
         for part in name.parts() {
@@ -112,7 +112,7 @@ impl Folder {
         name.parts().fold(self.root.clone(), |path, part| path.join(part))
     }
 
-    /// Where a file is to be written: its folders are made, and links among them must stay inside.
+    /// The real path of a file to be written. Its folders are created, and links among them must stay inside the folder.
     fn writable(&self, name: &Name) -> Result<PathBuf, Refused> {
         let refused = |error: io::Error| Refused::of(name, &error);
         let mut folder = self.root.clone();
@@ -179,7 +179,7 @@ impl Folder {
     pub(crate) fn read(&self, name: &Name, most: u64) -> Result<Content, Refused> {
         let path = self.existing(name)?;
         let refused = |error: io::Error| Refused::of(name, &error);
-        // A pipe or a device under such a name may never end.
+        // Reading a pipe or a device with such a name might never end.
         if !fs::metadata(&path).map_err(refused)?.is_file() {
             return Err(Refused::new(StatusCode::FORBIDDEN, format!("{name} is not a file")));
         }
@@ -193,7 +193,7 @@ impl Folder {
         Ok(Content { bytes, version })
     }
 
-    /// Writes a file whole or not at all, and gives its new version.
+    /// Writes a file completely or not at all, and returns its new version.
     pub(crate) async fn write(&self, name: &Name, mut body: Body, expected: &Expected) -> Result<String, Refused> {
         let path = self.writable(name)?;
         let refused = |error: io::Error| Refused::of(name, &error);
@@ -238,14 +238,14 @@ impl Folder {
     }
 }
 
-/// Removes what servers that were killed had begun to write.
+/// Removes the unfinished files of servers that were killed.
 fn sweep(folder: &Path, depth: usize) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let Ok(metadata) = entry.metadata() else { continue };
         if metadata.is_dir() && depth > 1 {
             sweep(&entry.path(), depth - 1);
         } else if metadata.is_file() && entry.file_name().as_encoded_bytes().starts_with(STAGED.as_bytes()) {
-            // Another window may be writing one that is younger.
+            // Another window may be writing a younger one.
             let is_old = metadata.modified().is_ok_and(|time| time.elapsed().is_ok_and(|age| age > ABANDONED));
             if is_old {
                 // Nothing more can be done about a temporary file that stays.
@@ -255,12 +255,12 @@ fn sweep(folder: &Path, depth: usize) {
     }
 }
 
-/// How the names of files begin that are not written whole yet.
+/// The beginning of the names of unfinished files.
 const STAGED: &str = ".deflex-studio-";
-/// No upload takes as long.
+/// Age of an unfinished file, beyond which no upload can still be writing it.
 const ABANDONED: Duration = Duration::from_secs(3600);
 
-/// The beginning of a file, as far as it is text.
+/// The beginning of a file, up to the first bytes that are no text.
 fn head(path: &Path) -> io::Result<String> {
     let mut bytes = Vec::new();
     File::open(path)?.take(HEAD).read_to_end(&mut bytes)?;
@@ -278,7 +278,7 @@ fn version(metadata: &Metadata) -> String {
     format!("\"{:x}-{:x}\"", metadata.len(), since.map_or(0, |since| since.as_nanos()))
 }
 
-/// A hidden file that goes when this goes.
+/// A hidden file that is removed when this value is dropped.
 struct Staged {
     path: PathBuf,
     file: File,

@@ -1,4 +1,4 @@
-//! Who is let in: the page that this server itself has sent, in a browser of the user who started it.
+//! Which requests are accepted: those of the page that this server itself has sent, in a browser of the user who started it.
 //!
 //! - Another machine does not reach the loopback address. A web page that rebinds its own name to it sends that name as `Host`.
 //! - Another web page that calls the address is named by `Origin`, and has no key: keys travel in a header of their own, never in a
@@ -20,16 +20,16 @@ use tokio::sync::Semaphore;
 
 /// The header that carries the key.
 pub(crate) const KEY: &str = "x-deflex-key";
-/// Requests that are answered at once; more than a browser sends, which has six connections.
+/// Largest number of requests that are answered at once. A browser has six connections and sends fewer.
 const MOST_REQUESTS: usize = 32;
-/// Addresses of pages that are kept for frames to load.
+/// Largest number of addresses that are kept for frames.
 const MOST_TICKETS: usize = 32;
 
 /// Scripts, styles and calls of the page itself, and frames with the pages of results; nothing from anywhere else.
 const PAGE_POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; \
                            frame-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; \
                            require-trusted-types-for 'script'";
-/// Of a result: it runs its own scripts, which its own policy names one by one, in an origin of its own.
+/// The policy of a result. It runs in an origin of its own, with its own scripts, each of which its own policy names.
 pub(crate) const RESULT_POLICY: &str = "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; \
                                         style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'; \
                                         frame-ancestors 'self'";
@@ -39,7 +39,7 @@ pub(crate) const RESULT_POLICY: &str = "sandbox allow-scripts; default-src 'none
 pub(crate) struct Keys {
     session: String,
     once: String,
-    /// Whether the key that works once has not been used.
+    /// Whether the key that works once is still unused.
     fresh: Mutex<bool>,
     tickets: Mutex<VecDeque<(String, crate::name::Name)>>,
     requests: Semaphore,
@@ -104,7 +104,7 @@ fn same(a: &str, b: &str) -> bool {
     a.len() == b.len() && a.bytes().zip(b.bytes()).fold(0, |differ, (a, b)| differ | (a ^ b)) == 0
 }
 
-/// Lets a request through, or refuses it; and says in each answer what a browser may do with it.
+/// Accepts or refuses a request, and states in each answer what a browser may do with it.
 pub(crate) async fn guard(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
     let admitted = admit(&shared, &request);
     let mut response = match (admitted, shared.keys.requests.try_acquire()) {
@@ -158,7 +158,7 @@ fn admit(shared: &Shared, request: &Request) -> Result<(), Refused> {
     Ok(())
 }
 
-/// The value of a header that is there once.
+/// The value of a header, if it occurs exactly once.
 fn only(headers: &HeaderMap, name: header::HeaderName) -> Option<&str> {
     let mut all = headers.get_all(name).iter();
     let value = all.next()?.to_str().ok()?;

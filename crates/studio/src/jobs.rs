@@ -1,4 +1,4 @@
-//! Runs: each is a process of its own, followed line by line.
+//! Runs of the command. Each is a process of its own, whose output is read line by line.
 
 use crate::refused::Refused;
 use crate::run::{Call, Run, command_line};
@@ -15,23 +15,23 @@ use tokio::io::{AsyncBufReadExt, AsyncReadExt, BufReader};
 use tokio::process::{Child, Command};
 use tokio::sync::{broadcast, oneshot};
 
-/// Runs at once: each takes every core that it gets.
+/// Largest number of runs at once: each uses all cores.
 const MOST_RUNNING: usize = 4;
-/// Runs that are remembered.
+/// Largest number of runs that are remembered.
 const MOST_KEPT: usize = 200;
-/// Bytes of stdout that are kept: an inspection of a hundred thousand kept statements.
+/// Largest number of bytes of stdout that are kept: enough for an inspection with a hundred thousand kept statements.
 const MOST_OUTPUT: u64 = 8 << 20;
-/// Lines of stderr that are kept; the command itself stops at 50 messages.
+/// Largest number of lines of stderr that are kept. The command itself stops at 50 messages.
 const MOST_MESSAGES: usize = 500;
 /// Longest line of stderr, bytes.
 const LONGEST_LINE: u64 = 256 << 10;
-/// Events that may wait for a slow page; beyond, it reads the list anew.
-const MOST_BEHIND: usize = 1024;
+/// Largest number of events that wait for a slow page. Beyond it, the page reads the list again.
+const MOST_WAITING: usize = 1024;
 /// How long a run may take to end after it was interrupted, until it is killed. On Windows it is killed at once.
 #[cfg(unix)]
 const PATIENCE: std::time::Duration = std::time::Duration::from_secs(5);
 
-/// How a run stands.
+/// The state of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum RunState {
@@ -51,13 +51,13 @@ pub(crate) struct Job {
     run: Run,
     #[serde(flatten)]
     call: Call,
-    /// What does the same in a shell.
+    /// The same command for a shell.
     command_line: String,
     state: RunState,
-    /// Exit code, where it ended by itself.
+    /// Exit code, if it ended by itself.
     code: Option<i32>,
     seconds: f64,
-    /// What it said, oldest first.
+    /// Its messages, the oldest first.
     messages: Vec<Value>,
     stdout: String,
 }
@@ -66,7 +66,7 @@ pub(crate) struct Job {
 struct Inner {
     last: u64,
     jobs: VecDeque<Job>,
-    /// Ends a run that goes on.
+    /// Ends a run that is still going on.
     cancel: Vec<(u64, oneshot::Sender<()>)>,
 }
 
@@ -81,25 +81,25 @@ pub(crate) struct Jobs {
 
 impl Jobs {
     pub(crate) fn new(program: PathBuf, folder: PathBuf) -> Self {
-        Self { program, folder, inner: Arc::default(), events: broadcast::channel(MOST_BEHIND).0 }
+        Self { program, folder, inner: Arc::default(), events: broadcast::channel(MOST_WAITING).0 }
     }
 
     fn inner(&self) -> MutexGuard<'_, Inner> {
-        // Each change is made whole.
+        // No change can be left half made, so a poisoned lock is safe to use.
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What happens from here on.
+    /// Receives the events from now on.
     pub(crate) fn events(&self) -> broadcast::Receiver<String> {
         self.events.subscribe()
     }
 
-    /// All that are remembered, as JSON.
+    /// All remembered runs, as JSON.
     pub(crate) fn list(&self) -> Value {
         json!({ "jobs": self.inner().jobs })
     }
 
-    /// One of them.
+    /// One of the runs.
     pub(crate) fn get(&self, id: u64) -> Option<Job> {
         self.inner().jobs.iter().find(|job| job.id == id).cloned()
     }
@@ -150,16 +150,16 @@ impl Jobs {
         command
     }
 
-    /// Ends a run that goes on.
+    /// Ends a run that is still going on.
     pub(crate) fn cancel(&self, id: u64) -> bool {
         let mut inner = self.inner();
         let Some(at) = inner.cancel.iter().position(|(other, _)| *other == id) else { return false };
-        // A run that has ended in the meantime listens no more.
+        // A run that has ended in the meantime no longer receives this.
         inner.cancel.swap_remove(at).1.send(()).is_ok()
     }
 
     fn tell(&self, event: &Value) {
-        // No page listens, if none is open.
+        // Sending fails if no page is open, which is no error.
         let _ = self.events.send(event.to_string());
     }
 
@@ -170,7 +170,7 @@ impl Jobs {
             let mut bytes = Vec::new();
             if let Some(mut stdout) = stdout {
                 let _ = (&mut stdout).take(MOST_OUTPUT).read_to_end(&mut bytes).await;
-                // A pipe that is no longer read would stop the run.
+                // The pipe is read to its end, because a full pipe would block the run.
                 let _ = tokio::io::copy(&mut stdout, &mut tokio::io::sink()).await;
             }
             String::from_utf8_lossy(&bytes).into_owned()
@@ -184,7 +184,7 @@ impl Jobs {
             let mut cancelled = cancelled;
             tokio::select! {
                 status = child.wait() => (status, false),
-                // Without a sender no user ends it.
+                // If the sender is gone, no user can end the run any more.
                 Ok(()) = &mut cancelled => (interrupt(&mut child).await, true),
             }
         };
@@ -208,7 +208,7 @@ impl Jobs {
                 .ok()
                 .filter(Value::is_object)
                 .unwrap_or_else(|| json!({ "severity": "line", "message": text }));
-            // Progress is shown and not kept.
+            // Progress is passed on, and not kept.
             if message.get("progress").is_none() {
                 let mut inner = self.inner();
                 let job = inner.jobs.iter_mut().find(|job| job.id == id);
@@ -240,7 +240,7 @@ impl Jobs {
     }
 }
 
-/// How a run has ended.
+/// The end of a run.
 struct Ended {
     seconds: f64,
     stdout: String,
@@ -249,14 +249,14 @@ struct Ended {
     was_cancelled: bool,
 }
 
-/// Ends a run as Ctrl-C does, so that it removes what it has begun; a run that does not end is killed. On Windows it is killed: what
-/// it has begun has no name yet, and the next run removes it.
+/// Ends a run as Ctrl-C does, so that it removes its unfinished files. A run that does not end is killed. On Windows a run is
+/// killed at once: its unfinished files have no final name yet, and the next run removes them.
 async fn interrupt(child: &mut Child) -> io::Result<ExitStatus> {
     #[cfg(unix)]
     {
         use nix::sys::signal::{Signal, kill};
         use nix::unistd::Pid;
-        // A process that was waited for has no number any more.
+        // A process that has been waited for has no process id any more.
         if let Some(number) = child.id().and_then(|number| i32::try_from(number).ok()) {
             let _ = kill(Pid::from_raw(number), Signal::SIGINT);
         }

@@ -1,12 +1,12 @@
-//! The window of deflex: a server of one folder on the loopback address, for people who have no shell.
+//! The window of deflex: a server of one folder on the loopback address, for people who do not use a shell.
 //!
-//! It knows nothing of robots. A run is the command itself: the server starts the program that it is given ([`Options::program`])
-//! in the folder, with the arguments that it shows to the user, and passes on what the program writes to stderr. So the files are
-//! those of the command line, and a run that fails ends alone.
+//! The crate knows nothing of robots. A run is a run of the command itself: the server starts the program [`Options::program`] in
+//! the folder, with the arguments that it shows to the user, and passes on what the program writes to stderr. So the files are
+//! those of the command line, and a run that fails does not affect the server.
 //!
-//! Only one user is served, and only from the page that the server itself sends. Every call needs a random key, `Host` and `Origin`
-//! must be those of the address, names lead nowhere out of the folder, and the browser sends typed values from which the server
-//! builds the arguments.
+//! The server serves one user, and only the page that it sends itself. Every call needs a random key. `Host` and `Origin` must be
+//! those of the address. No name leads out of the folder. The browser sends typed values, and the server builds the arguments
+//! from them.
 
 mod assets;
 mod cell;
@@ -27,21 +27,21 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use thiserror::Error;
 
-/// What to serve, and with what.
+/// The options of a server.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// The folder that the window shows; no file outside of it is read or written.
     pub folder: PathBuf,
     /// TCP port on the loopback address; 0 takes a free one.
     pub port: u16,
-    /// The program that runs are made with: deflex itself.
+    /// The program that makes the runs: deflex itself.
     pub program: PathBuf,
-    /// What the page shows of the program: `version`, `robots`, `materials`, `languages` and `columns`. `template` is a cell file with
-    /// all that one may have, commented out or not.
+    /// The lists that the page shows: `version`, `robots`, `materials`, `languages` and `columns`. `template` is a cell file with
+    /// every possible key, commented out or not.
     pub facts: serde_json::Value,
 }
 
-/// Why there is no window.
+/// Why the window cannot be opened.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -50,7 +50,7 @@ pub enum Error {
     Folder {
         /// The folder.
         path: PathBuf,
-        /// What the system says.
+        /// The error of the system.
         cause: io::Error,
     },
     /// The port cannot be listened on.
@@ -58,7 +58,7 @@ pub enum Error {
     Port {
         /// The port.
         port: u16,
-        /// What the system says.
+        /// The error of the system.
         cause: io::Error,
     },
     /// The system gives no random numbers, or no threads.
@@ -66,7 +66,7 @@ pub enum Error {
     System(String),
 }
 
-/// What all requests share.
+/// The data that all requests share.
 #[derive(Debug)]
 struct Shared {
     folder: Folder,
@@ -76,7 +76,7 @@ struct Shared {
     port: u16,
 }
 
-/// A window that is open: its port is taken, and it answers as soon as [`Studio::serve`] runs.
+/// An open window. Its port is taken, and it answers as soon as [`Studio::serve`] runs.
 #[derive(Debug)]
 pub struct Studio {
     listener: TcpListener,
@@ -106,8 +106,8 @@ impl Studio {
         self.address_with(self.shared.keys.session())
     }
 
-    /// The address that a browser is started with. Other users of the machine may see the arguments of a process, so its key works
-    /// once.
+    /// The address with which a browser is started. Its key works once, because other users of the machine may see the arguments
+    /// of a process.
     #[must_use]
     pub fn address_once(&self) -> String {
         self.address_with(self.shared.keys.once())

@@ -1,19 +1,19 @@
-//! Names of files in the folder, as the browser sends them.
+//! The names of files in the folder, as the browser sends them.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// The name of a file in the folder: a relative path with `/` between its parts, which leads nowhere out of the folder and reads
-/// as no option of a command. The same names are taken on every system, so that a folder can move between them.
+/// The name of a file in the folder: a relative path with `/` between its parts. It does not lead out of the folder, and cannot
+/// be read as an option of a command. The same names are accepted on every system, so that a folder can move between systems.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(try_from = "String")]
 pub(crate) struct Name(String);
 
 /// Longest name, bytes: Windows takes paths of 260 characters.
 const LONGEST: usize = 200;
-/// Most folders in each other.
+/// Largest depth of folders.
 const DEEPEST: usize = 8;
-/// Names that Windows gives to devices, in every folder and with any ending.
+/// The names of devices on Windows, which hold in every folder and with any ending.
 const DEVICES: [&str; 6] = ["con", "prn", "aux", "nul", "conin$", "conout$"];
 
 impl Name {
@@ -75,7 +75,7 @@ impl TryFrom<String> for Name {
     }
 }
 
-/// Characters that steer a terminal or a text's direction, and those that Windows takes in no name.
+/// Characters that control a terminal or the direction of a text, and those that Windows accepts in no name.
 fn is_refused(c: char) -> bool {
     c.is_control()
         || "\\:*?\"<>|".contains(c)

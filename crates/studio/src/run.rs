@@ -1,12 +1,12 @@
-//! What can be run: a list of commands with typed options, from which the arguments are built here. The browser never sends a
-//! command line.
+//! The runs that the window offers: a list of commands with typed options, from which this module builds the arguments. The
+//! browser never sends a command line.
 
 use crate::name::Name;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::num::NonZeroU32;
 
-/// A number that an option takes: finite and above zero, as it was typed.
+/// A number for an option, as it was typed: finite and above zero.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "String")]
 pub(crate) struct Positive(String);
@@ -55,7 +55,7 @@ impl fmt::Display for Word {
     }
 }
 
-/// Where a cell comes from.
+/// The source of a new cell.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) enum Origin {
@@ -67,7 +67,7 @@ pub(crate) enum Origin {
     Backup(Name),
 }
 
-/// Where corrected programs go.
+/// The destination of corrected programs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) enum Destination {
@@ -77,7 +77,7 @@ pub(crate) enum Destination {
     Folder(Name),
 }
 
-/// A program and what was measured on it.
+/// A program and the rows that were measured on it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Measured {
@@ -99,16 +99,16 @@ pub(crate) struct Reading {
     free_spin: bool,
 }
 
-/// What becomes of CL data that is posted.
+/// How CL data are posted.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) struct Posting {
     language: Option<Word>,
-    /// Largest module, targets.
+    /// Largest number of targets in a module.
     max_targets: Option<NonZeroU32>,
     /// Speed of rapid travel, mm/s.
     rapid_speed: Option<Positive>,
-    /// Speed of moves without one, mm/s.
+    /// Speed of moves without a feed, mm/s.
     feed: Option<Positive>,
 }
 
@@ -116,18 +116,18 @@ pub(crate) struct Posting {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "command", rename_all = "kebab-case", rename_all_fields = "kebab-case", deny_unknown_fields)]
 pub(crate) enum Run {
-    /// What is understood of programs; writes nothing.
+    /// Shows what deflex understands of programs; writes nothing.
     Inspect { programs: Vec<Name> },
-    /// Reads a cell, so that what is wrong with it is reported; writes nothing.
+    /// Reads a cell to report its errors; writes nothing.
     Pose { cell: Name },
-    /// A cell to start from.
+    /// Writes a cell to start from.
     Init {
         origin: Origin,
         output: Name,
         /// The last link of a robot description.
         tip: Option<Word>,
     },
-    /// The error that the cell would cut.
+    /// Predicts the errors of programs.
     Predict {
         programs: Vec<Name>,
         cell: Name,
@@ -140,7 +140,7 @@ pub(crate) enum Run {
         /// A name of its own for the results.
         results: Option<Word>,
     },
-    /// Corrected programs.
+    /// Corrects programs.
     Compensate {
         programs: Vec<Name>,
         cell: Name,
@@ -161,7 +161,7 @@ pub(crate) enum Run {
         #[serde(default)]
         allow_clones: bool,
     },
-    /// A verdict.
+    /// Checks programs.
     Check {
         programs: Vec<Name>,
         cell: Name,
@@ -172,31 +172,31 @@ pub(crate) enum Run {
         max_path_error: Option<Positive>,
         max_jump: Option<Positive>,
         max_correction: Option<Positive>,
-        /// Judge no ways between targets.
+        /// Judge the targets, and not the paths between them.
         #[serde(default)]
         at_targets: bool,
         #[serde(default)]
         allow_unjudged: bool,
     },
-    /// The part as it will be cut.
+    /// Simulates the part as it will be cut.
     Simulate {
         programs: Vec<Name>,
         cell: Name,
         #[serde(default)]
         reading: Reading,
         against: Option<Name>,
-        /// Nominal points to tell the deviation at.
+        /// Nominal points at which the deviation is computed.
         probe: Option<Name>,
     },
-    /// What differs between two programs.
+    /// Compares two programs.
     Diff { original: Name, corrected: Name },
-    /// The effect that the cell lacks.
+    /// Finds the effect that the cell lacks.
     Identify {
         #[serde(default)]
         runs: Vec<Measured>,
         #[serde(default)]
         poses: Vec<Name>,
-        /// Programs with the log of the controller's axes; from two on.
+        /// At least two programs, each with the log of the controller's axes.
         #[serde(default)]
         logs: Vec<Measured>,
         cell: Name,
@@ -210,7 +210,7 @@ pub(crate) enum Run {
         #[serde(default)]
         sparse: bool,
     },
-    /// What to measure.
+    /// Plans a measurement.
     Plan {
         cell: Name,
         rows: u16,
@@ -227,7 +227,7 @@ pub(crate) enum Run {
     },
 }
 
-/// The arguments of a run, and what it writes.
+/// The arguments of a run, and the files that it writes.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub(crate) struct Call {
     /// After the program's own name.

@@ -156,7 +156,7 @@ class Arm:
         self.rows = rows
 
     def gears(self, command, torque, times):
-        """Motor angles behind the gears (seen from the motors), with all that gears do. `torque` from the arm on each, N m."""
+        """Angles after the gears, in motor coordinates, with everything that gears do. `torque` from the arm on each, N m."""
         n, k = self.n, np.array(self.robot.stiffness)
         soft = np.broadcast_to(self.softness, command.shape).copy()
         if self.robot.parallelogram:
@@ -287,7 +287,7 @@ class Arm:
         return (seen + self.plate(points_mm, force)) * 1e3
 
     def plate(self, points_mm, force):
-        """How far the part, pushed by the reaction, is behind where it was clamped: m, work object axes."""
+        """How far the reaction has pushed the part from where it was clamped: m, work object axes."""
         n = self.n["plate"]
         half = np.array([400.0, 450.0])
         u = points_mm[:, :2] / half

@@ -34,7 +34,7 @@ pub(in crate::cli) struct Pose {
     /// Axis angles, degrees: prints the TCP
     #[arg(long, value_name = "J1,…,J6", value_delimiter = ',', num_args = 1, allow_hyphen_values = true)]
     pub(in crate::cli) joints: Vec<f64>,
-    /// TCP as x,y,z,q1,q2,q3,q4, as x,y,z,A,B,C, or for a FANUC as x,y,z,W,P,R (mm, degrees): prints all axis angles that reach it
+    /// TCP: prints all axis angles that reach it. x,y,z in mm, then q1,q2,q3,q4, or A,B,C in degrees (W,P,R for a FANUC)
     #[arg(long, value_name = "X,Y,Z,…", value_delimiter = ',', num_args = 1, allow_hyphen_values = true)]
     pub(in crate::cli) target: Vec<f64>,
     /// Where the cell's mechanical units stand: positions of eax_a, eax_b, … (mm, degrees); 0 without it

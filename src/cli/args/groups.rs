@@ -47,7 +47,7 @@ pub(in crate::cli) struct Common {
     pub(in crate::cli) quiet: bool,
 }
 
-/// What of the cell and the cut a run takes.
+/// The options of a run that concern the cell and the cut.
 #[derive(Clone, Debug, Args)]
 pub(in crate::cli) struct Model {
     /// Cell file

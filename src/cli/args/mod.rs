@@ -28,7 +28,7 @@ pub(super) struct Cli {
 }
 
 /// Refuses an argument that is both an option and the name of a file. A shell replaces `*.mod` by names of files, so a
-/// file that somebody named `--forces=.h.mod` would set an option, and could make a check pass.
+/// file with the name `--forces=.h.mod` would set an option, and could make a check pass.
 pub(super) fn name_or_option(args: &[OsString]) -> Option<Diagnostic> {
     let options = args.iter().skip(1).take_while(|arg| *arg != "--");
     let mut doubtful = options.filter(|arg| arg.len() > 1 && arg.as_encoded_bytes().starts_with(b"-"));

@@ -182,12 +182,12 @@ fn read(folder: &Path, id: &str, user: u32) -> Result<Marker, Doubt> {
 }
 
 /// One folder's share of an unfinished set.
-struct Part {
+struct FolderShare {
     folder: PathBuf,
     files: Vec<Entry>,
 }
 
-impl Part {
+impl FolderShare {
     /// The temporary file of an entry and its target, after all checks; `None` if the temporary file no longer exists.
     fn proven(&self, entry: &Entry, id: &str, user: u32) -> Result<Option<Move>, Doubt> {
         let waits = entry.waits.within(&self.folder).ok_or("it names files of other folders")?;
@@ -241,7 +241,7 @@ pub(super) fn recover(here: &Path, id: &str, user: u32) {
 fn finish(here: &Path, id: &str, user: u32) -> Result<(), Doubt> {
     let here = fs::canonicalize(here).map_err(|_| "its folder cannot be read")?;
     let marker = read(&here, id, user)?;
-    let mut parts = vec![Part { folder: here, files: marker.files }];
+    let mut parts = vec![FolderShare { folder: here, files: marker.files }];
     let (mut turns, mut marked) = (Vec::new(), true);
     for folder in marker.folders.iter().map(Name::path) {
         // A folder that no longer exists contained its part of the set.
@@ -255,7 +255,7 @@ fn finish(here: &Path, id: &str, user: u32) -> Result<(), Doubt> {
         turns.push(turn);
         if exists(folder, id) {
             let files = read(folder, id, user)?.files;
-            parts.push(Part { folder: folder.to_owned(), files });
+            parts.push(FolderShare { folder: folder.to_owned(), files });
         } else {
             marked = false;
         }

@@ -8,6 +8,15 @@ use deflex::text::{Diagnostic, Source};
 use std::path::PathBuf;
 
 /// The files of one program, read and not yet parsed.
+///
+/// # Examples
+/// ```
+/// use deflex::cli::session::ProgramFiles;
+///
+/// let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
+/// println!("{}", program.name());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct ProgramFiles {
     /// Holds the texts in memory.
@@ -44,18 +53,42 @@ impl ProgramFiles {
     }
 
     /// Name of the program in messages and reports: the paths as they were given.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::cli::session::{CellFile, ProgramFiles, Run};
+    /// # let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
+    /// assert_eq!(program.name(), "samples/slot/slot.mod");
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn name(&self) -> &str {
         &self.job.name
     }
 
     /// Language of all its files.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::cli::session::{CellFile, ProgramFiles, Run};
+    /// # let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
+    /// assert_eq!(program.language(), deflex::program::Language::Rapid);
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn language(&self) -> Language {
         self.job.language
     }
 
     /// Texts of the files, in the order in which they were given.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::cli::session::{CellFile, ProgramFiles, Run};
+    /// # let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
+    /// assert_eq!(program.sources().len(), 1);
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn sources(&self) -> Vec<&Source> {
         self.job.texts.iter().filter_map(Text::source).collect()
@@ -67,12 +100,28 @@ impl ProgramFiles {
     }
 
     /// Names of the files in an output folder.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::cli::session::{CellFile, ProgramFiles, Run};
+    /// # let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
+    /// assert_eq!(program.names().len(), 1);
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn names(&self) -> &[PathBuf] {
         &self.job.files
     }
 
     /// Files that are copied into the output folder without a change: a `.pgf` list.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::cli::session::{CellFile, ProgramFiles, Run};
+    /// # let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
+    /// assert!(program.companions().is_empty()); // it has no .pgf list
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn companions(&self) -> &[(PathBuf, Vec<u8>)] {
         &self.job.companions

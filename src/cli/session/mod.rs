@@ -50,6 +50,14 @@ use std::sync::Arc;
 pub type Follow = dyn Fn(usize, u64) -> bool + Send + Sync;
 
 /// The cell and the options of a run.
+///
+/// # Examples
+/// ```
+/// use deflex::cli::session::{CellFile, Run};
+///
+/// let run = Run::new(CellFile::read("samples/slot/cell.toml".as_ref())?.into());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone)]
 pub struct Run {
     setup: Setup,

@@ -4,7 +4,7 @@ use crate::cli::setup::Setup;
 use deflex::correct::{CutProgress, Cuts, Options, Removal, cut_stock};
 use deflex::program::Program;
 use deflex::report::html::simulation_page;
-use deflex::report::{DeviationMap, MapFigures, SurfacePoint, map_cell, map_csv, stl};
+use deflex::report::{CutterAt, DeviationMap, MapFigures, SurfacePoint, map_cell, map_csv, stl};
 use deflex::stock::{Blank, Stock};
 use deflex::text::Diagnostic;
 use serde_json::{Value, json};
@@ -29,6 +29,8 @@ pub struct Simulated {
     actual: Vec<(&'static str, Removal)>,
     maps: Vec<(&'static str, DeviationMap)>,
     figures: Vec<(&'static str, MapFigures)>,
+    /// The cutter at the worst place of each map.
+    cutters: Vec<Option<CutterAt>>,
     /// Warnings and notes of the command.
     pub notes: Vec<Diagnostic>,
 }
@@ -94,10 +96,13 @@ impl Simulated {
         let nominal = setup.cell.cell.part.as_ref().and_then(|part| part.mesh.clone());
         let nominal = nominal.map(|mesh| Stock::new(Blank::Mesh(mesh), programmed.stock.spacing()));
         let (name, cell) = (name.to_owned(), setup.cell.name.clone());
-        let (maps, figures) = (Vec::new(), Vec::new());
-        let mut simulated = Self { name, cell, programmed, nominal, actual, maps, figures, notes };
+        let (maps, figures, cutters) = (Vec::new(), Vec::new(), Vec::new());
+        let mut simulated = Self { name, cell, programmed, nominal, actual, maps, figures, cutters, notes };
         simulated.maps = simulated.maps(1.0);
         simulated.figures = simulated.maps.iter().map(|(name, map)| (*name, map.figures())).collect();
+        let intended = original.unwrap_or(program);
+        let cutter = |(_, map): &(_, DeviationMap)| CutterAt::worst(map, intended, &setup.cell.cell);
+        simulated.cutters = simulated.maps.iter().map(cutter).collect();
         Ok(simulated)
     }
 
@@ -111,6 +116,17 @@ impl Simulated {
     }
 
     /// The stock that the program leaves.
+    ///
+    /// # Examples
+    /// ```no_run
+    /// # use deflex::cli::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
+    /// # let run = Run::new(CellFile::read("samples/stock/cell.toml".as_ref())?.into());
+    /// # let program = ProgramFiles::read(&["samples/stock/part.mod".into()], &[], None)?;
+    /// # let progress: std::sync::Arc<SimulationProgress> = std::sync::Arc::new(|_| true);
+    /// # let part = simulate(&program, None, &run, &progress)?;
+    /// println!("{:.1} cm³ removed", 1e6 * part.removal().stock.removed());
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn removal(&self) -> &Removal {
         // `of` always adds one.
@@ -118,38 +134,92 @@ impl Simulated {
     }
 
     /// Points of the cut surface with their deviations, mm.
+    ///
+    /// # Examples
+    /// ```no_run
+    /// # use deflex::cli::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
+    /// # let run = Run::new(CellFile::read("samples/stock/cell.toml".as_ref())?.into());
+    /// # let program = ProgramFiles::read(&["samples/stock/part.mod".into()], &[], None)?;
+    /// # let progress: std::sync::Arc<SimulationProgress> = std::sync::Arc::new(|_| true);
+    /// # let part = simulate(&program, None, &run, &progress)?;
+    /// let worst = part.points().into_iter().max_by(|a, b| a.deviation_mm.abs().total_cmp(&b.deviation_mm.abs()));
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn points(&self) -> Vec<SurfacePoint> {
         self.maps.last().map(|(_, map)| map.points()).unwrap_or_default()
     }
 
     /// The table that `--report` writes.
+    ///
+    /// # Examples
+    /// ```no_run
+    /// # use deflex::cli::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
+    /// # let run = Run::new(CellFile::read("samples/stock/cell.toml".as_ref())?.into());
+    /// # let program = ProgramFiles::read(&["samples/stock/part.mod".into()], &[], None)?;
+    /// # let progress: std::sync::Arc<SimulationProgress> = std::sync::Arc::new(|_| true);
+    /// # let part = simulate(&program, None, &run, &progress)?;
+    /// std::fs::write("deviations.csv", part.csv())?;
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn csv(&self) -> Vec<u8> {
         map_csv(&self.points())
     }
 
     /// The binary STL that `--stl` writes.
+    ///
+    /// # Examples
+    /// ```no_run
+    /// # use deflex::cli::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
+    /// # let run = Run::new(CellFile::read("samples/stock/cell.toml".as_ref())?.into());
+    /// # let program = ProgramFiles::read(&["samples/stock/part.mod".into()], &[], None)?;
+    /// # let progress: std::sync::Arc<SimulationProgress> = std::sync::Arc::new(|_| true);
+    /// # let part = simulate(&program, None, &run, &progress)?;
+    /// std::fs::write("part.stl", part.stl())?;
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn stl(&self) -> Vec<u8> {
         stl(&self.removal().stock.surface(map_cell(&self.programmed.stock)))
     }
 
     /// The page that `--html` writes.
+    ///
+    /// # Examples
+    /// ```no_run
+    /// # use deflex::cli::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
+    /// # let run = Run::new(CellFile::read("samples/stock/cell.toml".as_ref())?.into());
+    /// # let program = ProgramFiles::read(&["samples/stock/part.mod".into()], &[], None)?;
+    /// # let progress: std::sync::Arc<SimulationProgress> = std::sync::Arc::new(|_| true);
+    /// # let part = simulate(&program, None, &run, &progress)?;
+    /// std::fs::write("part.html", part.page())?;
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn page(&self) -> String {
         let triangles = self.maps.last().map_or(0, |(_, map)| map.programmed.triangles.len());
         let maps = self.maps((triangles as f64 / PAGE_TRIANGLES).sqrt().max(1.0));
-        simulation_page(&self.name, &self.cell, &maps, &self.figures)
+        simulation_page(&self.name, &self.cell, &maps, &self.figures, &self.cutters)
     }
 
     /// The text that the command prints.
+    ///
+    /// # Examples
+    /// ```no_run
+    /// # use deflex::cli::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
+    /// # let run = Run::new(CellFile::read("samples/stock/cell.toml".as_ref())?.into());
+    /// # let program = ProgramFiles::read(&["samples/stock/part.mod".into()], &[], None)?;
+    /// # let progress: std::sync::Arc<SimulationProgress> = std::sync::Arc::new(|_| true);
+    /// # let part = simulate(&program, None, &run, &progress)?;
+    /// print!("{}", part.text());
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn text(&self) -> String {
-        let line = |(which, f): &(&str, MapFigures)| {
+        let row = |(which, f): &(&str, MapFigures)| {
             format!(
-                "{}, {which}: deviation rms {:.4} mm, mean {:.4}, largest {:.4}; gouge at most {:.4} ({:.1} % of the surface), left over at most {:.4} ({:.1} %)\n",
-                self.name,
+                "  {which:9} {:8.4} {:8.4} {:8.4} {:14.4} {:10.1} % {:15.4} {:10.1} %\n",
                 f.rms_mm,
                 f.mean_mm,
                 f.max_mm,
@@ -159,13 +229,28 @@ impl Simulated {
                 100.0 * f.leftover.share
             )
         };
-        self.figures.iter().map(line).collect()
+        let rows: String = self.figures.iter().map(row).collect();
+        format!(
+            "{}: deviation of the surface, mm\n  {:9} {:>8} {:>8} {:>8} {:>14} {:>12} {:>15} {:>12}\n{rows}",
+            self.name, "", "rms", "mean", "max", "deepest gouge", "of surface", "most left over", "of surface"
+        )
     }
 
     /// The text that `--json` writes.
     ///
     /// # Errors
     /// It cannot be written as JSON.
+    ///
+    /// # Examples
+    /// ```no_run
+    /// # use deflex::cli::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
+    /// # let run = Run::new(CellFile::read("samples/stock/cell.toml".as_ref())?.into());
+    /// # let program = ProgramFiles::read(&["samples/stock/part.mod".into()], &[], None)?;
+    /// # let progress: std::sync::Arc<SimulationProgress> = std::sync::Arc::new(|_| true);
+    /// # let part = simulate(&program, None, &run, &progress)?;
+    /// std::fs::write("part.json", part.json()?)?;
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     pub fn json(&self) -> Result<String, Vec<Diagnostic>> {
         pretty(&self.summary())
     }

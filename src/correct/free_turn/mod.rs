@@ -48,6 +48,18 @@ pub(super) fn carried(context: Context<'_>) -> Result<Carried<'_>, Vec<Diagnosti
 }
 
 /// Whether the turns about the tool axis of a program have to be chosen.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// use deflex::correct::{Options, has_free_turns};
+///
+/// assert!(!has_free_turns(program.language, &cell, &Options::default()));
+/// assert!(has_free_turns(program.language, &cell, &Options { free_spin: true, ..Options::default() }));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[must_use]
 pub fn has_free_turns(language: Language, cell: &Cell, options: &Options) -> bool {
     match language {
@@ -75,6 +87,24 @@ fn choose(context: Context<'_>) -> Result<ChosenTurns, Vec<Diagnostic>> {
 ///
 /// # Errors
 /// See [`StreamError`].
+///
+/// # Examples
+/// ```
+/// # use deflex::cell::Cell;
+/// # use deflex::correct::{Options, Sinks, StreamError, Streamed};
+/// use deflex::correct::choose_turns;
+/// use deflex::program::rapid;
+///
+/// /// The options for the runs of a program whose turns about the tool axis are free.
+/// fn with_turns(cell: &Cell, options: Options) -> Result<Options, StreamError> {
+///     let file = std::fs::File::open("part.mod").map_err(StreamError::Read)?;
+///     let Some(chunks) = rapid::Chunks::new("part.mod", file, &[]).map_err(StreamError::Read)? else {
+///         return Err(StreamError::NotStreamable);
+///     };
+///     let turns = choose_turns(chunks, cell, &options)?;
+///     Ok(Options { turns, ..options })
+/// }
+/// ```
 pub fn choose_turns(
     mut chunks: impl ChunkReader,
     cell: &Cell,

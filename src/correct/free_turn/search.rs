@@ -30,7 +30,7 @@ const SETTLE: usize = 256;
 
 /// The step of a trajectory that is kept to trace it back.
 #[derive(Clone, Copy, Debug)]
-struct Step {
+struct TraceStep {
     /// Index of the step of the knot before.
     before: u32,
     /// Index of its [`PostureChoice`].
@@ -45,7 +45,7 @@ pub(super) struct Search<'a> {
     scales: Position,
     reached: Vec<(PostureChoice, f64)>,
     /// Steps of the knots after the settled ones.
-    back: Vec<Box<[Step]>>,
+    back: Vec<Box<[TraceStep]>>,
     /// Number of these knots that keep only steps of trajectories that are still open.
     pruned: usize,
     /// Indices of the states of the first knots, which all open trajectories share.
@@ -71,7 +71,7 @@ impl<'a> Search<'a> {
         if self.back.is_empty() {
             for (index, &(state, cost)) in states.iter().enumerate() {
                 reached.push((state, cost));
-                steps.push(Step { before: 0, state: narrow(index) });
+                steps.push(TraceStep { before: 0, state: narrow(index) });
             }
         } else {
             let lane = |state: &PostureChoice| self.lanes[usize::from(state.lane)];
@@ -107,7 +107,7 @@ impl<'a> Search<'a> {
                 }
                 if let Some((total, before)) = best {
                     reached.push((*state, total));
-                    steps.push(Step { before: narrow(before), state: narrow(index) });
+                    steps.push(TraceStep { before: narrow(before), state: narrow(index) });
                 }
             }
         }
@@ -140,7 +140,7 @@ impl<'a> Search<'a> {
                 // All steps before are those of open trajectories.
                 break;
             }
-            let mut kept: Box<[Step]> = live.iter().map(|index| steps[*index as usize]).collect();
+            let mut kept: Box<[TraceStep]> = live.iter().map(|index| steps[*index as usize]).collect();
             live = kept.iter().map(|step| step.before).collect();
             live.sort_unstable();
             live.dedup();
@@ -165,8 +165,8 @@ impl<'a> Search<'a> {
 }
 
 /// Indices of the states of the trajectory that ends with a step.
-fn way_back(back: &[Box<[Step]>], mut at: usize) -> Vec<u32> {
-    let mut step = |steps: &[Step]| {
+fn way_back(back: &[Box<[TraceStep]>], mut at: usize) -> Vec<u32> {
+    let mut step = |steps: &[TraceStep]| {
         let step = steps[at];
         at = step.before as usize;
         step.state

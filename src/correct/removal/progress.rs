@@ -11,6 +11,17 @@ pub struct CutProgress(Option<Arc<Receiver>>);
 
 impl CutProgress {
     /// A receiver that calls this function.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::correct::{CutProgress, Options};
+    ///
+    /// let progress = CutProgress::new(|share| {
+    ///     eprintln!("{:.0} %", 100.0 * share);
+    ///     true // goes on
+    /// });
+    /// let options = Options { cut_progress: progress, ..Options::default() };
+    /// ```
     pub fn new(receiver: impl Fn(f64) -> bool + Send + Sync + 'static) -> Self {
         Self(Some(Arc::new(receiver)))
     }

@@ -50,6 +50,16 @@ impl<R: Read> Chunks<R> {
     ///
     /// # Errors
     /// `input` cannot be read.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::program::cl::{Chunks, ClOptions};
+    ///
+    /// let text = std::fs::File::open("samples/blade/blade.aptsource")?;
+    /// let chunks = Chunks::new("blade.aptsource", text, &ClOptions::default())?;
+    /// println!("{}", if chunks.is_some() { "read in chunks" } else { "held as a whole" });
+    /// # Ok::<(), std::io::Error>(())
+    /// ```
     pub fn new(name: &str, input: R, options: &ClOptions) -> io::Result<Option<Self>> {
         Self::sized(name, input, options, CHUNK)
     }

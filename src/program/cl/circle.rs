@@ -3,7 +3,7 @@
 use super::arc::{Arc, Circle, Sense};
 use super::layout::{GroupSlot, Slot};
 use super::lex::Record;
-use super::motion::{Step, xyz_of};
+use super::motion::{TargetProperties, xyz_of};
 use super::reader::Reader;
 use super::refusal::{self, Outcome};
 use super::state::{Checked, Known, PendingArc};
@@ -134,8 +134,8 @@ impl Reader {
         group
     }
 
-    fn on_way(&self, slot: Slot, ahead: bool) -> Step {
-        Step { role: Role::Interpolated, ahead: u32::from(ahead), ..self.step(slot) }
+    fn on_way(&self, slot: Slot, ahead: bool) -> TargetProperties {
+        TargetProperties { role: Role::Interpolated, ahead: u32::from(ahead), ..self.step(slot) }
     }
 
     /// Checks an arc whose direction of travel is not stated, with the next position after it, which is reached straight. If that position is

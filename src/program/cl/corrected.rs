@@ -39,6 +39,18 @@ const OFF_MM: f64 = 1e-6;
 ///
 /// # Errors
 /// Decks of cards; statements that run more than once; a cycle whose feed cannot be stated in the file's unit.
+///
+/// # Examples
+/// ```
+/// use deflex::program::{Program, cl};
+/// use deflex::text::Diagnostic;
+///
+/// /// CL data with a corrected first point.
+/// fn corrected(program: &Program) -> Result<Vec<u8>, Vec<Diagnostic>> {
+///     let point = cl::CorrectedPoint { target: 0, position_mm: [0.0, 0.0, 0.1], axis: [0.0, 0.0, 1.0] };
+///     cl::write(program, &[point], &["corrected".to_owned()])
+/// }
+/// ```
 pub fn write(program: &Program, points: &[CorrectedPoint], title: &[String]) -> Result<Vec<u8>, Vec<Diagnostic>> {
     let (crate::program::Layout::Cl(layout), [source]) = (&program.layout, &program.sources[..]) else {
         let message = "the program is not one file of CL data";

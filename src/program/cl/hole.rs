@@ -9,7 +9,7 @@ use super::dialect::Dialect;
 use super::layout::{GroupSlot, Slot};
 use super::lex::{Record, Token, TokenKind};
 use super::modal::{Feed, Xyz, feed_unit};
-use super::motion::Step;
+use super::motion::TargetProperties;
 use super::reader::Reader;
 use super::refusal::{self, Outcome, Refusal};
 use super::state::Hole;
@@ -219,7 +219,7 @@ impl Reader {
         let at = |height: f64| add(mouth, scale(axis, height));
         let (on_way, rapid, fed) = (Slot::OnWay { group }, (true, None), (false, feed_mm_s));
         let go = |reader: &mut Self, point: [f64; 3], (rapid, feed_mm_s): (bool, Option<f64>)| {
-            let step = Step { role: Role::Interpolated, ahead: 0, slot: on_way, rapid, feed_mm_s };
+            let step = TargetProperties { role: Role::Interpolated, ahead: 0, slot: on_way, rapid, feed_mm_s };
             reader.push(record, point, step);
         };
 
@@ -253,7 +253,11 @@ impl Reader {
             drilled = depth;
         }
         let slot = Slot::GroupEnd { xyz, frame: self.frame, group };
-        self.push(record, at(-hole.depth), Step { role: Role::End, ahead: 0, slot, rapid: false, feed_mm_s });
+        self.push(
+            record,
+            at(-hole.depth),
+            TargetProperties { role: Role::End, ahead: 0, slot, rapid: false, feed_mm_s },
+        );
         if hole.dwell > 0.0 {
             self.machine.dwell(hole.dwell, record);
         }

@@ -52,6 +52,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// The options of the cell file for CL input (`[cl]`), in the units of the file.
+///
+/// # Examples
+/// ```
+/// use deflex::program::cl::{ClOptions, Units};
+///
+/// let options = ClOptions { units: Some(Units::Millimetre), ..ClOptions::default() };
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClOptions {
     /// Tool of the positions before the first tool number, and of all positions if `tools` is empty.

@@ -21,7 +21,7 @@ const UNIT_TRIPLE: f64 = 2e-3;
 
 /// The properties of a target other than its position.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Step {
+pub(super) struct TargetProperties {
     pub(super) role: Role,
     /// 1 for a point of a motion whose end is not counted yet.
     pub(super) ahead: u32,
@@ -217,7 +217,7 @@ impl Reader {
             None => slot,
         };
         let role = if end { Role::End } else { Role::Interpolated };
-        self.push(record, position, Step { role, ahead: u32::from(!end), ..self.step(slot) });
+        self.push(record, position, TargetProperties { role, ahead: u32::from(!end), ..self.step(slot) });
         let before = self.modal.position.replace(position);
         self.modal.fed = before.filter(|_| arc.is_none() && !self.modal.rapid).map(|before| sub(position, before));
         if end {
@@ -253,7 +253,7 @@ impl Reader {
                 if let [(_, printed)] = printed {
                     self.modal.axis = axis(*printed).ok_or(Reason::ToolAxisNotUnit)?;
                 }
-                (*step, Slot::Step { xyz: *xyz, frame: self.frame })
+                (*step, Slot::TargetProperties { xyz: *xyz, frame: self.frame })
             }
             _ => return Err(Reason::IncrementCount.into()),
         };
@@ -282,10 +282,10 @@ impl Reader {
     }
 
     /// The properties of a target in the modal state.
-    pub(super) fn step(&self, slot: Slot) -> Step {
+    pub(super) fn step(&self, slot: Slot) -> TargetProperties {
         let rapid = self.modal.rapid;
         let feed_mm_s = if rapid { None } else { self.modal.feed_mm_s() };
-        Step { role: Role::End, ahead: 0, slot, rapid, feed_mm_s }
+        TargetProperties { role: Role::End, ahead: 0, slot, rapid, feed_mm_s }
     }
 
     /// A printed position as that of the tip in the work object, mm; the tool axis is in the object's axes.
@@ -297,11 +297,11 @@ impl Reader {
         }
     }
 
-    pub(super) fn push(&mut self, record: Record, printed: [f64; 3], step: Step) {
+    pub(super) fn push(&mut self, record: Record, printed: [f64; 3], step: TargetProperties) {
         if self.machine.is_waiting() {
             self.take_in_hand(record);
         }
-        let Step { role, ahead, slot, rapid, feed_mm_s } = step;
+        let TargetProperties { role, ahead, slot, rapid, feed_mm_s } = step;
         if self.finished {
             self.refuse(record, refusal::BEHIND_END);
         }

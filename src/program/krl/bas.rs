@@ -1,7 +1,7 @@
 //! KUKA's routine BAS, and the settings that `WITH` makes for one motion.
 
 use super::calls::Argument;
-use super::eval::Place;
+use super::eval::VariablePath;
 use super::expression::{Expression, Setting};
 use super::names;
 use super::run::Runner;
@@ -55,7 +55,7 @@ impl<'a> Runner<'a> {
             Some(at) => (vec![Step::Element(at)], true),
             None => (Vec::new(), false),
         };
-        self.read(&Place { id, name: &name, steps, known })
+        self.read(&VariablePath { id, name: &name, steps, known })
     }
 
     /// The name of an element of such a table.
@@ -100,7 +100,7 @@ impl<'a> Runner<'a> {
                     let id = self.symbols.find(self.here(), &upper(switch));
                     self.state.values.insert(id, Value::Bool(false));
                 }
-                // What was in force before stays only where it was nothing but that.
+                // Base and tool stay as they are only if the program has not set them before.
                 let names = [
                     (self.symbols.base, self.symbols.base_name, "$BASE"),
                     (self.symbols.tool, self.symbols.tool_name, "$TOOL"),

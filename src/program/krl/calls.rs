@@ -1,6 +1,6 @@
 //! Assignments, calls, and the start values of data lists.
 
-use super::eval::Place;
+use super::eval::VariablePath;
 use super::expression::{Call, Expression, Setting};
 use super::names;
 use super::run::{MAX_CALLS, Runner};
@@ -14,7 +14,7 @@ use deflex_lang::walk::Stop;
 /// An argument of a call: its value, and the variable that has it.
 pub(super) struct Argument<'e> {
     pub(super) value: Value,
-    pub(super) path: Option<Place<'e>>,
+    pub(super) path: Option<VariablePath<'e>>,
 }
 
 impl<'a> Runner<'a> {
@@ -76,7 +76,7 @@ impl<'a> Runner<'a> {
     }
 
     /// Assigns a value. Base and tool also get the name of the frame that is assigned.
-    pub(super) fn assign(&mut self, path: &Place<'_>, value: Value, source: Option<String>) {
+    pub(super) fn assign(&mut self, path: &VariablePath<'_>, value: Value, source: Option<String>) {
         let is_followed =
             names::SETTLED.contains(&&path.name[..]) || names::MODELLED_SYSTEM_VARIABLES.contains(&&path.name[..]);
         if path.name.first() == Some(&b'$') && !is_followed {
@@ -274,7 +274,7 @@ impl<'a> Runner<'a> {
         param: usize,
         params: usize,
         changes: &Changes,
-        lent: &impl Fn(usize) -> Option<&'p Place<'p>>,
+        lent: &impl Fn(usize) -> Option<&'p VariablePath<'p>>,
     ) -> bool {
         let Some(path) = lent(param) else { return false };
         let twice = (0..params).any(|other| other != param && lent(other).is_some_and(|other| other.id == path.id));

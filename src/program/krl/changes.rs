@@ -1,6 +1,6 @@
 //! Finds the data that statements could change, without running the statements.
 
-use super::expression::{Call, Expression, Part, Path, Setting};
+use super::expression::{Call, Expression, ExpressionPart, Path, Setting};
 use super::names;
 use super::run::Runner;
 use super::state::Changes;
@@ -207,9 +207,11 @@ impl<'a> Runner<'a> {
         let (mut found, changed) = (false, self.changed_ids(changes));
         on.each(&mut |part| {
             found |= match part {
-                Part::Path(path) => path.name.first() == Some(&b'$') || changed.contains(&self.resolve(&path.name)),
-                Part::Call(_) => true,
-                Part::Other(_) => false,
+                ExpressionPart::Path(path) => {
+                    path.name.first() == Some(&b'$') || changed.contains(&self.resolve(&path.name))
+                }
+                ExpressionPart::Call(_) => true,
+                ExpressionPart::Other(_) => false,
             }
         });
         found

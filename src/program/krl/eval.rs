@@ -14,7 +14,7 @@ use std::rc::Rc;
 
 /// A variable, or a part of it.
 #[derive(Clone, Debug)]
-pub(super) struct Place<'e> {
+pub(super) struct VariablePath<'e> {
     pub(super) id: Id,
     pub(super) name: &'e Name,
     pub(super) steps: Vec<Step>,
@@ -93,8 +93,8 @@ impl<'a> Runner<'a> {
     }
 
     /// The variable, or part of one, that a path names.
-    pub(super) fn place<'e>(&mut self, path: &'e Path) -> Place<'e> {
-        let mut place = Place { id: self.resolve(&path.name), name: &path.name, steps: Vec::new(), known: true };
+    pub(super) fn place<'e>(&mut self, path: &'e Path) -> VariablePath<'e> {
+        let mut place = VariablePath { id: self.resolve(&path.name), name: &path.name, steps: Vec::new(), known: true };
         for step in &path.steps {
             match step {
                 PathStep::Component(name, _) => place.steps.push(Step::Component(name.clone())),
@@ -134,7 +134,7 @@ impl<'a> Runner<'a> {
     }
 
     /// The value at a path. If it is unknown, the numbers that it may have must not be edited.
-    pub(super) fn read(&mut self, path: &Place<'_>) -> Value {
+    pub(super) fn read(&mut self, path: &VariablePath<'_>) -> Value {
         if path.name.first() == Some(&b'$') && !names::SETTLED.contains(&&path.name[..]) {
             return Value::unknown(Reason::SystemValue);
         }

@@ -69,13 +69,13 @@ pub(super) struct Setting {
 
 /// A part of an expression or a statement.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Part<'e> {
+pub(super) enum ExpressionPart<'e> {
     Path(&'e Path),
     Call(&'e Call),
     Other(&'e Expression),
 }
 
-impl Part<'_> {
+impl ExpressionPart<'_> {
     /// Number of complete numeric positions in it, without those in its parts.
     pub(super) fn positions(&self) -> usize {
         let Self::Other(Expression::Aggregate(fields)) = self else { return 0 };
@@ -108,11 +108,11 @@ impl Expression {
     }
 
     /// Calls `of` with the expression and all its parts.
-    pub(super) fn each<'e>(&'e self, of: &mut impl FnMut(Part<'e>)) {
+    pub(super) fn each<'e>(&'e self, of: &mut impl FnMut(ExpressionPart<'e>)) {
         match self {
             Self::Path(path) => return path.each(of),
-            Self::Call(call) => of(Part::Call(call)),
-            _ => of(Part::Other(self)),
+            Self::Call(call) => of(ExpressionPart::Call(call)),
+            _ => of(ExpressionPart::Other(self)),
         }
         self.parts().into_iter().for_each(|part| part.each(of));
     }
@@ -135,8 +135,8 @@ impl Expression {
 }
 
 impl Path {
-    pub(super) fn each<'e>(&'e self, of: &mut impl FnMut(Part<'e>)) {
-        of(Part::Path(self));
+    pub(super) fn each<'e>(&'e self, of: &mut impl FnMut(ExpressionPart<'e>)) {
+        of(ExpressionPart::Path(self));
         self.indices().for_each(|index| index.each(of));
     }
 

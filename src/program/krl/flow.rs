@@ -11,7 +11,7 @@ use deflex_lang::walk::{Machine, Meeting, Stop};
 
 /// Sizes of the results so far.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Found {
+pub(super) struct ResultSizes {
     targets: usize,
     motions: u32,
     arcs: usize,
@@ -24,7 +24,7 @@ impl<'a> Machine for Runner<'a> {
     type Step = Row<'a>;
     type Test = Test<'a>;
     type State = ModalState;
-    type Mark = Found;
+    type Mark = ResultSizes;
 
     fn step(&mut self, _: usize, row: Row<'a>, state: &mut ModalState) -> Result<(), Stop> {
         self.state = std::mem::take(state);
@@ -61,12 +61,12 @@ impl<'a> Machine for Runner<'a> {
         &mut self.notes
     }
 
-    fn mark(&self) -> Found {
+    fn mark(&self) -> ResultSizes {
         let (targets, motions, arcs, unknown) = (self.targets.len(), self.motions, self.arcs, self.unknown.len());
-        Found { targets, motions, arcs, unknown, last: self.last, steps: self.steps }
+        ResultSizes { targets, motions, arcs, unknown, last: self.last, steps: self.steps }
     }
 
-    fn back_to(&mut self, found: Found) {
+    fn back_to(&mut self, found: ResultSizes) {
         self.targets.truncate(found.targets);
         self.sites.truncate(found.targets);
         self.external.truncate(found.targets);
@@ -74,7 +74,7 @@ impl<'a> Machine for Runner<'a> {
         (self.motions, self.arcs, self.last) = (found.motions, found.arcs, found.last);
     }
 
-    fn is_too_much(&self, since: Found) -> bool {
+    fn is_too_much(&self, since: ResultSizes) -> bool {
         let (steps, targets) = (self.steps - since.steps, self.targets.len() - since.targets);
         steps > self.most_steps / 4 || targets > self.most_targets / 2
     }

@@ -158,7 +158,7 @@ fn line(program: &Program, layout: &Layout, insert: &Insert, barred: &[Barred]) 
         b"SLIN" | b"SCIRC" => true,
         _ => return Err(Reason::Motion),
     };
-    // What it does at its end, the point does too.
+    // The inserted point is passed in the same way as the end of the motion.
     let (point, _) = cursor.until(&APPROXIMATE);
     let after = text.get(point.range().end - target.span.range().start..).unwrap_or_default();
     let old = [a, b, c].map(|place| signed(bytes(program, place)).unwrap_or(0.0));

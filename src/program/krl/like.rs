@@ -3,7 +3,7 @@
 
 use super::Layout;
 use super::lex;
-use super::run::Site;
+use super::run::PositionTokens;
 use super::syntax;
 use super::tree::{Statement, StatementKind};
 use super::value::{EXTERNAL, POSE, upper};
@@ -31,7 +31,7 @@ pub(super) struct Like {
     code: usize,
     /// See [`Reader`].
     used: Axes,
-    /// See [`Site::approximation_mm`].
+    /// See [`PositionTokens::approximation_mm`].
     approximation_mm: Option<f64>,
     target: Target,
     tool: Tool,
@@ -71,7 +71,7 @@ type Column = (Vec<u8>, Number);
 /// The content of a line, as its numbers give it.
 pub(super) struct Line {
     pub(super) goal: Goal,
-    pub(super) site: Site,
+    pub(super) site: PositionTokens,
     /// Offset at which its statement ends.
     pub(super) end: usize,
     /// External axes that it names, mm or degrees.
@@ -314,7 +314,7 @@ impl Like {
     /// Reads a line of this kind, without blanks at its ends, that begins at this offset.
     pub(super) fn read(&self, text: &[u8], start: usize) -> Option<Line> {
         let (mut numbers, mut axes) = ([0.0; 6], [None; EXTERNAL_AXES]);
-        let mut site = Site { approximation_mm: self.approximation_mm, ..Site::default() };
+        let mut site = PositionTokens { approximation_mm: self.approximation_mm, ..PositionTokens::default() };
         let each = |number, at: usize, (value, len)| match number {
             Number::Pose(component) => {
                 numbers[component] = value;

@@ -45,14 +45,14 @@ pub use chunks::{CHUNK, Chunk, Chunks};
 
 use super::{Kept, Language, Program, Reason};
 use crate::text::{Diagnostic, Severity, Source, Span};
-use run::{Runner, Site};
+use run::{PositionTokens, Runner};
 use tree::File;
 
 /// Where the numbers of targets stand.
 #[derive(Debug, Default)]
 pub(crate) struct Layout {
     /// One a target.
-    sites: Vec<Site>,
+    sites: Vec<PositionTokens>,
     /// Executed motions, those whose target is not known when reading among them.
     motions: usize,
 }
@@ -80,6 +80,17 @@ pub fn read(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<D
 ///
 /// # Errors
 /// As [`read`], but for cut-off files.
+///
+/// # Examples
+/// ```
+/// use deflex::{program::krl, text::Source};
+///
+/// let source = Source::new("ring.src", std::fs::read("samples/kuka/ring.src")?);
+/// let points = Source::new("ring.dat", std::fs::read("samples/kuka/ring.dat")?);
+/// let program = krl::look(vec![source, points], vec![])?;
+/// assert!(!program.targets.is_empty());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn look(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
     read_cut(sources, context, true)
 }

@@ -1,7 +1,7 @@
 //! Executed motions: their targets, tools, bases and speeds, and which parts of them may be edited.
 
 use super::expression::Expression;
-use super::run::{Runner, Site};
+use super::run::{PositionTokens, Runner};
 use super::tree::Move;
 use super::value::{AXES, EXTERNAL, Name, POSE, Value};
 use crate::program::orientation::{from_zyx_deg, halfway, quaternion, quaternion_of_zyx_deg};
@@ -169,7 +169,7 @@ impl Runner<'_> {
         self.state.values.insert(self.symbols.position, record);
         self.note_orientation(&to, turns.is_ok());
         let approximation_mm = self.value(self.symbols.approximation).component(b"CDIS").and_then(Value::number);
-        self.push(target, Site { tokens: to.places, approximation_mm }, external);
+        self.push(target, PositionTokens { tokens: to.places, approximation_mm }, external);
         Ok(())
     }
 
@@ -211,7 +211,7 @@ impl Runner<'_> {
         let external = to.external.each_ref().map(|axis| axis.as_ref().and_then(Value::number));
         self.push(
             Target { role: Role::Via, goal, editable, located, name: None, ..target.clone() },
-            Site { tokens, approximation_mm: None },
+            PositionTokens { tokens, approximation_mm: None },
             external,
         );
         Ok(())
@@ -253,7 +253,7 @@ impl Runner<'_> {
         let at = EXTERNAL.map(|name| end.component(name).and_then(Value::number));
         self.state.values.insert(self.symbols.position, record);
         self.state.values.insert(self.symbols.turned, Value::unknown(Reason::BeforeOnAxes));
-        self.push(target, Site::default(), at);
+        self.push(target, PositionTokens::default(), at);
         Ok(())
     }
 
@@ -365,7 +365,7 @@ impl Runner<'_> {
         }
     }
 
-    fn push(&mut self, mut target: Target, site: Site, external: [Option<f64>; 6]) {
+    fn push(&mut self, mut target: Target, site: PositionTokens, external: [Option<f64>; 6]) {
         // The motion at whose end the robot stands, and the one before in the order of the text.
         let stands = self.value(self.symbols.stands).number().filter(|_| !self.is_volatile(self.symbols.position));
         target.predecessor = match self.last {

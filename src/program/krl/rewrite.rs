@@ -1,7 +1,7 @@
 //! Writes corrected poses into the number tokens of the text: only signs and digits change.
 
 use super::numbers::{ANGLE_DECIMALS, POSITION_DECIMALS, bytes, follows_a_name, near};
-use super::run::Site;
+use super::run::PositionTokens;
 use super::{Layout, insert, names};
 use crate::program::front_end::FrontEnd;
 use crate::program::orientation::{quaternion_of_zyx_deg, rotation, zyx_deg};
@@ -128,7 +128,7 @@ impl Layout {
 }
 
 /// One edit for all numbers that change, including the text between them; `None` if none changes, or if they are far apart.
-fn together(program: &Program, site: &Site, own: &NewTokens) -> Option<(usize, Edit)> {
+fn together(program: &Program, site: &PositionTokens, own: &NewTokens) -> Option<(usize, Edit)> {
     /// Number of bytes that an edit stores without an allocation.
     const NEAR: usize = 80;
     let mut changed =
@@ -141,7 +141,7 @@ fn together(program: &Program, site: &Site, own: &NewTokens) -> Option<(usize, E
     for (place, token) in changed {
         let own = place.span.range();
         let between = text.get(end..own.start).filter(|_| place.source == first.source && own.end - start <= NEAR)?;
-        // What a point between two targets goes before is at the start of a line.
+        // An inserted target stands before the start of a line, so the statement must begin its line.
         if memchr::memchr2(b'\n', b'\r', between).is_some() {
             return None;
         }
@@ -152,7 +152,7 @@ fn together(program: &Program, site: &Site, own: &NewTokens) -> Option<(usize, E
     Some((source, Edit { span: Span::new(start, end), content }))
 }
 
-fn new_tokens_of(program: &Program, site: &Site, i: usize, change: Option<&Change>) -> NewTokens {
+fn new_tokens_of(program: &Program, site: &PositionTokens, i: usize, change: Option<&Change>) -> NewTokens {
     let mut own = NewTokens::default();
     let (Some(change), Goal::Pose { quat, .. }) = (change, program.targets[i].goal) else { return own };
     let mut put = |axis: usize, value: f64, decimals: usize| {
@@ -181,7 +181,7 @@ fn new_tokens_of(program: &Program, site: &Site, i: usize, change: Option<&Chang
 }
 
 /// Position and orientation as the controller will store them.
-fn written(program: &Program, site: &Site, i: usize, own: &NewTokens) -> ([f64; 3], [f64; 4]) {
+fn written(program: &Program, site: &PositionTokens, i: usize, own: &NewTokens) -> ([f64; 3], [f64; 4]) {
     let Goal::Pose { position_mm, quat, .. } = program.targets[i].goal else { return ([0.0; 3], [1.0, 0.0, 0.0, 0.0]) };
     #[allow(clippy::cast_possible_truncation)]
     let single = |value: f64| f64::from(value as f32);

@@ -45,7 +45,7 @@ pub(super) struct Left {
 
 /// Places of a target's six numbers X Y Z A B C in the text; `None` for a number that is not in the text.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Site {
+pub(crate) struct PositionTokens {
     pub(crate) tokens: [Option<SourceSpan>; 6],
     /// `$APO.CDIS` when the motion runs, mm, if it is known.
     pub(crate) approximation_mm: Option<f64>,
@@ -88,7 +88,7 @@ pub(super) struct Runner<'a> {
     pub(super) tools: Vec<Tool>,
     pub(super) wobjs: Vec<Wobj>,
     pub(super) targets: Vec<Target>,
-    pub(super) sites: Vec<Site>,
+    pub(super) sites: Vec<PositionTokens>,
     /// External axes of each target; `None` for axes that its position does not name.
     pub(super) external: Vec<[Option<f64>; 6]>,
     /// External axes that a motion moves to a position that is unknown or not zero.

@@ -1,7 +1,7 @@
 //! Decides which parts of the targets may be edited, after everything that reads their numbers is known.
 
-use super::expression::{Expression, Part};
-use super::run::{Runner, Site};
+use super::expression::{Expression, ExpressionPart};
+use super::run::{PositionTokens, Runner};
 use super::tree::{Statement, walk};
 use super::value::{EXTERNAL, Value};
 use crate::program::{Editable, ExternalAxes, Motion, Reason, Role};
@@ -14,14 +14,14 @@ impl Runner<'_> {
     /// Marks the external axes that are used by a motion that is not run: in its text, and in the start values of the data that it names.
     fn use_axes_in(&mut self, file: usize, statement: &Statement) {
         statement.each(&mut |part| match part {
-            Part::Other(Expression::Aggregate(fields)) => {
+            ExpressionPart::Other(Expression::Aggregate(fields)) => {
                 for (name, value) in fields {
                     let zero = matches!(value, Expression::Known(Value::Number(number, _)) if *number == 0.0);
                     let axis = EXTERNAL.iter().position(|axis| name[..] == **axis).filter(|_| !zero);
                     axis.into_iter().for_each(|axis| self.used_axes[axis] = true);
                 }
             }
-            Part::Path(path) => {
+            ExpressionPart::Path(path) => {
                 let id = self.symbols.find(file, &path.name);
                 let value = self.symbols.start[id].clone();
                 self.use_axes_of(&value);
@@ -59,7 +59,7 @@ impl Runner<'_> {
             match target.editable {
                 Editable::No(reason) => {
                     let (source, span) = (usize::from(target.source), target.span);
-                    self.sites[i] = Site::default();
+                    self.sites[i] = PositionTokens::default();
                     if target.motion != Motion::AbsoluteJoint {
                         self.keep(source, span, reason);
                     }

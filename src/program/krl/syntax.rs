@@ -403,7 +403,7 @@ fn simple(mut cursor: Cursor<'_>) -> StatementKind {
         return StatementKind::Relative(reason, cursor.list());
     }
     match &word[..] {
-        // What one starts is no other.
+        // A TRIGGER does not start another TRIGGER.
         b"TRIGGER" if cursor.depth == 0 => {
             cursor.next();
             let started = started(cursor);

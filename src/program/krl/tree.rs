@@ -1,6 +1,6 @@
 //! The syntax tree of a file.
 
-use super::expression::{Call, Expression, Part, Setting};
+use super::expression::{Call, Expression, ExpressionPart, Setting};
 use super::value::{Name, Value};
 use crate::program::{Mark, Motion, Reason};
 use crate::text::Span;
@@ -152,7 +152,7 @@ impl File {
     /// Number of complete numeric positions in it: aggregates with all six of X, Y, Z, A, B, C.
     pub(super) fn positions(&self) -> usize {
         let mut count = 0;
-        let mut add = |part: Part<'_>| count += part.positions();
+        let mut add = |part: ExpressionPart<'_>| count += part.positions();
         let data = self.data.iter().chain(self.routines.iter().flat_map(|routine| &routine.data));
         data.filter_map(|data| data.value.as_ref()).for_each(|value| value.each(&mut add));
         self.values.iter().for_each(|(setting, _)| setting.value.each(&mut add));
@@ -213,11 +213,11 @@ impl Statement {
     }
 
     /// Calls `of` with all parts of the statement, including what it starts, but without the statements of its blocks.
-    pub(super) fn each<'s>(&'s self, of: &mut impl FnMut(Part<'s>)) {
+    pub(super) fn each<'s>(&'s self, of: &mut impl FnMut(ExpressionPart<'s>)) {
         self.settings().iter().for_each(|setting| setting.to.each(of));
         self.expressions().into_iter().for_each(|part| part.each(of));
         match &self.kind {
-            StatementKind::Call(call) => of(Part::Call(call)),
+            StatementKind::Call(call) => of(ExpressionPart::Call(call)),
             StatementKind::Trigger(started) | StatementKind::Interrupt(started) => {
                 started.run.iter().for_each(|run| run.each(of));
             }
@@ -228,14 +228,16 @@ impl Statement {
     /// Its calls, including those in a statement that it starts.
     pub(super) fn calls(&self) -> Vec<&Call> {
         let mut calls = Vec::new();
-        self.each(&mut |part| calls.extend(if let Part::Call(call) = part { Some(call) } else { None }));
+        self.each(&mut |part| calls.extend(if let ExpressionPart::Call(call) = part { Some(call) } else { None }));
         calls
     }
 
     /// Names of data in it, including those in a statement that it starts.
     pub(super) fn names(&self) -> Vec<&Name> {
         let mut names = Vec::new();
-        self.each(&mut |part| names.extend(if let Part::Path(path) = part { Some(&path.name) } else { None }));
+        self.each(&mut |part| {
+            names.extend(if let ExpressionPart::Path(path) = part { Some(&path.name) } else { None })
+        });
         names
     }
 }

@@ -59,7 +59,7 @@ pub(crate) struct Layout {
     style: &'static Style,
     tokens: Vec<SourceSpan>,
     /// One for each target.
-    sites: Vec<Option<Site>>,
+    sites: Vec<Option<PoseSource>>,
     /// Groups of targets that are edited together or not at all.
     arcs: Vec<Range<usize>>,
     passings: Vec<Passing>,
@@ -68,7 +68,7 @@ pub(crate) struct Layout {
 
 /// The computation of a target's pose from numbers: `left · (pose of the numbers) · right`, lengths in the language's unit.
 #[derive(Debug)]
-struct Site {
+struct PoseSource {
     left: Isometry3<f64>,
     right: Isometry3<f64>,
     own: Isometry3<f64>,

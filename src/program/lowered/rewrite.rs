@@ -1,6 +1,6 @@
 //! Writes corrected poses into the tokens that decide them.
 
-use super::{Layout, Site};
+use super::{Layout, PoseSource};
 use crate::program::token::New;
 use crate::program::{Change, Editable, Goal, Program, Reason, RewriteOptions, Rewritten};
 use crate::text::{Content, Edit, Token};
@@ -99,7 +99,7 @@ fn held(goal: &Goal) -> ([f64; 3], [f64; 4]) {
     }
 }
 
-fn unchanged(site: &Site, goal: &Goal) -> Print {
+fn unchanged(site: &PoseSource, goal: &Goal) -> Print {
     let tokens = site.affine.iter().flatten().map(|affine| (affine.token, None)).collect();
     Print { tokens, written: held(goal) }
 }
@@ -109,7 +109,7 @@ pub(super) fn print(
     program: &Program,
     layout: &Layout,
     target: usize,
-    site: &Site,
+    site: &PoseSource,
     change: &Change,
     position_only: bool,
     options: &RewriteOptions,

@@ -1,6 +1,6 @@
 //! Makes targets of the motions of a run.
 
-use super::{Layout, Site, Style};
+use super::{Layout, PoseSource, Style};
 use crate::program::{
     Conf, Editable, Goal, Kept, Language, Mark, Motion, Passing, Predecessor, Program, Reason, Role, Target, Tool,
     ToolData, UnknownMotion, Wobj,
@@ -190,7 +190,7 @@ struct Builder<'a> {
     /// The values to which each tool was set.
     set: Vec<(Content, Content)>,
     targets: Vec<Target>,
-    sites: Vec<Option<Site>>,
+    sites: Vec<Option<PoseSource>>,
     passings: Vec<Passing>,
     unknown: Vec<UnknownMotion>,
     kept: Vec<Kept>,
@@ -430,8 +430,8 @@ pub(in crate::program) fn intern<T: PartialEq>(known: &mut Vec<T>, wanted: T) ->
 }
 
 /// The places of the numbers of a pose.
-fn site(pose: &Pose) -> Option<Site> {
+fn site(pose: &Pose) -> Option<PoseSource> {
     let numbers: Vec<f64> = pose.numbers.iter().map(|value| value.number()).collect::<Option<_>>()?;
     let affine = std::array::from_fn(|at| pose.affine(at));
-    Some(Site { left: pose.left, right: pose.right, own: pose.own, numbers: numbers.try_into().ok()?, affine })
+    Some(PoseSource { left: pose.left, right: pose.right, own: pose.own, numbers: numbers.try_into().ok()?, affine })
 }

@@ -5,7 +5,7 @@
 //! editable parts. Every decision from the text about one of them applies to all. Their number is bounded by the text, however many motions
 //! are executed.
 
-use super::Site;
+use super::TargetInText;
 use super::agreed::Again;
 use super::gathering::{Gathering, Motion, OffsetBy, Point};
 use super::runner::Runner;
@@ -24,7 +24,7 @@ impl Runner<'_> {
         let from = if end > 0 && self.targets[end - 1].role == Role::Via { end - 1 } else { end };
         let motion: Motion = (from..=end).map(|i| self.alike(i)).collect();
         let first_offset = self.sites[from..].iter().filter_map(|site| match site {
-            Site::Offset(at) => Some(*at as usize),
+            TargetInText::Offset(at) => Some(*at as usize),
             _ => None,
         });
         let offsets = first_offset.min().unwrap_or(self.offsets.len());
@@ -86,13 +86,13 @@ impl Runner<'_> {
 
     /// The data of a target that equal targets share.
     fn alike(&self, i: usize) -> Point {
-        let (target, site): (&Target, &Site) = (&self.targets[i], &self.sites[i]);
+        let (target, site): (&Target, &TargetInText) = (&self.targets[i], &self.sites[i]);
         let steps = match site {
-            Site::Offset(at) => &self.offsets[*at as usize].steps[..],
+            TargetInText::Offset(at) => &self.offsets[*at as usize].steps[..],
             _ => &[],
         };
         let edited = target.editable == Editable::Position;
-        let step = |step: &super::Step| {
+        let step = |step: &super::OffsetStep| {
             let numbers = if edited { [&step.offset_mm[..], &step.turn].concat() } else { vec![0.0; 7] };
             OffsetBy { place: step.place(), bits: std::array::from_fn(|k| numbers[k].to_bits()) }
         };

@@ -4,9 +4,9 @@
 //! new numbers of the text follow from them as for a program that is held as a whole, and each chunk receives them.
 
 use super::rewrite::{Settled, rewrite_settled};
-use super::value::Step;
+use super::value::OffsetStep;
 use super::writer::{Print, Writer};
-use super::{Layout, Site};
+use super::{Layout, TargetInText};
 use crate::program::token::MAX_DECIMALS;
 use crate::program::{Change, Editable, Goal, Program, Reason, RewriteOptions, Rewritten, Target};
 use crate::text::Edit;
@@ -31,7 +31,7 @@ pub(super) enum Agreement {
     /// It is being determined.
     Open(Arc<WantedValues>),
     /// It is known.
-    Found(Arc<Agreed>),
+    FoundTarget(Arc<Agreed>),
 }
 
 /// The wanted values of motions, by the first target of equal ones.
@@ -90,7 +90,7 @@ impl Again {
                 wanted.add(&writer, &self.alike, changes);
                 &nothing
             }
-            Agreement::Found(agreed) => {
+            Agreement::FoundTarget(agreed) => {
                 agreed.keep(&mut writer, changes);
                 &agreed.settled
             }
@@ -178,11 +178,11 @@ fn wanted_edit(writer: &Writer<'_>, i: usize, change: Option<&Change>) -> Wanted
     const PARTS: f64 = 100.0;
     let target = &writer.program.targets[i];
     match (writer.layout.sites[i], target.editable, target.goal) {
-        (Site::Literal { literal, .. }, Editable::Pose, _) => {
+        (TargetInText::Literal { literal, .. }, Editable::Pose, _) => {
             let literal = &writer.layout.literals[literal as usize];
             WantedEdit::Print(Box::new(change.map_or_else(Print::default, |change| writer.print(i, literal, change))))
         }
-        (Site::Offset(_), Editable::Position, Goal::Pose { position_mm, .. }) => {
+        (TargetInText::Offset(_), Editable::Position, Goal::Pose { position_mm, .. }) => {
             let wanted = change.map_or(position_mm, |change| change.position_mm);
             let decimals = writer.options.position_decimals.min(MAX_DECIMALS);
             let scale = PARTS * 10_f64.powi(i32::try_from(decimals).unwrap_or(0));
@@ -206,7 +206,7 @@ impl Agreed {
             let target = &writer.program.targets[i];
             let differs = |writer: &Writer<'_>| change.as_ref().is_some_and(|change| writer.differs(i, change));
             let reason = match (layout.sites[i], target.editable) {
-                (Site::Literal { literal, .. }, Editable::Pose) => {
+                (TargetInText::Literal { literal, .. }, Editable::Pose) => {
                     let Some(change) = change else { continue };
                     let print = || writer.print(i, &layout.literals[literal as usize], change);
                     if self.settled.frozen.contains(&literal) {
@@ -217,7 +217,7 @@ impl Agreed {
                         None
                     }
                 }
-                (Site::Offset(at), Editable::Position) => self.offset(writer, i, at, change.as_ref()),
+                (TargetInText::Offset(at), Editable::Position) => self.offset(writer, i, at, change.as_ref()),
                 _ => differs(writer).then(|| writer.reason(i)),
             };
             writer.kept.extend(reason.map(|reason| (i, reason)));
@@ -229,7 +229,7 @@ impl Agreed {
         let offset = writer.layout.offsets.get(at as usize)?;
         let Goal::Pose { position_mm, .. } = writer.program.targets[i].goal else { return None };
         let wanted = change.map_or(position_mm, |change| change.position_mm);
-        let place = offset.steps.last().and_then(Step::place)?;
+        let place = offset.steps.last().and_then(OffsetStep::place)?;
         let settled = (&self.settled.prints[..], &self.settled.offsets);
         let wish = writer.wish(offset, (position_mm, wanted), settled);
         match self.settled.offsets.get(&place) {

@@ -19,7 +19,7 @@ type Name = Box<[u8]>;
 
 /// The meaning of a name.
 #[derive(Clone, Debug)]
-enum Found {
+enum NameMeaning {
     Data(usize),
     Own(Name),
     Foreign(Name),
@@ -30,7 +30,7 @@ enum Found {
 struct Handed {
     callee: RoutineId,
     /// Numbers of parameters, with their arguments.
-    given: Vec<(usize, Found)>,
+    given: Vec<(usize, NameMeaning)>,
 }
 
 /// The changes of a block itself, and its calls.
@@ -59,11 +59,11 @@ impl Changes {
         Self { anything: true, switches: Switches::FOREIGN, ..Self::NOTHING }
     }
 
-    fn add(&mut self, found: &Found) {
+    fn add(&mut self, found: &NameMeaning) {
         match found {
-            Found::Data(at) => drop(self.data.insert(*at)),
-            Found::Own(name) => drop(self.own.insert(name.clone())),
-            Found::Foreign(name) => drop(self.foreign.insert(name.clone())),
+            NameMeaning::Data(at) => drop(self.data.insert(*at)),
+            NameMeaning::Own(name) => drop(self.own.insert(name.clone())),
+            NameMeaning::Foreign(name) => drop(self.foreign.insert(name.clone())),
         }
     }
 
@@ -295,7 +295,7 @@ impl<'s, 'a> Scan<'s, 'a> {
     }
 
     /// Where a name leads from here.
-    fn find(&mut self, name: &[u8]) -> Found {
+    fn find(&mut self, name: &[u8]) -> NameMeaning {
         let (symbols, id, bytes) = (self.symbols, self.id, self.bytes);
         let own = self.own.get_or_insert_with(|| {
             let routine = symbols.routine(id);
@@ -304,11 +304,11 @@ impl<'s, 'a> Scan<'s, 'a> {
         });
         let key = Upper::new(name);
         if own.contains(&*key) {
-            return Found::Own(Box::from(&*key));
+            return NameMeaning::Own(Box::from(&*key));
         }
         match symbols.find_data(symbols.module_of(id), &key) {
-            Some(at) => Found::Data(at),
-            None => Found::Foreign(Box::from(&*key)),
+            Some(at) => NameMeaning::Data(at),
+            None => NameMeaning::Foreign(Box::from(&*key)),
         }
     }
 

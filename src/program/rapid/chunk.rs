@@ -3,7 +3,7 @@
 use super::index::Entry;
 use super::kinds::Kinds;
 use super::lines::END;
-use super::routines::Part;
+use super::routines::StretchPart;
 use crate::program::chunk::Elsewhere;
 use crate::program::{Mark, Program};
 use crate::text::Source;
@@ -107,7 +107,7 @@ impl Chunk {
     }
 
     /// Sets the places in the file of the parts of the stretch.
-    pub(super) fn place(&mut self, parts: &[Part]) {
+    pub(super) fn place(&mut self, parts: &[StretchPart]) {
         let mut end = self.stretch.start;
         // The end of the last chunk is not in the file.
         self.own = end..end;

@@ -1,6 +1,6 @@
 //! Clones: if users of a declared target need different corrections, one keeps the declaration, and the others get their own.
 
-use super::Site;
+use super::TargetInText;
 use super::value::SourceSpan;
 use super::writer::{Print, Writer};
 use crate::program::{Change, Editable, Reason};
@@ -21,7 +21,7 @@ pub(super) fn resolve(
 ) {
     let mut groups: Vec<(Print, Vec<usize>)> = Vec::new();
     for (i, site) in writer.layout.sites.iter().enumerate() {
-        let Site::Literal { literal: of, .. } = *site else { continue };
+        let TargetInText::Literal { literal: of, .. } = *site else { continue };
         if of != literal || writer.program.targets[i].editable != Editable::Pose {
             continue;
         }
@@ -57,7 +57,7 @@ fn try_clones(
     let mut arguments: HashMap<SourceSpan, usize> = HashMap::new();
     for (g, (_, users)) in groups.iter().enumerate() {
         for &i in users {
-            let Site::Literal { argument: Some(argument), .. } = writer.layout.sites[i] else { return false };
+            let TargetInText::Literal { argument: Some(argument), .. } = writer.layout.sites[i] else { return false };
             let direct = argument.source == writer.program.targets[i].source
                 && argument.span.start >= writer.program.targets[i].span.start
                 && argument.span.end <= writer.program.targets[i].span.end;
@@ -71,7 +71,7 @@ fn try_clones(
     }
     // An element with a variable index names other elements too.
     let others = writer.layout.sites.iter().any(|site| {
-        matches!(site, Site::Literal { literal: of, argument: Some(argument) } if *of != literal && arguments.contains_key(argument))
+        matches!(site, TargetInText::Literal { literal: of, argument: Some(argument) } if *of != literal && arguments.contains_key(argument))
     });
     if others {
         return false;

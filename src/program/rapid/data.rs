@@ -4,7 +4,7 @@ use super::eval::Scope;
 use super::lex::{Cursor, LexemeKind};
 use super::motion::{self, Call};
 use super::runner::Runner;
-use super::symbols::{Content, Part, Upper, Variable, first_word};
+use super::symbols::{Content, Upper, Variable, VariablePart, first_word};
 use super::tree::Storage;
 use super::value::{Value, parts};
 use crate::program::Reason;
@@ -59,7 +59,7 @@ impl<'a> Runner<'a> {
     }
 
     /// The value of a part of a variable.
-    fn part(&mut self, part: &Part) -> Value {
+    fn part(&mut self, part: &VariablePart) -> Value {
         let mut value = self.content(part.of);
         if !part.known {
             self.pin_value(&value);
@@ -125,7 +125,7 @@ impl<'a> Runner<'a> {
     }
 
     /// The variable, or part of one, of a name with components and indices; `None` if it is not one, or if the files do not declare it.
-    pub(super) fn place(&mut self, scope: Scope, span: Span) -> Option<Part> {
+    pub(super) fn place(&mut self, scope: Scope, span: Span) -> Option<VariablePart> {
         let bytes = self.bytes(scope.source as usize);
         let word = first_word(bytes, span);
         if word.is_empty() {
@@ -135,7 +135,7 @@ impl<'a> Runner<'a> {
         let mut kind = Arc::clone(&self.symbols.variables[at].kind);
         let mut place = match &self.symbols.variables[at].content {
             Content::Part(part) => (**part).clone(),
-            _ => Part { of: at, path: Vec::new(), known: true },
+            _ => VariablePart { of: at, path: Vec::new(), known: true },
         };
         let mut cursor = Cursor::new(bytes, span);
         cursor.next();
@@ -192,7 +192,7 @@ impl<'a> Runner<'a> {
     }
 
     /// Stores a value. If it is unknown which part is assigned, every part that it may be becomes unknown.
-    pub(super) fn store(&mut self, place: &Part, value: &Value) {
+    pub(super) fn store(&mut self, place: &VariablePart, value: &Value) {
         let value = if place.known { value.detached(Reason::Computed) } else { Value::Unknown(Reason::Computed) };
         if place.path.is_empty() {
             return self.set(place.of, value);

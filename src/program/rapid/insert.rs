@@ -6,7 +6,7 @@ use super::motion::{self, Call, Simple, ToolAt, Zone};
 use super::value::quarters;
 use super::value::{SourceSpan, unit};
 use super::writer::{Writer, single};
-use super::{Layout, Site};
+use super::{Layout, TargetInText};
 use crate::program::{Conf, Goal, Insert, Motion, Passing, Program, Reason, Role, Target};
 use crate::text::{Edit, Span, number};
 
@@ -177,7 +177,7 @@ fn radius_mm(zone: &[u8]) -> Option<f64> {
 /// The target that an instruction has written out as its first argument.
 fn own_literal(target: &Target, layout: &Layout, i: usize) -> Option<Span> {
     let literal = match layout.sites.get(i)? {
-        Site::Literal { literal, argument: None } => layout.literals.get(*literal as usize)?.span(),
+        TargetInText::Literal { literal, argument: None } => layout.literals.get(*literal as usize)?.span(),
         _ => return None,
     };
     target.span.range().contains(&(literal.start as usize)).then_some(literal)
@@ -273,9 +273,9 @@ pub(super) const CLOSE_BY: Passing = Passing::Zone(FLY_BY[0].1);
 /// Configuration and external axes of the target, as text.
 fn rest(layout: &Layout, writer: &Writer<'_>, i: usize, own: Option<Conf>, goal: &Goal) -> (Vec<u8>, Vec<u8>) {
     let literal = match layout.sites[i] {
-        Site::Literal { literal, .. } => Some(literal),
-        Site::Offset(at) => Some(layout.offsets[at as usize].root),
-        Site::None => None,
+        TargetInText::Literal { literal, .. } => Some(literal),
+        TargetInText::Offset(at) => Some(layout.offsets[at as usize].root),
+        TargetInText::None => None,
     };
     let written = match goal {
         Goal::Pose { conf, .. } => *conf,

@@ -114,7 +114,7 @@ impl Literal {
             like.at[i] = u16::try_from(*at).ok()?;
             (like.size[i], like.decimals[i]) = (number.len, number.bare_decimals());
         }
-        // What stands after the pose has kept its distance to the end.
+        // The tokens after the pose have the same distance from the end of the literal.
         let behind = |at: u16| (like.len + at).checked_sub(self.len);
         for i in POSE..TOKENS {
             like.at[i] = behind(self.at[i])?;

@@ -84,7 +84,7 @@ use lex::{Cursor, LexemeKind};
 use literal::Literal;
 use std::collections::HashSet;
 use std::sync::Arc;
-use value::{SourceSpan, Step};
+use value::{OffsetStep, SourceSpan};
 
 /// The positions of the number tokens of robtargets.
 #[derive(Debug, Default)]
@@ -92,7 +92,7 @@ pub(crate) struct Layout {
     /// In text order by source; then the robtargets that are assembled from parts.
     literals: Arc<Vec<Literal>>,
     /// One per target.
-    sites: Vec<Site>,
+    sites: Vec<TargetInText>,
     offsets: Vec<Offset>,
     /// Executed motions, with those whose target is unknown when reading.
     motions: usize,
@@ -116,10 +116,10 @@ impl Layout {
     }
 
     /// The offset (`Offs`, `RelTool`) that makes a target.
-    fn offset(&self, site: &Site) -> Option<&Offset> {
+    fn offset(&self, site: &TargetInText) -> Option<&Offset> {
         match site {
-            Site::Offset(at) => self.offsets.get(*at as usize),
-            Site::None | Site::Literal { .. } => None,
+            TargetInText::Offset(at) => self.offsets.get(*at as usize),
+            TargetInText::None | TargetInText::Literal { .. } => None,
         }
     }
 }
@@ -141,8 +141,8 @@ impl FrontEnd for Layout {
     fn writes_axes(&self, program: &Program) -> Vec<bool> {
         // A target made from a literal by `Offs` has the literal's axes.
         let roots: HashSet<u32> = self.offsets.iter().map(|offset| offset.root).collect();
-        let writes = |site: &Site| {
-            let Site::Literal { literal, .. } = site else { return false };
+        let writes = |site: &TargetInText| {
+            let TargetInText::Literal { literal, .. } = site else { return false };
             let place = &self.literals[*literal as usize];
             let source = usize::from(place.source);
             source < program.written && !roots.contains(literal) && place.axes(&program.sources[source].bytes).is_some()
@@ -174,7 +174,7 @@ impl FrontEnd for Layout {
 
 /// The position of one target in the text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Site {
+enum TargetInText {
     /// None: joint angles, or a calculated value.
     None,
     /// A literal, and the argument that names it (`None` if inline).
@@ -187,7 +187,7 @@ enum Site {
 #[derive(Debug)]
 struct Offset {
     root: u32,
-    steps: Box<[Step]>,
+    steps: Box<[OffsetStep]>,
 }
 
 /// Reads modules as one program with shared names; `context` modules give declarations only.
@@ -213,6 +213,15 @@ pub fn read(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<D
 ///
 /// # Errors
 /// As [`read`], but for cut-off files.
+///
+/// # Examples
+/// ```
+/// use deflex::{program::rapid, text::Source};
+///
+/// let program = rapid::look(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// assert_eq!(program.motion_targets(), 81);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub fn look(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
     let dialect = dialect::of(&sources);
     read_cut(dialect, sources, context, Cut::Looked)

@@ -8,7 +8,7 @@ use super::motion::{Call, Shape, ToolAt, Zone};
 use super::runner::{Mode, Runner};
 use super::state::{Switch, Switches};
 use super::value::{Pose, SourceSpan, Value, unit};
-use super::{Offset, Site};
+use super::{Offset, TargetInText};
 use crate::program::{Editable, Goal, Motion, Predecessor, Reason, Role, Target, ToolData};
 use crate::text::{Span, decode};
 use smallvec::SmallVec;
@@ -96,7 +96,7 @@ impl<'a> Runner<'a> {
             let external_axes = self.external_axes(&external, Role::End, plain);
             let located = self.axes_unknown(&external).is_none();
             let target = Target { goal: Goal::Joints { deg }, external: external_axes, located, ..target };
-            return self.push(target, Site::None);
+            return self.push(target, TargetInText::None);
         }
         // An arc is known only if both its points are.
         let circle = via.map(|(at, via)| (self.pose(scope, call, at, via), via));
@@ -225,15 +225,15 @@ impl<'a> Runner<'a> {
         target.editable = self.editable(&target, pose);
         target.located = self.unlocated(&target, pose).is_none();
         let site = match pose.root {
-            None => Site::None,
+            None => TargetInText::None,
             Some(root) if pose.steps.is_empty() => {
                 let argument = SourceSpan { source: scope.source, span: argument };
-                Site::Literal { literal: root, argument: named.then_some(argument) }
+                TargetInText::Literal { literal: root, argument: named.then_some(argument) }
             }
             Some(root) => {
                 self.offsets.push(Offset { root, steps: pose.steps.clone().into() });
                 #[allow(clippy::cast_possible_truncation)]
-                Site::Offset((self.offsets.len() - 1) as u32)
+                TargetInText::Offset((self.offsets.len() - 1) as u32)
             }
         };
         self.axes_go_to(&written.external, false);
@@ -241,7 +241,7 @@ impl<'a> Runner<'a> {
         self.push(target, site);
     }
 
-    pub(super) fn push(&mut self, mut target: Target, site: Site) {
+    pub(super) fn push(&mut self, mut target: Target, site: TargetInText) {
         if self.mode != Mode::Real {
             return;
         }

@@ -3,7 +3,7 @@
 use super::runner::Runner;
 use super::tree::{File, RoutineKind, Statement};
 use super::value::SourceSpan;
-use super::{Layout, Site};
+use super::{Layout, TargetInText};
 use crate::program::{Editable, Goal, Kept, Motion, Reason, Role, Target, Tool, UnknownMotion, Wobj};
 use crate::text::Diagnostic;
 use std::collections::HashSet;
@@ -86,17 +86,18 @@ impl Runner<'_> {
 
     /// Refuses an offset that runs again in a state in which it cannot be edited.
     fn refuse_shared_offsets(&mut self) {
-        let offset = |site: &Site| match *site {
-            Site::Offset(at) => self.offsets[at as usize].steps.last()?.tokens.map(|tokens| tokens[0]),
+        let offset = |site: &TargetInText| match *site {
+            TargetInText::Offset(at) => self.offsets[at as usize].steps.last()?.tokens.map(|tokens| tokens[0]),
             _ => None,
         };
-        let of_kept =
-            |(target, site): (&Target, &Site)| offset(site).filter(|_| matches!(target.editable, Editable::No(_)));
+        let of_kept = |(target, site): (&Target, &TargetInText)| {
+            offset(site).filter(|_| matches!(target.editable, Editable::No(_)))
+        };
         let mut held: HashSet<SourceSpan> = self.targets.iter().zip(&self.sites).filter_map(of_kept).collect();
         held.extend(&self.held);
         // A target that was changed before this motion no longer records the offset of this statement.
-        let of_changed = |(target, site): (&Target, &Site)| {
-            let changed = matches!((site, target.editable), (Site::None, Editable::No(_)));
+        let of_changed = |(target, site): (&Target, &TargetInText)| {
+            let changed = matches!((site, target.editable), (TargetInText::None, Editable::No(_)));
             changed.then_some((target.source, target.span.start))
         };
         let changed: HashSet<(u16, u32)> = self.targets.iter().zip(&self.sites).filter_map(of_changed).collect();
@@ -145,7 +146,7 @@ impl Runner<'_> {
         let only_data = |file: &File| file.odd.is_empty() && file.modules.iter().all(|m| m.routines.is_empty());
         let [module] = &file.modules[..] else { return false };
         let [proc] = &module.routines[..] else { return false };
-        let literal = |site: &Site| matches!(site, Site::Literal { .. } | Site::None);
+        let literal = |site: &TargetInText| matches!(site, TargetInText::Literal { .. } | TargetInText::None);
         let known = |target: &Target| match target.goal {
             Goal::Joints { .. } => true,
             _ => target.editable == Editable::Pose,
@@ -166,7 +167,8 @@ impl Runner<'_> {
 
     /// Whether each motion of a plain program goes to an inline target.
     fn inline(&self) -> bool {
-        let inline = |site: &Site| matches!(site, Site::Literal { argument: None, .. } | Site::None);
+        let inline =
+            |site: &TargetInText| matches!(site, TargetInText::Literal { argument: None, .. } | TargetInText::None);
         self.sites.iter().all(inline) && self.targets.iter().all(|target| target.name.is_none())
     }
 }

@@ -1,7 +1,7 @@
 //! Literals with one motion each. No other motion uses them, so a change becomes an edit at once. The result is that of
 //! [`Writer::literals`](super::rewrite) and the steps after it.
 
-use super::Site;
+use super::TargetInText;
 use super::literal::{Literal, POSE};
 use super::writer::{Pose, Writer, single, toward};
 use crate::program::token::MAX_DECIMALS;
@@ -41,15 +41,15 @@ impl Default for Text {
 }
 
 /// Whether each target has a literal of its own, in the order of the targets.
-pub(super) fn is_own(sites: &[Site]) -> bool {
+pub(super) fn is_own(sites: &[TargetInText]) -> bool {
     let mut next = 0;
     sites.iter().all(|site| match site {
-        Site::None => true,
-        Site::Literal { literal, .. } => {
+        TargetInText::None => true,
+        TargetInText::Literal { literal, .. } => {
             next += 1;
             *literal + 1 == next
         }
-        Site::Offset(_) => false,
+        TargetInText::Offset(_) => false,
     })
 }
 
@@ -68,7 +68,7 @@ impl Writer<'_> {
                 self.print_ahead(i, changes, &mut ahead);
             }
             let (change, k) = (changes[i].as_ref(), i % AHEAD);
-            if let (true, Site::Literal { literal, .. }, Editable::Pose) =
+            if let (true, TargetInText::Literal { literal, .. }, Editable::Pose) =
                 (ahead.valid[k], sites[i], self.program.targets[i].editable)
             {
                 let [x, y, z, quat @ .., _] = ahead.printed[k].held;
@@ -77,7 +77,7 @@ impl Writer<'_> {
                 continue;
             }
             let (pose, change) = match (sites[i], self.program.targets[i].editable, change) {
-                (Site::Literal { literal, .. }, Editable::Pose, Some(change)) => {
+                (TargetInText::Literal { literal, .. }, Editable::Pose, Some(change)) => {
                     let literal = &self.layout.literals[literal as usize];
                     (self.pose(i, literal, change), None)
                 }
@@ -110,7 +110,7 @@ impl Writer<'_> {
         let mut wanted = [[0.0; 8]; AHEAD];
         for k in 0..AHEAD {
             ahead.valid[k] = false;
-            let (Some(Site::Literal { literal, .. }), Some(Some(change))) =
+            let (Some(TargetInText::Literal { literal, .. }), Some(Some(change))) =
                 (self.layout.sites.get(from + k), changes.get(from + k))
             else {
                 continue;
@@ -144,7 +144,7 @@ impl Writer<'_> {
 
     /// The text of new numbers; `None` if the literal must be edited token by token.
     fn compose(&self, i: usize, printed: &Printed, Text { bytes: text, len }: &mut Text) -> Option<()> {
-        let (Site::Literal { literal, .. }, Goal::Pose { position_mm, .. }) =
+        let (TargetInText::Literal { literal, .. }, Goal::Pose { position_mm, .. }) =
             (*self.layout.sites.get(i)?, self.program.targets.get(i)?.goal)
         else {
             return None;

@@ -4,7 +4,7 @@ use super::eval::Scope;
 use super::known::RoutineId;
 use super::motion::Call;
 use super::runner::Runner;
-use super::symbols::{Content, Names, Part, Upper, declared, first_word};
+use super::symbols::{Content, Names, Upper, VariablePart, declared, first_word};
 use super::tree::{Param, Routine};
 use super::value::Value;
 use crate::program::Reason;
@@ -19,7 +19,7 @@ pub(super) enum Bound {
     /// The caller's variable, by reference.
     Variable(usize),
     /// A part of the caller's variable, by reference.
-    Part(Rc<Part>),
+    Part(Rc<VariablePart>),
     /// A copy, with the name under which it was declared, and whether the files declare that name.
     Value(Value, Span, bool),
 }

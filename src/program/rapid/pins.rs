@@ -1,6 +1,6 @@
 //! Literals of the text: their numbers, and which of them must not be edited.
 
-use super::Site;
+use super::TargetInText;
 use super::literal::Literal;
 use super::runner::Runner;
 use super::value::{Pose, SourceSpan, Value};
@@ -54,11 +54,11 @@ impl<'a> Runner<'a> {
         }
     }
 
-    pub(super) fn root(&self, site: &Site) -> Option<u32> {
+    pub(super) fn root(&self, site: &TargetInText) -> Option<u32> {
         match site {
-            Site::None => None,
-            Site::Literal { literal, .. } => Some(*literal),
-            Site::Offset(at) => Some(self.offsets[*at as usize].root),
+            TargetInText::None => None,
+            TargetInText::Literal { literal, .. } => Some(*literal),
+            TargetInText::Offset(at) => Some(self.offsets[*at as usize].root),
         }
     }
 }

@@ -542,7 +542,7 @@ pub(super) fn harmless(statement: &[u8]) -> bool {
         || instruction(name) == Some(Instruction::UnitOn)
 }
 
-/// What a predefined function may change besides its value.
+/// What a predefined function may change in addition to its value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Function {
     Nothing,

@@ -59,7 +59,7 @@ impl Chunk {
 /// Whether all targets stand in the chunk's own text or in the declarations that were added for it.
 fn holds(layout: &super::Layout, own: &Range<usize>, elsewhere: &[Elsewhere]) -> bool {
     layout.sites.iter().all(|site| match site {
-        super::Site::Literal { literal, .. } => {
+        super::TargetInText::Literal { literal, .. } => {
             let span = layout.literals[*literal as usize].span().range();
             let behind = elsewhere.partition_point(|declared| declared.own.end < span.end);
             let declared = elsewhere.get(behind).is_some_and(|declared| declared.own.start <= span.start);

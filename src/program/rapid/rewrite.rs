@@ -1,8 +1,8 @@
 //! Writes corrected poses back into number tokens: only sign and digits change.
 
-use super::value::{SourceSpan, Step, rotate, unit};
+use super::value::{OffsetStep, SourceSpan, rotate, unit};
 use super::writer::{Pose, Print, Writer, single};
-use super::{Layout, Offset, Site, clone, insert, own};
+use super::{Layout, Offset, TargetInText, clone, insert, own};
 use crate::program::token::{New, signed};
 use crate::program::{Change, Editable, Goal, Insert, Program, Reason, RewriteOptions, Rewritten, Role};
 use crate::text::{Content, Edit, Token};
@@ -110,7 +110,7 @@ impl Writer<'_> {
             let Some(offset) = self.layout.offset(site).filter(|_| stays()) else { continue };
             let moves = prints.get(offset.root as usize).is_some_and(Option::is_some);
             self.frozen.extend(Some(offset.root).filter(|_| moves));
-            let places = offset.steps.iter().filter_map(Step::place);
+            let places = offset.steps.iter().filter_map(OffsetStep::place);
             self.frozen_offsets.extend(places.filter(|place| is_edited(offsets, place)));
         }
         for &i in &kept {
@@ -123,12 +123,12 @@ impl Writer<'_> {
                 continue;
             }
             match self.layout.sites[other] {
-                Site::Literal { literal, .. } => drop(self.frozen.insert(literal)),
-                Site::Offset(at) => {
+                TargetInText::Literal { literal, .. } => drop(self.frozen.insert(literal)),
+                TargetInText::Offset(at) => {
                     let last = self.layout.offsets[at as usize].steps.last();
                     self.frozen_offsets.extend(last.and_then(|step| step.tokens).map(|tokens| tokens[0]));
                 }
-                Site::None => {}
+                TargetInText::None => {}
             }
         }
     }
@@ -149,8 +149,8 @@ impl Writer<'_> {
         let mut first: Vec<u32> = vec![u32::MAX; self.layout.literals.len()];
         let mut disputed: Vec<u32> = Vec::new();
         for (i, (site, change)) in self.layout.sites.iter().zip(changes).enumerate() {
-            let Site::Literal { literal, .. } = *site else {
-                if matches!(site, Site::None) && change.as_ref().is_some_and(|c| self.differs(i, c)) {
+            let TargetInText::Literal { literal, .. } = *site else {
+                if matches!(site, TargetInText::None) && change.as_ref().is_some_and(|c| self.differs(i, c)) {
                     self.kept.push((i, self.reason(i)));
                 }
                 continue;
@@ -248,7 +248,8 @@ impl Writer<'_> {
     ) -> Option<NewOffset> {
         let (last, before) = offset.steps.split_last()?;
         let base = prints.get(offset.root as usize).and_then(Option::as_ref);
-        let moved = base.is_some() || before.iter().filter_map(Step::place).any(|place| is_edited(wishes, &place));
+        let moved =
+            base.is_some() || before.iter().filter_map(OffsetStep::place).any(|place| is_edited(wishes, &place));
         #[allow(clippy::float_cmp)] // the very number that was read means no change
         let moves = moved || wanted != written;
         let tokens = last.tokens.filter(|_| moves)?;
@@ -270,7 +271,7 @@ impl Writer<'_> {
     }
 
     /// The pose after these steps from a base, with their new arguments as the controller holds them.
-    fn after(&self, steps: &[Step], base: Pose, offsets: &NewOffsets) -> Pose {
+    fn after(&self, steps: &[OffsetStep], base: Pose, offsets: &NewOffsets) -> Pose {
         steps.iter().fold(base, |(position, quat), step| {
             let mut step = *step;
             if let Some(tokens) = step.tokens {
@@ -294,16 +295,16 @@ impl Writer<'_> {
     ) -> Pose {
         let print = |literal: u32| prints.get(literal as usize).and_then(Option::as_ref);
         let (position, quat) = match self.layout.sites[i] {
-            Site::Literal { literal, .. } => {
+            TargetInText::Literal { literal, .. } => {
                 let print = cloned.get(&i).or_else(|| print(literal));
                 self.literal_pose(&self.layout.literals[literal as usize], print)
             }
-            Site::Offset(at) => {
+            TargetInText::Offset(at) => {
                 let offset = &self.layout.offsets[at as usize];
                 let base = self.literal_pose(&self.layout.literals[offset.root as usize], print(offset.root));
                 self.after(&offset.steps, base, offsets)
             }
-            Site::None => match self.program.targets[i].goal {
+            TargetInText::None => match self.program.targets[i].goal {
                 Goal::Pose { position_mm, quat, .. } => (position_mm, quat),
                 Goal::Axis { position_mm, .. } => (position_mm, super::value::NO_TURN),
                 Goal::Joints { .. } => return ([0.0; 3], super::value::NO_TURN),

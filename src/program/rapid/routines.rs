@@ -21,12 +21,12 @@ pub(super) struct Stretch {
 pub(super) struct Routine {
     /// In upper case.
     name: Vec<u8>,
-    steps: Vec<Step>,
+    steps: Vec<RoutineStep>,
     pub(super) moves: bool,
 }
 
 #[derive(Debug)]
-enum Step {
+enum RoutineStep {
     Lines(Stretch),
     /// A call of the routine of this name, in upper case.
     Call(Vec<u8>),
@@ -39,17 +39,17 @@ impl Routine {
 
     /// Adds a line.
     pub(super) fn line(&mut self, start: u64, len: u64, lines_before: usize) {
-        if !matches!(self.steps.last(), Some(Step::Lines(_))) {
-            self.steps.push(Step::Lines(Stretch { start, lines_before, ..Stretch::default() }));
+        if !matches!(self.steps.last(), Some(RoutineStep::Lines(_))) {
+            self.steps.push(RoutineStep::Lines(Stretch { start, lines_before, ..Stretch::default() }));
         }
-        if let Some(Step::Lines(stretch)) = self.steps.last_mut() {
+        if let Some(RoutineStep::Lines(stretch)) = self.steps.last_mut() {
             stretch.len += len;
             stretch.lines += 1;
         }
     }
 
     pub(super) fn call(&mut self, name: &[u8]) {
-        self.steps.push(Step::Call(name.to_ascii_uppercase()));
+        self.steps.push(RoutineStep::Call(name.to_ascii_uppercase()));
     }
 }
 
@@ -60,7 +60,7 @@ pub(super) fn running(routines: &[Routine]) -> Option<Vec<Stretch>> {
         return None;
     }
     let called = |routine: &Routine| {
-        let step = |step: &Step| matches!(step, Step::Call(name) if *name == routine.name);
+        let step = |step: &RoutineStep| matches!(step, RoutineStep::Call(name) if *name == routine.name);
         routines.iter().any(|other| other.steps.iter().any(step))
     };
     // As in `run`: from `main`, or else from every procedure that no other calls.
@@ -96,8 +96,8 @@ impl Order<'_> {
         }
         for step in &routines[routine].steps {
             match step {
-                Step::Lines(stretch) => self.stretches.push(*stretch),
-                Step::Call(name) => self.visit(*self.by_name.get(&name[..])?, depth + 1)?,
+                RoutineStep::Lines(stretch) => self.stretches.push(*stretch),
+                RoutineStep::Call(name) => self.visit(*self.by_name.get(&name[..])?, depth + 1)?,
             }
         }
         Some(())
@@ -148,7 +148,7 @@ impl<R: Read + Seek> Read for Running<R> {
 
 /// A part of a stretch, in the order in which it runs.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Part {
+pub(super) struct StretchPart {
     pub(super) start: u64,
     pub(super) len: usize,
     /// The first line of the stretch, in the file and among the lines of all stretches.
@@ -172,7 +172,7 @@ impl Parts {
     }
 
     /// The parts of the next so many bytes.
-    pub(super) fn next(&mut self, mut len: usize) -> Vec<Part> {
+    pub(super) fn next(&mut self, mut len: usize) -> Vec<StretchPart> {
         let mut parts = Vec::new();
         while len > 0
             && let Some(stretch) = self.stretches.get(self.at)
@@ -180,7 +180,7 @@ impl Parts {
             let rest = usize::try_from(stretch.len - self.done).unwrap_or(usize::MAX);
             let taken = rest.min(len);
             let (line, running_line) = (stretch.lines_before + 1, self.lines + 1);
-            parts.push(Part { start: stretch.start + self.done, len: taken, line, running_line });
+            parts.push(StretchPart { start: stretch.start + self.done, len: taken, line, running_line });
             len -= taken;
             self.done += taken as u64;
             if taken == rest {

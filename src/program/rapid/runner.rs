@@ -9,7 +9,7 @@ use super::state::{Begun, ModalState, Switches};
 use super::symbols::{Content, Names, Symbols};
 use super::tree::File;
 use super::value::SourceSpan;
-use super::{Offset, Site};
+use super::{Offset, TargetInText};
 use crate::program::{ExternalAxes, InactiveUnit, Kept, Reason, Target, Tool, UnknownMotion, Wobj};
 use crate::text::{Diagnostic, LineIndex, Source, Span};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
@@ -127,7 +127,7 @@ pub(super) struct Runner<'a> {
     pub(super) wobjs: Vec<Wobj>,
     pub(super) wobj_numbers: HashMap<Vec<u8>, u16>,
     pub(super) targets: Vec<Target>,
-    pub(super) sites: Vec<Site>,
+    pub(super) sites: Vec<TargetInText>,
     pub(super) gathering: Gathering,
     /// Number of WHILE loops begun so far, which numbers them.
     pub(super) loops: u64,

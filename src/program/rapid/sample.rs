@@ -28,7 +28,7 @@ pub(super) struct Sample<'a> {
 
 /// The robtarget of a line that resembles another: borrowed, and copied once.
 #[derive(Clone, Copy)]
-pub(super) struct Found<'s> {
+pub(super) struct FoundTarget<'s> {
     /// A literal that differs from its own only in where it starts.
     pub(super) literal: &'s Literal,
     pub(super) start: u32,
@@ -36,7 +36,7 @@ pub(super) struct Found<'s> {
     pub(super) conf: &'s Option<Conf>,
 }
 
-impl Found<'_> {
+impl FoundTarget<'_> {
     pub(super) fn literal(&self) -> Literal {
         let mut literal = *self.literal;
         literal.move_to(self.start);
@@ -84,7 +84,7 @@ impl<'a> Sample<'a> {
 
     /// Reads the line at `start` if it resembles this one, which it replaces: its robtarget, and its length with the line end.
     #[inline(always)]
-    pub(super) fn read(&mut self, bytes: &'a [u8], start: usize) -> Option<(Found<'_>, usize)> {
+    pub(super) fn read(&mut self, bytes: &'a [u8], start: usize) -> Option<(FoundTarget<'_>, usize)> {
         let soon = self.shape.as_mut().is_some_and(|shape| shape.read(bytes, start));
         let len = if soon {
             self.literal_at + self.literal.span().len() + self.behind
@@ -93,7 +93,7 @@ impl<'a> Sample<'a> {
         };
         let start = u32::try_from(start + self.literal_at).ok()?;
         let pose = self.shape.as_ref().filter(|_| soon).map_or(&self.at, Shape::pose);
-        Some((Found { literal: &self.literal, start, pose, conf: &self.conf }, len))
+        Some((FoundTarget { literal: &self.literal, start, pose, conf: &self.conf }, len))
     }
 
     /// Reads the line number by number; returns its length with the line end.

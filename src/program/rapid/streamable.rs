@@ -9,10 +9,10 @@ use super::kinds::{Meaning, Motion, words};
 use super::lines::line_of;
 use super::literal::Literal;
 use super::named::Declarations;
-use super::sample::{Found, Named, Sample};
+use super::sample::{FoundTarget, Named, Sample};
 use super::shape::pose;
 use super::value::SourceSpan;
-use super::{Layout, Site};
+use super::{Layout, TargetInText};
 use crate::program::{ExternalAxes, Language, Mark, Predecessor, Program, Target, Tool, Wobj};
 use crate::text::{Source, Span};
 use std::ops::Range;
@@ -25,7 +25,7 @@ const MOST_KINDS: usize = 16;
 pub(super) struct Read {
     targets: Vec<Target>,
     literals: Vec<Literal>,
-    sites: Vec<Site>,
+    sites: Vec<TargetInText>,
     tools: Vec<Tool>,
     wobjs: Vec<Wobj>,
     mark: Option<Mark>,
@@ -57,7 +57,7 @@ enum Last<'a> {
 enum To<'s> {
     /// None, or one without a position in the text.
     Nowhere,
-    Inline(Found<'s>, &'s Option<Arc<ExternalAxes>>),
+    Inline(FoundTarget<'s>, &'s Option<Arc<ExternalAxes>>),
     /// A declared one, and the range of its name.
     Named(usize, Range<usize>),
 }
@@ -144,7 +144,7 @@ pub(super) fn read(chunk: &Chunk) -> Option<Read> {
                 let sample = Sample::new(line, line_start, *literal, written);
                 kind.last = sample.map_or(Last::None, |sample| Last::Inline(Box::new((sample, axes.clone()))));
                 at = pose(written.position_mm, written.quat)?;
-                To::Inline(Found { literal, start: literal.span().start, pose: &at, conf: &written.conf }, &axes)
+                To::Inline(FoundTarget { literal, start: literal.span().start, pose: &at, conf: &written.conf }, &axes)
             }
             (None, Some((target, name))) => {
                 let name = first + name.start..first + name.end;
@@ -218,20 +218,20 @@ impl Read {
         self.targets.push(like.clone());
         let target = self.targets.last_mut()?;
         let site = match to {
-            To::Nowhere => Site::None,
+            To::Nowhere => TargetInText::None,
             To::Inline(found, axes) => {
                 target.goal = found.goal();
                 target.external.clone_from(axes);
                 self.literals.push(*found.literal);
                 self.literals.last_mut()?.move_to(found.start);
-                Site::Literal { literal: u32::try_from(self.literals.len() - 1).ok()?, argument: None }
+                TargetInText::Literal { literal: u32::try_from(self.literals.len() - 1).ok()?, argument: None }
             }
             To::Named(declared, name) => {
                 target.goal = declarations.goal(declared);
                 target.external.clone_from(declarations.external(declared));
                 target.name = declarations.name(declared, &chunk.source.bytes[name.clone()]);
                 let argument = Some(SourceSpan { source: 0, span: Span::new(name.start, name.end) });
-                Site::Literal { literal: u32::try_from(declared).ok()?, argument }
+                TargetInText::Literal { literal: u32::try_from(declared).ok()?, argument }
             }
         };
         self.sites.push(site);

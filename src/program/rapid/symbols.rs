@@ -45,16 +45,16 @@ pub(super) type Names = HashMap<Box<[u8]>, usize>;
 pub(super) enum Content {
     /// A declaration that is not yet read.
     Declared(Span),
-    /// A declaration that is being read; found again, the initial value needs itself.
+    /// A declaration that is being read; found again, the initial value that depends on itself.
     Busy,
     /// A part of another variable: a parameter by reference for a component or an element.
-    Part(Rc<Part>),
+    Part(Rc<VariablePart>),
     Is(Value),
 }
 
 /// A part of a variable.
 #[derive(Clone, Debug)]
-pub(super) struct Part {
+pub(super) struct VariablePart {
     pub(super) of: usize,
     /// The known components and elements, counted from 0.
     pub(super) path: Vec<usize>,

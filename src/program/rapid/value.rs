@@ -36,14 +36,14 @@ pub(super) struct Pose {
     /// The literal that it comes from, directly or through `steps`.
     pub(super) root: Option<u32>,
     /// `Offs` and `RelTool` around it, innermost first.
-    pub(super) steps: Vec<Step>,
+    pub(super) steps: Vec<OffsetStep>,
     /// The reason, if any, for which it cannot be edited although its value is known.
     pub(super) fixed: Option<Reason>,
 }
 
 /// One `Offs` or `RelTool`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Step {
+pub(crate) struct OffsetStep {
     pub(crate) offset_mm: [f64; 3],
     /// Number tokens of the offset, if all three are literals.
     pub(crate) tokens: Option<[SourceSpan; 3]>,
@@ -53,7 +53,7 @@ pub(crate) struct Step {
     pub(crate) turn: [f64; 4],
 }
 
-impl Step {
+impl OffsetStep {
     /// The position of its first number, if all three are literals.
     pub(super) fn place(&self) -> Option<SourceSpan> {
         self.tokens.map(|tokens| tokens[0])

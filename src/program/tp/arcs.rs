@@ -4,7 +4,7 @@
 //! later one the circle through its own point and the two before. At least three are needed. Source: FANUC, R-30iB Operator's Manual (Basic
 //! Operation), circle arc motion; robot-forum.com, thread 43838.
 
-use super::builder::{Between, Builder, Site, Visit, are_in_one_frame, refuse};
+use super::builder::{Between, Builder, EditablePosition, Visit, are_in_one_frame, refuse};
 use crate::program::orientation::halfway;
 use crate::program::{Editable, Goal, Motion as Path, Reason, Role, Target};
 use deflex_lang::tp::{Code, StatementKind};
@@ -72,7 +72,7 @@ impl Builder<'_> {
                 Err(why) => self.lose(visit, why),
             }
         }
-        let own: Vec<(Target, Site)> = points.iter().map(|(_, point)| point.clone()).collect();
+        let own: Vec<(Target, EditablePosition)> = points.iter().map(|(_, point)| point.clone()).collect();
         let poses: Option<Vec<_>> = own
             .iter()
             .map(|(target, _)| match target.goal {
@@ -94,7 +94,7 @@ impl Builder<'_> {
     }
 
     /// Targets of consecutive `A` motions whose points are all known, with a circle point on the path to each except the first.
-    fn arc(&mut self, points: Vec<(usize, (Target, Site))>, poses: &[([f64; 3], [f64; 4])]) {
+    fn arc(&mut self, points: Vec<(usize, (Target, EditablePosition))>, poses: &[([f64; 3], [f64; 4])]) {
         let first = self.built.targets.len();
         // There is a circle point between two points.
         let index = |k: usize| first + 2 * k;

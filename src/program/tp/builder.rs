@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 /// The position of a target, if it may be edited: an index into the positions.
-pub(super) type Site = Option<u32>;
+pub(super) type EditablePosition = Option<u32>;
 
 /// The targets of one arc, including its circle points; they are edited together or not at all.
 pub(super) type Points = Range<usize>;
@@ -58,7 +58,7 @@ impl Visit<'_> {
 pub(super) struct Built {
     pub(super) targets: Vec<Target>,
     /// One for each target.
-    pub(super) sites: Vec<Site>,
+    pub(super) sites: Vec<EditablePosition>,
     pub(super) tools: Vec<Tool>,
     pub(super) wobjs: Vec<Wobj>,
     pub(super) kept: Vec<Kept>,
@@ -118,7 +118,7 @@ impl<'a> Builder<'a> {
     }
 }
 
-pub(super) fn are_in_one_frame(points: &[(Target, Site)]) -> bool {
+pub(super) fn are_in_one_frame(points: &[(Target, EditablePosition)]) -> bool {
     points.windows(2).all(|two| (two[0].0.tool, two[0].0.wobj) == (two[1].0.tool, two[1].0.wobj))
 }
 

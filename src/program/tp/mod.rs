@@ -30,7 +30,7 @@ pub(crate) struct Layout {
     /// In the order of the text.
     positions: Vec<Position>,
     /// One for each target.
-    sites: Vec<builder::Site>,
+    sites: Vec<builder::EditablePosition>,
     /// The targets of each arc.
     points: Vec<builder::Points>,
     /// Circle points that are not in the text.

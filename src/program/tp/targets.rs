@@ -1,7 +1,7 @@
 //! Builds targets from executed motions: their position, their frames, and whether the numbers may be edited.
 
 use super::arcs;
-use super::builder::{Builder, Built, Site, Visit, are_in_one_frame, refuse};
+use super::builder::{Builder, Built, EditablePosition, Visit, are_in_one_frame, refuse};
 use super::position::{Body, Number, Pose, Position};
 use crate::program::EXTERNAL_AXES;
 use crate::program::lowered::intern;
@@ -102,7 +102,7 @@ impl<'a> Builder<'a> {
     }
 
     /// Adds a point of a motion, given by its index among the executed ones.
-    pub(super) fn push(&mut self, run: usize, (target, site): (Target, Site)) {
+    pub(super) fn push(&mut self, run: usize, (target, site): (Target, EditablePosition)) {
         self.last = Some(run);
         self.built.targets.push(target);
         self.built.sites.push(site);
@@ -117,7 +117,7 @@ impl<'a> Builder<'a> {
     }
 
     /// The target for a point of a motion; `Err` has the reason if its place is unknown.
-    pub(super) fn point(&mut self, visit: &Visit<'_>, role: Role) -> Result<(Target, Site), Reason> {
+    pub(super) fn point(&mut self, visit: &Visit<'_>, role: Role) -> Result<(Target, EditablePosition), Reason> {
         let motion = visit.motion;
         let known = self.position(visit.number(role)?)?;
         let position = &self.positions[known];

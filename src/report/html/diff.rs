@@ -3,6 +3,7 @@
 use super::markup::{Document, STAGE, Table, Tile, decimals, escape, mm, section, tiles};
 use super::trace::{Channel, MOST_STRETCHES, Sample, Trace};
 use crate::program::{Goal, Program, Role};
+use crate::report::summary::grouped;
 use crate::report::{Difference, Origin};
 use serde_json::json;
 
@@ -19,6 +20,16 @@ const CHANNELS: &[Channel] = &[
 ];
 
 /// The page of the differences between `original` and the program called `corrected`.
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// let found = deflex::report::difference(&program, &program);
+/// let page = deflex::report::html::diff_page(&program, "corrected.mod", &found);
+/// assert!(page.starts_with("<!DOCTYPE html>"));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[must_use]
 pub fn diff_page(original: &Program, corrected: &str, found: &Difference) -> String {
     let name = original.sources.first().map_or("", |source| source.name.as_str());
@@ -26,9 +37,9 @@ pub fn diff_page(original: &Program, corrected: &str, found: &Difference) -> Str
     path.quote(|target, _| original.line_of(target));
     let mut path = path.json();
     path["title"] = json!(name);
-    let mut changed = format!("{} of {} targets changed", found.moved.len(), found.targets);
+    let mut changed = format!("{} of {} targets changed", grouped(found.moved.len()), grouped(found.targets));
     if !found.inserted.is_empty() {
-        changed += &format!(", {} inserted", found.inserted.len());
+        changed += &format!(", {} inserted", grouped(found.inserted.len()));
     }
     let mut body = tiles(&[
         Tile {
@@ -59,7 +70,7 @@ pub fn diff_page(original: &Program, corrected: &str, found: &Difference) -> Str
         let mut table = Table::new("others", &[("line", true), ("what", false)]);
         for other in &found.other {
             let line = if other.line > 0 { other.line.to_string() } else { String::new() };
-            table.row([line, escape(&other.what)]);
+            table.row([line, quoted(&other.what)]);
         }
         body += &section("other", "Other differences", table.html());
     }
@@ -94,6 +105,13 @@ fn trace(original: &Program, found: &Difference) -> Trace {
         });
     }
     trace
+}
+
+/// A difference in words, with its quotations of the program as code.
+fn quoted(what: &str) -> String {
+    let parts = escape(what);
+    let parts = parts.split('`').enumerate();
+    parts.map(|(i, part)| if i % 2 == 0 { part.to_owned() } else { format!("<code>{part}</code>") }).collect()
 }
 
 const WORDS: &str = "<dl>

@@ -3,7 +3,7 @@
 use super::markup::{Document, Table, Tile, bar, decimals, escape, further_pairs, list, section, tiles};
 use super::trace::{Channel, MOST_STRETCHES, Sample, Trace};
 use crate::identify::{Identification, ResidualRow, Separation, SetShare};
-use crate::report::identification::{elsewhere, named_parameter, significant};
+use crate::report::identification::{elsewhere, named_parameter, nearby, significant};
 use crate::report::{Origin, identify_answer};
 use serde_json::json;
 use std::fmt::Write;
@@ -26,6 +26,19 @@ const CHANNELS: &[Channel] = &[
 ];
 
 /// The page of what was found about a cell, from programs and measured files.
+///
+/// # Examples
+/// ```
+/// use deflex::identify::Identification;
+/// use deflex::report::Origin;
+/// use deflex::report::html::identification_page;
+///
+/// /// Writes the page of an answer.
+/// fn write(found: &Identification) -> std::io::Result<()> {
+///     let (cell, data) = (Origin::of("cell.toml", b""), [Origin::of("measured.csv", b"")]);
+///     std::fs::write("found.html", identification_page(found, &cell, &data))
+/// }
+/// ```
 #[must_use]
 pub fn identification_page(found: &Identification, cell: &Origin, data: &[Origin]) -> String {
     let mut body = format!("<p class=\"answer\"><strong>{}</strong></p>\n", escape(&identify_answer(found)));
@@ -87,7 +100,7 @@ fn figures(found: &Identification) -> String {
             unit: "mm rms",
             label: "Noise floor",
             aside: format!(
-                "white {} mm, wander {} mm an axis",
+                "scatter {} mm and slow drift {} mm per axis",
                 decimals(found.noise_mm, 4),
                 decimals(found.wander_mm, 4)
             ),
@@ -113,7 +126,7 @@ fn added(found: &Identification) -> String {
             false if !found.faint().is_empty() => {
                 "<p>Nothing: what may act is too faint on these rows to be named.</p>\n".to_owned()
             }
-            false => "<p>Nothing: the declared cell explains the data to the noise.</p>\n".to_owned(),
+            false => "<p>Nothing: the declared cell explains the data down to the noise.</p>\n".to_owned(),
         };
     }
     let mut out = String::new();
@@ -122,7 +135,7 @@ fn added(found: &Identification) -> String {
         // Writing to a String cannot fail.
         let _ = writeln!(
             out,
-            "<h3><code>{kind}</code></h3>\n<p>Posterior {}. On held-out rows {} mm rms before it, {} mm with it.{}</p>",
+            "<h3><code>{kind}</code></h3>\n<p>Probability {}. Error on held-out rows: {} mm rms without it, {} mm rms with it.{}</p>",
             decimals(effect.posterior, 3),
             decimals(effect.held_out_rms_before_mm, 4),
             decimals(effect.held_out_rms_after_mm, 4),
@@ -172,7 +185,8 @@ fn effects(found: &Identification) -> String {
             decimals(effect.probability, 3),
         ]);
     }
-    format!("<p>Rows {}.</p>\n{}", elsewhere(found), table.html())
+    let nearby = nearby(found).map(|text| format!("; {text}")).unwrap_or_default();
+    format!("<p>Rows {}{nearby}.</p>\n{}", elsewhere(found), table.html())
 }
 
 /// The probabilities of the sets of effects.
@@ -181,7 +195,7 @@ fn sets(sets: &[SetShare]) -> String {
         return "<p>Over the whole robot, effects are found in stages and are not compared with one another.</p>\n"
             .to_owned();
     }
-    let mut table = Table::new("sets", &[("set", false), ("posterior", true)]);
+    let mut table = Table::new("sets", &[("set", false), ("probability", true)]);
     for SetShare { kinds, probability } in sets {
         let kinds: Vec<String> = kinds.iter().map(|kind| format!("<code>{}</code>", escape(kind))).collect();
         let kinds = if kinds.is_empty() { "nothing".to_owned() } else { kinds.join(" + ") };
@@ -217,8 +231,7 @@ fn separability(pairs: &[Separation]) -> String {
     const DISTINGUISHED: [f64; 2] = [3.0, 5.0];
     let shown = &pairs[..pairs.len().min(MOST_PAIRS)];
     let most = shown.iter().map(|pair| pair.d_prime).fold(DISTINGUISHED[1], f64::max);
-    let head =
-        [("effect that is there", false), ("may be taken for", false), ("d′", true), ("can be distinguished", false)];
+    let head = [("effect that is there", false), ("may be taken for", false), ("d′", true), ("distinct", false)];
     let mut table = Table::new("apart", &head);
     for Separation { of, from, d_prime } in shown {
         let verdict = match d_prime {
@@ -327,8 +340,8 @@ const WORDS: &str = "<dl>
 <dt>Residual</dt><dd>Measured minus predicted position. Before: predicted with the declared cell, of which only the pose of the measuring device is fitted. After: predicted with the extended cell.</dd>
 <dt>Held out</dt><dd>Rows that were not used to fit numbers, to choose effects or to smooth.</dd>
 <dt>Written</dt><dd>Before and after are residuals of the held-out rows. For a part, the numbers that are written to the cell are then fitted again to all rows, with the held-out ones.</dd>
-<dt>Sets</dt><dd>Posterior probabilities of the chosen set of effects and faults and of those next to it: with one member removed, exchanged or added.</dd>
-<dt>Posterior</dt><dd>Probability that the effect is present, and not another in its place, given these data.</dd>
+<dt>Sets</dt><dd>How likely the chosen set of effects and faults is after these data, and each set next to it: with one member removed, exchanged or added.</dd>
+<dt>Probability</dt><dd>How likely it is, after these data, that the effect is present and not another one in its place.</dd>
 <dt>d′</dt><dd>The part of an effect of 0.03 mm rms that the other effect cannot imitate, divided by the noise. From 5 on the two can be distinguished. Below 3 they cannot, even with many more points of this kind.</dd>
 <dt>ΔBIC</dt><dd>Twice the logarithm of the evidence for the declared cell divided by that for the cell with this effect. If it is negative, the effect explains the rows better.</dd>
 </dl>

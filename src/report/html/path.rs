@@ -5,7 +5,7 @@ use super::scene;
 use super::trace::{Channel, MOST_STRETCHES, Sample, Trace};
 use crate::cell::Cell;
 use crate::correct::{KeptCount, Row, Status};
-use crate::report::summary::{FailureLine, PathKind, parts_text};
+use crate::report::summary::{FailureLine, PathKind, grouped, parts_text};
 use crate::report::{FileSummary, Origin};
 use serde_json::json;
 use std::collections::BTreeSet;
@@ -129,6 +129,19 @@ pub struct PathTrace {
 
 impl PathTrace {
     /// An empty path, one of `programs` on a page.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{cell::Cell, program::rapid, text::Source};
+    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+    /// use deflex::report::html::{PathKind, PathTrace};
+    ///
+    /// let mut trace = PathTrace::new(PathKind::Compensate, 1);
+    /// trace.extend(&corrected.rows);
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn new(kind: PathKind, programs: usize) -> Self {
         let channels = match kind {
@@ -151,6 +164,19 @@ impl PathTrace {
     }
 
     /// Adds rows in running order.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{cell::Cell, program::rapid, text::Source};
+    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+    /// use deflex::report::html::{PathKind, PathTrace};
+    ///
+    /// let mut trace = PathTrace::new(PathKind::Compensate, 1);
+    /// corrected.rows.chunks(20).for_each(|rows| trace.extend(rows));
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     pub fn extend(&mut self, rows: &[Row]) {
         for row in rows {
             self.parts[self.at].1.push(Sample {
@@ -173,6 +199,20 @@ impl PathTrace {
     /// Quotes the line of the program at every target that the page will show. Call it after all rows have been added.
     /// `line_of` gives the text of a line from the target's ordinal and the line's number, and is called in running
     /// order.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{cell::Cell, program::rapid, text::Source};
+    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+    /// use deflex::report::html::{PathKind, PathTrace};
+    ///
+    /// let mut trace = PathTrace::new(PathKind::Compensate, 1);
+    /// trace.extend(&corrected.rows);
+    /// trace.quote(|target, _| program.line_of(target));
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     pub fn quote(&mut self, mut line_of: impl FnMut(u32, u32) -> Option<String>) {
         self.parts.iter_mut().for_each(|(_, trace)| trace.quote(&mut line_of));
     }
@@ -195,6 +235,30 @@ pub struct PathPage<'a> {
 
 impl PathPage<'_> {
     /// The page.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex::{cell::Cell, program::rapid, text::Source};
+    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+    /// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+    /// use deflex::correct::Summary;
+    /// use deflex::report::html::{PathKind, PathPage, PathTrace};
+    /// use deflex::report::{FileSummary, Origin};
+    ///
+    /// let mut trace = PathTrace::new(PathKind::Compensate, 1);
+    /// trace.extend(&corrected.rows);
+    /// let summary = FileSummary::of("slot.mod", &Summary::of(&corrected.rows), &[]);
+    /// let page = PathPage {
+    ///     kind: PathKind::Compensate,
+    ///     cell: &Origin::of("cell.toml", b""),
+    ///     programs: &[(summary, trace)],
+    ///     scene: Some(&cell),
+    ///     tolerance_mm: None,
+    /// };
+    /// assert!(page.html().starts_with("<!DOCTYPE html>"));
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn html(&self) -> String {
         let corrects = self.kind == PathKind::Compensate;
@@ -210,8 +274,11 @@ impl PathPage<'_> {
             body += "<p class=\"choice\"><label>Program <select id=\"program\"></select></label></p>\n";
         }
         body += STAGE;
-        if self.programs.len() > 1 || self.programs.iter().any(|(sum, _)| !sum.counts.kept.is_empty()) {
-            body += &section("programs", "Programs", self.table());
+        match self.programs {
+            [(one, _)] if one.counts.kept.is_empty() => {}
+            // Its other figures are on the cards.
+            [(one, _)] => body += &section("programs", "Kept targets", kept_table(&one.counts.kept)),
+            _ => body += &section("programs", "Programs", self.table()),
         }
         body += &section(
             "words",
@@ -265,7 +332,6 @@ impl PathPage<'_> {
         let sums = || self.programs.iter().map(|(sum, _)| sum);
         let most = |of: fn(&FileSummary) -> f64| sums().map(of).fold(0.0, f64::max);
         let count = |of: fn(&FileSummary) -> usize| sums().map(of).sum::<usize>();
-        let kept: usize = sums().flat_map(|sum| &sum.counts.kept).map(|kept| kept.count).sum();
         let rms = match self.programs {
             [(one, _)] => format!("rms {} mm over cutting targets", decimals(one.counts.rms_error_mm, 4)),
             _ => String::new(),
@@ -273,7 +339,7 @@ impl PathPage<'_> {
         let mut all = vec![
             Tile {
                 key: "targets",
-                value: count(|sum| sum.counts.targets).to_string(),
+                value: grouped(count(|sum| sum.counts.targets)),
                 unit: "",
                 label: "Targets",
                 aside: parts_text(&self.parts()),
@@ -291,7 +357,7 @@ impl PathPage<'_> {
             let reasons: Vec<String> = unjudged.iter().map(ToString::to_string).collect();
             all.push(Tile {
                 key: "unjudged",
-                value: unjudged.iter().map(|unjudged| unjudged.count).sum::<usize>().to_string(),
+                value: grouped(unjudged.iter().map(|unjudged| unjudged.count).sum()),
                 unit: "",
                 label: "Not judged",
                 aside: reasons.join(", "),
@@ -301,7 +367,7 @@ impl PathPage<'_> {
             let failed = count(|sum| usize::from(!sum.failures.is_empty()));
             all.push(Tile {
                 key: "findings",
-                value: count(|sum| sum.failures.len() + sum.more_failures).to_string(),
+                value: grouped(count(|sum| sum.failures.len() + sum.more_failures)),
                 unit: "",
                 label: "Findings",
                 aside: format!("in {failed} of {} programs", self.programs.len()),
@@ -313,11 +379,9 @@ impl PathPage<'_> {
                 value: mm(most(|sum| sum.counts.max_correction_mm)),
                 unit: "mm",
                 label: "Largest correction",
-                aside: match kept {
-                    0 => String::new(),
-                    _ => {
-                        format!("kept targets stay off by up to {} mm", decimals(most(|sum| sum.counts.max_kept_mm), 4))
-                    }
+                aside: match mm(most(|sum| sum.counts.max_kept_mm)) {
+                    none if none == mm(0.0) => String::new(),
+                    most => format!("kept targets stay off by up to {most} mm"),
                 },
             });
         }
@@ -362,6 +426,7 @@ impl PathPage<'_> {
         let more = match count.saturating_sub(SHOWN) {
             0 => String::new(),
             more => {
+                let more = grouped(more);
                 format!("<p class=\"note\">… and {more} more: <code>check --report CSV</code> has every target.</p>\n")
             }
         };
@@ -402,6 +467,15 @@ impl PathPage<'_> {
         }
         table.html()
     }
+}
+
+/// Why targets of the only program are kept.
+fn kept_table(kept: &[KeptCount]) -> String {
+    let mut table = Table::new("kept", &[("targets", true), ("why they stay as they are", false)]);
+    for kept in kept {
+        table.row([grouped(kept.count), escape(kept.reason.text())]);
+    }
+    table.html()
 }
 
 const WORDS: &str = "<dl>

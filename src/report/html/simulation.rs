@@ -1,18 +1,33 @@
 //! The page of `simulate`.
 
 use super::markup::{COMMON, Document, Table, Tile, decimals, mm, section, tiles};
-use crate::report::{DeviationMap, MapFigures};
+use crate::report::summary::grouped;
+use crate::report::{CutterAt, DeviationMap, MapFigures};
 use serde_json::{Value, json};
 
 const SCRIPT: &str = include_str!("assets/part.js");
 
-/// The page of a simulated part, coloured by its deviation. All maps are of the same surface, and each has a name.
+/// The page of a simulated part, coloured by its deviation. All maps are of the same surface, and each has a name. `cutters` stand at the
+/// worst place of each map.
+///
+/// # Examples
+/// ```
+/// use deflex::report::DeviationMap;
+/// use deflex::report::html::simulation_page;
+///
+/// /// Writes the page of a part.
+/// fn write(map: DeviationMap) -> std::io::Result<()> {
+///     let figures = map.figures();
+///     std::fs::write("part.html", simulation_page("part.mod", "cell.toml", &[("as it is", map)], &[("as it is", figures)], &[None]))
+/// }
+/// ```
 #[must_use]
 pub fn simulation_page(
     program: &str,
     cell: &str,
     maps: &[(&str, DeviationMap)],
     figures: &[(&str, MapFigures)],
+    cutters: &[Option<CutterAt>],
 ) -> String {
     let mut body = String::new();
     if let Some((_, last)) = figures.last() {
@@ -23,7 +38,7 @@ pub fn simulation_page(
                 value: mm(last.rms_mm),
                 unit: "mm",
                 label: "Deviation, rms",
-                aside: format!("{} points", last.points),
+                aside: format!("at {} points of the surface", grouped(last.points)),
             },
             Tile {
                 key: "max_mm",
@@ -72,14 +87,14 @@ pub fn simulation_page(
     }
     body += &section("table", "Figures", table.html());
     body += &section("words", "What the figures are", WORDS);
-    let data = data(maps);
+    let data = data(maps, cutters);
     let subtitle = format!("the stock as the loaded arm will leave it, {cell}");
     Document { kicker: "simulate", title: program, subtitle: &subtitle, body: &body, data: &data, origins: &[] }
         .html_with(&[COMMON[0], COMMON[1], SCRIPT].concat())
 }
 
 /// Thousandths of a millimetre as whole numbers, tenths of a micrometre for deviations.
-fn data(maps: &[(&str, DeviationMap)]) -> Value {
+fn data(maps: &[(&str, DeviationMap)], cutters: &[Option<CutterAt>]) -> Value {
     let whole = |value: f64| (value * 1e6).round();
     let Some((_, first)) = maps.first() else { return json!({}) };
     let points: Vec<f64> = first.programmed.points.iter().flat_map(|p| [p.x, p.y, p.z]).map(whole).collect();
@@ -90,7 +105,16 @@ fn data(maps: &[(&str, DeviationMap)]) -> Value {
             json!({ "name": name, "values": values })
         })
         .collect();
-    json!({ "kind": "simulate", "points": points, "triangles": first.programmed.triangles.concat(), "maps": maps })
+    let cutter = |at: &Option<CutterAt>| {
+        at.map(|CutterAt { pose, cutter }| {
+            let [tip, axis] = [pose.tip.map(whole), pose.axis.into_inner()].map(<[f64; 3]>::from);
+            let (radius, corner) = (whole(cutter.diameter / 2.0), whole(cutter.corner_radius));
+            json!({ "tip": tip, "axis": axis, "radius": radius, "corner": corner })
+        })
+    };
+    let cutters: Vec<Option<Value>> = cutters.iter().map(cutter).collect();
+    let triangles = first.programmed.triangles.concat();
+    json!({ "kind": "simulate", "points": points, "triangles": triangles, "maps": maps, "cutters": cutters })
 }
 
 /// A view of each map, side by side.
@@ -112,13 +136,13 @@ fn stage(maps: &[(&str, DeviationMap)]) -> String {
     let columns = maps.len().clamp(1, 2);
     format!(
         r#"<section class="stage" id="part-stage" style="grid-template-columns:minmax(0,1fr)"><div class="view">
-<div class="toolbar" role="toolbar" aria-label="View"><span class="buttons"><label>Full colour at <input id="limit" type="number" min="0.001" step="0.01" style="width:6em"> mm</label></span>
+<div class="toolbar" role="toolbar" aria-label="View"><span class="buttons"><label>Tolerance (full colour) ± <input id="limit" type="number" min="0.001" step="0.01" style="width:6em"> mm</label></span>
 <span class="buttons"><button type="button" data-view="iso">3-D</button><button type="button" data-view="top">Top</button><button type="button" data-view="front">Front</button><button type="button" data-view="side">Side</button><button type="button" data-view="fit">Fit</button><button type="button" id="worst">Worst place</button></span></div>
 <div class="views" style="grid-template-columns:repeat({columns},minmax(0,1fr))">{views}</div>
 <div class="legend"><span id="low"></span><span id="ramp"></span><span id="high"></span><span id="uncut" style="width:24px;height:11px;border-radius:3px;margin-left:16px"></span><span>not cut</span></div>
-<p class="hint">Grey: as programmed. Drag turns, shift-drag moves, wheel zooms, a click shows the deviation. Keys: arrows turn, + − zoom, <kbd>0</kbd> fits. The ring marks the worst place. <span id="there" role="status"></span></p>
+<p class="hint">Grey: as programmed. Drag turns, shift-drag moves, wheel zooms, a click shows the deviation. Keys: arrows turn, + − zoom, <kbd>0</kbd> fits. The ring marks the worst place, and the tool stands as programmed where it cuts there. <span id="there" role="status"></span></p>
 </div></section>
-<section id="charts"><div class="heading"><h2>How much of the surface deviates by how much</h2><p class="key"><span class="swatch limit">as far as the full colour above</span></p></div>
+<section id="charts"><div class="heading"><h2>Share of the surface by its deviation</h2><p class="key"><span class="swatch limit">the tolerance that is set above</span></p></div>
 <div class="views" style="grid-template-columns:repeat({columns},minmax(0,1fr))">{bars}</div></section>
 "#
     )

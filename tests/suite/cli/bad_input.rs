@@ -194,7 +194,11 @@ fn what_a_cl_file_says_to_machine_tools_only_is_told() {
     bench.write("drill.apt", CL.replace("GOTO/100", "CYCLE/DRILL,5\nGOTO/100"));
     let refused = bench.run("predict drill.apt --cell cell.toml --tool tMill").exits(2).stderr;
     assert!(refused.contains("drill.apt:7:1") && refused.contains("drilling cycle"), "{refused}");
-    assert!(ran.stderr.contains("unknown statement, taken as one that moves nothing (2 statements)"), "{}", ran.stderr);
+    assert!(
+        ran.stderr.contains("unknown statement: deflex assumes that it moves nothing (2 statements)"),
+        "{}",
+        ran.stderr
+    );
 }
 
 #[test]

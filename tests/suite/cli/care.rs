@@ -12,7 +12,7 @@ fn a_corrected_program_is_not_corrected_again() {
     assert!(said.contains("out.report.csv") && said.contains("--again"), "{said}");
     assert!(!bench.path("more.mod").exists());
     bench.run("compensate out.mod --cell cell.toml -o more.mod --again").exits(0);
-    // The original beside the report of its correction is corrected as ever.
+    // The original in the folder of the report of its correction is corrected as usual.
     bench.run("compensate part.mod --cell cell.toml -o other.mod --report other.csv").exits(0);
     assert_eq!(bench.read("other.mod"), bench.read("out.mod"));
     // The report may have any name, and lines may end otherwise.

@@ -1,4 +1,4 @@
-//! CL data with several tools, and what the machine does besides motion, from file to posted program.
+//! CL data with several tools and with actions of the machine other than motions, from file to posted program.
 
 use super::bench::{Bench, CELL};
 

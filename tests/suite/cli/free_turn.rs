@@ -23,7 +23,7 @@ fn path() -> String {
     text + "FINI\n"
 }
 
-/// A spindle at 45° beside the flange: how the arm stands depends on the turn.
+/// A spindle at 45° next to the flange: the posture of the arm depends on the turn.
 fn cell(spin: &str) -> String {
     let tilted = CELL.replace("tcp_mm = [0, 0, 310]", "tcp_mm = [150, 0, 260]");
     let tilted = tilted.replace("tcp_quat = [1, 0, 0, 0]", "tcp_quat = [0.92387953, 0, 0.38268343, 0]");

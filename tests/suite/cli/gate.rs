@@ -155,7 +155,7 @@ fn a_name_is_no_option_in_the_hook() {
             .unwrap()
     };
     assert_eq!(run(&["--"]).status.code(), Some(1));
-    // Whoever leaves it out is told, and never gets a green check.
+    // If it is left out, a message says so, and the check never passes.
     let refused = run(&[]);
     let said = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert!(refused.status.code() == Some(2) && said.contains("`--forces=.h.mod` reads as an option"), "{said}");

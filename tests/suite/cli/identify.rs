@@ -52,7 +52,7 @@ fn a_table_of_another_program_is_refused() {
     bench.run("identify --cell cell.toml").exits(2);
 }
 
-/// The sample as a draw-wire would have seen it: lengths from a point that nobody tells.
+/// The sample as a draw-wire sensor would have measured it: lengths from a point that is not stated.
 #[test]
 fn lengths_from_an_unknown_point_name_the_same_effect() {
     const FROM_MM: [f64; 3] = [350.0, -800.0, 900.0];

@@ -64,7 +64,7 @@ fn filled(cell: &str, but: &[&str]) -> String {
     cell.lines().map(line).collect::<Vec<_>>().join("\n") + "\n"
 }
 
-/// The cell of a robot whose stiffness nobody publishes, with one to fill in.
+/// The cell of a robot without a published stiffness, with a stiffness to fill in.
 pub(super) fn with_stiffness(cell: &str) -> String {
     cell.replace("# [robot.stiffness]", "[robot.stiffness]")
         .replace("# joint_nm_per_rad = [ , , , , , ]", "joint_nm_per_rad = [1e6, 1e6, 1e6, 1e5, 1e5, 1e5]   # <<")

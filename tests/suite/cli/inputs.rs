@@ -1,4 +1,4 @@
-//! How inputs are found, told apart and put together.
+//! How inputs are found, recognised and put together.
 
 use super::bench::{Bench, CELL, PROGRAM};
 

@@ -4,7 +4,7 @@ use super::bench::{Bench, CELL, Ran, without_hashes};
 use super::long::{long, long_cl};
 use deflex::program::rapid::CHUNK;
 
-/// A procedure that nobody runs, and that is not looked at twice: the program is read whole.
+/// A procedure that nothing runs: the program is read as a whole.
 const MORE: &str = "  PROC idle(num n)\n  ENDPROC\nENDMODULE";
 
 /// Every target of a line declared, and moved to.
@@ -23,7 +23,7 @@ fn rapid_whole(text: &str) -> String {
     text.replace("ENDMODULE", MORE)
 }
 
-/// A unit that is named far behind the first position is looked for in the whole.
+/// A unit that is named long after the first position is found in the whole program.
 fn cl_whole(text: &str) -> String {
     text.replace("UNITS/MM", "$$").replace("FINI", "UNITS/MM\nFINI")
 }

@@ -45,7 +45,7 @@ fn long_cl_data_are_the_same_from_file_and_pipe_streamed_and_whole() {
     let bench = Bench::new();
     let text = long_cl(10 * CHUNK / 40);
     bench.write("long.apt", &text);
-    // A unit that is named far behind the first position is looked for in the whole.
+    // A unit that is named long after the first position is found in the whole program.
     bench.write("unread.apt", text.replace("UNITS/MM", "$$").replace("FINI", "UNITS/MM\nFINI"));
     let options = "--cell cell.toml --max-targets 5000 --html";
     bench.run(&format!("compensate long.apt --out-dir out --report out.csv --jobs 3 {options} out.html")).exits(0);

@@ -112,9 +112,13 @@ fn lands(arm: &Arm, motor: &Joints, force: Vector3<f64>, travel: &Joints) -> Res
     let there = arm.predict(&situation, &command.commanded(travel), travel);
     let there = there.map_err(|error| TestCaseError::fail(format!("{error}: {names:?}")))?;
     let gap = there.wobj_from_tcp.translation.vector - situation.wobj_from_tcp.translation.vector;
-    prop_assert!(gap.norm() < SAME_POSITION, "{gap:?} {names:?}");
+    let where_to_look = "look at `Effect::follows_command` and `follows_load`, and at `Physics::parts`";
+    prop_assert!(gap.norm() < SAME_POSITION, "the command lands off by {gap:?}: {where_to_look}: {names:?}");
     let turn = there.wobj_from_tcp.rotation * situation.wobj_from_tcp.rotation.inverse();
-    prop_assert!((turn.matrix() - nalgebra::Matrix3::identity()).amax() < SAME_ROTATION, "{turn:?} {names:?}");
+    prop_assert!(
+        (turn.matrix() - nalgebra::Matrix3::identity()).amax() < SAME_ROTATION,
+        "the command lands turned by {turn:?}: {where_to_look}: {names:?}"
+    );
     Ok(())
 }
 
@@ -154,9 +158,13 @@ fn run(cases: u32, test: impl Fn(Joints, Vector3<f64>, Joints, Vec<f64>) -> Resu
 #[test]
 fn every_kind_has_forms_and_names_kinds_of_the_registry() {
     for kind in KINDS {
-        assert!(!kind.forms.is_empty(), "{}: no form that tests could run", kind.name);
+        assert!(!kind.forms.is_empty(), "{}: `KIND.forms` has no form for the tests", kind.name);
         for other in kind.nested_in.iter().chain(kind.locally_like) {
-            assert!(KINDS.iter().any(|kind| kind.name == *other), "{}: {other} is no kind", kind.name);
+            assert!(
+                KINDS.iter().any(|kind| kind.name == *other),
+                "{}: `KIND.nested_in` or `locally_like` names {other}, which is no kind",
+                kind.name
+            );
         }
     }
 }
@@ -196,11 +204,12 @@ fn tables_round_trip() {
         for form in forms() {
             let effect = drawn(form.as_ref(), &shares);
             let table = effect.to_table();
-            prop_assert_eq!(table["kind"].as_str(), Some(effect.kind()));
+            prop_assert_eq!(table["kind"].as_str(), Some(effect.kind()), "look at `Listed::to_table`");
             // Through text, as the cell file has it.
             let again = read(table.to_string().parse().unwrap()).unwrap();
-            prop_assert_eq!(again.parameters(), effect.parameters());
-            prop_assert_eq!(again.to_table(), table);
+            let where_to_look = "look at the `serde` attributes of the table, `Effect::parameters` and `with_values`";
+            prop_assert_eq!(again.parameters(), effect.parameters(), "{}: {}", effect.kind(), where_to_look);
+            prop_assert_eq!(again.to_table(), table, "{}", where_to_look);
         }
         Ok(())
     });
@@ -217,8 +226,9 @@ fn neutral_values_change_no_bit() {
     let without = plain.predict(&situation, &motor, &travel).unwrap();
     for form in forms() {
         let with = arm(vec![neutral(form.as_ref())]).predict(&situation, &motor, &travel).unwrap();
-        assert_eq!(with.wobj_from_tcp, without.wobj_from_tcp, "{}", form.kind());
-        assert_eq!(with.motor, without.motor, "{}", form.kind());
+        let where_to_look = "does something at its neutral values: look at `Effect::parameters`, and at `Physics`";
+        assert_eq!(with.wobj_from_tcp, without.wobj_from_tcp, "{} {where_to_look}", form.kind());
+        assert_eq!(with.motor, without.motor, "{} {where_to_look}", form.kind());
     }
 }
 
@@ -241,7 +251,8 @@ fn neutral_values_are_inverted_without_a_load_at_an_exact_pose() {
             for travel in [Joints::zeros(), Joints::repeat(1.0)] {
                 let command = arm.command(&situation, &situation.wobj_from_tcp, &motor, &travel);
                 let command = command.unwrap_or_else(|error| panic!("{}: {error}", form.to_table()));
-                assert!((command.commanded(&travel) - motor).amax() < 1e-12, "{}", form.to_table());
+                let apart = (command.commanded(&travel) - motor).amax();
+                assert!(apart < 1e-12, "look at the neutral values of `Effect::parameters`: {}", form.to_table());
             }
         }
     }
@@ -286,7 +297,13 @@ fn every_parameter_moves_something() {
             values[i] += 0.3 * parameter.typical;
             let moved = (seen(start.with_values(&values)).to_homogeneous() - there.to_homogeneous()).norm();
             let still = IDLE.contains(&(form.kind(), parameter.name.as_str()));
-            assert!(still || moved > 1e-9, "{} {}: {moved:e}", form.kind(), parameter.name);
+            let where_to_look = "look at `Effect::with_values` and `Physics`, or list it in `IDLE`";
+            assert!(
+                still || moved > 1e-9,
+                "{} {} moves nothing ({moved:e}): {where_to_look}",
+                form.kind(),
+                parameter.name
+            );
         }
     }
 }
@@ -375,11 +392,14 @@ fn candidates_follow_the_data_and_do_nothing_yet() {
     let searched = KINDS.iter().filter(|kind| kind.shape == deflex::effects::Shape::Periodic).count();
     // Where a hose is fastened has to be declared; a map is of what is left, and no candidate.
     let declared = ["cable_pull", "empirical"];
-    assert!(names(&survey).iter().all(|name| !declared.contains(name)));
+    assert!(
+        names(&survey).iter().all(|name| !declared.contains(name)),
+        "look at `KIND.candidates`: effects in `declared` have none"
+    );
     assert_eq!(
         names(&survey).len(),
         KINDS.len() - searched - declared.len(),
-        "all but those whose orders are searched"
+        "all kinds but those whose orders are searched have candidates: look at `KIND.candidates`, or name the kind in `declared`"
     );
     for candidate in KINDS.iter().flat_map(|kind| (kind.candidates)(&survey)) {
         let shapes = ["tau_s", "compliance_rad_per_nm", "width_rad"];
@@ -387,7 +407,7 @@ fn candidates_follow_the_data_and_do_nothing_yet() {
         {
             assert!(
                 parameter.value.to_bits() == parameter.neutral.to_bits(),
-                "{} {}",
+                "{} {} is not neutral: look at `KIND.candidates`",
                 candidate.kind(),
                 parameter.name
             );
@@ -405,6 +425,6 @@ fn candidates_follow_the_data_and_do_nothing_yet() {
         "tracking_lag",
         "thermal_growth",
     ] {
-        assert!(!left.contains(&name), "{name} without its data");
+        assert!(!left.contains(&name), "{name} is a candidate without its data: look at `KIND.candidates`");
     }
 }

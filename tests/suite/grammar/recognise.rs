@@ -23,7 +23,7 @@ impl<'g, 't> Recogniser<'g, 't> {
         Self { grammar, text, known: HashMap::new(), furthest: 0 }
     }
 
-    /// Whether the whole text is one `rule`, space before and behind it.
+    /// Whether the whole text is one `rule`, with space before and after it.
     pub(crate) fn whole(&mut self, rule: &str) -> Result<(), Stopped> {
         let rule = &self.grammar.rules[rule];
         let ends = self.ends(rule.body, 0, rule.lexical);

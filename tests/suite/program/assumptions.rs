@@ -1,4 +1,4 @@
-//! What is assumed of a program where it says otherwise, or nothing, is told.
+//! deflex reports what it assumes of a program that contradicts the assumption or says nothing about it.
 
 use crate::second_reading::compare::CELL;
 use deflex::cell::Cell;

@@ -23,7 +23,7 @@ fn files() -> Vec<PathBuf> {
     files
 }
 
-/// One line a file, so that an independent count can be laid beside it.
+/// One line for each file, so that an independent count can be compared with it.
 #[test]
 #[ignore = "needs CL files of others: DEFLEX_CL_CORPUS=folder cargo test --test suite -- --ignored cl_corpus"]
 fn every_file_is_read_or_refused_and_survives_a_write() {

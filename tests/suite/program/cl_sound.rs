@@ -270,7 +270,7 @@ fn an_arc_that_the_path_contradicts_is_refused() {
         assert!(faults(&reads(&back.replace("0,0,-1", "0,0,1"))).is_empty());
         assert!(faults(&reads(&back.replace("GOTO/10,0,0", "RAPID\nGOTO/10,0,0"))).is_empty(), "a way of its own");
     }
-    // A line across the circle: an arc of nobody's may be the other one; one of a known system is not.
+    // A line across the circle: an arc of an unknown system may be the other one, and one of a known system is not.
     let across = "UNITS/MM\nGOTO/10,0,0\nCIRCLE/0,0,0,0,0,1,10\nGOTO/-7.07107,-7.07107,0\nGOTO/0,10,0\n";
     assert!(!faults(&reads(across)).is_empty());
     assert!(faults(&reads(&format!("$$-> MFGNO / X\n{across}"))).is_empty());

@@ -112,7 +112,7 @@ fn dwells(program: &Program) -> Vec<ActionKind> {
     kinds.filter(|kind| matches!(kind, ActionKind::Dwell { .. })).collect()
 }
 
-/// All that is asked of the machine besides motion, and before which target.
+/// All actions of the machine other than motions, and the target before which each stands.
 fn asked(program: &Program) -> Vec<(usize, ActionKind)> {
     program.actions.iter().map(|action| (action.before, action.kind.clone())).collect()
 }
@@ -290,7 +290,7 @@ const ARCS: &str = "PARTNO ARCS\r\nUNITS/MM\r\nMULTAX/ON\r\nFEDRAT/600,MMPM\r\nR
     FEDRAT/300,MMPM\r\nGOTO/0.0,40.0,0.0\r\nCIRCLE/0.0,80.0,0.0,0.0,0.0,1.0,40.0,CLW\r\nCOOLNT/ON\r\nGOTO/-40.0,80.0,0.0\r\n\
     COOLNT/OFF\r\nRAPID\r\nGOTO/-40.0,80.0,50.0\r\nFINI\r\n";
 
-/// Numbers of the `GOTO`s of a text behind one line and before another: nothing of deflex reads them.
+/// Numbers of the `GOTO`s of a text after one line and before another, read without any code of deflex.
 fn gone_to(text: &str, behind: &str, before: &str) -> Vec<Vec<f64>> {
     let lines = text.lines().skip_while(|line| !line.starts_with(behind)).take_while(|line| !line.starts_with(before));
     let numbers = |line: &str| line.split(',').map(|number| number.parse().unwrap()).collect();

@@ -17,7 +17,7 @@ fn source(path: &Path) -> Source {
     Source::new(path.file_name().unwrap().to_string_lossy(), std::fs::read(path).unwrap())
 }
 
-/// A fixture with the data beside it.
+/// A fixture with its data list.
 fn fixture(name: &str) -> Vec<Source> {
     let path = folder("valid").join(name);
     vec![source(&path), source(&path.with_extension("dat"))]
@@ -212,7 +212,7 @@ fn joint_motions_are_corrected_in_the_posture_that_they_name() {
     assert_eq!((edits.kept.len(), edits.edits[0].len()), (120, 8));
 }
 
-/// Robots without external axes are told zeros too; one with a track stands at zero then.
+/// Programs name external axes at zero also for robots without any. A robot with a track then stands at zero.
 #[test]
 fn axes_at_zero_throughout_are_there_or_not() {
     let track = "[[unit]]\nname = \"RAIL\"\naxis = \"eax_a\"\nkind = \"linear\"\ncarries = \"robot\"\ndirection = [0.0, 1.0, 0.0]\n";
@@ -228,7 +228,7 @@ fn axes_at_zero_throughout_are_there_or_not() {
     let [without, at_zero] = [(&plain, ",E1 0.0,E2 0.0"), (&rail, ",E1 0.0,E2 0.0")].map(|(cell, e)| rows(cell, e));
     assert!(ok(&without) && ok(&at_zero));
     assert_eq!(without[1].correction_mm.map(f64::to_bits), at_zero[1].correction_mm.map(f64::to_bits));
-    // An axis that is somewhere else needs its unit; a unit needs to be told where it stands.
+    // An axis that is not at zero needs its unit, and a unit needs a stated position.
     assert!(!ok(&rows(&plain, ",E1 10.0")) && ok(&rows(&rail, ",E1 10.0")) && !ok(&rows(&rail, "")));
 }
 

@@ -68,9 +68,9 @@ fn where_a_line_between_would_be_wrong_none_is_written() {
         (
             format!("TRIGGER WHEN DISTANCE=1 DELAY=0 DO $OUT[1]=TRUE\n{full}"),
             0,
-            "a TRIGGER before it counts from this motion",
+            "a TRIGGER before it refers to this motion",
         ),
-        (format!("FOR i=1 TO 2\n{full}\nENDFOR"), 1, "motion runs more than once: a point before it would too"),
+        (format!("FOR i=1 TO 2\n{full}\nENDFOR"), 1, "the motion runs more than once, and so would an inserted point"),
         ("PTP {X 1,Y 2,Z 3,A 0,B 0,C 0}".into(), 0, "only lines and arcs can be subdivided"),
     ] {
         let text = format!("DEF a()\nDECL INT i\n{BEGIN}{statements}\nEND\n");
@@ -83,7 +83,7 @@ fn where_a_line_between_would_be_wrong_none_is_written() {
     let data = "DEFDAT a\nDECL E6POS XP1={X 1,Y 2,Z 3,A 0,B 0,C 0}\nENDDAT\n";
     let program = krl::read(vec![Source::new("a.src", &form[..]), Source::new("a.dat", data)], Vec::new()).unwrap();
     let why = inserted(&program, 0).1;
-    assert_eq!(why, Some("in an inline form, which the controller would write anew without it"));
+    assert_eq!(why, Some("in an inline form, which the controller would rewrite without the inserted point"));
     // The same without the form: before the statement, not in the data list.
     let plain = form.replace(";%{PE}%R 8.3", "");
     let program = krl::read(vec![Source::new("a.src", plain), Source::new("a.dat", data)], Vec::new()).unwrap();

@@ -84,7 +84,7 @@ fn parts_hold_no_more_than_a_controller_loads() {
         let calls: Vec<usize> = (1..=3).filter_map(|k| main.2.find(&format!("{call}{k}"))).collect();
         assert!(calls.len() == 3 && calls.is_sorted(), "{}", main.2);
         let counts: Vec<usize> = files[1..].iter().map(|(_, positions, _)| positions.len()).collect();
-        // The first motion is one to axis angles in KRL: nobody knows where the arm comes from.
+        // In KRL the first motion goes to axis angles, because the position of the arm before it is not known.
         assert!(
             counts.iter().sum::<usize>().abs_diff(points) <= 1 && counts.iter().all(|count| *count <= most),
             "{counts:?}"

@@ -436,7 +436,7 @@ fn offsets_of_offsets_follow_what_they_are_made_from() {
         "rTo Offs(p1,10,0,0);",
         "PROC rTo(robtarget p)\nMoveL p,v50,fine,t1\\WObj:=w1; ! edit\nMoveL Offs(p,0,5,0),v50,fine,t2\\WObj:=w2; ! edit\nENDPROC",
     );
-    // The same numbers, asked for two things.
+    // The same numbers, of which two motions want different values.
     check(
         "rTo Offs(p1,10,0,0);",
         "PROC rTo(robtarget p)\nMoveL p,v50,fine,t1\\WObj:=w1; ! stay\nMoveL Offs(p,0,5,0),v50,fine,t2\\WObj:=w2; ! edit\nMoveL p,v50,fine,t2\\WObj:=w2; ! stay\nENDPROC",
@@ -608,7 +608,7 @@ fn procedures_that_nothing_calls_begin_with_the_text() {
     }
 }
 
-/// Errors of what a motion does besides go to the handler, and so does a stop that one waits for.
+/// Errors of the additional actions of a motion go to the handler, and so does a stop that a program waits for.
 #[test]
 fn motions_that_do_more_than_move_may_fail() {
     let reads = |motion: &str, handler: &str| {

@@ -19,7 +19,7 @@ struct Hard {
 
 const PLAIN: Hard = Hard { what: "", head: "", statements: "", positions: &[], edited: &[], kept: &[] };
 const NAMED: &str = "position that another instruction reads or changes";
-const MAY_BE_ANY: &str = "a motion to a position known only at run time may go there";
+const MAY_BE_ANY: &str = "a motion whose target is known only at run time may go there";
 const ANY: &str = "position known only at run time";
 const FEW: &str = "fewer than three circle arc motions (A) in a row";
 const HALF_ARC: &str = "arc with a point that is not edited";
@@ -228,7 +228,7 @@ const HARD: &[Hard] = &[
         statements: "L P[1] 10mm/sec FINE\nL P[1] 10mm/sec FINE Offset,PR[2]\nL P[2] 10mm/sec FINE",
         edited: &[2],
         kept: &[
-            (1, "position of a motion that is moved at run time, too"),
+            (1, "also the position of a motion that is moved at run time"),
             (2, "moved by a position register (Offset)"),
         ],
         ..PLAIN
@@ -345,7 +345,7 @@ const HARD: &[Hard] = &[
         edited: &[3],
         kept: &[
             (1, "position that is not taught (********)"),
-            (2, "position that is twice in /POS"),
+            (2, "position that stands twice in /POS"),
             (3, "position that is not in /POS"),
         ],
         ..PLAIN
@@ -391,7 +391,7 @@ const HARD: &[Hard] = &[
         what: "groups that move each in its own way",
         statements: "Independent GP\n:  GP1 L P[1] 10mm/sec FINE\n:  GP2 J P[1] 10% FINE\nL P[2] 10mm/sec FINE",
         edited: &[2],
-        kept: &[(1, "motion groups that move each in its own way")],
+        kept: &[(1, "several motion groups, each with a motion of its own")],
         ..PLAIN
     },
     Hard {
@@ -435,7 +435,7 @@ const HARD: &[Hard] = &[
             (1, "motion to a position register (PR)"),
             (2, HALF_ARC),
             (4, HALF_ARC),
-            (4, "position of a motion that is moved at run time, too"),
+            (4, "also the position of a motion that is moved at run time"),
         ],
         ..PLAIN
     },
@@ -589,7 +589,7 @@ fn a_called_program_may_count_from_where_the_robot_stands() {
     }
 }
 
-/// What runs at a time before or behind a point says nothing of the options that follow it.
+/// A call that runs some time before or after a point does not change the options that follow it.
 #[test]
 fn options_behind_a_timed_call_count() {
     let statements = "L P[1] 10mm/sec FINE TB .10sec,CALL SUB2 Offset,PR[1]\nL P[2] 10mm/sec FINE TB .10sec,DO[1]=ON";

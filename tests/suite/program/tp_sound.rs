@@ -29,7 +29,7 @@ enum Op {
     Read(u32),
     Redefine(u32),
     Call,
-    /// Runs a program beside this one.
+    /// Runs a program in parallel to this one.
     Beside,
     Label(u32),
     Jump(u32),
@@ -277,7 +277,7 @@ impl Machine<'_> {
                     let Some(to) = self.last[start].or(to) else { return };
                     let counter = self.registers[register as usize] + if down { -1 } else { 1 };
                     let enters = if down { counter >= to } else { counter <= to };
-                    // What is in the counter behind the loop is anybody's guess.
+                    // The manuals do not say which value the counter has after the loop.
                     self.registers[register as usize] = if enters { counter } else { self.random(5) as i32 };
                     next = Some(if enters { start + 1 } else { at + 1 });
                 }
@@ -487,7 +487,7 @@ fn hand_made_cases() {
         (format!("UFRAME[1]=PR[3]\nL P[1] 5{FINE}"), "user frame whose values a program sets"),
         (
             format!("L P[1] 5{FINE}\nL P[1] 5{FINE} Offset,PR[1]"),
-            "position of a motion that is moved at run time, too; moved by a position register (Offset)",
+            "also the position of a motion that is moved at run time; moved by a position register (Offset)",
         ),
         (
             format!("L P[1] 5{FINE}\nL P[2] 5{FINE} INC"),
@@ -495,13 +495,13 @@ fn hand_made_cases() {
         ),
         (
             format!("L P[1] 5{FINE}\nL P[R[1]] 5{FINE}"),
-            "a motion to a position known only at run time may go there; position known only at run time",
+            "a motion whose target is known only at run time may go there; position known only at run time",
         ),
         (format!("FOR R[1]=1 TO 2\nL P[R[1]] 5{FINE}\nENDFOR"), "+; +"),
         (format!("R[1]=1\nLBL[1]\nL P[R[1]] 5{FINE}\nR[1]=R[1]+1\nIF R[1]<3,JMP LBL[1]"), "+; +"),
         (
             format!("! deflex air\nIF DI[1]=ON,JMP LBL[1]\n! deflex cut\nLBL[1]\nL P[1] 5{FINE}"),
-            "air or cut is known only at run time",
+            "whether this motion cuts is known only at run time",
         ),
         (format!("PR[1]=P[1]\nL P[1] 5{FINE}"), "position that another instruction reads or changes"),
         (format!("JMP LBL[1]\nL P[1] 5{FINE}\nLBL[1]\nL P[2] 5{FINE}"), "+"),

@@ -22,7 +22,7 @@ use Expect::{Either, Holes, Listed, Path, Refused};
 
 pub struct Cut {
     pub name: &'static str,
-    /// Statements behind `UNITS/MM` and `FEDRAT/600,MMPM`, which are lines 1 and 2.
+    /// Statements after `UNITS/MM` and `FEDRAT/600,MMPM`, which are lines 1 and 2.
     pub text: &'static str,
     pub expect: Expect,
 }

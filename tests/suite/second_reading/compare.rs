@@ -84,7 +84,7 @@ pub enum Verdict {
 pub struct Bench {
     pub cell: Cell,
     pub cell_file: Vec<(String, String, Val)>,
-    /// Where the correction puts motions, asked once each: none depends on the motion before.
+    /// Where the correction puts motions, computed once each: none depends on the motion before.
     known: Mutex<BTreeMap<Asked, Option<Vec<Frame>>>>,
 }
 

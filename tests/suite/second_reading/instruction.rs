@@ -373,7 +373,7 @@ impl Machine<'_> {
         Ok(())
     }
 
-    /// Changes data as somebody else would.
+    /// Changes data as another program or an operator would.
     fn disturb(&mut self, place: &Place) -> Ran<()> {
         if self.cells[place.cell].storage == Storage::Const || place.dims > 0 {
             return Ok(());

@@ -6,7 +6,7 @@ use super::value::{Frame, Val};
 #[derive(Clone)]
 pub struct Oracle {
     state: u64,
-    /// Where the robot stood, in the order asked.
+    /// Where the robot stood, in the order of the calls.
     pub places: Vec<Val>,
     next: usize,
     playing: bool,

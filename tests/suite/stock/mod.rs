@@ -93,7 +93,7 @@ fn a_slot_from_the_stock_is_the_declared_slot() {
 }
 
 /// The cutter at y above 0 of the stock's edge: material on the right of a feed along x, climb (down) milling. A flat end mill
-/// leaves an upright wall, so that an edge of the blank and a pass beside are the same.
+/// leaves an upright wall, so that an edge of the blank and a neighbouring pass are the same.
 #[test]
 fn half_immersion_up_and_down() {
     let cutter = cutter(25.0, 0.0);
@@ -110,7 +110,7 @@ fn half_immersion_up_and_down() {
     }
 }
 
-/// A pass beside its own like before it, a stepover away: as declared and from the stock.
+/// A pass a stepover away from the same pass before it: as declared and from the stock.
 #[test]
 fn a_stepover_from_the_stock_is_the_declared_one() {
     // The rim is followed until it can put off 1 %; it does by a fraction of that.
@@ -254,7 +254,7 @@ fn the_bound_holds() {
     }
 }
 
-/// What is asked of the stock as it was, after it has been cut on, is what it was then.
+/// The stock at an earlier moment is the same after it has been cut further.
 #[test]
 fn a_moment_of_the_stock_is_kept() {
     let front = Front::new(&cutter(25.0, 5.0), &coefficients());

@@ -1,4 +1,4 @@
-//! Eight paths as shops run them: every force from the stock beside the brute-force witness.
+//! Eight paths as shops run them: every force from the stock is compared with a sum over points of the front.
 
 use super::witness::{self, Move};
 use super::{FEED_PER_TOOTH, MM, block, coefficients, cutter};

@@ -12,7 +12,7 @@ use deflex::text::{Diagnostic, Source};
 use nalgebra::Vector3;
 use std::sync::{Arc, Mutex};
 
-/// A cell with an engagement, and more sections behind it.
+/// A cell with an engagement, and more sections after it.
 fn cell(engagement: &str, more: &str) -> Cell {
     let text = format!(
         r#"
@@ -285,11 +285,11 @@ fn threads_change_no_bit() {
     [2, 5].into_iter().for_each(|threads| assert!(run(threads) == one, "{threads} threads"));
 }
 
-/// A cut tells how far it is, from less to more and to its end, and goes no further than whoever follows it wants.
+/// A cut reports its progress in rising order up to its end, and stops when its receiver cancels it.
 #[test]
 fn a_cut_is_followed_and_called_off() {
     let cell = cell("mode = \"stock\"", STOCK);
-    // More than one batch of what is asked of the stock at once.
+    // More than one batch of positions at which the force is computed at once.
     let long: Vec<_> = (0..1500).map(|i| ([0.04 * f64::from(i) - 6.0, 20.0, -1.5], "v20")).collect();
     let long = program(&long);
     let followed = |goes_on: bool| {

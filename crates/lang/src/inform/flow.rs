@@ -229,7 +229,7 @@ impl Parser<'_, '_> {
                 self.foreign_call(&name, arguments, start)
             }
         };
-        // What is in force afterwards is not followed either.
+        // The frame in force after the call is not followed either.
         let moved = elsewhere.then(|| StatementKind::assign(Switch::Frame.slot(), self.unknown(Reason::Frame, start)));
         Some(moved.into_iter().chain([call]).collect())
     }

@@ -116,7 +116,7 @@ impl Dialect for Inform {
                     Content::Number(number) if !is_whole(number.value) => {
                         Value::unknown(Reason::Rounding).reading([&value])
                     }
-                    // What comes out for other literals may not be whole: they stay.
+                    // With other literals the result may not be a whole number, so these literals are not edited.
                     Content::Number(number) => {
                         let content = Content::Number(Number { affine: None, ..number });
                         Value { content, ..value }

@@ -71,7 +71,7 @@ impl<'a, 'n> Parser<'a, 'n> {
             first.push(Statement { kind: StatementKind::assign(slot, value), place });
         };
         let mut loaded = std::mem::take(&mut self.own.loaded);
-        // What comes with a job is what a variable holds until it is written.
+        // A variable has the value that comes with the job until it is written.
         let begins =
             loaded.iter().filter_map(|(number, values)| Some((*self.own.globals.get(&(&b"P"[..], *number))?, values)));
         let left = self.program.left(begins.flat_map(|(slot, values)| values.iter().map(move |value| (slot, value))));

@@ -185,7 +185,7 @@ impl<'a> Lowering<'a> {
         let registers = extent(&all, &[builtin::REGISTER, builtin::SET], REGISTERS);
         let [tool, register] = [FRAMES + users, FRAMES + users + tools];
         let tp = Tp { frames: [FRAMES..tool, tool..register], registers: register..register + registers };
-        // What holds before the first statement.
+        // The values before the first statement.
         let unknown = |reason| Expression::unknown(reason, Vec::new(), SourceSpan::default());
         let no = || Expression { kind: Is::Truth(false), place: SourceSpan::default() };
         let mut begins = vec![
@@ -265,7 +265,7 @@ impl<'a> Lowering<'a> {
             Written::Call(_) | Written::Macro | Written::Displace(_) | Written::RedefineAny => {
                 self.effects(self.calls.of_statement(kind))
             }
-            // What moves the arm does not run in parallel.
+            // A program that runs in parallel does not move the arm.
             Written::Concurrent(_) => self.effects(without(self.calls.of_statement(kind), &[Effect::Moves])),
             Written::End => vec![StatementKind::Return(None)],
             Written::Unknown => {
@@ -352,7 +352,7 @@ impl<'a> Lowering<'a> {
         }
         let enters = self.within(counter(), last, *down);
         let next = self.set(register, counter().with(step, 1.0));
-        // What is left in the counter after the loop is the controller's affair.
+        // The manuals do not say which value the counter has after the loop.
         let lost = self.set(register, self.unknown());
         vec![next, self.go(start + 1, Some(enters)), StatementKind::Label(over(at)), lost]
     }

@@ -208,7 +208,7 @@ fn modifiers<'a>(text: &'a [u8], motion: &mut Motion<'a>) {
         let behind = memchr::memmem::find_iter(&upper, word).map(|at| &text[at + word.len()..]);
         motion.calls.extend(behind.map(|rest| program(rest.trim_ascii_start()).0));
     }
-    // What runs in parallel is no option of the motion; what stands after it is, as in `TB .10sec,P-SPS Offset,PR[1]`.
+    // A call that runs in parallel is no option of the motion. The words after it are options, as in `TB .10sec,P-SPS Offset,PR[1]`.
     let (mut rest, mut beside) = (text, false);
     loop {
         rest = rest.trim_ascii_start();

@@ -227,7 +227,7 @@ fn assigned<'a>(rest: &'a [u8], kind: impl Fn(&'a [u8], &'a [u8]) -> StatementKi
 /// `=3`, `[GP1]=3`
 fn selected(frame: Frame, rest: &[u8]) -> StatementKind<'_> {
     match (opt(brackets), spaced(tag("="))).parse(rest) {
-        // Of another motion group.
+        // The selection is that of another motion group.
         Ok((_, (Some(groups), _))) if !contains(&groups.to_ascii_uppercase(), b"GP1") => StatementKind::Plain,
         Ok((value, _)) => StatementKind::Select(frame, value),
         Err(_) => StatementKind::Unknown,
@@ -288,7 +288,7 @@ fn called(rest: &[u8]) -> StatementKind<'_> {
     let (name, behind) = motion::program(rest);
     let ends = |text: &[u8]| text.trim_ascii().is_empty() || text.trim_ascii_end().ends_with(b")");
     match brackets(behind) {
-        // What follows the arguments is another statement, and not read.
+        // The text after the arguments is another statement, which is not read.
         Ok((behind, _)) if !behind.trim_ascii_start().starts_with(b"(") && !ends(behind) => StatementKind::Unknown,
         Err(_) if !behind.trim_ascii_start().starts_with(b"(") && !ends(behind) => StatementKind::Unknown,
         _ => StatementKind::Call(name),

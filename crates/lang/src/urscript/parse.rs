@@ -92,7 +92,7 @@ struct Scope<'a> {
     locals: BTreeMap<&'a [u8], u32>,
     /// Names without a declaration and a parameter in it.
     free: BTreeSet<&'a [u8]>,
-    /// Such names of the routines inside it.
+    /// The names without a declaration in the routines inside it.
     inner: BTreeSet<&'a [u8]>,
 }
 
@@ -155,7 +155,7 @@ impl<'a, 'n> Parser<'a, 'n> {
             .map(|(id, _)| *id)
             .filter(is_started)
             .collect();
-        // What no other calls is started by itself, or by an operator.
+        // A routine that no other one calls is started by itself, or by an operator.
         self.program.entries = [file].into_iter().chain(outer).collect();
         self.program.threads = self.own.threads.into_iter().collect();
         self.program
@@ -587,7 +587,7 @@ impl<'a, 'n> Parser<'a, 'n> {
                 self.called.insert(one);
                 Callee::Function(one)
             }
-            // Of several with one name the last one that is read holds, and nothing says which one that is.
+            // Of several routines with one name the last one that runs counts, and it is not known which one that is.
             Some(several) => {
                 self.called.extend(several);
                 Callee::Foreign

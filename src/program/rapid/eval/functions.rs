@@ -5,7 +5,7 @@ use super::super::motion::Call;
 use super::super::predefined;
 use super::super::runner::Runner;
 use super::super::symbols::Upper;
-use super::super::value::{NO_TURN, Step, Value, multiply};
+use super::super::value::{NO_TURN, OffsetStep, Value, multiply};
 use super::{MAX_DEPTH, Scope};
 use crate::program::Reason;
 use crate::text::number::write_fixed;
@@ -99,7 +99,7 @@ impl Runner<'_> {
             self.pin_value(&values[0]);
             return Value::Unknown(values[0].unknown().unwrap_or(Reason::Computed));
         };
-        let step = Step { offset_mm, tokens, in_tool, turn };
+        let step = OffsetStep { offset_mm, tokens, in_tool, turn };
         let mut pose = (*base).clone();
         (pose.written.position_mm, pose.written.quat) = step.apply(pose.written.position_mm, pose.written.quat);
         if pose.root.is_some() {

@@ -95,7 +95,7 @@ fn alike() -> impl Strategy<Value = Vec<String>> {
     })
 }
 
-/// A program of some of these names, each with a motion to it, and others besides.
+/// A program that declares these names, moves to each of them, and has others as well.
 fn declared() -> impl Strategy<Value = String> {
     let often = |common: &'static str, others: &[&'static str]| prop_oneof![30 => Just(common), 1 => prop::sample::select(others.to_vec())];
     // Names that the program has for something else, or the language.

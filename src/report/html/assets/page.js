@@ -23,7 +23,7 @@ const FIGURES = [
   ["size", ["error_mm"]],
   ["along the normal", ["error_normal_mm"]],
   ["of the part", ["error_part_mm"]],
-  ["uncertainty an axis", ["sigma_mm"]],
+  ["uncertainty per axis", ["sigma_mm"]],
   ["Error, °", triple("error_r", "_deg")],
   ["Correction, mm", triple("correction_", "_mm")],
   ["size", ["correction_mm"]],
@@ -55,7 +55,7 @@ const AXIS_STYLES = AXES.map((_, i) => `axis${i + 1}`);
 const WORDS = ["status", "name", "frames", "quote"];
 const HIDDEN = [...BASE, ...TABLE, ...CIRCLE, "target", "line", ...WORDS];
 const unitOf = (key) => ({ mm: "mm", deg: "°", n: "N", s: "s", "n/mm": "N/mm" })[key.endsWith("_n_per_mm") ? "n/mm" : key.split("_").at(-1)] ?? (key.startsWith("eax_") ? "mm or °" : "");
-const NAMES = { limit_margin_deg: "Margin to an axis limit", singular_margin_deg: "Margin to a singular wrist", spin_deg: "Turn about the tool axis", sigma_mm: "Uncertainty an axis", error_part_mm: "Error of the part" };
+const NAMES = { limit_margin_deg: "Margin to an axis limit", singular_margin_deg: "Margin to a singular wrist", spin_deg: "Turn about the tool axis", sigma_mm: "Uncertainty per axis", error_part_mm: "Error of the part" };
 const nameOf = (key) => {
   const words = key.replace(/_(mm|deg|n|s|n_per_mm)$/, "").replaceAll("_", " ");
   return NAMES[key] ?? words[0].toUpperCase() + words.slice(1);
@@ -190,10 +190,19 @@ class PathPage {
     this.view.found = Array.from(path.column("line").raw, (line, i) => (found.has(line) ? i : -1)).filter((i) => i >= 0);
     this.chosen = 0;
     this.widen();
-    const sizes = numbers(path, byId("colour").value);
-    // A plan is shown from its first target, all other pages from the worst one.
-    this.choose(page.kind === "plan" ? 0 : sizes.reduce((best, size, i) => (size > sizes[best] ? i : best), 0));
+    this.choose(this.worst());
     this.twin.open();
+  }
+
+  // The target with the largest value that is shown: of a check, the finding with the largest error at the target or on the path to it.
+  // A plan begins at its first target.
+  worst() {
+    const { path, view: { found } } = this;
+    if (page.kind === "plan") return 0;
+    const keys = found.length ? ["error_mm", "remaining_path_mm"].filter((key) => path.has(key)) : [byId("colour").value];
+    const columns = keys.map((key) => numbers(path, key));
+    const size = (i) => Math.max(...columns.map((column) => column[i] || 0));
+    return (found.length ? found : Array.from({ length: path.length }, (_, i) => i)).reduce((best, i) => (size(i) > size(best) ? i : best));
   }
 
   // The ranges of the picture and the charts cover both pages if there are two.
@@ -243,9 +252,9 @@ class PathPage {
       panels.push({ title: "Turn", unit: "°", digits: 4, series: line("turn", "turn_deg", "after") });
     } else {
       const corrected = path.has("remaining_x_mm");
-      const heading = corrected ? "Error along the path, before and after" : "Predicted error along the path";
+      const heading = corrected ? "Error at the targets, before and after" : "Predicted error at the targets";
       const limit = page.tolerance_mm;
-      if (limit) panels.push({ heading, title: "Size", unit: "mm", digits: 4, limit, series: line("error", "error_mm", "before") });
+      if (limit) panels.push({ heading, title: "Size", unit: "mm", digits: 4, limit, series: [...line("at the target", "error_mm", "before"), ...line("on the path to it", "remaining_path_mm", "after")] });
       ["x", "y", "z"].forEach((axis, i) =>
         panels.push({
           heading: i || limit ? "" : heading,
@@ -446,7 +455,8 @@ class ResidualPage {
   words(i) {
     const { path } = this;
     const text = (key) => path.column(key).text(i);
-    return `row ${text("target")} · line ${text("line")} · ${path.status(i)} · ${text("prefit_mm")} mm before, ${text("postfit_mm")} mm after`;
+    const size = (key) => rounded(path, key, i);
+    return `row ${text("target")} · line ${text("line")} · ${path.status(i)} · ${size("prefit_mm")} mm before, ${size("postfit_mm")} mm after`;
   }
 
   choose(i) {

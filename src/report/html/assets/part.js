@@ -129,7 +129,55 @@ if (canvases.length && data.points) {
     const axes = [[ct, st * cl], [-st, ct * cl], [0, sl]].map(([u, v]) => [u, -v]);
     drawTriad(context, height, axes);
     drawSizes(context, width);
+    if (data.cutters[which]) drawCutter(context, data.cutters[which], (place) => {
+      const [x, y, z] = place.map((v, k) => v - centre[k]);
+      return [width / 2 + view.x + scale * (ct * x - st * y), height / 2 + view.y - scale * ((st * x + ct * y) * cl + z * sl)];
+    });
     if (worst[which] >= 0) drawRing(context, seen[3 * worst[which]], seen[3 * worst[which] + 1]);
+  };
+  // The outline of a cutter: a convex body, so that the hull of some of its circles on the screen is its outline.
+  const drawCutter = (context, { tip, axis, radius, corner }, onScreen) => {
+    const side = Math.abs(axis[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0];
+    const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+    const long = cross(axis, side);
+    const across = long.map((v) => v / Math.hypot(...long));
+    const along = cross(axis, across);
+    // Height above the tip and radius of each circle: round the corner, then up to the end of the drawn part.
+    const circles = [0, 0.25, 0.5, 0.75, 1].map((share) => {
+      const angle = (share * Math.PI) / 2;
+      return [corner * (1 - Math.cos(angle)), radius - corner * (1 - Math.sin(angle))];
+    });
+    circles.push([Math.max(5 * radius, corner), radius]);
+    const spots = circles.flatMap(([up, wide]) => Array.from({ length: 32 }, (_, k) => {
+      const [c, s] = [Math.cos((k * Math.PI) / 16), Math.sin((k * Math.PI) / 16)];
+      return onScreen(tip.map((v, i) => v + up * axis[i] + wide * (c * across[i] + s * along[i])));
+    }));
+    context.beginPath();
+    hull(spots).forEach(([x, y], k) => (k ? context.lineTo(x, y) : context.moveTo(x, y)));
+    context.closePath();
+    context.fillStyle = context.strokeStyle = theme("--tool");
+    context.globalAlpha = 0.25;
+    context.fill();
+    context.globalAlpha = 0.8;
+    context.stroke();
+    context.globalAlpha = 1;
+  };
+  // The convex hull of points on the screen, by the monotone chain.
+  const hull = (spots) => {
+    const sorted = [...spots].sort((a, b) => a[0] - b[0] || a[1] - b[1]);
+    const half = (from) => {
+      const out = [];
+      for (const spot of from) {
+        while (out.length > 1) {
+          const [[ax, ay], [bx, by]] = out.slice(-2);
+          if ((bx - ax) * (spot[1] - ay) - (by - ay) * (spot[0] - ax) > 0) break;
+          out.pop();
+        }
+        out.push(spot);
+      }
+      return out.slice(0, -1);
+    };
+    return [...half(sorted), ...half([...sorted].reverse())];
   };
   const drawSizes = (context, width) => {
     const sizes = high.map((v, k) => `${["X", "Y", "Z"][k]} ${((v - low[k]) / 1e3).toFixed(1)}`);

@@ -334,7 +334,7 @@ impl<'a> Machine<'a> {
         {
             self.handling = true;
             let (stood, before, motions) = (self.stack.len(), self.position, self.motions.len());
-            // Where on its way the robot is, nobody knows.
+            // It is not known where on its path the robot is.
             self.position = before.map(|(at, _)| (at, true));
             self.stack.push(Frame { file, names: HashMap::new() });
             let flow = self.plain(&does, 0);
@@ -390,7 +390,7 @@ impl<'a> Machine<'a> {
                     let at = self.value(&place).num()?;
                     self.assign(&place, Val::Num(at + step as f64));
                 }
-                // What the counter holds behind its loop is nowhere said.
+                // The manuals do not say which value the counter has after its loop.
                 if self.below(2) == 0 {
                     self.assign(&place, Val::Num(to as f64));
                 }
@@ -466,7 +466,7 @@ impl<'a> Machine<'a> {
         }
     }
 
-    /// A routine of somebody else.
+    /// A routine that no given file contains.
     fn another(&mut self) {
         let names: BTreeSet<String> = self.globals.keys().cloned().collect();
         for name in names.into_iter().filter(|n| !n.ends_with("_DATA") && n != "$NULLFRAME" && n != "$VEL") {

@@ -78,7 +78,7 @@ fn changes(program: &Program) -> Vec<Option<Change>> {
         let base = frame_of(&wobj.name, wobj.data.map(|d| (d.uframe_mm, d.uframe_quat)));
         let tool = frame_of(&tool.name, tool.data.map(|d| (d.tcp_mm, d.tcp_quat)));
         let e1 = target.external.as_ref().and_then(|axes| axes.written[0]);
-        // An axis in use that is nowhere said is refused by whoever knows of the unit.
+        // An axis whose position is not stated is refused if the cell declares its unit.
         let e1 = match (&target.external, e1) {
             (Some(axes), None) if !axes.at_rest[0] => return None,
             (_, e1) => e1.unwrap_or(0.0),

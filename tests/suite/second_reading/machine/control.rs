@@ -23,7 +23,7 @@ impl Machine<'_> {
         Ok(Flow::Next)
     }
 
-    /// One statement, with the routine's handler around it, and the interrupts behind it.
+    /// One statement, with the routine's handler around it, and the interrupts after it.
     pub(super) fn statement(&mut self, statement: &Stmt) -> Ran<Flow> {
         loop {
             self.steps += 1;

@@ -43,7 +43,7 @@ impl Machine<'_> {
         }
     }
 
-    /// Value of module or routine data, worked out when first asked for.
+    /// Value of module or routine data, computed at the first use.
     pub(super) fn ready(&mut self, cell: usize) -> Ran<()> {
         let Some(init) = self.cells[cell].init.take() else { return Ok(()) };
         let (ty, module) = (self.cells[cell].ty.clone(), self.cells[cell].module);
