@@ -429,7 +429,7 @@ pub(super) struct DrivenMotion<'a> {
     /// Speed of the TCP at each sample over the programmed one, 0 to 1.
     speeds: Vec<f64>,
     feeds: DrivenFeeds,
-    /// The axes at the last sample that was used, and their direction of travel.
+    /// The joints at the last sample that was used.
     last: Option<Dragged>,
 }
 

@@ -50,7 +50,7 @@ pub struct Point {
     pub(super) milled: Option<Milled>,
     /// Compliance of the clamped part where it is cut, work object axes.
     pub(super) part: Option<Arc<PartYield>>,
-    /// What is left of earlier cutting forces in gears that creep; see [`Prepared::follow_loads`](super::Prepared::follow_loads).
+    /// What this and earlier cutting forces do to the gears; see [`Prepared::follow_loads`](super::Prepared::follow_loads).
     pub(super) torque: Option<Arc<CuttingTorque>>,
 }
 

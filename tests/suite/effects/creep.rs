@@ -1,4 +1,5 @@
-//! Gears that creep, along a program: by hand, and in chunks against the same program as a whole.
+//! Gears that creep, and friction that follows the twist of the gears, along a program: by hand, and in chunks against the same program as a
+//! whole.
 
 use deflex::cell::Cell;
 use deflex::correct::{Options, Sinks, compensate, compensate_chunks, predict};
@@ -13,6 +14,8 @@ const CUT: &str = "[cut]\nforce = \"constant\"\nforce_n = [150.0, -90.0, 120.0]\
 /// All joints yield by another fifth, with a time constant of 5 s.
 const CREEP: &str = "\n[[effect]]\nkind = \"creep\"\nshare_5_s = [0.2, 0.2, 0.2, 0.2, 0.2, 0.2]\n\
                      share_25_s = [0, 0, 0, 0, 0, 0]\nshare_125_s = [0, 0, 0, 0, 0, 0]\n";
+const FRICTION: &str = "\n[[effect]]\nkind = \"backlash\"\nhalf_gap_rad = [1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4]\n\
+                        presliding_rad = [1e-3, 3e-4, 2e-3, 1e-3, 3e-3, 5e-4]\n";
 /// Share of the deflection by which the change of the pose in the last seconds may matter.
 const CHANGE_OF_POSE: f64 = 1e-3;
 
@@ -54,10 +57,42 @@ fn joints_yield_more_and_more_until_they_are_as_soft_as_springs_softer_by_the_sh
     }
 }
 
+/// An arm that stands still while a force comes. Joint 1 alone is soft: 100 N at 350 mm twist it by 0.35 mrad, which is the presliding angle.
+/// Friction then holds back 1 − 1/e of the half gap of 1 mrad. Without a presliding angle, only a motion turns friction.
 #[test]
-fn a_program_is_corrected_for_creep_the_same_in_chunks() {
-    let (cell, text, options) = (cell(CREEP), text(), Options::default());
-    let whole = compensate(&program(), &cell, &options).unwrap();
+fn a_force_that_comes_turns_friction() {
+    let error_y_mm = |presliding: &str| {
+        let text = format!(
+            "[robot]\nmodel = \"irb120-3-0.58\"\n[robot.stiffness]\njoint_nm_per_rad = [1e5, 1e12, 1e12, 1e12, 1e12, 1e12]\n\
+             [tools.t]\ntcp_mm = [0, 0, 100]\ntcp_quat = [1, 0, 0, 0]\n[cut]\nforce = \"constant\"\nforce_n = [0, 100, 0]\n\
+             frame = \"wobj\"\n[[effect]]\nkind = \"backlash\"\nhalf_gap_rad = [1e-3, 0, 0, 0, 0, 0]\n{presliding}"
+        );
+        let cell = Cell::read(&Source::new("cell.toml", text.into_bytes())).unwrap();
+        let target = "[[350,0,300],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,fine,t;";
+        let text = format!("MODULE m\nPROC main()\nMoveJ {target}\nMoveL {target}\nENDPROC\nENDMODULE\n");
+        let program = rapid::read(vec![Source::new("m.mod", text.into_bytes())], Vec::new()).unwrap();
+        predict(&program, &cell, &Options::default(), None).unwrap().rows[1].error_mm[1]
+    };
+    let (lever_mm, twist, gap) = (350.0, 3.5e-4, 1e-3);
+    approx::assert_abs_diff_eq!(error_y_mm(""), lever_mm * twist, epsilon = 1e-4);
+    let held_back = gap * (1.0 - (-1.0f64).exp());
+    approx::assert_abs_diff_eq!(
+        error_y_mm("presliding_rad = 3.5e-4\n"),
+        lever_mm * (twist - held_back),
+        epsilon = 1e-4
+    );
+}
+
+#[test]
+fn a_program_is_corrected_the_same_in_chunks() {
+    for effect in [CREEP, FRICTION] {
+        corrects_the_same_in_chunks(&cell(effect));
+    }
+}
+
+fn corrects_the_same_in_chunks(cell: &Cell) {
+    let (text, options) = (text(), Options::default());
+    let whole = compensate(&program(), cell, &options).unwrap();
     assert!(whole.rows.iter().all(|row| row.remaining_norm_mm() < 1e-4));
     let (mut expected, mut report) = (Vec::new(), Vec::new());
     apply(text.as_bytes(), &whole.rewritten.as_ref().unwrap().edits[0], &mut expected).unwrap();
@@ -67,7 +102,7 @@ fn a_program_is_corrected_for_creep_the_same_in_chunks() {
         let (mut bytes, mut rows) = (Vec::new(), CSV_HEADER.as_bytes().to_vec());
         let mut sinks =
             Sinks { report: &mut rows, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
-        let streamed = compensate_chunks(chunks, &cell, &options, threads, &mut bytes, &mut sinks).unwrap();
+        let streamed = compensate_chunks(chunks, cell, &options, threads, &mut bytes, &mut sinks).unwrap();
         assert!(streamed.failures.is_empty(), "{:?}", streamed.failures);
         assert!(bytes == expected, "chunks of {size} bytes on {threads} threads");
         let (rows, report) = (String::from_utf8_lossy(&rows), String::from_utf8_lossy(&report));
