@@ -131,7 +131,7 @@ pub(super) fn solve(
     let reached = solver.reached(&written, (&modes, &first), &solved, &is_changed);
     let mut stops = Stops::of(&nodes, prepared, arm);
     let motors: Vec<Joints> = (0..reached.len()).map(|i| held(prepared, i, &solved[i], &reached[i])).collect();
-    let steps = turn.take(&carried.travelled, |last| stops.travels((arm, prepared), program, &nodes, &motors, last))?;
+    let steps = turn.take(&carried.travelled, |last| stops.travels(arm, program, prepared, &motors, last))?;
     let landed = solver.forward(
         |i| (&steps[i].motor, &steps[i].travel),
         |i| {

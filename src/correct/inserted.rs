@@ -101,6 +101,8 @@ pub(super) struct Stops {
 struct Stop {
     /// Index of the node.
     node: usize,
+    /// Index of the target at the end of its segment.
+    before: usize,
     pose: Pose,
     motor: Joints,
     twist: Joints,
@@ -119,7 +121,7 @@ impl Stops {
                 let Some(pose) = pose else { continue };
                 let motor = controller_motor(&arm.robot, setting, &pose, near).unwrap_or(*near);
                 let twist = prepared.points[node.before].twist();
-                all.push(Stop { node: k, pose, motor, twist, travel: Joints::zeros(), role });
+                all.push(Stop { node: k, before: node.before, pose, motor, twist, travel: Joints::zeros(), role });
             }
         }
         Self { all }
@@ -128,9 +130,9 @@ impl Stops {
     /// Directions of travel to the targets, which go to these motor angles, and to the stops on their segments.
     pub(super) fn travels(
         &mut self,
-        (arm, prepared): (&Arm, &Prepared),
+        arm: &Arm,
         program: &Program,
-        nodes: &[Node],
+        prepared: &Prepared,
         motors: &[Joints],
         last: &mut Last,
     ) -> Vec<Dragged> {
@@ -139,7 +141,7 @@ impl Stops {
         for (i, motor) in motors.iter().enumerate() {
             // The circle point of an arc comes after the stops that are inserted before it.
             let end = if Kind::of(program, i) == Kind::Point { i + 1 } else { i };
-            while let Some(stop) = self.all.get_mut(next).filter(|stop| nodes[stop.node].before <= end) {
+            while let Some(stop) = self.all.get_mut(next).filter(|stop| stop.before <= end) {
                 stop.travel = arm.go_on(stop.motor, stop.twist, last).travel;
                 next += 1;
             }

@@ -139,11 +139,15 @@ impl Discrepancy {
             let count = self.shift_mm.len();
             let of =
                 |i: usize| [self.at_mm[i], self.wrist_deg[i], self.force_n[i]].map(|part| Vector::of(&part.into()));
-            let alike = |i: usize, j: usize| (-0.5 * self.apart::<f64>(i, scales, of(j))).exp();
-            let covariance = |i, j| alike(i, j) + if i == j { noise } else { 0.0 };
+            let covariance = |i, j| self.alike(i, scales, of(j)) + if i == j { noise } else { 0.0 };
             DMatrix::from_fn(count, count, covariance).cholesky()
         };
         self.factor.get_or_init(factored).as_ref()
+    }
+
+    /// Correlation of the process at a centre with that at a place.
+    fn alike(&self, centre: usize, scales: [f64; 3], here: [Vector<f64>; 3]) -> f64 {
+        (-0.5 * self.apart(centre, scales, here)).exp()
     }
 
     /// Squared distance from each centre, in units of the reach.
@@ -215,8 +219,7 @@ impl Effect for Discrepancy {
         let at = situation.base_from_wobj * situation.wobj_from_tcp;
         let here = [at.translation.vector * 1e3, Vector3::new(degrees(3), degrees(4), degrees(5)), *force];
         let (here, scales) = (here.map(|part| Vector::of(&part)), self.scales());
-        let alike = |i: usize| (-0.5 * self.apart::<f64>(i, scales, here)).exp();
-        let alike = DVector::from_iterator(self.shift_mm.len(), (0..self.shift_mm.len()).map(alike));
+        let alike = DVector::from_fn(self.shift_mm.len(), |i, _| self.alike(i, scales, here));
         let known: f64 = self.measured_correlations().map_or(0.0, |factor| alike.dot(&factor.solve(&alike)));
         3e-6 * self.sigma_mm.powi(2) * (1.0 - known).max(0.0)
     }

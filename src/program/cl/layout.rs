@@ -37,7 +37,7 @@ pub(super) enum Slot {
     /// Three numbers.
     Point { xyz: Xyz, frame: u16 },
     /// Three increments from the target before.
-    TargetProperties { xyz: Xyz, frame: u16 },
+    Step { xyz: Xyz, frame: u16 },
     /// One increment along the tool axis.
     AlongAxis { frame: u16 },
     /// Nothing of its own: a point of an arc before its end, or in a hole.
@@ -60,7 +60,7 @@ impl Slot {
     pub(super) fn frame(&self) -> Option<u16> {
         match self {
             Self::Point { frame, .. }
-            | Self::TargetProperties { frame, .. }
+            | Self::Step { frame, .. }
             | Self::AlongAxis { frame }
             | Self::GroupEnd { frame, .. }
             | Self::StepEnd { frame, .. } => Some(*frame),

@@ -253,7 +253,7 @@ impl Reader {
                 if let [(_, printed)] = printed {
                     self.modal.axis = axis(*printed).ok_or(Reason::ToolAxisNotUnit)?;
                 }
-                (*step, Slot::TargetProperties { xyz: *xyz, frame: self.frame })
+                (*step, Slot::Step { xyz: *xyz, frame: self.frame })
             }
             _ => return Err(Reason::IncrementCount.into()),
         };

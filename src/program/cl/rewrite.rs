@@ -44,10 +44,8 @@ impl FrontEnd for Layout {
                 Ok(()) => moved.push(wanted),
                 Err(reason) => {
                     // An increment counts from the new position of the target before it.
-                    let follows = matches!(
-                        self.slots[at],
-                        Slot::TargetProperties { .. } | Slot::StepEnd { .. } | Slot::AlongAxis { .. }
-                    );
+                    let follows =
+                        matches!(self.slots[at], Slot::Step { .. } | Slot::StepEnd { .. } | Slot::AlongAxis { .. });
                     moved.push(if follows { before } else { [0.0; 3] });
                     out.kept.push((at, reason));
                 }
@@ -92,7 +90,7 @@ impl Writer<'_> {
         let before = if start.is_some() { wanted } else { before };
         match slot {
             Slot::Point { xyz, frame } => return self.shift(&[xyz], frame, wanted),
-            Slot::TargetProperties { xyz, frame } => self.shift(&[xyz], frame, sub(wanted, before))?,
+            Slot::Step { xyz, frame } => self.shift(&[xyz], frame, sub(wanted, before))?,
             Slot::AlongAxis { .. } if norm(sub(wanted, before)) > SAME_MM => {
                 return Err(Reason::IncrementAlongAxis);
             }
