@@ -87,6 +87,9 @@ pub fn with_path_law(text: &str, found: &FittedLaw) -> Result<String, Vec<Diagno
         table.set_implicit(table.is_empty());
     }
     let Some(controller) = controller.as_table_like_mut() else { return Ok(document.to_string()) };
+    if let Some(turn) = found.arc_turn {
+        controller.insert("arc_turn", Item::Value(turn.word().into()));
+    }
     let path = controller.entry("path").or_insert(Item::Table(Table::new()));
     if let Some(path) = path.as_table_like_mut() {
         // Four digits are more than a log can determine.

@@ -33,9 +33,9 @@ use crate::drive::PathLaw;
 use crate::effects::ToolFrame;
 use crate::equilibrium::Arm;
 use crate::measured::ColumnNames;
-use crate::program::Language;
 use crate::program::cl::ClOptions;
 use crate::program::post::Templates;
+use crate::program::{ArcTurn, Language};
 use crate::robot::{Joints, Pose, Units};
 use crate::text::{Diagnostic, Source};
 use nalgebra::{DMatrix, Vector3};
@@ -140,6 +140,8 @@ pub struct Controller {
     pub declared: bool,
     /// `[controller.path]`: how the controller leads the axes along a path.
     pub path: Option<ControllerPath>,
+    /// How the controller turns the tool on arcs for which the program does not state it. `None`: as the maker's manual says.
+    pub arc_turn: Option<ArcTurn>,
     /// Whether the controller compensates `gravity`.
     pub gravity: bool,
     /// Whether the controller compensates `geometry`.

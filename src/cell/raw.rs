@@ -94,6 +94,7 @@ pub(super) struct Controller {
     pub(super) compensates: Option<Vec<String>>,
     #[serde(default)]
     pub(super) harmless: Vec<String>,
+    pub(super) arc_turn: Option<String>,
     pub(super) path: Option<ControllerPath>,
 }
 

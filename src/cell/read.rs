@@ -10,7 +10,7 @@ use crate::effects::{self, Covered, Effect, MOST_CLAMPS, Need, ToolFrame};
 use crate::equilibrium::Arm;
 use crate::limits::{FRAMES, UNITS};
 use crate::measured::ColumnNames;
-use crate::program::Language;
+use crate::program::{ArcTurn, Language};
 use crate::robot::{Axes, Builtin, DhRow, Joints, Limits, Pose, Robot, Units};
 use crate::text::{Diagnostic, Source, Span};
 use nalgebra::{DMatrix, Vector3};
@@ -399,7 +399,9 @@ fn limits(check: &mut Check, raw: Option<&raw::Limits>) -> CorrectionLimits {
 fn controller(check: &mut Check, raw: Option<&raw::Controller>) -> Controller {
     let compensates = raw.and_then(|controller| controller.compensates.as_ref());
     let path = raw.and_then(|controller| controller.path.as_ref()).map(|keys| controller_path(check, keys));
-    let mut controller = Controller { declared: compensates.is_some(), path, ..Controller::default() };
+    let word = raw.and_then(|controller| controller.arc_turn.as_deref());
+    let arc_turn = word.and_then(|word| check.word("controller.arc_turn", word, &ArcTurn::WORDS));
+    let mut controller = Controller { declared: compensates.is_some(), path, arc_turn, ..Controller::default() };
     for word in compensates.into_iter().flatten() {
         match check.word("controller.compensates", word, &Covered::WORDS) {
             Some(Covered::Gravity) => controller.gravity = true,

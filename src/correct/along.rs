@@ -532,7 +532,7 @@ fn faults(
     let segment = Segment::into(walked.program, walked.prepared, i, &start)?;
     let (from, to) = (start.seen(&start.commanded, walked.prepared, i)?, walked.commanded.poses[i]);
     let track = match Kind::of(walked.program, i) {
-        Kind::Arc => Track::arc(&from, &walked.commanded.poses[i - 1], &to),
+        Kind::Arc => Track::arc(&from, &walked.commanded.poses[i - 1], &to, segment.arc_turn()),
         _ => Track::line(&from, &to),
     };
     let setting = |share: f64| segment.setting(share);

@@ -168,7 +168,7 @@ impl Course {
             let in_base = |pose: &Pose| setting.base_from_wobj * pose;
             let lead = match Kind::of(program, i) {
                 Kind::Line => Lead::Line,
-                Kind::Arc => Lead::Arc(in_base(&prepared.points[i - 1].wobj_from_tcp)),
+                Kind::Arc => Lead::Arc { via: in_base(&prepared.points[i - 1].wobj_from_tcp), turn: point.arc_turn },
                 Kind::Joint | Kind::Point => Lead::Joints,
             };
             let waypoint = Waypoint {
@@ -259,12 +259,13 @@ impl Course {
                     Passing::Zone(mm) => Some(1e-3 * mm),
                     Passing::Unstated => unstated_zone,
                 };
-                let lead = node.via.map_or(Lead::Line, |via| Lead::Arc(base_from_wobj * via));
+                let turn = prepared.points[i].arc_turn;
+                let lead = node.via.map_or(Lead::Line, |via| Lead::Arc { via: base_from_wobj * via, turn });
                 let base_from_tcp = base_from_wobj * node.commanded;
                 course.push(Waypoint { lead, base_from_tcp, motor, zone, ..*waypoint }, i, node.share);
             }
             let lead = match waypoint.lead {
-                Lead::Arc(_) => Lead::Arc(base_from_wobj * commanded.poses[i - 1]),
+                Lead::Arc { turn, .. } => Lead::Arc { via: base_from_wobj * commanded.poses[i - 1], turn },
                 lead => lead,
             };
             let base_from_tcp = base_from_wobj * commanded.poses[i];

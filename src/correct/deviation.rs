@@ -397,6 +397,7 @@ impl WalkedPath<'_> {
         parts: &mut Vec<SegmentPart>,
     ) {
         let (i, commanded) = (segment.end, self.commanded);
+        let arc_turn = self.prepared.points[i].arc_turn;
         let Some(begins) = start.seen(&start.commanded, self.prepared, i) else { return };
         let Some(&Dragged { motor, travel, twist }) = commanded.step(i) else { return };
         let first = commanded.nodes.partition_point(|node| node.before < i);
@@ -405,7 +406,7 @@ impl WalkedPath<'_> {
         let mut from = start.dragged();
         for (k, node) in nodes.enumerate() {
             let track = match &node.via {
-                Some(via) => Track::arc(&pose, via, &node.commanded),
+                Some(via) => Track::arc(&pose, via, &node.commanded, arc_turn),
                 None => Track::line(&pose, &node.commanded),
             };
             let setting = segment.setting(node.share);
@@ -420,7 +421,7 @@ impl WalkedPath<'_> {
         }
         let to = commanded.poses[i];
         let track = match Kind::of(self.program, i) {
-            Kind::Arc => Track::arc(&pose, &commanded.poses[i - 1], &to),
+            Kind::Arc => Track::arc(&pose, &commanded.poses[i - 1], &to, arc_turn),
             _ => Track::line(&pose, &to),
         };
         parts.push(SegmentPart::new(at, (share, 1.0), track, (from, motor), travel));

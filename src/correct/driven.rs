@@ -592,7 +592,7 @@ impl<'a> DrivenMotion<'a> {
         let Some(waypoint) = samples.first().map(|i| self.samples[*i].waypoint - self.course.first) else { return };
         let kind = match self.course.waypoints[waypoint].lead {
             Lead::Line => Kind::Line,
-            Lead::Arc(_) => Kind::Arc,
+            Lead::Arc { .. } => Kind::Arc,
             Lead::Joints => Kind::Joint,
         };
         let end = self.course.targets[waypoint];

@@ -15,7 +15,7 @@ use crate::cell::Cell;
 use crate::effects::{Parts, ToolFrame};
 use crate::equilibrium::{Dragged, Setting, direction};
 use crate::lanes::WIDTH;
-use crate::program::{Editable, Goal, Language, Mark, Motion, Predecessor, Program, Role, Target};
+use crate::program::{ArcTurn, Editable, Goal, Language, Mark, Motion, Predecessor, Program, Role, Target};
 use crate::robot::{BatchArm, BatchSolutions, EXTERNAL_AXES, External, Joints, Pose, StartedFrom, WrittenTarget};
 use crate::text::Diagnostic;
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
@@ -214,6 +214,11 @@ struct Walk<'a, 'c> {
     first: usize,
     /// Units of the last target that is on units, with its setting.
     last_moved: Option<(u32, Arc<Moved>)>,
+}
+
+/// How the controller turns the tool on the arc to a target.
+fn arc_turn(program: &Program, cell: &Cell, target: &Target) -> ArcTurn {
+    target.arc_turn.or(cell.controller.arc_turn).unwrap_or(program.language.about().arc_turn)
 }
 
 impl Walk<'_, '_> {
@@ -427,6 +432,7 @@ impl Walk<'_, '_> {
             payload: row.and_then(|r| r.payload).unwrap_or(0.0),
             load,
             through,
+            arc_turn: arc_turn(self.program, self.cell, target),
             plunges,
             milled: None,
             part: None,

@@ -7,6 +7,7 @@ use super::mount::Moved;
 use crate::cutting::ForceParts;
 use crate::effects::{Cutting, CuttingTorque, PartAt, PartYield, Situation, ToolFrame, UnitAt};
 use crate::equilibrium::{Dragged, PredictedPose, Setting, Site};
+use crate::program::ArcTurn;
 use crate::robot::{Joints, Pose};
 use nalgebra::{Rotation3, Unit, Vector3};
 use std::sync::Arc;
@@ -42,6 +43,8 @@ pub struct Point {
     pub payload: f64,
     /// The cut.
     pub(super) load: PointLoad,
+    /// How the controller turns the tool on the arc to it.
+    pub(super) arc_turn: ArcTurn,
     /// Whether it is cut along the tool axis, for which there is no feed frame, although the force is given in one.
     pub(super) plunges: bool,
     /// The cutter of the motion to it, if it moves through a stock.
@@ -238,6 +241,7 @@ impl Point {
             temperature: None,
             payload: 0.0,
             load: PointLoad::Air,
+            arc_turn: ArcTurn::default(),
             through: None,
             plunges: false,
             milled: None,

@@ -14,7 +14,7 @@ use crate::cutting::Lean;
 use crate::drive::Track;
 use crate::effects::PartYield;
 use crate::equilibrium::{Dragged, Setting};
-use crate::program::{Motion, Program, Role};
+use crate::program::{ArcTurn, Motion, Program, Role};
 use crate::robot::{Joints, Pose};
 use nalgebra::{Unit, Vector3};
 use std::sync::Arc;
@@ -148,8 +148,13 @@ impl<'p> Segment<'p> {
         match kind {
             Kind::Joint | Kind::Point => None,
             Kind::Line => Some(Track::line(from, to)),
-            Kind::Arc => Some(Track::arc(from, &prepared.points[i - 1].reference, to)),
+            Kind::Arc => Some(Track::arc(from, &prepared.points[i - 1].reference, to, prepared.points[i].arc_turn)),
         }
+    }
+
+    /// How the controller turns the tool on the segment if it is an arc.
+    pub(super) fn arc_turn(&self) -> ArcTurn {
+        self.to.arc_turn
     }
 
     /// Positions of units at a share of the segment.

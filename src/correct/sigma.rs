@@ -5,7 +5,7 @@ use super::context::Context;
 use super::parallelism::Parallelism;
 use super::{Prepared, Row};
 use crate::cell::Cell;
-use crate::equilibrium::{Arm, cutting_force};
+use crate::equilibrium::Arm;
 use crate::robot::Joints;
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -62,20 +62,21 @@ impl Prepared {
     pub(crate) fn unseen(&self, arm: &Arm, effect: usize, point: usize) -> f64 {
         let (situation, point) = (self.situation(point), &self.points[point]);
         let sigma = arm.effects[effect].unseen(&point.motor);
+        let shift = arm.effects[effect].unseen_shift(&situation, &point.motor);
         if sigma.amax() <= 0.0 {
-            return arm.effects[effect].unseen_shift(&situation, &point.motor, &cutting_force(&situation));
+            return shift;
         }
         let place = |motor: &Joints| {
             let there = arm.predict(&situation, motor, &point.travel).ok()?;
             Some(there.wobj_from_tcp.translation.vector)
         };
-        let Some(there) = place(&point.motor) else { return 0.0 };
+        let Some(there) = place(&point.motor) else { return shift };
         let of = |joint: usize| {
             let mut motor = point.motor;
             motor[joint] += sigma[joint];
             Some((place(&motor)? - there).norm_squared())
         };
-        (0..sigma.len()).filter(|&joint| sigma[joint] > 0.0).filter_map(of).sum()
+        shift + (0..sigma.len()).filter(|&joint| sigma[joint] > 0.0).filter_map(of).sum::<f64>()
     }
 }
 

@@ -202,7 +202,10 @@ impl<'p> Plan<'p> {
         let mut needed = std::mem::replace(&mut self.needed, Halved::new(TICKS));
         needed.judge(|interval, five| {
             let [a, b, c, d, e] = &five.map(|solved| solved.wobj_from_tcp);
-            let between = if self.is_arc(interval) { Track::arc(a, c, e) } else { Track::line(a, e) };
+            let between = match self.is_arc(interval) {
+                true => Track::arc(a, c, e, self.segment.arc_turn()),
+                false => Track::line(a, e),
+            };
             let mut off = [(1, b), (2, c), (3, d)].into_iter().map(|(k, needed)| {
                 let share = f64::from(k) / 4.0;
                 let shift: Vector3<f64> = between.pose(share).translation.vector - needed.translation.vector;

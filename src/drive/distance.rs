@@ -73,7 +73,7 @@ impl ProgrammedPath {
         let start = self.last.as_ref().map(|from| from.start_of(robot, to));
         let track = start.and_then(|start| match &to.lead {
             Lead::Line => Some(Track::line(&start, &to.base_from_tcp)),
-            Lead::Arc(via) => Some(Track::arc(&start, via, &to.base_from_tcp)),
+            Lead::Arc { via, turn } => Some(Track::arc(&start, via, &to.base_from_tcp, *turn)),
             Lead::Joints => None,
         });
         let length = track.as_ref().map_or(2.0 * REACH, Track::length);

@@ -5,11 +5,11 @@
 
 use super::log::{Log, LogSample, tcp};
 use super::route::Route;
-use super::{DriveError, DrivenSample, PathLaw, Waypoint, drive};
-use crate::robot::{Joints, Robot};
+use super::{ArcTurn, DriveError, DrivenSample, Lead, PathLaw, Track, Waypoint, drive};
+use crate::robot::{Joints, Robot, turn_between};
 use nalgebra::{DMatrix, DVector, Vector3};
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 /// Largest number of places of each log: half of them spread evenly along it, the others near the waypoints between its
 /// ends.
@@ -44,6 +44,8 @@ const LAG_SIGMA: f64 = 0.005;
 const REACH: f64 = 0.03;
 /// Distance within which the log has to pass the first and the last point of the program, m: more than any zone.
 const NEAR: f64 = 0.05;
+/// Largest distance of a driven path from an arc that it follows, m: twice that of the fastest logs of an IRB 6640 (docs/driven-path.md).
+const ON_ARC: f64 = 2e-3;
 /// Rounds of the fit; each computes one path for each log and number of the law.
 const ROUNDS: usize = 12;
 /// A round that gains less than this share of the sum of squares is the last one.
@@ -83,6 +85,9 @@ pub struct FittedLaw {
     /// The law.
     #[serde(skip)]
     pub law: PathLaw,
+    /// How the controller turns the tool on arcs, if the logs decide it.
+    #[serde(serialize_with = "arc_turn_word")]
+    pub arc_turn: Option<ArcTurn>,
     /// Logs that were fitted.
     pub fitted_logs: usize,
     /// Logs that were only predicted.
@@ -102,6 +107,10 @@ impl FittedLaw {
         let (before, after) = (self.before.rms_mm, self.after.rms_mm);
         if before > 0.0 { (after / before).min(1.0) } else { 0.0 }
     }
+}
+
+fn arc_turn_word<S: Serializer>(turn: &Option<ArcTurn>, to: S) -> Result<S::Ok, S::Error> {
+    turn.map(ArcTurn::word).serialize(to)
 }
 
 /// Why no law was found.
@@ -163,6 +172,7 @@ pub fn fit_law(robot: &Robot, logs: &[(&[Waypoint], &Log)]) -> Result<FittedLaw,
     let (before, after) = (compared(None)?, compared(Some(&law))?);
     Ok(FittedLaw {
         law,
+        arc_turn: None,
         fitted_logs: fitted.len(),
         held_out_logs: held.len(),
         before: PathError::of(&before),
@@ -172,6 +182,49 @@ pub fn fit_law(robot: &Robot, logs: &[(&[Waypoint], &Log)]) -> Result<FittedLaw,
             predicted: after.iter().map(|compared| compared.seconds).sum(),
         },
     })
+}
+
+/// How the controller turns the tool on arcs, by the orientations of the tool in the logs; `None` without arcs.
+///
+/// # Errors
+/// As [`fit_law`].
+///
+/// # Examples
+/// ```
+/// use deflex::drive::{ArcTurn, Log, Waypoint, arc_turn};
+/// use deflex::robot::Robot;
+///
+/// /// Whether the tool turns with the path.
+/// fn turns_with_path(robot: &Robot, waypoints: &[Waypoint], log: &Log) -> bool {
+///     arc_turn(robot, &[(waypoints, log)]) == Ok(Some(ArcTurn::WithPath))
+/// }
+/// ```
+pub fn arc_turn(robot: &Robot, logs: &[(&[Waypoint], &Log)]) -> Result<Option<ArcTurn>, LogError> {
+    let mut off: Vec<(ArcTurn, f64)> = Vec::new();
+    for (i, (waypoints, log)) in logs.iter().enumerate() {
+        let samples = log.of_program(robot, waypoints, NEAR).ok_or(LogError::OtherProgram(i))?;
+        for (from, to) in waypoints.iter().zip(&waypoints[1..]) {
+            let Lead::Arc { via, .. } = &to.lead else { continue };
+            if off.is_empty() {
+                off.extend(ArcTurn::WORDS.map(|(_, turn)| (turn, 0.0)));
+            }
+            let start = from.start_of(robot, to);
+            for (turn, sum) in &mut off {
+                let arc = Track::arc(&start, via, &to.base_from_tcp, *turn);
+                *sum += samples.iter().filter_map(|sample| turned_off(robot, to, &arc, sample)).sum::<f64>();
+            }
+        }
+    }
+    Ok(off.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)).map(|(turn, _)| turn))
+}
+
+/// Square of the angle between the orientation at a sample and that of an arc where the sample is nearest to it, rad²; `None` for a sample
+/// that is not on the arc.
+fn turned_off(robot: &Robot, to: &Waypoint, arc: &Track, sample: &LogSample) -> Option<f64> {
+    let base_from_tcp = robot.forward(&sample.motor) * to.flange_from_tcp;
+    let there = arc.pose(arc.nearest(&base_from_tcp.translation.vector));
+    let is_on = (there.translation.vector - base_from_tcp.translation.vector).norm() <= ON_ARC;
+    is_on.then(|| turn_between(&there.rotation, &base_from_tcp.rotation).norm_squared())
 }
 
 /// Whether a log is held out. A quarter of the logs are, spread by multiples of the golden ratio: logs often are in the order of speeds

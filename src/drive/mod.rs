@@ -29,8 +29,9 @@ mod track;
 #[cfg(test)]
 mod tests;
 
+pub use crate::program::ArcTurn;
 pub(crate) use distance::{Offset, ProgrammedPath, nearest_between};
-pub use fit::{FittedLaw, LogError, fit_law};
+pub use fit::{FittedLaw, LogError, arc_turn, fit_law};
 pub use log::{Log, LogSample};
 pub use shape::{AddedPoint, CommandedMotion, DrivenResult, Freedom, ShapedCommand, Wanted, shape};
 pub(crate) use track::Track;
@@ -133,8 +134,13 @@ impl PathLaw {
 pub enum Lead {
     /// On a straight line.
     Line,
-    /// On an arc through this pose of the TCP, base frame, m.
-    Arc(Pose),
+    /// On an arc.
+    Arc {
+        /// The circle point: a pose of the TCP, base frame, m.
+        via: Pose,
+        /// How the tool turns on the way.
+        turn: ArcTurn,
+    },
     /// All axes change evenly.
     Joints,
 }

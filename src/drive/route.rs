@@ -84,7 +84,7 @@ impl Segment {
         let start = from.start_of(robot, to);
         let track = match &to.lead {
             Lead::Line => Some(Track::line(&start, &to.base_from_tcp)),
-            Lead::Arc(via) => Some(Track::arc(&start, via, &to.base_from_tcp)),
+            Lead::Arc { via, turn } => Some(Track::arc(&start, via, &to.base_from_tcp, *turn)),
             Lead::Joints => None,
         };
         let chord = (to.base_from_tcp.translation.vector - start.translation.vector).norm();

@@ -339,7 +339,7 @@ impl Layout {
         for (end, [shift, via_shift]) in self.ends.iter().zip(&shifts) {
             let programmed = &shaper.waypoints[end.waypoint];
             let mut waypoint = Waypoint { zone: end.zone, ..*programmed };
-            if let Lead::Arc(via) = &mut waypoint.lead {
+            if let Lead::Arc { via, .. } = &mut waypoint.lead {
                 via.translation.vector += via_shift;
             }
             if end.share < 1.0 || *shift != Vector3::zeros() {

@@ -48,6 +48,11 @@ impl Bench {
     }
 }
 
+/// An arc on which the tool keeps its orientation.
+fn arc_through(via: Pose) -> Lead {
+    Lead::Arc { via, turn: ArcTurn::Even }
+}
+
 /// Least distance from the middle of the plane, mm; samples lie 0.4 mm apart, and the path between them is straight.
 fn nearest(path: &[Vector3<f64>]) -> f64 {
     let distance = |two: &[Vector3<f64>]| {
@@ -98,7 +103,7 @@ fn a_moving_average_leads_inside_an_arc() {
     let (radius, width, feed) = (50.0, 0.2, 100.0);
     let via = bench.at(0.0, radius);
     let waypoints =
-        [bench.waypoint([radius, 0.0], Lead::Line, None), bench.waypoint([-radius, 0.0], Lead::Arc(via), None)];
+        [bench.waypoint([radius, 0.0], Lead::Line, None), bench.waypoint([-radius, 0.0], arc_through(via), None)];
     let path = bench.driven(&PathLaw { smoothing: [width, 0.0], ..PLAIN }, &waypoints);
     // The mean over an arc of half angle a lies at sin(a)/a of the radius.
     let half_angle = 0.5 * feed * width / radius;
@@ -206,6 +211,34 @@ fn a_law_is_found_again_in_logs_that_it_made() {
     assert_eq!(fit_law(&bench.robot, &logs[..1]).err(), Some(LogError::OneLog));
 }
 
+/// Whatever the waypoints say, the orientations of the tool in a log decide how the controller turns it on an arc.
+#[test]
+fn the_turn_on_an_arc_is_found_in_a_log() {
+    let bench = Bench::new();
+    let tilted = |[x, y]: [f64; 2], tilt: f64, lead: Lead| {
+        let at = bench.at(x, y);
+        let rotation = Rotation3::from_axis_angle(&Vector3::x_axis(), tilt) * at.rotation;
+        let base_from_tcp = Pose::from_parts(at.translation, rotation);
+        let near = bench.waypoint([x, y], Lead::Line, None);
+        let motor = bench.robot.inverse_near(&base_from_tcp, &near.motor).expect("within reach");
+        Waypoint { base_from_tcp, motor, lead, ..near }
+    };
+    let via = Pose::from_parts(bench.at(0.0, 50.0).translation, bench.at(0.0, 0.0).rotation);
+    let along =
+        |turn: ArcTurn| [tilted([50.0, 0.0], 0.0, Lead::Line), tilted([-50.0, 0.0], 0.3, Lead::Arc { via, turn })];
+    for (_, turn) in ArcTurn::WORDS {
+        let driven = drive(&bench.robot, &PathLaw { smoothing: [0.05, 0.05], ..PLAIN }, &along(turn));
+        let sample = |sample: DrivenSample| LogSample { time: sample.time, motor: sample.motor };
+        let samples = driven.expect("within reach").into_iter().map(sample).collect();
+        let log = Log { file: String::new(), samples };
+        assert_eq!(arc_turn(&bench.robot, &[(&along(ArcTurn::Even), &log)]), Ok(Some(turn)));
+    }
+    let lines = bench.corner(None);
+    let still = drive(&bench.robot, &PLAIN, &lines).expect("within reach");
+    let samples = still.iter().map(|sample| LogSample { time: sample.time, motor: sample.motor }).collect();
+    assert_eq!(arc_turn(&bench.robot, &[(&lines, &Log { file: String::new(), samples })]), Ok(None));
+}
+
 /// Freedom to move every end, and no more.
 fn movable(waypoints: &[Waypoint]) -> Vec<Freedom> {
     vec![Freedom { end: true, counts: true, ..Freedom::default() }; waypoints.len()]
@@ -229,7 +262,7 @@ fn commanded(bench: &Bench, waypoints: &[Waypoint], motions: &[CommandedMotion])
         };
         motion.added.iter().for_each(|added| push(added.base_from_tcp, Lead::Line, Some(3e-4)));
         let lead = match waypoint.lead {
-            Lead::Arc(via) => Lead::Arc(moved(&via, &motion.via)),
+            Lead::Arc { via, turn } => Lead::Arc { via: moved(&via, &motion.via), turn },
             lead => lead,
         };
         push(moved(&waypoint.base_from_tcp, &motion.end), lead, motion.zone);
@@ -335,7 +368,7 @@ fn a_curve_of_short_lines_and_an_arc_are_driven_on_their_path() {
     let arc = vec![
         bench.waypoint([-60.0, 0.0], Lead::Line, None),
         bench.waypoint(at(0.0), Lead::Line, Some(0.3)),
-        bench.waypoint(at(90.0), Lead::Arc(bench.at(x, y)), Some(0.3)),
+        bench.waypoint(at(90.0), arc_through(bench.at(x, y)), Some(0.3)),
         bench.waypoint([30.0, 90.0], Lead::Line, None),
     ];
     for mut waypoints in [lines, arc] {
@@ -425,7 +458,7 @@ fn a_path_that_is_sampled_sparsely_is_straight_between_its_samples() {
     let lead = Joints::new(4e-4, 2e-4, 4e-4, 1e-4, 3e-4, 1e-4);
     let law = PathLaw { axis_lead: lead, ..PathLaw::TYPICAL };
     let line = |at, zone_mm| bench.waypoint(at, Lead::Line, zone_mm);
-    let arc = bench.waypoint([100.0, 100.0], Lead::Arc(bench.at(50.0, 150.0)), None);
+    let arc = bench.waypoint([100.0, 100.0], arc_through(bench.at(50.0, 150.0)), None);
     let waypoints = [
         line([-100.0, 0.0], None),
         line([-20.0, 0.0], Some(1.0)),

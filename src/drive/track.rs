@@ -1,9 +1,13 @@
-//! The curve of the TCP between two poses: a line or an arc, on which the orientation turns evenly.
+//! The curve of the TCP between two poses: a line or an arc, with the turn of the tool along it.
 //!
 //! Positions are metres in the work object of the pose at the end of the curve.
 
+use super::ArcTurn;
 use crate::robot::{Pose, turn_between};
 use nalgebra::{Rotation3, Translation3, Unit, Vector3};
+
+/// A tool that turns along an arc by less than this keeps its orientation, rad: the rounding of a turn of the path that the tool undoes.
+const NO_TURN: f64 = 1e-12;
 
 /// A curve from one pose to another; its parameter is the share of its length from the start.
 #[derive(Clone, Debug)]
@@ -11,8 +15,23 @@ pub(crate) struct Track {
     from: Pose,
     to: Pose,
     curve: Curve,
-    /// Rotation vector by which the orientation turns evenly from the start to the end, rad.
-    turn: Vector3<f64>,
+    turn: Turn,
+}
+
+/// How the orientation changes from the start to the end, in rotation vectors (rad, axes of the work object).
+#[derive(Clone, Debug)]
+enum Turn {
+    None,
+    /// Evenly by this.
+    Even(Vector3<f64>),
+    /// Evenly by this while the path carries the tool along with it.
+    Carried(Vector3<f64>),
+    /// Evenly to the orientation of the circle point, and evenly from there to the end.
+    Through {
+        at_via: Rotation3<f64>,
+        to_via: Vector3<f64>,
+        to_end: Vector3<f64>,
+    },
 }
 
 #[derive(Clone, Debug)]
@@ -30,26 +49,41 @@ enum Curve {
 impl Track {
     /// A line (`MoveL`).
     pub(crate) fn line(from: &Pose, to: &Pose) -> Self {
-        Self { from: *from, to: *to, curve: Curve::Line, turn: turn_between(&from.rotation, &to.rotation) }
+        let turn = Turn::evenly(turn_between(&from.rotation, &to.rotation));
+        Self { from: *from, to: *to, curve: Curve::Line, turn }
     }
 
     /// An arc through a circle point (`MoveC`); the line where the three points lie on one.
     ///
-    /// The orientation turns evenly from the start to the end. That of the circle point only chooses between the shorter and the longer way
-    /// (RAPID reference manual, `MoveC`): an IRB 6640 keeps the even turn to 0.001° where the orientation of the circle point is 11° off it
-    /// (`movec_30_car` and `movec_30_ori` of github.com/hehonglu123/ABB_Primitive_Study).
-    pub(crate) fn arc(from: &Pose, via: &Pose, to: &Pose) -> Self {
+    /// Unless the tool turns through the orientation of the circle point, that orientation only chooses between the shorter and the longer
+    /// turn (RAPID reference manual, `MoveC`).
+    pub(crate) fn arc(from: &Pose, via: &Pose, to: &Pose, arc_turn: ArcTurn) -> Self {
         let [a, b, c] = [from, via, to].map(|pose| pose.translation.vector);
         let Some(circle) = Circle::through([a, b, c]) else { return Self::line(from, to) };
-        let (angle, share) = (circle.angle(&a, &c), circle.angle(&a, &b));
-        let share = share / angle;
-        let shorter = turn_between(&from.rotation, &to.rotation);
+        let angle = circle.angle(&a, &c);
+        let share = circle.angle(&a, &b) / angle;
+        // By how much the path turns up to the circle point, and up to the end.
+        let carried = |share: f64| match arc_turn {
+            ArcTurn::Even | ArcTurn::ThroughCirclePoint => Rotation3::identity(),
+            ArcTurn::WithPath => Rotation3::from_axis_angle(&circle.axis, share * angle),
+        };
+        let shorter = turn_between(&from.rotation, &(carried(1.0).inverse() * to.rotation));
         let longer = shorter.try_normalize(0.0).map_or(shorter, |axis| shorter - std::f64::consts::TAU * axis);
         let off = |turn: &Vector3<f64>| {
-            let there = Rotation3::from_scaled_axis(share * turn) * from.rotation;
+            let there = carried(share) * Rotation3::from_scaled_axis(share * turn) * from.rotation;
             turn_between(&there, &via.rotation).norm()
         };
-        let turn = if off(&longer) < off(&shorter) { longer } else { shorter };
+        let own = if off(&longer) < off(&shorter) { longer } else { shorter };
+        let turn = match arc_turn {
+            ArcTurn::Even => Turn::evenly(own),
+            ArcTurn::WithPath if (own + angle * circle.axis.into_inner()).norm() < NO_TURN => Turn::None,
+            ArcTurn::WithPath => Turn::Carried(own),
+            ArcTurn::ThroughCirclePoint => {
+                let [to_via, to_end] = [[from, via], [via, to]].map(|[a, b]| turn_between(&a.rotation, &b.rotation));
+                let turns = to_via != Vector3::zeros() || to_end != Vector3::zeros();
+                if turns { Turn::Through { at_via: via.rotation, to_via, to_end } } else { Turn::None }
+            }
+        };
         Self { from: *from, to: *to, curve: Curve::Arc { circle, angle, via: share }, turn }
     }
 
@@ -69,9 +103,17 @@ impl Track {
         }
     }
 
-    /// Angle by which the orientation turns, rad.
+    /// Angle by which the orientation turns, rad; if it turns unevenly, as if all of it turned as fast as the faster part.
     pub(crate) fn turn(&self) -> f64 {
-        self.turn.norm()
+        match (&self.turn, &self.curve) {
+            (Turn::None, _) => 0.0,
+            // The rate of both turns together is the same all along the arc.
+            (Turn::Carried(own), Curve::Arc { circle, angle, .. }) => (own + *angle * circle.axis.into_inner()).norm(),
+            (Turn::Through { to_via, to_end, .. }, Curve::Arc { via, .. }) => {
+                (to_via.norm() / via).max(to_end.norm() / (1.0 - via))
+            }
+            (Turn::Even(own) | Turn::Carried(own) | Turn::Through { to_via: own, .. }, _) => own.norm(),
+        }
     }
 
     /// Share of an arc's circle point.
@@ -97,12 +139,22 @@ impl Track {
 
     /// The pose at a share of the length.
     pub(crate) fn pose(&self, share: f64) -> Pose {
-        let at = self.place(share);
-        let rotation = match self.keeps_orientation() {
-            true => self.to.rotation,
-            false => Rotation3::from_scaled_axis(share * self.turn) * self.from.rotation,
+        let turned =
+            |turn: &Vector3<f64>, share: f64, from: &Rotation3<f64>| Rotation3::from_scaled_axis(share * turn) * from;
+        let rotation = match (&self.turn, &self.curve) {
+            (Turn::None, _) => self.to.rotation,
+            (Turn::Carried(own), Curve::Arc { circle, angle, .. }) => {
+                Rotation3::from_axis_angle(&circle.axis, share * angle) * turned(own, share, &self.from.rotation)
+            }
+            (Turn::Through { at_via, to_via, to_end }, Curve::Arc { via, .. }) => match share <= *via {
+                true => turned(to_via, share / via, &self.from.rotation),
+                false => turned(to_end, (share - via) / (1.0 - via), at_via),
+            },
+            (Turn::Even(own) | Turn::Carried(own) | Turn::Through { to_via: own, .. }, _) => {
+                turned(own, share, &self.from.rotation)
+            }
         };
-        Pose::from_parts(Translation3::from(at), rotation)
+        Pose::from_parts(Translation3::from(self.place(share)), rotation)
     }
 
     /// The share of the length at which the curve is nearest to a position.
@@ -141,7 +193,7 @@ impl Track {
 
     /// Whether the orientation stays as it is at the end.
     pub(crate) fn keeps_orientation(&self) -> bool {
-        self.turn == Vector3::zeros()
+        matches!(self.turn, Turn::None)
     }
 
     /// The part of a shift from the curve that is across the curve, at a share of its length: that far is the nearest point of the curve.
@@ -152,6 +204,12 @@ impl Track {
     /// The same at the start of a curve that begins with a corner: before the start there is no curve.
     pub(crate) fn across_start(&self, shift: &Vector3<f64>) -> Vector3<f64> {
         self.tangent(0.0).map_or(*shift, |tangent| shift - tangent * tangent.dot(shift).max(0.0))
+    }
+}
+
+impl Turn {
+    fn evenly(turn: Vector3<f64>) -> Self {
+        if turn == Vector3::zeros() { Self::None } else { Self::Even(turn) }
     }
 }
 
@@ -201,7 +259,7 @@ mod tests {
     fn an_arc_by_hand() {
         // Radius 5 about (1, 2) in the plane z = 3: east, north, west.
         let on = |x: f64, y: f64| at(1.0 + x, 2.0 + y, 3.0);
-        let arc = Track::arc(&on(5.0, 0.0), &on(0.0, 5.0), &on(-5.0, 0.0));
+        let arc = Track::arc(&on(5.0, 0.0), &on(0.0, 5.0), &on(-5.0, 0.0), ArcTurn::Even);
         assert!(arc.is_arc());
         assert_relative_eq!(arc.length(), 5.0 * std::f64::consts::PI, epsilon = 1e-12);
         let diagonal = 5.0 * std::f64::consts::FRAC_1_SQRT_2;
@@ -215,9 +273,10 @@ mod tests {
         assert_relative_eq!(near(5.0, -0.1), 0.0);
         assert_relative_eq!(near(-5.0, -0.1), 1.0);
         // More than half way round, and on a line.
-        let far = Track::arc(&on(0.0, 5.0), &on(-5.0, 0.0), &on(5.0, 0.0));
+        let far = Track::arc(&on(0.0, 5.0), &on(-5.0, 0.0), &on(5.0, 0.0), ArcTurn::Even);
         assert_relative_eq!(far.pose(0.5), on(-diagonal, -diagonal), epsilon = 1e-12);
-        assert!(!Track::arc(&at(0.0, 0.0, 0.0), &at(1.0, 0.0, 0.0), &at(2.0, 0.0, 0.0)).is_arc());
+        let on_line = Track::arc(&at(0.0, 0.0, 0.0), &at(1.0, 0.0, 0.0), &at(2.0, 0.0, 0.0), ArcTurn::WithPath);
+        assert!(!on_line.is_arc());
     }
 
     #[test]
@@ -229,7 +288,9 @@ mod tests {
         };
         let quarter = std::f64::consts::FRAC_PI_2;
         let to_end = |via_turn: f64, end_turn: f64| {
-            Track::arc(&on(0.0, 0.0), &on(2.0 * quarter, via_turn), &on(3.0 * quarter, end_turn))
+            let [start, via, end] =
+                [(0.0, 0.0), (2.0, via_turn), (3.0, end_turn)].map(|(n, turn)| on(n * quarter, turn));
+            Track::arc(&start, &via, &end, ArcTurn::Even)
         };
         // Two thirds of the arc: two thirds of a turn by 0.6 rad, whichever orientation the circle point has.
         for via_turn in [0.0, 0.4, 0.6] {
@@ -239,6 +300,55 @@ mod tests {
         let followed = to_end(2.0 * quarter, 3.0 * quarter);
         assert_relative_eq!(followed.pose(1.0 / 3.0), on(quarter, quarter), epsilon = 1e-12);
         assert_relative_eq!(followed.turn(), 3.0 * quarter, epsilon = 1e-12);
+    }
+
+    /// Three points on the unit circle at these angles, with these orientations.
+    fn turned(angles: [f64; 3], rotations: [Rotation3<f64>; 3], turn: ArcTurn) -> Track {
+        let at = |n: usize| {
+            let place = Translation3::new(angles[n].cos(), angles[n].sin(), 0.0);
+            Pose::from_parts(place, rotations[n])
+        };
+        Track::arc(&at(0), &at(1), &at(2), turn)
+    }
+
+    #[test]
+    fn a_tool_turns_with_the_path() {
+        // A quarter of a circle, on which the tool tilts by 0.2 rad in the axes of the path.
+        let quarter = std::f64::consts::FRAC_PI_2;
+        let about_z = |angle: f64| Rotation3::from_axis_angle(&Vector3::z_axis(), angle);
+        let tilted = |angle: f64| Rotation3::from_axis_angle(&Vector3::x_axis(), angle);
+        let rotations = [Rotation3::identity(), Rotation3::identity(), about_z(quarter) * tilted(0.2)];
+        let arc = turned([0.0, 0.5 * quarter, quarter], rotations, ArcTurn::WithPath);
+        assert_relative_eq!(arc.pose(0.25).rotation, about_z(0.25 * quarter) * tilted(0.05), epsilon = 1e-12);
+        assert_relative_eq!(arc.pose(1.0).rotation, rotations[2], epsilon = 1e-12);
+        // Both turns are at right angles to each other.
+        assert_relative_eq!(arc.turn(), quarter.hypot(0.2), epsilon = 1e-12);
+        // Evenly, the tool would be elsewhere in the middle.
+        let even = turned([0.0, 0.5 * quarter, quarter], rotations, ArcTurn::Even);
+        assert!(turn_between(&even.pose(0.5).rotation, &arc.pose(0.5).rotation).norm() > 0.01);
+    }
+
+    #[test]
+    fn a_tool_that_keeps_its_orientation_keeps_it_on_any_arc() {
+        let still = [Rotation3::from_euler_angles(0.3, -0.2, 0.1); 3];
+        for end in [1.0, 3.0, 4.5, 6.0] {
+            for (_, turn) in ArcTurn::WORDS {
+                let arc = turned([0.0, 0.4 * end, end], still, turn);
+                assert!(arc.keeps_orientation() && arc.turn() == 0.0, "{end} {turn:?}");
+                assert_relative_eq!(arc.pose(0.7).rotation, still[0], epsilon = 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn a_tool_turns_through_the_circle_point() {
+        let about = |angle: f64| Rotation3::from_axis_angle(&Vector3::y_axis(), angle);
+        let arc = turned([0.0, 0.5, 2.0], [about(0.0), about(0.4), about(0.1)], ArcTurn::ThroughCirclePoint);
+        assert_relative_eq!(arc.pose(0.125).rotation, about(0.2), epsilon = 1e-12);
+        assert_relative_eq!(arc.pose(0.25).rotation, about(0.4), epsilon = 1e-12);
+        assert_relative_eq!(arc.pose(0.625).rotation, about(0.25), epsilon = 1e-12);
+        // As if all of it turned as fast as up to the circle point: by 0.4 in a quarter of the way.
+        assert_relative_eq!(arc.turn(), 1.6, epsilon = 1e-12);
     }
 
     #[test]

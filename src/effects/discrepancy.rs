@@ -211,13 +211,14 @@ impl Effect for Discrepancy {
     }
 
     /// The variance of the process, given a measurement at each centre (Rasmussen and Williams 2006, equation 2.26).
-    fn unseen_shift(&self, situation: &Situation<'_>, motor_commanded: &Joints, force: &Vector3<f64>) -> f64 {
+    fn unseen_shift(&self, situation: &Situation<'_>, motor_commanded: &Joints) -> f64 {
         if self.sigma_mm <= 0.0 {
             return 0.0;
         }
         let degrees = |i: usize| motor_commanded[i].to_degrees();
         let at = situation.base_from_wobj * situation.wobj_from_tcp;
-        let here = [at.translation.vector * 1e3, Vector3::new(degrees(3), degrees(4), degrees(5)), *force];
+        let here =
+            [at.translation.vector * 1e3, Vector3::new(degrees(3), degrees(4), degrees(5)), situation.cutting_force()];
         let (here, scales) = (here.map(|part| Vector::of(&part)), self.scales());
         let alike = DVector::from_fn(self.shift_mm.len(), |i, _| self.alike(i, scales, here));
         let known: f64 = self.measured_correlations().map_or(0.0, |factor| alike.dot(&factor.solve(&alike)));
@@ -282,7 +283,7 @@ mod tests {
             let mut bench = Bench::default();
             bench.situation.base_from_wobj.translation.vector = Vector3::zeros();
             bench.situation.wobj_from_tcp.translation.vector = Vector3::new(x, 0.0, 0.0);
-            effect.unseen_shift(&bench.situation, &bench.motor, &Vector3::zeros())
+            effect.unseen_shift(&bench.situation, &bench.motor)
         };
         let process = 3.0 * 0.03e-3f64.powi(2);
         assert_abs_diff_eq!(variance(0.1), process * 0.1, epsilon = 1e-18);

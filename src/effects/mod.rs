@@ -57,7 +57,6 @@ pub use survey::Survey;
 
 use crate::lanes::Real;
 use crate::robot::{Axes, Joints};
-use nalgebra::Vector3;
 use std::fmt::Debug;
 use table::{ANY, FACTOR, NOT_NEGATIVE, checked, indexed, per_axis, per_direction, scalar, table_of, take};
 
@@ -130,10 +129,9 @@ pub trait Effect: Listed + Debug + Send + Sync {
         Joints::zeros()
     }
 
-    /// Variance of the shift of the TCP that remains where the effect was not measured, m², all axes together. `force` is
-    /// the cutting force on the tool, N, work object axes.
-    fn unseen_shift(&self, situation: &Situation<'_>, motor_commanded: &Joints, force: &Vector3<f64>) -> f64 {
-        let _ = (situation, motor_commanded, force);
+    /// Variance of the shift of the TCP that remains where the effect was not measured, m², all axes together.
+    fn unseen_shift(&self, situation: &Situation<'_>, motor_commanded: &Joints) -> f64 {
+        let _ = (situation, motor_commanded);
         0.0
     }
 

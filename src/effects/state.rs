@@ -100,6 +100,20 @@ pub struct Situation<'a> {
     pub torque: Option<&'a CuttingTorque>,
 }
 
+impl Situation<'_> {
+    /// The cutting force on the tool in the wanted pose, N, work object axes.
+    pub(crate) fn cutting_force(&self) -> Vector3<f64> {
+        match self.cutting {
+            Cutting::Air => Vector3::zeros(),
+            Cutting::Constant(force) => force,
+            Cutting::Law { law, wobj_from_feed } => {
+                let axis = wobj_from_feed.inverse() * (self.wobj_from_tcp.rotation * -Vector3::z());
+                wobj_from_feed * law.force(&Vector3::zeros(), &axis)
+            }
+        }
+    }
+}
+
 /// Times after which gears that creep follow a torque, s: one to a factor of five, from the time of a motion to that of a program.
 pub(crate) const CREEP_TIMES_S: [f64; 3] = [5.0, 25.0, 125.0];
 

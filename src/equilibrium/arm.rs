@@ -2,7 +2,6 @@ use crate::effects::{Cutting, Effect, Load, Parts, Situation};
 use crate::lanes::Vector;
 use crate::robot::kinematics::Chain;
 use crate::robot::{Joints, Robot};
-use nalgebra::Vector3;
 
 /// The arm of a cell: the controller's model of it, and the effects that make the real arm differ from that model.
 #[derive(Debug)]
@@ -62,7 +61,7 @@ impl Arm {
         }
         let (rows, mut chain, mut load) = (self.robot.rows::<f64>(), Chain::default(), Load::default());
         rows.chain(&self.robot.joints(&rows.theta, &(*motor).into()), None, &mut chain);
-        load.start(Vector::of(&(situation.base_from_wobj.rotation * cutting_force(situation))), Parts::NONE);
+        load.start(Vector::of(&(situation.base_from_wobj.rotation * situation.cutting_force())), Parts::NONE);
         let base_from_tcp = situation.base_from_wobj * situation.wobj_from_tcp;
         load.fill_torque(&self.robot, &chain, Vector::of(&base_from_tcp.translation.vector));
         load.torque.into()
@@ -79,17 +78,5 @@ impl Arm {
     #[must_use]
     pub fn weighs_payload(&self) -> bool {
         self.effects.iter().any(|effect| effect.weighs_payload())
-    }
-}
-
-/// The cutting force on the tool in the wanted pose, N, work object axes.
-pub(crate) fn cutting_force(situation: &Situation<'_>) -> Vector3<f64> {
-    match situation.cutting {
-        Cutting::Air => Vector3::zeros(),
-        Cutting::Constant(force) => force,
-        Cutting::Law { law, wobj_from_feed } => {
-            let axis = wobj_from_feed.inverse() * (situation.wobj_from_tcp.rotation * -Vector3::z());
-            wobj_from_feed * law.force(&Vector3::zeros(), &axis)
-        }
     }
 }

@@ -22,7 +22,6 @@ mod number;
 mod predict;
 
 pub use arm::Arm;
-pub(crate) use arm::cutting_force;
 pub(crate) use batch::{Batch, Given, Nearby, Room, Settled};
 pub(crate) use block::{Setting, Site};
 pub use command::Command;

@@ -2,7 +2,7 @@
 
 use super::cl::{self, ClOptions};
 use super::front_end::FrontEnd;
-use super::{Mark, Program, jbi, krl, lowered, post, rapid, tp, ur};
+use super::{ArcTurn, Mark, Program, jbi, krl, lowered, post, rapid, tp, ur};
 use crate::program::orientation::from_zyx_deg;
 use crate::text::{Diagnostic, Source};
 use nalgebra::Rotation3;
@@ -60,6 +60,8 @@ pub(crate) struct About {
     pub(crate) companion: Option<&'static str>,
     /// Whether every point has a name of its own.
     pub(super) are_points_named: bool,
+    /// How its controllers turn the tool on arcs, if the program does not state it.
+    pub(crate) arc_turn: ArcTurn,
     /// Whether a program can state positions of external axes, so that they may be chosen.
     pub(crate) chooses_external: bool,
     /// Makes files with an empty routine for each name: their names and texts.
@@ -215,6 +217,9 @@ static RAPID: About = About {
     has_modules: true,
     companion: None,
     are_points_named: false,
+    // RAPID reference manual, CirPathMode: `\PathFrame` is the default. An IRB 6640 turns so to 0.01° (logs `movec_30_car` and
+    // `movec_30_ori` in `realrobot` of github.com/hehonglu123/ABB_Primitive_Study).
+    arc_turn: ArcTurn::WithPath,
     chooses_external: true,
     declare: |names| {
         let routines: String = names.iter().map(|name| format!("PROC {name}()\nENDPROC\n")).collect();
@@ -241,6 +246,7 @@ static CL: About = About {
     has_modules: false,
     companion: None,
     are_points_named: false,
+    arc_turn: ArcTurn::Even,
     chooses_external: true,
     // CL data call nothing.
     declare: |_| Vec::new(),
@@ -265,6 +271,7 @@ static KRL: About = About {
     has_modules: true,
     companion: Some("dat"),
     are_points_named: false,
+    arc_turn: ArcTurn::Even,
     chooses_external: false,
     declare: |names| one_file(names, |name| format!("GLOBAL DEF {name} ( )\nEND\n")),
     turn: from_zyx_deg,
@@ -288,6 +295,7 @@ static TP: About = About {
     has_modules: false,
     companion: None,
     are_points_named: true,
+    arc_turn: ArcTurn::Even,
     chooses_external: false,
     declare: |names| {
         let program = |name: &&str| ((*name).to_owned(), format!("/PROG {name}\n/ATTR\n/MN\n/POS\n/END\n"));
@@ -314,6 +322,7 @@ static UR: About = About {
     has_modules: false,
     companion: None,
     are_points_named: false,
+    arc_turn: ArcTurn::Even,
     chooses_external: false,
     declare: |names| one_file(names, |name| format!("def {name}():\nend\n")),
     turn: |[rx, ry, rz]| Rotation3::new([rx, ry, rz].into()),
@@ -337,6 +346,7 @@ static JBI: About = About {
     has_modules: false,
     companion: None,
     are_points_named: false,
+    arc_turn: ArcTurn::Even,
     chooses_external: false,
     declare: |names| one_file(names, |name| format!("/JOB\n//NAME {name}\n//INST\nNOP\nEND\n")),
     turn: |[rx, ry, rz]| from_zyx_deg([rz, ry, rx]),

@@ -44,8 +44,8 @@ pub use any_chunks::{AnyChunks, ChunkReader, UnreadChunk};
 pub use chunk::{Next, StreamableChunk};
 pub use round_trip::{RoundTrip, round_trip};
 pub use target::{
-    Conf, Confdata, Config, Editable, ExternalAxes, Goal, GroupAxis, InactiveUnit, Mark, Motion, Predecessor, Role,
-    Status, Target,
+    ArcTurn, Conf, Confdata, Config, Editable, ExternalAxes, Goal, GroupAxis, InactiveUnit, Mark, Motion, Predecessor,
+    Role, Status, Target,
 };
 
 use crate::text::{Diagnostic, Edit, Source, Span, applied};

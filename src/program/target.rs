@@ -44,6 +44,8 @@ pub struct Target {
     pub line: u32,
     /// Where the segment to it begins.
     pub predecessor: Predecessor,
+    /// How the controller turns the tool on the arc to it; `None` if the program does not state it.
+    pub arc_turn: Option<ArcTurn>,
 }
 
 /// The start of the segment to a point, in every run.
@@ -190,6 +192,43 @@ pub enum Motion {
     Circular,
     /// Joint-interpolated to joint angles (`MoveAbsJ`): never cuts.
     AbsoluteJoint,
+}
+
+/// How a controller turns the tool along an arc.
+///
+/// # Examples
+/// ```
+/// use deflex::program::ArcTurn;
+///
+/// assert_eq!(ArcTurn::of_word("path"), Some(ArcTurn::WithPath)); // as `[controller] arc_turn` has it
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum ArcTurn {
+    /// Evenly from the orientation at the start to that at the end (RAPID `CirPathMode\ObjectFrame`).
+    #[default]
+    Even,
+    /// Evenly relative to the direction of the path, which turns with the arc (RAPID `CirPathMode\PathFrame`).
+    WithPath,
+    /// Evenly to the orientation of the circle point, and evenly from there to the end (RAPID `CirPathMode\CirPointOri`).
+    ThroughCirclePoint,
+}
+
+impl ArcTurn {
+    /// All of them, with their words in the cell file.
+    pub const WORDS: [(&'static str, Self); 3] =
+        [("even", Self::Even), ("path", Self::WithPath), ("circle_point", Self::ThroughCirclePoint)];
+
+    /// The one with this word in the cell file.
+    #[must_use]
+    pub fn of_word(word: &str) -> Option<Self> {
+        Self::WORDS.iter().find(|(own, _)| *own == word).map(|(_, turn)| *turn)
+    }
+
+    /// Its word in the cell file.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        Self::WORDS.iter().find(|(_, turn)| *turn == self).map_or("", |(word, _)| word)
+    }
 }
 
 /// The pose or the joints of a target.

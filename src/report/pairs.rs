@@ -2,7 +2,7 @@
 
 use crate::drive::Track;
 use crate::program::alignment::{Fit, align};
-use crate::program::{Conf, Goal, Program, Role, Target};
+use crate::program::{ArcTurn, Conf, Goal, Program, Role, Target};
 use crate::robot::Pose;
 use crate::text::{Edit, Span};
 use nalgebra::{Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3};
@@ -84,7 +84,8 @@ impl Near<'_> {
         let before = i.checked_sub(1)?;
         let to = pose(&targets[i])?;
         if targets[before].role == Role::Via {
-            return Some(Track::arc(&pose(own(before.checked_sub(1)?)?)?, &pose(own(before)?)?, &to));
+            let [start, via] = [before.checked_sub(1)?, before].map(|k| own(k).and_then(pose));
+            return Some(Track::arc(&start?, &via?, &to, ArcTurn::Even));
         }
         Some(Track::line(&pose(own(before)?)?, &to))
     }

@@ -146,14 +146,14 @@ pub struct CutterAt {
 }
 
 impl CutterAt {
-    /// The programmed cutter on its path as near as possible to the largest deviation of a map. `None` if nothing was cut, or if no motion
+    /// The programmed cutter on its path as near as possible to the largest deviation of a map; the stock stands in `wobj`. `None` if nothing was cut, or if no motion
     /// in the work object of the stock has a tool with a cutter.
     #[must_use]
-    pub fn worst(map: &DeviationMap, program: &Program, cell: &Cell) -> Option<Self> {
+    pub fn worst(map: &DeviationMap, program: &Program, cell: &Cell, wobj: &str) -> Option<Self> {
         let places = map.programmed.points.iter().zip(&map.deviations_mm);
         let deviation = |(place, deviation): (_, &Option<f64>)| deviation.map(|mm| (place, mm.abs()));
         let (worst, _) = places.filter_map(deviation).max_by(|(_, a), (_, b)| a.total_cmp(b))?;
-        let path = Self::path(program, cell);
+        let path = Self::path(program, cell, wobj);
         let nearest = |pair: &[Self]| {
             let along = pair[1].pose.tip - pair[0].pose.tip;
             let share =
@@ -166,12 +166,10 @@ impl CutterAt {
     }
 
     /// The cutter at each target of lines and arcs in the work object of the stock.
-    fn path(program: &Program, cell: &Cell) -> Vec<Self> {
+    fn path(program: &Program, cell: &Cell, wobj: &str) -> Vec<Self> {
         let moves =
             |target: &&Target| target.role == Role::End && matches!(target.motion, Motion::Linear | Motion::Circular);
         let name = |target: &Target| program.wobjs.get(usize::from(target.wobj)).map(|wobj| &*wobj.name);
-        let declared = cell.stock.as_ref().and_then(|stock| stock.wobj.as_deref());
-        let wobj = declared.or_else(|| program.targets.iter().find(moves).and_then(name));
         let at = |target: &Target| {
             let (position_mm, axis) = match target.goal {
                 // The z axis of a tool points away from the spindle.
@@ -186,7 +184,7 @@ impl CutterAt {
                 cutter,
             })
         };
-        let here = |target: &&Target| name(target).zip(wobj).is_some_and(|(own, wobj)| own.eq_ignore_ascii_case(wobj));
+        let here = |target: &&Target| name(target).is_some_and(|own| own.eq_ignore_ascii_case(wobj));
         program.targets.iter().filter(moves).filter(here).filter_map(at).collect()
     }
 }

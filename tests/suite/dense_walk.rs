@@ -152,9 +152,13 @@ fn along(from: &Pose, to: &Move, share: f64) -> (Pose, Vector3<f64>) {
         let (a, b) = (from.0 - centre, p - centre);
         a.cross(&b).dot(&axis).atan2(a.dot(&b)).rem_euclid(2.0 * PI)
     };
-    let out = Rotation3::from_axis_angle(&axis, share * angle(&to.to.0)) * (from.0 - centre);
-    // The controller does not use the orientation of the circle point. These programs turn by less than half a turn.
-    ((centre + out, turned(from, &to.to, share)), axis.cross(&out).normalize())
+    let whole = angle(&to.to.0);
+    let out = Rotation3::from_axis_angle(&axis, share * whole) * (from.0 - centre);
+    // The path turns the tool, which also turns evenly by what is left. The controller does not use the orientation of the circle point.
+    let by_path = |angle: f64| UnitQuaternion::from_axis_angle(&axis, angle);
+    let left = by_path(-whole) * to.to.1 * from.1.inverse();
+    let orientation = by_path(share * whole) * UnitQuaternion::identity().slerp(&left, share) * from.1;
+    ((centre + out, orientation), axis.cross(&out).normalize())
 }
 
 fn length(from: &Pose, to: &Move) -> f64 {

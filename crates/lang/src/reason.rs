@@ -127,6 +127,8 @@ reasons! {
     ArcTurns = "the orientation turns with the arc ($CIRC_TYPE)",
     ArcTypeUnknown = "$CIRC_TYPE known only at run time",
     ArcModeSet = "how the orientation turns on the arc is set ($CIRC_MODE)",
+    ArcByWrist = "the wrist axes turn on the arc in a way that only the controller knows (CirPathMode)",
+    ArcModeUnknown = "CirPathMode known only at run time",
     RobotHoldsPart = "the robot holds the part ($IPO_MODE is #TCP)",
     InterpolationUnknown = "$IPO_MODE known only at run time",
     ControllerPosition = "a position that only the controller has",

@@ -4,9 +4,10 @@ use crate::cli::input;
 use crate::cli::report::pretty;
 use deflex::cell::extended;
 use deflex::correct::{Course, Options, Prepared};
-use deflex::drive::{DriveError, FittedLaw, LogError, fit_law};
+use deflex::drive::{DriveError, FittedLaw, Lead, Log, LogError, Waypoint, arc_turn, fit_law};
 use deflex::identify::{self, Identification, Input, MeasuredRun, Progress, Written};
 use deflex::measured::{ColumnNames, Table};
+use deflex::program::Program;
 use deflex::report::html::identification_page;
 use deflex::report::{Origin, VERSION};
 use deflex::text::{Diagnostic, Source};
@@ -228,17 +229,36 @@ pub fn identify_path(
 ) -> Result<FittedLaw, Vec<Diagnostic>> {
     let robot = &cell.cell.arm.robot;
     let read = |(program, table): &(ProgramFiles, MeasuredFile)| {
-        let (program, log) = both(program.parse(cell, tool), table.table(cell)?.log(robot))?;
-        // The log has the angles of the motors. Forces deflect the arm, but do not change the path along which the
-        // controller leads the motors.
-        let options = Options { tool: tool.map(str::to_owned), ..Options::default() };
-        let prepared = Prepared::new(&program, &cell.cell, &options).map_err(|errors| cell.own(errors))?;
-        let course = Course::new(&program, &cell.cell, &prepared).map_err(|errors| cell.own(errors))?;
-        Ok((course, log))
+        both(program.parse(cell, tool), table.table(cell)?.log(robot))
     };
+    // The log has the angles of the motors. Forces deflect the arm, but do not change the path along which the
+    // controller leads the motors.
+    let options = Options { tool: tool.map(str::to_owned), ..Options::default() };
     let read = all(logs.iter().map(read))?;
-    let runs: Vec<_> = read.iter().map(|(course, log)| (&course.waypoints[..], log)).collect();
-    fit_law(robot, &runs).map_err(|error| vec![log_error(error, logs)])
+    let course = |(program, _): &(Program, Log)| {
+        let prepared = Prepared::new(program, &cell.cell, &options).map_err(|errors| cell.own(errors))?;
+        Ok(Course::new(program, &cell.cell, &prepared).map_err(|errors| cell.own(errors))?.waypoints)
+    };
+    let mut courses = all(read.iter().map(course))?;
+    let fault = |error: LogError| vec![log_error(error, logs)];
+    // The logs decide how the tool turns on arcs, unless the cell or a program states it.
+    let mut targets = read.iter().flat_map(|(program, _)| &program.targets);
+    let mut turn = None;
+    if cell.cell.controller.arc_turn.is_none() && targets.all(|target| target.arc_turn.is_none()) {
+        turn = arc_turn(robot, &runs(&courses, &read)).map_err(fault)?;
+        for waypoint in courses.iter_mut().flatten() {
+            if let (Lead::Arc { turn, .. }, Some(found)) = (&mut waypoint.lead, turn) {
+                *turn = found;
+            }
+        }
+    }
+    let found = fit_law(robot, &runs(&courses, &read)).map_err(fault)?;
+    Ok(FittedLaw { arc_turn: turn, ..found })
+}
+
+/// The waypoints of each program with its log.
+fn runs<'a>(courses: &'a [Vec<Waypoint>], read: &'a [(Program, Log)]) -> Vec<(&'a [Waypoint], &'a Log)> {
+    courses.iter().zip(read).map(|(waypoints, (_, log))| (&waypoints[..], log)).collect()
 }
 
 /// The message for a log that cannot be used.

@@ -101,7 +101,8 @@ impl Simulated {
         simulated.maps = simulated.maps(1.0);
         simulated.figures = simulated.maps.iter().map(|(name, map)| (*name, map.figures())).collect();
         let intended = original.unwrap_or(program);
-        let cutter = |(_, map): &(_, DeviationMap)| CutterAt::worst(map, intended, &setup.cell.cell);
+        let wobj = &simulated.programmed.wobj;
+        let cutter = |(_, map): &(_, DeviationMap)| CutterAt::worst(map, intended, &setup.cell.cell, wobj);
         simulated.cutters = simulated.maps.iter().map(cutter).collect();
         Ok(simulated)
     }

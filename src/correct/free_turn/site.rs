@@ -6,7 +6,7 @@ use crate::correct::mount::Moved;
 use crate::correct::point::{Milled, Point};
 use crate::correct::{KeptReason, Prepared};
 use crate::effects::PartYield;
-use crate::program::{Goal, Program};
+use crate::program::{ArcTurn, Goal, Program};
 use crate::robot::{Joints, Pose};
 use crate::text::Diagnostic;
 use nalgebra::Vector3;
@@ -103,6 +103,8 @@ impl Site {
             part: rare.and_then(|rare| rare.part.clone()),
             // Creep follows the posture that is still to be chosen.
             torque: None,
+            // CL data have no arcs.
+            arc_turn: ArcTurn::default(),
             plunges: self.plunges,
         }
     }

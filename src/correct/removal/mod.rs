@@ -47,6 +47,8 @@ pub enum Cuts {
 pub struct Removal {
     /// The remaining stock.
     pub stock: Stock,
+    /// Name of the work object in which it stands.
+    pub wobj: Arc<str>,
     /// Notes about assumptions on the driven path.
     pub notes: Vec<Diagnostic>,
 }
@@ -72,7 +74,7 @@ pub(super) fn run(
 ) -> Result<Option<Removal>, Vec<Diagnostic>> {
     let Context { program, cell, options, .. } = context;
     let Some(section) = &cell.stock else { return Ok(None) };
-    let Some(mount) = stock_mount(program, cell, prepared)? else { return Ok(None) };
+    let Some(StockMount { wobj, mount }) = stock_mount(program, cell, prepared)? else { return Ok(None) };
     let Some(blank) = &section.blank else {
         let name = section.stl.as_deref().unwrap_or_default();
         let unread = Diagnostic::error("cell.stock", "", format!("[stock] stl = \"{name}\" has not been read"));
@@ -136,7 +138,7 @@ pub(super) fn run(
     if arm.follows_load() || prepared.points.iter().any(|point| point.torque.is_some()) {
         prepared.follow_loads(arm);
     }
-    Ok(Some(Removal { stock: walk.stock, notes }))
+    Ok(Some(Removal { stock: walk.stock, wobj, notes }))
 }
 
 /// Spacing of the stock's lines, m: as declared, or from the smallest cutter, so that it fits into memory.
@@ -164,27 +166,33 @@ pub(super) fn load(force: Vector3<f64>) -> PointLoad {
     if force == Vector3::zeros() { PointLoad::Air } else { PointLoad::Constant { force, follows: Follows::WorkObject } }
 }
 
-/// Tool and work object with which the stock stands; `None` if nothing cuts.
-fn stock_mount(program: &Program, cell: &Cell, prepared: &Prepared) -> Result<Option<Mount>, Vec<Diagnostic>> {
-    let name = cell.stock.as_ref().and_then(|stock| stock.wobj.as_deref());
+/// Where the stock stands.
+struct StockMount {
+    /// Name of its work object.
+    wobj: Arc<str>,
+    mount: Mount,
+}
+
+/// The work object of the stock: the declared one, or that of the first motion that cuts; `None` if nothing cuts.
+fn stock_mount(program: &Program, cell: &Cell, prepared: &Prepared) -> Result<Option<StockMount>, Vec<Diagnostic>> {
+    let declared = cell.stock.as_ref().and_then(|stock| stock.wobj.as_deref());
+    let name = |i: usize| &program.wobjs[usize::from(program.targets[i].wobj)].name;
+    let used = |i: usize| StockMount { wobj: Arc::clone(name(i)), mount: prepared.mount(i).clone() };
     let first = prepared.points.iter().position(|point| point.through.is_some_and(|through| through.cuts));
-    let used = |i: usize| prepared.mount(i).clone();
-    let Some(name) = name else { return Ok(first.map(used)) };
-    if let Some(i) = (0..prepared.points.len())
-        .find(|i| program.wobjs[usize::from(program.targets[*i].wobj)].name.eq_ignore_ascii_case(name))
-    {
+    let Some(declared) = declared else { return Ok(first.map(used)) };
+    if let Some(i) = (0..prepared.points.len()).find(|i| name(*i).eq_ignore_ascii_case(declared)) {
         return Ok(Some(used(i)));
     }
     let Some(i) = first else { return Ok(None) };
-    let at = |frame| Mount::new(cell, frame, *prepared.tool(i));
-    frames::wobj(program, cell, name).map(at).map(Some).ok_or_else(|| {
+    let at = |frame| StockMount { wobj: declared.into(), mount: Mount::new(cell, frame, *prepared.tool(i)) };
+    frames::wobj(program, cell, declared).map(at).map(Some).ok_or_else(|| {
         vec![
             Diagnostic::error(
                 "cell.stock",
                 "",
-                format!("[stock] wobj = \"{name}\" is declared neither in the program nor in the cell"),
+                format!("[stock] wobj = \"{declared}\" is declared neither in the program nor in the cell"),
             )
-            .help(format!("add [wobjs.{name}] to the cell, or name the work object that the program uses")),
+            .help(format!("add [wobjs.{declared}] to the cell, or name the work object that the program uses")),
         ]
     })
 }

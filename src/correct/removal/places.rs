@@ -125,7 +125,7 @@ impl Walk<'_> {
             own.base_from_wobj.inv_mul(&(base_from_flange * own.tool.flange_from_tcp))
         };
         let track = match kind {
-            Kind::Arc => Track::arc(&start, &self.goal(&prepared.points[i - 1]), &goal),
+            Kind::Arc => Track::arc(&start, &self.goal(&prepared.points[i - 1]), &goal, point.arc_turn),
             _ => Track::line(&start, &goal),
         };
         let length = track.length();

@@ -339,6 +339,7 @@ impl Reader {
             span: record.span,
             line: u32::try_from(record.line).unwrap_or(u32::MAX),
             predecessor: Predecessor::Previous,
+            arc_turn: None,
         });
     }
 

@@ -240,6 +240,7 @@ impl Runner<'_> {
             span,
             line: self.lines[self.here()].line(span.start),
             predecessor: Predecessor::Previous,
+            arc_turn: None,
         }
     }
 

@@ -292,6 +292,7 @@ impl Builder<'_> {
                 From::Previous if follows => Predecessor::Previous,
                 From::Previous | From::Unknown => Predecessor::Unknown,
             },
+            arc_turn: None,
         };
         if let Some(goal) = via {
             let via = Target { role: Role::Via, goal, ..end.clone() };

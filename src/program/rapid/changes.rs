@@ -409,6 +409,7 @@ impl<'s, 'a> Scan<'s, 'a> {
             Some(Instruction::SoftOn) => self.out.changes.switches.soft = true,
             Some(Instruction::Load) => self.out.changes.switches.load = true,
             Some(Instruction::Velocity) => self.out.changes.switches.velocity = true,
+            Some(Instruction::ArcMode) => self.out.changes.switches.arcs = true,
             Some(
                 Instruction::AxisOffsetSet
                 | Instruction::AxisOffsetOn

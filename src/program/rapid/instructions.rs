@@ -4,10 +4,10 @@ use super::eval::Scope;
 use super::motion::Call;
 use super::predefined::Instruction;
 use super::runner::{Flow, Runner};
-use super::state::{Switch, Switches, Velocity};
+use super::state::{ArcMode, Switch, Switches, Velocity};
 use super::symbols::Upper;
 use super::value::Value;
-use crate::program::{Editable, Reason};
+use crate::program::{ArcTurn, Editable, Reason};
 use crate::text::Span;
 use smallvec::SmallVec;
 
@@ -23,8 +23,10 @@ impl<'a> Runner<'a> {
         if known == Instruction::Nothing || known == Instruction::Options && call.optional().is_empty() {
             return Flow::Next;
         }
-        // The head of a program, which every chunk repeats, may set speeds and loads and activate units.
-        self.events += u64::from(!matches!(known, Instruction::Velocity | Instruction::Load | Instruction::UnitOn));
+        // The head of a program, which every chunk repeats, may set speeds, loads and turns on arcs, and activate units.
+        let in_head =
+            matches!(known, Instruction::Velocity | Instruction::Load | Instruction::ArcMode | Instruction::UnitOn);
+        self.events += u64::from(!in_head);
         match known {
             Instruction::Nothing => {}
             Instruction::Arguments => {
@@ -70,6 +72,10 @@ impl<'a> Runner<'a> {
             }
             Instruction::Velocity => {
                 self.state.velocity = self.velocity(scope, call);
+                self.state.lose(self.others_switch());
+            }
+            Instruction::ArcMode => {
+                self.state.arcs = arc_mode(bytes, call);
                 self.state.lose(self.others_switch());
             }
             Instruction::AxisOffsetSet
@@ -129,4 +135,18 @@ impl<'a> Runner<'a> {
     pub(super) fn is_no_load(&self, scope: Scope, load: Span) -> bool {
         self.bytes(scope.source as usize)[load.range()].eq_ignore_ascii_case(b"load0")
     }
+}
+
+/// How the tool turns on arcs after `CirPathMode`, which has one of these options.
+fn arc_mode(bytes: &[u8], call: &Call) -> ArcMode {
+    let modes: [(&[u8], ArcMode); 6] = [
+        (b"PathFrame", ArcMode::Stated(ArcTurn::WithPath)),
+        (b"ObjectFrame", ArcMode::Stated(ArcTurn::Even)),
+        (b"CirPointOri", ArcMode::Stated(ArcTurn::ThroughCirclePoint)),
+        (b"Wrist45", ArcMode::ByWrist),
+        (b"Wrist46", ArcMode::ByWrist),
+        (b"Wrist56", ArcMode::ByWrist),
+    ];
+    let stated = modes.into_iter().find(|(option, _)| call.option(bytes, option).is_some());
+    stated.map_or(ArcMode::Unknown, |(_, mode)| mode)
 }

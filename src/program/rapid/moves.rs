@@ -6,7 +6,7 @@ use super::eval::Scope;
 use super::known::Changes;
 use super::motion::{Call, Shape, ToolAt, Zone};
 use super::runner::{Mode, Runner};
-use super::state::{Switch, Switches};
+use super::state::{ArcMode, Switch, Switches};
 use super::value::{Pose, SourceSpan, Value, unit};
 use super::{Offset, TargetInText};
 use crate::program::{Editable, Goal, Motion, Predecessor, Reason, Role, Target, ToolData};
@@ -85,6 +85,10 @@ impl<'a> Runner<'a> {
             span,
             line,
             predecessor: Predecessor::Previous,
+            arc_turn: match self.state.arcs {
+                ArcMode::Stated(turn) => Some(turn),
+                ArcMode::Unstated | ArcMode::ByWrist | ArcMode::Unknown => None,
+            },
         };
         if shape.motion == Motion::AbsoluteJoint {
             let value = self.evaluate(scope, to);
@@ -297,6 +301,8 @@ impl<'a> Runner<'a> {
             Some(why)
         } else if self.state.mark_unknown {
             Some(Reason::MarkUnknown)
+        } else if let (Motion::Circular, Some(why)) = (target.motion, self.state.arcs.unfollowed()) {
+            Some(why)
         } else if let Some(why) = pose.fixed {
             Some(why)
         } else if let Some(last) = pose.steps.last() {

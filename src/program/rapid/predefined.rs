@@ -27,6 +27,8 @@ pub(super) enum Instruction {
     Load,
     /// Changes the programmed speeds.
     Velocity,
+    /// States how the tool turns on arcs.
+    ArcMode,
     /// Sets the offset of external axes.
     AxisOffsetSet,
     /// Sets it from the present positions.
@@ -60,6 +62,7 @@ impl Instruction {
                 | Self::SoftOff
                 | Self::Load
                 | Self::Velocity
+                | Self::ArcMode
                 | Self::AxisOffsetSet
                 | Self::AxisOffsetOn
                 | Self::AxisOffsetOff
@@ -76,7 +79,6 @@ pub(super) const NOTHING: &[&str] = &[
     "Break",
     "CamFlush",
     "CheckProgRef",
-    "CirPathMode",
     "ClearIOBuff",
     "ClearPath",
     "Close",
@@ -255,6 +257,7 @@ pub(super) const OPTIONS: &[&str] =
 const OWN: &[(&str, Instruction)] = &[
     ("ActUnit", Instruction::UnitOn),
     ("Add", Instruction::Steps),
+    ("CirPathMode", Instruction::ArcMode),
     ("Clear", Instruction::Steps),
     ("DeactUnit", Instruction::UnitOff),
     ("Decr", Instruction::Steps),

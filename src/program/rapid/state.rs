@@ -1,8 +1,7 @@
 //! The modal state: everything except data that instructions leave in force, and the parts that statements may switch.
 
 use super::value::Value;
-use crate::program::Mark;
-use crate::program::{EXTERNAL_AXES, External};
+use crate::program::{ArcTurn, EXTERNAL_AXES, External, Mark, Reason};
 use std::collections::BTreeMap;
 use std::ops::BitOrAssign;
 
@@ -37,6 +36,33 @@ impl Velocity {
     /// The commanded speed for a programmed one, mm/s.
     pub(super) fn of(self, programmed: f64) -> f64 {
         (self.share * programmed).min(self.most_mm_s)
+    }
+}
+
+/// How the tool turns on arcs (`CirPathMode`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum ArcMode {
+    /// As the controller does if no instruction states it.
+    #[default]
+    Unstated,
+    Stated(ArcTurn),
+    /// By the wrist axes: only the controller knows the orientation between the points.
+    ByWrist,
+    Unknown,
+}
+
+impl ArcMode {
+    /// Why the orientation on arcs cannot be followed.
+    pub(super) fn unfollowed(self) -> Option<Reason> {
+        match self {
+            Self::Unstated | Self::Stated(_) => None,
+            Self::ByWrist => Some(Reason::ArcByWrist),
+            Self::Unknown => Some(Reason::ArcModeUnknown),
+        }
+    }
+
+    fn join(self, other: Self) -> Self {
+        if self == other { self } else { Self::Unknown }
     }
 }
 
@@ -89,6 +115,7 @@ pub(super) struct ModalState {
     pub(super) load: Switch,
     /// `None` if known only at run time.
     pub(super) velocity: Option<Velocity>,
+    pub(super) arcs: ArcMode,
 }
 
 impl Default for ModalState {
@@ -101,6 +128,7 @@ impl Default for ModalState {
             soft: Switch::Off,
             load: Switch::Off,
             velocity: Some(Velocity::AS_PROGRAMMED),
+            arcs: ArcMode::default(),
         }
     }
 }
@@ -115,12 +143,13 @@ impl ModalState {
             soft: self.soft.join(other.soft),
             load: self.load.join(other.load),
             velocity: self.velocity.filter(|_| self.velocity == other.velocity),
+            arcs: self.arcs.join(other.arcs),
         }
     }
 
     /// Makes unknown the parts that may be switched.
     pub(super) fn lose(&mut self, switches: Switches) {
-        let Switches { displacement, axes, marks, soft, load, velocity } = switches;
+        let Switches { displacement, axes, marks, soft, load, velocity, arcs } = switches;
         if displacement {
             self.displacement = Switch::Unknown;
         }
@@ -135,6 +164,9 @@ impl ModalState {
         }
         if velocity {
             self.velocity = None;
+        }
+        if arcs {
+            self.arcs = ArcMode::Unknown;
         }
         self.mark_unknown |= marks;
     }
@@ -155,26 +187,29 @@ pub(super) struct Switches {
     pub(super) load: bool,
     /// Programmed speeds may change.
     pub(super) velocity: bool,
+    /// How the tool turns on arcs may change.
+    pub(super) arcs: bool,
 }
 
 impl Switches {
     pub(super) const NONE: Self =
-        Self { displacement: false, axes: false, marks: false, soft: false, load: false, velocity: false };
-    /// The parts that an unknown routine may switch; it is assumed to leave speeds, soft servo and loads alone.
+        Self { displacement: false, axes: false, marks: false, soft: false, load: false, velocity: false, arcs: false };
+    /// The parts that an unknown routine may switch; it is assumed to leave speeds, soft servo, loads and turns on arcs alone.
     pub(super) const FOREIGN: Self = Self { displacement: true, axes: true, ..Self::NONE };
     pub(super) const ALL: Self =
-        Self { displacement: true, axes: true, marks: true, soft: true, load: true, velocity: true };
+        Self { displacement: true, axes: true, marks: true, soft: true, load: true, velocity: true, arcs: true };
 }
 
 impl BitOrAssign for Switches {
     fn bitor_assign(&mut self, other: Self) {
-        let Self { displacement, axes, marks, soft, load, velocity } = other;
+        let Self { displacement, axes, marks, soft, load, velocity, arcs } = other;
         self.displacement |= displacement;
         self.axes |= axes;
         self.marks |= marks;
         self.soft |= soft;
         self.load |= load;
         self.velocity |= velocity;
+        self.arcs |= arcs;
     }
 }
 

@@ -171,6 +171,7 @@ impl<'a> Builder<'a> {
             span: line.span,
             line: u32::try_from(line.line).unwrap_or(u32::MAX),
             predecessor: self.predecessor(visit, role),
+            arc_turn: None,
         };
         Ok((target, site))
     }

@@ -4,7 +4,7 @@
 
 use deflex::cell::Cell;
 use deflex::correct::{Options, Status};
-use deflex::program::{Change, Editable, Goal, Program, Reason, RewriteOptions, rapid};
+use deflex::program::{ArcTurn, Change, Editable, Goal, Motion, Program, Reason, RewriteOptions, rapid};
 use deflex::text::{Source, apply};
 use std::collections::BTreeMap;
 
@@ -284,6 +284,24 @@ fn axes_that_yield_are_not_corrected() {
     );
     check("IF di1=1 SoftAct 3,50;\nMoveL p1,v50,fine,t1\\WObj:=w1; ! stay", "");
     check("MoveL p1,v50,fine,t1\\WObj:=w1\\Corr; ! stay\nMoveL p2,v50,fine,t1\\WObj:=w1; ! edit", "");
+}
+
+#[test]
+fn arcs_turn_the_tool_as_cir_path_mode_says() {
+    let turns = |main: &str| -> Vec<Option<ArcTurn>> {
+        let ends = read(&module(main, "")).targets.into_iter().filter(|target| target.motion == Motion::Circular);
+        ends.filter(|target| target.is_end()).map(|target| target.arc_turn).collect()
+    };
+    let arc = "MoveC p1,p2,v50,fine,t1\\WObj:=w1;\n";
+    let stated =
+        format!("{arc}CirPathMode\\ObjectFrame;\n{arc}CirPathMode\\CirPointOri;\n{arc}CirPathMode\\PathFrame;\n{arc}");
+    let words = [None, Some(ArcTurn::Even), Some(ArcTurn::ThroughCirclePoint), Some(ArcTurn::WithPath)];
+    assert_eq!(turns(&stated), words);
+    // What only the controller knows, or only the run, stays. Lines do not depend on it.
+    let line = "MoveL p3,v50,fine,t1\\WObj:=w1;";
+    check(&format!("CirPathMode\\Wrist45;\n{} ! stay\n{line} ! edit", arc.trim()), "");
+    check(&format!("IF di1=1 CirPathMode\\ObjectFrame;\n{} ! stay\n{line} ! edit", arc.trim()), "");
+    check(&format!("IF di1=1 rSet;\n{} ! stay", arc.trim()), "PROC rSet()\nCirPathMode\\ObjectFrame;\nENDPROC");
 }
 
 #[test]
