@@ -200,7 +200,7 @@ pub enum Motion {
 /// ```
 /// use deflex::program::ArcTurn;
 ///
-/// assert_eq!(ArcTurn::of_word("path"), Some(ArcTurn::WithPath)); // as `[controller] arc_turn` has it
+/// assert!(ArcTurn::WORDS.contains(&("path", ArcTurn::WithPath))); // as `[controller] arc_turn` of the cell has it
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum ArcTurn {
@@ -218,13 +218,14 @@ impl ArcTurn {
     pub const WORDS: [(&'static str, Self); 3] =
         [("even", Self::Even), ("path", Self::WithPath), ("circle_point", Self::ThroughCirclePoint)];
 
-    /// The one with this word in the cell file.
-    #[must_use]
-    pub fn of_word(word: &str) -> Option<Self> {
-        Self::WORDS.iter().find(|(own, _)| *own == word).map(|(_, turn)| *turn)
-    }
-
     /// Its word in the cell file.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::program::ArcTurn;
+    ///
+    /// assert_eq!(ArcTurn::ThroughCirclePoint.word(), "circle_point");
+    /// ```
     #[must_use]
     pub fn word(self) -> &'static str {
         Self::WORDS.iter().find(|(_, turn)| *turn == self).map_or("", |(word, _)| word)

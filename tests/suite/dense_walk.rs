@@ -154,11 +154,15 @@ fn along(from: &Pose, to: &Move, share: f64) -> (Pose, Vector3<f64>) {
     };
     let whole = angle(&to.to.0);
     let out = Rotation3::from_axis_angle(&axis, share * whole) * (from.0 - centre);
-    // The path turns the tool, which also turns evenly by what is left. The controller does not use the orientation of the circle point.
+    // The path turns the tool, which also turns evenly by what is left: the way round that passes the orientation of the circle point nearer.
     let by_path = |angle: f64| UnitQuaternion::from_axis_angle(&axis, angle);
-    let left = by_path(-whole) * to.to.1 * from.1.inverse();
-    let orientation = by_path(share * whole) * UnitQuaternion::identity().slerp(&left, share) * from.1;
-    ((centre + out, orientation), axis.cross(&out).normalize())
+    let left = (by_path(-whole) * to.to.1 * from.1.inverse()).scaled_axis();
+    let there =
+        |own: Vector3<f64>, share: f64| by_path(share * whole) * UnitQuaternion::from_scaled_axis(own * share) * from.1;
+    let off = |own: &Vector3<f64>| there(*own, angle(&via.0) / whole).angle_to(&via.1);
+    let other = if left.norm() > 0.0 { left - left.normalize() * (2.0 * PI) } else { left };
+    let own = if off(&other) < off(&left) { other } else { left };
+    ((centre + out, there(own, share)), axis.cross(&out).normalize())
 }
 
 fn length(from: &Pose, to: &Move) -> f64 {

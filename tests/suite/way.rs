@@ -300,7 +300,10 @@ fn a_limit_that_is_passed_between_targets_is_found_whatever_the_length() {
                 panic!("{seed}, axis {}, {beyond} beyond at {share}: {faults:?}\n{text}", axis + 1)
             };
             assert_eq!((fault.fault, fault.angle, fault.index > 0), (WayFault::AxisLimit, self::axis(axis + 1), true));
-            assert!((fault.value - most).abs() < 0.012 && (fault.limit - max[axis]).abs() < 1e-9, "{fault:?} {most}");
+            assert!(
+                (fault.value - most).abs() < 0.012 && (fault.limit - max[axis]).abs() < 1e-9,
+                "{seed}: {fault:?} {most}\n{text}"
+            );
             let near = way[(fault.share * STEPS as f64).round() as usize][axis];
             assert!((near - fault.value).abs() < 0.1, "{fault:?}: {near} there, {share}");
             max[axis] = most + 0.001;
