@@ -18,7 +18,7 @@ pub struct Cut {
     /// Faster motions do not cut, m/s.
     pub max_cutting_feed: Option<f64>,
     /// `[cut.cutter]`, `[cut.engagement]` and `[cut.coefficients]`, for tools without such tables of their own.
-    pub milling: MillingParts,
+    pub(crate) milling: MillingParts,
 }
 
 /// The value of `[cut] force`.
@@ -43,7 +43,7 @@ pub enum CutForce {
 /// The declared parts of a milling cut, for one tool or for all tools.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
-pub struct MillingParts {
+pub(crate) struct MillingParts {
     /// The cutter.
     pub cutter: Option<Cutter>,
     /// Spindle speed of the cutter if the program states none, 1/min.
@@ -57,7 +57,7 @@ pub struct MillingParts {
 /// An `engagement` table. The cutter to which it applies may be in another table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
-pub struct DeclaredEngagement {
+pub(crate) struct DeclaredEngagement {
     /// What determines the engagement.
     pub mode: EngagementMode,
     /// Depth along the surface normal, m; 0 with [`EngagementMode::Stock`].
@@ -77,7 +77,7 @@ pub struct DeclaredEngagement {
 /// What determines an engagement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum EngagementMode {
+pub(crate) enum EngagementMode {
     /// The declared depth and width.
     Declared(Mode),
     /// `mode = "stock"`: the material that is left of the blank.

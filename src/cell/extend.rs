@@ -64,19 +64,7 @@ pub fn extended(text: &str, effects: &[NewEffect]) -> Result<String, Vec<Diagnos
 ///
 /// # Errors
 /// The text is not TOML.
-///
-/// # Examples
-/// ```
-/// use deflex::cell::with_path_law;
-/// use deflex::drive::FittedLaw;
-/// use deflex::text::Diagnostics;
-///
-/// fn extend(path: &str, found: &FittedLaw) -> Result<(), Diagnostics> {
-///     let text = with_path_law(&std::fs::read_to_string(path)?, found)?;
-///     Ok(std::fs::write(path, text)?)
-/// }
-/// ```
-pub fn with_path_law(text: &str, found: &FittedLaw) -> Result<String, Vec<Diagnostic>> {
+pub(crate) fn with_path_law(text: &str, found: &FittedLaw) -> Result<String, Vec<Diagnostic>> {
     let law = &found.law;
     let mut document: DocumentMut = text
         .parse()

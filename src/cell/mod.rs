@@ -18,13 +18,17 @@ mod uncertainty;
 mod unit;
 mod urdf;
 
-pub use crate::text::nearest;
+pub(crate) use crate::text::nearest;
 pub use backup::backup_template;
-pub use cut::{Cut, CutForce, DeclaredEngagement, Engaged, EngagementMode, MillingCut, MillingParts, MissingCutKey};
-pub use extend::{NewEffect, extended, with_path_law};
-pub use plan::{Instrument, PlanSection};
-pub use stock::{HeldPart, PartSection, StockSection};
-pub use template::{described_template, examples_left, template};
+pub(crate) use cut::MillingParts;
+pub use cut::{Cut, CutForce, Engaged, MillingCut, MissingCutKey};
+pub(crate) use extend::with_path_law;
+pub use extend::{NewEffect, extended};
+pub(crate) use plan::{Instrument, PlanSection};
+pub(crate) use stock::HeldPart;
+pub use stock::{PartSection, StockSection};
+pub(crate) use template::examples_left;
+pub use template::{described_template, template};
 pub use uncertainty::Uncertainty;
 pub(crate) use unit::MOST_FREE;
 pub use urdf::{Described, described};
@@ -70,7 +74,7 @@ pub struct Cell {
     pub tools: BTreeMap<String, ToolFrame>,
     /// The tables `[tools.X.cutter]`, `[tools.X.engagement]` and `[tools.X.coefficients]` of tools that have any, by
     /// name in upper case.
-    pub tool_milling: BTreeMap<String, MillingParts>,
+    pub(crate) tool_milling: BTreeMap<String, MillingParts>,
     /// Work objects by name in upper case: the object frame in the world frame.
     pub wobjs: BTreeMap<String, Pose>,
     /// Index of the mechanical unit that carries a work object, by the name of the work object in upper case. The pose
@@ -97,7 +101,7 @@ pub struct Cell {
     /// The `[part]` table, if there is one.
     pub part: Option<PartSection>,
     /// The `[plan]` table, if there is one.
-    pub plan: Option<PlanSection>,
+    pub(crate) plan: Option<PlanSection>,
     /// `[measured] columns`: names of the columns in the measured files and tables of forces.
     pub columns: Option<ColumnNames>,
     /// The language of the robot's controller; `None` if the cell does not show it.
@@ -106,16 +110,8 @@ pub struct Cell {
 
 impl Cell {
     /// The names of declared tools or work objects, spelled as in the file, for messages.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::{cell::Cell, text::Source};
-    /// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/blade/cell.toml")?))?;
-    /// assert_eq!(cell.names_of(&cell.tools), ["tMill"]);
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
-    pub fn names_of<'a, T>(&'a self, declared: &'a BTreeMap<String, T>) -> Vec<&'a str> {
+    pub(crate) fn names_of<'a, T>(&'a self, declared: &'a BTreeMap<String, T>) -> Vec<&'a str> {
         declared.keys().map(|name| self.spelled.get(name).map_or(&**name, String::as_str)).collect()
     }
 }

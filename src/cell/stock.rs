@@ -30,7 +30,7 @@ pub struct PartSection {
     /// File of the part's mesh, relative to the cell file, if it has one.
     pub stl: Option<String>,
     /// Material and clamps of the part, from which its deflection is computed; `None` if the cell states none.
-    pub held: Option<HeldPart>,
+    pub(crate) held: Option<HeldPart>,
     /// The mesh, after [`Cell::take_meshes`] has read it.
     pub mesh: Option<Arc<ClosedMesh>>,
 }
@@ -38,7 +38,7 @@ pub struct PartSection {
 /// The tables `[part.material]` and `[[part.clamp]]`.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
-pub struct HeldPart {
+pub(crate) struct HeldPart {
     /// Young's modulus (N/mm²) and Poisson's ratio.
     pub material: Material,
     /// Clamps in the frame of the stock, mm and N/mm.

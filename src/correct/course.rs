@@ -91,7 +91,7 @@ pub struct LoadedPath {
 impl LoadedSample {
     /// Position of the TCP, mm, and its orientation, scalar first.
     #[must_use]
-    pub fn position_and_quat(&self) -> ([f64; 3], [f64; 4]) {
+    pub(crate) fn position_and_quat(&self) -> ([f64; 3], [f64; 4]) {
         frames::millimetres(&self.wobj_from_tcp)
     }
 }

@@ -49,7 +49,7 @@ pub struct Streamed {
 impl Streamed {
     /// Whether a target has this name.
     #[must_use]
-    pub fn has_target(&self, name: &str) -> bool {
+    pub(crate) fn has_target(&self, name: &str) -> bool {
         self.names.iter().any(|names| names.uses(name))
     }
 

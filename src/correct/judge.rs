@@ -27,13 +27,13 @@ pub struct Judge<'a> {
     /// Most refusals that are kept.
     pub refusals: usize,
     /// Computes the findings of a chunk.
-    pub findings: &'a (dyn Fn(Judged<'_>) -> Vec<Diagnostic> + Sync),
+    pub(crate) findings: &'a (dyn Fn(Judged<'_>) -> Vec<Diagnostic> + Sync),
     /// Receives the findings, in running order.
     pub found: &'a mut (dyn FnMut(Vec<Diagnostic>) + Send),
 }
 
 /// A chunk of a program, or all of it, with the prediction for the cell.
-pub struct Judged<'a> {
+pub(crate) struct Judged<'a> {
     /// The program.
     pub program: &'a Program,
     /// One row for each executed motion, in running order; targets that failed have none.

@@ -93,18 +93,7 @@ impl Outline {
     }
 
     /// Adds a program, or its next chunk.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::{correct::Outline, program::cl, text::Source};
-    /// # let source = Source::new("blade.aptsource", std::fs::read("samples/blade/blade.aptsource")?);
-    /// # let program = cl::read(source, &Default::default())?;
-    /// let mut outline = Outline::default();
-    /// outline.add(&program);
-    /// assert!(outline.points() > 2000);
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
-    pub fn add(&mut self, program: &Program) {
+    pub(crate) fn add(&mut self, program: &Program) {
         self.actions.add(program, self.points);
         self.points += program.targets.len();
         self.rapid |= program.targets.iter().any(|target| target.rapid);
@@ -325,7 +314,7 @@ impl Poster {
 
     /// Name of the file to start.
     #[must_use]
-    pub fn main_file(&self) -> &str {
+    pub(crate) fn main_file(&self) -> &str {
         self.post.head().files.first().map_or("", |(_, name)| name)
     }
 

@@ -247,19 +247,8 @@ impl Row {
     }
 
     /// Whether its numbers changed by more than the rounding of printing.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::{cell::Cell, program::rapid, text::Source};
-    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
-    /// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
-    /// let row = &corrected.rows[10];
-    /// assert!(row.is_corrected());
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
-    pub fn is_corrected(&self) -> bool {
+    pub(crate) fn is_corrected(&self) -> bool {
         let turned = self.correction_deg.iter().any(|angle| angle.abs() > ROUNDED_DEG);
         turned || Vector3::from(self.correction_mm).norm_squared() > ROUNDED_MM * ROUNDED_MM
     }
@@ -369,19 +358,8 @@ impl Summary {
     }
 
     /// The same with targets that were inserted.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::{cell::Cell, program::rapid, text::Source};
-    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
-    /// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
-    /// let summary = deflex::correct::Summary::of(&corrected.rows).with_inserted(3);
-    /// println!("{summary:?}");
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
-    pub fn with_inserted(self, inserted: usize) -> Self {
+    pub(crate) fn with_inserted(self, inserted: usize) -> Self {
         Self { targets: self.targets + inserted, inserted: self.inserted + inserted, ..self }
     }
 }

@@ -32,7 +32,7 @@ const NAMED: usize = 5;
 
 /// A program that was corrected for its driven path.
 #[derive(Debug)]
-pub struct DrivenCompensation {
+pub(crate) struct DrivenCompensation {
     /// The program before the deflection is corrected: [`Corrected::rewritten`] has edits of its sources.
     pub program: Program,
     /// The results; the rows are those of the original program.
@@ -44,19 +44,7 @@ pub struct DrivenCompensation {
 ///
 /// # Errors
 /// As [`compensate`](super::compensate) and [`Course::new`]; a cell without the law of its controller; CL data, which are not edited.
-///
-/// # Examples
-/// ```no_run
-/// use deflex::correct::{Options, compensate_driven};
-/// use deflex::{cell::Cell, program::rapid, text::Source};
-///
-/// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("cell.toml")?))?; // with [controller.path]
-/// let program = rapid::read(vec![Source::new("part.mod", std::fs::read("part.mod")?)], vec![])?;
-/// let done = compensate_driven(&program, &cell, &Options::default(), 5e-5)?;
-/// println!("{:?}", done.corrected.driven);
-/// # Ok::<(), deflex::text::Diagnostics>(())
-/// ```
-pub fn compensate_driven(
+pub(crate) fn compensate_driven(
     program: &Program,
     cell: &Cell,
     options: &Options,

@@ -17,7 +17,7 @@ const TYPICAL: &str = "typical of published mechanistic models for carbide end m
      linearised at a chip thickness of 0.02 to 0.06 mm";
 
 /// Every preset.
-pub const MATERIALS: [Material; 6] = [
+pub(crate) const MATERIALS: [Material; 6] = [
     material(
         "al7075",
         [796.0, 169.0, 222.0],

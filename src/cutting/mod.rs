@@ -26,7 +26,7 @@ mod silhouette;
 mod table;
 
 pub use contact::ContactPoint;
-pub use feed_table::FeedTable;
+pub(crate) use feed_table::FeedTable;
 pub(crate) use frame::Lean;
 pub use frame::feed_frame;
 pub use milling::{ForceParts, Milling, mean_forces};

@@ -98,7 +98,7 @@ pub struct FittedLaw {
 impl FittedLaw {
     /// Share of the distance between driven and programmed path that the law does not explain in the held-out logs, 0 to 1.
     #[must_use]
-    pub fn error_share(&self) -> f64 {
+    pub(crate) fn error_share(&self) -> f64 {
         let (before, after) = (self.before.rms_mm, self.after.rms_mm);
         if before > 0.0 { (after / before).min(1.0) } else { 0.0 }
     }
@@ -107,7 +107,7 @@ impl FittedLaw {
 /// Why no law was found.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum LogError {
+pub(crate) enum LogError {
     /// There is only one log: none can be held out.
     OneLog,
     /// The log with this index does not run from the program's first point to its last.
@@ -134,18 +134,7 @@ struct LoggedPoint {
 ///
 /// # Errors
 /// Fewer than two logs; a log of another program; a program that cannot be followed.
-///
-/// # Examples
-/// ```
-/// use deflex::drive::{FittedLaw, Log, LogError, Waypoint, fit_law};
-/// use deflex::robot::Robot;
-///
-/// /// Fits the law to two runs of one program.
-/// fn fit(robot: &Robot, waypoints: &[Waypoint], logs: &[Log; 2]) -> Result<FittedLaw, LogError> {
-///     fit_law(robot, &[(waypoints, &logs[0]), (waypoints, &logs[1])])
-/// }
-/// ```
-pub fn fit_law(robot: &Robot, logs: &[(&[Waypoint], &Log)]) -> Result<FittedLaw, LogError> {
+pub(crate) fn fit_law(robot: &Robot, logs: &[(&[Waypoint], &Log)]) -> Result<FittedLaw, LogError> {
     if logs.len() < 2 {
         return Err(LogError::OneLog);
     }

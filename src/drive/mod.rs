@@ -30,9 +30,10 @@ mod track;
 mod tests;
 
 pub(crate) use distance::{Offset, ProgrammedPath, nearest_between};
-pub use fit::{FittedLaw, LogError, fit_law};
-pub use log::{Log, LogSample};
-pub use shape::{AddedPoint, CommandedMotion, DrivenResult, Freedom, ShapedCommand, Wanted, shape};
+pub use fit::FittedLaw;
+pub(crate) use fit::{LogError, fit_law};
+pub(crate) use log::{Log, LogSample};
+pub(crate) use shape::{CommandedMotion, Freedom, ShapedCommand, Wanted, shape};
 pub(crate) use track::Track;
 
 use crate::robot::{Joints, Pose, Robot};
@@ -85,7 +86,7 @@ impl PathLaw {
     };
 
     /// A controller without inertia, which drives corners as they are written.
-    pub const AS_WRITTEN: Self = Self {
+    pub(crate) const AS_WRITTEN: Self = Self {
         zone_share: 0.0,
         smoothing: [0.0; 2],
         axis_lead: Joints::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
@@ -95,15 +96,8 @@ impl PathLaw {
     };
 
     /// Time for which the controller still moves the axes after its path has ended, s.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::drive::PathLaw;
-    ///
-    /// assert!(PathLaw::TYPICAL.settling() > 0.0); // s
-    /// ```
     #[must_use]
-    pub fn settling(&self) -> f64 {
+    pub(crate) fn settling(&self) -> f64 {
         self.smoothing[0] + self.smoothing[1]
     }
 

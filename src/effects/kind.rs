@@ -40,7 +40,7 @@ pub struct Kind {
     /// Whether it adds a constant to each joint's angle. In a linear model it then represents any error of a joint.
     pub is_joint_constant: bool,
     /// The stage at which it is searched for in data over the whole robot.
-    pub stage: Stage,
+    pub(crate) stage: Stage,
     /// The name of its time constant, if it has one. A fit cannot find it from a neutral start, so the search tries shares of the run.
     pub time_constant: Option<&'static str>,
     /// Names of numbers that always have the same sign as one another: all links of an arm that warms up grow.
@@ -84,7 +84,7 @@ pub enum Shape {
 
 /// The order in which data over the whole robot are explained.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Stage {
+pub(crate) enum Stage {
     /// The frame of the tool.
     ToolFrame,
     /// The zeros of the joints.

@@ -43,11 +43,13 @@ mod work_object_frame;
 mod workpiece_compliance;
 mod zero_offset;
 
-pub use discrepancy::{Bell, BellSizes, discrepancy};
+pub(crate) use discrepancy::{Bell, BellSizes, discrepancy};
 pub(crate) use empirical_field::fade;
 pub use gear_harmonic::gear_harmonic;
-pub use joint_error_curve::{JointCurve, joint_error_curve};
-pub use kind::{Kind, Part, Shape, Stage};
+pub use joint_error_curve::JointCurve;
+pub(crate) use joint_error_curve::joint_error_curve;
+pub(crate) use kind::Stage;
+pub use kind::{Kind, Part, Shape};
 pub use physics::Law;
 pub(crate) use physics::{Deflection, Load, Offset, Parts, Physics, Site, State};
 pub use presliding::Presliding;
@@ -180,7 +182,7 @@ pub struct Parameter {
     /// Key in the cell file, with its index: `half_gap_rad[0]`.
     pub name: String,
     /// The axis or direction to which the number belongs.
-    pub owner: ParameterOwner,
+    pub(crate) owner: ParameterOwner,
     /// Value, in `unit`.
     pub value: f64,
     /// Unit, as `docs/effects.md` writes it: `rad`, `mm/N`, `kg·m`, …
@@ -219,7 +221,7 @@ pub(crate) fn moved_within(value: f64, change: f64, (low, high): (f64, f64)) -> 
 /// counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum ParameterOwner {
+pub(crate) enum ParameterOwner {
     /// The effect as a whole, or the term of it that the name says.
     Effect,
     /// An axis of the arm, from 1 to 6.
@@ -260,7 +262,7 @@ pub enum Covered {
 
 impl Covered {
     /// Both, with their words in the cell file.
-    pub const WORDS: [(&'static str, Self); 2] = [("gravity", Self::Gravity), ("geometry", Self::Geometry)];
+    pub(crate) const WORDS: [(&'static str, Self); 2] = [("gravity", Self::Gravity), ("geometry", Self::Geometry)];
 }
 
 // This is the only list of effects. An effect consists of its file, its module above, and its line here.
@@ -308,17 +310,12 @@ pub fn declared_springs(axes: &Axes) -> Box<dyn Effect> {
 }
 
 /// The declared stiffness of the part: the effect that every cell with `[part.material]` has, also without an `[[effect]]` table.
-///
-/// # Examples
-/// ```
-/// assert_eq!(deflex::effects::declared_part().kind(), "part_stiffness");
-/// ```
 #[must_use]
-pub fn declared_part() -> Box<dyn Effect> {
+pub(crate) fn declared_part() -> Box<dyn Effect> {
     Box::new(part_stiffness::PartStiffness::declared())
 }
 
-/// Appends [`declared_part`] to the effects of a cell file unless one of them stands for it. Returns whether it was appended.
+/// Appends the declared stiffness of the part to the effects of a cell file unless one of them stands for it. Returns whether it was appended.
 ///
 /// # Examples
 /// ```

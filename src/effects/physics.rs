@@ -333,12 +333,6 @@ pub(crate) struct RowOffset<R> {
 
 /// The offsets of the real arm, which do not depend on the load. Effects add to it.
 ///
-/// ```text
-/// base_from_tcp = T(lag) · base · chain(rows, actual joints, tilt) · flange · flange_from_tcp · tcp · T(tip)
-/// seen          = (base_from_wobj · wobj)⁻¹ · T(part)⁻¹ · base_from_tcp
-/// actual joints = commanded + joints − travel ∘ lost
-/// ```
-///
 /// Here base, tilt, flange, tip and part are those of [`Deflection`]; joints and lost are the sums of both structs.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Offset<R> {

@@ -19,13 +19,6 @@ enum Written {
 
 impl Presliding {
     /// The same angle, rad, for all joints.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::effects::Presliding;
-    ///
-    /// assert_eq!(Presliding::alike(1e-3).of(5), 1e-3); // rad
-    /// ```
     pub const fn alike(angle_rad: f64) -> Self {
         Self([angle_rad; 6])
     }
@@ -58,14 +51,7 @@ impl Presliding {
     }
 
     /// Whether friction acts at once after a reversal.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::effects::Presliding;
-    ///
-    /// assert!(Presliding::alike(0.0).is_sharp() && !Presliding::alike(1e-3).is_sharp());
-    /// ```
-    pub fn is_sharp(&self) -> bool {
+    pub(crate) fn is_sharp(&self) -> bool {
         self.0.iter().all(|angle| *angle <= 0.0)
     }
 

@@ -156,17 +156,8 @@ pub const MOST_CLAMPS: usize = 4;
 
 impl PartYield {
     /// A part whose clamps have their declared stiffness and cannot give way further.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::effects::PartYield;
-    /// use deflex::nalgebra::Matrix3;
-    ///
-    /// let yields = PartYield::held_as_declared(Matrix3::identity() * 1e-7); // m/N
-    /// println!("{yields:?}");
-    /// ```
     #[must_use]
-    pub fn held_as_declared(compliance: Matrix3<f64>) -> Self {
+    pub(crate) fn held_as_declared(compliance: Matrix3<f64>) -> Self {
         Self { compliance, motions: Vec::new(), stiffness: DMatrix::zeros(0, 0) }
     }
 
@@ -210,7 +201,7 @@ pub struct PartAt<'a> {
 impl<'a> PartAt<'a> {
     /// A compliance that is already given in work object axes.
     #[must_use]
-    pub fn in_wobj(yields: &'a PartYield) -> Self {
+    pub(crate) fn in_wobj(yields: &'a PartYield) -> Self {
         Self { yields, wobj_from_part: Rotation3::identity() }
     }
 }

@@ -37,7 +37,7 @@ impl Survey {
     /// Whether the data have a load that changes and is known. Without one, a compliance cannot be found: the arm's own weight, the
     /// only load, is unknown itself.
     #[must_use]
-    pub fn is_loaded(&self) -> bool {
+    pub(crate) fn is_loaded(&self) -> bool {
         self.has_force || self.has_payload
     }
 }

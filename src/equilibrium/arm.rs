@@ -17,41 +17,20 @@ pub struct Arm {
 
 impl Arm {
     /// Whether any effect depends on the commanded motor angles.
-    ///
-    /// # Examples
-    /// ```
-    /// # let cell = deflex::cell::Cell::read(&deflex::text::Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
-    /// assert!(!cell.arm.follows_command()); // this cell declares springs alone
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
-    pub fn follows_command(&self) -> bool {
+    pub(crate) fn follows_command(&self) -> bool {
         self.effects.iter().any(|effect| effect.follows_command())
     }
 
     /// Whether any effect depends on the direction of travel of the joints.
-    ///
-    /// # Examples
-    /// ```
-    /// # let cell = deflex::cell::Cell::read(&deflex::text::Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
-    /// assert!(!cell.arm.follows_travel()); // it declares no backlash
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
-    pub fn follows_travel(&self) -> bool {
+    pub(crate) fn follows_travel(&self) -> bool {
         self.effects.iter().any(|effect| effect.presliding().is_some())
     }
 
     /// Whether any effect depends on the cutting forces at the targets before: gears that creep, and friction with a presliding angle.
-    ///
-    /// # Examples
-    /// ```
-    /// # let cell = deflex::cell::Cell::read(&deflex::text::Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
-    /// assert!(!cell.arm.follows_load());
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
-    pub fn follows_load(&self) -> bool {
+    pub(crate) fn follows_load(&self) -> bool {
         self.effects.iter().any(|effect| effect.follows_load()) || !self.presliding().is_sharp()
     }
 
@@ -69,15 +48,8 @@ impl Arm {
     }
 
     /// Whether the weight of the tool or the payload acts on the arm.
-    ///
-    /// # Examples
-    /// ```
-    /// # let cell = deflex::cell::Cell::read(&deflex::text::Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
-    /// assert!(!cell.arm.weighs_payload()); // it declares no gravity
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
-    pub fn weighs_payload(&self) -> bool {
+    pub(crate) fn weighs_payload(&self) -> bool {
         self.effects.iter().any(|effect| effect.weighs_payload())
     }
 }

@@ -161,7 +161,7 @@ pub struct FittedParameter {
     pub neutral: f64,
     /// The thing that the number belongs to.
     #[serde(skip)]
-    pub owner: ParameterOwner,
+    pub(crate) owner: ParameterOwner,
 }
 
 /// One kind of effect alone.

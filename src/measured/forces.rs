@@ -101,16 +101,8 @@ impl FromIterator<(TargetRef, ForceRow)> for Forces {
 
 impl Forces {
     /// A table in which no force acts at any target.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::measured::Forces;
-    ///
-    /// assert!(Forces::none().forces_given); // overrides [cut]: no target has a force
-    /// assert!(Forces::none().of(1, None).is_none());
-    /// ```
     #[must_use]
-    pub fn none() -> Self {
+    pub(crate) fn none() -> Self {
         Self { forces_given: true, ..Self::default() }
     }
 

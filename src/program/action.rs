@@ -58,15 +58,8 @@ pub enum ActionKind {
 
 impl ActionKind {
     /// A fixed phrase for its kind, by which actions are counted.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::program::ActionKind;
-    ///
-    /// assert_eq!(ActionKind::SpindleOff.what(), "the stop of the spindle");
-    /// ```
     #[must_use]
-    pub fn what(&self) -> &'static str {
+    pub(crate) fn what(&self) -> &'static str {
         match self {
             Self::ToolChange { .. } => "a tool change",
             Self::SpindleOn { .. } => "the start of the spindle",

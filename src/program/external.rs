@@ -72,16 +72,8 @@ impl AxisName {
     }
 
     /// Its motion group; `None` for that of the robot.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::program::AxisName;
-    ///
-    /// assert_eq!(AxisName::read("gp2_j1").and_then(AxisName::group), Some(2)); // motion group of a FANUC controller
-    /// assert_eq!(AxisName::read("eax_a").and_then(AxisName::group), None);
-    /// ```
     #[must_use]
-    pub fn group(self) -> Option<u8> {
+    pub(crate) fn group(self) -> Option<u8> {
         match self {
             Self::External(_) => None,
             Self::Joint { group, .. } | Self::Extended { group, .. } | Self::Group(group) => Some(group),
@@ -90,7 +82,7 @@ impl AxisName {
 
     /// Whether it names another axis, or all axes of that one's group.
     #[must_use]
-    pub fn covers(self, other: Self) -> bool {
+    pub(crate) fn covers(self, other: Self) -> bool {
         self == other || matches!(self, Self::Group(group) if other.group() == Some(group))
     }
 }

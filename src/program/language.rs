@@ -125,16 +125,8 @@ impl Language {
     }
 
     /// Whether a corrected program is the same text with other numbers. CL data are posted instead.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::program::Language;
-    ///
-    /// assert!(Language::Rapid.is_edited());
-    /// assert!(!Language::Cl.is_edited()); // it is posted
-    /// ```
     #[must_use]
-    pub fn is_edited(self) -> bool {
+    pub(crate) fn is_edited(self) -> bool {
         self != Self::Cl
     }
 

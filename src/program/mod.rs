@@ -34,18 +34,18 @@ pub use detect::detect;
 pub use external::{AxisName, EXTERNAL_AXES, External};
 pub(crate) use language::Layout;
 pub use language::{Language, ReadOptions, read};
-pub use long::{InChunks, LongProgram, LongText};
-pub use marks::unknown_marks;
-pub use modules::{ModuleNames, group_modules};
+pub(crate) use long::{InChunks, LongProgram, LongText};
+pub(crate) use marks::unknown_marks;
+pub(crate) use modules::{ModuleNames, group_modules};
 // The interface between the languages' `Chunks` and the pipeline that corrects them; not for callers.
 #[doc(hidden)]
 pub use any_chunks::{AnyChunks, ChunkReader, UnreadChunk};
 #[doc(hidden)]
 pub use chunk::{Next, StreamableChunk};
 pub use round_trip::{RoundTrip, round_trip};
+pub(crate) use target::GroupAxis;
 pub use target::{
-    Conf, Confdata, Config, Editable, ExternalAxes, Goal, GroupAxis, InactiveUnit, Mark, Motion, Predecessor, Role,
-    Status, Target,
+    Conf, Confdata, Config, Editable, ExternalAxes, Goal, InactiveUnit, Mark, Motion, Predecessor, Role, Status, Target,
 };
 
 use crate::text::{Diagnostic, Edit, Source, Span, applied};
@@ -494,16 +494,8 @@ impl Program {
     }
 
     /// The text of the line with the motion of this ordinal.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::{program::rapid, text::Source};
-    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
-    /// assert!(program.line_of(1).is_some_and(|line| line.contains("MoveL")));
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
-    pub fn line_of(&self, ordinal: u32) -> Option<String> {
+    pub(crate) fn line_of(&self, ordinal: u32) -> Option<String> {
         let i = self.targets.binary_search_by_key(&ordinal, |target| target.ordinal).ok()?;
         let target = &self.targets[i];
         Some(self.sources[usize::from(target.source)].line_at(target.span.start as usize).into_owned())

@@ -103,7 +103,7 @@ pub struct ExternalAxes {
     /// Axes that are at zero in all of the program: programs of robots without external axes have zeros too (KRL).
     pub at_rest: [bool; EXTERNAL_AXES],
     /// Axes of other motion groups (FANUC TP).
-    pub groups: Arc<[GroupAxis]>,
+    pub(crate) groups: Arc<[GroupAxis]>,
     /// Whether the path to the target is one in the frame that another motion group carries (FANUC TP `COORD`).
     pub coordinated: bool,
     /// Mechanical units that are deactivated here (RAPID `DeactUnit`).
@@ -149,7 +149,7 @@ impl ExternalAxes {
 
 /// The position of an axis of another motion group.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GroupAxis {
+pub(crate) struct GroupAxis {
     /// The axis; the whole group if the text has a pose of another arm.
     pub axis: AxisName,
     /// Position, mm or degrees; `None` if the program does not state it.

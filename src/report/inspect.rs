@@ -239,20 +239,8 @@ pub struct InspectFiles<'a> {
 }
 
 /// The answer as text: a row for each file, then what was kept and refused.
-///
-/// # Examples
-/// ```
-/// use deflex::program::{rapid, round_trip};
-/// use deflex::report::{InspectFile, inspect_table};
-/// use deflex::text::Source;
-///
-/// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
-/// let file = InspectFile::read("slot.mod", &program, &round_trip(&program, rapid::read));
-/// assert!(file.round_trip && inspect_table(&[file]).contains("rapid"));
-/// # Ok::<(), deflex::text::Diagnostics>(())
-/// ```
 #[must_use]
-pub fn inspect_table(files: &[InspectFile]) -> String {
+pub(crate) fn inspect_table(files: &[InspectFile]) -> String {
     let width = files.iter().map(|file| file.path.chars().count()).max().unwrap_or(0).max(4);
     let mut out = format!(
         "{:width$}  {:8}  {:14}  {:>8}  {:>8}  {:>5}  {:>5}  round trip\n",

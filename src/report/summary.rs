@@ -86,13 +86,13 @@ impl FileSummary {
 
     /// The same summary with findings of `check` as failures; `more` of them are not listed.
     #[must_use]
-    pub fn with_findings(self, findings: &[Diagnostic], more: usize) -> Self {
+    pub(crate) fn with_findings(self, findings: &[Diagnostic], more: usize) -> Self {
         Self { failures: lines(findings), more_failures: more, ..self }
     }
 
     /// The summary of a program that was streamed.
     #[must_use]
-    pub fn of_streamed(path: &str, streamed: &Streamed) -> Self {
+    pub(crate) fn of_streamed(path: &str, streamed: &Streamed) -> Self {
         Self { driven_path: streamed.driven, ..Self::of(path, &streamed.summary, &[]) }
     }
 

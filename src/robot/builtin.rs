@@ -114,7 +114,7 @@ impl Builtin {
         };
         let axes = Axes { sign: self.axis_sign, parallelogram: self.parallelogram, coupled_23: self.coupled_23 };
         let axis_speed = self.axis_speed_deg_s.map(|speed| speed.map(f64::to_radians).into());
-        Robot::new(&self.model, rows, axes, limits).as_fast_as(axis_speed)
+        Robot::new(&self.model, rows, axes, limits).with_axis_speed(axis_speed)
     }
 }
 

@@ -39,16 +39,8 @@ fn posture(robot: &Robot, motor: &Joints) -> i32 {
 }
 
 /// confdata for motor angles (rad): quarter turns of axes 1, 4 and 6, and the number of the posture.
-///
-/// # Examples
-/// ```
-/// # use deflex::robot::{Builtin, confdata_of};
-/// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-/// let confdata = confdata_of(&robot, &robot.motor_from_axes_deg(&[100.0, 0.0, 0.0, 0.0, 30.0, 0.0]));
-/// assert_eq!((confdata.cf1, confdata.cfx), (1, 0)); // axis 1 is in its second quarter
-/// ```
 #[must_use]
-pub fn confdata_of(robot: &Robot, motor: &Joints) -> Confdata {
+pub(crate) fn confdata_of(robot: &Robot, motor: &Joints) -> Confdata {
     Confdata {
         cf1: quarter_turn(motor[0]),
         cf4: quarter_turn(motor[3]),
@@ -66,29 +58,14 @@ fn status_like(robot: &Robot, motor: &Joints, like: Status) -> Status {
 }
 
 /// `S` and `T` for motor angles (rad). Bits that do not describe the robot are zero.
-///
-/// # Examples
-/// ```
-/// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-/// let motor = robot.motor_from_axes_deg(&[-10.0, 0.0, 0.0, 0.0, 30.0, 0.0]);
-/// assert_eq!(deflex::robot::status_of(&robot, &motor).turn & 1, 1); // axis 1 is below zero
-/// ```
 #[must_use]
-pub fn status_of(robot: &Robot, motor: &Joints) -> Status {
+pub(crate) fn status_of(robot: &Robot, motor: &Joints) -> Status {
     status_like(robot, motor, Status { status: 0, turn: 0 })
 }
 
 /// FANUC's configuration for motor angles, rad.
-///
-/// # Examples
-/// ```
-/// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-/// let motor = robot.motor_from_axes_deg(&[0.0, 0.0, 0.0, 0.0, 30.0, 0.0]);
-/// let config = deflex::robot::config_of(&robot, &motor);
-/// println!("{config:?}");
-/// ```
 #[must_use]
-pub fn config_of(robot: &Robot, motor: &Joints) -> Config {
+pub(crate) fn config_of(robot: &Robot, motor: &Joints) -> Config {
     Config { posture: posture(robot, motor), turns: [motor[0], motor[3], motor[5]].map(whole_turn) }
 }
 
@@ -123,18 +100,8 @@ pub fn conf_like(robot: &Robot, motor: &Joints, like: Conf) -> Conf {
 
 /// Whether motor angles (rad) have a configuration, as `conf_like(robot, motor, conf) == conf`. Mostly the turns
 /// differ, and the posture is not computed.
-///
-/// # Examples
-/// ```
-/// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-/// use deflex::robot::{conf_is, conf_like};
-/// # use deflex::program::{Conf, Confdata};
-/// # let motor = robot.motor_from_axes_deg(&[10.0, 0.0, 0.0, 0.0, 30.0, 0.0]);
-/// let conf = conf_like(&robot, &motor, Conf::near([0.0; 6]));
-/// assert!(conf_is(&robot, &motor, conf));
-/// ```
 #[must_use]
-pub fn conf_is(robot: &Robot, motor: &Joints, conf: Conf) -> bool {
+pub(crate) fn conf_is(robot: &Robot, motor: &Joints, conf: Conf) -> bool {
     let turned = |index: fn(f64) -> i32, wanted: [i32; 3]| {
         [0, 3, 5].into_iter().zip(wanted).all(|(axis, wanted)| index(motor[axis]) == wanted)
     };

@@ -128,17 +128,8 @@ impl Robot {
     }
 
     /// The same robot with these largest axis speeds, rad/s.
-    ///
-    /// # Examples
-    /// ```
-    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// use deflex::robot::Joints;
-    ///
-    /// let slower = robot.as_fast_as(Some(Joints::repeat(1.0))); // rad/s
-    /// assert_eq!(slower.axis_speed, Some(Joints::repeat(1.0)));
-    /// ```
     #[must_use]
-    pub fn as_fast_as(mut self, axis_speed: Option<Joints>) -> Self {
+    pub(crate) fn with_axis_speed(mut self, axis_speed: Option<Joints>) -> Self {
         self.axis_speed = axis_speed;
         self
     }
@@ -177,16 +168,6 @@ impl Robot {
     }
 
     /// Motor angles from serial joint angles, rad.
-    ///
-    /// # Examples
-    /// ```
-    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// use deflex::robot::Joints;
-    ///
-    /// // The rod of a parallelogram: the forearm keeps its direction while axis 2 moves.
-    /// let turned = robot.motor_from_serial(&Joints::new(0.0, 0.1, -0.1, 0.0, 0.0, 0.0));
-    /// assert!(turned[2].abs() < 1e-12);
-    /// ```
     #[must_use]
     pub fn motor_from_serial(&self, serial: &Joints) -> Joints {
         self.motor(&(*serial).into()).into()
@@ -195,7 +176,7 @@ impl Robot {
     /// Angles as the controller counts them, from motor angles, rad. They differ only if axis 3 is counted against the
     /// ground.
     #[must_use]
-    pub fn axes_from_motor(&self, motor: &Joints) -> Joints {
+    pub(crate) fn axes_from_motor(&self, motor: &Joints) -> Joints {
         let mut axes = *motor;
         axes[2] += self.axes.counted_23() * motor[1];
         axes

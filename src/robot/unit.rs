@@ -116,13 +116,13 @@ impl Units {
 
     /// Adds axes that carry neither the robot nor the part.
     #[must_use]
-    pub fn and_idle(self, idle: Vec<AxisName>) -> Self {
+    pub(crate) fn and_idle(self, idle: Vec<AxisName>) -> Self {
         Self { idle, ..self }
     }
 
     /// Whether the cell states what an axis moves.
     #[must_use]
-    pub fn knows(&self, axis: AxisName) -> bool {
+    pub(crate) fn knows(&self, axis: AxisName) -> bool {
         self.all.iter().any(|unit| unit.named == axis) || self.idle.iter().any(|idle| idle.covers(axis))
     }
 
@@ -134,13 +134,13 @@ impl Units {
 
     /// Index of the unit on which the robot stands.
     #[must_use]
-    pub fn under_robot(&self) -> Option<usize> {
+    pub(crate) fn under_robot(&self) -> Option<usize> {
         self.robot
     }
 
     /// Index of the unit with a name, in any case.
     #[must_use]
-    pub fn named(&self, name: &str) -> Option<usize> {
+    pub(crate) fn named(&self, name: &str) -> Option<usize> {
         self.all.iter().position(|unit| unit.name.eq_ignore_ascii_case(name))
     }
 
@@ -160,7 +160,7 @@ impl Units {
 
     /// Frame of a unit at position zero, in the world, for the present positions of the units on which it stands, m.
     #[must_use]
-    pub fn world_from_frame(&self, unit: usize, external: &External) -> Pose {
+    pub(crate) fn world_from_frame(&self, unit: usize, external: &External) -> Pose {
         let below = self.all[unit].on.map_or_else(Pose::identity, |on| self.world_from_unit(on, external));
         below * self.all[unit].frame
     }

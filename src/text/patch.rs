@@ -45,19 +45,6 @@ impl<S: Read + Write + Seek> Patch<S> {
     ///
     /// # Errors
     /// Every error of the scratch file; a text of more than 4 GiB.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::text::Patch;
-    /// use std::io::Cursor;
-    ///
-    /// let mut patch = Patch::new(Cursor::new(Vec::new()));
-    /// patch.replace(4, 3, b"10.5")?; // three bytes from the fifth on
-    /// let mut out = Vec::new();
-    /// patch.apply(&b"X = 1.0;"[..], &mut out)?;
-    /// assert_eq!(out, b"X = 10.5;");
-    /// # Ok::<(), std::io::Error>(())
-    /// ```
     pub fn replace(&mut self, start: u64, old: u32, text: &[u8]) -> io::Result<()> {
         let new = u32::try_from(text.len()).map_err(|_| io::ErrorKind::FileTooLarge)?;
         self.scratch.write_all(text)?;

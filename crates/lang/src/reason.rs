@@ -6,6 +6,11 @@ use std::fmt;
 macro_rules! reasons {
     ($($name:ident = $text:literal,)*) => {
         /// Why something is not known, not read or not edited.
+        ///
+        /// # Examples
+        /// ```
+        /// assert_eq!(deflex_lang::Reason::Joints.text(), "joint target");
+        /// ```
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
         #[non_exhaustive]
         pub enum Reason {

@@ -205,23 +205,7 @@ pub fn identify(
 ///
 /// # Errors
 /// Every error for which the command ends with exit code 2.
-///
-/// # Examples
-/// ```no_run
-/// use deflex::cli::session::{CellFile, MeasuredFile, ProgramFiles, identify_path};
-///
-/// let cell = CellFile::read("cell.toml".as_ref())?;
-/// let log = |program: &str, log: &str| {
-///     Ok::<_, deflex::text::Diagnostics>((
-///         ProgramFiles::read(&[program.into()], &[], None)?,
-///         MeasuredFile::read(log.as_ref())?,
-///     ))
-/// };
-/// let law = identify_path(&cell, &[log("a.mod", "a.csv")?, log("b.mod", "b.csv")?], None)?;
-/// println!("{:.3} mm rms from the path of the law", law.after.rms_mm);
-/// # Ok::<(), deflex::text::Diagnostics>(())
-/// ```
-pub fn identify_path(
+pub(crate) fn identify_path(
     cell: &CellFile,
     logs: &[(ProgramFiles, MeasuredFile)],
     tool: Option<&str>,

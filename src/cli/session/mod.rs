@@ -24,7 +24,8 @@ mod write;
 
 pub use super::input::CellFile;
 pub use files::ProgramFiles;
-pub use identified::{Identified, MeasuredFile, MeasuredRunFiles, identify, identify_path};
+pub(crate) use identified::identify_path;
+pub use identified::{Identified, MeasuredFile, MeasuredRunFiles, identify};
 pub use planned::{Planned, plan};
 pub use simulated::{Simulated, SimulationProgress, simulate};
 pub use write::write;

@@ -116,19 +116,8 @@ impl Simulated {
     }
 
     /// The stock that the program leaves.
-    ///
-    /// # Examples
-    /// ```no_run
-    /// # use deflex::cli::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
-    /// # let run = Run::new(CellFile::read("samples/stock/cell.toml".as_ref())?.into());
-    /// # let program = ProgramFiles::read(&["samples/stock/part.mod".into()], &[], None)?;
-    /// # let progress: std::sync::Arc<SimulationProgress> = std::sync::Arc::new(|_| true);
-    /// # let part = simulate(&program, None, &run, &progress)?;
-    /// println!("{:.1} cm³ removed", 1e6 * part.removal().stock.removed());
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
-    pub fn removal(&self) -> &Removal {
+    pub(crate) fn removal(&self) -> &Removal {
         // `of` always adds one.
         self.actual.last().map_or(&self.programmed, |(_, removal)| removal)
     }

@@ -150,8 +150,9 @@ impl<R: Read> Chunks<R> {
 
     /// The next chunk.
     ///
-    /// # Errors The input cannot be read.
-    pub fn take(&mut self) -> io::Result<Next<Chunk>> {
+    /// # Errors
+    /// The input cannot be read.
+    pub(crate) fn take(&mut self) -> io::Result<Next<Chunk>> {
         if self.ended {
             return Ok(self.tail.take().map_or(Next::End, Next::Chunk));
         }

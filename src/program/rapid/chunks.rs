@@ -76,7 +76,7 @@ impl<R: Read> Chunks<R> {
     ///
     /// # Errors
     /// `file` cannot be read.
-    pub fn of_file(name: &str, mut file: R, context: &[Source]) -> io::Result<Option<Self>>
+    pub(crate) fn of_file(name: &str, mut file: R, context: &[Source]) -> io::Result<Option<Self>>
     where
         R: Seek,
     {

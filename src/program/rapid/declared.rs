@@ -64,7 +64,7 @@ impl<R: Read + Seek> Declared<R> {
     ///
     /// # Errors
     /// The file cannot be read.
-    pub fn take(&mut self) -> io::Result<Next<Chunk>> {
+    pub(crate) fn take(&mut self) -> io::Result<Next<Chunk>> {
         let mut chunk = match self.chunks.take()? {
             Next::Chunk(chunk) => chunk,
             other => return Ok(other),
@@ -80,7 +80,7 @@ impl<R: Read + Seek> Declared<R> {
 
     /// Whether several motions share a target.
     #[must_use]
-    pub fn shares(&self) -> bool {
+    pub(crate) fn shares(&self) -> bool {
         self.index.shares()
     }
 
@@ -113,7 +113,7 @@ impl Names {
 
     /// Whether the program moves to a target of this name.
     #[must_use]
-    pub fn uses(&self, name: &str) -> bool {
+    pub(crate) fn uses(&self, name: &str) -> bool {
         match &self.0 {
             Known::Indexed(index) => index.uses(name.as_bytes()),
             Known::Held(names) => names.contains(&name.to_ascii_uppercase()),

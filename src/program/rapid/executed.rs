@@ -82,7 +82,7 @@ impl Executed {
 
     /// Its targets in chunks, if nothing will be written.
     #[must_use]
-    pub fn chunks(&self) -> ExecutedChunks {
+    pub(crate) fn chunks(&self) -> ExecutedChunks {
         self.run(Agreement::None)
     }
 
@@ -160,7 +160,7 @@ impl ExecutedChunks {
     ///
     /// # Errors
     /// No thread can be started; the run ended early.
-    pub fn take(&mut self) -> io::Result<Next<StreamableChunk>> {
+    pub(crate) fn take(&mut self) -> io::Result<Next<StreamableChunk>> {
         if self.ended {
             return Ok(Next::End);
         }

@@ -153,7 +153,7 @@ impl PathTrace {
 
     /// The next rows are motions of this file. Each file has a path of its own, because one path of many files could
     /// not be read.
-    pub fn continue_in(&mut self, file: &str) {
+    pub(crate) fn continue_in(&mut self, file: &str) {
         let named = |(name, _): &(Option<String>, Trace)| name.as_deref().is_none_or(|name| name == file);
         self.at = self.parts.iter().position(named).unwrap_or_else(|| {
             let empty = self.parts[0].1.emptied();
@@ -210,7 +210,7 @@ impl PathTrace {
     ///
     /// let mut trace = PathTrace::new(PathKind::Compensate, 1);
     /// trace.extend(&corrected.rows);
-    /// trace.quote(|target, _| program.line_of(target));
+    /// trace.quote(|_, line| Some(format!("line {line} of the program")));
     /// # Ok::<(), deflex::text::Diagnostics>(())
     /// ```
     pub fn quote(&mut self, mut line_of: impl FnMut(u32, u32) -> Option<String>) {
