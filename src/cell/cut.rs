@@ -10,6 +10,15 @@ use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
 /// The `[cut]` table.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// let cut = cell.cut.as_ref().expect("a [cut] table");
+/// assert!(cut.max_cutting_feed.is_none());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Cut {
@@ -22,6 +31,16 @@ pub struct Cut {
 }
 
 /// The value of `[cut] force`.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// use deflex::cell::CutForce;
+///
+/// assert!(matches!(cell.cut.as_ref().expect("a [cut] table").force, CutForce::Mechanistic));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum CutForce {
@@ -85,6 +104,15 @@ pub(crate) enum EngagementMode {
 }
 
 /// A complete description of milling with one tool.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// let milling = cell.milling("tMill").expect("a complete description");
+/// println!("{} mm, {} teeth", 1e3 * milling.cutter.diameter, milling.cutter.teeth);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct MillingCut {
@@ -101,6 +129,17 @@ pub struct MillingCut {
 }
 
 /// How the cutter of a [`MillingCut`] meets the material.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// use deflex::cell::Engaged;
+///
+/// let milling = cell.milling("tMill").expect("a complete description");
+/// assert!(matches!(milling.engagement, Engaged::Declared(_)));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Engaged {
@@ -111,6 +150,16 @@ pub enum Engaged {
 }
 
 /// A table that a run needs and that the cell does not have.
+///
+/// # Examples
+/// ```
+/// use deflex::{cell::Cell, text::Source};
+///
+/// let text = "[robot]\nmodel = \"irb6660-205-1.9\"\n[cut]\nforce = \"none\"\n";
+/// let cell = Cell::read(&Source::new("cell.toml", text))?;
+/// assert_eq!(cell.milling("tMill").expect_err("there is no cutter").part, "cutter");
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the cell has neither [tools.X.{part}] nor [cut.{part}]")]
 pub struct MissingCutKey {

@@ -6,6 +6,16 @@ use crate::text::Diagnostic;
 use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, Value};
 
 /// An effect to add to a cell file. It replaces an effect of the same kind.
+///
+/// # Examples
+/// ```
+/// use deflex::cell::{NewEffect, extended};
+///
+/// let table = "kind = \"backlash\"\nhalf_gap_rad = [0.0, 0.0, 0.0, 0.0, 0.0, 1e-4]".parse().expect("a table");
+/// let effect = NewEffect { table, uncertainty: None, provenance: Default::default() };
+/// assert!(extended("[robot]\nmodel = \"irb6660-205-1.9\"\n", &[effect])?.contains("half_gap_rad"));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct NewEffect {
     /// The `[[effect]]` table, including `kind`.
@@ -64,7 +74,19 @@ pub fn extended(text: &str, effects: &[NewEffect]) -> Result<String, Vec<Diagnos
 ///
 /// # Errors
 /// The text is not TOML.
-pub(crate) fn with_path_law(text: &str, found: &FittedLaw) -> Result<String, Vec<Diagnostic>> {
+///
+/// # Examples
+/// ```
+/// use deflex::cell::with_path_law;
+/// use deflex::drive::FittedLaw;
+/// use deflex::text::Diagnostics;
+///
+/// fn extend(path: &str, found: &FittedLaw) -> Result<(), Diagnostics> {
+///     let text = with_path_law(&std::fs::read_to_string(path)?, found)?;
+///     Ok(std::fs::write(path, text)?)
+/// }
+/// ```
+pub fn with_path_law(text: &str, found: &FittedLaw) -> Result<String, Vec<Diagnostic>> {
     let law = &found.law;
     let mut document: DocumentMut = text
         .parse()

@@ -22,8 +22,7 @@ pub(crate) use crate::text::nearest;
 pub use backup::backup_template;
 pub(crate) use cut::MillingParts;
 pub use cut::{Cut, CutForce, Engaged, MillingCut, MissingCutKey};
-pub(crate) use extend::with_path_law;
-pub use extend::{NewEffect, extended};
+pub use extend::{NewEffect, extended, with_path_law};
 pub(crate) use plan::{Instrument, PlanSection};
 pub(crate) use stock::HeldPart;
 pub use stock::{PartSection, StockSection};
@@ -117,6 +116,14 @@ impl Cell {
 }
 
 /// The `[limits]` table: limits beyond which a correction is refused or reported, m.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// assert_eq!(cell.limits.max_correction, 1e-3); // m
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CorrectionLimits {
     /// Largest correction of a target.
@@ -128,6 +135,14 @@ pub struct CorrectionLimits {
 }
 
 /// The `[controller]` table.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// assert!(cell.controller.declared && !cell.controller.gravity); // it compensates nothing
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Controller {
@@ -171,6 +186,15 @@ impl Controller {
 }
 
 /// The `[controller.path]` table.
+///
+/// # Examples
+/// ```
+/// use deflex::{cell::Cell, text::Source};
+///
+/// let cell = Cell::read(&Source::new("cell.toml", "[robot]\nmodel = \"irb6660-205-1.9\"\n"))?;
+/// assert!(cell.controller.path.is_none()); // the cell states no [controller.path]
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct ControllerPath {
@@ -188,6 +212,16 @@ pub struct ControllerPath {
 }
 
 /// The `[cl]` table.
+///
+/// # Examples
+/// ```
+/// use deflex::{cell::Cell, text::Source};
+///
+/// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/blade/cell.toml")?))?;
+/// let cl = cell.cl.expect("a [cl] table");
+/// println!("{:.0} degrees from a singular wrist", cl.singular_margin.to_degrees());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Cl {
@@ -208,6 +242,14 @@ impl Cl {
 
 /// Rule for the turn about the tool axis: the TCP's x axis points in a reference direction, projected onto the plane
 /// perpendicular to the tool axis, and is then turned by `turn` about this axis.
+///
+/// # Examples
+/// ```
+/// use deflex::cell::{Spin, SpinRule};
+///
+/// // The x axis of the TCP points in the direction of the feed.
+/// let spin = Spin { rule: SpinRule::Feed, turn: 0.0 };
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spin {
     /// Reference direction.
@@ -217,6 +259,14 @@ pub struct Spin {
 }
 
 /// Reference direction of [`Spin`].
+///
+/// # Examples
+/// ```
+/// use deflex::cell::SpinRule;
+/// use deflex::nalgebra::Vector3;
+///
+/// let towards = SpinRule::Towards(Vector3::new(0.1, 0.0, 0.0)); // m, in the work object
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SpinRule {
     /// The x axis of the work object.
@@ -230,6 +280,17 @@ pub enum SpinRule {
 }
 
 /// Frame of a constant force.
+///
+/// # Examples
+/// ```
+/// use deflex::cell::{Cell, CutForce, ForceFrame};
+/// use deflex::text::Source;
+///
+/// let text = "[robot]\nmodel = \"irb6660-205-1.9\"\n[cut]\nforce = \"constant\"\nforce_n = [0, 0, 90]\nframe = \"feed\"\n";
+/// let cell = Cell::read(&Source::new("cell.toml", text))?;
+/// assert!(matches!(cell.cut.expect("a cut").force, CutForce::Constant { frame: ForceFrame::Feed, .. }));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ForceFrame {

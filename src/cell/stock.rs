@@ -10,6 +10,15 @@ use nalgebra::Vector3;
 use std::sync::Arc;
 
 /// The `[stock]` table.
+///
+/// # Examples
+/// ```
+/// use deflex::{cell::Cell, text::Source};
+///
+/// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/stock/cell.toml")?))?;
+/// assert!(cell.stock.expect("a [stock] table").blank.is_some());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct StockSection {
@@ -24,6 +33,15 @@ pub struct StockSection {
 }
 
 /// The `[part]` table: the nominal part, in the frame of the stock.
+///
+/// # Examples
+/// ```
+/// use deflex::{cell::Cell, text::Source};
+///
+/// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/wall/cell.toml")?))?;
+/// println!("mesh of the part: {:?}", cell.part.expect("a [part] table").stl);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct PartSection {

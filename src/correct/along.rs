@@ -54,6 +54,13 @@ const MOST_PIECES: usize = 20_000;
 const FAR_TOO_FAST: f64 = 10.0;
 
 /// A kind of fault on the segment to a target.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::WayFault;
+///
+/// assert_eq!(WayFault::AxisLimit.code(), "axis-limit");
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum WayFault {
@@ -96,6 +103,18 @@ impl WayFault {
 }
 
 /// The worst fault of a kind on the segment to a target.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+/// for finding in &corrected.on_the_way {
+///     println!("{} at target {}", finding.fault.code(), finding.index);
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct WayFinding {

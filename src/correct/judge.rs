@@ -21,6 +21,16 @@ use std::io::{Read, Seek};
 use std::sync::Mutex;
 
 /// The judge of the results of each chunk.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::Judge;
+///
+/// /// How many findings a run has kept at most.
+/// fn most(judge: &Judge<'_>) -> usize {
+///     judge.refusals
+/// }
+/// ```
 pub struct Judge<'a> {
     /// Whether the program is corrected too, for the limits that a correction would exceed.
     pub corrects: bool,

@@ -5,6 +5,16 @@ use crate::program::Program;
 use crate::text::Diagnostic;
 
 /// The first messages, and the number of all.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::Streamed;
+///
+/// /// Why a long program as a whole is refused.
+/// fn refusals(streamed: &Streamed) -> String {
+///     format!("{:?}", streamed.refused)
+/// }
+/// ```
 #[derive(Clone, Debug)]
 pub struct Messages {
     first: Vec<Diagnostic>,

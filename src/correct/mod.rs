@@ -83,7 +83,7 @@ pub use poses::{ArmState, Standing, external_of, predict_poses, tool_of};
 pub use post::{Outline, PostOptions, PostedProgram, Poster, RAPID_MM_S, post};
 pub use removal::{CutProgress, Cuts, Removal};
 pub use row::{Row, RowNames, Stance, Status, Stiffness, Summary};
-pub(crate) use shaped::compensate_driven;
+pub use shaped::{DrivenCompensation, compensate_driven};
 pub(crate) use sigma::SIGMA_STEP;
 pub(crate) use stance::millimetres_and_degrees;
 pub use stream::{compensate_chunks, compensate_declared, compensate_executed, post_chunks};
@@ -102,6 +102,13 @@ use mount::Mount;
 use std::sync::Arc;
 
 /// The part of a target's pose that is corrected.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::{Correct, Options};
+///
+/// let options = Options { correct: Correct::Position, ..Options::default() }; // orientations stay as they are
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Correct {
@@ -171,6 +178,20 @@ fn is_held_whole(cell: &Cell, options: &Options) -> bool {
 
 /// A program with everything that precedes its equilibria. Callers with computations of their own use it, such as the alignment of
 /// measured rows.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// use deflex::correct::{Options, Prepared};
+///
+/// let prepared = Prepared::new(&program, &cell, &Options::default())?;
+/// assert_eq!(prepared.points.len(), program.targets.len());
+/// let pose = prepared.points[0].wobj_from_tcp;
+/// assert!((prepared.seen(0, pose).translation.vector - pose.translation.vector).norm() < 1e-9); // the tool moves, not the part
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Debug)]
 pub struct Prepared {
     /// One point for each target of the program, in running order, then those that were added between targets.

@@ -31,8 +31,18 @@ const MOST_ROUNDS: usize = 6;
 const NAMED: usize = 5;
 
 /// A program that was corrected for its driven path.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::DrivenCompensation;
+///
+/// /// Whether the program may be written.
+/// fn is_good(done: &DrivenCompensation) -> bool {
+///     done.corrected.failures.is_empty()
+/// }
+/// ```
 #[derive(Debug)]
-pub(crate) struct DrivenCompensation {
+pub struct DrivenCompensation {
     /// The program before the deflection is corrected: [`Corrected::rewritten`] has edits of its sources.
     pub program: Program,
     /// The results; the rows are those of the original program.
@@ -44,7 +54,19 @@ pub(crate) struct DrivenCompensation {
 ///
 /// # Errors
 /// As [`compensate`](super::compensate) and [`Course::new`]; a cell without the law of its controller; CL data, which are not edited.
-pub(crate) fn compensate_driven(
+///
+/// # Examples
+/// ```no_run
+/// use deflex::correct::{Options, compensate_driven};
+/// use deflex::{cell::Cell, program::rapid, text::Source};
+///
+/// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("cell.toml")?))?; // with [controller.path]
+/// let program = rapid::read(vec![Source::new("part.mod", std::fs::read("part.mod")?)], vec![])?;
+/// let done = compensate_driven(&program, &cell, &Options::default(), 5e-5)?;
+/// println!("{:?}", done.corrected.driven);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
+pub fn compensate_driven(
     program: &Program,
     cell: &Cell,
     options: &Options,

@@ -3,6 +3,14 @@
 use super::Coefficients;
 
 /// A named set of coefficients.
+///
+/// # Examples
+/// ```
+/// use deflex::cutting::materials::find;
+///
+/// let aluminium = find("al7075").expect("a material");
+/// println!("{}: {:.0} N/mm², from {}", aluminium.name, 1e-6 * aluminium.coefficients.ktc, aluminium.source);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Material {
     /// Name in the cell file.

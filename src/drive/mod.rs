@@ -30,7 +30,7 @@ mod track;
 mod tests;
 
 pub(crate) use distance::{Offset, ProgrammedPath, nearest_between};
-pub use fit::FittedLaw;
+pub use fit::{FittedLaw, PathError, RunTime};
 pub(crate) use fit::{LogError, fit_law};
 pub(crate) use log::{Log, LogSample};
 pub(crate) use shape::{CommandedMotion, Freedom, ShapedCommand, Wanted, shape};
@@ -122,6 +122,14 @@ impl PathLaw {
 }
 
 /// The kind of a motion.
+///
+/// # Examples
+/// ```
+/// use deflex::drive::Lead;
+/// use deflex::robot::Pose;
+///
+/// let arc = Lead::Arc(Pose::identity()); // through this pose
+/// ```
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum Lead {
@@ -134,6 +142,18 @@ pub enum Lead {
 }
 
 /// The end of one programmed motion.
+///
+/// # Examples
+/// ```
+/// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+/// use deflex::drive::{Lead, Waypoint};
+/// use deflex::robot::Pose;
+///
+/// let motor = robot.motor_from_axes_deg(&[0.0, 0.0, 0.0, 0.0, 30.0, 0.0]);
+/// let (base_from_tcp, flange_from_tcp) = (robot.forward(&motor), Pose::identity());
+/// // The end of a line that is driven with 0.1 m/s, at which the arm comes to rest.
+/// let end = Waypoint { lead: Lead::Line, base_from_tcp, flange_from_tcp, motor, feed: 0.1, zone: None };
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Waypoint {
     /// The kind of the motion to it.
@@ -161,6 +181,17 @@ impl Waypoint {
 }
 
 /// One moment of a driven path.
+///
+/// # Examples
+/// ```
+/// use deflex::drive::DrivenSample;
+///
+/// /// The duration of a path, s.
+/// fn duration(samples: &[DrivenSample]) -> f64 {
+///     samples.last().map_or(0.0, |sample| sample.time)
+/// }
+/// assert_eq!(duration(&[]), 0.0);
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct DrivenSample {
     /// Time since the start of the first motion, s.
@@ -174,6 +205,20 @@ pub struct DrivenSample {
 }
 
 /// Why a path cannot be computed.
+///
+/// # Examples
+/// ```
+/// use deflex::drive::DriveError;
+///
+/// /// The sentence for a path that cannot be computed.
+/// fn sentence(error: DriveError) -> String {
+///     match error {
+///         DriveError::Unreachable { waypoint } => format!("the arm does not reach the segment to waypoint {waypoint}"),
+///         DriveError::TooLong => "the motions take more than a day".to_owned(),
+///     }
+/// }
+/// assert!(sentence(DriveError::Unreachable { waypoint: 3 }).ends_with("waypoint 3"));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriveError {
     /// The arm does not reach a point of the segment to this waypoint.

@@ -38,6 +38,15 @@ pub(super) struct JointErrorCurve {
 }
 
 /// The curve as a linear function of its values at the knots.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// let curves = cell.arm.effects.iter().filter_map(|effect| effect.joint_curve());
+/// assert_eq!(curves.count(), 0); // no effect of this cell is the error curve of a single joint
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Debug)]
 pub struct JointCurve {
     /// Index of the joint, 0 to 5.

@@ -57,6 +57,13 @@ pub struct Kind {
 }
 
 /// The part of the arm that an effect describes.
+///
+/// # Examples
+/// ```
+/// use deflex::effects::{Part, kind};
+///
+/// assert!(matches!(kind("joint_stiffness").expect("an effect").part, Part::JointSpring));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Part {
@@ -69,6 +76,13 @@ pub enum Part {
 }
 
 /// What the numbers of an effect can describe.
+///
+/// # Examples
+/// ```
+/// use deflex::effects::{Shape, kind};
+///
+/// assert!(matches!(kind("gear_harmonic").expect("an effect").shape, Shape::Periodic));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Shape {

@@ -64,6 +64,17 @@ use std::fmt::Debug;
 use table::{ANY, FACTOR, NOT_NEGATIVE, checked, indexed, per_axis, per_direction, scalar, table_of, take};
 
 /// The part of [`Effect`] that the registry ([`KINDS`]) implements for every effect.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// use deflex::effects::Listed;
+///
+/// let springs = &cell.arm.effects[0];
+/// assert_eq!(springs.to_table()["kind"].as_str(), Some(springs.kind()));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub trait Listed {
     /// The `kind` of the effect in the cell file.
     fn kind(&self) -> &'static str;
@@ -78,6 +89,19 @@ pub trait Listed {
 /// One physical effect with its parameters.
 ///
 /// All methods are pure: the same state gives the same answer, so that rows can be solved in any order.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// use deflex::effects::Effect;
+///
+/// let springs = &cell.arm.effects[0];
+/// let values: Vec<f64> = springs.parameters().iter().map(|parameter| 1.1 * parameter.value).collect();
+/// let stiffer: Box<dyn Effect> = springs.with_values(&values);
+/// assert_eq!(stiffer.kind(), springs.kind());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub trait Effect: Listed + Debug + Send + Sync {
     /// Whether its offsets depend on the **commanded** motor angles. Then the command that reaches a wanted pose has to be found by
     /// iteration.
@@ -176,6 +200,17 @@ pub trait Effect: Listed + Debug + Send + Sync {
 }
 
 /// One number of an effect.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// for parameter in cell.arm.effects[0].parameters() {
+///     println!("{} = {} {}", parameter.name, parameter.value, parameter.unit);
+///     assert!(parameter.moved(1e-6) >= parameter.bounds.0);
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Parameter {
@@ -231,6 +266,15 @@ pub(crate) enum ParameterOwner {
 }
 
 /// What an effect needs in addition to the commanded pose.
+///
+/// # Examples
+/// ```
+/// use deflex::effects::{Need, kind};
+///
+/// let table = "half_gap_rad = [0.0, 0.0, 0.0, 0.0, 0.0, 1e-4]".parse().expect("a table");
+/// let backlash = (kind("backlash").expect("an effect").read)(table).expect("a backlash");
+/// assert!(!backlash.needs().iter().any(|need| matches!(need, Need::Force)));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Need {
@@ -251,6 +295,17 @@ pub enum Need {
 }
 
 /// What a controller may correct by itself (`[controller] compensates`).
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// use deflex::effects::Covered;
+///
+/// let by_gravity = cell.arm.effects.iter().filter(|effect| effect.covered_by() == Some(Covered::Gravity));
+/// println!("a controller that compensates gravity makes {} effects unnecessary", by_gravity.count());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Covered {

@@ -552,5 +552,17 @@ macro_rules! registry {
 pub(super) use registry;
 
 /// The physics of an effect, as the solver of equilibria calls it.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// use deflex::effects::Law;
+///
+/// // The solver of equilibria gets the physics of each effect.
+/// let laws: Vec<Law<'_>> = cell.arm.effects.iter().map(|effect| effect.law()).collect();
+/// assert_eq!(laws.len(), cell.arm.effects.len());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Law<'a>(pub(super) super::AnyEffect<'a>);

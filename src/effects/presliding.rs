@@ -5,6 +5,14 @@ use serde::{Deserialize, Serialize};
 /// The presliding angle of each joint, rad; 0 for all joints if friction acts at once.
 ///
 /// The cell file gives one number for all joints, or six.
+///
+/// # Examples
+/// ```
+/// use deflex::effects::Presliding;
+///
+/// let angles = Presliding::alike(1e-3).with(1, 2e-3);
+/// assert_eq!((angles.of(0), angles.of(1)), (1e-3, 2e-3)); // rad
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(from = "Written", into = "Written")]
 pub struct Presliding([f64; 6]);

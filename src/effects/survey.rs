@@ -1,6 +1,16 @@
 use crate::robot::{Axes, Joints};
 
 /// What a set of measured data contains: it decides which effects the data can show, and over which range.
+///
+/// # Examples
+/// ```
+/// use deflex::effects::Survey;
+///
+/// /// Whether the rows show how temperature acts.
+/// fn shows_temperature(survey: &Survey) -> bool {
+///     survey.temperature.is_some_and(|(low, high)| high - low > 2.0) // °C
+/// }
+/// ```
 #[derive(Clone, Debug)]
 pub struct Survey {
     /// How the motors of the robot drive its joints.

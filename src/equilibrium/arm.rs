@@ -5,6 +5,17 @@ use crate::robot::{Joints, Robot};
 use nalgebra::Vector3;
 
 /// The arm of a cell: the controller's model of it, and the effects that make the real arm differ from that model.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// assert!(cell.arm.stiffness.is_some());
+/// for effect in &cell.arm.effects {
+///     println!("{}", effect.kind());
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Debug)]
 pub struct Arm {
     /// Nominal geometry, with which the controller computes.

@@ -8,6 +8,15 @@ use crate::robot::kinematics::one;
 use crate::robot::{Joints, Pose};
 
 /// The command with which the loaded arm reaches a wanted pose.
+///
+/// # Examples
+/// ```
+/// use deflex::equilibrium::Command;
+/// use deflex::robot::Joints;
+///
+/// let command = Command::held(&Joints::repeat(0.1)); // rad, without a correction
+/// assert_eq!(command.deflection(), Joints::zeros());
+/// ```
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Command {

@@ -10,6 +10,16 @@ use nalgebra::Vector3;
 use std::io::{BufRead, BufReader, Chain, Cursor, Read};
 
 /// One measured row, in the units of the file. Missing columns and empty cells are `None`.
+///
+/// # Examples
+/// ```
+/// use deflex::measured::Table;
+/// use deflex::text::Source;
+///
+/// let table = Table::read(&Source::new("measured.csv", "target,x_mm,y_mm,z_mm\n1,10.02,0,-2\n"))?;
+/// assert_eq!(table.rows[0].position_mm, Some([10.02, 0.0, -2.0]));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeasuredRow {
     /// Line in the file, from 1.

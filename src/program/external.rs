@@ -6,6 +6,14 @@ pub use crate::limits::EXTERNAL_AXES;
 pub type External = [f64; EXTERNAL_AXES];
 
 /// An external axis, as programs name it.
+///
+/// # Examples
+/// ```
+/// use deflex::program::AxisName;
+///
+/// assert_eq!(AxisName::read("E2"), Some(AxisName::External(1)));
+/// assert_eq!(AxisName::External(1).to_string(), "eax_b");
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum AxisName {

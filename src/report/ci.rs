@@ -34,6 +34,14 @@ pub struct CheckFile {
 }
 
 /// What a check judged of a program. Each target is judged, in the air, or not judged.
+///
+/// # Examples
+/// ```
+/// use deflex::report::Judgement;
+///
+/// let none = Judgement::default();
+/// assert!(none.targets == 0 && none.unjudged.is_empty());
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct Judgement {
     /// Executed motions.

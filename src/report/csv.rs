@@ -7,6 +7,12 @@ use std::borrow::Cow;
 use std::io::{self, Write};
 
 /// A column of the report, which has one row for each target.
+///
+/// # Examples
+/// ```
+/// let column = &deflex::report::REPORT_COLUMNS[0];
+/// println!("{}: {}", column.name, column.doc);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct ReportColumn {
@@ -286,6 +292,13 @@ pub fn csv_rows(rows: &[Row]) -> Vec<u8> {
 }
 
 /// The numbers of a report before they are rounded for printing.
+///
+/// # Examples
+/// ```
+/// use deflex::report::Unrounded;
+///
+/// assert!(Unrounded::default().columns().is_empty()); // no row has been taken
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Unrounded {
     columns: Vec<(&'static str, Vec<f64>)>,

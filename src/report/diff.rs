@@ -12,6 +12,15 @@ use std::fmt::Write;
 const SAME: f64 = 1e-9;
 
 /// The differences of two programs.
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// let difference = deflex::report::difference(&program, &program);
+/// assert!(difference.is_empty() && difference.max_mm == 0.0);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Default, Serialize)]
 #[non_exhaustive]
 pub struct Difference {
@@ -34,6 +43,16 @@ pub struct Difference {
 }
 
 /// A target that moved.
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// for moved in deflex::report::difference(&program, &program).moved {
+///     println!("target {}: {:?} mm", moved.target, moved.shift_mm);
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct MovedTarget {
@@ -57,6 +76,16 @@ pub struct MovedTarget {
 }
 
 /// Something other than a number.
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// for other in deflex::report::difference(&program, &program).other {
+///     println!("line {}: {}", other.line, other.what);
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct OtherDifference {

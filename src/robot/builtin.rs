@@ -56,6 +56,14 @@ pub struct Builtin {
 }
 
 /// The point of the arm to which a published reach is counted.
+///
+/// # Examples
+/// ```
+/// use deflex::robot::{Builtin, Reach};
+///
+/// let ur10 = Builtin::named("ur10e").expect("a built-in robot");
+/// assert_eq!(ur10.reach_to, Reach::WorkingRadius);
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]

@@ -4,6 +4,16 @@ use nalgebra::{Vector3, Vector6};
 use std::f64::consts::TAU;
 
 /// Why no motor angles reach a pose.
+///
+/// # Examples
+/// ```
+/// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+/// use deflex::nalgebra::Translation3;
+/// use deflex::robot::{Joints, Pose, Unreachable};
+///
+/// let far = Pose::from_parts(Translation3::new(9.0, 0.0, 0.0), Default::default()); // m
+/// assert!(matches!(robot.inverse(&far, &Joints::zeros()), Err(Unreachable::OutOfReach { .. })));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Unreachable {

@@ -2,6 +2,13 @@ use super::{Joints, Robot};
 use std::fmt::{self, Display, Formatter};
 
 /// An angle of the arm that has limits.
+///
+/// # Examples
+/// ```
+/// use deflex::robot::LimitedAngle;
+///
+/// assert_eq!(LimitedAngle::Axis(5).to_string(), "axis 5");
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LimitedAngle {
     /// The angle of an axis, from 1 to 6.
@@ -23,6 +30,13 @@ impl Display for LimitedAngle {
 }
 
 /// An angle beyond its limit.
+///
+/// # Examples
+/// ```
+/// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+/// let violation = robot.limit_violation(&robot.motor_from_axes_deg(&[400.0, 0.0, 0.0, 0.0, 30.0, 0.0])).expect("beyond");
+/// println!("{} is {} degrees beyond its limit", violation.value_deg, violation.by_deg);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("{angle} at {value_deg:.3}°, {by_deg:.3}° beyond its limit of {limit_deg:.3}°")]
 pub struct LimitViolation {

@@ -27,6 +27,15 @@ pub struct DhRow {
 }
 
 /// The frames of links 1 to 6 (index 0 to 5); link 6 ends in the flange.
+///
+/// # Examples
+/// ```
+/// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+/// let motor = robot.motor_from_axes_deg(&[0.0; 6]);
+/// let frames = robot.frames(&motor);
+/// assert_eq!(*frames.base_from_flange(), robot.forward(&motor));
+/// println!("the axis of joint 2 passes through {} (m)", frames.origin(1));
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Frames {
     /// Modified-DH frames of the links in the base frame, m.
@@ -69,6 +78,14 @@ impl Frames {
 }
 
 /// Modified-DH rows with the sines and cosines of their twists, for chains that are evaluated many times.
+///
+/// # Examples
+/// ```
+/// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+/// let links = deflex::robot::Links::new(*robot.links.rows());
+/// let motor = robot.motor_from_axes_deg(&[0.0; 6]);
+/// assert_eq!(*links.chain(&robot.serial_from_motor(&motor)).base_from_flange(), robot.forward(&motor));
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Links {
     rows: [DhRow; 6],

@@ -28,7 +28,7 @@ mod unit;
 pub use crate::lanes::Pose;
 pub use crate::program::{AxisName, EXTERNAL_AXES, External};
 pub(crate) use batch::{BatchArm, BatchSolutions, WrittenTarget};
-pub use builtin::{BUILTIN, Builtin};
+pub use builtin::{BUILTIN, Builtin, Reach};
 pub(crate) use closed_form::Branch;
 pub(crate) use closed_form::wrap;
 pub use configuration::conf_like;

@@ -3,6 +3,14 @@ use super::{Branch, Joints, Pose, Robot, Unreachable, conf_is};
 use crate::program::Conf;
 
 /// The motor angles at the first target of a program, and how they were chosen.
+///
+/// # Examples
+/// ```
+/// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+/// let motor = robot.motor_from_axes_deg(&[10.0, 0.0, 0.0, 0.0, 30.0, 0.0]);
+/// let start = robot.start(&robot.forward(&motor), None, Some(&motor)).expect("within reach");
+/// assert!((start.motor - motor).amax() < 1e-9); // the solution nearest to the given angles
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Start {
     /// Motor angles, rad.
@@ -36,6 +44,14 @@ impl Robot {
     ///
     /// # Errors
     /// The pose is out of reach, or every branch exceeds a limit.
+    ///
+    /// # Examples
+    /// ```
+    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// let motor = robot.motor_from_axes_deg(&[10.0, 0.0, 0.0, 0.0, 30.0, 0.0]);
+    /// let start = robot.start(&robot.forward(&motor), None, None).expect("within reach");
+    /// assert!((robot.forward(&start.motor).translation.vector - robot.forward(&motor).translation.vector).norm() < 1e-9);
+    /// ```
     pub fn start(
         &self,
         base_from_flange: &Pose,

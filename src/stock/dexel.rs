@@ -17,6 +17,17 @@ use std::ops::Range;
 const TOUCH: f64 = 2e-7;
 
 /// The stock: blank less what has been swept.
+///
+/// # Examples
+/// ```
+/// use deflex::nalgebra::Vector3;
+/// use deflex::stock::{Blank, Stock};
+///
+/// let mut block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
+/// block.keep_history();
+/// let before = block.now();
+/// println!("{:.0} mm³ at {before:?}", 1e9 * block.volume());
+/// ```
 #[derive(Debug)]
 pub struct Stock {
     lattice: Lattice,

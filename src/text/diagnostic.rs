@@ -2,6 +2,14 @@ use super::{Source, Span, printable_line};
 use std::fmt;
 
 /// Severity of a message.
+///
+/// # Examples
+/// ```
+/// use deflex::text::{Diagnostic, Severity};
+///
+/// let message = Diagnostic::error("user.code", "part.mod", "the part is missing").severity(Severity::Warning);
+/// assert_eq!(message.to_string(), "part.mod: warning: the part is missing [user.code]");
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Severity {
     /// Information; the run continues.

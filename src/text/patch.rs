@@ -6,6 +6,18 @@ use std::io::{self, BufRead, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 const AT_ONCE: usize = 64 * 1024;
 
 /// Replacements of ranges of a file. The new texts are in a scratch file; only their positions are in memory.
+///
+/// # Examples
+/// ```
+/// use deflex::text::Patch;
+/// use std::io::Cursor;
+///
+/// let (mut patch, mut out) = (Patch::new(Cursor::new(vec![])), Vec::new());
+/// patch.replace(6, 3, b"10.25")?;
+/// patch.apply(&b"MoveL 100, 200"[..], &mut out)?;
+/// assert_eq!(out, b"MoveL 10.25, 200");
+/// # Ok::<(), std::io::Error>(())
+/// ```
 #[derive(Debug)]
 pub struct Patch<S: Write> {
     scratch: BufWriter<S>,

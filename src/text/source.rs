@@ -21,6 +21,14 @@ pub struct Source {
 }
 
 /// A position as people count it: line and column from 1, the column in characters.
+///
+/// # Examples
+/// ```
+/// use deflex::text::{LineColumn, Source};
+///
+/// let source = Source::new("part.mod", "first\nsecond");
+/// assert_eq!(source.line_column(8), LineColumn { line: 2, column: 3 });
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LineColumn {
     /// Line.

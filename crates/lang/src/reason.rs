@@ -19,6 +19,11 @@ macro_rules! reasons {
 
         impl Reason {
             /// In words, as a report prints it: a short fixed phrase that can be counted.
+            ///
+            /// # Examples
+            /// ```
+            /// assert_eq!(deflex_lang::Reason::Branches.text(), "different from branch to branch");
+            /// ```
             #[must_use]
             pub const fn text(self) -> &'static str {
                 match self {

@@ -154,6 +154,33 @@ pub trait Machine {
 ///
 /// # Errors
 /// The routine has no end, or the run stops within it.
+///
+/// # Examples
+/// ```
+/// # use deflex_lang::walk::{Machine, Meeting, Stop};
+/// # struct Sum;
+/// # impl Machine for Sum {
+/// #     type Step = u32;
+/// #     type Test = bool;
+/// #     type State = u32;
+/// #     type Mark = ();
+/// #     fn step(&mut self, _: usize, step: u32, state: &mut u32) -> Result<(), Stop> { *state += step; Ok(()) }
+/// #     fn holds(&mut self, _: usize, test: bool, _: &mut u32) -> Result<Option<bool>, Stop> { Ok(Some(test)) }
+/// #     fn join(&mut self, _: &mut u32, _: &u32, _: Meeting) -> bool { false }
+/// #     fn lose_place(&self, _: &mut u32) {}
+/// #     fn is_same(&self, a: &u32, b: &u32) -> bool { a == b }
+/// #     fn notes(&mut self) -> &mut bool { Box::leak(Box::new(true)) }
+/// #     fn mark(&self) {}
+/// #     fn back_to(&mut self, (): ()) {}
+/// #     fn is_too_much(&self, (): ()) -> bool { false }
+/// # }
+/// use deflex_lang::{flow::Flow, walk::walk};
+///
+/// // `Sum` is the machine of the example of `Machine`: its steps add a number.
+/// let mut flow = Flow::default();
+/// flow.add(|routine| routine.step(2));
+/// assert_eq!(walk(&mut Sum, &flow, 0, 40), Ok(42));
+/// ```
 pub fn walk<M: Machine>(
     machine: &mut M,
     flow: &Flow<M::Step, M::Test>,

@@ -13,6 +13,14 @@ use deflex::text::{Diagnostic, Source};
 use std::path::Path;
 
 /// A measured file, read and not yet parsed.
+///
+/// # Examples
+/// ```
+/// use deflex::cli::session::MeasuredFile;
+///
+/// let measured = MeasuredFile::read("samples/closed-loop/measured.csv".as_ref())?;
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct MeasuredFile {
     source: Source,
@@ -77,6 +85,18 @@ impl MeasuredFile {
 }
 
 /// A program with what was measured on it, not yet parsed.
+///
+/// # Examples
+/// ```
+/// use deflex::cli::session::{MeasuredFile, MeasuredRunFiles, ProgramFiles};
+///
+/// let run = MeasuredRunFiles {
+///     program: ProgramFiles::read(&["samples/closed-loop/part.mod".into()], &[], None)?,
+///     original: None,
+///     measured: MeasuredFile::read("samples/closed-loop/measured.csv".as_ref())?,
+/// };
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct MeasuredRunFiles {
     /// The program that ran.
@@ -102,6 +122,20 @@ impl MeasuredRunFiles {
 }
 
 /// The result of an identification, and the inputs that its reports name.
+///
+/// # Examples
+/// ```
+/// use deflex::cli::session::Identified;
+/// use deflex::text::Diagnostics;
+///
+/// /// Writes the extended cell, the answer for other programs, and the page.
+/// fn write(identified: &Identified) -> Result<(), Diagnostics> {
+///     std::fs::write("extended.toml", identified.cell()?)?;
+///     std::fs::write("answer.json", identified.json(None)?)?;
+///     Ok(std::fs::write("answer.html", identified.page())?)
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Identified {
@@ -205,7 +239,23 @@ pub fn identify(
 ///
 /// # Errors
 /// Every error for which the command ends with exit code 2.
-pub(crate) fn identify_path(
+///
+/// # Examples
+/// ```no_run
+/// use deflex::cli::session::{CellFile, MeasuredFile, ProgramFiles, identify_path};
+///
+/// let cell = CellFile::read("cell.toml".as_ref())?;
+/// let log = |program: &str, log: &str| {
+///     Ok::<_, deflex::text::Diagnostics>((
+///         ProgramFiles::read(&[program.into()], &[], None)?,
+///         MeasuredFile::read(log.as_ref())?,
+///     ))
+/// };
+/// let law = identify_path(&cell, &[log("a.mod", "a.csv")?, log("b.mod", "b.csv")?], None)?;
+/// println!("{:.3} mm rms from the path of the law", law.after.rms_mm);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
+pub fn identify_path(
     cell: &CellFile,
     logs: &[(ProgramFiles, MeasuredFile)],
     tool: Option<&str>,

@@ -17,6 +17,16 @@ pub type SimulationProgress = dyn Fn(f64) -> bool + Send + Sync;
 const PAGE_TRIANGLES: f64 = 40_000.0;
 
 /// The part that the loaded arm leaves of the stock, compared with the intended part.
+///
+/// # Examples
+/// ```
+/// use deflex::cli::session::Simulated;
+///
+/// /// Writes the mesh of the simulated part.
+/// fn write(simulated: &Simulated) -> std::io::Result<()> {
+///     std::fs::write("part.stl", simulated.stl())
+/// }
+/// ```
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Simulated {
