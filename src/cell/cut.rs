@@ -119,7 +119,7 @@ pub struct MillingCut {
     /// The cutter.
     pub cutter: Cutter,
     /// How it meets the material.
-    pub engagement: Engaged,
+    pub engagement: EngagementSource,
     /// Feed per tooth, m; `None` computes it from feed, spindle speed and number of teeth.
     pub feed_per_tooth: Option<f64>,
     /// Spindle speed if the program states none, 1/min.
@@ -134,15 +134,15 @@ pub struct MillingCut {
 /// ```
 /// # use deflex::{cell::Cell, text::Source};
 /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
-/// use deflex::cell::Engaged;
+/// use deflex::cell::EngagementSource;
 ///
 /// let milling = cell.milling("tMill").expect("a complete description");
-/// assert!(matches!(milling.engagement, Engaged::Declared(_)));
+/// assert!(matches!(milling.engagement, EngagementSource::Declared(_)));
 /// # Ok::<(), deflex::text::Diagnostics>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
-pub enum Engaged {
+pub enum EngagementSource {
     /// The declared engagement at every target. Its feed per tooth is a placeholder if the program's feed determines it.
     Declared(Engagement),
     /// The engagement that follows from the stock.
@@ -198,8 +198,8 @@ impl MillingParts {
         let declared = self.engagement.or(shared.engagement).ok_or(missing("engagement"))?;
         let coefficients = self.coefficients.or(shared.coefficients).ok_or(missing("coefficients"))?;
         let engagement = match declared.mode {
-            EngagementMode::Stock => Engaged::Stock,
-            EngagementMode::Declared(mode) => Engaged::Declared(Engagement {
+            EngagementMode::Stock => EngagementSource::Stock,
+            EngagementMode::Declared(mode) => EngagementSource::Declared(Engagement {
                 mode,
                 depth: declared.depth,
                 // A slot is as wide as its cutter.
@@ -251,7 +251,7 @@ pub(super) fn cut(check: &mut Check, raw: &raw::Cut, tools: &BTreeMap<String, Mi
     for (key, parts) in own.chain([("cut".to_owned(), &MillingParts::default())]) {
         // Checks the parts together. Missing parts are an error only when a tool needs them, and each part alone was
         // checked when it was read.
-        if let Ok(MillingCut { cutter, engagement: Engaged::Declared(engagement), coefficients, .. }) =
+        if let Ok(MillingCut { cutter, engagement: EngagementSource::Declared(engagement), coefficients, .. }) =
             parts.over(&milling)
             && check.errors.is_empty()
             && let Err(error) = Milling::new(cutter, engagement, coefficients)

@@ -21,7 +21,7 @@ mod urdf;
 pub(crate) use crate::text::nearest;
 pub use backup::backup_template;
 pub(crate) use cut::MillingParts;
-pub use cut::{Cut, CutForce, Engaged, MillingCut, MissingCutKey};
+pub use cut::{Cut, CutForce, EngagementSource, MillingCut, MissingCutKey};
 pub use extend::{NewEffect, extended, with_path_law};
 pub(crate) use plan::{Instrument, PlanSection};
 pub(crate) use stock::HeldPart;

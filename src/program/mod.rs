@@ -45,7 +45,8 @@ pub use chunk::{Next, StreamableChunk};
 pub use round_trip::{RoundTrip, round_trip};
 pub(crate) use target::GroupAxis;
 pub use target::{
-    Conf, Confdata, Config, Editable, ExternalAxes, Goal, InactiveUnit, Mark, Motion, Predecessor, Role, Status, Target,
+    Conf, Confdata, Config, Editable, ExternalAxes, Goal, InactiveUnit, Mark, Motion, Predecessor, Role, StatusAndTurn,
+    Target,
 };
 
 use crate::text::{Diagnostic, Edit, Source, Span, applied};

@@ -303,7 +303,7 @@ pub enum Conf {
     /// FANUC TP.
     Turns(Config),
     /// KUKA KRL.
-    Status(Status),
+    Status(StatusAndTurn),
     /// The solution that is nearest to these axis angles, ten-thousandths of a degree (URScript `qnear`).
     Near([i32; 6]),
 }
@@ -332,12 +332,12 @@ impl Conf {
 ///
 /// # Examples
 /// ```
-/// use deflex::program::Status;
+/// use deflex::program::StatusAndTurn;
 ///
-/// let written = Status { status: 2, turn: 35 }; // S 2, T 35
+/// let written = StatusAndTurn { status: 2, turn: 35 }; // S 2, T 35
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Status {
+pub struct StatusAndTurn {
     /// `S`
     pub status: i32,
     /// `T`

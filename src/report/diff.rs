@@ -2,7 +2,7 @@
 
 use super::pairs::{InsertedTarget, Pairs, compare, settings};
 use super::summary::{counted, grouped};
-use crate::program::{Change, Conf, Config, Goal, Program, RewriteOptions, Status};
+use crate::program::{Change, Conf, Config, Goal, Program, RewriteOptions, StatusAndTurn};
 use crate::text::{applied, number};
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -185,7 +185,7 @@ fn list(conf: Conf) -> [i32; 4] {
     match conf {
         Conf::Quarters(conf) => [conf.cf1, conf.cf4, conf.cf6, conf.cfx],
         Conf::Turns(Config { turns: [one, four, six], posture }) => [one, four, six, posture],
-        Conf::Status(Status { status, turn }) => [turn & 1, turn >> 3 & 1, turn >> 5 & 1, status],
+        Conf::Status(StatusAndTurn { status, turn }) => [turn & 1, turn >> 3 & 1, turn >> 5 & 1, status],
         Conf::Near([one, _, _, four, _, six]) => [one, four, six, 0].map(|angle| angle / 10_000),
     }
 }
