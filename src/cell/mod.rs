@@ -228,7 +228,7 @@ pub struct Cl {
     /// Options of the front end that reads CL data.
     pub options: ClOptions,
     /// `[cl.post]`: lines that call routines of the cell.
-    pub post: Templates,
+    pub(crate) post: Templates,
     /// Turn of the tool about its axis, which CL data leave free.
     pub spin: Spin,
     /// Smallest distance of axis 5 from a singular wrist, rad, where deflex chooses the turn.

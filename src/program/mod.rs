@@ -20,7 +20,7 @@ mod lowered;
 mod marks;
 mod modules;
 pub mod orientation;
-pub mod post;
+pub(crate) mod post;
 pub mod rapid;
 mod round_trip;
 mod target;

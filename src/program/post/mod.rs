@@ -28,6 +28,5 @@ mod zone;
 pub(crate) use names::refuse as refuse_names;
 pub(crate) use plan::PostPlan;
 pub(crate) use statements::Statements;
-pub(crate) use template::TEMPLATES;
-pub use template::Templates;
+pub(crate) use template::{TEMPLATES, Templates};
 pub(crate) use writer::{PostWriter, PostedPoint, Text, WriterPosition};

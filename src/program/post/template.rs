@@ -16,17 +16,8 @@ pub(crate) const TEMPLATES: [(&str, &[&str]); 8] = [
 ];
 
 /// Lines for actions of CL data that RAPID has no instruction for.
-///
-/// # Examples
-/// ```
-/// use deflex::{cell::Cell, text::Source};
-///
-/// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/blade/cell.toml")?))?;
-/// let templates = cell.cl.expect("a [cl] table").post; // [cl.post]
-/// # Ok::<(), deflex::text::Diagnostics>(())
-/// ```
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Templates(BTreeMap<&'static str, String>);
+pub(crate) struct Templates(BTreeMap<&'static str, String>);
 
 impl Templates {
     /// Adds a template that [`Templates::fault`] has checked.
