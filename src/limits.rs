@@ -26,10 +26,10 @@ impl Bound {
     ///
     /// # Examples
     /// ```
-    /// use deflex::limits::STOCK_LINES;
+    /// use deflex::limits::ARRAY_ROWS;
     ///
-    /// assert!(STOCK_LINES.exceeded(1e6).is_none());
-    /// assert!(STOCK_LINES.exceeded(1e9).is_some_and(|message| message.contains("20000000")));
+    /// assert!(ARRAY_ROWS.exceeded(1e6).is_none());
+    /// assert!(ARRAY_ROWS.exceeded(1e9).is_some_and(|message| message.contains("100000000")));
     /// ```
     #[must_use]
     pub fn exceeded(&self, count: f64) -> Option<String> {
@@ -40,7 +40,7 @@ impl Bound {
 
 /// Lines through the blank on which a simulation stores the stock. With this many lines, a simulation takes about a minute
 /// on two cores, and about 220 bytes of memory for each line.
-pub const STOCK_LINES: Bound = Bound {
+pub(crate) const STOCK_LINES: Bound = Bound {
     what: "lines of the stock ([stock] resolution_mm over its box)",
     most: 20_000_000,
     help: "give a larger `resolution_mm`, or a smaller blank",
@@ -48,19 +48,19 @@ pub const STOCK_LINES: Bound = Bound {
 
 /// Motions that a RAPID program with loops executes. Equal motions are stored only once. The bound distinguishes an endless
 /// loop from a long one within minutes.
-pub const RUN_MOTIONS: Bound = Bound {
+pub(crate) const RUN_MOTIONS: Bound = Bound {
     what: "motions that a RAPID program runs through in its loops",
     most: 20_000_000,
     help: "split the program, or bound its loops",
 };
 
 /// Triangles of a mesh. A binary STL file with this many has 250 MB.
-pub const STL_TRIANGLES: Bound =
+pub(crate) const STL_TRIANGLES: Bound =
     Bound { what: "triangles of an STL file", most: 5_000_000, help: "export the mesh with a coarser tolerance" };
 
 /// Largest distance of a mesh's corner from the origin, mm. It is larger than any machine. At this distance, numbers of
 /// single precision have steps of about a hundredth of a millimetre.
-pub const STL_REACH_MM: Bound = Bound {
+pub(crate) const STL_REACH_MM: Bound = Bound {
     what: "coordinates of an STL file, mm",
     most: 100_000,
     help: "export the mesh in millimetres, near the origin of the stock's work object",
@@ -70,32 +70,32 @@ pub const STL_REACH_MM: Bound = Bound {
 pub const EXTERNAL_AXES: usize = 6;
 
 /// Mechanical units (tracks and positioners) of a cell. Each has at least one of the six external axes of a controller.
-pub const UNITS: Bound = Bound {
+pub(crate) const UNITS: Bound = Bound {
     what: "units ([[unit]]) of a cell",
     most: EXTERNAL_AXES as u64,
     help: "each unit has an external axis of its own, eax_a to eax_f: remove the others",
 };
 
 /// Tools of a cell, and also its work objects. No tool magazine holds as many.
-pub const FRAMES: Bound = Bound {
+pub(crate) const FRAMES: Bound = Bound {
     what: "tools, or work objects, of a cell",
     most: 10_000,
     help: "keep only those that the programs of this cell use",
 };
 
 /// Columns of a measured file or of a table of forces.
-pub const COLUMNS: Bound =
+pub(crate) const COLUMNS: Bound =
     Bound { what: "columns of a table", most: 10_000, help: "keep only the columns that docs/formats.md lists" };
 
 /// Rows of a measured file. An identification holds all of them in memory, about 2 kB each.
-pub const MEASURED_ROWS: Bound = Bound {
+pub(crate) const MEASURED_ROWS: Bound = Bound {
     what: "rows of a measured file",
     most: 1_000_000,
     help: "keep every second row or fewer, or omit some of the runs: neighbouring rows hardly differ",
 };
 
 /// Joints of a robot description (URDF), and also its links. An arm has about a dozen of each.
-pub const URDF_JOINTS: Bound = Bound {
+pub(crate) const URDF_JOINTS: Bound = Bound {
     what: "joints, or links, of a robot description",
     most: 10_000,
     help: "give the description of the arm alone",
@@ -103,7 +103,7 @@ pub const URDF_JOINTS: Bound = Bound {
 
 /// Size of a file that is held in memory as a whole, bytes: of cells, tables and meshes, and of programs that cannot be read
 /// in parts.
-pub const FILE_BYTES: Bound = Bound {
+pub(crate) const FILE_BYTES: Bound = Bound {
     what: "bytes of a file that is held as a whole",
     most: 2 << 30,
     help: "split the file, or check that it is the right one",

@@ -10,6 +10,15 @@ use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
 /// The `[cut]` table.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// let cut = cell.cut.as_ref().expect("a [cut] table");
+/// assert!(cut.max_cutting_feed.is_none());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Cut {
@@ -18,10 +27,20 @@ pub struct Cut {
     /// Faster motions do not cut, m/s.
     pub max_cutting_feed: Option<f64>,
     /// `[cut.cutter]`, `[cut.engagement]` and `[cut.coefficients]`, for tools without such tables of their own.
-    pub milling: MillingParts,
+    pub(crate) milling: MillingParts,
 }
 
 /// The value of `[cut] force`.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// use deflex::cell::CutForce;
+///
+/// assert!(matches!(cell.cut.as_ref().expect("a [cut] table").force, CutForce::Mechanistic));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum CutForce {
@@ -43,7 +62,7 @@ pub enum CutForce {
 /// The declared parts of a milling cut, for one tool or for all tools.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
-pub struct MillingParts {
+pub(crate) struct MillingParts {
     /// The cutter.
     pub cutter: Option<Cutter>,
     /// Spindle speed of the cutter if the program states none, 1/min.
@@ -57,7 +76,7 @@ pub struct MillingParts {
 /// An `engagement` table. The cutter to which it applies may be in another table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
-pub struct DeclaredEngagement {
+pub(crate) struct DeclaredEngagement {
     /// What determines the engagement.
     pub mode: EngagementMode,
     /// Depth along the surface normal, m; 0 with [`EngagementMode::Stock`].
@@ -77,7 +96,7 @@ pub struct DeclaredEngagement {
 /// What determines an engagement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum EngagementMode {
+pub(crate) enum EngagementMode {
     /// The declared depth and width.
     Declared(Mode),
     /// `mode = "stock"`: the material that is left of the blank.
@@ -85,13 +104,22 @@ pub enum EngagementMode {
 }
 
 /// A complete description of milling with one tool.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// let milling = cell.milling("tMill").expect("a complete description");
+/// println!("{} mm, {} teeth", 1e3 * milling.cutter.diameter, milling.cutter.teeth);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct MillingCut {
     /// The cutter.
     pub cutter: Cutter,
     /// How it meets the material.
-    pub engagement: Engaged,
+    pub engagement: EngagementSource,
     /// Feed per tooth, m; `None` computes it from feed, spindle speed and number of teeth.
     pub feed_per_tooth: Option<f64>,
     /// Spindle speed if the program states none, 1/min.
@@ -101,9 +129,20 @@ pub struct MillingCut {
 }
 
 /// How the cutter of a [`MillingCut`] meets the material.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// use deflex::cell::EngagementSource;
+///
+/// let milling = cell.milling("tMill").expect("a complete description");
+/// assert!(matches!(milling.engagement, EngagementSource::Declared(_)));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
-pub enum Engaged {
+pub enum EngagementSource {
     /// The declared engagement at every target. Its feed per tooth is a placeholder if the program's feed determines it.
     Declared(Engagement),
     /// The engagement that follows from the stock.
@@ -111,6 +150,16 @@ pub enum Engaged {
 }
 
 /// A table that a run needs and that the cell does not have.
+///
+/// # Examples
+/// ```
+/// use deflex::{cell::Cell, text::Source};
+///
+/// let text = "[robot]\nmodel = \"irb6660-205-1.9\"\n[cut]\nforce = \"none\"\n";
+/// let cell = Cell::read(&Source::new("cell.toml", text))?;
+/// assert_eq!(cell.milling("tMill").expect_err("there is no cutter").part, "cutter");
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the cell has neither [tools.X.{part}] nor [cut.{part}]")]
 pub struct MissingCutKey {
@@ -149,8 +198,8 @@ impl MillingParts {
         let declared = self.engagement.or(shared.engagement).ok_or(missing("engagement"))?;
         let coefficients = self.coefficients.or(shared.coefficients).ok_or(missing("coefficients"))?;
         let engagement = match declared.mode {
-            EngagementMode::Stock => Engaged::Stock,
-            EngagementMode::Declared(mode) => Engaged::Declared(Engagement {
+            EngagementMode::Stock => EngagementSource::Stock,
+            EngagementMode::Declared(mode) => EngagementSource::Declared(Engagement {
                 mode,
                 depth: declared.depth,
                 // A slot is as wide as its cutter.
@@ -202,7 +251,7 @@ pub(super) fn cut(check: &mut Check, raw: &raw::Cut, tools: &BTreeMap<String, Mi
     for (key, parts) in own.chain([("cut".to_owned(), &MillingParts::default())]) {
         // Checks the parts together. Missing parts are an error only when a tool needs them, and each part alone was
         // checked when it was read.
-        if let Ok(MillingCut { cutter, engagement: Engaged::Declared(engagement), coefficients, .. }) =
+        if let Ok(MillingCut { cutter, engagement: EngagementSource::Declared(engagement), coefficients, .. }) =
             parts.over(&milling)
             && check.errors.is_empty()
             && let Err(error) = Milling::new(cutter, engagement, coefficients)

@@ -6,6 +6,16 @@ use crate::text::Diagnostic;
 use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, Value};
 
 /// An effect to add to a cell file. It replaces an effect of the same kind.
+///
+/// # Examples
+/// ```
+/// use deflex::cell::{NewEffect, extended};
+///
+/// let table = "kind = \"backlash\"\nhalf_gap_rad = [0.0, 0.0, 0.0, 0.0, 0.0, 1e-4]".parse().expect("a table");
+/// let effect = NewEffect { table, uncertainty: None, provenance: Default::default() };
+/// assert!(extended("[robot]\nmodel = \"irb6660-205-1.9\"\n", &[effect])?.contains("half_gap_rad"));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct NewEffect {
     /// The `[[effect]]` table, including `kind`.

@@ -18,13 +18,16 @@ mod uncertainty;
 mod unit;
 mod urdf;
 
-pub use crate::text::nearest;
+pub(crate) use crate::text::nearest;
 pub use backup::backup_template;
-pub use cut::{Cut, CutForce, DeclaredEngagement, Engaged, EngagementMode, MillingCut, MillingParts, MissingCutKey};
+pub(crate) use cut::MillingParts;
+pub use cut::{Cut, CutForce, EngagementSource, MillingCut, MissingCutKey};
 pub use extend::{NewEffect, extended, with_path_law};
-pub use plan::{Instrument, PlanSection};
-pub use stock::{HeldPart, PartSection, StockSection};
-pub use template::{described_template, examples_left, template};
+pub(crate) use plan::{Instrument, PlanSection};
+pub(crate) use stock::HeldPart;
+pub use stock::{PartSection, StockSection};
+pub(crate) use template::examples_left;
+pub use template::{described_template, template};
 pub use uncertainty::Uncertainty;
 pub(crate) use unit::MOST_FREE;
 pub use urdf::{Described, described};
@@ -70,7 +73,7 @@ pub struct Cell {
     pub tools: BTreeMap<String, ToolFrame>,
     /// The tables `[tools.X.cutter]`, `[tools.X.engagement]` and `[tools.X.coefficients]` of tools that have any, by
     /// name in upper case.
-    pub tool_milling: BTreeMap<String, MillingParts>,
+    pub(crate) tool_milling: BTreeMap<String, MillingParts>,
     /// Work objects by name in upper case: the object frame in the world frame.
     pub wobjs: BTreeMap<String, Pose>,
     /// Index of the mechanical unit that carries a work object, by the name of the work object in upper case. The pose
@@ -97,7 +100,7 @@ pub struct Cell {
     /// The `[part]` table, if there is one.
     pub part: Option<PartSection>,
     /// The `[plan]` table, if there is one.
-    pub plan: Option<PlanSection>,
+    pub(crate) plan: Option<PlanSection>,
     /// `[measured] columns`: names of the columns in the measured files and tables of forces.
     pub columns: Option<ColumnNames>,
     /// The language of the robot's controller; `None` if the cell does not show it.
@@ -106,21 +109,21 @@ pub struct Cell {
 
 impl Cell {
     /// The names of declared tools or work objects, spelled as in the file, for messages.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::{cell::Cell, text::Source};
-    /// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/blade/cell.toml")?))?;
-    /// assert_eq!(cell.names_of(&cell.tools), ["tMill"]);
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
-    pub fn names_of<'a, T>(&'a self, declared: &'a BTreeMap<String, T>) -> Vec<&'a str> {
+    pub(crate) fn names_of<'a, T>(&'a self, declared: &'a BTreeMap<String, T>) -> Vec<&'a str> {
         declared.keys().map(|name| self.spelled.get(name).map_or(&**name, String::as_str)).collect()
     }
 }
 
 /// The `[limits]` table: limits beyond which a correction is refused or reported, m.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// assert_eq!(cell.limits.max_correction, 1e-3); // m
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CorrectionLimits {
     /// Largest correction of a target.
@@ -132,6 +135,14 @@ pub struct CorrectionLimits {
 }
 
 /// The `[controller]` table.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// assert!(cell.controller.declared && !cell.controller.gravity); // it compensates nothing
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Controller {
@@ -177,6 +188,15 @@ impl Controller {
 }
 
 /// The `[controller.path]` table.
+///
+/// # Examples
+/// ```
+/// use deflex::{cell::Cell, text::Source};
+///
+/// let cell = Cell::read(&Source::new("cell.toml", "[robot]\nmodel = \"irb6660-205-1.9\"\n"))?;
+/// assert!(cell.controller.path.is_none()); // the cell states no [controller.path]
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct ControllerPath {
@@ -194,13 +214,23 @@ pub struct ControllerPath {
 }
 
 /// The `[cl]` table.
+///
+/// # Examples
+/// ```
+/// use deflex::{cell::Cell, text::Source};
+///
+/// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/blade/cell.toml")?))?;
+/// let cl = cell.cl.expect("a [cl] table");
+/// println!("{:.0} degrees from a singular wrist", cl.singular_margin.to_degrees());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Cl {
     /// Options of the front end that reads CL data.
     pub options: ClOptions,
     /// `[cl.post]`: lines that call routines of the cell.
-    pub post: Templates,
+    pub(crate) post: Templates,
     /// Turn of the tool about its axis, which CL data leave free.
     pub spin: Spin,
     /// Smallest distance of axis 5 from a singular wrist, rad, where deflex chooses the turn.
@@ -214,6 +244,14 @@ impl Cl {
 
 /// Rule for the turn about the tool axis: the TCP's x axis points in a reference direction, projected onto the plane
 /// perpendicular to the tool axis, and is then turned by `turn` about this axis.
+///
+/// # Examples
+/// ```
+/// use deflex::cell::{Spin, SpinRule};
+///
+/// // The x axis of the TCP points in the direction of the feed.
+/// let spin = Spin { rule: SpinRule::Feed, turn: 0.0 };
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spin {
     /// Reference direction.
@@ -223,6 +261,14 @@ pub struct Spin {
 }
 
 /// Reference direction of [`Spin`].
+///
+/// # Examples
+/// ```
+/// use deflex::cell::SpinRule;
+/// use deflex::nalgebra::Vector3;
+///
+/// let towards = SpinRule::Towards(Vector3::new(0.1, 0.0, 0.0)); // m, in the work object
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SpinRule {
     /// The x axis of the work object.
@@ -236,6 +282,17 @@ pub enum SpinRule {
 }
 
 /// Frame of a constant force.
+///
+/// # Examples
+/// ```
+/// use deflex::cell::{Cell, CutForce, ForceFrame};
+/// use deflex::text::Source;
+///
+/// let text = "[robot]\nmodel = \"irb6660-205-1.9\"\n[cut]\nforce = \"constant\"\nforce_n = [0, 0, 90]\nframe = \"feed\"\n";
+/// let cell = Cell::read(&Source::new("cell.toml", text))?;
+/// assert!(matches!(cell.cut.expect("a cut").force, CutForce::Constant { frame: ForceFrame::Feed, .. }));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ForceFrame {

@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 /// The `[plan]` table.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
-pub struct PlanSection {
+pub(crate) struct PlanSection {
     /// Work object whose frame is that of the box, the loads and the measured points.
     pub wobj: String,
     /// The tool with which is measured.
@@ -35,7 +35,7 @@ pub struct PlanSection {
 
 /// The quantity that an instrument measures for a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Instrument {
+pub(crate) enum Instrument {
     /// The position of the TCP in the work object.
     Position,
     /// The error along the surface normal, which is the tool axis.

@@ -280,7 +280,7 @@ fn robot(check: &mut Check, raw: &raw::Robot) -> Option<Robot> {
         check.positive(&format!("{key}.axis_speed_deg_s"), speed);
     }
     let axis_speed = own.axis_speed_deg_s.map(|speed| speed.map(f64::to_radians).into());
-    Some(Robot::new(raw.model.clone(), rows, axes, limits).as_fast_as(axis_speed).standing_at(world_from_base))
+    Some(Robot::new(raw.model.clone(), rows, axes, limits).with_axis_speed(axis_speed).standing_at(world_from_base))
 }
 
 /// The rows of `links`, if all are complete and finite.

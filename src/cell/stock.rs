@@ -10,6 +10,15 @@ use nalgebra::Vector3;
 use std::sync::Arc;
 
 /// The `[stock]` table.
+///
+/// # Examples
+/// ```
+/// use deflex::{cell::Cell, text::Source};
+///
+/// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/stock/cell.toml")?))?;
+/// assert!(cell.stock.expect("a [stock] table").blank.is_some());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct StockSection {
@@ -24,13 +33,22 @@ pub struct StockSection {
 }
 
 /// The `[part]` table: the nominal part, in the frame of the stock.
+///
+/// # Examples
+/// ```
+/// use deflex::{cell::Cell, text::Source};
+///
+/// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/wall/cell.toml")?))?;
+/// println!("mesh of the part: {:?}", cell.part.expect("a [part] table").stl);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct PartSection {
     /// File of the part's mesh, relative to the cell file, if it has one.
     pub stl: Option<String>,
     /// Material and clamps of the part, from which its deflection is computed; `None` if the cell states none.
-    pub held: Option<HeldPart>,
+    pub(crate) held: Option<HeldPart>,
     /// The mesh, after [`Cell::take_meshes`] has read it.
     pub mesh: Option<Arc<ClosedMesh>>,
 }
@@ -38,7 +56,7 @@ pub struct PartSection {
 /// The tables `[part.material]` and `[[part.clamp]]`.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
-pub struct HeldPart {
+pub(crate) struct HeldPart {
     /// Young's modulus (N/mm²) and Poisson's ratio.
     pub material: Material,
     /// Clamps in the frame of the stock, mm and N/mm.

@@ -442,17 +442,8 @@ fn kinematics(robot: &Builtin) -> String {
 }
 
 /// A warning if a cell file still contains example values of [`template`], which are followed by its mark.
-///
-/// # Examples
-/// ```
-/// use deflex::cell::examples_left;
-/// use deflex::text::Source;
-///
-/// let warning = examples_left(&Source::new("cell.toml", "mass_kg = 18.0   # << the tool's\n"));
-/// assert!(warning.is_some());
-/// ```
 #[must_use]
-pub fn examples_left(source: &Source) -> Option<Diagnostic> {
+pub(crate) fn examples_left(source: &Source) -> Option<Diagnostic> {
     let text = source.text(Span::new(0, source.bytes.len()));
     let (mut lines, mut first, mut start) = (Vec::new(), None, 0);
     for (i, line) in text.split_inclusive('\n').enumerate() {

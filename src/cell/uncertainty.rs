@@ -8,6 +8,13 @@ use nalgebra::DMatrix;
 const MANY: usize = 64;
 
 /// Uncertainty of an effect's parameters, in their order and units.
+///
+/// # Examples
+/// ```
+/// use deflex::cell::Uncertainty;
+///
+/// let uncertainty = Uncertainty::Own(vec![vec![1e-8]]); // the variance of one parameter
+/// ```
 #[derive(Clone, Debug)]
 pub enum Uncertainty {
     /// The covariance matrix, row by row.

@@ -18,6 +18,18 @@ const SAME: f64 = 1e-12;
 const TRIALS: usize = 32;
 
 /// A robot read from a description.
+///
+/// # Examples
+/// ```
+/// use deflex::cell::{Described, described};
+/// use deflex::text::Source;
+///
+/// /// The name of the robot in a description.
+/// fn name(description: &Source) -> Option<String> {
+///     described(description, None).ok().map(|Described { name, .. }| name)
+/// }
+/// assert!(name(&Source::new("arm.urdf", "<robot name=\"arm\"/>")).is_none()); // it has no joints
+/// ```
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Described {

@@ -88,6 +88,14 @@ impl Context {
 }
 
 /// A cell, and the file from which it was read.
+///
+/// # Examples
+/// ```
+/// use deflex::cli::session::CellFile;
+///
+/// let cell = CellFile::read("samples/slot/cell.toml".as_ref())?;
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Debug)]
 pub struct CellFile {
     /// Path as the user typed it.

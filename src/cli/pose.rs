@@ -6,7 +6,7 @@ use super::output::{Outputs, is_stdout, print};
 use super::{Answer, Outcome, message};
 use deflex::cell::{Cell, examples_left, nearest};
 use deflex::program::orientation::{quaternion, rotation, rotation_vector, xyz_deg, zyx_deg};
-use deflex::program::{Confdata, Config, Language, Status};
+use deflex::program::{Confdata, Config, Language, StatusAndTurn};
 use deflex::robot::{
     AxisName, EXTERNAL_AXES, External, Joints, Pose, Robot, Unit, UnitKind, confdata_of, config_of, status_of,
 };
@@ -214,7 +214,7 @@ impl Frames<'_> {
 /// The posture of the joints in the notation of each maker's controllers.
 struct Configuration {
     quarters: Confdata,
-    status: Status,
+    status: StatusAndTurn,
     turns: Config,
 }
 
@@ -229,7 +229,7 @@ impl Configuration {
     fn in_words(&self, language: Option<Language>) -> (&'static str, String) {
         match language {
             Some(Language::Krl) => {
-                let Status { status, turn } = self.status;
+                let StatusAndTurn { status, turn } = self.status;
                 ("KUKA S, T", format!("S {status}, T {turn}  (S 'B{status:03b}', T 'B{turn:06b}')"))
             }
             Some(Language::Ls) => ("FANUC CONFIG", format!("'{}'", self.turns)),
@@ -242,7 +242,7 @@ impl Configuration {
 
     /// Adds all notations to an answer.
     fn add_to(&self, answer: &mut Value) {
-        let (Confdata { cf1, cf4, cf6, cfx }, Status { status, turn }) = (self.quarters, self.status);
+        let (Confdata { cf1, cf4, cf6, cfx }, StatusAndTurn { status, turn }) = (self.quarters, self.status);
         answer["confdata"] = json!([cf1, cf4, cf6, cfx]);
         (answer["status"], answer["turn"]) = (status.into(), turn.into());
         answer["config"] = self.turns.to_string().into();

@@ -352,19 +352,7 @@ impl Prepared {
     ///
     /// # Errors
     /// As [`Prepared::new`], of both programs; targets that are neither the original's nor on its path.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::{cell::Cell, program::rapid, text::Source};
-    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
-    /// use deflex::correct::{Options, Prepared};
-    ///
-    /// let prepared = Prepared::judged_by(&program, &program, &cell, &Options::default())?;
-    /// assert_eq!(prepared.points.len(), program.motion_targets());
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
-    pub fn judged_by(
+    pub(crate) fn judged_by(
         original: &Program,
         program: &Program,
         cell: &Cell,

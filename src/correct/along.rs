@@ -54,6 +54,13 @@ const MOST_PIECES: usize = 20_000;
 const FAR_TOO_FAST: f64 = 10.0;
 
 /// A kind of fault on the segment to a target.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::WayFault;
+///
+/// assert_eq!(WayFault::AxisLimit.code(), "axis-limit");
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum WayFault {
@@ -71,15 +78,8 @@ impl WayFault {
     const ALL: [Self; 4] = [Self::AxisLimit, Self::AxisSpeed, Self::Singular, Self::Unreachable];
 
     /// Whether a message has the code of one of these.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::correct::WayFault;
-    ///
-    /// assert!(WayFault::is_code("singular") && !WayFault::is_code("cell.syntax"));
-    /// ```
     #[must_use]
-    pub fn is_code(code: &str) -> bool {
+    pub(crate) fn is_code(code: &str) -> bool {
         Self::ALL.iter().any(|fault| fault.code() == code)
     }
 
@@ -89,7 +89,7 @@ impl WayFault {
     /// ```
     /// use deflex::correct::WayFault;
     ///
-    /// assert!(WayFault::is_code(WayFault::Singular.code()));
+    /// assert_eq!(WayFault::Singular.code(), "singular");
     /// ```
     #[must_use]
     pub fn code(self) -> &'static str {
@@ -103,6 +103,18 @@ impl WayFault {
 }
 
 /// The worst fault of a kind on the segment to a target.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+/// for finding in &corrected.on_the_way {
+///     println!("{} at target {}", finding.fault.code(), finding.index);
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct WayFinding {
@@ -123,7 +135,7 @@ pub struct WayFinding {
 impl WayFinding {
     /// The finding as a message at its line.
     #[must_use]
-    pub fn diagnostic(&self, program: &Program) -> Diagnostic {
+    pub(crate) fn diagnostic(&self, program: &Program) -> Diagnostic {
         let target = &program.targets[self.index];
         let message = format!("target {}: {}", target.ordinal, self.text());
         let help = match self.fault {

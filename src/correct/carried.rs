@@ -38,6 +38,16 @@ pub(super) struct Carried<'a> {
 }
 
 /// The turns about the tool axis, and the positions of free external axes, that were chosen along a program.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::{ChosenTurns, Options};
+///
+/// /// The options for a run with turns that were chosen before.
+/// fn with_turns(turns: ChosenTurns) -> Options {
+///     Options { turns: Some(turns), ..Options::default() }
+/// }
+/// ```
 #[derive(Clone, Debug)]
 pub struct ChosenTurns {
     pub(super) chosen: Arc<[Chosen]>,

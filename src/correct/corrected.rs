@@ -9,6 +9,17 @@ use crate::text::Diagnostic;
 use serde::Serialize;
 
 /// A corrected program.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+/// assert!(corrected.failures.is_empty() && corrected.rewritten.is_some());
+/// println!("{} rows", corrected.rows.len());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Debug, Default)]
 #[non_exhaustive]
 pub struct Corrected {
@@ -43,6 +54,18 @@ impl Corrected {
 }
 
 /// A corrected point for a program that is written anew (CL to RAPID).
+///
+/// # Examples
+/// ```
+/// use deflex::{cell::Cell, correct, program::cl, text::Source};
+///
+/// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/blade/cell.toml")?))?;
+/// let file = Source::new("blade.aptsource", std::fs::read("samples/blade/blade.aptsource")?);
+/// let program = cl::read(file, &cell.cl.as_ref().expect("[cl]").options)?;
+/// let corrected = correct::compensate(&program, &cell, &Default::default())?;
+/// println!("{:?} mm", corrected.posted[0].position_mm);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Posted {
@@ -61,6 +84,14 @@ pub struct Posted {
 }
 
 /// Figures of the driven path of a program.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::DrivenFigures;
+///
+/// let figures = DrivenFigures { max_mm: 0.12, run_time_s: 310.0 };
+/// println!("{} mm, {} s", figures.max_mm, figures.run_time_s);
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct DrivenFigures {
     /// Largest distance between the driven, loaded path and the programmed one, mm: on the segments to targets that cut, or to all targets
@@ -71,6 +102,17 @@ pub struct DrivenFigures {
 }
 
 /// The driven path of a program before and after its correction.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::DrivenSummary;
+///
+/// /// Whether the driven path is within its tolerance after the correction.
+/// fn is_good(driven: &DrivenSummary) -> Option<bool> {
+///     Some(driven.corrected?.max_mm <= driven.tolerance_mm?)
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct DrivenSummary {
     /// Figures of the program as it is.

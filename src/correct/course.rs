@@ -14,6 +14,19 @@ use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
 /// A program as waypoints of its controller.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// # let prepared = deflex::correct::Prepared::new(&program, &cell, &Default::default())?;
+/// use deflex::correct::Course;
+///
+/// let course = Course::new(&program, &cell, &prepared)?;
+/// assert!(course.waypoints.len() >= program.targets.len());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct Course {
     /// Ends of its motions.
@@ -59,6 +72,17 @@ impl<T> NotedWaypoints<T> {
 }
 
 /// One moment of the driven and loaded path, in the target's work object.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// let path = deflex::correct::loaded_path(&program, &cell, &Default::default())?;
+/// let sample = &path.samples[path.samples.len() / 2];
+/// println!("{:.1} s: {:.3} m/s, {:.0} N", sample.time, sample.feed, sample.force.norm());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub struct LoadedSample {
@@ -79,6 +103,16 @@ pub struct LoadedSample {
 }
 
 /// The driven and loaded path of a program.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// let path = deflex::correct::loaded_path(&program, &cell, &Default::default())?;
+/// assert!(!path.samples.is_empty());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct LoadedPath {
@@ -91,7 +125,7 @@ pub struct LoadedPath {
 impl LoadedSample {
     /// Position of the TCP, mm, and its orientation, scalar first.
     #[must_use]
-    pub fn position_and_quat(&self) -> ([f64; 3], [f64; 4]) {
+    pub(crate) fn position_and_quat(&self) -> ([f64; 3], [f64; 4]) {
         frames::millimetres(&self.wobj_from_tcp)
     }
 }

@@ -23,6 +23,17 @@ use std::sync::Arc;
 pub(super) const JUMP_WITHIN: f64 = 0.5e-3;
 
 /// The remaining error on the segment to a target.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+/// let longest = corrected.rows.iter().filter_map(|row| row.path).map(|path| path.length_mm).fold(0.0, f64::max);
+/// assert!(longest > 0.0); // mm
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PathDeviation {
     /// Largest distance of the tip from the programmed path, mm.

@@ -15,6 +15,14 @@ use std::io::{self, Write};
 use std::sync::{Mutex, PoisonError};
 
 /// The receivers of the results of a streamed program.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::Sinks;
+///
+/// // Discards the report and the progress of a long program.
+/// let sinks = Sinks { report: &mut std::io::sink(), rows: &|_| vec![], each: &mut |_| (), progress: &|_, _| () };
+/// ```
 pub struct Sinks<'a> {
     /// Report rows, as a format of [`report`](crate::report) writes them; flushed after the last.
     pub report: &'a mut (dyn Write + Send),
@@ -27,6 +35,16 @@ pub struct Sinks<'a> {
 }
 
 /// The results of a program that was streamed to its end.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::Streamed;
+///
+/// /// Whether the output of a long program may be used.
+/// fn is_good(streamed: &Streamed) -> bool {
+///     streamed.failures.is_empty()
+/// }
+/// ```
 #[derive(Debug)]
 pub struct Streamed {
     /// Counts and sizes.
@@ -49,7 +67,7 @@ pub struct Streamed {
 impl Streamed {
     /// Whether a target has this name.
     #[must_use]
-    pub fn has_target(&self, name: &str) -> bool {
+    pub(crate) fn has_target(&self, name: &str) -> bool {
         self.names.iter().any(|names| names.uses(name))
     }
 
@@ -59,6 +77,17 @@ impl Streamed {
 }
 
 /// Why a program was not streamed to its end.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::StreamError;
+///
+/// /// Whether the program has to be read as a whole.
+/// fn needs_memory(error: &StreamError) -> bool {
+///     matches!(error, StreamError::NotStreamable)
+/// }
+/// assert!(needs_memory(&StreamError::NotStreamable));
+/// ```
 #[derive(Debug)]
 pub enum StreamError {
     /// Its meaning is known only to [`compensate`](super::compensate), which reads the whole program.

@@ -21,19 +21,29 @@ use std::io::{Read, Seek};
 use std::sync::Mutex;
 
 /// The judge of the results of each chunk.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::Judge;
+///
+/// /// How many findings a run has kept at most.
+/// fn most(judge: &Judge<'_>) -> usize {
+///     judge.refusals
+/// }
+/// ```
 pub struct Judge<'a> {
     /// Whether the program is corrected too, for the limits that a correction would exceed.
     pub corrects: bool,
     /// Most refusals that are kept.
     pub refusals: usize,
     /// Computes the findings of a chunk.
-    pub findings: &'a (dyn Fn(Judged<'_>) -> Vec<Diagnostic> + Sync),
+    pub(crate) findings: &'a (dyn Fn(Judged<'_>) -> Vec<Diagnostic> + Sync),
     /// Receives the findings, in running order.
     pub found: &'a mut (dyn FnMut(Vec<Diagnostic>) + Send),
 }
 
 /// A chunk of a program, or all of it, with the prediction for the cell.
-pub struct Judged<'a> {
+pub(crate) struct Judged<'a> {
     /// The program.
     pub program: &'a Program,
     /// One row for each executed motion, in running order; targets that failed have none.

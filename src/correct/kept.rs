@@ -41,6 +41,18 @@ pub enum KeptReason {
 }
 
 /// How many targets were kept, or not judged, for a reason.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+/// for kept in deflex::correct::Summary::of(&corrected.rows).kept {
+///     println!("{} targets: {}", kept.count, kept.reason);
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct KeptCount {
     /// Reason.

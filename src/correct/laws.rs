@@ -1,7 +1,7 @@
 //! The cutting forces of a cell along a path: which motions cut, and the laws of their forces.
 
 use super::load::{Follows, PointLoad, Through};
-use crate::cell::{Cell, CutForce, Engaged, ForceFrame, MillingCut};
+use crate::cell::{Cell, CutForce, EngagementSource, ForceFrame, MillingCut};
 use crate::cutting::{FeedTable, ForceTable, Lean, Milling};
 use crate::effects::ForceLaw;
 use crate::lanes::{LaneMask, Vector};
@@ -137,8 +137,8 @@ impl<'a> Laws<'a> {
             // A missing value is reported where it is needed.
             let milling = self.cell.milling(name).ok().filter(|_| mechanistic);
             let lean = match milling.as_ref().map(|milling| milling.engagement) {
-                Some(Engaged::Declared(engagement)) => Lean::new(engagement.lead, engagement.tilt),
-                Some(Engaged::Stock) | None => Lean::new(0.0, 0.0),
+                Some(EngagementSource::Declared(engagement)) => Lean::new(engagement.lead, engagement.tilt),
+                Some(EngagementSource::Stock) | None => Lean::new(0.0, 0.0),
             };
             self.tools.push((name.to_ascii_uppercase(), ToolCut { lean, milling, table: None, front: None }));
             self.tools.len() - 1
@@ -207,7 +207,7 @@ impl<'a> Laws<'a> {
     /// Whether a tool's force follows from the stock.
     fn follows_stock(&self, tool: usize) -> bool {
         let milling = self.tools[tool].1.milling.as_ref();
-        self.cell.stock.is_some() && milling.is_some_and(|milling| milling.engagement == Engaged::Stock)
+        self.cell.stock.is_some() && milling.is_some_and(|milling| milling.engagement == EngagementSource::Stock)
     }
 
     /// The cutter of a motion through the stock; `None` without a stock, or if the cutter is not declared.
@@ -322,7 +322,10 @@ impl<'a> Laws<'a> {
         let shared = self.tools.iter().find_map(|(_, other)| other.table.clone().filter(|_| same(other)));
         let table = match (shared, &cut.milling) {
             (Some(shared), _) => shared,
-            (None, Some(MillingCut { cutter, engagement: Engaged::Declared(engagement), coefficients, .. })) => {
+            (
+                None,
+                Some(MillingCut { cutter, engagement: EngagementSource::Declared(engagement), coefficients, .. }),
+            ) => {
                 let milling = Milling::new(*cutter, *engagement, *coefficients).map_err(|error| {
                     let message = format!("the cut of tool `{name}`: {}: {}", error.field, error.message);
                     ("cell.cut", message, "check cutter, engagement and coefficients of the tool".to_owned())

@@ -15,26 +15,7 @@ use std::io::{self, Read, Seek, Write};
 ///
 /// # Errors
 /// See [`StreamError`]; what was written until then must not be used.
-///
-/// # Examples
-/// ```
-/// # use deflex::cell::Cell;
-/// # use deflex::correct::{Options, Sinks, StreamError, Streamed};
-/// use deflex::correct::compensate_long;
-/// use deflex::program::{InChunks, LongText};
-/// use std::io::{Cursor, Write};
-///
-/// /// Corrects a long program, with its temporary file in memory.
-/// fn correct<T: LongText>(
-///     program: &InChunks<'_, T>,
-///     cell: &Cell,
-///     text: &mut (dyn Write + Send),
-///     sinks: &mut Sinks<'_>,
-/// ) -> Result<Streamed, StreamError> {
-///     compensate_long(program, || Ok(Cursor::new(Vec::new())), (cell, &Options::default(), 4), text, sinks)
-/// }
-/// ```
-pub fn compensate_long<T: LongText, S: Read + Write + Seek + Send>(
+pub(crate) fn compensate_long<T: LongText, S: Read + Write + Seek + Send>(
     program: &InChunks<'_, T>,
     scratch: impl FnOnce() -> io::Result<S>,
     (cell, options, threads): (&Cell, &Options, usize),
@@ -71,7 +52,7 @@ pub fn compensate_long<T: LongText, S: Read + Write + Seek + Send>(
 }
 
 /// The layout of the posted program for long CL data.
-pub struct LaidOut<'a> {
+pub(crate) struct LaidOut<'a> {
     poster: Poster,
     options: Cow<'a, Options>,
 }
@@ -82,7 +63,7 @@ impl<'a> LaidOut<'a> {
     ///
     /// # Errors
     /// See [`StreamError`]; [`StreamError::Refused`] as [`Poster::new`].
-    pub fn new<T: LongText>(
+    pub(crate) fn new<T: LongText>(
         program: &InChunks<'_, T>,
         (cell, options, threads): (&Cell, &'a Options, usize),
         post: &PostOptions,
@@ -100,13 +81,13 @@ impl<'a> LaidOut<'a> {
 
     /// The file that is started.
     #[must_use]
-    pub fn main_file(&self) -> &str {
+    pub(crate) fn main_file(&self) -> &str {
         self.poster.main_file()
     }
 
     /// Number of files.
     #[must_use]
-    pub fn files(&self) -> usize {
+    pub(crate) fn files(&self) -> usize {
         self.poster.files()
     }
 }
@@ -116,26 +97,7 @@ impl<'a> LaidOut<'a> {
 ///
 /// # Errors
 /// See [`StreamError`]; what was written until then must not be used.
-///
-/// # Examples
-/// ```
-/// # use deflex::cell::Cell;
-/// # use deflex::correct::{Options, Sinks, StreamError, Streamed};
-/// use deflex::correct::{LaidOut, post_long};
-/// use deflex::program::{InChunks, LongText};
-/// use std::fs::File;
-///
-/// /// Posts long CL data with their layout.
-/// fn post<T: LongText>(
-///     program: &InChunks<'_, T>,
-///     laid_out: &LaidOut<'_>,
-///     cell: &Cell,
-///     sinks: &mut Sinks<'_>,
-/// ) -> Result<Streamed, StreamError> {
-///     post_long(program, laid_out, (cell, 4), |name| File::create(name), sinks)
-/// }
-/// ```
-pub fn post_long<T: LongText, W: Write + Send>(
+pub(crate) fn post_long<T: LongText, W: Write + Send>(
     program: &InChunks<'_, T>,
     laid_out: &LaidOut<'_>,
     (cell, threads): (&Cell, usize),
@@ -152,20 +114,7 @@ pub fn post_long<T: LongText, W: Write + Send>(
 ///
 /// # Errors
 /// See [`StreamError`].
-///
-/// # Examples
-/// ```
-/// # use deflex::cell::Cell;
-/// # use deflex::correct::{Options, Sinks, StreamError, Streamed};
-/// use deflex::correct::predict_long;
-/// use deflex::program::{InChunks, LongText};
-///
-/// /// Predicts the errors of a long program as it is.
-/// fn predict<T: LongText>(program: &InChunks<'_, T>, cell: &Cell, sinks: &mut Sinks<'_>) -> Result<Streamed, StreamError> {
-///     predict_long(program, None, (cell, &Options::default(), 4), None, sinks)
-/// }
-/// ```
-pub fn predict_long<T: LongText>(
+pub(crate) fn predict_long<T: LongText>(
     program: &InChunks<'_, T>,
     original: Option<&LongProgram<'_, T>>,
     (cell, options, threads): (&Cell, &Options, usize),

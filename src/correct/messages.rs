@@ -5,6 +5,16 @@ use crate::program::Program;
 use crate::text::Diagnostic;
 
 /// The first messages, and the number of all.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::Streamed;
+///
+/// /// Why a long program as a whole is refused.
+/// fn refusals(streamed: &Streamed) -> String {
+///     format!("{:?}", streamed.refused)
+/// }
+/// ```
 #[derive(Clone, Debug)]
 pub struct Messages {
     first: Vec<Diagnostic>,
@@ -22,29 +32,13 @@ impl Default for Messages {
 
 impl Messages {
     /// An empty list; messages beyond `most` will only be counted.
-    ///
-    /// # Examples
-    /// ```
-    /// assert!(deflex::correct::Messages::with_room(100).is_empty());
-    /// ```
     #[must_use]
-    pub fn with_room(most: usize) -> Self {
+    pub(crate) fn with_room(most: usize) -> Self {
         Self { first: Vec::new(), count: 0, most }
     }
 
     /// Adds messages.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::correct::Messages;
-    /// use deflex::text::Diagnostic;
-    ///
-    /// let mut messages = Messages::with_room(1);
-    /// messages.add(vec![Diagnostic::error("a.code", "a.mod", "first"), Diagnostic::error("a.code", "a.mod", "second")]);
-    /// let (kept, more) = messages.into_parts();
-    /// assert_eq!((kept.len(), more), (1, 1));
-    /// ```
-    pub fn add(&mut self, messages: Vec<Diagnostic>) {
+    pub(crate) fn add(&mut self, messages: Vec<Diagnostic>) {
         self.count += messages.len();
         let room = self.most - self.first.len();
         self.first.extend(messages.into_iter().take(room));
@@ -69,14 +63,8 @@ impl Messages {
     }
 
     /// The first messages, and the number of the others.
-    ///
-    /// # Examples
-    /// ```
-    /// let (messages, more) = deflex::correct::Messages::default().into_parts();
-    /// assert!(messages.is_empty() && more == 0);
-    /// ```
     #[must_use]
-    pub fn into_parts(self) -> (Vec<Diagnostic>, usize) {
+    pub(crate) fn into_parts(self) -> (Vec<Diagnostic>, usize) {
         let more = self.count - self.first.len();
         (self.first, more)
     }

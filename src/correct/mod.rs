@@ -70,11 +70,13 @@ pub use deviation::PathDeviation;
 pub use driven::loaded_path;
 pub use flow::{Sinks, StreamError, Streamed};
 pub(crate) use frames::named_tool;
-pub use free_turn::{choose_turns, has_free_turns};
-pub use judge::{Judge, Judged, predict_chunks};
+pub use free_turn::choose_turns;
+pub(crate) use free_turn::has_free_turns;
+pub(crate) use judge::Judged;
+pub use judge::{Judge, predict_chunks};
 pub use kept::{KeptCount, KeptReason};
 pub use line::{compensate, predict};
-pub use long::{LaidOut, compensate_long, post_long, predict_long};
+pub(crate) use long::{LaidOut, compensate_long, post_long, predict_long};
 pub use messages::Messages;
 pub use point::Point;
 pub use poses::{ArmState, Standing, external_of, predict_poses, tool_of};
@@ -84,7 +86,7 @@ pub use row::{Row, RowNames, Stance, Status, Stiffness, Summary};
 pub use shaped::{DrivenCompensation, compensate_driven};
 pub(crate) use sigma::SIGMA_STEP;
 pub(crate) use stance::millimetres_and_degrees;
-pub use stream::{compensate_chunks, compensate_declared, compensate_executed, count_chunks, post_chunks};
+pub use stream::{compensate_chunks, compensate_declared, compensate_executed, post_chunks};
 
 use crate::cell::{Cell, CutForce, SpinRule};
 use crate::effects::{Presliding, Situation, ToolFrame};
@@ -100,6 +102,13 @@ use mount::Mount;
 use std::sync::Arc;
 
 /// The part of a target's pose that is corrected.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::{Correct, Options};
+///
+/// let options = Options { correct: Correct::Position, ..Options::default() }; // orientations stay as they are
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Correct {
@@ -156,16 +165,8 @@ impl Options {
 
 /// Whether programs of a cell can only be corrected as a whole: they cut a stock, or the whole path is checked for the accelerations of its
 /// axes.
-///
-/// # Examples
-/// ```
-/// # use deflex::{cell::Cell, text::Source};
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
-/// assert!(!deflex::correct::holds_whole(&cell)); // the cell has no stock
-/// # Ok::<(), deflex::text::Diagnostics>(())
-/// ```
 #[must_use]
-pub fn holds_whole(cell: &Cell) -> bool {
+pub(crate) fn holds_whole(cell: &Cell) -> bool {
     cell.stock.is_some() || cell.controller.path.is_some_and(|path| path.axis_acceleration.is_some())
 }
 
@@ -177,6 +178,20 @@ fn is_held_whole(cell: &Cell, options: &Options) -> bool {
 
 /// A program with everything that precedes its equilibria. Callers with computations of their own use it, such as the alignment of
 /// measured rows.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// use deflex::correct::{Options, Prepared};
+///
+/// let prepared = Prepared::new(&program, &cell, &Options::default())?;
+/// assert_eq!(prepared.points.len(), program.targets.len());
+/// let pose = prepared.points[0].wobj_from_tcp;
+/// assert!((prepared.seen(0, pose).translation.vector - pose.translation.vector).norm() < 1e-9); // the tool moves, not the part
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Debug)]
 pub struct Prepared {
     /// One point for each target of the program, in running order, then those that were added between targets.
@@ -186,7 +201,7 @@ pub struct Prepared {
     /// The last point before these, if they are a chunk of a program.
     before: Option<Point>,
     /// How the first target's branch was chosen.
-    pub started: StartedFrom,
+    pub(crate) started: StartedFrom,
     shared: Arc<Shared>,
     /// Whether the turns about the tool axis were chosen, and are not the program's.
     turns_are_chosen: bool,
@@ -219,7 +234,7 @@ impl Prepared {
     /// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
     /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
     /// let prepared = Prepared::new(&program, &cell, &Options::default())?;
-    /// assert!(prepared.points.iter().all(|point| point.cuts()));
+    /// assert!(prepared.points.iter().all(|point| point.time >= 0.0));
     /// # Ok::<(), deflex::text::Diagnostics>(())
     /// ```
     pub fn new(program: &Program, cell: &Cell, options: &Options) -> Result<Self, Vec<Diagnostic>> {
@@ -375,34 +390,14 @@ impl Prepared {
     }
 
     /// External axes at point `i`, mm or degrees; NaN for one that is not known, `None` if there are none.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::{cell::Cell, program::rapid, text::Source};
-    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
-    /// # let prepared = deflex::correct::Prepared::new(&program, &cell, &Default::default())?;
-    /// assert!(prepared.external(0).is_none()); // the cell has no mechanical units
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
-    pub fn external(&self, i: usize) -> Option<&External> {
+    pub(crate) fn external(&self, i: usize) -> Option<&External> {
         self.points[i].moved.as_ref().map(|moved| &moved.external)
     }
 
     /// Why the target of point `i` is not solved; `None` if it is.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::{cell::Cell, program::rapid, text::Source};
-    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
-    /// # let prepared = deflex::correct::Prepared::new(&program, &cell, &Default::default())?;
-    /// assert!(prepared.unsolved(0).is_none());
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
-    pub fn unsolved(&self, i: usize) -> Option<KeptReason> {
+    pub(crate) fn unsolved(&self, i: usize) -> Option<KeptReason> {
         self.points[i].unsolved
     }
 

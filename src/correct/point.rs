@@ -13,6 +13,17 @@ use nalgebra::{Rotation3, Unit, Vector3};
 use std::sync::Arc;
 
 /// The data of one target before its equilibrium.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// # let prepared = deflex::correct::Prepared::new(&program, &cell, &Default::default())?;
+/// let point = &prepared.points[0];
+/// println!("{:.1} s, {:.3} m/s", point.time, point.velocity.norm());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Point {
     /// Index into the mounts: tool and work object.
@@ -294,18 +305,8 @@ impl Point {
     }
 
     /// Whether a cutting force acts.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::{cell::Cell, program::rapid, text::Source};
-    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
-    /// # let prepared = deflex::correct::Prepared::new(&program, &cell, &Default::default())?;
-    /// assert!(prepared.points[0].cuts());
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
-    pub fn cuts(&self) -> bool {
+    pub(crate) fn cuts(&self) -> bool {
         !matches!(self.load, PointLoad::Air)
     }
 

@@ -40,6 +40,15 @@ pub fn tool_of(cell: &Cell, name: Option<&str>) -> Result<ToolFrame, Vec<Diagnos
 }
 
 /// The axes in which poses are given, and the positions of mechanical units.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::{ArmState, Standing};
+///
+/// // Poses in the work object `wFixture`, at 24 °C.
+/// let state = ArmState { temperature_c: Some(&[24.0]), ..ArmState::default() };
+/// let standing = Standing { wobj: Some("wFixture"), state, ..Standing::default() };
+/// ```
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Standing<'a> {
     /// A work object of the cell; `None` is the robot's base.
@@ -51,6 +60,18 @@ pub struct Standing<'a> {
 }
 
 /// Travel, times and other values on which effects depend, one for each pose.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::ArmState;
+///
+/// // Axis 2 has moved in its positive direction, and the arm is warm after an hour.
+/// let state = ArmState {
+///     travel: Some(&[[0.0, 1.0, 0.0, 0.0, 0.0, 0.0]]),
+///     time_s: Some(&[3600.0]),
+///     ..ArmState::default()
+/// };
+/// ```
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ArmState<'a> {
     /// Motion of each axis to the pose, as the controller counts: only signs count, 0 for an axis that has not moved yet.

@@ -18,6 +18,21 @@ use smallvec::SmallVec;
 use std::sync::Arc;
 
 /// Properties of the posted program that CL data do not state.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::{PostOptions, RAPID_MM_S};
+/// use deflex::program::Language;
+///
+/// let options = PostOptions {
+///     name: "Blade".to_owned(),
+///     title: vec!["posted for the milling cell".to_owned()],
+///     max_targets: None,
+///     rapid_mm_s: RAPID_MM_S,
+///     feed_mm_s: None,
+///     language: Language::Rapid,
+/// };
+/// ```
 #[derive(Clone, Debug)]
 pub struct PostOptions {
     /// Name of the program, from which an identifier is made.
@@ -42,6 +57,18 @@ pub const RAPID_MM_S: f64 = 200.0;
 const CORNER_TOLERANCE_MM: f64 = 0.05;
 
 /// Data of a whole program on which the head of its posted program depends.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::{Outline, StreamError};
+/// use deflex::program::cl;
+///
+/// /// The number of points of long CL data.
+/// fn points(chunks: cl::Chunks<std::fs::File>) -> Result<usize, StreamError> {
+///     Ok(Outline::of_chunks(chunks, |_, _| ())?.points())
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct Outline {
     /// Number of points.
@@ -93,18 +120,7 @@ impl Outline {
     }
 
     /// Adds a program, or its next chunk.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::{correct::Outline, program::cl, text::Source};
-    /// # let source = Source::new("blade.aptsource", std::fs::read("samples/blade/blade.aptsource")?);
-    /// # let program = cl::read(source, &Default::default())?;
-    /// let mut outline = Outline::default();
-    /// outline.add(&program);
-    /// assert!(outline.points() > 2000);
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
-    pub fn add(&mut self, program: &Program) {
+    pub(crate) fn add(&mut self, program: &Program) {
         self.actions.add(program, self.points);
         self.points += program.targets.len();
         self.rapid |= program.targets.iter().any(|target| target.rapid);
@@ -151,6 +167,14 @@ impl Outline {
 }
 
 /// A program posted as a whole.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::PostedProgram;
+///
+/// let posted = PostedProgram { files: vec![("Blade.mod".to_owned(), b"MODULE Blade\n".to_vec())], notes: vec![] };
+/// assert_eq!(posted.files[0].0, "Blade.mod"); // the file to be started
+/// ```
 #[derive(Clone, Debug)]
 pub struct PostedProgram {
     /// Its files by name; the first one is to be started.
@@ -250,6 +274,19 @@ fn post_cl(program: &Program, corrected: &Corrected, options: &PostOptions) -> R
 }
 
 /// Posts a program whose outline is known, whole or a chunk at a time.
+///
+/// # Examples
+/// ```
+/// use deflex::cell::Cell;
+/// use deflex::correct::{Outline, PostOptions, Poster};
+/// use deflex::text::Diagnostic;
+///
+/// /// How many files a posted program will have.
+/// fn files(outline: Outline, cell: &Cell, options: &PostOptions) -> Result<usize, Vec<Diagnostic>> {
+///     Ok(Poster::new(outline, cell, options)?.files())
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Debug)]
 pub struct Poster {
     pub(super) post: PostWriter,
@@ -325,7 +362,7 @@ impl Poster {
 
     /// Name of the file to start.
     #[must_use]
-    pub fn main_file(&self) -> &str {
+    pub(crate) fn main_file(&self) -> &str {
         self.post.head().files.first().map_or("", |(_, name)| name)
     }
 

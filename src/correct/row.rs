@@ -8,6 +8,18 @@ use serde::Serialize;
 use std::sync::Arc;
 
 /// The result of a target.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+/// use deflex::correct::Status;
+///
+/// assert!(corrected.rows.iter().all(|row| row.status == Status::Ok)); // every target cuts
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Status {
@@ -21,6 +33,17 @@ pub enum Status {
 }
 
 /// Names that many rows share, as the program has them.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+/// let names = corrected.rows[0].names.as_ref().expect("names of tool and work object");
+/// println!("{} in {}", names.tool, names.wobj);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RowNames {
     /// File of the motion.
@@ -32,6 +55,17 @@ pub struct RowNames {
 }
 
 /// One row of the report: a target, its predicted error, its correction and what remains.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+/// let row = &corrected.rows[0];
+/// println!("line {}: error {:?} mm, correction {:?} mm", row.line, row.error_mm, row.correction_mm);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Row {
     /// Ordinal of the motion, from 1.
@@ -88,6 +122,19 @@ pub struct Row {
 }
 
 /// The posture of the arm at a target, as programmed.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// use deflex::correct::{Options, compensate};
+///
+/// let rows = compensate(&program, &cell, &Options { stance: true, ..Options::default() })?.rows;
+/// let stance = rows[0].stance.as_ref().expect("a target that is solved");
+/// println!("{:.1} degrees from the nearest limit", stance.limit_margin_deg);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stance {
     /// Axes as the controller counts them, degrees.
@@ -109,6 +156,19 @@ pub struct Stance {
 /// Stiffness of the TCP against a force on the tool, N/mm, at the force that acts there.
 ///
 /// C is the derivative of the TCP's position in the work object with respect to that force, through every effect of the cell.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// use deflex::correct::{Options, compensate};
+///
+/// let rows = compensate(&program, &cell, &Options { stiffness: true, ..Options::default() })?.rows;
+/// let stiffness = rows[0].stiffness.expect("a target that is solved");
+/// assert!(stiffness.least_n_per_mm < stiffness.most_n_per_mm);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stiffness {
     /// Along the surface normal n: 1/(nᵀCn).
@@ -247,19 +307,8 @@ impl Row {
     }
 
     /// Whether its numbers changed by more than the rounding of printing.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::{cell::Cell, program::rapid, text::Source};
-    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
-    /// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
-    /// let row = &corrected.rows[10];
-    /// assert!(row.is_corrected());
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
-    pub fn is_corrected(&self) -> bool {
+    pub(crate) fn is_corrected(&self) -> bool {
         let turned = self.correction_deg.iter().any(|angle| angle.abs() > ROUNDED_DEG);
         turned || Vector3::from(self.correction_mm).norm_squared() > ROUNDED_MM * ROUNDED_MM
     }
@@ -310,6 +359,17 @@ impl Row {
 
 /// Counts and sizes over a program, for the summary. `targets` is the sum of `corrected`, `unchanged`, `air`, `inserted` and the kept
 /// targets.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+/// let summary = deflex::correct::Summary::of(&corrected.rows);
+/// assert_eq!(summary.targets, summary.corrected + summary.unchanged + summary.air);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Summary {
@@ -369,19 +429,8 @@ impl Summary {
     }
 
     /// The same with targets that were inserted.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::{cell::Cell, program::rapid, text::Source};
-    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
-    /// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
-    /// let summary = deflex::correct::Summary::of(&corrected.rows).with_inserted(3);
-    /// println!("{summary:?}");
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
-    pub fn with_inserted(self, inserted: usize) -> Self {
+    pub(crate) fn with_inserted(self, inserted: usize) -> Self {
         Self { targets: self.targets + inserted, inserted: self.inserted + inserted, ..self }
     }
 }

@@ -31,6 +31,16 @@ const MOST_ROUNDS: usize = 6;
 const NAMED: usize = 5;
 
 /// A program that was corrected for its driven path.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::DrivenCompensation;
+///
+/// /// Whether the program may be written.
+/// fn is_good(done: &DrivenCompensation) -> bool {
+///     done.corrected.failures.is_empty()
+/// }
+/// ```
 #[derive(Debug)]
 pub struct DrivenCompensation {
     /// The program before the deflection is corrected: [`Corrected::rewritten`] has edits of its sources.

@@ -219,22 +219,7 @@ pub fn post_chunks<C: ChunkReader + Send, W: Write + Send>(
 ///
 /// # Errors
 /// See [`StreamError`].
-///
-/// # Examples
-/// ```
-/// # use deflex::cell::Cell;
-/// # use deflex::correct::{Options, Sinks, StreamError, Streamed};
-/// use deflex::correct::{Outline, count_chunks};
-/// use deflex::program::cl;
-/// use std::fs::File;
-///
-/// /// Counts the points of the posted program.
-/// fn points(chunks: cl::Chunks<File>, cell: &Cell, outline: &mut Outline) -> Result<usize, StreamError> {
-///     count_chunks(chunks, cell, &Options::default(), 4, outline, &|_, _| ())?;
-///     Ok(outline.points())
-/// }
-/// ```
-pub fn count_chunks<C: ChunkReader + Send>(
+pub(crate) fn count_chunks<C: ChunkReader + Send>(
     chunks: C,
     cell: &Cell,
     options: &Options,

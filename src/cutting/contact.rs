@@ -8,6 +8,21 @@ use nalgebra::{Unit, Vector3};
 const SQUARE_SINE: f64 = 1e-9;
 
 /// The lowest point of the cutter's envelope relative to the tip, feed frame, m.
+///
+/// # Examples
+/// ```
+/// use deflex::cutting::ContactPoint;
+/// use deflex::nalgebra::Vector3;
+///
+/// /// The height of the contact point over the tip, m.
+/// fn height(contact: &ContactPoint) -> f64 {
+///     match contact {
+///         ContactPoint::Point(point) | ContactPoint::Heel(point) => point.z,
+///         ContactPoint::FlatDisk => 0.0,
+///     }
+/// }
+/// assert_eq!(height(&ContactPoint::Point(Vector3::new(0.0, 0.0, 1e-3))), 1e-3);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ContactPoint {
     /// One point.

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 /// A [`ForceTable`] for one feed per tooth. Edge and cutting force are added beforehand, which halves the work.
 #[derive(Clone, Debug)]
-pub struct FeedTable {
+pub(crate) struct FeedTable {
     table: Arc<ForceTable>,
     feed_per_tooth: f64,
     /// Whether the table is valid at that feed.
@@ -35,19 +35,7 @@ struct Places {
 
 impl ForceTable {
     /// The table for one feed per tooth (m).
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::cutting::{Cutter, Engagement, Milling, Mode, materials};
-    /// # use deflex::nalgebra::Vector3;
-    /// # let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
-    /// # let engagement = Engagement { mode: Mode::Slot, depth: 1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
-    /// # let material = materials::find("ni-al-bronze").expect("a material");
-    /// # let milling = Milling::new(cutter, engagement, material.coefficients).expect("a possible cut");
-    /// # let table = std::sync::Arc::new(deflex::cutting::ForceTable::new(milling));
-    /// assert_eq!(table.at_feed(5e-5).feed_per_tooth(), 5e-5); // m
-    /// ```
-    pub fn at_feed(self: &Arc<Self>, feed_per_tooth: f64) -> FeedTable {
+    pub(crate) fn at_feed(self: &Arc<Self>, feed_per_tooth: f64) -> FeedTable {
         FeedTable::new(self, feed_per_tooth)
     }
 }
@@ -64,57 +52,18 @@ impl FeedTable {
     }
 
     /// The table for another feed per tooth (m).
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::cutting::{Cutter, Engagement, Milling, Mode, materials};
-    /// # use deflex::nalgebra::Vector3;
-    /// # let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
-    /// # let engagement = Engagement { mode: Mode::Slot, depth: 1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
-    /// # let material = materials::find("ni-al-bronze").expect("a material");
-    /// # let milling = Milling::new(cutter, engagement, material.coefficients).expect("a possible cut");
-    /// # let table = std::sync::Arc::new(deflex::cutting::ForceTable::new(milling));
-    /// assert_eq!(table.at_feed(5e-5).at_feed(6e-5).feed_per_tooth(), 6e-5);
-    /// ```
-    pub fn at_feed(&self, feed_per_tooth: f64) -> Self {
+    pub(crate) fn at_feed(&self, feed_per_tooth: f64) -> Self {
         Self::new(&self.table, feed_per_tooth)
     }
 
     /// Feed per tooth, m.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::cutting::{Cutter, Engagement, Milling, Mode, materials};
-    /// # use deflex::nalgebra::Vector3;
-    /// # let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
-    /// # let engagement = Engagement { mode: Mode::Slot, depth: 1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
-    /// # let material = materials::find("ni-al-bronze").expect("a material");
-    /// # let milling = Milling::new(cutter, engagement, material.coefficients).expect("a possible cut");
-    /// # let table = std::sync::Arc::new(deflex::cutting::ForceTable::new(milling));
-    /// assert_eq!(table.at_feed(5e-5).feed_per_tooth(), 5e-5); // m
-    /// ```
-    pub fn feed_per_tooth(&self) -> f64 {
+    pub(crate) fn feed_per_tooth(&self) -> f64 {
         self.feed_per_tooth
     }
 
     /// [`ForceTable::mean_force`].
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::cutting::{Cutter, Engagement, Milling, Mode, materials};
-    /// # use deflex::nalgebra::Vector3;
-    /// # let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
-    /// # let engagement = Engagement { mode: Mode::Slot, depth: 1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
-    /// # let material = materials::find("ni-al-bronze").expect("a material");
-    /// # let milling = Milling::new(cutter, engagement, material.coefficients).expect("a possible cut");
-    /// # let table = std::sync::Arc::new(deflex::cutting::ForceTable::new(milling));
-    /// let axis = table.milling().axis_in_feed();
-    /// let thin = table.at_feed(3e-5).mean_force(&Vector3::zeros(), &axis);
-    /// let thick = table.at_feed(7e-5).mean_force(&Vector3::zeros(), &axis);
-    /// assert!(thin.norm() < thick.norm());
-    /// ```
     #[inline]
-    pub fn mean_force(&self, shift: &Vector3<f64>, axis: &Unit<Vector3<f64>>) -> Vector3<f64> {
+    pub(crate) fn mean_force(&self, shift: &Vector3<f64>, axis: &Unit<Vector3<f64>>) -> Vector3<f64> {
         let integral = || self.table.milling().force_parts(shift, axis).at(self.feed_per_tooth);
         match self.table.find(shift, axis, self.feed_per_tooth) {
             Some((grid, place)) => self.table.faded(self.between(grid, &place), &place, integral),

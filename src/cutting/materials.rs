@@ -3,6 +3,14 @@
 use super::Coefficients;
 
 /// A named set of coefficients.
+///
+/// # Examples
+/// ```
+/// use deflex::cutting::materials::find;
+///
+/// let aluminium = find("al7075").expect("a material");
+/// println!("{}: {:.0} N/mm², from {}", aluminium.name, 1e-6 * aluminium.coefficients.ktc, aluminium.source);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Material {
     /// Name in the cell file.
@@ -17,7 +25,7 @@ const TYPICAL: &str = "typical of published mechanistic models for carbide end m
      linearised at a chip thickness of 0.02 to 0.06 mm";
 
 /// Every preset.
-pub const MATERIALS: [Material; 6] = [
+pub(crate) const MATERIALS: [Material; 6] = [
     material(
         "al7075",
         [796.0, 169.0, 222.0],

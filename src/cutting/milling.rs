@@ -18,6 +18,17 @@ const STEEPEST: f64 = 80.0 * std::f64::consts::PI / 180.0;
 const BALL: f64 = 1e-9;
 
 /// A valid cut condition: a cutter, an engagement and coefficients that fit together.
+///
+/// # Examples
+/// ```
+/// use deflex::cutting::{Cutter, Engagement, Milling, Mode, materials};
+///
+/// let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
+/// let slot = Engagement { mode: Mode::Slot, depth: 1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
+/// let material = materials::find("ni-al-bronze").expect("a material");
+/// let milling = Milling::new(cutter, slot, material.coefficients).expect("a possible cut");
+/// assert_eq!(milling.cutter().teeth, 3);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Milling {
     cutter: Cutter,
@@ -62,6 +73,15 @@ pub fn mean_forces(
 }
 
 /// A mean force that is linear in the feed per tooth, in the feed frame.
+///
+/// # Examples
+/// ```
+/// use deflex::cutting::ForceParts;
+/// use deflex::nalgebra::Vector3;
+///
+/// let parts = ForceParts { edge: Vector3::new(10.0, 0.0, 0.0), cutting: Vector3::new(1e6, 0.0, 0.0) };
+/// assert_eq!(parts.at(5e-5).x, 60.0); // N at 0.05 mm per tooth
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ForceParts {
     /// Edge force, N.

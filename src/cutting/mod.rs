@@ -26,7 +26,7 @@ mod silhouette;
 mod table;
 
 pub use contact::ContactPoint;
-pub use feed_table::FeedTable;
+pub(crate) use feed_table::FeedTable;
 pub(crate) use frame::Lean;
 pub use frame::feed_frame;
 pub use milling::{ForceParts, Milling, mean_forces};
@@ -55,6 +55,14 @@ pub struct Cutter {
 }
 
 /// Which part of the cutter's width is in the material.
+///
+/// # Examples
+/// ```
+/// use deflex::cutting::{Engagement, Mode};
+///
+/// let climb = Engagement { mode: Mode::Down, depth: 1e-3, width: 0.012, feed_per_tooth: 7e-5, lead: 0.0, tilt: 0.0 };
+/// assert_eq!(climb.mode, Mode::Down);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
     /// Material on both sides; the declared width has no effect.
@@ -93,6 +101,14 @@ pub struct Engagement {
 }
 
 /// Force per chip area (N/m²) and per edge length (N/m).
+///
+/// # Examples
+/// ```
+/// use deflex::cutting::Coefficients;
+///
+/// // 2250 N/mm² and 4.6 N/mm along the motion of the tooth, and so on.
+/// let coefficients = Coefficients { ktc: 2.25e9, krc: 9e8, kac: 7.9e8, kte: 4600.0, kre: 6.4e4, kae: 6000.0 };
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coefficients {
     /// Cutting, tangential: against the tooth's motion.
@@ -110,6 +126,17 @@ pub struct Coefficients {
 }
 
 /// An impossible cut, with the field that makes it impossible, named as in the cell file without its unit.
+///
+/// # Examples
+/// ```
+/// use deflex::cutting::{Cutter, Engagement, Milling, Mode, materials};
+///
+/// let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
+/// let none = Engagement { mode: Mode::Slot, depth: -1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
+/// let material = materials::find("ni-al-bronze").expect("a material");
+/// let error = Milling::new(cutter, none, material.coefficients).expect_err("a negative depth");
+/// assert_eq!(error.field, "depth");
+/// ```
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{field}: {message}")]
 pub struct CuttingError {

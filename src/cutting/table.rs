@@ -50,6 +50,17 @@ pub(super) const TERMS: usize = SMOOTH + 2;
 pub(super) type Values = [f64; 6];
 
 /// The mean force by table look-up. Outside of the table's range it is the integral.
+///
+/// # Examples
+/// ```
+/// use deflex::cutting::{Cutter, Engagement, ForceTable, Milling, Mode, TABLE_BOUND, materials};
+///
+/// let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
+/// let slot = Engagement { mode: Mode::Slot, depth: 1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
+/// let material = materials::find("ni-al-bronze").expect("a material");
+/// let table = ForceTable::new(Milling::new(cutter, slot, material.coefficients).expect("a possible cut"));
+/// assert!(table.measured_error().is_none_or(|error| error < TABLE_BOUND));
+/// ```
 #[derive(Clone, Debug)]
 pub struct ForceTable {
     milling: Milling,

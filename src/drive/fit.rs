@@ -61,6 +61,14 @@ const LEAD_SIGMA: f64 = 4e-4;
 const INDEPENDENT: f64 = 20.0;
 
 /// Distance of logs from a path, mm.
+///
+/// # Examples
+/// ```
+/// use deflex::drive::PathError;
+///
+/// let close = PathError { rms_mm: 0.02, max_mm: 0.06 };
+/// assert!(close.rms_mm < close.max_mm);
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct PathError {
     /// Root mean square over all places.
@@ -70,6 +78,17 @@ pub struct PathError {
 }
 
 /// Measured and predicted duration of the logs, s.
+///
+/// # Examples
+/// ```
+/// use deflex::drive::RunTime;
+///
+/// /// The relative error of a predicted duration.
+/// fn error(time: RunTime) -> f64 {
+///     time.predicted / time.measured - 1.0
+/// }
+/// assert_eq!(error(RunTime { measured: 10.0, predicted: 10.0 }), 0.0);
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct RunTime {
     /// Duration by the clock of the logs.
@@ -79,6 +98,16 @@ pub struct RunTime {
 }
 
 /// A law, and how well it predicts logs that the fit has not seen.
+///
+/// # Examples
+/// ```
+/// use deflex::drive::FittedLaw;
+///
+/// /// Whether the law predicts paths better than corners as written do.
+/// fn helps(fitted: &FittedLaw) -> bool {
+///     fitted.after.rms_mm < fitted.before.rms_mm
+/// }
+/// ```
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct FittedLaw {
@@ -103,7 +132,7 @@ pub struct FittedLaw {
 impl FittedLaw {
     /// Share of the distance between driven and programmed path that the law does not explain in the held-out logs, 0 to 1.
     #[must_use]
-    pub fn error_share(&self) -> f64 {
+    pub(crate) fn error_share(&self) -> f64 {
         let (before, after) = (self.before.rms_mm, self.after.rms_mm);
         if before > 0.0 { (after / before).min(1.0) } else { 0.0 }
     }
@@ -116,7 +145,7 @@ fn arc_turn_word<S: Serializer>(turn: &Option<ArcTurn>, to: S) -> Result<S::Ok, 
 /// Why no law was found.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum LogError {
+pub(crate) enum LogError {
     /// There is only one log: none can be held out.
     OneLog,
     /// The log with this index does not run from the program's first point to its last.
@@ -143,18 +172,7 @@ struct LoggedPoint {
 ///
 /// # Errors
 /// Fewer than two logs; a log of another program; a program that cannot be followed.
-///
-/// # Examples
-/// ```
-/// use deflex::drive::{FittedLaw, Log, LogError, Waypoint, fit_law};
-/// use deflex::robot::Robot;
-///
-/// /// Fits the law to two runs of one program.
-/// fn fit(robot: &Robot, waypoints: &[Waypoint], logs: &[Log; 2]) -> Result<FittedLaw, LogError> {
-///     fit_law(robot, &[(waypoints, &logs[0]), (waypoints, &logs[1])])
-/// }
-/// ```
-pub fn fit_law(robot: &Robot, logs: &[(&[Waypoint], &Log)]) -> Result<FittedLaw, LogError> {
+pub(crate) fn fit_law(robot: &Robot, logs: &[(&[Waypoint], &Log)]) -> Result<FittedLaw, LogError> {
     if logs.len() < 2 {
         return Err(LogError::OneLog);
     }
@@ -188,18 +206,7 @@ pub fn fit_law(robot: &Robot, logs: &[(&[Waypoint], &Log)]) -> Result<FittedLaw,
 ///
 /// # Errors
 /// As [`fit_law`].
-///
-/// # Examples
-/// ```
-/// use deflex::drive::{ArcTurn, Log, Waypoint, arc_turn};
-/// use deflex::robot::Robot;
-///
-/// /// Whether the tool turns with the path.
-/// fn turns_with_path(robot: &Robot, waypoints: &[Waypoint], log: &Log) -> bool {
-///     arc_turn(robot, &[(waypoints, log)]) == Ok(Some(ArcTurn::WithPath))
-/// }
-/// ```
-pub fn arc_turn(robot: &Robot, logs: &[(&[Waypoint], &Log)]) -> Result<Option<ArcTurn>, LogError> {
+pub(crate) fn arc_turn(robot: &Robot, logs: &[(&[Waypoint], &Log)]) -> Result<Option<ArcTurn>, LogError> {
     let mut off: Vec<(ArcTurn, f64)> = Vec::new();
     for (i, (waypoints, log)) in logs.iter().enumerate() {
         let samples = log.of_program(robot, waypoints, NEAR).ok_or(LogError::OtherProgram(i))?;

@@ -10,7 +10,7 @@ const AT_WAYPOINT: f64 = 5e-4;
 
 /// The axes at one moment of a log.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LogSample {
+pub(crate) struct LogSample {
     /// Time by the log's clock, s.
     pub time: f64,
     /// Motor angles, rad.
@@ -19,7 +19,7 @@ pub struct LogSample {
 
 /// The axes over a run of a program.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Log {
+pub(crate) struct Log {
     /// File name, for messages.
     pub file: String,
     /// Samples in the order of time.

@@ -29,11 +29,12 @@ mod track;
 #[cfg(test)]
 mod tests;
 
-pub use crate::program::ArcTurn;
+pub(crate) use crate::program::ArcTurn;
 pub(crate) use distance::{Offset, ProgrammedPath, nearest_between};
-pub use fit::{FittedLaw, LogError, arc_turn, fit_law};
-pub use log::{Log, LogSample};
-pub use shape::{AddedPoint, CommandedMotion, DrivenResult, Freedom, ShapedCommand, Wanted, shape};
+pub use fit::{FittedLaw, PathError, RunTime};
+pub(crate) use fit::{LogError, arc_turn, fit_law};
+pub(crate) use log::{Log, LogSample};
+pub(crate) use shape::{CommandedMotion, Freedom, ShapedCommand, Wanted, shape};
 pub(crate) use track::Track;
 
 use crate::robot::{Joints, Pose, Robot};
@@ -86,7 +87,7 @@ impl PathLaw {
     };
 
     /// A controller without inertia, which drives corners as they are written.
-    pub const AS_WRITTEN: Self = Self {
+    pub(crate) const AS_WRITTEN: Self = Self {
         zone_share: 0.0,
         smoothing: [0.0; 2],
         axis_lead: Joints::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
@@ -96,15 +97,8 @@ impl PathLaw {
     };
 
     /// Time for which the controller still moves the axes after its path has ended, s.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::drive::PathLaw;
-    ///
-    /// assert!(PathLaw::TYPICAL.settling() > 0.0); // s
-    /// ```
     #[must_use]
-    pub fn settling(&self) -> f64 {
+    pub(crate) fn settling(&self) -> f64 {
         self.smoothing[0] + self.smoothing[1]
     }
 
@@ -129,6 +123,14 @@ impl PathLaw {
 }
 
 /// The kind of a motion.
+///
+/// # Examples
+/// ```
+/// use deflex::drive::Lead;
+/// use deflex::robot::Pose;
+///
+/// let arc = Lead::Arc(Pose::identity()); // through this pose
+/// ```
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum Lead {
@@ -146,6 +148,18 @@ pub enum Lead {
 }
 
 /// The end of one programmed motion.
+///
+/// # Examples
+/// ```
+/// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+/// use deflex::drive::{Lead, Waypoint};
+/// use deflex::robot::Pose;
+///
+/// let motor = robot.motor_from_axes_deg(&[0.0, 0.0, 0.0, 0.0, 30.0, 0.0]);
+/// let (base_from_tcp, flange_from_tcp) = (robot.forward(&motor), Pose::identity());
+/// // The end of a line that is driven with 0.1 m/s, at which the arm comes to rest.
+/// let end = Waypoint { lead: Lead::Line, base_from_tcp, flange_from_tcp, motor, feed: 0.1, zone: None };
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Waypoint {
     /// The kind of the motion to it.
@@ -173,6 +187,17 @@ impl Waypoint {
 }
 
 /// One moment of a driven path.
+///
+/// # Examples
+/// ```
+/// use deflex::drive::DrivenSample;
+///
+/// /// The duration of a path, s.
+/// fn duration(samples: &[DrivenSample]) -> f64 {
+///     samples.last().map_or(0.0, |sample| sample.time)
+/// }
+/// assert_eq!(duration(&[]), 0.0);
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct DrivenSample {
     /// Time since the start of the first motion, s.
@@ -186,6 +211,20 @@ pub struct DrivenSample {
 }
 
 /// Why a path cannot be computed.
+///
+/// # Examples
+/// ```
+/// use deflex::drive::DriveError;
+///
+/// /// The sentence for a path that cannot be computed.
+/// fn sentence(error: DriveError) -> String {
+///     match error {
+///         DriveError::Unreachable { waypoint } => format!("the arm does not reach the segment to waypoint {waypoint}"),
+///         DriveError::TooLong => "the motions take more than a day".to_owned(),
+///     }
+/// }
+/// assert!(sentence(DriveError::Unreachable { waypoint: 3 }).ends_with("waypoint 3"));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriveError {
     /// The arm does not reach a point of the segment to this waypoint.

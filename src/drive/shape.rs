@@ -44,7 +44,7 @@ const ROOM: f64 = 1.05;
 
 /// The changes that are allowed to the motion to a waypoint.
 #[derive(Clone, Debug, Default)]
-pub struct Freedom {
+pub(crate) struct Freedom {
     /// Whether its end may be moved.
     pub end: bool,
     /// Whether the circle point of its arc may be moved.
@@ -61,7 +61,7 @@ pub struct Freedom {
 
 /// The tolerance of a driven path.
 #[derive(Clone, Copy, Debug)]
-pub struct Wanted {
+pub(crate) struct Wanted {
     /// Largest distance from the programmed path, m.
     pub tolerance: f64,
     /// Share of the distance of the driven path from the programmed one that the law does not explain; 0 for an exact law.
@@ -90,7 +90,7 @@ impl Effort {
 
 /// A motion as it is to be commanded.
 #[derive(Clone, Debug, PartialEq)]
-pub struct CommandedMotion {
+pub(crate) struct CommandedMotion {
     /// Displacement of its end, base frame, m.
     pub end: Vector3<f64>,
     /// Displacement of the circle point, base frame, m.
@@ -103,7 +103,7 @@ pub struct CommandedMotion {
 
 /// A point that is added on the segment to a waypoint.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AddedPoint {
+pub(crate) struct AddedPoint {
     /// Share of the segment.
     pub share: f64,
     /// Its pose, base frame, m.
@@ -112,7 +112,7 @@ pub struct AddedPoint {
 
 /// The path that a controller drives for a command, compared with the programmed path.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct DrivenResult {
+pub(crate) struct DrivenResult {
     /// Largest distance between the driven path and the programmed one, m.
     pub largest: f64,
     /// Duration of the run, s.
@@ -123,10 +123,11 @@ pub struct DrivenResult {
 
 /// A command and its result.
 #[derive(Clone, Debug)]
-pub struct ShapedCommand {
+pub(crate) struct ShapedCommand {
     /// The commanded motions, one for each waypoint.
     pub motions: Vec<CommandedMotion>,
-    /// Result of the program as it is.
+    /// Result of the program as it is, which the tests compare with the result of the command.
+    #[cfg(test)]
     pub before: DrivenResult,
     /// Result of the command.
     pub after: DrivenResult,
@@ -140,19 +141,7 @@ pub struct ShapedCommand {
 ///
 /// # Errors
 /// A point is out of reach.
-///
-/// # Examples
-/// ```
-/// use deflex::drive::{DriveError, Freedom, PathLaw, ShapedCommand, Wanted, Waypoint, shape};
-/// use deflex::robot::Robot;
-///
-/// /// Moves the points of a path so that the driven path stays within 0.05 mm of it.
-/// fn command(robot: &Robot, law: &PathLaw, path: &[Waypoint]) -> Result<ShapedCommand, DriveError> {
-///     let freedom = vec![Freedom { end: true, counts: true, ..Freedom::default() }; path.len()];
-///     shape(robot, law, path, &freedom, Wanted { tolerance: 5e-5, error_share: 0.0 })
-/// }
-/// ```
-pub fn shape(
+pub(crate) fn shape(
     robot: &Robot,
     law: &PathLaw,
     waypoints: &[Waypoint],
@@ -187,7 +176,12 @@ pub fn shape(
             }
         }
         if !has_changed {
-            return Ok(ShapedCommand { motions: found.motions(&shaper), before, after: found.result });
+            return Ok(ShapedCommand {
+                motions: found.motions(&shaper),
+                #[cfg(test)]
+                before,
+                after: found.result,
+            });
         }
         found = shaper.search(&Layout::new(&shaper, &effort))?;
     }

@@ -41,7 +41,7 @@ pub(super) struct Discrepancy {
 
 /// A measured row as the centre of a bell: place, wrist angles and force, and the shift of the TCP there.
 #[derive(Clone, Copy, Debug)]
-pub struct Bell {
+pub(crate) struct Bell {
     /// Place in the base, mm.
     pub at: Vector3<f64>,
     /// Commanded motor angles of axes 4 to 6, rad.
@@ -54,7 +54,7 @@ pub struct Bell {
 
 /// Sizes of the process whose mean is a sum of bells.
 #[derive(Clone, Copy, Debug)]
-pub struct BellSizes {
+pub(crate) struct BellSizes {
     /// Length scale of a bell in units of the spreads.
     pub reach: f64,
     /// Spreads of place (mm), wrist angles (rad) and force (N) over the measured rows.
@@ -66,20 +66,8 @@ pub struct BellSizes {
 }
 
 /// The effect `empirical` as a sum of bells.
-///
-/// # Examples
-/// ```
-/// use deflex::effects::{Bell, BellSizes, discrepancy};
-/// use deflex::nalgebra::Vector3;
-///
-/// // 0.05 mm along x near one place, at one posture of the wrist, without a force.
-/// let at = Vector3::new(900.0, 0.0, 400.0);
-/// let bell = Bell { at, wrist: Vector3::zeros(), force: Vector3::zeros(), shift: Vector3::new(0.05, 0.0, 0.0) };
-/// let sizes = BellSizes { reach: 2.0, spreads: [80.0, 0.1, 100.0], sigma_mm: 0.05, noise_mm: 0.01 };
-/// assert_eq!(discrepancy(sizes, &[bell]).kind(), "empirical");
-/// ```
 #[must_use]
-pub fn discrepancy(sizes: BellSizes, bells: &[Bell]) -> Box<dyn Effect> {
+pub(crate) fn discrepancy(sizes: BellSizes, bells: &[Bell]) -> Box<dyn Effect> {
     let BellSizes { reach, spreads: [place, wrist, force], sigma_mm, noise_mm } = sizes;
     let all = |of: &dyn Fn(&Bell) -> Vector3<f64>| bells.iter().map(|bell| of(bell).into()).collect();
     Box::new(Discrepancy {

@@ -38,6 +38,15 @@ pub(super) struct JointErrorCurve {
 }
 
 /// The curve as a linear function of its values at the knots.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// let curves = cell.arm.effects.iter().filter_map(|effect| effect.joint_curve());
+/// assert_eq!(curves.count(), 0); // no effect of this cell is the error curve of a single joint
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Debug)]
 pub struct JointCurve {
     /// Index of the joint, 0 to 5.
@@ -50,12 +59,12 @@ pub struct JointCurve {
 impl JointCurve {
     /// Commanded motor angles of the knots, degrees.
     #[must_use]
-    pub fn knots_deg(&self) -> &[f64] {
+    pub(crate) fn knots_deg(&self) -> &[f64] {
         &self.knots_deg
     }
 
     /// The weight of each knot's value at a commanded motor angle (degrees). Within the range of the curve they add up to 1.
-    pub fn weights(&self, angle_deg: f64, out: &mut [f64]) {
+    pub(crate) fn weights(&self, angle_deg: f64, out: &mut [f64]) {
         let Place { i, values, bends } = Place::of(&self.knots_deg, angle_deg);
         for (out, (low, high)) in out.iter_mut().zip(self.bends[i].iter().zip(&self.bends[i + 1])) {
             *out = bends[0] * low + bends[1] * high;
@@ -115,16 +124,8 @@ impl From<JointErrorCurve> for Keys {
 }
 
 /// A curve of zeros for a joint (1 to 6) over a range (degrees), with knots about `spacing_deg` apart, from which a fit starts.
-///
-/// # Examples
-/// ```
-/// use deflex::effects::joint_error_curve;
-///
-/// let effect = joint_error_curve(2, -40.0, 40.0, 20.0);
-/// assert_eq!(effect.parameters().len(), 5); // a value for each knot
-/// ```
 #[must_use]
-pub fn joint_error_curve(joint: usize, from_deg: f64, to_deg: f64, spacing_deg: f64) -> Box<dyn Effect> {
+pub(crate) fn joint_error_curve(joint: usize, from_deg: f64, to_deg: f64, spacing_deg: f64) -> Box<dyn Effect> {
     // At least three: a curve through two knots would be a scale error of the joint, which gears do not have.
     let steps = ((to_deg - from_deg) / spacing_deg).round().max(2.0);
     let knots: Vec<f64> = (0..=steps as usize).map(|i| from_deg + (to_deg - from_deg) * i as f64 / steps).collect();

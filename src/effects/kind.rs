@@ -40,7 +40,7 @@ pub struct Kind {
     /// Whether it adds a constant to each joint's angle. In a linear model it then represents any error of a joint.
     pub is_joint_constant: bool,
     /// The stage at which it is searched for in data over the whole robot.
-    pub stage: Stage,
+    pub(crate) stage: Stage,
     /// The name of its time constant, if it has one. A fit cannot find it from a neutral start, so the search tries shares of the run.
     pub time_constant: Option<&'static str>,
     /// Names of numbers that always have the same sign as one another: all links of an arm that warms up grow.
@@ -57,6 +57,13 @@ pub struct Kind {
 }
 
 /// The part of the arm that an effect describes.
+///
+/// # Examples
+/// ```
+/// use deflex::effects::{Part, kind};
+///
+/// assert!(matches!(kind("joint_stiffness").expect("an effect").part, Part::JointSpring));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Part {
@@ -69,6 +76,13 @@ pub enum Part {
 }
 
 /// What the numbers of an effect can describe.
+///
+/// # Examples
+/// ```
+/// use deflex::effects::{Shape, kind};
+///
+/// assert!(matches!(kind("gear_harmonic").expect("an effect").shape, Shape::Periodic));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Shape {
@@ -84,7 +98,7 @@ pub enum Shape {
 
 /// The order in which data over the whole robot are explained.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Stage {
+pub(crate) enum Stage {
     /// The frame of the tool.
     ToolFrame,
     /// The zeros of the joints.

@@ -43,11 +43,13 @@ mod work_object_frame;
 mod workpiece_compliance;
 mod zero_offset;
 
-pub use discrepancy::{Bell, BellSizes, discrepancy};
+pub(crate) use discrepancy::{Bell, BellSizes, discrepancy};
 pub(crate) use empirical_field::fade;
 pub use gear_harmonic::gear_harmonic;
-pub use joint_error_curve::{JointCurve, joint_error_curve};
-pub use kind::{Kind, Part, Shape, Stage};
+pub use joint_error_curve::JointCurve;
+pub(crate) use joint_error_curve::joint_error_curve;
+pub(crate) use kind::Stage;
+pub use kind::{Kind, Part, Shape};
 pub use physics::Law;
 pub(crate) use physics::{Deflection, Load, Offset, Parts, Physics, Site, State};
 pub use presliding::Presliding;
@@ -61,6 +63,17 @@ use std::fmt::Debug;
 use table::{ANY, FACTOR, NOT_NEGATIVE, checked, indexed, per_axis, per_direction, scalar, table_of, take};
 
 /// The part of [`Effect`] that the registry ([`KINDS`]) implements for every effect.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// use deflex::effects::Listed;
+///
+/// let springs = &cell.arm.effects[0];
+/// assert_eq!(springs.to_table()["kind"].as_str(), Some(springs.kind()));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub trait Listed {
     /// The `kind` of the effect in the cell file.
     fn kind(&self) -> &'static str;
@@ -75,6 +88,19 @@ pub trait Listed {
 /// One physical effect with its parameters.
 ///
 /// All methods are pure: the same state gives the same answer, so that rows can be solved in any order.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// use deflex::effects::Effect;
+///
+/// let springs = &cell.arm.effects[0];
+/// let values: Vec<f64> = springs.parameters().iter().map(|parameter| 1.1 * parameter.value).collect();
+/// let stiffer: Box<dyn Effect> = springs.with_values(&values);
+/// assert_eq!(stiffer.kind(), springs.kind());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub trait Effect: Listed + Debug + Send + Sync {
     /// Whether its offsets depend on the **commanded** motor angles. Then the command that reaches a wanted pose has to be found by
     /// iteration.
@@ -172,13 +198,24 @@ pub trait Effect: Listed + Debug + Send + Sync {
 }
 
 /// One number of an effect.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// for parameter in cell.arm.effects[0].parameters() {
+///     println!("{} = {} {}", parameter.name, parameter.value, parameter.unit);
+///     assert!(parameter.moved(1e-6) >= parameter.bounds.0);
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Parameter {
     /// Key in the cell file, with its index: `half_gap_rad[0]`.
     pub name: String,
     /// The axis or direction to which the number belongs.
-    pub owner: ParameterOwner,
+    pub(crate) owner: ParameterOwner,
     /// Value, in `unit`.
     pub value: f64,
     /// Unit, as `docs/effects.md` writes it: `rad`, `mm/N`, `kg·m`, …
@@ -217,7 +254,7 @@ pub(crate) fn moved_within(value: f64, change: f64, (low, high): (f64, f64)) -> 
 /// counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum ParameterOwner {
+pub(crate) enum ParameterOwner {
     /// The effect as a whole, or the term of it that the name says.
     Effect,
     /// An axis of the arm, from 1 to 6.
@@ -227,6 +264,15 @@ pub enum ParameterOwner {
 }
 
 /// What an effect needs in addition to the commanded pose.
+///
+/// # Examples
+/// ```
+/// use deflex::effects::{Need, kind};
+///
+/// let table = "half_gap_rad = [0.0, 0.0, 0.0, 0.0, 0.0, 1e-4]".parse().expect("a table");
+/// let backlash = (kind("backlash").expect("an effect").read)(table).expect("a backlash");
+/// assert!(!backlash.needs().iter().any(|need| matches!(need, Need::Force)));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Need {
@@ -247,6 +293,17 @@ pub enum Need {
 }
 
 /// What a controller may correct by itself (`[controller] compensates`).
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// use deflex::effects::Covered;
+///
+/// let by_gravity = cell.arm.effects.iter().filter(|effect| effect.covered_by() == Some(Covered::Gravity));
+/// println!("a controller that compensates gravity makes {} effects unnecessary", by_gravity.count());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Covered {
@@ -258,7 +315,7 @@ pub enum Covered {
 
 impl Covered {
     /// Both, with their words in the cell file.
-    pub const WORDS: [(&'static str, Self); 2] = [("gravity", Self::Gravity), ("geometry", Self::Geometry)];
+    pub(crate) const WORDS: [(&'static str, Self); 2] = [("gravity", Self::Gravity), ("geometry", Self::Geometry)];
 }
 
 // This is the only list of effects. An effect consists of its file, its module above, and its line here.
@@ -306,17 +363,12 @@ pub fn declared_springs(axes: &Axes) -> Box<dyn Effect> {
 }
 
 /// The declared stiffness of the part: the effect that every cell with `[part.material]` has, also without an `[[effect]]` table.
-///
-/// # Examples
-/// ```
-/// assert_eq!(deflex::effects::declared_part().kind(), "part_stiffness");
-/// ```
 #[must_use]
-pub fn declared_part() -> Box<dyn Effect> {
+pub(crate) fn declared_part() -> Box<dyn Effect> {
     Box::new(part_stiffness::PartStiffness::declared())
 }
 
-/// Appends [`declared_part`] to the effects of a cell file unless one of them stands for it. Returns whether it was appended.
+/// Appends the declared stiffness of the part to the effects of a cell file unless one of them stands for it. Returns whether it was appended.
 ///
 /// # Examples
 /// ```

@@ -333,12 +333,6 @@ pub(crate) struct RowOffset<R> {
 
 /// The offsets of the real arm, which do not depend on the load. Effects add to it.
 ///
-/// ```text
-/// base_from_tcp = T(lag) · base · chain(rows, actual joints, tilt) · flange · flange_from_tcp · tcp · T(tip)
-/// seen          = (base_from_wobj · wobj)⁻¹ · T(part)⁻¹ · base_from_tcp
-/// actual joints = commanded + joints − travel ∘ lost
-/// ```
-///
 /// Here base, tilt, flange, tip and part are those of [`Deflection`]; joints and lost are the sums of both structs.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Offset<R> {
@@ -558,5 +552,17 @@ macro_rules! registry {
 pub(super) use registry;
 
 /// The physics of an effect, as the solver of equilibria calls it.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// use deflex::effects::Law;
+///
+/// // The solver of equilibria gets the physics of each effect.
+/// let laws: Vec<Law<'_>> = cell.arm.effects.iter().map(|effect| effect.law()).collect();
+/// assert_eq!(laws.len(), cell.arm.effects.len());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Law<'a>(pub(super) super::AnyEffect<'a>);

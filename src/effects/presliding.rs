@@ -5,6 +5,14 @@ use serde::{Deserialize, Serialize};
 /// The presliding angle of each joint, rad; 0 for all joints if friction acts at once.
 ///
 /// The cell file gives one number for all joints, or six.
+///
+/// # Examples
+/// ```
+/// use deflex::effects::Presliding;
+///
+/// let angles = Presliding::alike(1e-3).with(1, 2e-3);
+/// assert_eq!((angles.of(0), angles.of(1)), (1e-3, 2e-3)); // rad
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(from = "Written", into = "Written")]
 pub struct Presliding([f64; 6]);
@@ -19,13 +27,6 @@ enum Written {
 
 impl Presliding {
     /// The same angle, rad, for all joints.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::effects::Presliding;
-    ///
-    /// assert_eq!(Presliding::alike(1e-3).of(5), 1e-3); // rad
-    /// ```
     pub const fn alike(angle_rad: f64) -> Self {
         Self([angle_rad; 6])
     }
@@ -58,14 +59,7 @@ impl Presliding {
     }
 
     /// Whether friction acts at once after a reversal.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::effects::Presliding;
-    ///
-    /// assert!(Presliding::alike(0.0).is_sharp() && !Presliding::alike(1e-3).is_sharp());
-    /// ```
-    pub fn is_sharp(&self) -> bool {
+    pub(crate) fn is_sharp(&self) -> bool {
         self.0.iter().all(|angle| *angle <= 0.0)
     }
 

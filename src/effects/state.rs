@@ -4,6 +4,16 @@ use nalgebra::{DMatrix, Matrix3, Rotation3, Vector3};
 use std::fmt;
 
 /// The geometry and mass of a tool.
+///
+/// # Examples
+/// ```
+/// use deflex::effects::ToolFrame;
+/// use deflex::nalgebra::Vector3;
+/// use deflex::robot::Pose;
+///
+/// // A tool of 18 kg whose TCP is in the flange.
+/// let tool = ToolFrame { flange_from_tcp: Pose::identity(), mass: 18.0, cog: Vector3::new(0.0, 0.0, 0.1) };
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToolFrame {
     /// TCP in the flange frame, m.
@@ -15,6 +25,21 @@ pub struct ToolFrame {
 }
 
 /// A law of the mean cutting force, which depends on the actual pose of the cutter.
+///
+/// # Examples
+/// ```
+/// use deflex::effects::ForceLaw;
+/// use deflex::nalgebra::Vector3;
+///
+/// /// A spring between the tool and the surface, N/m.
+/// struct Spring(f64);
+/// impl ForceLaw for Spring {
+///     fn force(&self, shift: &Vector3<f64>, _: &Vector3<f64>) -> Vector3<f64> {
+///         Vector3::z() * (-self.0 * shift.z)
+///     }
+/// }
+/// assert_eq!(Spring(1e5).force(&Vector3::new(0.0, 0.0, -1e-3), &Vector3::z()).z, 100.0); // N
+/// ```
 pub trait ForceLaw: Sync {
     /// The force on the tool, N, feed frame. `shift` is the actual minus the wanted position of the tip, m, feed frame; `axis` is the
     /// actual direction of the tool axis from tip to spindle, a unit vector in the feed frame.
@@ -42,6 +67,22 @@ pub trait ForceLaw: Sync {
 }
 
 /// The cut at one target.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// # let prepared = deflex::correct::Prepared::new(&program, &cell, &Default::default())?;
+/// use deflex::effects::Cutting;
+///
+/// match prepared.situation(0).cutting {
+///     Cutting::Air => println!("no force"),
+///     Cutting::Constant(force) => println!("{:.0} N", force.norm()),
+///     Cutting::Law { .. } => println!("a force that depends on the pose of the cutter"),
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy)]
 pub enum Cutting<'a> {
     /// No cutting force.
@@ -68,6 +109,18 @@ impl fmt::Debug for Cutting<'_> {
 }
 
 /// The inputs of the equilibrium at one target.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// # let prepared = deflex::correct::Prepared::new(&program, &cell, &Default::default())?;
+/// let situation = prepared.situation(0);
+/// assert!((situation.normal.norm() - 1.0).abs() < 1e-9);
+/// println!("{} kg, {:.3} m/s", situation.tool.mass, situation.velocity.norm());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Situation<'a> {
     /// Declared work object, m.
@@ -118,6 +171,13 @@ impl Situation<'_> {
 pub(crate) const CREEP_TIMES_S: [f64; 3] = [5.0, 25.0, 125.0];
 
 /// What the cutting force at a target, and the forces before it, do to the gears.
+///
+/// # Examples
+/// ```
+/// use deflex::effects::CuttingTorque;
+///
+/// assert_eq!(CuttingTorque::default().twist_rad.norm(), 0.0); // no force has acted
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CuttingTorque {
     /// Twist of the gears under the force at the target, by their declared stiffness, rad.
@@ -154,6 +214,19 @@ impl CuttingTorque {
 }
 
 /// The compliance of a clamped part at the place where it is cut.
+///
+/// # Examples
+/// ```
+/// use deflex::effects::PartYield;
+/// use deflex::nalgebra::{DMatrix, Matrix3};
+///
+/// // A wall that yields by 1 µm/N along y, with rigid clamps.
+/// let wall = PartYield {
+///     compliance: Matrix3::from_diagonal(&[0.0, 1e-6, 0.0].into()),
+///     motions: vec![],
+///     stiffness: DMatrix::zeros(0, 0),
+/// };
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct PartYield {
     /// Compliance with the clamps as declared, m/N: shift of the place along each axis (rows) under a unit force along each (columns).
@@ -170,17 +243,8 @@ pub const MOST_CLAMPS: usize = 4;
 
 impl PartYield {
     /// A part whose clamps have their declared stiffness and cannot give way further.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::effects::PartYield;
-    /// use deflex::nalgebra::Matrix3;
-    ///
-    /// let yields = PartYield::held_as_declared(Matrix3::identity() * 1e-7); // m/N
-    /// println!("{yields:?}");
-    /// ```
     #[must_use]
-    pub fn held_as_declared(compliance: Matrix3<f64>) -> Self {
+    pub(crate) fn held_as_declared(compliance: Matrix3<f64>) -> Self {
         Self { compliance, motions: Vec::new(), stiffness: DMatrix::zeros(0, 0) }
     }
 
@@ -213,6 +277,15 @@ impl PartYield {
 }
 
 /// A [`PartYield`] and the orientation of its axes in the work object.
+///
+/// # Examples
+/// ```
+/// use deflex::effects::{PartAt, PartYield};
+/// use deflex::nalgebra::{DMatrix, Matrix3, Rotation3};
+///
+/// let wall = PartYield { compliance: Matrix3::identity() * 1e-6, motions: vec![], stiffness: DMatrix::zeros(0, 0) };
+/// let at = PartAt { yields: &wall, wobj_from_part: Rotation3::identity() };
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PartAt<'a> {
     /// The compliance, in the axes of the part.
@@ -224,12 +297,21 @@ pub struct PartAt<'a> {
 impl<'a> PartAt<'a> {
     /// A compliance that is already given in work object axes.
     #[must_use]
-    pub fn in_wobj(yields: &'a PartYield) -> Self {
+    pub(crate) fn in_wobj(yields: &'a PartYield) -> Self {
         Self { yields, wobj_from_part: Rotation3::identity() }
     }
 }
 
 /// The place of a mechanical unit at a target, for errors of its frame.
+///
+/// # Examples
+/// ```
+/// use deflex::effects::UnitAt;
+/// use deflex::robot::Pose;
+///
+/// let table = UnitAt::new("STN1", Pose::identity(), true, false);
+/// assert!(table.part && !table.robot); // it carries the part, and not the robot
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UnitAt {
     pub(crate) key: u64,

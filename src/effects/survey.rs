@@ -1,6 +1,16 @@
 use crate::robot::{Axes, Joints};
 
 /// What a set of measured data contains: it decides which effects the data can show, and over which range.
+///
+/// # Examples
+/// ```
+/// use deflex::effects::Survey;
+///
+/// /// Whether the rows show how temperature acts.
+/// fn shows_temperature(survey: &Survey) -> bool {
+///     survey.temperature.is_some_and(|(low, high)| high - low > 2.0) // °C
+/// }
+/// ```
 #[derive(Clone, Debug)]
 pub struct Survey {
     /// How the motors of the robot drive its joints.
@@ -37,7 +47,7 @@ impl Survey {
     /// Whether the data have a load that changes and is known. Without one, a compliance cannot be found: the arm's own weight, the
     /// only load, is unknown itself.
     #[must_use]
-    pub fn is_loaded(&self) -> bool {
+    pub(crate) fn is_loaded(&self) -> bool {
         self.has_force || self.has_payload
     }
 }

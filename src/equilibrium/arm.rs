@@ -4,6 +4,17 @@ use crate::robot::kinematics::Chain;
 use crate::robot::{Joints, Robot};
 
 /// The arm of a cell: the controller's model of it, and the effects that make the real arm differ from that model.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// assert!(cell.arm.stiffness.is_some());
+/// for effect in &cell.arm.effects {
+///     println!("{}", effect.kind());
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Debug)]
 pub struct Arm {
     /// Nominal geometry, with which the controller computes.
@@ -16,41 +27,20 @@ pub struct Arm {
 
 impl Arm {
     /// Whether any effect depends on the commanded motor angles.
-    ///
-    /// # Examples
-    /// ```
-    /// # let cell = deflex::cell::Cell::read(&deflex::text::Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
-    /// assert!(!cell.arm.follows_command()); // this cell declares springs alone
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
-    pub fn follows_command(&self) -> bool {
+    pub(crate) fn follows_command(&self) -> bool {
         self.effects.iter().any(|effect| effect.follows_command())
     }
 
     /// Whether any effect depends on the direction of travel of the joints.
-    ///
-    /// # Examples
-    /// ```
-    /// # let cell = deflex::cell::Cell::read(&deflex::text::Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
-    /// assert!(!cell.arm.follows_travel()); // it declares no backlash
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
-    pub fn follows_travel(&self) -> bool {
+    pub(crate) fn follows_travel(&self) -> bool {
         self.effects.iter().any(|effect| effect.presliding().is_some())
     }
 
     /// Whether any effect depends on the cutting forces at the targets before: gears that creep, and friction with a presliding angle.
-    ///
-    /// # Examples
-    /// ```
-    /// # let cell = deflex::cell::Cell::read(&deflex::text::Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
-    /// assert!(!cell.arm.follows_load());
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
-    pub fn follows_load(&self) -> bool {
+    pub(crate) fn follows_load(&self) -> bool {
         self.effects.iter().any(|effect| effect.follows_load()) || !self.presliding().is_sharp()
     }
 
@@ -68,15 +58,8 @@ impl Arm {
     }
 
     /// Whether the weight of the tool or the payload acts on the arm.
-    ///
-    /// # Examples
-    /// ```
-    /// # let cell = deflex::cell::Cell::read(&deflex::text::Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
-    /// assert!(!cell.arm.weighs_payload()); // it declares no gravity
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
-    pub fn weighs_payload(&self) -> bool {
+    pub(crate) fn weighs_payload(&self) -> bool {
         self.effects.iter().any(|effect| effect.weighs_payload())
     }
 }

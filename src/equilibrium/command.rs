@@ -8,6 +8,15 @@ use crate::robot::kinematics::one;
 use crate::robot::{Joints, Pose};
 
 /// The command with which the loaded arm reaches a wanted pose.
+///
+/// # Examples
+/// ```
+/// use deflex::equilibrium::Command;
+/// use deflex::robot::Joints;
+///
+/// let command = Command::held(&Joints::repeat(0.1)); // rad, without a correction
+/// assert_eq!(command.deflection(), Joints::zeros());
+/// ```
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Command {
@@ -88,29 +97,12 @@ pub(crate) enum Start<'a> {
 
 impl Command {
     /// A command without a correction: the motors are commanded to `motor`, rad.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::equilibrium::Command;
-    /// use deflex::robot::Joints;
-    ///
-    /// let motor = Joints::repeat(0.1);
-    /// assert_eq!(Command::held(&motor).deflection(), Joints::zeros());
-    /// ```
     #[must_use]
     pub fn held(motor: &Joints) -> Self {
         Self { motor: *motor, free: *motor, lost: Joints::zeros(), load: Load::default() }
     }
 
     /// Actual minus commanded motor angles, without lost motion, rad.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::equilibrium::Command;
-    /// use deflex::robot::Joints;
-    ///
-    /// assert_eq!(Command::held(&Joints::zeros()).deflection(), Joints::zeros()); // rad
-    /// ```
     #[must_use]
     pub fn deflection(&self) -> Joints {
         self.motor - self.free
@@ -228,7 +220,7 @@ impl Arm {
     ///
     /// # Errors
     /// The arm does not reach the pose, or the iteration does not converge.
-    pub fn command_position(
+    pub(crate) fn command_position(
         &self,
         situation: &Situation,
         programmed: &Pose,

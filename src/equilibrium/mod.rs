@@ -34,6 +34,14 @@ pub(crate) use predict::{PredictedPose, WarmStart};
 use crate::robot::Unreachable;
 
 /// Why a target has no equilibrium or cannot be reached.
+///
+/// # Examples
+/// ```
+/// use deflex::equilibrium::EquilibriumError;
+///
+/// let error = EquilibriumError::NoEquilibrium { rounds: 100, step_mm: 0.2, axis: 2 };
+/// assert!(error.to_string().ends_with("mostly with axis 2"));
+/// ```
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum EquilibriumError {

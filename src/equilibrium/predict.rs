@@ -11,6 +11,21 @@ use nalgebra::Vector3;
 use std::f64::consts::FRAC_1_SQRT_2;
 
 /// The equilibrium of the loaded arm at a command.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// # let prepared = deflex::correct::Prepared::new(&program, &cell, &Default::default())?;
+/// use deflex::robot::Joints;
+///
+/// let (situation, motor) = (prepared.situation(0), &prepared.points[0].motor);
+/// let loaded = cell.arm.predict(&situation, motor, &Joints::zeros()).expect("an equilibrium");
+/// let off = loaded.wobj_from_tcp.translation.vector - situation.wobj_from_tcp.translation.vector;
+/// assert!(off.norm() > 1e-5); // m: the arm yields
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Equilibrium {
@@ -26,6 +41,20 @@ pub struct Equilibrium {
 }
 
 /// The loads on an arm.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// # let prepared = deflex::correct::Prepared::new(&program, &cell, &Default::default())?;
+/// use deflex::robot::Joints;
+///
+/// let (situation, motor) = (prepared.situation(0), &prepared.points[0].motor);
+/// let load = cell.arm.predict(&situation, motor, &Joints::zeros()).expect("an equilibrium").load;
+/// println!("{:.0} N, {:.0} N·m at motor 2", load.cut.norm(), load.torque[1]);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Load {
     /// Cutting force on the tool at the TCP, base axes, N.

@@ -30,6 +30,27 @@ use std::sync::{Mutex, PoisonError};
 
 /// The input of an identification. Programs and tables are dropped as soon as their rows are read, because with
 /// hundreds of thousands of rows they are most of the memory.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, measured::Table, program::rapid, text::Source};
+/// # let read = |name: &str| std::fs::read(format!("samples/closed-loop/{name}")).map(|bytes| Source::new(name, bytes));
+/// # let cell = Cell::read(&read("cell.toml")?)?;
+/// # let program = rapid::read(vec![read("part.mod")?], vec![])?;
+/// # let table = Table::read(&read("measured.csv")?)?;
+/// use deflex::identify::{Input, Written};
+///
+/// let input = Input {
+///     cell: &cell,
+///     runs: vec![(program, table).into()],
+///     poses: vec![],
+///     tool: None,
+///     data_hash: "hash of the data",
+///     written: Written::WholeModel,
+///     progress: &|share| share < 1.0,
+/// };
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 pub struct Input<'a> {
     /// The declared cell.
     pub cell: &'a Cell,
@@ -48,6 +69,20 @@ pub struct Input<'a> {
 }
 
 /// A program with what was measured on it.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, measured::Table, program::rapid, text::Source};
+/// # let read = |name: &str| std::fs::read(format!("samples/closed-loop/{name}")).map(|bytes| Source::new(name, bytes));
+/// # let cell = Cell::read(&read("cell.toml")?)?;
+/// # let program = rapid::read(vec![read("part.mod")?], vec![])?;
+/// # let table = Table::read(&read("measured.csv")?)?;
+/// use deflex::identify::MeasuredRun;
+///
+/// let run = MeasuredRun { program, original: None, table };
+/// println!("{} measured rows", run.table.rows.len());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Debug)]
 pub struct MeasuredRun {
     /// The program that ran.
@@ -66,6 +101,13 @@ impl From<(Program, Table)> for MeasuredRun {
 }
 
 /// Which effects of a model go into the cell.
+///
+/// # Examples
+/// ```
+/// use deflex::identify::Written;
+///
+/// assert_eq!(Written::default(), Written::WholeModel);
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Written {
     /// All of them, named or not: the errors after are smallest with all.

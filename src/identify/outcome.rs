@@ -6,6 +6,21 @@ use crate::effects::ParameterOwner;
 use serde::Serialize;
 
 /// The answer of an identification (`docs/reference.md`, `identify --json`).
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, measured::Table, program::rapid, text::Source};
+/// # let read = |name: &str| std::fs::read(format!("samples/closed-loop/{name}")).map(|bytes| Source::new(name, bytes));
+/// # let cell = Cell::read(&read("cell.toml")?)?;
+/// # let program = rapid::read(vec![read("part.mod")?], vec![])?;
+/// # let table = Table::read(&read("measured.csv")?)?;
+/// # use deflex::identify::{Input, Written, identify};
+/// # let input = Input { cell: &cell, runs: vec![(program, table).into()], poses: vec![], tool: None, data_hash: "", written: Written::WholeModel, progress: &|_| true };
+/// # let found = identify(input)?;
+/// assert!(found.after.rms_mm < found.before.rms_mm);
+/// println!("whole arm: {}, faint sets: {}", found.is_whole_arm(), found.faint().len());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct Identification {
@@ -68,6 +83,12 @@ pub struct Identification {
 pub type Advice = String;
 
 /// Lengths of the error vector over some rows, mm.
+///
+/// # Examples
+/// ```
+/// let none = deflex::identify::Errors::default();
+/// assert_eq!((none.rms_mm, none.max_mm), (0.0, 0.0));
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Errors {
@@ -80,6 +101,16 @@ pub struct Errors {
 }
 
 /// An effect that was added.
+///
+/// # Examples
+/// ```
+/// use deflex::identify::Identification;
+///
+/// /// The effects that were added, with their probabilities.
+/// fn names(found: &Identification) -> Vec<String> {
+///     found.added.iter().map(|added| format!("{} ({:.0} %)", added.kind, 100.0 * added.posterior)).collect()
+/// }
+/// ```
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct Added {
@@ -100,6 +131,18 @@ pub struct Added {
 }
 
 /// An effect of the written model.
+///
+/// # Examples
+/// ```
+/// use deflex::identify::Identification;
+///
+/// /// The effect that contributes most to the prediction.
+/// fn largest(found: &Identification) -> Option<&str> {
+///     let largest = found.effects.iter().max_by(|a, b| a.share_rms_mm.total_cmp(&b.share_rms_mm))?;
+///     Some(&largest.kind)
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct InModel {
@@ -114,6 +157,17 @@ pub struct InModel {
 }
 
 /// A set of effects and faults that the rows do not exclude.
+///
+/// # Examples
+/// ```
+/// use deflex::identify::Identification;
+///
+/// /// The most likely set of effects.
+/// fn likeliest(found: &Identification) -> Option<&[String]> {
+///     Some(&found.sets.first()?.kinds)
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct SetShare {
@@ -145,6 +199,17 @@ impl Identification {
 }
 
 /// A fitted number.
+///
+/// # Examples
+/// ```
+/// use deflex::identify::FittedParameter;
+///
+/// /// Whether a number differs from the value at which the effect does nothing, with 95 % probability.
+/// fn acts(parameter: &FittedParameter) -> bool {
+///     let [low, high] = parameter.ci95;
+///     parameter.neutral < low || parameter.neutral > high
+/// }
+/// ```
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct FittedParameter {
@@ -161,10 +226,21 @@ pub struct FittedParameter {
     pub neutral: f64,
     /// The thing that the number belongs to.
     #[serde(skip)]
-    pub owner: ParameterOwner,
+    pub(crate) owner: ParameterOwner,
 }
 
 /// One kind of effect alone.
+///
+/// # Examples
+/// ```
+/// use deflex::identify::Identification;
+///
+/// /// The kind that explains the rows best if it acts alone.
+/// fn best(found: &Identification) -> Option<&str> {
+///     Some(&found.ranking.first()?.kind)
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct Ranked {
@@ -177,6 +253,16 @@ pub struct Ranked {
 }
 
 /// How well the rows distinguish one effect from another.
+///
+/// # Examples
+/// ```
+/// use deflex::identify::Separation;
+///
+/// /// Whether the rows distinguish the two effects.
+/// fn is_clear(separation: &Separation) -> bool {
+///     separation.d_prime > 5.0
+/// }
+/// ```
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct Separation {
@@ -190,6 +276,12 @@ pub struct Separation {
 }
 
 /// Rows outside the range of the fitted rows.
+///
+/// # Examples
+/// ```
+/// let coverage = deflex::identify::Coverage::default();
+/// assert_eq!(coverage.rows_outside, 0);
+/// ```
 #[derive(Clone, Debug, Default, Serialize)]
 #[non_exhaustive]
 pub struct Coverage {
@@ -200,6 +292,12 @@ pub struct Coverage {
 }
 
 /// Errors that no effect explains.
+///
+/// # Examples
+/// ```
+/// let unexplained = deflex::identify::Unexplained::default();
+/// assert!(!unexplained.significant && unexplained.correlates.is_empty());
+/// ```
 #[derive(Clone, Debug, Default, Serialize)]
 #[non_exhaustive]
 pub struct Unexplained {
@@ -210,6 +308,17 @@ pub struct Unexplained {
 }
 
 /// A quantity that the unexplained error follows.
+///
+/// # Examples
+/// ```
+/// use deflex::identify::Unexplained;
+///
+/// /// The faults of the measurement that the rows show.
+/// fn faults(unexplained: &Unexplained) -> Vec<&str> {
+///     unexplained.correlates.iter().filter_map(|correlate| correlate.fault).collect()
+/// }
+/// assert!(faults(&Unexplained::default()).is_empty());
+/// ```
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct Correlate {
@@ -227,6 +336,16 @@ pub struct Correlate {
 }
 
 /// One residual, for `--report`.
+///
+/// # Examples
+/// ```
+/// use deflex::identify::ResidualRow;
+///
+/// /// Whether a row tests the extended cell.
+/// fn tests(row: &ResidualRow) -> bool {
+///     row.held_out && !row.outlier
+/// }
+/// ```
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct ResidualRow {

@@ -3,6 +3,16 @@ use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
 /// The entries of a force table for one target.
+///
+/// # Examples
+/// ```
+/// use deflex::measured::Table;
+/// use deflex::text::Source;
+///
+/// let forces = Table::read(&Source::new("forces.csv", "target,fx_n,fy_n,fz_n\n1,0,0,90\n"))?.forces();
+/// assert_eq!(forces.of(1, None).and_then(|row| row.force).map(|force| force.z), Some(90.0)); // N
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ForceRow {
     /// Force on the tool, N, work object axes.
@@ -17,6 +27,16 @@ pub struct ForceRow {
 
 /// A force table. Rows are found by the ordinal of the motion, or by the name of the declared robtarget. If a target
 /// has several rows, the last one counts.
+///
+/// # Examples
+/// ```
+/// use deflex::measured::Table;
+/// use deflex::text::Source;
+///
+/// let forces = Table::read(&Source::new("forces.csv", "target,fx_n,fy_n,fz_n\np10,0,0,90\n"))?.forces();
+/// assert!(forces.forces_given && forces.of(3, Some("P10")).is_some()); // names in upper or lower case
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Forces {
     /// Whether the table has forces. If not, the rows only have covariates, and `[cut]` determines the force.
@@ -101,16 +121,8 @@ impl FromIterator<(TargetRef, ForceRow)> for Forces {
 
 impl Forces {
     /// A table in which no force acts at any target.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::measured::Forces;
-    ///
-    /// assert!(Forces::none().forces_given); // overrides [cut]: no target has a force
-    /// assert!(Forces::none().of(1, None).is_none());
-    /// ```
     #[must_use]
-    pub fn none() -> Self {
+    pub(crate) fn none() -> Self {
         Self { forces_given: true, ..Self::default() }
     }
 

@@ -7,6 +7,14 @@ use crate::text::{Diagnostic, Severity};
 use std::cell::Cell;
 
 /// The names that a file has for the columns.
+///
+/// # Examples
+/// ```
+/// use deflex::measured::ColumnNames;
+///
+/// // The file calls the columns `target` and `x_mm` by other names.
+/// assert!(ColumnNames::parse("target=Point,x_mm=X actual").is_ok());
+/// ```
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ColumnNames {
     /// Index of each renamed column, and its name in the file.

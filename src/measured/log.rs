@@ -10,17 +10,7 @@ impl Table {
     ///
     /// # Errors
     /// A row without time or angles; fewer than two rows.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::{measured::Table, robot::Builtin, text::Source};
-    /// let text = "time_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n0,0,0,0,0,30,0\n0.004,0,0.1,0,0,30,0\n";
-    /// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// let log = Table::read(&Source::new("log.csv", text))?.log(&robot)?;
-    /// assert_eq!(log.samples.len(), 2);
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
-    pub fn log(&self, robot: &Robot) -> Result<Log, Vec<Diagnostic>> {
+    pub(crate) fn log(&self, robot: &Robot) -> Result<Log, Vec<Diagnostic>> {
         let mut samples: Vec<LogSample> = Vec::with_capacity(self.rows.len());
         for row in &self.rows {
             let (Some(time), Some(axes_deg)) = (row.time_s, row.motor_deg) else {

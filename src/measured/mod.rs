@@ -12,5 +12,6 @@ mod text;
 pub use columns::names as column_names;
 pub use forces::{ForceRow, Forces};
 pub use layout::ColumnNames;
-pub use table::{MATCH_MM, MeasuredRow, Rows, Table};
+pub(crate) use table::Rows;
+pub use table::{MATCH_MM, MeasuredRow, Table};
 pub use target::TargetRef;

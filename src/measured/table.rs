@@ -10,6 +10,16 @@ use nalgebra::Vector3;
 use std::io::{BufRead, BufReader, Chain, Cursor, Read};
 
 /// One measured row, in the units of the file. Missing columns and empty cells are `None`.
+///
+/// # Examples
+/// ```
+/// use deflex::measured::Table;
+/// use deflex::text::Source;
+///
+/// let table = Table::read(&Source::new("measured.csv", "target,x_mm,y_mm,z_mm\n1,10.02,0,-2\n"))?;
+/// assert_eq!(table.rows[0].position_mm, Some([10.02, 0.0, -2.0]));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeasuredRow {
     /// Line in the file, from 1.
@@ -142,18 +152,7 @@ impl Table {
     ///
     /// # Errors
     /// Those of [`Table::read`], and named columns that the file does not have.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::measured::{ColumnNames, Table};
-    /// use deflex::text::Source;
-    ///
-    /// let names = ColumnNames::parse("target=Punkt,normal_mm=Abweichung")?;
-    /// let table = Table::read_named(&Source::new("cmm.csv", "Punkt;Abweichung\n1;0,12\n"), Some(&names))?;
-    /// assert_eq!(table.rows[0].normal_mm, Some(0.12));
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
-    pub fn read_named(source: &Source, names: Option<&ColumnNames>) -> Result<Self, Vec<Diagnostic>> {
+    pub(crate) fn read_named(source: &Source, names: Option<&ColumnNames>) -> Result<Self, Vec<Diagnostic>> {
         let mut all = Rows::new(&source.name, &source.bytes[..], names)?;
         let notes = std::mem::take(&mut all.notes);
         let (mut rows, mut errors) = (Vec::new(), Vec::new());
@@ -200,16 +199,8 @@ impl Table {
 impl MeasuredRow {
     /// Force and covariates of the cut. If the robot itself probed the row, its time and temperature belong to the
     /// probing and are left out.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::{measured::Table, text::Source};
-    /// let table = Table::read(&Source::new("forces.csv", "target,fx_n,fy_n,fz_n,time_s\n7,0,0,120,33.5\n"))?;
-    /// assert_eq!(table.rows[0].force().time, Some(33.5));
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
-    pub fn force(&self) -> ForceRow {
+    pub(crate) fn force(&self) -> ForceRow {
         let cut = self.probe_tool.is_none();
         ForceRow {
             force: self.force_n.map(Vector3::from),
@@ -225,7 +216,7 @@ type Text<R> = Chain<Cursor<Vec<u8>>, BufReader<LineFeeds<R>>>;
 
 /// Reads the rows of a table one by one, without holding the table; returns the errors of rows, and ends after too
 /// many.
-pub struct Rows<R> {
+pub(crate) struct Rows<R> {
     file: String,
     records: csv::ByteRecordsIntoIter<Text<R>>,
     place: Places,
@@ -244,17 +235,7 @@ impl<R: Read> Rows<R> {
     ///
     /// # Errors
     /// Unknown columns (with the most similar known one), and named columns that the file does not have.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::measured::Rows;
-    ///
-    /// let table = "target,x_mm,y_mm,z_mm\n1,10.02,0.01,-0.13\n";
-    /// let mut rows = Rows::new("measured.csv", table.as_bytes(), None)?;
-    /// assert!(rows.next().is_some_and(|row| row.is_ok()));
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
-    pub fn new(file: &str, input: R, names: Option<&ColumnNames>) -> Result<Self, Vec<Diagnostic>> {
+    pub(crate) fn new(file: &str, input: R, names: Option<&ColumnNames>) -> Result<Self, Vec<Diagnostic>> {
         Self::read_header(file, input, Wanted { what: What::All, names })
     }
 
@@ -263,17 +244,7 @@ impl<R: Read> Rows<R> {
     ///
     /// # Errors
     /// The table has none of these columns, or one of them is mistyped.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::measured::Rows;
-    ///
-    /// let table = "target,fx_n,fy_n,fz_n\n7,0,0,120\n";
-    /// let mut rows = Rows::of_forces("forces.csv", table.as_bytes(), None)?;
-    /// assert!(rows.next().is_some_and(|row| row.is_ok()));
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
-    pub fn of_forces(file: &str, input: R, names: Option<&ColumnNames>) -> Result<Self, Vec<Diagnostic>> {
+    pub(crate) fn of_forces(file: &str, input: R, names: Option<&ColumnNames>) -> Result<Self, Vec<Diagnostic>> {
         Self::read_header(file, input, Wanted { what: What::Forces, names })
     }
 

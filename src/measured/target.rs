@@ -1,6 +1,16 @@
 //! How a row of a table names its target.
 
 /// The target to which a row belongs.
+///
+/// # Examples
+/// ```
+/// use deflex::measured::{Table, TargetRef};
+/// use deflex::text::Source;
+///
+/// let table = Table::read(&Source::new("measured.csv", "target,x_mm,y_mm,z_mm\np10,10.02,0,-2\n"))?;
+/// assert_eq!(table.rows[0].target, Some(TargetRef::Name("p10".to_owned())));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum TargetRef {

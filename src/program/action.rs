@@ -4,6 +4,18 @@ use crate::text::Span;
 use std::sync::Arc;
 
 /// An action between two motions.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::cl, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/blade/cell.toml")?))?;
+/// # let file = Source::new("blade.aptsource", std::fs::read("samples/blade/blade.aptsource")?);
+/// # let program = cl::read(file, &cell.cl.as_ref().expect("[cl]").options)?;
+/// for action in &program.actions {
+///     println!("line {}: {:?}", action.line, action.kind);
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Action {
@@ -19,6 +31,19 @@ pub struct Action {
 }
 
 /// The kind of an action.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::cl, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/blade/cell.toml")?))?;
+/// # let file = Source::new("blade.aptsource", std::fs::read("samples/blade/blade.aptsource")?);
+/// # let program = cl::read(file, &cell.cl.as_ref().expect("[cl]").options)?;
+/// use deflex::program::ActionKind;
+///
+/// let starts = program.actions.iter().filter(|action| matches!(action.kind, ActionKind::SpindleOn { .. }));
+/// println!("the spindle starts {} times", starts.count());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum ActionKind {
@@ -58,15 +83,8 @@ pub enum ActionKind {
 
 impl ActionKind {
     /// A fixed phrase for its kind, by which actions are counted.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::program::ActionKind;
-    ///
-    /// assert_eq!(ActionKind::SpindleOff.what(), "the stop of the spindle");
-    /// ```
     #[must_use]
-    pub fn what(&self) -> &'static str {
+    pub(crate) fn what(&self) -> &'static str {
         match self {
             Self::ToolChange { .. } => "a tool change",
             Self::SpindleOn { .. } => "the start of the spindle",

@@ -6,6 +6,14 @@ pub use crate::limits::EXTERNAL_AXES;
 pub type External = [f64; EXTERNAL_AXES];
 
 /// An external axis, as programs name it.
+///
+/// # Examples
+/// ```
+/// use deflex::program::AxisName;
+///
+/// assert_eq!(AxisName::read("E2"), Some(AxisName::External(1)));
+/// assert_eq!(AxisName::External(1).to_string(), "eax_b");
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum AxisName {
@@ -72,16 +80,8 @@ impl AxisName {
     }
 
     /// Its motion group; `None` for that of the robot.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::program::AxisName;
-    ///
-    /// assert_eq!(AxisName::read("gp2_j1").and_then(AxisName::group), Some(2)); // motion group of a FANUC controller
-    /// assert_eq!(AxisName::read("eax_a").and_then(AxisName::group), None);
-    /// ```
     #[must_use]
-    pub fn group(self) -> Option<u8> {
+    pub(crate) fn group(self) -> Option<u8> {
         match self {
             Self::External(_) => None,
             Self::Joint { group, .. } | Self::Extended { group, .. } | Self::Group(group) => Some(group),
@@ -90,7 +90,7 @@ impl AxisName {
 
     /// Whether it names another axis, or all axes of that one's group.
     #[must_use]
-    pub fn covers(self, other: Self) -> bool {
+    pub(crate) fn covers(self, other: Self) -> bool {
         self == other || matches!(self, Self::Group(group) if other.group() == Some(group))
     }
 }

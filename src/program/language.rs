@@ -8,6 +8,13 @@ use crate::text::{Diagnostic, Source};
 use nalgebra::Rotation3;
 
 /// The language of a program.
+///
+/// # Examples
+/// ```
+/// use deflex::program::{Language, detect};
+///
+/// assert_eq!(detect("part.mod", b"MODULE part\nENDMODULE\n"), Some(Language::Rapid));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Language {
@@ -127,16 +134,8 @@ impl Language {
     }
 
     /// Whether a corrected program is the same text with other numbers. CL data are posted instead.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::program::Language;
-    ///
-    /// assert!(Language::Rapid.is_edited());
-    /// assert!(!Language::Cl.is_edited()); // it is posted
-    /// ```
     #[must_use]
-    pub fn is_edited(self) -> bool {
+    pub(crate) fn is_edited(self) -> bool {
         self != Self::Cl
     }
 
@@ -354,6 +353,17 @@ static JBI: About = About {
 };
 
 /// Options for reading programs.
+///
+/// # Examples
+/// ```
+/// use deflex::program::{Language, ReadOptions, cl::ClOptions, read};
+/// use deflex::text::Source;
+///
+/// let source = Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?);
+/// let options = ReadOptions { cl: &ClOptions::default(), look: true };
+/// println!("{} targets", read(Language::Rapid, vec![source], vec![], &options)?.targets.len());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct ReadOptions<'a> {
     /// The options of the cell for CL data.

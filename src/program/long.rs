@@ -8,7 +8,7 @@ use std::borrow::Cow;
 use std::io::{Read, Seek};
 
 /// The text of a program, which can be read several times.
-pub trait LongText {
+pub(crate) trait LongText {
     /// Its reader.
     type Reader: Read + Seek + Send;
 
@@ -33,7 +33,7 @@ pub trait LongText {
 
 /// A program in one text, not yet read.
 #[derive(Debug)]
-pub struct LongProgram<'a, T> {
+pub(crate) struct LongProgram<'a, T> {
     text: T,
     language: Language,
     context: Cow<'a, [Source]>,
@@ -53,14 +53,14 @@ enum Reading {
 
 /// A long program with the way in which it is read.
 #[derive(Debug)]
-pub struct InChunks<'a, T> {
+pub(crate) struct InChunks<'a, T> {
     program: &'a LongProgram<'a, T>,
     reading: Reading,
 }
 
 impl<'a, T: LongText> LongProgram<'a, T> {
     /// A text in a language. `context` has declarations of other files; `cl` has the options for CL data, without which they are not read.
-    pub fn new(text: T, language: Language, context: Cow<'a, [Source]>, cl: Option<ClOptions>) -> Self {
+    pub(crate) fn new(text: T, language: Language, context: Cow<'a, [Source]>, cl: Option<ClOptions>) -> Self {
         Self { text, language, context, cl }
     }
 
@@ -69,7 +69,7 @@ impl<'a, T: LongText> LongProgram<'a, T> {
     ///
     /// # Errors
     /// As `run`.
-    pub fn by_chunks<A, E>(
+    pub(crate) fn by_chunks<A, E>(
         &self,
         mut run: impl FnMut(InChunks<'_, T>) -> Result<Option<A>, E>,
     ) -> Result<Option<A>, E> {
@@ -114,13 +114,13 @@ impl<'a, T: LongText> LongProgram<'a, T> {
 impl<T: LongText> InChunks<'_, T> {
     /// Its text.
     #[must_use]
-    pub fn text(&self) -> &T {
+    pub(crate) fn text(&self) -> &T {
         &self.program.text
     }
 
     /// Its language.
     #[must_use]
-    pub fn language(&self) -> Language {
+    pub(crate) fn language(&self) -> Language {
         self.program.language
     }
 

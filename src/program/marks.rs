@@ -11,16 +11,7 @@ const AT_ONCE: usize = 64 * 1024;
 ///
 /// # Errors
 /// `input` cannot be read.
-///
-/// # Examples
-/// ```
-/// use deflex::program::{Language, unknown_marks};
-///
-/// let found = unknown_marks("part.mod", Language::Rapid, &b"  ! deflex airr\n"[..])?;
-/// assert_eq!(found.len(), 1);
-/// # Ok::<(), std::io::Error>(())
-/// ```
-pub fn unknown_marks(name: &str, language: Language, mut input: impl Read) -> io::Result<Vec<Diagnostic>> {
+pub(crate) fn unknown_marks(name: &str, language: Language, mut input: impl Read) -> io::Result<Vec<Diagnostic>> {
     let (mut errors, mut text, mut line) = (Vec::new(), Vec::new(), 1);
     loop {
         let held = text.len();

@@ -20,7 +20,7 @@ mod lowered;
 mod marks;
 mod modules;
 pub mod orientation;
-pub mod post;
+pub(crate) mod post;
 pub mod rapid;
 mod round_trip;
 mod target;
@@ -34,18 +34,19 @@ pub use detect::detect;
 pub use external::{AxisName, EXTERNAL_AXES, External};
 pub(crate) use language::Layout;
 pub use language::{Language, ReadOptions, read};
-pub use long::{InChunks, LongProgram, LongText};
-pub use marks::unknown_marks;
-pub use modules::{ModuleNames, group_modules};
+pub(crate) use long::{InChunks, LongProgram, LongText};
+pub(crate) use marks::unknown_marks;
+pub(crate) use modules::{ModuleNames, group_modules};
 // The interface between the languages' `Chunks` and the pipeline that corrects them; not for callers.
 #[doc(hidden)]
 pub use any_chunks::{AnyChunks, ChunkReader, UnreadChunk};
 #[doc(hidden)]
 pub use chunk::{Next, StreamableChunk};
 pub use round_trip::{RoundTrip, round_trip};
+pub(crate) use target::GroupAxis;
 pub use target::{
-    ArcTurn, Conf, Confdata, Config, Editable, ExternalAxes, Goal, GroupAxis, InactiveUnit, Mark, Motion, Predecessor,
-    Role, Status, Target,
+    ArcTurn, Conf, Confdata, Config, Editable, ExternalAxes, Goal, InactiveUnit, Mark, Motion, Predecessor, Role,
+    StatusAndTurn, Target,
 };
 
 use crate::text::{Diagnostic, Edit, Source, Span, applied};
@@ -104,6 +105,17 @@ const BRANCHES: [&str; 17] = [
 ];
 
 /// How the controller passes the end of a motion.
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// use deflex::program::Passing;
+///
+/// let stops = (0..program.targets.len()).filter(|index| matches!(program.passing(*index), Passing::Stop));
+/// println!("the arm stops at {} targets", stops.count());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Passing {
@@ -116,6 +128,14 @@ pub enum Passing {
 }
 
 /// A tool that the program uses.
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// println!("{}: {:?}", program.tools[0].name, program.tools[0].data);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tool {
     /// Its name as written.
@@ -132,6 +152,19 @@ impl Tool {
 }
 
 /// RAPID tooldata: millimetres, kilograms.
+///
+/// # Examples
+/// ```
+/// use deflex::program::ToolData;
+///
+/// let data = ToolData {
+///     robhold: true,
+///     tcp_mm: [0.0, 0.0, 250.0],
+///     tcp_quat: [1.0, 0.0, 0.0, 0.0],
+///     mass_kg: 18.0,
+///     cog_mm: [0.0, 0.0, 100.0],
+/// };
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToolData {
     /// False for a stationary tool, to which the robot brings the part.
@@ -147,6 +180,18 @@ pub struct ToolData {
 }
 
 /// The shape of a cutter in a CL file.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::cl, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/blade/cell.toml")?))?;
+/// # let file = Source::new("blade.aptsource", std::fs::read("samples/blade/blade.aptsource")?);
+/// # let program = cl::read(file, &cell.cl.as_ref().expect("[cl]").options)?;
+/// if let Some(cutter) = program.cutter {
+///     println!("{} mm, corners {} mm", cutter.diameter_mm, cutter.corner_radius_mm);
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CutterInfo {
     /// Diameter, mm.
@@ -156,6 +201,14 @@ pub struct CutterInfo {
 }
 
 /// A work object that the program uses.
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// println!("{}: {:?}", program.wobjs[0].name, program.wobjs[0].data);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wobj {
     /// Its name as written; `wobj0` if the instruction names none.
@@ -174,6 +227,22 @@ impl Wobj {
 }
 
 /// RAPID wobjdata: millimetres.
+///
+/// # Examples
+/// ```
+/// use deflex::program::WobjData;
+///
+/// // An object frame at x = 1 m of the world.
+/// let (at, none, straight) = ([1000.0, 0.0, 0.0], [0.0; 3], [1.0, 0.0, 0.0, 0.0]);
+/// let data = WobjData {
+///     robhold: false,
+///     fixed: true,
+///     uframe_mm: at,
+///     uframe_quat: straight,
+///     oframe_mm: none,
+///     oframe_quat: straight,
+/// };
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WobjData {
     /// True if the robot holds the part.
@@ -191,6 +260,16 @@ pub struct WobjData {
 }
 
 /// A statement that is not changed, with the reason.
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// for kept in &program.kept {
+///     println!("line {} is not changed: {}", kept.line, kept.reason.text());
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Kept {
@@ -209,6 +288,17 @@ pub struct Kept {
 }
 
 /// An executed motion whose target is known only at run time.
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// for motion in &program.unknown {
+///     println!("line {}: {}", motion.line, motion.reason.text());
+/// }
+/// assert!(program.unknown.is_empty());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct UnknownMotion {
@@ -246,6 +336,15 @@ pub struct Change {
 }
 
 /// A motion to insert before a target (`--subdivide`), on the segment to it.
+///
+/// # Examples
+/// ```
+/// use deflex::program::Insert;
+///
+/// // A line to a point 5 mm from its neighbours, before the fourth target.
+/// let insert = Insert::line(3, ([10.0, 0.0, -2.0], [0.0, 1.0, 0.0, 0.0]), 5.0);
+/// assert_eq!(insert.position_mm, [10.0, 0.0, -2.0]);
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Insert {
@@ -308,6 +407,18 @@ impl Default for RewriteOptions {
 }
 
 /// The results of [`Program::rewrite`].
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// use deflex::program::RewriteOptions;
+///
+/// let unchanged = vec![None; program.targets.len()];
+/// let rewritten = program.rewrite(&unchanged, &[], &RewriteOptions::default());
+/// assert!(rewritten.edits.iter().all(|edits| edits.is_empty()) && rewritten.kept.is_empty());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Debug, Default)]
 #[non_exhaustive]
 pub struct Rewritten {
@@ -494,16 +605,8 @@ impl Program {
     }
 
     /// The text of the line with the motion of this ordinal.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::{program::rapid, text::Source};
-    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
-    /// assert!(program.line_of(1).is_some_and(|line| line.contains("MoveL")));
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
-    pub fn line_of(&self, ordinal: u32) -> Option<String> {
+    pub(crate) fn line_of(&self, ordinal: u32) -> Option<String> {
         let i = self.targets.binary_search_by_key(&ordinal, |target| target.ordinal).ok()?;
         let target = &self.targets[i];
         Some(self.sources[usize::from(target.source)].line_at(target.span.start as usize).into_owned())

@@ -6,7 +6,7 @@ use std::io::{self, BufRead};
 
 /// Names that a module declares for others and names that it takes from others, upper case.
 #[derive(Debug)]
-pub struct ModuleNames {
+pub(crate) struct ModuleNames {
     language: Language,
     module: String,
     declared: BTreeSet<String>,
@@ -18,22 +18,8 @@ pub struct ModuleNames {
 ///
 /// Two modules belong together if one uses a name that it does not declare and exactly one other module declares. Modules with the same
 /// name, or with a `main` each, are different programs.
-///
-/// # Examples
-/// ```
-/// use deflex::program::{Language, ModuleNames, group_modules};
-///
-/// let names = |text: &str| {
-///     let mut names = ModuleNames::new(Language::Rapid);
-///     names.read(text.as_bytes()).map(|()| names)
-/// };
-/// let main = names("MODULE Main\n  PROC main()\n    MoveL p1, v100, fine, tool0;\n  ENDPROC\nENDMODULE\n")?;
-/// let data = names("MODULE Data\n  CONST robtarget p1:=[[0,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\nENDMODULE\n")?;
-/// assert_eq!(group_modules(&[main, data]), [[0, 1]]); // `main` uses a point of the other module
-/// # Ok::<(), std::io::Error>(())
-/// ```
 #[must_use]
-pub fn group_modules(names: &[ModuleNames]) -> Vec<Vec<usize>> {
+pub(crate) fn group_modules(names: &[ModuleNames]) -> Vec<Vec<usize>> {
     let mut owners: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
     for (i, module) in names.iter().enumerate() {
         for name in &module.declared {
@@ -73,7 +59,7 @@ fn fit(names: &[ModuleNames], members: &[usize]) -> bool {
 impl ModuleNames {
     /// No names yet, for a module in this language.
     #[must_use]
-    pub fn new(language: Language) -> Self {
+    pub(crate) fn new(language: Language) -> Self {
         let none = BTreeSet::new;
         Self { language, module: String::new(), declared: none(), local: none(), used: none() }
     }
@@ -82,7 +68,7 @@ impl ModuleNames {
     ///
     /// # Errors
     /// `input` cannot be read.
-    pub fn read(&mut self, mut input: impl BufRead) -> io::Result<()> {
+    pub(crate) fn read(&mut self, mut input: impl BufRead) -> io::Result<()> {
         let mut words: [String; 3] = Default::default();
         let mut line = Vec::new();
         let comment = self.language.comment();

@@ -40,17 +40,8 @@ pub fn quaternion(rotation: &Rotation3<f64>) -> [f64; 4] {
 
 /// The rotation vector of a rotation, rad. It is computed from the quaternion, because [`Rotation3::scaled_axis`] does not find the axis of
 /// half a turn.
-///
-/// # Examples
-/// ```
-/// use deflex::nalgebra::{Rotation3, Vector3};
-/// use deflex::program::orientation::rotation_vector;
-///
-/// let turned = Rotation3::from_axis_angle(&Vector3::z_axis(), 0.5);
-/// assert!((rotation_vector(&turned).z - 0.5).abs() < 1e-12); // rad
-/// ```
 #[must_use]
-pub fn rotation_vector(rotation: &Rotation3<f64>) -> Vector3<f64> {
+pub(crate) fn rotation_vector(rotation: &Rotation3<f64>) -> Vector3<f64> {
     UnitQuaternion::from_rotation_matrix(rotation).scaled_axis()
 }
 
@@ -104,16 +95,8 @@ pub fn from_zyx_deg([a, b, c]: [f64; 3]) -> Rotation3<f64> {
 
 /// The quaternion of [`from_zyx_deg`], scalar first, scalar not negative, by its half angles (Diebel 2006, *Representing
 /// Attitude*, equation 297).
-///
-/// # Examples
-/// ```
-/// use deflex::program::orientation::quaternion_of_zyx_deg;
-///
-/// let [w, _, _, z] = quaternion_of_zyx_deg([180.0, 0.0, 0.0]);
-/// assert!(w.abs() < 1e-12 && (z.abs() - 1.0).abs() < 1e-12);
-/// ```
 #[must_use]
-pub fn quaternion_of_zyx_deg(angles: [f64; 3]) -> [f64; 4] {
+pub(crate) fn quaternion_of_zyx_deg(angles: [f64; 3]) -> [f64; 4] {
     let [(sa, ca), (sb, cb), (sc, cc)] = angles.map(|deg| (0.5 * deg).to_radians().sin_cos());
     let quat = [
         ca * cb * cc + sa * sb * sc,
@@ -125,17 +108,8 @@ pub fn quaternion_of_zyx_deg(angles: [f64; 3]) -> [f64; 4] {
 }
 
 /// Angles [Rx, Ry, Rz] about x, the turned y, the turned z: `Rx Ry Rz`, degrees: Stäubli's.
-///
-/// # Examples
-/// ```
-/// use deflex::nalgebra::{Rotation3, Vector3};
-/// use deflex::program::orientation::xyz_deg;
-///
-/// let turned = Rotation3::from_axis_angle(&Vector3::x_axis(), 30_f64.to_radians());
-/// assert!((xyz_deg(&turned)[0] - 30.0).abs() < 1e-9);
-/// ```
 #[must_use]
-pub fn xyz_deg(rotation: &Rotation3<f64>) -> [f64; 3] {
+pub(crate) fn xyz_deg(rotation: &Rotation3<f64>) -> [f64; 3] {
     // The inverse turns about z, y, x by the negative angles.
     let [z, y, x] = zyx_deg(&rotation.inverse());
     [-x, -y, -z]

@@ -6,6 +6,15 @@ use crate::text::{Diagnostic, Source};
 use std::collections::BTreeSet;
 
 /// The result of a write in memory.
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// let result = deflex::program::round_trip(&program, rapid::read);
+/// assert!(result.identical && result.shifted_ok, "{:?}", result.why);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct RoundTrip {

@@ -3,6 +3,15 @@ use crate::text::Span;
 use std::sync::Arc;
 
 /// One point of a program's path, independent of the language and of robots.
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// let target = &program.targets[0];
+/// println!("line {}: {:?} with {:?} mm/s", target.line, target.motion, target.feed_mm_s);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Target {
@@ -49,6 +58,16 @@ pub struct Target {
 }
 
 /// The start of the segment to a point, in every run.
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// use deflex::program::Predecessor;
+///
+/// assert_eq!(program.targets[1].predecessor, Predecessor::Previous);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Predecessor {
@@ -95,6 +114,14 @@ impl Target {
 }
 
 /// External axes at a target, as the program states them: mm or degrees.
+///
+/// # Examples
+/// ```
+/// use deflex::program::{AxisName, ExternalAxes};
+///
+/// let none = ExternalAxes::default(); // a robot without external axes
+/// assert!(none.position(AxisName::External(0)).is_none() && none.is_at_rest());
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct ExternalAxes {
@@ -105,7 +132,7 @@ pub struct ExternalAxes {
     /// Axes that are at zero in all of the program: programs of robots without external axes have zeros too (KRL).
     pub at_rest: [bool; EXTERNAL_AXES],
     /// Axes of other motion groups (FANUC TP).
-    pub groups: Arc<[GroupAxis]>,
+    pub(crate) groups: Arc<[GroupAxis]>,
     /// Whether the path to the target is one in the frame that another motion group carries (FANUC TP `COORD`).
     pub coordinated: bool,
     /// Mechanical units that are deactivated here (RAPID `DeactUnit`).
@@ -151,7 +178,7 @@ impl ExternalAxes {
 
 /// The position of an axis of another motion group.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GroupAxis {
+pub(crate) struct GroupAxis {
     /// The axis; the whole group if the text has a pose of another arm.
     pub axis: AxisName,
     /// Position, mm or degrees; `None` if the program does not state it.
@@ -161,6 +188,16 @@ pub struct GroupAxis {
 }
 
 /// A mechanical unit that does not move, even if targets state positions.
+///
+/// # Examples
+/// ```
+/// use deflex::program::InactiveUnit;
+///
+/// // A positioner that stands at 30 degrees of axis eax_b.
+/// let mut stands = [None; 6];
+/// stands[1] = Some(30.0);
+/// let unit = InactiveUnit { name: "STN1".into(), stands };
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct InactiveUnit {
     /// Its name in the program.
@@ -170,6 +207,17 @@ pub struct InactiveUnit {
 }
 
 /// The end of a motion, or a point on its path.
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// use deflex::program::Role;
+///
+/// let ends = program.targets.iter().filter(|target| target.role == Role::End);
+/// assert_eq!(ends.count(), program.targets.len()); // there are no arcs
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Role {
     /// The end of an executed motion: one report row, one ordinal.
@@ -181,6 +229,16 @@ pub enum Role {
 }
 
 /// Kind of motion.
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// use deflex::program::Motion;
+///
+/// assert!(program.targets.iter().any(|target| target.motion == Motion::Linear));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Motion {
@@ -269,6 +327,14 @@ pub enum Goal {
 }
 
 /// The configuration as the language writes it: which of the axis angles that reach a pose are meant.
+///
+/// # Examples
+/// ```
+/// use deflex::program::{Conf, Confdata};
+///
+/// let conf = Conf::Quarters(Confdata { cf1: 0, cf4: -1, cf6: 0, cfx: 1 });
+/// assert!(matches!(conf, Conf::Quarters(_)));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Conf {
@@ -277,7 +343,7 @@ pub enum Conf {
     /// FANUC TP.
     Turns(Config),
     /// KUKA KRL.
-    Status(Status),
+    Status(StatusAndTurn),
     /// The solution that is nearest to these axis angles, ten-thousandths of a degree (URScript `qnear`).
     Near([i32; 6]),
 }
@@ -303,8 +369,15 @@ impl Conf {
 /// `S`: bit 0, wrist centre on the rear side of axis 1; bit 1, wrist centre in front of the lower arm, which is the usual side; bit 2,
 /// axis 5 below zero. `T`: bit n − 1, axis n below zero. Other bits have other meanings and are kept. Source: KUKA, Operating and
 /// Programming Instructions for System Integrators, *Status and Turn*; taught points of public programs, where bit 2 of `S` is bit 4 of `T`.
+///
+/// # Examples
+/// ```
+/// use deflex::program::StatusAndTurn;
+///
+/// let written = StatusAndTurn { status: 2, turn: 35 }; // S 2, T 35
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Status {
+pub struct StatusAndTurn {
     /// `S`
     pub status: i32,
     /// `T`
@@ -316,6 +389,13 @@ pub struct Status {
 /// Its letters are the three signs of RAPID's cfx: F, axis 5 above zero as the controller counts it; D, wrist centre on the rear side of
 /// the lower arm; B, wrist centre on the rear side of axis 1. Source: FANUC, R-30iB Operator's Manual, position data; the CONFIG that a controller
 /// computes at the postures of an ABB arm (GitHub, LeroyDu56/CrossArm: validation on virtual controllers, section 14).
+///
+/// # Examples
+/// ```
+/// use deflex::program::Config;
+///
+/// let written = Config { posture: 1, turns: [0, 0, 0] }; // 'F U T, 0, 0, 0'
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Config {
     /// 4·(B) + 2·(D) + (F), as [`Confdata::cfx`].
@@ -335,6 +415,13 @@ impl std::fmt::Display for Config {
 }
 
 /// RAPID confdata `[cf1, cf4, cf6, cfx]`.
+///
+/// # Examples
+/// ```
+/// use deflex::program::Confdata;
+///
+/// let written = Confdata { cf1: 0, cf4: -1, cf6: 0, cfx: 1 }; // [0,-1,0,1]
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Confdata {
     /// Quarter turn of axis 1.
@@ -348,6 +435,17 @@ pub struct Confdata {
 }
 
 /// A marker comment.
+///
+/// # Examples
+/// ```
+/// use deflex::program::{Mark, rapid};
+/// use deflex::text::Source;
+///
+/// let text = String::from_utf8_lossy(&std::fs::read("samples/slot/slot.mod")?).replacen("MoveL", "! deflex air\nMoveL", 1);
+/// let program = rapid::read(vec![Source::new("slot.mod", text)], vec![])?;
+/// assert!(program.targets.iter().any(|target| target.mark == Some(Mark::Air)));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mark {
     /// No cutting force on this stretch.
@@ -379,6 +477,16 @@ impl Mark {
 }
 
 /// The parts of a target that may be edited in the text.
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// use deflex::program::Editable;
+///
+/// assert!(program.targets.iter().all(|target| target.editable == Editable::Pose));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Editable {

@@ -15,7 +15,7 @@ use std::fmt::Write;
 /// ```
 /// use deflex::report::{CheckFile, Judgement};
 ///
-/// let file = CheckFile::new("part.mod", Judgement { targets: 12, ..Judgement::default() }, (vec![], 0));
+/// let file = CheckFile::new("part.mod", Judgement::default(), (vec![], 0));
 /// assert_eq!(file.path, "part.mod");
 /// ```
 #[derive(Clone, Debug)]
@@ -34,6 +34,14 @@ pub struct CheckFile {
 }
 
 /// What a check judged of a program. Each target is judged, in the air, or not judged.
+///
+/// # Examples
+/// ```
+/// use deflex::report::Judgement;
+///
+/// let none = Judgement::default();
+/// assert!(none.targets == 0 && none.unjudged.is_empty());
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct Judgement {
     /// Executed motions.
@@ -49,13 +57,13 @@ pub struct Judgement {
     /// Whether the check may pass although some targets are not judged (`--allow-unjudged`).
     pub allows_unjudged: bool,
     /// The largest errors that were found, and the limits.
-    pub verdicts: Verdicts,
+    pub(crate) verdicts: Verdicts,
 }
 
 /// The three verdicts, each with a limit of its own.
 #[derive(Clone, Debug, Default, Serialize)]
 #[non_exhaustive]
-pub struct Verdicts {
+pub(crate) struct Verdicts {
     /// Errors of the targets: `--max-error`.
     pub targets: Verdict,
     /// Distances from the programmed path between targets: `--max-path-error`.
@@ -67,7 +75,7 @@ pub struct Verdicts {
 /// The largest error of a kind, and its limit.
 #[derive(Clone, Debug, Default, Serialize)]
 #[non_exhaustive]
-pub struct Verdict {
+pub(crate) struct Verdict {
     /// Limit, mm; `None` if the error is reported and not judged.
     pub limit_mm: Option<f64>,
     /// The largest error that was found; `None` if there was none.
@@ -76,45 +84,22 @@ pub struct Verdict {
 
 impl Verdict {
     /// From the largest error that was found, and the limit, mm.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::report::Verdict;
-    ///
-    /// assert!(!Verdict::new(None, Some(0.02)).fails()); // nothing was judged
-    /// ```
     #[must_use]
-    pub fn new(largest: Option<Spot>, limit_mm: Option<f64>) -> Self {
+    pub(crate) fn new(largest: Option<Spot>, limit_mm: Option<f64>) -> Self {
         Self { limit_mm, largest }
     }
 
     /// Whether the largest error is above the limit.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::report::Verdict;
-    ///
-    /// assert!(!Verdict::new(None, Some(0.02)).fails());
-    /// ```
     #[must_use]
-    pub fn fails(&self) -> bool {
+    pub(crate) fn fails(&self) -> bool {
         self.largest.as_ref().zip(self.limit_mm).is_some_and(|(largest, limit)| largest.mm > limit)
     }
 }
 
 impl Verdicts {
     /// Of targets, of the paths between them, and of jumps.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::report::{Verdict, Verdicts};
-    ///
-    /// let none = || Verdict::new(None, Some(0.02));
-    /// let verdicts = Verdicts::new(none(), none(), Verdict::new(None, None));
-    /// assert!(!verdicts.targets.fails());
-    /// ```
     #[must_use]
-    pub fn new(targets: Verdict, ways: Verdict, jumps: Verdict) -> Self {
+    pub(crate) fn new(targets: Verdict, ways: Verdict, jumps: Verdict) -> Self {
         Self { targets, ways, jumps }
     }
 
@@ -166,26 +151,14 @@ impl Verdicts {
 
 impl Judgement {
     /// Targets that were not judged.
-    ///
-    /// # Examples
-    /// ```
-    /// assert_eq!(deflex::report::Judgement::default().unjudged_count(), 0);
-    /// ```
     #[must_use]
-    pub fn unjudged_count(&self) -> usize {
+    pub(crate) fn unjudged_count(&self) -> usize {
         self.unjudged.iter().map(|unjudged| unjudged.count).sum()
     }
 
     /// Targets that were judged and cut.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::report::Judgement;
-    ///
-    /// assert_eq!(Judgement { targets: 12, air: 2, ..Judgement::default() }.judged(), 10);
-    /// ```
     #[must_use]
-    pub fn judged(&self) -> usize {
+    pub(crate) fn judged(&self) -> usize {
         self.targets.saturating_sub(self.air + self.unjudged_count())
     }
 
@@ -202,8 +175,8 @@ impl CheckFile {
     /// ```
     /// use deflex::report::{CheckFile, Judgement};
     ///
-    /// let file = CheckFile::new("part.mod", Judgement { targets: 12, ..Judgement::default() }, (vec![], 0));
-    /// assert!(file.passed());
+    /// let file = CheckFile::new("part.mod", Judgement::default(), (vec![], 0)); // no findings
+    /// assert_eq!(file.count(), 0);
     /// ```
     #[must_use]
     pub fn new(path: impl Into<String>, judgement: Judgement, (findings, more): (Vec<Diagnostic>, usize)) -> Self {
@@ -211,15 +184,8 @@ impl CheckFile {
     }
 
     /// Whether there are no findings, and every target was judged that had to be.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::report::{CheckFile, Judgement};
-    ///
-    /// assert!(CheckFile::new("part.mod", Judgement::default(), (vec![], 0)).passed());
-    /// ```
     #[must_use]
-    pub fn passed(&self) -> bool {
+    pub(crate) fn passed(&self) -> bool {
         self.findings.is_empty() && self.judgement.missing() == 0
     }
 
@@ -238,16 +204,8 @@ impl CheckFile {
     }
 
     /// The sentence about the findings that are not listed.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::report::{CheckFile, Judgement};
-    ///
-    /// let file = CheckFile::new("part.mod", Judgement::default(), (vec![], 7));
-    /// assert!(file.rest().is_some_and(|text| text.starts_with("7 more findings")));
-    /// ```
     #[must_use]
-    pub fn rest(&self) -> Option<String> {
+    pub(crate) fn rest(&self) -> Option<String> {
         (self.more > 0).then(|| format!("{}: --report CSV has every target", more_of(self.more, "finding")))
     }
 
@@ -267,17 +225,8 @@ fn more_of(count: usize, what: &str) -> String {
 }
 
 /// The answer as text: one line for each finding, then the result of each program.
-///
-/// # Examples
-/// ```
-/// use deflex::report::{CheckFile, Judgement, check_text};
-///
-/// let judgement = Judgement { targets: 12, ..Judgement::default() };
-/// let text = check_text(&[CheckFile::new("part.mod", judgement, (vec![], 0))]);
-/// assert!(text.starts_with("part.mod: 12 targets, ok"));
-/// ```
 #[must_use]
-pub fn check_text(files: &[CheckFile]) -> String {
+pub(crate) fn check_text(files: &[CheckFile]) -> String {
     let mut out = String::new();
     // Writing to a String cannot fail.
     for file in files {
@@ -465,16 +414,8 @@ fn uri(path: &str) -> String {
 }
 
 /// The answer as JSON.
-///
-/// # Examples
-/// ```
-/// use deflex::report::{CheckFile, Judgement, check_json};
-///
-/// let answer = check_json(&[CheckFile::new("part.mod", Judgement::default(), (vec![], 0))]);
-/// assert_eq!(answer["files"][0]["path"], "part.mod");
-/// ```
 #[must_use]
-pub fn check_json(files: &[CheckFile]) -> Value {
+pub(crate) fn check_json(files: &[CheckFile]) -> Value {
     let finding = |finding: &Diagnostic| {
         let mut entry = json!({
             "file": finding.file,

@@ -17,6 +17,13 @@ fn kind(name: &str) -> ColumnKind {
 }
 
 /// A column of a report: its name and its values.
+///
+/// # Examples
+/// ```
+/// let report = deflex::report::columns(b"target,error_mm\n1,0.2214\n")?;
+/// assert_eq!(report[1].name, "error_mm");
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Column {
@@ -27,6 +34,14 @@ pub struct Column {
 }
 
 /// The values of a column.
+///
+/// # Examples
+/// ```
+/// use deflex::report::{ColumnValues, columns};
+///
+/// assert_eq!(columns(b"target,error_mm\n1,0.2214\n")?[0].values, ColumnValues::Whole(vec![1]));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub enum ColumnValues {
     /// Whole numbers: counts and lines.

@@ -7,13 +7,19 @@ use std::borrow::Cow;
 use std::io::{self, Write};
 
 /// A column of the report, which has one row for each target.
+///
+/// # Examples
+/// ```
+/// let column = &deflex::report::REPORT_COLUMNS[0];
+/// println!("{}: {}", column.name, column.doc);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct ReportColumn {
     /// Name in the header, with the unit.
     pub name: &'static str,
     /// The kind of its values.
-    pub kind: ColumnKind,
+    pub(crate) kind: ColumnKind,
     /// Its meaning, for the documentation.
     pub doc: &'static str,
 }
@@ -21,7 +27,7 @@ pub struct ReportColumn {
 /// The kind of the values of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum ColumnKind {
+pub(crate) enum ColumnKind {
     /// Whole numbers: counts and lines.
     Whole,
     /// Text.
@@ -286,6 +292,13 @@ pub fn csv_rows(rows: &[Row]) -> Vec<u8> {
 }
 
 /// The numbers of a report before they are rounded for printing.
+///
+/// # Examples
+/// ```
+/// use deflex::report::Unrounded;
+///
+/// assert!(Unrounded::default().columns().is_empty()); // no row has been taken
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Unrounded {
     columns: Vec<(&'static str, Vec<f64>)>,
@@ -293,19 +306,7 @@ pub struct Unrounded {
 
 impl Unrounded {
     /// Adds rows, in running order.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::{cell::Cell, program::rapid, text::Source};
-    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
-    /// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
-    /// let mut unrounded = deflex::report::Unrounded::default();
-    /// unrounded.take(&corrected.rows);
-    /// assert!(unrounded.columns().iter().all(|(_, values)| values.len() == corrected.rows.len()));
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
-    pub fn take(&mut self, rows: &[Row]) {
+    pub(crate) fn take(&mut self, rows: &[Row]) {
         if self.columns.is_empty() {
             let is_number = |column: &&ReportColumn| matches!(column.kind, ColumnKind::Number { .. });
             self.columns = REPORT_COLUMNS.iter().filter(is_number).map(|column| (column.name, Vec::new())).collect();
@@ -329,16 +330,8 @@ impl Unrounded {
 
 /// Text as a field of a CSV file (RFC 4180), always on one line. If its first character would make it a formula in a spreadsheet, it gets an
 /// apostrophe before it.
-///
-/// # Examples
-/// ```
-/// use deflex::report::csv_field;
-///
-/// assert_eq!(csv_field("part 1, left"), "\"part 1, left\"");
-/// assert_eq!(csv_field("=1+1"), "\"'=1+1\""); // a spreadsheet must not compute it
-/// ```
 #[must_use]
-pub fn csv_field(text: &str) -> Cow<'_, str> {
+pub(crate) fn csv_field(text: &str) -> Cow<'_, str> {
     let usual = |b: u8| b.is_ascii_alphanumeric() || matches!(b, b'_' | b'.' | b'/' | b'{' | b'}' | b'[' | b']' | b' ');
     if text.bytes().all(usual) {
         return Cow::Borrowed(text);

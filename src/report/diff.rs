@@ -2,7 +2,7 @@
 
 use super::pairs::{InsertedTarget, Pairs, compare, settings};
 use super::summary::{counted, grouped};
-use crate::program::{Change, Conf, Config, Goal, Program, RewriteOptions, Status};
+use crate::program::{Change, Conf, Config, Goal, Program, RewriteOptions, StatusAndTurn};
 use crate::text::{applied, number};
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -12,6 +12,15 @@ use std::fmt::Write;
 const SAME: f64 = 1e-9;
 
 /// The differences of two programs.
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// let difference = deflex::report::difference(&program, &program);
+/// assert!(difference.is_empty() && difference.max_mm == 0.0);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Default, Serialize)]
 #[non_exhaustive]
 pub struct Difference {
@@ -34,6 +43,16 @@ pub struct Difference {
 }
 
 /// A target that moved.
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// for moved in deflex::report::difference(&program, &program).moved {
+///     println!("target {}: {:?} mm", moved.target, moved.shift_mm);
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct MovedTarget {
@@ -57,6 +76,16 @@ pub struct MovedTarget {
 }
 
 /// Something other than a number.
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// for other in deflex::report::difference(&program, &program).other {
+///     println!("line {}: {}", other.line, other.what);
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct OtherDifference {
@@ -88,14 +117,13 @@ impl Difference {
 /// # Examples
 /// ```
 /// use deflex::program::rapid;
-/// use deflex::report::{diff_text, difference};
+/// use deflex::report::difference;
 /// use deflex::text::Source;
 ///
 /// let text = String::from_utf8_lossy(&std::fs::read("samples/slot/slot.mod")?).into_owned();
 /// let read = |text: &str| rapid::read(vec![Source::new("slot.mod", text)], vec![]);
 /// let found = difference(&read(&text)?, &read(&text.replace("[[3.0000,", "[[3.0500,"))?);
 /// assert!(found.moved.len() == 1 && (found.max_mm - 0.05).abs() < 1e-9);
-/// println!("{}", diff_text(&found));
 /// # Ok::<(), deflex::text::Diagnostics>(())
 /// ```
 #[must_use]
@@ -157,7 +185,7 @@ fn list(conf: Conf) -> [i32; 4] {
     match conf {
         Conf::Quarters(conf) => [conf.cf1, conf.cf4, conf.cf6, conf.cfx],
         Conf::Turns(Config { turns: [one, four, six], posture }) => [one, four, six, posture],
-        Conf::Status(Status { status, turn }) => [turn & 1, turn >> 3 & 1, turn >> 5 & 1, status],
+        Conf::Status(StatusAndTurn { status, turn }) => [turn & 1, turn >> 3 & 1, turn >> 5 & 1, status],
         Conf::Near([one, _, _, four, _, six]) => [one, four, six, 0].map(|angle| angle / 10_000),
     }
 }
@@ -265,32 +293,14 @@ fn skeleton(bytes: &[u8]) -> impl Iterator<Item = (usize, String, Vec<f64>)> + '
 }
 
 /// The differences as text: a line for each target, all other differences, and a summary.
-///
-/// # Examples
-/// ```
-/// # use deflex::{program::rapid, text::Source};
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
-/// let found = deflex::report::difference(&program, &program);
-/// assert_eq!(deflex::report::diff_text(&found), "81 targets: the programs are the same\n");
-/// # Ok::<(), deflex::text::Diagnostics>(())
-/// ```
 #[must_use]
-pub fn diff_text(found: &Difference) -> String {
+pub(crate) fn diff_text(found: &Difference) -> String {
     text_of(found, &found.moved.iter().collect::<Vec<_>>(), found.other.len())
 }
 
 /// [`diff_text`] with only the targets that moved farthest.
-///
-/// # Examples
-/// ```
-/// # use deflex::{program::rapid, text::Source};
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
-/// let found = deflex::report::difference(&program, &program);
-/// assert_eq!(deflex::report::diff_summary(&found), "81 targets: the programs are the same\n");
-/// # Ok::<(), deflex::text::Diagnostics>(())
-/// ```
 #[must_use]
-pub fn diff_summary(found: &Difference) -> String {
+pub(crate) fn diff_summary(found: &Difference) -> String {
     /// How many targets and other differences are listed.
     const MOST_NAMED: usize = 10;
     let mut moved: Vec<&MovedTarget> = found.moved.iter().collect();
@@ -349,17 +359,8 @@ fn text_of(found: &Difference, moved: &[&MovedTarget], others: usize) -> String 
 }
 
 /// The targets that moved, as CSV.
-///
-/// # Examples
-/// ```
-/// # use deflex::{program::rapid, text::Source};
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
-/// let found = deflex::report::difference(&program, &program);
-/// assert_eq!(deflex::report::diff_csv(&found).lines().count(), 1); // the header
-/// # Ok::<(), deflex::text::Diagnostics>(())
-/// ```
 #[must_use]
-pub fn diff_csv(found: &Difference) -> String {
+pub(crate) fn diff_csv(found: &Difference) -> String {
     let mut out =
         "target,line,shift_x_mm,shift_y_mm,shift_z_mm,shift_mm,turn_deg,step_mm,conf_before,conf_after\n".to_owned();
     for m in &found.moved {

@@ -9,24 +9,8 @@ use std::fmt::Write;
 const WORST: usize = 10;
 
 /// The largest errors of a program as text: their sizes, their places, and the targets with the largest errors.
-///
-/// # Examples
-/// ```
-/// # use deflex::{cell::Cell, program::rapid, text::Source};
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
-/// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
-/// use deflex::correct::Summary;
-/// use deflex::report::{Digest, FileSummary, digest_text};
-///
-/// let mut digest = Digest::default();
-/// digest.take(&corrected.rows);
-/// let summary = FileSummary::of("slot.mod", &Summary::of(&corrected.rows), &[]);
-/// assert!(digest_text(&summary, &digest).starts_with("slot.mod: 81 targets"));
-/// # Ok::<(), deflex::text::Diagnostics>(())
-/// ```
 #[must_use]
-pub fn digest_text(summary: &FileSummary, digest: &Digest) -> String {
+pub(crate) fn digest_text(summary: &FileSummary, digest: &Digest) -> String {
     let mut out = format!("{}: {}\n", summary.path, summary_line(summary, PathKind::Predict));
     let at = |spot: &Spot| {
         let file = if spot.file.is_empty() || spot.file == summary.path { "" } else { &spot.file };
@@ -67,7 +51,7 @@ pub fn digest_text(summary: &FileSummary, digest: &Digest) -> String {
 /// A place in a program, and the error of the tip there.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
-pub struct Spot {
+pub(crate) struct Spot {
     /// The error, mm.
     pub mm: f64,
     /// Ordinal of the motion. For the path between targets and for jumps, it is the motion that leads to the next target.
@@ -84,7 +68,7 @@ pub struct Spot {
 /// Collects the largest errors from rows in running order. Of equal errors the first one counts.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
-pub struct Digest {
+pub(crate) struct Digest {
     /// Targets with the largest errors, the largest first.
     pub worst: Vec<Spot>,
     /// Where the tip is farthest from the path, not counting jumps of the force.
@@ -95,19 +79,7 @@ pub struct Digest {
 
 impl Digest {
     /// Adds rows, in running order.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::{cell::Cell, program::rapid, text::Source};
-    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
-    /// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
-    /// let mut digest = deflex::report::Digest::default();
-    /// digest.take(&corrected.rows);
-    /// assert!(!digest.worst.is_empty());
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
-    pub fn take(&mut self, rows: &[Row]) {
+    pub(crate) fn take(&mut self, rows: &[Row]) {
         for row in rows.iter().filter(|row| row.is_solved()) {
             let error = row.error_norm_mm();
             if self.worst.len() < WORST || self.worst.last().is_some_and(|least| error > least.mm) {

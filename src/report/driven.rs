@@ -15,13 +15,8 @@ const FEED: usize = 3;
 const FORCE: usize = 3;
 
 /// The driven and loaded path as CSV: `time_s, target, x_mm, …`, in the work object of each target.
-///
-/// # Examples
-/// ```
-/// assert!(deflex::report::path_csv(&[]).starts_with(b"time_s,"));
-/// ```
 #[must_use]
-pub fn path_csv(samples: &[LoadedSample]) -> Vec<u8> {
+pub(crate) fn path_csv(samples: &[LoadedSample]) -> Vec<u8> {
     let mut out = b"time_s,target,x_mm,y_mm,z_mm,qw,qx,qy,qz,feed_mm_s,fx_n,fy_n,fz_n\n".to_vec();
     for sample in samples {
         write_fixed(&mut out, sample.time, TIME);
@@ -39,19 +34,8 @@ pub fn path_csv(samples: &[LoadedSample]) -> Vec<u8> {
 }
 
 /// The result of fitting the law of a controller to logs, as text.
-///
-/// # Examples
-/// ```
-/// use deflex::drive::FittedLaw;
-/// use deflex::report::path_law_text;
-///
-/// /// Prints the answer.
-/// fn show(found: &FittedLaw) {
-///     print!("{}", path_law_text(found));
-/// }
-/// ```
 #[must_use]
-pub fn path_law_text(found: &FittedLaw) -> String {
+pub(crate) fn path_law_text(found: &FittedLaw) -> String {
     let FittedLaw { law, before, after, run_time_s, .. } = found;
     let logs = |count: usize| if count == 1 { "1 log".to_owned() } else { format!("{count} logs") };
     let mut text = String::new();

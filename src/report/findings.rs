@@ -5,28 +5,17 @@ use crate::text::Diagnostic;
 /// The findings of one program, by line. The first [`Findings::MOST`] are kept, the others only counted: the report has a row for every
 /// target.
 #[derive(Clone, Debug, Default)]
-pub struct Findings {
+pub(crate) struct Findings {
     first: Vec<Diagnostic>,
     count: usize,
 }
 
 impl Findings {
     /// The largest number of findings that are kept.
-    pub const MOST: usize = 10_000;
+    pub(crate) const MOST: usize = 10_000;
 
     /// Adds findings. All findings about a target have to come in one call.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::report::Findings;
-    /// use deflex::text::Diagnostic;
-    ///
-    /// let mut findings = Findings::default();
-    /// findings.add(vec![Diagnostic::error("check.max-error", "part.mod", "an error of 0.3 mm")]);
-    /// let (listed, more) = findings.into_parts();
-    /// assert_eq!((listed.len(), more), (1, 0));
-    /// ```
-    pub fn add(&mut self, mut found: Vec<Diagnostic>) {
+    pub(crate) fn add(&mut self, mut found: Vec<Diagnostic>) {
         sort(&mut found);
         // A correction and a prediction fail at the same targets.
         found.dedup();
@@ -43,14 +32,8 @@ impl Findings {
     }
 
     /// The findings that are kept, sorted by file, line and column, and the number of all others.
-    ///
-    /// # Examples
-    /// ```
-    /// let (listed, more) = deflex::report::Findings::default().into_parts();
-    /// assert!(listed.is_empty() && more == 0);
-    /// ```
     #[must_use]
-    pub fn into_parts(mut self) -> (Vec<Diagnostic>, usize) {
+    pub(crate) fn into_parts(mut self) -> (Vec<Diagnostic>, usize) {
         self.settle();
         let more = self.count - self.first.len();
         (self.first, more)

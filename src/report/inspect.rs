@@ -10,6 +10,17 @@ use std::fmt::Write;
 const CL_WOBJ: &str = "the part";
 
 /// One inspected file.
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// use deflex::report::InspectFile;
+///
+/// let file = InspectFile::read("slot.mod", &program, &deflex::program::round_trip(&program, rapid::read));
+/// assert!(file.refused.is_none());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Serialize)]
 pub struct InspectFile {
     /// As the user typed it.
@@ -43,6 +54,15 @@ pub struct InspectFile {
 }
 
 /// The extents of a program, its feeds and its run time.
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// let reach = deflex::report::InspectFile::read("slot.mod", &program, &deflex::program::round_trip(&program, rapid::read)).reach;
+/// println!("{:.0} s, external axes {:?}", reach.run_time_s, reach.external_axes);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Reached {
@@ -57,6 +77,16 @@ pub struct Reached {
 }
 
 /// The box that the positions in one work object lie in.
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// for extent in deflex::report::InspectFile::read("slot.mod", &program, &deflex::program::round_trip(&program, rapid::read)).reach.extents {
+///     println!("{}: from {:?} to {:?}", extent.wobj, extent.min_mm, extent.max_mm);
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Extent {
@@ -154,6 +184,16 @@ fn kept_lines(program: &Program) -> Vec<KeptLine> {
 }
 
 /// A kept statement.
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// for kept in deflex::report::InspectFile::read("slot.mod", &program, &deflex::program::round_trip(&program, rapid::read)).kept {
+///     println!("line {}: {}", kept.line, kept.reason);
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct KeptLine {
@@ -232,6 +272,18 @@ impl InspectFile {
 }
 
 /// The answer as JSON.
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// use deflex::report::{InspectFile, InspectFiles};
+///
+/// let files = [InspectFile::read("slot.mod", &program, &deflex::program::round_trip(&program, rapid::read))];
+/// let json = serde_json::to_string(&InspectFiles { files: &files }).expect("values that JSON can hold");
+/// assert!(json.contains("motion_targets"));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Serialize)]
 pub struct InspectFiles<'a> {
     /// The files in the order in which they were given.
@@ -239,20 +291,8 @@ pub struct InspectFiles<'a> {
 }
 
 /// The answer as text: a row for each file, then what was kept and refused.
-///
-/// # Examples
-/// ```
-/// use deflex::program::{rapid, round_trip};
-/// use deflex::report::{InspectFile, inspect_table};
-/// use deflex::text::Source;
-///
-/// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
-/// let file = InspectFile::read("slot.mod", &program, &round_trip(&program, rapid::read));
-/// assert!(file.round_trip && inspect_table(&[file]).contains("rapid"));
-/// # Ok::<(), deflex::text::Diagnostics>(())
-/// ```
 #[must_use]
-pub fn inspect_table(files: &[InspectFile]) -> String {
+pub(crate) fn inspect_table(files: &[InspectFile]) -> String {
     let width = files.iter().map(|file| file.path.chars().count()).max().unwrap_or(0).max(4);
     let mut out = format!(
         "{:width$}  {:8}  {:14}  {:>8}  {:>8}  {:>5}  {:>5}  round trip\n",

@@ -12,6 +12,16 @@ use serde::Serialize;
 const NEAR: f64 = 5.5;
 
 /// A target that only the second program has.
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// for inserted in deflex::report::difference(&program, &program).inserted {
+///     println!("target {} before target {} of the first program", inserted.target, inserted.before);
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct InsertedTarget {

@@ -5,6 +5,13 @@ use serde::Serialize;
 use std::fmt;
 
 /// The command that made a page.
+///
+/// # Examples
+/// ```
+/// use deflex::report::html::{PathKind, PathTrace};
+///
+/// let trace = PathTrace::new(PathKind::Predict, 1); // the errors of one program as it is
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum PathKind {
@@ -17,6 +24,19 @@ pub enum PathKind {
 }
 
 /// The summary of one program, for `--json`.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+/// use deflex::{correct::Summary, report::FileSummary};
+///
+/// let summary = FileSummary::of("slot.mod", &Summary::of(&corrected.rows), &[]);
+/// assert!(summary.failures.is_empty() && summary.counts.max_remaining_mm < 1e-3);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct FileSummary {
@@ -39,6 +59,20 @@ pub struct FileSummary {
 }
 
 /// A failed target.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+/// use deflex::{correct::Summary, report::FileSummary};
+///
+/// for failure in FileSummary::of("slot.mod", &Summary::of(&corrected.rows), &corrected.failures).failures {
+///     println!("line {}: {}", failure.line, failure.message);
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct FailureLine {
@@ -86,13 +120,13 @@ impl FileSummary {
 
     /// The same summary with findings of `check` as failures; `more` of them are not listed.
     #[must_use]
-    pub fn with_findings(self, findings: &[Diagnostic], more: usize) -> Self {
+    pub(crate) fn with_findings(self, findings: &[Diagnostic], more: usize) -> Self {
         Self { failures: lines(findings), more_failures: more, ..self }
     }
 
     /// The summary of a program that was streamed.
     #[must_use]
-    pub fn of_streamed(path: &str, streamed: &Streamed) -> Self {
+    pub(crate) fn of_streamed(path: &str, streamed: &Streamed) -> Self {
         Self { driven_path: streamed.driven, ..Self::of(path, &streamed.summary, &[]) }
     }
 

@@ -56,6 +56,14 @@ pub struct Builtin {
 }
 
 /// The point of the arm to which a published reach is counted.
+///
+/// # Examples
+/// ```
+/// use deflex::robot::{Builtin, Reach};
+///
+/// let ur10 = Builtin::named("ur10e").expect("a built-in robot");
+/// assert_eq!(ur10.reach_to, Reach::WorkingRadius);
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
@@ -114,7 +122,7 @@ impl Builtin {
         };
         let axes = Axes { sign: self.axis_sign, parallelogram: self.parallelogram, coupled_23: self.coupled_23 };
         let axis_speed = self.axis_speed_deg_s.map(|speed| speed.map(f64::to_radians).into());
-        Robot::new(&self.model, rows, axes, limits).as_fast_as(axis_speed)
+        Robot::new(&self.model, rows, axes, limits).with_axis_speed(axis_speed)
     }
 }
 

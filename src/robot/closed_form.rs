@@ -7,7 +7,7 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
 /// One of the eight solutions of the explicit inverse, by its three signs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Branch {
+pub(crate) struct Branch {
     /// Wrist centre behind axis 1.
     pub rear: bool,
     /// Wrist centre behind the lower arm.
@@ -18,7 +18,7 @@ pub struct Branch {
 
 impl Branch {
     /// All eight, in the order of cfx.
-    pub const ALL: [Self; 8] = {
+    pub(crate) const ALL: [Self; 8] = {
         let mut all = [Self { rear: false, behind: false, flipped: false }; 8];
         let mut i = 0;
         while i < 8 {
@@ -30,13 +30,13 @@ impl Branch {
 
     /// cfx of RAPID confdata: also the index into [`Branch::ALL`].
     #[must_use]
-    pub fn cfx(self) -> usize {
+    pub(crate) fn cfx(self) -> usize {
         4 * usize::from(self.rear) + 2 * usize::from(self.behind) + usize::from(self.flipped)
     }
 }
 
 /// Motor angles of each branch (index: [`Branch::cfx`]), rad, within ±π; `None` if the branch does not reach the pose.
-pub type Solutions = [Option<Joints>; 8];
+pub(crate) type Solutions = [Option<Joints>; 8];
 
 /// Below this |sin q5| the wrist is singular: axes 4 and 6 are parallel, and q4 keeps its value. With q4 kept, the
 /// orientation is missed by at most this angle, which moves a point at a distance of 0.3 m by 0.03 µm, far less than a

@@ -1,7 +1,7 @@
 //! Computes configurations (confdata, S and T, CONFIG) from motor angles, in the notation of the controllers.
 
 use super::{Joints, Robot};
-use crate::program::{Conf, Confdata, Config, Status};
+use crate::program::{Conf, Confdata, Config, StatusAndTurn};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// ABB's quarter-turn index of an axis: 0 for 0…90°, 1 for 90…180°, −1 for 0…−90° (exactly −90° is −2).
@@ -39,16 +39,8 @@ fn posture(robot: &Robot, motor: &Joints) -> i32 {
 }
 
 /// confdata for motor angles (rad): quarter turns of axes 1, 4 and 6, and the number of the posture.
-///
-/// # Examples
-/// ```
-/// # use deflex::robot::{Builtin, confdata_of};
-/// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-/// let confdata = confdata_of(&robot, &robot.motor_from_axes_deg(&[100.0, 0.0, 0.0, 0.0, 30.0, 0.0]));
-/// assert_eq!((confdata.cf1, confdata.cfx), (1, 0)); // axis 1 is in its second quarter
-/// ```
 #[must_use]
-pub fn confdata_of(robot: &Robot, motor: &Joints) -> Confdata {
+pub(crate) fn confdata_of(robot: &Robot, motor: &Joints) -> Confdata {
     Confdata {
         cf1: quarter_turn(motor[0]),
         cf4: quarter_turn(motor[3]),
@@ -58,37 +50,22 @@ pub fn confdata_of(robot: &Robot, motor: &Joints) -> Confdata {
 }
 
 /// `S` and `T` for motor angles (rad). Bits that do not describe the robot are copied from `like`.
-fn status_like(robot: &Robot, motor: &Joints, like: Status) -> Status {
+fn status_like(robot: &Robot, motor: &Joints, like: StatusAndTurn) -> StatusAndTurn {
     let (rear, behind) = robot.posture(motor);
     let status = i32::from(rear) + 2 * i32::from(!behind) + 4 * below_zero(motor[4]);
     let turn = (0..6).map(|axis| below_zero(motor[axis]) << axis).sum::<i32>();
-    Status { status: like.status & !7 | status, turn: like.turn & !63 | turn }
+    StatusAndTurn { status: like.status & !7 | status, turn: like.turn & !63 | turn }
 }
 
 /// `S` and `T` for motor angles (rad). Bits that do not describe the robot are zero.
-///
-/// # Examples
-/// ```
-/// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-/// let motor = robot.motor_from_axes_deg(&[-10.0, 0.0, 0.0, 0.0, 30.0, 0.0]);
-/// assert_eq!(deflex::robot::status_of(&robot, &motor).turn & 1, 1); // axis 1 is below zero
-/// ```
 #[must_use]
-pub fn status_of(robot: &Robot, motor: &Joints) -> Status {
-    status_like(robot, motor, Status { status: 0, turn: 0 })
+pub(crate) fn status_of(robot: &Robot, motor: &Joints) -> StatusAndTurn {
+    status_like(robot, motor, StatusAndTurn { status: 0, turn: 0 })
 }
 
 /// FANUC's configuration for motor angles, rad.
-///
-/// # Examples
-/// ```
-/// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-/// let motor = robot.motor_from_axes_deg(&[0.0, 0.0, 0.0, 0.0, 30.0, 0.0]);
-/// let config = deflex::robot::config_of(&robot, &motor);
-/// println!("{config:?}");
-/// ```
 #[must_use]
-pub fn config_of(robot: &Robot, motor: &Joints) -> Config {
+pub(crate) fn config_of(robot: &Robot, motor: &Joints) -> Config {
     Config { posture: posture(robot, motor), turns: [motor[0], motor[3], motor[5]].map(whole_turn) }
 }
 
@@ -123,18 +100,8 @@ pub fn conf_like(robot: &Robot, motor: &Joints, like: Conf) -> Conf {
 
 /// Whether motor angles (rad) have a configuration, as `conf_like(robot, motor, conf) == conf`. Mostly the turns
 /// differ, and the posture is not computed.
-///
-/// # Examples
-/// ```
-/// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-/// use deflex::robot::{conf_is, conf_like};
-/// # use deflex::program::{Conf, Confdata};
-/// # let motor = robot.motor_from_axes_deg(&[10.0, 0.0, 0.0, 0.0, 30.0, 0.0]);
-/// let conf = conf_like(&robot, &motor, Conf::near([0.0; 6]));
-/// assert!(conf_is(&robot, &motor, conf));
-/// ```
 #[must_use]
-pub fn conf_is(robot: &Robot, motor: &Joints, conf: Conf) -> bool {
+pub(crate) fn conf_is(robot: &Robot, motor: &Joints, conf: Conf) -> bool {
     let turned = |index: fn(f64) -> i32, wanted: [i32; 3]| {
         [0, 3, 5].into_iter().zip(wanted).all(|(axis, wanted)| index(motor[axis]) == wanted)
     };
@@ -170,7 +137,7 @@ pub(super) fn branch_index(robot: &Robot, conf: Conf) -> Option<usize> {
     let posture = match conf {
         Conf::Quarters(conf) => conf.cfx,
         Conf::Turns(conf) => conf.posture,
-        Conf::Status(Status { status, .. }) => {
+        Conf::Status(StatusAndTurn { status, .. }) => {
             let below = (status & 4 != 0) == (robot.axes.sign[4] > 0.0);
             4 * (status & 1) + 2 * i32::from(status & 2 == 0) + i32::from(below)
         }
@@ -183,7 +150,7 @@ pub(super) fn branch_index(robot: &Robot, conf: Conf) -> Option<usize> {
 #[cfg(test)]
 mod tests {
     use super::{quarter_turn, status_like, whole_turn};
-    use crate::program::{Conf, Status};
+    use crate::program::{Conf, StatusAndTurn};
 
     #[test]
     fn quarter_turns_follow_the_manual() {
@@ -196,7 +163,7 @@ mod tests {
     fn status_and_turn_are_those_of_taught_points() {
         // A usual posture with the wrist bent up: taught points have S 2, or S 6 if axis 5 is negative.
         let robot = crate::robot::BUILTIN.iter().find(|robot| robot.model == "kr210-r2700-2").unwrap().robot();
-        let like = Status { status: 16, turn: 64 };
+        let like = StatusAndTurn { status: 16, turn: 64 };
         for (deg, status, turn) in [
             ([-5.0, -90.0, 95.0, 0.0, 40.0, -3.0], 2, 0b10_0011),
             ([5.0, -90.0, 95.0, 10.0, -40.0, -3.0], 6, 0b11_0010),
@@ -204,7 +171,7 @@ mod tests {
         ] {
             let motor = crate::robot::Joints::from(deg.map(f64::to_radians));
             let found = status_like(&robot, &motor, like);
-            assert_eq!(found, Status { status: 16 + status, turn: 64 + turn }, "{deg:?}");
+            assert_eq!(found, StatusAndTurn { status: 16 + status, turn: 64 + turn }, "{deg:?}");
             let conf = Conf::Status(found);
             let flange = robot.forward(&motor);
             let near = crate::robot::Joints::zeros();

@@ -4,6 +4,16 @@ use nalgebra::{Vector3, Vector6};
 use std::f64::consts::TAU;
 
 /// Why no motor angles reach a pose.
+///
+/// # Examples
+/// ```
+/// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+/// use deflex::nalgebra::Translation3;
+/// use deflex::robot::{Joints, Pose, Unreachable};
+///
+/// let far = Pose::from_parts(Translation3::new(9.0, 0.0, 0.0), Default::default()); // m
+/// assert!(matches!(robot.inverse(&far, &Joints::zeros()), Err(Unreachable::OutOfReach { .. })));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Unreachable {
@@ -140,15 +150,8 @@ impl Robot {
     }
 
     /// Posture at motor angles: whether the wrist centre is behind axis 1, and whether it is behind the lower arm.
-    ///
-    /// # Examples
-    /// ```
-    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// let up = robot.posture(&robot.motor_from_axes_deg(&[0.0, 0.0, 0.0, 0.0, 30.0, 0.0]));
-    /// println!("wrist before axis 1 and elbow up: {up:?}");
-    /// ```
     #[must_use]
-    pub fn posture(&self, motor: &Joints) -> (bool, bool) {
+    pub(crate) fn posture(&self, motor: &Joints) -> (bool, bool) {
         match self.closed_form() {
             Some(form) => form.posture(&self.serial_from_motor(motor)),
             None => self.posture_plain(motor),

@@ -2,6 +2,13 @@ use super::{Joints, Robot};
 use std::fmt::{self, Display, Formatter};
 
 /// An angle of the arm that has limits.
+///
+/// # Examples
+/// ```
+/// use deflex::robot::LimitedAngle;
+///
+/// assert_eq!(LimitedAngle::Axis(5).to_string(), "axis 5");
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LimitedAngle {
     /// The angle of an axis, from 1 to 6.
@@ -23,6 +30,13 @@ impl Display for LimitedAngle {
 }
 
 /// An angle beyond its limit.
+///
+/// # Examples
+/// ```
+/// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+/// let violation = robot.limit_violation(&robot.motor_from_axes_deg(&[400.0, 0.0, 0.0, 0.0, 30.0, 0.0])).expect("beyond");
+/// println!("{} is {} degrees beyond its limit", violation.value_deg, violation.by_deg);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("{angle} at {value_deg:.3}°, {by_deg:.3}° beyond its limit of {limit_deg:.3}°")]
 pub struct LimitViolation {
@@ -47,15 +61,8 @@ impl Robot {
     }
 
     /// How far motor angles (rad) are from the nearest limit, rad; negative beyond it.
-    ///
-    /// # Examples
-    /// ```
-    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// let margin = robot.limit_margin(&robot.motor_from_axes_deg(&[0.0; 6]));
-    /// assert!(margin > 0.0); // rad to the nearest limit
-    /// ```
     #[must_use]
-    pub fn limit_margin(&self, motor: &Joints) -> f64 {
+    pub(crate) fn limit_margin(&self, motor: &Joints) -> f64 {
         let (limits, counted) = (&self.limits, self.axes_from_motor(motor));
         let axes = (0..6).map(|i| (counted[i], limits.min[i], limits.max[i]));
         let margins = axes.chain(limits.elbow.map(|(min, max)| (self.elbow(motor), min, max)));
@@ -98,19 +105,8 @@ impl Robot {
     }
 
     /// Moves axes by whole turns so that they come nearest to `near`, within the limits if possible.
-    ///
-    /// # Examples
-    /// ```
-    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// use deflex::robot::Joints;
-    /// use std::f64::consts::TAU;
-    ///
-    /// let near = Joints::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.1);
-    /// let motor = near + Joints::new(0.0, 0.0, 0.0, 0.0, 0.0, TAU);
-    /// assert!((robot.nearest_turns(&motor, &near) - near).amax() < 1e-12);
-    /// ```
     #[must_use]
-    pub fn nearest_turns(&self, motor: &Joints, near: &Joints) -> Joints {
+    pub(crate) fn nearest_turns(&self, motor: &Joints, near: &Joints) -> Joints {
         use std::f64::consts::TAU;
         let mut out = *motor;
         for i in [0, 1, 2, 3, 4, 5] {

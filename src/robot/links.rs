@@ -27,6 +27,15 @@ pub struct DhRow {
 }
 
 /// The frames of links 1 to 6 (index 0 to 5); link 6 ends in the flange.
+///
+/// # Examples
+/// ```
+/// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+/// let motor = robot.motor_from_axes_deg(&[0.0; 6]);
+/// let frames = robot.frames(&motor);
+/// assert_eq!(*frames.base_from_flange(), robot.forward(&motor));
+/// println!("the axis of joint 2 passes through {} (m)", frames.origin(1));
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Frames {
     /// Modified-DH frames of the links in the base frame, m.
@@ -43,13 +52,6 @@ impl Default for Frames {
 
 impl Frames {
     /// The flange frame (tool0).
-    ///
-    /// # Examples
-    /// ```
-    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// let motor = robot.motor_from_axes_deg(&[0.0; 6]);
-    /// assert_eq!(*robot.frames(&motor).base_from_flange(), robot.forward(&motor));
-    /// ```
     #[must_use]
     pub fn base_from_flange(&self) -> &Pose {
         &self.base_from_link[5]
@@ -69,13 +71,6 @@ impl Frames {
     }
 
     /// A point on the axis of serial joint `i`, base frame, m.
-    ///
-    /// # Examples
-    /// ```
-    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// let frames = robot.frames(&robot.motor_from_axes_deg(&[0.0; 6]));
-    /// assert!((frames.origin(1).z - 0.8145).abs() < 1e-9); // height of axis 2, m
-    /// ```
     #[must_use]
     pub fn origin(&self, i: usize) -> Vector3<f64> {
         self.base_from_link[i].translation.vector
@@ -83,6 +78,14 @@ impl Frames {
 }
 
 /// Modified-DH rows with the sines and cosines of their twists, for chains that are evaluated many times.
+///
+/// # Examples
+/// ```
+/// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+/// let links = deflex::robot::Links::new(*robot.links.rows());
+/// let motor = robot.motor_from_axes_deg(&[0.0; 6]);
+/// assert_eq!(*links.chain(&robot.serial_from_motor(&motor)).base_from_flange(), robot.forward(&motor));
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Links {
     rows: [DhRow; 6],

@@ -40,6 +40,14 @@ pub struct Robot {
 }
 
 /// Axis limits as the controller counts them, rad.
+///
+/// # Examples
+/// ```
+/// use deflex::robot::{Joints, Limits};
+///
+/// let turn = Joints::repeat(std::f64::consts::PI);
+/// let limits = Limits { min: -turn, max: turn, elbow: None };
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Smallest axis angles.
@@ -53,6 +61,14 @@ pub struct Limits {
 
 /// How the controller's axes move the joints of the Denavit-Hartenberg rows. Differences between the two zero positions
 /// are part of `theta` in the rows.
+///
+/// # Examples
+/// ```
+/// use deflex::robot::Axes;
+///
+/// // An arm with a parallelogram, all of whose axes turn as the rows say.
+/// let axes = Axes { sign: [1.0; 6], parallelogram: true, coupled_23: false };
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Axes {
     /// +1, or −1 for an axis whose positive direction is the joint's negative one: joint = sign · motor.
@@ -84,6 +100,16 @@ impl Axes {
 
 impl Robot {
     /// A robot. Determines whether its geometry has an explicit inverse.
+    ///
+    /// # Examples
+    /// ```
+    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// use deflex::robot::Robot;
+    ///
+    /// let copy = Robot::new("copy", *robot.links.rows(), robot.axes.clone(), robot.limits.clone());
+    /// let motor = robot.motor_from_axes_deg(&[10.0, 0.0, 0.0, 0.0, 30.0, 0.0]);
+    /// assert_eq!(copy.forward(&motor), robot.forward(&motor));
+    /// ```
     #[must_use]
     pub fn new(model: impl Into<String>, rows: [DhRow; 6], axes: Axes, limits: Limits) -> Self {
         let closed_form = ClosedForm::of(&rows);
@@ -128,17 +154,8 @@ impl Robot {
     }
 
     /// The same robot with these largest axis speeds, rad/s.
-    ///
-    /// # Examples
-    /// ```
-    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// use deflex::robot::Joints;
-    ///
-    /// let slower = robot.as_fast_as(Some(Joints::repeat(1.0))); // rad/s
-    /// assert_eq!(slower.axis_speed, Some(Joints::repeat(1.0)));
-    /// ```
     #[must_use]
-    pub fn as_fast_as(mut self, axis_speed: Option<Joints>) -> Self {
+    pub(crate) fn with_axis_speed(mut self, axis_speed: Option<Joints>) -> Self {
         self.axis_speed = axis_speed;
         self
     }
@@ -181,11 +198,8 @@ impl Robot {
     /// # Examples
     /// ```
     /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// use deflex::robot::Joints;
-    ///
-    /// // The rod of a parallelogram: the forearm keeps its direction while axis 2 moves.
-    /// let turned = robot.motor_from_serial(&Joints::new(0.0, 0.1, -0.1, 0.0, 0.0, 0.0));
-    /// assert!(turned[2].abs() < 1e-12);
+    /// let motor = robot.motor_from_axes_deg(&[0.0, 20.0, 0.0, 0.0, 30.0, 0.0]);
+    /// assert!((robot.motor_from_serial(&robot.serial_from_motor(&motor)) - motor).amax() < 1e-12);
     /// ```
     #[must_use]
     pub fn motor_from_serial(&self, serial: &Joints) -> Joints {
@@ -195,7 +209,7 @@ impl Robot {
     /// Angles as the controller counts them, from motor angles, rad. They differ only if axis 3 is counted against the
     /// ground.
     #[must_use]
-    pub fn axes_from_motor(&self, motor: &Joints) -> Joints {
+    pub(crate) fn axes_from_motor(&self, motor: &Joints) -> Joints {
         let mut axes = *motor;
         axes[2] += self.axes.counted_23() * motor[1];
         axes

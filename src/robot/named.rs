@@ -75,16 +75,8 @@ impl Builtin {
 
     /// The robots of a maker, or those whose names contain `filter`; all robots if it is empty. They are sorted by
     /// maker, name and number.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::robot::Builtin;
-    ///
-    /// assert!(Builtin::listed("KUKA").iter().all(|robot| robot.maker == "KUKA"));
-    /// assert!(Builtin::listed("").len() > 200);
-    /// ```
     #[must_use]
-    pub fn listed(filter: &str) -> Vec<&'static Self> {
+    pub(crate) fn listed(filter: &str) -> Vec<&'static Self> {
         let wanted = parts(filter);
         let held = |robot: &&Self| {
             wanted.is_empty() || stand_in(&wanted, &parts(&robot.model)) || stand_in(&wanted, &parts(&robot.maker))
@@ -107,7 +99,7 @@ impl Builtin {
 
     /// A sentence that names the robots most similar to an unknown name.
     #[must_use]
-    pub fn meant(near: &[&Self]) -> String {
+    pub(crate) fn meant(near: &[&Self]) -> String {
         let Some((first, others)) = near.split_first() else {
             return "`deflex init --list` names the built-in robots; any other goes into [robot.kinematics]".to_owned();
         };

@@ -14,15 +14,7 @@ impl Robot {
     ///
     /// # Errors
     /// The pose is out of reach, or every solution exceeds an axis limit.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::robot::{Builtin, Joints};
-    /// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// let flange = robot.forward(&Joints::new(0.1, 0.2, 0.3, 0.4, 0.5, 0.6));
-    /// assert!(robot.inverse_all(&flange).expect("within reach").len() > 1);
-    /// ```
-    pub fn inverse_all(&self, base_from_flange: &Pose) -> Result<Vec<Joints>, Unreachable> {
+    pub(crate) fn inverse_all(&self, base_from_flange: &Pose) -> Result<Vec<Joints>, Unreachable> {
         let home = self.home();
         let reached: Vec<Joints> = if self.has_closed_form() {
             self.inverse(base_from_flange, &home)?.into_iter().flatten().collect()

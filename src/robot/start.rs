@@ -3,18 +3,26 @@ use super::{Branch, Joints, Pose, Robot, Unreachable, conf_is};
 use crate::program::Conf;
 
 /// The motor angles at the first target of a program, and how they were chosen.
+///
+/// # Examples
+/// ```
+/// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+/// let motor = robot.motor_from_axes_deg(&[10.0, 0.0, 0.0, 0.0, 30.0, 0.0]);
+/// let start = robot.start(&robot.forward(&motor), None, Some(&motor)).expect("within reach");
+/// assert!((start.motor - motor).amax() < 1e-9); // the solution nearest to the given angles
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Start {
     /// Motor angles, rad.
     pub motor: Joints,
     /// How they were chosen.
-    pub how: StartedFrom,
+    pub(crate) how: StartedFrom,
 }
 
 /// How the branch of the first target was chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum StartedFrom {
+pub(crate) enum StartedFrom {
     /// By the joint target (MoveAbsJ) before it.
     JointTarget,
     /// By `[robot] start_deg` of the cell.
@@ -36,6 +44,14 @@ impl Robot {
     ///
     /// # Errors
     /// The pose is out of reach, or every branch exceeds a limit.
+    ///
+    /// # Examples
+    /// ```
+    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// let motor = robot.motor_from_axes_deg(&[10.0, 0.0, 0.0, 0.0, 30.0, 0.0]);
+    /// let start = robot.start(&robot.forward(&motor), None, None).expect("within reach");
+    /// assert!((robot.forward(&start.motor).translation.vector - robot.forward(&motor).translation.vector).norm() < 1e-9);
+    /// ```
     pub fn start(
         &self,
         base_from_flange: &Pose,
@@ -60,19 +76,12 @@ impl Robot {
     ///
     /// # Errors
     /// The pose is out of reach, or beyond an axis limit.
-    ///
-    /// # Examples
-    /// ```
-    /// # let robot = deflex::robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// use deflex::program::Conf;
-    /// # use deflex::robot::Joints;
-    ///
-    /// let motor = Joints::new(0.1, 0.2, 0.3, 0.4, 0.5, 0.6);
-    /// let conf = Conf::near(robot.axes_deg_from_motor(&motor));
-    /// let found = robot.inverse_conf(&robot.forward(&motor), conf, &motor).expect("within reach");
-    /// assert!((found - motor).amax() < 1e-6);
-    /// ```
-    pub fn inverse_conf(&self, base_from_flange: &Pose, conf: Conf, near: &Joints) -> Result<Joints, Unreachable> {
+    pub(crate) fn inverse_conf(
+        &self,
+        base_from_flange: &Pose,
+        conf: Conf,
+        near: &Joints,
+    ) -> Result<Joints, Unreachable> {
         match self.branch_of_conf(base_from_flange, conf, near) {
             Some(motor) => Ok(motor),
             None => self.inverse_near(base_from_flange, near),

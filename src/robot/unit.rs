@@ -12,6 +12,14 @@ use super::{AxisName, EXTERNAL_AXES, External, Pose};
 use nalgebra::{Rotation3, Translation3, Vector3};
 
 /// How a unit moves.
+///
+/// # Examples
+/// ```
+/// use deflex::nalgebra::Vector3;
+/// use deflex::robot::UnitKind;
+///
+/// let track = UnitKind::Linear(Vector3::x()); // along x of the world
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum UnitKind {
     /// Along a unit vector, in the frame of the unit or the world on which it stands.
@@ -21,6 +29,17 @@ pub enum UnitKind {
 }
 
 /// What stands on a unit.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/units/cell.toml")?))?;
+/// use deflex::robot::Carries;
+///
+/// let carriers = cell.units.all().iter().filter(|unit| unit.carries == Carries::Robot);
+/// println!("{} units carry the robot", carriers.count());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Carries {
     /// The robot.
@@ -30,6 +49,16 @@ pub enum Carries {
 }
 
 /// A mechanical unit: one axis in addition to the six of the arm.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/units/cell.toml")?))?;
+/// for unit in cell.units.all() {
+///     println!("{} moves from {} to {}", unit.name, unit.min, unit.max); // mm or degrees
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unit {
     /// Its name in the program (`ActUnit`, `ufmec`).
@@ -68,6 +97,19 @@ impl Unit {
 }
 
 /// The units of a cell.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/units/cell.toml")?))?;
+/// use deflex::robot::Units;
+///
+/// let units = Units::new(cell.units.all().to_vec()).expect("units that stand on each other");
+/// let moved = units.world_from_unit(0, &[100.0; 6]); // mm or degrees
+/// println!("{moved}, base at {}", units.world_from_base(&cell.arm.robot.world_from_base, &[100.0; 6]));
+/// assert_eq!(units.chain(None).count(), 0);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Units {
     all: Vec<Unit>,
@@ -116,13 +158,13 @@ impl Units {
 
     /// Adds axes that carry neither the robot nor the part.
     #[must_use]
-    pub fn and_idle(self, idle: Vec<AxisName>) -> Self {
+    pub(crate) fn and_idle(self, idle: Vec<AxisName>) -> Self {
         Self { idle, ..self }
     }
 
     /// Whether the cell states what an axis moves.
     #[must_use]
-    pub fn knows(&self, axis: AxisName) -> bool {
+    pub(crate) fn knows(&self, axis: AxisName) -> bool {
         self.all.iter().any(|unit| unit.named == axis) || self.idle.iter().any(|idle| idle.covers(axis))
     }
 
@@ -134,13 +176,13 @@ impl Units {
 
     /// Index of the unit on which the robot stands.
     #[must_use]
-    pub fn under_robot(&self) -> Option<usize> {
+    pub(crate) fn under_robot(&self) -> Option<usize> {
         self.robot
     }
 
     /// Index of the unit with a name, in any case.
     #[must_use]
-    pub fn named(&self, name: &str) -> Option<usize> {
+    pub(crate) fn named(&self, name: &str) -> Option<usize> {
         self.all.iter().position(|unit| unit.name.eq_ignore_ascii_case(name))
     }
 
@@ -160,7 +202,7 @@ impl Units {
 
     /// Frame of a unit at position zero, in the world, for the present positions of the units on which it stands, m.
     #[must_use]
-    pub fn world_from_frame(&self, unit: usize, external: &External) -> Pose {
+    pub(crate) fn world_from_frame(&self, unit: usize, external: &External) -> Pose {
         let below = self.all[unit].on.map_or_else(Pose::identity, |on| self.world_from_unit(on, external));
         below * self.all[unit].frame
     }

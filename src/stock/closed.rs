@@ -18,6 +18,16 @@ const MOST_COPIES: usize = 16;
 const FEW_COPIES: usize = 1 << 20;
 
 /// A mesh whose triangles close it, counterclockwise seen from outside, m.
+///
+/// # Examples
+/// ```
+/// use deflex::nalgebra::Vector3;
+/// use deflex::stock::ClosedMesh;
+///
+/// let [o, x, y, z] = [Vector3::zeros(), Vector3::x(), Vector3::y(), Vector3::z()];
+/// let mesh = ClosedMesh::new(&[[o, y, x], [o, x, z], [o, z, y], [x, y, z]]).expect("a tetrahedron");
+/// assert!((mesh.volume() - 1.0 / 6.0).abs() < 1e-12); // m³
+/// ```
 #[derive(Clone, Debug)]
 pub struct ClosedMesh {
     points: Vec<Vector3<f64>>,
@@ -54,6 +64,16 @@ impl BoxNode {
 }
 
 /// Why triangles do not form a solid.
+///
+/// # Examples
+/// ```
+/// use deflex::nalgebra::Vector3;
+/// use deflex::stock::{ClosedMesh, OpenMesh};
+///
+/// let one = [[Vector3::zeros(), Vector3::x(), Vector3::y()]];
+/// assert!(matches!(ClosedMesh::new(&one), Err(OpenMesh::Edges { edges: 3, .. })));
+/// assert!(matches!(ClosedMesh::new(&[]), Err(OpenMesh::Empty)));
+/// ```
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum OpenMesh {

@@ -17,6 +17,17 @@ use std::ops::Range;
 const TOUCH: f64 = 2e-7;
 
 /// The stock: blank less what has been swept.
+///
+/// # Examples
+/// ```
+/// use deflex::nalgebra::Vector3;
+/// use deflex::stock::{Blank, Stock};
+///
+/// let mut block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
+/// block.keep_history();
+/// let before = block.now();
+/// println!("{:.0} mm³ at {before:?}", 1e9 * block.volume());
+/// ```
 #[derive(Debug)]
 pub struct Stock {
     lattice: Lattice,
@@ -31,21 +42,12 @@ pub struct Stock {
 
 impl Stock {
     /// Number of lines of a blank at a spacing (m), before memory is allocated: see [`limits`](crate::limits::STOCK_LINES).
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::nalgebra::Vector3;
-    /// use deflex::stock::{Blank, Stock};
-    ///
-    /// let lines = Stock::lines_over(&Blank::Box([Vector3::zeros(), Vector3::new(0.6, 0.4, 0.1)]), 0.25e-3);
-    /// assert!(lines > 0.6 * 0.4 / 0.25e-3_f64.powi(2)); // the lattice is turned, and covers the box
-    /// ```
     #[must_use]
-    pub fn lines_over(blank: &Blank, spacing: f64) -> f64 {
+    pub(crate) fn lines_over(blank: &Blank, spacing: f64) -> f64 {
         lines_over(blank, spacing)
     }
 
-    /// A blank that nothing has cut, with lines at a spacing (m): no more than [`STOCK_LINES`](crate::limits::STOCK_LINES).
+    /// A blank that nothing has cut, with lines at a spacing (m): no more than [`limits`](crate::limits) allow.
     ///
     /// # Examples
     /// ```
@@ -77,16 +79,8 @@ impl Stock {
     }
 
     /// Spacing of the lines, m.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::nalgebra::Vector3;
-    /// # use deflex::stock::{Blank, Solid, Stock, ToolPose};
-    /// # let mut block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
-    /// assert_eq!(block.spacing(), 1e-3); // m
-    /// ```
     #[must_use]
-    pub fn spacing(&self) -> f64 {
+    pub(crate) fn spacing(&self) -> f64 {
         self.lattice.spacing
     }
 
@@ -152,7 +146,7 @@ impl Stock {
     }
 
     /// Stops keeping the history.
-    pub fn drop_history(&mut self) {
+    pub(crate) fn drop_history(&mut self) {
         self.bands.iter_mut().for_each(|band| band.history.end());
     }
 

@@ -14,6 +14,14 @@ use std::f64::consts::TAU;
 const PLUNGE_OF_BOTTOM: f64 = 0.01;
 
 /// The engaged part of a cutter.
+///
+/// # Examples
+/// ```
+/// use deflex::stock::Engaged;
+///
+/// // A cutter in the air.
+/// assert_eq!((Engaged::default().depth, Engaged::default().section), (0.0, 0.0)); // m, m²
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Engaged {
     /// Mean force on the tool, linear in the feed per tooth, stock's axes.
@@ -56,6 +64,21 @@ impl Front {
     }
 
     /// The same for the stock as it was at a moment since its history [is kept](Stock::keep_history).
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::cutting::{Cutter, materials};
+    /// use deflex::nalgebra::Vector3;
+    /// use deflex::stock::{Blank, Front, Stock, ToolPose};
+    ///
+    /// let mut block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
+    /// block.keep_history();
+    /// let cutter = Cutter { diameter: 0.01, corner_radius: 1e-3, teeth: 2, helix: 0.0 };
+    /// let front = Front::new(&cutter, &materials::find("al7075").expect("a material").coefficients);
+    /// let pose = ToolPose { tip: Vector3::new(0.05, 0.05, 0.048), axis: Vector3::z_axis() };
+    /// let engaged = front.engaged_at(&block, &block.now(), &pose, &Vector3::new(1e-3, 0.0, 0.0)); // feed along x
+    /// assert!((engaged.depth - 0.002).abs() < 1e-4); // m
+    /// ```
     #[must_use]
     pub fn engaged_at(&self, stock: &Stock, moment: &Moment, pose: &ToolPose, displacement: &Vector3<f64>) -> Engaged {
         let size = displacement.norm();

@@ -12,6 +12,16 @@ const ALONG: (usize, usize) = (16, 5);
 const CELL: f64 = 0.05;
 
 /// A cutter with its coefficients, and the force integrals over the cells of its mask.
+///
+/// # Examples
+/// ```
+/// use deflex::cutting::{Cutter, materials};
+/// use deflex::stock::Front;
+///
+/// let cutter = Cutter { diameter: 0.01, corner_radius: 1e-3, teeth: 2, helix: 0.0 };
+/// let front = Front::new(&cutter, &materials::find("al7075").expect("a material").coefficients);
+/// println!("{:?}", front.solid());
+/// ```
 #[derive(Clone, Debug)]
 pub struct Front {
     pub(super) solid: Solid,

@@ -5,6 +5,16 @@ use super::sweep::{Cut, Sweep};
 use nalgebra::Vector3;
 
 /// A moment of a [`Stock`](super::Stock): the cuts and sweeps up to then.
+///
+/// # Examples
+/// ```
+/// use deflex::nalgebra::Vector3;
+/// use deflex::stock::{Blank, Stock};
+///
+/// let mut block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
+/// block.keep_history();
+/// let before_the_first_cut = block.now();
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Moment {
     /// Number of cuts up to then.

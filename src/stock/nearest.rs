@@ -29,16 +29,8 @@ impl Stock {
     ///
     /// [`Stock::depth`] equals it close to a surface. It uses only the sweeps near the point: deep in the material another one may be
     /// nearer, and where sweeps overlap the material is farther away than the ends of each.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::nalgebra::Vector3;
-    /// # use deflex::stock::{Blank, Solid, Stock, ToolPose};
-    /// # let mut block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
-    /// assert!(block.distance(&Vector3::new(0.05, 0.05, 0.05)).abs() < 1e-6); // on the top
-    /// ```
     #[must_use]
-    pub fn distance(&self, point: &Vector3<f64>) -> f64 {
+    pub(crate) fn distance(&self, point: &Vector3<f64>) -> f64 {
         let depth = self.depth(point);
         if depth >= 0.0 {
             return if depth <= NEAR * self.spacing() { depth } else { self.to_void(point, depth) };

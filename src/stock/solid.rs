@@ -49,17 +49,9 @@ impl Solid {
 
     /// Signed distance (m) of a point that is `across` (m) from the axis and `up` (m) above the tip: negative inside. It is convex, and its
     /// slope is at most one.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::stock::Solid;
-    ///
-    /// let flat = Solid { radius: 5e-3, corner: 0.0 };
-    /// assert!((flat.distance(7e-3, 0.01) - 2e-3).abs() < 1e-12); // m next to its side
-    /// ```
     #[inline]
     #[must_use]
-    pub fn distance(&self, across: f64, up: f64) -> f64 {
+    pub(crate) fn distance(&self, across: f64, up: f64) -> f64 {
         let (out, below) = (across - self.flat(), self.corner - up);
         let edge = if out > 0.0 && below > 0.0 { out.hypot_fast(below) } else { out.max(below) };
         edge - self.corner

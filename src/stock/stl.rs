@@ -7,6 +7,13 @@ const HEADER: usize = 80;
 const TRIANGLE: usize = 50;
 
 /// Why a file is not STL.
+///
+/// # Examples
+/// ```
+/// use deflex::stock::{StlError, read_stl};
+///
+/// assert_eq!(read_stl(b"a drawing").expect_err("not a mesh"), StlError::Neither);
+/// ```
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum StlError {

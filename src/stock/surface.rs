@@ -6,6 +6,16 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// A closed mesh, stock's frame, m.
+///
+/// # Examples
+/// ```
+/// use deflex::nalgebra::Vector3;
+/// use deflex::stock::{Blank, Stock};
+///
+/// let block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
+/// let mesh = block.surface(2e-3); // corners about 2 mm apart
+/// assert_eq!(mesh.points.len(), mesh.normals.len());
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
     /// Corners.

@@ -2,6 +2,14 @@ use super::{Source, Span, printable_line};
 use std::fmt;
 
 /// Severity of a message.
+///
+/// # Examples
+/// ```
+/// use deflex::text::{Diagnostic, Severity};
+///
+/// let message = Diagnostic::error("user.code", "part.mod", "the part is missing").severity(Severity::Warning);
+/// assert_eq!(message.to_string(), "part.mod: warning: the part is missing [user.code]");
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Severity {
     /// Information; the run continues.
@@ -87,18 +95,8 @@ impl Diagnostic {
 
     /// Adds a place whose line is known. Counting lines takes time: a program with a message for each target would be
     /// counted through for each.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::text::{Diagnostic, Source, Span};
-    ///
-    /// // A chunk of a long program, whose first line is line 1000 of the file.
-    /// let chunk = Source::new("part.mod", "MoveL p1;\n");
-    /// let found = Diagnostic::error("a.code", &chunk.name, "what is wrong").on_line(&chunk, Span { start: 6, end: 8 }, 1000);
-    /// assert_eq!((found.line, found.column), (1000, 7));
-    /// ```
     #[must_use]
-    pub fn on_line(mut self, source: &Source, span: Span, line: u32) -> Self {
+    pub(crate) fn on_line(mut self, source: &Source, span: Span, line: u32) -> Self {
         self.file.clone_from(&source.name);
         self.line = line as usize;
         self.column = source.column(span.start as usize);

@@ -9,6 +9,18 @@ use std::path::Path;
 
 /// All errors of an input as one error. `?` converts the lists of messages that functions of this library return, and
 /// the errors of reading a file, into this type.
+///
+/// # Examples
+/// ```
+/// use deflex::text::{Diagnostics, Source};
+///
+/// /// Reads a file. An error of the system becomes a message.
+/// fn read(path: &str) -> Result<Source, Diagnostics> {
+///     Ok(Source::new(path, std::fs::read(path)?))
+/// }
+/// assert!(read("no such file").is_err());
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Diagnostics(Vec<Diagnostic>);
 

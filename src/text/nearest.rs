@@ -5,15 +5,8 @@ const PART: usize = 4;
 
 /// The known word most similar to a mistyped one, if any is similar: it begins with the mistyped word or contains it,
 /// or about a third of the letters differ. Case, blanks and separators do not count.
-///
-/// # Examples
-/// ```
-/// use deflex::text::nearest;
-///
-/// assert_eq!(nearest("stifness", ["stiffness", "limits", "robot"]), Some("stiffness"));
-/// ```
 #[must_use]
-pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+pub(crate) fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let word = letters(word);
     let rank = |candidate: &str| {
         let begins = word.len() >= BEGINNING && candidate.starts_with(&word);

@@ -6,6 +6,18 @@ use std::io::{self, BufRead, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 const AT_ONCE: usize = 64 * 1024;
 
 /// Replacements of ranges of a file. The new texts are in a scratch file; only their positions are in memory.
+///
+/// # Examples
+/// ```
+/// use deflex::text::Patch;
+/// use std::io::Cursor;
+///
+/// let (mut patch, mut out) = (Patch::new(Cursor::new(vec![])), Vec::new());
+/// patch.replace(6, 3, b"10.25")?;
+/// patch.apply(&b"MoveL 100, 200"[..], &mut out)?;
+/// assert_eq!(out, b"MoveL 10.25, 200");
+/// # Ok::<(), std::io::Error>(())
+/// ```
 #[derive(Debug)]
 pub struct Patch<S: Write> {
     scratch: BufWriter<S>,
@@ -45,19 +57,6 @@ impl<S: Read + Write + Seek> Patch<S> {
     ///
     /// # Errors
     /// Every error of the scratch file; a text of more than 4 GiB.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::text::Patch;
-    /// use std::io::Cursor;
-    ///
-    /// let mut patch = Patch::new(Cursor::new(Vec::new()));
-    /// patch.replace(4, 3, b"10.5")?; // three bytes from the fifth on
-    /// let mut out = Vec::new();
-    /// patch.apply(&b"X = 1.0;"[..], &mut out)?;
-    /// assert_eq!(out, b"X = 10.5;");
-    /// # Ok::<(), std::io::Error>(())
-    /// ```
     pub fn replace(&mut self, start: u64, old: u32, text: &[u8]) -> io::Result<()> {
         let new = u32::try_from(text.len()).map_err(|_| io::ErrorKind::FileTooLarge)?;
         self.scratch.write_all(text)?;

@@ -7,15 +7,8 @@ use std::borrow::Cow;
 ///
 /// C0 control characters and DEL become their pictures (from U+2400). C1 control characters (U+009B is CSI) and the
 /// directional controls of Unicode (UAX #9, see CVE-2021-42574) become U+FFFD.
-///
-/// # Examples
-/// ```
-/// use deflex::text::printable;
-///
-/// assert_eq!(printable("part\u{1b}[2J.mod"), "part\u{241b}[2J.mod"); // cannot clear the terminal
-/// ```
 #[must_use]
-pub fn printable(text: &str) -> Cow<'_, str> {
+pub(crate) fn printable(text: &str) -> Cow<'_, str> {
     replaced(text, |c| !matches!(c, '\n' | '\t'))
 }
 

@@ -21,6 +21,14 @@ pub struct Source {
 }
 
 /// A position as people count it: line and column from 1, the column in characters.
+///
+/// # Examples
+/// ```
+/// use deflex::text::{LineColumn, Source};
+///
+/// let source = Source::new("part.mod", "first\nsecond");
+/// assert_eq!(source.line_column(8), LineColumn { line: 2, column: 3 });
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LineColumn {
     /// Line.
@@ -45,16 +53,8 @@ impl Source {
     }
 
     /// The bytes of a span.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::text::{Source, Span};
-    ///
-    /// let source = Source::new("part.mod", "MODULE A\n");
-    /// assert_eq!(source.slice(Span { start: 7, end: 8 }), b"A");
-    /// ```
     #[must_use]
-    pub fn slice(&self, span: Span) -> &[u8] {
+    pub(crate) fn slice(&self, span: Span) -> &[u8] {
         &self.bytes[span.range()]
     }
 
@@ -103,16 +103,8 @@ impl Source {
     }
 
     /// The line around an offset. Of a line that is too long to read, only the part after the offset.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::text::Source;
-    ///
-    /// let source = Source::new("part.mod", "MODULE A\nENDMODULE\n");
-    /// assert_eq!(source.line_at(10), "ENDMODULE");
-    /// ```
     #[must_use]
-    pub fn line_at(&self, offset: usize) -> Cow<'_, str> {
+    pub(crate) fn line_at(&self, offset: usize) -> Cow<'_, str> {
         const NEAR: usize = 1000;
         let ends = |b: &u8| matches!(b, b'\n' | b'\r');
         let offset = offset.min(self.bytes.len());
@@ -128,15 +120,8 @@ impl Source {
     }
 
     /// Column of an offset, from 1. It takes time proportional to the length of the line.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::text::Source;
-    ///
-    /// assert_eq!(Source::new("part.mod", "MODULE A\nENDMODULE\n").column(11), 3);
-    /// ```
     #[must_use]
-    pub fn column(&self, offset: usize) -> usize {
+    pub(crate) fn column(&self, offset: usize) -> usize {
         let before = &self.bytes[..offset.min(self.bytes.len())];
         let start = before.iter().rposition(|b| matches!(b, b'\n' | b'\r')).map_or(0, |at| at + 1);
         decode(&before[start..]).chars().count() + 1

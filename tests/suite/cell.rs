@@ -108,7 +108,7 @@ fn units_are_those_of_the_keys() {
     assert_relative_eq!(tool.cog.z, 0.12);
     assert_relative_eq!(cell.cut.as_ref().unwrap().max_cutting_feed.unwrap(), 0.1);
     let deflex::cell::MillingCut { cutter, engagement, feed_per_tooth, .. } = cell.milling("tMill").unwrap();
-    let deflex::cell::Engaged::Declared(engagement) = engagement else { panic!("from the stock") };
+    let deflex::cell::EngagementSource::Declared(engagement) = engagement else { panic!("from the stock") };
     assert_relative_eq!(cutter.diameter, 0.025);
     assert_relative_eq!(engagement.lead, 5_f64.to_radians());
     assert_relative_eq!(engagement.width, 0.025);

@@ -9,6 +9,7 @@ mod cutting_measured;
 mod cutting_properties;
 mod cutting_table;
 mod dense_walk;
+mod doc_examples;
 mod docs;
 mod documents;
 mod effects;

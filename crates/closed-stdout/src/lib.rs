@@ -14,6 +14,11 @@ use std::sync::atomic::Ordering::Relaxed;
 static CLOSED: AtomicBool = AtomicBool::new(false);
 
 /// Whether standard output was closed when the process started. Always false on systems other than Unix, where the runtime opens nothing.
+///
+/// # Examples
+/// ```
+/// assert!(!deflex_closed_stdout::was_closed()); // a test has standard output
+/// ```
 pub fn was_closed() -> bool {
     CLOSED.load(Relaxed)
 }

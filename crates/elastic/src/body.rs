@@ -12,6 +12,13 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// An isotropic material.
+///
+/// # Examples
+/// ```
+/// use deflex_elastic::Material;
+///
+/// let aluminium = Material { e: 71_000.0, nu: 0.33 }; // N/mm²
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Material {
     /// Young's modulus, N/mm².
@@ -39,6 +46,19 @@ const SPREAD: f64 = 2.0;
 const CARRIES: f64 = 0.05;
 
 /// A clamped part, ready to be loaded.
+///
+/// # Examples
+/// ```
+/// # use deflex_elastic::{Body, Clamp, Grid, Material, Solid};
+/// # let bar = Solid::of(Grid::over([0.0; 3], [40.0, 4.0, 4.0], 1.0), |_| 1.0);
+/// # let end = Clamp { bounds: [[0.0; 3], [0.0, 4.0, 4.0]], stiffness: [f64::INFINITY; 3] };
+/// # let body = Body::new(&bar, Material { e: 71_000.0, nu: 0.33 }, &[end])?;
+/// assert_eq!(body.elements(), 40 * 4 * 4);
+/// let tip = body.compliance(&[[40.0, 2.0, 2.0]])[0]; // mm/N
+/// let face = body.compliance_of(&[vec![([40.0, 1.0, 2.0], 0.5), ([40.0, 3.0, 2.0], 0.5)]])[0];
+/// assert!(face[(2, 2)] < 1.1 * tip[(2, 2)]);
+/// # Ok::<(), deflex_elastic::HoldError>(())
+/// ```
 pub struct Body {
     levels: Vec<Level>,
     transfers: Vec<Transfer>,
@@ -99,6 +119,16 @@ impl Body {
     ///
     /// # Errors
     /// No material, a clamp that touches none, or a body that is free to move.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex_elastic::{Body, Clamp, Grid, HoldError, Material, Solid};
+    ///
+    /// let bar = Solid::of(Grid::over([0.0; 3], [8.0, 4.0, 4.0], 1.0), |_| 1.0);
+    /// let away = Clamp { bounds: [[50.0; 3], [60.0; 3]], stiffness: [f64::INFINITY; 3] };
+    /// let held = Body::new(&bar, Material { e: 71_000.0, nu: 0.33 }, &[away]);
+    /// assert!(matches!(held, Err(HoldError::Untouched(0))));
+    /// ```
     pub fn new(solid: &Solid, material: Material, clamps: &[Clamp]) -> Result<Self, HoldError> {
         let Held { cells, holds } = hold(solid, clamps)?;
         let Stiffnesses { cells: fine, shares, pulled } = stiffnesses(solid, material, &cells, &holds, clamps.len());

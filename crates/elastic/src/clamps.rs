@@ -16,6 +16,21 @@ use rayon::prelude::*;
 const SETTLED: f64 = 1e-7;
 
 /// The displacements of a body when its clamps move.
+///
+/// # Examples
+/// ```
+/// # use deflex_elastic::{Body, Clamp, Grid, Material, Solid};
+/// # let bar = Solid::of(Grid::over([0.0; 3], [40.0, 4.0, 4.0], 1.0), |_| 1.0);
+/// # let end = Clamp { bounds: [[0.0; 3], [0.0, 4.0, 4.0]], stiffness: [f64::INFINITY; 3] };
+/// # let body = Body::new(&bar, Material { e: 71_000.0, nu: 0.33 }, &[end])?;
+/// use deflex_elastic::ClampMotions;
+///
+/// let motions = ClampMotions::of(&body);
+/// assert_eq!(motions.stiffness().nrows(), 3); // one clamp, three axes
+/// // The bar follows its only clamp: 1 mm along z at the clamp is 1 mm along z at the tip.
+/// assert!((motions.at(&body, [40.0, 2.0, 2.0])[2].z - 1.0).abs() < 1e-3);
+/// # Ok::<(), deflex_elastic::HoldError>(())
+/// ```
 pub struct ClampMotions {
     /// For each motion, the displacement of each node.
     fields: Vec<Vec<[f32; 3]>>,

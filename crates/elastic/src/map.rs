@@ -16,6 +16,13 @@ use nalgebra::{DMatrix, DVector, Matrix3, SymmetricEigen, Vector3};
 use rayon::prelude::*;
 
 /// How close a map has to come to the compliance that a solution at each place would give.
+///
+/// # Examples
+/// ```
+/// use deflex_elastic::Accuracy;
+///
+/// let accuracy = Accuracy { relative: 0.02, absolute: 1e-6, most_fields: 100 }; // 1e-6 mm/N
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Accuracy {
     /// Share of the largest compliance at the place, in its softest direction.
@@ -62,6 +69,26 @@ type Field = Vec<[f32; 3]>;
 type Sampled = Vec<[f64; 3]>;
 
 /// The compliance over the surface of a body.
+///
+/// # Examples
+/// ```
+/// # use deflex_elastic::{Body, Clamp, Grid, Material, Solid};
+/// # let bar = Solid::of(Grid::over([0.0; 3], [40.0, 4.0, 4.0], 1.0), |_| 1.0);
+/// # let end = Clamp { bounds: [[0.0; 3], [0.0, 4.0, 4.0]], stiffness: [f64::INFINITY; 3] };
+/// # let body = Body::new(&bar, Material { e: 71_000.0, nu: 0.33 }, &[end])?;
+/// use deflex_elastic::{Accuracy, ComplianceMap};
+///
+/// let places: Vec<[f64; 3]> = (0..=20).map(|i| [20.0 + f64::from(i), 2.0, 4.0]).collect();
+/// let map = ComplianceMap::over(&body, &places, &Accuracy { relative: 0.02, absolute: 1e-6, most_fields: 100 }, None);
+/// let (tip, middle) = (map.at(&body, places[20]), map.at(&body, places[0]));
+/// assert!(tip[(2, 2)] > middle[(2, 2)]); // mm/N
+/// let exact = ComplianceMap::solved_at(&body, &places[20..])[0];
+/// assert!((tip[(2, 2)] / exact[(2, 2)] - 1.0).abs() < 0.05);
+/// let across = map.between(&body, places[19], places[20]);
+/// assert!(across[(2, 2)] < tip[(2, 2)]);
+/// println!("{} places, {} rounds, error {:.1e}, {:.1e} mm/N", map.places(), map.rounds(), map.error(), map.off());
+/// # Ok::<(), deflex_elastic::HoldError>(())
+/// ```
 pub struct ComplianceMap {
     fields: Vec<Field>,
     /// The node of the whole grid for each node of a field.

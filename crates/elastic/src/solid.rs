@@ -11,6 +11,14 @@ const ON_SURFACE: f64 = 1e-3;
 const LEAST: f64 = 1e-3;
 
 /// A regular grid over a box. Lengths are in mm.
+///
+/// # Examples
+/// ```
+/// use deflex_elastic::Grid;
+///
+/// let grid = Grid::over([0.0; 3], [40.0, 4.0, 4.0], 1.0);
+/// assert_eq!((grid.cells, grid.len(), grid.is_empty()), ([40, 4, 4], 640, false));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grid {
     /// The lower corner.
@@ -78,6 +86,17 @@ pub(crate) enum Filling {
 }
 
 /// The part of a grid that is material.
+///
+/// # Examples
+/// ```
+/// use deflex_elastic::{Grid, Solid};
+///
+/// // A plate with a thickness of 2.5 mm in cells of 1 mm.
+/// let plate = Solid::of(Grid::over([0.0; 3], [10.0, 10.0, 4.0], 1.0), |[_, _, z]| 2.5 - z);
+/// assert!((plate.volume() - 250.0).abs() < 1.0); // mm³
+/// assert!((plate.in_whole_cells().volume() - 250.0).abs() > 40.0);
+/// assert_eq!((plate.grid().len(), plate.thinner_than(1.0)), (400, 0.0));
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solid {
     pub(crate) grid: Grid,
@@ -193,7 +212,7 @@ impl Solid {
 
     /// Number of cells with material.
     #[must_use]
-    pub fn elements(&self) -> usize {
+    pub(crate) fn elements(&self) -> usize {
         self.cells.iter().filter(|filling| **filling != Filling::Empty).count()
     }
 

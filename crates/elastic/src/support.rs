@@ -6,6 +6,14 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 use std::collections::BTreeMap;
 
 /// A clamp. It holds the material in its box.
+///
+/// # Examples
+/// ```
+/// use deflex_elastic::Clamp;
+///
+/// // It holds the face x = 0 rigidly along x and y, and lets it slide along z.
+/// let clamp = Clamp { bounds: [[0.0; 3], [0.0, 4.0, 4.0]], stiffness: [f64::INFINITY, f64::INFINITY, 0.0] };
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clamp {
     /// Lower and upper corner, mm. Nodes less than half a cell outside belong to the clamp too, so that a box without thickness
@@ -17,6 +25,15 @@ pub struct Clamp {
 }
 
 /// Why a body cannot be loaded.
+///
+/// # Examples
+/// ```
+/// use deflex_elastic::{Body, Grid, HoldError, Material, Solid};
+///
+/// let bar = Solid::of(Grid::over([0.0; 3], [8.0, 4.0, 4.0], 1.0), |_| 1.0);
+/// let held = Body::new(&bar, Material { e: 71_000.0, nu: 0.33 }, &[]);
+/// assert!(matches!(held, Err(HoldError::Free { turns: false }))); // it has no clamp
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum HoldError {

@@ -8,6 +8,16 @@ use nalgebra::Isometry3;
 use std::sync::Arc;
 
 /// The semantics of a language.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::{dialect::Dialect, urscript::UrScript};
+///
+/// // Position in metres, and a rotation vector in radians.
+/// let pose = UrScript.pose(&[0.5, 0.1, 0.2, 0.0, 3.14, 0.0]).unwrap();
+/// assert_eq!(pose.translation.x, 0.5);
+/// assert!(UrScript.pose(&[0.5]).is_none());
+/// ```
 pub trait Dialect {
     /// The pose with these numbers, lengths in the language's unit; `None` if they are not a pose.
     fn pose(&self, numbers: &[f64]) -> Option<Isometry3<f64>>;
@@ -49,19 +59,27 @@ pub trait Dialect {
 }
 
 /// Arguments of a call.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::{dialect::Arguments, value::{Content, Value}};
+///
+/// let values = [(None, Value::from(Content::Truth(true)))];
+/// assert_eq!(Arguments(&values).0.len(), 1);
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Arguments<'a>(pub &'a [(Option<Arc<str>>, Value)]);
 
 impl<'a> Arguments<'a> {
     /// The argument with this name, or else the one at this index among those without a name.
     #[must_use]
-    pub fn get(self, name: &str, at: usize) -> Option<&'a Value> {
+    pub(crate) fn get(self, name: &str, at: usize) -> Option<&'a Value> {
         let named = self.0.iter().find(|(given, _)| given.as_deref() == Some(name));
         named.or_else(|| self.0.iter().filter(|(given, _)| given.is_none()).nth(at)).map(|(_, value)| value)
     }
 
     /// All values.
-    pub fn values(self) -> impl Iterator<Item = &'a Value> {
+    pub(crate) fn values(self) -> impl Iterator<Item = &'a Value> {
         self.0.iter().map(|(_, value)| value)
     }
 }

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// One node: a step of the language, which a [`Machine`](crate::walk::Machine) runs, or a decision about the next node.
 #[derive(Clone, Copy, Debug)]
-pub enum Node<S, T> {
+pub(crate) enum Node<S, T> {
     /// A step, after which the next node follows.
     Do(S),
     /// A branch to one of two nodes.
@@ -37,6 +37,15 @@ struct Loop {
 }
 
 /// The nodes of all routines.
+///
+/// # Examples
+/// ```
+/// let mut flow = deflex_lang::flow::Flow::<&str, &str>::default();
+/// flow.add(|routine| {
+///     routine.step("grip");
+///     routine.branch("part is there", |then| then.step("mill"), |otherwise| otherwise.step("warn"));
+/// });
+/// ```
 #[derive(Debug)]
 pub struct Flow<S, T> {
     pub(crate) nodes: Vec<Node<S, T>>,
@@ -273,6 +282,20 @@ impl<S: Copy, T: Copy> Flow<S, T> {
 }
 
 /// Lays steps out one after the other.
+///
+/// # Examples
+/// ```
+/// let mut flow = deflex_lang::flow::Flow::<&str, &str>::default();
+/// flow.add(|routine| {
+///     routine.repeat(|round| {
+///         round.step("mill");
+///         round.branch("part is done", |then| then.leave(), |_| {});
+///     });
+///     routine.jump(b"away");
+///     routine.label(b"away");
+///     routine.returns("home");
+/// });
+/// ```
 #[derive(Debug)]
 pub struct Builder<'n, S, T> {
     nodes: Vec<Node<S, T>>,
@@ -333,7 +356,7 @@ impl<'n, S, T> Builder<'n, S, T> {
     }
 
     /// Continues with the next round of the innermost loop.
-    pub fn again(&mut self) {
+    pub(crate) fn again(&mut self) {
         let to = self.loops.last().map(|(start, _)| *start);
         self.nodes.push(to.map_or(Node::Halt, Node::Jump));
     }
@@ -351,7 +374,7 @@ impl<'n, S, T> Builder<'n, S, T> {
     }
 
     /// Adds a jump to a label if a test is true.
-    pub fn jump_if(&mut self, test: T, to: &'n [u8]) {
+    pub(crate) fn jump_if(&mut self, test: T, to: &'n [u8]) {
         let at = self.gap();
         self.nodes[at] = Node::Branch { test, yes: at + 1, no: at + 1 };
         self.jumps.push((at, to));
@@ -363,7 +386,7 @@ impl<'n, S, T> Builder<'n, S, T> {
     }
 
     /// Ends the program.
-    pub fn halt(&mut self) {
+    pub(crate) fn halt(&mut self) {
         self.nodes.push(Node::Halt);
     }
 }

@@ -6,6 +6,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// A program: its functions, and those with which a run begins.
+///
+/// # Examples
+/// ```
+/// let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], v=0.025)\nend\n";
+/// let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// assert!(program.not_understood.is_empty() && program.foreign.is_empty());
+/// assert!(program.functions.iter().any(|function| &*function.name == "part"));
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct Program {
     /// All functions of all sources.
@@ -29,6 +37,14 @@ pub struct Program {
 }
 
 /// Where something stands.
+///
+/// # Examples
+/// ```
+/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
+/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// let place = program.tokens[0]; // the first number of the text
+/// assert_eq!((place.source, &text[place.span.range()]), (0, &b"0.5"[..]));
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct SourceSpan {
     /// Index of the source.
@@ -38,6 +54,15 @@ pub struct SourceSpan {
 }
 
 /// A number literal: index into [`Program::tokens`].
+///
+/// # Examples
+/// ```
+/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
+/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// # let outcome = deflex_lang::run::run(&program, &deflex_lang::urscript::UrScript).unwrap();
+/// let x = outcome.motions[0].to.pose().unwrap().affine(0).unwrap();
+/// assert_eq!(&text[program.tokens[x.token.0 as usize].span.range()], b"0.5");
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct TokenId(pub u32);
 
@@ -45,10 +70,33 @@ pub struct TokenId(pub u32);
 pub type Token = SourceSpan;
 
 /// Index into [`Program::functions`].
+///
+/// # Examples
+/// ```
+/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
+/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// for function in &program.entries {
+///     println!("a run begins with `{}`", program.functions[function.0 as usize].name);
+/// }
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct FunctionId(pub u32);
 
 /// A variable.
+///
+/// # Examples
+/// ```
+/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
+/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// use deflex_lang::ir::Slot;
+///
+/// /// The name of a global variable.
+/// let name = |slot: Slot| match slot {
+///     Slot::Global(index) => program.globals.get(index as usize).cloned(),
+///     Slot::Local(_) => None,
+/// };
+/// assert_eq!(name(Slot::Local(0)), None);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Slot {
     /// Index into [`Program::globals`].
@@ -58,6 +106,17 @@ pub enum Slot {
 }
 
 /// Settings of the controller that are not variables of the program. They are the first globals of each program.
+///
+/// # Examples
+/// ```
+/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
+/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// # let outcome = deflex_lang::run::run(&program, &deflex_lang::urscript::UrScript).unwrap();
+/// use deflex_lang::ir::Switch;
+///
+/// let tool = &outcome.motions[0].switches[Switch::Tool as usize];
+/// assert!(tool.pose().is_none()); // the program does not set the tool
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Switch {
     /// Pose of the tool in the flange.
@@ -74,16 +133,24 @@ pub enum Switch {
 
 impl Switch {
     /// All of them, in the order of their globals.
-    pub const ALL: [Self; 5] = [Self::Tool, Self::Load, Self::Frame, Self::Shift, Self::Mark];
+    pub(crate) const ALL: [Self; 5] = [Self::Tool, Self::Load, Self::Frame, Self::Shift, Self::Mark];
 
     /// Its variable.
     #[must_use]
-    pub const fn slot(self) -> Slot {
+    pub(crate) const fn slot(self) -> Slot {
         Slot::Global(self as u32)
     }
 }
 
 /// A routine.
+///
+/// # Examples
+/// ```
+/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
+/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// let part = program.functions.iter().find(|function| &*function.name == "part").unwrap();
+/// assert_eq!((part.parameters.len(), part.body.len()), (0, 1));
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct Function {
     /// The name as it is written; empty for the statements of a file that are in no routine.
@@ -99,6 +166,15 @@ pub struct Function {
 }
 
 /// A parameter of a routine.
+///
+/// # Examples
+/// ```
+/// let text = b"def part():\n  def lift(height, fast=False):\n    movel(p[0.5, 0.1, height, 0, 3.14, 0])\n  end\n  lift(0.2)\nend\n";
+/// let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// let lift = program.functions.iter().find(|function| &*function.name == "lift").unwrap();
+/// assert_eq!(&*lift.parameters[0].name, "height");
+/// assert!(lift.parameters[0].default.is_none() && lift.parameters[1].default.is_some());
+/// ```
 #[derive(Clone, Debug)]
 pub struct Parameter {
     /// As it is written.
@@ -108,6 +184,16 @@ pub struct Parameter {
 }
 
 /// A statement with its place in the text.
+///
+/// # Examples
+/// ```
+/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
+/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// # let part = program.functions.iter().find(|function| &*function.name == "part").unwrap();
+/// let mut statements = 0;
+/// part.body[0].each(&mut |_| statements += 1);
+/// assert_eq!((statements, part.body[0].expressions().len()), (1, 3)); // target, acceleration, speed
+/// ```
 #[derive(Clone, Debug)]
 pub struct Statement {
     /// What it does.
@@ -117,6 +203,16 @@ pub struct Statement {
 }
 
 /// What a statement does.
+///
+/// # Examples
+/// ```
+/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
+/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// # let part = program.functions.iter().find(|function| &*function.name == "part").unwrap();
+/// use deflex_lang::ir::StatementKind;
+///
+/// assert!(matches!(part.body[0].kind, StatementKind::Move(_)));
+/// ```
 #[derive(Clone, Debug)]
 pub enum StatementKind {
     /// Assigns a value to a variable or to an item of one.
@@ -175,6 +271,16 @@ pub enum StatementKind {
 }
 
 /// The kind of path to a point.
+///
+/// # Examples
+/// ```
+/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
+/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// # let outcome = deflex_lang::run::run(&program, &deflex_lang::urscript::UrScript).unwrap();
+/// use deflex_lang::ir::Path;
+///
+/// assert_eq!(outcome.motions[0].path, Path::Linear);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Path {
     /// On a line.
@@ -190,6 +296,18 @@ pub enum Path {
 }
 
 /// A motion: one statement with one end.
+///
+/// # Examples
+/// ```
+/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
+/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// # let part = program.functions.iter().find(|function| &*function.name == "part").unwrap();
+/// use deflex_lang::ir::{Motion, Path, StatementKind};
+///
+/// let StatementKind::Move(motion) = &part.body[0].kind else { panic!("a motion") };
+/// let Motion { path, via, speed, .. } = &**motion;
+/// assert!(*path == Path::Linear && via.is_none() && speed.is_some());
+/// ```
 #[derive(Clone, Debug)]
 pub struct Motion {
     /// The kind of its path.
@@ -207,6 +325,19 @@ pub struct Motion {
 }
 
 /// An expression with its place in the text.
+///
+/// # Examples
+/// ```
+/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
+/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// # let part = program.functions.iter().find(|function| &*function.name == "part").unwrap();
+/// use deflex_lang::ir::ExpressionKind;
+///
+/// let mut numbers = 0;
+/// let target = part.body[0].expressions()[0];
+/// target.each(&mut |part| numbers += usize::from(matches!(part.kind, ExpressionKind::Number(..))));
+/// assert_eq!(numbers, 6);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Expression {
     /// Its kind, with its parts.
@@ -216,6 +347,17 @@ pub struct Expression {
 }
 
 /// What an expression is.
+///
+/// # Examples
+/// ```
+/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
+/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// # let part = program.functions.iter().find(|function| &*function.name == "part").unwrap();
+/// use deflex_lang::ir::ExpressionKind;
+///
+/// let target = part.body[0].expressions()[0];
+/// assert!(matches!(&target.kind, ExpressionKind::Pose(numbers, None) if numbers.len() == 6));
+/// ```
 #[derive(Clone, Debug)]
 pub enum ExpressionKind {
     /// A number literal with its sign.
@@ -245,6 +387,16 @@ pub enum ExpressionKind {
 }
 
 /// The callee of a call.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::ir::{Callee, ExpressionKind};
+///
+/// let text = b"def part():\n  textmsg(\"start\")\nend\n";
+/// let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// let part = program.functions.iter().find(|function| &*function.name == "part").unwrap();
+/// assert!(matches!(part.body[0].expressions()[0].kind, ExpressionKind::Call(Callee::Builtin(_), _)));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Callee {
     /// A routine of the program.
@@ -256,6 +408,18 @@ pub enum Callee {
 }
 
 /// An argument of a call.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::ir::{Argument, ExpressionKind};
+///
+/// let text = b"def part():\n  textmsg(\"start\")\nend\n";
+/// let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// let part = program.functions.iter().find(|function| &*function.name == "part").unwrap();
+/// let ExpressionKind::Call(_, arguments) = &part.body[0].expressions()[0].kind else { panic!("a call") };
+/// let Argument { name, value } = &arguments[0];
+/// assert!(name.is_none() && matches!(value.kind, ExpressionKind::Text(_)));
+/// ```
 #[derive(Clone, Debug)]
 pub struct Argument {
     /// The name of the parameter; `None` for an argument by position.
@@ -272,6 +436,14 @@ impl From<Expression> for Argument {
 }
 
 /// The tool and the frame that a position names, in languages in which each position has its own.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::ir::Given;
+///
+/// let given = Given { tool: "1".into(), frame: "2".into() };
+/// assert_eq!(&*given.tool, "1");
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Given {
     /// Name of the tool.
@@ -281,6 +453,20 @@ pub struct Given {
 }
 
 /// Operators of one operand.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::ir::Unary;
+///
+/// /// How URScript writes an operator.
+/// fn written(operator: Unary) -> &'static str {
+///     match operator {
+///         Unary::Negate => "-",
+///         Unary::Not => "not ",
+///     }
+/// }
+/// assert_eq!(written(Unary::Negate), "-");
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unary {
     /// `-`
@@ -290,6 +476,14 @@ pub enum Unary {
 }
 
 /// Operators of two operands.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::{ir::Binary, run::binary, value::{Content, Number, Value}};
+///
+/// let number = |value| Value::from(Content::Number(Number { value, exact: true, affine: None }));
+/// assert_eq!(binary(Binary::Subtract, &number(2.0), &number(3.0)).number(), Some(-1.0));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Binary {
     /// `+`
@@ -462,6 +656,12 @@ impl Statement {
 }
 
 /// Why a text cannot be read at all.
+///
+/// # Examples
+/// ```
+/// let fault = deflex_lang::urscript::read(&[b"def part():\n"], 1).err().unwrap();
+/// println!("source {}, bytes {:?}: {}", fault.place.source, fault.place.span.range(), fault.message);
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
     /// The place at which reading ended.

@@ -6,6 +6,11 @@ use std::fmt;
 macro_rules! reasons {
     ($($name:ident = $text:literal,)*) => {
         /// Why something is not known, not read or not edited.
+        ///
+        /// # Examples
+        /// ```
+        /// assert_eq!(deflex_lang::Reason::Joints.text(), "joint target");
+        /// ```
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
         #[non_exhaustive]
         pub enum Reason {
@@ -14,6 +19,11 @@ macro_rules! reasons {
 
         impl Reason {
             /// In words, as a report prints it: a short fixed phrase that can be counted.
+            ///
+            /// # Examples
+            /// ```
+            /// assert_eq!(deflex_lang::Reason::Branches.text(), "different from branch to branch");
+            /// ```
             #[must_use]
             pub const fn text(self) -> &'static str {
                 match self {

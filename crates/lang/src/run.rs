@@ -17,6 +17,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// The result of a run.
+///
+/// # Examples
+/// ```
+/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
+/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// # let outcome = deflex_lang::run::run(&program, &deflex_lang::urscript::UrScript).unwrap();
+/// println!("{} motions, {} numbers with another use", outcome.motions.len(), outcome.used.len());
+/// ```
 #[derive(Debug, Default)]
 pub struct Outcome {
     /// Motions, in running order.
@@ -26,6 +34,16 @@ pub struct Outcome {
 }
 
 /// An executed motion, with the values that are known there.
+///
+/// # Examples
+/// ```
+/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
+/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// # let outcome = deflex_lang::run::run(&program, &deflex_lang::urscript::UrScript).unwrap();
+/// let moved = &outcome.motions[0];
+/// assert_eq!((moved.speed, moved.in_thread), (Some(0.025), false));
+/// assert_eq!(moved.to.pose().unwrap().pose().translation.x, 0.5);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Moved {
     /// Its statement.
@@ -43,14 +61,22 @@ pub struct Moved {
     /// The value of each [`Switch`].
     pub switches: Arc<[Value; Switch::ALL.len()]>,
     /// The start of its path.
-    pub from: From,
+    pub from: PathStart,
     /// Whether a thread executes it.
     pub in_thread: bool,
 }
 
 /// The start of the path to the end of a motion, in every run.
+///
+/// # Examples
+/// ```
+/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
+/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// # let outcome = deflex_lang::run::run(&program, &deflex_lang::urscript::UrScript).unwrap();
+/// assert_eq!(outcome.motions[0].from, deflex_lang::run::PathStart::Start);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum From {
+pub enum PathStart {
     /// Where the arm was when the program began.
     Start,
     /// At the end of the previous motion of the outcome.
@@ -60,6 +86,18 @@ pub enum From {
 }
 
 /// The error for a program that does not end within the bounds on statements, motions or calls.
+///
+/// # Examples
+/// ```
+/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
+/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// use deflex_lang::run::{TooLong, run};
+///
+/// match run(&program, &deflex_lang::urscript::UrScript) {
+///     Ok(outcome) => println!("{} motions", outcome.motions.len()),
+///     Err(TooLong) => println!("the program is too long"),
+/// }
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TooLong;
 
@@ -72,7 +110,16 @@ const DEEPEST: usize = 32;
 
 /// Runs a program.
 ///
-/// # Errors It is too long, even with its loops joined.
+/// # Errors
+/// It is too long, even with its loops joined.
+///
+/// # Examples
+/// ```
+/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
+/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// let outcome = deflex_lang::run::run(&program, &deflex_lang::urscript::UrScript).unwrap();
+/// assert_eq!(outcome.motions.len(), 1);
+/// ```
 pub fn run(program: &Program, dialect: &dyn Dialect) -> Result<Outcome, TooLong> {
     let flow = flow(program);
     Runner::new(program, &flow, dialect, true)
@@ -399,10 +446,10 @@ impl<'a> Runner<'a> {
         }
         let site = self.site();
         let from = match store.stands {
-            _ if self.thread_moves || self.in_thread => From::Unknown,
-            Stands::Start => From::Start,
-            Stands::At(before) if self.last == Some(before) => From::Previous,
-            Stands::At(_) | Stands::Unknown => From::Unknown,
+            _ if self.thread_moves || self.in_thread => PathStart::Unknown,
+            Stands::Start => PathStart::Start,
+            Stands::At(before) if self.last == Some(before) => PathStart::Previous,
+            Stands::At(_) | Stands::Unknown => PathStart::Unknown,
         };
         let switches = Switch::ALL.map(|switch| self.read(switch.slot(), store));
         if *self.switches != switches {
@@ -479,7 +526,7 @@ impl<'a> Runner<'a> {
                 speed: None,
                 blend: None,
                 switches,
-                from: From::Unknown,
+                from: PathStart::Unknown,
                 in_thread: self.in_thread,
             });
             self.last = None;
@@ -708,6 +755,15 @@ fn steps(number: Number, scale: f64, offset: f64, value: f64) -> Number {
 }
 
 /// The result of a binary operator.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::{Reason, ir::Binary, run::binary, value::{Content, Number, Value}};
+///
+/// let two = Value::from(Content::Number(Number { value: 2.0, exact: true, affine: None }));
+/// assert_eq!(binary(Binary::Multiply, &two, &two).number(), Some(4.0));
+/// assert!(binary(Binary::Multiply, &two, &Content::Unknown(Reason::Computed).into()).reason().is_some());
+/// ```
 #[must_use]
 pub fn binary(operator: Binary, left: &Value, right: &Value) -> Value {
     let decides = |truth: bool| [left, right].iter().any(|side| side.truth() == Some(truth));

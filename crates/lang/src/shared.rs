@@ -7,6 +7,20 @@ use crate::value::{Content, Pose, Value};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Which numbers of a point may be edited in the text.
+///
+/// # Examples
+/// ```
+/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
+/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// # let outcome = deflex_lang::run::run(&program, &deflex_lang::urscript::UrScript).unwrap();
+/// use deflex_lang::shared::{Edit, editable};
+///
+/// match editable(&outcome, &[])[0] {
+///     Edit::Pose => println!("all numbers may be edited"),
+///     Edit::Position => println!("the numbers of the position may be edited"),
+///     Edit::No(reason) => println!("not edited: {}", reason.text()),
+/// }
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Edit {
     /// All of its numbers.
@@ -23,6 +37,16 @@ const POSITION: usize = 3;
 /// Which numbers of each motion may be edited; a circle and its circle point are edited together.
 ///
 /// `arcs` are groups of consecutive motions that are edited together or not at all.
+///
+/// # Examples
+/// ```
+/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
+/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// # let outcome = deflex_lang::run::run(&program, &deflex_lang::urscript::UrScript).unwrap();
+/// use deflex_lang::shared::{Edit, editable};
+///
+/// assert_eq!(editable(&outcome, &[]), [Edit::Pose]);
+/// ```
 #[must_use]
 pub fn editable(outcome: &Outcome, arcs: &[std::ops::Range<usize>]) -> Vec<Edit> {
     let mut edits: Vec<Edit> = outcome.motions.iter().map(own).collect();

@@ -1,6 +1,15 @@
 use std::ops::Range;
 
 /// A half-open range of byte offsets into one source.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::Span;
+///
+/// let (word, number) = (Span::new(0, 5), Span::new(6, 9));
+/// assert_eq!(&"MoveL 100"[number.range()], "100");
+/// assert_eq!((word.len(), word.is_empty(), word.to(number)), (5, false, Span::new(0, 9)));
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Span {
     /// Offset of the first byte.

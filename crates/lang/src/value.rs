@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 /// The literal tokens on which a value depends, sorted.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub enum Reads {
+pub(crate) enum Reads {
     /// None.
     #[default]
     None,
@@ -20,7 +20,7 @@ pub enum Reads {
 impl Reads {
     /// The tokens.
     #[must_use]
-    pub fn tokens(&self) -> &[TokenId] {
+    pub(crate) fn tokens(&self) -> &[TokenId] {
         match self {
             Self::None => &[],
             Self::One(token) => std::slice::from_ref(token),
@@ -30,7 +30,7 @@ impl Reads {
 
     /// These and others.
     #[must_use]
-    pub fn with(&self, others: &Self) -> Self {
+    pub(crate) fn with(&self, others: &Self) -> Self {
         let (a, b) = (self.tokens(), others.tokens());
         let within = |inner: &[TokenId], outer: &[TokenId]| inner.iter().all(|t| outer.binary_search(t).is_ok());
         if within(b, a) {
@@ -47,15 +47,35 @@ impl Reads {
 }
 
 /// A value, and the tokens on which it depends.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::{Reason, value::{Content, Value}};
+///
+/// let (known, unknown) = (Value::from(Content::Truth(true)), Value::from(Content::Unknown(Reason::Computed)));
+/// assert_eq!((known.reason(), unknown.reason()), (None, Some(Reason::Computed)));
+/// assert!(known.number().is_none() && known.numbers().is_none() && known.pose().is_none());
+/// assert!(known.join(&unknown).reason().is_some()); // two paths with different values meet
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Value {
     /// Its content, as far as it is known.
     pub content: Content,
     /// Tokens on which it depends, without those of its parts.
-    pub reads: Reads,
+    pub(crate) reads: Reads,
 }
 
 /// The content of a value.
+///
+/// # Examples
+/// ```
+/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
+/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// # let outcome = deflex_lang::run::run(&program, &deflex_lang::urscript::UrScript).unwrap();
+/// use deflex_lang::value::Content;
+///
+/// assert!(matches!(outcome.motions[0].to.content, Content::Pose(_)));
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub enum Content {
     /// Nothing, for this reason.
@@ -77,6 +97,14 @@ pub enum Content {
 }
 
 /// A known number.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::value::{Content, Number, Value};
+///
+/// let value = Value::from(Content::Number(Number { value: 0.25, exact: true, affine: None }));
+/// assert_eq!(value.number(), Some(0.25));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Number {
     /// Its value.
@@ -88,6 +116,15 @@ pub struct Number {
 }
 
 /// A number that is `scale · token + offset`.
+///
+/// # Examples
+/// ```
+/// let text = b"def part():\n  movel(p[2 * 0.5 - 0.1, 0.1, 0.2, 0, 3.14, 0])\nend\n";
+/// let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// let outcome = deflex_lang::run::run(&program, &deflex_lang::urscript::UrScript).unwrap();
+/// let y = outcome.motions[0].to.pose().unwrap().affine(1).unwrap();
+/// assert_eq!((y.scale, y.offset), (1.0, 0.0)); // the number itself
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Affine {
     /// The literal.
@@ -99,6 +136,16 @@ pub struct Affine {
 }
 
 /// A pose: that of the numbers in the dialect, multiplied by known poses on its left and right.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::value::Pose;
+/// use nalgebra::Isometry3;
+///
+/// let pose = Pose::constant(Isometry3::translation(0.1, 0.2, 0.3));
+/// assert_eq!(pose.pose().translation.z, 0.3);
+/// assert!(pose.affine(2).is_none()); // it has no number in the text
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pose {
     /// Multiplied on the left.
@@ -119,13 +166,13 @@ const WHOLE: f64 = 16_777_216.0;
 impl Number {
     /// A number that depends on no token.
     #[must_use]
-    pub fn constant(value: f64) -> Self {
+    pub(crate) fn constant(value: f64) -> Self {
         Self { value, exact: is_whole(value), affine: None }
     }
 
     /// A literal.
     #[must_use]
-    pub fn literal(value: f64, token: TokenId) -> Self {
+    pub(crate) fn literal(value: f64, token: TokenId) -> Self {
         Self { value, exact: true, affine: Some(Affine { token, scale: 1.0, offset: 0.0 }) }
     }
 }
@@ -133,7 +180,7 @@ impl Number {
 /// Whether a number is whole, and small enough that single precision represents all whole numbers around it.
 #[must_use]
 #[allow(clippy::float_cmp)] // just the whole numbers
-pub fn is_whole(value: f64) -> bool {
+pub(crate) fn is_whole(value: f64) -> bool {
     value.abs() < WHOLE && value.trunc() == value
 }
 
@@ -162,13 +209,13 @@ impl Pose {
 
     /// Whether it is not multiplied by other poses, so that its numbers are those of the pose.
     #[must_use]
-    pub fn is_plain(&self) -> bool {
+    pub(crate) fn is_plain(&self) -> bool {
         !self.numbers.is_empty() && self.left == Isometry3::identity() && self.right == Isometry3::identity()
     }
 
     /// How many of the first numbers are computed from tokens.
     #[must_use]
-    pub fn affine_numbers(&self) -> usize {
+    pub(crate) fn affine_numbers(&self) -> usize {
         (0..self.numbers.len()).take_while(|at| self.affine(*at).is_some()).count()
     }
 }
@@ -176,19 +223,19 @@ impl Pose {
 impl Value {
     /// An unknown value.
     #[must_use]
-    pub fn unknown(reason: Reason) -> Self {
+    pub(crate) fn unknown(reason: Reason) -> Self {
         Content::Unknown(reason).into()
     }
 
     /// A literal.
     #[must_use]
-    pub fn literal(value: f64, token: TokenId) -> Self {
+    pub(crate) fn literal(value: f64, token: TokenId) -> Self {
         Self { content: Content::Number(Number::literal(value, token)), reads: Reads::One(token) }
     }
 
     /// The value, depending on other values too.
     #[must_use]
-    pub fn reading<'a>(mut self, others: impl IntoIterator<Item = &'a Self>) -> Self {
+    pub(crate) fn reading<'a>(mut self, others: impl IntoIterator<Item = &'a Self>) -> Self {
         for other in others {
             self.reads = self.reads.with(&other.all_reads());
         }
@@ -197,7 +244,7 @@ impl Value {
 
     /// All tokens on which it depends.
     #[must_use]
-    pub fn all_reads(&self) -> Reads {
+    pub(crate) fn all_reads(&self) -> Reads {
         let parts: &[Self] = match &self.content {
             Content::List(items) => items,
             Content::Pose(pose) | Content::AxesOf(pose, _) => &pose.numbers,
@@ -248,7 +295,7 @@ impl Value {
 
     /// The truth value, if it is known.
     #[must_use]
-    pub fn truth(&self) -> Option<bool> {
+    pub(crate) fn truth(&self) -> Option<bool> {
         match &self.content {
             Content::Truth(truth) => Some(*truth),
             _ => None,

@@ -9,6 +9,20 @@ use crate::flow::{Flow, Node};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Why a run stops.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::walk::Stop;
+///
+/// /// The sentence for a run that stops.
+/// fn sentence(stop: Stop) -> &'static str {
+///     match stop {
+///         Stop::Ends => "the program ends, or continues forever",
+///         Stop::TooLong => "the program is too long",
+///     }
+/// }
+/// assert_eq!(sentence(Stop::TooLong), "the program is too long");
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
     /// The program ends, or continues forever.
@@ -18,6 +32,20 @@ pub enum Stop {
 }
 
 /// A place where two paths meet.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::walk::Meeting;
+///
+/// /// Where two states meet.
+/// fn place(meeting: Meeting) -> &'static str {
+///     match meeting {
+///         Meeting::Branches => "after a branch",
+///         Meeting::Rounds => "at the beginning of a round",
+///     }
+/// }
+/// assert_eq!(place(Meeting::Rounds), "at the beginning of a round");
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Meeting {
     /// After one of several branches.
@@ -27,6 +55,52 @@ pub enum Meeting {
 }
 
 /// The machine that runs the steps of a language. The state between steps is passed to it.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::flow::Flow;
+/// use deflex_lang::walk::{Machine, Meeting, Stop, walk};
+///
+/// /// A machine whose steps add a number.
+/// struct Sum {
+///     records: bool,
+/// }
+/// impl Machine for Sum {
+///     type Step = u32;
+///     type Test = bool;
+///     type State = u32;
+///     type Mark = ();
+///     fn step(&mut self, _: usize, step: u32, state: &mut u32) -> Result<(), Stop> {
+///         *state += step;
+///         Ok(())
+///     }
+///     fn holds(&mut self, _: usize, test: bool, _: &mut u32) -> Result<Option<bool>, Stop> {
+///         Ok(Some(test))
+///     }
+///     fn join(&mut self, _: &mut u32, _: &u32, _: Meeting) -> bool {
+///         false
+///     }
+///     fn lose_place(&self, _: &mut u32) {}
+///     fn is_same(&self, a: &u32, b: &u32) -> bool {
+///         a == b
+///     }
+///     fn notes(&mut self) -> &mut bool {
+///         &mut self.records
+///     }
+///     fn mark(&self) {}
+///     fn back_to(&mut self, (): ()) {}
+///     fn is_too_much(&self, (): ()) -> bool {
+///         false
+///     }
+/// }
+///
+/// let mut flow = Flow::default();
+/// flow.add(|routine| {
+///     routine.step(1);
+///     routine.branch(true, |then| then.step(2), |otherwise| otherwise.step(100));
+/// });
+/// assert_eq!(walk(&mut Sum { records: true }, &flow, 0, 0), Ok(3));
+/// ```
 pub trait Machine {
     /// The work of a node.
     type Step: Copy;
@@ -39,7 +113,8 @@ pub trait Machine {
 
     /// Runs a step.
     ///
-    /// # Errors The run stops.
+    /// # Errors
+    /// The run stops.
     fn step(&mut self, node: usize, step: Self::Step, state: &mut Self::State) -> Result<(), Stop>;
 
     /// The result of a test; `None` if it is unknown.
@@ -77,7 +152,35 @@ pub trait Machine {
 
 /// Runs a routine from a state, and returns the state at its end.
 ///
-/// # Errors The routine has no end, or the run stops within it.
+/// # Errors
+/// The routine has no end, or the run stops within it.
+///
+/// # Examples
+/// ```
+/// # use deflex_lang::walk::{Machine, Meeting, Stop};
+/// # struct Sum;
+/// # impl Machine for Sum {
+/// #     type Step = u32;
+/// #     type Test = bool;
+/// #     type State = u32;
+/// #     type Mark = ();
+/// #     fn step(&mut self, _: usize, step: u32, state: &mut u32) -> Result<(), Stop> { *state += step; Ok(()) }
+/// #     fn holds(&mut self, _: usize, test: bool, _: &mut u32) -> Result<Option<bool>, Stop> { Ok(Some(test)) }
+/// #     fn join(&mut self, _: &mut u32, _: &u32, _: Meeting) -> bool { false }
+/// #     fn lose_place(&self, _: &mut u32) {}
+/// #     fn is_same(&self, a: &u32, b: &u32) -> bool { a == b }
+/// #     fn notes(&mut self) -> &mut bool { Box::leak(Box::new(true)) }
+/// #     fn mark(&self) {}
+/// #     fn back_to(&mut self, (): ()) {}
+/// #     fn is_too_much(&self, (): ()) -> bool { false }
+/// # }
+/// use deflex_lang::{flow::Flow, walk::walk};
+///
+/// // `Sum` is the machine of the example of `Machine`: its steps add a number.
+/// let mut flow = Flow::default();
+/// flow.add(|routine| routine.step(2));
+/// assert_eq!(walk(&mut Sum, &flow, 0, 40), Ok(42));
+/// ```
 pub fn walk<M: Machine>(
     machine: &mut M,
     flow: &Flow<M::Step, M::Test>,

@@ -3,7 +3,7 @@
 use deflex_lang::Reason;
 use deflex_lang::inform::{Inform, read};
 use deflex_lang::ir::{Path, Program, Switch};
-use deflex_lang::run::{From, Moved, run};
+use deflex_lang::run::{Moved, PathStart, run};
 use deflex_lang::shared::{Edit, editable};
 
 struct Ran {
@@ -75,8 +75,8 @@ fn a_position_has_its_own_tool_and_frame() {
     assert_eq!(given(1), ("TOOL 3".to_owned(), "USER 1".to_owned()));
     assert_eq!(ran.motions.iter().map(|m| m.speed).collect::<Vec<_>>(), [None, Some(100.0), Some(12.5), Some(1.0)]);
     assert_eq!(ran.motions.iter().map(|m| m.blend).collect::<Vec<_>>(), [None, Some(0.0), None, Some(5.0)]);
-    assert_eq!((ran.motions[0].path, ran.motions[0].from), (Path::Joint, From::Start));
-    assert_eq!((ran.motions[1].path, ran.motions[1].from), (Path::Linear, From::Previous));
+    assert_eq!((ran.motions[0].path, ran.motions[0].from), (Path::Joint, PathStart::Start));
+    assert_eq!((ran.motions[1].path, ran.motions[1].from), (Path::Linear, PathStart::Previous));
     // Rx = 180, Rz = -90: x of the tool is -y of the frame, its z is -z.
     let turn = ran.motions[1].to.pose().unwrap().pose().rotation.to_rotation_matrix();
     let expected = nalgebra::Matrix3::new(0.0, -1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, -1.0);
@@ -141,7 +141,7 @@ fn counted_loops_run_each_round_and_unknown_ones_are_joined() {
     assert_eq!(asked.xs(), [1.0, 2.0, 3.0].map(Some));
     assert_eq!(
         asked.motions.iter().map(|motion| motion.from).collect::<Vec<_>>(),
-        [From::Unknown, From::Previous, From::Unknown]
+        [PathStart::Unknown, PathStart::Previous, PathStart::Unknown]
     );
     let endless = ran("*A\nMOVL C00001 V=1.0\nMOVL C00002 V=1.0\nJUMP *A\n");
     assert_eq!(endless.xs(), [1.0, 2.0].map(Some));

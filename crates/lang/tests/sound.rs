@@ -447,15 +447,15 @@ impl Text {
     }
 }
 
-/// Position and turn about z, or nothing that anything is known of.
-type SourceSpan = [f64; 4];
+/// Position and turn about z.
+type PlanarPose = [f64; 4];
 
 /// A motion that was run: its statement, where to, with which tool.
 #[derive(Clone, Debug, PartialEq)]
-struct Step {
+struct ExecutedMotion {
     line: usize,
-    to: SourceSpan,
-    tool: SourceSpan,
+    to: PlanarPose,
+    tool: PlanarPose,
 }
 
 struct Machine<'a> {
@@ -463,17 +463,17 @@ struct Machine<'a> {
     literals: &'a [f64],
     random: Random,
     numbers: [f64; GLOBALS],
-    poses: [SourceSpan; GLOBALS],
-    tool: SourceSpan,
-    steps: Vec<Step>,
+    poses: [PlanarPose; GLOBALS],
+    tool: PlanarPose,
+    steps: Vec<ExecutedMotion>,
     /// Statements that may still be run.
     left: usize,
 }
 
 struct Frame {
     numbers: [f64; LOCALS + COUNTERS],
-    poses: [SourceSpan; LOCALS],
-    given: SourceSpan,
+    poses: [PlanarPose; LOCALS],
+    given: PlanarPose,
 }
 
 #[derive(PartialEq)]
@@ -485,7 +485,7 @@ enum End {
 }
 
 impl<'a> Machine<'a> {
-    fn run(program: &'a Program, literals: &'a [f64], random: Random) -> Vec<Step> {
+    fn run(program: &'a Program, literals: &'a [f64], random: Random) -> Vec<ExecutedMotion> {
         let mut machine = Self {
             program,
             literals,
@@ -512,7 +512,7 @@ impl<'a> Machine<'a> {
     }
 
     /// Variables that nothing has set have some value.
-    fn frame(&mut self, given: SourceSpan) -> Frame {
+    fn frame(&mut self, given: PlanarPose) -> Frame {
         let value = 50.0 + self.random.below(100) as f64;
         Frame { numbers: [value; LOCALS + COUNTERS], poses: [[value; 4]; LOCALS], given }
     }
@@ -530,7 +530,7 @@ impl<'a> Machine<'a> {
         }
     }
 
-    fn pose(&self, frame: &Frame, pose: &Pose) -> SourceSpan {
+    fn pose(&self, frame: &Frame, pose: &Pose) -> PlanarPose {
         match pose {
             Pose::Of(numbers) => [0, 1, 2, 5].map(|i| self.number(frame, &numbers[i])),
             Pose::Var(Var::Global(i)) => self.poses[*i],
@@ -613,7 +613,7 @@ impl<'a> Machine<'a> {
             }
             Does::Move(_, pose) => {
                 let to = self.pose(frame, pose);
-                self.steps.push(Step { line: *number, to, tool: self.tool });
+                self.steps.push(ExecutedMotion { line: *number, to, tool: self.tool });
             }
             Does::Tool(pose) => self.tool = self.pose(frame, pose),
             Does::Sleep(_) | Does::Break | Does::Return => {}
@@ -675,19 +675,19 @@ impl<'a> Machine<'a> {
 /// What a motion that was analysed is to become.
 struct Wish {
     line: usize,
-    was: SourceSpan,
-    wanted: SourceSpan,
-    tool: Option<SourceSpan>,
+    was: PlanarPose,
+    wanted: PlanarPose,
+    tool: Option<PlanarPose>,
     edited: bool,
 }
 
-fn place(pose: &Isometry3<f64>) -> SourceSpan {
+fn place(pose: &Isometry3<f64>) -> PlanarPose {
     let [x, y, z] = pose.translation.vector.into();
     [x, y, z, pose.rotation.scaled_axis().z]
 }
 
 /// Same position, and the same turn but for whole ones.
-fn is_near(a: &SourceSpan, b: &SourceSpan) -> bool {
+fn is_near(a: &PlanarPose, b: &PlanarPose) -> bool {
     let turn = (a[3] - b[3]).rem_euclid(std::f64::consts::TAU);
     (0..3).all(|i| (a[i] - b[i]).abs() < 1e-7) && turn.min(std::f64::consts::TAU - turn) < 1e-7
 }

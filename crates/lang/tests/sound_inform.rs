@@ -253,7 +253,7 @@ type Numbers = [f64; 6];
 
 /// A motion that was run: the file and line of its statement, where to and in which frame, and, of a point of a circle, its place among those in a row.
 #[derive(Clone, Debug, PartialEq)]
-struct Step {
+struct ExecutedMotion {
     line: (usize, usize),
     frame: String,
     to: Numbers,
@@ -276,7 +276,7 @@ struct Machine<'a> {
     positions: BTreeMap<String, (String, Numbers)>,
     shifts: Vec<(String, [f64; 3])>,
     weaves: bool,
-    steps: Vec<Step>,
+    steps: Vec<ExecutedMotion>,
     left: usize,
 }
 
@@ -313,7 +313,7 @@ struct Locals {
 
 impl<'a> Machine<'a> {
     /// Two runs, one after the other.
-    fn run(jobs: &'a [Job], loaded: &BTreeMap<String, (String, Numbers)>, random: Random) -> Vec<Step> {
+    fn run(jobs: &'a [Job], loaded: &BTreeMap<String, (String, Numbers)>, random: Random) -> Vec<ExecutedMotion> {
         let (numbers, positions) = (BTreeMap::new(), loaded.clone());
         let steps = Vec::new();
         let mut machine =
@@ -463,7 +463,13 @@ impl<'a> Machine<'a> {
                         to[0] += self.any() as f64;
                     }
                     let line = (job.file, *number);
-                    self.steps.push(Step { line, frame, to, point: usize::from(words[0] == "MOVC"), points: None });
+                    self.steps.push(ExecutedMotion {
+                        line,
+                        frame,
+                        to,
+                        point: usize::from(words[0] == "MOVC"),
+                        points: None,
+                    });
                 }
                 "SET" if words[1].contains('P') => {
                     let value = self.position(&mut locals, job, words[2]);

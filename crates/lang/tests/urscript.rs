@@ -2,7 +2,7 @@
 
 use deflex_lang::Reason;
 use deflex_lang::ir::{Path, Program};
-use deflex_lang::run::{From, Moved, run};
+use deflex_lang::run::{Moved, PathStart, run};
 use deflex_lang::shared::{Edit, editable};
 use deflex_lang::urscript::{UrScript, read};
 
@@ -48,7 +48,7 @@ fn a_pose_in_a_frame_is_edited_in_its_own_numbers() {
     assert_eq!(ran.edits, [Edit::No(Reason::Joints), Edit::Pose]);
     assert_eq!(ran.motions[1].speed, Some(0.25));
     assert_eq!(ran.motions[1].blend, Some(0.001));
-    assert_eq!((ran.motions[0].from, ran.motions[1].from), (From::Start, From::Previous));
+    assert_eq!((ran.motions[0].from, ran.motions[1].from), (PathStart::Start, PathStart::Previous));
     let x = ran.motions[1].to.pose().unwrap().affine(0).unwrap();
     assert_eq!(&ran.text[ran.program.tokens[x.token.0 as usize].span.range()], b".5");
 }
@@ -66,7 +66,10 @@ fn both_branches_of_an_unknown_condition_run_and_are_joined() {
     );
     assert_eq!(ran.xs(), [Some(1.0), Some(4.0), None]);
     assert_eq!(ran.edits, [Edit::Pose, Edit::Pose, Edit::No(Reason::Branches)]);
-    assert_eq!(ran.motions.iter().map(|m| m.from).collect::<Vec<_>>(), [From::Start, From::Start, From::Unknown]);
+    assert_eq!(
+        ran.motions.iter().map(|m| m.from).collect::<Vec<_>>(),
+        [PathStart::Start, PathStart::Start, PathStart::Unknown]
+    );
 }
 
 #[test]
@@ -76,7 +79,7 @@ fn a_counted_loop_runs_each_round_and_a_main_loop_once() {
     let ran_ = ran("def m():\n while True:\n  movel(p[1,0,0,0,0,0])\n  movel(p[2,0,0,0,0,0])\n end\nend\n");
     assert_eq!(ran_.xs(), [Some(1.0), Some(2.0)]);
     assert_eq!(ran_.edits, [Edit::Pose, Edit::Pose]);
-    assert_eq!((ran_.motions[0].from, ran_.motions[1].from), (From::Unknown, From::Previous));
+    assert_eq!((ran_.motions[0].from, ran_.motions[1].from), (PathStart::Unknown, PathStart::Previous));
 }
 
 #[test]

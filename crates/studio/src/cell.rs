@@ -432,17 +432,17 @@ impl Edit {
     }
 }
 
-/// A value of the document.
-struct Found<'a> {
+/// A value of the document, and the bytes that state it.
+struct SpannedValue<'a> {
     value: &'a Value,
     span: Range<usize>,
 }
 
 const GONE: &str = "this place is no longer in the file: load it again";
 
-fn find<'a>(document: &'a Document<&str>, path: &[PathStep]) -> Result<Found<'a>, String> {
+fn find<'a>(document: &'a Document<&str>, path: &[PathStep]) -> Result<SpannedValue<'a>, String> {
     let value = in_table(document.as_table(), path).ok_or(GONE)?;
-    Ok(Found { value, span: value.span().ok_or(GONE)? })
+    Ok(SpannedValue { value, span: value.span().ok_or(GONE)? })
 }
 
 fn in_table<'a>(table: &'a Table, path: &[PathStep]) -> Option<&'a Value> {
@@ -467,7 +467,7 @@ fn in_value<'a>(value: &'a Value, path: &[PathStep]) -> Option<&'a Value> {
 }
 
 fn set(document: &Document<&str>, lines: &Lines<'_>, path: &[PathStep], typed: &str) -> Result<String, String> {
-    let Found { value, span } = find(document, path)?;
+    let SpannedValue { value, span } = find(document, path)?;
     let parsed = |text: &str| {
         let parsed = text.parse::<Value>();
         parsed.map_err(|error| format!("{text:?} is not a TOML value: {}", error.message().replace('\n', ", ")))

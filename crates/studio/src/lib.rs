@@ -28,6 +28,14 @@ use std::sync::Arc;
 use thiserror::Error;
 
 /// The options of a server.
+///
+/// # Examples
+/// ```
+/// use deflex_studio::Options;
+///
+/// let options =
+///     Options { folder: "parts".into(), port: 0, program: "deflex".into(), facts: serde_json::json!({ "version": "0.2.0" }) };
+/// ```
 #[derive(Clone, Debug)]
 pub struct Options {
     /// The folder that the window shows; no file outside of it is read or written.
@@ -42,6 +50,15 @@ pub struct Options {
 }
 
 /// Why the window cannot be opened.
+///
+/// # Examples
+/// ```
+/// use deflex_studio::{Error, Options, Studio};
+///
+/// let options =
+///     Options { folder: "no such folder".into(), port: 0, program: "deflex".into(), facts: serde_json::Value::Null };
+/// assert!(matches!(Studio::open(options), Err(Error::Folder { .. })));
+/// ```
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -77,6 +94,19 @@ struct Shared {
 }
 
 /// An open window. Its port is taken, and it answers as soon as [`Studio::serve`] runs.
+///
+/// # Examples
+/// ```
+/// use deflex_studio::{Error, Options, Studio};
+///
+/// /// Opens a window on a folder, and serves it until the process ends.
+/// fn window(options: Options) -> Result<(), Error> {
+///     let studio = Studio::open(options)?;
+///     println!("{}", studio.address());
+///     println!("{}", studio.address_once()); // for a browser that is started with it
+///     studio.serve()
+/// }
+/// ```
 #[derive(Debug)]
 pub struct Studio {
     listener: TcpListener,

@@ -14,6 +14,14 @@ use deflex::text::{Diagnostic, Source};
 use std::path::Path;
 
 /// A measured file, read and not yet parsed.
+///
+/// # Examples
+/// ```
+/// use deflex::cli::session::MeasuredFile;
+///
+/// let measured = MeasuredFile::read("samples/closed-loop/measured.csv".as_ref())?;
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct MeasuredFile {
     source: Source,
@@ -78,6 +86,18 @@ impl MeasuredFile {
 }
 
 /// A program with what was measured on it, not yet parsed.
+///
+/// # Examples
+/// ```
+/// use deflex::cli::session::{MeasuredFile, MeasuredRunFiles, ProgramFiles};
+///
+/// let run = MeasuredRunFiles {
+///     program: ProgramFiles::read(&["samples/closed-loop/part.mod".into()], &[], None)?,
+///     original: None,
+///     measured: MeasuredFile::read("samples/closed-loop/measured.csv".as_ref())?,
+/// };
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct MeasuredRunFiles {
     /// The program that ran.
@@ -103,6 +123,20 @@ impl MeasuredRunFiles {
 }
 
 /// The result of an identification, and the inputs that its reports name.
+///
+/// # Examples
+/// ```
+/// use deflex::cli::session::Identified;
+/// use deflex::text::Diagnostics;
+///
+/// /// Writes the extended cell, the answer for other programs, and the page.
+/// fn write(identified: &Identified) -> Result<(), Diagnostics> {
+///     std::fs::write("extended.toml", identified.cell()?)?;
+///     std::fs::write("answer.json", identified.json(None)?)?;
+///     Ok(std::fs::write("answer.html", identified.page())?)
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Identified {

@@ -225,6 +225,18 @@ impl Run {
 }
 
 /// Results of a run of one program.
+///
+/// # Examples
+/// ```
+/// use deflex::cli::session::{CellFile, ProgramFiles, Run, predict};
+/// use std::sync::Arc;
+///
+/// let cell = Arc::new(CellFile::read("samples/slot/cell.toml".as_ref())?);
+/// let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
+/// let done = predict(&program, None, &Run::new(cell))?;
+/// assert!(done.files.is_empty() && done.csv.starts_with(b"target,"));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Done {

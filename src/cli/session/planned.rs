@@ -11,6 +11,19 @@ use serde_json::Value;
 const OPEN: f64 = 0.05;
 
 /// A plan, and the cell that its reports name.
+///
+/// # Examples
+/// ```
+/// use deflex::cli::session::Planned;
+/// use deflex::text::Diagnostics;
+///
+/// /// Writes the plan for other programs, and its page.
+/// fn write(planned: &Planned) -> Result<(), Diagnostics> {
+///     std::fs::write("plan.json", planned.json()?)?;
+///     Ok(std::fs::write("plan.html", planned.page())?)
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Planned {

@@ -17,6 +17,16 @@ pub type SimulationProgress = dyn Fn(f64) -> bool + Send + Sync;
 const PAGE_TRIANGLES: f64 = 40_000.0;
 
 /// The part that the loaded arm leaves of the stock, compared with the intended part.
+///
+/// # Examples
+/// ```
+/// use deflex::cli::session::Simulated;
+///
+/// /// Writes the mesh of the simulated part.
+/// fn write(simulated: &Simulated) -> std::io::Result<()> {
+///     std::fs::write("part.stl", simulated.stl())
+/// }
+/// ```
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Simulated {
@@ -117,19 +127,8 @@ impl Simulated {
     }
 
     /// The stock that the program leaves.
-    ///
-    /// # Examples
-    /// ```no_run
-    /// # use deflex::cli::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
-    /// # let run = Run::new(CellFile::read("samples/stock/cell.toml".as_ref())?.into());
-    /// # let program = ProgramFiles::read(&["samples/stock/part.mod".into()], &[], None)?;
-    /// # let progress: std::sync::Arc<SimulationProgress> = std::sync::Arc::new(|_| true);
-    /// # let part = simulate(&program, None, &run, &progress)?;
-    /// println!("{:.1} cm³ removed", 1e6 * part.removal().stock.removed());
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
-    pub fn removal(&self) -> &Removal {
+    pub(crate) fn removal(&self) -> &Removal {
         // `of` always adds one.
         self.actual.last().map_or(&self.programmed, |(_, removal)| removal)
     }

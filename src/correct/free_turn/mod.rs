@@ -48,20 +48,8 @@ pub(super) fn carried(context: Context<'_>) -> Result<Carried<'_>, Vec<Diagnosti
 }
 
 /// Whether the turns about the tool axis of a program have to be chosen.
-///
-/// # Examples
-/// ```
-/// # use deflex::{cell::Cell, program::rapid, text::Source};
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
-/// use deflex::correct::{Options, has_free_turns};
-///
-/// assert!(!has_free_turns(program.language, &cell, &Options::default()));
-/// assert!(has_free_turns(program.language, &cell, &Options { free_spin: true, ..Options::default() }));
-/// # Ok::<(), deflex::text::Diagnostics>(())
-/// ```
 #[must_use]
-pub fn has_free_turns(language: Language, cell: &Cell, options: &Options) -> bool {
+pub(crate) fn has_free_turns(language: Language, cell: &Cell, options: &Options) -> bool {
     match language {
         Language::Cl => cell.cl.as_ref().is_some_and(|cl| cl.spin.rule == SpinRule::Stiffest),
         _ => options.free_spin,

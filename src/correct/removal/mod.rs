@@ -30,6 +30,17 @@ use std::sync::Arc;
 use yielding::Stages;
 
 /// Whose poses remove the material.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::{Cuts, Options, Removal, cut_stock};
+/// use deflex::{cell::Cell, program::Program, text::Diagnostic};
+///
+/// /// The stock that the loaded arm leaves.
+/// fn cut(program: &Program, cell: &Cell) -> Result<Removal, Vec<Diagnostic>> {
+///     cut_stock(program, cell, &Options::default(), None, Cuts::Deflected)
+/// }
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cuts {
     /// The programmed poses, which a corrected tool follows.
@@ -42,6 +53,16 @@ pub enum Cuts {
 }
 
 /// A stock that a program has cut.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::Removal;
+///
+/// /// The volume that is removed, cm³.
+/// fn removed(removal: &Removal) -> f64 {
+///     1e6 * removal.stock.removed()
+/// }
+/// ```
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Removal {

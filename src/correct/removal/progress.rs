@@ -6,6 +6,13 @@ use std::sync::Arc;
 type Receiver = dyn Fn(f64) -> bool + Send + Sync;
 
 /// Receives the share of a cut that is done, 0 to 1, from time to time, and cancels the run with `false`; by default there is no receiver.
+///
+/// # Examples
+/// ```
+/// use deflex::correct::{CutProgress, Options};
+///
+/// let options = Options { cut_progress: CutProgress::new(|share| share < 0.5), ..Options::default() }; // stops halfway
+/// ```
 #[derive(Clone, Default)]
 pub struct CutProgress(Option<Arc<Receiver>>);
 

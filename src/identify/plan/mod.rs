@@ -39,6 +39,18 @@ const VARIANTS: usize = 3;
 const REFERENCE: usize = 60;
 
 /// The input of a plan.
+///
+/// # Examples
+/// ```
+/// use deflex::identify::{Ask, PlanInput, PlanProgram};
+/// use deflex::{cell::Cell, program::Language};
+///
+/// /// The input for a plan of 24 rows anywhere in the box of `[plan]`.
+/// fn input(cell: &Cell) -> PlanInput<'_> {
+///     let program = PlanProgram { name: "plan", language: Language::Rapid, ask: Ask::Never };
+///     PlanInput { cell, rows: 24, pool: &[], undecided: &[], program, progress: &|_| () }
+/// }
+/// ```
 pub struct PlanInput<'a> {
     /// The declared cell, with `[plan]`.
     pub cell: &'a Cell,
@@ -57,6 +69,14 @@ pub struct PlanInput<'a> {
 }
 
 /// How the program of a plan is written.
+///
+/// # Examples
+/// ```
+/// use deflex::identify::{Ask, PlanProgram};
+/// use deflex::program::Language;
+///
+/// let program = PlanProgram { name: "plan", language: Language::Rapid, ask: Ask::Load };
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PlanProgram<'a> {
     /// Its name, from which an identifier is made.
@@ -68,6 +88,13 @@ pub struct PlanProgram<'a> {
 }
 
 /// When the program of a plan waits until the operator lets it continue.
+///
+/// # Examples
+/// ```
+/// use deflex::identify::Ask;
+///
+/// assert_eq!(Ask::default(), Ask::Never); // the program waits for ten seconds at each target
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Ask {
     /// Never: it waits for ten seconds at each target.
@@ -80,6 +107,16 @@ pub enum Ask {
 }
 
 /// A measurement plan.
+///
+/// # Examples
+/// ```
+/// use deflex::identify::Plan;
+///
+/// /// What a plan promises.
+/// fn promise(plan: &Plan) -> String {
+///     format!("{} rows in {:.0} min, {:.0} % named", plan.rows.len(), plan.duration_s / 60.0, 100.0 * plan.chance_right)
+/// }
+/// ```
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct Plan {
@@ -116,6 +153,16 @@ pub struct Plan {
 }
 
 /// One row to measure.
+///
+/// # Examples
+/// ```
+/// use deflex::identify::Plan;
+///
+/// /// The targets at which the arm carries a load.
+/// fn loaded(plan: &Plan) -> Vec<u32> {
+///     plan.rows.iter().filter(|row| row.load_n != [0.0; 3]).map(|row| row.target).collect()
+/// }
+/// ```
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct PlannedRow {
@@ -136,6 +183,16 @@ pub struct PlannedRow {
 }
 
 /// How well the planned rows distinguish two kinds.
+///
+/// # Examples
+/// ```
+/// use deflex::identify::Plan;
+///
+/// /// The two kinds that the plan distinguishes least.
+/// fn weakest(plan: &Plan) -> Option<(&str, &str)> {
+///     plan.weakest.as_ref().map(|pair| (&*pair.a, &*pair.b))
+/// }
+/// ```
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct PlannedPair {
@@ -152,6 +209,16 @@ pub struct PlannedPair {
 }
 
 /// How well the planned rows show one kind.
+///
+/// # Examples
+/// ```
+/// use deflex::identify::Plan;
+///
+/// /// The kind that is least often named correctly.
+/// fn hardest(plan: &Plan) -> Option<&str> {
+///     plan.kinds.first().map(|kind| &*kind.kind)
+/// }
+/// ```
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct PlannedKind {

@@ -26,6 +26,18 @@ const HEAD: usize = 64 * 1024;
 const MOST_BYTES: usize = 1 << 20;
 
 /// Divides a CL file into chunks, and reads no further than needed.
+///
+/// # Examples
+/// ```
+/// use deflex::program::cl::{Chunks, ClOptions};
+///
+/// let text = &b"UNITS/MM\nFEDRAT/600\nGOTO/0,0,10,0,0,1\nGOTO/50,0,10,0,0,1\n"[..];
+/// if let Some(mut chunks) = Chunks::sized("part.cls", text, &ClOptions::default(), 1 << 20)? {
+///     chunks.take()?;
+///     assert!(chunks.warnings().is_empty());
+/// }
+/// # Ok::<(), std::io::Error>(())
+/// ```
 #[derive(Debug)]
 pub struct Chunks<R> {
     input: R,

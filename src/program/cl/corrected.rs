@@ -17,6 +17,13 @@ use crate::text::{Content, Diagnostic, Edit, Span, apply};
 use std::ops::Range;
 
 /// A corrected point.
+///
+/// # Examples
+/// ```
+/// use deflex::program::cl::CorrectedPoint;
+///
+/// let point = CorrectedPoint { target: 0, position_mm: [0.0, 0.0, 0.1], axis: [0.0, 0.0, 1.0] };
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CorrectedPoint {
     /// Index of its target, or of the target that it is inserted before.

@@ -126,6 +126,13 @@ impl ClOptions {
 }
 
 /// Length unit.
+///
+/// # Examples
+/// ```
+/// use deflex::program::cl::{ClOptions, Units};
+///
+/// let options = ClOptions { units: Some(Units::Inch), ..ClOptions::default() };
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Units {
     /// Millimetres.
@@ -135,6 +142,13 @@ pub enum Units {
 }
 
 /// Tool point that CL positions name.
+///
+/// # Examples
+/// ```
+/// use deflex::program::cl::{ClOptions, Point};
+///
+/// let options = ClOptions { point: Point::Centre, ..ClOptions::default() };
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Point {
     /// End of the tool, on its axis.

@@ -7,7 +7,7 @@ use super::names;
 use super::run::Runner;
 use super::state::Changes;
 use super::symbols::{Id, MODAL};
-use super::value::{Step, Value, upper};
+use super::value::{Selector, Value, upper};
 use crate::program::Reason;
 use crate::text::{Diagnostic, Severity};
 
@@ -52,7 +52,7 @@ impl<'a> Runner<'a> {
                 let zero = self.symbols.find(self.here(), &upper(b"$NULLFRAME"));
                 return if table == b"LOAD_DATA" { Value::unknown(Reason::Computed) } else { self.settled(zero) };
             }
-            Some(at) => (vec![Step::Element(at)], true),
+            Some(at) => (vec![Selector::Element(at)], true),
             None => (Vec::new(), false),
         };
         self.read(&VariablePath { id, name: &name, steps, known })
@@ -151,7 +151,7 @@ impl<'a> Runner<'a> {
     /// Sets a component of a record.
     fn set(&mut self, id: Id, component: &[u8], value: Value) {
         let mut record = self.value(id);
-        self.put(&mut record, &[Step::Component(upper(component))], value);
+        self.put(&mut record, &[Selector::Component(upper(component))], value);
         self.state.values.insert(id, record);
     }
 

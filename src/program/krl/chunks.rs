@@ -25,6 +25,16 @@ const LONGEST: usize = 4096;
 const MOST_KINDS: usize = 64;
 
 /// Divides a program into chunks, and reads no further than needed.
+///
+/// # Examples
+/// ```
+/// use deflex::program::krl::{CHUNK, Chunks};
+///
+/// let file = std::fs::File::open("samples/kuka/ring.src")?;
+/// let chunks = Chunks::of_file("ring.src", file, &[], CHUNK)?;
+/// println!("{}", if chunks.is_some() { "read in chunks" } else { "read as a whole" });
+/// # Ok::<(), std::io::Error>(())
+/// ```
 #[derive(Debug)]
 pub struct Chunks<R> {
     input: R,
@@ -49,6 +59,16 @@ pub struct Chunks<R> {
 }
 
 /// A stretch of lines, not yet read.
+///
+/// # Examples
+/// ```
+/// use deflex::program::krl::Chunk;
+///
+/// /// Whether a stretch of lines is of the expected kind.
+/// fn is_readable(chunk: Chunk) -> bool {
+///     chunk.read().is_some()
+/// }
+/// ```
 #[derive(Debug)]
 pub struct Chunk {
     reader: Arc<Reader>,
@@ -150,8 +170,9 @@ impl<R: Read> Chunks<R> {
 
     /// The next chunk.
     ///
-    /// # Errors The input cannot be read.
-    pub fn take(&mut self) -> io::Result<Next<Chunk>> {
+    /// # Errors
+    /// The input cannot be read.
+    pub(crate) fn take(&mut self) -> io::Result<Next<Chunk>> {
         if self.ended {
             return Ok(self.tail.take().map_or(Next::End, Next::Chunk));
         }

@@ -4,7 +4,7 @@ use super::expression::{Expression, Operator, Path, PathStep};
 use super::names;
 use super::run::Runner;
 use super::symbols::Id;
-use super::value::{Name, REST, Step, Value, chained, flat};
+use super::value::{Name, REST, Selector, Value, chained, flat};
 use crate::program::Reason;
 use crate::text::decode;
 use deflex_lang::ir::Binary;
@@ -17,7 +17,7 @@ use std::rc::Rc;
 pub(super) struct VariablePath<'e> {
     pub(super) id: Id,
     pub(super) name: &'e Name,
-    pub(super) steps: Vec<Step>,
+    pub(super) steps: Vec<Selector>,
     /// Whether all indices are known.
     pub(super) known: bool,
 }
@@ -52,7 +52,7 @@ impl<'a> Runner<'a> {
     }
 
     /// Sets the value at a path. If the path is not known, its numbers must not be edited.
-    pub(super) fn put(&mut self, whole: &mut Value, path: &[Step], value: Value) {
+    pub(super) fn put(&mut self, whole: &mut Value, path: &[Selector], value: Value) {
         whole.set(path, value, &mut self.pinned);
     }
 
@@ -97,11 +97,11 @@ impl<'a> Runner<'a> {
         let mut place = VariablePath { id: self.resolve(&path.name), name: &path.name, steps: Vec::new(), known: true };
         for step in &path.steps {
             match step {
-                PathStep::Component(name, _) => place.steps.push(Step::Component(name.clone())),
+                PathStep::Component(name, _) => place.steps.push(Selector::Component(name.clone())),
                 PathStep::Index(indices) => {
                     let at = self.indices(indices).and_then(|all| flat(&all));
                     place.known &= at.is_some() || indices.is_empty();
-                    place.steps.extend(at.map(Step::Element));
+                    place.steps.extend(at.map(Selector::Element));
                 }
             }
         }
@@ -148,7 +148,7 @@ impl<'a> Runner<'a> {
             return Value::unknown(Reason::IndexUnknown);
         }
         if self.symbols.is_table(path.id)
-            && let (Value::Array(items), Some(Step::Element(at))) = (&whole, path.steps.first())
+            && let (Value::Array(items), Some(Selector::Element(at))) = (&whole, path.steps.first())
             && !items.contains_key(at)
             && !items.contains_key(&REST)
         {

@@ -5,7 +5,7 @@ use super::run::{PositionTokens, Runner};
 use super::tree::Move;
 use super::value::{AXES, EXTERNAL, Name, POSE, Value};
 use crate::program::orientation::{from_zyx_deg, halfway, quaternion, quaternion_of_zyx_deg};
-use crate::program::{Conf, Editable, Goal, Mark, Motion, Predecessor, Reason, Role, Status, Target};
+use crate::program::{Conf, Editable, Goal, Mark, Motion, Predecessor, Reason, Role, StatusAndTurn, Target};
 use crate::text::Span;
 use deflex_lang::ir::SourceSpan;
 use std::sync::Arc;
@@ -134,7 +134,7 @@ impl Runner<'_> {
             [None, None] => (None, false),
             [Some(status), Some(turn)] => {
                 let [status, turn] = [status, turn].map(|v| v.index().and_then(|v| i32::try_from(v).ok()));
-                let conf = status.zip(turn).map(|(status, turn)| Conf::Status(Status { status, turn }));
+                let conf = status.zip(turn).map(|(status, turn)| Conf::Status(StatusAndTurn { status, turn }));
                 (conf, conf.is_none())
             }
             _ => (None, true),

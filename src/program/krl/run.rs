@@ -5,7 +5,7 @@ use super::state::{Changes, ModalState};
 use super::steps::{Routines, VALUES_PER_STEP, routines};
 use super::symbols::{Id, RoutineId, Symbols};
 use super::tree::{File, Loop, Routine, Statement, StatementKind};
-use super::value::{Name, Step, Value, upper};
+use super::value::{Name, Selector, Value, upper};
 use crate::program::{Kept, Mark, Reason, Target, Tool, UnknownMotion, Wobj};
 use crate::text::{Diagnostic, LineIndex, Severity, Source, Span, decode};
 use deflex_lang::ir::SourceSpan;
@@ -328,7 +328,7 @@ impl<'a> Runner<'a> {
             }
             StatementKind::SplineEnds => {
                 let saved = self.value(self.symbols.spline);
-                self.restore(&std::array::from_fn(|at| saved.get(&[Step::Element(at as i64)])));
+                self.restore(&std::array::from_fn(|at| saved.get(&[Selector::Element(at as i64)])));
                 self.state.values.remove(&self.symbols.spline);
             }
             StatementKind::NotUnderstood(_) => {

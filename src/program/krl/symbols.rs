@@ -2,7 +2,7 @@
 
 use super::names;
 use super::tree::{File, Routine, Statement, Type};
-use super::value::{AXES, EXTERNAL, Name, POSE, Step, Value, pose_record, upper};
+use super::value::{AXES, EXTERNAL, Name, POSE, Selector, Value, pose_record, upper};
 use crate::program::Reason;
 use crate::text::Source;
 use std::collections::{BTreeSet, HashMap, HashSet};
@@ -161,22 +161,24 @@ impl<'a> Symbols<'a> {
     }
 
     /// Whether its number may be written with decimals: it is a REAL, or a component of a position.
-    pub(super) fn is_real(&self, id: Id, steps: &[Step]) -> bool {
+    pub(super) fn is_real(&self, id: Id, steps: &[Selector]) -> bool {
         match steps.last() {
-            Some(Step::Component(name)) => POSE.iter().chain(&AXES).chain(&EXTERNAL).any(|known| name[..] == **known),
+            Some(Selector::Component(name)) => {
+                POSE.iter().chain(&AXES).chain(&EXTERNAL).any(|known| name[..] == **known)
+            }
             _ => self.types.get(&id) == Some(&Type::Real),
         }
     }
 
     /// The value as a variable of this type stores it: a FRAME has no axes and no status.
-    pub(super) fn converted(&self, id: Id, steps: &[Step], value: Value) -> Value {
+    pub(super) fn converted(&self, id: Id, steps: &[Selector], value: Value) -> Value {
         let status: &[&[u8]] = match self.types.get(&id) {
             Some(Type::Frame) => &[],
             Some(Type::Pos) => &[b"S", b"T"],
             _ => return value,
         };
         let Value::Record(mut fields) = value else { return value };
-        if steps.iter().all(|step| matches!(step, Step::Element(_))) {
+        if steps.iter().all(|step| matches!(step, Selector::Element(_))) {
             let has = |name: &Name| POSE.iter().chain(status).any(|known| name[..] == **known);
             if !fields.iter().all(|(name, _)| has(name)) {
                 Rc::make_mut(&mut fields).retain(|(name, _)| has(name));

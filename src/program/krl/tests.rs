@@ -125,7 +125,7 @@ fn joint_motions_keep_status_and_turn_true() {
     let p = program(
         "PTP {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0,S 'B010',T 35}\nLIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0,S 6,T 50}",
     );
-    let written = Some(crate::program::Conf::Status(crate::program::Status { status: 2, turn: 35 }));
+    let written = Some(crate::program::Conf::Status(crate::program::StatusAndTurn { status: 2, turn: 35 }));
     let conf = |i: usize| if let Goal::Pose { conf, .. } = p.targets[i].goal { conf } else { None };
     assert_eq!((conf(0), conf(1)), (written, None));
     assert!(p.targets.iter().all(|t| t.editable == Editable::Pose));

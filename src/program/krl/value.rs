@@ -37,9 +37,9 @@ pub(super) enum Value {
 /// Index of the value of all elements that an array does not list; real indices are not negative.
 pub(super) const REST: i64 = -1;
 
-/// One step into a record or array.
+/// Selects a component of a record or an element of an array.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Step {
+pub(super) enum Selector {
     Component(Name),
     Element(i64),
 }
@@ -91,16 +91,16 @@ impl Value {
     }
 
     /// The value at a path.
-    pub(super) fn get(&self, path: &[Step]) -> Self {
+    pub(super) fn get(&self, path: &[Selector]) -> Self {
         let Some((first, rest)) = path.split_first() else { return self.clone() };
         match (self, first) {
-            (Self::Record(_), Step::Component(name)) => {
+            (Self::Record(_), Selector::Component(name)) => {
                 self.component(name).map_or(Self::unknown(Reason::Unset), |value| value.get(rest))
             }
-            (Self::Array(items), Step::Element(at)) => {
+            (Self::Array(items), Selector::Element(at)) => {
                 items.get(at).or_else(|| items.get(&REST)).map_or(Self::unknown(Reason::Unset), |value| value.get(rest))
             }
-            (Self::Own(_), Step::Component(_)) => Self::unknown(Reason::CellFrame),
+            (Self::Own(_), Selector::Component(_)) => Self::unknown(Reason::CellFrame),
             (Self::Unknown(why, None), _) => Self::unknown(*why),
             (Self::Unknown(why, Some(was)), _) => was.get(path).forgotten(*why),
             _ => Self::unknown(Reason::NotARecordOrArray),
@@ -109,7 +109,7 @@ impl Value {
 
     /// Sets the value at a path. If the path does not lead through known values, the whole becomes unknown, and the tokens of the new value
     /// go to `lost`.
-    pub(super) fn set(&mut self, path: &[Step], value: Self, lost: &mut HashSet<SourceSpan>) {
+    pub(super) fn set(&mut self, path: &[Selector], value: Self, lost: &mut HashSet<SourceSpan>) {
         let Some((first, rest)) = path.split_first() else {
             // Components that an aggregate does not name become unknown.
             if let (Self::Record(old), Self::Record(new)) = (&*self, &value) {
@@ -124,16 +124,16 @@ impl Value {
         };
         if let Self::Unknown(why, None) = self {
             *self = match first {
-                Step::Component(name) => {
+                Selector::Component(name) => {
                     // Only data that were never set lack the other components of a position.
                     let open = *why != Reason::Unset && POSE.contains(&&name[..]);
                     Self::record(POSE.into_iter().filter(|_| open).map(|name| (name, Self::unknown(*why))))
                 }
-                Step::Element(_) => Self::Array(Rc::new(BTreeMap::from([(REST, Self::unknown(*why))]))),
+                Selector::Element(_) => Self::Array(Rc::new(BTreeMap::from([(REST, Self::unknown(*why))]))),
             };
         }
         let part = match (first, &mut *self) {
-            (Step::Component(name), Self::Record(fields)) => {
+            (Selector::Component(name), Self::Record(fields)) => {
                 let fields = Rc::make_mut(fields);
                 let at = fields.iter().position(|(known, _)| known == name).unwrap_or(fields.len());
                 if at == fields.len() {
@@ -141,7 +141,7 @@ impl Value {
                 }
                 &mut fields[at].1
             }
-            (Step::Element(at), Self::Array(items)) => {
+            (Selector::Element(at), Self::Array(items)) => {
                 let before = items.get(&REST).cloned().unwrap_or(Self::unknown(Reason::Unset));
                 Rc::make_mut(items).entry(*at).or_insert(before)
             }

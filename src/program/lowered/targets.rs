@@ -8,7 +8,7 @@ use crate::program::{
 use crate::text::{Diagnostic, Severity, Source, Span};
 use deflex_lang::dialect::Dialect;
 use deflex_lang::ir::{self, Path, SourceSpan, Switch};
-use deflex_lang::run::{From, Moved, run};
+use deflex_lang::run::{Moved, PathStart, run};
 use deflex_lang::shared::{Edit, editable};
 use deflex_lang::value::{Content, Pose, Value};
 use std::collections::BTreeSet;
@@ -288,9 +288,9 @@ impl Builder<'_> {
             span: motion.place.span,
             line: self.line(motion.place),
             predecessor: match motion.from {
-                From::Start => Predecessor::Start,
-                From::Previous if follows => Predecessor::Previous,
-                From::Previous | From::Unknown => Predecessor::Unknown,
+                PathStart::Start => Predecessor::Start,
+                PathStart::Previous if follows => Predecessor::Previous,
+                PathStart::Previous | PathStart::Unknown => Predecessor::Unknown,
             },
             arc_turn: None,
         };

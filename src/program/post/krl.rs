@@ -39,7 +39,7 @@ impl PostWriter {
     ///
     /// A motion whose path is unknown is a joint motion to axis angles, which decides the posture.
     #[must_use]
-    pub fn krl(&self, points: &[PostedPoint], axes_deg: &[[f64; 6]], end: &str) -> Vec<(String, Vec<u8>)> {
+    pub(crate) fn krl(&self, points: &[PostedPoint], axes_deg: &[[f64; 6]], end: &str) -> Vec<(String, Vec<u8>)> {
         let name = identifier(&self.plan.name, SHORTER);
         let most = self.part.unwrap_or(usize::MAX);
         let mut files = Vec::new();

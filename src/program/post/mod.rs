@@ -25,10 +25,8 @@ pub(crate) mod ur;
 mod writer;
 mod zone;
 
-pub use names::identifier;
 pub(crate) use names::refuse as refuse_names;
-pub use plan::PostPlan;
+pub(crate) use plan::PostPlan;
 pub(crate) use statements::Statements;
-pub(crate) use template::TEMPLATES;
-pub use template::Templates;
-pub use writer::{PostWriter, PostedPoint, Text, WriterPosition};
+pub(crate) use template::{TEMPLATES, Templates};
+pub(crate) use writer::{PostWriter, PostedPoint, Text, WriterPosition};

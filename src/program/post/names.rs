@@ -87,15 +87,8 @@ const TAKEN: [&str; 75] = [
 ];
 
 /// A valid RAPID identifier made of `name`, leaving `reserve` characters for an ending.
-///
-/// # Examples
-/// ```
-/// use deflex::program::post::identifier;
-///
-/// assert!(identifier("blade patch 2", 0).chars().all(|c| c.is_ascii_alphanumeric() || c == '_'));
-/// ```
 #[must_use]
-pub fn identifier(name: &str, reserve: usize) -> String {
+pub(crate) fn identifier(name: &str, reserve: usize) -> String {
     let mut out: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
     if !out.starts_with(|c: char| c.is_ascii_alphabetic()) || TAKEN.contains(&out.to_ascii_uppercase().as_str()) {
         out.insert_str(0, "m_");

@@ -4,7 +4,7 @@ use crate::program::{EXTERNAL_AXES, ToolData, WobjData};
 
 /// The plan of a posted program, before its first point.
 #[derive(Clone, Debug)]
-pub struct PostPlan {
+pub(crate) struct PostPlan {
     /// Name of the program, usually the stem of the file's name, from which an identifier is made.
     pub name: String,
     /// Lines of the head comment.

@@ -17,7 +17,7 @@ pub(crate) const TEMPLATES: [(&str, &[&str]); 8] = [
 
 /// Lines for actions of CL data that RAPID has no instruction for.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Templates(BTreeMap<&'static str, String>);
+pub(crate) struct Templates(BTreeMap<&'static str, String>);
 
 impl Templates {
     /// Adds a template that [`Templates::fault`] has checked.

@@ -46,7 +46,7 @@ impl PostWriter {
     ///
     /// A motion whose path is unknown is a joint motion to axis angles, which decides the posture.
     #[must_use]
-    pub fn ur(&self, points: &[PostedPoint], axes_deg: &[[f64; 6]], end: &str) -> Vec<(String, Vec<u8>)> {
+    pub(crate) fn ur(&self, points: &[PostedPoint], axes_deg: &[[f64; 6]], end: &str) -> Vec<(String, Vec<u8>)> {
         let name = identifier(&self.plan.name, SHORTER);
         let mut text = format!("def {name}():\n").into_bytes();
         self.plan.plain_title().for_each(|line| lines(&mut text, &format!("# {line}")));

@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 /// A point of a posted program.
 #[derive(Clone, Debug, PartialEq)]
-pub struct PostedPoint {
+pub(crate) struct PostedPoint {
     /// TCP in the work object, mm.
     pub position_mm: [f64; 3],
     /// Orientation in the work object, scalar first, unit norm.
@@ -66,7 +66,7 @@ impl PostedPoint {
 
 /// Text of a program: the continuation of the present file, and further files.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Text {
+pub(crate) struct Text {
     /// All bytes, one file after the other.
     pub bytes: Vec<u8>,
     /// Offsets at which new files begin, with their names (`part.mod`).
@@ -97,7 +97,7 @@ impl Text {
 
 /// The position up to which a program is written, from which the next chunk continues.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct WriterPosition {
+pub(crate) struct WriterPosition {
     /// Points written.
     written: usize,
     /// The last of them.
@@ -114,7 +114,7 @@ impl WriterPosition {
 
     /// The position after further points, of which all except the last are written.
     #[must_use]
-    pub fn after(&self, points: &[PostedPoint]) -> Self {
+    pub(crate) fn after(&self, points: &[PostedPoint]) -> Self {
         let mut known = [&self.before, &self.waiting].into_iter().flatten().chain(points).rev();
         let waiting = known.next().cloned();
         let count = usize::from(self.waiting.is_some()) + points.len();
@@ -126,7 +126,7 @@ impl WriterPosition {
 ///
 /// The head comes first, then chunks of points, each from its [`WriterPosition`] on; any thread may write any chunk.
 #[derive(Clone, Debug)]
-pub struct PostWriter {
+pub(crate) struct PostWriter {
     pub(super) plan: PostPlan,
     module: String,
     /// Names of the declared speeds, slowest first.
@@ -142,7 +142,7 @@ const ENDING: usize = 10;
 impl PostWriter {
     /// Makes the layout of the program: its declarations and parts.
     #[must_use]
-    pub fn new(plan: PostPlan) -> Self {
+    pub(crate) fn new(plan: PostPlan) -> Self {
         let module = identifier(&plan.name, ENDING);
         let part = plan.max_points.map(|most| most.max(1)).filter(|most| plan.points > *most);
         let mut post = Self { plan, module, speeds: Vec::new(), part, head: Text::default() };
@@ -152,19 +152,19 @@ impl PostWriter {
 
     /// The plan of the layout.
     #[must_use]
-    pub fn plan(&self) -> &PostPlan {
+    pub(crate) fn plan(&self) -> &PostPlan {
         &self.plan
     }
 
     /// Number of files of the program.
     #[must_use]
-    pub fn files(&self) -> usize {
+    pub(crate) fn files(&self) -> usize {
         1 + self.part.map_or(0, |most| self.plan.points.div_ceil(most))
     }
 
     /// Declarations and, for a program with parts, all of the main module except its end.
     #[must_use]
-    pub fn head(&self) -> &Text {
+    pub(crate) fn head(&self) -> &Text {
         &self.head
     }
 
@@ -196,7 +196,7 @@ impl PostWriter {
     /// The text of points from a position on. The last point waits for the next chunk. The last chunk ends with the instructions of `end`, one
     /// on each line.
     #[must_use]
-    pub fn chunk(&self, from: &WriterPosition, points: &[PostedPoint], end: Option<&str>) -> Text {
+    pub(crate) fn chunk(&self, from: &WriterPosition, points: &[PostedPoint], end: Option<&str>) -> Text {
         let mut text = Text { bytes: Vec::with_capacity(A_LINE * points.len()), files: Vec::new() };
         let mut place = from.clone();
         for point in points {

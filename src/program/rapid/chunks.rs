@@ -31,6 +31,17 @@ const AHEAD: usize = 4;
 const FIRST: &[u8] = b"MoveL";
 
 /// Divides a program into chunks, and reads no further than needed.
+///
+/// # Examples
+/// ```
+/// use deflex::program::rapid::Chunks;
+///
+/// let file = std::fs::File::open("samples/slot/slot.mod")?;
+/// if let Some(mut chunks) = Chunks::sized("slot.mod", file, &[], 4096)? {
+///     chunks.take()?;
+/// }
+/// # Ok::<(), std::io::Error>(())
+/// ```
 #[derive(Debug)]
 pub struct Chunks<R> {
     input: R,
@@ -68,6 +79,14 @@ impl<R: Read> Chunks<R> {
     ///
     /// # Errors
     /// `input` cannot be read.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::program::rapid::Chunks;
+    ///
+    /// assert!(Chunks::new("note.txt", &b"not a program\n"[..], &[])?.is_none());
+    /// # Ok::<(), std::io::Error>(())
+    /// ```
     pub fn new(name: &str, input: R, context: &[Source]) -> io::Result<Option<Self>> {
         Self::sized(name, input, context, CHUNK)
     }
@@ -76,7 +95,7 @@ impl<R: Read> Chunks<R> {
     ///
     /// # Errors
     /// `file` cannot be read.
-    pub fn of_file(name: &str, mut file: R, context: &[Source]) -> io::Result<Option<Self>>
+    pub(crate) fn of_file(name: &str, mut file: R, context: &[Source]) -> io::Result<Option<Self>>
     where
         R: Seek,
     {

@@ -19,6 +19,20 @@ use std::sync::Arc;
 const LINES: usize = 1 << 20;
 
 /// Divides a program into chunks.
+///
+/// # Examples
+/// ```
+/// use deflex::program::rapid::Declared;
+/// use std::fs::File;
+/// use std::io;
+///
+/// /// The names of the targets of a long file whose targets are declared.
+/// fn names(path: &str) -> io::Result<Option<deflex::program::rapid::Names>> {
+///     let (body, file) = (File::open(path)?, File::open(path)?);
+///     Ok(Declared::sized(path, body, file, &[], 1 << 20)?.map(|declared| declared.names()))
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Debug)]
 pub struct Declared<R> {
     index: Arc<Index>,
@@ -37,6 +51,17 @@ impl<R: Read + Seek> Declared<R> {
     ///
     /// # Errors
     /// The file cannot be read.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex::program::rapid::Declared;
+    /// use std::fs::File;
+    ///
+    /// let open = || File::open("samples/slot/slot.mod");
+    /// let declared = Declared::new("slot.mod", open()?, open()?, &[])?;
+    /// println!("{}", if declared.is_some() { "read in running order" } else { "read in another way" });
+    /// # Ok::<(), std::io::Error>(())
+    /// ```
     pub fn new(name: &str, body: R, file: R, context: &[Source]) -> io::Result<Option<Self>> {
         Self::sized(name, body, file, context, CHUNK)
     }
@@ -64,7 +89,7 @@ impl<R: Read + Seek> Declared<R> {
     ///
     /// # Errors
     /// The file cannot be read.
-    pub fn take(&mut self) -> io::Result<Next<Chunk>> {
+    pub(crate) fn take(&mut self) -> io::Result<Next<Chunk>> {
         let mut chunk = match self.chunks.take()? {
             Next::Chunk(chunk) => chunk,
             other => return Ok(other),
@@ -80,7 +105,7 @@ impl<R: Read + Seek> Declared<R> {
 
     /// Whether several motions share a target.
     #[must_use]
-    pub fn shares(&self) -> bool {
+    pub(crate) fn shares(&self) -> bool {
         self.index.shares()
     }
 
@@ -92,6 +117,14 @@ impl<R: Read + Seek> Declared<R> {
 }
 
 /// Names of a program's declared targets.
+///
+/// # Examples
+/// ```
+/// # use deflex::{program::rapid, text::Source};
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// let names = deflex::program::rapid::Names::of(&program);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Names(Known);
 
@@ -113,7 +146,7 @@ impl Names {
 
     /// Whether the program moves to a target of this name.
     #[must_use]
-    pub fn uses(&self, name: &str) -> bool {
+    pub(crate) fn uses(&self, name: &str) -> bool {
         match &self.0 {
             Known::Indexed(index) => index.uses(name.as_bytes()),
             Known::Held(names) => names.contains(&name.to_ascii_uppercase()),

@@ -20,6 +20,19 @@ const TARGETS: usize = 512;
 const WAITING: usize = 2;
 
 /// A program whose loops and calls run through more motions than memory can hold.
+///
+/// # Examples
+/// ```
+/// use deflex::program::rapid::Executed;
+/// use deflex::text::Source;
+///
+/// let file = || std::fs::read("samples/slot/slot.mod").map(|bytes| vec![Source::new("slot.mod", bytes)]);
+/// assert!(Executed::read(file()?, vec![])?.is_none()); // it has no loop
+/// if let Some(program) = Executed::sized(file()?, vec![], 1000, 100)? {
+///     println!("{} different motions", program.distinct().targets.len());
+/// }
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Executed {
     held: Arc<Held>,
@@ -82,7 +95,7 @@ impl Executed {
 
     /// Its targets in chunks, if nothing will be written.
     #[must_use]
-    pub fn chunks(&self) -> ExecutedChunks {
+    pub(crate) fn chunks(&self) -> ExecutedChunks {
         self.run(Agreement::None)
     }
 
@@ -140,6 +153,16 @@ impl Answer {
 }
 
 /// Targets in the order in which the program runs through them.
+///
+/// # Examples
+/// ```
+/// use deflex::program::rapid::ExecutedChunks;
+///
+/// /// The number of different motions of a program.
+/// fn motions(chunks: &ExecutedChunks) -> usize {
+///     chunks.program().distinct().targets.len()
+/// }
+/// ```
 #[derive(Debug)]
 pub struct ExecutedChunks {
     program: Executed,
@@ -160,7 +183,7 @@ impl ExecutedChunks {
     ///
     /// # Errors
     /// No thread can be started; the run ended early.
-    pub fn take(&mut self) -> io::Result<Next<StreamableChunk>> {
+    pub(crate) fn take(&mut self) -> io::Result<Next<StreamableChunk>> {
         if self.ended {
             return Ok(Next::End);
         }

@@ -10,18 +10,8 @@ use std::sync::Arc;
 
 /// Tooldata and wobjdata of modules, each read by itself, in their order; a name that comes again is left out, and so is what
 /// is not of numbers. Modules that cannot be read have none.
-///
-/// # Examples
-/// ```
-/// use deflex::program::rapid::declared_frames;
-/// use deflex::text::Source;
-///
-/// let module = "MODULE M\n  PERS tooldata tMill:=[TRUE,[[0,0,310],[1,0,0,0]],[18,[0,0,120],[1,0,0,0],0,0,0]];\nENDMODULE\n";
-/// let (tools, wobjs) = declared_frames(&[Source::new("m.mod", module)]);
-/// assert_eq!((&*tools[0].name, wobjs.len()), ("tMill", 0));
-/// ```
 #[must_use]
-pub fn declared_frames(sources: &[Source]) -> (Vec<Tool>, Vec<Wobj>) {
+pub(crate) fn declared_frames(sources: &[Source]) -> (Vec<Tool>, Vec<Wobj>) {
     let (mut tools, mut wobjs): (Vec<Tool>, Vec<Wobj>) = (Vec::new(), Vec::new());
     for source in sources.iter().filter(|source| super::refuse(source).is_none()) {
         let Ok(file) = super::syntax::parse(source, 0) else { continue };

@@ -73,7 +73,7 @@ pub use chunk::Chunk;
 pub use chunks::Chunks;
 pub use declared::{Declared, Names};
 pub use executed::{Executed, ExecutedChunks};
-pub use frames::declared_frames;
+pub(crate) use frames::declared_frames;
 pub use lines::CHUNK;
 use rewrite::rewrite;
 

@@ -88,7 +88,8 @@ impl FrontEnd for Layout {
 
 /// Reads one program. From the programs in `context` follows what a call of them may change.
 ///
-/// # Errors The program as a whole is refused (not TP, binary, truncated): every reason that was found.
+/// # Errors
+/// The program as a whole is refused (not TP, binary, truncated): every reason that was found.
 ///
 /// # Examples
 /// ```

@@ -11,7 +11,7 @@ use crate::program::{
     ToolData, UnknownMotion, Wobj, WobjData,
 };
 use deflex_lang::ir;
-use deflex_lang::run::{From, Outcome};
+use deflex_lang::run::{Outcome, PathStart};
 use deflex_lang::tp::{self, Frame, Held, Motion, StatementKind};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -97,7 +97,7 @@ impl<'a> Builder<'a> {
     fn predecessor(&self, visit: &Visit<'_>, role: Role) -> Predecessor {
         let Some(last) = self.last else { return Predecessor::Start };
         let behind_via = role == Role::End && visit.motion.via.is_some();
-        let stands = visit.held.0.from == From::Previous && last + 1 == visit.run;
+        let stands = visit.held.0.from == PathStart::Previous && last + 1 == visit.run;
         if behind_via || stands { Predecessor::Previous } else { Predecessor::Unknown }
     }
 

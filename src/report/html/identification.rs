@@ -26,21 +26,8 @@ const CHANNELS: &[Channel] = &[
 ];
 
 /// The page of what was found about a cell, from programs and measured files.
-///
-/// # Examples
-/// ```
-/// use deflex::identify::Identification;
-/// use deflex::report::Origin;
-/// use deflex::report::html::identification_page;
-///
-/// /// Writes the page of an answer.
-/// fn write(found: &Identification) -> std::io::Result<()> {
-///     let (cell, data) = (Origin::of("cell.toml", b""), [Origin::of("measured.csv", b"")]);
-///     std::fs::write("found.html", identification_page(found, &cell, &data))
-/// }
-/// ```
 #[must_use]
-pub fn identification_page(found: &Identification, cell: &Origin, data: &[Origin]) -> String {
+pub(crate) fn identification_page(found: &Identification, cell: &Origin, data: &[Origin]) -> String {
     let mut body = format!("<p class=\"answer\"><strong>{}</strong></p>\n", escape(&identify_answer(found)));
     body += &figures(found);
     body += CHARTS;

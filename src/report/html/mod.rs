@@ -19,8 +19,8 @@ mod trace;
 
 pub use super::summary::PathKind;
 pub use diff::diff_page;
-pub use identification::identification_page;
+pub(crate) use identification::identification_page;
 pub(super) use markup::escape;
 pub use path::{PathPage, PathTrace};
-pub use plan::{DrawnArm, plan_page};
-pub use simulation::simulation_page;
+pub(crate) use plan::{DrawnArm, plan_page};
+pub(crate) use simulation::simulation_page;

@@ -117,6 +117,19 @@ fn values(row: &Row, kind: PathKind) -> Vec<f64> {
 }
 
 /// The path of one program. It takes rows one by one and uses bounded memory.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+/// use deflex::report::html::{PathKind, PathTrace};
+///
+/// let mut trace = PathTrace::new(PathKind::Compensate, 1);
+/// trace.extend(&corrected.rows);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct PathTrace {
     kind: PathKind,
@@ -153,7 +166,7 @@ impl PathTrace {
 
     /// The next rows are motions of this file. Each file has a path of its own, because one path of many files could
     /// not be read.
-    pub fn continue_in(&mut self, file: &str) {
+    pub(crate) fn continue_in(&mut self, file: &str) {
         let named = |(name, _): &(Option<String>, Trace)| name.as_deref().is_none_or(|name| name == file);
         self.at = self.parts.iter().position(named).unwrap_or_else(|| {
             let empty = self.parts[0].1.emptied();
@@ -210,7 +223,7 @@ impl PathTrace {
     ///
     /// let mut trace = PathTrace::new(PathKind::Compensate, 1);
     /// trace.extend(&corrected.rows);
-    /// trace.quote(|target, _| program.line_of(target));
+    /// trace.quote(|_, line| Some(format!("line {line} of the program")));
     /// # Ok::<(), deflex::text::Diagnostics>(())
     /// ```
     pub fn quote(&mut self, mut line_of: impl FnMut(u32, u32) -> Option<String>) {
@@ -219,6 +232,28 @@ impl PathTrace {
 }
 
 /// The page of a run over one or more programs.
+///
+/// # Examples
+/// ```
+/// # use deflex::{cell::Cell, program::rapid, text::Source};
+/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("samples/slot/slot.mod")?)], vec![])?;
+/// # let corrected = deflex::correct::compensate(&program, &cell, &Default::default())?;
+/// use deflex::correct::Summary;
+/// use deflex::report::html::{PathKind, PathPage, PathTrace};
+/// use deflex::report::{FileSummary, Origin};
+///
+/// let summary = FileSummary::of("slot.mod", &Summary::of(&corrected.rows), &[]);
+/// let page = PathPage {
+///     kind: PathKind::Compensate,
+///     cell: &Origin::of("cell.toml", b""),
+///     programs: &[(summary, PathTrace::new(PathKind::Compensate, 1))],
+///     scene: None,
+///     tolerance_mm: None,
+/// };
+/// assert!(page.html().starts_with("<!DOCTYPE html>"));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct PathPage<'a> {
     /// The command.

@@ -32,40 +32,19 @@ const CHANNELS: &[Channel] = &[
 
 /// The arm of a cell, ready to be drawn.
 #[derive(Clone, Debug)]
-pub struct DrawnArm(Value);
+pub(crate) struct DrawnArm(Value);
 
 impl DrawnArm {
     /// The arm of a cell.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::{cell::Cell, text::Source};
-    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("samples/slot/cell.toml")?))?;
-    /// let arm = deflex::report::html::DrawnArm::of(&cell);
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
-    pub fn of(cell: &Cell) -> Self {
+    pub(crate) fn of(cell: &Cell) -> Self {
         Self(scene::scene(cell))
     }
 }
 
 /// The page of a plan called `name`, made for a cell with this arm.
-///
-/// # Examples
-/// ```
-/// use deflex::cell::Cell;
-/// use deflex::identify::Plan;
-/// use deflex::report::Origin;
-/// use deflex::report::html::{DrawnArm, plan_page};
-///
-/// /// Writes the page of a plan.
-/// fn write(plan: &Plan, cell: &Cell) -> std::io::Result<()> {
-///     std::fs::write("plan.html", plan_page(plan, "plan.mod", &Origin::of("cell.toml", b""), &DrawnArm::of(cell)))
-/// }
-/// ```
 #[must_use]
-pub fn plan_page(plan: &Plan, name: &str, cell: &Origin, DrawnArm(scene): &DrawnArm) -> String {
+pub(crate) fn plan_page(plan: &Plan, name: &str, cell: &Origin, DrawnArm(scene): &DrawnArm) -> String {
     let percent = |share: f64| decimals(100.0 * share, 0);
     let weakest = plan.weakest.as_ref();
     let mut body = tiles(&[

@@ -9,20 +9,8 @@ const SCRIPT: &str = include_str!("assets/part.js");
 
 /// The page of a simulated part, coloured by its deviation. All maps are of the same surface, and each has a name. `cutters` stand at the
 /// worst place of each map.
-///
-/// # Examples
-/// ```
-/// use deflex::report::DeviationMap;
-/// use deflex::report::html::simulation_page;
-///
-/// /// Writes the page of a part.
-/// fn write(map: DeviationMap) -> std::io::Result<()> {
-///     let figures = map.figures();
-///     std::fs::write("part.html", simulation_page("part.mod", "cell.toml", &[("as it is", map)], &[("as it is", figures)], &[None]))
-/// }
-/// ```
 #[must_use]
-pub fn simulation_page(
+pub(crate) fn simulation_page(
     program: &str,
     cell: &str,
     maps: &[(&str, DeviationMap)],

@@ -29,6 +29,15 @@ use std::sync::Arc;
 pub use header::ROBOT;
 
 /// The semantics of INFORM.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::{dialect::Dialect, inform::Inform};
+///
+/// // Position in millimetres, and angles about x, y and z in degrees.
+/// let pose = Inform.pose(&[500.0, 0.0, 200.0, 180.0, 0.0, 0.0]).unwrap();
+/// assert_eq!(pose.translation.z, 200.0);
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Inform;
 

@@ -6,6 +6,15 @@ use super::statement::{self, StatementKind};
 use std::collections::BTreeMap;
 
 /// The statements of a program with what belongs together.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::tp::{Code, lines};
+///
+/// let text = b"1:R[1]=2 ;\n2:L P[1] 10mm/sec FINE ;\n";
+/// let lines = lines::statements(text, 0..text.len());
+/// assert_eq!(Code::new(&lines).kinds.len(), 2);
+/// ```
 #[derive(Debug)]
 pub struct Code<'a> {
     /// Their texts.

@@ -32,6 +32,14 @@ pub(super) const NOT_GIVEN: [Effect; 4] =
     [Effect::Register(None), Effect::Select(Frame::User), Effect::Select(Frame::Tool), Effect::Moves];
 
 /// The programs that are given, by name.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::tp::Calls;
+///
+/// let calls = Calls::new([&b"/PROG OPEN\n/MN\n   1:DO[1]=ON ;\n/POS\n/END\n"[..]]);
+/// assert!(calls.knows(b"OPEN") && !calls.knows(b"CLOSE"));
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct Calls {
     pub(super) given: BTreeMap<String, Effects>,

@@ -32,6 +32,13 @@ pub(super) fn condition(text: &[u8], place: SourceSpan) -> (&[u8], Expression) {
 }
 
 /// The number in a text, as the number of a register, label, frame or position; `None` if it is computed.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::tp::count;
+///
+/// assert_eq!((count(b"3"), count(b"R[1]")), (Some(3), None));
+/// ```
 #[must_use]
 pub fn count(text: &[u8]) -> Option<u32> {
     match expression(text, SourceSpan::default()).kind {

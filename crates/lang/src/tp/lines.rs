@@ -5,6 +5,14 @@ use std::borrow::Cow;
 use std::ops::Range;
 
 /// Ranges of the sections that are read.
+///
+/// # Examples
+/// ```
+/// let text = b"/PROG PART\n/MN\n   1:L P[1] 10mm/sec FINE ;\n/POS\n/END\n";
+/// let sections = deflex_lang::tp::lines::sections(text);
+/// assert_eq!(&text[sections.name.unwrap().range()], b"PART");
+/// assert!(sections.ends && sections.positions.is_some());
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sections {
     /// Name that `/PROG` gives.
@@ -37,6 +45,11 @@ fn lines(bytes: &[u8], from: usize) -> impl Iterator<Item = Range<usize>> {
 }
 
 /// Finds the sections.
+///
+/// # Examples
+/// ```
+/// assert!(deflex_lang::tp::lines::sections(b"/PROG PART\n/MN\n/END\n").statements.is_some());
+/// ```
 pub fn sections(bytes: &[u8]) -> Sections {
     let mut found = Sections::default();
     let mut open: Option<(&'static str, usize)> = None;
@@ -79,6 +92,13 @@ pub fn sections(bytes: &[u8]) -> Sections {
 }
 
 /// A statement of `/MN` with its continuation lines.
+///
+/// # Examples
+/// ```
+/// let text = b"   1:L P[1] 10mm/sec FINE ;\n";
+/// let line = &deflex_lang::tp::lines::statements(text, 0..text.len())[0];
+/// assert_eq!((&*line.text, line.line), (&b"L P[1] 10mm/sec FINE"[..], 1));
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Line<'a> {
     /// Without number, colon and the semicolon at its end; continuation lines joined by a blank.
@@ -90,6 +110,12 @@ pub struct Line<'a> {
 }
 
 /// The statements of `/MN`.
+///
+/// # Examples
+/// ```
+/// let text = b"   1:R[1]=2 ;\n   2:L P[1] 10mm/sec FINE ;\n";
+/// assert_eq!(deflex_lang::tp::lines::statements(text, 0..text.len()).len(), 2);
+/// ```
 pub fn statements(bytes: &[u8], section: Range<usize>) -> Vec<Line<'_>> {
     let mut out: Vec<Line<'_>> = Vec::new();
     let mut open = false;
@@ -139,6 +165,11 @@ fn line_ends(bytes: &[u8]) -> usize {
 }
 
 /// Number of digits of the statement number at the beginning of a line; `None` without a number.
+///
+/// # Examples
+/// ```
+/// assert_eq!(deflex_lang::tp::lines::numbers(b"12:L P[1] 10mm/sec FINE"), Some(2));
+/// ```
 pub fn numbers(statement: &[u8]) -> Option<usize> {
     let digits = statement.iter().take_while(|b| b.is_ascii_digit()).count();
     (unnumbered(statement).0).then_some(digits)

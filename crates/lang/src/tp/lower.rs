@@ -56,6 +56,19 @@ pub(super) fn counts_from_its_start(code: &Code<'_>) -> bool {
 }
 
 /// The values that are known at a motion of a lowered program.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::tp::{Calls, Code, Frame, Held, lines, lower};
+///
+/// let text = b"1:UTOOL_NUM=2 ;\n2:C P[1]\n P[3] 10mm/sec FINE ;\n";
+/// let lines = lines::statements(text, 0..text.len());
+/// let (program, tp) = lower(&Code::new(&lines), &[], &Calls::default(), None);
+/// let outcome = deflex_lang::run::run(&program, &tp).unwrap();
+/// let held = Held(&outcome.motions[0]);
+/// assert_eq!((held.via(), held.end(), held.selected(Frame::Tool)), (Some(1), Some(3), Some(2)));
+/// assert!(held.displaced().is_none() && !held.is_redefined(Frame::Tool, 2) && held.mark() == Ok(None));
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Held<'a>(pub &'a Moved);
 

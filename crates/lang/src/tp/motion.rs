@@ -11,6 +11,16 @@ use nom::combinator::{map, opt, recognize};
 use std::ops::Range;
 
 /// A motion as it is written.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::tp::{StatementKind, kind, lines};
+///
+/// let text = b"1:L P[1] 10mm/sec FINE ;\n";
+/// let lines = lines::statements(text, 0..text.len());
+/// let StatementKind::Motion(motion) = kind(&lines[0]) else { panic!("a motion") };
+/// assert_eq!(motion.feed_mm_s, Some(10.0));
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion<'a> {
     /// The kind of its path.
@@ -40,12 +50,22 @@ pub struct Motion<'a> {
 impl Motion<'_> {
     /// Whether it is relative to where the arm stands.
     #[must_use]
-    pub fn counts_on(&self) -> bool {
+    pub(crate) fn counts_on(&self) -> bool {
         self.moved == Some(Reason::Increment)
     }
 }
 
 /// The end of a motion.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::tp::{Point, StatementKind, kind, lines};
+///
+/// let text = b"1:L P[3:corner] 10mm/sec FINE ;\n";
+/// let lines = lines::statements(text, 0..text.len());
+/// let StatementKind::Motion(motion) = kind(&lines[0]) else { panic!("a motion") };
+/// assert!(matches!(motion.end, Point::Position(_)));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Point<'a> {
     /// `P[…]`: the index as written.
@@ -255,6 +275,12 @@ fn modifiers<'a>(text: &'a [u8], motion: &mut Motion<'a>) {
 }
 
 /// The parts of a motion that a motion along a part of its path takes over.
+///
+/// # Examples
+/// ```
+/// let lasting = deflex_lang::tp::lasting(b"1:L P[1] 10mm/sec FINE ACC50").unwrap();
+/// assert_eq!((lasting.letter, lasting.speed), (b'L', &b"10mm/sec"[..]));
+/// ```
 #[derive(Debug, PartialEq)]
 pub struct Lasting<'a> {
     /// `L`, `C`, `A`, as written.
@@ -275,7 +301,15 @@ const LASTS: [&[u8]; 6] = [b"ACC", b"WJNT", b"PTH", b"MAX_SPEED", b"WELD_SPEED",
 
 /// The parts of a whole statement, with its number, that a motion to an inserted point would take over.
 ///
-/// # Errors Why no point can be inserted.
+/// # Errors
+/// Why no point can be inserted.
+///
+/// # Examples
+/// ```
+/// let text = b"1:L P[1] 10mm/sec FINE";
+/// let lasting = deflex_lang::tp::lasting(text).unwrap();
+/// assert_eq!(&text[lasting.points[0].clone()], b"P[1]");
+/// ```
 pub fn lasting(text: &[u8]) -> Result<Lasting<'_>, Reason> {
     let place = |rest: &[u8]| text.len() - rest.len();
     let body = text[super::lines::numbers(text).unwrap_or(0)..].trim_ascii_start();

@@ -10,6 +10,16 @@ use nom::bytes::complete::{tag, tag_no_case};
 use nom::combinator::{opt, recognize};
 
 /// A statement.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::tp::{StatementKind, kind, lines};
+///
+/// let text = b"1:LBL[7] ;\n2:JMP LBL[7] ;\n";
+/// let lines = lines::statements(text, 0..text.len());
+/// assert!(matches!(kind(&lines[0]), StatementKind::Label(b"7")));
+/// assert!(matches!(kind(&lines[1]), StatementKind::Jump(b"7")));
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub enum StatementKind<'a> {
     /// A statement without an effect on motions: outputs, waits, messages, speeds, remarks.
@@ -65,6 +75,15 @@ pub enum StatementKind<'a> {
 }
 
 /// User frame or tool.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::tp::{Frame, StatementKind, kind, lines};
+///
+/// let text = b"1:UTOOL_NUM=2 ;\n";
+/// let lines = lines::statements(text, 0..text.len());
+/// assert!(matches!(kind(&lines[0]), StatementKind::Select(Frame::Tool, b"2")));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Frame {
     /// `UFRAME`
@@ -107,6 +126,14 @@ const DATA: [&str; 21] = [
 ];
 
 /// The kind of a statement.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::tp::{StatementKind, kind, lines};
+///
+/// let text = b"1:DO[1]=ON ;\n";
+/// assert!(matches!(kind(&lines::statements(text, 0..text.len())[0]), StatementKind::Plain));
+/// ```
 #[must_use]
 pub fn kind<'a>(line: &'a Line<'_>) -> StatementKind<'a> {
     of(&line.text, true)
@@ -317,6 +344,15 @@ pub(super) fn guarded_by<'a>(kind: &StatementKind<'a>) -> Option<StatementKind<'
 }
 
 /// Programs that a statement runs, also after a condition; an empty name is known only at run time.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::tp::{kind, lines, runs};
+///
+/// let text = b"1:IF DI[1]=ON,CALL OPEN ;\n";
+/// let lines = lines::statements(text, 0..text.len());
+/// assert_eq!(runs(&kind(&lines[0])), [b"OPEN"]);
+/// ```
 #[must_use]
 pub fn runs<'a>(kind: &StatementKind<'a>) -> Vec<&'a [u8]> {
     match kind {
@@ -367,6 +403,15 @@ pub(super) fn case(text: &[u8]) -> (&[u8], StatementKind<'_>) {
 }
 
 /// Indices, as written, of the positions that a statement names, without those to which it moves.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::tp::{kind, lines, positions_named};
+///
+/// let text = b"1:PR[1]=P[4] ;\n";
+/// let lines = lines::statements(text, 0..text.len());
+/// assert_eq!(positions_named(&lines[0], &kind(&lines[0])), [b"4"]);
+/// ```
 #[must_use]
 pub fn positions_named<'a>(line: &'a Line<'_>, kind: &StatementKind<'_>) -> Vec<&'a [u8]> {
     let text = &line.text[..];

@@ -43,12 +43,6 @@ pub(super) fn of(number: u16) -> Builtin {
     NAMES.get(usize::from(number)).map_or(Builtin::Asks, |(_, builtin)| *builtin)
 }
 
-/// All names of one kind.
-pub(super) fn names(wanted: impl Fn(&Builtin) -> bool) -> Vec<&'static str> {
-    let of = NAMES.iter().filter(|(_, builtin)| wanted(builtin));
-    of.flat_map(|(names, _)| names.split_ascii_whitespace()).collect()
-}
-
 const NAMES: [(&str, Builtin); 25] = [
     ("pose_trans", Builtin::PoseTrans),
     ("pose_add", Builtin::PoseAdd),

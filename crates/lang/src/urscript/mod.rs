@@ -18,18 +18,27 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 /// The semantics of URScript.
+///
+/// # Examples
+/// ```
+/// let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], v=0.025)\nend\n";
+/// let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// let outcome = deflex_lang::run::run(&program, &deflex_lang::urscript::UrScript).unwrap();
+/// assert_eq!(outcome.motions[0].speed, Some(0.025)); // m/s
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct UrScript;
 
-/// Routines of the controller that change nothing on which a motion depends.
-#[must_use]
-pub fn routines_that_change_nothing() -> Vec<&'static str> {
-    builtins::names(|builtin| matches!(builtin, Builtin::Quiet | Builtin::Asks | Builtin::Computes))
-}
-
 /// Reads a program; `sources` beyond the first `written` only define routines.
 ///
-/// # Errors The text is not URScript: its blocks do not close, or a line begins an unknown kind of block.
+/// # Errors
+/// The text is not URScript: its blocks do not close, or a line begins an unknown kind of block.
+///
+/// # Examples
+/// ```
+/// let program = deflex_lang::urscript::read(&[b"movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], v=0.025)\n"], 1).unwrap();
+/// assert_eq!(program.tokens.len(), 7);
+/// ```
 pub fn read(sources: &[&[u8]], written: usize) -> Result<Program, Fault> {
     parse::read(sources, written)
 }
