@@ -15,42 +15,37 @@ pub(crate) struct Track {
     from: Pose,
     to: Pose,
     curve: Curve,
-    turn: Turn,
 }
 
-/// How the orientation changes from the start to the end, in rotation vectors (rad, axes of the work object).
-#[derive(Clone, Debug)]
-enum Turn {
-    None,
-    /// Evenly by this.
-    Even(Vector3<f64>),
-    /// Evenly by this while the path carries the tool along with it.
-    Carried(Vector3<f64>),
-    /// Evenly to the orientation of the circle point, and evenly from there to the end.
-    Through {
-        at_via: Rotation3<f64>,
-        to_via: Vector3<f64>,
-        to_end: Vector3<f64>,
-    },
-}
-
+/// A curve, with the rotation vectors of the tool on it, rad.
 #[derive(Clone, Debug)]
 enum Curve {
-    Line,
+    /// A line, on which the tool turns evenly by this vector.
+    Line(Vector3<f64>),
     Arc {
         circle: Circle,
         /// From the start to the end, counterclockwise about the circle's axis, rad.
         angle: f64,
         /// Share of the circle point.
         via: f64,
+        turn: TurnOnArc,
     },
+}
+
+#[derive(Clone, Debug)]
+enum TurnOnArc {
+    /// Evenly by this vector.
+    Even(Vector3<f64>),
+    /// Evenly by this vector, while the path carries the tool along with it.
+    Carried(Vector3<f64>),
+    /// Evenly to the orientation of the circle point, and evenly from there to the end.
+    Through { at_via: Rotation3<f64>, to_via: Vector3<f64>, to_end: Vector3<f64> },
 }
 
 impl Track {
     /// A line (`MoveL`).
     pub(crate) fn line(from: &Pose, to: &Pose) -> Self {
-        let turn = Turn::evenly(turn_between(&from.rotation, &to.rotation));
-        Self { from: *from, to: *to, curve: Curve::Line, turn }
+        Self { from: *from, to: *to, curve: Curve::Line(turn_between(&from.rotation, &to.rotation)) }
     }
 
     /// An arc through a circle point (`MoveC`); the line where the three points lie on one.
@@ -62,7 +57,7 @@ impl Track {
         let Some(circle) = Circle::through([a, b, c]) else { return Self::line(from, to) };
         let angle = circle.angle(&a, &c);
         let share = circle.angle(&a, &b) / angle;
-        // By how much the path turns up to the circle point, and up to the end.
+        // By how much the path turns up to a share of it.
         let carried = |share: f64| match arc_turn {
             ArcTurn::Even | ArcTurn::ThroughCirclePoint => Rotation3::identity(),
             ArcTurn::WithPath => Rotation3::from_axis_angle(&circle.axis, share * angle),
@@ -75,22 +70,26 @@ impl Track {
         };
         let own = if off(&longer) < off(&shorter) { longer } else { shorter };
         let turn = match arc_turn {
-            ArcTurn::Even => Turn::evenly(own),
-            ArcTurn::WithPath if (own + angle * circle.axis.into_inner()).norm() < NO_TURN => Turn::None,
-            ArcTurn::WithPath => Turn::Carried(own),
+            ArcTurn::Even => TurnOnArc::Even(own),
+            ArcTurn::WithPath if (own + angle * circle.axis.into_inner()).norm() < NO_TURN => {
+                TurnOnArc::Even(Vector3::zeros())
+            }
+            ArcTurn::WithPath => TurnOnArc::Carried(own),
             ArcTurn::ThroughCirclePoint => {
                 let [to_via, to_end] = [[from, via], [via, to]].map(|[a, b]| turn_between(&a.rotation, &b.rotation));
-                let turns = to_via != Vector3::zeros() || to_end != Vector3::zeros();
-                if turns { Turn::Through { at_via: via.rotation, to_via, to_end } } else { Turn::None }
+                match to_via == Vector3::zeros() && to_end == Vector3::zeros() {
+                    true => TurnOnArc::Even(Vector3::zeros()),
+                    false => TurnOnArc::Through { at_via: via.rotation, to_via, to_end },
+                }
             }
         };
-        Self { from: *from, to: *to, curve: Curve::Arc { circle, angle, via: share }, turn }
+        Self { from: *from, to: *to, curve: Curve::Arc { circle, angle, via: share, turn } }
     }
 
     /// Its length, m.
     pub(crate) fn length(&self) -> f64 {
         match &self.curve {
-            Curve::Line => (self.to.translation.vector - self.from.translation.vector).norm(),
+            Curve::Line(_) => (self.to.translation.vector - self.from.translation.vector).norm(),
             Curve::Arc { circle, angle, .. } => circle.radius * angle,
         }
     }
@@ -98,28 +97,29 @@ impl Track {
     /// The angle of an arc, rad; 0 for a line.
     pub(crate) fn angle(&self) -> f64 {
         match &self.curve {
-            Curve::Line => 0.0,
+            Curve::Line(_) => 0.0,
             Curve::Arc { angle, .. } => *angle,
         }
     }
 
     /// Angle by which the orientation turns, rad; if it turns unevenly, as if all of it turned as fast as the faster part.
     pub(crate) fn turn(&self) -> f64 {
-        match (&self.turn, &self.curve) {
-            (Turn::None, _) => 0.0,
+        match &self.curve {
+            Curve::Line(turn) | Curve::Arc { turn: TurnOnArc::Even(turn), .. } => turn.norm(),
             // The rate of both turns together is the same all along the arc.
-            (Turn::Carried(own), Curve::Arc { circle, angle, .. }) => (own + *angle * circle.axis.into_inner()).norm(),
-            (Turn::Through { to_via, to_end, .. }, Curve::Arc { via, .. }) => {
+            Curve::Arc { circle, angle, turn: TurnOnArc::Carried(own), .. } => {
+                (own + *angle * circle.axis.into_inner()).norm()
+            }
+            Curve::Arc { via, turn: TurnOnArc::Through { to_via, to_end, .. }, .. } => {
                 (to_via.norm() / via).max(to_end.norm() / (1.0 - via))
             }
-            (Turn::Even(own) | Turn::Carried(own) | Turn::Through { to_via: own, .. }, _) => own.norm(),
         }
     }
 
     /// Share of an arc's circle point.
     pub(crate) fn via(&self) -> Option<f64> {
         match &self.curve {
-            Curve::Line => None,
+            Curve::Line(_) => None,
             Curve::Arc { via, .. } => Some(*via),
         }
     }
@@ -132,27 +132,25 @@ impl Track {
     pub(crate) fn place(&self, share: f64) -> Vector3<f64> {
         let (a, b) = (self.from.translation.vector, self.to.translation.vector);
         match &self.curve {
-            Curve::Line => a.lerp(&b, share),
+            Curve::Line(_) => a.lerp(&b, share),
             Curve::Arc { circle, angle, .. } => circle.turned(&a, share * angle),
         }
     }
 
     /// The pose at a share of the length.
     pub(crate) fn pose(&self, share: f64) -> Pose {
-        let turned =
-            |turn: &Vector3<f64>, share: f64, from: &Rotation3<f64>| Rotation3::from_scaled_axis(share * turn) * from;
-        let rotation = match (&self.turn, &self.curve) {
-            (Turn::None, _) => self.to.rotation,
-            (Turn::Carried(own), Curve::Arc { circle, angle, .. }) => {
-                Rotation3::from_axis_angle(&circle.axis, share * angle) * turned(own, share, &self.from.rotation)
+        let start = &self.from.rotation;
+        let turned = |turn: &Vector3<f64>, share: f64, from| Rotation3::from_scaled_axis(share * turn) * from;
+        let rotation = match &self.curve {
+            _ if self.keeps_orientation() => self.to.rotation,
+            Curve::Line(turn) | Curve::Arc { turn: TurnOnArc::Even(turn), .. } => turned(turn, share, start),
+            Curve::Arc { circle, angle, turn: TurnOnArc::Carried(own), .. } => {
+                Rotation3::from_axis_angle(&circle.axis, share * angle) * turned(own, share, start)
             }
-            (Turn::Through { at_via, to_via, to_end }, Curve::Arc { via, .. }) => match share <= *via {
-                true => turned(to_via, share / via, &self.from.rotation),
+            Curve::Arc { via, turn: TurnOnArc::Through { at_via, to_via, to_end }, .. } => match share <= *via {
+                true => turned(to_via, share / via, start),
                 false => turned(to_end, (share - via) / (1.0 - via), at_via),
             },
-            (Turn::Even(own) | Turn::Carried(own) | Turn::Through { to_via: own, .. }, _) => {
-                turned(own, share, &self.from.rotation)
-            }
         };
         Pose::from_parts(Translation3::from(self.place(share)), rotation)
     }
@@ -161,7 +159,7 @@ impl Track {
     pub(crate) fn nearest(&self, place: &Vector3<f64>) -> f64 {
         let (a, b) = (self.from.translation.vector, self.to.translation.vector);
         match &self.curve {
-            Curve::Line => {
+            Curve::Line(_) => {
                 let way = b - a;
                 let square = way.norm_squared();
                 if square > 0.0 { ((place - a).dot(&way) / square).clamp(0.0, 1.0) } else { 1.0 }
@@ -183,7 +181,7 @@ impl Track {
     pub(crate) fn tangent(&self, share: f64) -> Option<Vector3<f64>> {
         let (a, b) = (self.from.translation.vector, self.to.translation.vector);
         match &self.curve {
-            Curve::Line => (b - a).try_normalize(0.0),
+            Curve::Line(_) => (b - a).try_normalize(0.0),
             Curve::Arc { circle, angle, .. } => {
                 let out = circle.turned(&a, share * angle) - circle.centre;
                 circle.axis.cross(&out).try_normalize(0.0)
@@ -193,7 +191,10 @@ impl Track {
 
     /// Whether the orientation stays as it is at the end.
     pub(crate) fn keeps_orientation(&self) -> bool {
-        matches!(self.turn, Turn::None)
+        match &self.curve {
+            Curve::Line(turn) | Curve::Arc { turn: TurnOnArc::Even(turn), .. } => *turn == Vector3::zeros(),
+            Curve::Arc { .. } => false,
+        }
     }
 
     /// The part of a shift from the curve that is across the curve, at a share of its length: that far is the nearest point of the curve.
@@ -204,12 +205,6 @@ impl Track {
     /// The same at the start of a curve that begins with a corner: before the start there is no curve.
     pub(crate) fn across_start(&self, shift: &Vector3<f64>) -> Vector3<f64> {
         self.tangent(0.0).map_or(*shift, |tangent| shift - tangent * tangent.dot(shift).max(0.0))
-    }
-}
-
-impl Turn {
-    fn evenly(turn: Vector3<f64>) -> Self {
-        if turn == Vector3::zeros() { Self::None } else { Self::Even(turn) }
     }
 }
 

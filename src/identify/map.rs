@@ -121,6 +121,14 @@ struct Process {
     centres: Vec<Places>,
 }
 
+impl Process {
+    /// Correlations of the process at its centres.
+    fn correlations(&self) -> DMatrix<f64> {
+        let count = self.centres.len();
+        DMatrix::from_fn(count, count, |i, j| self.field.similarity(&self.centres[i], &self.centres[j]))
+    }
+}
+
 impl Engine {
     /// The mean of the discrepancy as an effect, if the evidence supports it and it does not increase the error of
     /// blocks that its fit has not seen.
@@ -174,10 +182,7 @@ impl Engine {
     fn map_of(&mut self, residuals: &Residuals, process: &Process, products: &Products, likely: f64) -> Option<Map> {
         let effect = products.mean(process, self.sigma)?;
         let response = self.response(residuals, process)?;
-        let bells = process.centres.len();
-        let alike =
-            DMatrix::from_fn(bells, bells, |i, j| process.field.similarity(&process.centres[i], &process.centres[j]));
-        Some(Map { effect, response, alike, likely })
+        Some(Map { effect, response, alike: process.correlations(), likely })
     }
 
     /// Change of the heights of the bells, base axes, mm, when a chosen number grows by its typical size: a row for
@@ -278,12 +283,8 @@ impl Engine {
 
     /// Products of the bells with one another and with some vectors, each of which has a value for every scalar,
     /// whitened by the noise and the drift of the fit.
-    fn products(
-        &self,
-        residuals: &Residuals,
-        Process { field, centres, .. }: &Process,
-        vectors: &[Vec<f64>],
-    ) -> Products {
+    fn products(&self, residuals: &Residuals, process: &Process, vectors: &[Vec<f64>]) -> Products {
+        let Process { field, centres, .. } = process;
         let (together, each) = (residuals.scalars_each_row(), residuals.columns_each_centre());
         let columns = each * centres.len();
         let rows: Vec<&[&Scalar]> = residuals.scalars.chunks_exact(together).collect();
@@ -300,7 +301,7 @@ impl Engine {
         let series: Vec<Series> = series.into_values().map(|samples| Series { samples, places: [].into() }).collect();
         let whitened = whiten(&stacked, &series, noise::Shape { field: None, ..self.shape }).columns;
         let (bells, errors) = (whitened.columns(0, columns), whitened.columns(columns, width - columns));
-        let alike = |i: usize, j: usize| field.similarity(&centres[i / each], &centres[j / each]);
+        let alike = process.correlations();
         Products {
             gram: bells.tr_mul(&bells),
             cross: bells.tr_mul(&errors),
@@ -308,7 +309,9 @@ impl Engine {
             scalars: residuals.scalars.len(),
             together,
             informative: bells.norm_squared() / stacked.columns(0, columns).norm_squared(),
-            prior: DMatrix::from_fn(columns, columns, |i, j| if i % each == j % each { alike(i, j) } else { 0.0 }),
+            prior: DMatrix::from_fn(columns, columns, |i, j| {
+                if i % each == j % each { alike[(i / each, j / each)] } else { 0.0 }
+            }),
         }
     }
 }
