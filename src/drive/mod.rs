@@ -127,9 +127,10 @@ impl PathLaw {
 /// # Examples
 /// ```
 /// use deflex::drive::Lead;
+/// use deflex::program::ArcTurn;
 /// use deflex::robot::Pose;
 ///
-/// let arc = Lead::Arc(Pose::identity()); // through this pose
+/// let arc = Lead::Arc { via: Pose::identity(), turn: ArcTurn::WithPath };
 /// ```
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
