@@ -1,7 +1,7 @@
 //! The path that a controller drives, and how well its law predicts the logs, as text.
 
 use crate::correct::LoadedSample;
-use crate::drive::FittedLaw;
+use crate::drive::{ArcTurn, FittedLaw};
 use crate::robot::Joints;
 use crate::text::number::write_fixed;
 use std::fmt::Write;
@@ -61,6 +61,14 @@ pub(crate) fn path_law_text(found: &FittedLaw) -> String {
         1e3 * law.acceleration,
         1e3 * law.corner_acceleration
     );
+    if let Some(turn) = found.arc_turn {
+        let how = match turn {
+            ArcTurn::Even => "evenly from the start to the end",
+            ArcTurn::WithPath => "with the path",
+            ArcTurn::ThroughCirclePoint => "through the orientation of the circle point",
+        };
+        let _ = writeln!(text, "  on arcs the tool turns {how}");
+    }
     let list = |values: &Joints, decimals: usize| {
         values.iter().map(|value| format!("{value:.decimals$}")).collect::<Vec<_>>().join(", ")
     };
