@@ -46,6 +46,9 @@ const REACH: f64 = 0.03;
 const NEAR: f64 = 0.05;
 /// Largest distance of a driven path from an arc that it follows, m: twice that of the fastest logs of an IRB 6640 (docs/driven-path.md).
 const ON_ARC: f64 = 2e-3;
+/// Difference of the rms distances of two ways of turning from the logs by which they are distinguished, rad: twice the 0.013° to which an
+/// IRB 6640 keeps its own way (docs/driven-path.md).
+const TURNS_APART: f64 = 4.5e-4;
 /// Rounds of the fit; each computes one path for each log and number of the law.
 const ROUNDS: usize = 12;
 /// A round that gains less than this share of the sum of squares is the last one.
@@ -202,27 +205,32 @@ pub(crate) fn fit_law(robot: &Robot, logs: &[(&[Waypoint], &Log)]) -> Result<Fit
     })
 }
 
-/// How the controller turns the tool on arcs, by the orientations of the tool in the logs; `None` without arcs.
+/// How the controller turns the tool on arcs, by the orientations of the tool in the logs. `None` if they do not show it: without arcs,
+/// or if the tool turns so little on them that all ways are alike.
 ///
 /// # Errors
 /// As [`fit_law`].
 pub(crate) fn arc_turn(robot: &Robot, logs: &[(&[Waypoint], &Log)]) -> Result<Option<ArcTurn>, LogError> {
-    let mut off: Vec<(ArcTurn, f64)> = Vec::new();
+    let mut ways = ArcTurn::WORDS.map(|(_, turn)| (turn, Vec::new()));
     for (i, (waypoints, log)) in logs.iter().enumerate() {
         let samples = log.of_program(robot, waypoints, NEAR).ok_or(LogError::OtherProgram(i))?;
         for (from, to) in waypoints.iter().zip(&waypoints[1..]) {
             let Lead::Arc { via, .. } = &to.lead else { continue };
-            if off.is_empty() {
-                off.extend(ArcTurn::WORDS.map(|(_, turn)| (turn, 0.0)));
-            }
             let start = from.start_of(robot, to);
-            for (turn, sum) in &mut off {
+            for (turn, squares) in &mut ways {
                 let arc = Track::arc(&start, via, &to.base_from_tcp, *turn);
-                *sum += samples.iter().filter_map(|sample| turned_off(robot, to, &arc, sample)).sum::<f64>();
+                squares.extend(samples.iter().filter_map(|sample| turned_off(robot, to, &arc, sample)));
             }
         }
     }
-    Ok(off.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)).map(|(turn, _)| turn))
+    let mut off = ways.map(|(turn, squares)| {
+        #[allow(clippy::cast_precision_loss)]
+        let count = squares.len().max(1) as f64;
+        (turn, (squares.into_iter().sum::<f64>() / count).sqrt())
+    });
+    off.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let [(best, least), (_, next), _] = off;
+    Ok((next - least > TURNS_APART).then_some(best))
 }
 
 /// Square of the angle between the orientation at a sample and that of an arc where the sample is nearest to it, rad²; `None` for a sample

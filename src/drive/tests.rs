@@ -224,19 +224,22 @@ fn the_turn_on_an_arc_is_found_in_a_log() {
         Waypoint { base_from_tcp, motor, lead, ..near }
     };
     let via = Pose::from_parts(bench.at(0.0, 50.0).translation, bench.at(0.0, 0.0).rotation);
-    let along =
-        |turn: ArcTurn| [tilted([50.0, 0.0], 0.0, Lead::Line), tilted([-50.0, 0.0], 0.3, Lead::Arc { via, turn })];
-    for (_, turn) in ArcTurn::WORDS {
-        let driven = drive(&bench.robot, &PathLaw { smoothing: [0.05, 0.05], ..PLAIN }, &along(turn));
+    let along = |turn: ArcTurn, tilt: f64| {
+        [tilted([50.0, 0.0], 0.0, Lead::Line), tilted([-50.0, 0.0], tilt, Lead::Arc { via, turn })]
+    };
+    let log_of = |waypoints: &[Waypoint]| {
+        let driven = drive(&bench.robot, &PathLaw { smoothing: [0.05, 0.05], ..PLAIN }, waypoints);
         let sample = |sample: DrivenSample| LogSample { time: sample.time, motor: sample.motor };
-        let samples = driven.expect("within reach").into_iter().map(sample).collect();
-        let log = Log { file: String::new(), samples };
-        assert_eq!(arc_turn(&bench.robot, &[(&along(ArcTurn::Even), &log)]), Ok(Some(turn)));
+        Log { file: String::new(), samples: driven.expect("within reach").into_iter().map(sample).collect() }
+    };
+    for (_, turn) in ArcTurn::WORDS {
+        let log = log_of(&along(turn, 0.3));
+        assert_eq!(arc_turn(&bench.robot, &[(&along(ArcTurn::Even, 0.3), &log)]), Ok(Some(turn)));
     }
-    let lines = bench.corner(None);
-    let still = drive(&bench.robot, &PLAIN, &lines).expect("within reach");
-    let samples = still.iter().map(|sample| LogSample { time: sample.time, motor: sample.motor }).collect();
-    assert_eq!(arc_turn(&bench.robot, &[(&lines, &Log { file: String::new(), samples })]), Ok(None));
+    // A tool that keeps its orientation does so in all ways, and lines have none.
+    for waypoints in [along(ArcTurn::Even, 0.0).to_vec(), bench.corner(None)] {
+        assert_eq!(arc_turn(&bench.robot, &[(&waypoints, &log_of(&waypoints))]), Ok(None));
+    }
 }
 
 /// Freedom to move every end, and no more.
