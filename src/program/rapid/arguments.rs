@@ -1,9 +1,9 @@
 //! Evaluates the tool, work object and speed arguments of a motion.
 
 use super::eval::Scope;
-use super::motion::Call;
+use super::expression::{Arguments, Expression};
 use super::runner::{Cached, Mode, Runner};
-use super::symbols::{Upper, first_word};
+use super::symbols::Upper;
 use super::value::MAX_NORM_ERROR;
 use super::value::{SourceSpan, Value, predefined, unit};
 use crate::program::{Reason, Tool, ToolData, Wobj, WobjData};
@@ -14,15 +14,15 @@ use std::sync::Arc;
 pub(super) const MANY_FRAMES: &str = "the program has more than 65,536 tools or work objects";
 
 impl<'a> Runner<'a> {
-    pub(super) fn tool_index(&mut self, scope: Scope, argument: Span) -> Result<u16, Reason> {
-        let place = SourceSpan { source: scope.source, span: argument };
+    pub(super) fn tool_index(&mut self, scope: Scope, argument: &'a Expression) -> Result<u16, Reason> {
+        let place = SourceSpan { source: scope.source, span: argument.span };
         if self.fresh(self.tool, place) {
             return Ok(self.tool.index);
         }
         let (name, value, declared) = self.named(scope, argument);
         let data = value.tool();
         if declared && data.is_none() {
-            self.tell_frame(argument, "tool", &name, &value);
+            self.tell_frame(argument.span, "tool", &name, &value);
             return Err(Reason::Tool);
         }
         if data.is_some_and(|data| !is_unit(data.tcp_quat)) {
@@ -35,17 +35,17 @@ impl<'a> Runner<'a> {
         let data = data.map(|data| ToolData { tcp_quat: unit(data.tcp_quat), ..data });
         let index = number(&mut self.tools, &mut self.tool_numbers, key, self.mode, Tool { name, data })?;
         let Some(index) = index else {
-            self.refuse(scope.source, argument, "rapid.frames", MANY_FRAMES, "split the program");
+            self.refuse(scope.source, argument.span, "rapid.frames", MANY_FRAMES, "split the program");
             return Err(Reason::TooManyFrames);
         };
-        self.tool = self.cached(scope, place, index);
+        self.tool = self.cached(Some(argument), place, index);
         Ok(index)
     }
 
-    pub(super) fn wobj_index(&mut self, scope: Scope, argument: Option<Span>) -> Result<u16, Reason> {
-        let argument = argument.filter(|a| !a.is_empty());
+    pub(super) fn wobj_index(&mut self, scope: Scope, argument: Option<&'a Expression>) -> Result<u16, Reason> {
         // No argument: the same empty place whatever the instruction.
-        let place = SourceSpan { source: scope.source, span: argument.unwrap_or_default() };
+        let span = argument.map_or(Span::default(), |argument| argument.span);
+        let place = SourceSpan { source: scope.source, span };
         if self.fresh(self.wobj, place) {
             return Ok(self.wobj.index);
         }
@@ -59,7 +59,7 @@ impl<'a> Runner<'a> {
         };
         let data = value.wobj();
         if let Some(argument) = argument.filter(|_| declared && data.is_none()) {
-            self.tell_frame(argument, "work object", &name, &value);
+            self.tell_frame(argument.span, "work object", &name, &value);
             return Err(Reason::WorkObject);
         }
         if data.as_ref().is_some_and(|data| !is_unit(data.uframe_quat) || !is_unit(data.oframe_quat)) {
@@ -85,18 +85,17 @@ impl<'a> Runner<'a> {
             Wobj { name, data, unit: mechanical_unit },
         )?;
         let Some(index) = index else {
-            self.refuse(scope.source, argument.unwrap_or_default(), "rapid.frames", MANY_FRAMES, "split the program");
+            self.refuse(scope.source, span, "rapid.frames", MANY_FRAMES, "split the program");
             return Err(Reason::TooManyFrames);
         };
-        self.wobj = self.cached(scope, place, index);
+        self.wobj = self.cached(argument, place, index);
         Ok(index)
     }
 
     /// The cached value of an argument: a plain name keeps its meaning until something is assigned or called.
-    pub(super) fn cached(&self, scope: Scope, place: SourceSpan, index: u16) -> Cached {
-        let bytes = self.bytes(scope.source as usize);
-        let plain = place.span.is_empty() || first_word(bytes, place.span) == place.span;
-        Cached { place: Some(place).filter(|_| plain), epoch: self.epoch, index }
+    fn cached(&self, argument: Option<&Expression>, place: SourceSpan, index: u16) -> Cached {
+        let is_plain = argument.is_none_or(Expression::is_name);
+        Cached { place: Some(place).filter(|_| is_plain), epoch: self.epoch, index }
     }
 
     /// Warns why a frame is unknown, once for each place.
@@ -117,41 +116,41 @@ impl<'a> Runner<'a> {
 
     /// Tool or work object: its declared name, also through parameters, its value, and whether the program declares the value; if not, the cell
     /// may.
-    pub(super) fn named(&mut self, scope: Scope, argument: Span) -> (Arc<str>, Value, bool) {
-        let bytes = self.bytes(scope.source as usize);
-        let word = first_word(bytes, argument);
-        if word == argument {
-            let key = Upper::new(&bytes[word.range()]);
-            if let Some(at) = self.find(scope, &key) {
-                let variable = &self.symbols.variables[at];
-                let (name, foreign) = (Arc::clone(&variable.name), variable.foreign);
-                let assigned = foreign && self.symbols.foreign_assigned.contains(&*Upper::new(name.as_bytes()));
-                return (name, self.content(at), !foreign || assigned);
-            }
-            let known = predefined(&key);
-            let declared = known.is_some() || self.symbols.foreign_assigned.contains(&*key);
-            let value = known.unwrap_or(Value::Unknown(Reason::NameUndeclared));
-            return (decode(&bytes[argument.range()]).as_ref().into(), value, declared);
+    fn named(&mut self, scope: Scope, argument: &'a Expression) -> (Arc<str>, Value, bool) {
+        let text = &self.bytes(scope.source as usize)[argument.span.range()];
+        if !argument.is_name() {
+            return (decode(text).as_ref().into(), self.evaluate(scope, argument), true);
         }
-        (decode(&bytes[argument.range()]).as_ref().into(), self.evaluate(scope, argument), true)
+        let key = Upper::new(text);
+        if let Some(at) = self.find(scope, &key) {
+            let variable = &self.symbols.variables[at];
+            let (name, foreign) = (Arc::clone(&variable.name), variable.foreign);
+            let assigned = foreign && self.symbols.foreign_assigned.contains(&*Upper::new(name.as_bytes()));
+            return (name, self.content(at), !foreign || assigned);
+        }
+        let known = predefined(&key);
+        let declared = known.is_some() || self.symbols.foreign_assigned.contains(&*key);
+        let value = known.unwrap_or(Value::Unknown(Reason::NameUndeclared));
+        (decode(text).as_ref().into(), value, declared)
     }
 
-    /// TCP speed of a motion, mm/s.
-    pub(super) fn speed(&mut self, scope: Scope, call: &Call, argument: Option<Span>) -> Option<f64> {
+    /// TCP speed of a motion, mm/s, whose positional argument `speed` is its speed.
+    pub(super) fn speed(&mut self, scope: Scope, arguments: &'a Arguments, speed: usize) -> Option<f64> {
         let bytes = self.bytes(scope.source as usize);
-        if call.option(bytes, b"T").is_some() {
+        if arguments.has(bytes, b"T") {
             return None;
         }
-        let programmed = match call.option(bytes, b"V") {
-            Some(own) => self.evaluate(scope, own).num(),
-            None => self.speeddata(scope, argument?),
+        let programmed = if arguments.has(bytes, b"V") {
+            self.evaluate(scope, arguments.named(bytes, b"V")?).num()
+        } else {
+            self.speeddata(scope, arguments.positional.get(speed)?)
         };
         programmed.zip(self.state.velocity).map(|(programmed, velocity)| velocity.of(programmed))
     }
 
     /// The TCP speed of a speeddata, mm/s.
-    pub(super) fn speeddata(&mut self, scope: Scope, argument: Span) -> Option<f64> {
-        let place = SourceSpan { source: scope.source, span: argument };
+    fn speeddata(&mut self, scope: Scope, argument: &'a Expression) -> Option<f64> {
+        let place = SourceSpan { source: scope.source, span: argument.span };
         if !self.fresh(self.speed.0, place) {
             let value = self.evaluate(scope, argument);
             let speed = value.list().and_then(|items| items.first()?.num()).filter(|v| *v > 0.0);

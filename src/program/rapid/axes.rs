@@ -4,15 +4,15 @@
 //! `ActUnit`, `DeactUnit`, `EOffsSet`, `EOffsOn`, `EOffsOff`, `MoveExtJ` and `extjoint`.
 
 use super::eval::Scope;
+use super::expression::{Arguments, Expression};
 use super::literal::UNUSED_AXIS;
-use super::motion::Call;
 use super::predefined::Instruction;
 use super::runner::{Mode, Runner};
 use super::state::Axes;
-use super::symbols::{Upper, first_word};
+use super::symbols::Upper;
 use super::value::axes_in_use;
 use crate::program::{EXTERNAL_AXES, External, ExternalAxes, InactiveUnit, Reason, Role};
-use crate::text::{Span, decode};
+use crate::text::decode;
 use std::sync::Arc;
 
 /// External axes of a target that uses them, without offsets of the controller and with all units active.
@@ -24,30 +24,31 @@ fn written(external: &External) -> [Option<f64>; EXTERNAL_AXES] {
     external.map(|v| (v < UNUSED_AXIS).then_some(v))
 }
 
-impl Runner<'_> {
+impl<'a> Runner<'a> {
     /// An instruction on external axes.
-    pub(super) fn axes_instruction(&mut self, scope: Scope, call: &Call, known: Instruction) {
+    pub(super) fn axes_instruction(&mut self, scope: Scope, arguments: &'a Arguments, known: Instruction) {
         let bytes = self.bytes(scope.source as usize);
-        let first = call.positional().first().copied();
+        let first = arguments.positional.first();
         let axes = self.state.axes;
         match known {
             Instruction::AxisOffsetOff => self.state.axes.offset = self.only_here(Some([0.0; EXTERNAL_AXES])),
             Instruction::AxisOffsetSet => {
-                let set = first.and_then(|span| self.evaluate(scope, span).external());
+                let set = first.and_then(|offset| self.evaluate(scope, offset).external());
                 // 9E9 is no length.
                 let set = set.filter(|offset| offset.iter().all(|v| *v < UNUSED_AXIS));
                 self.state.axes.offset = self.only_here(set);
             }
             Instruction::AxisOffsetOn => {
-                let target = |this: &mut Self, span: Span| {
-                    let value = this.evaluate(scope, span);
+                let target = |this: &mut Self, target: &'a Expression| {
+                    let value = this.evaluate(scope, target);
                     Some(this.as_target(&value)?.written.external.map(|v| (v < UNUSED_AXIS).then_some(v)))
                 };
-                let at = match call.option(bytes, b"ExeP") {
-                    Some(at) => target(self, at),
-                    None => Some(axes.positions),
+                let at = if arguments.has(bytes, b"ExeP") {
+                    arguments.named(bytes, b"ExeP").and_then(|at| target(self, at))
+                } else {
+                    Some(axes.positions)
                 };
-                let programmed = first.and_then(|span| target(self, span));
+                let programmed = first.and_then(|programmed| target(self, programmed));
                 // An offset on top of an offset is not followed.
                 let none = axes.offset == Some([0.0; EXTERNAL_AXES]);
                 let offset = at.zip(programmed).filter(|_| none).and_then(|(at, programmed)| {
@@ -64,7 +65,7 @@ impl Runner<'_> {
                 self.state.axes.offset = self.only_here(offset);
             }
             Instruction::UnitOn | Instruction::UnitOff => {
-                let name = first.and_then(|span| self.unit_name(scope, span));
+                let name = first.and_then(|name| self.unit_name(scope, name));
                 let inactive = axes.inactive.zip(name).map(|(inactive, name)| {
                     let others = self.inactive[inactive as usize].iter();
                     let others = others.filter(|unit| !unit.name.eq_ignore_ascii_case(&name)).cloned();
@@ -88,9 +89,9 @@ impl Runner<'_> {
                 self.events += u64::from(self.state.axes.inactive != Axes::default().inactive);
             }
             _ => {
-                let value = first.map(|span| self.evaluate(scope, span));
+                let value = first.map(|to| self.evaluate(scope, to));
                 let external = value.map_or([f64::NAN; EXTERNAL_AXES], |value| value.joints_external());
-                let plain = call.option(bytes, b"NoEOffs").is_some();
+                let plain = arguments.has(bytes, b"NoEOffs");
                 self.axes_go_to(&external, plain);
                 self.axes_moved |= self.mode == Mode::Real;
             }
@@ -104,11 +105,10 @@ impl Runner<'_> {
     }
 
     /// The name of a mechanical unit: data of the system, which no module declares.
-    fn unit_name(&mut self, scope: Scope, argument: Span) -> Option<Arc<str>> {
-        let bytes = self.bytes(scope.source as usize);
-        let name = &bytes[argument.range()];
-        let plain = !argument.is_empty() && first_word(bytes, argument) == argument;
-        (plain && self.find(scope, &Upper::new(name)).is_none()).then(|| decode(name).as_ref().into())
+    fn unit_name(&mut self, scope: Scope, argument: &Expression) -> Option<Arc<str>> {
+        let name = &self.bytes(scope.source as usize)[argument.span.range()];
+        let is_undeclared = argument.is_name() && self.find(scope, &Upper::new(name)).is_none();
+        is_undeclared.then(|| decode(name).as_ref().into())
     }
 
     /// Sets the positions of the axes after a motion: 9E9 if not in use, NaN if unknown.

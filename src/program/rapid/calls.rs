@@ -1,19 +1,20 @@
 //! Calls of procedures: the meaning of parameters while a routine runs, and the state after it, at its end or after an error.
 
 use super::eval::Scope;
+use super::expression::{Arguments, Call, Expression, ExpressionKind};
 use super::known::RoutineId;
 use super::layers::Left;
 use super::memory::note;
-use super::motion::Call;
-use super::parameters::{Bound, undeclared};
+use super::parameters::Bound;
 use super::runner::{Flow, Frame, Mode, Runner};
 use super::state::{Switch, Switches};
-use super::symbols::{Content, Upper, first_word};
-use super::tree::{Param, Statement, any, simple_statements};
+use super::symbols::{Content, Upper};
+use super::tree::{Param, Statement, statements};
 use super::value::Value;
 use crate::program::Reason;
 use crate::text::{Diagnostic, Severity, Span};
 use std::collections::HashSet;
+use std::sync::LazyLock;
 
 /// Deepest calls that are followed: a procedure that calls itself has no end for the reader.
 const MAX_CALLS: usize = 48;
@@ -26,11 +27,13 @@ struct Loosened {
 
 impl<'a> Runner<'a> {
     /// Routines that a block calls by name.
-    pub(super) fn calls(&self, id: RoutineId, block: &[Statement]) -> impl Iterator<Item = RoutineId> {
+    pub(super) fn calls(&self, id: RoutineId, block: &'a [Statement]) -> impl Iterator<Item = RoutineId> {
         let (bytes, module) = (self.bytes(id.file), self.symbols.module_of(id));
-        simple_statements(block).into_iter().filter_map(move |span| {
-            let word = first_word(bytes, span);
-            let name = if word.is_empty() { late_name(&bytes[span.range()])? } else { &bytes[word.range()] };
+        statements(block).into_iter().filter_map(Statement::call).filter_map(move |call| {
+            let name = match &call.late {
+                Some(name) => name.routine_named(bytes)?,
+                None => &bytes[call.name.range()],
+            };
             self.symbols.find_routine(module, name)
         })
     }
@@ -48,7 +51,7 @@ impl<'a> Runner<'a> {
     }
 
     /// A call of a procedure that is in the files.
-    pub(super) fn enter(&mut self, scope: Scope, id: RoutineId, call: &Call, span: Span) -> Flow {
+    pub(super) fn enter(&mut self, scope: Scope, id: RoutineId, given: &'a Arguments, span: Span) -> Flow {
         self.events += 1;
         // Under an unknown condition, a procedure that calls itself has no end; nor does one that was found to have none.
         let may_end = self.layers.len() <= self.frames.len() && !self.endless.contains(&id);
@@ -57,12 +60,12 @@ impl<'a> Runner<'a> {
             let reason = if ring { Reason::RoutineCallsItself } else { Reason::CallsTooDeep };
             self.keep_here(span, reason);
             self.endless.insert(id);
-            self.not_followed(scope, id, call);
+            self.not_followed(scope, id, given);
             return Flow::Next;
         }
         let before = self.symbols.variables.len();
         let failures = self.failures;
-        let bound = self.arguments(scope, id, call);
+        let bound = self.arguments(scope, id, given);
         // After an argument that fails, TRYNEXT continues without the call.
         let skipped = self.skipped_since(failures).then(|| {
             self.open();
@@ -133,13 +136,12 @@ impl<'a> Runner<'a> {
     }
 
     /// A call of a procedure by a computed name.
-    pub(super) fn enter_late(&mut self, scope: Scope, call: &Call, span: Span) -> Flow {
-        let Value::Text(name) = self.evaluate(scope, call.name) else {
+    pub(super) fn enter_late(&mut self, scope: Scope, name: &'a Expression, call: &'a Call, span: Span) -> Flow {
+        let Value::Text(name) = self.evaluate(scope, name) else {
             return self.enter_any(scope, call, span, b"");
         };
-        let name = name.rsplit(|b| *b == b':').next().unwrap_or_default();
-        match self.symbols.find_routine(scope.module, name) {
-            Some(id) => self.enter(scope, id, call, span),
+        match self.symbols.find_routine(scope.module, without_module(&name)) {
+            Some(id) => self.enter(scope, id, &call.arguments, span),
             None => {
                 self.keep_here(span, Reason::ProcedureMissing);
                 self.unknown_procedure(scope, call, span);
@@ -149,8 +151,10 @@ impl<'a> Runner<'a> {
     }
 
     /// `CallByVar Name, Number`: a call of the procedure whose name is the text followed by the number.
-    pub(super) fn enter_by_variable(&mut self, scope: Scope, call: &Call, span: Span) -> Flow {
-        let known: Vec<Value> = call.positional().iter().map(|argument| self.evaluate(scope, *argument)).collect();
+    pub(super) fn enter_by_variable(&mut self, scope: Scope, call: &'a Call, span: Span) -> Flow {
+        static NONE: LazyLock<Arguments> = LazyLock::new(Arguments::default);
+        let known: Vec<Value> =
+            call.arguments.positional.iter().map(|argument| self.evaluate(scope, argument)).collect();
         let (name, number) = match &known[..] {
             [Value::Text(name), Value::Num(number, _)] => (name, number),
             [Value::Text(name), ..] => return self.enter_any(scope, call, span, name),
@@ -158,7 +162,7 @@ impl<'a> Runner<'a> {
         };
         let name = [&name[..], number.to_string().as_bytes()].concat();
         match self.symbols.find_routine(scope.module, &name) {
-            Some(id) => self.enter(scope, id, &call.without_arguments(), span),
+            Some(id) => self.enter(scope, id, &NONE, span),
             None => {
                 self.unknown_procedure(scope, call, span);
                 Flow::Next
@@ -167,10 +171,10 @@ impl<'a> Runner<'a> {
     }
 
     /// A call of a procedure that is chosen at run time: any one whose name has this beginning, in the files or not.
-    fn enter_any(&mut self, scope: Scope, call: &Call, span: Span, begins: &[u8]) -> Flow {
+    fn enter_any(&mut self, scope: Scope, call: &'a Call, span: Span, begins: &[u8]) -> Flow {
         self.keep_here(span, Reason::ProcedureChosen);
         self.called_late.push(begins.to_ascii_uppercase().into());
-        self.unknown_call(scope, call);
+        self.unknown_call(scope, &call.arguments);
         self.tell(
             span,
             "rapid.late-binding",
@@ -191,13 +195,13 @@ impl<'a> Runner<'a> {
     }
 
     /// A call of a procedure or instruction that is not known.
-    pub(super) fn unknown_procedure(&mut self, scope: Scope, call: &Call, span: Span) {
+    pub(super) fn unknown_procedure(&mut self, scope: Scope, call: &'a Call, span: Span) {
         let bytes = self.bytes(scope.source as usize);
         let mut targets = false;
-        for argument in call.positional() {
-            let value = self.evaluate(scope, *argument);
-            let name = Upper::new(&bytes[first_word(bytes, *argument).range()]);
-            let declared = self.find(scope, &name).map(|at| &self.symbols.variables[at].kind);
+        for argument in &call.arguments.positional {
+            let value = self.evaluate(scope, argument);
+            let variable = argument.variable().map(|name| Upper::new(&bytes[name.range()]));
+            let declared = variable.and_then(|name| Some(&self.symbols.variables[self.find(scope, &name)?].kind));
             targets |= declared.is_some_and(|kind| **kind == *b"ROBTARGET") || self.as_target(&value).is_some();
             self.pin_value(&value);
         }
@@ -207,13 +211,13 @@ impl<'a> Runner<'a> {
             }
             self.keep_motion(span, Reason::GivenAway);
         }
-        self.unknown_call(scope, call);
+        self.unknown_call(scope, &call.arguments);
         self.tell_undeclared(scope, &bytes[call.name.range()], span);
     }
 
     /// A function that is neither predefined nor in the files.
-    pub(super) fn unknown_function(&mut self, scope: Scope, call: &Call) {
-        self.unknown_call(scope, call);
+    pub(super) fn unknown_function(&mut self, scope: Scope, call: &'a Call) {
+        self.unknown_call(scope, &call.arguments);
         let bytes = self.bytes(scope.source as usize);
         self.tell_undeclared(scope, &bytes[call.name.range()], call.name);
     }
@@ -239,15 +243,14 @@ impl<'a> Runner<'a> {
     }
 
     /// Makes everything unknown that an unknown routine could change.
-    pub(super) fn unknown_call(&mut self, scope: Scope, call: &Call) {
+    pub(super) fn unknown_call(&mut self, scope: Scope, given: &'a Arguments) {
         self.events += 1;
         self.stands = None;
         let everything = self.symbols.everything();
         for &at in everything.iter() {
             self.forget_data(at, Reason::Foreign);
         }
-        let given: Vec<Span> = call.given().collect();
-        for argument in given {
+        for argument in given.given() {
             let value = self.evaluate(scope, argument);
             self.pin_value(&value);
             self.forget_argument(scope, argument, Reason::Foreign);
@@ -256,7 +259,7 @@ impl<'a> Runner<'a> {
     }
 
     /// Makes everything unknown that a routine changes which is not followed.
-    pub(super) fn not_followed(&mut self, scope: Scope, id: RoutineId, call: &Call) {
+    pub(super) fn not_followed(&mut self, scope: Scope, id: RoutineId, given: &'a Arguments) {
         self.events += 1;
         let changes = self.symbols.changed_by(id).clone();
         let own = changes.own.clone();
@@ -264,28 +267,22 @@ impl<'a> Runner<'a> {
         self.forget(&here, Reason::ByRecursiveRoutine);
         self.state.lose(here.switches);
         self.may_have_moved(id, &self.symbols.routine(id).body);
-        let routine = self.symbols.routine(id);
         let (bytes, theirs) = (self.bytes(scope.source as usize), self.bytes(id.file));
-        let changed = |param: &Param| param.by_reference && own.contains(&*Upper::new(&theirs[param.name.range()]));
-        let required = routine.params.iter().filter(|p| !p.optional).zip(call.positional());
-        let named = call.optional().iter().filter_map(|(name, value)| {
-            let name = &bytes[name.range()];
-            Some((routine.params.iter().find(|p| theirs[p.name.range()].eq_ignore_ascii_case(name))?, value))
-        });
-        let given: Vec<Span> = required.chain(named).filter(|(p, _)| changed(p)).map(|(_, a)| *a).collect();
-        for argument in call.given().collect::<Vec<_>>() {
+        let routine = self.symbols.routine(id);
+        let paired = given.paired(bytes, routine, theirs);
+        for argument in given.given() {
             let value = self.evaluate(scope, argument);
             self.pin_value(&value);
         }
-        let undeclared =
-            undeclared(self.symbols.routine(id), self.bytes(id.file), self.bytes(scope.source as usize), call);
-        for argument in given.into_iter().chain(undeclared) {
+        let changed = |param: &Param| param.by_reference && own.contains(&*Upper::new(&theirs[param.name.range()]));
+        let paired_with = paired.paired.iter().filter(|given| changed(&routine.params[given.parameter]));
+        for argument in paired_with.filter_map(|given| given.value).chain(paired.others) {
             self.forget_argument(scope, argument, Reason::Computed);
         }
     }
 
     /// Makes an argument by reference unknown.
-    pub(super) fn forget_argument(&mut self, scope: Scope, argument: Span, why: Reason) {
+    pub(super) fn forget_argument(&mut self, scope: Scope, argument: &'a Expression, why: Reason) {
         if let Some(part) = self.place(scope, argument) {
             self.store(&part, &Value::Unknown(why));
         }
@@ -316,7 +313,7 @@ impl<'a> Runner<'a> {
         self.open();
         let names = self.own_names(id, arguments);
         let routine = self.symbols.routine(id);
-        let jumps = any(&routine.body, &|statement| matches!(statement, Statement::Goto(_)));
+        let jumps = Self::jumps(&routine.body);
         let (module, noted) = (self.symbols.module_of(id), None);
         let (returns, raises) = (Vec::new(), Vec::new());
         if jumps || self.frames.last().is_some_and(|caller| caller.jumps) {
@@ -411,10 +408,15 @@ impl<'a> Runner<'a> {
     }
 }
 
-/// The name in `%"name"%` or `%"module:name"%`.
-fn late_name(statement: &[u8]) -> Option<&[u8]> {
-    let inner = statement.strip_prefix(b"%")?;
-    let from = inner.iter().position(|b| *b == b'"')? + 1;
-    let to = from + inner[from..].iter().position(|b| *b == b'"')?;
-    inner[from..to].rsplit(|b| *b == b':').next()
+impl Expression {
+    /// The routine that it names as a text literal: `"name"` or `"module:name"`.
+    pub(super) fn routine_named<'b>(&self, bytes: &'b [u8]) -> Option<&'b [u8]> {
+        let text = bytes[self.span.range()].strip_prefix(b"\"")?.strip_suffix(b"\"")?;
+        matches!(self.kind, ExpressionKind::Text).then(|| without_module(text))
+    }
+}
+
+/// The name of a routine in a text `name` or `module:name`.
+pub(super) fn without_module(text: &[u8]) -> &[u8] {
+    text.rsplit(|b| *b == b':').next().unwrap_or_default()
 }

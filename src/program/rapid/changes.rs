@@ -1,15 +1,13 @@
-//! Finds what statements could change, from their text alone. This is used if it is unknown whether, or how often, they run.
+//! Finds what statements could change, without running them. This is used if it is unknown whether, or how often, they run.
 
+use super::expression::{Arguments, Call, Expression, ExpressionKind};
 use super::known::{Changes, Known, RoutineId};
-use super::lex::{Cursor, LexemeKind};
-use super::motion::{self, Call, Simple};
-use super::parameters::undeclared;
+use super::motion::{self, Shape};
 use super::predefined::{self, Function, Instruction};
 use super::state::Switches;
-use super::symbols::{Symbols, Upper, first_word};
-use super::tree::{Param, RoutineKind, Statement, Storage};
+use super::symbols::{Symbols, Upper};
+use super::tree::{Param, RoutineKind, Statement, StatementKind, Storage, statements};
 use crate::program::Reason;
-use crate::text::Span;
 use std::cell::RefCell;
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::rc::Rc;
@@ -260,36 +258,23 @@ impl<'s, 'a> Scan<'s, 'a> {
     }
 
     fn block(&mut self, block: &[Statement]) {
-        for statement in block {
-            match statement {
-                Statement::Simple(span) => self.simple(*span),
-                Statement::If { arms, otherwise, .. } => {
-                    for (condition, block) in arms {
-                        self.expression(*condition);
-                        self.block(block);
-                    }
-                    self.block(otherwise);
+        for statement in statements(block) {
+            statement.each(&mut |part: &Expression| {
+                if let ExpressionKind::Call(call) = &part.kind {
+                    self.function(call);
                 }
-                Statement::For { from, to, step, body, .. } => {
-                    [Some(*from), Some(*to), *step].into_iter().flatten().for_each(|span| self.expression(span));
-                    self.block(body);
+            });
+            match &statement.kind {
+                StatementKind::Assign(assignment) => self.change(&assignment.to),
+                StatementKind::Call(call) => self.procedure(call),
+                StatementKind::Connect(connect) => {
+                    self.change(&connect.interrupt);
+                    let trap = &self.bytes[connect.trap.range()];
+                    self.out.anything_later |=
+                        self.symbols.find_routine(self.symbols.module_of(self.id), trap).is_none();
                 }
-                Statement::While { condition, body, .. } => {
-                    self.expression(*condition);
-                    self.block(body);
-                }
-                Statement::Test { subject, cases, otherwise, .. } => {
-                    self.expression(*subject);
-                    for (values, block) in cases {
-                        self.expression(*values);
-                        self.block(block);
-                    }
-                    self.block(otherwise);
-                }
-                Statement::Return(value) => self.expression(*value),
-                Statement::Connect(span) => self.connect(*span),
-                Statement::Mark(_) => self.out.changes.switches.marks = true,
-                Statement::Exit | Statement::Raise | Statement::Retry | Statement::TryNext | Statement::Goto(_) => {}
+                StatementKind::Mark(_) => self.out.changes.switches.marks = true,
+                _ => {}
             }
         }
     }
@@ -313,98 +298,79 @@ impl<'s, 'a> Scan<'s, 'a> {
     }
 
     /// Marks an argument as changed.
-    fn change(&mut self, argument: Span) {
-        let name = first_word(self.bytes, argument);
-        if !name.is_empty() && whole_variable(self.bytes, argument) {
-            let found = self.find(&self.bytes[name.range()]);
-            self.out.changes.add(&found);
-        }
-    }
-
-    fn connect(&mut self, span: Span) {
-        let mut cursor = Cursor::new(self.bytes, span);
-        cursor.next();
-        let interrupt = cursor.peek();
-        let mut last = interrupt;
-        while cursor.peek().kind == LexemeKind::Word || cursor.peek().kind != LexemeKind::End {
-            let lexeme = cursor.next();
-            if lexeme.kind == LexemeKind::Word {
-                last = lexeme;
+    fn change(&mut self, argument: &Expression) {
+        match (&argument.kind, argument.variable()) {
+            (_, Some(name)) => {
+                let found = self.find(&self.bytes[name.range()]);
+                self.out.changes.add(&found);
             }
-        }
-        self.change(interrupt.span());
-        if self.symbols.find_routine(self.symbols.module_of(self.id), &self.bytes[last.span().range()]).is_none() {
-            self.out.anything_later = true;
+            // Text that is not understood may have anything in it.
+            (ExpressionKind::Unknown(_, parts), None) => parts.iter().for_each(|part| self.change(part)),
+            _ => {}
         }
     }
 
-    fn simple(&mut self, span: Span) {
-        let word = first_word(self.bytes, span);
-        let name = &self.bytes[word.range()];
-        let routine = self.symbols.find_routine(self.symbols.module_of(self.id), name);
-        let shape = if routine.is_none() { motion::shape(name) } else { None };
-        if memchr::memchr(b'(', &self.bytes[span.range()]).is_some() {
-            self.expression(span);
+    /// A statement that calls a procedure or an instruction.
+    fn procedure(&mut self, call: &Call) {
+        let (name, arguments) = (&self.bytes[call.name.range()], &call.arguments);
+        if arguments.is_cut {
+            return self.unknown(arguments);
         }
-        // A plain motion changes nothing.
-        if shape.is_some_and(|s| s.zone != motion::Zone::Absent) && !is_synchronised(name) {
-            return;
+        if let Some(name) = &call.late {
+            return match self.routine_named(name) {
+                Some(id) => self.call(id, arguments),
+                None => self.unknown(arguments),
+            };
         }
-        #[allow(clippy::cast_possible_truncation)]
-        let Some(simple) = motion::split(self.bytes, self.id.file as u16, span) else { return };
-        let call = match simple {
-            Simple::Assignment { target, .. } => return self.change(Span { end: target.end, ..target }),
-            Simple::Call(call) => call,
-        };
-        if let Some(shape) = shape {
-            if is_synchronised(name) {
-                // ToPoint, Speed, Zone, Tool, procedure.
-                let procedure = call.positional().get(shape.to + 4).and_then(|text| self.routine_named(*text));
-                match procedure {
-                    Some(callee) => {
-                        self.out.later.push(callee);
-                        self.out.calls.push(Handed { callee, given: Vec::new() });
-                    }
-                    None => self.unknown(&Call::empty(word)),
+        match (self.symbols.find_routine(self.symbols.module_of(self.id), name), motion::shape(name)) {
+            (Some(id), _) => self.call(id, arguments),
+            (None, Some(shape)) => self.motion(name, arguments, shape),
+            (None, None) => self.instruction(name, arguments),
+        }
+    }
+
+    fn motion(&mut self, name: &[u8], arguments: &Arguments, shape: Shape) {
+        if is_synchronised(name) {
+            // ToPoint, Speed, Zone, Tool, procedure.
+            match arguments.positional.get(shape.to + 4).and_then(|name| self.routine_named(name)) {
+                Some(callee) => {
+                    self.out.later.push(callee);
+                    self.out.calls.push(Handed { callee, given: Vec::new() });
                 }
-            } else if let Some(point) = call.positional().get(shape.via.unwrap_or(shape.to).wrapping_sub(1)) {
-                // SearchPoint comes before the targets.
-                self.change(*point);
+                None => self.unknown(&Arguments::default()),
             }
-            return;
-        }
-        if call.late_bound {
-            match self.routine_named(call.name) {
-                Some(id) => self.call(id, &call),
-                None => self.unknown(&call),
-            }
-        } else if let Some(id) = routine {
-            self.call(id, &call);
-        } else {
-            self.instruction(name, &call);
+        } else if shape.zone == motion::Zone::Absent
+            && let Some(point) = arguments.positional.get(shape.via.unwrap_or(shape.to).wrapping_sub(1))
+        {
+            // SearchPoint comes before the targets. All other motions change nothing.
+            self.change(point);
         }
     }
 
     /// The routine that a text literal names.
-    fn routine_named(&self, text: Span) -> Option<RoutineId> {
-        let inner = self.bytes[text.range()].trim_ascii().strip_prefix(b"\"")?.strip_suffix(b"\"")?;
-        let name = inner.rsplit(|b| *b == b':').next()?;
-        self.symbols.find_routine(self.symbols.module_of(self.id), name)
+    fn routine_named(&self, name: &Expression) -> Option<RoutineId> {
+        self.symbols.find_routine(self.symbols.module_of(self.id), name.routine_named(self.bytes)?)
     }
 
-    fn unknown(&mut self, call: &Call) {
+    fn unknown(&mut self, arguments: &Arguments) {
         self.out.changes.anything = true;
         self.out.changes.switches |= Switches::FOREIGN;
-        call.given().for_each(|argument| self.change(argument));
+        arguments.given().for_each(|argument| self.change(argument));
     }
 
-    fn instruction(&mut self, name: &[u8], call: &Call) {
+    fn instruction(&mut self, name: &[u8], arguments: &Arguments) {
         match predefined::instruction(name) {
-            None => self.unknown(call),
+            None => self.unknown(arguments),
             Some(Instruction::Arguments | Instruction::Steps) => {
-                call.given().for_each(|argument| self.change(argument));
+                arguments.given().for_each(|argument| self.change(argument));
             }
-            Some(Instruction::Options) => call.optional().iter().for_each(|(_, argument)| self.change(*argument)),
+            Some(Instruction::Options) => {
+                arguments
+                    .optional
+                    .iter()
+                    .filter_map(|argument| argument.value.as_ref())
+                    .for_each(|argument| self.change(argument));
+            }
             Some(Instruction::DisplacementOn) => self.out.changes.switches.displacement = true,
             Some(Instruction::SoftOn) => self.out.changes.switches.soft = true,
             Some(Instruction::Load) => self.out.changes.switches.load = true,
@@ -418,7 +384,7 @@ impl<'s, 'a> Scan<'s, 'a> {
                 | Instruction::MovesAxes,
             ) => self.out.changes.switches.axes = true,
             Some(Instruction::DataByName) => {
-                let text = call.positional().first().map(|text| &self.bytes[text.range()]);
+                let text = arguments.positional.first().map(|text| &self.bytes[text.span.range()]);
                 let literal = text.and_then(|text| text.strip_prefix(b"\"")?.strip_suffix(b"\""));
                 let literal = literal.filter(|_| name.eq_ignore_ascii_case(b"SetDataVal"));
                 self.out.changes.data.extend(self.symbols.data_named(literal));
@@ -431,70 +397,30 @@ impl<'s, 'a> Scan<'s, 'a> {
     }
 
     /// Adds a call of a routine in the files.
-    fn call(&mut self, callee: RoutineId, call: &Call) {
-        let params = &self.symbols.routine(callee).params;
-        let theirs = &self.symbols.sources[callee.file].bytes;
+    fn call(&mut self, callee: RoutineId, arguments: &Arguments) {
+        let routine = self.symbols.routine(callee);
+        let paired = arguments.paired(self.bytes, routine, &self.symbols.sources[callee.file].bytes);
         let mut given = Vec::new();
-        let mut hand = |this: &mut Self, at: usize, argument: Span| {
-            let name = first_word(this.bytes, argument);
-            if params[at].by_reference && !name.is_empty() && whole_variable(this.bytes, argument) {
-                given.push((at, this.find(&this.bytes[name.range()])));
-            }
-        };
-        let required = (0..params.len()).filter(|at| !params[*at].optional);
-        for (at, argument) in required.zip(call.positional()) {
-            hand(self, at, *argument);
-        }
-        for (name, value) in call.optional() {
-            let name = &self.bytes[name.range()];
-            if let Some(at) = params.iter().position(|p| theirs[p.name.range()].eq_ignore_ascii_case(name)) {
-                hand(self, at, *value);
+        for argument in paired.paired.iter().filter(|argument| routine.params[argument.parameter].by_reference) {
+            if let Some(name) = argument.value.and_then(Expression::variable) {
+                given.push((argument.parameter, self.find(&self.bytes[name.range()])));
             }
         }
-        let undeclared = undeclared(self.symbols.routine(callee), theirs, self.bytes, call);
-        undeclared.into_iter().for_each(|argument| self.change(argument));
+        paired.others.into_iter().for_each(|argument| self.change(argument));
         self.out.calls.push(Handed { callee, given });
     }
 
-    /// Adds the functions that an expression calls.
-    fn expression(&mut self, expression: Span) {
-        if memchr::memchr(b'(', &self.bytes[expression.range()]).is_none() {
-            return;
-        }
-        let mut cursor = Cursor::new(self.bytes, expression);
-        loop {
-            let name = cursor.next();
-            if name.kind == LexemeKind::End {
-                return;
-            }
-            if name.kind != LexemeKind::Word || cursor.peek().kind != LexemeKind::Mark(b'(') {
-                continue;
-            }
-            let text = cursor.text(name);
-            let routine = self.symbols.find_routine(self.symbols.module_of(self.id), text);
-            let known = predefined::function(text);
-            if routine.is_none() && (known == Some(Function::Nothing) || is_word_of_operator(text)) {
-                continue;
-            }
-            let mut behind = cursor;
-            behind.next();
-            let mut call = Call::empty(name.span());
-            #[allow(clippy::cast_possible_truncation)]
-            let split = motion::arguments(&mut behind, self.id.file as u16, &mut call).is_some();
-            match (routine, known) {
-                (Some(id), _) if split => self.call(id, &call),
-                (None, Some(_)) if split => call.given().for_each(|argument| self.change(argument)),
-                _ => self.unknown(&call),
-            }
+    /// Adds a call of a function.
+    fn function(&mut self, call: &Call) {
+        let (name, arguments) = (&self.bytes[call.name.range()], &call.arguments);
+        match (self.symbols.find_routine(self.symbols.module_of(self.id), name), predefined::function(name)) {
+            _ if arguments.is_cut => self.unknown(arguments),
+            (Some(id), _) => self.call(id, arguments),
+            (None, Some(Function::Nothing)) => {}
+            (None, Some(Function::Arguments)) => arguments.given().for_each(|argument| self.change(argument)),
+            (None, None) => self.unknown(arguments),
         }
     }
-}
-
-/// `NOT (…)`, `AND (…)`: a word before a bracket that calls nothing.
-pub(super) fn is_word_of_operator(word: &[u8]) -> bool {
-    [&b"NOT"[..], b"AND", b"OR", b"XOR", b"DIV", b"MOD", b"IF", b"ELSEIF", b"WHILE", b"TEST", b"CASE", b"RETURN"]
-        .iter()
-        .any(|operator| operator.eq_ignore_ascii_case(word))
 }
 
 /// `MoveLSync` and similar instructions: a procedure runs during the motion.
@@ -504,21 +430,4 @@ pub(super) fn is_synchronised(name: &[u8]) -> bool {
 
 fn param_key(symbols: &Symbols<'_>, id: RoutineId, param: &Param) -> Name {
     Box::from(&*Upper::new(&symbols.sources[id.file].bytes[param.name.range()]))
-}
-
-/// Whether a span is only a name with components or indices, which a called routine can change.
-pub(super) fn whole_variable(bytes: &[u8], span: Span) -> bool {
-    let mut cursor = Cursor::new(bytes, span);
-    let mut depth = 0_usize;
-    loop {
-        let lexeme = cursor.next();
-        match lexeme.kind {
-            LexemeKind::End => return true,
-            LexemeKind::Mark(b'{') => depth += 1,
-            LexemeKind::Mark(b'}') => depth = depth.saturating_sub(1),
-            LexemeKind::Word | LexemeKind::Mark(b'.') => {}
-            _ if depth > 0 => {}
-            _ => return false,
-        }
-    }
 }

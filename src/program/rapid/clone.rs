@@ -1,6 +1,7 @@
 //! Clones: if users of a declared target need different corrections, one keeps the declaration, and the others get their own.
 
 use super::TargetInText;
+use super::lex::{Cursor, Key, LexemeKind, key};
 use super::value::SourceSpan;
 use super::writer::{Print, Writer};
 use crate::program::{Change, Editable, Reason};
@@ -78,9 +79,10 @@ fn try_clones(
     }
     // A parameter's name does not name the declaration.
     let name = kind.name;
-    let named = |a: &SourceSpan| super::symbols::first_word(&writer.program.sources[a.source as usize].bytes, a.span);
-    let is_name = |a: &SourceSpan| {
-        writer.program.sources[a.source as usize].slice(named(a)).eq_ignore_ascii_case(source.slice(name))
+    let is_name = |argument: &SourceSpan| {
+        let mut cursor = Cursor::new(&writer.program.sources[argument.source as usize].bytes, argument.span);
+        let first = cursor.next();
+        cursor.text(first).eq_ignore_ascii_case(source.slice(name))
     };
     if !arguments.keys().all(is_name) {
         return false;
@@ -121,7 +123,6 @@ struct Declared {
 
 /// The declaration around a literal: its first byte, the byte after its `;`, what it declares.
 fn declaration(source: &Source, literal: Span) -> Option<(u32, u32, Declared)> {
-    use super::lex::{Cursor, Key, LexemeKind, key};
     let bytes = &source.bytes;
     let semicolon = bytes[literal.end as usize..].iter().position(|b| *b == b';')?;
     // Statements do not hold `;` but in texts and comments; those end the search early and say no.

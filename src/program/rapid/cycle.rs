@@ -58,7 +58,7 @@ impl Runner<'_> {
                     "at the end of `main`, `{}` differs from the value that its first motions expect",
                     data.name
                 );
-                self.tell_cycle(usize::from(data.source), declared, &message);
+                self.tell_cycle(usize::from(data.source), declared.statement, &message);
             }
         }
         if self.state.displacement != Switch::Off && moved_before_displacement == Some(true) {

@@ -1,10 +1,9 @@
 //! The values of variables during the run.
 
 use super::eval::Scope;
-use super::lex::{Cursor, LexemeKind};
-use super::motion::{self, Call};
+use super::expression::{Arguments, Expression, ExpressionKind, PartStep};
 use super::runner::Runner;
-use super::symbols::{Content, Upper, Variable, VariablePart, first_word};
+use super::symbols::{Content, Upper, Variable, VariablePart};
 use super::tree::Storage;
 use super::value::{Value, parts};
 use crate::program::Reason;
@@ -24,20 +23,20 @@ impl<'a> Runner<'a> {
     /// The present value of a variable.
     pub(super) fn content(&mut self, at: usize) -> Value {
         let variable = &self.symbols.variables[at];
-        let span = match &variable.content {
+        let initial = match &variable.content {
             Content::Is(value) => return value.clone(),
             Content::Busy => return Value::Unknown(Reason::InitialValueNeedsItself),
             Content::Part(part) => {
                 let part = std::rc::Rc::clone(part);
                 return self.part(&part);
             }
-            Content::Declared(span) => *span,
+            Content::Declared(initial) => *initial,
         };
         let (source, module, kind) = (variable.source, variable.module, Arc::clone(&variable.kind));
         let (assigned, volatile, storage) = (variable.assigned, variable.volatile, variable.storage);
         let local = at >= self.symbols.data;
         self.symbols.variables[at].content = Content::Busy;
-        let mut value = self.evaluate(Scope { source, module, local, running: false }, span);
+        let mut value = self.evaluate(Scope { source, module, local, running: false }, initial);
         if *kind == *b"ROBTARGET"
             && let Value::List(..) = value
             && let Some(pose) = self.as_target(&value)
@@ -103,15 +102,14 @@ impl<'a> Runner<'a> {
         self.symbols.variables.len() - 1
     }
 
-    pub(super) fn assign(&mut self, scope: Scope, target: Span, value: Span) {
-        let text = value;
-        let value = self.evaluate(scope, value);
+    pub(super) fn assign(&mut self, scope: Scope, to: &'a Expression, expression: &'a Expression) {
+        let value = self.evaluate(scope, expression);
         self.pin_value(&value);
         (self.epoch, self.changes, self.events) = (self.epoch + 1, self.changes + 1, self.events + 1);
         let Some(parts) = value.parts() else {
             self.refuse(
                 scope.source,
-                text,
+                expression.span,
                 "rapid.size",
                 "an aggregate of more parts, or more within one another, than RAPID data have",
                 "a controller does not load this: declare the array with its size",
@@ -119,33 +117,25 @@ impl<'a> Runner<'a> {
             return;
         };
         self.steps = self.steps.saturating_add(parts / PARTS_PER_STEP);
-        if let Some(place) = self.place(scope, target) {
+        if let Some(place) = self.place(scope, to) {
             self.store(&place, &value);
         }
     }
 
-    /// The variable, or part of one, of a name with components and indices; `None` if it is not one, or if the files do not declare it.
-    pub(super) fn place(&mut self, scope: Scope, span: Span) -> Option<VariablePart> {
+    /// The variable, or part of one, that an expression names; `None` for other expressions, and if the files do not declare it.
+    pub(super) fn place(&mut self, scope: Scope, of: &'a Expression) -> Option<VariablePart> {
         let bytes = self.bytes(scope.source as usize);
-        let word = first_word(bytes, span);
-        if word.is_empty() {
-            return None;
-        }
-        let at = self.find(scope, &Upper::new(&bytes[word.range()]))?;
+        let at = self.find(scope, &Upper::new(&bytes[of.variable()?.range()]))?;
         let mut kind = Arc::clone(&self.symbols.variables[at].kind);
         let mut place = match &self.symbols.variables[at].content {
             Content::Part(part) => (**part).clone(),
             _ => VariablePart { of: at, path: Vec::new(), known: true },
         };
-        let mut cursor = Cursor::new(bytes, span);
-        cursor.next();
-        loop {
-            let lexeme = cursor.next();
-            match lexeme.kind {
-                LexemeKind::End => return Some(place),
-                LexemeKind::Mark(b'.') => {
-                    let field = cursor.next();
-                    let found = self.field(&kind, &Upper::new(cursor.text(field)));
+        let ExpressionKind::Part(part) = &of.kind else { return Some(place) };
+        for step in &part.steps {
+            match step {
+                PartStep::Component(name) => {
+                    let found = self.field(&kind, &Upper::new(&bytes[name.range()]));
                     match found.filter(|_| place.known) {
                         Some((index, next)) => {
                             place.path.push(index);
@@ -154,41 +144,18 @@ impl<'a> Runner<'a> {
                         None => place.known = false,
                     }
                 }
-                LexemeKind::Mark(b'{') => {
-                    let mut call = Call::empty(span);
-                    let from = cursor.peek().start;
-                    let mut end = from;
-                    let mut depth = 0_usize;
-                    loop {
-                        match cursor.peek().kind {
-                            LexemeKind::End => break,
-                            LexemeKind::Mark(b'}') if depth == 0 => break,
-                            LexemeKind::Mark(b'{') => depth += 1,
-                            LexemeKind::Mark(b'}') => depth -= 1,
-                            _ => {}
-                        }
-                        end = cursor.next().end;
-                    }
-                    cursor.accept(LexemeKind::Mark(b'}'));
-                    let mut inner = Cursor::new(bytes, Span::new(from, end));
-                    if motion::arguments(&mut inner, scope.source, &mut call).is_none() {
-                        place.known = false;
-                        continue;
-                    }
-                    for index in call.positional() {
+                PartStep::Index(indices) => {
+                    for index in indices {
                         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-                        match self.evaluate(scope, *index).num() {
+                        match self.evaluate(scope, index).num() {
                             Some(i) if i >= 1.0 && place.known => place.path.push(i.round() as usize - 1),
                             _ => place.known = false,
                         }
                     }
                 }
-                _ => {
-                    place.known = false;
-                    return Some(place);
-                }
             }
         }
+        Some(place)
     }
 
     /// Stores a value. If it is unknown which part is assigned, every part that it may be becomes unknown.
@@ -205,12 +172,12 @@ impl<'a> Runner<'a> {
     }
 
     /// `Incr`, `Decr`, `Add`, `Clear`.
-    pub(super) fn step_variable(&mut self, scope: Scope, call: &Call, name: &[u8]) {
-        let Some(&first) = call.positional().first() else { return };
+    pub(super) fn step_variable(&mut self, scope: Scope, arguments: &'a Arguments, name: &[u8]) {
+        let Some(first) = arguments.positional.first() else { return };
         let by = match name {
             b"INCR" => Some(1.0),
             b"DECR" => Some(-1.0),
-            b"ADD" => call.positional().get(1).and_then(|a| self.evaluate(scope, *a).num()),
+            b"ADD" => arguments.positional.get(1).and_then(|by| self.evaluate(scope, by).num()),
             _ => None,
         };
         let Some(place) = self.place(scope, first) else { return };

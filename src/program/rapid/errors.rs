@@ -1,14 +1,12 @@
 //! Errors: the states that handlers get, and the states after them.
 
+use super::expression::Expression;
 use super::known::RoutineId;
 use super::memory::note;
 use super::motion;
 use super::runner::{Flow, Runner};
-use super::symbols::first_word;
-use super::tree::{Statement, any, simple_statements};
-use super::uses::texts;
+use super::tree::{Statement, StatementKind, any, statements};
 use crate::program::Reason;
-use crate::text::Span;
 
 /// What an ERROR handler may do with an error.
 #[derive(Clone, Copy)]
@@ -26,9 +24,9 @@ impl<'a> Runner<'a> {
     pub(super) fn handler(&self) -> Option<Handler> {
         let routine = self.symbols.routine(self.frames.last()?.routine);
         routine.error.is_some().then(|| Handler {
-            goes_on: any(routine.on_error(), &|s| matches!(s, Statement::TryNext)),
-            again: any(routine.on_error(), &|s| matches!(s, Statement::Retry)),
-            hands_on: any(routine.on_error(), &|s| matches!(s, Statement::Raise)),
+            goes_on: any(routine.on_error(), &|s| matches!(s, StatementKind::TryNext)),
+            again: any(routine.on_error(), &|s| matches!(s, StatementKind::Retry)),
+            hands_on: any(routine.on_error(), &|s| matches!(s, StatementKind::Raise)),
         })
     }
 
@@ -95,11 +93,15 @@ impl<'a> Runner<'a> {
     /// Applies that statements of a routine may have run: if they may move the robot, its position is unknown.
     pub(super) fn may_have_moved(&mut self, id: RoutineId, block: &[Statement]) {
         let (bytes, module) = (self.bytes(id.file), self.symbols.module_of(id));
-        let moves = |span: Span| {
-            let name = &bytes[first_word(bytes, span).range()];
-            motion::shape(name).is_some() || self.symbols.find_routine(module, name).is_some()
+        let moves = |statement: &Statement| {
+            statement.call().is_some_and(|call| {
+                let name = &bytes[call.name.range()];
+                call.late.is_some()
+                    || motion::shape(name).is_some()
+                    || self.symbols.find_routine(module, name).is_some()
+            })
         };
-        if self.stands.is_some() && simple_statements(block).into_iter().any(moves) {
+        if self.stands.is_some() && statements(block).into_iter().any(moves) {
             self.stands = None;
         }
     }
@@ -115,14 +117,18 @@ impl<'a> Runner<'a> {
         }
         self.symbols.all().any(|id| {
             let (bytes, routine) = (self.bytes(id.file), self.symbols.routine(id));
-            let names = |span: &Span| {
-                let text = bytes[span.range()].to_ascii_uppercase();
-                [&b"ERR_COLL_STOP"[..], b"ERR_PATH_STOP"].iter().any(|name| memchr::memmem::find(&text, name).is_some())
+            let is_error = |part: &Expression| {
+                let name = &bytes[part.span.range()];
+                part.is_name() && [&b"ERR_COLL_STOP"[..], b"ERR_PATH_STOP"].iter().any(|e| e.eq_ignore_ascii_case(name))
             };
-            let raises = |span: Span| bytes[first_word(bytes, span).range()].eq_ignore_ascii_case(b"ProcerrRecovery");
-            let mut handled = Vec::new();
-            texts(&routine.handlers, &mut handled);
-            handled.iter().any(names) || simple_statements(&routine.body).into_iter().any(raises)
+            let mut names_error = false;
+            for statement in statements(&routine.handlers) {
+                statement.each(&mut |part: &Expression| names_error |= is_error(part));
+            }
+            let raises = |statement: &Statement| {
+                statement.call().is_some_and(|call| bytes[call.name.range()].eq_ignore_ascii_case(b"ProcerrRecovery"))
+            };
+            names_error || statements(&routine.body).into_iter().any(raises)
         })
     }
 

@@ -1,24 +1,19 @@
-//! Expressions: read and evaluated in one pass, as far as their values are known.
+//! Evaluates expressions, as far as their values are known.
 
 mod functions;
 mod operators;
 
-use super::lex::{Cursor, Lexeme, LexemeKind};
-use super::literal::{Literal, Written};
-use super::motion::{self, Call};
+use super::expression::{Expression, ExpressionKind, Operation, Operator, Part, PartStep};
+use super::literal::Literal;
 use super::runner::Runner;
 use super::symbols::Upper;
 use super::value::{self, Pose, SourceSpan, Value};
 use crate::program::Reason;
-use crate::program::token;
 use crate::text::{self, Span};
+use operators::apply;
 pub(super) use operators::equal;
-use operators::{apply, operator};
 use std::rc::Rc;
 use std::sync::Arc;
-
-/// Deepest brackets that are evaluated.
-const MAX_DEPTH: usize = 40;
 
 /// The place of an expression, which decides the meaning of its names.
 #[derive(Clone, Copy, Debug)]
@@ -31,155 +26,95 @@ pub(super) struct Scope {
     pub(super) running: bool,
 }
 
-impl Runner<'_> {
+/// The meaning of a name: its value, and the type of the variable that it is, in upper case.
+struct Named {
+    value: Value,
+    kind: Option<Arc<[u8]>>,
+}
+
+impl<'a> Runner<'a> {
     /// The value of an expression.
-    pub(super) fn evaluate(&mut self, scope: Scope, span: Span) -> Value {
-        let sources = self.symbols.sources;
-        let mut cursor = Cursor::new(&sources[scope.source as usize].bytes, span);
-        let value = self.expression(scope, &mut cursor, 0, 0);
+    pub(super) fn evaluate(&mut self, scope: Scope, of: &'a Expression) -> Value {
+        let value = self.value(scope, of);
         if matches!(value, Value::Unknown(Reason::TextTooLong)) {
             let help = "a controller stops here: RAPID texts have at most 80 characters";
-            self.refuse(scope.source, span, "rapid.text-length", Reason::TextTooLong.text(), help);
+            self.refuse(scope.source, of.span, "rapid.text-length", Reason::TextTooLong.text(), help);
         }
-        if cursor.peek().kind == LexemeKind::End {
-            return value;
-        }
-        self.pin_value(&value);
-        Value::Unknown(Reason::Expression)
+        value
     }
 
-    /// Operators of at least `level`: OR XOR (0), AND (1), NOT (2), relations (3), + − (4), * / DIV MOD (5).
-    fn expression(&mut self, scope: Scope, cursor: &mut Cursor<'_>, level: u8, depth: usize) -> Value {
-        if depth > MAX_DEPTH {
-            return Value::Unknown(Reason::ExpressionTooDeep);
-        }
-        let mut left = match level {
-            6 => return self.unary(scope, cursor, depth),
-            2 if cursor.accept_word(b"NOT") => {
-                return match self.expression(scope, cursor, 2, depth + 1) {
-                    Value::Bool(b) => Value::Bool(!b),
-                    _ => Value::Unknown(Reason::Computed),
-                };
+    /// The value of an expression or of a part of one.
+    fn value(&mut self, scope: Scope, of: &'a Expression) -> Value {
+        let place = SourceSpan { source: scope.source, span: of.span };
+        match &of.kind {
+            ExpressionKind::Number(value) => {
+                value.map_or(Value::Unknown(Reason::NotANumber), |value| Value::Num(value, Some(place)))
             }
-            _ => self.expression(scope, cursor, level + 1, depth),
-        };
-        loop {
-            let lexeme = cursor.peek();
-            let Some(operator) = operator(cursor, lexeme).filter(|o| o.0 == level) else { return left };
-            cursor.pass(lexeme);
-            let right = self.expression(scope, cursor, level + 1, depth + 1);
-            // A value computed from a robtarget would move with it.
-            for side in [&left, &right] {
-                if matches!(side, Value::Target(_) | Value::List(..)) {
-                    self.pin_value(side);
-                }
+            ExpressionKind::Text => {
+                let text = &self.bytes(scope.source as usize)[of.span.range()];
+                Value::Text(Rc::from(text.get(1..text.len() - 1).unwrap_or_default()))
             }
-            if level == 5 && operator.1 != "*" && right.num().is_none_or(|by| by == 0.0) {
-                self.expression_may_fail();
+            ExpressionKind::Literal(index) => {
+                let pose = self.literal_pose(scope.source, *index);
+                pose.map_or(Value::Unknown(Reason::Aggregate), |pose| Value::Target(Rc::new(pose)))
             }
-            left = apply(operator.1, &left, &right);
-        }
-    }
-
-    fn unary(&mut self, scope: Scope, cursor: &mut Cursor<'_>, depth: usize) -> Value {
-        if depth > MAX_DEPTH {
-            return Value::Unknown(Reason::ExpressionTooDeep);
-        }
-        let sign = cursor.peek();
-        if !matches!(sign.kind, LexemeKind::Mark(b'-' | b'+')) {
-            return self.primary(scope, cursor, depth);
-        }
-        cursor.pass(sign);
-        let minus = sign.kind == LexemeKind::Mark(b'-');
-        match self.unary(scope, cursor, depth + 1) {
-            // One sign belongs to the token; of two the outer one makes an expression of it.
-            Value::Num(value, place) => {
-                let unsigned = |p: &SourceSpan| !matches!(cursor.bytes[p.span.start as usize], b'-' | b'+');
-                let place = place.filter(unsigned).map(|p| SourceSpan { span: sign.span().to(p.span), ..p });
-                Value::Num(if minus { -value } else { value }, place)
+            ExpressionKind::Name => self.name(scope, of.span).value,
+            ExpressionKind::Aggregate(items) => {
+                Value::List(items.iter().map(|item| self.value(scope, item)).collect(), Some(place))
             }
-            Value::List(items, _) if minus => match items.iter().map(Value::num).collect::<Option<Vec<_>>>() {
-                Some(nums) => Value::List(nums.into_iter().map(|v| Value::Num(-v, None)).collect(), None),
-                None => Value::Unknown(Reason::Computed),
+            ExpressionKind::Part(part) => self.part_of(scope, part),
+            ExpressionKind::Call(call) => self.function(scope, call),
+            // In brackets it is an expression: not a token to replace.
+            ExpressionKind::Bracketed(inner) => match self.value(scope, inner) {
+                Value::Num(value, _) => Value::Num(value, None),
+                other => other,
             },
-            other => other,
-        }
-    }
-
-    fn primary(&mut self, scope: Scope, cursor: &mut Cursor<'_>, depth: usize) -> Value {
-        let lexeme = cursor.peek();
-        match lexeme.kind {
-            LexemeKind::Number => {
-                cursor.pass(lexeme);
-                token::unsigned(cursor.text(lexeme)).map_or(Value::Unknown(Reason::NotANumber), |v| {
-                    Value::Num(v, Some(SourceSpan { source: scope.source, span: lexeme.span() }))
-                })
-            }
-            LexemeKind::Text => {
-                cursor.pass(lexeme);
-                Value::Text(Rc::from(cursor.bytes.get(lexeme.start + 1..lexeme.end - 1).unwrap_or_default()))
-            }
-            LexemeKind::Mark(b'(') => {
-                cursor.pass(lexeme);
-                let inner = self.expression(scope, cursor, 0, depth + 1);
-                cursor.accept(LexemeKind::Mark(b')'));
-                // In brackets it is an expression: not a token to replace.
-                if let Value::Num(value, _) = inner { Value::Num(value, None) } else { inner }
-            }
-            LexemeKind::Mark(b'[') => self.aggregate(scope, cursor, lexeme, depth),
-            LexemeKind::Word => {
-                cursor.pass(lexeme);
-                if cursor.peek().kind == LexemeKind::Mark(b'(') {
-                    let start = cursor.next();
-                    let mut call = Call::empty(lexeme.span());
-                    let split = motion::arguments(cursor, scope.source, &mut call);
-                    if split.is_none() {
-                        skip_brackets(cursor, start.start);
-                    } else {
-                        cursor.accept(LexemeKind::Mark(b')'));
+            ExpressionKind::Negated(inner) => match self.value(scope, inner) {
+                Value::Num(value, _) => Value::Num(-value, None),
+                Value::List(items, _) => match items.iter().map(Value::num).collect::<Option<Vec<_>>>() {
+                    Some(nums) => Value::List(nums.into_iter().map(|v| Value::Num(-v, None)).collect(), None),
+                    None => Value::Unknown(Reason::Computed),
+                },
+                other => other,
+            },
+            ExpressionKind::Not(inner) => match self.value(scope, inner) {
+                Value::Bool(holds) => Value::Bool(!holds),
+                _ => Value::Unknown(Reason::Computed),
+            },
+            ExpressionKind::Chain(chain) => {
+                let mut left = self.value(scope, &chain.first);
+                for Operation { operator, right } in &chain.operations {
+                    let right = self.value(scope, right);
+                    // A value computed from a robtarget would move with it.
+                    for side in [&left, &right] {
+                        if matches!(side, Value::Target(_) | Value::List(..)) {
+                            self.pin_value(side);
+                        }
                     }
-                    let value = self.function(scope, &call, depth);
-                    return self.component(scope, cursor, value, b"", None, depth);
+                    let divides = matches!(operator, Operator::Divide | Operator::Div | Operator::Mod);
+                    if divides && right.num().is_none_or(|by| by == 0.0) {
+                        self.expression_may_fail();
+                    }
+                    left = apply(*operator, &left, &right);
                 }
-                self.variable(scope, cursor, lexeme, depth)
+                left
             }
-            LexemeKind::End => Value::Unknown(Reason::Expression),
-            _ => {
-                cursor.pass(lexeme);
-                Value::Unknown(Reason::Expression)
+            ExpressionKind::Unknown(reason, parts) => {
+                for part in parts {
+                    let value = self.value(scope, part);
+                    self.pin_value(&value);
+                }
+                Value::Unknown(*reason)
             }
         }
     }
 
-    fn aggregate(&mut self, scope: Scope, cursor: &mut Cursor<'_>, open: Lexeme, depth: usize) -> Value {
-        if let Some((literal, written)) = Literal::read(cursor.bytes, scope.source, open.start) {
-            cursor.at = literal.span().end as usize;
-            cursor.behind = cursor.at;
-            return Value::Target(Rc::new(self.literal_pose(&literal, written)));
-        }
-        if depth > MAX_DEPTH {
-            skip_brackets(cursor, open.start);
-            return Value::Unknown(Reason::ExpressionTooDeep);
-        }
-        cursor.pass(open);
-        let mut items = Vec::new();
-        while !matches!(cursor.peek().kind, LexemeKind::Mark(b']' | b';') | LexemeKind::End) {
-            let before = cursor.at;
-            items.push(self.expression(scope, cursor, 0, depth + 1));
-            if cursor.accept(LexemeKind::Mark(b',')).is_none() && cursor.peek().kind != LexemeKind::Mark(b']') {
-                // Not understood: its bracket is passed so that what follows is.
-                cursor.at = cursor.at.max(before);
-                skip_brackets(cursor, open.start);
-                return Value::Unknown(Reason::Aggregate);
-            }
-        }
-        cursor.accept(LexemeKind::Mark(b']'));
-        Value::List(items.into(), Some(SourceSpan { source: scope.source, span: Span::new(open.start, cursor.behind) }))
-    }
-
-    /// A complete literal as a value with its place.
-    pub(super) fn literal_pose(&mut self, literal: &Literal, written: Written) -> Pose {
-        Pose { written, root: self.literal_id(literal), steps: Vec::new(), fixed: None }
+    /// A complete robtarget of a file as a value with its place.
+    pub(super) fn literal_pose(&self, source: u16, index: u32) -> Option<Pose> {
+        let root = self.literal_id(usize::from(source), index)?;
+        let start = self.literals[root as usize].span().start as usize;
+        let (_, written) = Literal::read(self.bytes(usize::from(source)), source, start)?;
+        Some(Pose { written, root: Some(root), steps: Vec::new(), fixed: None })
     }
 
     /// A value as a robtarget, if it is one.
@@ -199,46 +134,35 @@ impl Runner<'_> {
         }
     }
 
-    fn variable(&mut self, scope: Scope, cursor: &mut Cursor<'_>, name: Lexeme, depth: usize) -> Value {
-        let key = Upper::new(cursor.text(name));
-        match self.find(scope, &key) {
-            Some(at) => {
-                let variable = &self.symbols.variables[at];
-                // An initial value consists of constants; a variable would have its value of another moment.
-                let changes = !scope.running && variable.assigned;
-                let kind = Arc::clone(&variable.kind);
-                let mut value = self.content(at);
-                if changes {
-                    value = Value::Unknown(Reason::InitialValueChanges);
-                }
-                self.component(scope, cursor, value, &kind, Some(at), depth)
-            }
-            None => {
-                let value = value::predefined(&key).unwrap_or(Value::Unknown(undeclared(cursor.text(name))));
-                self.component(scope, cursor, value, b"", None, depth)
-            }
-        }
+    /// The meaning of a name.
+    fn name(&mut self, scope: Scope, name: Span) -> Named {
+        let name = &self.bytes(scope.source as usize)[name.range()];
+        let key = Upper::new(name);
+        let Some(at) = self.find(scope, &key) else {
+            let value = value::predefined(&key).unwrap_or(Value::Unknown(undeclared(name)));
+            return Named { value, kind: None };
+        };
+        let variable = &self.symbols.variables[at];
+        // An initial value consists of constants; a variable would have its value of another moment.
+        let changes = !scope.running && variable.assigned;
+        let kind = Some(Arc::clone(&variable.kind));
+        let value = self.content(at);
+        Named { value: if changes { Value::Unknown(Reason::InitialValueChanges) } else { value }, kind }
     }
 
-    /// `{index}` and `.component` after a value.
-    fn component(
-        &mut self,
-        scope: Scope,
-        cursor: &mut Cursor<'_>,
-        mut value: Value,
-        kind: &[u8],
-        variable: Option<usize>,
-        depth: usize,
-    ) -> Value {
-        let mut kind: Vec<u8> = kind.to_vec();
-        let plain = cursor.at;
-        loop {
-            let lexeme = cursor.peek();
-            match lexeme.kind {
-                LexemeKind::Mark(b'{') => {
-                    cursor.pass(lexeme);
-                    loop {
-                        let index = self.expression(scope, cursor, 0, depth + 1);
+    /// A part of a variable, or of the result of a function.
+    fn part_of(&mut self, scope: Scope, part: &'a Part) -> Value {
+        let Named { mut value, kind } = match part.of.kind {
+            ExpressionKind::Name => self.name(scope, part.of.span),
+            _ => Named { value: self.value(scope, &part.of), kind: None },
+        };
+        let is_variable = kind.is_some();
+        let mut kind = kind.unwrap_or_default();
+        for step in &part.steps {
+            match step {
+                PartStep::Index(indices) => {
+                    for index in indices {
+                        let index = self.value(scope, index);
                         if index.num().is_none() {
                             self.pin_value(&value);
                         }
@@ -246,44 +170,34 @@ impl Runner<'_> {
                             self.expression_may_fail();
                         }
                         value = element(&value, &index);
-                        if cursor.accept(LexemeKind::Mark(b',')).is_none() {
-                            break;
-                        }
                     }
-                    cursor.accept(LexemeKind::Mark(b'}'));
                 }
-                LexemeKind::Mark(b'.') => {
-                    cursor.pass(lexeme);
-                    let Some(field) = cursor.accept(LexemeKind::Word) else {
-                        return Value::Unknown(Reason::Component);
-                    };
+                PartStep::Component(name) => {
                     if let Value::Target(pose) = &value {
                         self.pin(pose.root);
                         value = value::parts(pose);
-                        kind = b"ROBTARGET".to_vec();
+                        kind = Arc::from(&b"ROBTARGET"[..]);
                     }
-                    let Some((at, next)) = self.field(&kind, &Upper::new(cursor.text(field))) else {
+                    let name = Upper::new(&self.bytes(scope.source as usize)[name.range()]);
+                    let Some((at, next)) = self.field(&kind, &name) else {
                         value = Value::Unknown(Reason::ComponentUnknown);
-                        kind.clear();
+                        kind = Arc::default();
                         continue;
                     };
                     let item = value.list().and_then(|items| items.get(at)).map(Value::without_tokens);
                     value = item.unwrap_or(Value::Unknown(Reason::Computed));
-                    kind = next.to_vec();
-                }
-                _ => {
-                    // An element of an array of robtargets may be assembled from parts.
-                    if cursor.at != plain
-                        && variable.is_some()
-                        && kind == b"ROBTARGET"
-                        && let Some(pose) = self.as_target(&value)
-                    {
-                        return Value::Target(pose);
-                    }
-                    return value;
+                    kind = next;
                 }
             }
         }
+        // An element of an array of robtargets may be assembled from parts.
+        if is_variable
+            && *kind == *b"ROBTARGET"
+            && let Some(pose) = self.as_target(&value)
+        {
+            return Value::Target(pose);
+        }
+        value
     }
 
     pub(super) fn field(&self, kind: &[u8], name: &[u8]) -> Option<(usize, Arc<[u8]>)> {
@@ -311,26 +225,6 @@ fn is_within(value: &Value, index: &Value) -> bool {
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
 fn at(index: f64) -> Option<usize> {
     (index >= 1.0).then(|| index.round() as usize - 1)
-}
-
-/// Skips the bracketed text that begins at `open`.
-fn skip_brackets(cursor: &mut Cursor<'_>, open: usize) {
-    cursor.at = open;
-    let mut depth = 0_usize;
-    loop {
-        let lexeme = cursor.next();
-        match lexeme.kind {
-            LexemeKind::Mark(b'[' | b'(' | b'{') => depth += 1,
-            LexemeKind::Mark(b']' | b')' | b'}') => {
-                depth = depth.saturating_sub(1);
-                if depth == 0 {
-                    return;
-                }
-            }
-            LexemeKind::End => return,
-            _ => {}
-        }
-    }
 }
 
 /// Why a name that nothing declares has no value.

@@ -1,14 +1,13 @@
 //! Branches and loops: followed if their conditions are known; otherwise every branch runs, and the states after them are joined.
 
 use super::eval::Scope;
+use super::expression::{Arguments, Expression, ExpressionKind};
 use super::layers::Left;
-use super::lex::{Cursor, LexemeKind};
-use super::motion::{self, Call};
 use super::run::MOTIONS;
 use super::runner::{Flow, Mode, Runner};
 use super::state::Switches;
 use super::symbols::{Content, Upper};
-use super::tree::{Statement, any};
+use super::tree::{For, If, Statement, StatementKind, Test, While, any};
 use super::value::Value;
 use crate::program::Reason;
 use crate::text::Span;
@@ -36,16 +35,11 @@ struct Marker {
 }
 
 impl<'a> Runner<'a> {
-    pub(super) fn condition(
-        &mut self,
-        arms: &'a [(Span, Vec<Statement>)],
-        otherwise: &'a [Statement],
-        at: Span,
-    ) -> Flow {
+    pub(super) fn condition(&mut self, of: &'a If, at: Span) -> Flow {
         let failures = self.failures;
-        for (i, (condition, body)) in arms.iter().enumerate() {
-            match self.evaluate(self.scope(), *condition).bool() {
-                Some(true) => return self.block(body),
+        for (i, arm) in of.arms.iter().enumerate() {
+            match self.evaluate(self.scope(), &arm.condition).bool() {
+                Some(true) => return self.block(&arm.body),
                 Some(false) => {}
                 None => {
                     self.note(
@@ -54,15 +48,15 @@ impl<'a> Runner<'a> {
                         "condition is known only at run time: every branch is taken, in the order of the text",
                     );
                     // The calls of the other conditions may run or not.
-                    for (condition, _) in &arms[i + 1..] {
-                        self.evaluate(self.scope(), *condition);
+                    for arm in &of.arms[i + 1..] {
+                        self.evaluate(self.scope(), &arm.condition);
                     }
-                    let rest = arms[i..].iter().map(|(_, b)| &b[..]).chain([otherwise]);
+                    let rest = of.arms[i..].iter().map(|arm| &arm.body[..]).chain([&of.otherwise[..]]);
                     return self.branches(rest.chain(self.skipped_since(failures).then_some(&[][..])));
                 }
             }
         }
-        self.block(otherwise)
+        self.block(&of.otherwise)
     }
 
     /// Runs every branch from the state before them all, because any may be the one that runs.
@@ -99,24 +93,18 @@ impl<'a> Runner<'a> {
     }
 
     /// Whether a block has a GOTO, which may leave it at any statement.
-    fn jumps(block: &[Statement]) -> bool {
-        any(block, &|statement| matches!(statement, Statement::Goto(_)))
+    pub(super) fn jumps(block: &[Statement]) -> bool {
+        any(block, &|statement| matches!(statement, StatementKind::Goto(_)))
     }
 
-    pub(super) fn counted(
-        &mut self,
-        [from, to]: [Span; 2],
-        step: Option<Span>,
-        variable: Span,
-        body: &'a [Statement],
-        at: Span,
-    ) -> Flow {
+    pub(super) fn counted(&mut self, of: &'a For, at: Span) -> Flow {
         self.events += 1;
         let scope = self.scope();
-        let (from, to) = (self.evaluate(scope, from).num(), self.evaluate(scope, to).num());
-        let step = step.map(|s| self.evaluate(scope, s).num());
-        let key: Box<[u8]> = Box::from(&*Upper::new(&self.bytes(scope.source as usize)[variable.range()]));
+        let [from, to] = [&of.from, &of.to].map(|bound| self.evaluate(scope, bound).num());
+        let step = of.step.as_ref().map(|step| self.evaluate(scope, step).num());
+        let (body, variable) = (&of.body, of.variable);
         let bytes = self.bytes(scope.source as usize);
+        let key: Box<[u8]> = Box::from(&*Upper::new(&bytes[variable.range()]));
         let counter = self.new_variable(
             bytes,
             scope.source as usize,
@@ -138,7 +126,7 @@ impl<'a> Runner<'a> {
             ((to - from) / step).abs() <= self.most_steps as f64 && rounds_are_known(*from, *to, *step)
         });
         let flow = match known {
-            Some((from, to, step)) => self.count(counter, from, to, step, (body, at)),
+            Some(rounds) => self.count(counter, rounds, body, at),
             None => {
                 self.note(at, "rapid.loop", "loop bounds are known only at run time: the loop is taken once");
                 self.rounds(body)
@@ -155,14 +143,7 @@ impl<'a> Runner<'a> {
         flow
     }
 
-    pub(super) fn count(
-        &mut self,
-        counter: usize,
-        from: f64,
-        to: f64,
-        step: f64,
-        (body, at): (&'a [Statement], Span),
-    ) -> Flow {
+    fn count(&mut self, counter: usize, (from, to, step): (f64, f64, f64), body: &'a [Statement], at: Span) -> Flow {
         if step == 0.0 {
             return Flow::Next;
         }
@@ -187,7 +168,8 @@ impl<'a> Runner<'a> {
         Flow::Next
     }
 
-    pub(super) fn repeat(&mut self, condition: Span, body: &'a [Statement], at: Span) -> Flow {
+    pub(super) fn repeat(&mut self, of: &'a While, at: Span) -> Flow {
+        let While { condition, body } = of;
         self.events += 1;
         let number = self.loops;
         self.loops += 1;
@@ -279,34 +261,31 @@ impl<'a> Runner<'a> {
     }
 
     /// Whether a block may change a name in an expression, or the expression calls a function.
-    pub(super) fn depends(&self, scope: Scope, expression: Span, body: &'a [Statement]) -> bool {
+    fn depends(&self, scope: Scope, expression: &Expression, body: &[Statement]) -> bool {
         let Some(frame) = self.frames.last() else { return true };
         let changes = self.symbols.changed_in(frame.routine, body);
         if changes.anything || self.symbols.routine(frame.routine).error.is_some() {
             return true;
         }
-        let mut cursor = Cursor::new(self.bytes(scope.source as usize), expression);
-        loop {
-            let lexeme = cursor.next();
-            match lexeme.kind {
-                LexemeKind::End => return false,
-                LexemeKind::Mark(b'(') => return true,
-                LexemeKind::Word => {
-                    let name = Upper::new(cursor.text(lexeme));
-                    let found = self.find(scope, &name);
-                    let part = |at: usize| matches!(self.symbols.variables[at].content, Content::Part(_));
-                    let changed = found.is_some_and(|at| {
-                        self.symbols.variables[at].volatile.is_some() || changes.data.contains(&at) || part(at)
-                    });
-                    // A parameter by reference may be any of what else is changed.
-                    let alias = found.is_some_and(|at| !changes.own.is_empty() && at >= self.symbols.data);
-                    if changed || alias || changes.own.contains(&*name) {
-                        return true;
-                    }
-                }
-                _ => {}
+        let bytes = self.bytes(scope.source as usize);
+        let mut depends = false;
+        expression.each(&mut |part: &Expression| match part.kind {
+            ExpressionKind::Call(_) => depends = true,
+            ExpressionKind::Name => {
+                let name = Upper::new(&bytes[part.span.range()]);
+                let found = self.find(scope, &name);
+                let is_changed = found.is_some_and(|at| {
+                    let variable = &self.symbols.variables[at];
+                    let is_part = matches!(variable.content, Content::Part(_));
+                    variable.volatile.is_some() || changes.data.contains(&at) || is_part
+                });
+                // A parameter by reference may be any of what else is changed.
+                let alias = found.is_some_and(|at| !changes.own.is_empty() && at >= self.symbols.data);
+                depends |= is_changed || alias || changes.own.contains(&*name);
             }
-        }
+            _ => {}
+        });
+        depends
     }
 
     /// The position after the results so far.
@@ -329,20 +308,14 @@ impl<'a> Runner<'a> {
         (self.motions, self.arcs) = (marker.motions, marker.arcs);
     }
 
-    pub(super) fn choice(
-        &mut self,
-        subject: Span,
-        cases: &'a [(Span, Vec<Statement>)],
-        otherwise: &'a [Statement],
-        at: Span,
-    ) -> Flow {
+    pub(super) fn choice(&mut self, of: &'a Test, at: Span) -> Flow {
         self.events += 1;
         let scope = self.scope();
         let failures = self.failures;
-        let subject = self.evaluate(scope, subject);
-        for (i, (values, body)) in cases.iter().enumerate() {
-            match self.matches(scope, &subject, *values) {
-                Some(true) => return self.block(body),
+        let subject = self.evaluate(scope, &of.subject);
+        for (i, case) in of.cases.iter().enumerate() {
+            match self.matches(scope, &subject, &case.values) {
+                Some(true) => return self.block(&case.body),
                 Some(false) => {}
                 None => {
                     self.note(
@@ -350,23 +323,19 @@ impl<'a> Runner<'a> {
                         "rapid.condition",
                         "value is known only at run time: every case is taken, in the order of the text",
                     );
-                    let rest = cases[i..].iter().map(|(_, b)| &b[..]).chain([otherwise]);
+                    let rest = of.cases[i..].iter().map(|case| &case.body[..]).chain([&of.otherwise[..]]);
                     return self.branches(rest.chain(self.skipped_since(failures).then_some(&[][..])));
                 }
             }
         }
-        self.block(otherwise)
+        self.block(&of.otherwise)
     }
 
     /// Whether `subject` is among the values of a CASE.
-    pub(super) fn matches(&mut self, scope: Scope, subject: &Value, values: Span) -> Option<bool> {
-        let bytes = self.bytes(scope.source as usize);
-        let mut cursor = Cursor::new(bytes, values);
-        let mut call = Call::empty(values);
-        motion::arguments(&mut cursor, scope.source, &mut call)?;
-        let mut sure = true;
-        for span in call.positional() {
-            let value = self.evaluate(scope, *span);
+    fn matches(&mut self, scope: Scope, subject: &Value, values: &'a Arguments) -> Option<bool> {
+        let mut sure = !values.is_cut;
+        for value in &values.positional {
+            let value = self.evaluate(scope, value);
             match super::eval::equal(subject, &value) {
                 Some(true) => return Some(true),
                 Some(false) => {}

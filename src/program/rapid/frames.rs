@@ -33,12 +33,12 @@ impl Runner<'_> {
         let (mut tools, mut wobjs) = (Vec::new(), Vec::new());
         for at in 0..self.symbols.data {
             let variable = &self.symbols.variables[at];
-            let Content::Declared(span) = variable.content else { continue };
+            let Content::Declared(initial) = variable.content else { continue };
             let (name, kind, module) = (Arc::clone(&variable.name), Arc::clone(&variable.kind), variable.module);
             if !matches!(&*kind, b"TOOLDATA" | b"WOBJDATA") {
                 continue;
             }
-            let value = self.evaluate(Scope { source: 0, module, local: false, running: false }, span);
+            let value = self.evaluate(Scope { source: 0, module, local: false, running: false }, initial);
             if let Some(data) = value.tool() {
                 tools.push(Tool { name, data: Some(ToolData { tcp_quat: unit(data.tcp_quat), ..data }) });
             } else if let Some(data) = value.wobj() {

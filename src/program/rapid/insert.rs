@@ -1,8 +1,11 @@
 //! Inserted points between two targets: each becomes a motion before the instruction, in the layout of the file.
 
 use super::clone::layout_at;
+use super::expression::{Arguments, Expression};
 use super::lex::{Cursor, LexemeKind};
-use super::motion::{self, Call, Simple, ToolAt, Zone};
+use super::motion::{self, ToolAt, Zone};
+use super::syntax::Reader;
+use super::tree::StatementKind;
 use super::value::quarters;
 use super::value::{SourceSpan, unit};
 use super::writer::{Writer, single};
@@ -81,22 +84,22 @@ fn instruction(
     if near != 1 || writer.program.targets.iter().filter(same).take(2).count() != 1 {
         return Err(Reason::RunsAgain);
     }
-    let Some(Simple::Call(call)) = motion::split(bytes, target.source, target.span) else {
+    let StatementKind::Call(call) = Reader::new(bytes, target.span, &[], 0).statement() else {
         return Err(Reason::Motion);
     };
     let Some(shape) = motion::shape(&bytes[call.name.range()]) else {
         return Err(Reason::ZoneUnknown);
     };
-    if call.option(bytes, b"T").is_some() {
+    if call.arguments.has(bytes, b"T") {
         return Err(Reason::OwnTime);
     }
-    let arguments = call.positional();
+    let arguments = &call.arguments.positional;
     let tool_at = match shape.tool {
         ToolAt::Index(at) => at,
         ToolAt::Last => arguments.len() - 1,
     };
-    let text = |span: Span| &bytes[span.range()];
-    let argument = |at: usize| arguments.get(at).map(|s| text(*s)).ok_or(Reason::Motion);
+    let text = |argument: &Expression| &bytes[argument.span.range()];
+    let argument = |at: usize| arguments.get(at).map(text).ok_or(Reason::Motion);
     let (indent, line_end) = layout_at(source, target.span.start);
     let line =
         bytes[..target.span.start as usize].iter().rposition(|b| matches!(b, b'\n' | b'\r')).map_or(0, |p| p + 1);
@@ -112,7 +115,7 @@ fn instruction(
         }
     }
     content.extend_from_slice(argument(shape.to + 1)?);
-    if let Some(speed) = call.option(bytes, b"V") {
+    if let Some(speed) = call.arguments.named(bytes, b"V") {
         content.extend_from_slice(b"\\V:=");
         content.extend_from_slice(text(speed));
     }
@@ -121,11 +124,11 @@ fn instruction(
     content.extend_from_slice(fly_by(own, insert.room_mm));
     content.push(b',');
     content.extend_from_slice(argument(tool_at)?);
-    if let Some(wobj) = call.option(bytes, b"WObj") {
+    if let Some(wobj) = call.arguments.named(bytes, b"WObj") {
         content.extend_from_slice(b"\\WObj:=");
         content.extend_from_slice(text(wobj));
     }
-    if let Some(load) = call.option(bytes, b"TLoad") {
+    if let Some(load) = call.arguments.named(bytes, b"TLoad") {
         content.extend_from_slice(b"\\TLoad:=");
         content.extend_from_slice(text(load));
     }
@@ -196,28 +199,24 @@ fn zone_argument(program: &Program, i: usize) -> Option<Span> {
     let (target, layout) = (program.targets.get(i)?, Layout::of(program)?);
     let bytes = &program.sources[target.source as usize].bytes;
     let shape = |name: Span| motion::shape(&bytes[name.range()]).filter(|shape| shape.zone == Zone::BeforeTool);
-    let (call, shape, passed) = match own_literal(target, layout, i) {
+    let (arguments, shape, passed): (Arguments, _, _) = match own_literal(target, layout, i) {
         // The numbers of a written-out target need not be read again.
         Some(literal) => {
             let mut cursor = Cursor::new(bytes, target.span);
-            let name = cursor.accept(LexemeKind::Word)?.span();
-            let shape = shape(name)?;
-            (cursor.at, cursor.behind) = (literal.end as usize, literal.end as usize);
-            let mut call = Call::empty(name);
-            motion::arguments(&mut cursor, target.source, &mut call)?;
-            (call, shape, shape.to + 1)
+            let shape = shape(cursor.accept(LexemeKind::Word)?.span())?;
+            let rest = Span { start: literal.end, ..target.span };
+            (Reader::new(bytes, rest, &[], 0).arguments(), shape, shape.to + 1)
         }
         None => {
-            let Some(Simple::Call(call)) = motion::split(bytes, target.source, target.span) else { return None };
-            (*call, shape(call.name)?, 0)
+            let StatementKind::Call(call) = Reader::new(bytes, target.span, &[], 0).statement() else { return None };
+            (call.arguments, shape(call.name)?, 0)
         }
     };
-    let arguments = call.positional();
     let tool_at = match shape.tool {
         ToolAt::Index(at) => at.checked_sub(passed)?,
-        ToolAt::Last => arguments.len().checked_sub(1)?,
+        ToolAt::Last => arguments.positional.len().checked_sub(1)?,
     };
-    arguments.get(tool_at.checked_sub(1)?).copied()
+    Some(arguments.positional.get(tool_at.checked_sub(1)?)?.span)
 }
 
 /// See [`Program::passing`](crate::program::Program::passing); `None` for instructions without a zone.

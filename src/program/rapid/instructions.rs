@@ -1,7 +1,7 @@
 //! Predefined instructions that are not motions: the data they change, the state they switch, the values that become unknown.
 
 use super::eval::Scope;
-use super::motion::Call;
+use super::expression::{Arguments, Call, Expression};
 use super::predefined::Instruction;
 use super::runner::{Flow, Runner};
 use super::state::{ArcMode, Switch, Switches, Velocity};
@@ -9,18 +9,17 @@ use super::symbols::Upper;
 use super::value::Value;
 use crate::program::{ArcTurn, Editable, Reason};
 use crate::text::Span;
-use smallvec::SmallVec;
 
 impl<'a> Runner<'a> {
     /// A predefined instruction that does not move to a robtarget.
-    pub(super) fn instruction(&mut self, scope: Scope, call: &Call, known: Instruction, span: Span) -> Flow {
-        let bytes = self.bytes(scope.source as usize);
+    pub(super) fn instruction(&mut self, scope: Scope, call: &'a Call, known: Instruction, span: Span) -> Flow {
+        let (bytes, arguments) = (self.bytes(scope.source as usize), &call.arguments);
         // A robtarget used here must not be edited; its numbers count as used.
-        for argument in call.given().filter(|argument| !argument.is_empty()).collect::<SmallVec<[Span; 4]>>() {
+        for argument in arguments.given() {
             let value = self.evaluate(scope, argument);
             self.pin_value(&value);
         }
-        if known == Instruction::Nothing || known == Instruction::Options && call.optional().is_empty() {
+        if known == Instruction::Nothing || known == Instruction::Options && arguments.optional.is_empty() {
             return Flow::Next;
         }
         // The head of a program, which every chunk repeats, may set speeds, loads and turns on arcs, and activate units.
@@ -32,24 +31,24 @@ impl<'a> Runner<'a> {
             Instruction::Arguments => {
                 if bytes[call.name.range()].eq_ignore_ascii_case(b"GetDataVal") {
                     // The instruction reads data by their name.
-                    let named = match call.positional().first().map(|name| self.evaluate(scope, *name)) {
+                    let named = match arguments.positional.first().map(|name| self.evaluate(scope, name)) {
                         Some(Value::Text(name)) => self.symbols.all_named(Some(&name)),
                         _ => self.symbols.all_named(None),
                     };
                     named.into_iter().for_each(|at| self.pin_read(at));
                 }
-                for argument in call.given().collect::<SmallVec<[Span; 4]>>() {
+                for argument in arguments.given() {
                     self.forget_argument(scope, argument, Reason::Computed);
                 }
             }
             Instruction::Options => {
-                for (_, argument) in call.optional().iter().copied().collect::<SmallVec<[(Span, Span); 4]>>() {
+                for argument in arguments.optional.iter().filter_map(|argument| argument.value.as_ref()) {
                     self.forget_argument(scope, argument, Reason::Computed);
                 }
             }
-            Instruction::Steps => self.step_variable(scope, call, &Upper::new(&bytes[call.name.range()])),
+            Instruction::Steps => self.step_variable(scope, arguments, &Upper::new(&bytes[call.name.range()])),
             Instruction::DisplacementOn => {
-                if bytes[call.name.range()].eq_ignore_ascii_case(b"PDispOn") && call.option(bytes, b"ExeP").is_none() {
+                if bytes[call.name.range()].eq_ignore_ascii_case(b"PDispOn") && !arguments.has(bytes, b"ExeP") {
                     self.hold_where_it_stands();
                 }
                 self.displaces();
@@ -66,29 +65,29 @@ impl<'a> Runner<'a> {
                 self.state.lose(self.others_switch());
             }
             Instruction::Load => {
-                let none = call.positional().first().is_some_and(|load| self.is_no_load(scope, *load));
+                let none = arguments.positional.first().is_some_and(|load| self.is_no_load(scope, load));
                 self.state.load = if none { Switch::Off } else { Switch::On };
                 self.state.lose(self.others_switch());
             }
             Instruction::Velocity => {
-                self.state.velocity = self.velocity(scope, call);
+                self.state.velocity = self.velocity(scope, arguments);
                 self.state.lose(self.others_switch());
             }
             Instruction::ArcMode => {
-                self.state.arcs = arc_mode(bytes, call);
+                self.state.arcs = arc_mode(bytes, arguments);
                 self.state.lose(self.others_switch());
             }
             Instruction::AxisOffsetSet
             | Instruction::AxisOffsetOn
             | Instruction::AxisOffsetOff
             | Instruction::UnitOn
-            | Instruction::UnitOff => self.axes_instruction(scope, call, known),
+            | Instruction::UnitOff => self.axes_instruction(scope, arguments, known),
             Instruction::MovesAxes => {
-                self.axes_instruction(scope, call, known);
+                self.axes_instruction(scope, arguments, known);
                 self.keep_here(span, Reason::ExternalAxesOnly);
             }
             Instruction::DataByName => {
-                let named = match call.positional().first().map(|name| self.evaluate(scope, *name)) {
+                let named = match arguments.positional.first().map(|name| self.evaluate(scope, name)) {
                     Some(Value::Text(name)) if bytes[call.name.range()].eq_ignore_ascii_case(b"SetDataVal") => {
                         self.symbols.data_named(Some(&name))
                     }
@@ -125,20 +124,20 @@ impl<'a> Runner<'a> {
     }
 
     /// The factor and limit on programmed speeds after `VelSet`; `None` if its numbers are unknown, and after `SpeedRefresh`.
-    pub(super) fn velocity(&mut self, scope: Scope, call: &Call) -> Option<Velocity> {
-        let [percent, most] = call.positional() else { return None };
-        let [percent, most_mm_s] = [percent, most].map(|argument| self.evaluate(scope, *argument).num());
+    fn velocity(&mut self, scope: Scope, arguments: &'a Arguments) -> Option<Velocity> {
+        let [percent, most] = &arguments.positional[..] else { return None };
+        let [percent, most_mm_s] = [percent, most].map(|argument| self.evaluate(scope, argument).num());
         Some(Velocity { share: percent? / 100.0, most_mm_s: most_mm_s? })
     }
 
     /// Whether a load is `load0`: no load in addition to that in the tool's data.
-    pub(super) fn is_no_load(&self, scope: Scope, load: Span) -> bool {
-        self.bytes(scope.source as usize)[load.range()].eq_ignore_ascii_case(b"load0")
+    pub(super) fn is_no_load(&self, scope: Scope, load: &Expression) -> bool {
+        self.bytes(scope.source as usize)[load.span.range()].eq_ignore_ascii_case(b"load0")
     }
 }
 
 /// How the tool turns on arcs after `CirPathMode`, which has one of these options.
-fn arc_mode(bytes: &[u8], call: &Call) -> ArcMode {
+fn arc_mode(bytes: &[u8], arguments: &Arguments) -> ArcMode {
     let modes: [(&[u8], ArcMode); 6] = [
         (b"PathFrame", ArcMode::Stated(ArcTurn::WithPath)),
         (b"ObjectFrame", ArcMode::Stated(ArcTurn::Even)),
@@ -147,6 +146,6 @@ fn arc_mode(bytes: &[u8], call: &Call) -> ArcMode {
         (b"Wrist46", ArcMode::ByWrist),
         (b"Wrist56", ArcMode::ByWrist),
     ];
-    let stated = modes.into_iter().find(|(option, _)| call.option(bytes, option).is_some());
+    let stated = modes.into_iter().find(|(option, _)| arguments.has(bytes, option));
     stated.map_or(ArcMode::Unknown, |(_, mode)| mode)
 }

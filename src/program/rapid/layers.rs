@@ -6,8 +6,8 @@ use super::value::Value;
 use std::collections::BTreeMap;
 
 /// The state when a branch began.
-pub(super) struct Layer {
-    pub(super) old: BTreeMap<usize, Content>,
+pub(super) struct Layer<'a> {
+    pub(super) old: BTreeMap<usize, Content<'a>>,
     pub(super) state: ModalState,
     /// Variables that existed then.
     pub(super) variables: usize,

@@ -1,12 +1,12 @@
 //! The values of data, branch by branch. Before the next branch runs, the changes of the last are undone; at the end, the states
 //! that the branches leave are joined.
 
+use super::expression::Expression;
 use super::known::Changes;
 use super::layers::{Layer, Left};
-use super::lex::{Cursor, LexemeKind};
 use super::runner::Runner;
 use super::state::ModalState;
-use super::symbols::{Content, Upper, Variable};
+use super::symbols::{Content, Upper};
 use super::value::Value;
 use crate::program::Reason;
 use std::collections::{BTreeMap, BTreeSet};
@@ -183,9 +183,9 @@ impl Runner<'_> {
 
     /// Forbids edits of data whose value their declaration states: a routine that changes them at run time uses them too.
     pub(super) fn pin_declared(&mut self, at: usize) {
-        if let Some(statement) = self.symbols.variables[at].declared {
-            let source = usize::from(self.symbols.variables[at].source);
-            let inside = self.literals_in(source, statement);
+        let variable = &self.symbols.variables[at];
+        if let Some(value) = variable.declared.and_then(|data| data.value.as_ref()) {
+            let inside = self.literals_in(variable.source, value);
             self.pinned.extend(inside);
         }
     }
@@ -198,17 +198,15 @@ impl Runner<'_> {
                 continue;
             }
             self.pin_declared(at);
-            let Variable { source, module, declared, .. } = self.symbols.variables[at];
-            let Some(statement) = declared else { continue };
-            let mut cursor = Cursor::new(self.bytes(usize::from(source)), statement);
-            loop {
-                let word = cursor.next();
-                match word.kind {
-                    LexemeKind::End => break,
-                    LexemeKind::Word => waiting.extend(self.symbols.find_data(module, &Upper::new(cursor.text(word)))),
-                    _ => {}
+            let variable = &self.symbols.variables[at];
+            let Some(value) = variable.declared.and_then(|data| data.value.as_ref()) else { continue };
+            let bytes = self.bytes(usize::from(variable.source));
+            value.each(&mut |part: &Expression| {
+                if part.is_name() {
+                    let name = Upper::new(&bytes[part.span.range()]);
+                    waiting.extend(self.symbols.find_data(variable.module, &name));
                 }
-            }
+            });
         }
     }
 }

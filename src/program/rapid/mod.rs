@@ -27,6 +27,7 @@ mod dialect;
 mod errors;
 mod eval;
 mod executed;
+mod expression;
 mod flow;
 mod frames;
 mod gathering;

@@ -1,45 +1,46 @@
 //! Executed motions: their targets, tools, work objects and speeds, and which of their numbers may be edited.
 
 use super::arguments::is_unit;
+use super::calls::without_module;
 use super::changes::is_synchronised;
 use super::eval::Scope;
+use super::expression::{Arguments, Call, Expression, ExpressionKind};
 use super::known::Changes;
-use super::motion::{Call, Shape, ToolAt, Zone};
+use super::motion::{Shape, ToolAt, Zone};
 use super::runner::{Mode, Runner};
 use super::state::{ArcMode, Switch, Switches};
 use super::value::{Pose, SourceSpan, Value, unit};
 use super::{Offset, TargetInText};
 use crate::program::{Editable, Goal, Motion, Predecessor, Reason, Role, Target, ToolData};
 use crate::text::{Span, decode};
-use smallvec::SmallVec;
 use std::rc::Rc;
 use std::sync::Arc;
 
 impl<'a> Runner<'a> {
     /// Executes one motion.
-    pub(super) fn motion(&mut self, scope: Scope, call: &Call, shape: Shape, span: Span) {
-        let arguments = call.positional();
-        let Some(&to) = arguments.get(shape.to) else {
+    pub(super) fn motion(&mut self, scope: Scope, call: &'a Call, shape: Shape, span: Span) {
+        let (given, arguments) = (&call.arguments, &call.arguments.positional);
+        let Some(to) = arguments.get(shape.to) else {
             return self.keep_here(span, Reason::MotionWithoutTarget);
         };
         let tool_at = match shape.tool {
             ToolAt::Index(at) => Some(at),
             ToolAt::Last => arguments.len().checked_sub(1),
         };
-        let Some((tool_at, &tool)) = tool_at
+        let Some((tool_at, tool)) = tool_at
             .filter(|at| *at > shape.to + 1 || *at > shape.to && shape.zone == Zone::Absent)
             .and_then(|at| Some((at, arguments.get(at)?)))
         else {
             return self.keep_here(span, Reason::MotionWithoutTool);
         };
-        let via = shape.via.and_then(|at| Some((at, *arguments.get(at)?)));
+        let via = shape.via.and_then(|at| arguments.get(at));
         if self.mode == Mode::Real {
             self.motions += 1;
             self.arcs += usize::from(shape.motion == Motion::Circular);
         }
         let bytes = self.bytes(scope.source as usize);
-        self.other_arguments(scope, call, shape, tool_at);
-        let synchronised = is_synchronised(&bytes[call.name.range()]).then(|| arguments.get(shape.to + 4).copied());
+        self.other_arguments(scope, given, shape, tool_at);
+        let synchronised = is_synchronised(&bytes[call.name.range()]).then(|| arguments.get(shape.to + 4));
         if let Some(procedure) = synchronised {
             self.run_on_the_way(scope, procedure);
         }
@@ -52,18 +53,19 @@ impl<'a> Runner<'a> {
             self.evaluate(scope, to);
             return self.found_by_search(scope, arguments, shape);
         }
-        let shifted = call.option(bytes, b"Corr").is_some();
-        let frames = if shifted { Err(Reason::PathShifted) } else { self.frames_of(scope, call, tool) };
+        let shifted = given.has(bytes, b"Corr");
+        let frames = if shifted { Err(Reason::PathShifted) } else { self.frames_of(scope, given, tool) };
         let frames = match frames {
             Ok(frames) => frames,
             Err(reason) => {
-                self.hold(scope, via.map(|via| via.1).into_iter().chain([to]));
+                self.hold(scope, via.into_iter().chain([to]));
                 self.found_by_search(scope, arguments, shape);
                 return self.keep_motion(span, reason);
             }
         };
-        let own_load = call.option(bytes, b"TLoad");
-        let feed_mm_s = self.speed(scope, call, arguments.get(shape.to + 1).copied());
+        let own_load = given.has(bytes, b"TLoad");
+        let own_load = own_load && given.named(bytes, b"TLoad").is_none_or(|load| !self.is_no_load(scope, load));
+        let feed_mm_s = self.speed(scope, given, shape.to + 1);
         let line = self.lines[scope.source as usize].line(span.start);
         let target = Target {
             ordinal: self.motions,
@@ -78,7 +80,7 @@ impl<'a> Runner<'a> {
             mark: self.state.mark,
             editable: Editable::No(Reason::Joints),
             located: true,
-            extra_load: self.state.load != Switch::Off || own_load.is_some_and(|load| !self.is_no_load(scope, load)),
+            extra_load: self.state.load != Switch::Off || own_load,
             external: None,
             name: None,
             source: scope.source,
@@ -92,7 +94,7 @@ impl<'a> Runner<'a> {
         };
         if shape.motion == Motion::AbsoluteJoint {
             let value = self.evaluate(scope, to);
-            let (external, plain) = (value.joints_external(), call.option(bytes, b"NoEOffs").is_some());
+            let (external, plain) = (value.joints_external(), given.has(bytes, b"NoEOffs"));
             self.axes_go_to(&external, plain);
             let Some(deg) = value.joints() else {
                 return self.keep_motion(span, Reason::JointsComputed);
@@ -103,8 +105,8 @@ impl<'a> Runner<'a> {
             return self.push(target, TargetInText::None);
         }
         // An arc is known only if both its points are.
-        let circle = via.map(|(at, via)| (self.pose(scope, call, at, via), via));
-        let end = self.pose(scope, call, shape.to, to);
+        let circle = via.map(|via| (self.pose(scope, via), via));
+        let end = self.pose(scope, to);
         match (circle, end) {
             (Some((Ok(circle), via)), Ok(end)) => {
                 self.point(scope, &circle, via, Target { role: Role::Via, ..target.clone() });
@@ -128,14 +130,11 @@ impl<'a> Runner<'a> {
 
     /// A procedure runs when the robot passes this target, at an unknown moment of the further program: the data that it
     /// changes are unknown from here on.
-    fn run_on_the_way(&mut self, scope: Scope, procedure: Option<Span>) {
+    fn run_on_the_way(&mut self, scope: Scope, procedure: Option<&'a Expression>) {
         self.events += 1;
         let name = procedure.map(|name| self.evaluate(scope, name));
         let id = match &name {
-            Some(Value::Text(name)) => {
-                let name = name.rsplit(|b| *b == b':').next().unwrap_or_default();
-                self.symbols.find_routine(scope.module, name)
-            }
+            Some(Value::Text(name)) => self.symbols.find_routine(scope.module, without_module(name)),
             _ => None,
         };
         let changes = id.map(|id| self.symbols.changed_by(id).clone()).unwrap_or_else(Changes::anything);
@@ -151,25 +150,25 @@ impl<'a> Runner<'a> {
     }
 
     /// Tool and work object of a motion, or the reason for which they are unknown.
-    fn frames_of(&mut self, scope: Scope, call: &Call, tool: Span) -> Result<(u16, u16), Reason> {
+    fn frames_of(&mut self, scope: Scope, given: &'a Arguments, tool: &'a Expression) -> Result<(u16, u16), Reason> {
         let bytes = self.bytes(scope.source as usize);
         let tool = self.tool_index(scope, tool)?;
-        Ok((tool, self.wobj_index(scope, call.option(bytes, b"WObj"))?))
+        Ok((tool, self.wobj_index(scope, given.named(bytes, b"WObj"))?))
     }
 
     /// The argument SearchPoint, before the targets, receives the position at which the search stopped.
-    fn found_by_search(&mut self, scope: Scope, arguments: &[Span], shape: Shape) {
+    fn found_by_search(&mut self, scope: Scope, arguments: &'a [Expression], shape: Shape) {
         if shape.zone == Zone::Absent
             && let Some(point) = arguments.get(shape.via.unwrap_or(shape.to).wrapping_sub(1))
         {
             self.events += 1;
             self.stands = None;
-            self.forget_argument(scope, *point, Reason::Computed);
+            self.forget_argument(scope, point, Reason::Computed);
         }
     }
 
     /// Forbids edits of robtargets that are used as these arguments.
-    fn hold(&mut self, scope: Scope, arguments: impl Iterator<Item = Span>) {
+    fn hold(&mut self, scope: Scope, arguments: impl Iterator<Item = &'a Expression>) {
         for argument in arguments {
             let value = self.evaluate(scope, argument);
             self.pin_value(&value);
@@ -177,61 +176,44 @@ impl<'a> Runner<'a> {
     }
 
     /// Evaluates the arguments other than the target, for the functions that they call and the robtargets that they use.
-    fn other_arguments(&mut self, scope: Scope, call: &Call, shape: Shape, tool_at: usize) {
-        let bytes = self.bytes(scope.source as usize);
-        let own = |(at, _): &(usize, &Span)| *at != shape.to && Some(*at) != shape.via && *at != tool_at;
-        let positional = call.positional().iter().enumerate().filter(own).map(|(_, span)| *span);
-        let named = call.optional().iter().map(|(_, value)| *value);
-        let made = |span: &Span| {
-            let text = &bytes[span.range()];
-            text.iter().any(|b| matches!(b, b'(' | b'{' | b'.')) && text.iter().any(u8::is_ascii_alphabetic)
-        };
-        let others = positional.chain(named).filter(made).collect::<SmallVec<[Span; 4]>>();
-        self.hold(scope, others.into_iter());
+    fn other_arguments(&mut self, scope: Scope, given: &'a Arguments, shape: Shape, tool_at: usize) {
+        let own = |(at, _): &(usize, &Expression)| *at != shape.to && Some(*at) != shape.via && *at != tool_at;
+        let positional = given.positional.iter().enumerate().filter(own).map(|(_, argument)| argument);
+        let named = given.optional.iter().filter_map(|argument| argument.value.as_ref());
+        self.hold(scope, positional.chain(named).filter(|argument| !argument.is_plain()));
     }
 
     /// The value of a robtarget of a motion, or the reason for which it is unknown.
-    fn pose(&mut self, scope: Scope, call: &Call, at: usize, argument: Span) -> Result<Rc<Pose>, Reason> {
-        let pose = match call.literal(at) {
-            Some((_, literal, written)) => {
-                let (literal, written) = (*literal, *written);
-                Rc::new(self.literal_pose(&literal, written))
-            }
-            None => {
-                let value = self.evaluate(scope, argument);
-                match self.as_target(&value) {
-                    Some(pose) => pose,
-                    None => {
-                        self.pin_value(&value);
-                        return Err(match value {
-                            Value::List(..) => value.unknown().unwrap_or(Reason::NotACompleteRobtarget),
-                            _ => value.unknown().unwrap_or(Reason::NotARobtarget),
-                        });
-                    }
-                }
-            }
+    fn pose(&mut self, scope: Scope, argument: &'a Expression) -> Result<Rc<Pose>, Reason> {
+        let value = self.evaluate(scope, argument);
+        let Some(pose) = self.as_target(&value) else {
+            self.pin_value(&value);
+            return Err(match value {
+                Value::List(..) => value.unknown().unwrap_or(Reason::NotACompleteRobtarget),
+                _ => value.unknown().unwrap_or(Reason::NotARobtarget),
+            });
         };
         if is_unit(pose.written.quat) { Ok(pose) } else { Err(Reason::NotUnit) }
     }
 
     /// Adds one robtarget of a motion as a target.
-    fn point(&mut self, scope: Scope, pose: &Pose, argument: Span, mut target: Target) {
+    fn point(&mut self, scope: Scope, pose: &Pose, argument: &Expression, mut target: Target) {
         let written = &pose.written;
         if self.mode != Mode::Real {
             return self.use_aside(&target, pose);
         }
         target.goal = Goal::Pose { position_mm: written.position_mm, quat: unit(written.quat), conf: written.conf };
         let bytes = self.bytes(scope.source as usize);
-        let named = !matches!(bytes.get(argument.start as usize), None | Some(b'['));
+        let named = !matches!(argument.kind, ExpressionKind::Literal(_) | ExpressionKind::Aggregate(_));
         if named && pose.steps.is_empty() {
-            target.name = self.name_of(pose.root, &bytes[argument.range()]);
+            target.name = self.name_of(pose.root, &bytes[argument.span.range()]);
         }
         target.editable = self.editable(&target, pose);
         target.located = self.unlocated(&target, pose).is_none();
         let site = match pose.root {
             None => TargetInText::None,
             Some(root) if pose.steps.is_empty() => {
-                let argument = SourceSpan { source: scope.source, span: argument };
+                let argument = SourceSpan { source: scope.source, span: argument.span };
                 TargetInText::Literal { literal: root, argument: named.then_some(argument) }
             }
             Some(root) => {

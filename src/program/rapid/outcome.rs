@@ -1,7 +1,7 @@
 //! The outcome of a run: the targets that may be edited after all, and whether the program can be cut anywhere.
 
 use super::runner::Runner;
-use super::tree::{File, RoutineKind, Statement};
+use super::tree::{File, RoutineKind, StatementKind};
 use super::value::SourceSpan;
 use super::{Layout, TargetInText};
 use crate::program::{Editable, Goal, Kept, Motion, Reason, Role, Target, Tool, UnknownMotion, Wobj};
@@ -155,7 +155,9 @@ impl Runner<'_> {
             && context.iter().all(only_data)
             && proc.params.is_empty()
             && proc.handlers.is_empty()
-            && proc.body.iter().all(|s| matches!(s, Statement::Simple(_) | Statement::Mark(_)))
+            && proc.body.iter().all(|statement| {
+                matches!(statement.kind, StatementKind::Assign(_) | StatementKind::Call(_) | StatementKind::Mark(_))
+            })
             && file.odd.is_empty()
             && self.events == 0
             && self.pinned.is_empty()

@@ -1,10 +1,10 @@
 //! The parameters of a routine: copies of values, and references to the caller's data.
 
 use super::eval::Scope;
+use super::expression::{Arguments, Expression, ExpressionKind};
 use super::known::RoutineId;
-use super::motion::Call;
 use super::runner::Runner;
-use super::symbols::{Content, Names, Upper, VariablePart, declared, first_word};
+use super::symbols::{Content, Names, Upper, VariablePart, declared};
 use super::tree::{Param, Routine};
 use super::value::Value;
 use crate::program::Reason;
@@ -24,39 +24,60 @@ pub(super) enum Bound {
     Value(Value, Span, bool),
 }
 
-/// Arguments that a routine has no parameter for: those of one that is declared by its name alone (`[controller] harmless`), which may
-/// read and change them.
-pub(super) fn undeclared(routine: &Routine, theirs: &[u8], bytes: &[u8], call: &Call) -> Vec<Span> {
-    let required = routine.params.iter().filter(|param| !param.optional).count();
-    let is_known =
-        |name: &[u8]| routine.params.iter().any(|param| theirs[param.name.range()].eq_ignore_ascii_case(name));
-    let named = call.optional().iter().filter(|(name, value)| !value.is_empty() && !is_known(&bytes[name.range()]));
-    call.positional().iter().skip(required).chain(named.map(|(_, value)| value)).copied().collect()
+/// The arguments of a call, with the parameters that they are for.
+pub(super) struct PairedArguments<'e> {
+    /// Required ones first, then optional ones in the order of the call.
+    pub(super) paired: Vec<PairedArgument<'e>>,
+    /// Arguments that the routine has no parameter for: those of one that is declared by its name alone (`[controller] harmless`), which may
+    /// read and change them.
+    pub(super) others: Vec<&'e Expression>,
+}
+
+pub(super) struct PairedArgument<'e> {
+    /// The index of the parameter.
+    pub(super) parameter: usize,
+    /// `None` for an optional argument without a value.
+    pub(super) value: Option<&'e Expression>,
+}
+
+impl Arguments {
+    /// Pairs the arguments of a call with the parameters of a routine; `bytes` is the text around the call, and `theirs` that around the
+    /// routine.
+    pub(super) fn paired<'e>(&'e self, bytes: &[u8], routine: &Routine, theirs: &[u8]) -> PairedArguments<'e> {
+        let mut required = routine.params.iter().enumerate().filter(|(_, param)| !param.optional);
+        let (mut paired, mut others) = (Vec::new(), Vec::new());
+        for argument in &self.positional {
+            match required.next() {
+                Some((parameter, _)) => paired.push(PairedArgument { parameter, value: Some(argument) }),
+                None => others.push(argument),
+            }
+        }
+        for argument in &self.optional {
+            let name = &bytes[argument.name.range()];
+            let value = argument.value.as_ref();
+            match routine.params.iter().position(|param| theirs[param.name.range()].eq_ignore_ascii_case(name)) {
+                Some(parameter) => paired.push(PairedArgument { parameter, value }),
+                None => others.extend(value),
+            }
+        }
+        PairedArguments { paired, others }
+    }
 }
 
 impl<'a> Runner<'a> {
     /// The bindings that a call gives to the parameters of a routine, by their number.
-    pub(super) fn arguments(&mut self, scope: Scope, id: RoutineId, call: &Call) -> Vec<(usize, Bound)> {
+    pub(super) fn arguments(&mut self, scope: Scope, id: RoutineId, given: &'a Arguments) -> Vec<(usize, Bound)> {
         let routine = self.symbols.routine(id);
-        let callee = self.bytes(id.file);
+        let paired = given.paired(self.bytes(scope.source as usize), routine, self.bytes(id.file));
         let mut bound = Vec::new();
-        let required = routine.params.iter().enumerate().filter(|(_, p)| !p.optional);
-        for ((at, param), argument) in required.zip(call.positional()) {
-            bound.push((at, self.bind(scope, param, *argument)));
+        for PairedArgument { parameter, value } in paired.paired {
+            let given = match value {
+                Some(value) => self.bind(scope, &routine.params[parameter], value),
+                None => Bound::Value(Value::Bool(true), Span::default(), true),
+            };
+            bound.push((parameter, given));
         }
-        for (name, value) in call.optional() {
-            let name = &self.bytes(scope.source as usize)[name.range()];
-            let is = |p: &Param| callee[p.name.range()].eq_ignore_ascii_case(name);
-            if let Some(at) = routine.params.iter().position(is) {
-                let given = if value.is_empty() {
-                    Bound::Value(Value::Bool(true), *value, true)
-                } else {
-                    self.bind(scope, &routine.params[at], *value)
-                };
-                bound.push((at, given));
-            }
-        }
-        for argument in undeclared(routine, callee, self.bytes(scope.source as usize), call) {
+        for argument in paired.others {
             let value = self.evaluate(scope, argument);
             self.pin_value(&value);
             self.forget_argument(scope, argument, Reason::Computed);
@@ -136,16 +157,14 @@ impl<'a> Runner<'a> {
         names
     }
 
-    pub(super) fn bind(&mut self, scope: Scope, param: &Param, argument: Span) -> Bound {
-        let bytes = self.bytes(scope.source as usize);
-        let word = first_word(bytes, argument);
-        let named = (word == argument).then(|| self.find(scope, &Upper::new(&bytes[word.range()])));
+    fn bind(&mut self, scope: Scope, param: &Param, argument: &'a Expression) -> Bound {
+        let key = Upper::new(&self.bytes(scope.source as usize)[argument.span.range()]);
+        let named = argument.is_name().then(|| self.find(scope, &key));
         if param.by_reference {
             if let Some(Some(at)) = named {
                 return Bound::Variable(at);
             }
-            if word != argument
-                && !word.is_empty()
+            if matches!(argument.kind, ExpressionKind::Part(_))
                 && let Some(part) = self.place(scope, argument)
             {
                 return Bound::Part(Rc::new(part));
@@ -158,14 +177,14 @@ impl<'a> Runner<'a> {
         match named {
             Some(Some(at)) => {
                 // A value passed through several routines keeps the name of its declaration.
-                Bound::Variable(self.copied(value, at, scope, argument))
+                Bound::Variable(self.copied(value, at, scope, argument.span))
             }
             Some(None) => {
                 // An undeclared or predefined name is passed along with its value.
-                let declared = super::value::predefined(&Upper::new(&bytes[word.range()])).is_some();
-                Bound::Value(value, word, declared)
+                let declared = super::value::predefined(&key).is_some();
+                Bound::Value(value, argument.span, declared)
             }
-            None => Bound::Value(value, argument, true),
+            None => Bound::Value(value, argument.span, true),
         }
     }
 

@@ -1,23 +1,26 @@
 //! Literals of the text: their numbers, and which of them must not be edited.
 
 use super::TargetInText;
+use super::expression::{Expression, ExpressionKind};
 use super::literal::Literal;
 use super::runner::Runner;
 use super::value::{Pose, SourceSpan, Value};
 
 impl<'a> Runner<'a> {
-    /// The index of this literal, almost always the next one.
-    pub(super) fn literal_id(&mut self, literal: &Literal) -> Option<u32> {
-        let source = literal.source as usize;
-        let at = if self.literals.get(self.next_literal) == Some(literal) {
-            self.next_literal
-        } else {
-            let first = self.first_literal[source];
-            let of_source = &self.literals[first..self.first_literal[source + 1]];
-            first + of_source.binary_search_by_key(&literal.span().start, |l| l.span().start).ok()?
-        };
-        self.next_literal = at + 1;
-        u32::try_from(at).ok()
+    /// The number of a complete robtarget, given its index in its file.
+    pub(super) fn literal_id(&self, source: usize, index: u32) -> Option<u32> {
+        u32::try_from(self.first_literal[source]).ok()?.checked_add(index)
+    }
+
+    /// The robtargets in an expression: complete ones, and those that are assembled from parts.
+    pub(super) fn literals_in(&self, source: u16, of: &Expression) -> Vec<u32> {
+        let mut all = Vec::new();
+        of.each(&mut |part: &Expression| match part.kind {
+            ExpressionKind::Literal(index) => all.extend(self.literal_id(usize::from(source), index)),
+            ExpressionKind::Aggregate(_) => all.extend(self.own.get(&SourceSpan { source, span: part.span })),
+            _ => {}
+        });
+        all
     }
 
     /// Adds a robtarget assembled from parts as a literal of its own.

@@ -1,13 +1,14 @@
 //! Runs the program: follows calls, loops and branches as far as they are known when reading.
 
 use super::eval::Scope;
+use super::expression::{Call, ExpressionKind};
 use super::gathering::Gathering;
 use super::known::RoutineId;
-use super::motion::{self, Simple};
+use super::motion;
 use super::outcome::Outcome;
 use super::predefined;
 use super::runner::{Flow, Mode, Runner};
-use super::tree::{File, RoutineKind, Statement};
+use super::tree::{Assignment, File, RoutineKind, Statement, StatementKind};
 use crate::limits::RUN_MOTIONS;
 use crate::program::{Kept, Reason, UnknownMotion};
 use crate::text::{Diagnostic, Severity, Span};
@@ -103,43 +104,44 @@ impl<'a> Runner<'a> {
         for statement in block {
             self.steps = self.steps.saturating_add(1);
             if self.steps > self.most_steps || self.targets.len() > self.most_targets || self.motions > MOTIONS {
-                return self.give_up(statement.place());
+                return self.give_up(Some(statement.at));
             }
-            let flow = match statement {
-                Statement::Simple(span) => {
-                    self.steps = self.steps.saturating_add(span.len() / BYTES_PER_STEP);
-                    if self.mode == Mode::Real {
-                        self.ran.add(self.scope().source, span.start);
-                    }
-                    self.simple(*span)
+            let at = statement.at;
+            let flow = match &statement.kind {
+                StatementKind::Assign(assignment) => {
+                    self.begin_statement(at);
+                    self.assignment(assignment);
+                    Flow::Next
                 }
-                Statement::Mark(mark) => {
+                StatementKind::Call(call) => {
+                    self.begin_statement(at);
+                    self.procedure(call, at)
+                }
+                StatementKind::Mark(mark) => {
                     self.state.mark = Some(*mark);
                     self.state.mark_unknown = self.jumping.marks;
                     Flow::Next
                 }
-                Statement::If { arms, otherwise, at } => self.condition(arms, otherwise, *at),
-                Statement::For { variable, from, to, step, body, at } => {
-                    self.counted([*from, *to], *step, *variable, body, *at)
-                }
-                Statement::While { condition, body, at } => self.repeat(*condition, body, *at),
-                Statement::Test { subject, cases, otherwise, at } => self.choice(*subject, cases, otherwise, *at),
-                Statement::Return(value) => {
-                    if !value.is_empty() {
-                        let value = self.evaluate(self.scope(), *value);
+                StatementKind::If(of) => self.condition(of, at),
+                StatementKind::For(of) => self.counted(of, at),
+                StatementKind::While(of) => self.repeat(of, at),
+                StatementKind::Test(of) => self.choice(of, at),
+                StatementKind::Return(value) => {
+                    if let Some(value) = value {
+                        let value = self.evaluate(self.scope(), value);
                         self.pin_value(&value);
                     }
                     self.leave();
                     Flow::Gone
                 }
-                Statement::Raise => self.raise(),
+                StatementKind::Raise => self.raise(),
                 // These belong to handlers, which are not run; elsewhere they are errors.
-                Statement::Exit | Statement::Retry | Statement::TryNext => Flow::Gone,
-                Statement::Connect(_) => {
+                StatementKind::Exit | StatementKind::Retry | StatementKind::TryNext => Flow::Gone,
+                StatementKind::Connect(_) => {
                     self.events += 1;
                     Flow::Next
                 }
-                Statement::Goto(label) => {
+                StatementKind::Goto(label) => {
                     self.note(
                         *label,
                         "rapid.goto",
@@ -235,46 +237,53 @@ impl<'a> Runner<'a> {
         }
     }
 
-    fn simple(&mut self, span: Span) -> Flow {
+    /// Counts an assignment or a call, and records that it is run.
+    fn begin_statement(&mut self, at: Span) {
+        self.steps = self.steps.saturating_add(at.len() / BYTES_PER_STEP);
+        if self.mode == Mode::Real {
+            self.ran.add(self.scope().source, at.start);
+        }
+    }
+
+    fn assignment(&mut self, assignment: &'a Assignment) {
+        let (scope, failures) = (self.scope(), self.failures);
+        let Assignment { to, value } = assignment;
+        if self.guards > 0 && matches!(to.kind, ExpressionKind::Part(_)) {
+            // Evaluated for its indices.
+            self.evaluate(scope, to);
+        }
+        self.assign(scope, to, value);
+        // The handler may change the data that would have been assigned.
+        if self.failures > failures {
+            self.may_be_handled(true);
+        }
+    }
+
+    /// A statement that calls a procedure or an instruction.
+    fn procedure(&mut self, call: &'a Call, at: Span) -> Flow {
         let scope = self.scope();
-        let bytes = self.bytes(scope.source as usize);
-        let Some(simple) = motion::split(bytes, scope.source, span) else {
-            self.keep_here(span, Reason::NotUnderstood);
-            self.events += 1;
+        let (bytes, arguments) = (self.bytes(scope.source as usize), &call.arguments);
+        if arguments.is_cut {
+            self.keep_here(at, Reason::NotUnderstood);
+            self.unknown_call(scope, arguments);
             return Flow::Next;
-        };
-        let call = match simple {
-            Simple::Assignment { target, value } => {
-                let failures = self.failures;
-                if self.guards > 0 && bytes[target.range()].contains(&b'{') {
-                    // Evaluated for its index.
-                    self.evaluate(scope, target);
-                }
-                self.assign(scope, target, value);
-                // The handler may change the data that would have been assigned.
-                if self.failures > failures {
-                    self.may_be_handled(true);
-                }
-                return Flow::Next;
-            }
-            Simple::Call(call) => call,
-        };
-        if call.late_bound {
-            return self.enter_late(scope, &call, span);
+        }
+        if let Some(name) = &call.late {
+            return self.enter_late(scope, name, call, at);
         }
         let name = &bytes[call.name.range()];
         if let Some(id) = self.symbols.find_routine(scope.module, name) {
-            return self.enter(scope, id, &call, span);
+            return self.enter(scope, id, arguments, at);
         }
         if name.eq_ignore_ascii_case(b"CallByVar") {
-            return self.enter_by_variable(scope, &call, span);
+            return self.enter_by_variable(scope, call, at);
         }
         let shape = motion::shape(name);
         // A stopped motion stops the program, unless a handler expects that.
         let plain = shape.is_some_and(|shape| shape.plain) && !self.stops_are_handled;
         let known = if shape.is_none() { predefined::instruction(name) } else { None };
         let fails = match known {
-            _ if plain => call.option(bytes, b"Conc").is_some(),
+            _ if plain => arguments.has(bytes, b"Conc"),
             Some(known) => known.may_fail(),
             None => true,
         };
@@ -285,15 +294,15 @@ impl<'a> Runner<'a> {
         }
         let flow = match (shape, known) {
             (Some(shape), _) => {
-                self.motion(scope, &call, shape, span);
+                self.motion(scope, call, shape, at);
                 if self.skipped_since(failures) {
                     self.stands = None;
                 }
                 Flow::Next
             }
-            (None, Some(instruction)) => self.instruction(scope, &call, instruction, span),
+            (None, Some(instruction)) => self.instruction(scope, call, instruction, at),
             (None, None) => {
-                self.unknown_procedure(scope, &call, span);
+                self.unknown_procedure(scope, call, at);
                 Flow::Next
             }
         };

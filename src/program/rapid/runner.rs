@@ -71,9 +71,9 @@ pub(super) struct Runner<'a> {
     pub(super) symbols: Symbols<'a>,
     pub(super) written: usize,
     pub(super) frames: Vec<Frame>,
-    pub(super) layers: Vec<Layer>,
+    pub(super) layers: Vec<Layer<'a>>,
     /// The values, before any routine ran, of data that a routine has changed.
-    pub(super) before_all: BTreeMap<usize, Content>,
+    pub(super) before_all: BTreeMap<usize, Content<'a>>,
     pub(super) state: ModalState,
     pub(super) mode: Mode,
     /// Whether a handler may take over a stopped motion: see [`Self::handles_stops`].
@@ -112,7 +112,6 @@ pub(super) struct Runner<'a> {
     pub(super) literals: Vec<Literal>,
     /// The first literal of each source in `literals`.
     pub(super) first_literal: Vec<usize>,
-    pub(super) next_literal: usize,
     pub(super) own: HashMap<SourceSpan, u32>,
     /// Robtargets assembled from parts that some run does not know, or uses where they cannot be edited.
     pub(super) unassembled: HashSet<SourceSpan>,
@@ -202,7 +201,6 @@ impl<'a> Runner<'a> {
             speed: (Cached::default(), None),
             literals,
             first_literal,
-            next_literal: 0,
             own: HashMap::new(),
             unassembled: HashSet::new(),
             pinned: BTreeSet::new(),

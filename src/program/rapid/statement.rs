@@ -1,8 +1,10 @@
-//! Finds the ends of statements and expressions, without reading them.
+//! Finds the ends of statements and expressions, and reads what is before them.
 
+use super::expression::{Arguments, Expression};
 use super::lex::{Key, Lexeme, LexemeKind, key};
 use super::literal::Literal;
 use super::parser::{Parser, Scan};
+use super::syntax::Reader;
 use super::tree::Statement;
 use crate::program::Reason;
 use crate::text::Span;
@@ -20,16 +22,22 @@ impl Parser<'_> {
             LexemeKind::Word if self.cursor.accept(LexemeKind::Mark(b':')).is_some() => return None,
             _ => {}
         }
+        let literals = self.file.literals.len();
         let end = self.scan();
-        let span = Span::new(start.start, self.cursor.behind);
+        let at = Span::new(start.start, self.cursor.behind);
         match end {
             Scan::Broken(reason) => self.odd(start.start, reason),
             Scan::Done if !matches!(start.kind, LexemeKind::Word | LexemeKind::Mark(b'%')) => {
                 self.odd(start.start, Reason::NotAStatement)
             }
-            Scan::Done => return Some(Statement::Simple(span)),
+            Scan::Done => return Some(Statement { kind: self.reader(at, literals).statement(), at }),
         }
         None
+    }
+
+    /// A reader of a stretch that was scanned, whose first robtarget has the index `first`.
+    pub(super) fn reader(&self, stretch: Span, first: usize) -> Reader<'_> {
+        Reader::new(self.cursor.bytes, stretch, &self.file.literals[first..], first)
     }
 
     /// Passes the rest of a statement with its `;`, noting robtarget literals. `;` does not occur in
@@ -110,7 +118,18 @@ impl Parser<'_> {
     }
 
     /// An expression up to one of `words`, or up to anything that cannot be part of an expression.
-    pub(super) fn expression(&mut self, words: &[&[u8]]) -> Span {
+    pub(super) fn expression(&mut self, words: &[&[u8]]) -> Expression {
+        let stretch = self.expressions(words);
+        self.reader(stretch, self.file.literals.len()).whole()
+    }
+
+    /// The values of a CASE.
+    pub(super) fn values(&mut self) -> Arguments {
+        let stretch = self.expressions(&[]);
+        self.reader(stretch, self.file.literals.len()).arguments()
+    }
+
+    fn expressions(&mut self, words: &[&[u8]]) -> Span {
         let start = self.cursor.peek().start;
         self.cursor.behind = start;
         let mut depth = 0_usize;
@@ -135,7 +154,7 @@ impl Parser<'_> {
     }
 
     /// A condition up to THEN or, in the compact form, up to the first word after a complete operand.
-    pub(super) fn operand_run(&mut self) -> Span {
+    pub(super) fn condition_of_if(&mut self) -> Expression {
         let start = self.cursor.peek().start;
         self.cursor.behind = start;
         let (mut depth, mut operand) = (0_usize, false);
@@ -162,7 +181,7 @@ impl Parser<'_> {
             }
             self.cursor.pass(lexeme);
         }
-        Span::new(start, self.cursor.behind)
+        self.reader(Span::new(start, self.cursor.behind), self.file.literals.len()).whole()
     }
 }
 

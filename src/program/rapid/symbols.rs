@@ -1,11 +1,11 @@
 //! Names: data and routines of all modules, and those that RAPID predefines.
 
+use super::expression::Expression;
 use super::known::{Known, RoutineId};
-use super::lex::{Cursor, LexemeKind};
 use super::tree::{Data, File, Routine, Storage};
 use super::value::Value;
 use crate::program::Reason;
-use crate::text::{Source, Span, decode};
+use crate::text::{Source, decode};
 use std::collections::{BTreeSet, HashMap};
 use std::rc::Rc;
 use std::sync::Arc;
@@ -42,10 +42,10 @@ pub(super) type Names = HashMap<Box<[u8]>, usize>;
 
 /// The content of a variable.
 #[derive(Clone, Debug)]
-pub(super) enum Content {
-    /// A declaration that is not yet read.
-    Declared(Span),
-    /// A declaration that is being read; found again, the initial value that depends on itself.
+pub(super) enum Content<'a> {
+    /// The initial value, which is not yet evaluated.
+    Declared(&'a Expression),
+    /// An initial value that is being evaluated; found again, it depends on itself.
     Busy,
     /// A part of another variable: a parameter by reference for a component or an element.
     Part(Rc<VariablePart>),
@@ -63,7 +63,7 @@ pub(super) struct VariablePart {
 }
 
 #[derive(Clone, Debug)]
-pub(super) struct Variable {
+pub(super) struct Variable<'a> {
     /// As the author spelled it.
     pub(super) name: Arc<str>,
     /// Type in upper case.
@@ -71,15 +71,15 @@ pub(super) struct Variable {
     pub(super) storage: Storage,
     pub(super) source: u16,
     pub(super) module: usize,
-    pub(super) content: Content,
+    pub(super) content: Content<'a>,
     /// The program assigns it somewhere.
     pub(super) assigned: bool,
     /// Why it may change at any moment (traps, error handlers).
     pub(super) volatile: Option<Reason>,
     /// The files do not declare this name.
     pub(super) foreign: bool,
-    /// The statement that declares it; `None` for parameters and loop variables.
-    pub(super) declared: Option<Span>,
+    /// Its declaration; `None` for parameters and loop variables.
+    pub(super) declared: Option<&'a Data>,
 }
 
 /// Everything declared outside routines.
@@ -94,7 +94,7 @@ pub(super) struct Symbols<'a> {
     pub(super) local_routines: Vec<HashMap<Box<[u8]>, RoutineId>>,
     /// For each file, the number of modules in the files before.
     pub(super) first_module: Vec<usize>,
-    pub(super) variables: Vec<Variable>,
+    pub(super) variables: Vec<Variable<'a>>,
     /// How many of them are data of modules; parameters and data of routines follow.
     pub(super) data: usize,
     /// Components of the program's own record types, by type: name and type of each.
@@ -205,7 +205,8 @@ impl<'a> Symbols<'a> {
 
     /// Data with this name in any module; without a name, all data.
     pub(super) fn all_named(&self, name: Option<&[u8]>) -> Vec<usize> {
-        let named = |variable: &Variable| name.is_none_or(|name| variable.name.as_bytes().eq_ignore_ascii_case(name));
+        let named =
+            |variable: &Variable<'_>| name.is_none_or(|name| variable.name.as_bytes().eq_ignore_ascii_case(name));
         (0..self.data).filter(|at| named(&self.variables[*at])).collect()
     }
 
@@ -216,12 +217,12 @@ impl<'a> Symbols<'a> {
     }
 }
 
-pub(super) fn declared(bytes: &[u8], file: usize, module: usize, data: &Data) -> Variable {
+pub(super) fn declared<'a>(bytes: &[u8], file: usize, module: usize, data: &'a Data) -> Variable<'a> {
     let kind = Upper::new(&bytes[data.kind.range()]);
     let unset = || match &*kind {
-        b"NUM" | b"DNUM" if data.dims.is_none() => Value::Num(0.0, None),
-        b"BOOL" if data.dims.is_none() => Value::Bool(false),
-        b"STRING" if data.dims.is_none() => Value::Text(Rc::from(&b""[..])),
+        b"NUM" | b"DNUM" if !data.is_array => Value::Num(0.0, None),
+        b"BOOL" if !data.is_array => Value::Bool(false),
+        b"STRING" if !data.is_array => Value::Text(Rc::from(&b""[..])),
         _ => Value::Unknown(Reason::Unset),
     };
     Variable {
@@ -231,16 +232,10 @@ pub(super) fn declared(bytes: &[u8], file: usize, module: usize, data: &Data) ->
         #[allow(clippy::cast_possible_truncation)]
         source: file as u16,
         module,
-        content: data.value.map_or_else(|| Content::Is(unset()), Content::Declared),
+        content: data.value.as_ref().map_or_else(|| Content::Is(unset()), Content::Declared),
         assigned: false,
         volatile: None,
         foreign: false,
-        declared: Some(data.statement),
+        declared: Some(data),
     }
-}
-
-/// The first word of a span; empty if it begins with anything else.
-pub(super) fn first_word(bytes: &[u8], span: Span) -> Span {
-    let lexeme = Cursor::new(bytes, span).peek();
-    if lexeme.kind == LexemeKind::Word { lexeme.span() } else { Span { start: span.start, end: span.start } }
 }

@@ -1,6 +1,9 @@
 //! Parses modules, routines and declarations. It is shallow, so that a statement that it does not understand affects no other.
 
 mod blocks;
+mod expressions;
+
+pub(super) use expressions::Reader;
 
 use super::lex::{Cursor, Key, Lexeme, LexemeKind, key};
 use super::parser::{Parser, Scan};
@@ -216,19 +219,19 @@ impl Parser<'_> {
             self.odd(start, reason);
             return None;
         };
-        let mut dims = None;
-        if let Some(open) = self.cursor.accept(LexemeKind::Mark(b'{')) {
+        let is_array = self.cursor.accept(LexemeKind::Mark(b'{')).is_some();
+        if is_array {
             while !matches!(
                 self.cursor.peek().kind,
                 LexemeKind::Mark(b'}' | b';') | LexemeKind::End | LexemeKind::Assign
             ) {
                 self.cursor.next();
             }
-            dims = Some(Span::new(open.end, self.cursor.behind));
             self.cursor.accept(LexemeKind::Mark(b'}'));
         }
         let assigned = self.cursor.accept(LexemeKind::Assign).is_some();
         let from = self.cursor.peek().start;
+        let literals = self.file.literals.len();
         let end = self.scan();
         let behind = self.cursor.behind;
         if let Scan::Broken(reason) = end {
@@ -238,9 +241,9 @@ impl Parser<'_> {
             }
         }
         let stop = if self.cursor.bytes.get(behind.wrapping_sub(1)) == Some(&b';') { behind - 1 } else { behind };
-        let value = (assigned && stop > from).then(|| Span::new(from, stop));
+        let value = (assigned && stop > from).then(|| self.reader(Span::new(from, stop), literals).whole());
         let statement = Span::new(start, behind);
-        Some(Data { storage, local, kind: kind.span(), name: name.span(), dims, value, statement })
+        Some(Data { storage, local, kind: kind.span(), name: name.span(), is_array, value, statement })
     }
 
     fn routine(&mut self, module: &mut Module, kind: RoutineKind, local: bool) -> Result<(), TooDeep> {

@@ -1,5 +1,6 @@
-//! The syntax tree of a file, in spans.
+//! The syntax tree of a file.
 
+use super::expression::{Arguments, Call, Expression};
 use super::literal::Literal;
 use crate::program::{Mark, Reason};
 use crate::text::Span;
@@ -32,14 +33,14 @@ pub(super) enum Storage {
 }
 
 /// `[LOCAL|TASK] VAR|PERS|CONST type name[{…}] [:= value];`
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(super) struct Data {
     pub(super) storage: Storage,
     pub(super) local: bool,
     pub(super) kind: Span,
     pub(super) name: Span,
-    pub(super) dims: Option<Span>,
-    pub(super) value: Option<Span>,
+    pub(super) is_array: bool,
+    pub(super) value: Option<Expression>,
     pub(super) statement: Span,
 }
 
@@ -93,36 +94,23 @@ pub(super) struct Param {
     pub(super) optional: bool,
 }
 
+/// A statement and its place, up to and with its `;`; of a branch or loop, the place of its first part.
 #[derive(Debug)]
-pub(super) enum Statement {
-    /// A call or an assignment, up to and with its `;`.
-    Simple(Span),
-    If {
-        arms: Vec<(Span, Vec<Statement>)>,
-        otherwise: Vec<Statement>,
-        at: Span,
-    },
-    For {
-        variable: Span,
-        from: Span,
-        to: Span,
-        step: Option<Span>,
-        body: Vec<Statement>,
-        at: Span,
-    },
-    While {
-        condition: Span,
-        body: Vec<Statement>,
-        at: Span,
-    },
-    Test {
-        subject: Span,
-        cases: Vec<(Span, Vec<Statement>)>,
-        otherwise: Vec<Statement>,
-        at: Span,
-    },
-    /// With the value of the function; empty if there is none.
-    Return(Span),
+pub(super) struct Statement {
+    pub(super) kind: StatementKind,
+    pub(super) at: Span,
+}
+
+#[derive(Debug)]
+pub(super) enum StatementKind {
+    Assign(Box<Assignment>),
+    Call(Box<Call>),
+    If(Box<If>),
+    For(Box<For>),
+    While(Box<While>),
+    Test(Box<Test>),
+    /// With the value of the function.
+    Return(Option<Box<Expression>>),
     Exit,
     /// To the error handler of this routine or of one that called it.
     Raise,
@@ -130,62 +118,129 @@ pub(super) enum Statement {
     Retry,
     /// In an error handler: go on after the failed statement.
     TryNext,
-    /// `CONNECT interrupt WITH trap`, whole.
-    Connect(Span),
+    Connect(Box<Connect>),
+    /// With the place of the label.
     Goto(Span),
     Mark(Mark),
 }
 
+/// `to := value`
+#[derive(Debug)]
+pub(super) struct Assignment {
+    pub(super) to: Expression,
+    pub(super) value: Expression,
+}
+
+#[derive(Debug)]
+pub(super) struct If {
+    pub(super) arms: Vec<Arm>,
+    pub(super) otherwise: Vec<Statement>,
+}
+
+/// A condition, and the statements that run if it is true.
+#[derive(Debug)]
+pub(super) struct Arm {
+    pub(super) condition: Expression,
+    pub(super) body: Vec<Statement>,
+}
+
+#[derive(Debug)]
+pub(super) struct For {
+    pub(super) variable: Span,
+    pub(super) from: Expression,
+    pub(super) to: Expression,
+    pub(super) step: Option<Expression>,
+    pub(super) body: Vec<Statement>,
+}
+
+#[derive(Debug)]
+pub(super) struct While {
+    pub(super) condition: Expression,
+    pub(super) body: Vec<Statement>,
+}
+
+#[derive(Debug)]
+pub(super) struct Test {
+    pub(super) subject: Expression,
+    pub(super) cases: Vec<Case>,
+    pub(super) otherwise: Vec<Statement>,
+}
+
+/// The values of a CASE, and the statements that run for them.
+#[derive(Debug)]
+pub(super) struct Case {
+    pub(super) values: Arguments,
+    pub(super) body: Vec<Statement>,
+}
+
+/// `CONNECT interrupt WITH trap`
+#[derive(Debug)]
+pub(super) struct Connect {
+    pub(super) interrupt: Expression,
+    /// The name of the trap.
+    pub(super) trap: Span,
+}
+
 impl Statement {
-    /// The span of the statement or of its first part, if recorded.
-    pub(super) fn place(&self) -> Option<Span> {
-        match self {
-            Self::Simple(at) | Self::Connect(at) | Self::Goto(at) => Some(*at),
-            Self::If { at, .. } | Self::For { at, .. } | Self::While { at, .. } | Self::Test { at, .. } => Some(*at),
-            Self::Return(value) => (!value.is_empty()).then_some(*value),
-            Self::Exit | Self::Raise | Self::Retry | Self::TryNext | Self::Mark(_) => None,
+    /// The call that it is.
+    pub(super) fn call(&self) -> Option<&Call> {
+        if let StatementKind::Call(call) = &self.kind { Some(call) } else { None }
+    }
+
+    /// The blocks in it.
+    pub(super) fn blocks(&self) -> Vec<&[Self]> {
+        match &self.kind {
+            StatementKind::If(of) => of.arms.iter().map(|arm| &arm.body[..]).chain([&of.otherwise[..]]).collect(),
+            StatementKind::For(of) => vec![&of.body],
+            StatementKind::While(of) => vec![&of.body],
+            StatementKind::Test(of) => of.cases.iter().map(|case| &case.body[..]).chain([&of.otherwise[..]]).collect(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// Calls `of` with all of its expressions, and with everything in them, but for those of the blocks in it.
+    pub(super) fn each<'e, F: FnMut(&'e Expression)>(&'e self, of: &mut F) {
+        match &self.kind {
+            StatementKind::Assign(assignment) => {
+                assignment.to.each(of);
+                assignment.value.each(of);
+            }
+            StatementKind::Call(call) => call.each(of),
+            StatementKind::If(branch) => branch.arms.iter().for_each(|arm| arm.condition.each(of)),
+            StatementKind::For(round) => {
+                [&round.from, &round.to].into_iter().chain(&round.step).for_each(|bound| bound.each(of));
+            }
+            StatementKind::While(round) => round.condition.each(of),
+            StatementKind::Test(branch) => {
+                branch.subject.each(of);
+                branch.cases.iter().flat_map(|case| case.values.given()).for_each(|value| value.each(of));
+            }
+            StatementKind::Return(value) => value.iter().for_each(|value| value.each(of)),
+            StatementKind::Connect(connect) => connect.interrupt.each(of),
+            StatementKind::Exit
+            | StatementKind::Raise
+            | StatementKind::Retry
+            | StatementKind::TryNext
+            | StatementKind::Goto(_)
+            | StatementKind::Mark(_) => {}
         }
     }
 }
 
-/// Whether a predicate is true of any statement in a block, its branches or its loops.
-pub(super) fn any(block: &[Statement], is: &impl Fn(&Statement) -> bool) -> bool {
-    block.iter().any(|statement| {
-        is(statement)
-            || match statement {
-                Statement::If { arms, otherwise, .. } => {
-                    arms.iter().any(|(_, block)| any(block, is)) || any(otherwise, is)
-                }
-                Statement::For { body, .. } | Statement::While { body, .. } => any(body, is),
-                Statement::Test { cases, otherwise, .. } => {
-                    cases.iter().any(|(_, block)| any(block, is)) || any(otherwise, is)
-                }
-                _ => false,
-            }
-    })
-}
-
-/// Calls and assignments of a block, and of the branches and loops in it, in text order.
-pub(super) fn simple_statements(block: &[Statement]) -> Vec<Span> {
+/// The statements of a block, and of the branches and loops in it, in text order.
+pub(super) fn statements(block: &[Statement]) -> Vec<&Statement> {
+    fn add<'s>(block: &'s [Statement], all: &mut Vec<&'s Statement>) {
+        for statement in block {
+            all.push(statement);
+            statement.blocks().into_iter().for_each(|block| add(block, all));
+        }
+    }
     let mut all = Vec::new();
-    collect(block, &mut all);
+    add(block, &mut all);
     all
 }
 
-fn collect(block: &[Statement], all: &mut Vec<Span>) {
-    for statement in block {
-        match statement {
-            Statement::Simple(span) => all.push(*span),
-            Statement::If { arms, otherwise, .. } => {
-                arms.iter().for_each(|(_, block)| collect(block, all));
-                collect(otherwise, all);
-            }
-            Statement::For { body, .. } | Statement::While { body, .. } => collect(body, all),
-            Statement::Test { cases, otherwise, .. } => {
-                cases.iter().for_each(|(_, block)| collect(block, all));
-                collect(otherwise, all);
-            }
-            _ => {}
-        }
-    }
+/// Whether a block has such a statement, in its branches and loops too.
+pub(super) fn any(block: &[Statement], is: &impl Fn(&StatementKind) -> bool) -> bool {
+    block.iter().any(|statement| is(&statement.kind) || statement.blocks().into_iter().any(|block| any(block, is)))
 }

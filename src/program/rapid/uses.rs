@@ -1,15 +1,15 @@
 //! Other uses of a target's numbers: in routines that nothing runs, traps, handlers and functions. A number is edited only if all
 //! its uses are known and ask for the same value.
 
+use super::expression::{Expression, ExpressionKind};
 use super::known::RoutineId;
-use super::lex::{Cursor, LexemeKind};
 use super::motion;
 use super::ran::Use;
 use super::runner::{Mode, Runner};
 use super::state::{ModalState, Switches};
-use super::symbols::{Upper, first_word};
-use super::tree::{Routine, RoutineKind, Statement, Storage, simple_statements};
-use super::value::{Pose, SourceSpan, axes_in_use};
+use super::symbols::Upper;
+use super::tree::{Data, Routine, RoutineKind, Statement, Storage, statements};
+use super::value::{Pose, axes_in_use};
 use crate::program::{Editable, Motion, Reason, Target};
 use crate::text::{Diagnostic, Severity, Span};
 use std::collections::{BTreeSet, HashSet};
@@ -82,54 +82,39 @@ impl<'a> Runner<'a> {
         self.state.lose(anywhere);
     }
 
-    /// The literals in a span.
-    pub(super) fn literals_in(&self, source: usize, span: Span) -> Vec<u32> {
-        let (first, end) = (self.first_literal[source], self.first_literal[source + 1]);
-        let of_source = &self.literals[first..end];
-        let from = of_source.partition_point(|literal| literal.span().start < span.start);
-        let inside = of_source[from..].iter().take_while(|literal| literal.span().end <= span.end).count();
-        let numbers = first + from..first + from + inside;
-        let within = |place: &SourceSpan| {
-            usize::from(place.source) == source && span.start <= place.span.start && place.span.end <= span.end
-        };
-        let own = self.own.iter().filter(|(place, _)| within(place)).map(|(_, id)| *id);
-        numbers.filter_map(|at| u32::try_from(at).ok()).chain(own).collect()
-    }
-
     /// Forbids edits of numbers used by traps, handlers and functions: they may run at any moment, or their motions are not
     /// followed. The same applies to recursive procedures, whose runs are not all followed.
     pub(super) fn hold_what_runs_aside(&mut self) {
-        let mut spans: Vec<(RoutineId, Span)> = Vec::new();
         let endless = self.reached_without_end();
-        for id in self.symbols.all().collect::<Vec<_>>() {
-            let routine = self.symbols.routine(id);
-            let aside = self.symbols.known.aside.contains(&id) || endless.contains(&id);
-            let mut found = Vec::new();
-            if aside {
-                texts(&routine.body, &mut found);
-            }
-            texts(&routine.handlers, &mut found);
-            spans.extend(found.into_iter().map(|span| (id, span)));
-        }
         let mut done = BTreeSet::new();
-        for (id, span) in spans {
-            self.pinned.extend(self.literals_in(id.file, span));
-            let bytes = self.bytes(id.file);
-            let (routine, module) = (self.symbols.routine(id), self.symbols.module_of(id));
-            let mut cursor = Cursor::new(bytes, span);
-            loop {
-                let word = cursor.next();
-                match word.kind {
-                    LexemeKind::End => break,
-                    LexemeKind::Word => {}
+        for id in self.symbols.all().collect::<Vec<_>>() {
+            let (bytes, routine, module) = (self.bytes(id.file), self.symbols.routine(id), self.symbols.module_of(id));
+            let is_aside = self.symbols.known.aside.contains(&id) || endless.contains(&id);
+            let body = if is_aside { &routine.body[..] } else { &[] };
+            let mut parts: Vec<&Expression> = Vec::new();
+            for statement in statements(body).into_iter().chain(statements(&routine.handlers)) {
+                statement.each(&mut |part| parts.push(part));
+            }
+            for part in parts {
+                #[allow(clippy::cast_possible_truncation)] // as many files as a target's source can number
+                let source = id.file as u16;
+                match part.kind {
+                    ExpressionKind::Literal(_) | ExpressionKind::Aggregate(_) => {
+                        self.pinned.extend(self.literals_in(source, part));
+                        continue;
+                    }
+                    ExpressionKind::Name => {}
                     _ => continue,
                 }
-                let key = Upper::new(cursor.text(word));
+                let key = Upper::new(&bytes[part.span.range()]);
                 if !done.insert((id, Box::<[u8]>::from(&*key))) {
                     continue;
                 }
                 match own_data(routine, bytes, &key) {
-                    Some(Some(statement)) => self.pinned.extend(self.literals_in(id.file, statement)),
+                    Some(Some(data)) => {
+                        let inside = data.value.iter().flat_map(|value| self.literals_in(source, value));
+                        self.pinned.extend(inside.collect::<Vec<_>>());
+                    }
                     Some(None) => {
                         let given = self.given.get(&(id, Box::<[u8]>::from(&*key)));
                         self.pinned.extend(given.into_iter().flatten());
@@ -157,13 +142,13 @@ impl<'a> Runner<'a> {
 
     /// Refuses the targets of routines with endless recursion.
     pub(super) fn refuse_what_calls_itself(&mut self) {
-        let mut statements = HashSet::new();
+        let mut places = HashSet::new();
         for id in self.reached_without_end() {
             let body = &self.symbols.routine(id).body;
-            statements.extend(simple_statements(body).into_iter().map(|span| (id.file, span.start)));
+            places.extend(statements(body).into_iter().map(|statement| (id.file, statement.at.start)));
         }
         for target in &mut self.targets {
-            let inside = statements.contains(&(usize::from(target.source), target.span.start));
+            let inside = places.contains(&(usize::from(target.source), target.span.start));
             if inside && !matches!(target.editable, Editable::No(_)) {
                 target.editable = Editable::No(Reason::RoutineCallsItself);
             }
@@ -204,7 +189,7 @@ impl<'a> Runner<'a> {
                 waiting.extend(called.filter(|callee| reached.insert(*callee)));
             }
             let moves = |id: RoutineId| {
-                simple_statements(&self.symbols.routine(id).body).into_iter().any(|span| self.is_motion(id, span))
+                statements(&self.symbols.routine(id).body).into_iter().any(|statement| self.is_motion(id, statement))
             };
             if !reached.into_iter().any(moves) {
                 continue;
@@ -221,10 +206,11 @@ impl<'a> Runner<'a> {
     }
 
     /// Whether a statement is a motion instruction, not a call of a routine with that name.
-    fn is_motion(&self, id: RoutineId, span: Span) -> bool {
-        let bytes = self.bytes(id.file);
-        let name = &bytes[first_word(bytes, span).range()];
-        motion::shape(name).is_some() && self.symbols.find_routine(self.symbols.module_of(id), name).is_none()
+    fn is_motion(&self, id: RoutineId, statement: &Statement) -> bool {
+        statement.call().is_some_and(|call| {
+            let name = &self.bytes(id.file)[call.name.range()];
+            motion::shape(name).is_some() && self.symbols.find_routine(self.symbols.module_of(id), name).is_none()
+        })
     }
 
     /// Forbids edits of robtargets assembled from parts, unless every run knows the parts and can edit them.
@@ -245,10 +231,10 @@ impl<'a> Runner<'a> {
                 RoutineKind::Proc => Reason::NotReached,
             };
             for (block, reason) in [(&routine.body, body), (&routine.handlers, Reason::InErrorHandler)] {
-                let idle: Vec<Span> = simple_statements(block)
+                let idle: Vec<Span> = statements(block)
                     .into_iter()
-                    .filter(|span| !self.ran.has(id.file, span.start))
-                    .filter(|span| self.is_motion(id, *span))
+                    .filter(|statement| !self.ran.has(id.file, statement.at.start) && self.is_motion(id, statement))
+                    .map(|statement| statement.at)
                     .collect();
                 let Some(first) = idle.first() else { continue };
                 let name = String::from_utf8_lossy(self.routine_name(id)).into_owned();
@@ -265,48 +251,9 @@ fn motions(count: usize) -> String {
     if count == 1 { "1 motion".to_owned() } else { format!("{count} motions") }
 }
 
-/// The statement that declares a name of a routine; inner `None` for a parameter, outer `None` for other names.
-fn own_data(routine: &Routine, bytes: &[u8], key: &[u8]) -> Option<Option<Span>> {
+/// The declaration of a name of a routine; inner `None` for a parameter, outer `None` for other names.
+fn own_data<'r>(routine: &'r Routine, bytes: &[u8], key: &[u8]) -> Option<Option<&'r Data>> {
     let is = |span: Span| *Upper::new(&bytes[span.range()]) == *key;
-    let data = routine.data.iter().find(|data| is(data.name)).map(|data| Some(data.statement));
+    let data = routine.data.iter().find(|data| is(data.name)).map(Some);
     data.or_else(|| routine.params.iter().any(|param| is(param.name)).then_some(None))
-}
-
-/// Adds the spans of all texts in a block, with its branches and loops.
-pub(super) fn texts(block: &[Statement], out: &mut Vec<Span>) {
-    for statement in block {
-        match statement {
-            Statement::Simple(span) | Statement::Connect(span) | Statement::Return(span) => out.push(*span),
-            Statement::If { arms, otherwise, .. } => {
-                for (condition, block) in arms {
-                    out.push(*condition);
-                    texts(block, out);
-                }
-                texts(otherwise, out);
-            }
-            Statement::For { from, to, step, body, .. } => {
-                out.extend([*from, *to]);
-                out.extend(*step);
-                texts(body, out);
-            }
-            Statement::While { condition, body, .. } => {
-                out.push(*condition);
-                texts(body, out);
-            }
-            Statement::Test { subject, cases, otherwise, .. } => {
-                out.push(*subject);
-                for (values, block) in cases {
-                    out.push(*values);
-                    texts(block, out);
-                }
-                texts(otherwise, out);
-            }
-            Statement::Exit
-            | Statement::Raise
-            | Statement::Retry
-            | Statement::TryNext
-            | Statement::Goto(_)
-            | Statement::Mark(_) => {}
-        }
-    }
 }

@@ -1,33 +1,29 @@
 //! Evaluates predefined functions whose arguments are known when reading.
 
-use super::super::lex::Cursor;
-use super::super::motion::Call;
+use super::super::expression::{Arguments, Call};
 use super::super::predefined;
 use super::super::runner::Runner;
 use super::super::symbols::Upper;
 use super::super::value::{NO_TURN, OffsetStep, Value, multiply};
-use super::{MAX_DEPTH, Scope};
+use super::Scope;
 use crate::program::Reason;
 use crate::text::number::write_fixed;
 use std::rc::Rc;
 
-impl Runner<'_> {
+impl<'a> Runner<'a> {
     /// A call in an expression.
-    pub(super) fn function(&mut self, scope: Scope, call: &Call, depth: usize) -> Value {
-        let sources = self.symbols.sources;
-        let bytes: &[u8] = &sources[scope.source as usize].bytes;
-        let name = Upper::new(&bytes[call.name.range()]);
-        if depth > MAX_DEPTH {
-            return Value::Unknown(Reason::ExpressionTooDeep);
+    pub(super) fn function(&mut self, scope: Scope, call: &'a Call) -> Value {
+        let bytes = self.bytes(scope.source as usize);
+        let (name, arguments) = (Upper::new(&bytes[call.name.range()]), &call.arguments);
+        let values: Vec<Value> = arguments.positional.iter().map(|argument| self.value(scope, argument)).collect();
+        let routine = self.symbols.find_routine(scope.module, &bytes[call.name.range()]);
+        if arguments.is_cut {
+            self.unknown_call(scope, arguments);
+            return Value::Unknown(Reason::Expression);
         }
-        let mut values = Vec::new();
-        for span in call.positional() {
-            let mut cursor = Cursor::new(bytes, *span);
-            values.push(self.expression(scope, &mut cursor, 0, depth + 1));
-        }
-        if let Some(id) = self.symbols.find_routine(scope.module, &bytes[call.name.range()]) {
+        if let Some(id) = routine {
             values.iter().for_each(|v| self.pin_value(v));
-            self.not_followed(scope, id, call);
+            self.not_followed(scope, id, arguments);
             self.expression_may_fail();
             return Value::Unknown(Reason::Computed);
         }
@@ -35,16 +31,15 @@ impl Runner<'_> {
             Some(predefined::Function::Nothing) => {}
             Some(predefined::Function::Arguments) => {
                 self.events += 1;
-                for argument in call.given().collect::<Vec<_>>() {
+                for argument in arguments.given() {
                     self.forget_argument(scope, argument, Reason::Computed);
                 }
             }
             None => self.unknown_function(scope, call),
         }
-        if !call.optional().is_empty() && !matches!(&*name, b"RELTOOL") {
-            for (_, span) in call.optional() {
-                let mut cursor = Cursor::new(bytes, *span);
-                let value = self.expression(scope, &mut cursor, 0, depth + 1);
+        if !matches!(&*name, b"RELTOOL") {
+            for value in arguments.optional.iter().filter_map(|argument| argument.value.as_ref()) {
+                let value = self.value(scope, value);
                 self.pin_value(&value);
             }
         }
@@ -52,13 +47,13 @@ impl Runner<'_> {
             (b"PRESENT", 1) => return present(&values[0]),
             (b"OFFS", 4) => return self.shifted(&values, false, Some(NO_TURN)),
             (b"RELTOOL", 4) => {
-                let turn = self.turn(scope, call, depth);
+                let turn = self.turn(scope, arguments);
                 return self.shifted(&values, true, turn);
             }
             (b"NUMTOSTR", 2) => printed(&values[0], &values[1]),
             (b"ORIENTZYX", 3) => orientation(&values),
             (b"DIM", 2) => dimension(&values[0], &values[1]),
-            _ => arithmetic(&name, &values, call.optional().is_empty()),
+            _ => arithmetic(&name, &values, arguments.optional.is_empty()),
         };
         if known.is_none() && !predefined::never_fails(&name) {
             self.expression_may_fail();
@@ -70,14 +65,14 @@ impl Runner<'_> {
     }
 
     /// `\Rx`, `\Ry`, `\Rz` of `RelTool`: turns about x, then the new y, then the new z.
-    fn turn(&mut self, scope: Scope, call: &Call, depth: usize) -> Option<[f64; 4]> {
-        let sources = self.symbols.sources;
-        let bytes: &[u8] = &sources[scope.source as usize].bytes;
+    fn turn(&mut self, scope: Scope, arguments: &'a Arguments) -> Option<[f64; 4]> {
+        let bytes = self.bytes(scope.source as usize);
         let mut turn = NO_TURN;
         for (axis, name) in [&b"Rx"[..], b"Ry", b"Rz"].into_iter().enumerate() {
-            let Some(span) = call.option(bytes, name) else { continue };
-            let mut cursor = Cursor::new(bytes, span);
-            let half = self.expression(scope, &mut cursor, 0, depth + 1).num()?.to_radians() / 2.0;
+            if !arguments.has(bytes, name) {
+                continue;
+            }
+            let half = self.value(scope, arguments.named(bytes, name)?).num()?.to_radians() / 2.0;
             let mut q = [half.cos(), 0.0, 0.0, 0.0];
             q[axis + 1] = half.sin();
             turn = multiply(turn, q);

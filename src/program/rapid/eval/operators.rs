@@ -1,7 +1,6 @@
-//! Operators: their precedence and their results.
+//! The results of operators.
 
-use super::super::lex::{Cursor, Lexeme, LexemeKind};
-use super::super::symbols::Upper;
+use super::super::expression::Operator;
 use super::super::value::Value;
 use crate::program::Reason;
 
@@ -27,67 +26,43 @@ pub(in super::super) fn equal(left: &Value, right: &Value) -> Option<bool> {
     }
 }
 
-/// Precedence and sign of the operator, if the lexeme is one.
-#[inline]
-pub(super) fn operator(cursor: &Cursor<'_>, lexeme: Lexeme) -> Option<(u8, &'static str)> {
-    Some(match lexeme.kind {
-        LexemeKind::Mark(b'=') => (3, "="),
-        LexemeKind::Mark(b'<') => (3, "<"),
-        LexemeKind::Mark(b'>') => (3, ">"),
-        LexemeKind::Unequal => (3, "<>"),
-        LexemeKind::AtMost => (3, "<="),
-        LexemeKind::AtLeast => (3, ">="),
-        LexemeKind::Mark(b'+') => (4, "+"),
-        LexemeKind::Mark(b'-') => (4, "-"),
-        LexemeKind::Mark(b'*') => (5, "*"),
-        LexemeKind::Mark(b'/') => (5, "/"),
-        LexemeKind::Word => match &*Upper::new(cursor.text(lexeme)) {
-            b"OR" => (0, "OR"),
-            b"XOR" => (0, "XOR"),
-            b"AND" => (1, "AND"),
-            b"DIV" => (5, "DIV"),
-            b"MOD" => (5, "MOD"),
-            _ => return None,
-        },
-        _ => return None,
-    })
-}
-
-pub(super) fn apply(operator: &str, left: &Value, right: &Value) -> Value {
+pub(super) fn apply(operator: Operator, left: &Value, right: &Value) -> Value {
     let unknown = || Value::Unknown(left.unknown().or(right.unknown()).unwrap_or(Reason::Computed));
     // One operand can decide.
     match (operator, left.bool(), right.bool()) {
-        ("OR", Some(true), _) | ("OR", _, Some(true)) => return Value::Bool(true),
-        ("AND", Some(false), _) | ("AND", _, Some(false)) => return Value::Bool(false),
+        (Operator::Or, Some(true), _) | (Operator::Or, _, Some(true)) => return Value::Bool(true),
+        (Operator::And, Some(false), _) | (Operator::And, _, Some(false)) => return Value::Bool(false),
         _ => {}
     }
     match (left, right) {
         (Value::Num(a, _), Value::Num(b, _)) => number_operation(operator, *a, *b).unwrap_or_else(unknown),
         (_, _)
-            if matches!(operator, "=" | "<>")
+            if matches!(operator, Operator::Equal | Operator::Unequal)
                 && !matches!((left, right), (Value::List(..), _) | (_, Value::List(..))) =>
         {
-            equal(left, right).map_or_else(unknown, |same| Value::Bool(same == (operator == "=")))
+            equal(left, right).map_or_else(unknown, |same| Value::Bool(same == (operator == Operator::Equal)))
         }
         (Value::Bool(a), Value::Bool(b)) => match operator {
-            "OR" => Value::Bool(a | b),
-            "AND" => Value::Bool(a & b),
-            "XOR" => Value::Bool(a != b),
+            Operator::Or => Value::Bool(a | b),
+            Operator::And => Value::Bool(a & b),
+            Operator::Xor => Value::Bool(a != b),
             _ => unknown(),
         },
         (Value::Text(a), Value::Text(b)) => match operator {
-            "+" if a.len() + b.len() > MOST_TEXT => Value::Unknown(Reason::TextTooLong),
-            "+" => Value::Text([&**a, &**b].concat().into()),
+            Operator::Add if a.len() + b.len() > MOST_TEXT => Value::Unknown(Reason::TextTooLong),
+            Operator::Add => Value::Text([&**a, &**b].concat().into()),
             _ => unknown(),
         },
         // pos + pos, pos * num
-        (Value::List(a, _), Value::List(b, _)) if matches!(operator, "+" | "-") && a.len() == b.len() => {
+        (Value::List(a, _), Value::List(b, _))
+            if matches!(operator, Operator::Add | Operator::Subtract) && a.len() == b.len() =>
+        {
             Value::List(a.iter().zip(b.iter()).map(|(a, b)| apply(operator, a, b)).collect(), None)
         }
-        (Value::List(a, _), Value::Num(..)) if matches!(operator, "*" | "/") => {
+        (Value::List(a, _), Value::Num(..)) if matches!(operator, Operator::Multiply | Operator::Divide) => {
             Value::List(a.iter().map(|a| apply(operator, a, right)).collect(), None)
         }
-        (Value::Num(..), Value::List(b, _)) if operator == "*" => {
+        (Value::Num(..), Value::List(b, _)) if operator == Operator::Multiply => {
             Value::List(b.iter().map(|b| apply(operator, left, b)).collect(), None)
         }
         _ => unknown(),
@@ -95,24 +70,22 @@ pub(super) fn apply(operator: &str, left: &Value, right: &Value) -> Value {
 }
 
 #[allow(clippy::float_cmp)] // RAPID's own comparison
-fn number_operation(operator: &str, a: f64, b: f64) -> Option<Value> {
+fn number_operation(operator: Operator, a: f64, b: f64) -> Option<Value> {
     let number = |v: f64| v.is_finite().then_some(Value::Num(v, None));
-    if matches!(operator, "=" | "<>" | "<" | ">" | "<=" | ">=") && !can_be_told_apart(a, b) {
-        return None;
-    }
+    let truth = |holds: bool| can_be_told_apart(a, b).then_some(Value::Bool(holds));
     match operator {
-        "+" => number(a + b),
-        "-" => number(a - b),
-        "*" => number(a * b),
-        "/" => number(a / b),
-        "DIV" => number((a / b).trunc()),
-        "MOD" => number(a % b),
-        "=" => Some(Value::Bool(a == b)),
-        "<>" => Some(Value::Bool(a != b)),
-        "<" => Some(Value::Bool(a < b)),
-        ">" => Some(Value::Bool(a > b)),
-        "<=" => Some(Value::Bool(a <= b)),
-        ">=" => Some(Value::Bool(a >= b)),
-        _ => None,
+        Operator::Add => number(a + b),
+        Operator::Subtract => number(a - b),
+        Operator::Multiply => number(a * b),
+        Operator::Divide => number(a / b),
+        Operator::Div => number((a / b).trunc()),
+        Operator::Mod => number(a % b),
+        Operator::Equal => truth(a == b),
+        Operator::Unequal => truth(a != b),
+        Operator::Less => truth(a < b),
+        Operator::Greater => truth(a > b),
+        Operator::AtMost => truth(a <= b),
+        Operator::AtLeast => truth(a >= b),
+        Operator::Or | Operator::Xor | Operator::And => None,
     }
 }

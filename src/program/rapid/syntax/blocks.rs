@@ -1,8 +1,8 @@
 //! Parses blocks: statements up to the word that ends them, with branches and loops.
 
-use super::super::lex::{Key, LexemeKind};
+use super::super::lex::{Cursor, Key, LexemeKind};
 use super::super::parser::{Parser, Scan};
-use super::super::tree::{Data, Statement};
+use super::super::tree::{Arm, Case, Connect, Data, For, If, Statement, StatementKind, Test, While};
 use super::{MAX_DEPTH, TooDeep, storage};
 use crate::program::Reason;
 use crate::text::Span;
@@ -18,7 +18,7 @@ impl Parser<'_> {
         loop {
             let start = self.cursor.peek();
             if let Some(mark) = self.cursor.mark.take() {
-                block.push(Statement::Mark(mark));
+                block.push(Statement { kind: StatementKind::Mark(mark), at: Span::new(start.start, start.start) });
             }
             let at = start.start;
             match self.key_of(start) {
@@ -81,10 +81,12 @@ impl Parser<'_> {
 
     /// After IF: the block form, or the compact form with one statement and no THEN.
     fn condition(&mut self, data: &mut Vec<Data>, at: usize, depth: usize) -> Result<Option<Statement>, TooDeep> {
-        let condition = self.operand_run();
+        let condition = self.condition_of_if();
         let head = Span::new(at, self.cursor.behind);
+        let branch =
+            |arms, otherwise| Statement { kind: StatementKind::If(Box::new(If { arms, otherwise })), at: head };
         if self.cursor.accept_word(b"THEN") {
-            let mut arms = vec![(condition, self.block(data, depth + 1)?)];
+            let mut arms = vec![Arm { condition, body: self.block(data, depth + 1)? }];
             let mut otherwise = Vec::new();
             loop {
                 match self.peek_key() {
@@ -92,7 +94,7 @@ impl Parser<'_> {
                         self.cursor.next();
                         let condition = self.expression(&[b"THEN"]);
                         self.cursor.accept_word(b"THEN");
-                        arms.push((condition, self.block(data, depth + 1)?));
+                        arms.push(Arm { condition, body: self.block(data, depth + 1)? });
                     }
                     Some(Key::Else) => {
                         self.cursor.next();
@@ -102,7 +104,7 @@ impl Parser<'_> {
                 }
             }
             self.close(Key::EndIf, head);
-            return Ok(Some(Statement::If { arms, otherwise, at: head }));
+            return Ok(Some(branch(arms, otherwise)));
         }
         let start = self.cursor.peek();
         let inner = match self.key_of(start) {
@@ -116,7 +118,7 @@ impl Parser<'_> {
                 None
             }
         };
-        Ok(inner.map(|s| Statement::If { arms: vec![(condition, vec![s])], otherwise: Vec::new(), at: head }))
+        Ok(inner.map(|statement| branch(vec![Arm { condition, body: vec![statement] }], Vec::new())))
     }
 
     /// After FOR.
@@ -126,7 +128,7 @@ impl Parser<'_> {
         let from = self.expression(&[b"TO", b"STEP", b"DO"]);
         let to_word = self.cursor.accept_word(b"TO");
         let to = self.expression(&[b"STEP", b"DO"]);
-        let step = self.cursor.accept_word(b"STEP").then(|| self.expression(&[b"DO"]));
+        let step = if self.cursor.accept_word(b"STEP") { Some(self.expression(&[b"DO"])) } else { None };
         self.cursor.accept_word(b"DO");
         let head = Span::new(at, self.cursor.behind);
         let body = self.block(data, depth + 1)?;
@@ -135,7 +137,8 @@ impl Parser<'_> {
             self.file.odd.push((head, Reason::ForIncomplete));
             return Ok(None);
         };
-        Ok(Some(Statement::For { variable: variable.span(), from, to, step, body, at: head }))
+        let round = For { variable: variable.span(), from, to, step, body };
+        Ok(Some(Statement { kind: StatementKind::For(Box::new(round)), at: head }))
     }
 
     /// After WHILE.
@@ -145,7 +148,7 @@ impl Parser<'_> {
         let head = Span::new(at, self.cursor.behind);
         let body = self.block(data, depth + 1)?;
         self.close(Key::EndWhile, head);
-        Ok(Statement::While { condition, body, at: head })
+        Ok(Statement { kind: StatementKind::While(Box::new(While { condition, body })), at: head })
     }
 
     /// After TEST.
@@ -157,9 +160,9 @@ impl Parser<'_> {
             match self.peek_key() {
                 Some(Key::Case) => {
                     self.cursor.next();
-                    let values = self.expression(&[]);
+                    let values = self.values();
                     self.cursor.accept(LexemeKind::Mark(b':'));
-                    cases.push((values, self.block(data, depth + 1)?));
+                    cases.push(Case { values, body: self.block(data, depth + 1)? });
                 }
                 Some(Key::Default) => {
                     self.cursor.next();
@@ -170,26 +173,47 @@ impl Parser<'_> {
             }
         }
         self.close(Key::EndTest, head);
-        Ok(Statement::Test { subject, cases, otherwise, at: head })
+        Ok(Statement { kind: StatementKind::Test(Box::new(Test { subject, cases, otherwise })), at: head })
     }
 
     /// After RETURN, EXIT, RAISE, RETRY, TRYNEXT, GOTO or CONNECT, which is at `at`.
     fn leaving(&mut self, word: Key, at: usize) -> Statement {
         let first = self.cursor.peek().span();
-        let from = first.start as usize;
+        let literals = self.file.literals.len();
         if let Scan::Broken(reason) = self.scan() {
             self.odd(at, reason);
         }
-        let end = self.cursor.behind;
-        let stop = if self.cursor.bytes.get(end.wrapping_sub(1)) == Some(&b';') { end - 1 } else { end };
-        match word {
-            Key::Return => Statement::Return(Span::new(from.min(stop), stop)),
-            Key::Exit => Statement::Exit,
-            Key::Retry => Statement::Retry,
-            Key::TryNext => Statement::TryNext,
-            Key::Goto => Statement::Goto(first),
-            Key::Connect => Statement::Connect(Span::new(at, end)),
-            _ => Statement::Raise,
+        let at = Span::new(at, self.cursor.behind);
+        let rest = Span { start: first.start.min(at.end), ..at };
+        let kind = match word {
+            Key::Return => {
+                let value = self.reader(rest, literals).whole();
+                StatementKind::Return(Some(Box::new(value)).filter(|value| !value.span.is_empty()))
+            }
+            Key::Exit => StatementKind::Exit,
+            Key::Retry => StatementKind::Retry,
+            Key::TryNext => StatementKind::TryNext,
+            Key::Goto => StatementKind::Goto(first),
+            Key::Connect => self.connect(rest),
+            _ => StatementKind::Raise,
+        };
+        Statement { kind, at }
+    }
+
+    /// The parts of a CONNECT, after its word.
+    fn connect(&self, rest: Span) -> StatementKind {
+        let mut cursor = Cursor::new(self.cursor.bytes, rest);
+        let (mut with, mut trap) = (rest.end, Span { start: rest.end, end: rest.end });
+        loop {
+            let lexeme = cursor.next();
+            match lexeme.kind {
+                LexemeKind::End => break,
+                LexemeKind::Word if cursor.text(lexeme).eq_ignore_ascii_case(b"WITH") => with = lexeme.span().start,
+                LexemeKind::Word => trap = lexeme.span(),
+                _ => {}
+            }
         }
+        let interrupt = self.reader(Span { end: with, ..rest }, self.file.literals.len()).whole();
+        StatementKind::Connect(Box::new(Connect { interrupt, trap }))
     }
 }
