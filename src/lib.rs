@@ -70,6 +70,11 @@
 //! }
 //! ```
 //!
+//! # Features
+//!
+//! `cli`, which is on by default, adds [`cli`] and the command. Without it (`default-features = false`) nothing of a command line is built:
+//! no parser of arguments, no progress bar and no handler of interrupts.
+//!
 //! # Stability
 //!
 //! Versions follow [semantic versioning](https://semver.org/). While the first number is 0, a change of the second one can break
@@ -87,6 +92,9 @@
 //! The library computes in metres, radians and newtons. Only [`program`], the cell file and [`report`] have millimetres and
 //! degrees, which the names of their fields and columns state.
 
+// The command line alone uses some items of the layers before it.
+#![cfg_attr(not(feature = "cli"), allow(dead_code))]
+
 /// Two crates whose types appear in public signatures.
 pub use {nalgebra, toml};
 
@@ -94,6 +102,7 @@ pub use {nalgebra, toml};
 extern crate self as deflex;
 
 pub mod cell;
+#[cfg(feature = "cli")]
 pub mod cli;
 pub mod correct;
 pub mod cutting;

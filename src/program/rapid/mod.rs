@@ -3,7 +3,8 @@
 //! Reading goes in steps:
 //!
 //! 1. `lex` splits bytes into lexemes.
-//! 2. `syntax` finds blocks; a statement that it does not understand stays as it is and affects no other.
+//! 2. `syntax` finds blocks and reads each statement once, into the tree of `tree` and `expression`. What it does not understand stays as it
+//!    is and affects no other statement.
 //! 3. `run` follows the program as it runs, with the values of `eval`.
 //! 4. The run gives targets and the positions of their number tokens (`Layout`).
 //! 5. `rewrite` turns corrections into edits.

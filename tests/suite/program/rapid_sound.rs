@@ -679,3 +679,62 @@ fn a_program_without_an_end_is_refused_soon() {
     // Twenty million motions take half a minute.
     assert!(began.elapsed().as_secs() < 10);
 }
+
+/// A statement may have any number of arguments, and may change all of them; after one that is not understood, anything may have changed.
+#[test]
+fn statements_that_are_long_or_not_understood_change_what_they_may() {
+    let many = "0,".repeat(24);
+    check(
+        &format!(
+            "MoveL p1,v50,fine,t1; ! edit
+Give {many}n;
+MoveL Offs(p2,0,0,n),v50,fine,t1; ! stay"
+        ),
+        &format!(
+            "PROC Give({}INOUT num last)\nlast:=nIn;\nENDPROC",
+            (0..24).map(|i| format!("num a{i},")).collect::<String>()
+        ),
+    );
+    check(
+        "MoveL p1,v50,fine,t1\\WObj:=w1; ! edit
+Give \\:=1;
+MoveL p2,v50,fine,t1\\WObj:=w1; ! stay",
+        "",
+    );
+}
+
+/// Brackets around an argument, or around a condition, make no call of a function.
+#[test]
+fn brackets_call_nothing() {
+    check(
+        "WHILE n<3 DO
+WaitTime(1);
+IF (nIn=1) SetDO do1,(1);
+MoveL p1,v50,fine,t1\\WObj:=w1; ! edit
+n:=n+(1);
+ENDWHILE
+MoveL p2,v50,fine,t1\\WObj:=w1; ! edit",
+        "",
+    );
+    check(
+        "WHILE nIn=1 DO
+WaitTime(1);
+MoveL p1,v50,fine,t1\\WObj:=w1; ! edit
+ENDWHILE",
+        "TRAP tr
+WaitTime(1);
+ENDTRAP",
+    );
+}
+
+#[test]
+fn motions_in_step_with_another_robot_keep_their_frames() {
+    check(
+        "VAR syncident on;
+SyncMoveOn on,tasks;
+MoveL p1\\ID:=10,v50,fine,t1\\WObj:=w1; ! edit
+SyncMoveOff on;
+MoveL p2,v50,fine,t1\\WObj:=w1; ! edit",
+        "",
+    );
+}
