@@ -1,10 +1,9 @@
 //! Complete robtarget literals: `[[x,y,z],[q1,q2,q3,q4],[cf1,cf4,cf6,cfx],[eax_a … eax_f]]`.
 
 use super::lex::{LexemeKind, lexeme, number};
-use crate::program::EXTERNAL_AXES;
-use crate::program::{Conf, Confdata};
+use crate::program::{Conf, Confdata, EXTERNAL_AXES, token};
 use crate::text::Span;
-use crate::text::number::{self as numbers, Leading, read_leading};
+use crate::text::number::{Leading, read_leading};
 use nom::Parser;
 
 /// Where the number tokens of one robtarget stand, sign included: x y z, q1 … q4, cf1 … cfx.
@@ -242,7 +241,7 @@ fn signed<const VALUES: bool>(bytes: &[u8], at: usize) -> Option<(f64, usize, u8
     let negative = bytes.get(at) == Some(&b'-');
     let from = if negative || bytes.get(at) == Some(&b'+') { blank(bytes, at + 1) } else { at };
     let token = unsigned(bytes, from)?;
-    let value = if VALUES { numbers::read(token)? } else { 0.0 };
+    let value = if VALUES { token::unsigned(token)? } else { 0.0 };
     let end = from + token.len();
     let plain = read_leading(&bytes[at..end]).filter(|plain| plain.len() == end - at);
     Some((if negative { -value } else { value }, end, plain.map_or(Leading::ODD, Leading::bare_decimals)))

@@ -717,7 +717,7 @@ MoveL p2,v50,fine,t1\\WObj:=w1; ! edit",
         "",
     );
     check(
-        "WHILE nIn=1 DO
+        "WHILE DInput(di1)=1 DO
 WaitTime(1);
 MoveL p1,v50,fine,t1\\WObj:=w1; ! edit
 ENDWHILE",

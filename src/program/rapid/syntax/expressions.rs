@@ -140,7 +140,7 @@ impl<'r> Reader<'r> {
             let inner = self.nested(|reader| reader.expression(NOT));
             self.since(start, ExpressionKind::Not(Box::new(inner)))
         } else {
-            self.signed()
+            self.unary()
         };
         // The right side of an operator takes all operators of higher levels, so the levels never rise from left to right.
         let mut operations: Vec<Operation> = Vec::new();
@@ -186,7 +186,7 @@ impl<'r> Reader<'r> {
         })
     }
 
-    fn signed(&mut self) -> Expression {
+    fn unary(&mut self) -> Expression {
         let sign = self.cursor.peek();
         let is_minus = match sign.kind {
             LexemeKind::Mark(b'-') => true,
@@ -194,7 +194,7 @@ impl<'r> Reader<'r> {
             _ => return self.primary(),
         };
         self.cursor.pass(sign);
-        let inner = self.nested(Self::signed);
+        let inner = self.nested(Self::unary);
         let is_unsigned = !matches!(self.cursor.bytes.get(inner.span.start as usize), Some(b'-' | b'+'));
         let kind = match inner.kind {
             // One sign belongs to the number; of two the outer one makes an expression of it.
