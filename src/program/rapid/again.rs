@@ -19,22 +19,22 @@ impl Runner<'_> {
         if matches!(self.gathering, Gathering::All) {
             return;
         }
-        self.steps = if self.steps == usize::MAX { self.steps } else { self.steps.saturating_sub(STEPS_PER_MOTION) };
-        let end = self.targets.len() - 1;
-        let from = if end > 0 && self.targets[end - 1].role == Role::Via { end - 1 } else { end };
+        self.budget.give_back(STEPS_PER_MOTION);
+        let end = self.found.targets.len() - 1;
+        let from = if end > 0 && self.found.targets[end - 1].role == Role::Via { end - 1 } else { end };
         let motion: Motion = (from..=end).map(|i| self.alike(i)).collect();
-        let first_offset = self.sites[from..].iter().filter_map(|site| match site {
+        let first_offset = self.found.sites[from..].iter().filter_map(|site| match site {
             TargetInText::Offset(at) => Some(*at as usize),
             _ => None,
         });
-        let offsets = first_offset.min().unwrap_or(self.offsets.len());
+        let offsets = first_offset.min().unwrap_or(self.found.offsets.len());
         #[allow(clippy::cast_possible_truncation)] // limited by the Runner
         let drops = match &mut self.gathering {
             Gathering::All => false,
             Gathering::Distinct(distinct) => match distinct.known.get(&motion) {
                 Some(known) => {
-                    self.standing.clear();
-                    self.standing.insert(*known as usize + end - from);
+                    self.position.standing.clear();
+                    self.position.standing.insert(*known as usize + end - from);
                     true
                 }
                 None => {
@@ -43,10 +43,10 @@ impl Runner<'_> {
                 }
             },
             Gathering::Chunks(emitter) => {
-                self.standing.clear();
+                self.position.standing.clear();
                 let known = emitter.found.known.get(&motion).filter(|_| emitter.muted.is_none());
                 if let Some(known) = known {
-                    for (target, like) in self.targets[from..].iter_mut().zip(*known..) {
+                    for (target, like) in self.found.targets[from..].iter_mut().zip(*known..) {
                         target.editable = emitter.like.targets[like as usize].editable;
                         emitter.alike.push(like);
                     }
@@ -54,17 +54,17 @@ impl Runner<'_> {
                 if known.is_none() && emitter.muted.is_none() {
                     // Both runs must be the same: a motion that only this one has would be lost without a message.
                     emitter.is_broken = true;
-                    self.steps = usize::MAX;
+                    self.budget.end();
                 }
                 known.is_none()
             }
         };
         if drops {
-            self.targets.truncate(from);
-            self.sites.truncate(from);
-            self.offsets.truncate(offsets);
+            self.found.targets.truncate(from);
+            self.found.sites.truncate(from);
+            self.found.offsets.truncate(offsets);
         } else if let Gathering::Chunks(emitter) = &self.gathering
-            && self.targets.len() >= emitter.chunk
+            && self.found.targets.len() >= emitter.chunk
         {
             self.emit(false);
         }
@@ -74,11 +74,11 @@ impl Runner<'_> {
     pub(super) fn miss(&mut self, motion: UnknownMotion) {
         // Equal motions need not be stored here: they occur again in the second run.
         if !matches!(self.gathering, Gathering::Distinct(_)) {
-            self.unknown.push(motion);
+            self.found.unknown.push(motion);
         }
         if let Gathering::Chunks(emitter) = &self.gathering
             && emitter.muted.is_none()
-            && self.unknown.len() >= emitter.chunk
+            && self.found.unknown.len() >= emitter.chunk
         {
             self.emit(false);
         }
@@ -86,9 +86,9 @@ impl Runner<'_> {
 
     /// The data of a target that equal targets share.
     fn alike(&self, i: usize) -> Point {
-        let (target, site): (&Target, &TargetInText) = (&self.targets[i], &self.sites[i]);
+        let (target, site): (&Target, &TargetInText) = (&self.found.targets[i], &self.found.sites[i]);
         let steps = match site {
-            TargetInText::Offset(at) => &self.offsets[*at as usize].steps[..],
+            TargetInText::Offset(at) => &self.found.offsets[*at as usize].steps[..],
             _ => &[],
         };
         let edited = target.editable == Editable::Position;
@@ -102,7 +102,7 @@ impl Runner<'_> {
             role: target.role,
             tool: target.tool,
             wobj: target.wobj,
-            root: self.root(site),
+            root: self.found.root(site),
             steps: steps.iter().map(step).collect(),
             editable: target.editable,
         }
@@ -116,16 +116,16 @@ impl Runner<'_> {
         let again = Again::new(std::mem::take(&mut emitter.alike), emitter.agreement.clone());
         let layout = crate::program::Layout::Rapid(super::Layout {
             literals: Arc::clone(&layout.literals),
-            sites: std::mem::take(&mut self.sites),
-            offsets: std::mem::take(&mut self.offsets),
+            sites: std::mem::take(&mut self.found.sites),
+            offsets: std::mem::take(&mut self.found.offsets),
             again: Some(again),
             ..super::Layout::default()
         });
         let program = Program {
             tools: like.tools.clone(),
             wobjs: like.wobjs.clone(),
-            targets: std::mem::take(&mut self.targets),
-            unknown: std::mem::take(&mut self.unknown),
+            targets: std::mem::take(&mut self.found.targets),
+            unknown: std::mem::take(&mut self.found.unknown),
             // Only in the first chunk.
             diagnostics: if emitter.first { like.diagnostics.clone() } else { Vec::new() },
             ..Program::empty(like.language, like.dialect, (Arc::clone(&like.sources), like.written), layout)
@@ -134,7 +134,7 @@ impl Runner<'_> {
         let chunk = StreamableChunk { program, own: 0..0, elsewhere: Vec::new(), at: 0, last };
         if emitter.out.send(chunk).is_err() {
             // The receiver has ended.
-            self.steps = usize::MAX;
+            self.budget.end();
         }
     }
 

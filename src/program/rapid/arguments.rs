@@ -16,8 +16,8 @@ pub(super) const MANY_FRAMES: &str = "the program has more than 65,536 tools or 
 impl<'a> Runner<'a> {
     pub(super) fn tool_index(&mut self, scope: Scope, argument: &'a Expression) -> Result<u16, Reason> {
         let place = SourceSpan { source: scope.source, span: argument.span };
-        if self.fresh(self.tool, place) {
-            return Ok(self.tool.index);
+        if self.fresh(self.used.last_tool, place) {
+            return Ok(self.used.last_tool.index);
         }
         let (name, value, declared) = self.named(scope, argument);
         let data = value.tool();
@@ -33,12 +33,12 @@ impl<'a> Runner<'a> {
         });
         let key = frame_key(&name, &numbers);
         let data = data.map(|data| ToolData { tcp_quat: unit(data.tcp_quat), ..data });
-        let index = number(&mut self.tools, &mut self.tool_numbers, key, self.mode, Tool { name, data })?;
+        let index = number(&mut self.used.tools, &mut self.used.tool_numbers, key, self.mode, Tool { name, data })?;
         let Some(index) = index else {
             self.refuse(scope.source, argument.span, "rapid.frames", MANY_FRAMES, "split the program");
             return Err(Reason::TooManyFrames);
         };
-        self.tool = self.cached(Some(argument), place, index);
+        self.used.last_tool = self.cached(Some(argument), place, index);
         Ok(index)
     }
 
@@ -46,8 +46,8 @@ impl<'a> Runner<'a> {
         // No argument: the same empty place whatever the instruction.
         let span = argument.map_or(Span::default(), |argument| argument.span);
         let place = SourceSpan { source: scope.source, span };
-        if self.fresh(self.wobj, place) {
-            return Ok(self.wobj.index);
+        if self.fresh(self.used.last_wobj, place) {
+            return Ok(self.used.last_wobj.index);
         }
         let wobj0 = || ("wobj0".into(), predefined(b"WOBJ0").unwrap_or(Value::Unknown(Reason::Computed)), true);
         let (name, value, declared) = match argument {
@@ -78,8 +78,8 @@ impl<'a> Runner<'a> {
             ..data
         });
         let index = number(
-            &mut self.wobjs,
-            &mut self.wobj_numbers,
+            &mut self.used.wobjs,
+            &mut self.used.wobj_numbers,
             key,
             self.mode,
             Wobj { name, data, unit: mechanical_unit },
@@ -88,14 +88,14 @@ impl<'a> Runner<'a> {
             self.refuse(scope.source, span, "rapid.frames", MANY_FRAMES, "split the program");
             return Err(Reason::TooManyFrames);
         };
-        self.wobj = self.cached(argument, place, index);
+        self.used.last_wobj = self.cached(argument, place, index);
         Ok(index)
     }
 
     /// The cached value of an argument: a plain name keeps its meaning until something is assigned or called.
     fn cached(&self, argument: Option<&Expression>, place: SourceSpan, index: u16) -> Cached {
         let is_plain = argument.is_none_or(Expression::is_name);
-        Cached { place: Some(place).filter(|_| is_plain), epoch: self.epoch, index }
+        Cached { place: Some(place).filter(|_| is_plain), epoch: self.counters.epoch, index }
     }
 
     /// Warns why a frame is unknown, once for each place.
@@ -107,7 +107,7 @@ impl<'a> Runner<'a> {
 
     /// Whether an argument reads like the last one, and nothing was assigned or called in between.
     pub(super) fn fresh(&self, cached: Cached, place: SourceSpan) -> bool {
-        cached.epoch == self.epoch
+        cached.epoch == self.counters.epoch
             && cached.place.is_some_and(|last| {
                 let text = |p: SourceSpan| &self.bytes(p.source as usize)[p.span.range()];
                 last.source == place.source && text(last) == text(place)
@@ -151,12 +151,12 @@ impl<'a> Runner<'a> {
     /// The TCP speed of a speeddata, mm/s.
     fn speeddata(&mut self, scope: Scope, argument: &'a Expression) -> Option<f64> {
         let place = SourceSpan { source: scope.source, span: argument.span };
-        if !self.fresh(self.speed.0, place) {
+        if !self.fresh(self.used.last_speed.0, place) {
             let value = self.evaluate(scope, argument);
             let speed = value.list().and_then(|items| items.first()?.num()).filter(|v| *v > 0.0);
-            self.speed = (Cached { place: Some(place), epoch: self.epoch, index: 0 }, speed);
+            self.used.last_speed = (Cached { place: Some(place), epoch: self.counters.epoch, index: 0 }, speed);
         }
-        self.speed.1
+        self.used.last_speed.1
     }
 }
 

@@ -67,33 +67,33 @@ impl<'a> Runner<'a> {
             Instruction::UnitOn | Instruction::UnitOff => {
                 let name = first.and_then(|name| self.unit_name(scope, name));
                 let inactive = axes.inactive.zip(name).map(|(inactive, name)| {
-                    let others = self.inactive[inactive as usize].iter();
+                    let others = self.units.inactive[inactive as usize].iter();
                     let others = others.filter(|unit| !unit.name.eq_ignore_ascii_case(&name)).cloned();
                     let others: Vec<InactiveUnit> = others.collect();
                     let own = (known == Instruction::UnitOff).then(|| InactiveUnit {
-                        stands: self.inactive[inactive as usize]
+                        stands: self.units.inactive[inactive as usize]
                             .iter()
                             .find(|unit| unit.name.eq_ignore_ascii_case(&name))
                             .map_or(axes.positions, |already| already.stands),
                         name: Arc::clone(&name),
                     });
                     let units: Arc<[InactiveUnit]> = others.into_iter().chain(own).collect();
-                    let known = self.inactive.iter().position(|known| *known == units);
+                    let known = self.units.inactive.iter().position(|known| *known == units);
                     let at = known.unwrap_or_else(|| {
-                        self.inactive.push(units);
-                        self.inactive.len() - 1
+                        self.units.inactive.push(units);
+                        self.units.inactive.len() - 1
                     });
                     u32::try_from(at).unwrap_or(u32::MAX)
                 });
                 self.state.axes.inactive = inactive.filter(|_| self.only_here(Some(())).is_some());
-                self.events += u64::from(self.state.axes.inactive != Axes::default().inactive);
+                self.counters.events += u64::from(self.state.axes.inactive != Axes::default().inactive);
             }
             _ => {
                 let value = first.map(|to| self.evaluate(scope, to));
                 let external = value.map_or([f64::NAN; EXTERNAL_AXES], |value| value.joints_external());
                 let plain = arguments.has(bytes, b"NoEOffs");
                 self.axes_go_to(&external, plain);
-                self.axes_moved |= self.mode == Mode::Real;
+                self.units.axes_moved |= self.mode == Mode::Real;
             }
         }
     }
@@ -151,10 +151,10 @@ impl<'a> Runner<'a> {
         without_offset: bool,
     ) -> Option<Arc<ExternalAxes>> {
         let Axes { offset, inactive, .. } = self.state.axes;
-        let inactive = &self.inactive[inactive.unwrap_or(0) as usize];
-        let moved_alone = self.axes_moved;
+        let inactive = &self.units.inactive[inactive.unwrap_or(0) as usize];
+        let moved_alone = self.units.axes_moved;
         // The segment of an arc begins before its circle point.
-        self.axes_moved &= role == Role::Via;
+        self.units.axes_moved &= role == Role::Via;
         if !axes_in_use(external) && inactive.is_empty() && !moved_alone {
             return None;
         }
@@ -166,9 +166,9 @@ impl<'a> Runner<'a> {
             ..ExternalAxes::default()
         };
         // Mostly they are as before.
-        if self.external.as_deref() != Some(&axes) {
-            self.external = Some(Arc::new(axes));
+        if self.units.external.as_deref() != Some(&axes) {
+            self.units.external = Some(Arc::new(axes));
         }
-        self.external.clone()
+        self.units.external.clone()
     }
 }

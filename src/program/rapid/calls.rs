@@ -52,19 +52,19 @@ impl<'a> Runner<'a> {
 
     /// A call of a procedure that is in the files.
     pub(super) fn enter(&mut self, scope: Scope, id: RoutineId, given: &'a Arguments, span: Span) -> Flow {
-        self.events += 1;
+        self.counters.events += 1;
         // Under an unknown condition, a procedure that calls itself has no end; nor does one that was found to have none.
-        let may_end = self.layers.len() <= self.frames.len() && !self.endless.contains(&id);
+        let may_end = self.layers.len() <= self.frames.len() && !self.reached.endless.contains(&id);
         let ring = !may_end && self.frames.iter().any(|f| f.routine == id);
         if self.frames.len() >= MAX_CALLS || ring {
             let reason = if ring { Reason::RoutineCallsItself } else { Reason::CallsTooDeep };
             self.keep_here(span, reason);
-            self.endless.insert(id);
+            self.reached.endless.insert(id);
             self.not_followed(scope, id, given);
             return Flow::Next;
         }
         let before = self.symbols.variables.len();
-        let failures = self.failures;
+        let failures = self.errors.failures;
         let bound = self.arguments(scope, id, given);
         // After an argument that fails, TRYNEXT continues without the call.
         let skipped = self.skipped_since(failures).then(|| {
@@ -82,13 +82,13 @@ impl<'a> Runner<'a> {
                 if is_skipped
                     || raised.is_some() && self.handler().is_some_and(|handler| handler.goes_on || handler.again)
                 {
-                    self.stands = None;
+                    self.position.stands = None;
                 }
                 self.after_call(id, &bound, normal, raised)
             }
         };
         self.symbols.variables.truncate(before);
-        self.epoch += 1;
+        self.counters.epoch += 1;
         flow
     }
 
@@ -173,7 +173,7 @@ impl<'a> Runner<'a> {
     /// A call of a procedure that is chosen at run time: any one whose name has this beginning, in the files or not.
     fn enter_any(&mut self, scope: Scope, call: &'a Call, span: Span, begins: &[u8]) -> Flow {
         self.keep_here(span, Reason::ProcedureChosen);
-        self.called_late.push(begins.to_ascii_uppercase().into());
+        self.reached.called_late.push(begins.to_ascii_uppercase().into());
         self.unknown_call(scope, &call.arguments);
         self.tell(
             span,
@@ -191,7 +191,7 @@ impl<'a> Runner<'a> {
             let number = name.strip_prefix(begins);
             begins.is_empty() || number.is_some_and(|n| !n.is_empty() && n.iter().all(u8::is_ascii_digit))
         };
-        self.called_late.iter().any(|begins| is_chosen(begins))
+        self.reached.called_late.iter().any(|begins| is_chosen(begins))
     }
 
     /// A call of a procedure or instruction that is not known.
@@ -203,11 +203,11 @@ impl<'a> Runner<'a> {
             let variable = argument.variable().map(|name| Upper::new(&bytes[name.range()]));
             let declared = variable.and_then(|name| Some(&self.symbols.variables[self.find(scope, &name)?].kind));
             targets |= declared.is_some_and(|kind| **kind == *b"ROBTARGET") || self.as_target(&value).is_some();
-            self.pin_value(&value);
+            self.numbers.pin_value(&value);
         }
         if targets {
             if self.mode == Mode::Real {
-                self.motions += 1;
+                self.counters.motions += 1;
             }
             self.keep_motion(span, Reason::GivenAway);
         }
@@ -229,12 +229,12 @@ impl<'a> Runner<'a> {
              after it"
         );
         let source = scope.source;
-        if self.mode == Mode::Real && self.reported.insert((usize::from(source), span, "rapid.undeclared")) {
+        if self.mode == Mode::Real && self.said.reported.insert((usize::from(source), span, "rapid.undeclared")) {
             let named = |d: &Diagnostic| d.code == "rapid.undeclared" && d.message == message;
-            if !self.diagnostics.iter().any(named) {
+            if !self.said.diagnostics.iter().any(named) {
                 let told = Diagnostic::error("rapid.undeclared", "", message)
                     .at(&self.symbols.sources[usize::from(source)], span);
-                self.diagnostics.push(
+                self.said.diagnostics.push(
                     told.severity(Severity::Warning)
                         .help("give the module that declares it with --context, or as an input; or, where it changes neither frames nor positions, name it in `[controller] harmless` of the cell"),
                 );
@@ -244,15 +244,15 @@ impl<'a> Runner<'a> {
 
     /// Makes everything unknown that an unknown routine could change.
     pub(super) fn unknown_call(&mut self, scope: Scope, given: &'a Arguments) {
-        self.events += 1;
-        self.stands = None;
+        self.counters.events += 1;
+        self.position.stands = None;
         let everything = self.symbols.everything();
         for &at in everything.iter() {
             self.forget_data(at, Reason::Foreign);
         }
         for argument in given.given() {
             let value = self.evaluate(scope, argument);
-            self.pin_value(&value);
+            self.numbers.pin_value(&value);
             self.forget_argument(scope, argument, Reason::Foreign);
         }
         self.state.lose(Switches::FOREIGN);
@@ -260,7 +260,7 @@ impl<'a> Runner<'a> {
 
     /// Makes everything unknown that a routine changes which is not followed.
     pub(super) fn not_followed(&mut self, scope: Scope, id: RoutineId, given: &'a Arguments) {
-        self.events += 1;
+        self.counters.events += 1;
         let changes = self.symbols.changed_by(id).clone();
         let own = changes.own.clone();
         let here = super::known::Changes { own: Default::default(), ..changes };
@@ -272,7 +272,7 @@ impl<'a> Runner<'a> {
         let paired = given.paired(bytes, routine, theirs);
         for argument in given.given() {
             let value = self.evaluate(scope, argument);
-            self.pin_value(&value);
+            self.numbers.pin_value(&value);
         }
         let changed = |param: &Param| param.by_reference && own.contains(&*Upper::new(&theirs[param.name.range()]));
         let paired_with = paired.paired.iter().filter(|given| changed(&routine.params[given.parameter]));
@@ -290,7 +290,7 @@ impl<'a> Runner<'a> {
 
     /// Runs a routine that nothing in the files calls.
     pub(super) fn start(&mut self, id: RoutineId) -> Flow {
-        self.stands = Some(0);
+        self.position.stands = Some(0);
         match self.call(id, &[]) {
             None => Flow::Next,
             Some((Some(left), _)) => {
@@ -304,8 +304,8 @@ impl<'a> Runner<'a> {
     /// Runs a routine. Returns the states at its end and after an error; `None` if it can only end normally.
     fn call(&mut self, id: RoutineId, arguments: &[(usize, Bound)]) -> Option<(Option<Left>, Option<Left>)> {
         match self.mode {
-            Mode::Real => drop(self.entered.insert(id)),
-            Mode::Aside => drop(self.entered_aside.insert(id)),
+            Mode::Real => drop(self.reached.entered.insert(id)),
+            Mode::Aside => drop(self.reached.entered_aside.insert(id)),
             Mode::Dry => {}
         }
         let kept = self.symbols.variables.len();
@@ -317,26 +317,26 @@ impl<'a> Runner<'a> {
         let (module, noted) = (self.symbols.module_of(id), None);
         let (returns, raises) = (Vec::new(), Vec::new());
         if jumps || self.frames.last().is_some_and(|caller| caller.jumps) {
-            self.stands = None;
+            self.position.stands = None;
         }
         let returns_from = None;
         self.frames.push(Frame { routine: id, module, names, layer, returns, raises, jumps, noted, returns_from });
-        self.epoch += 1;
-        self.guards += usize::from(routine.error.is_some());
+        self.counters.epoch += 1;
+        self.errors.guards += usize::from(routine.error.is_some());
         let loosened = jumps.then(|| self.loosen(id));
         let flow = self.block(&routine.body);
         loosened.into_iter().for_each(|loosened| self.tighten(loosened));
-        self.guards -= usize::from(routine.error.is_some());
+        self.errors.guards -= usize::from(routine.error.is_some());
         let frame = self.frames.pop();
         if let Some(returned) = frame.as_ref().and_then(|frame| frame.returns_from)
-            && (flow != Flow::Next || returned != self.stands)
+            && (flow != Flow::Next || returned != self.position.stands)
         {
-            self.stands = if flow == Flow::Next { None } else { returned };
+            self.position.stands = if flow == Flow::Next { None } else { returned };
         }
         if jumps {
-            self.stands = None;
+            self.position.stands = None;
         }
-        self.epoch += 1;
+        self.counters.epoch += 1;
         let (returns, raises) = frame.map_or((Vec::new(), Vec::new()), |frame| (frame.returns, frame.raises));
         if flow == Flow::Next && returns.is_empty() && raises.is_empty() {
             self.symbols.variables.truncate(kept);
@@ -400,7 +400,7 @@ impl<'a> Runner<'a> {
 
     /// Records that the running routine may return here with this state.
     pub(super) fn note_return(&mut self, left: Left) {
-        let stands = self.stands;
+        let stands = self.position.stands;
         if let Some(frame) = self.frames.last_mut() {
             note(&mut frame.returns, left);
             frame.returns_from = Some(frame.returns_from.map_or(stands, |known| known.filter(|_| known == stands)));

@@ -32,7 +32,7 @@ impl Runner<'_> {
 
     /// Records that program displacement will be switched.
     pub(super) fn displaces(&mut self) {
-        self.begun.moved_before_displacement.get_or_insert(self.motions > 0);
+        self.begun.moved_before_displacement.get_or_insert(self.counters.motions > 0);
     }
 
     /// Whether a motion has used a tool or work object of this name and value.
@@ -40,8 +40,8 @@ impl Runner<'_> {
         let name = &self.symbols.variables[at].name;
         let (tool, wobj) = (tool_of(value), wobj_of(value));
         let alike = |used: &str| used.eq_ignore_ascii_case(name);
-        tool.is_some() && self.tools.iter().any(|used| alike(&used.name) && used.data == tool)
-            || wobj.is_some() && self.wobjs.iter().any(|used| alike(&used.name) && used.data == wobj)
+        tool.is_some() && self.used.tools.iter().any(|used| alike(&used.name) && used.data == tool)
+            || wobj.is_some() && self.used.wobjs.iter().any(|used| alike(&used.name) && used.data == wobj)
     }
 
     /// Warns of tools, work objects and displacement that a motion uses as declared, and that differ in the next cycle.
@@ -71,7 +71,7 @@ impl Runner<'_> {
     fn tell_cycle(&mut self, source: usize, span: Span, message: &str) {
         let note = Diagnostic::error("rapid.next-cycle", "", message).at(&self.symbols.sources[source], span);
         let help = "set it before the first motion: otherwise the next cycle drives these motions to other places than the correction assumes";
-        self.diagnostics.push(note.severity(Severity::Note).help(help));
+        self.said.diagnostics.push(note.severity(Severity::Note).help(help));
     }
 }
 

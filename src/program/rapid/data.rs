@@ -61,12 +61,12 @@ impl<'a> Runner<'a> {
     fn part(&mut self, part: &VariablePart) -> Value {
         let mut value = self.content(part.of);
         if !part.known {
-            self.pin_value(&value);
+            self.numbers.pin_value(&value);
             return Value::Unknown(Reason::Computed);
         }
         for at in &part.path {
             if let Value::Target(pose) = &value {
-                self.pin(pose.root);
+                self.numbers.pin(pose.root);
                 value = parts(pose);
             }
             value = match value.list().and_then(|items| items.get(*at)) {
@@ -104,8 +104,8 @@ impl<'a> Runner<'a> {
 
     pub(super) fn assign(&mut self, scope: Scope, to: &'a Expression, expression: &'a Expression) {
         let value = self.evaluate(scope, expression);
-        self.pin_value(&value);
-        (self.epoch, self.changes, self.events) = (self.epoch + 1, self.changes + 1, self.events + 1);
+        self.numbers.pin_value(&value);
+        (self.counters.epoch, self.counters.changes, self.counters.events) = (self.counters.epoch + 1, self.counters.changes + 1, self.counters.events + 1);
         let Some(parts) = value.parts() else {
             self.refuse(
                 scope.source,
@@ -116,7 +116,7 @@ impl<'a> Runner<'a> {
             );
             return;
         };
-        self.steps = self.steps.saturating_add(parts / PARTS_PER_STEP);
+        self.budget.spend(parts / PARTS_PER_STEP);
         if let Some(place) = self.place(scope, to) {
             self.store(&place, &value);
         }
@@ -165,8 +165,8 @@ impl<'a> Runner<'a> {
             return self.set(place.of, value);
         }
         let old = self.content(place.of);
-        self.steps = self.steps.saturating_add(old.parts().unwrap_or(0) / PARTS_PER_STEP);
-        self.pin_value(&old);
+        self.budget.spend(old.parts().unwrap_or(0) / PARTS_PER_STEP);
+        self.numbers.pin_value(&old);
         let new = replaced(&old.detached(Reason::Computed), &place.path, &value);
         self.set(place.of, new.unwrap_or(Value::Unknown(Reason::Computed)));
     }

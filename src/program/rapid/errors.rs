@@ -32,7 +32,7 @@ impl<'a> Runner<'a> {
 
     /// An error at this statement: goes to the routine's own handler, or to its caller.
     pub(super) fn raise(&mut self) -> Flow {
-        self.events += 1;
+        self.counters.events += 1;
         let Some(layer) = self.frames.last().map(|frame| frame.layer) else { return Flow::Gone };
         let handler = self.handler();
         self.open();
@@ -78,8 +78,8 @@ impl<'a> Runner<'a> {
     /// Records that an expression may fail, in any statement: by an index outside of its array (`ERR_OUTOFBND`), a division
     /// (`ERR_DIVZERO`) or a function.
     pub(super) fn expression_may_fail(&mut self) {
-        if self.guards > 0 {
-            self.failures += 1;
+        if self.errors.guards > 0 {
+            self.errors.failures += 1;
             self.may_fail();
             self.may_be_handled(true);
         }
@@ -87,7 +87,7 @@ impl<'a> Runner<'a> {
 
     /// Whether an expression may have failed since the count was `failures`, and the handler continues after its statement.
     pub(super) fn skipped_since(&self, failures: usize) -> bool {
-        self.failures > failures && self.handler().is_some_and(|handler| handler.goes_on)
+        self.errors.failures > failures && self.handler().is_some_and(|handler| handler.goes_on)
     }
 
     /// Applies that statements of a routine may have run: if they may move the robot, its position is unknown.
@@ -101,8 +101,8 @@ impl<'a> Runner<'a> {
                     || self.symbols.find_routine(module, name).is_some()
             })
         };
-        if self.stands.is_some() && statements(block).into_iter().any(moves) {
-            self.stands = None;
+        if self.position.stands.is_some() && statements(block).into_iter().any(moves) {
+            self.position.stands = None;
         }
     }
 
@@ -135,7 +135,7 @@ impl<'a> Runner<'a> {
     /// Records that the next statement may fail and go to a handler; not twice in the same state.
     pub(super) fn may_fail(&mut self) {
         let Some(frame) = self.frames.last() else { return };
-        let now = Some((self.epoch, self.state));
+        let now = Some((self.counters.epoch, self.state));
         if frame.noted == now {
             return;
         }

@@ -27,7 +27,7 @@ pub(super) struct Scope {
 }
 
 /// The meaning of a name: its value, and the type of the variable that it is, in upper case.
-struct Named {
+struct NamedValue {
     value: Value,
     kind: Option<Arc<[u8]>>,
 }
@@ -88,7 +88,7 @@ impl<'a> Runner<'a> {
                     // A value computed from a robtarget would move with it.
                     for side in [&left, &right] {
                         if matches!(side, Value::Target(_) | Value::List(..)) {
-                            self.pin_value(side);
+                            self.numbers.pin_value(side);
                         }
                     }
                     let divides = matches!(operator, Operator::Divide | Operator::Div | Operator::Mod);
@@ -102,7 +102,7 @@ impl<'a> Runner<'a> {
             ExpressionKind::Unknown(reason, parts) => {
                 for part in parts {
                     let value = self.value(scope, part);
-                    self.pin_value(&value);
+                    self.numbers.pin_value(&value);
                 }
                 Value::Unknown(*reason)
             }
@@ -111,8 +111,8 @@ impl<'a> Runner<'a> {
 
     /// A complete robtarget of a file as a value with its place.
     pub(super) fn literal_pose(&self, source: u16, index: u32) -> Option<Pose> {
-        let root = self.literal_id(usize::from(source), index)?;
-        let start = self.literals[root as usize].span().start as usize;
+        let root = self.numbers.literal_id(usize::from(source), index)?;
+        let start = self.numbers.literals[root as usize].span().start as usize;
         let (_, written) = Literal::read(self.bytes(usize::from(source)), source, start)?;
         Some(Pose { written, root: Some(root), steps: Vec::new(), fixed: None })
     }
@@ -123,8 +123,8 @@ impl<'a> Runner<'a> {
             Value::Target(pose) => Some(Rc::clone(pose)),
             Value::List(_, place) => {
                 let (written, literal) = value.assemble()?;
-                let root = literal.and_then(|l| self.own_literal(l));
-                self.unassembled.extend(place.filter(|_| root.is_none()));
+                let root = literal.and_then(|l| self.numbers.own_literal(l));
+                self.numbers.unassembled.extend(place.filter(|_| root.is_none()));
                 let text = matches!(value, Value::List(_, Some(_)));
                 let why = if text { Reason::TargetWithExpression } else { Reason::Computed };
                 let fixed = root.is_none().then_some(why);
@@ -135,26 +135,26 @@ impl<'a> Runner<'a> {
     }
 
     /// The meaning of a name.
-    fn name(&mut self, scope: Scope, name: Span) -> Named {
+    fn name(&mut self, scope: Scope, name: Span) -> NamedValue {
         let name = &self.bytes(scope.source as usize)[name.range()];
         let key = Upper::new(name);
         let Some(at) = self.find(scope, &key) else {
             let value = value::predefined(&key).unwrap_or(Value::Unknown(undeclared(name)));
-            return Named { value, kind: None };
+            return NamedValue { value, kind: None };
         };
         let variable = &self.symbols.variables[at];
         // An initial value consists of constants; a variable would have its value of another moment.
         let changes = !scope.running && variable.assigned;
         let kind = Some(Arc::clone(&variable.kind));
         let value = self.content(at);
-        Named { value: if changes { Value::Unknown(Reason::InitialValueChanges) } else { value }, kind }
+        NamedValue { value: if changes { Value::Unknown(Reason::InitialValueChanges) } else { value }, kind }
     }
 
     /// A part of a variable, or of the result of a function.
     fn part_of(&mut self, scope: Scope, part: &'a Part) -> Value {
-        let Named { mut value, kind } = match part.of.kind {
+        let NamedValue { mut value, kind } = match part.of.kind {
             ExpressionKind::Name => self.name(scope, part.of.span),
-            _ => Named { value: self.value(scope, &part.of), kind: None },
+            _ => NamedValue { value: self.value(scope, &part.of), kind: None },
         };
         let is_variable = kind.is_some();
         let mut kind = kind.unwrap_or_default();
@@ -164,7 +164,7 @@ impl<'a> Runner<'a> {
                     for index in indices {
                         let index = self.value(scope, index);
                         if index.num().is_none() {
-                            self.pin_value(&value);
+                            self.numbers.pin_value(&value);
                         }
                         if !is_within(&value, &index) {
                             self.expression_may_fail();
@@ -174,7 +174,7 @@ impl<'a> Runner<'a> {
                 }
                 PartStep::Component(name) => {
                     if let Value::Target(pose) = &value {
-                        self.pin(pose.root);
+                        self.numbers.pin(pose.root);
                         value = value::parts(pose);
                         kind = Arc::from(&b"ROBTARGET"[..]);
                     }

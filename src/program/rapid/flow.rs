@@ -36,7 +36,7 @@ struct Marker {
 
 impl<'a> Runner<'a> {
     pub(super) fn condition(&mut self, of: &'a If, at: Span) -> Flow {
-        let failures = self.failures;
+        let failures = self.errors.failures;
         for (i, arm) in of.arms.iter().enumerate() {
             match self.evaluate(self.scope(), &arm.condition).bool() {
                 Some(true) => return self.block(&arm.body),
@@ -61,19 +61,19 @@ impl<'a> Runner<'a> {
 
     /// Runs every branch from the state before them all, because any may be the one that runs.
     pub(super) fn branches(&mut self, branches: impl Iterator<Item = &'a [Statement]>) -> Flow {
-        self.events += 1;
+        self.counters.events += 1;
         let mut joined: Option<Left> = None;
-        let (before, mut behind) = (self.standing.clone(), BTreeSet::new());
-        let (stood, mut stands) = (self.stands, None);
+        let (before, mut behind) = (self.position.standing.clone(), BTreeSet::new());
+        let (stood, mut stands) = (self.position.stands, None);
         for branch in branches {
             self.open();
-            self.standing.clone_from(&before);
-            self.stands = stood;
+            self.position.standing.clone_from(&before);
+            self.position.stands = stood;
             let flow = self.block(branch);
             let left = self.take();
-            behind.append(&mut self.standing);
+            behind.append(&mut self.position.standing);
             if flow == Flow::Next {
-                let here = self.stands;
+                let here = self.position.stands;
                 stands = Some(stands.map_or(here, |known: Option<u32>| known.filter(|_| known == here)));
                 joined = Some(match joined {
                     Some(joined) => self.join(joined, left),
@@ -81,8 +81,8 @@ impl<'a> Runner<'a> {
                 });
             }
         }
-        self.standing = behind;
-        self.stands = stands.unwrap_or_default();
+        self.position.standing = behind;
+        self.position.stands = stands.unwrap_or_default();
         match joined {
             Some(left) => {
                 self.apply(left);
@@ -98,7 +98,7 @@ impl<'a> Runner<'a> {
     }
 
     pub(super) fn counted(&mut self, of: &'a For, at: Span) -> Flow {
-        self.events += 1;
+        self.counters.events += 1;
         let scope = self.scope();
         let [from, to] = [&of.from, &of.to].map(|bound| self.evaluate(scope, bound).num());
         let step = of.step.as_ref().map(|step| self.evaluate(scope, step).num());
@@ -114,17 +114,16 @@ impl<'a> Runner<'a> {
             Value::Unknown(Reason::Loop),
         );
         let hidden = self.frames.last_mut().and_then(|f| f.names.insert(key.clone(), counter));
-        self.epoch += 1;
+        self.counters.epoch += 1;
         let known = match (from, to, step) {
             _ if Self::jumps(body) => None,
-            (Some(from), Some(to), None) => Some((from, to, if to >= from { 1.0 } else { -1.0 })),
-            (Some(from), Some(to), Some(Some(step))) => Some((from, to, step)),
+            (Some(from), Some(to), None) => Some(Rounds { from, to, step: if to >= from { 1.0 } else { -1.0 } }),
+            (Some(from), Some(to), Some(Some(step))) => Some(Rounds { from, to, step }),
             _ => None,
         };
         #[allow(clippy::cast_precision_loss)]
-        let known = known.filter(|(from, to, step)| {
-            ((to - from) / step).abs() <= self.most_steps as f64 && rounds_are_known(*from, *to, *step)
-        });
+        let most = self.budget.most_steps as f64;
+        let known = known.filter(|rounds| rounds.number().abs() <= most && rounds.are_known());
         let flow = match known {
             Some(rounds) => self.count(counter, rounds, body, at),
             None => {
@@ -139,20 +138,21 @@ impl<'a> Runner<'a> {
                 None => frame.names.remove(&key),
             };
         }
-        self.epoch += 1;
+        self.counters.epoch += 1;
         flow
     }
 
-    fn count(&mut self, counter: usize, (from, to, step): (f64, f64, f64), body: &'a [Statement], at: Span) -> Flow {
+    fn count(&mut self, counter: usize, rounds: Rounds, body: &'a [Statement], at: Span) -> Flow {
+        let Rounds { from, to, step } = rounds;
         if step == 0.0 {
             return Flow::Next;
         }
-        let (mut value, mut done, began) = (from, 0.0, self.motions);
+        let (mut value, mut done, began) = (from, 0.0, self.counters.motions);
         while if step > 0.0 { value <= to } else { value >= to } {
             self.symbols.variables[counter].content = Content::Is(Value::Num(value, None));
-            self.steps = self.steps.saturating_add(1);
-            if self.steps > self.most_steps {
-                return self.give_up(Some(at));
+            self.budget.spend(1);
+            if self.budget.is_spent() {
+                return self.give_up(at);
             }
             let flow = self.block(body);
             if flow != Flow::Next {
@@ -160,9 +160,9 @@ impl<'a> Runner<'a> {
             }
             value += step;
             done += 1.0;
-            let moved = self.motions - began;
-            if moved > LOOK_AHEAD && f64::from(moved) / done * ((to - from) / step) > MARGIN * f64::from(MOTIONS) {
-                return self.give_up(Some(at));
+            let moved = self.counters.motions - began;
+            if moved > LOOK_AHEAD && f64::from(moved) / done * rounds.number() > MARGIN * f64::from(MOTIONS) {
+                return self.give_up(at);
             }
         }
         Flow::Next
@@ -170,9 +170,9 @@ impl<'a> Runner<'a> {
 
     pub(super) fn repeat(&mut self, of: &'a While, at: Span) -> Flow {
         let While { condition, body } = of;
-        self.events += 1;
-        let number = self.loops;
-        self.loops += 1;
+        self.counters.events += 1;
+        let number = self.counters.loops;
+        self.counters.loops += 1;
         let scope = self.scope();
         let before = self.marker();
         self.gathering.enter_loop(number);
@@ -185,13 +185,13 @@ impl<'a> Runner<'a> {
                 Some(false) => return Flow::Next,
                 None => break,
                 Some(true) => {
-                    let changes = self.changes;
+                    let changes = self.counters.changes;
                     let flow = self.block(body);
                     if flow != Flow::Next {
                         return flow;
                     }
                     // After a round without changes of data, the loop never ends.
-                    if self.changes == changes {
+                    if self.counters.changes == changes {
                         rounds = MAX_ROUNDS;
                         break;
                     }
@@ -202,8 +202,8 @@ impl<'a> Runner<'a> {
         }
         if rounds == MAX_ROUNDS {
             self.back_to(before);
-            self.gathering.give_up_loop(number, self.targets.len());
-            self.stands = None;
+            self.gathering.give_up_loop(number, self.found.targets.len());
+            self.position.stands = None;
         }
         self.note(at, "rapid.loop", "how often this loop runs is known only at run time: it is taken once");
         self.rounds(body)
@@ -212,7 +212,7 @@ impl<'a> Runner<'a> {
     /// An unknown number of rounds: runs one, from the state in which any round may begin.
     fn rounds(&mut self, body: &'a [Statement]) -> Flow {
         let Some(routine) = self.frames.last().map(|frame| frame.routine) else { return Flow::Next };
-        self.events += 1;
+        self.counters.events += 1;
         let changes = self.symbols.changed_in(routine, body);
         self.forget(&changes, Reason::Loop);
         self.state.axes.lose_positions();
@@ -221,17 +221,17 @@ impl<'a> Runner<'a> {
         if changes.switches != Switches::NONE {
             self.settle(body);
         }
-        let (mut before, stood, motions) = (self.standing.clone(), self.stands.take(), self.motions);
+        let (mut before, stood, motions) = (self.position.standing.clone(), self.position.stands.take(), self.counters.motions);
         self.open();
         let flow = self.block(body);
         let left = self.take();
         // Another round may come before, or none.
-        self.stands = if self.motions == motions { stood } else { None };
+        self.position.stands = if self.counters.motions == motions { stood } else { None };
         if changes.switches.displacement {
             // The next round may count from where this one ends.
             self.hold_where_it_stands();
         }
-        self.standing.append(&mut before);
+        self.position.standing.append(&mut before);
         if flow == Flow::Next {
             let none = Left { changed: BTreeMap::new(), state: self.state };
             let left = self.join(left, none);
@@ -291,27 +291,27 @@ impl<'a> Runner<'a> {
     /// The position after the results so far.
     fn marker(&self) -> Marker {
         Marker {
-            targets: self.targets.len(),
-            offsets: self.offsets.len(),
-            motions: self.motions,
-            arcs: self.arcs,
-            unknown: self.unknown.len(),
+            targets: self.found.targets.len(),
+            offsets: self.found.offsets.len(),
+            motions: self.counters.motions,
+            arcs: self.counters.arcs,
+            unknown: self.found.unknown.len(),
         }
     }
 
     /// Discards the results since a marker.
     fn back_to(&mut self, marker: Marker) {
-        self.targets.truncate(marker.targets);
-        self.sites.truncate(marker.targets);
-        self.offsets.truncate(marker.offsets);
-        self.unknown.truncate(marker.unknown);
-        (self.motions, self.arcs) = (marker.motions, marker.arcs);
+        self.found.targets.truncate(marker.targets);
+        self.found.sites.truncate(marker.targets);
+        self.found.offsets.truncate(marker.offsets);
+        self.found.unknown.truncate(marker.unknown);
+        (self.counters.motions, self.counters.arcs) = (marker.motions, marker.arcs);
     }
 
     pub(super) fn choice(&mut self, of: &'a Test, at: Span) -> Flow {
-        self.events += 1;
+        self.counters.events += 1;
         let scope = self.scope();
-        let failures = self.failures;
+        let failures = self.errors.failures;
         let subject = self.evaluate(scope, &of.subject);
         for (i, case) in of.cases.iter().enumerate() {
             match self.matches(scope, &subject, &case.values) {
@@ -346,14 +346,28 @@ impl<'a> Runner<'a> {
     }
 }
 
-/// Whether single precision, in which the controller counts, goes round as often as double precision.
-fn rounds_are_known(from: f64, to: f64, step: f64) -> bool {
-    let whole = |v: f64| v.fract() == 0.0 && v.abs() < f64::from(1_u32 << 24);
-    if whole(from) && whole(to) && whole(step) {
-        return true;
+/// The rounds of a FOR.
+#[derive(Clone, Copy)]
+struct Rounds {
+    from: f64,
+    to: f64,
+    step: f64,
+}
+
+impl Rounds {
+    /// The number of steps from the first value to the last bound.
+    fn number(self) -> f64 {
+        (self.to - self.from) / self.step
     }
-    // A bound that is neither met nor nearly met by any round.
-    let rounds = (to - from) / step;
-    let near = (rounds - rounds.round()).abs();
-    rounds < 0.0 || near > 1e-3
+
+    /// Whether single precision, in which the controller counts, goes round as often as double precision.
+    fn are_known(self) -> bool {
+        let is_whole = |v: f64| v.fract() == 0.0 && v.abs() < f64::from(1_u32 << 24);
+        if [self.from, self.to, self.step].into_iter().all(is_whole) {
+            return true;
+        }
+        // A bound that is neither met nor nearly met by any round.
+        let number = self.number();
+        number < 0.0 || (number - number.round()).abs() > 1e-3
+    }
 }

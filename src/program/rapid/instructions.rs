@@ -17,7 +17,7 @@ impl<'a> Runner<'a> {
         // A robtarget used here must not be edited; its numbers count as used.
         for argument in arguments.given() {
             let value = self.evaluate(scope, argument);
-            self.pin_value(&value);
+            self.numbers.pin_value(&value);
         }
         if known == Instruction::Nothing || known == Instruction::Options && arguments.optional.is_empty() {
             return Flow::Next;
@@ -25,7 +25,7 @@ impl<'a> Runner<'a> {
         // The head of a program, which every chunk repeats, may set speeds, loads and turns on arcs, and activate units.
         let in_head =
             matches!(known, Instruction::Velocity | Instruction::Load | Instruction::ArcMode | Instruction::UnitOn);
-        self.events += u64::from(!in_head);
+        self.counters.events += u64::from(!in_head);
         match known {
             Instruction::Nothing => {}
             Instruction::Arguments => {
@@ -96,7 +96,7 @@ impl<'a> Runner<'a> {
                 named.into_iter().for_each(|at| self.forget_data(at, Reason::Computed));
             }
             Instruction::Moves => {
-                self.stands = None;
+                self.position.stands = None;
                 self.keep_here(span, Reason::ExternalAxesOnly);
             }
             Instruction::Ends => return Flow::Gone,
@@ -107,8 +107,8 @@ impl<'a> Runner<'a> {
 
     /// An instruction measures from the robot's present position, so the target there must not be edited.
     pub(super) fn hold_where_it_stands(&mut self) {
-        for at in std::mem::take(&mut self.standing) {
-            if let Some(target) = self.targets.get_mut(at)
+        for at in std::mem::take(&mut self.position.standing) {
+            if let Some(target) = self.found.targets.get_mut(at)
                 && !matches!(target.editable, Editable::No(_))
             {
                 target.editable = Editable::No(Reason::DisplacementCounts);

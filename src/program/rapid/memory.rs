@@ -18,12 +18,12 @@ impl Runner<'_> {
     /// Changes a variable.
     pub(super) fn set(&mut self, at: usize, value: Value) {
         self.assigns(at);
-        (self.epoch, self.events) = (self.epoch + 1, self.events + 1);
+        (self.counters.epoch, self.counters.events) = (self.counters.epoch + 1, self.counters.events + 1);
         let variable = &mut self.symbols.variables[at];
         variable.foreign = false;
         let value = variable.volatile.map_or(value, Value::Unknown);
         let same = matches!(&variable.content, Content::Is(old) if old.is(&value));
-        self.changes += u64::from(!same);
+        self.counters.changes += u64::from(!same);
         let old = std::mem::replace(&mut variable.content, Content::Is(value));
         match self.layers.last_mut() {
             Some(layer) if at < layer.variables => drop(layer.old.entry(at).or_insert(old)),
@@ -38,7 +38,7 @@ impl Runner<'_> {
             self.symbols.variables[at].content = old;
         }
         self.state = ModalState::default();
-        (self.epoch, self.events) = (self.epoch + 1, self.events + 1);
+        (self.counters.epoch, self.counters.events) = (self.counters.epoch + 1, self.counters.events + 1);
     }
 
     /// Begins a branch.
@@ -59,7 +59,7 @@ impl Runner<'_> {
             }
         }
         self.state = layer.state;
-        self.epoch += 1;
+        self.counters.epoch += 1;
         left
     }
 
@@ -118,8 +118,8 @@ impl Runner<'_> {
     fn joined(&mut self, a: &Value, b: &Value) -> Value {
         match (a, b) {
             (Value::Unknown(why), _) | (_, Value::Unknown(why)) => {
-                self.pin_value(a);
-                self.pin_value(b);
+                self.numbers.pin_value(a);
+                self.numbers.pin_value(b);
                 Value::Unknown(*why)
             }
             #[allow(clippy::float_cmp)] // the very number
@@ -136,8 +136,8 @@ impl Runner<'_> {
                 Value::Target(std::rc::Rc::clone(a))
             }
             _ => {
-                self.pin_value(a);
-                self.pin_value(b);
+                self.numbers.pin_value(a);
+                self.numbers.pin_value(b);
                 Value::Unknown(Reason::Branches)
             }
         }
@@ -167,7 +167,7 @@ impl Runner<'_> {
             Content::Part(part) => part.of,
             Content::Is(Value::Unknown(_)) => {
                 // The value already is unknown, yet this counts as a change.
-                (self.epoch, self.events) = (self.epoch + 1, self.events + 1);
+                (self.counters.epoch, self.counters.events) = (self.counters.epoch + 1, self.counters.events + 1);
                 return;
             }
             _ => at,
@@ -177,7 +177,7 @@ impl Runner<'_> {
             Content::Is(value) => value.clone(),
             _ => Value::Unknown(why),
         };
-        self.pin_value(&old);
+        self.numbers.pin_value(&old);
         self.set(at, Value::Unknown(why));
     }
 
@@ -185,8 +185,8 @@ impl Runner<'_> {
     pub(super) fn pin_declared(&mut self, at: usize) {
         let variable = &self.symbols.variables[at];
         if let Some(value) = variable.declared.and_then(|data| data.value.as_ref()) {
-            let inside = self.literals_in(variable.source, value);
-            self.pinned.extend(inside);
+            let inside = self.numbers.literals_in(variable.source, value);
+            self.numbers.pinned.extend(inside);
         }
     }
 
@@ -194,7 +194,7 @@ impl Runner<'_> {
     pub(super) fn pin_read(&mut self, at: usize) {
         let mut waiting = vec![at];
         while let Some(at) = waiting.pop() {
-            if !self.pinned_data.insert(at) {
+            if !self.numbers.pinned_data.insert(at) {
                 continue;
             }
             self.pin_declared(at);

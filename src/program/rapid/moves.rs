@@ -35,8 +35,8 @@ impl<'a> Runner<'a> {
         };
         let via = shape.via.and_then(|at| arguments.get(at));
         if self.mode == Mode::Real {
-            self.motions += 1;
-            self.arcs += usize::from(shape.motion == Motion::Circular);
+            self.counters.motions += 1;
+            self.counters.arcs += usize::from(shape.motion == Motion::Circular);
         }
         let bytes = self.bytes(scope.source as usize);
         self.other_arguments(scope, given, shape, tool_at);
@@ -46,7 +46,7 @@ impl<'a> Runner<'a> {
         }
         if self.mode != Mode::Real {
             self.state.axes.lose_positions();
-            self.stands = None;
+            self.position.stands = None;
         }
         if self.mode == Mode::Dry {
             // Only its calls and its result matter.
@@ -66,9 +66,9 @@ impl<'a> Runner<'a> {
         let own_load = given.has(bytes, b"TLoad");
         let own_load = own_load && given.named(bytes, b"TLoad").is_none_or(|load| !self.is_no_load(scope, load));
         let feed_mm_s = self.speed(scope, given, shape.to + 1);
-        let line = self.lines[scope.source as usize].line(span.start);
+        let line = self.said.lines[scope.source as usize].line(span.start);
         let target = Target {
-            ordinal: self.motions,
+            ordinal: self.counters.motions,
             role: Role::End,
             motion: shape.motion,
             goal: Goal::Joints { deg: [0.0; 6] },
@@ -118,7 +118,7 @@ impl<'a> Runner<'a> {
                 let mut reason = None;
                 for pose in both {
                     match pose {
-                        Ok(pose) => self.pin_pose(&pose),
+                        Ok(pose) => self.numbers.pin_pose(&pose),
                         Err(why) => reason = Some(why),
                     }
                 }
@@ -131,7 +131,7 @@ impl<'a> Runner<'a> {
     /// A procedure runs when the robot passes this target, at an unknown moment of the further program: the data that it
     /// changes are unknown from here on.
     fn run_on_the_way(&mut self, scope: Scope, procedure: Option<&'a Expression>) {
-        self.events += 1;
+        self.counters.events += 1;
         let name = procedure.map(|name| self.evaluate(scope, name));
         let id = match &name {
             Some(Value::Text(name)) => self.symbols.find_routine(scope.module, without_module(name)),
@@ -161,8 +161,8 @@ impl<'a> Runner<'a> {
         if shape.zone == Zone::Absent
             && let Some(point) = arguments.get(shape.via.unwrap_or(shape.to).wrapping_sub(1))
         {
-            self.events += 1;
-            self.stands = None;
+            self.counters.events += 1;
+            self.position.stands = None;
             self.forget_argument(scope, point, Reason::Computed);
         }
     }
@@ -171,7 +171,7 @@ impl<'a> Runner<'a> {
     fn hold(&mut self, scope: Scope, arguments: impl Iterator<Item = &'a Expression>) {
         for argument in arguments {
             let value = self.evaluate(scope, argument);
-            self.pin_value(&value);
+            self.numbers.pin_value(&value);
         }
     }
 
@@ -187,7 +187,7 @@ impl<'a> Runner<'a> {
     fn pose(&mut self, scope: Scope, argument: &'a Expression) -> Result<Rc<Pose>, Reason> {
         let value = self.evaluate(scope, argument);
         let Some(pose) = self.as_target(&value) else {
-            self.pin_value(&value);
+            self.numbers.pin_value(&value);
             return Err(match value {
                 Value::List(..) => value.unknown().unwrap_or(Reason::NotACompleteRobtarget),
                 _ => value.unknown().unwrap_or(Reason::NotARobtarget),
@@ -217,9 +217,9 @@ impl<'a> Runner<'a> {
                 TargetInText::Literal { literal: root, argument: named.then_some(argument) }
             }
             Some(root) => {
-                self.offsets.push(Offset { root, steps: pose.steps.clone().into() });
+                self.found.offsets.push(Offset { root, steps: pose.steps.clone().into() });
                 #[allow(clippy::cast_possible_truncation)]
-                TargetInText::Offset((self.offsets.len() - 1) as u32)
+                TargetInText::Offset((self.found.offsets.len() - 1) as u32)
             }
         };
         self.axes_go_to(&written.external, false);
@@ -231,20 +231,20 @@ impl<'a> Runner<'a> {
         if self.mode != Mode::Real {
             return;
         }
-        self.standing.clear();
-        self.standing.insert(self.targets.len());
+        self.position.standing.clear();
+        self.position.standing.insert(self.found.targets.len());
         let jumps = self.frames.last().is_some_and(|frame| frame.jumps);
-        target.predecessor = match self.stands {
+        target.predecessor = match self.position.stands {
             // The position before the first motion is unknown.
-            _ if self.last == 0 => Predecessor::Start,
+            _ if self.position.last == 0 => Predecessor::Start,
             Some(0) => Predecessor::Start,
-            Some(last) if last == self.last && !jumps => Predecessor::Previous,
+            Some(last) if last == self.position.last && !jumps => Predecessor::Previous,
             _ => Predecessor::Unknown,
         };
-        (self.stands, self.last) = (Some(target.ordinal), target.ordinal);
+        (self.position.stands, self.position.last) = (Some(target.ordinal), target.ordinal);
         let ends = target.is_end();
-        self.targets.push(target);
-        self.sites.push(site);
+        self.found.targets.push(target);
+        self.found.sites.push(site);
         if ends {
             self.gather();
         }
@@ -255,15 +255,15 @@ impl<'a> Runner<'a> {
         let new = || -> Arc<str> { decode(text).as_ref().into() };
         match root {
             // Parameters give the same literal several names; the first is kept.
-            Some(root) => Some(Arc::clone(self.names.entry(root).or_insert_with(new))),
+            Some(root) => Some(Arc::clone(self.numbers.names.entry(root).or_insert_with(new))),
             None => Some(new()),
         }
     }
 
     /// The reason, if any, for which the controller does not go to the pose that the numbers state.
     fn unlocated(&self, target: &Target, pose: &Pose) -> Option<Reason> {
-        let tool = self.tools[target.tool as usize].data;
-        let wobj = self.wobjs[target.wobj as usize].data;
+        let tool = self.used.tools[target.tool as usize].data;
+        let wobj = self.used.wobjs[target.wobj as usize].data;
         // The robot holds either the tool or the part; undeclared data mean that it holds the tool.
         let holds_part = wobj.is_some_and(|w| w.robhold);
         let misfit =
@@ -296,7 +296,7 @@ impl<'a> Runner<'a> {
         } else {
             match pose.root {
                 None => Some(Reason::Computed),
-                Some(root) if self.literals[root as usize].source as usize >= self.written => {
+                Some(root) if self.numbers.literals[root as usize].source as usize >= self.written => {
                     Some(Reason::InContextFile)
                 }
                 Some(_) => return Editable::Pose,

@@ -41,43 +41,43 @@ impl Runner<'_> {
             }
         }
         self.keep_what_is_refused();
-        self.kept.sort_by_key(|k| (k.source, k.span.start));
+        self.said.kept.sort_by_key(|k| (k.source, k.span.start));
         let layout = Layout {
-            literals: Arc::new(self.literals),
-            sites: self.sites,
-            offsets: self.offsets,
-            motions: self.motions as usize,
+            literals: Arc::new(self.numbers.literals),
+            sites: self.found.sites,
+            offsets: self.found.offsets,
+            motions: self.counters.motions as usize,
             streamable,
             plain,
             mark_behind: self.state.mark,
             again: None,
         };
         Outcome {
-            tools: self.tools,
-            wobjs: self.wobjs,
-            targets: self.targets,
-            unknown: self.unknown,
-            kept: self.kept,
-            arcs: self.arcs,
-            diagnostics: self.diagnostics,
+            tools: self.used.tools,
+            wobjs: self.used.wobjs,
+            targets: self.found.targets,
+            unknown: self.found.unknown,
+            kept: self.said.kept,
+            arcs: self.counters.arcs,
+            diagnostics: self.said.diagnostics,
             layout,
         }
     }
 
     /// Number of targets that must not be edited.
     fn refused(&self) -> usize {
-        self.targets.iter().filter(|target| matches!(target.editable, Editable::No(_))).count()
+        self.found.targets.iter().filter(|target| matches!(target.editable, Editable::No(_))).count()
     }
 
     /// Refuses the other point of an arc when one is refused: moving one point alone makes another arc.
     fn refuse_halves_of_arcs(&mut self) {
-        for i in 1..self.targets.len() {
-            let [circle, end] = [i - 1, i].map(|i| self.targets[i].editable);
-            if self.targets[i - 1].role == Role::Via {
+        for i in 1..self.found.targets.len() {
+            let [circle, end] = [i - 1, i].map(|i| self.found.targets[i].editable);
+            if self.found.targets[i - 1].role == Role::Via {
                 match (circle, end) {
                     (Editable::No(_), Editable::No(_)) => {}
-                    (Editable::No(why), _) => self.targets[i].editable = Editable::No(why),
-                    (_, Editable::No(why)) => self.targets[i - 1].editable = Editable::No(why),
+                    (Editable::No(why), _) => self.found.targets[i].editable = Editable::No(why),
+                    (_, Editable::No(why)) => self.found.targets[i - 1].editable = Editable::No(why),
                     _ => {}
                 }
             }
@@ -87,21 +87,21 @@ impl Runner<'_> {
     /// Refuses an offset that runs again in a state in which it cannot be edited.
     fn refuse_shared_offsets(&mut self) {
         let offset = |site: &TargetInText| match *site {
-            TargetInText::Offset(at) => self.offsets[at as usize].steps.last()?.tokens.map(|tokens| tokens[0]),
+            TargetInText::Offset(at) => self.found.offsets[at as usize].steps.last()?.tokens.map(|tokens| tokens[0]),
             _ => None,
         };
         let of_kept = |(target, site): (&Target, &TargetInText)| {
             offset(site).filter(|_| matches!(target.editable, Editable::No(_)))
         };
-        let mut held: HashSet<SourceSpan> = self.targets.iter().zip(&self.sites).filter_map(of_kept).collect();
-        held.extend(&self.held);
+        let mut held: HashSet<SourceSpan> = self.found.targets.iter().zip(&self.found.sites).filter_map(of_kept).collect();
+        held.extend(&self.numbers.held);
         // A target that was changed before this motion no longer records the offset of this statement.
         let of_changed = |(target, site): (&Target, &TargetInText)| {
             let changed = matches!((site, target.editable), (TargetInText::None, Editable::No(_)));
             changed.then_some((target.source, target.span.start))
         };
-        let changed: HashSet<(u16, u32)> = self.targets.iter().zip(&self.sites).filter_map(of_changed).collect();
-        for (target, site) in self.targets.iter_mut().zip(&self.sites) {
+        let changed: HashSet<(u16, u32)> = self.found.targets.iter().zip(&self.found.sites).filter_map(of_changed).collect();
+        for (target, site) in self.found.targets.iter_mut().zip(&self.found.sites) {
             let of_statement = |place: &SourceSpan| {
                 let within = target.span.start <= place.span.start && place.span.end <= target.span.end;
                 within && place.source == target.source && changed.contains(&(target.source, target.span.start))
@@ -115,15 +115,15 @@ impl Runner<'_> {
 
     /// Refuses a base when a target made from it cannot be edited, because that target would move with it.
     fn refuse_shared_declarations(&mut self) {
-        for i in 0..self.targets.len() {
-            if matches!(self.targets[i].editable, Editable::No(_)) {
-                let root = self.root(&self.sites[i]);
-                self.pin(root);
+        for i in 0..self.found.targets.len() {
+            if matches!(self.found.targets[i].editable, Editable::No(_)) {
+                let root = self.found.root(&self.found.sites[i]);
+                self.numbers.pin(root);
             }
         }
-        for i in 0..self.targets.len() {
-            let pinned = self.root(&self.sites[i]).is_some_and(|r| self.pinned.contains(&r));
-            let target = &mut self.targets[i];
+        for i in 0..self.found.targets.len() {
+            let pinned = self.found.root(&self.found.sites[i]).is_some_and(|r| self.numbers.pinned.contains(&r));
+            let target = &mut self.found.targets[i];
             if pinned && target.editable == Editable::Pose {
                 target.editable = Editable::No(Reason::DeclarationUsedElsewhere);
             }
@@ -131,8 +131,8 @@ impl Runner<'_> {
     }
 
     fn keep_what_is_refused(&mut self) {
-        for i in 0..self.targets.len() {
-            let target = &self.targets[i];
+        for i in 0..self.found.targets.len() {
+            let target = &self.found.targets[i];
             if let (Editable::No(reason), true) = (target.editable, target.motion != Motion::AbsoluteJoint) {
                 let (source, span) = (target.source as usize, target.span);
                 self.keep(source, span, reason);
@@ -159,18 +159,18 @@ impl Runner<'_> {
                 matches!(statement.kind, StatementKind::Assign(_) | StatementKind::Call(_) | StatementKind::Mark(_))
             })
             && file.odd.is_empty()
-            && self.events == 0
-            && self.pinned.is_empty()
-            && self.unknown.is_empty()
-            && self.arcs == 0
-            && self.sites.iter().all(literal)
-            && self.targets.iter().all(known)
+            && self.counters.events == 0
+            && self.numbers.pinned.is_empty()
+            && self.found.unknown.is_empty()
+            && self.counters.arcs == 0
+            && self.found.sites.iter().all(literal)
+            && self.found.targets.iter().all(known)
     }
 
     /// Whether each motion of a plain program goes to an inline target.
     fn inline(&self) -> bool {
         let inline =
             |site: &TargetInText| matches!(site, TargetInText::Literal { argument: None, .. } | TargetInText::None);
-        self.sites.iter().all(inline) && self.targets.iter().all(|target| target.name.is_none())
+        self.found.sites.iter().all(inline) && self.found.targets.iter().all(|target| target.name.is_none())
     }
 }

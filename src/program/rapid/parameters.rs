@@ -79,7 +79,7 @@ impl<'a> Runner<'a> {
         }
         for argument in paired.others {
             let value = self.evaluate(scope, argument);
-            self.pin_value(&value);
+            self.numbers.pin_value(&value);
             self.forget_argument(scope, argument, Reason::Computed);
         }
         bound
@@ -132,7 +132,7 @@ impl<'a> Runner<'a> {
                 && let Value::Target(pose) = self.content(at)
                 && let Some(root) = pose.root
             {
-                let given = self.given.entry((id, Box::from(&*key))).or_default();
+                let given = self.numbers.given.entry((id, Box::from(&*key))).or_default();
                 if given.last() != Some(&root) && !given.contains(&root) {
                     given.push(root);
                 }

@@ -3,10 +3,20 @@
 use super::TargetInText;
 use super::expression::{Expression, ExpressionKind};
 use super::literal::Literal;
-use super::runner::Runner;
+use super::runner::{Found, Numbers};
+use super::tree::File;
 use super::value::{Pose, SourceSpan, Value};
 
-impl<'a> Runner<'a> {
+impl Numbers {
+    pub(super) fn of(files: &[File]) -> Self {
+        let mut numbers = Self::default();
+        for file in files {
+            numbers.first_literal.push(numbers.literals.len());
+            numbers.literals.extend_from_slice(&file.literals);
+        }
+        numbers
+    }
+
     /// The number of a complete robtarget, given its index in its file.
     pub(super) fn literal_id(&self, source: usize, index: u32) -> Option<u32> {
         u32::try_from(self.first_literal[source]).ok()?.checked_add(index)
@@ -56,7 +66,10 @@ impl<'a> Runner<'a> {
             _ => {}
         }
     }
+}
 
+impl Found {
+    /// The literal from which a target is made.
     pub(super) fn root(&self, site: &TargetInText) -> Option<u32> {
         match site {
             TargetInText::None => None,

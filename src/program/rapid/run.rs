@@ -31,13 +31,13 @@ impl<'a> Runner<'a> {
         self.keep_what_is_not_run();
         self.tell_traps_that_move();
         let gathering = std::mem::replace(&mut self.gathering, Gathering::All);
-        let motions = self.motions;
+        let motions = self.counters.motions;
         (self.finish(files), gathering, motions)
     }
 
     /// The run of [`Runner::run`]; returns the procedures of the program.
     pub(super) fn follow(&mut self) -> Vec<RoutineId> {
-        self.stops_are_handled = self.handles_stops();
+        self.errors.stops_are_handled = self.handles_stops();
         let procs = self.procedures();
         let main = procs.iter().copied().find(|id| self.routine_name(*id).eq_ignore_ascii_case(b"main"));
         self.begin_cycle();
@@ -45,7 +45,7 @@ impl<'a> Runner<'a> {
             self.start(main);
             self.tell_next_cycle(main);
         }
-        if self.motions == 0 {
+        if self.counters.motions == 0 {
             let others: Vec<RoutineId> = self.uncalled(&procs).into_iter().filter(|id| Some(*id) != main).collect();
             // Each entry point starts with the data of the text, not with those that another one left.
             for (before, id) in others.into_iter().enumerate() {
@@ -58,7 +58,7 @@ impl<'a> Runner<'a> {
                     self.forget_what_routines_change();
                 }
                 self.start(id);
-                if self.steps >= self.most_steps {
+                if self.budget.is_spent() {
                     break;
                 }
             }
@@ -102,9 +102,9 @@ impl<'a> Runner<'a> {
 
     pub(super) fn block(&mut self, block: &'a [Statement]) -> Flow {
         for statement in block {
-            self.steps = self.steps.saturating_add(1);
-            if self.steps > self.most_steps || self.targets.len() > self.most_targets || self.motions > MOTIONS {
-                return self.give_up(Some(statement.at));
+            self.budget.spend(1);
+            if self.budget.is_spent() || self.found.targets.len() > self.budget.most_targets || self.counters.motions > MOTIONS {
+                return self.give_up(statement.at);
             }
             let at = statement.at;
             let flow = match &statement.kind {
@@ -129,7 +129,7 @@ impl<'a> Runner<'a> {
                 StatementKind::Return(value) => {
                     if let Some(value) = value {
                         let value = self.evaluate(self.scope(), value);
-                        self.pin_value(&value);
+                        self.numbers.pin_value(&value);
                     }
                     self.leave();
                     Flow::Gone
@@ -138,7 +138,7 @@ impl<'a> Runner<'a> {
                 // These belong to handlers, which are not run; elsewhere they are errors.
                 StatementKind::Exit | StatementKind::Retry | StatementKind::TryNext => Flow::Gone,
                 StatementKind::Connect(_) => {
-                    self.events += 1;
+                    self.counters.events += 1;
                     Flow::Next
                 }
                 StatementKind::Goto(label) => {
@@ -159,18 +159,15 @@ impl<'a> Runner<'a> {
         Flow::Next
     }
 
-    /// Ends the run at a statement of the running routine, or else at the routine's name.
-    pub(super) fn give_up(&mut self, at: Option<Span>) -> Flow {
-        if self.steps < usize::MAX {
+    /// Ends the run at a statement of the running routine.
+    pub(super) fn give_up(&mut self, at: Span) -> Flow {
+        if !self.budget.has_ended() {
             // Reported once: everything still running ends at its next step.
-            self.steps = usize::MAX;
-            if self.looking_aside {
+            self.budget.end();
+            if self.reached.looking_aside {
                 return Flow::Gone;
             }
-            let place = self.frames.last().map_or((0, Span::default()), |frame| {
-                (frame.routine.file, at.unwrap_or_else(|| self.symbols.routine(frame.routine).name))
-            });
-            let (targets, steps) = (self.most_targets, self.most_steps);
+            let (targets, steps) = (self.budget.most_targets, self.budget.most_steps);
             let message = match self.gathering {
                 Gathering::All => format!("the program runs through more than {targets} targets or {steps} statements"),
                 _ => format!(
@@ -178,17 +175,17 @@ impl<'a> Runner<'a> {
                      between them"
                 ),
             };
-            let error = Diagnostic::error("rapid.endless", "", message).at(&self.symbols.sources[place.0], place.1);
-            self.diagnostics.push(error.help(RUN_MOTIONS.help));
+            let error = Diagnostic::error("rapid.endless", "", message).at(&self.symbols.sources[self.scope().source as usize], at);
+            self.said.diagnostics.push(error.help(RUN_MOTIONS.help));
         }
         Flow::Gone
     }
 
     /// Refuses the program because no controller would run it.
     pub(super) fn refuse(&mut self, source: u16, span: Span, code: &'static str, message: &str, help: &str) {
-        if self.mode == Mode::Real && self.reported.insert((usize::from(source), span, code)) {
+        if self.mode == Mode::Real && self.said.reported.insert((usize::from(source), span, code)) {
             let error = Diagnostic::error(code, "", message).at(&self.symbols.sources[usize::from(source)], span);
-            self.diagnostics.push(error.help(help));
+            self.said.diagnostics.push(error.help(help));
         }
     }
 
@@ -198,15 +195,15 @@ impl<'a> Runner<'a> {
 
     pub(super) fn tell(&mut self, span: Span, code: &'static str, message: &str, severity: Severity) {
         let source = self.scope().source as usize;
-        if self.mode == Mode::Real && self.reported.insert((source, span, code)) {
+        if self.mode == Mode::Real && self.said.reported.insert((source, span, code)) {
             let told = Diagnostic::error(code, "", message).at(&self.symbols.sources[source], span);
-            self.diagnostics.push(told.severity(severity));
+            self.said.diagnostics.push(told.severity(severity));
         }
     }
 
     /// Keeps a motion whose target is unknown.
     pub(super) fn keep_motion(&mut self, span: Span, reason: Reason) {
-        self.stands = None;
+        self.position.stands = None;
         if self.mode != Mode::Real {
             return;
         }
@@ -214,8 +211,8 @@ impl<'a> Runner<'a> {
         let fault = matches!(reason, Reason::NotANumber | Reason::Aggregate | Reason::NotUnit);
         let source = self.scope().source;
         self.keep_as(source as usize, span, reason, fault);
-        let line = self.lines[source as usize].line(span.start);
-        self.miss(UnknownMotion { ordinal: self.motions, reason, source, span, line });
+        let line = self.said.lines[source as usize].line(span.start);
+        self.miss(UnknownMotion { ordinal: self.counters.motions, reason, source, span, line });
     }
 
     /// Keeps a statement of the running routine.
@@ -230,31 +227,31 @@ impl<'a> Runner<'a> {
     }
 
     fn keep_as(&mut self, source: usize, span: Span, reason: Reason, fault: bool) {
-        if source < self.written && self.seen.insert((source, span, reason)) {
-            let line = self.lines[source].line(span.start);
+        if source < self.written && self.said.seen.insert((source, span, reason)) {
+            let line = self.said.lines[source].line(span.start);
             let help = "";
-            self.kept.push(Kept { source, span, line: line as usize, reason, fault, help });
+            self.said.kept.push(Kept { source, span, line: line as usize, reason, fault, help });
         }
     }
 
     /// Counts an assignment or a call, and records that it is run.
     fn begin_statement(&mut self, at: Span) {
-        self.steps = self.steps.saturating_add(at.len() / BYTES_PER_STEP);
+        self.budget.spend(at.len() / BYTES_PER_STEP);
         if self.mode == Mode::Real {
-            self.ran.add(self.scope().source, at.start);
+            self.reached.ran.add(self.scope().source, at.start);
         }
     }
 
     fn assignment(&mut self, assignment: &'a Assignment) {
-        let (scope, failures) = (self.scope(), self.failures);
+        let (scope, failures) = (self.scope(), self.errors.failures);
         let Assignment { to, value } = assignment;
-        if self.guards > 0 && matches!(to.kind, ExpressionKind::Part(_)) {
+        if self.errors.guards > 0 && matches!(to.kind, ExpressionKind::Part(_)) {
             // Evaluated for its indices.
             self.evaluate(scope, to);
         }
         self.assign(scope, to, value);
         // The handler may change the data that would have been assigned.
-        if self.failures > failures {
+        if self.errors.failures > failures {
             self.may_be_handled(true);
         }
     }
@@ -280,14 +277,14 @@ impl<'a> Runner<'a> {
         }
         let shape = motion::shape(name);
         // A stopped motion stops the program, unless a handler expects that.
-        let plain = shape.is_some_and(|shape| shape.plain) && !self.stops_are_handled;
+        let plain = shape.is_some_and(|shape| shape.plain) && !self.errors.stops_are_handled;
         let known = if shape.is_none() { predefined::instruction(name) } else { None };
         let fails = match known {
             _ if plain => arguments.has(bytes, b"Conc"),
             Some(known) => known.may_fail(),
             None => true,
         };
-        let (fails, failures) = (self.guards > 0 && fails, self.failures);
+        let (fails, failures) = (self.errors.guards > 0 && fails, self.errors.failures);
         if fails {
             self.may_fail();
             self.may_be_handled(false);
@@ -296,7 +293,7 @@ impl<'a> Runner<'a> {
             (Some(shape), _) => {
                 self.motion(scope, call, shape, at);
                 if self.skipped_since(failures) {
-                    self.stands = None;
+                    self.position.stands = None;
                 }
                 Flow::Next
             }

@@ -27,42 +27,42 @@ impl<'a> Runner<'a> {
         // When this motion runs, other units or axis offsets may be active.
         let on_axes = axes_in_use(&pose.written.external);
         // A target made from a base would move with it, although it stays.
-        let moves_along = !pose.steps.is_empty() && !self.ran.has(usize::from(target.source), target.span.start);
+        let moves_along = !pose.steps.is_empty() && !self.reached.ran.has(usize::from(target.source), target.span.start);
         if on_axes || moves_along || matches!(self.editable(target, pose), Editable::No(_)) {
-            self.pinned.insert(root);
-            self.held.extend(offset);
+            self.numbers.pinned.insert(root);
+            self.numbers.held.extend(offset);
             return;
         }
         let cuts = may_cut(target.motion);
-        self.aside.push(Use { root, offset, tool: target.tool, wobj: target.wobj, cuts });
+        self.reached.aside.push(Use { root, offset, tool: target.tool, wobj: target.wobj, cuts });
     }
 
     /// Runs the routines that nothing in the files calls, because an operator may run them by hand, and notes the data that they use.
     pub(super) fn look_aside(&mut self, procs: &[RoutineId]) {
-        let waits = |id: &&RoutineId| !self.entered.contains(*id) || self.may_be_called_late(**id);
+        let waits = |id: &&RoutineId| !self.reached.entered.contains(*id) || self.may_be_called_late(**id);
         let waiting: Vec<RoutineId> = procs.iter().filter(waits).copied().collect();
-        if waiting.is_empty() || self.steps > self.most_steps {
+        if waiting.is_empty() || self.budget.is_spent() {
             return;
         }
-        self.looking_aside = true;
-        self.steps = 0;
+        self.reached.looking_aside = true;
+        self.budget.steps = 0;
         let roots: HashSet<RoutineId> = self.uncalled(&waiting).into_iter().collect();
         let first = waiting.iter().filter(|id| roots.contains(*id));
         let rest = waiting.iter().filter(|id| !roots.contains(*id));
         let order: Vec<RoutineId> = first.chain(rest).copied().collect();
         for id in order {
-            if !self.may_be_called_late(id) && self.entered_aside.contains(&id) {
+            if !self.may_be_called_late(id) && self.reached.entered_aside.contains(&id) {
                 continue;
             }
             self.forget_what_routines_change();
             self.quietly(Mode::Aside, |this| this.start(id));
         }
-        if self.steps > self.most_steps {
+        if self.budget.is_spent() {
             // The run was not completed: nothing that it may use is edited.
-            let all = u32::try_from(self.literals.len()).unwrap_or(u32::MAX);
-            self.pinned.extend(0..all);
+            let all = u32::try_from(self.numbers.literals.len()).unwrap_or(u32::MAX);
+            self.numbers.pinned.extend(0..all);
         }
-        self.looking_aside = false;
+        self.reached.looking_aside = false;
     }
 
     /// Sets the state for a routine called at an unknown moment: everything that some routine changes is unknown.
@@ -100,7 +100,7 @@ impl<'a> Runner<'a> {
                 let source = id.file as u16;
                 match part.kind {
                     ExpressionKind::Literal(_) | ExpressionKind::Aggregate(_) => {
-                        self.pinned.extend(self.literals_in(source, part));
+                        self.numbers.pinned.extend(self.numbers.literals_in(source, part));
                         continue;
                     }
                     ExpressionKind::Name => {}
@@ -112,12 +112,12 @@ impl<'a> Runner<'a> {
                 }
                 match own_data(routine, bytes, &key) {
                     Some(Some(data)) => {
-                        let inside = data.value.iter().flat_map(|value| self.literals_in(source, value));
-                        self.pinned.extend(inside.collect::<Vec<_>>());
+                        let inside = data.value.iter().flat_map(|value| self.numbers.literals_in(source, value));
+                        self.numbers.pinned.extend(inside.collect::<Vec<_>>());
                     }
                     Some(None) => {
-                        let given = self.given.get(&(id, Box::<[u8]>::from(&*key)));
-                        self.pinned.extend(given.into_iter().flatten());
+                        let given = self.numbers.given.get(&(id, Box::<[u8]>::from(&*key)));
+                        self.numbers.pinned.extend(given.into_iter().flatten());
                     }
                     None => {
                         if let Some(at) = self.symbols.find_data(module, &key) {
@@ -131,7 +131,7 @@ impl<'a> Runner<'a> {
 
     /// Procedures with endless recursion, and the procedures that they call.
     fn reached_without_end(&self) -> BTreeSet<RoutineId> {
-        let mut reached = self.endless.clone();
+        let mut reached = self.reached.endless.clone();
         let mut waiting: Vec<RoutineId> = reached.iter().copied().collect();
         while let Some(id) = waiting.pop() {
             let calls = self.calls(id, &self.symbols.routine(id).body);
@@ -147,7 +147,7 @@ impl<'a> Runner<'a> {
             let body = &self.symbols.routine(id).body;
             places.extend(statements(body).into_iter().map(|statement| (id.file, statement.at.start)));
         }
-        for target in &mut self.targets {
+        for target in &mut self.found.targets {
             let inside = places.contains(&(usize::from(target.source), target.span.start));
             if inside && !matches!(target.editable, Editable::No(_)) {
                 target.editable = Editable::No(Reason::RoutineCallsItself);
@@ -157,12 +157,12 @@ impl<'a> Runner<'a> {
 
     /// Forbids edits of numbers that a routine that nothing runs uses in other frames than the program.
     pub(super) fn hold_what_is_used_otherwise(&mut self) {
-        if self.aside.is_empty() {
+        if self.reached.aside.is_empty() {
             return;
         }
         let mut uses: std::collections::HashMap<u32, Vec<(u16, u16, bool)>> = std::collections::HashMap::new();
-        for (target, site) in self.targets.iter().zip(&self.sites) {
-            if let Some(root) = self.root(site) {
+        for (target, site) in self.found.targets.iter().zip(&self.found.sites) {
+            if let Some(root) = self.found.root(site) {
                 let one = (target.tool, target.wobj, may_cut(target.motion));
                 let known = uses.entry(root).or_default();
                 if known.last() != Some(&one) && !known.contains(&one) {
@@ -170,11 +170,11 @@ impl<'a> Runner<'a> {
                 }
             }
         }
-        for other in std::mem::take(&mut self.aside) {
+        for other in std::mem::take(&mut self.reached.aside) {
             let same = |used: &(u16, u16, bool)| *used == (other.tool, other.wobj, other.cuts);
             if uses.get(&other.root).is_some_and(|used| !used.iter().all(same)) {
-                self.pinned.insert(other.root);
-                self.held.extend(other.offset);
+                self.numbers.pinned.insert(other.root);
+                self.numbers.held.extend(other.offset);
             }
         }
     }
@@ -201,7 +201,7 @@ impl<'a> Runner<'a> {
             let source = &self.symbols.sources[id.file];
             let note = Diagnostic::error("rapid.trap-moves", "", message).at(source, self.symbols.routine(id).name);
             let help = "let it move back to the interrupted position (StorePath, CRobT, RestoPath) before the program continues";
-            self.diagnostics.push(note.severity(Severity::Note).help(help));
+            self.said.diagnostics.push(note.severity(Severity::Note).help(help));
         }
     }
 
@@ -215,15 +215,15 @@ impl<'a> Runner<'a> {
 
     /// Forbids edits of robtargets assembled from parts, unless every run knows the parts and can edit them.
     pub(super) fn hold_what_is_not_always_assembled(&mut self) {
-        let held = self.own.iter().filter(|(place, _)| self.unassembled.contains(place)).map(|(_, id)| *id);
-        self.pinned.extend(held);
+        let held = self.numbers.own.iter().filter(|(place, _)| self.numbers.unassembled.contains(place)).map(|(_, id)| *id);
+        self.numbers.pinned.extend(held);
     }
 
     /// Keeps the targets of motions that were not run.
     pub(super) fn keep_what_is_not_run(&mut self) {
         for id in self.symbols.all().filter(|id| id.file < self.written).collect::<Vec<_>>() {
             let routine = self.symbols.routine(id);
-            let entered = self.entered.contains(&id);
+            let entered = self.reached.entered.contains(&id);
             let body = match routine.kind {
                 RoutineKind::Trap => Reason::InTrap,
                 RoutineKind::Func => Reason::InFunction,
@@ -233,14 +233,14 @@ impl<'a> Runner<'a> {
             for (block, reason) in [(&routine.body, body), (&routine.handlers, Reason::InErrorHandler)] {
                 let idle: Vec<Span> = statements(block)
                     .into_iter()
-                    .filter(|statement| !self.ran.has(id.file, statement.at.start) && self.is_motion(id, statement))
+                    .filter(|statement| !self.reached.ran.has(id.file, statement.at.start) && self.is_motion(id, statement))
                     .map(|statement| statement.at)
                     .collect();
                 let Some(first) = idle.first() else { continue };
                 let name = String::from_utf8_lossy(self.routine_name(id)).into_owned();
                 let message = format!("{} of `{name}` left as they are: {reason}", motions(idle.len()));
                 let note = Diagnostic::error("rapid.not-run", "", message).at(&self.symbols.sources[id.file], *first);
-                self.diagnostics.push(note.severity(Severity::Note));
+                self.said.diagnostics.push(note.severity(Severity::Note));
                 idle.iter().for_each(|span| self.keep(id.file, *span, reason));
             }
         }

@@ -22,7 +22,7 @@ impl<'a> Runner<'a> {
             return Value::Unknown(Reason::Expression);
         }
         if let Some(id) = routine {
-            values.iter().for_each(|v| self.pin_value(v));
+            values.iter().for_each(|v| self.numbers.pin_value(v));
             self.not_followed(scope, id, arguments);
             self.expression_may_fail();
             return Value::Unknown(Reason::Computed);
@@ -30,7 +30,7 @@ impl<'a> Runner<'a> {
         match predefined::function(&name) {
             Some(predefined::Function::Nothing) => {}
             Some(predefined::Function::Arguments) => {
-                self.events += 1;
+                self.counters.events += 1;
                 for argument in arguments.given() {
                     self.forget_argument(scope, argument, Reason::Computed);
                 }
@@ -40,7 +40,7 @@ impl<'a> Runner<'a> {
         if !matches!(&*name, b"RELTOOL") {
             for value in arguments.optional.iter().filter_map(|argument| argument.value.as_ref()) {
                 let value = self.value(scope, value);
-                self.pin_value(&value);
+                self.numbers.pin_value(&value);
             }
         }
         let known = match (&*name, values.len()) {
@@ -59,7 +59,7 @@ impl<'a> Runner<'a> {
             self.expression_may_fail();
         }
         known.unwrap_or_else(|| {
-            values.iter().for_each(|v| self.pin_value(v));
+            values.iter().for_each(|v| self.numbers.pin_value(v));
             Value::Unknown(Reason::Computed)
         })
     }
@@ -90,8 +90,8 @@ impl<'a> Runner<'a> {
         };
         let (Some(base), Some(offset_mm), Some(turn)) = (self.as_target(&values[0]), offset_mm, turn) else {
             // Another run of this statement would edit numbers that are used here too.
-            self.held.extend(tokens.map(|tokens| tokens[0]));
-            self.pin_value(&values[0]);
+            self.numbers.held.extend(tokens.map(|tokens| tokens[0]));
+            self.numbers.pin_value(&values[0]);
             return Value::Unknown(values[0].unknown().unwrap_or(Reason::Computed));
         };
         let step = OffsetStep { offset_mm, tokens, in_tool, turn };
@@ -101,7 +101,7 @@ impl<'a> Runner<'a> {
             pose.steps.push(step);
         } else {
             // This pose cannot be edited, and another run of the same statement must not edit the offset.
-            self.held.extend(tokens.map(|tokens| tokens[0]));
+            self.numbers.held.extend(tokens.map(|tokens| tokens[0]));
         }
         Value::Target(Rc::new(pose))
     }
