@@ -105,7 +105,8 @@ impl<'a> Runner<'a> {
     pub(super) fn assign(&mut self, scope: Scope, to: &'a Expression, expression: &'a Expression) {
         let value = self.evaluate(scope, expression);
         self.numbers.pin_value(&value);
-        (self.counters.epoch, self.counters.changes, self.counters.events) = (self.counters.epoch + 1, self.counters.changes + 1, self.counters.events + 1);
+        (self.counters.epoch, self.counters.changes, self.counters.events) =
+            (self.counters.epoch + 1, self.counters.changes + 1, self.counters.events + 1);
         let Some(parts) = value.parts() else {
             self.refuse(
                 scope.source,

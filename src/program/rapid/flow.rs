@@ -221,7 +221,8 @@ impl<'a> Runner<'a> {
         if changes.switches != Switches::NONE {
             self.settle(body);
         }
-        let (mut before, stood, motions) = (self.position.standing.clone(), self.position.stands.take(), self.counters.motions);
+        let (mut before, stood, motions) =
+            (self.position.standing.clone(), self.position.stands.take(), self.counters.motions);
         self.open();
         let flow = self.block(body);
         let left = self.take();

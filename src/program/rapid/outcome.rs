@@ -93,14 +93,16 @@ impl Runner<'_> {
         let of_kept = |(target, site): (&Target, &TargetInText)| {
             offset(site).filter(|_| matches!(target.editable, Editable::No(_)))
         };
-        let mut held: HashSet<SourceSpan> = self.found.targets.iter().zip(&self.found.sites).filter_map(of_kept).collect();
+        let mut held: HashSet<SourceSpan> =
+            self.found.targets.iter().zip(&self.found.sites).filter_map(of_kept).collect();
         held.extend(&self.numbers.held);
         // A target that was changed before this motion no longer records the offset of this statement.
         let of_changed = |(target, site): (&Target, &TargetInText)| {
             let changed = matches!((site, target.editable), (TargetInText::None, Editable::No(_)));
             changed.then_some((target.source, target.span.start))
         };
-        let changed: HashSet<(u16, u32)> = self.found.targets.iter().zip(&self.found.sites).filter_map(of_changed).collect();
+        let changed: HashSet<(u16, u32)> =
+            self.found.targets.iter().zip(&self.found.sites).filter_map(of_changed).collect();
         for (target, site) in self.found.targets.iter_mut().zip(&self.found.sites) {
             let of_statement = |place: &SourceSpan| {
                 let within = target.span.start <= place.span.start && place.span.end <= target.span.end;

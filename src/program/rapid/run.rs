@@ -103,7 +103,10 @@ impl<'a> Runner<'a> {
     pub(super) fn block(&mut self, block: &'a [Statement]) -> Flow {
         for statement in block {
             self.budget.spend(1);
-            if self.budget.is_spent() || self.found.targets.len() > self.budget.most_targets || self.counters.motions > MOTIONS {
+            if self.budget.is_spent()
+                || self.found.targets.len() > self.budget.most_targets
+                || self.counters.motions > MOTIONS
+            {
                 return self.give_up(statement.at);
             }
             let at = statement.at;
@@ -175,7 +178,8 @@ impl<'a> Runner<'a> {
                      between them"
                 ),
             };
-            let error = Diagnostic::error("rapid.endless", "", message).at(&self.symbols.sources[self.scope().source as usize], at);
+            let error = Diagnostic::error("rapid.endless", "", message)
+                .at(&self.symbols.sources[self.scope().source as usize], at);
             self.said.diagnostics.push(error.help(RUN_MOTIONS.help));
         }
         Flow::Gone

@@ -27,7 +27,8 @@ impl<'a> Runner<'a> {
         // When this motion runs, other units or axis offsets may be active.
         let on_axes = axes_in_use(&pose.written.external);
         // A target made from a base would move with it, although it stays.
-        let moves_along = !pose.steps.is_empty() && !self.reached.ran.has(usize::from(target.source), target.span.start);
+        let moves_along =
+            !pose.steps.is_empty() && !self.reached.ran.has(usize::from(target.source), target.span.start);
         if on_axes || moves_along || matches!(self.editable(target, pose), Editable::No(_)) {
             self.numbers.pinned.insert(root);
             self.numbers.held.extend(offset);
@@ -215,7 +216,8 @@ impl<'a> Runner<'a> {
 
     /// Forbids edits of robtargets assembled from parts, unless every run knows the parts and can edit them.
     pub(super) fn hold_what_is_not_always_assembled(&mut self) {
-        let held = self.numbers.own.iter().filter(|(place, _)| self.numbers.unassembled.contains(place)).map(|(_, id)| *id);
+        let held =
+            self.numbers.own.iter().filter(|(place, _)| self.numbers.unassembled.contains(place)).map(|(_, id)| *id);
         self.numbers.pinned.extend(held);
     }
 
@@ -233,7 +235,9 @@ impl<'a> Runner<'a> {
             for (block, reason) in [(&routine.body, body), (&routine.handlers, Reason::InErrorHandler)] {
                 let idle: Vec<Span> = statements(block)
                     .into_iter()
-                    .filter(|statement| !self.reached.ran.has(id.file, statement.at.start) && self.is_motion(id, statement))
+                    .filter(|statement| {
+                        !self.reached.ran.has(id.file, statement.at.start) && self.is_motion(id, statement)
+                    })
                     .map(|statement| statement.at)
                     .collect();
                 let Some(first) = idle.first() else { continue };
