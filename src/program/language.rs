@@ -354,7 +354,8 @@ static JBI: About = About {
     has_modules: false,
     companion: None,
     are_points_named: false,
-    arc_turn: ArcTurn::Even,
+    // Assumed: every MOVC is a step of its own, which the robot reaches with the recorded orientation.
+    arc_turn: ArcTurn::ThroughCirclePoint,
     chooses_turn: false,
     chooses_external: false,
     declare: |names| one_file(names, |name| format!("/JOB\n//NAME {name}\n//INST\nNOP\nEND\n")),
