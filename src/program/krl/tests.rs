@@ -311,7 +311,7 @@ fn an_arc_turns_as_the_program_says() {
     assert_eq!((run("$CIRC_TYPE=#BASE"), turns(&all("$CIRC_TYPE=#BASE"))), (vec!['P', 'p', 'P', 'P'], vec![None; 4]));
     assert_eq!((run("$CIRC_TYPE=#PATH"), &turns(&all("$CIRC_TYPE=#PATH"))[..]), (run(""), &with_path[..]));
     assert_eq!(run("IF $IN[1] THEN\n$CIRC_TYPE=#PATH\nENDIF"), ['P', '-', '-', 'P'], "lines are as they were");
-    // How the wrist turns is not in the text. A constant orientation turns with the path, and nobody knows that of the line after it.
+    // How the wrist turns is not in the text. A constant orientation turns with the path, so that of the line after it is unknown.
     let and = |kind: &str| format!("$ORI_TYPE=#{kind}\n$CIRC_TYPE=#PATH");
     assert_eq!((run(&and("JOINT")), reasons(&all(&and("JOINT")))), (vec!['P', '-', '-', 'P'], vec![Reason::ArcTurns]));
     assert_eq!(
