@@ -94,7 +94,8 @@ pub(super) fn solve(
     }
     drop(solver);
     for (via, point, command) in vias {
-        (prepared.points[via], solved[via]) = (point, Ok(command));
+        let turned_by_arc = prepared.points[via].turned_by_arc;
+        (prepared.points[via], solved[via]) = (Point { turned_by_arc, ..point }, Ok(command));
     }
     let prepared = &*prepared;
 
@@ -126,9 +127,13 @@ pub(super) fn solve(
     let is_changed = |i: usize| is_commanded[i] || turns_along(program, i, &written[i]);
     let is_changed: Vec<bool> = (0..written.len()).map(is_changed).collect();
 
+    // The poses to which the controller will go. The text of a circle point may have another orientation than the arc there.
+    let turned = |i: usize| solved[i].as_ref().ok().filter(|_| prepared.points[i].turned_by_arc);
+    let quat = |i: usize| turned(i).map_or(written[i].1, |solved| frames::millimetres(&solved.wobj_from_tcp).1);
+    let held_poses: Vec<_> = (0..written.len()).map(|i| (written[i].0, quat(i))).collect();
     // The forward model on the numbers that the controller will have.
     let solver = Solver::new(arm, prepared, parallelism);
-    let reached = solver.reached(&written, (&modes, &first), &solved, &is_changed);
+    let reached = solver.reached(&held_poses, (&modes, &first), &solved, &is_changed);
     let mut stops = Stops::of(&nodes, prepared, arm);
     let motors: Vec<Joints> = (0..reached.len()).map(|i| held(prepared, i, &solved[i], &reached[i])).collect();
     let steps = turn.take(&carried.travelled, |last| stops.travels(arm, program, prepared, &motors, last))?;
@@ -148,7 +153,7 @@ pub(super) fn solve(
         poses: (0..written.len())
             .map(|i| match program.targets[i].goal {
                 Goal::Joints { .. } => prepared.points[i].wobj_from_tcp,
-                Goal::Pose { .. } | Goal::Axis { .. } => frames::pose(written[i].0, written[i].1),
+                Goal::Pose { .. } | Goal::Axis { .. } => frames::pose(held_poses[i].0, held_poses[i].1),
             })
             .collect(),
         is_known: (0..reached.len()).map(|i| reached[i].is_ok() && prepared.points[i].unsolved.is_none()).collect(),
@@ -290,7 +295,9 @@ fn change(
     let (from, to) = (as_written.as_ref().unwrap_or(&point.wobj_from_tcp), &solved.wobj_from_tcp);
     let shifted = (to.translation.vector - from.translation.vector).norm_squared() >= NO_CHANGE_M * NO_CHANGE_M;
     // Twice the angle's square.
-    let turned = (to.rotation.matrix() - from.rotation.matrix()).norm_squared() >= 2.0 * NO_CHANGE_RAD * NO_CHANGE_RAD;
+    let turns = mode == CorrectionMode::Pose && !point.turned_by_arc;
+    let turned =
+        turns && (to.rotation.matrix() - from.rotation.matrix()).norm_squared() >= 2.0 * NO_CHANGE_RAD * NO_CHANGE_RAD;
     let external = chosen_axes(target, prepared, i);
     if !(shifted || turned || external.is_some()) {
         return None;
@@ -304,7 +311,7 @@ fn change(
         |written: &Conf| prepared.turns_are_chosen || goes_by(written) || conf_is(robot, &point.motor, *written);
     let was = target.conf().filter(holds);
     let conf = was.filter(|was| !conf_is(robot, &solved.motor, *was)).map(|was| conf_like(robot, &solved.motor, was));
-    Some(Change { position_mm, quat: (mode == CorrectionMode::Pose && turned).then_some(quat), conf, external })
+    Some(Change { position_mm, quat: turned.then_some(quat), conf, external })
 }
 
 /// Positions of external axes as written, if they were chosen and differ from the program's.

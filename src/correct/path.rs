@@ -8,14 +8,16 @@ use super::frames::{self, WobjFrame, pose};
 use super::load::PointLoad;
 use super::mount::{Mount, Moved, Stand, is_entered_elsewhere};
 use super::point::{Point, tool_axis};
+use super::segment::Kind;
 use super::spin;
 use super::travel::CHORD;
 use super::{Options, Prepared};
 use crate::cell::Cell;
+use crate::drive::Track;
 use crate::effects::{Parts, ToolFrame};
 use crate::equilibrium::{Dragged, Setting, direction};
 use crate::lanes::WIDTH;
-use crate::program::{ArcTurn, Editable, Goal, Language, Mark, Motion, Predecessor, Program, Role, Target};
+use crate::program::{ArcTurn, Editable, Goal, Language, Mark, Motion, Predecessor, Program, Reason, Role, Target};
 use crate::robot::{BatchArm, BatchSolutions, EXTERNAL_AXES, External, Joints, Pose, StartedFrom, WrittenTarget};
 use crate::text::Diagnostic;
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
@@ -328,8 +330,14 @@ impl Walk<'_, '_> {
             Some(turn) => spin::turned(wobj_from_tcp.translation.vector, &tool_axis(&wobj_from_tcp), turn),
             None => wobj_from_tcp,
         };
+        let on_arc = match self.on_arc(i, setting, stand, &wobj_from_tcp) {
+            Ok(on_arc) => on_arc,
+            Err(why) => return self.pass_over(target, why.into(), run_with),
+        };
+        let wobj_from_tcp = on_arc.unwrap_or(wobj_from_tcp);
         let run_at = *stand.setting(self.mount(setting));
-        let soon = self.joints_soon((target, lane), &run_at);
+        // The look-ahead has the orientation of the text.
+        let soon = if on_arc.is_none() { self.joints_soon((target, lane), &run_at) } else { None };
         let joints = match chosen {
             Some(Chosen { turn: Some(_), near, .. }) => self.joints_near(&run_at, &wobj_from_tcp, &near),
             _ => soon.map_or_else(|| self.joints(target, &run_at, &wobj_from_tcp), Ok),
@@ -357,7 +365,7 @@ impl Walk<'_, '_> {
         let feed = target.feed_mm_s.map(|feed| 1e-3 * feed);
         let row = self.options.forces.as_ref().and_then(|forces| forces.of(target.ordinal, target.name.as_deref()));
         let axis = tool_axis(&wobj_from_tcp);
-        if !self.ahead.knows_approaches() {
+        if on_arc.is_some() || !self.ahead.knows_approaches() {
             self.ahead.set_approach(lane, &Unit::new_unchecked(axis), self.carried.laws.lean(tool));
         }
         let Approach { size, direction, feed_frame } = self.ahead.approach(lane);
@@ -433,6 +441,7 @@ impl Walk<'_, '_> {
             load,
             through,
             arc_turn: arc_turn(self.program, self.cell, target),
+            turned_by_arc: on_arc.is_some(),
             plunges,
             milled: None,
             part: None,
@@ -444,6 +453,48 @@ impl Walk<'_, '_> {
     /// The point before the next one.
     fn last(&self) -> Option<&Point> {
         self.points.last().or(self.carried.before.as_ref())
+    }
+
+    /// A point of an arc with the orientation that the turn on the arc gives the tool there, whatever its text says: a circle point, or the
+    /// end if the tool is fixed to the path. `None` for other targets, and if the orientation of the text counts: the controller turns the
+    /// tool to it, or the start of the arc is unknown.
+    fn on_arc(&self, i: usize, setting: u32, stand: &Stand, here: &Pose) -> Result<Option<Pose>, Reason> {
+        let (program, is_end) = (self.program, Kind::of(self.program, i) == Kind::Arc);
+        let end = if is_end { i } else { i + 1 };
+        if end == program.targets.len() || Kind::of(program, end) != Kind::Arc {
+            return Ok(None);
+        }
+        let turn = arc_turn(program, self.cell, &program.targets[end]);
+        if turn == ArcTurn::ThroughCirclePoint || is_end && turn != ArcTurn::Fixed {
+            return Ok(None);
+        }
+        let pose = self.pose_on_arc(end, (setting, stand), here, turn);
+        if turn == ArcTurn::Fixed { pose.map(Some).ok_or(Reason::Tangent) } else { Ok(pose) }
+    }
+
+    /// The pose on the arc to target `end`, at the circle point or at the end; `None` if the start of the arc is unknown.
+    fn pose_on_arc(&self, end: usize, (setting, stand): (u32, &Stand), here: &Pose, turn: ArcTurn) -> Option<Pose> {
+        let [via, to] = [end - 1, end].map(|i| &self.program.targets[i]);
+        let is_end = self.points.len() == end;
+        let before = self.points[..self.points.len() - usize::from(is_end)].last().or(self.carried.before.as_ref());
+        let before = before.filter(|before| before.is_located() && !stand.apart)?;
+        // The work object where the arc begins.
+        let now = self.mount(setting).at(before.moved.as_ref())?;
+        let was = before.moved.as_ref().map_or(&self.mount(before.setting).setting, |moved| &moved.setting);
+        let start = match *was == now || before.setting == setting {
+            true => before.wobj_from_tcp,
+            false => now.wobj_from_tcp(&was.base_from_flange(&before.wobj_from_tcp)),
+        };
+        let [circle, to_pose] = match (is_end, to.goal) {
+            (true, _) => [self.points.last()?.wobj_from_tcp, *here],
+            (false, Goal::Pose { position_mm, quat, .. }) => [*here, pose(position_mm, quat)],
+            (false, _) => return None,
+        };
+        let arc = Track::arc(&start, &circle, &to_pose, turn);
+        let arc = if self.program.language.about().chooses_turn { arc } else { arc.by_shorter_turn() };
+        let share = if is_end { arc.via().map(|_| 1.0) } else { arc.via() };
+        let known = share.filter(|_| via.predecessor == Predecessor::Previous)?;
+        Some(Pose { rotation: arc.pose(known).rotation, ..*here })
     }
 
     /// Travel of a programmed motion to these motor angles, rad, with sharp friction: [`Prepared::follow_loads`] computes the travel of other

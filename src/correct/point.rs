@@ -56,6 +56,8 @@ pub struct Point {
     pub(super) load: PointLoad,
     /// How the controller turns the tool on the arc to it.
     pub(super) arc_turn: ArcTurn,
+    /// Whether its orientation is that of the turn on the arc, whatever the text says: a circle point.
+    pub(super) turned_by_arc: bool,
     /// Whether it is cut along the tool axis, for which there is no feed frame, although the force is given in one.
     pub(super) plunges: bool,
     /// The cutter of the motion to it, if it moves through a stock.
@@ -253,6 +255,7 @@ impl Point {
             payload: 0.0,
             load: PointLoad::Air,
             arc_turn: ArcTurn::default(),
+            turned_by_arc: false,
             through: None,
             plunges: false,
             milled: None,

@@ -205,32 +205,39 @@ pub(crate) fn fit_law(robot: &Robot, logs: &[(&[Waypoint], &Log)]) -> Result<Fit
     })
 }
 
+/// A way in which the controller may turn the tool on arcs.
+pub(crate) struct WayOfTurning<'a> {
+    pub(crate) turn: ArcTurn,
+    /// The waypoints of each program for a tool that turns in this way, with its log.
+    pub(crate) logs: Vec<(&'a [Waypoint], &'a Log)>,
+}
+
 /// How the controller turns the tool on arcs, by the orientations of the tool in the logs. `None` if they do not show it: without arcs,
 /// or if the tool turns so little on them that all ways are alike.
 ///
 /// # Errors
 /// As [`fit_law`].
-pub(crate) fn arc_turn(robot: &Robot, logs: &[(&[Waypoint], &Log)]) -> Result<Option<ArcTurn>, LogError> {
-    let mut ways = ArcTurn::WORDS.map(|(_, turn)| (turn, Vec::new()));
-    for (i, (waypoints, log)) in logs.iter().enumerate() {
-        let samples = log.of_program(robot, waypoints, NEAR).ok_or(LogError::OtherProgram(i))?;
-        for (from, to) in waypoints.iter().zip(&waypoints[1..]) {
-            let Lead::Arc { via, .. } = &to.lead else { continue };
-            let start = from.start_of(robot, to);
-            for (turn, squares) in &mut ways {
-                let arc = Track::arc(&start, via, &to.base_from_tcp, *turn);
+pub(crate) fn arc_turn(robot: &Robot, ways: &[WayOfTurning<'_>]) -> Result<Option<ArcTurn>, LogError> {
+    let mut off = Vec::with_capacity(ways.len());
+    for way in ways {
+        let mut squares = Vec::new();
+        for (i, (waypoints, log)) in way.logs.iter().enumerate() {
+            let samples = log.of_program(robot, waypoints, NEAR).ok_or(LogError::OtherProgram(i))?;
+            for (from, to) in waypoints.iter().zip(&waypoints[1..]) {
+                let Lead::Arc { via, turn } = &to.lead else { continue };
+                let arc = Track::arc(&from.start_of(robot, to), via, &to.base_from_tcp, *turn);
                 squares.extend(samples.iter().filter_map(|sample| turned_off(robot, to, &arc, sample)));
             }
         }
-    }
-    let mut off = ways.map(|(turn, squares)| {
         #[allow(clippy::cast_precision_loss)]
         let count = squares.len().max(1) as f64;
-        (turn, (squares.into_iter().sum::<f64>() / count).sqrt())
-    });
+        off.push((way.turn, (squares.into_iter().sum::<f64>() / count).sqrt()));
+    }
     off.sort_by(|a, b| a.1.total_cmp(&b.1));
-    let [(best, least), (_, next), _] = off;
-    Ok((next - least > TURNS_APART).then_some(best))
+    Ok(match off[..] {
+        [(best, least), (_, next), ..] if next - least > TURNS_APART => Some(best),
+        _ => None,
+    })
 }
 
 /// Square of the angle between the orientation at a sample and that of an arc where the sample is nearest to it, rad²; `None` for a sample

@@ -32,7 +32,7 @@ mod tests;
 pub(crate) use crate::program::ArcTurn;
 pub(crate) use distance::{Offset, ProgrammedPath, nearest_between};
 pub use fit::{FittedLaw, PathError, RunTime};
-pub(crate) use fit::{LogError, arc_turn, fit_law};
+pub(crate) use fit::{LogError, WayOfTurning, arc_turn, fit_law};
 pub(crate) use log::{Log, LogSample};
 pub(crate) use shape::{CommandedMotion, Freedom, ShapedCommand, Wanted, shape};
 pub(crate) use track::Track;

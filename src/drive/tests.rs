@@ -234,11 +234,16 @@ fn the_turn_on_an_arc_is_found_in_a_log() {
     };
     for (_, turn) in ArcTurn::WORDS {
         let log = log_of(&along(turn, 0.3));
-        assert_eq!(arc_turn(&bench.robot, &[(&along(ArcTurn::Even, 0.3), &log)]), Ok(Some(turn)));
+        let courses = ArcTurn::WORDS.map(|(_, way)| (way, along(way, 0.3)));
+        let ways =
+            courses.each_ref().map(|(turn, course)| WayOfTurning { turn: *turn, logs: vec![(&course[..], &log)] });
+        assert_eq!(arc_turn(&bench.robot, &ways), Ok(Some(turn)));
     }
     // A tool that keeps its orientation does so in all ways, and lines have none.
     for waypoints in [along(ArcTurn::Even, 0.0).to_vec(), bench.corner(None)] {
-        assert_eq!(arc_turn(&bench.robot, &[(&waypoints, &log_of(&waypoints))]), Ok(None));
+        let log = log_of(&waypoints);
+        let ways = ArcTurn::WORDS.map(|(_, turn)| WayOfTurning { turn, logs: vec![(&waypoints[..], &log)] });
+        assert_eq!(arc_turn(&bench.robot, &ways), Ok(None));
     }
 }
 

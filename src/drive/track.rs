@@ -51,7 +51,7 @@ impl Track {
     /// An arc through a circle point (`MoveC`); the line where the three points lie on one.
     ///
     /// Unless the tool turns through the orientation of the circle point, that orientation only chooses between the shorter and the longer
-    /// turn (RAPID reference manual, `MoveC`).
+    /// turn (RAPID reference manual, `MoveC`). That of the end has no effect on a tool that is fixed to the path.
     pub(crate) fn arc(from: &Pose, via: &Pose, to: &Pose, arc_turn: ArcTurn) -> Self {
         let [a, b, c] = [from, via, to].map(|pose| pose.translation.vector);
         let Some(circle) = Circle::through([a, b, c]) else { return Self::line(from, to) };
@@ -60,7 +60,7 @@ impl Track {
         // By how much the path turns up to a share of it.
         let carried = |share: f64| match arc_turn {
             ArcTurn::Even | ArcTurn::ThroughCirclePoint => Rotation3::identity(),
-            ArcTurn::WithPath => Rotation3::from_axis_angle(&circle.axis, share * angle),
+            ArcTurn::WithPath | ArcTurn::Fixed => Rotation3::from_axis_angle(&circle.axis, share * angle),
         };
         let shorter = turn_between(&from.rotation, &(carried(1.0).inverse() * to.rotation));
         let longer = shorter.try_normalize(0.0).map_or(shorter, |axis| shorter - std::f64::consts::TAU * axis);
@@ -75,6 +75,7 @@ impl Track {
                 TurnOnArc::Even(Vector3::zeros())
             }
             ArcTurn::WithPath => TurnOnArc::Carried(own),
+            ArcTurn::Fixed => TurnOnArc::Carried(Vector3::zeros()),
             ArcTurn::ThroughCirclePoint => {
                 let [to_via, to_end] = [[from, via], [via, to]].map(|[a, b]| turn_between(&a.rotation, &b.rotation));
                 match to_via == Vector3::zeros() && to_end == Vector3::zeros() {
@@ -84,6 +85,16 @@ impl Track {
             }
         };
         Self { from: *from, to: *to, curve: Curve::Arc { circle, angle, via: share, turn } }
+    }
+
+    /// The same where the orientation of the circle point chooses nothing: the tool takes the shorter turn.
+    pub(crate) fn by_shorter_turn(mut self) -> Self {
+        if let Curve::Arc { turn: TurnOnArc::Even(turn) | TurnOnArc::Carried(turn), .. } = &mut self.curve
+            && turn.norm() > std::f64::consts::PI
+        {
+            *turn -= std::f64::consts::TAU * turn.normalize();
+        }
+        self
     }
 
     /// Its length, m.

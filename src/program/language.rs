@@ -69,6 +69,9 @@ pub(crate) struct About {
     pub(super) are_points_named: bool,
     /// How its controllers turn the tool on arcs, if the program does not state it.
     pub(crate) arc_turn: ArcTurn,
+    /// Whether the orientation of a circle point chooses between the shorter and the longer turn on an arc, if the controller does not use
+    /// it otherwise.
+    pub(crate) chooses_turn: bool,
     /// Whether a program can state positions of external axes, so that they may be chosen.
     pub(crate) chooses_external: bool,
     /// Makes files with an empty routine for each name: their names and texts.
@@ -219,6 +222,8 @@ static RAPID: About = About {
     // RAPID reference manual, CirPathMode: `\PathFrame` is the default. An IRB 6640 turns so to 0.01° (logs `movec_30_car` and
     // `movec_30_ori` in `realrobot` of github.com/hehonglu123/ABB_Primitive_Study).
     arc_turn: ArcTurn::WithPath,
+    // RAPID reference manual, MoveC.
+    chooses_turn: true,
     chooses_external: true,
     declare: |names| {
         let routines: String = names.iter().map(|name| format!("PROC {name}()\nENDPROC\n")).collect();
@@ -246,6 +251,7 @@ static CL: About = About {
     companion: None,
     are_points_named: false,
     arc_turn: ArcTurn::Even,
+    chooses_turn: false,
     chooses_external: true,
     // CL data call nothing.
     declare: |_| Vec::new(),
@@ -271,6 +277,7 @@ static KRL: About = About {
     companion: Some("dat"),
     are_points_named: false,
     arc_turn: ArcTurn::Even,
+    chooses_turn: false,
     chooses_external: false,
     declare: |names| one_file(names, |name| format!("GLOBAL DEF {name} ( )\nEND\n")),
     turn: from_zyx_deg,
@@ -295,6 +302,7 @@ static TP: About = About {
     companion: None,
     are_points_named: true,
     arc_turn: ArcTurn::Even,
+    chooses_turn: false,
     chooses_external: false,
     declare: |names| {
         let program = |name: &&str| ((*name).to_owned(), format!("/PROG {name}\n/ATTR\n/MN\n/POS\n/END\n"));
@@ -322,6 +330,7 @@ static UR: About = About {
     companion: None,
     are_points_named: false,
     arc_turn: ArcTurn::Even,
+    chooses_turn: false,
     chooses_external: false,
     declare: |names| one_file(names, |name| format!("def {name}():\nend\n")),
     turn: |[rx, ry, rz]| Rotation3::new([rx, ry, rz].into()),
@@ -345,7 +354,9 @@ static JBI: About = About {
     has_modules: false,
     companion: None,
     are_points_named: false,
-    arc_turn: ArcTurn::Even,
+    // Assumed: every MOVC is a step of its own, which the robot reaches with the recorded orientation.
+    arc_turn: ArcTurn::ThroughCirclePoint,
+    chooses_turn: false,
     chooses_external: false,
     declare: |names| one_file(names, |name| format!("/JOB\n//NAME {name}\n//INST\nNOP\nEND\n")),
     turn: |[rx, ry, rz]| from_zyx_deg([rz, ry, rx]),

@@ -269,14 +269,17 @@ pub enum ArcTurn {
     WithPath,
     /// Evenly to the orientation of the circle point, and evenly from there to the end (RAPID `CirPathMode\CirPointOri`).
     ThroughCirclePoint,
+    /// With the path, and not relative to its direction: the orientation at the end follows from that at the start (URScript `movec` with
+    /// `mode=1`).
+    Fixed,
 }
 
 impl ArcTurn {
-    /// All of them, with their words in the cell file.
+    /// Those that a cell may state, with their words in the cell file.
     pub const WORDS: [(&'static str, Self); 3] =
         [("even", Self::Even), ("path", Self::WithPath), ("circle_point", Self::ThroughCirclePoint)];
 
-    /// Its word in the cell file.
+    /// Its word in the cell file; empty if only a program may state it.
     ///
     /// # Examples
     /// ```

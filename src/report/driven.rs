@@ -64,7 +64,7 @@ pub(crate) fn path_law_text(found: &FittedLaw) -> String {
     if let Some(turn) = found.arc_turn {
         let how = match turn {
             ArcTurn::Even => "evenly from the start to the end",
-            ArcTurn::WithPath => "with the path",
+            ArcTurn::WithPath | ArcTurn::Fixed => "with the path",
             ArcTurn::ThroughCirclePoint => "through the orientation of the circle point",
         };
         let _ = writeln!(text, "  on arcs the tool turns {how}");

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout, clippy::print_stderr)] // in helpers too, a failure is a failed test
 
 mod cell;
+mod circle_point;
 mod cli;
 mod cutting;
 mod cutting_measured;

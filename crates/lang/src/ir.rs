@@ -289,6 +289,8 @@ pub enum Path {
     Joint,
     /// On a circle.
     Circular,
+    /// On a circle, with the tool at a fixed orientation relative to its tangent.
+    Tangent,
     /// A path that only the controller knows, to a known point.
     Other(Reason),
     /// A motion to a point that the text does not state.

@@ -134,7 +134,7 @@ reasons! {
     OrientationDisregarded = "the programmed orientation is disregarded",
     OrientationType = "the programmed orientation is disregarded ($ORI_TYPE)",
     OrientationTypeUnknown = "$ORI_TYPE known only at run time",
-    ArcTurns = "the orientation turns with the arc ($CIRC_TYPE)",
+    ArcTurns = "how the orientation turns with the arc is known only to the controller ($CIRC_TYPE, $ORI_TYPE)",
     ArcTypeUnknown = "$CIRC_TYPE known only at run time",
     ArcModeSet = "how the orientation turns on the arc is set ($CIRC_MODE)",
     ArcByWrist = "the wrist axes turn on the arc in a way that only the controller knows (CirPathMode)",

@@ -141,7 +141,8 @@ fn own(motion: &Moved) -> Edit {
     if let Path::Unknown(why) | Path::Other(why) = motion.path {
         return Edit::No(why);
     }
-    let mut edit = Edit::Pose;
+    // The controller does not use the orientation of a tool that is fixed to the tangent.
+    let mut edit = if motion.path == Path::Tangent { Edit::Position } else { Edit::Pose };
     for value in points(motion) {
         let this = match &value.content {
             Content::Unknown(why) => Edit::No(*why),

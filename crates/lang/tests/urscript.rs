@@ -157,9 +157,10 @@ fn a_line_that_is_not_understood_may_do_anything() {
 #[test]
 fn an_inverse_keeps_the_pose_and_a_circle_has_its_way_point() {
     let ran = ran(
-        "w_p=p[.1,.2,.3,0,3.1,0]\nw_q=[0,-1,1,0,0,0]\nmovej(get_inverse_kin(w_p, qnear=w_q), a=1.4, v=1.0)\nmovec(p[1,0,0,0,0,0],p[2,0,0,0,0,0],a=1,v=.1,r=0)\nmovec(p[1,0,0,0,0,0],p[3,0,0,0,0,0],mode=1)\n",
+        "w_p=p[.1,.2,.3,0,3.1,0]\nw_q=[0,-1,1,0,0,0]\nmovej(get_inverse_kin(w_p, qnear=w_q), a=1.4, v=1.0)\nmovec(p[1,0,0,0,0,0],p[2,0,0,0,0,0],a=1,v=.1,r=0)\nmovec(p[1,0,0,0,0,0],p[3,0,0,0,0,0],mode=1)\nmovec(p[1,0,0,0,0,0],p[4,0,0,0,0,0],mode=w_q[0])\n",
     );
-    assert_eq!(ran.edits, [Edit::Pose, Edit::Pose, Edit::No(Reason::Tangent)]);
+    assert_eq!(ran.edits, [Edit::Pose, Edit::Pose, Edit::Position, Edit::No(Reason::Tangent)]);
+    assert_eq!(ran.motions[2].path, Path::Tangent);
     assert_eq!(ran.motions[0].path, Path::Joint);
     assert!(ran.motions[1].via.is_some());
     assert_eq!(ran.tokens()[0], ".1");

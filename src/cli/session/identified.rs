@@ -4,10 +4,10 @@ use crate::cli::input;
 use crate::cli::report::pretty;
 use deflex::cell::extended;
 use deflex::correct::{Course, Options, Prepared};
-use deflex::drive::{DriveError, FittedLaw, Lead, Log, LogError, Waypoint, arc_turn, fit_law};
+use deflex::drive::{DriveError, FittedLaw, Log, LogError, WayOfTurning, Waypoint, arc_turn, fit_law};
 use deflex::identify::{self, Identification, Input, MeasuredRun, Progress, Written};
 use deflex::measured::{ColumnNames, Table};
-use deflex::program::Program;
+use deflex::program::{ArcTurn, Program, Role};
 use deflex::report::html::identification_page;
 use deflex::report::{Origin, VERSION};
 use deflex::text::{Diagnostic, Source};
@@ -268,24 +268,32 @@ pub fn identify_path(
     // The log has the angles of the motors. Forces deflect the arm, but do not change the path along which the
     // controller leads the motors.
     let options = Options { tool: tool.map(str::to_owned), ..Options::default() };
-    let read = all(logs.iter().map(read))?;
+    let mut read = all(logs.iter().map(read))?;
     let course = |(program, _): &(Program, Log)| {
         let prepared = Prepared::new(program, &cell.cell, &options).map_err(|errors| cell.own(errors))?;
         Ok(Course::new(program, &cell.cell, &prepared).map_err(|errors| cell.own(errors))?.waypoints)
     };
-    let mut courses = all(read.iter().map(course))?;
     let fault = |error: LogError| vec![log_error(error, logs)];
-    // The logs decide how the tool turns on arcs, unless the cell or a program states it.
-    let mut targets = read.iter().flat_map(|(program, _)| &program.targets);
     let mut turn = None;
-    if cell.cell.controller.arc_turn.is_none() && targets.all(|target| target.arc_turn.is_none()) {
-        turn = arc_turn(robot, &runs(&courses, &read)).map_err(fault)?;
-        for waypoint in courses.iter_mut().flatten() {
-            if let (Lead::Arc { turn, .. }, Some(found)) = (&mut waypoint.lead, turn) {
-                *turn = found;
-            }
+    // The logs decide how the tool turns on arcs, unless the cell or a program states it.
+    let targets = || read.iter().flat_map(|(program, _)| &program.targets);
+    let is_stated = cell.cell.controller.arc_turn.is_some() || targets().any(|target| target.arc_turn.is_some());
+    if !is_stated && targets().any(|target| target.role == Role::Via) {
+        let turned = |read: &mut [(Program, Log)], turn: Option<ArcTurn>| {
+            read.iter_mut().flat_map(|(program, _)| &mut program.targets).for_each(|target| target.arc_turn = turn);
+        };
+        // The way decides the orientation at circle points, with which the arm may not reach them.
+        let mut ways = Vec::new();
+        for (_, turn) in ArcTurn::WORDS {
+            turned(&mut read, Some(turn));
+            ways.extend(all(read.iter().map(course)).ok().map(|courses| (turn, courses)));
         }
+        let ways: Vec<_> =
+            ways.iter().map(|(turn, courses)| WayOfTurning { turn: *turn, logs: runs(courses, &read) }).collect();
+        turn = arc_turn(robot, &ways).map_err(fault)?;
+        turned(&mut read, turn);
     }
+    let courses = all(read.iter().map(course))?;
     let found = fit_law(robot, &runs(&courses, &read)).map_err(fault)?;
     Ok(FittedLaw { arc_turn: turn, ..found })
 }

@@ -105,6 +105,7 @@ impl Site {
             torque: None,
             // CL data have no arcs.
             arc_turn: ArcTurn::default(),
+            turned_by_arc: false,
             plunges: self.plunges,
         }
     }

@@ -5,7 +5,7 @@ use super::run::{PositionTokens, Runner};
 use super::tree::Move;
 use super::value::{AXES, EXTERNAL, Name, POSE, Value};
 use crate::program::orientation::{from_zyx_deg, halfway, quaternion, quaternion_of_zyx_deg};
-use crate::program::{Conf, Editable, Goal, Mark, Motion, Predecessor, Reason, Role, StatusAndTurn, Target};
+use crate::program::{ArcTurn, Conf, Editable, Goal, Mark, Motion, Predecessor, Reason, Role, StatusAndTurn, Target};
 use crate::text::Span;
 use deflex_lang::ir::SourceSpan;
 use std::sync::Arc;
@@ -119,12 +119,21 @@ impl Runner<'_> {
         let (tool, wobj) = (self.tool_index()?, self.wobj_index()?);
         let mut to = to?;
         let elsewhere = self.leave_axes(&mut to);
-        let on_arc = if motion == Motion::Circular { self.turns_on_arc() } else { Ok(()) };
+        let on_arc = if motion == Motion::Circular { self.arc_turn() } else { Ok(None) };
         let from = match motion {
             Motion::Circular if self.orientation_before().is_none() => Err(Reason::AuxiliaryOrientation),
+            // How far the path turns up to the auxiliary point depends on where it begins.
+            Motion::Circular if on_arc != Ok(None) && self.predecessor() != Predecessor::Previous => {
+                Err(Reason::MotionBefore)
+            }
             _ => Ok(()),
         };
-        let turns = if motion == Motion::Joint { Ok(true) } else { self.turns(&to) };
+        let turns = match (motion, self.turns(&to)) {
+            (Motion::Joint, _) => Ok(true),
+            // An orientation that is constant in the path is another one at the end.
+            (_, Ok(false)) => on_arc.map(|_| false),
+            (_, turns) => turns,
+        };
         let feed = match motion {
             Motion::Joint => None,
             _ => self.value(self.symbols.speed).component(b"CP").and_then(Value::number).map(|v| 1e3 * v),
@@ -150,8 +159,9 @@ impl Runner<'_> {
         };
         let goal = Goal::Pose { position_mm: [to.numbers[0], to.numbers[1], to.numbers[2]], quat: to.quat(), conf };
         let located = unlocated.is_none();
-        let target =
-            Target { motion, feed_mm_s: feed, editable, located, name, ..self.target_here(goal, [tool, wobj], span) };
+        let arc_turn = on_arc.unwrap_or(None);
+        let here = self.target_here(goal, [tool, wobj], span);
+        let target = Target { motion, feed_mm_s: feed, editable, located, name, arc_turn, ..here };
         if let Some(via) = via {
             self.via(via, &to, &target)?;
         }
@@ -195,8 +205,8 @@ impl Runner<'_> {
             .then(|| quaternion(&from_zyx_deg([a, b, c])))
     }
 
-    /// Adds the auxiliary point of a circle. The controller ignores its angles: the orientation turns evenly from that before the arc to
-    /// that at its end.
+    /// Adds the auxiliary point of a circle. The controller ignores its angles: the orientation turns from that before the arc to that at its
+    /// end, and the path decides how far up to this point.
     fn via(&mut self, via: &Value, to: &Position, target: &Target) -> Result<(), Reason> {
         let [x, y, z] = via.numbers([b"X", b"Y", b"Z"]).ok_or_else(|| why(via))?;
         let before = self.orientation_before();
@@ -346,13 +356,19 @@ impl Runner<'_> {
         found
     }
 
-    /// Whether the orientation turns on an arc as on a line, as the correction of the auxiliary point assumes. It does if `$CIRC_TYPE` is
-    /// #BASE and `$CIRC_MODE`, which refines it for SCIRC, is not set.
-    fn turns_on_arc(&self) -> Result<(), Reason> {
-        match (self.settled(self.symbols.circle_type), self.settled(self.symbols.circle_mode)) {
-            (_, mode) if !matches!(&mode, Value::Record(said) if said.is_empty()) => Err(Reason::ArcModeSet),
-            (Value::Constant(kind), _) if &kind[..] == b"BASE" => Ok(()),
-            (Value::Constant(_), _) => Err(Reason::ArcTurns),
+    /// How the orientation turns on an arc: evenly, as on a line, if `$CIRC_TYPE` is #BASE, and evenly relative to the path if it is #PATH and
+    /// `$ORI_TYPE` is #VAR. `$CIRC_MODE`, which refines it for SCIRC, must not be set. KUKA System Software, *Operating and Programming
+    /// Instructions for System Integrators*, orientation control of CIRC and SCIRC.
+    fn arc_turn(&self) -> Result<Option<ArcTurn>, Reason> {
+        if !matches!(self.settled(self.symbols.circle_mode), Value::Record(said) if said.is_empty()) {
+            return Err(Reason::ArcModeSet);
+        }
+        match &[self.symbols.circle_type, self.symbols.orientation].map(|id| self.settled(id)) {
+            [Value::Constant(kind), _] if &kind[..] == b"BASE" => Ok(None),
+            [Value::Constant(kind), Value::Constant(own)] if [&kind[..], &own[..]] == [&b"PATH"[..], b"VAR"] => {
+                Ok(Some(ArcTurn::WithPath))
+            }
+            [Value::Constant(_), _] => Err(Reason::ArcTurns),
             _ => Err(Reason::ArcTypeUnknown),
         }
     }
@@ -366,14 +382,19 @@ impl Runner<'_> {
         }
     }
 
-    fn push(&mut self, mut target: Target, site: PositionTokens, external: [Option<f64>; 6]) {
+    /// The start of the segment of the running motion.
+    fn predecessor(&self) -> Predecessor {
         // The motion at whose end the robot stands, and the one before in the order of the text.
         let stands = self.value(self.symbols.stands).number().filter(|_| !self.is_volatile(self.symbols.position));
-        target.predecessor = match self.last {
+        match self.last {
             None => Predecessor::Start,
             Some(_) if stands == self.last => Predecessor::Previous,
             Some(_) => Predecessor::Unknown,
-        };
+        }
+    }
+
+    fn push(&mut self, mut target: Target, site: PositionTokens, external: [Option<f64>; 6]) {
+        target.predecessor = self.predecessor();
         let here = self.site(target.span);
         self.state.values.insert(self.symbols.stands, Value::Number(here, None));
         if self.notes {

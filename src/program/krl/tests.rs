@@ -1,5 +1,5 @@
 use super::*;
-use crate::program::{Change, Editable, Goal, Mark, Motion, Reason, RewriteOptions, Role};
+use crate::program::{ArcTurn, Change, Editable, Goal, Mark, Motion, Reason, RewriteOptions, Role};
 use crate::text::apply;
 
 fn program_of(texts: &[(&str, &str)], context: &[(&str, &str)]) -> Program {
@@ -300,22 +300,39 @@ fn external_axes_that_do_not_go_where_positions_say_keep_their_targets() {
 }
 
 #[test]
-fn an_arc_whose_orientation_turns_with_it_stays() {
+fn an_arc_turns_as_the_program_says() {
     let point = |x: u8, y: u8| format!("{{X {x}.0,Y {y}.0,Z 3.0,A 0.0,B 0.0,C 0.0}}");
     let arc = format!("CIRC {},{}", point(2, 1), point(3, 0));
-    let run = |set: &str| editable(&program(&format!("LIN {}\n{set}\n{arc}\nLIN {}", point(1, 0), point(9, 9))));
+    let all = |set: &str| program(&format!("LIN {}\n{set}\n{arc}\nLIN {}", point(1, 0), point(9, 9)));
+    let run = |set: &str| editable(&all(set));
+    let turns = |p: &Program| p.targets.iter().map(|target| target.arc_turn).collect::<Vec<_>>();
+    let with_path = [None, Some(ArcTurn::WithPath), Some(ArcTurn::WithPath), None];
     assert_eq!(run(""), ['P', 'p', 'P', 'P']);
-    assert_eq!(run("$CIRC_TYPE=#BASE"), ['P', 'p', 'P', 'P']);
-    assert_eq!(run("$CIRC_TYPE=#PATH"), ['P', '-', '-', 'P'], "lines are as they were");
-    assert_eq!(run("IF $IN[1] THEN\n$CIRC_TYPE=#PATH\nENDIF"), ['P', '-', '-', 'P']);
+    assert_eq!((run("$CIRC_TYPE=#BASE"), turns(&all("$CIRC_TYPE=#BASE"))), (vec!['P', 'p', 'P', 'P'], vec![None; 4]));
+    assert_eq!((run("$CIRC_TYPE=#PATH"), &turns(&all("$CIRC_TYPE=#PATH"))[..]), (run(""), &with_path[..]));
+    assert_eq!(run("IF $IN[1] THEN\n$CIRC_TYPE=#PATH\nENDIF"), ['P', '-', '-', 'P'], "lines are as they were");
+    // How the wrist turns is not in the text. A constant orientation turns with the path, so that of the line after it is unknown.
+    let and = |kind: &str| format!("$ORI_TYPE=#{kind}\n$CIRC_TYPE=#PATH");
+    assert_eq!((run(&and("JOINT")), reasons(&all(&and("JOINT")))), (vec!['P', '-', '-', 'P'], vec![Reason::ArcTurns]));
+    assert_eq!(
+        (run("$ORI_TYPE=#CONSTANT"), run(&and("CONSTANT"))),
+        (vec!['P', 'p', 'p', 'p'], vec!['P', '-', '-', '-'])
+    );
+    // One of two ways leads to the arc: it is known how it turns evenly, and not how far the path turns it.
+    let either = format!("IF $IN[1] THEN\nLIN {}\nENDIF", point(0, 9));
+    assert_eq!(run(&either), ['P', 'P', 'p', 'P', 'P']);
+    assert_eq!(run(&format!("{either}\n$CIRC_TYPE=#PATH")), ['P', 'P', '-', '-', 'P']);
     assert_eq!(run("$CIRC_MODE.AUX_PT.ORI=#INTERPOLATE"), ['P', '-', '-', 'P']);
     let again =
         format!("$CIRC_TYPE=#PATH\nBAS(#INITMOV,0)\n$BASE=BASE_DATA[1]\n$TOOL=TOOL_DATA[1]\nLIN {}", point(1, 0));
     assert_eq!(run(&again), ['P', 'P', 'p', 'P', 'P']);
     let act = |kind: &str| format!("LDAT_ACT={{VEL 2.0,ORI_TYP #VAR,CIRC_TYP #{kind}}}\nBAS(#CP_DAT)");
-    assert_eq!((run(&act("BASE")), run(&act("PATH"))), (vec!['P', 'p', 'P', 'P'], vec!['P', '-', '-', 'P']));
+    assert_eq!((turns(&all(&act("BASE"))), &turns(&all(&act("PATH")))[..]), (vec![None; 4], &with_path[..]));
     let with = format!("LIN {}\nS{arc} WITH $CIRC_TYPE=#PATH\nS{arc}", point(1, 0));
-    assert_eq!(editable(&program(&with)), ['P', '-', '-', 'p', 'P'], "for one motion");
+    let spline = program(&with);
+    assert_eq!(editable(&spline), ['P', 'p', 'P', 'p', 'P']);
+    let one = [None, Some(ArcTurn::WithPath), Some(ArcTurn::WithPath), None, None];
+    assert_eq!(turns(&spline), one, "for one motion");
 }
 
 #[test]

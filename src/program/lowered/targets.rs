@@ -2,8 +2,8 @@
 
 use super::{Layout, PoseSource, Style};
 use crate::program::{
-    Conf, Editable, Goal, Kept, Language, Mark, Motion, Passing, Predecessor, Program, Reason, Role, Target, Tool,
-    ToolData, UnknownMotion, Wobj,
+    ArcTurn, Conf, Editable, Goal, Kept, Language, Mark, Motion, Passing, Predecessor, Program, Reason, Role, Target,
+    Tool, ToolData, UnknownMotion, Wobj,
 };
 use crate::text::{Diagnostic, Severity, Source, Span};
 use deflex_lang::dialect::Dialect;
@@ -241,8 +241,8 @@ impl Builder<'_> {
         let path = match (motion.path, joints) {
             (Path::Joint, true) => Motion::AbsoluteJoint,
             (Path::Joint, false) => Motion::Joint,
-            (Path::Circular, true) => return Err(Reason::CircleThroughAxes),
-            (Path::Circular, false) => Motion::Circular,
+            (Path::Circular | Path::Tangent, true) => return Err(Reason::CircleThroughAxes),
+            (Path::Circular | Path::Tangent, false) => Motion::Circular,
             _ => Motion::Linear,
         };
         let via = match (&motion.via, path) {
@@ -250,7 +250,7 @@ impl Builder<'_> {
                 Some((goal, false)) => Some(goal),
                 _ => return Err(Reason::CircleThroughAxes),
             },
-            (None, Motion::Circular) if matches!(motion.path, Path::Circular) && self.style.tool == "TCP" => {
+            (None, Motion::Circular) if self.style.tool == "TCP" => {
                 return Err(Reason::CircleWithoutPoint);
             }
             _ => None,
@@ -292,7 +292,7 @@ impl Builder<'_> {
                 PathStart::Previous if follows => Predecessor::Previous,
                 PathStart::Previous | PathStart::Unknown => Predecessor::Unknown,
             },
-            arc_turn: None,
+            arc_turn: (motion.path == Path::Tangent).then_some(ArcTurn::Fixed),
         };
         if let Some(goal) = via {
             let via = Target { role: Role::Via, goal, ..end.clone() };

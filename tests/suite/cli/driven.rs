@@ -76,6 +76,35 @@ fn logs_give_the_law_and_the_law_gives_the_path() {
     assert!(should > 1.0 && (is - should).abs() < 0.1 * should, "{is} for {should} mm");
 }
 
+/// A quarter of a circle on which the tool tilts by 0.4 rad about x. The orientation of the circle point is on no way between the two.
+fn arc(speed: &str, mode: &str) -> String {
+    let to = |x: f64, y: f64, q: &str| format!("[[{x:.2},{y:.2},900],[{q}],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]");
+    let [s, c, b, d] = [0.2_f64.sin(), 0.2_f64.cos(), 0.15_f64.sin(), 0.15_f64.cos()];
+    let via = to(1170.71, 29.29, &format!("{:.8},0,{d:.8},0", -b));
+    let end = to(1200.0, 100.0, &format!("0,0,{c:.8},{s:.8}"));
+    let (start, go) = (to(1100.0, 0.0, "0,0,1,0"), format!("{speed},fine,tMill;\n"));
+    let text = program(speed, "fine");
+    let head = text.split("    MoveL").next().unwrap();
+    format!("{head}    {mode}\n    MoveL {start},{go}    MoveC {via},{end},{go}  ENDPROC\nENDMODULE\n")
+}
+
+#[test]
+fn logs_tell_how_the_tool_turns_on_arcs() {
+    let bench = Bench::new();
+    bench.write("cell.toml", CELL);
+    for (mode, word) in [("PathFrame", "path"), ("ObjectFrame", "even"), ("CirPointOri", "circle_point")] {
+        for speed in ["v50", "v100"] {
+            bench.write(&format!("{speed}.mod"), arc(speed, ""));
+            let told = arc(speed, &format!("CirPathMode\\{mode};"));
+            bench.write(&format!("{speed}.csv"), log(&told, &PathLaw::TYPICAL));
+        }
+        let logs = "--log v50.mod v50.csv --log v100.mod v100.csv";
+        let ran = bench.run(&format!("identify --cell cell.toml -o found.toml {logs}")).exits(0);
+        let found = bench.read("found.toml");
+        assert!(found.contains(&format!("arc_turn = \"{word}\"")), "{mode}: {found}\n{}", ran.stdout);
+    }
+}
+
 #[test]
 fn without_a_law_corners_are_as_written_and_that_is_said() {
     let bench = Bench::new();

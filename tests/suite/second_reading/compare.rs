@@ -24,7 +24,7 @@ const TOLERANCE_RAD: f64 = 2e-6;
 const SHIFTED_MM: f64 = 2e-2;
 
 /// A cell in which each correction is its own: a constant force in work object axes on an arm of unequal joints, and nothing
-/// that depends on the motion before.
+/// that depends on the motion before: the tool turns to the orientation in the text of a circle point.
 pub const CELL: &str = r#"
 [robot]
 model = "irb6700-150-3.20"
@@ -36,6 +36,7 @@ max_correction_mm = 100.0
 max_step_mm = 500.0
 [controller]
 compensates = []
+arc_turn = "circle_point"
 [tools.tCell]
 tcp_mm = [0.0, 0.0, 180.0]
 tcp_quat = [1.0, 0.0, 0.0, 0.0]

@@ -440,14 +440,15 @@ impl<'a, 'n> Parser<'a, 'n> {
         let place = self.since(start);
         let mut path = path;
         let zero = |e: &Expression| matches!(e.kind, Is::Number(value, _) if value == 0.0);
-        if given.get("mode").is_some_and(|mode| !zero(mode)) {
-            path = Path::Other(Reason::Tangent);
+        if let Some(mode) = given.get("mode").filter(|mode| !zero(mode)) {
+            let is_fixed = matches!(mode.kind, Is::Number(mode, _) if mode - 1.0 == 0.0);
+            path = if is_fixed { Path::Tangent } else { Path::Other(Reason::Tangent) };
         }
         let timed = given.get("t").is_some_and(|time| !zero(time));
         let speed = match (given.remove("v"), timed, path) {
             (_, true, _) => Some(Expression { kind: Is::Unknown(Reason::Computed, Vec::new()), place }),
             (Some(speed), ..) => Some(speed),
-            (None, _, Path::Linear | Path::Circular | Path::Other(_)) => {
+            (None, _, Path::Linear | Path::Circular | Path::Tangent | Path::Other(_)) => {
                 Some(Expression { kind: Is::Constant(DEFAULT_SPEED), place })
             }
             _ => None,
