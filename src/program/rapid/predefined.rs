@@ -335,6 +335,7 @@ pub(super) const FUNCTIONS: &[&str] = &[
     "DefDFrame",
     "DefFrame",
     "Dim",
+    "DInput",
     "Distance",
     "DnumToNum",
     "DnumToStr",
