@@ -56,7 +56,7 @@ impl<'a> Runner<'a> {
             }
             ExpressionKind::Literal(index) => {
                 let pose = self.literal_pose(scope.source, *index);
-                pose.map_or(Value::Unknown(Reason::Aggregate), |pose| Value::Target(Rc::new(pose)))
+                pose.map_or(Value::Unknown(Reason::NotANumber), |pose| Value::Target(Rc::new(pose)))
             }
             ExpressionKind::Name => self.name(scope, of.span).value,
             ExpressionKind::Aggregate(items) => {
