@@ -93,7 +93,7 @@
 //! degrees, which the names of their fields and columns state.
 
 // The command line alone uses some items of the layers before it.
-#![cfg_attr(not(feature = "cli"), allow(dead_code))]
+#![cfg_attr(not(feature = "cli"), allow(unused))]
 
 /// Two crates whose types appear in public signatures.
 pub use {nalgebra, toml};
