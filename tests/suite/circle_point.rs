@@ -62,8 +62,8 @@ fn a_circle_point_is_corrected_for_the_orientation_on_the_arc() {
         let own = circle_point(&written);
         assert_eq!(own.1, circle_point(&text).1, "{mode}: the controller does not use these numbers");
         // Programs whose circle points are passed with the orientation in the text.
-        let told = |via: &Turn| corrected(&read(&quarter("CirPointOri", via, &end)), &cell, None).1;
-        let (same, other) = (told(&there), told(&odd));
+        let corrected_for = |via: &Turn| corrected(&read(&quarter("CirPointOri", via, &end)), &cell, None).1;
+        let (same, other) = (corrected_for(&there), corrected_for(&odd));
         let apart = |text: &str| (own.0 - circle_point(text).0).norm();
         assert!(apart(&same) < 1.5e-4 && apart(&other) > 5e-3, "{mode}: {} {}", apart(&same), apart(&other));
         assert_ne!(circle_point(&other).1, own.1, "{mode}: these are used");
@@ -134,7 +134,7 @@ fn a_tool_that_is_fixed_to_the_arc_ends_turned_by_its_angle() {
     assert!((rows[2].error_norm_mm() - even_rows[2].error_norm_mm()).abs() < 1e-6);
     assert!(rows[2].remaining_norm_mm() < 1e-3, "{:?}", rows[2]);
 
-    // Where it begins at one of two points, nobody knows how it ends.
+    // Where it begins at one of two points, its end is unknown.
     let branch = "if get_digital_in(1):\n movel(p[0.5, 0, 0.09, 3.1, 0, 0], v=0.02)\nend\n";
     let unknown = compensate(&small_quarter(branch, ["0, 0, 0", "0, 0, 0"], ", mode=1"), &cell, &Options::default());
     let last = unknown.unwrap().rows.pop().unwrap();

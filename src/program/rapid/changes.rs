@@ -364,13 +364,7 @@ impl<'s, 'a> Scan<'s, 'a> {
             Some(Instruction::Arguments | Instruction::Steps) => {
                 arguments.given().for_each(|argument| self.change(argument));
             }
-            Some(Instruction::Options) => {
-                arguments
-                    .optional
-                    .iter()
-                    .filter_map(|argument| argument.value.as_ref())
-                    .for_each(|argument| self.change(argument));
-            }
+            Some(Instruction::Options) => arguments.optional_values().for_each(|argument| self.change(argument)),
             Some(Instruction::DisplacementOn) => self.out.changes.switches.displacement = true,
             Some(Instruction::SoftOn) => self.out.changes.switches.soft = true,
             Some(Instruction::Load) => self.out.changes.switches.load = true,

@@ -195,7 +195,12 @@ impl Call {
 impl Arguments {
     /// The values of all arguments, by position or by name.
     pub(super) fn given(&self) -> impl Iterator<Item = &Expression> {
-        self.positional.iter().chain(self.optional.iter().filter_map(|argument| argument.value.as_ref()))
+        self.positional.iter().chain(self.optional_values())
+    }
+
+    /// The values of the arguments by name.
+    pub(super) fn optional_values(&self) -> impl Iterator<Item = &Expression> {
+        self.optional.iter().filter_map(|argument| argument.value.as_ref())
     }
 
     fn optional<'e>(&'e self, bytes: &[u8], name: &[u8]) -> Option<&'e OptionalArgument> {

@@ -42,7 +42,7 @@ impl<'a> Runner<'a> {
                 }
             }
             Instruction::Options => {
-                for argument in arguments.optional.iter().filter_map(|argument| argument.value.as_ref()) {
+                for argument in arguments.optional_values() {
                     self.forget_argument(scope, argument, Reason::Computed);
                 }
             }

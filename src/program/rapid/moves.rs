@@ -179,7 +179,7 @@ impl<'a> Runner<'a> {
     fn other_arguments(&mut self, scope: Scope, given: &'a Arguments, shape: Shape, tool_at: usize) {
         let own = |(at, _): &(usize, &Expression)| *at != shape.to && Some(*at) != shape.via && *at != tool_at;
         let positional = given.positional.iter().enumerate().filter(own).map(|(_, argument)| argument);
-        let named = given.optional.iter().filter_map(|argument| argument.value.as_ref());
+        let named = given.optional_values();
         self.hold(scope, positional.chain(named).filter(|argument| !argument.is_plain()));
     }
 

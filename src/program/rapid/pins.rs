@@ -22,14 +22,19 @@ impl Numbers {
         u32::try_from(self.first_literal[source]).ok()?.checked_add(index)
     }
 
-    /// The robtargets in an expression: complete ones, and those that are assembled from parts.
+    /// The robtarget that an expression is: a complete one, or one that is assembled from parts.
+    pub(super) fn literal_of(&self, source: u16, of: &Expression) -> Option<u32> {
+        match of.kind {
+            ExpressionKind::Literal(index) => self.literal_id(usize::from(source), index),
+            ExpressionKind::Aggregate(_) => self.own.get(&SourceSpan { source, span: of.span }).copied(),
+            _ => None,
+        }
+    }
+
+    /// The robtargets in an expression.
     pub(super) fn literals_in(&self, source: u16, of: &Expression) -> Vec<u32> {
         let mut all = Vec::new();
-        of.each(&mut |part: &Expression| match part.kind {
-            ExpressionKind::Literal(index) => all.extend(self.literal_id(usize::from(source), index)),
-            ExpressionKind::Aggregate(_) => all.extend(self.own.get(&SourceSpan { source, span: part.span })),
-            _ => {}
-        });
+        of.each(&mut |part| all.extend(self.literal_of(source, part)));
         all
     }
 

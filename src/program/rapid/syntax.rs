@@ -1,4 +1,5 @@
-//! Parses modules, routines and declarations. It is shallow, so that a statement that it does not understand affects no other.
+//! Parses modules, routines and declarations. The end of a statement is found before the statement is read, so that one that is not
+//! understood affects no other.
 
 mod blocks;
 mod expressions;

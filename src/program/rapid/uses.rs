@@ -1,7 +1,7 @@
 //! Other uses of a target's numbers: in routines that nothing runs, traps, handlers and functions. A number is edited only if all
 //! its uses are known and ask for the same value.
 
-use super::expression::{Expression, ExpressionKind};
+use super::expression::Expression;
 use super::known::RoutineId;
 use super::motion;
 use super::ran::Use;
@@ -99,13 +99,9 @@ impl<'a> Runner<'a> {
             for part in parts {
                 #[allow(clippy::cast_possible_truncation)] // as many files as a target's source can number
                 let source = id.file as u16;
-                match part.kind {
-                    ExpressionKind::Literal(_) | ExpressionKind::Aggregate(_) => {
-                        self.numbers.pinned.extend(self.numbers.literals_in(source, part));
-                        continue;
-                    }
-                    ExpressionKind::Name => {}
-                    _ => continue,
+                self.numbers.pinned.extend(self.numbers.literal_of(source, part));
+                if !part.is_name() {
+                    continue;
                 }
                 let key = Upper::new(&bytes[part.span.range()]);
                 if !done.insert((id, Box::<[u8]>::from(&*key))) {

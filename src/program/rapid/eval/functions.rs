@@ -38,7 +38,7 @@ impl<'a> Runner<'a> {
             None => self.unknown_function(scope, call),
         }
         if !matches!(&*name, b"RELTOOL") {
-            for value in arguments.optional.iter().filter_map(|argument| argument.value.as_ref()) {
+            for value in arguments.optional_values() {
                 let value = self.value(scope, value);
                 self.numbers.pin_value(&value);
             }
