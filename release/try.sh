@@ -21,4 +21,4 @@ for file in man/man1/deflex-compensate.1.gz bash-completion/completions/deflex z
   test -s "$folder/root/usr/share/$file" || { echo "the package has no $file" >&2; exit 1; }
 done
 
-cargo publish --dry-run --allow-dirty -p deflex-closed-stdout -p deflex-elastic -p deflex-lang -p deflex-studio -p deflex
+cargo publish --dry-run --allow-dirty --workspace --exclude deflex-python

@@ -92,29 +92,19 @@
 //! The library computes in metres, radians and newtons. Only [`program`], the cell file and [`report`] have millimetres and
 //! degrees, which the names of their fields and columns state.
 
-// The command line alone uses some items of the layers before it.
-#![cfg_attr(not(feature = "cli"), allow(unused))]
-
 /// Two crates whose types appear in public signatures.
 pub use {nalgebra, toml};
 
 // The command line uses the library by its name, as any other program does.
 extern crate self as deflex;
 
-pub mod cell;
 #[cfg(feature = "cli")]
 pub mod cli;
-pub mod correct;
-pub mod cutting;
-pub mod drive;
-pub mod effects;
-pub mod equilibrium;
-pub mod identify;
-mod lanes;
-pub mod limits;
-pub mod measured;
-pub mod program;
-pub mod report;
-pub mod robot;
-pub mod stock;
-pub mod text;
+
+#[doc(inline)]
+pub use {
+    deflex_cell as cell, deflex_correct as correct, deflex_cutting as cutting, deflex_drive as drive,
+    deflex_effects as effects, deflex_equilibrium as equilibrium, deflex_identify as identify,
+    deflex_measured as measured, deflex_program as program, deflex_report as report, deflex_robot as robot,
+    deflex_stock as stock, deflex_text as text, deflex_text::limits,
+};

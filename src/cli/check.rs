@@ -16,7 +16,8 @@ use deflex::correct::{Judged, KeptCount, KeptReason, Messages, Row, Summary, Way
 use deflex::program::{Language, Program, Role, Target};
 use deflex::report::html::{PathKind, PathPage, PathTrace};
 use deflex::report::{
-    CheckFile, Digest, FileSummary, Findings, Judgement, Verdict, Verdicts, check_json, check_text, junit, sarif,
+    CheckFile, Digest, FileSummary, Findings, Judgement, Verdict, Verdicts, check_json, check_text, junit, kept_text,
+    sarif,
 };
 use deflex::text::{Diagnostic, Severity};
 use indicatif::ProgressBar;
@@ -252,7 +253,7 @@ fn whole(args: &Check, batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result
 /// One warning for each reason for which targets were not judged.
 fn not_judged<'a>(name: &'a str, judgement: &'a Judgement) -> impl Iterator<Item = Diagnostic> + 'a {
     judgement.unjudged.iter().filter(|unjudged| unjudged.reason != KeptReason::ProgramRefused).map(move |unjudged| {
-        let said = Diagnostic::error("check.not-judged", name, format!("not judged: {unjudged}"));
+        let said = Diagnostic::error("check.not-judged", name, format!("not judged: {}", kept_text(unjudged)));
         said.severity(Severity::Warning).help(match judgement.allows_unjudged {
             true => "`deflex predict --report` names their lines",
             false => "declare in the cell what is missing; or let them pass unjudged with `--allow-unjudged`",

@@ -145,7 +145,7 @@ fn corrected_nothing(summary: &FileSummary) -> Option<Diagnostic> {
     if summary.counts.corrected > 0 || summary.counts.targets == 0 || summary.driven_path.is_some() {
         return None;
     }
-    let reasons: Vec<String> = summary.counts.kept.iter().map(ToString::to_string).collect();
+    let reasons: Vec<String> = summary.counts.kept.iter().map(deflex::report::kept_text).collect();
     let (severity, why, help) = match reasons.is_empty() {
         true => {
             (Severity::Note, "no target needs a correction".to_owned(), "check `[cut]` of the cell, if one should cut")

@@ -2,7 +2,7 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 
-const assets = new URL("../../src/report/html/assets/", import.meta.url);
+const assets = new URL("../../crates/report/src/html/assets/", import.meta.url);
 
 // The function that begins with `const NAME` in a script and ends before the text `behind`.
 const taken = (file, name, behind) => {

@@ -254,7 +254,7 @@ fn every_column_of_the_report_is_documented() {
 #[test]
 fn every_key_of_the_cell_is_documented() {
     let read = |name: &str| std::fs::read_to_string(Path::new(ROOT).join(name)).unwrap();
-    let (keys, page) = (read("src/cell/raw.rs"), read("docs/formats.md"));
+    let (keys, page) = (read("crates/cell/src/raw.rs"), read("docs/formats.md"));
     let section = page.split("## Cell file").nth(1).unwrap().split("## Measured file").next().unwrap();
     let fields = keys.lines().filter_map(|line| line.strip_prefix("    pub(super) ")?.split_once(": "));
     let names: Vec<&str> = fields.map(|(name, _)| name).filter(|name| !name.contains(' ')).collect();

@@ -27,7 +27,7 @@ fn cited(text: &str) -> impl Iterator<Item = &str> {
 #[test]
 fn every_document_that_a_comment_cites_is_there() {
     let mut sources = Vec::new();
-    for folder in ["src", "tests/suite", "benches", "examples"] {
+    for folder in ["src", "crates", "tests/suite", "benches", "examples"] {
         files(&Path::new(ROOT).join(folder), &["rs"], &mut sources);
     }
     assert!(sources.len() > 100);

@@ -43,24 +43,14 @@ fn arm_of(robot: Robot, effects: &[&str]) -> Arm {
 }
 
 fn situation(arm: &Arm, motor: &Joints, force: Vector3<f64>) -> Situation<'static> {
-    let tool = tool();
     let base_from_wobj =
         Pose::from_parts(Translation3::new(1.0, -0.4, 0.7), Rotation3::from_euler_angles(0.0, 0.02, 0.3));
+    let wobj_from_tcp = base_from_wobj.inv_mul(&(arm.robot.forward(motor) * tool().flange_from_tcp));
     Situation {
         base_from_wobj,
         gravity: arm.robot.gravity(),
-        wobj_from_tcp: base_from_wobj.inv_mul(&(arm.robot.forward(motor) * tool.flange_from_tcp)),
-        tool,
         cutting: Cutting::Constant(force),
-        normal: Vector3::z(),
-        velocity: Vector3::zeros(),
-        cut_length: 0.0,
-        time: 0.0,
-        temperature: None,
-        payload: 0.0,
-        units: &[],
-        part: None,
-        torque: None,
+        ..Situation::in_air(tool(), wobj_from_tcp)
     }
 }
 

@@ -42,7 +42,7 @@ const NEW_STATE: &str = "## If the effect depends on something new";
 
 #[test]
 fn the_guide_of_effects_lists_the_files_of_an_effect() {
-    let mut found = containing(&["src", "tests", "samples", "examples", "benches", "docs"], &[EFFECT]);
+    let mut found = containing(&["src", "crates", "tests", "samples", "examples", "benches", "docs"], &[EFFECT]);
     // These two speak of the effect as an example.
     for page in ["docs/add-an-effect.md", "tests/suite/guides.rs"] {
         assert!(found.remove(page), "{page}");
@@ -50,9 +50,9 @@ fn the_guide_of_effects_lists_the_files_of_an_effect() {
     let guide = page("add-an-effect.md");
     let (usual, new_state) = guide.split_once(NEW_STATE).unwrap();
     assert_eq!(found, listed(usual, EFFECT));
-    let mut found = containing(&["src", "tests/suite"], &NEW_FIELD);
+    let mut found = containing(&["src", "crates", "tests/suite"], &NEW_FIELD);
     // The effect's own file, and this one.
-    for page in ["src/effects/creep.rs", "tests/suite/guides.rs"] {
+    for page in ["crates/effects/src/creep.rs", "tests/suite/guides.rs"] {
         assert!(found.remove(page), "{page}");
     }
     assert_eq!(found, listed(new_state, EFFECT));
@@ -60,12 +60,12 @@ fn the_guide_of_effects_lists_the_files_of_an_effect() {
 
 #[test]
 fn the_guide_of_robots_lists_the_files_of_a_robot() {
-    let library = std::fs::read_to_string(Path::new(ROOT).join("src/robot/library.toml")).unwrap();
+    let library = std::fs::read_to_string(Path::new(ROOT).join("crates/robot/src/library.toml")).unwrap();
     let vectors = std::fs::read_to_string(Path::new(ROOT).join("tests/fixtures/robots/forward.csv")).unwrap();
     let listed = listed(&page("add-a-robot.md"), "");
     let vector = vectors.lines().last().unwrap().split(',').next().unwrap();
     assert!(library.contains(&format!("model = \"{vector}\"")), "{vector}");
-    assert_eq!(listed, containing(&["src", "tests"], &[vector]));
+    assert_eq!(listed, containing(&["src", "crates", "tests"], &[vector]));
     // Each key of an entry has its row.
     let guide = page("add-a-robot.md");
     let keys: BTreeSet<&str> = library
@@ -80,8 +80,8 @@ fn the_guide_of_robots_lists_the_files_of_a_robot() {
 
 #[test]
 fn the_guide_of_languages_lists_where_the_code_decides_by_language() {
-    let mut found = containing(&["src"], &["Language::Krl", "Language::Ls"]);
+    let mut found = containing(&["src", "crates"], &["Language::Krl", "Language::Ls"]);
     // A language's own reader.
-    found.retain(|path| !path.starts_with("src/program/krl/") && !path.starts_with("src/program/tp/"));
+    found.retain(|path| !path.starts_with("crates/program/src/krl/") && !path.starts_with("crates/program/src/tp/"));
     assert_eq!(found, listed(&page("add-a-language.md"), ""));
 }

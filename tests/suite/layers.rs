@@ -1,6 +1,6 @@
-//! The folders of `src` are layers: each imports from those before it alone, in the order of the table in `ARCHITECTURE.md`. The files
-//! of a folder do not import one another in a circle.
+//! The crates are layers, in the order of the table in `ARCHITECTURE.md`. The files of a folder do not import one another in a circle.
 
+use crate::sources::source_folders;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
@@ -8,16 +8,13 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Folders and files of `src` in the order of the table.
+/// The crates in the order of the table.
 fn layers() -> Vec<String> {
     let page = std::fs::read_to_string(root().join("ARCHITECTURE.md")).unwrap();
-    let names =
-        page.lines().filter_map(|line| line.strip_prefix("| `")?.split_once('`').map(|(name, _)| name.to_owned()));
-    names
-        .filter(|name| {
-            root().join("src").join(name).is_dir() || root().join("src").join(format!("{name}.rs")).is_file()
-        })
-        .collect()
+    let names = page
+        .lines()
+        .filter_map(|line| line.strip_prefix("| `crates/")?.split_once('`').map(|(name, _)| name.to_owned()));
+    names.collect()
 }
 
 fn sources(folder: &Path, all: &mut Vec<PathBuf>) {
@@ -91,8 +88,6 @@ struct Import {
     folder: String,
     from: String,
     to: String,
-    /// The file that has the import.
-    file: PathBuf,
 }
 
 /// The imports of a crate. Its own files and those of its binary name it as `crate` and as `deflex`.
@@ -101,7 +96,7 @@ fn imports(crate_folder: &Path) -> Vec<Import> {
     sources(crate_folder, &mut all);
     let mut found = Vec::new();
     for path in all {
-        let file = path.strip_prefix(crate_folder).unwrap().to_owned();
+        let file = path.strip_prefix(crate_folder).unwrap();
         let mut own: Vec<String> =
             file.with_extension("").iter().map(|part| part.to_str().unwrap().to_owned()).collect();
         if ["mod", "lib", "main"].contains(&&**own.last().unwrap()) {
@@ -111,8 +106,7 @@ fn imports(crate_folder: &Path) -> Vec<Import> {
         for target in paths(&code_of(&text)).iter().filter_map(|path| target(path, &own)) {
             let shared = own.iter().zip(&target).take_while(|(own, target)| own == target).count();
             if let (Some(from), Some(to)) = (own.get(shared), target.get(shared)) {
-                let (folder, file) = (own[..shared].join("::"), file.clone());
-                found.push(Import { folder, from: from.clone(), to: to.clone(), file });
+                found.push(Import { folder: own[..shared].join("::"), from: from.clone(), to: to.clone() });
             }
         }
     }
@@ -120,36 +114,30 @@ fn imports(crate_folder: &Path) -> Vec<Import> {
 }
 
 #[test]
-fn no_layer_imports_from_one_after_it() {
+fn each_crate_depends_on_crates_above_it_in_the_table() {
     let layers = layers();
-    assert!(layers.len() > 10, "{layers:?}");
-    let mut all = Vec::new();
-    sources(&root().join("src"), &mut all);
-    for path in all {
-        let inside = path.strip_prefix(root().join("src")).unwrap().with_extension("");
-        let first = inside.iter().next().unwrap().to_str().unwrap().to_owned();
-        // The library's and the binary's own files join all layers.
-        let is_placed = layers.contains(&first) || ["lib", "main"].contains(&&*first);
-        assert!(is_placed, "{first} is no layer of the table in ARCHITECTURE.md");
-    }
-    let mut wrong = BTreeSet::new();
-    for Import { from, to, file, .. } in imports(&root().join("src")).iter().filter(|import| import.folder.is_empty()) {
-        let place = |name: &String| layers.iter().position(|layer| layer == name);
-        if place(to).is_some_and(|at| at > place(from).unwrap()) {
-            wrong.insert(format!("{} imports from {to}", file.display()));
+    let folders = std::fs::read_dir(root().join("crates")).unwrap();
+    let mut there: Vec<String> = folders.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    let mut listed = layers.clone();
+    there.sort();
+    listed.sort();
+    assert_eq!(listed, there, "the table in ARCHITECTURE.md lists each crate once");
+    for (at, name) in layers.iter().enumerate() {
+        let manifest = std::fs::read_to_string(root().join("crates").join(name).join("Cargo.toml")).unwrap();
+        for needed in manifest.lines().filter_map(|line| line.strip_prefix("deflex-")?.split(['.', ' ']).next()) {
+            assert!(layers[..at].iter().any(|above| above == needed), "crates/{name} depends on {needed}");
         }
     }
-    assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
 #[test]
 fn files_of_a_folder_do_not_import_one_another_in_a_circle() {
     let mut circles = BTreeSet::new();
-    for name in ["src", "crates/elastic/src", "crates/lang/src", "crates/studio/src"] {
-        let imports = imports(&root().join(name));
-        assert!(!imports.is_empty(), "{name}");
+    for folder in source_folders() {
+        let name = folder.strip_prefix(root()).unwrap().display().to_string();
+        let imports = imports(&folder);
         let mut next: BTreeMap<(&str, &str), BTreeSet<&str>> = BTreeMap::new();
-        for Import { folder, from, to, .. } in &imports {
+        for Import { folder, from, to } in &imports {
             next.entry((folder, from)).or_default().insert(to);
         }
         for &(folder, from) in next.keys() {

@@ -40,6 +40,7 @@ mod robot;
 mod samples;
 mod scripts;
 mod second_reading;
+mod sources;
 mod stationary;
 mod stock;
 mod stream;

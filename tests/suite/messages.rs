@@ -1,5 +1,6 @@
 //! The page of messages has every code of the code, and no other.
 
+use crate::sources::source_folders;
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -46,7 +47,7 @@ fn documented() -> BTreeSet<String> {
 /// Quoted words of the sources, without tests, comments and the examples in comments.
 fn quoted() -> BTreeSet<String> {
     let mut found = BTreeSet::new();
-    let mut open = vec![Path::new(ROOT).join("src")];
+    let mut open = source_folders();
     while let Some(path) = open.pop() {
         if path.is_dir() {
             open.extend(std::fs::read_dir(path).unwrap().map(|entry| entry.unwrap().path()));

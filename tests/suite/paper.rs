@@ -116,19 +116,8 @@ fn case() -> Case {
 fn situation<'a>(case: &Case, law: &'a Slot) -> Situation<'a> {
     Situation {
         base_from_wobj: case.base_from_feed,
-        gravity: Vector3::new(0.0, 0.0, -9.806_65),
-        wobj_from_tcp: case.feed_from_tcp,
-        tool: case.tool,
         cutting: Cutting::Law { law, wobj_from_feed: Rotation3::identity() },
-        normal: Vector3::z(),
-        velocity: Vector3::zeros(),
-        cut_length: 0.0,
-        time: 0.0,
-        temperature: None,
-        payload: 0.0,
-        units: &[],
-        part: None,
-        torque: None,
+        ..Situation::in_air(case.tool, case.feed_from_tcp)
     }
 }
 

@@ -1,5 +1,6 @@
 //! Plain words: the README, the documentation and the messages have no words of a private style and no sentence that is too long.
 
+use crate::sources::source_folders;
 use std::path::{Path, PathBuf};
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
@@ -191,9 +192,7 @@ const WORD_LISTS: [&str; 2] = ["crates/lang/src/inform/words.rs", "crates/lang/s
 /// Texts of the sources that people read, by their file: those of several words.
 fn messages() -> Vec<(String, String)> {
     let mut found = Vec::new();
-    let mut open = ["src", "crates/elastic/src", "crates/lang/src", "crates/studio/src"]
-        .map(|folder| Path::new(ROOT).join(folder))
-        .to_vec();
+    let mut open = source_folders();
     while let Some(path) = open.pop() {
         if path.is_dir() {
             open.extend(std::fs::read_dir(path).unwrap().map(|entry| entry.unwrap().path()));
@@ -238,7 +237,7 @@ fn lines(text: &str) -> Vec<String> {
 /// Texts of the pages and of the window, by their file: quoted texts of scripts, and texts between the tags of a page.
 fn page_texts() -> Vec<(String, String)> {
     let mut found = Vec::new();
-    for folder in ["src/report/html/assets", "crates/studio/assets"] {
+    for folder in ["crates/report/src/html/assets", "crates/studio/assets"] {
         for entry in std::fs::read_dir(Path::new(ROOT).join(folder)).unwrap() {
             let path = entry.unwrap().path();
             let name = path.strip_prefix(ROOT).unwrap().display().to_string();

@@ -728,8 +728,9 @@ fn remove(text: &str, path: &[PathStep]) -> Result<String, String> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)] // a failure is a failed test
 mod tests {
+    #![allow(clippy::unwrap_used)] // a failure is a failed test
+
     use super::{Edit, OfferSource, PathStep, Shown, form, form_with};
 
     const CELL: &str = r#"# A cell.

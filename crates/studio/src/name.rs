@@ -83,8 +83,9 @@ fn is_refused(c: char) -> bool {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)] // a failure is a failed test
 mod tests {
+    #![allow(clippy::unwrap_used)] // a failure is a failed test
+
     use super::Name;
 
     #[test]

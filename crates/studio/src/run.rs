@@ -524,8 +524,9 @@ fn quoted(argument: &str) -> String {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)] // a failure is a failed test
 mod tests {
+    #![allow(clippy::unwrap_used)] // a failure is a failed test
+
     use super::{Run, command_line, quoted};
 
     fn line(json: &str) -> String {

@@ -1,19 +1,15 @@
 //! Options that several commands have.
 
 use crate::cli::output::to_stdout;
-use clap::builder::PossibleValue;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum, ValueHint};
 use deflex::program::Language;
 use std::path::PathBuf;
 
-impl ValueEnum for Language {
-    fn value_variants<'a>() -> &'a [Self] {
-        &Self::ALL
-    }
-
-    fn to_possible_value(&self) -> Option<PossibleValue> {
-        Some(PossibleValue::new(self.word()))
-    }
+/// Reads the word of a language.
+pub(in crate::cli) fn language() -> impl TypedValueParser<Value = Language> {
+    let of = |word: String| Language::ALL.into_iter().find(|language| language.word() == word);
+    PossibleValuesParser::new(Language::ALL.map(Language::word)).try_map(move |word| of(word).ok_or("no language"))
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -32,7 +28,7 @@ pub(in crate::cli) struct Reading {
     #[arg(long, value_name = "FILE", num_args = 1.., value_hint = ValueHint::FilePath)]
     pub(in crate::cli) context: Vec<PathBuf>,
     /// Language of the input, where neither its content nor its ending shows it
-    #[arg(long = "input-format", alias = "format", value_enum, value_name = "KIND")]
+    #[arg(long = "input-format", alias = "format", value_parser = language(), value_name = "KIND")]
     pub(in crate::cli) format: Option<Language>,
 }
 

@@ -1,6 +1,6 @@
 //! Arguments of the commands on programs.
 
-use super::groups::{Common, Corrected, Model, Reading, Reports, positive};
+use super::groups::{Common, Corrected, Model, Reading, Reports, language, positive};
 use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum, ValueHint};
 use deflex::correct::RAPID_MM_S;
@@ -40,7 +40,7 @@ pub(in crate::cli) struct Compensate {
     #[arg(long)]
     pub(in crate::cli) again: bool,
     /// CL input: language of the corrected program; `cl` keeps CL data for your own post-processor, `ls` needs frames with numbers in their names
-    #[arg(long, value_enum, default_value_t = Language::Rapid, value_name = "LANGUAGE")]
+    #[arg(long, value_parser = language(), default_value = Language::Rapid.word(), value_name = "LANGUAGE")]
     pub(in crate::cli) post: Language,
     /// CL input: split into modules of at most this many targets, loaded one after the other
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
@@ -150,7 +150,7 @@ impl ValueEnum for CheckFormat {
     fn to_possible_value(&self) -> Option<PossibleValue> {
         match self {
             Self::Form(form) => form.to_possible_value(),
-            Self::Input(language) => language.to_possible_value().map(|value| value.hide(true)),
+            Self::Input(language) => Some(PossibleValue::new(language.word()).hide(true)),
         }
     }
 }
@@ -187,7 +187,7 @@ pub(in crate::cli) struct Check {
     #[arg(long, value_enum, value_name = "FORM")]
     pub(in crate::cli) output_format: Option<Form>,
     /// Language of the input, where neither its content nor its ending shows it
-    #[arg(long, value_enum, value_name = "KIND")]
+    #[arg(long, value_parser = language(), value_name = "KIND")]
     pub(in crate::cli) input_format: Option<Language>,
     /// An old spelling of both
     #[arg(long, value_enum, value_name = "FORM", action = clap::ArgAction::Append, hide = true)]

@@ -294,8 +294,9 @@ pub fn identify_path(
         turned(&mut read, turn);
     }
     let courses = all(read.iter().map(course))?;
-    let found = fit_law(robot, &runs(&courses, &read)).map_err(fault)?;
-    Ok(FittedLaw { arc_turn: turn, ..found })
+    let mut found = fit_law(robot, &runs(&courses, &read)).map_err(fault)?;
+    found.arc_turn = turn;
+    Ok(found)
 }
 
 /// The waypoints of each program with its log.

@@ -120,18 +120,13 @@ fn residual(cell: &Cell, program: &Program, measured: &Table) -> Vec<Vector3<f64
         let situation = Situation {
             base_from_wobj,
             gravity: robot.gravity(),
-            wobj_from_tcp: target.wobj_from_tcp,
-            tool: program.tool,
             cutting: Cutting::Constant(force),
             normal: -(target.wobj_from_tcp.rotation * Vector3::z()),
             velocity: target.speed * feed,
             cut_length,
             time: row.time_s.unwrap_or(time),
             temperature: row.temperature_c,
-            payload: 0.0,
-            units: &[],
-            part: None,
-            torque: None,
+            ..Situation::in_air(program.tool, target.wobj_from_tcp)
         };
         states.push((situation, motor, travel, 1e-3 * Vector3::from(row.position_mm.unwrap())));
     }

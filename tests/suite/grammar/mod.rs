@@ -52,7 +52,7 @@ fn rules_are_names_in_the_code() {
     let mut missing = Vec::new();
     for language in Language::ALL {
         let known = known(language);
-        let own = root().join("src/program").join(folder(language));
+        let own = root().join("crates/program/src").join(folder(language));
         let sources = match language {
             Language::Ur => vec![root().join("crates/lang/src/urscript")],
             Language::Jbi => vec![root().join("crates/lang/src/inform")],

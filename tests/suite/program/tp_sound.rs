@@ -460,7 +460,7 @@ fn said(statements: &str) -> String {
         .map(|target| match target.editable {
             Editable::Pose => "+".to_owned(),
             Editable::No(why) => why.to_string(),
-            Editable::Position | _ => unreachable!(),
+            Editable::Position => unreachable!(),
         })
         .collect();
     out.extend(

@@ -1,6 +1,6 @@
 //! A second reading of KRL: random programs run by an interpreter of their own, before and after their correction.
 //!
-//! [`syntax`], [`machine`] and [`expression`] are written from KUKA's manuals and share nothing with `src/program`. The correction
+//! [`syntax`], [`machine`] and [`expression`] are written from KUKA's manuals and share nothing with `crates/program/src`. The correction
 //! is one that depends on all that it may depend on (base, tool, point, external axis), so that one computed under other
 //! frames is another. `DEFLEX_KRL_PROGRAMS=10000` runs more of them.
 

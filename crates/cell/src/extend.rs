@@ -1,0 +1,176 @@
+//! Adds effects to the user's cell file, and keeps its comments and all other text.
+
+use super::uncertainty::{self, Uncertainty};
+use deflex_drive::FittedLaw;
+use deflex_text::Diagnostic;
+use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, Value};
+
+/// An effect to add to a cell file. It replaces an effect of the same kind.
+///
+/// # Examples
+/// ```
+/// use deflex_cell::{NewEffect, extended};
+///
+/// let table = "kind = \"backlash\"\nhalf_gap_rad = [0.0, 0.0, 0.0, 0.0, 0.0, 1e-4]".parse().expect("a table");
+/// let effect = NewEffect { table, uncertainty: None, provenance: Default::default() };
+/// assert!(extended("[robot]\nmodel = \"irb6660-205-1.9\"\n", &[effect])?.contains("half_gap_rad"));
+/// # Ok::<(), deflex_text::Diagnostics>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct NewEffect {
+    /// The `[[effect]]` table, including `kind`.
+    pub table: toml::Table,
+    /// Uncertainty of the parameters.
+    pub uncertainty: Option<Uncertainty>,
+    /// Origin of the numbers: hash of the data, number of rows, errors before and after.
+    pub provenance: toml::Table,
+}
+
+/// The text of a cell file with effects added. An effect replaces one of the same kind.
+///
+/// # Errors
+/// The text is not TOML.
+///
+/// # Examples
+/// ```
+/// use deflex_cell::{NewEffect, extended};
+/// use toml::Table;
+///
+/// let table: Table = "kind = \"backlash\"\nhalf_gap_rad = [6e-5, 0, 0, 0, 0, 0]".parse().expect("TOML");
+/// let effect = NewEffect { table, uncertainty: None, provenance: Table::new() };
+/// let text = extended("[robot]\nmodel = \"irb6660-205-1.9\"   # the mill\n", &[effect])?;
+/// assert!(text.contains("# the mill") && text.contains("half_gap_rad"));
+/// # Ok::<(), deflex_text::Diagnostics>(())
+/// ```
+pub fn extended(text: &str, effects: &[NewEffect]) -> Result<String, Vec<Diagnostic>> {
+    let mut document: DocumentMut = text
+        .parse()
+        .map_err(|error: toml_edit::TomlError| vec![Diagnostic::error("cell.toml", "", error.message().to_owned())])?;
+    let list = document.entry("effect").or_insert(Item::ArrayOfTables(ArrayOfTables::new()));
+    if list.as_array_of_tables().is_none() {
+        *list = Item::ArrayOfTables(ArrayOfTables::new());
+    }
+    let Some(list) = list.as_array_of_tables_mut() else { return Ok(document.to_string()) };
+    for effect in effects {
+        let mut table = edited(&effect.table);
+        if let Some(known) = &effect.uncertainty {
+            table.insert("uncertainty", Item::Table(edited(&uncertainty::table(known))));
+        }
+        table.insert("provenance", Item::Table(edited(&effect.provenance)));
+        let kind = effect.table.get("kind").and_then(toml::Value::as_str);
+        let same = list.iter().position(|known| known.get("kind").and_then(Item::as_str) == kind);
+        match same.and_then(|index| list.get_mut(index)) {
+            Some(known) => {
+                *table.decor_mut() = known.decor().clone();
+                *known = table;
+            }
+            None => list.push(table),
+        }
+    }
+    Ok(document.to_string())
+}
+
+/// The text of a cell file in which `[controller.path]` states a law. Comments and all other text are kept.
+///
+/// # Errors
+/// The text is not TOML.
+///
+/// # Examples
+/// ```
+/// use deflex_cell::with_path_law;
+/// use deflex_drive::FittedLaw;
+/// use deflex_text::Diagnostics;
+///
+/// fn extend(path: &str, found: &FittedLaw) -> Result<(), Diagnostics> {
+///     let text = with_path_law(&std::fs::read_to_string(path)?, found)?;
+///     Ok(std::fs::write(path, text)?)
+/// }
+/// ```
+pub fn with_path_law(text: &str, found: &FittedLaw) -> Result<String, Vec<Diagnostic>> {
+    let law = &found.law;
+    let mut document: DocumentMut = text
+        .parse()
+        .map_err(|error: toml_edit::TomlError| vec![Diagnostic::error("cell.toml", "", error.message().to_owned())])?;
+    let controller = document.entry("controller").or_insert(Item::Table(Table::new()));
+    if let Some(table) = controller.as_table_mut() {
+        // A table that only contains other tables needs no header of its own.
+        table.set_implicit(table.is_empty());
+    }
+    let Some(controller) = controller.as_table_like_mut() else { return Ok(document.to_string()) };
+    if let Some(turn) = found.arc_turn {
+        controller.insert("arc_turn", Item::Value(turn.word().into()));
+    }
+    let path = controller.entry("path").or_insert(Item::Table(Table::new()));
+    if let Some(path) = path.as_table_like_mut() {
+        // Four digits are more than a log can determine.
+        let rounded = |value: f64| format!("{value:.3e}").parse().unwrap_or(value);
+        let numbers = |values: &[f64]| Item::Value(Value::Array(values.iter().map(|v| float(rounded(*v))).collect()));
+        path.insert("zone_share", Item::Value(float(rounded(law.zone_share))));
+        path.insert("smoothing_s", numbers(&law.smoothing));
+        path.insert("axis_lead_s2", numbers(law.axis_lead.as_slice()));
+        path.insert("acceleration_mm_s2", Item::Value(float(rounded(1e3 * law.acceleration))));
+        path.insert("corner_acceleration_mm_s2", Item::Value(float(rounded(1e3 * law.corner_acceleration))));
+        path.insert("lag_s", numbers(law.lag.as_slice()));
+        path.insert("error_share", Item::Value(float(rounded(found.error_share()))));
+    }
+    Ok(document.to_string())
+}
+
+fn edited(table: &toml::Table) -> Table {
+    let mut out = Table::new();
+    // `kind` comes first, in front of the keys in alphabetical order.
+    let (kind, rest): (Vec<_>, Vec<_>) = table.iter().partition(|(key, _)| *key == "kind");
+    for (key, value) in kind.into_iter().chain(rest) {
+        out.insert(key, Item::Value(edited_value(value)));
+    }
+    out
+}
+
+fn edited_value(value: &toml::Value) -> Value {
+    match value {
+        toml::Value::String(text) => text.as_str().into(),
+        toml::Value::Integer(number) => (*number).into(),
+        toml::Value::Float(number) => float(*number),
+        toml::Value::Boolean(flag) => (*flag).into(),
+        toml::Value::Datetime(date) => date.to_string().into(),
+        toml::Value::Array(values) => Value::Array(values.iter().map(edited_value).collect()),
+        toml::Value::Table(table) => {
+            Value::InlineTable(table.iter().map(|(key, value)| (key.as_str(), edited_value(value))).collect())
+        }
+    }
+}
+
+/// A number with all its digits; small and large numbers with an exponent.
+fn float(number: f64) -> Value {
+    let plain = number == 0.0 || (1e-3..1e6).contains(&number.abs());
+    let text = if plain { String::new() } else { format!("{number:e}") };
+    text.parse().unwrap_or_else(|_| number.into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn backlash(gap: f64) -> NewEffect {
+        let mut table = toml::Table::new();
+        table.insert("kind".to_owned(), "backlash".into());
+        table.insert("half_gap_rad".to_owned(), vec![gap, 0.0, 0.0, 0.0, 0.0, 0.0].into());
+        let mut provenance = toml::Table::new();
+        provenance.insert("rows".to_owned(), 304.into());
+        NewEffect { table, uncertainty: Some(Uncertainty::Own(vec![vec![1.5e-13; 6]; 6])), provenance }
+    }
+
+    #[test]
+    fn comments_stay_and_an_effect_of_the_same_kind_is_replaced() {
+        let cell = "# my cell\n[robot]\nmodel = \"irb6660-205-1.9\" # the big one\n\n[cut]\nforce = \"none\"\n";
+        let once = extended(cell, &[backlash(6e-5)]).unwrap_or_default();
+        assert!(once.starts_with(cell), "{once}");
+        let twice = extended(&once, &[backlash(7.25e-5)]).unwrap_or_default();
+        assert_eq!(twice, once.replace("6e-5", "7.25e-5"));
+        insta::assert_snapshot!(twice);
+        let source = deflex_text::Source::new("cell.toml", twice);
+        let read = crate::Cell::read(&source).unwrap_or_else(|errors| panic!("{errors:?}"));
+        approx::assert_relative_eq!(read.arm.effects[0].parameters()[0].value, 7.25e-5);
+        assert!(read.covariances[0].is_some());
+    }
+}

@@ -1,0 +1,127 @@
+//! Messages of a long run, in which a wrong cell may fail at every target.
+
+use super::along::WayFinding;
+use deflex_program::Program;
+use deflex_text::Diagnostic;
+
+/// The first messages, and the number of all.
+///
+/// # Examples
+/// ```
+/// use deflex_correct::Streamed;
+///
+/// /// Why a long program as a whole is refused.
+/// fn refusals(streamed: &Streamed) -> String {
+///     format!("{:?}", streamed.refused)
+/// }
+/// ```
+#[derive(Clone, Debug)]
+pub struct Messages {
+    first: Vec<Diagnostic>,
+    count: usize,
+    most: usize,
+}
+
+impl Default for Messages {
+    fn default() -> Self {
+        /// Further messages are only counted, because a user does not read more.
+        const MOST_SHOWN: usize = 1000;
+        Self::with_room(MOST_SHOWN)
+    }
+}
+
+impl Messages {
+    /// An empty list; messages beyond `most` will only be counted.
+    #[must_use]
+    #[doc(hidden)]
+    pub fn with_room(most: usize) -> Self {
+        Self { first: Vec::new(), count: 0, most }
+    }
+
+    /// Adds messages.
+    #[doc(hidden)]
+    pub fn add(&mut self, messages: Vec<Diagnostic>) {
+        self.count += messages.len();
+        let room = self.most - self.first.len();
+        self.first.extend(messages.into_iter().take(room));
+    }
+
+    /// Adds messages that are not in the list yet: an undeclared name is missing in every chunk.
+    pub(super) fn add_once(&mut self, mut messages: Vec<Diagnostic>) {
+        let said = |new: &Diagnostic| self.first.iter().any(|old| old.message == new.message);
+        messages.retain(|new| !(new.code.starts_with("cell.unknown-") && said(new)));
+        self.add(messages);
+    }
+
+    /// Whether there is none.
+    ///
+    /// # Examples
+    /// ```
+    /// assert!(deflex_correct::Messages::default().is_empty());
+    /// ```
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// The first messages, and the number of the others.
+    #[must_use]
+    #[doc(hidden)]
+    pub fn into_parts(self) -> (Vec<Diagnostic>, usize) {
+        let more = self.count - self.first.len();
+        (self.first, more)
+    }
+
+    /// The first messages, and one more with the number of the others.
+    ///
+    /// # Examples
+    /// ```
+    /// assert!(deflex_correct::Messages::default().all().is_empty());
+    /// ```
+    #[must_use]
+    pub fn all(mut self) -> Vec<Diagnostic> {
+        let more = self.count - self.first.len();
+        if more > 0 {
+            let more = format!("{more} more targets have messages like these");
+            self.first.push(Diagnostic::error("target.more", "", more));
+        }
+        self.first
+    }
+}
+
+/// Warnings with the same words for many targets: each is given once, for the first target, with the number of the others.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Repeated(Vec<(Diagnostic, usize)>);
+
+impl Repeated {
+    pub(super) fn say(&mut self, said: Diagnostic) {
+        self.say_often(said, 1);
+    }
+
+    fn say_often(&mut self, said: Diagnostic, count: usize) {
+        match self.0.iter_mut().find(|(known, _)| known.code == said.code && known.message == said.message) {
+            Some((_, known)) => *known += count,
+            None => self.0.push((said, count)),
+        }
+    }
+
+    /// Adds the findings on segments.
+    pub(super) fn say_on_the_way(&mut self, program: &Program, found: &[WayFinding]) {
+        found.iter().for_each(|found| self.say(found.warning(program)));
+    }
+
+    /// Adds the warnings of later targets.
+    pub(super) fn add(&mut self, later: Self) {
+        later.0.into_iter().for_each(|(said, count)| self.say_often(said, count));
+    }
+
+    /// The warnings in the order of their first targets, which is the same for a program in chunks and as a whole.
+    pub(super) fn once(self) -> impl Iterator<Item = Diagnostic> {
+        let mut all = self.0;
+        all.sort_by(|(a, _), (b, _)| (&a.file, a.line, a.column).cmp(&(&b.file, b.line, b.column)));
+        all.into_iter().map(|(said, count)| match count {
+            1 => said,
+            _ => Diagnostic { message: format!("{} ({count} targets)", said.message), ..said },
+        })
+    }
+}

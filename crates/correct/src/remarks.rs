@@ -1,0 +1,151 @@
+//! Notes and warnings about a program.
+
+use super::context::Context;
+use super::contradictions::contradictions;
+use super::correction::Correction;
+use super::laws::Laws;
+use super::messages::Repeated;
+use super::{KeptReason, Prepared};
+use deflex_program::{Language, Mark, Target};
+use deflex_robot::StartedFrom;
+use deflex_text::{Diagnostic, Severity, Span};
+
+/// The notes about chunk `number` of a run. A frame may occur first in any chunk; it is reported once.
+pub(super) fn notes(context: Context<'_>, prepared: &Prepared, number: usize) -> Vec<Diagnostic> {
+    let mut notes = if number == 0 { notes_of_all(context, prepared) } else { Vec::new() };
+    notes.extend(contradictions(context.program, context.cell));
+    notes
+}
+
+/// The notes about a run, each once.
+fn notes_of_all(Context { program, cell, .. }: Context<'_>, prepared: &Prepared) -> Vec<Diagnostic> {
+    let mut notes = program.diagnostics.clone();
+    notes.extend(prepared.notes.iter().cloned());
+    if let (StartedFrom::NearestHome, Some(first)) = (prepared.started, program.targets.first()) {
+        let said_by = program.language.about().start;
+        let how = format!(
+            "{said_by} which configuration the arm has at the first target: deflex takes the one nearest to home"
+        );
+        let said = program.error_at(first, "robot.start", how).severity(Severity::Note);
+        notes.push(said.help("give `[robot] start_deg` in the cell"));
+    }
+    for kind in &cell.controller.left_out {
+        let message = format!("effect `{kind}` is left out: the controller corrects it (`[controller] compensates`)");
+        notes.push(Diagnostic::error("cell.controller", "", message).severity(Severity::Note));
+    }
+    notes
+}
+
+/// The warnings that many targets may share.
+pub(super) fn repeated(context: Context<'_>, prepared: &Prepared) -> Repeated {
+    let mut repeated = Repeated::default();
+    doubtful_cuts(context, prepared, &mut repeated);
+    unweighed_loads(context, &mut repeated);
+    unsolved(context, prepared, &mut repeated);
+    repeated
+}
+
+/// Warns of motions for which neither the program nor the cell says whether they cut.
+fn doubtful_cuts(Context { program, cell, options, .. }: Context<'_>, prepared: &Prepared, repeated: &mut Repeated) {
+    if options.has_force_table(cell) {
+        return;
+    }
+    for (target, point) in program.targets.iter().zip(&prepared.points).filter(|(target, _)| target.is_end()) {
+        if Laws::is_cut_unknown(cell, target) {
+            let why = match program.language {
+                Language::Cl => "no FEDRAT gives a feed here",
+                _ => "the speed is known only at run time",
+            };
+            let message =
+                format!("{why}: `max_cutting_feed_mm_s` cannot decide whether this motion cuts, and it counts as air");
+            let [cut, air] = [Mark::Cut, Mark::Air].map(|mark| program.language.mark(mark));
+            let said = program.error_at(target, "cut.unknown-speed", message).severity(Severity::Warning);
+            repeated.say(said.help(format!("mark the motion `{cut}` or `{air}`")));
+        }
+        if point.plunges {
+            let message = "this motion feeds along the tool axis, whose force [cut] does not describe: the force of the \
+                           previous cut is used, and no force before the first one";
+            let air = program.language.mark(Mark::Air);
+            let help = format!(
+                "[stock] with `mode = \"stock\"` computes it from the stock; `{air}` marks a motion that cuts nothing"
+            );
+            repeated.say(program.error_at(target, "cut.plunge", message).severity(Severity::Note).help(help));
+        }
+    }
+}
+
+/// Notes loads on which gravity does not act, if the cell has an effect of gravity.
+fn unweighed_loads(Context { program, cell, .. }: Context<'_>, repeated: &mut Repeated) {
+    if !cell.arm.weighs_payload() {
+        return;
+    }
+    for target in program.targets.iter().filter(|target| target.is_end() && target.extra_load) {
+        let message = "a load in addition to that of the tool (`GripLoad`, `\\TLoad`) is ignored: gravity acts on the mass in \
+                       the tooldata";
+        let said = program.error_at(target, "rapid.load", message).severity(Severity::Warning);
+        repeated.say(said.help("give the tool's tooldata the whole load where it holds for all of the program"));
+    }
+}
+
+/// Reasons why targets are not solved, if the user can remove them.
+fn unsolved(Context { program, .. }: Context<'_>, prepared: &Prepared, repeated: &mut Repeated) {
+    let mut say = |reason: KeptReason, place: MotionInText| {
+        let Some(help) = reason.help(program.language) else { return };
+        let message = format!("{reason}: the target stays unchanged and is not solved");
+        let source = &program.sources[usize::from(place.source)];
+        let said = Diagnostic::error("target.kept", "", message).on_line(source, place.span, place.line);
+        repeated.say(said.severity(Severity::Warning).help(help));
+    };
+    for (target, point) in program.targets.iter().zip(&prepared.points).filter(|(target, _)| target.is_end()) {
+        if let Some(reason) = point.unsolved {
+            say(reason, MotionInText { source: target.source, span: target.span, line: target.line });
+        }
+    }
+    for motion in &program.unknown {
+        say(motion.reason.into(), MotionInText { source: motion.source, span: motion.span, line: motion.line });
+    }
+}
+
+/// A motion in the text: index into [`Program::sources`](deflex_program::Program::sources), bytes of the instruction, and its line
+/// from 1.
+struct MotionInText {
+    source: u16,
+    span: Span,
+    line: u32,
+}
+
+/// Warnings about inserted targets; `before` is the zone of the target before the first one of the program, mm.
+pub(super) fn insertions(
+    Context { program, .. }: Context<'_>,
+    correction: &Correction,
+    before: Option<f64>,
+    repeated: &mut Repeated,
+) {
+    let Some(rewritten) = &correction.rewritten else { return };
+    let mut say = |i: usize, code, message: String, help: &str| {
+        repeated.say(program.error_at(&program.targets[i], code, message).severity(Severity::Warning).help(help));
+    };
+    for &(i, reason) in &rewritten.not_inserted {
+        let message = format!("no target can be inserted here: {reason}");
+        say(
+            i,
+            "subdivide.not-inserted",
+            message,
+            "the error between the targets stays: see the column remaining_path_mm of the report",
+        );
+    }
+    let zones = |i: usize| {
+        let start = program.targets[..i].iter().rposition(Target::is_end);
+        [program.zone_mm(i), start.map_or(before, |start| program.zone_mm(start))]
+    };
+    let inserted = correction.inserts.iter().zip(&rewritten.inserted).filter(|(_, inserted)| inserted.is_some());
+    for together in inserted.map(|(insert, _)| insert).collect::<Vec<_>>().chunk_by(|a, b| a.before == b.before) {
+        let i = together[0].before;
+        let widest = zones(i).into_iter().flatten().fold(0.0, f64::max);
+        if together.iter().any(|insert| widest > insert.room_mm) {
+            let message = "the zone here, or at the target before, is wider than the distance to the inserted target";
+            let help = "the controller rounds there, which is not modelled: write `fine` or a smaller zone";
+            say(i, "subdivide.zone", message.to_owned(), help);
+        }
+    }
+}

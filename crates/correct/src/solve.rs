@@ -1,0 +1,322 @@
+//! Commands for every point: equilibria in parallel, directions of travel in order.
+
+use super::parallelism::{Answer, Answers, Parallelism, WorkspacePool};
+use super::{Correct, Prepared, frames};
+use deflex_equilibrium::{
+    Arm, Batch, Command, Dragged, EquilibriumError, Given, InverseSolution, PredictedPose, Room, Setting, Settling,
+    Start, WarmStart,
+};
+use deflex_program::{Editable, Language};
+use deflex_robot::{BatchArm, Joints, Pose, Robot, Unreachable, WrittenTarget, turn_between};
+use deflex_text::number;
+use nalgebra::Vector3;
+
+/// Decimals of a posted program: 4 of a millimetre, 8 of a quaternion (see `RewriteOptions`).
+const POSTED_DECIMALS: (usize, usize) = (4, 8);
+
+/// A solved command.
+#[derive(Clone, Debug)]
+pub(super) struct Solved {
+    /// Commanded motor angles, rad.
+    pub(super) motor: Joints,
+    /// The nominal forward kinematics of these angles: the corrected target.
+    pub(super) wobj_from_tcp: Pose,
+}
+
+/// The pose of the controller for a target as written.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Reached {
+    /// Motor angles, rad.
+    pub(super) motor: Joints,
+    /// Rotation vector from the programmed orientation, work object axes, rad.
+    pub(super) turn: Vector3<f64>,
+}
+
+/// What is solved at each point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum CorrectionMode {
+    /// Leave the command as it is.
+    Keep,
+    /// The whole pose of the loaded TCP is the wanted one.
+    Pose,
+    /// The position of the loaded TCP is the wanted one; the command keeps its orientation.
+    Position,
+}
+
+impl CorrectionMode {
+    pub(super) fn of(editable: Editable, correct: Correct) -> Self {
+        match (editable, correct) {
+            (Editable::No(_), _) => Self::Keep,
+            (Editable::Position, _) | (_, Correct::Position) => Self::Position,
+            (Editable::Pose, Correct::Pose) => Self::Pose,
+        }
+    }
+}
+
+/// The last commanded motor angles and the direction of travel to them.
+pub(super) type Last = Option<Dragged>;
+
+/// The results for a target before the corrected directions of travel are settled.
+#[derive(Clone, Debug)]
+pub(super) struct First {
+    aim: Result<InverseSolution, EquilibriumError>,
+    /// The nominal forward kinematics of the command, if it does not depend on the travel.
+    nominal: Option<Pose>,
+    /// The pose where the loaded arm ends up without a correction.
+    pub(super) uncorrected: Result<PredictedPose, EquilibriumError>,
+}
+
+impl First {
+    /// The command.
+    pub(super) fn aim(&self) -> Result<&InverseSolution, &EquilibriumError> {
+        self.aim.as_ref()
+    }
+}
+
+impl Answer for First {
+    fn open() -> Self {
+        Self { aim: Answer::open(), nominal: None, uncorrected: Answer::open() }
+    }
+
+    fn is_open(&self) -> bool {
+        self.aim.is_open() || self.uncorrected.is_open()
+    }
+}
+
+/// Solves all points of a program or a chunk, many at once where the cell allows it.
+pub(super) struct Solver<'a> {
+    pub(super) arm: &'a Arm,
+    many: Batch<'a>,
+    pub(super) prepared: &'a Prepared,
+    pub(super) parallelism: Parallelism,
+    workspaces: WorkspacePool<Room<'a>>,
+}
+
+impl<'a> Solver<'a> {
+    pub(super) fn new(arm: &'a Arm, prepared: &'a Prepared, parallelism: Parallelism) -> Self {
+        Self { arm, many: Batch::new(arm), prepared, parallelism, workspaces: WorkspacePool::default() }
+    }
+
+    /// Commands of every point with the programmed travel, and the pose where the arm ends up without a correction.
+    pub(super) fn first(&self, modes: &[CorrectionMode]) -> Vec<First> {
+        let prepared = self.prepared;
+        let many = |room: &mut Room<'a>, indices: &[usize], mut out: Answers<'_, _>| {
+            let wanted = |lane: usize| {
+                let point = &prepared.points[indices[lane]];
+                (prepared.site(indices[lane]), &point.motor, &point.travel)
+            };
+            self.many.aim(room, indices.len(), wanted, |lane, aim, nominal, predicted| {
+                out.put(lane, First { aim: Ok(aim), nominal, uncorrected: Ok(predicted) });
+            });
+        };
+        let one = |_: &mut Room<'a>, i: usize| {
+            let point = &prepared.points[i];
+            if point.unsolved.is_some() {
+                return First::open();
+            }
+            let aim = self.one(i, modes[i], &point.travel);
+            let near = aim.as_ref().map_or_else(|_| WarmStart::default(), InverseSolution::uncorrected);
+            First { aim, nominal: None, uncorrected: self.land(i, point.as_programmed(), near) }
+        };
+        let simple = |i: usize| modes[i] == CorrectionMode::Pose && !prepared.setting(i).held;
+        self.parallelism.for_each_batch(modes.len(), simple, &self.workspaces, many, one)
+    }
+
+    /// Corrected commands of every point in their settled directions of travel.
+    pub(super) fn commands(
+        &self,
+        modes: &[CorrectionMode],
+        first: &[First],
+        travels: &[Joints],
+    ) -> Vec<Result<Solved, EquilibriumError>> {
+        let (arm, prepared) = (self.arm, self.prepared);
+        let follows = arm.follows_command();
+        let commanded = |i: usize| Some(first[i].aim().ok()?.commanded(&travels[i]));
+        let many = |room: &mut Room<'a>, indices: &[usize], mut out: Answers<'_, _>| {
+            let given = |lane: usize| Some((prepared.setting(indices[lane]), commanded(indices[lane])?));
+            self.many.nominal(room, indices.len(), given, |lane, motor, wobj_from_tcp| {
+                out.put(lane, Ok(Solved { motor, wobj_from_tcp }));
+            });
+        };
+        let one = |_: &mut Room<'a>, i: usize| {
+            let (point, travel) = (&prepared.points[i], &travels[i]);
+            let aim = first[i].aim().map_err(Clone::clone)?;
+            if let Some(wobj_from_tcp) = first[i].nominal {
+                return Ok(Solved { motor: aim.free, wobj_from_tcp });
+            }
+            let again = modes[i] == CorrectionMode::Position && aim.lost != Joints::zeros();
+            let motor = if (follows || again) && *travel != point.travel {
+                self.one(i, modes[i], travel)?.commanded(travel)
+            } else {
+                aim.commanded(travel)
+            };
+            let mut wobj_from_tcp = prepared.setting(i).wobj_from_tcp(&arm.robot.forward(&motor));
+            match modes[i] {
+                CorrectionMode::Keep => wobj_from_tcp = point.wobj_from_tcp,
+                CorrectionMode::Position => wobj_from_tcp.rotation = point.wobj_from_tcp.rotation,
+                CorrectionMode::Pose => {}
+            }
+            Ok(Solved { motor, wobj_from_tcp })
+        };
+        let again = |i: usize| follows && travels[i] != prepared.points[i].travel;
+        let simple = |i: usize| {
+            modes[i] == CorrectionMode::Pose
+                && first[i].aim().is_ok()
+                && first[i].nominal.is_none()
+                && !again(i)
+                && !prepared.setting(i).held
+        };
+        self.parallelism.for_each_batch(modes.len(), simple, &self.workspaces, many, one)
+    }
+
+    fn one(&self, i: usize, mode: CorrectionMode, travel: &Joints) -> Result<InverseSolution, EquilibriumError> {
+        let (arm, point, situation) = (self.arm, &self.prepared.points[i], self.prepared.situation(i));
+        let command = match mode {
+            CorrectionMode::Keep => Command::held(&point.motor),
+            CorrectionMode::Pose => {
+                arm.command_from(&situation, &situation.wobj_from_tcp, Start::At(&point.motor), travel)?
+            }
+            CorrectionMode::Position => {
+                let commanded = match self.prepared.setting(i).held {
+                    // In the mirror image of a held part: see `Point::situation`.
+                    true => point.wobj_from_tcp.inverse() * point.reference,
+                    false => point.wobj_from_tcp,
+                };
+                arm.command_position(&situation, &commanded, &point.motor, travel)?
+            }
+        };
+        Ok(command.aim())
+    }
+
+    fn land(&self, i: usize, command: (&Joints, &Joints), near: WarmStart) -> Result<PredictedPose, EquilibriumError> {
+        let there = self.arm.land(&self.prepared.situation(i), command, &near)?;
+        Ok(self.prepared.points[i].seen_from_wobj(self.prepared.setting(i), there))
+    }
+
+    /// Forward equilibria of every point's command (motor angles, direction of travel), starting from known deflections.
+    pub(super) fn forward<'c>(
+        &self,
+        command: impl Fn(usize) -> (&'c Joints, &'c Joints) + Sync,
+        near: impl Fn(usize) -> WarmStart + Sync,
+    ) -> Vec<Result<PredictedPose, EquilibriumError>> {
+        let many = |room: &mut Room<'a>, indices: &[usize], mut out: Answers<'_, _>| {
+            let given = |lane: usize| {
+                let i = indices[lane];
+                let (motor, travel) = command(i);
+                Given { site: self.prepared.site(i), motor, travel, near: near(i) }
+            };
+            self.many.land(room, indices.len(), given, |lane, predicted| out.put(lane, Ok(predicted)));
+        };
+        let known = |i: usize| self.prepared.points[i].unsolved.is_none();
+        let one = |_: &mut Room<'a>, i: usize| {
+            if known(i) { self.land(i, command(i), near(i)) } else { Answer::open() }
+        };
+        let simple = |i: usize| known(i) && !self.prepared.setting(i).held;
+        self.parallelism.for_each_batch(self.prepared.points.len(), simple, &self.workspaces, many, one)
+    }
+
+    /// The motor angles of the controller for the written numbers, near the commands.
+    pub(super) fn reached(
+        &self,
+        written: &[([f64; 3], [f64; 4])],
+        (modes, first): (&[CorrectionMode], &[First]),
+        solved: &[Result<Solved, EquilibriumError>],
+        is_changed: &[bool],
+    ) -> Vec<Result<Reached, EquilibriumError>> {
+        let (robot, points) = (BatchArm::of(&self.arm.robot), &self.prepared.points);
+        let many = |room: &mut Room<'a>, indices: &[usize], mut out: Answers<'_, _>| {
+            // The branch is that of the actual angles, which differ by the deflection.
+            let near = |i: usize| first[i].aim().map_or(&points[i].motor, |aim| &aim.motor);
+            let place = |lane: usize| {
+                let i = indices[lane];
+                let setting = self.prepared.setting(i);
+                WrittenTarget {
+                    base_from_wobj: &setting.base_from_wobj,
+                    position_mm: &written[i].0,
+                    quat: &written[i].1,
+                    flange_from_tcp: &setting.tool.flange_from_tcp,
+                    near: near(i),
+                }
+            };
+            if let Some(robot) = &robot {
+                robot.find(indices.len(), place, &mut room.found);
+                room.found.turn_from(indices.len(), |lane| &points[indices[lane]].wobj_from_tcp.rotation);
+                for (lane, i) in indices.iter().enumerate() {
+                    if let Some(motor) = room.found.nearest(lane, near(*i)) {
+                        out.put(lane, Ok(Reached { motor, turn: room.found.turn(lane) }));
+                    }
+                }
+            }
+        };
+        let one = |_: &mut Room<'a>, i: usize| {
+            if !is_changed[i] {
+                return Ok(Reached { motor: points[i].motor, turn: Vector3::zeros() });
+            }
+            let rotation = frames::pose(written[i].0, written[i].1).rotation;
+            let near = solved[i].as_ref().map_or(&points[i].motor, |solved| &solved.motor);
+            Ok(Reached {
+                motor: controller_joints(self.arm, self.prepared.setting(i), &written[i], near)?,
+                turn: turn_between(&points[i].wobj_from_tcp.rotation, &rotation),
+            })
+        };
+        let simple = |i: usize| {
+            let held = self.prepared.setting(i).held;
+            is_changed[i] && modes[i] == CorrectionMode::Pose && first[i].aim().is_ok() && !held
+        };
+        self.parallelism.for_each_batch(written.len(), simple, &self.workspaces, many, one)
+    }
+}
+
+/// Travel of the **corrected** motion, in order: lost motion is added in the direction of travel, and the travel follows from the commands.
+pub(super) fn settle_travel(arm: &Arm, prepared: &Prepared, first: &[First], last: &mut Last) -> Vec<Joints> {
+    first
+        .iter()
+        .zip(&prepared.points)
+        .map(|(first, point)| {
+            let Ok(command) = first.aim() else { return point.travel };
+            let twist = point.twist();
+            let travel = match *last {
+                Some(from) => {
+                    let (free, lost, programmed) = (&command.free, &command.lost, &point.travel);
+                    arm.settled_travel(&from, Settling { free, lost, twist: &twist, programmed })
+                }
+                None => Joints::zeros(),
+            };
+            *last = Some(Dragged { motor: command.commanded(&travel), twist, travel });
+            travel
+        })
+        .collect()
+}
+
+/// Motor angles of the controller for numbers in its precision, near known angles.
+pub(super) fn controller_joints(
+    arm: &Arm,
+    setting: &Setting,
+    written: &([f64; 3], [f64; 4]),
+    near: &Joints,
+) -> Result<Joints, Unreachable> {
+    let pose = frames::pose(written.0, written.1);
+    arm.robot.inverse_near(&setting.base_from_flange(&pose), near)
+}
+
+/// Motor angles of the controller for a pose, near known angles, without regard to axis limits; `None` if out of reach.
+pub(super) fn controller_motor(robot: &Robot, setting: &Setting, pose: &Pose, near: &Joints) -> Option<Joints> {
+    robot.inverse_near_unlimited(&setting.base_from_flange(pose), near).ok()
+}
+
+/// Numbers as a post-processor prints them and the controller stores them: fixed decimals, single precision.
+fn as_printed(pose: &Pose, position_decimals: usize, quat_decimals: usize) -> ([f64; 3], [f64; 4]) {
+    #[allow(clippy::cast_possible_truncation)]
+    let round = |value: f64, decimals: usize| f64::from(number::printed(value, decimals) as f32);
+    let (position, quat) = frames::millimetres(pose);
+    (position.map(|v| round(v, position_decimals)), quat.map(|v| round(v, quat_decimals)))
+}
+
+/// A pose as the controller of the posted program stores it: position, mm, and orientation, scalar first.
+pub(super) fn as_posted(pose: &Pose, post: Option<Language>) -> ([f64; 3], [f64; 4]) {
+    if let Some(held) = post.and_then(|post| post.about().post.held) {
+        let (position, quat) = frames::millimetres(pose);
+        return held(position, quat);
+    }
+    as_printed(pose, POSTED_DECIMALS.0, POSTED_DECIMALS.1)
+}

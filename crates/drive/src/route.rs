@@ -1,0 +1,368 @@
+//! The programmed lines and arcs with their corners rounded, as motor angles at closely spaced points.
+
+use super::{DriveError, Lead, PathLaw, REORIENTATION_RAD_S, Track, Waypoint};
+use deflex_robot::{Joints, Pose, Robot, turn_between};
+use nalgebra::{Translation3, Vector3};
+
+/// Distance between two points of a route, m; between them the motor angles change evenly. On an arm of 1 m, which bends a straight
+/// path by 1/m at most away from its singularities, the error is 0.5 µm.
+const STEP: f64 = 2e-3;
+/// Largest number of intervals of a corner or of a motion that bends or changes its speed; n chords miss a parabola by 1/(2 n²) of its
+/// height.
+const ENOUGH: usize = 16;
+/// Height of a parabola that one chord describes to 0.5 µm, m.
+const FLAT: f64 = 1e-6;
+/// Largest turn of the tool between two points, rad, unless that takes more than [`ENOUGH`] of them. With a lever of half a metre, motor
+/// angles that change evenly have an error of 0.5 µm.
+const TURN: f64 = 2.8e-3;
+/// Motor angles along a segment of this length (m) and turn of the tool (rad) follow the parabola through its ends and its middle. On an arm of
+/// 1 m, and with a lever of half a metre, the terms of third order are 0.3 µm.
+const PARABOLA: f64 = 1e-2;
+const PARABOLA_TURN: f64 = 0.04;
+/// Least length of a rounding, as a share of the segments that it rounds: in the middle of a reversal it has no length, and still takes time.
+const LEAST_SHARE: f64 = 0.05;
+/// A segment shorter than this has no length, m: no controller resolves it.
+const NO_LENGTH: f64 = 1e-9;
+
+/// One point of a route.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Knot {
+    /// Motor angles, rad.
+    pub(super) motor: Joints,
+    /// Position of the TCP, base frame, m.
+    pub(super) place: Vector3<f64>,
+    /// Length of the route from the point before, m; a reorientation counts as the length that takes as long at the feed.
+    pub(super) length: f64,
+    /// Largest speed from the point before to this one, m/s.
+    pub(super) speed: f64,
+    /// Whether the motion comes to rest here.
+    pub(super) stops: bool,
+    /// Index of the waypoint at the end of the segment, plus the covered share of the segment, less 1.
+    pub(super) progress: f64,
+}
+
+/// A route, from the first waypoint to the last.
+#[derive(Clone, Debug)]
+pub(super) struct Route {
+    pub(super) knots: Vec<Knot>,
+}
+
+/// A segment: the programmed motion from one waypoint to the next.
+#[derive(Clone, Debug)]
+struct Segment {
+    /// Motor angles at its start and at its end, rad.
+    from: Joints,
+    to: Joints,
+    /// The TCP in the flange, m.
+    flange_from_tcp: Pose,
+    /// Radius of the zone at its end, m; see [`Waypoint::zone`].
+    zone: Option<f64>,
+    /// Index of the waypoint at its end.
+    index: usize,
+    /// Largest speed on it, m/s: the feed, and what the acceleration across an arc allows.
+    speed: f64,
+    /// Unit directions of the TCP at its start and at its end, base frame; zero if it does not move.
+    directions: [Vector3<f64>; 2],
+    /// The curve of a line or an arc; `None` for a joint motion.
+    track: Option<Track>,
+    /// Length, counted as [`Knot::length`], m.
+    length: f64,
+    /// Angle by which the tool turns, rad.
+    turn: f64,
+    /// Radius of the rounding at its end, m.
+    radius: f64,
+    /// Whether the speed changes at its start, and at its end.
+    changes: [bool; 2],
+    /// Difference of the motor angles in its middle from the mean of those at its ends, rad; `Some` if the segment is so short that the
+    /// angles follow a parabola.
+    bow: Option<Joints>,
+}
+
+impl Segment {
+    fn new(robot: &Robot, law: &PathLaw, from: &Waypoint, to: &Waypoint, index: usize) -> Self {
+        // A motion has the tool of its end.
+        let start = from.start_of(robot, to);
+        let track = match &to.lead {
+            Lead::Line => Some(Track::line(&start, &to.base_from_tcp)),
+            Lead::Arc { via, turn } => Some(Track::arc(&start, via, &to.base_from_tcp, *turn)),
+            Lead::Joints => None,
+        };
+        let chord = (to.base_from_tcp.translation.vector - start.translation.vector).norm();
+        let straight = track.as_ref().map_or(chord, Track::length);
+        let joint_turn = || turn_between(&start.rotation, &to.base_from_tcp.rotation).norm();
+        let turn = track.as_ref().map_or_else(joint_turn, Track::turn);
+        let length = straight.max(turn * to.feed / REORIENTATION_RAD_S);
+        let direction = |share: f64| track.as_ref().and_then(|track| track.tangent(share));
+        let arc = track.as_ref().filter(|track| track.is_arc());
+        let bend = arc.map_or(f64::INFINITY, |arc| (law.corner_acceleration * arc.length() / arc.angle()).sqrt());
+        let mut segment = Self {
+            from: from.motor,
+            to: to.motor,
+            flange_from_tcp: to.flange_from_tcp,
+            zone: to.zone,
+            index,
+            speed: to.feed.min(bend),
+            directions: [0.0, 1.0].map(|share| direction(share).unwrap_or_else(Vector3::zeros)),
+            track,
+            length,
+            turn,
+            radius: 0.0,
+            changes: [true; 2],
+            bow: None,
+        };
+        if length <= PARABOLA && turn <= PARABOLA_TURN {
+            let mean = (from.motor + to.motor) / 2.0;
+            let is_straight = segment.track.is_none() || length <= STEP && turn <= TURN;
+            segment.bow = if is_straight {
+                Some(Joints::zeros())
+            } else {
+                segment.motor(robot, 0.5, &mean).ok().map(|motor| motor - mean)
+            };
+        }
+        segment
+    }
+
+    /// Motor angles at a share of the segment, near known ones.
+    fn motor(&self, robot: &Robot, share: f64, near: &Joints) -> Result<Joints, DriveError> {
+        let even = || self.from.lerp(&self.to, share);
+        match (&self.track, &self.bow) {
+            (None, _) => Ok(even()),
+            (_, Some(bow)) => Ok(even() + bow * (4.0 * share * (1.0 - share))),
+            _ if share <= 0.0 => Ok(self.from),
+            _ if share >= 1.0 => Ok(self.to),
+            (Some(track), None) => self.inverse(robot, &track.pose(share), near),
+        }
+    }
+
+    fn inverse(&self, robot: &Robot, base_from_tcp: &Pose, near: &Joints) -> Result<Joints, DriveError> {
+        let base_from_flange = base_from_tcp * self.flange_from_tcp.inverse();
+        let reached = robot.inverse_near_unlimited(&base_from_flange, near);
+        reached.map_err(|_| DriveError::Unreachable { waypoint: self.index })
+    }
+
+    /// Length of the change of the unit direction at the corner to the next segment.
+    fn turns_to(&self, next: &Self) -> f64 {
+        (next.directions[0] - self.directions[1]).norm()
+    }
+}
+
+/// Makes a route of waypoints that come one after the other.
+#[derive(Clone, Debug)]
+pub(super) struct Router<'r> {
+    robot: &'r Robot,
+    law: PathLaw,
+    /// Number of waypoints so far.
+    count: usize,
+    /// The last waypoint at which the TCP has moved.
+    last: Option<Waypoint>,
+    /// The segment to it, and the share of the segment up to which the route has knots.
+    open: Option<(Segment, f64)>,
+    /// Motor angles at the last knot, rad.
+    near: Joints,
+    /// The knots that are known and not yet taken.
+    pub(super) knots: Vec<Knot>,
+}
+
+impl Route {
+    pub(super) fn new(robot: &Robot, law: &PathLaw, waypoints: &[Waypoint]) -> Result<Self, DriveError> {
+        let mut router = Router::new(robot, law);
+        waypoints.iter().try_for_each(|waypoint| router.add(waypoint))?;
+        router.end()?;
+        Ok(Self { knots: router.knots })
+    }
+
+    /// The programmed path: no corner is rounded.
+    pub(super) fn as_programmed(robot: &Robot, waypoints: &[Waypoint]) -> Result<Self, DriveError> {
+        Self::new(robot, &PathLaw::AS_WRITTEN, waypoints)
+    }
+}
+
+impl<'r> Router<'r> {
+    pub(super) fn new(robot: &'r Robot, law: &PathLaw) -> Self {
+        let near = Joints::zeros();
+        Self { robot, law: *law, count: 0, last: None, open: None, near, knots: Vec::new() }
+    }
+
+    /// Adds a waypoint: the route up to the corner before it becomes known.
+    pub(super) fn add(&mut self, to: &Waypoint) -> Result<(), DriveError> {
+        let index = self.count;
+        self.count += 1;
+        let Some(last) = &self.last else {
+            let place = to.base_from_tcp.translation.vector;
+            self.last = Some(*to);
+            self.push(Knot { motor: to.motor, place, length: 0.0, speed: to.feed, stops: true, progress: 0.0 });
+            return Ok(());
+        };
+        let mut next = Segment::new(self.robot, &self.law, last, to, index);
+        if next.length <= NO_LENGTH {
+            return Ok(());
+        }
+        self.last = Some(*to);
+        let mut begins = 0.0;
+        if let Some((mut segment, begun)) = self.open.take() {
+            self.round(&mut segment, &mut next);
+            self.straight(&segment, [begun, 1.0 - segment.radius / segment.length])?;
+            if segment.radius > 0.0 {
+                self.corner(&segment, &next)?;
+                begins = segment.radius / next.length;
+            } else if segment.zone.is_some() {
+                // Without a rounding, the speed limit of the corner applies at its point.
+                self.limit_last(self.law.corner_speed(segment.turns_to(&next), 0.0));
+            } else {
+                self.stop_last();
+            }
+        }
+        self.open = Some((next, begins));
+        Ok(())
+    }
+
+    /// Ends the route at the last waypoint.
+    pub(super) fn end(&mut self) -> Result<(), DriveError> {
+        if let Some((segment, begun)) = self.open.take() {
+            self.straight(&segment, [begun, 1.0])?;
+            self.stop_last();
+        }
+        Ok(())
+    }
+
+    /// Decides how the corner between two segments is passed.
+    fn round(&self, segment: &mut Segment, next: &mut Segment) {
+        let law = &self.law;
+        let room = 0.5 * segment.length.min(next.length);
+        let Some(radius) = segment.zone else { return };
+        // A controller limits a zone to half of the shorter segment, and rounds within a share of that.
+        segment.radius = law.zone_share * radius.min(room);
+        let is_even = segment.speed.total_cmp(&next.speed).is_eq();
+        let keeps = is_even && law.corner_speed(segment.turns_to(next), segment.radius) >= segment.speed;
+        (segment.changes[1], next.changes[0]) = (!keeps, !keeps);
+    }
+
+    /// Takes the knots that are known. The last one may still become a stop.
+    pub(super) fn known(&mut self) -> impl Iterator<Item = Knot> + '_ {
+        let known = self.knots.len().saturating_sub(1);
+        self.knots.drain(..known)
+    }
+
+    fn push(&mut self, knot: Knot) {
+        self.near = knot.motor;
+        self.knots.push(knot);
+    }
+
+    fn stop_last(&mut self) {
+        if let Some(knot) = self.knots.last_mut() {
+            knot.stops = true;
+        }
+    }
+
+    fn limit_last(&mut self, speed: f64) {
+        if let Some(knot) = self.knots.last_mut() {
+            knot.speed = knot.speed.min(speed);
+        }
+    }
+
+    /// Adds a segment between two of its shares.
+    fn straight(&mut self, segment: &Segment, [from, to]: [f64; 2]) -> Result<(), DriveError> {
+        let robot = self.robot;
+        let length = segment.length * (to - from);
+        if length <= NO_LENGTH {
+            return Ok(());
+        }
+        let is_even = segment.track.is_some() && segment.changes == [false; 2];
+        let speed = segment.speed;
+        let count = intervals(length, if is_even { segment.turn * (to - from) / TURN } else { f64::INFINITY });
+        for k in 1..=count {
+            let share = from + (to - from) * part(k, count);
+            let motor = segment.motor(robot, share, &self.near)?;
+            let place = match &segment.track {
+                Some(track) => track.place(share),
+                None => (robot.forward(&motor) * segment.flange_from_tcp).translation.vector,
+            };
+            let progress = progress(segment.index, share);
+            self.push(Knot { motor, place, length: length * part(1, count), speed, stops: false, progress });
+        }
+        Ok(())
+    }
+
+    /// Adds the rounding between two segments: while the first one comes to its end, the second one begins. If both are straight, the sum
+    /// of the two motions is a parabola.
+    fn corner(&mut self, segment: &Segment, next: &Segment) -> Result<(), DriveError> {
+        let (robot, law) = (self.robot, self.law);
+        let radius = segment.radius;
+        let directions = [segment.directions[1], next.directions[0]];
+        let turn = segment.turns_to(next);
+        let speed = segment.speed.min(next.speed).min(law.corner_speed(turn, radius));
+        let turned = (segment.turn / segment.length + next.turn / next.length) * radius;
+        let bends = (0.25 * radius * turn / FLAT).sqrt().max(turned / TURN);
+        let is_path = segment.track.is_some() && next.track.is_some();
+        // A sum of motor angles and a sum of poses differ by the product of the two segments' shares in the middle, on an arm of 1 m with a
+        // lever of half a metre.
+        let differs = (0.25 * radius).powi(2) + 0.5 * (turned / 8.0).powi(2);
+        let is_sum = segment.bow.is_some() && next.bow.is_some() && differs <= FLAT;
+        let count = intervals(2.0 * radius, if is_path { bends } else { f64::INFINITY });
+        // A parabola is shorter than the two segments that it rounds; a reorientation keeps its length.
+        let shorter = |passed: f64| match &directions {
+            [first, second] if *first != Vector3::zeros() && *second != Vector3::zeros() => {
+                first.lerp(second, passed).norm().max(LEAST_SHARE)
+            }
+            _ => 1.0,
+        };
+        for k in 1..=count {
+            let passed = part(k, count);
+            let (left, gone) = (radius * (1.0 - passed).powi(2), radius * passed.powi(2));
+            let shares = [1.0 - left / segment.length, gone / next.length];
+            let (motor, place) = match (&segment.track, &next.track) {
+                (Some(first), Some(second)) if !is_sum => {
+                    let corner = first.pose(1.0);
+                    // The next segment may have another tool: both use the tool of the segment that ends here.
+                    let other = next.flange_from_tcp.inverse() * segment.flange_from_tcp;
+                    let pose = sum(&first.pose(shares[0]), &(second.pose(shares[1]) * other), &corner);
+                    (segment.inverse(robot, &pose, &self.near)?, pose.translation.vector)
+                }
+                (first, second) => {
+                    let segments =
+                        [segment.motor(robot, shares[0], &segment.to)?, next.motor(robot, shares[1], &segment.to)?];
+                    let motor = segments[0] + segments[1] - segment.to;
+                    let place = match (first, second) {
+                        (Some(first), Some(second)) => {
+                            first.place(shares[0]) + second.place(shares[1]) - second.place(0.0)
+                        }
+                        _ => (robot.forward(&motor) * segment.flange_from_tcp).translation.vector,
+                    };
+                    (motor, place)
+                }
+            };
+            let progress = if passed < 0.5 {
+                progress(segment.index, 1.0 - radius * (1.0 - 2.0 * passed) / segment.length)
+            } else {
+                progress(next.index, radius * (2.0 * passed - 1.0) / next.length)
+            };
+            let length = 2.0 * radius * part(1, count) * shorter(passed - 0.5 * part(1, count));
+            self.push(Knot { motor, place, length, speed, stops: false, progress });
+        }
+        Ok(())
+    }
+}
+
+/// The pose whose displacement from the corner is the sum of those of two others.
+fn sum(first: &Pose, second: &Pose, corner: &Pose) -> Pose {
+    let position = first.translation.vector + second.translation.vector - corner.translation.vector;
+    let rotation = second.rotation * corner.rotation.inverse() * first.rotation;
+    Pose::from_parts(Translation3::from(position), rotation)
+}
+
+/// Number of intervals of a length (m): at least `wanted`, at most [`ENOUGH`].
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss)]
+fn intervals(length: f64, wanted: f64) -> usize {
+    (length / STEP).max(wanted.min(ENOUGH as f64)).max(1.0).ceil() as usize
+}
+
+#[allow(clippy::cast_precision_loss)]
+fn part(k: usize, count: usize) -> f64 {
+    k as f64 / count as f64
+}
+
+/// A waypoint and the share of the segment to it, as one number that grows along the route.
+#[allow(clippy::cast_precision_loss)]
+fn progress(waypoint: usize, share: f64) -> f64 {
+    (waypoint - 1) as f64 + share
+}

@@ -1,0 +1,104 @@
+//! A wrist whose gears couple its axes by a ratio that differs from the one that the controller compensates.
+
+use super::{ANY, Covered, Effect, Kind, Offset, Parameter, Physics, Site, Survey, checked, scalar};
+use deflex_lanes::Real;
+use serde::de::Error;
+use serde::{Deserialize, Serialize};
+
+pub(super) const KIND: Kind = Kind {
+    name: "joint_coupling",
+    summary: "a joint turns with another joint's motor",
+    forms: &["terms = [{ joint = 5, on = 4, ratio = 0 }, { joint = 6, on = 5, ratio = 0 }]"],
+    read,
+    candidates,
+    ..Kind::PLAIN
+};
+
+/// Typical error of a ratio. Ratios of wrists are given with two or three decimals, so rounding errors are up to 5e-3 or 5e-4.
+const ROUNDED: f64 = 2e-3;
+
+/// Actual = commanded + ratio · commanded motor angle of `on`; the controller holds the motor there whatever the load.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct JointCoupling {
+    terms: Vec<Term>,
+}
+
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Term {
+    /// The joint that turns, 1 to 6.
+    joint: usize,
+    /// The joint whose motor turns it, 1 to 6, another one than `joint`.
+    on: usize,
+    ratio: f64,
+}
+
+fn read(table: toml::Table) -> Result<Box<dyn Effect>, toml::de::Error> {
+    let effect: JointCoupling = table.try_into()?;
+    for (i, Term { joint, on, .. }) in effect.terms.iter().enumerate() {
+        for (key, value) in [("joint", joint), ("on", on)] {
+            if !(1..=6).contains(value) {
+                return Err(Error::custom(format!("`terms[{i}].{key}` is {value}, expected 1 to 6")));
+            }
+        }
+        if joint == on {
+            return Err(Error::custom(format!("`terms[{i}].on` is {on}, expected another joint than {joint}")));
+        }
+    }
+    checked(effect)
+}
+
+/// The couplings of a hollow wrist, in which the drives of axes 5 and 6 run through the axes before them. They are candidates even if
+/// these axes turn little: over a small range a coupling looks like a wrong zero, and the answer can name both only if both were tried.
+fn candidates(_: &Survey) -> Vec<Box<dyn Effect>> {
+    const WRIST: [(usize, usize); 3] = [(5, 4), (6, 4), (6, 5)];
+    vec![Box::new(JointCoupling { terms: WRIST.map(|(joint, on)| Term { joint, on, ratio: 0.0 }).into() })]
+}
+
+impl Physics for JointCoupling {
+    #[inline(always)]
+    fn offset<R: Real>(&self, site: &Site<R>, out: &mut Offset<R>) {
+        for Term { joint, on, ratio } in &self.terms {
+            out.joints[joint - 1] = out.joints[joint - 1] + site.commanded[on - 1] * *ratio;
+        }
+    }
+}
+
+impl Effect for JointCoupling {
+    fn follows_command(&self) -> bool {
+        true
+    }
+
+    fn covered_by(&self) -> Option<Covered> {
+        Some(Covered::Geometry)
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        let of = |(i, term): (usize, &Term)| scalar(&format!("terms[{i}].ratio"), term.ratio, "1", ROUNDED, 0.0, ANY);
+        self.terms.iter().enumerate().map(of).collect()
+    }
+
+    fn with_values(&self, values: &[f64]) -> Box<dyn Effect> {
+        let with = |(term, ratio): (&Term, &f64)| Term { ratio: *ratio, ..*term };
+        Box::new(Self { terms: self.terms.iter().zip(values).map(with).collect() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::bench::Bench;
+    use approx::assert_abs_diff_eq;
+
+    #[test]
+    fn a_joint_goes_along_by_the_ratio() {
+        let mut bench = Bench::default();
+        (bench.motor[3], bench.motor[4]) = (0.5, -0.4);
+        let (_, out) = bench.run(
+            "kind = 'joint_coupling'\nterms = [{ joint = 5, on = 4, ratio = 1e-3 }, { joint = 6, on = 5, ratio = 2e-3 }]",
+        );
+        assert_abs_diff_eq!(out.joints[4], 5e-4, epsilon = 1e-18);
+        assert_abs_diff_eq!(out.joints[5], -8e-4, epsilon = 1e-18);
+        assert_abs_diff_eq!(out.joints[3], 0.0);
+    }
+}

@@ -1,0 +1,290 @@
+//! The model of the whole arm: all effects at once, with small prior sizes, and a discrepancy that no law describes.
+//!
+//! On a real arm not one effect is missing: springs, zeros, links, gears and weights all have small errors, and every
+//! law is only approximately correct. The observation model is then
+//!
+//! `y = Σ_g X_g θ_g + f(place, posture, force) + wander + noise`
+//!
+//! with the columns X of every effect in the registry, their numbers θ about neutral, and a Gaussian process f, the
+//! discrepancy, which describes the errors of the laws. The prior standard deviations of all θ are one common share of
+//! their typical sizes. Alternatively the effects that the search found keep the prior sizes with which they were
+//! found, and the others have the share. The evidence chooses between the two, and chooses the share, the variance of f
+//! and its length scale (type-II maximum likelihood; Rasmussen and Williams 2006, chapter 5). Because f is part of the
+//! covariance of the rows, more rows at the same places do not make a law that is only approximately correct look
+//! certain.
+
+use super::candidate::Candidate;
+use super::columns::Columns;
+use super::decisions::{MATERIAL, caution};
+use super::engine::{Engine, stacked};
+use super::found::{Members, Posterior};
+use super::moments::Moments;
+use super::noise::{self, Field, Over};
+use super::pattern::Standing;
+use super::score::score;
+use super::search::Search;
+use deflex_effects::Shape;
+use nalgebra::Vector3;
+
+/// Common prior sizes that are tried, as shares of the typical sizes.
+const SHARES: [f64; 5] = [0.05, 0.125, 0.25, 0.5, 1.0];
+/// Length scales of the discrepancy that are tried, in standard deviations of place, posture and force over the table.
+const REACHES: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
+/// Variances of the discrepancy that are tried, relative to that of the white noise: standard deviations from one half
+/// to eight times.
+pub(super) const VARIANCES: [f64; 5] = [0.25, 1.0, 4.0, 16.0, 64.0];
+
+/// Prior sizes of the effects as shares of their typical sizes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shares {
+    /// The share of the effects that the search found; `None` if they keep the sizes with which they were found.
+    found: Option<f64>,
+    /// The share of all other effects.
+    others: f64,
+}
+
+impl Shares {
+    /// All shares that are common to all effects.
+    pub(super) fn common() -> impl Iterator<Item = Self> {
+        SHARES.into_iter().map(|share| Self { found: Some(share), others: share })
+    }
+
+    /// The same, and each share for the other effects while those that were found keep their sizes.
+    fn all() -> impl Iterator<Item = Self> {
+        SHARES.into_iter().flat_map(|others| [Some(others), None].map(|found| Self { found, others }))
+    }
+}
+
+/// The columns of all members with some prior sizes, and their price, nats.
+pub(super) struct Trial {
+    pub(super) shares: Shares,
+    pub(super) columns: Columns,
+    pub(super) price: f64,
+}
+
+/// The shares, the discrepancy and the noise of most evidence.
+struct Sizes {
+    shares: Shares,
+    shape: noise::Shape,
+    sigma: f64,
+    evidence: f64,
+}
+
+impl Engine {
+    /// One candidate of every family of effects that a set lacks: the variant with the largest objective together with
+    /// the set.
+    fn all_others(&self, search: &Search, set: &[usize]) -> Vec<usize> {
+        let mut best: Vec<(&str, f64, usize)> = Vec::new();
+        for (c, candidate) in self.candidates.iter().enumerate() {
+            let names_effect = candidate.law().is_some_and(|law| law.shape != Shape::Map);
+            if !names_effect || !candidate.is_full_size() || candidate.curve.is_some() || !search.joins(set, c) {
+                continue;
+            }
+            let known = best.iter().position(|(family, ..)| *family == candidate.family);
+            let value = search.objective(&[set, &[c]].concat());
+            match known {
+                Some(i) if best[i].1 < value => best[i] = (&candidate.family, value, c),
+                Some(_) => {}
+                None => best.push((&candidate.family, value, c)),
+            }
+        }
+        best.into_iter().map(|(.., c)| c).collect()
+    }
+
+    /// The candidates with the prior sizes of these shares. Effects whose numbers have a covariance from an earlier
+    /// identification keep that prior.
+    fn shrunk(&self, members: &Members, Shares { found, others }: Shares) -> Vec<Candidate> {
+        let mut candidates = self.candidates.clone();
+        let mut shrink = |set: &[usize], share: f64| {
+            let sized = set.iter().filter(|&&c| !self.candidates[c].is_pattern() && self.candidates[c].known.is_none());
+            sized.for_each(|&c| candidates[c].scale = share);
+        };
+        shrink(&members.others, others);
+        if let Some(found) = found {
+            shrink(&members.found, found);
+        }
+        candidates
+    }
+
+    /// Whether the present model is that of the whole arm, which alone has a discrepancy over all coordinates.
+    pub(super) fn is_whole_arm(&self) -> bool {
+        self.shape.field.is_some_and(|field| matches!(field.over, Over::Everything(_)))
+    }
+
+    /// Standard deviation of the white noise with which the numbers are fitted, mm. In the model of the whole arm the
+    /// nats of the rows count as in a posterior (see [`caution`]), because its discrepancy describes only the smooth
+    /// part of the errors of the laws.
+    pub(super) fn sigma_of_fit(&self) -> f64 {
+        if !self.is_whole_arm() {
+            return self.sigma;
+        }
+        let fitted = self.problem.rows.iter().filter(|row| !row.held_out);
+        self.sigma * caution(fitted.map(|row| row.reading.len()).sum()).sqrt()
+    }
+
+    /// The members of the model of the whole arm: those of a set, without unlisted patterns and faults, and one of
+    /// every other family.
+    pub(super) fn members_of_whole_arm(&self, search: &Search, set: &[usize]) -> Members {
+        let stays = |c: &usize| !matches!(self.candidates[*c].standing(), Some(Standing::Unlisted | Standing::Fault));
+        let found: Vec<usize> = set.iter().copied().filter(stays).collect();
+        let others = self.all_others(search, &found);
+        Members { found, others }
+    }
+
+    /// The columns of all members with the prior sizes of these shares, and their price. Members that keep the sizes
+    /// with which they were found have the price of the search. All others are in the model without a choice, and pay
+    /// only for the choice of a variant of their family.
+    pub(super) fn trial(&self, members: &Members, shares: Shares, always: &[usize]) -> Trial {
+        let candidates = self.shrunk(members, shares);
+        let search = Search::new(&candidates, &[], always);
+        let alike = |set: &[usize]| set.iter().map(|&c| self.variants(c).ln()).sum::<f64>();
+        let found = if shares.found.is_none() { search.prices(&members.found) } else { alike(&members.found) };
+        Trial { shares, columns: search.columns(&members.all()), price: found + alike(&members.others) }
+    }
+
+    /// Number of variants with the typical prior sizes among which a member was chosen; for harmonics the number of
+    /// those that were searched.
+    fn variants(&self, c: usize) -> f64 {
+        let own = &self.candidates[c];
+        match own.law() {
+            None => 1.0,
+            Some(law) if law.shape == Shape::Periodic => own.variants,
+            Some(_) => {
+                let same = |other: &&Candidate| other.family == own.family && other.is_full_size();
+                self.candidates.iter().filter(same).count().max(1) as f64
+            }
+        }
+    }
+
+    /// Whether the model of the whole arm, still without its discrepancy, has larger evidence than a set, less the
+    /// prices of both. Both have the moments of the search, so that this costs little.
+    pub(super) fn gains_on(&self, search: &Search, set: &[usize], members: &Members) -> bool {
+        let value = search.objective(set);
+        Shares::all().any(|shares| {
+            let trial = self.trial(members, shares, search.always);
+            score(search.moments, &trial.columns, None).evidence - trial.price > value
+        })
+    }
+
+    /// The prior sizes, the discrepancy and the noise of most evidence about the present fit.
+    fn sizes(&mut self, members: &Members) -> Option<Sizes> {
+        let all = members.all();
+        let linear = self.linearise(&all, &[]);
+        let stacked = stacked(linear.design.kept(), &linear.data);
+        let series = self.problem.series(|row| !row.held_out);
+        let declared = self.problem.declared_sigma_mm;
+        let spreads = self.spreads();
+        let mut best: Option<Sizes> = None;
+        let mut weigh = |drift: noise::Shape, reach: f64, tried: &[Trial]| {
+            let field = |share| Field { over: Over::Everything(spreads), share, reach };
+            let of = |share| (noise::Shape { field: Some(field(share)), ..drift }, field(share));
+            let shapes = VARIANCES.map(of);
+            for (moments, (shape, _)) in Moments::under_fields(&stacked, &series, &shapes).into_iter().zip(shapes) {
+                let moments = [Moments { declared, ..moments }];
+                for Trial { shares, columns, price } in tried {
+                    let score = score(&moments, columns, best.as_ref().map(|best| best.sigma));
+                    let evidence = score.evidence - price;
+                    if best.as_ref().is_none_or(|best| evidence > best.evidence) {
+                        best = Some(Sizes { shares: *shares, shape, sigma: score.sigma, evidence });
+                    }
+                }
+            }
+            best.as_ref().map(|best| best.shape)
+        };
+        // The wander that the search chose may be an error of the other effects. It is chosen again first, with a
+        // middle share and length scale.
+        let middle = Shares { found: Some(SHARES[2]), others: SHARES[2] };
+        let middle = [self.trial(members, middle, &linear.always)];
+        let mut drift = None;
+        for shape in noise::few().into_iter().chain([noise::Shape { field: None, ..self.shape }]) {
+            drift = weigh(shape, REACHES[2], &middle);
+        }
+        let drift = noise::Shape { field: None, ..drift? };
+        let tried: Vec<Trial> = Shares::all().map(|shares| self.trial(members, shares, &linear.always)).collect();
+        for reach in REACHES {
+            weigh(drift, reach, &tried);
+        }
+        best
+    }
+
+    /// The evidence of the model of the whole arm about the present fit, nats, less the prices of its members.
+    pub(super) fn whole_arm_evidence(&mut self, members: &Members) -> f64 {
+        self.sizes(members).map_or(f64::NEG_INFINITY, |sizes| sizes.evidence)
+    }
+
+    /// Standard deviations of place, mm, posture, rad, and force, N, over the fitted rows.
+    pub(super) fn spreads(&self) -> [f64; noise::OVER.len()] {
+        let places: Vec<noise::Places> =
+            self.problem.rows.iter().filter(|row| !row.held_out).map(|row| self.problem.places(row)).collect();
+        let count = places.len().max(1) as f64;
+        std::array::from_fn(|k| {
+            let mean = places.iter().map(|place| place[k]).sum::<Vector3<f64>>() / count;
+            (places.iter().map(|place| (place[k] - mean).norm_squared()).sum::<f64>() / count).sqrt()
+        })
+    }
+
+    /// Replaces the set that the search found by the model of the whole arm, and returns the probability of each
+    /// effect.
+    pub(super) fn take_whole_arm(&mut self, members: &Members) -> Vec<Posterior> {
+        // Outliers and heavy tails are judged again, because the other effects may explain these rows.
+        self.problem.rows.iter_mut().for_each(|row| (row.tail, row.outlier) = (1.0, false));
+        let Some(sizes) = self.sizes(members) else { return Vec::new() };
+        (self.shape, self.sigma) = (sizes.shape, sizes.sigma);
+        self.candidates = self.shrunk(members, sizes.shares);
+        let mut all = members.all();
+        self.choose(all.clone());
+        if let Some(fault) = self.fault_beyond(&all) {
+            all.push(fault);
+            self.choose(all);
+        }
+        if self.mark_outliers() > 0 {
+            self.refit();
+        }
+        self.probabilities()
+    }
+
+    /// The fault of the table that explains a material part of the rows in addition to the members, if there is one.
+    fn fault_beyond(&mut self, members: &[usize]) -> Option<usize> {
+        let is_fault = |c: &usize| self.candidates[*c].standing() == Some(Standing::Fault);
+        let faults: Vec<usize> = (0..self.candidates.len()).filter(is_fault).collect();
+        let linear = self.linearise(&[members, &faults].concat(), &[self.shape]);
+        let search = Search::new(&self.candidates, &linear.moments, &linear.always);
+        let evidence = |set: &[usize]| search.near(set, Some(self.sigma)).evidence;
+        let (value, none) = (evidence(members), evidence(&[]));
+        let gain = |&c: &usize| (evidence(&[members, &[c]].concat()) - value - search.price(c), c);
+        let best = faults.iter().map(gain).max_by(|a, b| a.0.total_cmp(&b.0));
+        // If the fitted factor of the force is at its smallest or largest value, the forces that were read cannot be
+        // those that acted. A fault of the forces then needs to gain only its price.
+        let scaled_away =
+            |gain: f64, fault: usize| gain > 0.0 && self.is_of_force(fault) && self.force_is_scaled_away();
+        best.filter(|&(gain, c)| gain > MATERIAL * (value - none) || scaled_away(gain, c)).map(|(_, c)| c)
+    }
+
+    /// Whether the fitted factor of the cutting force is at one of its bounds.
+    fn force_is_scaled_away(&self) -> bool {
+        let at_end = |candidate: &Candidate| {
+            // A fitted value reaches its bound except for rounding.
+            let ends = |(value, (low, high)): (&f64, &(f64, f64))| *value < low * 1.001 || *value > high / 1.001;
+            candidate.kind == "force_scale" && candidate.values.iter().zip(&candidate.bounds).any(ends)
+        };
+        self.chosen.iter().any(|&c| at_end(&self.candidates[c]))
+    }
+
+    /// The probability that each effect of the model acts, computed against the model without it, in which all others
+    /// can replace it.
+    fn probabilities(&mut self) -> Vec<Posterior> {
+        let chosen = self.chosen.clone();
+        let linear = self.linearise(&chosen, &[self.shape]);
+        let search = Search::new(&self.candidates, &linear.moments, &linear.always);
+        let value = search.near(&chosen, Some(self.sigma)).evidence;
+        let count = linear.moments.first().map_or(0, |moments| moments.count);
+        let effects = chosen.iter().copied().filter(|&c| !self.candidates[c].is_pattern());
+        effects
+            .map(|c| {
+                let without: Vec<usize> = chosen.iter().copied().filter(|&o| o != c).collect();
+                let gain = value - search.near(&without, Some(self.sigma)).evidence - search.price(c);
+                (c, (1.0 / (1.0 + (-gain / caution(count)).exp()), Vec::new()))
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,366 @@
+//! Finds the data that statements could change, without running the statements.
+
+use super::expression::{Call, Expression, ExpressionPart, Path, Setting};
+use super::names;
+use super::run::Runner;
+use super::state::Changes;
+use super::symbols::{Id, RoutineId};
+use super::system::{System, system};
+use super::tree::{File, Statement, StatementKind, walk};
+use super::value::{Name, POSE, Value, upper};
+use crate::Reason;
+use deflex_text::{Diagnostic, Severity, Span, decode};
+use std::collections::{BTreeSet, HashMap, HashSet};
+use std::rc::Rc;
+
+/// The scope in which the names of statements are resolved.
+struct Scope<'n> {
+    file: usize,
+    own: Option<&'n HashMap<Name, Id>>,
+    /// Names of a routine that is not followed. Its own data do not outlive it, so their changes do not matter.
+    hidden: HashSet<&'n Name>,
+    /// Whether an interrupt starts the statement.
+    is_handler: bool,
+}
+
+/// Number of statements that are scanned in about the time in which one is run.
+const STATEMENTS_PER_STEP: usize = 8;
+
+impl<'a> Runner<'a> {
+    /// The data that a block of the running routine could change.
+    pub(super) fn changes_in(&mut self, block: &'a [Statement]) -> Changes {
+        let mut changes = Changes::default();
+        let own = self.frames.last().map(|frame| frame.names.clone());
+        let scope = Scope { file: self.here(), own: own.as_ref(), hidden: HashSet::new(), is_handler: false };
+        self.collect(block, &scope, &mut changes);
+        changes
+    }
+
+    /// Adds the data that a routine could change.
+    pub(super) fn changes_of(&mut self, id: RoutineId, changes: &mut Changes) {
+        if !changes.through.insert(id) {
+            return;
+        }
+        let routine = self.symbols.routine(id);
+        let hidden = routine.own_names().collect();
+        self.collect(&routine.body, &Scope { file: id.file, own: None, hidden, is_handler: false }, changes);
+    }
+
+    /// The data that a routine could change; computed once for each routine.
+    pub(super) fn known_changes(&mut self, id: RoutineId) -> Rc<Changes> {
+        if let Some(known) = self.changes.get(&id) {
+            return known.clone();
+        }
+        let mut changes = Changes::default();
+        self.changes_of(id, &mut changes);
+        self.changes.entry(id).or_insert(Rc::new(changes)).clone()
+    }
+
+    fn collect(&mut self, block: &'a [Statement], scope: &Scope<'_>, changes: &mut Changes) {
+        let mut count = 0;
+        walk(block, &mut |statement| {
+            count += 1;
+            self.collect_statement(statement, scope, changes);
+        });
+        // A loop is scanned each time it begins.
+        self.steps += count / STATEMENTS_PER_STEP;
+    }
+
+    fn changed(&mut self, name: &Name, scope: &Scope<'_>, changes: &mut Changes) {
+        if let Some(id) = scope.own.and_then(|own| own.get(name)) {
+            changes.ids.insert(*id);
+        } else if !scope.hidden.contains(name) {
+            changes.ids.insert(self.symbols.find(scope.file, name));
+        }
+        // Base and tool also change when the frame changes from which they are counted.
+        let (base, tool) = match &name[..] {
+            b"$BASE" | b"$ROBROOT" | b"$ERSYSROOT" => (true, false),
+            b"$TOOL" => (false, true),
+            b"$NULLFRAME" | b"$WORLD" => (true, true),
+            _ => return,
+        };
+        self.frames_change(changes, base, tool);
+    }
+
+    /// Adds the data that a routine may change of which no file has the text. `starts` is true if its first argument is 1, or if an
+    /// interrupt starts it. Returns whether it may also change the variables in its arguments.
+    pub(super) fn add_system(&mut self, name: &[u8], starts: bool, changes: &mut Changes) -> bool {
+        match system(name) {
+            _ if names::is_frame_function(name) => false,
+            Some(System::Nothing) => false,
+            Some(System::TouchSense) if starts => false,
+            Some(System::Arguments) => true,
+            Some(System::Data(data)) => {
+                let here = self.here();
+                changes.ids.extend(data.iter().map(|name| self.symbols.find(here, &upper(name.as_bytes()))));
+                false
+            }
+            Some(System::TouchSense) | None => {
+                changes.anything = true;
+                true
+            }
+        }
+    }
+
+    fn collect_statement(&mut self, statement: &'a Statement, scope: &Scope<'_>, changes: &mut Changes) {
+        if statement.is_motion() {
+            changes.ids.extend([self.symbols.position, self.symbols.turned, self.symbols.stands]);
+        }
+        match &statement.kind {
+            StatementKind::Trigger(started) => {
+                let run = started.run.iter();
+                return run.for_each(|run| self.collect_statement(run, scope, changes));
+            }
+            StatementKind::Interrupt(_) => return,
+            StatementKind::Mark(_) => drop(changes.ids.insert(self.symbols.mark)),
+            StatementKind::NotUnderstood(_) => {
+                changes.anything = true;
+                statement.names().into_iter().for_each(|name| self.changed(name, scope, changes));
+            }
+            _ => {}
+        }
+        let is_assignment = matches!(statement.kind, StatementKind::Assign(_));
+        for Setting { to, .. } in statement.settings() {
+            // Settings of the controller in WITH are restored after the statement.
+            if is_assignment || to.name.first() != Some(&b'$') {
+                self.changed(&to.name, scope, changes);
+            }
+        }
+        for call in statement.calls() {
+            self.collect_call(call, scope, changes);
+        }
+    }
+
+    fn collect_call(&mut self, call: &'a Call, scope: &Scope<'_>, changes: &mut Changes) {
+        let first = call.arguments.first().and_then(Option::as_ref);
+        if &call.name[..] == b"BAS" {
+            let command: &[u8] = match first {
+                Some(Expression::Known(Value::Constant(command))) => command,
+                _ => b"",
+            };
+            let (base, tool) = (command != b"TOOL", command != b"BASE");
+            if !names::KEEPS_APPROXIMATION.contains(&command) {
+                changes.ids.insert(self.symbols.approximation);
+            }
+            if command == b"VEL_CP" {
+                changes.ids.insert(self.symbols.speed);
+            } else if command == b"CP_DAT" {
+                changes.ids.extend([self.symbols.speed, self.symbols.orientation, self.symbols.circle_type]);
+            } else if !names::HARMLESS_COMMANDS.contains(&command) {
+                self.frames_change(changes, base, tool);
+                let [load, speed] = [self.symbols.load, self.symbols.speed];
+                changes.ids.extend([load, speed, self.symbols.mode]);
+                changes.ids.extend([self.symbols.orientation, self.symbols.circle_type]);
+                if command == b"INITMOV" {
+                    names::CORRECTIONS.iter().flatten().for_each(|name| self.changed(&upper(name), scope, changes));
+                }
+            }
+            return;
+        }
+        let is_given_away = match self.symbols.find_routine(scope.file, &call.name) {
+            Some(id) => {
+                self.changes_of(id, changes);
+                true
+            }
+            None => {
+                let starts = matches!(first, Some(Expression::Known(value)) if value.index() == Some(1));
+                self.add_system(&call.name, starts || scope.is_handler, changes)
+            }
+        };
+        if is_given_away {
+            call.variables().for_each(|name| self.changed(name, scope, changes));
+        }
+    }
+
+    /// Adds a change of base or tool, which also changes the frame of the position before.
+    fn frames_change(&self, changes: &mut Changes, base: bool, tool: bool) {
+        let symbols = &self.symbols;
+        changes.ids.insert(symbols.position);
+        if base {
+            changes.ids.extend([symbols.base, symbols.base_name]);
+        }
+        if tool {
+            changes.ids.extend([symbols.tool, symbols.tool_name]);
+        }
+    }
+
+    /// Makes all data unknown that may have changed.
+    pub(super) fn forget(&mut self, changes: &Changes, why: Reason) {
+        for id in self.changed_ids(changes) {
+            if self.symbols.is_table(id) {
+                let value = self.value(id).all_forgotten(why);
+                self.state.values.insert(id, value);
+            } else {
+                self.lose(id, why);
+            }
+        }
+    }
+
+    /// The variables that may have changed.
+    pub(super) fn changed_ids(&self, changes: &Changes) -> BTreeSet<Id> {
+        let all = if changes.anything { self.symbols.visible() } else { Vec::new() };
+        changes.ids.iter().copied().chain(all).collect()
+    }
+
+    /// Whether the value of an expression may depend on the changes.
+    pub(super) fn depends(&mut self, on: &Expression, changes: &Changes) -> bool {
+        let (mut found, changed) = (false, self.changed_ids(changes));
+        on.each(&mut |part| {
+            found |= match part {
+                ExpressionPart::Path(path) => {
+                    path.name.first() == Some(&b'$') || changed.contains(&self.resolve(&path.name))
+                }
+                ExpressionPart::Call(_) => true,
+                ExpressionPart::Other(_) => false,
+            }
+        });
+        found
+    }
+
+    /// Scans the routines that interrupts start. They may run at any moment, so the data that they change are never known.
+    pub(super) fn expect_interrupts(&mut self) {
+        for id in self.symbols.all() {
+            for statement in self.symbols.routine(id).statements() {
+                let StatementKind::Interrupt(started) = &statement.kind else { continue };
+                let Some(run) = &started.run else { continue };
+                let mut changes = Changes::default();
+                let scope = Scope { file: id.file, own: None, hidden: HashSet::new(), is_handler: true };
+                self.collect_statement(run, &scope, &mut changes);
+                let is_here = |call: &Call| self.symbols.find_routine(id.file, &call.name).is_some();
+                let is_followed = matches!(&run.kind, StatementKind::Call(call) if is_here(call));
+                if changes.anything && !is_followed {
+                    self.frames.push(super::run::Frame::of_file(id.file));
+                    self.tell_started(run);
+                    self.frames.pop();
+                }
+                self.volatile.extend(self.changed_ids(&changes));
+            }
+        }
+    }
+
+    /// Finds handlers, functions (which are not followed) and routines that call themselves, with everything that they call. The data that
+    /// they name must not be edited.
+    pub(super) fn find_what_runs_at_any_moment(&mut self) {
+        let mut calls: HashMap<RoutineId, BTreeSet<RoutineId>> = HashMap::new();
+        let mut handlers = Vec::new();
+        for id in self.symbols.all() {
+            if self.symbols.routine(id).is_function {
+                self.at_any_moment.insert(id);
+            }
+            for statement in self.symbols.routine(id).statements() {
+                self.resumes |= matches!(statement.kind, StatementKind::Resume);
+                for call in statement.calls() {
+                    let Some(called) = self.symbols.find_routine(id.file, &call.name) else { continue };
+                    match statement.kind {
+                        StatementKind::Interrupt(_) => {
+                            self.at_any_moment.insert(called);
+                            handlers.push((called, id.file, call.at()));
+                        }
+                        StatementKind::Trigger(_) => drop(self.at_any_moment.insert(called)),
+                        _ => drop(calls.entry(id).or_default().insert(called)),
+                    }
+                }
+            }
+        }
+        let within = |from: RoutineId| {
+            let (mut found, mut open) = (BTreeSet::new(), vec![from]);
+            while let Some(id) = open.pop() {
+                open.extend(calls.get(&id).into_iter().flatten().filter(|called| found.insert(**called)));
+            }
+            found
+        };
+        for (handler, file, span) in handlers {
+            let moves = |id: RoutineId| self.symbols.routine(id).statements().into_iter().any(Statement::is_motion);
+            if within(handler).into_iter().chain([handler]).any(moves) {
+                self.tell_interrupt_that_moves(handler, file, span);
+            }
+        }
+        for id in self.symbols.all() {
+            let called = within(id);
+            if called.contains(&id) {
+                self.at_any_moment.insert(id);
+            }
+            if self.at_any_moment.contains(&id) {
+                self.at_any_moment.extend(called);
+            }
+        }
+        for id in self.at_any_moment.iter().copied().collect::<Vec<_>>() {
+            let named = self.pin_names(id);
+            self.read_at_any_moment.extend(named);
+        }
+    }
+
+    /// Whether the program assigns positions without some components. A motion to such a position takes these components from the motion
+    /// before.
+    pub(super) fn finds_incomplete_positions(&mut self) -> bool {
+        let files: &'a [File] = self.symbols.files;
+        let in_lists = files.iter().enumerate().any(|(at, file)| {
+            let set = file.values.iter().map(|(setting, _)| &setting.value);
+            let mut all = file.data.iter().filter_map(|data| data.value.as_ref()).chain(set);
+            let mut parts = file.values.iter().map(|(setting, _)| &setting.to);
+            all.any(Expression::leaves_components_out) || parts.any(|to| self.sets_a_component(at, to, &HashSet::new()))
+        });
+        in_lists || self.symbols.all().any(|id| self.leaves_components_out_in(id))
+    }
+
+    /// Whether a component is assigned to a position that may lack other components.
+    fn sets_a_component(&mut self, file: usize, to: &Path, own: &HashSet<&Name>) -> bool {
+        let is_part = to.component().is_some_and(|part| POSE.contains(&&part[..]));
+        let at = self.symbols.find(file, &to.name);
+        is_part && to.name.first() != Some(&b'$') && (own.contains(&to.name) || !is_complete(&self.symbols.start[at]))
+    }
+
+    fn leaves_components_out_in(&mut self, id: RoutineId) -> bool {
+        let own: HashSet<&Name> = self.symbols.routine(id).own_names().collect();
+        self.symbols.routine(id).statements().into_iter().any(|statement| {
+            let statement = match &statement.kind {
+                StatementKind::Trigger(started) | StatementKind::Interrupt(started) => started.run.as_ref(),
+                _ => Some(statement),
+            };
+            let Some(statement) = statement else { return false };
+            let is = if statement.is_motion() {
+                Expression::gives_components_out
+            } else {
+                Expression::leaves_components_out
+            };
+            let leaves_out = statement.expressions().into_iter().any(is);
+            let StatementKind::Assign(setting) = &statement.kind else { return leaves_out };
+            leaves_out || self.sets_a_component(id.file, &setting.to, &own)
+        })
+    }
+
+    /// Notes that the motion after an interrupt begins where the interrupt's routine leaves the robot.
+    fn tell_interrupt_that_moves(&mut self, handler: RoutineId, file: usize, span: Span) {
+        let name = &self.symbols.routine(handler).name;
+        let message = format!(
+            "`{}` moves the robot: after an interrupt, the next motion may begin at another place than the correction assumes",
+            decode(name)
+        );
+        let source = &self.symbols.sources[file];
+        let note = Diagnostic::error("krl.interrupt-moves", &source.name, message).severity(Severity::Note);
+        let help = "let it move back to $POS_INT before the program continues";
+        self.say(note.help(help), file, Some(span));
+    }
+
+    /// Marks the start values of all data that a routine names as not editable. Returns these data.
+    pub(super) fn pin_names(&mut self, id: RoutineId) -> HashSet<Id> {
+        let mut named = HashSet::new();
+        let routine = self.symbols.routine(id);
+        let mut done: HashSet<&Name> = routine.data.iter().map(|data| &data.name).collect();
+        for name in routine.statements().into_iter().flat_map(Statement::names).filter(|name| done.insert(name)) {
+            let at = self.symbols.find(id.file, name);
+            let value = self.symbols.start.get(at).cloned().unwrap_or(Value::Bool(false));
+            self.pin(&value);
+            named.insert(at);
+        }
+        named
+    }
+}
+
+/// Whether data hold only positions, each with all components.
+fn is_complete(value: &Value) -> bool {
+    match value {
+        Value::Array(items) => !items.is_empty() && items.values().all(is_complete),
+        value => POSE.iter().all(|name| value.component(name).is_some()),
+    }
+}

@@ -1,0 +1,81 @@
+//! Tools and bases that motions use.
+
+use super::like::intern;
+use super::run::Runner;
+use super::symbols::Id;
+use super::value::Value;
+use crate::{Reason, Tool, ToolData, Wobj, WobjData};
+use deflex_text::{Diagnostic, Severity};
+use std::sync::Arc;
+
+impl Runner<'_> {
+    pub(super) fn name(&self, id: Id) -> Arc<str> {
+        match self.value(id) {
+            Value::Own(name) => (&*name).into(),
+            _ => "?".into(),
+        }
+    }
+
+    pub(super) fn tool_index(&mut self) -> Result<u16, Reason> {
+        let value = self.value(self.symbols.tool);
+        if self.is_volatile(self.symbols.tool) {
+            return Err(Reason::ToolAnyMoment);
+        }
+        let tool = match &value {
+            Value::Own(name) => Tool { name: (&**name).into(), data: None },
+            Value::Record(_) => {
+                let (tcp_mm, tcp_quat) = value.frame().ok_or(Reason::Tool)?;
+                let load = self.value(self.symbols.load);
+                let mass = load.component(b"M").and_then(Value::number).filter(|mass| *mass >= 0.0);
+                let cog = load.component(b"CM").and_then(|cm| cm.numbers([b"X", b"Y", b"Z"]));
+                let data = ToolData {
+                    robhold: true,
+                    tcp_mm,
+                    tcp_quat,
+                    mass_kg: mass.unwrap_or(0.0),
+                    cog_mm: cog.unwrap_or([0.0; 3]),
+                };
+                Tool { name: self.name(self.symbols.tool_name), data: Some(data) }
+            }
+            _ => return Err(Reason::Tool),
+        };
+        if !self.notes {
+            return Ok(0);
+        }
+        let is_new = !self.tools.iter().any(|known| known.is(&tool));
+        if is_new && tool.data.is_some_and(|data| data.mass_kg == 0.0) {
+            let message = format!("the load of `{}` is in none of the files: it is taken as 0 kg", tool.name);
+            let warning = Diagnostic::error("krl.no-load", &self.symbols.sources[self.here()].name, message);
+            let help = "assign $LOAD, give $config.dat with --context, or name the tool by its number and declare it in the cell";
+            self.diagnostics.push(warning.severity(Severity::Warning).help(help));
+        }
+        intern(&mut self.tools, &tool, |known| known.is(&tool)).ok_or(Reason::TooManyFrames)
+    }
+
+    pub(super) fn wobj_index(&mut self) -> Result<u16, Reason> {
+        let value = self.value(self.symbols.base);
+        if self.is_volatile(self.symbols.base) {
+            return Err(Reason::BaseAnyMoment);
+        }
+        let wobj = match &value {
+            Value::Own(name) => Wobj { name: (&**name).into(), data: None, unit: None },
+            Value::Record(_) => {
+                let (uframe_mm, uframe_quat) = value.frame().ok_or(Reason::Base)?;
+                let data = WobjData {
+                    robhold: false,
+                    fixed: true,
+                    uframe_mm,
+                    uframe_quat,
+                    oframe_mm: [0.0; 3],
+                    oframe_quat: [1.0, 0.0, 0.0, 0.0],
+                };
+                Wobj { name: self.name(self.symbols.base_name), data: Some(data), unit: None }
+            }
+            _ => return Err(Reason::Base),
+        };
+        if !self.notes {
+            return Ok(0);
+        }
+        intern(&mut self.wobjs, &wobj, |known| known.is(&wobj)).ok_or(Reason::TooManyFrames)
+    }
+}

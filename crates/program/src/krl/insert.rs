@@ -1,0 +1,219 @@
+//! Inserted points between two targets: each becomes a motion before the statement, in the layout of the file.
+
+use super::Layout;
+use super::lex::{Cursor, lines};
+use super::names::APPROXIMATE;
+use super::numbers::{ANGLE_DECIMALS, POSITION_DECIMALS, bytes, near};
+use super::value::{EXTERNAL, POSE, upper};
+use crate::orientation::{quaternion_of_zyx_deg, rotation, zyx_deg};
+use crate::token::signed;
+use crate::{Editable, Insert, Motion, Passing, Program, Reason, Rewritten, Role, Target};
+use deflex_text::{Edit, Source, Span, number};
+use std::ops::Range;
+
+/// Writes the inserts into `out`. Returns each as the controller will store it; `None` if it could not be written.
+pub(super) fn write(program: &Program, layout: &Layout, inserts: &[Insert], out: &mut Rewritten) {
+    if inserts.is_empty() {
+        return;
+    }
+    let barred: Vec<Barred> = program.sources.iter().take(program.written).map(Barred::of).collect();
+    for insert in inserts {
+        match line(program, layout, insert, &barred) {
+            Ok((source, at, text, pose)) => {
+                let edits = &mut out.edits[source];
+                // Several points before one statement, in their order: one edit.
+                match edits.iter_mut().find(|edit| edit.span == at) {
+                    Some(edit) => edit.content.extend_from_slice(&text),
+                    None => edits.push(Edit { span: at, content: text.into() }),
+                }
+                out.inserted.push(Some(pose));
+            }
+            Err(why) => {
+                out.inserted.push(None);
+                out.not_inserted.push((insert.before, why));
+            }
+        }
+    }
+    out.not_inserted.dedup();
+}
+
+/// Places where nothing may be inserted.
+struct Barred {
+    /// Blocks of splines.
+    splines: Vec<Range<usize>>,
+    /// Folds of inline forms.
+    forms: Vec<Range<usize>>,
+    /// Starts of statements after a TRIGGER.
+    triggered: Vec<u32>,
+}
+
+impl Barred {
+    fn of(source: &Source) -> Self {
+        let (mut splines, mut triggered, mut open, mut is_after_trigger) = (Vec::new(), Vec::new(), None, false);
+        for line in lines(&source.bytes).filter(|line| !line.code.is_empty()) {
+            let cursor = Cursor::new(&source.bytes, 0, line.code);
+            match &upper(cursor.text(cursor.peek()))[..] {
+                b"SPLINE" | b"PTP_SPLINE" => open = Some(line.code.range().start),
+                b"ENDSPLINE" => splines.extend(open.take().map(|start| start..line.code.range().end)),
+                b"TRIGGER" => {
+                    is_after_trigger = true;
+                    continue;
+                }
+                _ => {}
+            }
+            if std::mem::take(&mut is_after_trigger) {
+                triggered.push(line.code.start);
+            }
+        }
+        Self { splines, forms: forms(&source.bytes), triggered }
+    }
+
+    fn why(&self, target: &Target) -> Option<Reason> {
+        let at = target.span.range().start;
+        let within = |ranges: &[Range<usize>]| ranges.iter().any(|range| range.contains(&at));
+        match () {
+            () if within(&self.splines) => Some(Reason::InSpline),
+            // Forms go to named points alone.
+            () if target.name.is_some() && within(&self.forms) => Some(Reason::InInlineForm),
+            () if self.triggered.contains(&target.span.start) => Some(Reason::Triggered),
+            () => None,
+        }
+    }
+}
+
+/// Folds that the controller writes. Their first line has the parameters of an inline form (`;%{PE}`).
+fn forms(bytes: &[u8]) -> Vec<Range<usize>> {
+    let (mut found, mut open) = (Vec::new(), Vec::new());
+    for at in memchr::memchr_iter(b';', bytes) {
+        let rest = &bytes[at + 1..];
+        let line = &rest[..memchr::memchr2(b'\n', b'\r', rest).unwrap_or(rest.len())];
+        let begins = |word: &[u8]| line.len() >= word.len() && line[..word.len()].eq_ignore_ascii_case(word);
+        if begins(b"FOLD") {
+            open.push((at, memchr::memmem::find(line, b"%{").is_some()));
+        } else if begins(b"ENDFOLD")
+            && let Some((start, true)) = open.pop()
+        {
+            found.push(start..at);
+        }
+    }
+    found
+}
+
+/// See [`Program::passing_edits`](crate::Program::passing_edits): without its words of approximation a statement positions
+/// exactly. Splines and inline forms stay, and statements in which more follows than these words.
+pub(super) fn without_approximation(program: &Program, wanted: &[(usize, Passing)]) -> Vec<Option<Edit>> {
+    let barred: Vec<Barred> = program.sources.iter().take(program.written).map(Barred::of).collect();
+    let edit = |(target, passing): &(usize, Passing)| {
+        let target = program.targets.get(*target).filter(|target| target.role == Role::End)?;
+        let source = usize::from(target.source);
+        if *passing != Passing::Stop || barred.get(source)?.why(target).is_some() {
+            return None;
+        }
+        let text = &program.sources[source].bytes;
+        let mut cursor = Cursor::new(text, 0, target.span);
+        let word = cursor.next();
+        if !matches!(&upper(cursor.text(word))[..], b"LIN" | b"CIRC" | b"PTP") {
+            return None;
+        }
+        let end = cursor.until(&APPROXIMATE).0.range().end;
+        let after = text.get(end..target.span.range().end)?;
+        let mut words = after.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).peekable();
+        words.peek()?;
+        let is_known = |word: &[u8]| APPROXIMATE[1..].iter().any(|known| word.eq_ignore_ascii_case(known));
+        let blanks = text[..end].iter().rev().take_while(|byte| byte.is_ascii_whitespace()).count();
+        let span = Span::new(end - blanks, target.span.range().end);
+        words.all(is_known).then(|| Edit { span, content: Vec::new().into() })
+    };
+    wanted.iter().map(edit).collect()
+}
+
+type Written = (usize, Span, Vec<u8>, ([f64; 3], [f64; 4]));
+
+fn line(program: &Program, layout: &Layout, insert: &Insert, barred: &[Barred]) -> Result<Written, Reason> {
+    let target = program.targets.get(insert.before).ok_or(Reason::NoSuchTarget)?;
+    let source = usize::from(target.source);
+    let text = program.sources[source].bytes.get(target.span.range()).ok_or(Reason::NoSuchStatement)?;
+    let barred = barred.get(source).ok_or(Reason::InContextFile)?;
+    if !matches!(target.motion, Motion::Linear | Motion::Circular) || target.role != Role::End {
+        return Err(Reason::OnlyLinesAndArcs);
+    }
+    if let Some(why) = barred.why(target) {
+        return Err(why);
+    }
+    let site = &layout.sites[insert.before];
+    let [_, _, _, Some(a), Some(b), Some(c)] = site.tokens else {
+        return Err(Reason::LeavesComponents);
+    };
+    if target.editable != Editable::Pose {
+        return Err(Reason::LeavesComponents);
+    }
+    let same = |other: &&Target| (other.source, other.span, other.role) == (target.source, target.span, Role::End);
+    if program.targets.iter().filter(same).take(2).count() != 1 {
+        return Err(Reason::RunsAgain);
+    }
+    let mut cursor = Cursor::new(&program.sources[source].bytes, 0, target.span);
+    let word = cursor.next();
+    let spline = match &upper(cursor.text(word))[..] {
+        b"LIN" | b"CIRC" => false,
+        b"SLIN" | b"SCIRC" => true,
+        _ => return Err(Reason::Motion),
+    };
+    // The inserted point is passed in the same way as the end of the motion.
+    let (point, _) = cursor.until(&APPROXIMATE);
+    let after = text.get(point.range().end - target.span.range().start..).unwrap_or_default();
+    let old = [a, b, c].map(|place| signed(bytes(program, place)).unwrap_or(0.0));
+    let mut content = Vec::new();
+    let names: [&[u8]; 2] = if spline { [b"SLIN {", b"SCIRC {"] } else { [b"LIN {", b"CIRC {"] };
+    content.extend_from_slice(names[usize::from(insert.via.is_some())]);
+    if let Some((position_mm, _)) = insert.via {
+        // Its angles count for nothing.
+        put(&mut content, POSE.iter().zip(position_mm), POSITION_DECIMALS);
+        content.extend_from_slice(b"},{");
+    }
+    let position = put(&mut content, POSE.iter().zip(insert.position_mm), POSITION_DECIMALS);
+    let angles = POSE[3..].iter().zip(near(zyx_deg(&rotation(insert.quat)), old));
+    let angles = put(&mut content, angles, ANGLE_DECIMALS);
+    let own = target.external.as_ref().map(|external| external.written);
+    let axes = EXTERNAL.iter().zip(insert.external.or(own).unwrap_or_default());
+    put(&mut content, axes.filter_map(|(name, axis)| Some((name, axis?))), POSITION_DECIMALS);
+    content.push(b'}');
+    if !after.is_empty() {
+        content.push(b' ');
+        content.extend_from_slice(after);
+    }
+    let (indent, line_end) = around(&program.sources[source].bytes, target.span);
+    content.extend_from_slice(line_end);
+    content.extend_from_slice(indent);
+    let held = |numbers: Vec<f64>| std::array::from_fn(|i| numbers[i]);
+    let pose = (held(position), quaternion_of_zyx_deg(held(angles)));
+    Ok((source, Span { start: target.span.start, end: target.span.start }, content, pose))
+}
+
+/// Writes `X 1.000,Y 2.000` after a brace or other components. Returns the numbers in single precision.
+fn put<'n>(out: &mut Vec<u8>, components: impl Iterator<Item = (&'n &'n [u8], f64)>, decimals: usize) -> Vec<f64> {
+    let mut held = Vec::new();
+    for (name, value) in components {
+        if out.last() != Some(&b'{') {
+            out.push(b',');
+        }
+        out.extend_from_slice(name);
+        out.push(b' ');
+        let from = out.len();
+        number::write_fixed(out, value, decimals);
+        #[allow(clippy::cast_possible_truncation)] // as the controller holds it
+        held.push(f64::from(number::read(&out[from..]).unwrap_or(value) as f32));
+    }
+    held
+}
+
+/// The blanks before a statement, and its line end.
+fn around(bytes: &[u8], statement: Span) -> (&[u8], &[u8]) {
+    let Range { start, end } = statement.range();
+    let blanks = bytes[..start].iter().rev().take_while(|byte| matches!(byte, b' ' | b'\t')).count();
+    let at = end + memchr::memchr2(b'\n', b'\r', &bytes[end..]).unwrap_or(bytes.len() - end);
+    let len = bytes[at..].iter().take_while(|byte| **byte == b'\r').count();
+    let len = len + usize::from(bytes.get(at + len) == Some(&b'\n'));
+    // A return alone ends one line, and the next is empty.
+    let len = if bytes.get(at + len.saturating_sub(1)) == Some(&b'\n') { len } else { len.min(1) };
+    (&bytes[start - blanks..start], if len == 0 { b"\n" } else { &bytes[at..at + len] })
+}

@@ -1,0 +1,271 @@
+//! Names of data and routines, and the start values of data.
+
+use super::names;
+use super::tree::{File, Routine, Statement, Type};
+use super::value::{AXES, EXTERNAL, Name, POSE, Selector, Value, pose_record, upper};
+use crate::Reason;
+use deflex_text::Source;
+use std::collections::{BTreeSet, HashMap, HashSet};
+use std::rc::Rc;
+
+/// Number of a variable.
+pub(super) type Id = usize;
+
+/// A routine by its file and its place there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub(super) struct RoutineId {
+    pub(super) file: usize,
+    pub(super) at: usize,
+}
+
+#[derive(Default)]
+pub(super) struct Symbols<'a> {
+    pub(super) sources: &'a [Source],
+    pub(super) files: &'a [File],
+    /// Start value of each variable.
+    pub(super) start: Vec<Value>,
+    /// Types of the variables that declare one.
+    types: HashMap<Id, Type>,
+    constant: HashSet<Id>,
+    /// Names that all files see.
+    globals: HashMap<Name, Id>,
+    /// Names of a `.src` and its `.dat`, by the module's name.
+    modules: HashMap<Name, HashMap<Name, Id>>,
+    routines: HashMap<Name, RoutineId>,
+    pub(super) base: Id,
+    pub(super) tool: Id,
+    pub(super) load: Id,
+    pub(super) speed: Id,
+    /// `$APO`: how far from its end a motion is left.
+    pub(super) approximation: Id,
+    pub(super) mode: Id,
+    /// `$ORI_TYPE`.
+    pub(super) orientation: Id,
+    /// `$EX_AX_IGNORE`, `$ASYNC_AXIS`: external axes, one bit each, that do not go to the programmed positions.
+    pub(super) ignored_axes: Id,
+    pub(super) asynchronous_axes: Id,
+    /// `$CIRC_TYPE`, `$CIRC_MODE`: how the orientation turns on an arc.
+    pub(super) circle_type: Id,
+    pub(super) circle_mode: Id,
+    /// Names of base and tool, as they were assigned.
+    pub(super) base_name: Id,
+    pub(super) tool_name: Id,
+    /// The last position commanded.
+    pub(super) position: Id,
+    /// Its orientation, with the base and the tool in which it is counted.
+    pub(super) turned: Id,
+    /// Place of the motion at whose end the robot stands.
+    pub(super) stands: Id,
+    /// The mark in force: nothing, 0 for air, 1 for cut.
+    pub(super) mark: Id,
+    /// The settings before a spline.
+    pub(super) spline: Id,
+    /// `BASE_DATA`, `TOOL_DATA`, `LOAD_DATA`.
+    tables: HashSet<Id>,
+}
+
+/// Number of the settings of motions, see [`Symbols::modal`].
+pub(super) const MODAL: usize = 13;
+
+/// Names of the controller's tables of frames and loads.
+const TABLES: [&[u8]; 3] = [b"BASE_DATA", b"TOOL_DATA", b"LOAD_DATA"];
+
+impl<'a> Symbols<'a> {
+    pub(super) fn new(sources: &'a [Source], files: &'a [File]) -> Self {
+        let mut symbols = Self { sources, files, ..Self::default() };
+        for (at, file) in files.iter().enumerate() {
+            for (routine, found) in file.routines.iter().enumerate() {
+                let id = RoutineId { file: at, at: routine };
+                if routine == 0 || found.is_global {
+                    symbols.routines.entry(found.name.clone()).or_insert(id);
+                }
+            }
+        }
+        let own = |name: &str| Value::Own(name.into());
+        symbols.base = symbols.global(b"$BASE", own("$BASE"));
+        symbols.tool = symbols.global(b"$TOOL", own("$TOOL"));
+        symbols.load = symbols.global(b"$LOAD", Value::unknown(Reason::Unset));
+        symbols.speed = symbols.global(b"$VEL", Value::unknown(Reason::Unset));
+        symbols.approximation = symbols.global(b"$APO", Value::unknown(Reason::Unset));
+        symbols.mode = symbols.global(b"$IPO_MODE", Value::constant(b"BASE"));
+        symbols.orientation = symbols.global(b"$ORI_TYPE", Value::constant(b"VAR"));
+        symbols.ignored_axes = symbols.global(b"$EX_AX_IGNORE", Value::Number(0.0, None));
+        symbols.asynchronous_axes = symbols.global(b"$ASYNC_AXIS", Value::Number(0.0, None));
+        symbols.circle_type = symbols.global(b"$CIRC_TYPE", Value::constant(b"BASE"));
+        symbols.circle_mode = symbols.global(b"$CIRC_MODE", Value::Record(Rc::default()));
+        // A routine that is not in the files may change the tables before the program names one of their elements.
+        for table in TABLES {
+            let id = symbols.global(table, Value::Array(Rc::default()));
+            symbols.tables.insert(id);
+        }
+        for switch in names::CORRECTIONS.into_iter().flatten() {
+            symbols.global(switch, Value::Bool(false));
+        }
+        for world in [&b"$NULLFRAME"[..], b"$WORLD"] {
+            symbols.global(world, pose_record([0.0; 6]));
+        }
+        // No program can have these names.
+        symbols.base_name = symbols.global(b" BASE", own("$BASE"));
+        symbols.tool_name = symbols.global(b" TOOL", own("$TOOL"));
+        symbols.position = symbols.global(b" POSITION", Value::unknown(Reason::PositionBefore));
+        symbols.turned = symbols.global(b" TURNED", Value::unknown(Reason::OrientationBefore));
+        symbols.stands = symbols.global(b" STANDS", Value::unknown(Reason::MotionBefore));
+        symbols.mark = symbols.global(b" MARK", Value::Bool(false));
+        symbols.spline = symbols.global(b" SPLINE", Value::unknown(Reason::Unset));
+        symbols
+    }
+
+    fn global(&mut self, name: &[u8], value: Value) -> Id {
+        let id = self.local(value);
+        self.globals.insert(upper(name), id);
+        id
+    }
+
+    /// Adds a variable without a name.
+    pub(super) fn local(&mut self, value: Value) -> Id {
+        self.start.push(value);
+        self.start.len() - 1
+    }
+
+    /// Declares the data of a file; their start values are set later.
+    pub(super) fn declare(&mut self, file: usize) {
+        let found: &'a File = &self.files[file];
+        // All files see KUKA's own data lists ($CONFIG, $MACHINE).
+        let all = found.module.first() == Some(&b'$');
+        for data in &found.data {
+            let name = &data.name;
+            let value = if data.is_array { Value::Array(Rc::default()) } else { Value::unknown(Reason::Unset) };
+            let id = self.local(value);
+            self.declare_type(id, data.kind);
+            if data.is_constant {
+                self.constant.insert(id);
+            }
+            if all || data.is_global {
+                self.globals.insert(name.clone(), id);
+                if TABLES.contains(&&name[..]) {
+                    self.tables.insert(id);
+                }
+            }
+            self.modules.entry(found.module.clone()).or_default().insert(name.clone(), id);
+        }
+    }
+
+    /// Records the type of a variable.
+    pub(super) fn declare_type(&mut self, id: Id, kind: Option<Type>) {
+        self.types.extend(kind.map(|kind| (id, kind)));
+    }
+
+    /// Whether a variable holds only whole numbers.
+    pub(super) fn is_whole(&self, id: Id) -> bool {
+        self.types.get(&id) == Some(&Type::Whole)
+    }
+
+    /// Whether its number may be written with decimals: it is a REAL, or a component of a position.
+    pub(super) fn is_real(&self, id: Id, steps: &[Selector]) -> bool {
+        match steps.last() {
+            Some(Selector::Component(name)) => {
+                POSE.iter().chain(&AXES).chain(&EXTERNAL).any(|known| name[..] == **known)
+            }
+            _ => self.types.get(&id) == Some(&Type::Real),
+        }
+    }
+
+    /// The value as a variable of this type stores it: a FRAME has no axes and no status.
+    pub(super) fn converted(&self, id: Id, steps: &[Selector], value: Value) -> Value {
+        let status: &[&[u8]] = match self.types.get(&id) {
+            Some(Type::Frame) => &[],
+            Some(Type::Pos) => &[b"S", b"T"],
+            _ => return value,
+        };
+        let Value::Record(mut fields) = value else { return value };
+        if steps.iter().all(|step| matches!(step, Selector::Element(_))) {
+            let has = |name: &Name| POSE.iter().chain(status).any(|known| name[..] == **known);
+            if !fields.iter().all(|(name, _)| has(name)) {
+                Rc::make_mut(&mut fields).retain(|(name, _)| has(name));
+            }
+        }
+        Value::Record(fields)
+    }
+
+    /// The variable of this name. If no file declares it, it belongs to the controller.
+    pub(super) fn find(&mut self, file: usize, name: &Name) -> Id {
+        let module = self.modules.get(&self.files[file].module).and_then(|names| names.get(name));
+        if let Some(id) = module.or_else(|| self.globals.get(name)) {
+            return *id;
+        }
+        self.global(name, Value::unknown(Reason::NameUndeclared))
+    }
+
+    /// The settings of motions, which `WITH` can set for a single one.
+    pub(super) fn modal(&self) -> [Id; MODAL] {
+        [
+            self.base,
+            self.tool,
+            self.base_name,
+            self.tool_name,
+            self.load,
+            self.speed,
+            self.approximation,
+            self.mode,
+            self.orientation,
+            self.ignored_axes,
+            self.asynchronous_axes,
+            self.circle_type,
+            self.circle_mode,
+        ]
+    }
+
+    /// Whether a variable describes the state of the run, and is not data of the program.
+    pub(super) fn is_own_state(&self, id: Id) -> bool {
+        self.modal().contains(&id) || [self.position, self.turned, self.stands, self.mark, self.spline].contains(&id)
+    }
+
+    /// Whether it is a table, of which the controller has the elements that no statement sets.
+    pub(super) fn is_table(&self, id: Id) -> bool {
+        self.tables.contains(&id)
+    }
+
+    /// The variables that a routine of another file could change.
+    pub(super) fn visible(&self) -> Vec<Id> {
+        let kept = |name: &Name| {
+            matches!(&name[..], b"$NULLFRAME" | b"$WORLD") || names::MODELLED_SYSTEM_VARIABLES.contains(&&name[..])
+        };
+        let open = self.globals.iter().filter(|(name, id)| !kept(name) && !self.constant.contains(id));
+        open.map(|(_, id)| *id).filter(|id| ![self.mark, self.spline].contains(id)).collect()
+    }
+
+    pub(super) fn routine(&self, id: RoutineId) -> &'a Routine {
+        &self.files[id.file].routines[id.at]
+    }
+
+    /// The routine that a name means in a file.
+    pub(super) fn find_routine(&self, file: usize, name: &Name) -> Option<RoutineId> {
+        let own = self.files[file].routines.iter().position(|routine| routine.name == *name);
+        let found = own.map(|at| RoutineId { file, at }).or_else(|| self.routines.get(name).copied());
+        // The functions in the controller's BAS.SRC are known.
+        found.filter(|id| !self.is_bas(id.file) || !names::is_frame_function(name))
+    }
+
+    /// Whether a file is the controller's own BAS.SRC.
+    pub(super) fn is_bas(&self, file: usize) -> bool {
+        &self.files[file].module[..] == b"BAS"
+    }
+
+    pub(super) fn all(&self) -> impl Iterator<Item = RoutineId> + use<'a> {
+        let files: &'a [File] = self.files;
+        files.iter().enumerate().flat_map(|(file, f)| (0..f.routines.len()).map(move |at| RoutineId { file, at }))
+    }
+
+    /// The first routines of the written files that no other routine calls; if each is called, all first routines.
+    pub(super) fn roots(&self, written: usize) -> Vec<RoutineId> {
+        let mut called = BTreeSet::new();
+        for id in self.all() {
+            let calls = self.routine(id).statements().into_iter().flat_map(Statement::calls);
+            called.extend(calls.filter_map(|call| self.find_routine(id.file, &call.name)).filter(|other| *other != id));
+        }
+        let firsts =
+            || (0..written).filter(|f| !self.files[*f].routines.is_empty()).map(|file| RoutineId { file, at: 0 });
+        let free: Vec<RoutineId> = firsts().filter(|id| !called.contains(id)).collect();
+        if free.is_empty() { firsts().collect() } else { free }
+    }
+}

@@ -1,0 +1,288 @@
+//! Values of expressions, as far as deflex knows them, and the places of their numbers in the text.
+
+use crate::Reason;
+use crate::orientation::{from_zyx_deg, quaternion, zyx_deg};
+use deflex_lang::ir::SourceSpan;
+use nalgebra::Vector3;
+use smallvec::SmallVec;
+use std::collections::{BTreeMap, HashSet};
+use std::rc::Rc;
+use std::sync::Arc;
+
+/// A name in upper case, because KRL ignores case.
+pub(super) type Name = SmallVec<[u8; 16]>;
+
+pub(super) fn upper(text: &[u8]) -> Name {
+    text.iter().map(u8::to_ascii_uppercase).collect()
+}
+
+/// A value. Two values are equal only if their tokens are equal too.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Value {
+    /// Known only at run time, with the reason; it may be the value in the option.
+    Unknown(Reason, Option<Rc<Value>>),
+    /// A number, and its token with the sign if it is a literal or a copy of one.
+    Number(f64, Option<SourceSpan>),
+    Bool(bool),
+    /// `#NAME`
+    Constant(Arc<[u8]>),
+    /// Components by name.
+    Record(Rc<Vec<(Name, Value)>>),
+    /// Elements by index; several indices are combined into one, see [`flat`].
+    Array(Rc<BTreeMap<i64, Value>>),
+    /// Data of this name that no file declares, but the controller has.
+    Own(Rc<str>),
+}
+
+/// Index of the value of all elements that an array does not list; real indices are not negative.
+pub(super) const REST: i64 = -1;
+
+/// Selects a component of a record or an element of an array.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Selector {
+    Component(Name),
+    Element(i64),
+}
+
+/// No number is NaN, so equality is reflexive. Shared records and arrays are then compared by their address.
+impl Eq for Value {}
+
+impl Value {
+    pub(super) fn unknown(why: Reason) -> Self {
+        Self::Unknown(why, None)
+    }
+
+    /// `#NAME`
+    pub(super) fn constant(name: &[u8]) -> Self {
+        Self::Constant(upper(name)[..].into())
+    }
+
+    pub(super) fn record<'n>(fields: impl IntoIterator<Item = (&'n [u8], Self)>) -> Self {
+        Self::Record(Rc::new(fields.into_iter().map(|(name, value)| (Name::from_slice(name), value)).collect()))
+    }
+
+    pub(super) fn number(&self) -> Option<f64> {
+        if let Self::Number(value, _) = self { Some(*value) } else { None }
+    }
+
+    pub(super) fn bool(&self) -> Option<bool> {
+        if let Self::Bool(value) = self { Some(*value) } else { None }
+    }
+
+    /// The reason why it is unknown; `None` if it is known.
+    pub(super) fn why(&self) -> Option<Reason> {
+        if let Self::Unknown(why, _) = self { Some(*why) } else { None }
+    }
+
+    /// The value if it is a whole number.
+    pub(super) fn index(&self) -> Option<i64> {
+        #[allow(clippy::cast_possible_truncation)]
+        self.number().filter(|v| v.fract() == 0.0 && v.abs() < 1e9).map(|v| v as i64)
+    }
+
+    pub(super) fn component(&self, name: &[u8]) -> Option<&Self> {
+        let Self::Record(fields) = self else { return None };
+        fields.iter().find(|(known, _)| known[..] == *name).map(|(_, value)| value)
+    }
+
+    /// The component of this name; unknown if there is none.
+    pub(super) fn part(&self, name: &[u8]) -> Self {
+        self.component(name).cloned().unwrap_or(Self::unknown(Reason::Computed))
+    }
+
+    /// The value at a path.
+    pub(super) fn get(&self, path: &[Selector]) -> Self {
+        let Some((first, rest)) = path.split_first() else { return self.clone() };
+        match (self, first) {
+            (Self::Record(_), Selector::Component(name)) => {
+                self.component(name).map_or(Self::unknown(Reason::Unset), |value| value.get(rest))
+            }
+            (Self::Array(items), Selector::Element(at)) => {
+                items.get(at).or_else(|| items.get(&REST)).map_or(Self::unknown(Reason::Unset), |value| value.get(rest))
+            }
+            (Self::Own(_), Selector::Component(_)) => Self::unknown(Reason::CellFrame),
+            (Self::Unknown(why, None), _) => Self::unknown(*why),
+            (Self::Unknown(why, Some(was)), _) => was.get(path).forgotten(*why),
+            _ => Self::unknown(Reason::NotARecordOrArray),
+        }
+    }
+
+    /// Sets the value at a path. If the path does not lead through known values, the whole becomes unknown, and the tokens of the new value
+    /// go to `lost`.
+    pub(super) fn set(&mut self, path: &[Selector], value: Self, lost: &mut HashSet<SourceSpan>) {
+        let Some((first, rest)) = path.split_first() else {
+            // Components that an aggregate does not name become unknown.
+            if let (Self::Record(old), Self::Record(new)) = (&*self, &value) {
+                let named = |name: &Name| new.iter().any(|(known, _)| known == name);
+                let rest = old.iter().filter(|(name, _)| !named(name));
+                let rest = rest.map(|(name, value)| (name.clone(), value.clone().forgotten(Reason::Unset)));
+                *self = Self::Record(Rc::new(new.iter().cloned().chain(rest).collect()));
+            } else {
+                *self = value;
+            }
+            return;
+        };
+        if let Self::Unknown(why, None) = self {
+            *self = match first {
+                Selector::Component(name) => {
+                    // Only data that were never set lack the other components of a position.
+                    let open = *why != Reason::Unset && POSE.contains(&&name[..]);
+                    Self::record(POSE.into_iter().filter(|_| open).map(|name| (name, Self::unknown(*why))))
+                }
+                Selector::Element(_) => Self::Array(Rc::new(BTreeMap::from([(REST, Self::unknown(*why))]))),
+            };
+        }
+        let part = match (first, &mut *self) {
+            (Selector::Component(name), Self::Record(fields)) => {
+                let fields = Rc::make_mut(fields);
+                let at = fields.iter().position(|(known, _)| known == name).unwrap_or(fields.len());
+                if at == fields.len() {
+                    fields.push((name.clone(), Self::unknown(Reason::Unset)));
+                }
+                &mut fields[at].1
+            }
+            (Selector::Element(at), Self::Array(items)) => {
+                let before = items.get(&REST).cloned().unwrap_or(Self::unknown(Reason::Unset));
+                Rc::make_mut(items).entry(*at).or_insert(before)
+            }
+            _ => {
+                lost.extend(value.tokens());
+                *self = std::mem::replace(self, Self::Bool(false)).forgotten(Reason::Unset);
+                return;
+            }
+        };
+        part.set(rest, value, lost);
+    }
+
+    /// All tokens in it, including those of values that it may have.
+    pub(super) fn tokens(&self) -> Vec<SourceSpan> {
+        match self {
+            Self::Number(_, place) => place.iter().copied().collect(),
+            Self::Record(fields) => fields.iter().flat_map(|(_, value)| value.tokens()).collect(),
+            Self::Array(items) => items.values().flat_map(Self::tokens).collect(),
+            Self::Unknown(_, Some(was)) => was.tokens(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// Joins two values to one that may be either, and keeps the tokens of both. If the tokens are too many to keep, they go to `lost`.
+    pub(super) fn either(&self, other: &Self, why: Reason, lost: &mut HashSet<SourceSpan>) -> Self {
+        /// Tokens of some hundred motions, between which a program chooses.
+        const MOST_TOKENS: usize = 2048;
+        if self == other {
+            return self.clone();
+        }
+        if let Some(parts) = self.zipped(other, |a, b| a.either(b, why, lost)) {
+            return parts;
+        }
+        let (why, mut all) = (self.why().unwrap_or(why), BTreeMap::new());
+        for place in self.tokens().into_iter().chain(other.tokens()).filter(|place| !lost.contains(place)) {
+            let at = i64::from(place.source) << 32 | i64::from(place.span.start);
+            all.insert(at, Self::Number(0.0, Some(place)));
+        }
+        if all.len() > MOST_TOKENS {
+            [self, other].iter().for_each(|value| lost.extend(value.tokens()));
+            all.clear();
+        }
+        Self::Unknown(why, Some(Rc::new(Self::Array(Rc::new(all)))))
+    }
+
+    /// Joins the values of two paths: parts that differ become unknown, and their tokens go to `lost`.
+    pub(super) fn join(&self, other: &Self, reason: Reason, lost: &mut HashSet<SourceSpan>) -> Self {
+        if self == other {
+            return self.clone();
+        }
+        if let Some(parts) = self.zipped(other, |a, b| a.join(b, reason, lost)) {
+            return parts;
+        }
+        [self, other].iter().for_each(|value| lost.extend(value.tokens()));
+        // A value that is set on only one of the two paths counts as set.
+        let unknown = |value: &Self| value.why().filter(|why| *why != Reason::Unset);
+        Self::unknown([self, other].into_iter().find_map(unknown).unwrap_or(reason))
+    }
+
+    /// Combines two records or arrays part by part; `None` if they do not have the same parts.
+    fn zipped(&self, other: &Self, mut each: impl FnMut(&Self, &Self) -> Self) -> Option<Self> {
+        match (self, other) {
+            (Self::Record(a), Self::Record(b)) if a.iter().map(|f| &f.0).eq(b.iter().map(|f| &f.0)) => {
+                let fields = a.iter().zip(&**b).map(|(a, b)| (a.0.clone(), each(&a.1, &b.1)));
+                Some(Self::Record(Rc::new(fields.collect())))
+            }
+            (Self::Array(a), Self::Array(b)) if a.keys().eq(b.keys()) => {
+                let items = a.iter().zip(&**b).map(|(a, b)| (*a.0, each(a.1, b.1)));
+                Some(Self::Array(Rc::new(items.collect())))
+            }
+            _ => None,
+        }
+    }
+
+    /// The value after something may have changed it.
+    pub(super) fn forgotten(self, why: Reason) -> Self {
+        match self {
+            Self::Unknown(_, was) => Self::Unknown(why, was),
+            known => Self::Unknown(why, Some(Rc::new(known))),
+        }
+    }
+
+    /// The same for an array, whose elements are known again after they are set.
+    pub(super) fn all_forgotten(self, why: Reason) -> Self {
+        let Self::Array(mut items) = self else { return self.forgotten(why) };
+        let own = Rc::make_mut(&mut items);
+        own.values_mut().for_each(|value| *value = std::mem::replace(value, Self::Bool(false)).forgotten(why));
+        own.insert(REST, Self::unknown(why));
+        Self::Array(items)
+    }
+
+    /// Numbers of components; `None` if one is missing or unknown.
+    pub(super) fn numbers<const N: usize>(&self, names: [&[u8]; N]) -> Option<[f64; N]> {
+        let mut out = [0.0; N];
+        for (to, name) in out.iter_mut().zip(names) {
+            *to = self.component(name)?.number()?;
+        }
+        Some(out)
+    }
+
+    /// The frame of a record with all six components, mm and a quaternion.
+    pub(super) fn frame(&self) -> Option<([f64; 3], [f64; 4])> {
+        let [x, y, z, a, b, c] = self.numbers(POSE)?;
+        Some(([x, y, z], quaternion(&from_zyx_deg([a, b, c]))))
+    }
+}
+
+/// Components of a pose: mm, and degrees about z, the turned y, the turned x.
+pub(super) const POSE: [&[u8]; 6] = [b"X", b"Y", b"Z", b"A", b"B", b"C"];
+/// The component of a LOAD whose X, Y, Z are moments of inertia, kg m², and not a position.
+pub(super) const INERTIA: &[u8] = b"J";
+/// Axis angles, degrees.
+pub(super) const AXES: [&[u8]; 6] = [b"A1", b"A2", b"A3", b"A4", b"A5", b"A6"];
+/// External axes, mm or degrees.
+pub(super) const EXTERNAL: [&[u8]; 6] = [b"E1", b"E2", b"E3", b"E4", b"E5", b"E6"];
+
+/// A record of six numbers that are not in the text.
+pub(super) fn pose_record(numbers: [f64; 6]) -> Value {
+    Value::record(POSE.into_iter().zip(numbers.map(|number| Value::Number(number, None))))
+}
+
+/// `a : b`: the pose `b` in the frame `a`. Other components of `b` stay.
+pub(super) fn chained(a: &Value, b: &Value) -> Option<Value> {
+    let ([x, y, z, aa, ab, ac], [bx, by, bz, ba, bb, bc]) = (a.numbers(POSE)?, b.numbers(POSE)?);
+    let (first, second) = (from_zyx_deg([aa, ab, ac]), from_zyx_deg([ba, bb, bc]));
+    let at = Vector3::new(x, y, z) + first * Vector3::new(bx, by, bz);
+    let [ra, rb, rc] = zyx_deg(&(first * second));
+    let mut out = pose_record([at.x, at.y, at.z, ra, rb, rc]);
+    if let (Value::Record(fields), Value::Record(more)) = (&mut out, b) {
+        let rest = more.iter().filter(|(name, _)| !POSE.contains(&&name[..]));
+        Rc::make_mut(fields).extend(rest.cloned());
+    }
+    Some(out)
+}
+
+/// Combines several indices into one; `None` if no array has such an element.
+pub(super) fn flat(indices: &[i64]) -> Option<i64> {
+    /// More elements than a dimension can have.
+    const EACH: i64 = 1 << 20;
+    /// The most dimensions of a KRL array.
+    const DIMENSIONS: usize = 3;
+    let fit = (1..=DIMENSIONS).contains(&indices.len()) && indices.iter().all(|index| (0..EACH).contains(index));
+    fit.then(|| indices.iter().fold(0, |all, index| all * EACH + index))
+}

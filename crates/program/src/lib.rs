@@ -1,0 +1,706 @@
+//! Reads program text as targets, and writes corrected poses into the same text.
+//!
+//! The front ends know text and nothing of robots: lengths are millimetres and angles are degrees, as written. [`Program`] does not
+//! depend on the language. The data that a front end needs to write corrections (the places of the number tokens) are private to it, and
+//! only [`Program::rewrite`] uses them.
+
+mod action;
+#[doc(hidden)]
+pub mod alignment;
+mod any_chunks;
+#[doc(hidden)]
+pub mod chunk;
+pub mod cl;
+mod detect;
+mod external;
+mod front_end;
+pub mod jbi;
+pub mod krl;
+mod language;
+mod long;
+mod lowered;
+mod marks;
+mod modules;
+pub mod orientation;
+#[doc(hidden)]
+pub mod post;
+pub mod rapid;
+mod round_trip;
+mod target;
+pub(crate) mod token;
+pub mod tp;
+pub mod ur;
+
+pub use action::{Action, ActionKind};
+pub use deflex_lang::Reason;
+pub use detect::detect;
+pub use external::{AxisName, EXTERNAL_AXES, External};
+pub(crate) use language::Layout;
+pub use language::{Language, ReadOptions, read};
+pub use long::{InChunks, LongProgram, LongText};
+pub use marks::unknown_marks;
+pub use modules::{ModuleNames, group_modules};
+// The interface between the languages' `Chunks` and the pipeline that corrects them; not for callers.
+#[doc(hidden)]
+pub use any_chunks::{AnyChunks, ChunkReader, UnreadChunk};
+#[doc(hidden)]
+pub use chunk::{Next, StreamableChunk};
+pub use round_trip::{RoundTrip, round_trip};
+pub(crate) use target::GroupAxis;
+pub use target::{
+    ArcTurn, Conf, Confdata, Config, Editable, ExternalAxes, Goal, InactiveUnit, Mark, Motion, Predecessor, Role,
+    StatusAndTurn, Target,
+};
+
+use deflex_text::{Diagnostic, Edit, Source, Span, applied};
+use std::sync::Arc;
+
+/// A program as read: one or several sources with shared names.
+///
+/// # Examples
+/// ```
+/// use deflex_program::rapid;
+/// use deflex_text::Source;
+///
+/// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// println!("{} targets, {} tools", program.targets.len(), program.tools.len());
+/// # Ok::<(), deflex_text::Diagnostics>(())
+/// ```
+#[derive(Debug)]
+#[non_exhaustive]
+pub struct Program {
+    /// The files, in the order of the command; context files, which are never written, come after the first `written` ones.
+    pub sources: Arc<[Source]>,
+    /// Number of `sources` that are the program itself; the others only declare names.
+    pub written: usize,
+    /// Language of all sources.
+    pub language: Language,
+    /// The system that wrote it, if the text shows it: `robodk`, `nx`, `catia`, …; `rapid` or `cl` if unknown.
+    pub dialect: &'static str,
+    /// Tools in the order of their first use; [`Target::tool`] is an index into them.
+    pub tools: Vec<Tool>,
+    /// Work objects in the order of their first use; [`Target::wobj`] is an index into them.
+    pub wobjs: Vec<Wobj>,
+    /// Points in running order: executed motions, with the via and interpolated points of arcs
+    /// before the motion that they belong to (see [`Role`]).
+    pub targets: Vec<Target>,
+    /// Executed motions whose target is known only at run time, in running order; `targets` has none of them.
+    pub unknown: Vec<UnknownMotion>,
+    /// Actions between motions, in running order (CL).
+    pub actions: Vec<Action>,
+    /// Statements that are not understood or not edited, with the reason.
+    pub kept: Vec<Kept>,
+    /// Complete numeric positions in the text (`docs/reference.md`, `inspect --json`).
+    pub literal_targets: usize,
+    /// Arcs among the executed motions.
+    pub arcs: usize,
+    /// The first cutter that cuts, if the text states one (CL `CUTTER`, `TLDATA`).
+    pub cutter: Option<CutterInfo>,
+    /// Notes and warnings from reading (errors refuse the program).
+    pub diagnostics: Vec<Diagnostic>,
+    /// The places of the number tokens, for the front end.
+    pub(crate) layout: Layout,
+}
+
+/// Words between two motions after which the second may not follow the first, and `CONTINUE`, with which KRL does not wait.
+const BRANCHES: [&str; 17] = [
+    "IF", "ELSE", "ELSEIF", "ENDIF", "TEST", "CASE", "SWITCH", "FOR", "ENDFOR", "WHILE", "ENDWHILE", "LOOP", "REPEAT",
+    "GOTO", "ENDPROC", "END", "CONTINUE",
+];
+
+/// How the controller passes the end of a motion.
+///
+/// # Examples
+/// ```
+/// # use deflex_program::rapid;
+/// # use deflex_text::Source;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// use deflex_program::Passing;
+///
+/// let stops = (0..program.targets.len()).filter(|index| matches!(program.passing(*index), Passing::Stop));
+/// println!("the arm stops at {} targets", stops.count());
+/// # Ok::<(), deflex_text::Diagnostics>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Passing {
+    /// The arm stops (`fine`, `FINE`, a KRL motion without approximation).
+    Stop,
+    /// It rounds the corner within this radius, mm (`pzone_tcp` of RAPID's zonedata).
+    Zone(f64),
+    /// It passes the point, and the text gives no radius: a zonedata of the program's own, `C_DIS`, `CNT`, CL data.
+    Unstated,
+}
+
+/// A tool that the program uses.
+///
+/// # Examples
+/// ```
+/// # use deflex_program::rapid;
+/// # use deflex_text::Source;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// println!("{}: {:?}", program.tools[0].name, program.tools[0].data);
+/// # Ok::<(), deflex_text::Diagnostics>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tool {
+    /// Its name as written.
+    pub name: Arc<str>,
+    /// Its tooldata, if the program or a context module declares it; otherwise the cell has to.
+    pub data: Option<ToolData>,
+}
+
+impl Tool {
+    /// Whether another is this one: RAPID does not tell case apart.
+    pub(crate) fn is(&self, other: &Self) -> bool {
+        self.name.eq_ignore_ascii_case(&other.name) && self.data == other.data
+    }
+}
+
+/// RAPID tooldata: millimetres, kilograms.
+///
+/// # Examples
+/// ```
+/// use deflex_program::ToolData;
+///
+/// let data = ToolData {
+///     robhold: true,
+///     tcp_mm: [0.0, 0.0, 250.0],
+///     tcp_quat: [1.0, 0.0, 0.0, 0.0],
+///     mass_kg: 18.0,
+///     cog_mm: [0.0, 0.0, 100.0],
+/// };
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ToolData {
+    /// False for a stationary tool, to which the robot brings the part.
+    pub robhold: bool,
+    /// TCP in the flange frame tool0, mm.
+    pub tcp_mm: [f64; 3],
+    /// Orientation of the TCP frame in tool0, scalar first, unit norm.
+    pub tcp_quat: [f64; 4],
+    /// Mass, kg.
+    pub mass_kg: f64,
+    /// Centre of gravity in tool0, mm.
+    pub cog_mm: [f64; 3],
+}
+
+/// The shape of a cutter in a CL file.
+///
+/// # Examples
+/// ```
+/// # use deflex_program::cl::{self, ClOptions, Units};
+/// # use deflex_text::Source;
+/// # let options = ClOptions { units: Some(Units::Millimetre), any_tool: true, ..ClOptions::default() };
+/// # let file = Source::new("blade.aptsource", std::fs::read("../../samples/blade/blade.aptsource")?);
+/// # let program = cl::read(file, &options)?;
+/// if let Some(cutter) = program.cutter {
+///     println!("{} mm, corners {} mm", cutter.diameter_mm, cutter.corner_radius_mm);
+/// }
+/// # Ok::<(), deflex_text::Diagnostics>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CutterInfo {
+    /// Diameter, mm.
+    pub diameter_mm: f64,
+    /// Corner radius, mm.
+    pub corner_radius_mm: f64,
+}
+
+/// A work object that the program uses.
+///
+/// # Examples
+/// ```
+/// # use deflex_program::rapid;
+/// # use deflex_text::Source;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// println!("{}: {:?}", program.wobjs[0].name, program.wobjs[0].data);
+/// # Ok::<(), deflex_text::Diagnostics>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Wobj {
+    /// Its name as written; `wobj0` if the instruction names none.
+    pub name: Arc<str>,
+    /// Its wobjdata, if the program or a context module declares it; otherwise the cell has to.
+    pub data: Option<WobjData>,
+    /// The mechanical unit that is its user frame (RAPID `ufprog` FALSE, `ufmec`).
+    pub unit: Option<Arc<str>>,
+}
+
+impl Wobj {
+    /// Whether another is this one: RAPID does not tell case apart.
+    pub(crate) fn is(&self, other: &Self) -> bool {
+        self.name.eq_ignore_ascii_case(&other.name) && self.data == other.data && self.unit == other.unit
+    }
+}
+
+/// RAPID wobjdata: millimetres.
+///
+/// # Examples
+/// ```
+/// use deflex_program::WobjData;
+///
+/// // An object frame at x = 1 m of the world.
+/// let (at, none, straight) = ([1000.0, 0.0, 0.0], [0.0; 3], [1.0, 0.0, 0.0, 0.0]);
+/// let data = WobjData {
+///     robhold: false,
+///     fixed: true,
+///     uframe_mm: at,
+///     uframe_quat: straight,
+///     oframe_mm: none,
+///     oframe_quat: straight,
+/// };
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WobjData {
+    /// True if the robot holds the part.
+    pub robhold: bool,
+    /// False if a mechanical unit is the user frame: see [`Wobj::unit`].
+    pub fixed: bool,
+    /// User frame in the world (with `robhold`, in tool0), mm.
+    pub uframe_mm: [f64; 3],
+    /// Its orientation, scalar first, unit norm.
+    pub uframe_quat: [f64; 4],
+    /// Object frame in the user frame, mm.
+    pub oframe_mm: [f64; 3],
+    /// Its orientation, scalar first, unit norm.
+    pub oframe_quat: [f64; 4],
+}
+
+/// A statement that is not changed, with the reason.
+///
+/// # Examples
+/// ```
+/// # use deflex_program::rapid;
+/// # use deflex_text::Source;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// for kept in &program.kept {
+///     println!("line {} is not changed: {}", kept.line, kept.reason.text());
+/// }
+/// # Ok::<(), deflex_text::Diagnostics>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Kept {
+    /// Index into [`Program::sources`].
+    pub source: usize,
+    /// The statement.
+    pub span: Span,
+    /// Line of its first byte, from 1.
+    pub line: usize,
+    /// Reason, a short fixed phrase that can be counted: `target computed at run time`.
+    pub reason: Reason,
+    /// Whether the motion is not what the text states: a NaN, or in CL data a motion that is not read.
+    pub fault: bool,
+    /// What to do; empty if there is nothing special to do.
+    pub help: &'static str,
+}
+
+/// An executed motion whose target is known only at run time.
+///
+/// # Examples
+/// ```
+/// # use deflex_program::rapid;
+/// # use deflex_text::Source;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// for motion in &program.unknown {
+///     println!("line {}: {}", motion.line, motion.reason.text());
+/// }
+/// assert!(program.unknown.is_empty());
+/// # Ok::<(), deflex_text::Diagnostics>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct UnknownMotion {
+    /// Ordinal of the executed motion, counted together with those of [`Target`].
+    pub ordinal: u32,
+    /// Why its target is unknown.
+    pub reason: Reason,
+    /// Index into [`Program::sources`].
+    pub source: u16,
+    /// The instruction.
+    pub span: Span,
+    /// Line of the instruction, from 1.
+    pub line: u32,
+}
+
+/// The wanted values of one target.
+///
+/// # Examples
+/// ```
+/// use deflex_program::Change;
+///
+/// // Lift a target by 0.1 mm.
+/// let change = Change { position_mm: [0.0, 0.0, 0.1], quat: None, conf: None, external: None };
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Change {
+    /// New position in the target's work object, mm.
+    pub position_mm: [f64; 3],
+    /// New orientation, scalar first; `None` keeps every orientation token.
+    pub quat: Option<[f64; 4]>,
+    /// New configuration; `None` keeps what is written.
+    pub conf: Option<Conf>,
+    /// New positions of external axes, mm or degrees as written; `None` keeps what is written.
+    pub external: Option<Box<[Option<f64>; EXTERNAL_AXES]>>,
+}
+
+/// A motion to insert before a target (`--subdivide`), on the segment to it.
+///
+/// # Examples
+/// ```
+/// use deflex_program::Insert;
+///
+/// // A line to a point 5 mm from its neighbours, before the fourth target.
+/// let insert = Insert::line(3, ([10.0, 0.0, -2.0], [0.0, 1.0, 0.0, 0.0]), 5.0);
+/// assert_eq!(insert.position_mm, [10.0, 0.0, -2.0]);
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Insert {
+    /// Index into [`Program::targets`] of the target that it precedes.
+    pub before: usize,
+    /// Position in that target's work object, mm.
+    pub position_mm: [f64; 3],
+    /// Orientation, scalar first.
+    pub quat: [f64; 4],
+    /// Configuration; `None` for that of the target as written.
+    pub conf: Option<Conf>,
+    /// Circle point of an arc, position (mm) and orientation; `None` for a line.
+    pub via: Option<([f64; 3], [f64; 4])>,
+    /// External axes, mm or degrees as written, if they move on the segment; `None` keeps those of the target.
+    pub external: Option<[Option<f64>; EXTERNAL_AXES]>,
+    /// Length of path to the nearer of the points before and after, mm: a zone wider than that overlaps theirs.
+    pub room_mm: f64,
+}
+
+impl Insert {
+    /// A line to a pose (mm, scalar first) before a target, with this room (mm) around it.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex_program::Insert;
+    ///
+    /// let insert = Insert::line(3, ([10.0, 0.0, -2.0], [0.0, 1.0, 0.0, 0.0]), 5.0);
+    /// assert_eq!(insert.before, 3); // index of the target
+    /// ```
+    #[must_use]
+    pub fn line(before: usize, (position_mm, quat): ([f64; 3], [f64; 4]), room_mm: f64) -> Self {
+        Self { before, position_mm, quat, conf: None, via: None, external: None, room_mm }
+    }
+}
+
+/// Options for writing corrections.
+///
+/// # Examples
+/// ```
+/// use deflex_program::RewriteOptions;
+///
+/// let options = RewriteOptions { allow_clones: true, ..RewriteOptions::default() };
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct RewriteOptions {
+    /// Whether a declared target used with different corrections may get a clone of its own.
+    pub allow_clones: bool,
+    /// Least number of decimals of positions, mm: the number in the file is used if it is larger.
+    pub position_decimals: usize,
+    /// Least number of decimals of quaternion components.
+    pub quat_decimals: usize,
+}
+
+impl Default for RewriteOptions {
+    fn default() -> Self {
+        // 4 decimals are below the spacing of the controller's single precision at 1 m (1.2e-4 mm);
+        // 8 decimals of a quaternion are 3e-6 mm at 300 mm.
+        Self { allow_clones: false, position_decimals: 4, quat_decimals: 8 }
+    }
+}
+
+/// The results of [`Program::rewrite`].
+///
+/// # Examples
+/// ```
+/// # use deflex_program::rapid;
+/// # use deflex_text::Source;
+/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// use deflex_program::RewriteOptions;
+///
+/// let unchanged = vec![None; program.targets.len()];
+/// let rewritten = program.rewrite(&unchanged, &[], &RewriteOptions::default());
+/// assert!(rewritten.edits.iter().all(|edits| edits.is_empty()) && rewritten.kept.is_empty());
+/// # Ok::<(), deflex_text::Diagnostics>(())
+/// ```
+#[derive(Debug, Default)]
+pub struct Rewritten {
+    /// Sorted, disjoint edits of each of the program's written sources.
+    pub edits: Vec<Vec<Edit>>,
+    /// For each target, position (mm) and orientation in the controller's precision: the printed numbers rounded to single
+    /// precision; those of unchanged targets as written.
+    pub written: Vec<([f64; 3], [f64; 4])>,
+    /// The same for each [`Insert`], in order; `None` if it could not be written.
+    pub inserted: Vec<Option<([f64; 3], [f64; 4])>>,
+    /// The target that each insert precedes.
+    pub before: Vec<usize>,
+    /// Targets before which nothing could be inserted, with the reason.
+    pub not_inserted: Vec<(usize, Reason)>,
+    /// Targets whose change could not be written, with the reason.
+    pub kept: Vec<(usize, Reason)>,
+}
+
+impl Program {
+    /// A program of these files without targets.
+    pub(crate) fn empty(
+        language: Language,
+        dialect: &'static str,
+        (sources, written): (Arc<[Source]>, usize),
+        layout: Layout,
+    ) -> Self {
+        Self {
+            sources,
+            written,
+            language,
+            dialect,
+            tools: Vec::new(),
+            wobjs: Vec::new(),
+            targets: Vec::new(),
+            unknown: Vec::new(),
+            actions: Vec::new(),
+            kept: Vec::new(),
+            literal_targets: 0,
+            arcs: 0,
+            cutter: None,
+            diagnostics: Vec::new(),
+            layout,
+        }
+    }
+
+    /// Number of executed motions, with loops expanded. An arc counts once; motions whose target is known only at run time count too, although
+    /// `targets` has none of them.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex_program::rapid;
+    /// # use deflex_text::Source;
+    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+    /// assert_eq!(program.motion_targets(), 81);
+    /// # Ok::<(), deflex_text::Diagnostics>(())
+    /// ```
+    #[must_use]
+    pub fn motion_targets(&self) -> usize {
+        self.layout.front_end().motion_targets(self)
+    }
+
+    /// The numbers of [`Program::motion_targets`] whose target is known only at run time, by reason in the order of first occurrence.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex_program::rapid;
+    /// # use deflex_text::Source;
+    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+    /// assert!(program.unknown_targets().is_empty()); // every target is written as numbers
+    /// # Ok::<(), deflex_text::Diagnostics>(())
+    /// ```
+    #[must_use]
+    pub fn unknown_targets(&self) -> Vec<(Reason, usize)> {
+        let mut counts: Vec<(Reason, usize)> = Vec::new();
+        for motion in &self.unknown {
+            match counts.iter_mut().find(|(known, _)| *known == motion.reason) {
+                Some((_, count)) => *count += 1,
+                None => counts.push((motion.reason, 1)),
+            }
+        }
+        counts
+    }
+
+    /// How the controller passes a target, by the text.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex_program::rapid;
+    /// # use deflex_text::Source;
+    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+    /// println!("the robot passes the first target: {:?}", program.passing(0));
+    /// # Ok::<(), deflex_text::Diagnostics>(())
+    /// ```
+    #[must_use]
+    pub fn passing(&self, target: usize) -> Passing {
+        self.layout.front_end().passing(self, target)
+    }
+
+    /// Whether the instructions of two targets surely differ in the numbers of their targets only.
+    #[must_use]
+    #[doc(hidden)]
+    pub fn is_worded_like(&self, target: usize, other: usize) -> bool {
+        self.layout.front_end().is_worded_like(self, target, other)
+    }
+
+    /// The word of a statement between two targets at which the controller waits, so that it cannot round the corner before it; `None` if there
+    /// is none, or if the second target may not follow the first.
+    #[must_use]
+    #[doc(hidden)]
+    pub fn waits_between(&self, target: usize, next: usize) -> Option<&'static str> {
+        let (before, after) = (self.targets.get(target)?, self.targets.get(next)?);
+        if before.source != after.source {
+            return None;
+        }
+        self.waits_in(before.source, before.span.range().end..after.span.range().start)
+    }
+
+    /// The same between the start of a chunk, whose own text begins there, and its first target.
+    #[must_use]
+    #[doc(hidden)]
+    pub fn waits_before(&self, target: usize, from: usize) -> Option<&'static str> {
+        let target = self.targets.get(target)?;
+        self.waits_in(target.source, from..target.span.range().start)
+    }
+
+    fn waits_in(&self, source: u16, span: std::ops::Range<usize>) -> Option<&'static str> {
+        let text = self.sources[usize::from(source)].bytes.get(span)?;
+        let comment = self.language.comment();
+        let code = text
+            .split(|byte| *byte == b'\n')
+            .map(|line| line.split(|byte| Some(*byte) == comment).next().unwrap_or(line));
+        let words = code.flat_map(|line| line.split(|byte| !byte.is_ascii_alphanumeric() && *byte != b'_'));
+        let mut found = None;
+        for word in words.filter(|word| !word.is_empty()) {
+            let is = |known: &&&str| word.eq_ignore_ascii_case(known.as_bytes());
+            if BRANCHES.iter().any(|known| is(&known)) {
+                return None;
+            }
+            found = found.or_else(|| self.language.waits().iter().find(is).copied());
+        }
+        found
+    }
+
+    /// For each target index, the edit that makes the controller stop there, or pass it in a smaller zone of at most this radius; `None` if the
+    /// text has no name or number to edit. An edit applies to every run of the statement.
+    #[must_use]
+    #[doc(hidden)]
+    pub fn passing_edits(&self, wanted: &[(usize, Passing)]) -> Vec<Option<Edit>> {
+        self.layout.front_end().passing_edits(self, wanted)
+    }
+
+    /// How the controller passes a point that is inserted shortly before a target.
+    #[must_use]
+    #[doc(hidden)]
+    pub fn inserted_passing(&self, before: usize) -> Passing {
+        self.layout.front_end().inserted_passing(self, before)
+    }
+
+    /// The zone radius of a target as written, mm; `None` for a stop, and if the text gives no radius.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex_program::rapid;
+    /// # use deflex_text::Source;
+    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+    /// assert!(program.zone_mm(0).is_some()); // mm, of the first target
+    /// # Ok::<(), deflex_text::Diagnostics>(())
+    /// ```
+    #[must_use]
+    pub fn zone_mm(&self, target: usize) -> Option<f64> {
+        match self.passing(target) {
+            Passing::Zone(radius_mm) => Some(radius_mm),
+            Passing::Stop | Passing::Unstated => None,
+        }
+    }
+
+    /// Why nothing can be inserted before a target, if its statement already decides that; [`Program::rewrite`] refuses others.
+    #[must_use]
+    #[doc(hidden)]
+    pub fn insertion_refused(&self, before: usize) -> Option<Reason> {
+        self.layout.front_end().insertion_refused(self, before)
+    }
+
+    /// Edits of a source that remove inserted instructions with these spans.
+    #[must_use]
+    #[doc(hidden)]
+    pub fn removal(&self, source: usize, spans: &[Span]) -> Vec<Edit> {
+        self.layout.front_end().removal(self, source, spans)
+    }
+
+    /// Whether the positions of external axes in each target are its own, and can be edited.
+    #[must_use]
+    #[doc(hidden)]
+    pub fn writes_axes(&self) -> Vec<bool> {
+        self.layout.front_end().writes_axes(self)
+    }
+
+    /// The text of the line with the motion of this ordinal.
+    #[must_use]
+    #[doc(hidden)]
+    pub fn line_of(&self, ordinal: u32) -> Option<String> {
+        let i = self.targets.binary_search_by_key(&ordinal, |target| target.ordinal).ok()?;
+        let target = &self.targets[i];
+        Some(self.sources[usize::from(target.source)].line_at(target.span.start as usize).into_owned())
+    }
+
+    /// An error at a target, with its file and line.
+    #[doc(hidden)]
+    pub fn error_at(&self, target: &Target, code: &'static str, message: impl Into<String>) -> Diagnostic {
+        let source = &self.sources[usize::from(target.source)];
+        Diagnostic::error(code, "", message).on_line(source, target.span, target.line)
+    }
+
+    /// The sources with the edits of [`Program::rewrite`]; sources without edits as they are.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex_program::rapid;
+    /// # use deflex_text::Source;
+    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+    /// let unchanged = program.edited(&vec![Vec::new(); program.sources.len()]);
+    /// assert_eq!(unchanged[0].bytes, program.sources[0].bytes);
+    /// # Ok::<(), deflex_text::Diagnostics>(())
+    /// ```
+    #[must_use]
+    pub fn edited(&self, edits: &[Vec<Edit>]) -> Vec<Source> {
+        let edited = |(i, source): (usize, &Source)| Source {
+            name: source.name.clone(),
+            bytes: applied(&source.bytes, edits.get(i).map_or(&[][..], Vec::as_slice)),
+            ..*source
+        };
+        self.sources.iter().enumerate().map(edited).collect()
+    }
+
+    /// The reasons why no program may be written from this one: every statement whose motion is not what its text states.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex_program::rapid;
+    /// # use deflex_text::Source;
+    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+    /// assert!(program.faults().is_empty());
+    /// # Ok::<(), deflex_text::Diagnostics>(())
+    /// ```
+    #[must_use]
+    pub fn faults(&self) -> Vec<Diagnostic> {
+        let (code, help) = self.language.fault();
+        let fault = |kept: &Kept| {
+            let source = &self.sources[kept.source];
+            let help = if kept.help.is_empty() { help } else { kept.help };
+            Diagnostic::error(code, &source.name, kept.reason.text()).at(source, kept.span).help(help)
+        };
+        self.kept.iter().filter(|kept| kept.fault).map(fault).collect()
+    }
+
+    /// Turns wanted poses into edits of number tokens.
+    ///
+    /// `changes` has one entry for each target. `None` changes nothing; a program without changes has no edits. A number whose printed value
+    /// does not change is not edited.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex_program::{RewriteOptions, rapid};
+    /// use deflex_text::Source;
+    ///
+    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+    /// let unchanged = program.rewrite(&vec![None; program.targets.len()], &[], &RewriteOptions::default());
+    /// assert!(unchanged.edits.iter().all(Vec::is_empty));
+    /// # Ok::<(), deflex_text::Diagnostics>(())
+    /// ```
+    #[must_use]
+    pub fn rewrite(&self, changes: &[Option<Change>], inserts: &[Insert], options: &RewriteOptions) -> Rewritten {
+        debug_assert_eq!(changes.len(), self.targets.len());
+        let rewritten = self.layout.front_end().rewrite(self, changes, inserts, options);
+        Rewritten { before: inserts.iter().map(|insert| insert.before).collect(), ..rewritten }
+    }
+}

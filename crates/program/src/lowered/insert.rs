@@ -1,0 +1,98 @@
+//! Inserted targets: the statement of the target after them, with other numbers.
+
+use super::Layout;
+use super::rewrite::print;
+use crate::{Change, Editable, Insert, Motion, Passing, Program, Reason, RewriteOptions, Rewritten, Role};
+use deflex_text::{Content, Edit, Span};
+
+/// Why nothing can be inserted before a target.
+pub(super) fn refusal(program: &Program, layout: &Layout, before: usize) -> Option<Reason> {
+    let target = program.targets.get(before)?;
+    if target.motion != Motion::Linear || target.role != Role::End {
+        return Some(Reason::OnlyLines);
+    }
+    let within = |at: usize| {
+        let affine = layout.sites[before].as_ref()?.affine[at]?;
+        let place = layout.place(affine.token);
+        let inside =
+            place.source == target.source && target.span.start <= place.span.start && place.span.end <= target.span.end;
+        inside.then_some(())
+    };
+    if target.editable != Editable::Pose || (0..6).any(|at| within(at).is_none()) {
+        return Some(Reason::NumbersElsewhere);
+    }
+    let bytes = &program.sources[usize::from(target.source)].bytes;
+    let begins = |at: usize| bytes[..at].iter().rposition(|b| *b == b'\n').map_or(0, |end| end + 1);
+    let blank =
+        bytes[begins(target.span.start as usize)..target.span.start as usize].iter().all(u8::is_ascii_whitespace);
+    (!blank).then_some(Reason::SharesLine)
+}
+
+/// Writes the inserts into `out`, with their poses in the controller's precision if they could be written.
+pub(super) fn write(
+    program: &Program,
+    layout: &Layout,
+    inserts: &[Insert],
+    options: &RewriteOptions,
+    out: &mut Rewritten,
+) {
+    for insert in inserts {
+        match statement(program, layout, insert, options) {
+            Ok((text, written)) => {
+                let target = &program.targets[insert.before];
+                let at = Span { start: target.span.start, end: target.span.start };
+                let edits = &mut out.edits[usize::from(target.source)];
+                match edits.iter_mut().find(|edit| edit.span == at) {
+                    Some(edit) => edit.content.extend_from_slice(&text),
+                    None => edits.push(Edit { span: at, content: Content::from_vec(text) }),
+                }
+                out.inserted.push(Some(written));
+            }
+            Err(why) => {
+                out.inserted.push(None);
+                out.not_inserted.push((insert.before, why));
+            }
+        }
+    }
+    out.not_inserted.dedup();
+    out.edits.iter_mut().for_each(|edits| edits.sort_by_key(|edit| edit.span));
+}
+
+type Written = (Vec<u8>, ([f64; 3], [f64; 4]));
+
+fn statement(program: &Program, layout: &Layout, insert: &Insert, options: &RewriteOptions) -> Result<Written, Reason> {
+    if let Some(why) = refusal(program, layout, insert.before) {
+        return Err(why);
+    }
+    if insert.via.is_some() {
+        return Err(Reason::OnlyLines);
+    }
+    let (target, site) = match (program.targets.get(insert.before), &layout.sites[insert.before]) {
+        (Some(target), Some(site)) => (target, site),
+        _ => return Err(Reason::NumbersElsewhere),
+    };
+    // Blends of neighbours must not overlap.
+    if let Passing::Zone(radius_mm) = layout.passings[insert.before]
+        && 2.0 * radius_mm > insert.room_mm
+    {
+        return Err(Reason::BlendTooWide);
+    }
+    let change = Change { position_mm: insert.position_mm, quat: Some(insert.quat), conf: None, external: None };
+    let printed = print(program, layout, insert.before, site, &change, false, options)?;
+    let bytes = &program.sources[usize::from(target.source)].bytes;
+    let mut edits: Vec<Edit> = printed
+        .tokens
+        .into_iter()
+        .filter_map(|(token, text)| Some(Edit { span: layout.place(token).span, content: Content::from_slice(&text?) }))
+        .collect();
+    edits.sort_by_key(|edit| edit.span);
+    let mut text = Vec::new();
+    // Writing to a Vec cannot fail.
+    let _ = deflex_text::apply_within(bytes, target.span.range(), &edits, &mut text);
+    let start = target.span.start as usize;
+    let line = bytes[..start].iter().rposition(|b| *b == b'\n').map_or(0, |end| end + 1);
+    let ends: &[u8] = if bytes[target.span.end as usize..].starts_with(b"\r\n") { b"\r\n" } else { b"\n" };
+    text.extend_from_slice(ends);
+    text.extend_from_slice(&bytes[line..start]);
+    Ok((text, printed.written))
+}

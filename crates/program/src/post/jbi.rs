@@ -1,0 +1,208 @@
+//! Writes points as Yaskawa's INFORM: one `.JBI`, or parts and a job that calls them in turn.
+
+use super::names::{self, identifier};
+use super::statements::{Files, Held, Statements};
+use super::writer::{PostWriter, PostedPoint, WriterPosition};
+use crate::Language;
+use crate::jbi::DECIMALS;
+use crate::orientation::{from_zyx_deg, quaternion, rotation, zyx_deg};
+use deflex_text::Diagnostic;
+use deflex_text::number::{printed, write_fixed};
+
+/// Most points of a job if the options give no number: a job has at most 9,999 lines (Yaskawa, *DX200 Instructions*), some of which are
+/// marks and calls.
+const MOST_POINTS: usize = 9500;
+/// Speed of joint motions, per cent: CL data state none.
+const JOINT_PERCENT: &str = "10.00";
+/// Characters of a job name that are reserved for an ending (`_12`).
+const ENDING: usize = 4;
+
+/// The statements of INFORM in posted programs.
+pub(crate) const STATEMENTS: Statements = Statements {
+    dwell: |seconds| format!("TIMER T={seconds:.2}"),
+    stops_with_message: |text| {
+        /// Most characters of a message.
+        const MESSAGE: usize = 32;
+        let short: String = text.replace('"', "'").chars().take(MESSAGE).collect();
+        vec![format!("MSG \"{short}\""), "PAUSE".to_owned()]
+    },
+    write: Some(jobs),
+    held: Some(held_pose),
+    without_axes: Some("INFORM is posted without external axes: their group is not known"),
+    check: Some(
+        "deflex writes the first flag of RCONF by the sign of axis B, and controllers differ in the meaning of this flag",
+    ),
+    ..Statements::RAPID
+};
+
+/// A pose (mm, scalar first) that is printed as X … Rz, in the controller's precision.
+pub(crate) fn held_pose(mm: [f64; 3], quat: [f64; 4]) -> Held {
+    let turn = zyx_deg(&rotation(quat)).map(|deg| printed(deg, DECIMALS[1]));
+    (mm.map(|mm| printed(mm, DECIMALS[0])), quaternion(&from_zyx_deg(turn)))
+}
+
+/// Writes the job: points with the axis angles there (degrees), and the lines of its end.
+///
+/// # Errors
+/// A tool or a work object whose name is not a number (`TOOL 1`, `USER 1`).
+fn jobs(post: &PostWriter, points: &[PostedPoint], axes_deg: &[[f64; 6]], end: &str) -> Result<Files, Vec<Diagnostic>> {
+    let plan = post.plan();
+    names::refuse(plan, Language::Jbi)?;
+    let name = identifier(&plan.name, ENDING).to_ascii_uppercase();
+    let most = plan.max_points.unwrap_or(MOST_POINTS).max(1);
+    let title: String = plan.plain_title().map(|line| format!("'{line}\n")).collect();
+    if points.len() <= most {
+        let text = job(post, &name, &title, points, axes_deg, end);
+        return Ok(vec![(format!("{name}.JBI"), text)]);
+    }
+    let (mut main, mut files) = (title, Vec::new());
+    for (i, (part, axes)) in points.chunks(most).zip(axes_deg.chunks(most)).enumerate() {
+        let part_name = format!("{name}_{}", i + 1);
+        main += &format!("CALL JOB:{part_name}\n");
+        let last = if (i + 1) * most >= points.len() { end } else { "" };
+        files.push((format!("{part_name}.JBI"), job(post, &part_name, "", part, axes, last)));
+    }
+    files.insert(0, (format!("{name}.JBI"), whole(&name, 0, "", &main)));
+    Ok(files)
+}
+
+/// Points as a job.
+fn job(
+    post: &PostWriter,
+    name: &str,
+    title: &str,
+    points: &[PostedPoint],
+    axes_deg: &[[f64; 6]],
+    end: &str,
+) -> Vec<u8> {
+    let plan = post.plan();
+    let (mut positions, mut lines) = (String::new(), title.to_owned());
+    let (mut place, mut group, mut mark) = (WriterPosition::default(), String::new(), None);
+    for (i, (point, axes)) in points.iter().zip(axes_deg).enumerate() {
+        let here = place.after(std::slice::from_ref(point));
+        point.lines.iter().flat_map(|text| text.lines()).for_each(|line| lines.extend([line, "\n"]));
+        if mark != point.mark {
+            point.mark.iter().for_each(|mark| lines += &format!("'{}\n", mark.comment()));
+            mark = point.mark;
+        }
+        let number = |named: Option<&str>, prefix| named.and_then(|name| names::number(name, prefix));
+        let tool = number(plan.tools.get(usize::from(point.tool)).map(|tool| &*tool.0), "TOOL").unwrap_or(0);
+        let user = number(plan.wobjs.get(usize::from(point.wobj)).map(|wobj| &*wobj.0), "USER");
+        let frame = user.map_or("///POSTYPE ROBOT\n".to_owned(), |user| format!("///USER {user}\n///POSTYPE USER\n"));
+        let now = format!("///TOOL {tool}\n{frame}///RECTAN\n///RCONF {}\n", posture(point, axes));
+        if now != group {
+            positions.push_str(&now);
+            group = now;
+        }
+        position(&mut positions, i, point);
+        // The path to the first point is unknown: a joint motion, not a straight line.
+        if i == 0 || point.joint {
+            lines += &format!("MOVJ C{i:05} VJ={JOINT_PERCENT} PL=0\n");
+        } else {
+            let (speed, corner) = (post.speed_mm_s(point), post.corner_mm(&here, point, points.get(i + 1)));
+            let passes = corner.map_or("PL=0".to_owned(), |radius| format!("CR={radius:.1}"));
+            lines += &format!("MOVL C{i:05} V={:.1} {passes}\n", speed.max(0.1));
+        }
+        place = here;
+    }
+    end.lines().for_each(|line| lines.extend([line, "\n"]));
+    whole(name, points.len(), &positions, &lines)
+}
+
+/// A job with its head. Its date is fixed: the same input gives the same bytes.
+fn whole(name: &str, count: usize, positions: &str, lines: &str) -> Vec<u8> {
+    let text = format!(
+        "/JOB\n//NAME {name}\n//POS\n///NPOS {count},0,0,0,0,0\n{positions}//INST\n///DATE 2000/01/01 00:00\n\
+         ///ATTR SC,RW\n///GROUP1 RB1\nNOP\n{lines}END\n"
+    );
+    text.replace('\n', "\r\n").into_bytes()
+}
+
+/// RCONF: no flip, lower arm, rear, and axes R, T, S half a turn on. Wrists whose axis B is below zero are no flip, as in jobs of
+/// later controllers (Yaskawa's knowledge base, *Inform Header Fields*: a tool that points down has RCONF 1,0,0); the manual of the
+/// NX100 has it by axis R (RE-CSO-A031, section 3.9).
+fn posture(point: &PostedPoint, axes_deg: &[f64; 6]) -> String {
+    let bit = |bit: i32| i32::from(point.conf.cfx & bit != 0);
+    let beyond = |axis: usize| i32::from(axes_deg[axis].abs() >= 180.0);
+    let flags = [1 - bit(1), bit(2), bit(4), beyond(3), beyond(5), beyond(0)];
+    flags.map(|flag| flag.to_string()).join(",") + &",0".repeat(18)
+}
+
+fn position(out: &mut String, number: usize, point: &PostedPoint) {
+    let [rz, ry, rx] = zyx_deg(&rotation(point.quat));
+    let mut text = format!("C{number:05}").into_bytes();
+    for (at, value) in point.position_mm.into_iter().chain([rx, ry, rz]).enumerate() {
+        text.push(if at == 0 { b'=' } else { b',' });
+        write_fixed(&mut text, value, DECIMALS[usize::from(at > 2)]);
+    }
+    out.extend([&*String::from_utf8_lossy(&text), "\n"]);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::PostPlan;
+    use super::*;
+    use crate::{Editable, Goal, Mark, ToolData, WobjData, jbi};
+    use deflex_text::Source;
+
+    fn post(max_points: Option<usize>) -> Vec<(String, Vec<u8>)> {
+        let unit = [1.0, 0.0, 0.0, 0.0];
+        let zero = [0.0; 3];
+        let tool = ToolData { robhold: true, tcp_mm: zero, tcp_quat: unit, mass_kg: 2.0, cog_mm: zero };
+        let [robhold, fixed] = [false, true];
+        let wobj = WobjData { robhold, fixed, uframe_mm: zero, uframe_quat: unit, oframe_mm: zero, oframe_quat: unit };
+        let plan = PostPlan {
+            name: "part".to_owned(),
+            title: vec!["from a test".to_owned()],
+            tools: vec![("TOOL 2".to_owned(), tool)],
+            wobjs: vec![("USER 3".to_owned(), wobj)],
+            units: Vec::new(),
+            external: [None; crate::EXTERNAL_AXES],
+            speeds: Vec::new(),
+            points: 4,
+            max_points,
+            rapid_mm_s: 200.0,
+            corner_tolerance_mm: 0.05,
+        };
+        let point = |i: u32| {
+            let mut point = PostedPoint::sample([10.0 * f64::from(i), 1.0, -2.0], [0.0, 0.6, 0.8, 0.0]);
+            (point.rapid, point.mark) = (i == 0, Some(if i == 0 { Mark::Air } else { Mark::Cut }));
+            point
+        };
+        let points: Vec<PostedPoint> = (0..4).map(point).collect();
+        jobs(&PostWriter::new(plan), &points, &[[1.0, -20.0, 10.0, 190.0, -45.0, 0.0]; 4], "DOUT OT#(1) OFF").unwrap()
+    }
+
+    #[test]
+    fn what_is_written_is_read_back() {
+        let files = post(None);
+        let [(name, text)] = &files[..] else { panic!("{} files", files.len()) };
+        assert_eq!(name, "PART.JBI");
+        let program = jbi::read(vec![Source::new("PART.JBI", text.clone())], Vec::new()).unwrap();
+        assert_eq!(program.targets.len(), 4);
+        for (i, target) in program.targets.iter().enumerate() {
+            let Goal::Pose { position_mm, quat, .. } = target.goal else { panic!() };
+            let off = (0..3).map(|at| (position_mm[at] - [10.0 * i as f64, 1.0, -2.0][at]).abs()).fold(0.0, f64::max);
+            assert!(off < 1e-12, "{position_mm:?}");
+            let dot: f64 = quat.iter().zip([0.0, 0.6, 0.8, 0.0]).map(|(a, b)| a * b).sum();
+            assert!(dot.abs() > 1.0 - 1e-11, "{quat:?}");
+            assert_eq!(target.mark, Some(if i == 0 { Mark::Air } else { Mark::Cut }));
+            assert_eq!(target.editable, Editable::Pose);
+        }
+        assert_eq!((&*program.tools[0].name, &*program.wobjs[0].name), ("TOOL 2", "USER 3"));
+        assert_eq!(program.targets[1].feed_mm_s, Some(20.0));
+        // The sample's wrist is below zero as joints count it, and axis R is beyond half a turn.
+        assert!(String::from_utf8_lossy(text).contains("///RCONF 0,0,0,1,0,0,0"), "{}", String::from_utf8_lossy(text));
+    }
+
+    #[test]
+    fn parts_are_called_in_turn() {
+        let files = post(Some(3));
+        let names: Vec<&str> = files.iter().map(|(name, _)| &name[..]).collect();
+        assert_eq!(names, ["PART.JBI", "PART_1.JBI", "PART_2.JBI"]);
+        let mut sources = files.iter().map(|(name, text)| Source::new(&name[..], text.clone()));
+        let program = jbi::read(vec![sources.next().unwrap()], sources.collect()).unwrap();
+        assert_eq!(program.targets.len(), 4);
+        assert!(files[2].1.ends_with(b"OT#(1) OFF\r\nEND\r\n") && !files[1].1.ends_with(b"OFF\r\nEND\r\n"));
+    }
+}

@@ -1,0 +1,244 @@
+//! The corrections of motions that run more than once, on which all of their runs have to agree.
+//!
+//! Each chunk adds the wanted values of its motions. For equal motions, enough of these values are stored to know which of them disagree. The
+//! new numbers of the text follow from them as for a program that is held as a whole, and each chunk receives them.
+
+use super::rewrite::{Settled, rewrite_settled};
+use super::value::OffsetStep;
+use super::writer::{Print, Writer};
+use super::{Layout, TargetInText};
+use crate::token::MAX_DECIMALS;
+use crate::{Change, Editable, Goal, Program, Reason, RewriteOptions, Rewritten, Target};
+use deflex_text::Edit;
+use smallvec::SmallVec;
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// The equal motions of a chunk's targets, and the state of the agreement on them.
+#[derive(Debug)]
+pub(super) struct Again {
+    /// One for each target.
+    alike: Vec<u32>,
+    agreement: Agreement,
+}
+
+/// The state of the agreement on corrections.
+#[derive(Clone, Debug)]
+pub(super) enum Agreement {
+    /// Nothing will be written.
+    None,
+    /// It is being determined.
+    Open(Arc<WantedValues>),
+    /// It is known.
+    FoundTarget(Arc<Agreed>),
+}
+
+/// The wanted values of motions, by the first target of equal ones.
+#[derive(Debug, Default)]
+pub(super) struct WantedValues(Mutex<HashMap<u32, Vec<Wanted>>>);
+
+/// The wanted values of one motion.
+#[derive(Clone, Debug)]
+struct Wanted {
+    ordinal: u32,
+    edits: SmallVec<[WantedEdit; 2]>,
+    changes: SmallVec<[Option<Change>; 2]>,
+}
+
+/// The edit of the text that a changed target needs.
+#[derive(Clone, Debug, PartialEq)]
+enum WantedEdit {
+    Nothing,
+    /// New tokens of its literal.
+    Print(Box<Print>),
+    /// The wanted position of an offset, in shares of the last printed digit.
+    Position([i64; 3]),
+}
+
+/// Number of different values that the runs of one target may want before they count as a disagreement. Positions that print equally may be
+/// on both sides of a rounding boundary.
+const MOST_WANTED: usize = 4;
+
+/// The new numbers of the text.
+#[derive(Debug)]
+pub(super) struct Agreed {
+    settled: Settled,
+    /// Edits of each source.
+    pub(super) edits: Vec<Vec<Edit>>,
+    /// Whether a run wanted a value that none before had.
+    contradicted: AtomicBool,
+}
+
+impl Again {
+    pub(super) fn new(alike: Vec<u32>, agreement: Agreement) -> Self {
+        Self { alike, agreement }
+    }
+
+    pub(super) fn rewrite(
+        &self,
+        program: &Program,
+        layout: &Layout,
+        changes: &[Option<Change>],
+        options: &RewriteOptions,
+    ) -> Rewritten {
+        let mut writer = Writer::new(program, layout, options);
+        let nothing = Settled::default();
+        let settled = match &self.agreement {
+            Agreement::None => &nothing,
+            Agreement::Open(wanted) => {
+                wanted.add(&writer, &self.alike, changes);
+                &nothing
+            }
+            Agreement::FoundTarget(agreed) => {
+                agreed.keep(&mut writer, changes);
+                &agreed.settled
+            }
+        };
+        let written = (0..program.targets.len())
+            .map(|i| writer.written(i, &settled.prints, &settled.cloned, &settled.offsets))
+            .collect();
+        Rewritten { written, kept: writer.kept, ..Rewritten::default() }
+    }
+}
+
+impl WantedValues {
+    /// Adds the wanted values of a chunk's targets.
+    fn add(&self, writer: &Writer<'_>, alike: &[u32], changes: &[Option<Change>]) {
+        let targets = &writer.program.targets;
+        let mut at = 0;
+        while at < targets.len() {
+            let end = at + usize::from(!targets[at].is_end());
+            let motion = at..(end + 1).min(targets.len());
+            let wanted = Wanted {
+                ordinal: targets[at].ordinal,
+                edits: motion.clone().map(|i| wanted_edit(writer, i, changes[i].as_ref())).collect(),
+                changes: changes[motion.clone()].iter().cloned().collect(),
+            };
+            let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+            add(all.entry(alike[at]).or_default(), wanted);
+            at = motion.end;
+        }
+    }
+
+    /// The agreement on all wanted values, in the program with one motion for all equal ones.
+    pub(super) fn agreed(&self, like: &Program, options: &RewriteOptions) -> Option<Agreed> {
+        let layout = super::Layout::of(like)?;
+        let all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut firsts: Vec<u32> = all.keys().copied().collect();
+        firsts.sort_unstable();
+        let (mut targets, mut sites, mut changes) = (Vec::<Target>::new(), Vec::new(), Vec::new());
+        for first in firsts {
+            for wanted in &all[&first] {
+                for (i, change) in (first as usize..).zip(&wanted.changes) {
+                    targets.push(like.targets.get(i)?.clone());
+                    sites.push(*layout.sites.get(i)?);
+                    changes.push(change.clone());
+                }
+            }
+        }
+        let offsets =
+            layout.offsets.iter().map(|offset| super::Offset { root: offset.root, steps: offset.steps.clone() });
+        let all_runs =
+            Layout { literals: Arc::clone(&layout.literals), sites, offsets: offsets.collect(), ..Layout::default() };
+        let (files, layout) = ((Arc::clone(&like.sources), like.written), Layout::default());
+        let layout = crate::Layout::Rapid(layout);
+        let program = Program { targets, ..Program::empty(like.language, like.dialect, files, layout) };
+        let (rewritten, settled) = rewrite_settled(&program, &all_runs, &changes, &[], options);
+        Some(Agreed { settled, edits: rewritten.edits, contradicted: AtomicBool::new(false) })
+    }
+}
+
+/// Stores the wanted value of a motion if it is new.
+fn add(known: &mut Vec<Wanted>, wanted: Wanted) {
+    if let Some(same) = known.iter_mut().find(|known| known.edits == wanted.edits) {
+        // The first of them, whichever thread comes first.
+        if wanted.ordinal < same.ordinal {
+            *same = wanted;
+        }
+        return;
+    }
+    let is_new = |k: usize| {
+        let mut different: SmallVec<[&WantedEdit; MOST_WANTED]> = SmallVec::new();
+        for known in known.iter() {
+            if !different.contains(&&known.edits[k]) {
+                different.push(&known.edits[k]);
+            }
+        }
+        different.len() < MOST_WANTED && !different.contains(&&wanted.edits[k])
+    };
+    if (0..wanted.edits.len()).any(is_new) {
+        known.push(wanted);
+    }
+}
+
+/// The wanted change of the text for a target.
+fn wanted_edit(writer: &Writer<'_>, i: usize, change: Option<&Change>) -> WantedEdit {
+    /// Parts of the last printed digit.
+    const PARTS: f64 = 100.0;
+    let target = &writer.program.targets[i];
+    match (writer.layout.sites[i], target.editable, target.goal) {
+        (TargetInText::Literal { literal, .. }, Editable::Pose, _) => {
+            let literal = &writer.layout.literals[literal as usize];
+            WantedEdit::Print(Box::new(change.map_or_else(Print::default, |change| writer.print(i, literal, change))))
+        }
+        (TargetInText::Offset(_), Editable::Position, Goal::Pose { position_mm, .. }) => {
+            let wanted = change.map_or(position_mm, |change| change.position_mm);
+            let decimals = writer.options.position_decimals.min(MAX_DECIMALS);
+            let scale = PARTS * 10_f64.powi(i32::try_from(decimals).unwrap_or(0));
+            #[allow(clippy::cast_possible_truncation)] // metres in parts of a micrometre
+            WantedEdit::Position(wanted.map(|mm| (mm * scale).round() as i64))
+        }
+        _ => WantedEdit::Nothing,
+    }
+}
+
+impl Agreed {
+    /// Whether all runs wanted the values that they had before; if not, nothing may be written.
+    pub(super) fn holds(&self) -> bool {
+        !self.contradicted.load(Ordering::Relaxed)
+    }
+
+    /// Records the targets of a chunk that do not get their wanted values, with the reason.
+    fn keep(&self, writer: &mut Writer<'_>, changes: &[Option<Change>]) {
+        let layout = writer.layout;
+        for (i, change) in changes.iter().enumerate() {
+            let target = &writer.program.targets[i];
+            let differs = |writer: &Writer<'_>| change.as_ref().is_some_and(|change| writer.differs(i, change));
+            let reason = match (layout.sites[i], target.editable) {
+                (TargetInText::Literal { literal, .. }, Editable::Pose) => {
+                    let Some(change) = change else { continue };
+                    let print = || writer.print(i, &layout.literals[literal as usize], change);
+                    if self.settled.frozen.contains(&literal) {
+                        differs(writer).then_some(Reason::MovesKept)
+                    } else if self.settled.disputed.contains(&literal) {
+                        (print() != Print::default()).then_some(Reason::SharedTarget)
+                    } else {
+                        None
+                    }
+                }
+                (TargetInText::Offset(at), Editable::Position) => self.offset(writer, i, at, change.as_ref()),
+                _ => differs(writer).then(|| writer.reason(i)),
+            };
+            writer.kept.extend(reason.map(|reason| (i, reason)));
+        }
+    }
+
+    /// Why an offset is kept although another one is wanted.
+    fn offset(&self, writer: &Writer<'_>, i: usize, at: u32, change: Option<&Change>) -> Option<Reason> {
+        let offset = writer.layout.offsets.get(at as usize)?;
+        let Goal::Pose { position_mm, .. } = writer.program.targets[i].goal else { return None };
+        let wanted = change.map_or(position_mm, |change| change.position_mm);
+        let place = offset.steps.last().and_then(OffsetStep::place)?;
+        let settled = (&self.settled.prints[..], &self.settled.offsets);
+        let wish = writer.wish(offset, (position_mm, wanted), settled);
+        match self.settled.offsets.get(&place) {
+            None => wish.map(|_| Reason::SharedOffset),
+            Some(agreed) if wish.unwrap_or_default() == *agreed => None,
+            Some(_) => {
+                self.contradicted.store(true, Ordering::Relaxed);
+                Some(Reason::SharedOffset)
+            }
+        }
+    }
+}

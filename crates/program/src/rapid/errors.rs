@@ -1,0 +1,149 @@
+//! Errors: the states that handlers get, and the states after them.
+
+use super::expression::Expression;
+use super::known::RoutineId;
+use super::memory::note;
+use super::motion;
+use super::runner::{Flow, Runner};
+use super::tree::{Statement, StatementKind, any, statements};
+use crate::Reason;
+
+/// What an ERROR handler may do with an error.
+#[derive(Clone, Copy)]
+pub(super) struct Handler {
+    /// TRYNEXT: continues after the failed statement.
+    pub(super) goes_on: bool,
+    /// RETRY: runs the failed statement again.
+    pub(super) again: bool,
+    /// RAISE: hands the error to the caller.
+    pub(super) hands_on: bool,
+}
+
+impl<'a> Runner<'a> {
+    /// What the ERROR handler of the running routine may do.
+    pub(super) fn handler(&self) -> Option<Handler> {
+        let routine = self.symbols.routine(self.frames.last()?.routine);
+        routine.error.is_some().then(|| Handler {
+            goes_on: any(routine.on_error(), &|s| matches!(s, StatementKind::TryNext)),
+            again: any(routine.on_error(), &|s| matches!(s, StatementKind::Retry)),
+            hands_on: any(routine.on_error(), &|s| matches!(s, StatementKind::Raise)),
+        })
+    }
+
+    /// An error at this statement: goes to the routine's own handler, or to its caller.
+    pub(super) fn raise(&mut self) -> Flow {
+        self.counters.events += 1;
+        let Some(layer) = self.frames.last().map(|frame| frame.layer) else { return Flow::Gone };
+        let handler = self.handler();
+        self.open();
+        self.run_handler();
+        let left = self.since(layer);
+        self.take();
+        if let Some(frame) = self.frames.last_mut()
+            && handler.is_none_or(|handler| handler.hands_on)
+        {
+            note(&mut frame.raises, left.clone());
+        }
+        // A handler that comes to its end returns.
+        if handler.is_some() {
+            self.note_return(left);
+        }
+        if handler.is_some_and(|handler| handler.goes_on) {
+            self.run_handler();
+            return Flow::Next;
+        }
+        Flow::Gone
+    }
+
+    /// Makes everything unknown that the ERROR handler of the running routine may change.
+    pub(super) fn run_handler(&mut self) {
+        let Some(id) = self.frames.last().map(|frame| frame.routine) else { return };
+        let routine = self.symbols.routine(id);
+        if routine.on_error().is_empty() {
+            return;
+        }
+        let changes = self.symbols.changed_in(id, routine.on_error());
+        self.forget(&changes, Reason::ByErrorHandler);
+        self.state.lose(changes.switches);
+        self.may_have_moved(id, routine.on_error());
+    }
+
+    /// Applies, before and after a statement that may fail, the changes of a handler that runs it again or continues after it.
+    pub(super) fn may_be_handled(&mut self, behind: bool) {
+        if self.handler().is_some_and(|handler| handler.again || behind && handler.goes_on) {
+            self.run_handler();
+        }
+    }
+
+    /// Records that an expression may fail, in any statement: by an index outside of its array (`ERR_OUTOFBND`), a division
+    /// (`ERR_DIVZERO`) or a function.
+    pub(super) fn expression_may_fail(&mut self) {
+        if self.errors.guards > 0 {
+            self.errors.failures += 1;
+            self.may_fail();
+            self.may_be_handled(true);
+        }
+    }
+
+    /// Whether an expression may have failed since the count was `failures`, and the handler continues after its statement.
+    pub(super) fn skipped_since(&self, failures: usize) -> bool {
+        self.errors.failures > failures && self.handler().is_some_and(|handler| handler.goes_on)
+    }
+
+    /// Applies that statements of a routine may have run: if they may move the robot, its position is unknown.
+    pub(super) fn may_have_moved(&mut self, id: RoutineId, block: &[Statement]) {
+        let (bytes, module) = (self.bytes(id.file), self.symbols.module_of(id));
+        let moves = |statement: &Statement| {
+            statement.call().is_some_and(|call| {
+                let name = &bytes[call.name.range()];
+                call.late.is_some()
+                    || motion::shape(name).is_some()
+                    || self.symbols.find_routine(module, name).is_some()
+            })
+        };
+        if self.position.stands.is_some() && statements(block).into_iter().any(moves) {
+            self.position.stands = None;
+        }
+    }
+
+    /// Whether the program waits for motions to be stopped: a handler names the error of a collision or of a process, or a trap
+    /// raises the latter. Source: ABB, *RAPID Instructions, Functions and Data types*, `ProcerrRecovery`; the option *Collision
+    /// Detection* raises `ERR_COLL_STOP` where its error handling is installed, of which a program that does not name it says
+    /// nothing (`docs/soundness.md`).
+    pub(super) fn handles_stops(&self) -> bool {
+        let mut routines = self.symbols.all().map(|id| (id, self.symbols.routine(id)));
+        if routines.all(|(_, routine)| routine.handlers.is_empty()) {
+            return false;
+        }
+        self.symbols.all().any(|id| {
+            let (bytes, routine) = (self.bytes(id.file), self.symbols.routine(id));
+            let is_error = |part: &Expression| {
+                let name = &bytes[part.span.range()];
+                part.is_name() && [&b"ERR_COLL_STOP"[..], b"ERR_PATH_STOP"].iter().any(|e| e.eq_ignore_ascii_case(name))
+            };
+            let mut names_error = false;
+            for statement in statements(&routine.handlers) {
+                statement.each(&mut |part: &Expression| names_error |= is_error(part));
+            }
+            let raises = |statement: &Statement| {
+                statement.call().is_some_and(|call| bytes[call.name.range()].eq_ignore_ascii_case(b"ProcerrRecovery"))
+            };
+            names_error || statements(&routine.body).into_iter().any(raises)
+        })
+    }
+
+    /// Records that the next statement may fail and go to a handler; not twice in the same state.
+    pub(super) fn may_fail(&mut self) {
+        let Some(frame) = self.frames.last() else { return };
+        let now = Some((self.counters.epoch, self.state));
+        if frame.noted == now {
+            return;
+        }
+        self.open();
+        let _ = self.raise();
+        self.take();
+        if let Some(frame) = self.frames.last_mut() {
+            frame.noted = now;
+        }
+    }
+}

@@ -1,0 +1,177 @@
+//! Evaluates predefined functions whose arguments are known when reading.
+
+use super::super::expression::{Arguments, Call};
+use super::super::predefined;
+use super::super::runner::Runner;
+use super::super::symbols::Upper;
+use super::super::value::{NO_TURN, OffsetStep, Value, multiply};
+use super::Scope;
+use crate::Reason;
+use deflex_text::number::write_fixed;
+use std::rc::Rc;
+
+impl<'a> Runner<'a> {
+    /// A call in an expression.
+    pub(super) fn function(&mut self, scope: Scope, call: &'a Call) -> Value {
+        let bytes = self.bytes(scope.source as usize);
+        let (name, arguments) = (Upper::new(&bytes[call.name.range()]), &call.arguments);
+        let values: Vec<Value> = arguments.positional.iter().map(|argument| self.value(scope, argument)).collect();
+        let routine = self.symbols.find_routine(scope.module, &bytes[call.name.range()]);
+        if arguments.is_cut {
+            self.unknown_call(scope, arguments);
+            return Value::Unknown(Reason::Expression);
+        }
+        if let Some(id) = routine {
+            values.iter().for_each(|v| self.numbers.pin_value(v));
+            self.not_followed(scope, id, arguments);
+            self.expression_may_fail();
+            return Value::Unknown(Reason::Computed);
+        }
+        match predefined::function(&name) {
+            Some(predefined::Function::Nothing) => {}
+            Some(predefined::Function::Arguments) => {
+                self.counters.events += 1;
+                for argument in arguments.given() {
+                    self.forget_argument(scope, argument, Reason::Computed);
+                }
+            }
+            None => self.unknown_function(scope, call),
+        }
+        if !matches!(&*name, b"RELTOOL") {
+            for value in arguments.optional_values() {
+                let value = self.value(scope, value);
+                self.numbers.pin_value(&value);
+            }
+        }
+        let known = match (&*name, values.len()) {
+            (b"PRESENT", 1) => return present(&values[0]),
+            (b"OFFS", 4) => return self.shifted(&values, false, Some(NO_TURN)),
+            (b"RELTOOL", 4) => {
+                let turn = self.turn(scope, arguments);
+                return self.shifted(&values, true, turn);
+            }
+            (b"NUMTOSTR", 2) => printed(&values[0], &values[1]),
+            (b"ORIENTZYX", 3) => orientation(&values),
+            (b"DIM", 2) => dimension(&values[0], &values[1]),
+            _ => arithmetic(&name, &values, arguments.optional.is_empty()),
+        };
+        if known.is_none() && !predefined::never_fails(&name) {
+            self.expression_may_fail();
+        }
+        known.unwrap_or_else(|| {
+            values.iter().for_each(|v| self.numbers.pin_value(v));
+            Value::Unknown(Reason::Computed)
+        })
+    }
+
+    /// `\Rx`, `\Ry`, `\Rz` of `RelTool`: turns about x, then the new y, then the new z.
+    fn turn(&mut self, scope: Scope, arguments: &'a Arguments) -> Option<[f64; 4]> {
+        let bytes = self.bytes(scope.source as usize);
+        let mut turn = NO_TURN;
+        for (axis, name) in [&b"Rx"[..], b"Ry", b"Rz"].into_iter().enumerate() {
+            if !arguments.has(bytes, name) {
+                continue;
+            }
+            let half = self.value(scope, arguments.named(bytes, name)?).num()?.to_radians() / 2.0;
+            let mut q = [half.cos(), 0.0, 0.0, 0.0];
+            q[axis + 1] = half.sin();
+            turn = multiply(turn, q);
+        }
+        Some(turn)
+    }
+
+    /// `Offs` or `RelTool`.
+    fn shifted(&mut self, values: &[Value], in_tool: bool, turn: Option<[f64; 4]>) -> Value {
+        let (offset_mm, tokens) = match &values[1..4] {
+            [Value::Num(x, tx), Value::Num(y, ty), Value::Num(z, tz)] => {
+                (Some([*x, *y, *z]), tx.zip(*ty).zip(*tz).map(|((x, y), z)| [x, y, z]))
+            }
+            _ => (None, None),
+        };
+        let (Some(base), Some(offset_mm), Some(turn)) = (self.as_target(&values[0]), offset_mm, turn) else {
+            // Another run of this statement would edit numbers that are used here too.
+            self.numbers.held.extend(tokens.map(|tokens| tokens[0]));
+            self.numbers.pin_value(&values[0]);
+            return Value::Unknown(values[0].unknown().unwrap_or(Reason::Computed));
+        };
+        let step = OffsetStep { offset_mm, tokens, in_tool, turn };
+        let mut pose = (*base).clone();
+        (pose.written.position_mm, pose.written.quat) = step.apply(pose.written.position_mm, pose.written.quat);
+        if pose.root.is_some() {
+            pose.steps.push(step);
+        } else {
+            // This pose cannot be edited, and another run of the same statement must not edit the offset.
+            self.numbers.held.extend(tokens.map(|tokens| tokens[0]));
+        }
+        Value::Target(Rc::new(pose))
+    }
+}
+
+/// `Present`: whether an optional parameter is given.
+fn present(value: &Value) -> Value {
+    match value {
+        Value::Unknown(Reason::OptionalArgumentMissing) => Value::Bool(false),
+        Value::Unknown(Reason::ArgumentUnknown) => Value::Unknown(Reason::Computed),
+        _ => Value::Bool(true),
+    }
+}
+
+/// Functions of numbers, with angles in degrees; functions that round are known only if they round to `whole` numbers.
+fn arithmetic(name: &[u8], values: &[Value], whole: bool) -> Option<Value> {
+    let value = match values {
+        [Value::Num(v, _)] => match name {
+            b"ABS" => v.abs(),
+            b"SQRT" => v.sqrt(),
+            b"SIN" => v.to_radians().sin(),
+            b"COS" => v.to_radians().cos(),
+            b"TAN" => v.to_radians().tan(),
+            b"ASIN" => v.asin().to_degrees(),
+            b"ACOS" => v.acos().to_degrees(),
+            b"ATAN" => v.atan().to_degrees(),
+            b"EXP" => v.exp(),
+            b"ROUND" if whole => v.round(),
+            b"TRUNC" if whole => v.trunc(),
+            _ => return None,
+        },
+        [Value::Num(a, _), Value::Num(b, _)] => match name {
+            b"ATAN2" => a.atan2(*b).to_degrees(),
+            b"POW" => a.powf(*b),
+            _ => return None,
+        },
+        _ => return None,
+    };
+    value.is_finite().then_some(Value::Num(value, None))
+}
+
+/// `OrientZYX`: turns about z, then the new y, then the new x, degrees.
+fn orientation(values: &[Value]) -> Option<Value> {
+    let mut turn = NO_TURN;
+    for (axis, value) in [3, 2, 1].into_iter().zip(values) {
+        let half = value.num()?.to_radians() / 2.0;
+        let mut q = [half.cos(), 0.0, 0.0, 0.0];
+        q[axis] = half.sin();
+        turn = multiply(turn, q);
+    }
+    Some(Value::List(turn.into_iter().map(|v| Value::Num(v, None)).collect(), None))
+}
+
+/// `NumToStr`.
+fn printed(value: &Value, decimals: &Value) -> Option<Value> {
+    let (value, decimals) = (value.num()?, decimals.num()?);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    let decimals = decimals.clamp(0.0, 9.0) as usize;
+    let mut text = Vec::new();
+    write_fixed(&mut text, value, decimals);
+    Some(Value::Text(text.into()))
+}
+
+/// `Dim`: how many elements an array has in a dimension, counted from 1.
+fn dimension(array: &Value, number: &Value) -> Option<Value> {
+    let mut items = array.list()?;
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    for _ in 1..number.num()?.clamp(1.0, 3.0) as usize {
+        items = items.first()?.list()?;
+    }
+    #[allow(clippy::cast_precision_loss)]
+    Some(Value::Num(items.len() as f64, None))
+}

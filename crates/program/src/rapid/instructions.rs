@@ -1,0 +1,151 @@
+//! Predefined instructions that are not motions: the data they change, the state they switch, the values that become unknown.
+
+use super::eval::Scope;
+use super::expression::{Arguments, Call, Expression};
+use super::predefined::Instruction;
+use super::runner::{Flow, Runner};
+use super::state::{ArcMode, Switch, Switches, Velocity};
+use super::symbols::Upper;
+use super::value::Value;
+use crate::{ArcTurn, Editable, Reason};
+use deflex_text::Span;
+
+impl<'a> Runner<'a> {
+    /// A predefined instruction that does not move to a robtarget.
+    pub(super) fn instruction(&mut self, scope: Scope, call: &'a Call, known: Instruction, span: Span) -> Flow {
+        let (bytes, arguments) = (self.bytes(scope.source as usize), &call.arguments);
+        // A robtarget used here must not be edited; its numbers count as used.
+        for argument in arguments.given() {
+            let value = self.evaluate(scope, argument);
+            self.numbers.pin_value(&value);
+        }
+        if known == Instruction::Nothing || known == Instruction::Options && arguments.optional.is_empty() {
+            return Flow::Next;
+        }
+        // The head of a program, which every chunk repeats, may set speeds, loads and turns on arcs, and activate units.
+        let in_head =
+            matches!(known, Instruction::Velocity | Instruction::Load | Instruction::ArcMode | Instruction::UnitOn);
+        self.counters.events += u64::from(!in_head);
+        match known {
+            Instruction::Nothing => {}
+            Instruction::Arguments => {
+                if bytes[call.name.range()].eq_ignore_ascii_case(b"GetDataVal") {
+                    // The instruction reads data by their name.
+                    let named = match arguments.positional.first().map(|name| self.evaluate(scope, name)) {
+                        Some(Value::Text(name)) => self.symbols.all_named(Some(&name)),
+                        _ => self.symbols.all_named(None),
+                    };
+                    named.into_iter().for_each(|at| self.pin_read(at));
+                }
+                for argument in arguments.given() {
+                    self.forget_argument(scope, argument, Reason::Computed);
+                }
+            }
+            Instruction::Options => {
+                for argument in arguments.optional_values() {
+                    self.forget_argument(scope, argument, Reason::Computed);
+                }
+            }
+            Instruction::Steps => self.step_variable(scope, arguments, &Upper::new(&bytes[call.name.range()])),
+            Instruction::DisplacementOn => {
+                if bytes[call.name.range()].eq_ignore_ascii_case(b"PDispOn") && !arguments.has(bytes, b"ExeP") {
+                    self.hold_where_it_stands();
+                }
+                self.displaces();
+                self.state.displacement = Switch::On;
+                self.state.lose(self.others_switch());
+            }
+            Instruction::DisplacementOff => {
+                self.displaces();
+                self.state.displacement = Switch::Off;
+                self.state.lose(self.others_switch());
+            }
+            Instruction::SoftOn | Instruction::SoftOff => {
+                self.state.soft = if known == Instruction::SoftOn { Switch::On } else { Switch::Off };
+                self.state.lose(self.others_switch());
+            }
+            Instruction::Load => {
+                let none = arguments.positional.first().is_some_and(|load| self.is_no_load(scope, load));
+                self.state.load = if none { Switch::Off } else { Switch::On };
+                self.state.lose(self.others_switch());
+            }
+            Instruction::Velocity => {
+                self.state.velocity = self.velocity(scope, arguments);
+                self.state.lose(self.others_switch());
+            }
+            Instruction::ArcMode => {
+                self.state.arcs = arc_mode(bytes, arguments);
+                self.state.lose(self.others_switch());
+            }
+            Instruction::AxisOffsetSet
+            | Instruction::AxisOffsetOn
+            | Instruction::AxisOffsetOff
+            | Instruction::UnitOn
+            | Instruction::UnitOff => self.axes_instruction(scope, arguments, known),
+            Instruction::MovesAxes => {
+                self.axes_instruction(scope, arguments, known);
+                self.keep_here(span, Reason::ExternalAxesOnly);
+            }
+            Instruction::DataByName => {
+                let named = match arguments.positional.first().map(|name| self.evaluate(scope, name)) {
+                    Some(Value::Text(name)) if bytes[call.name.range()].eq_ignore_ascii_case(b"SetDataVal") => {
+                        self.symbols.data_named(Some(&name))
+                    }
+                    _ => self.symbols.data_named(None),
+                };
+                named.into_iter().for_each(|at| self.forget_data(at, Reason::Computed));
+            }
+            Instruction::Moves => {
+                self.position.stands = None;
+                self.keep_here(span, Reason::ExternalAxesOnly);
+            }
+            Instruction::Ends => return Flow::Gone,
+            Instruction::Raises => return self.raise(),
+        }
+        Flow::Next
+    }
+
+    /// An instruction measures from the robot's present position, so the target there must not be edited.
+    pub(super) fn hold_where_it_stands(&mut self) {
+        for at in std::mem::take(&mut self.position.standing) {
+            if let Some(target) = self.found.targets.get_mut(at)
+                && !matches!(target.editable, Editable::No(_))
+            {
+                target.editable = Editable::No(Reason::DisplacementCounts);
+            }
+        }
+    }
+
+    /// The state that traps and handlers may switch at any moment.
+    pub(super) fn others_switch(&self) -> Switches {
+        let mut others = Switches { marks: false, ..self.symbols.known.at_any_moment.switches };
+        others |= self.jumping;
+        others
+    }
+
+    /// The factor and limit on programmed speeds after `VelSet`; `None` if its numbers are unknown, and after `SpeedRefresh`.
+    fn velocity(&mut self, scope: Scope, arguments: &'a Arguments) -> Option<Velocity> {
+        let [percent, most] = &arguments.positional[..] else { return None };
+        let [percent, most_mm_s] = [percent, most].map(|argument| self.evaluate(scope, argument).num());
+        Some(Velocity { share: percent? / 100.0, most_mm_s: most_mm_s? })
+    }
+
+    /// Whether a load is `load0`: no load in addition to that in the tool's data.
+    pub(super) fn is_no_load(&self, scope: Scope, load: &Expression) -> bool {
+        self.bytes(scope.source as usize)[load.span.range()].eq_ignore_ascii_case(b"load0")
+    }
+}
+
+/// How the tool turns on arcs after `CirPathMode`, which has one of these options.
+fn arc_mode(bytes: &[u8], arguments: &Arguments) -> ArcMode {
+    let modes: [(&[u8], ArcMode); 6] = [
+        (b"PathFrame", ArcMode::Stated(ArcTurn::WithPath)),
+        (b"ObjectFrame", ArcMode::Stated(ArcTurn::Even)),
+        (b"CirPointOri", ArcMode::Stated(ArcTurn::ThroughCirclePoint)),
+        (b"Wrist45", ArcMode::ByWrist),
+        (b"Wrist46", ArcMode::ByWrist),
+        (b"Wrist56", ArcMode::ByWrist),
+    ];
+    let stated = modes.into_iter().find(|(option, _)| arguments.has(bytes, option));
+    stated.map_or(ArcMode::Unknown, |(_, mode)| mode)
+}

@@ -1,0 +1,409 @@
+//! ABB RAPID.
+//!
+//! Reading goes in steps:
+//!
+//! 1. `lex` splits bytes into lexemes.
+//! 2. `syntax` finds blocks and reads each statement once, into the tree of `tree` and `expression`. What it does not understand stays as it
+//!    is and affects no other statement.
+//! 3. `run` follows the program as it runs, with the values of `eval`.
+//! 4. The run gives targets and the positions of their number tokens (`Layout`).
+//! 5. `rewrite` turns corrections into edits.
+//!
+//! A mark `! deflex air` or `! deflex cut` is in force from the next instruction to the next mark, in the order in which
+//! instructions run, through calls and loops. A mark before the first routine is in force from the start.
+
+mod again;
+mod agreed;
+mod arguments;
+mod axes;
+mod calls;
+mod changes;
+mod chunk;
+mod chunks;
+mod clone;
+mod cycle;
+mod data;
+mod declared;
+mod dialect;
+mod errors;
+mod eval;
+mod executed;
+mod expression;
+mod flow;
+mod frames;
+mod gathering;
+mod index;
+mod insert;
+mod instructions;
+mod kinds;
+mod known;
+mod layers;
+mod lex;
+mod lines;
+mod literal;
+mod memory;
+mod motion;
+mod moves;
+mod named;
+mod outcome;
+mod own;
+mod parameters;
+mod parser;
+mod pins;
+mod predefined;
+mod ran;
+mod read_chunk;
+mod rewrite;
+mod routines;
+mod run;
+mod runner;
+mod sample;
+mod shape;
+mod state;
+mod statement;
+mod streamable;
+mod symbols;
+mod syntax;
+mod tree;
+mod uses;
+mod value;
+mod writer;
+
+// Types between `Chunks` and the pipeline that corrects them; not for callers.
+#[doc(hidden)]
+pub use chunk::Chunk;
+pub use chunks::Chunks;
+pub use declared::{Declared, Names};
+pub use executed::{Executed, ExecutedChunks};
+pub use frames::declared_frames;
+pub use lines::CHUNK;
+use rewrite::rewrite;
+
+use super::front_end::FrontEnd;
+use super::{Change, Insert, Kept, Language, Passing, Program, Reason, RewriteOptions, Rewritten};
+use deflex_text::{Diagnostic, Edit, Severity, Source, Span};
+use lex::{Cursor, LexemeKind};
+use literal::Literal;
+use std::collections::HashSet;
+use std::sync::Arc;
+use value::{OffsetStep, SourceSpan};
+
+/// The positions of the number tokens of robtargets.
+#[derive(Debug, Default)]
+pub(crate) struct Layout {
+    /// In text order by source; then the robtargets that are assembled from parts.
+    literals: Arc<Vec<Literal>>,
+    /// One per target.
+    sites: Vec<TargetInText>,
+    offsets: Vec<Offset>,
+    /// Executed motions, with those whose target is unknown when reading.
+    motions: usize,
+    /// The program is one procedure of motions to inline targets, so it can be cut anywhere (see `chunks`).
+    streamable: bool,
+    /// As `streamable`, but targets may also be declared by name.
+    plain: bool,
+    /// The mark in force after the last statement.
+    mark_behind: Option<super::Mark>,
+    /// In a chunk of a program that is run again for each chunk: the motions that its own repeat.
+    again: Option<agreed::Again>,
+}
+
+impl Layout {
+    /// The layout of a RAPID program.
+    pub(super) fn of(program: &Program) -> Option<&Self> {
+        match &program.layout {
+            super::Layout::Rapid(layout) => Some(layout),
+            _ => None,
+        }
+    }
+
+    /// The offset (`Offs`, `RelTool`) that makes a target.
+    fn offset(&self, site: &TargetInText) -> Option<&Offset> {
+        match site {
+            TargetInText::Offset(at) => self.offsets.get(*at as usize),
+            TargetInText::None | TargetInText::Literal { .. } => None,
+        }
+    }
+}
+
+impl FrontEnd for Layout {
+    fn rewrite(
+        &self,
+        program: &Program,
+        changes: &[Option<Change>],
+        inserts: &[Insert],
+        options: &RewriteOptions,
+    ) -> Rewritten {
+        match &self.again {
+            Some(again) => again.rewrite(program, self, changes, options),
+            None => rewrite(program, self, changes, inserts, options),
+        }
+    }
+
+    fn writes_axes(&self, program: &Program) -> Vec<bool> {
+        // A target made from a literal by `Offs` has the literal's axes.
+        let roots: HashSet<u32> = self.offsets.iter().map(|offset| offset.root).collect();
+        let writes = |site: &TargetInText| {
+            let TargetInText::Literal { literal, .. } = site else { return false };
+            let place = &self.literals[*literal as usize];
+            let source = usize::from(place.source);
+            source < program.written && !roots.contains(literal) && place.axes(&program.sources[source].bytes).is_some()
+        };
+        self.sites.iter().map(writes).collect()
+    }
+
+    fn motion_targets(&self, _: &Program) -> usize {
+        self.motions
+    }
+
+    fn passing(&self, program: &Program, target: usize) -> Passing {
+        insert::passing(program, target).unwrap_or(Passing::Unstated)
+    }
+
+    fn is_worded_like(&self, program: &Program, target: usize, other: usize) -> bool {
+        let words = [target, other].map(|i| insert::around_literal(program, self, i));
+        words[0].is_some() && words[0] == words[1]
+    }
+
+    fn passing_edits(&self, program: &Program, wanted: &[(usize, Passing)]) -> Vec<Option<Edit>> {
+        insert::passing_edits(program, wanted)
+    }
+
+    fn inserted_passing(&self, _: &Program, _: usize) -> Passing {
+        insert::CLOSE_BY
+    }
+}
+
+/// The position of one target in the text.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum TargetInText {
+    /// None: joint angles, or a calculated value.
+    None,
+    /// A literal, and the argument that names it (`None` if inline).
+    Literal { literal: u32, argument: Option<SourceSpan> },
+    /// `Offs` or `RelTool`: an index into [`Layout::offsets`].
+    Offset(u32),
+}
+
+/// A target made from a literal by `Offs` and `RelTool`, innermost first; the outermost carries the edit.
+#[derive(Debug)]
+struct Offset {
+    root: u32,
+    steps: Box<[OffsetStep]>,
+}
+
+/// Reads modules as one program with shared names; `context` modules give declarations only.
+///
+/// # Errors
+/// Every reason for which the program as a whole is refused (encrypted, not RAPID).
+///
+/// # Examples
+/// ```
+/// use deflex_program::rapid;
+/// use deflex_text::Source;
+///
+/// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// assert_eq!(program.targets[0].feed_mm_s, Some(20.0));
+/// # Ok::<(), deflex_text::Diagnostics>(())
+/// ```
+pub fn read(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
+    let dialect = dialect::of(&sources);
+    read_as(dialect, sources, context)
+}
+
+/// [`read`] for callers that change nothing: a file that is cut off is read to its end, and its end is noted.
+///
+/// # Errors
+/// As [`read`], but for cut-off files.
+///
+/// # Examples
+/// ```
+/// use deflex_program::rapid;
+/// use deflex_text::Source;
+///
+/// let program = rapid::look(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// assert_eq!(program.motion_targets(), 81);
+/// # Ok::<(), deflex_text::Diagnostics>(())
+/// ```
+pub fn look(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
+    let dialect = dialect::of(&sources);
+    read_cut(dialect, sources, context, Cut::Looked)
+}
+
+/// [`read`] with the name of the dialect.
+fn read_as(dialect: &'static str, sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
+    read_cut(dialect, sources, context, Cut::Refused)
+}
+
+/// The treatment of files that are cut off.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Cut {
+    Refused,
+    /// They are read to their end.
+    Looked,
+}
+
+/// [`read_as`], with the treatment of files that are cut off.
+fn read_cut(
+    dialect: &'static str,
+    sources: Vec<Source>,
+    context: Vec<Source>,
+    cut: Cut,
+) -> Result<Program, Vec<Diagnostic>> {
+    let written = sources.len();
+    let (sources, files, cuts) = parsed(sources, context, cut)?;
+    let outcome = runner::Runner::new(&sources, &files, written).run(&files);
+    program_of(outcome, (sources, &files, written), dialect, cuts)
+}
+
+/// Modules and context as files, with the ends of the files that are cut off.
+#[allow(clippy::type_complexity)]
+fn parsed(
+    mut sources: Vec<Source>,
+    context: Vec<Source>,
+    cut: Cut,
+) -> Result<(Arc<[Source]>, Vec<tree::File>, Vec<Kept>), Vec<Diagnostic>> {
+    sources.extend(context);
+    let mut errors = Vec::new();
+    let (mut files, mut cuts) = (Vec::new(), Vec::new());
+    for (index, source) in sources.iter().enumerate() {
+        let index = u16::try_from(index).unwrap_or(u16::MAX);
+        let file = match refuse(source) {
+            Some(error) => Err(error),
+            None => syntax::parse(source, index).map_err(|syntax::TooDeep(here)| {
+                let message = format!("blocks are nested deeper than {}", syntax::MAX_DEPTH);
+                Diagnostic::error("rapid.too-deep", "", message).at(source, here).help("split the routine into several")
+            }),
+        };
+        match file {
+            Ok(file) => {
+                if let Some(last) = file.cut.filter(|_| cut == Cut::Looked) {
+                    let line = source.line_column(last.range().start).line;
+                    let reason = Reason::FileEndsInModule;
+                    cuts.push(Kept { source: index.into(), span: last, line, reason, fault: true, help: "" });
+                } else if let Some(last) = file.cut {
+                    let message = "the file ends inside a module: expected ENDMODULE";
+                    let error = Diagnostic::error("rapid.truncated", &source.name, message).at(source, last);
+                    errors.push(error.help("the file is cut off; get it again from its source"));
+                }
+                files.push(file);
+            }
+            Err(error) => errors.push(error),
+        }
+    }
+    if !errors.is_empty() {
+        return Err(errors);
+    }
+    Ok((sources.into(), files, cuts))
+}
+
+/// The program that a run gives.
+fn program_of(
+    mut outcome: outcome::Outcome,
+    (sources, files, written): (Arc<[Source]>, &[tree::File], usize),
+    dialect: &'static str,
+    cuts: Vec<Kept>,
+) -> Result<Program, Vec<Diagnostic>> {
+    if outcome.diagnostics.iter().any(|d| d.severity == Severity::Error) {
+        outcome.diagnostics.sort_by_key(|d| d.severity != Severity::Error);
+        return Err(outcome.diagnostics);
+    }
+    for (source, file) in sources.iter().zip(files).take(written) {
+        outcome.diagnostics.extend(not_read(source, &file.odd));
+    }
+    let literal_targets = files.iter().take(written).map(|f| f.literals.len()).sum();
+    Ok(Program {
+        tools: outcome.tools,
+        wobjs: outcome.wobjs,
+        targets: outcome.targets,
+        unknown: outcome.unknown,
+        kept: outcome.kept.into_iter().chain(cuts).collect(),
+        literal_targets,
+        arcs: outcome.arcs,
+        diagnostics: outcome.diagnostics,
+        ..Program::empty(Language::Rapid, dialect, (sources, written), super::Layout::Rapid(outcome.layout))
+    })
+}
+
+/// Warns of statements that cannot be read and stay as they are: one warning per reason, at the first of them.
+fn not_read(source: &Source, odd: &[(Span, Reason)]) -> Vec<Diagnostic> {
+    let mut reasons: Vec<(Reason, Span, usize)> = Vec::new();
+    for (span, reason) in odd {
+        match reasons.iter_mut().find(|(known, ..)| known == reason) {
+            Some((.., count)) => *count += 1,
+            None => reasons.push((*reason, *span, 1)),
+        }
+    }
+    let said = |(reason, first, count): (Reason, Span, usize)| {
+        let message = match count {
+            1 => reason.to_string(),
+            more => format!("{reason} ({more} statements)"),
+        };
+        let warning = Diagnostic::error("rapid.not-read", &source.name, message).at(source, first);
+        warning.severity(Severity::Warning).help(
+            "deflex does not see the motions in it, so it corrects none of them; a controller may refuse to load it",
+        )
+    };
+    reasons.into_iter().map(said).collect()
+}
+
+/// The reason for which a file as a whole is refused.
+fn refuse(source: &Source) -> Option<Diagnostic> {
+    let bytes = &source.bytes;
+    let first = Span::new(0, bytes.len().min(1));
+    let whole = |code, message: &str| Diagnostic::error(code, &source.name, message).at(source, first);
+    if u32::try_from(bytes.len()).is_err() {
+        return Some(whole("rapid.too-large", "file is larger than 4 GiB").help("split it into modules"));
+    }
+    let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
+    if text.starts_with(b"\xFF\xFE") || text.starts_with(b"\xFE\xFF") || text.starts_with(b"M\0") {
+        return Some(whole("rapid.utf16", "the file is UTF-16 text").help("save it as UTF-8 or ISO 8859-1"));
+    }
+    if let Some(at) = deflex_text::no_text(bytes) {
+        let message = "the module is encrypted, or no text at all: expected RAPID in plain text";
+        return Some(
+            whole("rapid.encrypted", message)
+                .at(source, Span::new(at, at + 1))
+                .help("save it from the controller without encryption; as a --context, leave it out: what it does is unknown then"),
+        );
+    }
+    if text.trim_ascii_start().starts_with(b"<") {
+        let message = "the file is XML, not RAPID; a program file (.pgf) only lists modules";
+        return Some(whole("rapid.xml", message).help("give the modules that it lists"));
+    }
+    // Look for what only RAPID has: a module, a routine or data.
+    let mut cursor = Cursor::new(bytes, Span::new(0, bytes.len()));
+    loop {
+        let lexeme = cursor.next();
+        match lexeme.kind {
+            LexemeKind::End => break,
+            LexemeKind::Word => {
+                let word = cursor.text(lexeme);
+                if matches!(
+                    lex::key(word),
+                    Some(
+                        lex::Key::Module
+                            | lex::Key::Proc
+                            | lex::Key::Func
+                            | lex::Key::Trap
+                            | lex::Key::Record
+                            | lex::Key::Pers
+                            | lex::Key::Const
+                            | lex::Key::Var
+                    )
+                ) && cursor.peek().kind != LexemeKind::End
+                {
+                    return None;
+                }
+            }
+            _ => {}
+        }
+    }
+    Some(
+        whole("rapid.no-module", "the file is not RAPID: there is no MODULE, no routine and no declaration in it")
+            .help("give a .mod, .sys or .prg file, or force the language with --input-format"),
+    )
+}
+
+#[cfg(test)]
+mod tests;

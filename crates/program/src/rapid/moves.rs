@@ -1,0 +1,307 @@
+//! Executed motions: their targets, tools, work objects and speeds, and which of their numbers may be edited.
+
+use super::arguments::is_unit;
+use super::calls::without_module;
+use super::changes::is_synchronised;
+use super::eval::Scope;
+use super::expression::{Arguments, Call, Expression, ExpressionKind};
+use super::known::Changes;
+use super::motion::{Shape, ToolAt, Zone};
+use super::runner::{Mode, Runner};
+use super::state::{ArcMode, Switch, Switches};
+use super::value::{Pose, SourceSpan, Value, unit};
+use super::{Offset, TargetInText};
+use crate::{Editable, Goal, Motion, Predecessor, Reason, Role, Target, ToolData};
+use deflex_text::{Span, decode};
+use std::rc::Rc;
+use std::sync::Arc;
+
+impl<'a> Runner<'a> {
+    /// Executes one motion.
+    pub(super) fn motion(&mut self, scope: Scope, call: &'a Call, shape: Shape, span: Span) {
+        let (given, arguments) = (&call.arguments, &call.arguments.positional);
+        let Some(to) = arguments.get(shape.to) else {
+            return self.keep_here(span, Reason::MotionWithoutTarget);
+        };
+        let tool_at = match shape.tool {
+            ToolAt::Index(at) => Some(at),
+            ToolAt::Last => arguments.len().checked_sub(1),
+        };
+        let Some((tool_at, tool)) = tool_at
+            .filter(|at| *at > shape.to + 1 || *at > shape.to && shape.zone == Zone::Absent)
+            .and_then(|at| Some((at, arguments.get(at)?)))
+        else {
+            return self.keep_here(span, Reason::MotionWithoutTool);
+        };
+        let via = shape.via.and_then(|at| arguments.get(at));
+        if self.mode == Mode::Real {
+            self.counters.motions += 1;
+            self.counters.arcs += usize::from(shape.motion == Motion::Circular);
+        }
+        let bytes = self.bytes(scope.source as usize);
+        self.other_arguments(scope, given, shape, tool_at);
+        let synchronised = is_synchronised(&bytes[call.name.range()]).then(|| arguments.get(shape.to + 4));
+        if let Some(procedure) = synchronised {
+            self.run_on_the_way(scope, procedure);
+        }
+        if self.mode != Mode::Real {
+            self.state.axes.lose_positions();
+            self.position.stands = None;
+        }
+        if self.mode == Mode::Dry {
+            // Only its calls and its result matter.
+            self.evaluate(scope, to);
+            return self.found_by_search(scope, arguments, shape);
+        }
+        let shifted = given.has(bytes, b"Corr");
+        let frames = if shifted { Err(Reason::PathShifted) } else { self.frames_of(scope, given, tool) };
+        let frames = match frames {
+            Ok(frames) => frames,
+            Err(reason) => {
+                self.hold(scope, via.into_iter().chain([to]));
+                self.found_by_search(scope, arguments, shape);
+                return self.keep_motion(span, reason);
+            }
+        };
+        let own_load = given.has(bytes, b"TLoad");
+        let own_load = own_load && given.named(bytes, b"TLoad").is_none_or(|load| !self.is_no_load(scope, load));
+        let feed_mm_s = self.speed(scope, given, shape.to + 1);
+        let line = self.said.lines[scope.source as usize].line(span.start);
+        let target = Target {
+            ordinal: self.counters.motions,
+            role: Role::End,
+            motion: shape.motion,
+            goal: Goal::Joints { deg: [0.0; 6] },
+            tool: frames.0,
+            wobj: frames.1,
+            feed_mm_s,
+            spindle_rpm: None,
+            rapid: false,
+            mark: self.state.mark,
+            editable: Editable::No(Reason::Joints),
+            located: true,
+            extra_load: self.state.load != Switch::Off || own_load,
+            external: None,
+            name: None,
+            source: scope.source,
+            span,
+            line,
+            predecessor: Predecessor::Previous,
+            arc_turn: match self.state.arcs {
+                ArcMode::Stated(turn) => Some(turn),
+                ArcMode::Unstated | ArcMode::ByWrist | ArcMode::Unknown => None,
+            },
+        };
+        if shape.motion == Motion::AbsoluteJoint {
+            let value = self.evaluate(scope, to);
+            let (external, plain) = (value.joints_external(), given.has(bytes, b"NoEOffs"));
+            self.axes_go_to(&external, plain);
+            let Some(deg) = value.joints() else {
+                return self.keep_motion(span, Reason::JointsComputed);
+            };
+            let external_axes = self.external_axes(&external, Role::End, plain);
+            let located = self.axes_unknown(&external).is_none();
+            let target = Target { goal: Goal::Joints { deg }, external: external_axes, located, ..target };
+            return self.push(target, TargetInText::None);
+        }
+        // An arc is known only if both its points are.
+        let circle = via.map(|via| (self.pose(scope, via), via));
+        let end = self.pose(scope, to);
+        match (circle, end) {
+            (Some((Ok(circle), via)), Ok(end)) => {
+                self.point(scope, &circle, via, Target { role: Role::Via, ..target.clone() });
+                self.point(scope, &end, to, target);
+            }
+            (None, Ok(end)) => self.point(scope, &end, to, target),
+            (circle, end) => {
+                let both = [circle.map(|circle| circle.0), Some(end)].into_iter().flatten();
+                let mut reason = None;
+                for pose in both {
+                    match pose {
+                        Ok(pose) => self.numbers.pin_pose(&pose),
+                        Err(why) => reason = Some(why),
+                    }
+                }
+                self.keep_motion(span, reason.unwrap_or(Reason::Computed));
+            }
+        }
+        self.found_by_search(scope, arguments, shape);
+    }
+
+    /// A procedure runs when the robot passes this target, at an unknown moment of the further program: the data that it
+    /// changes are unknown from here on.
+    fn run_on_the_way(&mut self, scope: Scope, procedure: Option<&'a Expression>) {
+        self.counters.events += 1;
+        let name = procedure.map(|name| self.evaluate(scope, name));
+        let id = match &name {
+            Some(Value::Text(name)) => self.symbols.find_routine(scope.module, without_module(name)),
+            _ => None,
+        };
+        let changes = id.map(|id| self.symbols.changed_by(id).clone()).unwrap_or_else(Changes::anything);
+        self.forget(&changes, Reason::BySynchronisedProcedure);
+        let everything = self.symbols.everything();
+        let others = everything.iter().filter(|_| changes.anything);
+        for at in changes.data.iter().chain(others) {
+            self.symbols.variables[*at].volatile.get_or_insert(Reason::BySynchronisedProcedure);
+        }
+        let at_any_moment = &mut self.symbols.known.at_any_moment;
+        at_any_moment.switches |= changes.switches;
+        self.state.lose(Switches { marks: false, ..changes.switches });
+    }
+
+    /// Tool and work object of a motion, or the reason for which they are unknown.
+    fn frames_of(&mut self, scope: Scope, given: &'a Arguments, tool: &'a Expression) -> Result<(u16, u16), Reason> {
+        let bytes = self.bytes(scope.source as usize);
+        let tool = self.tool_index(scope, tool)?;
+        Ok((tool, self.wobj_index(scope, given.named(bytes, b"WObj"))?))
+    }
+
+    /// The argument SearchPoint, before the targets, receives the position at which the search stopped.
+    fn found_by_search(&mut self, scope: Scope, arguments: &'a [Expression], shape: Shape) {
+        if shape.zone == Zone::Absent
+            && let Some(point) = arguments.get(shape.via.unwrap_or(shape.to).wrapping_sub(1))
+        {
+            self.counters.events += 1;
+            self.position.stands = None;
+            self.forget_argument(scope, point, Reason::Computed);
+        }
+    }
+
+    /// Forbids edits of robtargets that are used as these arguments.
+    fn hold(&mut self, scope: Scope, arguments: impl Iterator<Item = &'a Expression>) {
+        for argument in arguments {
+            let value = self.evaluate(scope, argument);
+            self.numbers.pin_value(&value);
+        }
+    }
+
+    /// Evaluates the arguments other than the target, for the functions that they call and the robtargets that they use.
+    fn other_arguments(&mut self, scope: Scope, given: &'a Arguments, shape: Shape, tool_at: usize) {
+        let own = |(at, _): &(usize, &Expression)| *at != shape.to && Some(*at) != shape.via && *at != tool_at;
+        let positional = given.positional.iter().enumerate().filter(own).map(|(_, argument)| argument);
+        let named = given.optional_values();
+        self.hold(scope, positional.chain(named).filter(|argument| !argument.is_plain()));
+    }
+
+    /// The value of a robtarget of a motion, or the reason for which it is unknown.
+    fn pose(&mut self, scope: Scope, argument: &'a Expression) -> Result<Rc<Pose>, Reason> {
+        let value = self.evaluate(scope, argument);
+        let Some(pose) = self.as_target(&value) else {
+            self.numbers.pin_value(&value);
+            return Err(match value {
+                Value::List(..) => value.unknown().unwrap_or(Reason::NotACompleteRobtarget),
+                _ => value.unknown().unwrap_or(Reason::NotARobtarget),
+            });
+        };
+        if is_unit(pose.written.quat) { Ok(pose) } else { Err(Reason::NotUnit) }
+    }
+
+    /// Adds one robtarget of a motion as a target.
+    fn point(&mut self, scope: Scope, pose: &Pose, argument: &Expression, mut target: Target) {
+        let written = &pose.written;
+        if self.mode != Mode::Real {
+            return self.use_aside(&target, pose);
+        }
+        target.goal = Goal::Pose { position_mm: written.position_mm, quat: unit(written.quat), conf: written.conf };
+        let bytes = self.bytes(scope.source as usize);
+        let named = !matches!(argument.kind, ExpressionKind::Literal(_) | ExpressionKind::Aggregate(_));
+        if named && pose.steps.is_empty() {
+            target.name = self.name_of(pose.root, &bytes[argument.span.range()]);
+        }
+        target.editable = self.editable(&target, pose);
+        target.located = self.unlocated(&target, pose).is_none();
+        let site = match pose.root {
+            None => TargetInText::None,
+            Some(root) if pose.steps.is_empty() => {
+                let argument = SourceSpan { source: scope.source, span: argument.span };
+                TargetInText::Literal { literal: root, argument: named.then_some(argument) }
+            }
+            Some(root) => {
+                self.found.offsets.push(Offset { root, steps: pose.steps.clone().into() });
+                #[allow(clippy::cast_possible_truncation)]
+                TargetInText::Offset((self.found.offsets.len() - 1) as u32)
+            }
+        };
+        self.axes_go_to(&written.external, false);
+        target.external = self.external_axes(&written.external, target.role, false);
+        self.push(target, site);
+    }
+
+    pub(super) fn push(&mut self, mut target: Target, site: TargetInText) {
+        if self.mode != Mode::Real {
+            return;
+        }
+        self.position.standing.clear();
+        self.position.standing.insert(self.found.targets.len());
+        let jumps = self.frames.last().is_some_and(|frame| frame.jumps);
+        target.predecessor = match self.position.stands {
+            // The position before the first motion is unknown.
+            _ if self.position.last == 0 => Predecessor::Start,
+            Some(0) => Predecessor::Start,
+            Some(last) if last == self.position.last && !jumps => Predecessor::Previous,
+            _ => Predecessor::Unknown,
+        };
+        (self.position.stands, self.position.last) = (Some(target.ordinal), target.ordinal);
+        let ends = target.is_end();
+        self.found.targets.push(target);
+        self.found.sites.push(site);
+        if ends {
+            self.gather();
+        }
+    }
+
+    /// The name of a declared target as the motion spells it: `p10`, `p{3}`.
+    pub(super) fn name_of(&mut self, root: Option<u32>, text: &[u8]) -> Option<Arc<str>> {
+        let new = || -> Arc<str> { decode(text).as_ref().into() };
+        match root {
+            // Parameters give the same literal several names; the first is kept.
+            Some(root) => Some(Arc::clone(self.numbers.names.entry(root).or_insert_with(new))),
+            None => Some(new()),
+        }
+    }
+
+    /// The reason, if any, for which the controller does not go to the pose that the numbers state.
+    fn unlocated(&self, target: &Target, pose: &Pose) -> Option<Reason> {
+        let tool = self.used.tools[target.tool as usize].data;
+        let wobj = self.used.wobjs[target.wobj as usize].data;
+        // The robot holds either the tool or the part; undeclared data mean that it holds the tool.
+        let holds_part = wobj.is_some_and(|w| w.robhold);
+        let misfit =
+            tool.is_none_or(|t: ToolData| t.robhold) == holds_part || wobj.is_some_and(|w| w.robhold && !w.fixed);
+        match self.state.displacement {
+            Switch::On => Some(Reason::DisplacementActive),
+            Switch::Unknown => Some(Reason::DisplacementUnknown),
+            Switch::Off if self.state.soft == Switch::On => Some(Reason::SoftServoActive),
+            Switch::Off if self.state.soft == Switch::Unknown => Some(Reason::SoftServoUnknown),
+            Switch::Off if misfit => Some(Reason::BothHeld),
+            Switch::Off => self.axes_unknown(&pose.written.external),
+        }
+    }
+
+    pub(super) fn editable(&self, target: &Target, pose: &Pose) -> Editable {
+        let reason = if let Some(why) = self.unlocated(target, pose) {
+            Some(why)
+        } else if self.state.mark_unknown {
+            Some(Reason::MarkUnknown)
+        } else if let (Motion::Circular, Some(why)) = (target.motion, self.state.arcs.unfollowed()) {
+            Some(why)
+        } else if let Some(why) = pose.fixed {
+            Some(why)
+        } else if let Some(last) = pose.steps.last() {
+            match last.tokens {
+                None => Some(Reason::OffsetWithExpression),
+                Some(tokens) if tokens.iter().any(|t| t.source as usize >= self.written) => Some(Reason::InContextFile),
+                Some(_) => return Editable::Position,
+            }
+        } else {
+            match pose.root {
+                None => Some(Reason::Computed),
+                Some(root) if self.numbers.literals[root as usize].source as usize >= self.written => {
+                    Some(Reason::InContextFile)
+                }
+                Some(_) => return Editable::Pose,
+            }
+        };
+        Editable::No(reason.unwrap_or(Reason::Computed))
+    }
+}

@@ -1,0 +1,178 @@
+//! The outcome of a run: the targets that may be edited after all, and whether the program can be cut anywhere.
+
+use super::runner::Runner;
+use super::tree::{File, RoutineKind, StatementKind};
+use super::value::SourceSpan;
+use super::{Layout, TargetInText};
+use crate::{Editable, Goal, Kept, Motion, Reason, Role, Target, Tool, UnknownMotion, Wobj};
+use deflex_text::Diagnostic;
+use std::collections::HashSet;
+use std::sync::Arc;
+
+/// The outcome of a run.
+pub(super) struct Outcome {
+    pub(super) tools: Vec<Tool>,
+    pub(super) wobjs: Vec<Wobj>,
+    pub(super) targets: Vec<Target>,
+    pub(super) unknown: Vec<UnknownMotion>,
+    pub(super) kept: Vec<Kept>,
+    pub(super) arcs: usize,
+    pub(super) diagnostics: Vec<Diagnostic>,
+    pub(super) layout: Layout,
+}
+
+impl Runner<'_> {
+    /// Ends the run.
+    pub(super) fn finish(mut self, files: &[File]) -> Outcome {
+        self.hold_what_runs_aside();
+        self.hold_what_is_used_otherwise();
+        self.hold_what_is_not_always_assembled();
+        let plain = self.plain(files);
+        let streamable = plain && self.inline();
+        self.refuse_what_calls_itself();
+        // One refusal may lead to another.
+        loop {
+            let before = self.refused();
+            self.refuse_halves_of_arcs();
+            self.refuse_shared_offsets();
+            self.refuse_shared_declarations();
+            if self.refused() == before {
+                break;
+            }
+        }
+        self.keep_what_is_refused();
+        self.said.kept.sort_by_key(|k| (k.source, k.span.start));
+        let layout = Layout {
+            literals: Arc::new(self.numbers.literals),
+            sites: self.found.sites,
+            offsets: self.found.offsets,
+            motions: self.counters.motions as usize,
+            streamable,
+            plain,
+            mark_behind: self.state.mark,
+            again: None,
+        };
+        Outcome {
+            tools: self.used.tools,
+            wobjs: self.used.wobjs,
+            targets: self.found.targets,
+            unknown: self.found.unknown,
+            kept: self.said.kept,
+            arcs: self.counters.arcs,
+            diagnostics: self.said.diagnostics,
+            layout,
+        }
+    }
+
+    /// Number of targets that must not be edited.
+    fn refused(&self) -> usize {
+        self.found.targets.iter().filter(|target| matches!(target.editable, Editable::No(_))).count()
+    }
+
+    /// Refuses the other point of an arc when one is refused: moving one point alone makes another arc.
+    fn refuse_halves_of_arcs(&mut self) {
+        for i in 1..self.found.targets.len() {
+            let [circle, end] = [i - 1, i].map(|i| self.found.targets[i].editable);
+            if self.found.targets[i - 1].role == Role::Via {
+                match (circle, end) {
+                    (Editable::No(_), Editable::No(_)) => {}
+                    (Editable::No(why), _) => self.found.targets[i].editable = Editable::No(why),
+                    (_, Editable::No(why)) => self.found.targets[i - 1].editable = Editable::No(why),
+                    _ => {}
+                }
+            }
+        }
+    }
+
+    /// Refuses an offset that runs again in a state in which it cannot be edited.
+    fn refuse_shared_offsets(&mut self) {
+        let offset = |site: &TargetInText| match *site {
+            TargetInText::Offset(at) => self.found.offsets[at as usize].steps.last()?.tokens.map(|tokens| tokens[0]),
+            _ => None,
+        };
+        let of_kept = |(target, site): (&Target, &TargetInText)| {
+            offset(site).filter(|_| matches!(target.editable, Editable::No(_)))
+        };
+        let mut held: HashSet<SourceSpan> =
+            self.found.targets.iter().zip(&self.found.sites).filter_map(of_kept).collect();
+        held.extend(&self.numbers.held);
+        // A target that was changed before this motion no longer records the offset of this statement.
+        let of_changed = |(target, site): (&Target, &TargetInText)| {
+            let changed = matches!((site, target.editable), (TargetInText::None, Editable::No(_)));
+            changed.then_some((target.source, target.span.start))
+        };
+        let changed: HashSet<(u16, u32)> =
+            self.found.targets.iter().zip(&self.found.sites).filter_map(of_changed).collect();
+        for (target, site) in self.found.targets.iter_mut().zip(&self.found.sites) {
+            let of_statement = |place: &SourceSpan| {
+                let within = target.span.start <= place.span.start && place.span.end <= target.span.end;
+                within && place.source == target.source && changed.contains(&(target.source, target.span.start))
+            };
+            let shared = offset(site).is_some_and(|place| held.contains(&place) || of_statement(&place));
+            if shared && target.editable == Editable::Position {
+                target.editable = Editable::No(Reason::OffsetUsedElsewhere);
+            }
+        }
+    }
+
+    /// Refuses a base when a target made from it cannot be edited, because that target would move with it.
+    fn refuse_shared_declarations(&mut self) {
+        for i in 0..self.found.targets.len() {
+            if matches!(self.found.targets[i].editable, Editable::No(_)) {
+                let root = self.found.root(&self.found.sites[i]);
+                self.numbers.pin(root);
+            }
+        }
+        for i in 0..self.found.targets.len() {
+            let pinned = self.found.root(&self.found.sites[i]).is_some_and(|r| self.numbers.pinned.contains(&r));
+            let target = &mut self.found.targets[i];
+            if pinned && target.editable == Editable::Pose {
+                target.editable = Editable::No(Reason::DeclarationUsedElsewhere);
+            }
+        }
+    }
+
+    fn keep_what_is_refused(&mut self) {
+        for i in 0..self.found.targets.len() {
+            let target = &self.found.targets[i];
+            if let (Editable::No(reason), true) = (target.editable, target.motion != Motion::AbsoluteJoint) {
+                let (source, span) = (target.source as usize, target.span);
+                self.keep(source, span, reason);
+            }
+        }
+    }
+
+    /// Whether each statement was a motion to a literal target or has no later effect.
+    fn plain(&self, files: &[File]) -> bool {
+        let Some((file, context)) = files.split_first().filter(|_| self.written == 1) else { return false };
+        let only_data = |file: &File| file.odd.is_empty() && file.modules.iter().all(|m| m.routines.is_empty());
+        let [module] = &file.modules[..] else { return false };
+        let [proc] = &module.routines[..] else { return false };
+        let literal = |site: &TargetInText| matches!(site, TargetInText::Literal { .. } | TargetInText::None);
+        let known = |target: &Target| match target.goal {
+            Goal::Joints { .. } => true,
+            _ => target.editable == Editable::Pose,
+        };
+        proc.kind == RoutineKind::Proc
+            && context.iter().all(only_data)
+            && proc.params.is_empty()
+            && proc.handlers.is_empty()
+            && proc.body.iter().all(|statement| {
+                matches!(statement.kind, StatementKind::Assign(_) | StatementKind::Call(_) | StatementKind::Mark(_))
+            })
+            && file.odd.is_empty()
+            && self.counters.events == 0
+            && self.numbers.pinned.is_empty()
+            && self.found.unknown.is_empty()
+            && self.counters.arcs == 0
+            && self.found.sites.iter().all(literal)
+            && self.found.targets.iter().all(known)
+    }
+
+    /// Whether each motion of a plain program goes to an inline target.
+    fn inline(&self) -> bool {
+        let inline =
+            |site: &TargetInText| matches!(site, TargetInText::Literal { argument: None, .. } | TargetInText::None);
+        self.found.sites.iter().all(inline) && self.found.targets.iter().all(|target| target.name.is_none())
+    }
+}

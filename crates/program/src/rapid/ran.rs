@@ -1,0 +1,34 @@
+//! The statements that were run, and the targets of motions that were not.
+
+use super::value::SourceSpan;
+use deflex_text::Source;
+
+/// The statements that were run: one bit for each byte at which a statement may begin.
+pub(super) struct Ran(Vec<Vec<u64>>);
+
+impl Ran {
+    pub(super) fn new(sources: &[Source]) -> Self {
+        Self(sources.iter().map(|source| vec![0; source.bytes.len() / 64 + 1]).collect())
+    }
+
+    pub(super) fn add(&mut self, source: u16, at: u32) {
+        if let Some(word) = self.0[usize::from(source)].get_mut(at as usize / 64) {
+            *word |= 1 << (at % 64);
+        }
+    }
+
+    pub(super) fn has(&self, source: usize, at: u32) -> bool {
+        self.0[source].get(at as usize / 64).is_some_and(|word| word & (1 << (at % 64)) != 0)
+    }
+}
+
+/// The use of a target by a motion in a routine that nothing runs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Use {
+    pub(super) root: u32,
+    /// The first number of its offset.
+    pub(super) offset: Option<SourceSpan>,
+    pub(super) tool: u16,
+    pub(super) wobj: u16,
+    pub(super) cuts: bool,
+}

@@ -1,0 +1,315 @@
+//! Runs the program: follows calls, loops and branches as far as they are known when reading.
+
+use super::eval::Scope;
+use super::expression::{Call, ExpressionKind};
+use super::gathering::Gathering;
+use super::known::RoutineId;
+use super::motion;
+use super::outcome::Outcome;
+use super::predefined;
+use super::runner::{Flow, Mode, Runner};
+use super::tree::{Assignment, File, RoutineKind, Statement, StatementKind};
+use crate::{Kept, Reason, UnknownMotion};
+use deflex_text::limits::RUN_MOTIONS;
+use deflex_text::{Diagnostic, Severity, Span};
+
+/// Each further so many bytes of a statement count as one more step, because long statements take longer.
+const BYTES_PER_STEP: usize = 256;
+/// Most motions in all, if equal motions are stored once.
+#[allow(clippy::cast_possible_truncation)] // some million
+pub(super) const MOTIONS: u32 = RUN_MOTIONS.most as u32;
+impl<'a> Runner<'a> {
+    /// Runs `main`; if there is none, or it moves nothing, runs every procedure that no other calls.
+    pub(super) fn run(self, files: &[File]) -> Outcome {
+        self.run_gathering(files).0
+    }
+
+    /// [`Runner::run`], with the gathered targets and the number of executed motions.
+    pub(super) fn run_gathering(mut self, files: &[File]) -> (Outcome, Gathering, u32) {
+        let procs = self.follow();
+        self.look_aside(&procs);
+        self.keep_what_is_not_run();
+        self.tell_traps_that_move();
+        let gathering = std::mem::replace(&mut self.gathering, Gathering::All);
+        let motions = self.counters.motions;
+        (self.finish(files), gathering, motions)
+    }
+
+    /// The run of [`Runner::run`]; returns the procedures of the program.
+    pub(super) fn follow(&mut self) -> Vec<RoutineId> {
+        self.errors.stops_are_handled = self.handles_stops();
+        let procs = self.procedures();
+        let main = procs.iter().copied().find(|id| self.routine_name(*id).eq_ignore_ascii_case(b"main"));
+        self.begin_cycle();
+        if let Some(main) = main {
+            self.start(main);
+            self.tell_next_cycle(main);
+        }
+        if self.counters.motions == 0 {
+            let others: Vec<RoutineId> = self.uncalled(&procs).into_iter().filter(|id| Some(*id) != main).collect();
+            // Each entry point starts with the data of the text, not with those that another one left.
+            for (before, id) in others.into_iter().enumerate() {
+                // Nothing has run before the first one: a chunk begins with its given state.
+                if before > 0 {
+                    self.begin_again();
+                }
+                // `main` may have called it at any moment.
+                if self.may_be_called_late(id) {
+                    self.forget_what_routines_change();
+                }
+                self.start(id);
+                if self.budget.is_spent() {
+                    break;
+                }
+            }
+        }
+        procs
+    }
+
+    /// Procedures of the program itself, in the order of the text.
+    fn procedures(&self) -> Vec<RoutineId> {
+        let own = |id: &RoutineId| id.file < self.written && self.symbols.routine(*id).kind == RoutineKind::Proc;
+        self.symbols.all().filter(own).collect()
+    }
+
+    pub(super) fn routine_name(&self, id: RoutineId) -> &'a [u8] {
+        &self.bytes(id.file)[self.symbols.routine(id).name.range()]
+    }
+
+    pub(super) fn scope(&self) -> Scope {
+        match self.frames.last() {
+            #[allow(clippy::cast_possible_truncation)]
+            Some(frame) => {
+                Scope { source: frame.routine.file as u16, module: frame.module, local: true, running: true }
+            }
+            None => Scope { source: 0, module: 0, local: false, running: true },
+        }
+    }
+
+    pub(super) fn bytes(&self, source: usize) -> &'a [u8] {
+        let sources = self.symbols.sources;
+        &sources[source].bytes
+    }
+
+    /// Runs something only for the state after it, or for the data that it uses.
+    pub(super) fn quietly<T>(&mut self, mode: Mode, run: impl FnOnce(&mut Self) -> T) -> T {
+        let before = self.mode;
+        self.mode = before.max(mode);
+        let done = run(self);
+        self.mode = before;
+        done
+    }
+
+    pub(super) fn block(&mut self, block: &'a [Statement]) -> Flow {
+        for statement in block {
+            self.budget.spend(1);
+            if self.budget.is_spent()
+                || self.found.targets.len() > self.budget.most_targets
+                || self.counters.motions > MOTIONS
+            {
+                return self.give_up(statement.at);
+            }
+            let at = statement.at;
+            let flow = match &statement.kind {
+                StatementKind::Assign(assignment) => {
+                    self.begin_statement(at);
+                    self.assignment(assignment);
+                    Flow::Next
+                }
+                StatementKind::Call(call) => {
+                    self.begin_statement(at);
+                    self.procedure(call, at)
+                }
+                StatementKind::Mark(mark) => {
+                    self.state.mark = Some(*mark);
+                    self.state.mark_unknown = self.jumping.marks;
+                    Flow::Next
+                }
+                StatementKind::If(of) => self.condition(of, at),
+                StatementKind::For(of) => self.counted(of, at),
+                StatementKind::While(of) => self.repeat(of, at),
+                StatementKind::Test(of) => self.choice(of, at),
+                StatementKind::Return(value) => {
+                    if let Some(value) = value {
+                        let value = self.evaluate(self.scope(), value);
+                        self.numbers.pin_value(&value);
+                    }
+                    self.leave();
+                    Flow::Gone
+                }
+                StatementKind::Raise => self.raise(),
+                // These belong to handlers, which are not run; elsewhere they are errors.
+                StatementKind::Exit | StatementKind::Retry | StatementKind::TryNext => Flow::Gone,
+                StatementKind::Connect(_) => {
+                    self.counters.events += 1;
+                    Flow::Next
+                }
+                StatementKind::Goto(label) => {
+                    self.note(
+                        *label,
+                        "rapid.goto",
+                        "GOTO is not followed: statements are taken in the order of the text, and what the routine \
+                         changes is not known in it",
+                    );
+                    Flow::Next
+                }
+            };
+            // In a routine with labels, a jump may reach the next statement.
+            if flow == Flow::Gone && !self.frames.last().is_some_and(|frame| frame.jumps) {
+                return flow;
+            }
+        }
+        Flow::Next
+    }
+
+    /// Ends the run at a statement of the running routine.
+    pub(super) fn give_up(&mut self, at: Span) -> Flow {
+        if !self.budget.has_ended() {
+            // Reported once: everything still running ends at its next step.
+            self.budget.end();
+            if self.reached.looking_aside {
+                return Flow::Gone;
+            }
+            let (targets, steps) = (self.budget.most_targets, self.budget.most_steps);
+            let message = match self.gathering {
+                Gathering::All => format!("the program runs through more than {targets} targets or {steps} statements"),
+                _ => format!(
+                    "the program runs through more than {MOTIONS} motions, {targets} different ones, or {steps} statements \
+                     between them"
+                ),
+            };
+            let error = Diagnostic::error("rapid.endless", "", message)
+                .at(&self.symbols.sources[self.scope().source as usize], at);
+            self.said.diagnostics.push(error.help(RUN_MOTIONS.help));
+        }
+        Flow::Gone
+    }
+
+    /// Refuses the program because no controller would run it.
+    pub(super) fn refuse(&mut self, source: u16, span: Span, code: &'static str, message: &str, help: &str) {
+        if self.mode == Mode::Real && self.said.reported.insert((usize::from(source), span, code)) {
+            let error = Diagnostic::error(code, "", message).at(&self.symbols.sources[usize::from(source)], span);
+            self.said.diagnostics.push(error.help(help));
+        }
+    }
+
+    pub(super) fn note(&mut self, span: Span, code: &'static str, message: &str) {
+        self.tell(span, code, message, Severity::Note);
+    }
+
+    pub(super) fn tell(&mut self, span: Span, code: &'static str, message: &str, severity: Severity) {
+        let source = self.scope().source as usize;
+        if self.mode == Mode::Real && self.said.reported.insert((source, span, code)) {
+            let told = Diagnostic::error(code, "", message).at(&self.symbols.sources[source], span);
+            self.said.diagnostics.push(told.severity(severity));
+        }
+    }
+
+    /// Keeps a motion whose target is unknown.
+    pub(super) fn keep_motion(&mut self, span: Span, reason: Reason) {
+        self.position.stands = None;
+        if self.mode != Mode::Real {
+            return;
+        }
+        // No controller loads this.
+        let fault = matches!(reason, Reason::NotANumber | Reason::Aggregate | Reason::NotUnit);
+        let source = self.scope().source;
+        self.keep_as(source as usize, span, reason, fault);
+        let line = self.said.lines[source as usize].line(span.start);
+        self.miss(UnknownMotion { ordinal: self.counters.motions, reason, source, span, line });
+    }
+
+    /// Keeps a statement of the running routine.
+    pub(super) fn keep_here(&mut self, span: Span, reason: Reason) {
+        if self.mode == Mode::Real {
+            self.keep(self.scope().source as usize, span, reason);
+        }
+    }
+
+    pub(super) fn keep(&mut self, source: usize, span: Span, reason: Reason) {
+        self.keep_as(source, span, reason, false);
+    }
+
+    fn keep_as(&mut self, source: usize, span: Span, reason: Reason, fault: bool) {
+        if source < self.written && self.said.seen.insert((source, span, reason)) {
+            let line = self.said.lines[source].line(span.start);
+            let help = "";
+            self.said.kept.push(Kept { source, span, line: line as usize, reason, fault, help });
+        }
+    }
+
+    /// Counts an assignment or a call, and records that it is run.
+    fn begin_statement(&mut self, at: Span) {
+        self.budget.spend(at.len() / BYTES_PER_STEP);
+        if self.mode == Mode::Real {
+            self.reached.ran.add(self.scope().source, at.start);
+        }
+    }
+
+    fn assignment(&mut self, assignment: &'a Assignment) {
+        let (scope, failures) = (self.scope(), self.errors.failures);
+        let Assignment { to, value } = assignment;
+        if self.errors.guards > 0 && matches!(to.kind, ExpressionKind::Part(_)) {
+            // Evaluated for its indices.
+            self.evaluate(scope, to);
+        }
+        self.assign(scope, to, value);
+        // The handler may change the data that would have been assigned.
+        if self.errors.failures > failures {
+            self.may_be_handled(true);
+        }
+    }
+
+    /// A statement that calls a procedure or an instruction.
+    fn procedure(&mut self, call: &'a Call, at: Span) -> Flow {
+        let scope = self.scope();
+        let (bytes, arguments) = (self.bytes(scope.source as usize), &call.arguments);
+        if arguments.is_cut {
+            self.keep_here(at, Reason::NotUnderstood);
+            self.unknown_call(scope, arguments);
+            return Flow::Next;
+        }
+        if let Some(name) = &call.late {
+            return self.enter_late(scope, name, call, at);
+        }
+        let name = &bytes[call.name.range()];
+        if let Some(id) = self.symbols.find_routine(scope.module, name) {
+            return self.enter(scope, id, arguments, at);
+        }
+        if name.eq_ignore_ascii_case(b"CallByVar") {
+            return self.enter_by_variable(scope, call, at);
+        }
+        let shape = motion::shape(name);
+        // A stopped motion stops the program, unless a handler expects that.
+        let plain = shape.is_some_and(|shape| shape.plain) && !self.errors.stops_are_handled;
+        let known = if shape.is_none() { predefined::instruction(name) } else { None };
+        let fails = match known {
+            _ if plain => arguments.has(bytes, b"Conc"),
+            Some(known) => known.may_fail(),
+            None => true,
+        };
+        let (fails, failures) = (self.errors.guards > 0 && fails, self.errors.failures);
+        if fails {
+            self.may_fail();
+            self.may_be_handled(false);
+        }
+        let flow = match (shape, known) {
+            (Some(shape), _) => {
+                self.motion(scope, call, shape, at);
+                if self.skipped_since(failures) {
+                    self.position.stands = None;
+                }
+                Flow::Next
+            }
+            (None, Some(instruction)) => self.instruction(scope, call, instruction, at),
+            (None, None) => {
+                self.unknown_procedure(scope, call, at);
+                Flow::Next
+            }
+        };
+        if fails && flow == Flow::Next {
+            self.may_be_handled(true);
+        }
+        flow
+    }
+}

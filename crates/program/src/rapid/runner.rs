@@ -1,0 +1,302 @@
+//! The state of a run: known values, statements met, and results.
+
+use super::gathering::Gathering;
+use super::known::RoutineId;
+use super::layers::{Layer, Left};
+use super::literal::Literal;
+use super::ran::{Ran, Use};
+use super::state::{Begun, ModalState, Switches};
+use super::symbols::{Content, Names, Symbols};
+use super::tree::File;
+use super::value::SourceSpan;
+use super::{Offset, TargetInText};
+use crate::{ExternalAxes, InactiveUnit, Kept, Reason, Target, Tool, UnknownMotion, Wobj};
+use deflex_text::{Diagnostic, LineIndex, Source, Span};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
+use std::sync::Arc;
+
+/// Most statements run in all, in addition to those per byte of the program.
+const STEPS: usize = 500_000;
+const STEPS_PER_BYTE: usize = 4;
+/// Most targets in all, with loops expanded, in addition to those per byte: a file of one line must not fill the memory.
+const TARGETS: usize = 200_000;
+const TARGETS_PER_BYTE: usize = 1;
+/// Whether the next statement is run.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Flow {
+    Next,
+    /// The program continues elsewhere, with the state that was noted for that point.
+    Gone,
+}
+
+/// A routine that is being run.
+pub(super) struct Frame {
+    pub(super) routine: RoutineId,
+    pub(super) module: usize,
+    pub(super) names: Names,
+    /// The layer that began with it.
+    pub(super) layer: usize,
+    /// States at which it returns before its end.
+    pub(super) returns: Vec<Left>,
+    /// States at which it passes an error to its caller.
+    pub(super) raises: Vec<Left>,
+    /// It contains a GOTO.
+    pub(super) jumps: bool,
+    /// The modal state at the last noted error.
+    pub(super) noted: Option<(u64, ModalState)>,
+    /// The robot's position where it returns before its end; `None` before the first such statement.
+    pub(super) returns_from: Option<Option<u32>>,
+}
+
+/// What a run is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Mode {
+    /// The targets of the program.
+    Real,
+    /// The data that routines would use that nothing runs.
+    Aside,
+    /// Only the state after it.
+    Dry,
+}
+
+/// The last tool or work object argument and its meaning, valid while no name can have changed.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Cached {
+    pub(super) place: Option<SourceSpan>,
+    pub(super) epoch: u64,
+    pub(super) index: u16,
+}
+
+/// The run of a program: the state at the present statement, and what was found so far.
+pub(super) struct Runner<'a> {
+    pub(super) symbols: Symbols<'a>,
+    /// Files that will be written; those after them give declarations only.
+    pub(super) written: usize,
+    pub(super) frames: Vec<Frame>,
+    pub(super) layers: Vec<Layer<'a>>,
+    /// The values, before any routine ran, of data that a routine has changed.
+    pub(super) before_all: BTreeMap<usize, Content<'a>>,
+    pub(super) state: ModalState,
+    pub(super) mode: Mode,
+    /// States that calling routines with a GOTO may switch on at any of their statements.
+    pub(super) jumping: Switches,
+    /// Number of nested loops that are run only for the state at the start of a round.
+    pub(super) dry: usize,
+    pub(super) errors: Errors,
+    pub(super) position: Position,
+    pub(super) units: Units,
+    pub(super) budget: Budget,
+    pub(super) counters: Counters,
+    pub(super) reached: Reached,
+    pub(super) numbers: Numbers,
+    pub(super) used: UsedFrames,
+    pub(super) found: Found,
+    pub(super) gathering: Gathering,
+    pub(super) said: Said,
+    pub(super) begun: Begun,
+}
+
+/// Errors that handlers may catch.
+#[derive(Default)]
+pub(super) struct Errors {
+    /// Whether a handler may take over a stopped motion: see [`Runner::handles_stops`].
+    pub(super) stops_are_handled: bool,
+    /// Number of running routines that catch errors.
+    pub(super) guards: usize,
+    /// How often an expression in one could have failed.
+    pub(super) failures: usize,
+}
+
+/// Where the robot stands.
+pub(super) struct Position {
+    /// Ordinal of the motion at whose end the robot stands, 0 at the start of the routine; `None` if known only at run time.
+    pub(super) stands: Option<u32>,
+    /// Ordinal of the last target.
+    pub(super) last: u32,
+    /// Targets at which the robot may stand.
+    pub(super) standing: BTreeSet<usize>,
+}
+
+/// External axes.
+pub(super) struct Units {
+    /// Sets of units that were deactivated together, the first empty; [`Axes::inactive`](super::state::Axes::inactive) is an index into them.
+    pub(super) inactive: Vec<Arc<[InactiveUnit]>>,
+    /// External axes of the last target that has any.
+    pub(super) external: Option<Arc<ExternalAxes>>,
+    /// The external axes have moved by themselves since the last target.
+    pub(super) axes_moved: bool,
+}
+
+/// The bounds of a run, which end loops whose condition never changes, and what is used of them.
+pub(super) struct Budget {
+    /// Steps so far: about one for each statement.
+    pub(super) steps: usize,
+    pub(super) most_steps: usize,
+    /// Most targets that are held.
+    pub(super) most_targets: usize,
+}
+
+impl Budget {
+    pub(super) fn spend(&mut self, steps: usize) {
+        self.steps = self.steps.saturating_add(steps);
+    }
+
+    /// Takes steps back, unless the run was ended.
+    pub(super) fn give_back(&mut self, steps: usize) {
+        if !self.has_ended() {
+            self.steps = self.steps.saturating_sub(steps);
+        }
+    }
+
+    pub(super) fn is_spent(&self) -> bool {
+        self.steps > self.most_steps
+    }
+
+    /// Ends the run: everything that still runs ends at its next step.
+    pub(super) fn end(&mut self) {
+        self.steps = usize::MAX;
+    }
+
+    pub(super) fn has_ended(&self) -> bool {
+        self.steps == usize::MAX
+    }
+}
+
+/// Counts of what has happened.
+pub(super) struct Counters {
+    /// Changes with which a name could have got another meaning.
+    pub(super) epoch: u64,
+    /// Assignments: a loop without any never ends by itself.
+    pub(super) changes: u64,
+    /// Statements that are neither motions nor without effect.
+    pub(super) events: u64,
+    /// WHILE loops begun, which numbers them.
+    pub(super) loops: u64,
+    /// Executed motions, and the arcs among them.
+    pub(super) motions: u32,
+    pub(super) arcs: usize,
+}
+
+/// Routines and statements that were run.
+pub(super) struct Reached {
+    pub(super) ran: Ran,
+    pub(super) entered: HashSet<RoutineId>,
+    /// Routines that call themselves so often that they were not followed.
+    pub(super) endless: BTreeSet<RoutineId>,
+    /// Routines that were run only for the data that they would use.
+    pub(super) entered_aside: HashSet<RoutineId>,
+    pub(super) looking_aside: bool,
+    /// Uses by routines that nothing runs.
+    pub(super) aside: Vec<Use>,
+    /// Calls of procedures chosen at run time: the start of their names in upper case, empty if any name is possible.
+    pub(super) called_late: Vec<Box<[u8]>>,
+}
+
+/// The robtargets of the text, and the reasons not to edit their numbers.
+#[derive(Default)]
+pub(super) struct Numbers {
+    /// Complete robtargets by file, then those that are assembled from parts.
+    pub(super) literals: Vec<Literal>,
+    /// The first literal of each file in `literals`.
+    pub(super) first_literal: Vec<usize>,
+    /// Robtargets that are assembled from parts.
+    pub(super) own: HashMap<SourceSpan, u32>,
+    /// Those of which some run does not know the parts, or uses them where they cannot be edited.
+    pub(super) unassembled: HashSet<SourceSpan>,
+    /// Literals that must not be edited.
+    pub(super) pinned: BTreeSet<u32>,
+    /// Data whose declarations are pinned, with the data from which these take their values.
+    pub(super) pinned_data: BTreeSet<usize>,
+    /// Offsets that must not be edited, by their first number.
+    pub(super) held: HashSet<SourceSpan>,
+    /// Literals that parameters stood for, by routine and name.
+    pub(super) given: HashMap<(RoutineId, Box<[u8]>), Vec<u32>>,
+    /// Names of literals as motions spell them.
+    pub(super) names: HashMap<u32, Arc<str>>,
+}
+
+/// Tools and work objects that motions use.
+#[derive(Default)]
+pub(super) struct UsedFrames {
+    pub(super) tools: Vec<Tool>,
+    pub(super) tool_numbers: HashMap<Vec<u8>, u16>,
+    pub(super) wobjs: Vec<Wobj>,
+    pub(super) wobj_numbers: HashMap<Vec<u8>, u16>,
+    pub(super) last_tool: Cached,
+    pub(super) last_wobj: Cached,
+    /// The last speed argument and its value.
+    pub(super) last_speed: (Cached, Option<f64>),
+}
+
+/// The motions of the program so far.
+#[derive(Default)]
+pub(super) struct Found {
+    pub(super) targets: Vec<Target>,
+    /// One per target.
+    pub(super) sites: Vec<TargetInText>,
+    pub(super) offsets: Vec<Offset>,
+    /// Motions without a target.
+    pub(super) unknown: Vec<UnknownMotion>,
+}
+
+/// Messages to the user.
+#[derive(Default)]
+pub(super) struct Said {
+    pub(super) kept: Vec<Kept>,
+    /// Statements that were kept, with the reason.
+    pub(super) seen: HashSet<(usize, Span, Reason)>,
+    /// Diagnostics that were reported, by code.
+    pub(super) reported: HashSet<(usize, Span, &'static str)>,
+    pub(super) diagnostics: Vec<Diagnostic>,
+    pub(super) lines: Vec<LineIndex>,
+}
+
+impl<'a> Runner<'a> {
+    pub(super) fn new(sources: &'a [Source], files: &'a [File], written: usize) -> Self {
+        let bytes: usize = sources.iter().map(|s| s.bytes.len()).sum();
+        let mut runner = Self {
+            symbols: Symbols::new(sources, files),
+            written,
+            frames: Vec::new(),
+            layers: Vec::new(),
+            before_all: BTreeMap::new(),
+            state: ModalState::default(),
+            mode: Mode::Real,
+            jumping: Switches::NONE,
+            dry: 0,
+            errors: Errors::default(),
+            position: Position { stands: Some(0), last: 0, standing: BTreeSet::new() },
+            units: Units { inactive: vec![Arc::new([])], external: None, axes_moved: false },
+            budget: Budget {
+                steps: 0,
+                most_steps: STEPS + STEPS_PER_BYTE * bytes,
+                most_targets: TARGETS + TARGETS_PER_BYTE * bytes,
+            },
+            counters: Counters { epoch: 1, changes: 0, events: 0, loops: 0, motions: 0, arcs: 0 },
+            reached: Reached {
+                ran: Ran::new(sources),
+                entered: HashSet::new(),
+                endless: BTreeSet::new(),
+                entered_aside: HashSet::new(),
+                looking_aside: false,
+                aside: Vec::new(),
+                called_late: Vec::new(),
+            },
+            numbers: Numbers::of(files),
+            used: UsedFrames::default(),
+            found: Found::default(),
+            gathering: Gathering::All,
+            said: Said { lines: sources.iter().map(LineIndex::new).collect(), ..Said::default() },
+            begun: Begun::default(),
+        };
+        for (source, file) in files.iter().enumerate().take(written) {
+            for &(span, reason) in &file.odd {
+                runner.keep(source, span, reason);
+            }
+        }
+        runner.state.mark = files.iter().take(written).find_map(|f| f.mark);
+        let at_any_moment = runner.symbols.known.at_any_moment.switches;
+        runner.state.lose(Switches { marks: false, ..at_any_moment });
+        runner
+    }
+}

@@ -1,0 +1,225 @@
+//! The modal state: everything except data that instructions leave in force, and the parts that statements may switch.
+
+use super::value::Value;
+use crate::{ArcTurn, EXTERNAL_AXES, External, Mark, Reason};
+use std::collections::BTreeMap;
+use std::ops::BitOrAssign;
+
+/// Whether a mode is switched on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Switch {
+    #[default]
+    Off,
+    On,
+    Unknown,
+}
+
+impl Switch {
+    fn join(self, other: Self) -> Self {
+        if self == other { self } else { Self::Unknown }
+    }
+}
+
+/// The factor and limit on programmed speeds (`VelSet`).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Velocity {
+    /// Share of the programmed speed.
+    pub(super) share: f64,
+    /// Highest TCP speed, mm/s.
+    pub(super) most_mm_s: f64,
+}
+
+impl Velocity {
+    /// The state at the start of a program.
+    const AS_PROGRAMMED: Self = Self { share: 1.0, most_mm_s: f64::INFINITY };
+
+    /// The commanded speed for a programmed one, mm/s.
+    pub(super) fn of(self, programmed: f64) -> f64 {
+        (self.share * programmed).min(self.most_mm_s)
+    }
+}
+
+/// How the tool turns on arcs (`CirPathMode`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum ArcMode {
+    /// As the controller does if no instruction states it.
+    #[default]
+    Unstated,
+    Stated(ArcTurn),
+    /// By the wrist axes: only the controller knows the orientation between the points.
+    ByWrist,
+    Unknown,
+}
+
+impl ArcMode {
+    /// Why the orientation on arcs cannot be followed.
+    pub(super) fn unfollowed(self) -> Option<Reason> {
+        match self {
+            Self::Unstated | Self::Stated(_) => None,
+            Self::ByWrist => Some(Reason::ArcByWrist),
+            Self::Unknown => Some(Reason::ArcModeUnknown),
+        }
+    }
+
+    fn join(self, other: Self) -> Self {
+        if self == other { self } else { Self::Unknown }
+    }
+}
+
+/// The state of the external axes; `None` for unknown values.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Axes {
+    /// Added by the controller, mm or degrees.
+    pub(super) offset: Option<External>,
+    /// The deactivated units, as an index into the runner's list of such sets.
+    pub(super) inactive: Option<u32>,
+    /// Their positions after the last motion, offset included.
+    pub(super) positions: [Option<f64>; EXTERNAL_AXES],
+}
+
+impl Default for Axes {
+    fn default() -> Self {
+        Self { offset: Some([0.0; EXTERNAL_AXES]), inactive: Some(0), positions: [None; EXTERNAL_AXES] }
+    }
+}
+
+impl Axes {
+    /// The state after anything may have changed it.
+    pub(super) const UNKNOWN: Self = Self { offset: None, inactive: None, positions: [None; EXTERNAL_AXES] };
+
+    pub(super) fn join(self, other: Self) -> Self {
+        Self {
+            offset: self.offset.filter(|_| self.offset == other.offset),
+            inactive: self.inactive.filter(|_| self.inactive == other.inactive),
+            positions: std::array::from_fn(|i| self.positions[i].filter(|_| self.positions[i] == other.positions[i])),
+        }
+    }
+
+    /// Makes the positions unknown, because the axes may have moved.
+    pub(super) fn lose_positions(&mut self) {
+        self.positions = [None; EXTERNAL_AXES];
+    }
+}
+
+/// The modal state that the previous instructions leave.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct ModalState {
+    pub(super) mark: Option<Mark>,
+    /// The mark in force is known only at run time.
+    pub(super) mark_unknown: bool,
+    pub(super) displacement: Switch,
+    pub(super) axes: Axes,
+    /// Whether axes yield (`SoftAct`).
+    pub(super) soft: Switch,
+    /// Whether the robot grips a load other than `load0` (`GripLoad`).
+    pub(super) load: Switch,
+    /// `None` if known only at run time.
+    pub(super) velocity: Option<Velocity>,
+    pub(super) arcs: ArcMode,
+}
+
+impl Default for ModalState {
+    fn default() -> Self {
+        Self {
+            mark: None,
+            mark_unknown: false,
+            displacement: Switch::Off,
+            axes: Axes::default(),
+            soft: Switch::Off,
+            load: Switch::Off,
+            velocity: Some(Velocity::AS_PROGRAMMED),
+            arcs: ArcMode::default(),
+        }
+    }
+}
+
+impl ModalState {
+    pub(super) fn join(self, other: Self) -> Self {
+        Self {
+            mark: self.mark,
+            mark_unknown: self.mark_unknown || other.mark_unknown || self.mark != other.mark,
+            displacement: self.displacement.join(other.displacement),
+            axes: self.axes.join(other.axes),
+            soft: self.soft.join(other.soft),
+            load: self.load.join(other.load),
+            velocity: self.velocity.filter(|_| self.velocity == other.velocity),
+            arcs: self.arcs.join(other.arcs),
+        }
+    }
+
+    /// Makes unknown the parts that may be switched.
+    pub(super) fn lose(&mut self, switches: Switches) {
+        let Switches { displacement, axes, marks, soft, load, velocity, arcs } = switches;
+        if displacement {
+            self.displacement = Switch::Unknown;
+        }
+        if axes {
+            self.axes = Axes::UNKNOWN;
+        }
+        if soft {
+            self.soft = Switch::Unknown;
+        }
+        if load {
+            self.load = Switch::Unknown;
+        }
+        if velocity {
+            self.velocity = None;
+        }
+        if arcs {
+            self.arcs = ArcMode::Unknown;
+        }
+        self.mark_unknown |= marks;
+    }
+}
+
+/// The parts of the modal state that some statements may switch.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Switches {
+    /// Program displacement may be switched on.
+    pub(super) displacement: bool,
+    /// Offsets of external axes may be changed, or mechanical units activated.
+    pub(super) axes: bool,
+    /// A mark `! deflex …` is among the statements.
+    pub(super) marks: bool,
+    /// Axes may be made to yield.
+    pub(super) soft: bool,
+    /// Another load may be gripped.
+    pub(super) load: bool,
+    /// Programmed speeds may change.
+    pub(super) velocity: bool,
+    /// How the tool turns on arcs may change.
+    pub(super) arcs: bool,
+}
+
+impl Switches {
+    pub(super) const NONE: Self =
+        Self { displacement: false, axes: false, marks: false, soft: false, load: false, velocity: false, arcs: false };
+    /// The parts that an unknown routine may switch; it is assumed to leave speeds, soft servo, loads and turns on arcs alone.
+    pub(super) const FOREIGN: Self = Self { displacement: true, axes: true, ..Self::NONE };
+    pub(super) const ALL: Self =
+        Self { displacement: true, axes: true, marks: true, soft: true, load: true, velocity: true, arcs: true };
+}
+
+impl BitOrAssign for Switches {
+    fn bitor_assign(&mut self, other: Self) {
+        let Self { displacement, axes, marks, soft, load, velocity, arcs } = other;
+        self.displacement |= displacement;
+        self.axes |= axes;
+        self.marks |= marks;
+        self.soft |= soft;
+        self.load |= load;
+        self.velocity |= velocity;
+        self.arcs |= arcs;
+    }
+}
+
+/// The declared values on which `main` relies.
+#[derive(Default)]
+pub(super) struct Begun {
+    /// Tools and work objects that the program assigns, but possibly not before their use.
+    pub(super) declared: BTreeMap<usize, Value>,
+    /// Those that a motion uses before they are assigned.
+    pub(super) used: Vec<(usize, Value)>,
+    /// Whether a motion came before the first instruction that switches program displacement.
+    pub(super) moved_before_displacement: Option<bool>,
+}

@@ -1,0 +1,160 @@
+//! Corrections as text: the new tokens of literals, and the poses that the text states afterwards.
+
+use super::Layout;
+use super::literal::Literal;
+use super::value::{SourceSpan, quarters, unit};
+use crate::EXTERNAL_AXES;
+use crate::token::{New, signed};
+use crate::{Change, Editable, Goal, Program, Reason, RewriteOptions};
+use deflex_text::{Content, Edit, Span, Token};
+use std::collections::{BTreeSet, HashSet};
+
+/// New token texts of one literal; `None` for tokens that stay.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Print {
+    pub(super) tokens: [Option<Token>; 11],
+    /// The tokens of the external axes, with their spans.
+    pub(super) axes: Vec<(Span, Token)>,
+    /// The numbers of position and orientation after the edit, where known.
+    pub(super) values: [Option<f64>; 7],
+}
+
+/// Position and orientation as the controller holds them.
+pub(super) type Pose = ([f64; 3], [f64; 4]);
+
+/// Turns corrections into text.
+pub(super) struct Writer<'a> {
+    pub(super) program: &'a Program,
+    pub(super) layout: &'a Layout,
+    pub(super) options: &'a RewriteOptions,
+    pub(super) edits: Vec<Vec<Edit>>,
+    pub(super) kept: Vec<(usize, Reason)>,
+    /// Literals, and offsets by their first number, that stay because another target depends on them.
+    pub(super) frozen: BTreeSet<u32>,
+    pub(super) frozen_offsets: HashSet<SourceSpan>,
+    pub(super) not_inserted: Vec<(usize, Reason)>,
+}
+
+impl<'a> Writer<'a> {
+    pub(super) fn new(program: &'a Program, layout: &'a Layout, options: &'a RewriteOptions) -> Self {
+        Self {
+            program,
+            layout,
+            options,
+            edits: vec![Vec::new(); program.written],
+            kept: Vec::new(),
+            frozen: BTreeSet::new(),
+            frozen_offsets: HashSet::new(),
+            not_inserted: Vec::new(),
+        }
+    }
+
+    pub(super) fn bytes(&self, place: SourceSpan) -> &'a [u8] {
+        self.program.sources[place.source as usize].slice(place.span)
+    }
+
+    pub(super) fn token(&self, literal: &Literal, i: usize) -> &'a [u8] {
+        self.bytes(SourceSpan { source: literal.source, span: literal.token(i) })
+    }
+
+    pub(super) fn reason(&self, i: usize) -> Reason {
+        if let Editable::No(reason) = self.program.targets[i].editable { reason } else { Reason::SharedTarget }
+    }
+
+    /// Whether a change differs from the text.
+    pub(super) fn differs(&self, i: usize, change: &Change) -> bool {
+        let goal = &self.program.targets[i].goal;
+        let conf = if let Goal::Pose { conf, .. } = goal { *conf } else { None };
+        change.differs(goal) || change.conf.is_some() && change.conf != conf || change.external.is_some()
+    }
+
+    /// The new tokens of a literal for the change of one user.
+    pub(super) fn print(&self, i: usize, literal: &Literal, change: &Change) -> Print {
+        let mut print = Print::default();
+        let Goal::Pose { quat, conf, .. } = self.program.targets[i].goal else { return print };
+        for axis in 0..3 {
+            let new = New::of(self.token(literal, axis), change.position_mm[axis], self.options.position_decimals);
+            (print.tokens[axis], print.values[axis]) = (new.token, new.value);
+        }
+        if let Some(wanted) = change.turn(quat) {
+            for (c, value) in toward(wanted, quat).into_iter().enumerate() {
+                let new = New::of(self.token(literal, 3 + c), value, self.options.quat_decimals);
+                (print.tokens[3 + c], print.values[3 + c]) = (new.token, new.value);
+            }
+        }
+        if let Some(wanted) = change.conf.filter(|c| Some(*c) != conf).and_then(quarters) {
+            for (c, value) in wanted.into_iter().enumerate() {
+                // A configuration given by name stays, because other targets may use it.
+                if !literal.token(7 + c).is_empty() {
+                    print.tokens[7 + c] = New::of(self.token(literal, 7 + c), f64::from(value), 0).token;
+                }
+            }
+        }
+        if let (Some(wanted), Some(places)) = (&change.external, self.axes(literal)) {
+            let new = wanted.iter().zip(places).filter_map(|(wanted, span)| {
+                let old = self.bytes(SourceSpan { source: literal.source, span });
+                Some((span, New::of(old, (*wanted)?, self.options.position_decimals).token?))
+            });
+            print.axes = new.collect();
+        }
+        print
+    }
+
+    /// The spans of the six external axes of a literal; `None` if not all are numbers.
+    pub(super) fn axes(&self, literal: &Literal) -> Option<[Span; EXTERNAL_AXES]> {
+        literal.axes(&self.program.sources[literal.source as usize].bytes)
+    }
+
+    pub(super) fn edit_literal(&mut self, literal: &Literal, print: Print) {
+        let Some(edits) = self.edits.get_mut(literal.source as usize) else { return };
+        for (i, token) in print.tokens.into_iter().enumerate() {
+            if let Some(content) = token {
+                edits.push(Edit { span: literal.token(i), content: Content::from_slice(&content) });
+            }
+        }
+        edits.extend(print.axes.into_iter().map(|(span, token)| Edit { span, content: Content::from_slice(&token) }));
+    }
+
+    /// The text of a literal with its new tokens, for a clone.
+    pub(super) fn literal_text(&self, literal: &Literal, print: &Print) -> Vec<u8> {
+        let span = literal.span();
+        let bytes = self.bytes(SourceSpan { source: literal.source, span });
+        let mut out = Vec::new();
+        let mut done = 0;
+        let pose = print.tokens.iter().enumerate().filter_map(|(i, token)| Some((literal.token(i), token.as_ref()?)));
+        for (place, content) in pose.chain(print.axes.iter().map(|(place, token)| (*place, token))) {
+            let (from, to) = ((place.start - span.start) as usize, (place.end - span.start) as usize);
+            out.extend_from_slice(&bytes[done..from]);
+            out.extend_from_slice(content);
+            done = to;
+        }
+        out.extend_from_slice(&bytes[done..]);
+        out
+    }
+
+    /// Position and orientation as written after `print`, rounded to single precision.
+    pub(super) fn literal_pose(&self, literal: &Literal, print: Option<&Print>) -> Pose {
+        let value = |i: usize| {
+            if let Some(value) = print.and_then(|p| p.values[i]) {
+                return single(value);
+            }
+            let new = print.and_then(|p| p.tokens[i].as_deref());
+            // Text that is not a number becomes NaN, which leads to an error, never to another number.
+            single(signed(new.unwrap_or_else(|| self.token(literal, i))).unwrap_or(f64::NAN))
+        };
+        (std::array::from_fn(value), std::array::from_fn(|i| value(i + 3)))
+    }
+}
+
+/// A unit quaternion of the same orientation, with the signs of another.
+pub(super) fn toward(wanted: [f64; 4], quat: [f64; 4]) -> [f64; 4] {
+    let wanted = unit(wanted);
+    let against = wanted.iter().zip(&quat).map(|(a, b)| a * b).sum::<f64>() < 0.0;
+    if against { wanted.map(|c| -c) } else { wanted }
+}
+
+/// The controller's `num` is an IEEE single.
+#[allow(clippy::cast_possible_truncation)]
+pub(super) fn single(value: f64) -> f64 {
+    f64::from(value as f32)
+}

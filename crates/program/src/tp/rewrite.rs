@@ -1,0 +1,207 @@
+//! Writes corrected poses into the numbers of `/POS`: only signs and digits change. Points between targets are [inserted](super::insert).
+
+use super::Layout;
+use super::position::{Body, Config as Written, Pose};
+use super::written::{DECIMALS, nearest, single};
+use super::{arcs, insert};
+use crate::orientation::{from_zyx_deg, halfway, quaternion, rotation, zyx_deg};
+use crate::token::New;
+use crate::{Change, Conf, Editable, Goal, Insert, Program, Reason, RewriteOptions, Rewritten};
+use deflex_text::{Content, Edit, Span, Token};
+use std::collections::BTreeSet;
+
+/// New texts of the tokens of a position; `None` for a token that stays.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Print {
+    tokens: [Option<Token>; 6],
+    turns: [Option<Token>; 3],
+    /// The numbers that these texts have.
+    values: [f64; 6],
+    /// Whether the angles change.
+    turned: bool,
+}
+
+impl Print {
+    fn of(pose: &Pose) -> Self {
+        Self { values: pose.values, ..Self::default() }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.tokens.iter().all(Option::is_none) && self.turns.iter().all(Option::is_none)
+    }
+}
+
+pub(super) fn rewrite(
+    program: &Program,
+    layout: &Layout,
+    changes: &[Option<Change>],
+    inserts: &[Insert],
+    options: &RewriteOptions,
+) -> Rewritten {
+    let mut writer = Writer { program, layout, options, frozen: BTreeSet::new() };
+    let (prints, mut kept) = loop {
+        let (prints, kept) = writer.prints(changes);
+        if !writer.freeze(&kept) {
+            break (prints, kept);
+        }
+    };
+    kept.sort_unstable();
+    let mut edits: Vec<Edit> = Vec::new();
+    for (position, print) in layout.positions.iter().zip(&prints) {
+        if let (Body::Pose(pose), Some(print)) = (&position.body, print) {
+            let turns = pose.config.map_or([Span::default(); 3], |config| config.tokens);
+            let all = pose.tokens.iter().zip(&print.tokens).chain(turns.iter().zip(&print.turns));
+            edits.extend(all.filter_map(|(span, token)| {
+                Some(Edit { span: *span, content: Content::from_slice(token.as_deref()?) })
+            }));
+        }
+    }
+    edits.sort_by_key(|edit| edit.span);
+    let mut all = vec![Vec::new(); program.written];
+    if let Some(first) = all.first_mut() {
+        *first = edits;
+    }
+    let mut written: Vec<_> = (0..program.targets.len()).map(|i| writer.written(i, &prints)).collect();
+    for between in &layout.between {
+        // Its place follows from the points as they are written.
+        let [a, b, c] = between.circle.map(|i| written[i]);
+        let (from, to) = if between.first_half { (a, b) } else { (b, c) };
+        written[between.target] = (arcs::middle([a.0, b.0, c.0], between.first_half), halfway(from.1, to.1));
+    }
+    let mut out = Rewritten { edits: all, written, kept, ..Rewritten::default() };
+    insert::write(program, layout, inserts, options, &mut out);
+    out
+}
+
+struct Writer<'a> {
+    program: &'a Program,
+    layout: &'a Layout,
+    options: &'a RewriteOptions,
+    /// Positions that must stay because another point of their arc must.
+    frozen: BTreeSet<u32>,
+}
+
+impl Writer<'_> {
+    /// The new numbers of each position, on which all motions that use it agree, and the targets whose change is not written.
+    fn prints(&self, changes: &[Option<Change>]) -> (Vec<Option<Print>>, Vec<(usize, Reason)>) {
+        let mut prints: Vec<Option<Print>> = vec![None; self.layout.positions.len()];
+        let (mut kept, mut refused) = (Vec::new(), BTreeSet::new());
+        let mut wishes: Vec<(usize, u32, Result<Print, Reason>)> = Vec::new();
+        for (i, (site, change)) in self.layout.sites.iter().zip(changes).enumerate() {
+            let target = &self.program.targets[i];
+            let pose = site.and_then(|site| Some((site, self.pose(site)?)));
+            let wish = match (target.editable, pose, change) {
+                (Editable::Pose, Some((site, pose)), change) => {
+                    let print =
+                        change.as_ref().map_or_else(|| Ok(Print::of(pose)), |change| self.print(i, pose, change));
+                    (site, print)
+                }
+                (Editable::No(why), _, Some(change)) if self.differs(i, change) => {
+                    kept.push((i, why));
+                    continue;
+                }
+                _ => continue,
+            };
+            wishes.push((i, wish.0, wish.1));
+        }
+        for (_, site, wish) in &wishes {
+            let slot = &mut prints[*site as usize];
+            match wish {
+                Ok(print) if slot.is_none() => *slot = Some(print.clone()),
+                Ok(print) if slot.as_ref() == Some(print) => {}
+                _ => drop(refused.insert(*site)),
+            }
+        }
+        for (i, site, wish) in wishes {
+            let frozen = self.frozen.contains(&site);
+            if refused.contains(&site) || frozen {
+                prints[site as usize] = None;
+                if changes[i].as_ref().is_some_and(|change| self.differs(i, change)) {
+                    kept.push((i, wish.err().unwrap_or(if frozen { Reason::Arc } else { Reason::SharedNumbers })));
+                }
+            }
+        }
+        for print in &mut prints {
+            print.take_if(|print| print.is_empty());
+        }
+        (prints, kept)
+    }
+
+    /// Keeps the other points of arcs of which one point is kept. Returns whether there are any.
+    fn freeze(&mut self, kept: &[(usize, Reason)]) -> bool {
+        let count = self.frozen.len();
+        let points = &self.layout.points;
+        for &(i, _) in kept {
+            let arc = points[points.partition_point(|arc| arc.end <= i)..].first().filter(|arc| arc.contains(&i));
+            self.frozen.extend(arc.into_iter().flat_map(|arc| self.layout.sites[arc.clone()].iter().flatten()));
+        }
+        self.frozen.len() > count
+    }
+
+    fn pose(&self, site: u32) -> Option<&Pose> {
+        match &self.layout.positions.get(site as usize)?.body {
+            Body::Pose(pose) => Some(pose),
+            _ => None,
+        }
+    }
+
+    /// Whether a change differs from the present numbers.
+    fn differs(&self, i: usize, change: &Change) -> bool {
+        let goal = &self.program.targets[i].goal;
+        let conf = if let Goal::Pose { conf, .. } = goal { *conf } else { None };
+        change.differs(goal) || change.conf.is_some() && change.conf != conf
+    }
+
+    /// New tokens of a position for the change of one motion.
+    fn print(&self, i: usize, pose: &Pose, change: &Change) -> Result<Print, Reason> {
+        let mut print = Print::of(pose);
+        let Goal::Pose { quat, .. } = self.program.targets[i].goal else { return Ok(print) };
+        let put = |print: &mut Print, at: usize, value: f64| {
+            let old = self.program.sources[0].slice(pose.tokens[at]);
+            let new = New::of(old, value, DECIMALS.min(self.options.position_decimals));
+            (print.tokens[at], print.values[at]) = (new.token, new.value.unwrap_or(value));
+        };
+        for (at, value) in change.position_mm.into_iter().enumerate() {
+            put(&mut print, at, value);
+        }
+        if let Some(wanted) = change.turn(quat) {
+            let [r, p, w] = zyx_deg(&rotation(wanted));
+            let [w0, p0, r0] = [pose.values[3], pose.values[4], pose.values[5]];
+            for (at, value) in nearest([w, p, r], [w0, p0, r0]).into_iter().enumerate() {
+                put(&mut print, 3 + at, value);
+            }
+            print.turned = true;
+        }
+        if let (Some(Conf::Turns(wanted)), Some(written)) = (change.conf, pose.config) {
+            self.turns(&mut print, written, wanted.posture, wanted.turns)?;
+        }
+        Ok(print)
+    }
+
+    /// New turn numbers. The letters of CONFIG are never edited, so a position that needs other letters is kept.
+    fn turns(&self, print: &mut Print, written: Written, posture: i32, turns: [i32; 3]) -> Result<(), Reason> {
+        if posture != written.config.posture {
+            return Err(Reason::ConfigChanges);
+        }
+        for (at, turn) in turns.into_iter().enumerate() {
+            let old = self.program.sources[0].slice(written.tokens[at]);
+            print.turns[at] = New::of(old, f64::from(turn), 0).token;
+        }
+        Ok(())
+    }
+
+    /// A target as the controller will store it: the printed numbers in single precision.
+    fn written(&self, i: usize, prints: &[Option<Print>]) -> ([f64; 3], [f64; 4]) {
+        let Goal::Pose { position_mm, quat, .. } = self.program.targets[i].goal else {
+            return ([0.0; 3], [1.0, 0.0, 0.0, 0.0]);
+        };
+        let Some(site) = self.layout.sites[i] else { return (position_mm, quat) };
+        let print = prints[site as usize].as_ref();
+        let Some(values) = print.map(|print| print.values).or_else(|| Some(self.pose(site)?.values)) else {
+            return (position_mm, quat);
+        };
+        let [x, y, z, w, p, r] = values.map(single);
+        let turned = print.is_some_and(|print| print.turned);
+        ([x, y, z], if turned { quaternion(&from_zyx_deg([r, p, w])) } else { quat })
+    }
+}

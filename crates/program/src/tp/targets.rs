@@ -1,0 +1,305 @@
+//! Builds targets from executed motions: their position, their frames, and whether the numbers may be edited.
+
+use super::arcs;
+use super::builder::{Builder, Built, EditablePosition, Visit, are_in_one_frame, refuse};
+use super::position::{Body, Number, Pose, Position};
+use crate::EXTERNAL_AXES;
+use crate::lowered::intern;
+use crate::orientation::{from_zyx_deg, quaternion};
+use crate::{
+    Conf, Editable, ExternalAxes, Goal, GroupAxis, Kept, Mark, Motion as Path, Predecessor, Reason, Role, Target, Tool,
+    ToolData, UnknownMotion, Wobj, WobjData,
+};
+use deflex_lang::ir;
+use deflex_lang::run::{Outcome, PathStart};
+use deflex_lang::tp::{self, Frame, Held, Motion, StatementKind};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+const SELECTED_LATER: [Reason; 2] = [Reason::FrameSelected, Reason::ToolSelected];
+const OTHER_SELECTED: [Reason; 2] = [Reason::OtherFrameSelected, Reason::OtherToolSelected];
+const REDEFINED: [Reason; 2] = [Reason::FrameRedefined, Reason::ToolRedefined];
+
+impl<'a> Builder<'a> {
+    /// All of it.
+    pub(super) fn build(mut self, outcome: &Outcome) -> Built {
+        let code = self.code;
+        for (line, kind) in code.lines.iter().zip(&code.kinds) {
+            for index in tp::positions_named(line, kind) {
+                self.freeze(tp::count(index), Reason::PositionNamed);
+            }
+        }
+        let visits: Vec<Visit<'_>> = outcome
+            .motions
+            .iter()
+            .enumerate()
+            .filter_map(|(run, moved)| {
+                let at = code.lines.binary_search_by_key(&moved.place.span, |line| line.span).ok()?;
+                let StatementKind::Motion(motion) = &code.kinds[at] else { return None };
+                Some(Visit { run, at, motion, held: Held(moved) })
+            })
+            .collect();
+        let rows = arcs::rows(code);
+        let mut open = &visits[..];
+        while let Some(visit) = open.first() {
+            let row = &rows[rows.partition_point(|row| row.end <= visit.at)..];
+            let count = match row.first().filter(|row| row.contains(&visit.at)) {
+                Some(row) => self.row(open, row.clone()),
+                None => {
+                    self.motion(visit);
+                    1
+                }
+            };
+            open = &open[count..];
+        }
+        self.hold_what_others_use(outcome);
+        self.keep_halves_of_arcs();
+        self.say_what_is_kept();
+        self.built
+    }
+
+    /// The position with a number.
+    fn position(&self, number: Option<u32>) -> Result<usize, Reason> {
+        match self.numbers.get(&number.ok_or(Reason::PositionUnknown)?) {
+            Some((at, false)) => Ok(*at),
+            Some((_, true)) => Err(Reason::PositionTwice),
+            None => Err(Reason::PositionMissing),
+        }
+    }
+
+    fn freeze(&mut self, number: Option<u32>, why: Reason) {
+        match self.position(number) {
+            Ok(at) => drop(self.frozen.entry(at).or_insert(why)),
+            Err(Reason::PositionUnknown) => drop(self.all_frozen.get_or_insert(Reason::MayGoThere)),
+            Err(_) => {}
+        }
+    }
+
+    fn motion(&mut self, visit: &Visit<'_>) {
+        self.built.motions += 1;
+        self.built.arcs += usize::from(visit.motion.path == ir::Path::Circular);
+        let points: Result<Vec<_>, _> = visit.roles().iter().map(|role| self.point(visit, *role)).collect();
+        let points =
+            points.and_then(|points| if are_in_one_frame(&points) { Ok(points) } else { Err(Reason::ArcFrames) });
+        match points {
+            Ok(points) => {
+                let first = self.built.targets.len();
+                points.into_iter().for_each(|point| self.push(visit.run, point));
+                if visit.motion.via.is_some() {
+                    self.built.points.push(first..self.built.targets.len());
+                }
+            }
+            Err(why) => self.lose(visit, why),
+        }
+    }
+
+    /// The start of the segment to a point of a motion.
+    fn predecessor(&self, visit: &Visit<'_>, role: Role) -> Predecessor {
+        let Some(last) = self.last else { return Predecessor::Start };
+        let behind_via = role == Role::End && visit.motion.via.is_some();
+        let stands = visit.held.0.from == PathStart::Previous && last + 1 == visit.run;
+        if behind_via || stands { Predecessor::Previous } else { Predecessor::Unknown }
+    }
+
+    /// Adds a point of a motion, given by its index among the executed ones.
+    pub(super) fn push(&mut self, run: usize, (target, site): (Target, EditablePosition)) {
+        self.last = Some(run);
+        self.built.targets.push(target);
+        self.built.sites.push(site);
+    }
+
+    /// Records a motion with an unknown end. The positions that it names must not be edited.
+    pub(super) fn lose(&mut self, visit: &Visit<'_>, why: Reason) {
+        for number in visit.roles().iter().filter_map(|role| visit.number(*role).ok()) {
+            self.freeze(number, Reason::MovedToo);
+        }
+        self.unknown(visit.at, why);
+    }
+
+    /// The target for a point of a motion; `Err` has the reason if its place is unknown.
+    pub(super) fn point(&mut self, visit: &Visit<'_>, role: Role) -> Result<(Target, EditablePosition), Reason> {
+        let motion = visit.motion;
+        let known = self.position(visit.number(role)?)?;
+        let position = &self.positions[known];
+        let spline = motion.moved.filter(|_| stays_at_its_point(motion));
+        if let Some(why) = motion.moved.filter(|_| spline.is_none()) {
+            return Err(why);
+        }
+        if let Some(why) = visit.held.displaced() {
+            return Err(why);
+        }
+        if motion.coordinated && position.groups.is_empty() {
+            return Err(Reason::Coordinated);
+        }
+        let (goal, frames, site, why) = match &position.body {
+            Body::None(why) => return Err(*why),
+            Body::Pose(pose) => (goal(pose), pose.frames, Some(known as u32), spline),
+            Body::Joints { deg, frames } => (Goal::Joints { deg: *deg }, *frames, None, Some(Reason::Joints)),
+        };
+        let mark = visit.held.mark();
+        let why = why.or(mark.err()).or(self.all_frozen);
+        let mark = match mark {
+            Ok(Some(b"air")) => Some(Mark::Air),
+            Ok(Some(b"cut")) => Some(Mark::Cut),
+            _ => None,
+        };
+        let [wobj, tool] = self.frames(frames, visit.held)?;
+        let path = match (motion.path, &goal) {
+            (ir::Path::Joint, Goal::Joints { .. }) => Path::AbsoluteJoint,
+            (ir::Path::Joint, _) => Path::Joint,
+            (ir::Path::Circular, _) => Path::Circular,
+            _ => Path::Linear,
+        };
+        let line = &self.code.lines[visit.at];
+        let target = Target {
+            ordinal: u32::try_from(self.built.motions).unwrap_or(u32::MAX),
+            role,
+            motion: path,
+            goal,
+            tool,
+            wobj,
+            feed_mm_s: motion.feed_mm_s,
+            spindle_rpm: None,
+            rapid: false,
+            mark,
+            editable: why.map_or(Editable::Pose, Editable::No),
+            located: true,
+            extra_load: false,
+            external: self.external(position, motion),
+            name: Some(format!("P[{}]", position.number).into()),
+            source: 0,
+            span: line.span,
+            line: u32::try_from(line.line).unwrap_or(u32::MAX),
+            predecessor: self.predecessor(visit, role),
+            arc_turn: None,
+        };
+        Ok((target, site))
+    }
+
+    /// The external axes, including those of other motion groups.
+    fn external(&self, position: &Position, motion: &Motion<'_>) -> Option<Arc<ExternalAxes>> {
+        let written = position.external;
+        if written == [None; EXTERNAL_AXES] && position.groups.is_empty() {
+            return None;
+        }
+        let at_rest = self.axes.map(|used| !used);
+        let rests = |axis: &GroupAxis| GroupAxis { at_rest: !self.groups.contains(&axis.axis), ..*axis };
+        let (groups, coordinated) = (position.groups.iter().map(rests).collect(), motion.coordinated);
+        Some(Arc::new(ExternalAxes { written, at_rest, groups, coordinated, ..ExternalAxes::default() }))
+    }
+
+    /// Indices of work object and tool.
+    fn frames(&mut self, recorded: [Number; 2], held: Held<'_>) -> Result<[u16; 2], Reason> {
+        let mut numbers = [0; 2];
+        for (i, frame) in [Frame::User, Frame::Tool].into_iter().enumerate() {
+            numbers[i] = match (recorded[i], held.selected(frame)) {
+                (Number::Known(own), Some(selected)) if own != selected => return Err(OTHER_SELECTED[i]),
+                (Number::Known(own), _) => own,
+                (Number::Selected, Some(selected)) => selected,
+                (Number::Selected, None) => return Err(SELECTED_LATER[i]),
+            };
+            if held.is_redefined(frame, numbers[i]) {
+                return Err(REDEFINED[i]);
+            }
+        }
+        let wobj =
+            Wobj { name: format!("UF {}", numbers[0]).into(), data: (numbers[0] == 0).then_some(WORLD), unit: None };
+        let tool = Tool { name: format!("UT {}", numbers[1]).into(), data: (numbers[1] == 0).then_some(FLANGE) };
+        Ok([intern(&mut self.built.wobjs, wobj), intern(&mut self.built.tools, tool)])
+    }
+
+    /// Records a motion with an unknown end.
+    fn unknown(&mut self, at: usize, why: Reason) {
+        let (line, most) = (&self.code.lines[at], u32::MAX);
+        self.built.unknown.push(UnknownMotion {
+            ordinal: u32::try_from(self.built.motions).unwrap_or(most),
+            reason: why,
+            source: 0,
+            span: line.span,
+            line: u32::try_from(line.line).unwrap_or(most),
+        });
+        self.keep(at, why);
+    }
+
+    fn keep(&mut self, at: usize, reason: Reason) {
+        let line = &self.code.lines[at];
+        let known = self.built.kept.iter().any(|kept| kept.span == line.span && kept.reason == reason);
+        if !known {
+            self.built.kept.push(Kept { source: 0, span: line.span, line: line.line, reason, fault: false, help: "" });
+        }
+    }
+
+    /// Keeps the targets whose numbers must not be edited because of other uses.
+    fn hold_what_others_use(&mut self, outcome: &Outcome) {
+        let built = &mut self.built;
+        for (target, site) in built.targets.iter_mut().zip(&built.sites) {
+            let Some(site) = site else { continue };
+            if outcome.used.contains_key(&ir::TokenId(*site)) {
+                refuse(target, Reason::CountedFrom);
+            }
+            if let Some(why) = self.frozen.get(&(*site as usize)).copied().or(self.all_frozen) {
+                refuse(target, why);
+            }
+        }
+        // A target that must stay fixes its numbers for all motions that use them.
+        let mut held: BTreeMap<u32, Reason> = BTreeMap::new();
+        for (target, site) in built.targets.iter().zip(&built.sites) {
+            if let (Editable::No(why), Some(site)) = (target.editable, site) {
+                held.entry(*site).or_insert(why);
+            }
+        }
+        for (target, site) in built.targets.iter_mut().zip(&built.sites) {
+            if let Some(why) = site.and_then(|site| held.get(&site).copied()) {
+                refuse(target, why);
+            }
+        }
+    }
+
+    fn say_what_is_kept(&mut self) {
+        let spans: BTreeMap<_, _> = self.code.lines.iter().enumerate().map(|(at, line)| (line.span, at)).collect();
+        let kept: BTreeSet<_> = self
+            .built
+            .targets
+            .iter()
+            // Circle points that are not in the text have the reason of their arc.
+            .filter(|target| target.motion != Path::AbsoluteJoint && target.name.is_some())
+            .filter_map(|target| match target.editable {
+                Editable::No(why) => Some((spans[&target.span], why)),
+                _ => None,
+            })
+            .collect();
+        kept.into_iter().for_each(|(at, why)| self.keep(at, why));
+        self.built.kept.sort_by_key(|kept| kept.span);
+    }
+}
+
+/// Motion options that do not change where the motion ends.
+fn stays_at_its_point(motion: &Motion<'_>) -> bool {
+    motion.moved == Some(Reason::SplineOption)
+}
+
+/// A pose from X, Y, Z and W, P, R, which are turns about the fixed axes x, y, z.
+fn goal(pose: &Pose) -> Goal {
+    let [x, y, z, w, p, r] = pose.values;
+    Goal::Pose {
+        position_mm: [x, y, z],
+        quat: quaternion(&from_zyx_deg([r, p, w])),
+        conf: pose.config.map(|config| Conf::Turns(config.config)),
+    }
+}
+
+const UNTURNED: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
+
+/// User frame 0.
+const WORLD: WobjData = WobjData {
+    robhold: false,
+    fixed: true,
+    uframe_mm: [0.0; 3],
+    uframe_quat: UNTURNED,
+    oframe_mm: [0.0; 3],
+    oframe_quat: UNTURNED,
+};
+
+/// Tool 0: the flange.
+const FLANGE: ToolData =
+    ToolData { robhold: true, tcp_mm: [0.0; 3], tcp_quat: UNTURNED, mass_kg: 0.0, cog_mm: [0.0; 3] };
