@@ -248,7 +248,7 @@ impl Prepared {
     /// The same in a context.
     fn of(context: Context<'_>) -> Result<Self, Vec<Diagnostic>> {
         let mut prepared = path::prepare(context, &mut free_turn::carried(context)?)?;
-        removal::run(context, &mut prepared, Cuts::Programmed, &context.cell.arm)?;
+        removal::cut_as_programmed(context, &mut prepared)?;
         Ok(prepared)
     }
 

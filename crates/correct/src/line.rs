@@ -157,7 +157,7 @@ impl<'a> Stages<'a> {
     /// Runs the stages `path` and `load`.
     pub(super) fn prepare(&self, context: Context<'_>, turn: &Turn<'_>) -> Result<Prepared, Unsolved> {
         let mut prepared = turn.take(&self.path, |path| path::prepare(context, path))??;
-        removal::run(context, &mut prepared, Cuts::Programmed, &context.cell.arm)?;
+        removal::cut_as_programmed(context, &mut prepared)?;
         Ok(prepared)
     }
 

@@ -1,10 +1,13 @@
 //! The loads of a program whose points were moved on purpose: those of its original.
 //!
 //! The controller drives a program with moved corners along the path of the original, and there the cutter feeds. The lines between the
-//! moved points have other directions, and inserted targets shift the ordinals by which a table gives forces, times and temperatures.
+//! moved points have other directions, and pass through other material. Inserted targets shift the ordinals by which a table gives forces,
+//! times and temperatures.
 
 use super::Prepared;
+use super::removal;
 use super::segment::{Kind, waypoint_targets};
+use deflex_effects::PartYield;
 use deflex_program::Program;
 use std::sync::Arc;
 
@@ -12,33 +15,86 @@ use std::sync::Arc;
 #[derive(Clone, Copy)]
 pub(super) struct OriginalLoads<'a> {
     pub(super) prepared: &'a Prepared,
-    /// The target of the original for each target of the moved program: that at the end of the segment on which it is.
-    pub(super) targets: &'a [usize],
+    /// The target of the original for each target of the moved program.
+    pub(super) targets: &'a [OriginalTarget],
+}
+
+/// The target of the original whose loads a target of the moved program has.
+#[derive(Clone, Copy)]
+pub(super) struct OriginalTarget {
+    /// Its index.
+    target: usize,
+    /// Indices of the waypoints of the original between which the target of the moved program is; the first waypoint begins at itself.
+    segment: (usize, usize),
 }
 
 impl OriginalLoads<'_> {
     /// The target of the original for each target of a moved program. `waypoint_of` gives the waypoint of the original for a waypoint of the
     /// moved program.
-    pub(super) fn targets(original: &Program, moved: &Program, waypoint_of: &dyn Fn(usize) -> usize) -> Vec<usize> {
+    pub(super) fn targets(
+        original: &Program,
+        moved: &Program,
+        waypoint_of: &dyn Fn(usize) -> usize,
+    ) -> Vec<OriginalTarget> {
         let (originals, waypoints) = (waypoint_targets(original), waypoint_targets(moved));
         let target = |i: usize| {
-            let waypoint = waypoint_of(waypoints.partition_point(|waypoint| *waypoint < i));
-            let end = originals[waypoint.min(originals.len() - 1)];
+            let waypoint = waypoint_of(waypoints.partition_point(|waypoint| *waypoint < i)).min(originals.len() - 1);
+            let end = originals[waypoint];
             // The circle point of an arc.
             let via = end.checked_sub(1).filter(|via| Kind::of(original, *via) == Kind::Point);
-            via.filter(|_| Kind::of(moved, i) == Kind::Point).unwrap_or(end)
+            let target = via.filter(|_| Kind::of(moved, i) == Kind::Point).unwrap_or(end);
+            OriginalTarget { target, segment: (originals[waypoint.saturating_sub(1)], end) }
         };
         (0..moved.targets.len()).map(target).collect()
     }
 
-    /// Replaces the loads of the moved program's points.
+    /// Replaces the loads of the moved program's points, and the notes about them.
     pub(super) fn apply(self, moved: &mut Prepared) {
         Arc::make_mut(&mut moved.shared).laws.clone_from(&self.prepared.shared.laws);
-        for (point, &i) in moved.points.iter_mut().zip(self.targets) {
-            let original = &self.prepared.points[i];
+        moved.notes.clone_from(&self.prepared.notes);
+        let shares = self.shares(moved);
+        let mut from = 0.0;
+        for (i, (point, at)) in moved.points.iter_mut().zip(self.targets).enumerate() {
+            let original = &self.prepared.points[at.target];
             (point.load, point.plunges, point.normal) = (original.load, original.plunges, original.normal);
             (point.payload, point.temperature) = (original.payload, original.temperature);
             (point.time, point.cut_length) = (original.time, original.cut_length);
+            let [before, end] = [at.segment.0, at.segment.1].map(|waypoint| &self.prepared.points[waypoint]);
+            let share = shares[i];
+            point.part.clone_from(&end.part);
+            if let (Some(before), Some(end)) = (before.part.as_deref(), end.part.as_deref())
+                && share < 1.0
+            {
+                point.part = Some(Arc::new(PartYield::mixed([(before, 1.0 - share), (end, share)])));
+            }
+            let is_circle_point = at.target != at.segment.1;
+            let milled = end.milled.as_ref().filter(|_| !is_circle_point);
+            point.milled = milled.map(|milled| milled.between(from, share));
+            if let Some(force) = end.milled.as_ref().filter(|_| share < 1.0).and_then(|milled| milled.at(share)) {
+                point.load = removal::load(force.programmed);
+            }
+            if !is_circle_point {
+                from = if share < 1.0 { share } else { 0.0 };
+            }
         }
+    }
+
+    /// The share of its segment of the original at which each target of the moved program is: by the lengths of the chords between the
+    /// targets on the segment.
+    fn shares(&self, moved: &Prepared) -> Vec<f64> {
+        let mut lengths = vec![0.0; self.targets.len()];
+        let mut totals = vec![0.0; self.prepared.points.len()];
+        for i in 1..self.targets.len() {
+            let [begin, end] = [i - 1, i].map(|i| moved.points[i].wobj_from_tcp.translation.vector);
+            let segment = self.targets[i].segment;
+            let so_far = if self.targets[i - 1].segment == segment { lengths[i - 1] } else { 0.0 };
+            lengths[i] = so_far + (end - begin).norm();
+            totals[segment.1] = lengths[i];
+        }
+        let share = |(length, at): (f64, &OriginalTarget)| {
+            let total: f64 = totals[at.segment.1];
+            if total > 0.0 { length / total } else { 1.0 }
+        };
+        lengths.into_iter().zip(self.targets).map(share).collect()
     }
 }

@@ -116,6 +116,20 @@ impl FedForce {
 }
 
 impl Milled {
+    /// The cut of the part of the segment between two shares of it.
+    pub(super) fn between(&self, from: f64, to: f64) -> Self {
+        if (from, to) == (0.0, 1.0) {
+            return self.clone();
+        }
+        let inner = self.forces.iter().filter(|(at, _)| (from..=to).contains(at));
+        let inner = inner.map(|(at, force)| ((at - from) / (to - from), *force));
+        let ends = [(from, 0.0), (to, 1.0)].map(|(at, share)| self.at(at).map(|force| (share, force)));
+        let forces: Vec<_> = ends[0].into_iter().chain(inner).chain(ends[1]).collect();
+        // The engagement is known at the end of the segment alone.
+        let engaged = self.engaged.filter(|_| to >= 1.0);
+        Self { engaged, removed: self.removed * (to - from), forces: forces.into(), ..self.clone() }
+    }
+
     /// The force at a share of the segment; `None` if it does not follow from the stock.
     pub(super) fn at(&self, share: f64) -> Option<FedForce> {
         let after = self.forces.partition_point(|(at, _)| *at < share);

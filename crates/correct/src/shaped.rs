@@ -9,7 +9,7 @@ use super::corrected::DrivenSummary;
 use super::course::Course;
 use super::driven::{DrivenSegments, Sampling, driven_segments, loaded_along, original_waypoint};
 use super::line::compensate_in;
-use super::original_loads::OriginalLoads;
+use super::original_loads::{OriginalLoads, OriginalTarget};
 use super::{Corrected, Options, Prepared, Row, frames};
 use deflex_cell::{Cell, ControllerPath};
 use deflex_drive::{CommandedMotion, DriveError, Freedom, ShapedCommand, Wanted, shape};
@@ -287,7 +287,7 @@ impl Given<'_> {
     }
 
     /// The target of the original for each target of a program whose motions belong to the waypoints in `origins`.
-    fn targets(&self, program: &Program, origins: &[usize]) -> Vec<usize> {
+    fn targets(&self, program: &Program, origins: &[usize]) -> Vec<OriginalTarget> {
         OriginalLoads::targets(self.program, program, &original_waypoint(origins))
     }
 

@@ -506,6 +506,35 @@ fn a_simulated_part_has_the_corners_that_the_controller_rounds() {
     assert!(!said.contains("path.assumed"), "{said}");
 }
 
+/// With --max-path-error the corner of the text lies outside the part, and the cutter still meets what it meets at the programmed corner.
+#[test]
+fn moved_corners_have_the_forces_of_the_programmed_path() {
+    let bench = Bench::new();
+    // The box ends 3 mm after the corner: a point that is moved out meets less of it.
+    let cut = "[robot.stiffness]\njoint_nm_per_rad = [8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4]\n[cut]\nforce = \"mechanistic\"\n\
+               [cut.cutter]\ndiameter_mm = 10.0\ncorner_radius_mm = 0.0\nteeth = 2\n[cut.coefficients]\nmaterial = \"al7075\"\n\
+               [cut.engagement]\nmode = \"stock\"\nfeed_per_tooth_mm = 0.1\n\
+               [stock]\nbox_mm = [[1110, -20, 880], [1203, 90, 902]]\nresolution_mm = 0.5\n";
+    let cell = CELL.replace("[cut]\nforce = \"none\"\n", cut);
+    bench.write("cell.toml", format!("{cell}{LAW}"));
+    bench.write("p.mod", program("v50", "z1"));
+    let forces = |arguments: &str| {
+        bench.run(&format!("compensate p.mod --cell cell.toml -o out.mod --report r.csv -q {arguments}")).exits(0);
+        let report = bench.read("r.csv");
+        let mut lines = report.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
+        let head = lines.next().unwrap();
+        let column = |name: &str| head.iter().position(|column| column == name).unwrap();
+        let columns = ["fx_n", "fy_n", "fz_n", "depth_mm", "engaged_deg"].map(column);
+        let rows: Vec<Vec<String>> = lines.map(|line| columns.map(|column| line[column].clone()).to_vec()).collect();
+        (rows, bench.read("out.mod"))
+    };
+    let (straight, written) = forces("");
+    let (moved, shaped) = forces("--max-path-error 0.05 --subdivide 0.05");
+    assert_ne!(written, shaped);
+    assert!(straight[1][1].parse::<f64>().unwrap() > 10.0, "{straight:?}");
+    assert_eq!(moved, straight);
+}
+
 /// `$APO.CDIS` is the zone of a KRL corner; a parabola over all of it passes the corner r √2 / 4 away. What the cell does not say of the
 /// law is said.
 #[test]

@@ -84,6 +84,18 @@ const COLLISION: f64 = 0.05e-9;
 const RESOLUTION_SHARE: f64 = 0.025;
 const RESOLUTION: std::ops::RangeInclusive<f64> = 0.1e-3..=1e-3;
 
+/// Cuts the cell's stock with the programmed path, and puts the forces that follow from it into the points. A program whose points were moved
+/// on purpose has the forces of its original, which has cut the stock.
+///
+/// # Errors
+/// As [`run`].
+pub(super) fn cut_as_programmed(context: Context<'_>, prepared: &mut Prepared) -> Result<(), Vec<Diagnostic>> {
+    if context.loads.is_none() {
+        run(context, prepared, Cuts::Programmed, &context.cell.arm)?;
+    }
+    Ok(())
+}
+
 /// Cuts the cell's stock with a prepared program, and puts the forces that follow from it into the points. `arm` is the arm that deflects
 /// with [`Cuts::Deflected`] and [`Cuts::Driven`].
 ///
