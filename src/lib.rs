@@ -2,7 +2,8 @@
 //! the robot lacks.
 //!
 //! A **cell** describes the robot as its controller assumes it, and a list of **effects** by which the real robot differs from
-//! that. All computations take a cell. The modules are listed in the order of the data:
+//! that. All computations take a cell. Each module is a crate of its own, which can be used alone: [`robot`] is `deflex-robot`, and the
+//! examples of its documentation name it `deflex_robot`. The modules are listed in the order of the data:
 //!
 //! | module | from | to |
 //! |---|---|---|
@@ -79,8 +80,9 @@
 //!
 //! Versions follow [semantic versioning](https://semver.org/). While the first number is 0, a change of the second one can break
 //! callers.
-//! - Public items keep their names, signatures and meanings. Results and enums that will grow are `#[non_exhaustive]`. Make
-//!   options with `..Options::default()`: a new field comes with a minor version.
+//! - Public items keep their names, signatures and meanings. Results that will grow are `#[non_exhaustive]`. Make options with
+//!   `..Options::default()`: a new field, or a new variant of an enum, comes with a minor version.
+//! - Items that this documentation does not show are for the crates of deflex alone, and can change in any version.
 //! - Later versions add to the codes of messages ([`Diagnostic::code`](text::Diagnostic::code)), the kinds and parameters of
 //!   effects, the keys of the cell file, the columns of reports and the exit codes, and remove none. The text of a message is for
 //!   people and may change.
