@@ -1,6 +1,7 @@
 //! Points on segments that are added to a program's points, where something was measured.
 
 use super::context::Context;
+use super::load::PointLoad;
 use super::loads_before::torque_between;
 use super::point::Point;
 use super::removal::{self, Cuts};
@@ -88,7 +89,7 @@ impl Prepared {
     fn take_load(&self, point: &mut Point, Between { target, share }: Between) {
         let force = self.points[target].milled.as_ref().and_then(|milled| milled.at(share));
         if let Some(force) = force {
-            point.load = removal::load(force.programmed);
+            point.load = PointLoad::of_stock(force.programmed);
         }
         if let Some(before) = target.checked_sub(1) {
             point.torque = torque_between(&self.points[before], &self.points[target], share);

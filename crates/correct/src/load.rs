@@ -24,6 +24,11 @@ pub(super) enum PointLoad {
 }
 
 impl PointLoad {
+    /// The load of a force that follows from the stock, N, work object axes.
+    pub(super) fn of_stock(force: Vector3<f64>) -> Self {
+        if force == Vector3::zeros() { Self::Air } else { Self::Constant { force, follows: Follows::WorkObject } }
+    }
+
     /// Whether a load differs so little from another that the deflection between them can be interpolated: by a fiftieth of the force, for
     /// which the second order is 0.02 %.
     pub(super) fn is_near(&self, other: &Self) -> bool {

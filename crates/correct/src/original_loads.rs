@@ -5,7 +5,7 @@
 //! times and temperatures.
 
 use super::Prepared;
-use super::removal;
+use super::load::PointLoad;
 use super::segment::{Kind, waypoint_targets};
 use deflex_effects::PartYield;
 use deflex_program::Program;
@@ -71,7 +71,7 @@ impl OriginalLoads<'_> {
             let milled = end.milled.as_ref().filter(|_| !is_circle_point);
             point.milled = milled.map(|milled| milled.between(from, share));
             if let Some(force) = end.milled.as_ref().filter(|_| share < 1.0).and_then(|milled| milled.at(share)) {
-                point.load = removal::load(force.programmed);
+                point.load = PointLoad::of_stock(force.programmed);
             }
             if !is_circle_point {
                 from = if share < 1.0 { share } else { 0.0 };

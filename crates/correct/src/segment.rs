@@ -180,8 +180,7 @@ impl<'p> Segment<'p> {
         let (from, to) = (self.from, self.to);
         let milled = self.to.milled.as_ref().and_then(|milled| milled.at(share)).map(|force| force.at(speed));
         let load = match milled {
-            Some(force) if force == Vector3::zeros() => PointLoad::Air,
-            Some(force) => PointLoad::Constant { force, follows: Follows::WorkObject },
+            Some(force) => PointLoad::of_stock(force),
             None => self.load(&wobj_from_tcp, tangent.as_ref()),
         };
         let normal = match load {

@@ -11,7 +11,7 @@ use super::context::Context;
 use super::course::Course;
 use super::driven::{DrivenMotion, Sampling, as_written};
 use super::frames;
-use super::load::{Follows, PointLoad, Through};
+use super::load::{PointLoad, Through};
 use super::mount::Mount;
 use super::point::{FedForce, Milled, Point};
 use super::segment::Kind;
@@ -194,11 +194,6 @@ fn spacing(blank: &Blank, said: Option<f64>, smallest: f64) -> Result<f64, Vec<D
             Err(error.help(format!("{}{least}", STOCK_LINES.help)).into())
         }
     }
-}
-
-/// The load of a force that follows from the stock, N, work object axes.
-pub(super) fn load(force: Vector3<f64>) -> PointLoad {
-    if force == Vector3::zeros() { PointLoad::Air } else { PointLoad::Constant { force, follows: Follows::WorkObject } }
 }
 
 /// Where the stock stands.
@@ -456,12 +451,12 @@ impl Walk<'_> {
                 && let (Some(force), Some(_)) =
                     (milled.at(0.5), prepared.points[via].through.and_then(|t| t.feed_per_tooth))
             {
-                prepared.points[via].load = load(force.programmed);
+                prepared.points[via].load = PointLoad::of_stock(force.programmed);
             }
         }
         let point = &mut prepared.points[i];
         if let (Some(_), Some((_, force))) = (through.feed_per_tooth, milled.forces.last()) {
-            point.load = load(force.programmed);
+            point.load = PointLoad::of_stock(force.programmed);
         }
         point.cut_length = self.cut_length;
         point.milled = Some(milled);
