@@ -4,7 +4,6 @@
 #![allow(dead_code)] // each fuzz target asks one of the questions
 
 use deflex::cell::{Cell, backup_template, described, described_template};
-use deflex::cli::session::write;
 use deflex::correct::{self, Options};
 use deflex::measured::Table;
 use deflex::program::cl::{self, ClOptions, Units};
@@ -12,6 +11,7 @@ use deflex::program::{
     Goal, Language, Program, ReadOptions, RewriteOptions, Target, detect, jbi, krl, rapid, read, tp, ur,
 };
 use deflex::robot::BUILTIN;
+use deflex::session::write;
 use deflex::stock::{ClosedMesh, read_stl};
 use deflex::text::{Diagnostic, Source, apply};
 use std::fs;

@@ -19,7 +19,8 @@
 //! | [`measured`] | measured rows | residuals |
 //! | [`identify`] | residuals | the effect that the cell lacks |
 //! | [`report`] | results | CSV, JSON, summary, HTML, CI formats |
-//! | [`cli`] | arguments, files | files, exit code; [`cli::session`] returns the results in memory |
+//! | [`session`] | files | the results of the commands in memory |
+//! | [`cli`] | arguments, files | files, exit code |
 //!
 //! Read a program, correct it, and write it:
 //!
@@ -74,7 +75,7 @@
 //! # Features
 //!
 //! `cli`, which is on by default, adds [`cli`] and the command. Without it (`default-features = false`) nothing of a command line is built:
-//! no parser of arguments, no progress bar and no handler of interrupts.
+//! no parser of arguments, no progress bar, no handler of interrupts and no server of a window.
 //!
 //! # Stability
 //!
@@ -102,6 +103,7 @@ extern crate self as deflex;
 
 #[cfg(feature = "cli")]
 pub mod cli;
+pub mod session;
 
 #[doc(inline)]
 pub use {

@@ -1,6 +1,6 @@
 use crate::errors::OrRaise;
 use crate::work;
-use deflex::cli::session::ProgramFiles;
+use deflex::session::ProgramFiles;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;

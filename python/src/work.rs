@@ -1,7 +1,7 @@
 //! Long work on a thread of its own: Python's other threads run meanwhile, Ctrl-C is heard, and progress is told.
 
 use crate::errors::raised;
-use deflex::cli::session::Follow;
+use deflex::session::Follow;
 use deflex::text::Diagnostic;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;

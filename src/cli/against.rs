@@ -1,7 +1,7 @@
 //! `--against`: the programs as they were before a correction.
 
-use super::job::{Job, jobs};
-use super::setup::Setup;
+use crate::session::job::{Job, jobs};
+use crate::session::setup::Setup;
 use deflex::program::{Language, Program};
 use deflex::text::Diagnostic;
 use std::path::{Path, PathBuf};

@@ -1,13 +1,13 @@
 //! The settings that the programs of one `compensate` share, and the paths of their output files.
 
-use super::again::Again;
 use super::args::Compensate;
-use super::job::Job;
-use super::output::{Outputs, is_file_name, is_stdout};
-use super::report::Noticed;
-use super::setup::Setup;
-use deflex::correct::{PostOptions, RAPID_MM_S};
-use deflex::program::Language;
+use crate::session::again::Again;
+use crate::session::job::Job;
+use crate::session::output::{Outputs, is_file_name, is_stdout};
+use crate::session::report::Noticed;
+use crate::session::setup::Setup;
+use crate::session::written::posted_from;
+use deflex::correct::PostOptions;
 use deflex::report::html::PathTrace;
 use deflex::text::Diagnostic;
 use std::path::{Path, PathBuf};
@@ -62,19 +62,6 @@ pub(super) fn post_options(args: &Compensate, file: &Path) -> PostOptions {
         feed_mm_s: args.feed,
         language: args.post,
         ..posted_from(file, named)
-    }
-}
-
-/// The same for a program that is named after the file `named`.
-pub(super) fn posted_from(file: &Path, named: &Path) -> PostOptions {
-    let stem = named.file_stem().unwrap_or(named.as_os_str()).to_string_lossy().into_owned();
-    PostOptions {
-        name: if stem == "-" { "program".to_owned() } else { stem },
-        title: vec![format!("posted by deflex {} from {}", env!("CARGO_PKG_VERSION"), file.display())],
-        max_targets: None,
-        rapid_mm_s: RAPID_MM_S,
-        feed_mm_s: None,
-        language: Language::Rapid,
     }
 }
 

@@ -2,16 +2,18 @@
 
 use super::against::Originals;
 use super::args::{Check, CheckFormat, Form};
-use super::files::both;
-use super::input::Context;
-use super::job::Job;
-use super::output::{Outputs, one_thing};
 use super::piped::{Piped, jobs};
 use super::predicted::{self, Batch, Passed, Predicted, Question};
-use super::report::{self, Noticed, Rows};
+use super::report;
 use super::run::each;
-use super::setup::Setup;
+use super::setup::setup;
 use super::{Answer, Outcome, message, progress};
+use crate::session::input::Context;
+use crate::session::job::Job;
+use crate::session::output::{Outputs, one_thing};
+use crate::session::read::both;
+use crate::session::report::{Noticed, Rows, pretty};
+use crate::session::setup::Setup;
 use deflex::correct::{Judged, KeptCount, KeptReason, Messages, Row, Summary, WayFault, compensate, predict};
 use deflex::program::{Language, Program, Role, Target};
 use deflex::report::html::{PathKind, PathPage, PathTrace};
@@ -31,7 +33,7 @@ pub(super) fn run(args: &Check) -> Outcome {
     let context = Context::of(&args.context)?;
     let piped = Piped::new(&args.inputs)?;
     let jobs = jobs(piped.as_ref(), &args.inputs, kind, args.reports.keep_going);
-    let (mut setup, (jobs, failed)) = both(Setup::read(&args.model, context, args.correct, &args.reports), jobs)?;
+    let (mut setup, (jobs, failed)) = both(setup(&args.model, context, args.correct, &args.reports), jobs)?;
     // The cell has been read for this run only, so it can still be changed.
     if let (Some(most), Some(cell)) =
         (args.max_correction.filter(|_| args.against.is_none()), Arc::get_mut(&mut setup.cell))
@@ -65,13 +67,13 @@ pub(super) fn run(args: &Check) -> Outcome {
     }
 
     let text = match form {
-        Form::Json => report::pretty(&answer_json(&setup, &files))?,
+        Form::Json => pretty(&answer_json(&setup, &files))?,
         Form::Junit => junit(&files),
-        Form::Sarif => report::pretty(&sarif(&files))?,
+        Form::Sarif => pretty(&sarif(&files))?,
         Form::Text => check_text(&files),
     };
     outputs.add_summary(&text);
-    outputs.add_report(args.reports.json.as_ref(), || report::pretty(&answer_json(&setup, &files)))?;
+    outputs.add_report(args.reports.json.as_ref(), || pretty(&answer_json(&setup, &files)))?;
     if let Some(path) = args.reports.report.as_ref().filter(|_| !rows.is_empty()) {
         report::joined(&mut outputs, path, &rows)?;
     }
@@ -208,7 +210,7 @@ fn whole(args: &Check, batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result
     let targets = program.targets.iter().filter(|target| target.role == Role::End).count() + program.unknown.len();
     let cell = &setup.cell.cell;
     let outputs = batch.outputs.sibling();
-    let options = setup.options_followed(progress::of_one(bar, batch.programs));
+    let options = setup.options_followed(progress::of_one(bar, batch.programs).map(progress::cutting));
     let mut predicted = match predict(&program, cell, &options, original.as_ref()) {
         Ok(predicted) => predicted,
         Err(refused) => {

@@ -2,25 +2,25 @@
 
 use super::args::Compensate;
 use super::batch::{self, Batch, default_report, in_one_file, post_options};
-use super::files::{both, other_ending};
-use super::input::Context;
-use super::job::Job;
-use super::output::{Outputs, cannot_write, is_stdout, one_thing};
 use super::piped::{Piped, jobs};
 use super::report::joined;
-use super::run::{Done, each, finish};
-use super::setup::Setup;
+use super::run::{Done, each, finish, origins};
+use super::setup::setup;
 use super::{Outcome, progress, stream};
-use deflex::cell::Cell;
-use deflex::correct::{self, Corrected, PostOptions};
-use deflex::program::{Language, Program};
+use crate::session::input::Context;
+use crate::session::job::Job;
+use crate::session::output::{Outputs, cannot_write, is_stdout, one_thing};
+use crate::session::read::{both, other_ending};
+use crate::session::written::{Written, written};
+use deflex::correct;
+use deflex::program::Language;
 use deflex::report::html::{PathKind, PathTrace};
 use deflex::text::{Diagnostic, Severity};
 use indicatif::ProgressBar;
 use std::path::PathBuf;
 
 pub(super) fn run(args: &Compensate) -> Outcome {
-    let setup = Setup::read(&args.model, Context::read(&args.reading)?, args.correct, &args.reports);
+    let setup = setup(&args.model, Context::of(&args.reading.context)?, args.correct, &args.reports);
     let piped = Piped::new(&args.inputs)?;
     let jobs = jobs(piped.as_ref(), &args.inputs, args.reading.format, args.reports.keep_going);
     let (mut setup, (jobs, failed)) = both(setup, jobs)?;
@@ -39,7 +39,7 @@ pub(super) fn run(args: &Compensate) -> Outcome {
     let done = each(jobs, (args.common.quiet, args.reports.keep_going), failed, |job, bar| {
         job.marked()?;
         let named_otherwise = named_otherwise(args, &job)?;
-        let origins = job.origins_for(&args.reports)?;
+        let origins = origins(&job, &args.reports)?;
         // The driven path can be corrected only with the whole program in memory.
         let streamed = if args.max_path_error.is_none() { stream::compensate(&batch, &job, bar)? } else { None };
         let mut done = match streamed {
@@ -60,7 +60,7 @@ impl Batch<'_> {
         let (name, files, companions) = (job.name.clone(), job.files.clone(), job.companions.clone());
         let noticed = self.noticed(&job);
         let program = setup.program(job)?;
-        let options = setup.options_followed(progress::of_one(bar, self.programs));
+        let options = setup.options_followed(progress::of_one(bar, self.programs).map(progress::cutting));
         let cell = &setup.cell.cell;
         // The program that was edited, if it differs from the given one.
         let mut shaped = None;
@@ -128,31 +128,6 @@ fn named_otherwise(args: &Compensate, job: &Job) -> Result<Option<Diagnostic>, V
         Some((Language::Cl, warning)) if job.language == Language::Cl => Err(vec![warning.severity(Severity::Error)]),
         other => Ok(other.map(|(_, warning)| warning)),
     }
-}
-
-/// Files of a corrected program under their names, and notes about them.
-pub(super) struct Written {
-    pub(super) files: Vec<(PathBuf, Vec<u8>)>,
-    pub(super) notes: Vec<Diagnostic>,
-}
-
-/// Edits or posts a corrected program.
-pub(super) fn written(
-    program: &Program,
-    corrected: &Corrected,
-    cell: &Cell,
-    files: &[PathBuf],
-    post: impl FnOnce() -> PostOptions,
-) -> Result<Written, Vec<Diagnostic>> {
-    if !program.language.is_edited() {
-        let posted = correct::post(program, cell, corrected, &post())?;
-        let files = posted.files.into_iter().map(|(name, bytes)| (name.into(), bytes)).collect();
-        return Ok(Written { files, notes: posted.notes });
-    }
-    let edits = corrected.rewritten.as_ref().map_or(&[][..], |rewritten| &rewritten.edits[..]);
-    let edited = program.edited(edits).into_iter().take(program.written);
-    let files = edited.zip(files).map(|(source, file)| (file.clone(), source.bytes)).collect();
-    Ok(Written { files, notes: Vec::new() })
 }
 
 /// Writes the files of one program to their paths.

@@ -1,19 +1,19 @@
 //! `diff`: what changed between two programs.
 
 use super::args::Diff;
-use super::files::both;
-use super::input::{self, Context};
-use super::job::Job;
-use super::output::{Outputs, one_thing, to_stdout};
-use super::report::pretty;
 use super::{Answer, Outcome};
+use crate::session::input::{self, Context};
+use crate::session::job::Job;
+use crate::session::output::{Outputs, one_thing, to_stdout};
+use crate::session::read::both;
+use crate::session::report::pretty;
 use deflex::report::html::diff_page;
 use deflex::report::{diff_csv, diff_summary, diff_text, difference};
 use std::io::{IsTerminal, stdout};
 use std::path::Path;
 
 pub(super) fn run(args: &Diff) -> Outcome {
-    let context = Context::read(&args.reading)?;
+    let context = Context::of(&args.reading.context)?;
     let read = |path: &Path| input::program_alone(Job::of(path, args.reading.format)?, &context);
     let (original, corrected) = both(read(&args.original), read(&args.corrected))?;
     let found = difference(&original, &corrected);

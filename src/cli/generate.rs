@@ -1,8 +1,8 @@
 //! `generate`: writes completions and manual pages from the same definitions as `--help`.
 
 use super::args::{Cli, Generate, Generated};
-use super::output::{Outputs, print};
 use super::{Answer, Outcome};
+use crate::session::output::{Outputs, print};
 use clap::{Command, CommandFactory};
 use clap_mangen::Man;
 use deflex::text::Diagnostic;

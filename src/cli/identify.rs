@@ -2,13 +2,13 @@
 
 use super::against::Originals;
 use super::args::Identify;
-use super::files::{all, both};
-use super::input::{CellFile, Context};
-use super::job::Job;
-use super::output::{Outputs, one_thing, to_stdout};
-use super::report::pretty;
-use super::session::{self, MeasuredFile, MeasuredRunFiles, ProgramFiles};
 use super::{Answer, Outcome, message, progress};
+use crate::session::input::{CellFile, Context};
+use crate::session::job::Job;
+use crate::session::output::{Outputs, one_thing, to_stdout};
+use crate::session::read::{all, both};
+use crate::session::report::pretty;
+use crate::session::{self, MeasuredFile, MeasuredRunFiles, ProgramFiles};
 use deflex::cell::{examples_left, with_path_law};
 use deflex::drive::FittedLaw;
 use deflex::identify::Written;
@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 pub(super) fn run(args: &Identify) -> Outcome {
     let printed = to_stdout([&args.output, &args.report, &args.json, &args.html].map(Option::as_ref));
     one_thing(printed)?;
-    let (cell, context) = both(CellFile::read(&args.cell), Context::read(&args.reading))?;
+    let (cell, context) = both(CellFile::read(&args.cell), Context::of(&args.reading.context))?;
     let names = args.columns.as_deref().map(ColumnNames::parse).transpose()?;
     let table = |path: &Path| Ok(MeasuredFile::read(path)?.read_as(names.clone(), args.match_mm));
     let program = |path: &Path| Job::of(path, args.reading.format);

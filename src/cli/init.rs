@@ -1,8 +1,8 @@
 //! `init`: writes a cell file to start from.
 
 use super::args::Init;
-use super::output::{Outputs, print};
 use super::{Answer, Outcome};
+use crate::session::output::{Outputs, print};
 use deflex::cell::{backup_template, described, described_template, template};
 use deflex::robot::Builtin;
 use deflex::text::{Diagnostic, Source};
@@ -15,7 +15,7 @@ pub(super) fn run(args: &Init) -> Outcome {
         return Ok(Answer::Yes);
     }
     if let Some(path) = &args.urdf {
-        let source = super::files::source(path)?;
+        let source = crate::session::read::source(path)?;
         let described = described(&source, args.tip.as_deref())?;
         return write(args, &described_template(&described, &source.name));
     }
@@ -26,7 +26,7 @@ pub(super) fn run(args: &Init) -> Outcome {
                 Diagnostic::error("init.backup", &moc.display().to_string(), "is not a file, but a pipe or a device");
             return Err(error.help("give the folder of a backup, in which SYSPAR/MOC.cfg is").into());
         }
-        let moc = super::files::source(&moc)?;
+        let moc = crate::session::read::source(&moc)?;
         let modules = modules(folder)?;
         return write(args, &backup_template(&moc, &modules, args.robot.as_deref())?);
     }
@@ -78,7 +78,7 @@ fn modules(folder: &Path) -> Result<Vec<Source>, Vec<Diagnostic>> {
     for task in entries(&folder.join("RAPID")) {
         for kind in ["PROGMOD", "SYSMOD"] {
             for path in entries(&task.join(kind)).iter().filter(|path| is_module(path)) {
-                sources.push(super::files::source(path)?);
+                sources.push(crate::session::read::source(path)?);
             }
         }
     }

@@ -1,12 +1,12 @@
 //! `inspect`: shows what deflex understands of programs.
 
 use super::args::Inspect;
-use super::files::all;
-use super::input::{self, Context};
-use super::job::{Job, belongs_to_another};
-use super::output::{Outputs, is_stdout};
-use super::report::pretty;
 use super::{Answer, Outcome, progress};
+use crate::session::input::{self, Context};
+use crate::session::job::{Job, belongs_to_another};
+use crate::session::output::{Outputs, is_stdout};
+use crate::session::read::all;
+use crate::session::report::pretty;
 use deflex::program::{Language, detect, round_trip};
 use deflex::report::{InspectFile, InspectFiles, inspect_table};
 use deflex::text::{Diagnostic, printable_line};
@@ -19,7 +19,7 @@ const LISTS: &str = "pgf";
 const SHARED: [&str; 2] = ["txt", "dat"];
 
 pub(super) fn run(args: &Inspect) -> Outcome {
-    let context = Context::read(&args.reading)?;
+    let context = Context::of(&args.reading.context)?;
     let paths: Vec<PathBuf> = all(args.inputs.iter().map(|path| programs(path)))?.into_iter().flatten().collect();
     let bar = progress::bar(paths.len(), args.common.quiet);
     let inspected: Vec<_> = paths

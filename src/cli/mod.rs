@@ -1,28 +1,18 @@
-//! The command line: turns arguments into the objects of the library, with one file for each command. Only this module
-//! reads files, writes files and prints.
+//! The command line: turns arguments into the objects of the library, with one file for each command. Only this module prints.
 //!
-//! [`main`] is the command itself. [`session`] returns the results in memory, for programs and notebooks.
+//! [`main`] is the command itself. [`session`](crate::session) returns the results in memory, for programs and notebooks.
 
-mod again;
 mod against;
 mod args;
 mod batch;
-mod blocks;
 mod check;
 mod compensate;
 mod diff;
-mod file_state;
-mod files;
-mod forces;
 mod generate;
 mod identify;
 mod init;
-mod input;
 mod inspect;
-mod job;
-mod lines;
 mod message;
-mod output;
 mod piped;
 mod plan;
 mod pose;
@@ -31,13 +21,12 @@ mod predicted;
 mod progress;
 mod report;
 mod run;
-pub mod session;
 mod setup;
 mod simulate;
 mod stream;
 mod studio;
-mod text;
 
+use crate::session::output;
 use args::{Cli, Command, Common};
 use clap::Parser;
 use deflex::text::{Diagnostic, Severity};
@@ -84,7 +73,8 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
     };
     output::watch::start();
     output::lock::wait_at_most(cli.lock_timeout);
-    output::clean_up_when_interrupted();
+    output::warn_by(|warnings| message::print(warnings, false));
+    clean_up_when_interrupted();
     let _clean = output::AtTheEnd;
     message::print(&old_spellings(&args, &cli.command), common(&cli.command).is_some_and(|common| common.quiet));
     let outcome = threads(&cli.command).and_then(|()| match &cli.command {
@@ -109,6 +99,18 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
             2
         }
     }
+}
+
+/// Installs a handler that removes temporary files when the run is interrupted, and then ends the process.
+fn clean_up_when_interrupted() {
+    /// Exit code that shells use for a process that SIGINT ended.
+    const INTERRUPTED: i32 = 130;
+    // If no handler can be installed, an interruption leaves temporary files, but no incomplete output.
+    let _ = ctrlc::set_handler(|| {
+        let _placing = output::interrupted();
+        #[allow(clippy::exit)] // the other threads hold what their destructors would need
+        std::process::exit(INTERRUPTED);
+    });
 }
 
 /// Stack size of the threads, equal to the usual size of the main thread's stack. The equilibria of eight targets are

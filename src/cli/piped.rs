@@ -1,8 +1,8 @@
 //! Stores a program that comes through a pipe, because a pipe can be read only once.
 
-use super::job::{self, Job, Looked};
-use super::output::{Temporary, is_stdout};
-use super::text::Text;
+use crate::session::job::{self, Job, Looked};
+use crate::session::output::{Temporary, is_stdout};
+use crate::session::text::Text;
 use deflex::program::Language;
 use deflex::text::{Diagnostic, cannot_read};
 use std::fs::{self, File};

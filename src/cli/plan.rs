@@ -1,12 +1,12 @@
 //! `plan`: chooses what to measure, so that effects can be distinguished.
 
 use super::args::Plan as Arguments;
-use super::files::{all, both, other_ending, source};
-use super::input::{CellFile, Context};
-use super::job::Job;
-use super::output::{Outputs, is_stdout, one_thing, to_stdout};
-use super::session::{self, ProgramFiles};
 use super::{Answer, Outcome, message, progress};
+use crate::session::input::{CellFile, Context};
+use crate::session::job::Job;
+use crate::session::output::{Outputs, is_stdout, one_thing, to_stdout};
+use crate::session::read::{all, both, other_ending, source};
+use crate::session::{self, ProgramFiles};
 use deflex::identify::PlanProgram;
 use deflex::program::Language;
 use deflex::report::plan_text;
@@ -15,7 +15,7 @@ use deflex::text::Diagnostic;
 pub(super) fn run(args: &Arguments) -> Outcome {
     let printed = to_stdout([Some(&args.output), args.measured.as_ref(), args.json.as_ref(), args.html.as_ref()]);
     one_thing(printed)?;
-    let (cell, context) = both(CellFile::read(&args.cell), Context::read(&args.reading))?;
+    let (cell, context) = both(CellFile::read(&args.cell), Context::of(&args.reading.context))?;
     let pool = all(args.pool.iter().map(|path| {
         let job = Job::of(path, args.reading.format);
         job.and_then(|job| ProgramFiles::of(job, context.clone()))

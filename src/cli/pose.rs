@@ -1,9 +1,9 @@
 //! `pose`: converts joint angles to a TCP pose, and back.
 
 use super::args::Pose as Arguments;
-use super::input::CellFile;
-use super::output::{Outputs, is_stdout, print};
 use super::{Answer, Outcome, message};
+use crate::session::input::CellFile;
+use crate::session::output::{Outputs, is_stdout, print};
 use deflex::cell::{Cell, examples_left, nearest};
 use deflex::program::orientation::{quaternion, rotation, rotation_vector, xyz_deg, zyx_deg};
 use deflex::program::{Confdata, Config, Language, StatusAndTurn};

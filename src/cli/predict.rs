@@ -2,16 +2,17 @@
 
 use super::against::Originals;
 use super::args::Predict;
-use super::files::both;
-use super::input::Context;
-use super::job::Job;
-use super::output::{Outputs, one_thing, to_stdout};
 use super::piped::{Piped, jobs};
 use super::predicted::{self, Batch};
-use super::report::Noticed;
-use super::run::{Done, each, finish};
-use super::setup::Setup;
+use super::run::{Done, each, finish, origins};
+use super::setup::setup;
 use super::{Outcome, message, progress};
+use crate::session::input::Context;
+use crate::session::job::Job;
+use crate::session::output::{Outputs, one_thing, to_stdout};
+use crate::session::read::both;
+use crate::session::report::Noticed;
+use crate::session::setup::Setup;
 use deflex::correct;
 use deflex::report::digest_text;
 use deflex::report::html::{PathKind, PathTrace};
@@ -22,7 +23,7 @@ use std::io::{IsTerminal, stdout};
 use std::path::PathBuf;
 
 pub(super) fn run(args: &Predict) -> Outcome {
-    let setup = Setup::read(&args.model, Context::read(&args.reading)?, args.correct, &args.reports);
+    let setup = setup(&args.model, Context::of(&args.reading.context)?, args.correct, &args.reports);
     let piped = Piped::new(&args.inputs)?;
     let jobs = jobs(piped.as_ref(), &args.inputs, args.reading.format, args.reports.keep_going);
     let (setup, (jobs, failed)) = both(setup, jobs)?;
@@ -48,7 +49,7 @@ pub(super) fn run(args: &Predict) -> Outcome {
     };
     let done = each(jobs, (args.common.quiet, args.reports.keep_going), failed, |job, bar| {
         job.marked()?;
-        let origins = job.origins_for(&args.reports)?;
+        let origins = origins(&job, &args.reports)?;
         let done = match predicted::streamed(&batch, &job, bar, None)? {
             Some(predicted) => Done::streamed(&job.name, PathKind::Predict, predicted.passed),
             None => whole(&batch, job, bar)?,
@@ -70,7 +71,7 @@ fn whole(batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result<Done, Vec<Dia
     let (name, setup) = (job.name.clone(), batch.setup);
     let original = batch.originals.of(&job, setup)?;
     let program = setup.program(job)?;
-    let options = setup.options_followed(progress::of_one(bar, batch.programs));
+    let options = setup.options_followed(progress::of_one(bar, batch.programs).map(progress::cutting));
     let predicted = correct::predict(&program, &setup.cell.cell, &options, original.as_ref());
     let predicted = predicted.map_err(|e| setup.cell.own(e))?;
     let noticed = Noticed::new(setup.options.forces.as_ref(), None);

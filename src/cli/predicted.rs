@@ -1,12 +1,14 @@
 //! `predict` and `check` of long programs in constant memory.
 
 use super::against::Originals;
-use super::job::Job;
-use super::output::{Outputs, cannot_write};
-use super::report::{Noticed, ProgramReports, Rows};
-use super::setup::Setup;
-use super::text::Text;
-use super::{lines, progress};
+use super::progress;
+use super::report::ProgramReports;
+use crate::session::job::Job;
+use crate::session::lines;
+use crate::session::output::{Outputs, cannot_write};
+use crate::session::report::{Noticed, Rows};
+use crate::session::setup::Setup;
+use crate::session::text::Text;
 use deflex::correct::{Judge, Judged, StreamError, Streamed, predict_long};
 use deflex::program::LongText;
 use deflex::report::html::PathTrace;

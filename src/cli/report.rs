@@ -1,136 +1,19 @@
 //! Report rows of several programs in one file.
 
-use super::again::Again;
-use super::blocks::Blocks;
-use super::forces::LeftOut;
-use super::output::{Outputs, Temporary, cannot_write};
-use super::{files, progress};
-use deflex::correct::{Row, Sinks};
-use deflex::measured::Forces;
+use super::progress;
+use crate::session::blocks::Blocks;
+use crate::session::output::{Outputs, Temporary, cannot_write};
+use crate::session::read;
+use crate::session::report::{Noticed, Rows, pretty, write_joined};
+use deflex::correct::Sinks;
 use deflex::report::html::{PathKind, PathTrace};
-use deflex::report::{CSV_HEADER, Digest, FileSummary, Origin, VERSION, csv_field, csv_rows, write_csv};
+use deflex::report::{CSV_HEADER, Digest, FileSummary, Origin, VERSION, csv_rows};
 use deflex::text::{Diagnostic, printable_line};
 use indicatif::ProgressBar;
 use serde::Serialize;
 use std::fmt::Write as _;
-use std::io::{self, BufRead, BufReader, Seek, Write};
+use std::io::{self, Seek, Write};
 use std::path::{Path, PathBuf};
-
-/// The report of one program.
-#[derive(Default)]
-pub(super) struct Rows {
-    csv: Csv,
-    /// Files of the rows, with how many rows in a row.
-    files: Vec<(String, usize)>,
-}
-
-/// A report, as `docs/reference.md` has it.
-enum Csv {
-    Held(Vec<u8>),
-    Spooled(Temporary),
-}
-
-impl Default for Csv {
-    fn default() -> Self {
-        Self::Held(Vec::new())
-    }
-}
-
-impl Rows {
-    pub(super) fn new(rows: &[Row]) -> Self {
-        let mut csv = Vec::with_capacity(64 + 256 * rows.len());
-        // Writing to a Vec cannot fail.
-        let _ = write_csv(rows, &mut csv);
-        let mut files: Vec<(String, usize)> = Vec::new();
-        for row in rows {
-            let file = row.names.as_deref().map_or("", |names| &names.file);
-            match files.last_mut() {
-                Some((last, count)) if last == file => *count += 1,
-                _ => files.push((file.to_owned(), 1)),
-            }
-        }
-        Self { csv: Csv::Held(csv), files }
-    }
-
-    /// Draws the rows, of which these are the CSV text, file by file.
-    pub(super) fn draw(&self, path: &mut PathTrace, rows: &[Row]) {
-        let mut rest = rows;
-        for (file, count) in &self.files {
-            let (now, behind) = rest.split_at((*count).min(rest.len()));
-            if self.files.len() > 1 {
-                path.continue_in(file);
-            }
-            path.extend(now);
-            rest = behind;
-        }
-    }
-
-    /// Rows of one file that were written to a temporary file.
-    pub(super) fn spooled(csv: Temporary, file: &str, rows: usize) -> Self {
-        Self { csv: Csv::Spooled(csv), files: vec![(file.to_owned(), rows)] }
-    }
-
-    /// Moves the rows to a temporary file, because the reports of a batch do not fit in memory.
-    pub(super) fn spool(&mut self) -> io::Result<()> {
-        if let Csv::Held(csv) = &self.csv {
-            let (temporary, mut file) = Temporary::spool()?;
-            file.write_all(csv)?;
-            self.csv = Csv::Spooled(temporary);
-        }
-        Ok(())
-    }
-
-    /// Writes the rows without a header.
-    fn write(&self, out: &mut impl Write) -> io::Result<()> {
-        io::copy(&mut self.read()?, out).map(|_| ())
-    }
-
-    fn read(&self) -> io::Result<Box<dyn BufRead + '_>> {
-        Ok(match &self.csv {
-            Csv::Held(csv) => Box::new(&csv[..]),
-            Csv::Spooled(temporary) => Box::new(BufReader::new(temporary.reopen()?)),
-        })
-    }
-}
-
-/// Collects what a run reports about the rows of one program.
-#[derive(Debug, Default)]
-pub(super) struct Noticed<'a> {
-    pub(super) forces: Option<&'a Forces>,
-    /// Recognises a program that has been corrected already; `None` if the program is not corrected, or with `--again`.
-    pub(super) again: Option<Again>,
-    left_out: LeftOut,
-    /// The targets with the largest errors.
-    digest: Digest,
-}
-
-impl<'a> Noticed<'a> {
-    pub(super) fn new(forces: Option<&'a Forces>, again: Option<Again>) -> Self {
-        Self { forces, again, left_out: LeftOut::default(), digest: Digest::default() }
-    }
-
-    /// Adds rows in running order.
-    pub(super) fn take(&mut self, rows: &[Row]) {
-        self.left_out.take(self.forces, rows);
-        self.digest.take(rows);
-        if let Some(again) = &mut self.again {
-            again.take(rows);
-        }
-    }
-
-    /// The targets with the largest errors.
-    pub(super) fn into_digest(self) -> Digest {
-        self.digest
-    }
-
-    /// Notes on the program `name`; an error if it has been corrected already.
-    pub(super) fn notes(&self, name: &str) -> Result<Vec<Diagnostic>, Vec<Diagnostic>> {
-        match self.again.as_ref().and_then(|again| again.refusal(name)) {
-            Some(refusal) => Err(refusal.into()),
-            None => Ok(self.left_out.note(name).into_iter().collect()),
-        }
-    }
-}
 
 /// Reports of a program that are written chunk by chunk.
 pub(super) struct ProgramReports<'a> {
@@ -156,12 +39,12 @@ impl<'a> ProgramReports<'a> {
         let mut rows = own.map(|path| outputs.open_report(path)).collect::<Result<Vec<_>, _>>()?;
         let mut spooled = None;
         if joined.is_some() && programs > 1 {
-            let (temporary, file) = Temporary::spool().map_err(|error| files::cannot_write(&error))?;
+            let (temporary, file) = Temporary::spool().map_err(|error| read::cannot_write(&error))?;
             rows.push(Blocks::new(file));
             spooled = Some(temporary);
         }
         let mut rows = Copies(rows);
-        rows.write_all(CSV_HEADER.as_bytes()).map_err(|error| files::cannot_write(&error))?;
+        rows.write_all(CSV_HEADER.as_bytes()).map_err(|error| read::cannot_write(&error))?;
         Ok(Self { rows, spooled, path, noticed })
     }
 
@@ -188,7 +71,7 @@ impl<'a> ProgramReports<'a> {
             rows.write_all(CSV_HEADER.as_bytes())?;
             rows.flush()
         };
-        self.rows.0.iter_mut().try_for_each(&mut empty).map_err(|error| files::cannot_write(&error))?;
+        self.rows.0.iter_mut().try_for_each(&mut empty).map_err(|error| read::cannot_write(&error))?;
         Ok(Self { path, ..self })
     }
 
@@ -199,7 +82,7 @@ impl<'a> ProgramReports<'a> {
 
     /// The targets with the largest errors.
     pub(super) fn digest(&self) -> Digest {
-        self.noticed.digest.clone()
+        self.noticed.digest().clone()
     }
 
     /// The rows of the program `name` for the report of a batch, of which there are `rows`, and its path.
@@ -230,38 +113,6 @@ pub(super) fn joined(outputs: &mut Outputs, path: &Path, programs: &[Rows]) -> R
     write_joined(programs, &mut out).and_then(|()| out.flush()).map_err(|error| cannot_write(path, &error))
 }
 
-/// Writes a report to any writer.
-pub(super) fn write_joined(programs: &[Rows], out: &mut impl Write) -> io::Result<()> {
-    match programs {
-        [rows] if rows.files.len() <= 1 => rows.write(out),
-        _ => join(programs, out),
-    }
-}
-
-fn join(programs: &[Rows], out: &mut impl Write) -> io::Result<()> {
-    let mut line = Vec::new();
-    for (i, rows) in programs.iter().enumerate() {
-        let mut csv = rows.read()?;
-        let mut next = |out: &mut dyn Write, file: Option<&str>| -> io::Result<()> {
-            line.clear();
-            csv.read_until(b'\n', &mut line)?;
-            match file.filter(|_| !line.is_empty()) {
-                None => Ok(()),
-                Some(file) => {
-                    out.write_all(line.trim_ascii_end())?;
-                    writeln!(out, ",{file}")
-                }
-            }
-        };
-        next(out, (i == 0).then_some("file"))?;
-        for (file, count) in &rows.files {
-            let file = csv_field(file);
-            (0..*count).try_for_each(|_| next(out, Some(&file)))?;
-        }
-    }
-    Ok(())
-}
-
 /// Writes the JSON summary of a run if it has a path.
 pub(super) fn json(
     outputs: &mut Outputs,
@@ -276,14 +127,6 @@ pub(super) fn json(
         files: &'a [FileSummary],
     }
     outputs.add_report(path, || pretty(&Files { deflex: VERSION, cell, files }))
-}
-
-/// Indented JSON with the keys in the order of the struct and a line end at the end.
-pub(super) fn pretty(value: &impl Serialize) -> Result<String, Vec<Diagnostic>> {
-    match serde_json::to_string_pretty(value) {
-        Ok(text) => Ok(text + "\n"),
-        Err(error) => Err(Diagnostic::error("io.json", "", format!("cannot be written as JSON: {error}")).into()),
-    }
 }
 
 /// The summary of one program for stderr: the number of targets with each result, and one row for each kind of error,

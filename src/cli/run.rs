@@ -2,13 +2,15 @@
 //! order of the inputs.
 
 use super::args::Reports;
-use super::files::parted;
-use super::job::Job;
-use super::output::Outputs;
 use super::predicted::Passed;
-use super::report::{self, Noticed, Rows};
-use super::setup::Setup;
+use super::report;
 use super::{Answer, Outcome, STACK_BYTES, message, progress};
+use crate::session::finished::Finished;
+use crate::session::job::Job;
+use crate::session::output::Outputs;
+use crate::session::read::parted;
+use crate::session::report::{Noticed, Rows};
+use crate::session::setup::Setup;
 use deflex::correct::Corrected;
 use deflex::program::Program;
 use deflex::report::html::{PathKind, PathPage, PathTrace};
@@ -45,25 +47,12 @@ impl Done {
         program: &Program,
         corrected: Corrected,
         outputs: Outputs,
-        mut path: Option<PathTrace>,
-        mut noticed: Noticed<'_>,
+        path: Option<PathTrace>,
+        noticed: Noticed<'_>,
     ) -> Result<Self, Vec<Diagnostic>> {
-        if !corrected.failures.is_empty() {
-            return Err(corrected.failures);
-        }
-        noticed.take(&corrected.rows);
-        let said = noticed.notes(name)?;
-        let summary = FileSummary::new(name, &corrected);
+        let Finished { rows, summary, notes, path, digest } = Finished::new(name, program, corrected, path, noticed)?;
         let text = report::summary_text(&summary, kind);
-        let rows = Rows::new(&corrected.rows);
-        if let Some(path) = &mut path {
-            rows.draw(path, &corrected.rows);
-            path.quote(|target, _| program.line_of(target));
-        }
-        let rows = Some(rows);
-        let notes = corrected.notes.into_iter().chain(said).collect();
-        let digest = noticed.into_digest();
-        Ok(Self { outputs, rows, summary, text, notes, path, digest })
+        Ok(Self { outputs, rows: Some(rows), summary, text, notes, path, digest })
     }
 
     /// Results of a program that was read chunk by chunk.
@@ -73,6 +62,11 @@ impl Done {
         let text = report::summary_text(&summary, kind);
         Self { outputs, rows, summary, text, notes: streamed.notes, path, digest }
     }
+}
+
+/// Names and hashes of a program's files, if a report states them; otherwise empty.
+pub(super) fn origins(job: &Job, reports: &Reports) -> Result<Vec<Origin>, Vec<Diagnostic>> {
+    if reports.json.is_some() || reports.html.is_some() { job.origins() } else { Ok(Vec::new()) }
 }
 
 /// Runs every program, and returns the results and the errors. If any program has an error, no result is returned,

@@ -1,123 +1,32 @@
-//! The settings that all programs of a run share: the cell, forces, context and options.
+//! The setup of a run from its arguments.
 
 use super::args::{Corrected as What, Model, Reports};
-use super::files::{both, cannot_write};
-use super::forces::ForceFile;
-use super::input::{self, CellFile, Context};
-use super::job::{Job, Long};
-use super::progress;
-use deflex::cell::examples_left;
-use deflex::correct::{Correct, Options, StreamError, Streamed, holds_whole};
-use deflex::program::Program;
-use deflex::program::cl::ClOptions;
-use deflex::text::{Diagnostic, cannot_read};
-use indicatif::ProgressBar;
-use std::borrow::Cow;
+use crate::session::forces::ForceFile;
+use crate::session::input::{CellFile, Context};
+use crate::session::read::both;
+use crate::session::setup::Setup;
+use deflex::correct::{Correct, Options};
+use deflex::text::Diagnostic;
 use std::sync::Arc;
 
-/// Cell, forces and options of a run.
-#[derive(Clone)]
-pub(super) struct Setup {
-    pub(super) cell: Arc<CellFile>,
-    pub(super) forces: Option<ForceFile>,
-    pub(super) context: Context,
-    pub(super) options: Options,
-}
-
-impl Setup {
-    pub(super) fn read(
-        model: &Model,
-        context: Context,
-        what: What,
-        reports: &Reports,
-    ) -> Result<Self, Vec<Diagnostic>> {
-        let cell = CellFile::read(&model.cell);
-        let names = cell.as_ref().ok().and_then(|cell| cell.cell.columns.as_ref());
-        let forces = model.forces.as_deref().map(|path| ForceFile::read(path, names)).transpose();
-        let (cell, forces) = both(cell, forces)?;
-        let (rows, forces) = forces.unzip();
-        let options = Options {
-            correct: match what {
-                What::Pose => Correct::Pose,
-                What::Position => Correct::Position,
-            },
-            forces,
-            tool: model.tool.clone(),
-            free_spin: model.free_spin,
-            stiffness: reports.html.is_some(),
-            stance: reports.html.is_some(),
-            ..Options::default()
-        };
-        Ok(Self { cell: Arc::new(cell), forces: rows, context, options })
-    }
-
-    /// How CL data are read, with the tool that `--tool` names.
-    pub(super) fn cl_options(&self) -> Option<ClOptions> {
-        self.cell.cl_options(self.options.tool.as_deref())
-    }
-
-    /// The program as one text that can be read in chunks; `None` if it must be held as a whole.
-    pub(super) fn long<'a>(&'a self, job: &'a Job) -> Option<Long<'a>> {
-        if holds_whole(&self.cell.cell) {
-            return None;
-        }
-        job.long(self.context.knowing(&self.cell.cell, job.language), self.cl_options())
-    }
-
-    /// The result of a run in chunks; `None` if the program can be understood only as a whole.
-    pub(super) fn through<T>(&self, name: &str, done: Result<T, StreamError>) -> Result<Option<T>, Vec<Diagnostic>> {
-        match done {
-            Ok(done) => Ok(Some(done)),
-            Err(StreamError::NotStreamable) => Ok(None),
-            Err(StreamError::Refused(errors)) => Err(self.cell.own(errors)),
-            Err(StreamError::Read(error)) => Err(cannot_read(name, &error)),
-            Err(StreamError::Write(error)) => Err(cannot_write(&error)),
-        }
-    }
-
-    /// Refuses forces for targets that a long program does not have.
-    pub(super) fn check_forces(&self, streamed: &Streamed) -> Result<(), Vec<Diagnostic>> {
-        let Some(forces) = &self.forces else { return Ok(()) };
-        forces.check_targets(streamed.last, |name| streamed.has_target(name))
-    }
-
-    /// The options for a program that is held as a whole. The bar shows the progress of the cut, if the cell has a
-    /// stock.
-    pub(super) fn options_followed(&self, bar: Option<&ProgressBar>) -> Cow<'_, Options> {
-        match bar.filter(|_| self.cell.cell.stock.is_some()) {
-            Some(bar) => Cow::Owned(Options { cut_progress: progress::cutting(bar), ..self.options.clone() }),
-            None => Cow::Borrowed(&self.options),
-        }
-    }
-
-    /// Parses a program and checks that the table of forces belongs to it.
-    pub(super) fn program(&self, job: Job) -> Result<Program, Vec<Diagnostic>> {
-        let program = input::program(job, &self.context, &self.cell, self.options.tool.as_deref())?;
-        self.forces.as_ref().map_or(Ok(()), |forces| forces.check(&program))?;
-        Ok(program)
-    }
-
-    /// The errors of a run, after warnings about the forces, which are often the cause.
-    pub(super) fn failed(&self, errors: Vec<Diagnostic>) -> Vec<Diagnostic> {
-        let doubt = self.forces.iter().flat_map(ForceFile::doubts);
-        self.cell.cell.notes.iter().cloned().chain(doubt).chain(errors).collect()
-    }
-
-    /// Notes of a run about the cell and the forces.
-    pub(super) fn notes(&self) -> Vec<Diagnostic> {
-        let cell = &self.cell.cell;
-        let covered = cell.arm.effects.iter().find(|effect| effect.covered_by().is_some());
-        let silent = covered.filter(|_| !cell.controller.declared).map(|effect| {
-            let message = format!(
-                "the cell has the effect `{}`, but does not state which effects the controller compensates: deflex assumes none",
-                effect.kind()
-            );
-            Diagnostic::error("cell.controller", &self.cell.name, message)
-                .severity(deflex::text::Severity::Note)
-                .help("add `[controller] compensates = []`, or name \"gravity\" or \"geometry\"")
-        });
-        let doubt = self.forces.iter().flat_map(ForceFile::doubts);
-        let notes = examples_left(&self.cell.source).into_iter().chain(silent).chain(doubt);
-        notes.chain(cell.notes.iter().cloned()).collect()
-    }
+/// Reads the cell and the forces of a run, and sets its options.
+pub(super) fn setup(model: &Model, context: Context, what: What, reports: &Reports) -> Result<Setup, Vec<Diagnostic>> {
+    let cell = CellFile::read(&model.cell);
+    let names = cell.as_ref().ok().and_then(|cell| cell.cell.columns.as_ref());
+    let forces = model.forces.as_deref().map(|path| ForceFile::read(path, names)).transpose();
+    let (cell, forces) = both(cell, forces)?;
+    let (rows, forces) = forces.unzip();
+    let options = Options {
+        correct: match what {
+            What::Pose => Correct::Pose,
+            What::Position => Correct::Position,
+        },
+        forces,
+        tool: model.tool.clone(),
+        free_spin: model.free_spin,
+        stiffness: reports.html.is_some(),
+        stance: reports.html.is_some(),
+        ..Options::default()
+    };
+    Ok(Setup { cell: Arc::new(cell), forces: rows, context, options })
 }

@@ -2,14 +2,14 @@
 
 use super::against::Originals;
 use super::args::{Corrected, Simulate};
-use super::files::{both, source};
-use super::input::Context;
-use super::output::{Outputs, one_thing, to_stdout};
 use super::piped::{Piped, jobs};
-use super::report::pretty;
-use super::session::{Simulated, SimulationProgress};
-use super::setup::Setup;
+use super::setup::setup;
 use super::{Answer, Outcome, message, progress};
+use crate::session::input::Context;
+use crate::session::output::{Outputs, one_thing, to_stdout};
+use crate::session::read::{both, source};
+use crate::session::report::pretty;
+use crate::session::{Simulated, SimulationProgress};
 use deflex::correct::Removal;
 use deflex::report::{SurfacePoint, map_csv, probe};
 use deflex::text::Diagnostic;
@@ -20,7 +20,7 @@ use std::sync::Arc;
 
 pub(super) fn run(args: &Simulate) -> Outcome {
     let reports = args.reports();
-    let setup = Setup::read(&args.model, Context::read(&args.reading)?, Corrected::Pose, &reports);
+    let setup = setup(&args.model, Context::of(&args.reading.context)?, Corrected::Pose, &reports);
     let piped = Piped::new(&args.inputs)?;
     // `simulate` leaves no input out: a file that cannot be understood stops the run.
     let (setup, (jobs, _)) = both(setup, jobs(piped.as_ref(), &args.inputs, args.reading.format, false))?;

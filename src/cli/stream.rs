@@ -1,13 +1,13 @@
 //! `compensate` for long programs: copies from file to file in constant memory.
 
 use super::batch::{Batch, default_report, in_one_file, place, post_options};
-use super::job::Job;
-use super::output::{Outputs, Temporary};
 use super::predicted::Passed;
 use super::progress;
 use super::report::ProgramReports;
 use super::run::Done;
-use super::text::Text;
+use crate::session::job::Job;
+use crate::session::output::{Outputs, Temporary};
+use crate::session::text::Text;
 use deflex::correct::{LaidOut, StreamError, Streamed, compensate_long, post_long};
 use deflex::program::{InChunks, Language};
 use deflex::report::html::PathKind;

@@ -1,8 +1,8 @@
 //! `studio`: a window in the browser for people who do not use a shell. The window runs this same command.
 
 use super::args::Studio as Arguments;
-use super::output::print;
 use super::{Answer, Outcome, message};
+use crate::session::output::print;
 use deflex::cell::template;
 use deflex::cutting::materials::MATERIALS;
 use deflex::measured::column_names;

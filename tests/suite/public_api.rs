@@ -5,7 +5,6 @@
 use deflex::cell::{
     self, Cell, Cl, Controller, CorrectionLimits, Cut, CutForce, ForceFrame, NewEffect, Spin, SpinRule,
 };
-use deflex::cli::session;
 use deflex::correct::{
     self, Correct, Corrected, Options, PostOptions, Posted, Prepared, Row, Status, Stiffness, Summary,
 };
@@ -26,6 +25,7 @@ use deflex::report::{
     self, CheckFile, Difference, FileSummary, InsertedTarget, InspectFile, InspectFiles, MovedTarget,
 };
 use deflex::robot::{BUILTIN, Builtin, DhRow, Joints, Limits, Pose, Robot, Unreachable};
+use deflex::session;
 use deflex::text::{self, Diagnostic, Edit, Severity, Source, Span};
 
 type Many<T> = Result<T, Vec<Diagnostic>>;

@@ -1,6 +1,6 @@
 //! Options that several commands have.
 
-use crate::cli::output::to_stdout;
+use crate::session::output::to_stdout;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum, ValueHint};
 use deflex::program::Language;

@@ -12,7 +12,7 @@ use std::ffi::OsString;
 use std::path::Path;
 
 pub(super) use cell::{Generate, Generated, Init, Pose, Studio};
-pub(super) use groups::{Common, Corrected, Model, Reading, Reports};
+pub(super) use groups::{Common, Corrected, Model, Reports};
 pub(super) use measured::{Identify, Plan};
 pub(super) use programs::{Check, CheckFormat, Compensate, Diff, Form, Inspect, Predict, Simulate};
 

@@ -8,7 +8,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// Reads one file; `-` is stdin.
-pub(super) fn source(path: &Path) -> Result<Source, Vec<Diagnostic>> {
+pub(crate) fn source(path: &Path) -> Result<Source, Vec<Diagnostic>> {
     let name = path.display().to_string();
     let read = if name == "-" {
         whole(std::io::stdin().lock())
@@ -30,13 +30,13 @@ fn whole(file: impl Read) -> std::io::Result<Vec<u8>> {
 }
 
 /// Reads all files, and reports every file that cannot be read.
-pub(super) fn sources(paths: &[PathBuf]) -> Result<Vec<Source>, Vec<Diagnostic>> {
+pub(crate) fn sources(paths: &[PathBuf]) -> Result<Vec<Source>, Vec<Diagnostic>> {
     all(paths.iter().map(|path| source(path)))
 }
 
 /// The language to which the ending of a corrected file belongs, and a warning, if this is not the language of the
 /// program. A controller would not load the file, and deflex would read it as a program of the other language.
-pub(super) fn other_ending(path: &Path, written: Language) -> Option<(Language, Diagnostic)> {
+pub(crate) fn other_ending(path: &Path, written: Language) -> Option<(Language, Diagnostic)> {
     let ending = path.extension()?.to_string_lossy().to_ascii_lowercase();
     let is_for = |language: &Language| language.endings().contains(&&ending[..]);
     let named = Language::ALL.into_iter().find(is_for).filter(|_| !is_for(&written))?;
@@ -47,13 +47,13 @@ pub(super) fn other_ending(path: &Path, written: Language) -> Option<(Language, 
 }
 
 /// All values if every result has one, otherwise all errors.
-pub(super) fn all<T>(results: impl IntoIterator<Item = Result<T, Vec<Diagnostic>>>) -> Result<Vec<T>, Vec<Diagnostic>> {
+pub(crate) fn all<T>(results: impl IntoIterator<Item = Result<T, Vec<Diagnostic>>>) -> Result<Vec<T>, Vec<Diagnostic>> {
     let (values, errors) = parted(results);
     if errors.is_empty() { Ok(values) } else { Err(errors) }
 }
 
 /// The values and the errors.
-pub(super) fn parted<T>(results: impl IntoIterator<Item = Result<T, Vec<Diagnostic>>>) -> (Vec<T>, Vec<Diagnostic>) {
+pub(crate) fn parted<T>(results: impl IntoIterator<Item = Result<T, Vec<Diagnostic>>>) -> (Vec<T>, Vec<Diagnostic>) {
     let (mut values, mut errors) = (Vec::new(), Vec::new());
     for result in results {
         match result {
@@ -65,7 +65,7 @@ pub(super) fn parted<T>(results: impl IntoIterator<Item = Result<T, Vec<Diagnost
 }
 
 /// Both values, or all errors of both.
-pub(super) fn both<A, B>(
+pub(crate) fn both<A, B>(
     a: Result<A, Vec<Diagnostic>>,
     b: Result<B, Vec<Diagnostic>>,
 ) -> Result<(A, B), Vec<Diagnostic>> {
@@ -75,7 +75,7 @@ pub(super) fn both<A, B>(
     }
 }
 
-pub(super) fn cannot_write(error: &std::io::Error) -> Vec<Diagnostic> {
+pub(crate) fn cannot_write(error: &std::io::Error) -> Vec<Diagnostic> {
     Diagnostic::error("io.write", "", format!("the outputs cannot be written: {error}"))
         .help("check that there is room on the disk")
         .into()

@@ -1,7 +1,7 @@
 use super::{CellFile, ProgramFiles};
-use crate::cli::files::{all, both};
-use crate::cli::input;
-use crate::cli::report::pretty;
+use crate::session::input;
+use crate::session::read::{all, both};
+use crate::session::report::pretty;
 use deflex::cell::extended;
 use deflex::correct::{Course, Options, Prepared};
 use deflex::drive::{DriveError, FittedLaw, Log, LogError, WayOfTurning, Waypoint, arc_turn, fit_law};
@@ -17,7 +17,7 @@ use std::path::Path;
 ///
 /// # Examples
 /// ```
-/// use deflex::cli::session::MeasuredFile;
+/// use deflex::session::MeasuredFile;
 ///
 /// let measured = MeasuredFile::read("samples/closed-loop/measured.csv".as_ref())?;
 /// # Ok::<(), deflex::text::Diagnostics>(())
@@ -37,20 +37,20 @@ impl MeasuredFile {
     ///
     /// # Examples
     /// ```
-    /// use deflex::cli::session::MeasuredFile;
+    /// use deflex::session::MeasuredFile;
     ///
     /// let measured = MeasuredFile::read("samples/closed-loop/measured.csv".as_ref())?;
     /// # Ok::<(), deflex::text::Diagnostics>(())
     /// ```
     pub fn read(path: &Path) -> Result<Self, Vec<Diagnostic>> {
-        crate::cli::files::source(path).map(Self::of)
+        crate::session::read::source(path).map(Self::of)
     }
 
     /// Uses a table that is already in memory.
     ///
     /// # Examples
     /// ```
-    /// use deflex::cli::session::MeasuredFile;
+    /// use deflex::session::MeasuredFile;
     /// use deflex::text::Source;
     ///
     /// let measured = MeasuredFile::of(Source::new("probe", "target,normal_mm\n1,0.12\n2,0.14\n"));
@@ -65,7 +65,7 @@ impl MeasuredFile {
     ///
     /// # Examples
     /// ```
-    /// # use deflex::cli::session::MeasuredFile;
+    /// # use deflex::session::MeasuredFile;
     /// # use deflex::text::Source;
     /// use deflex::measured::ColumnNames;
     ///
@@ -89,7 +89,7 @@ impl MeasuredFile {
 ///
 /// # Examples
 /// ```
-/// use deflex::cli::session::{MeasuredFile, MeasuredRunFiles, ProgramFiles};
+/// use deflex::session::{MeasuredFile, MeasuredRunFiles, ProgramFiles};
 ///
 /// let run = MeasuredRunFiles {
 ///     program: ProgramFiles::read(&["samples/closed-loop/part.mod".into()], &[], None)?,
@@ -126,7 +126,7 @@ impl MeasuredRunFiles {
 ///
 /// # Examples
 /// ```
-/// use deflex::cli::session::Identified;
+/// use deflex::session::Identified;
 /// use deflex::text::Diagnostics;
 ///
 /// /// Writes the extended cell, the answer for other programs, and the page.
@@ -196,7 +196,7 @@ impl Identified {
 ///
 /// # Examples
 /// ```no_run
-/// use deflex::cli::session::{CellFile, MeasuredFile, MeasuredRunFiles, ProgramFiles, identify};
+/// use deflex::session::{CellFile, MeasuredFile, MeasuredRunFiles, ProgramFiles, identify};
 /// use deflex::identify::Written;
 ///
 /// let cell = CellFile::read("samples/closed-loop/cell.toml".as_ref())?;
@@ -243,7 +243,7 @@ pub fn identify(
 ///
 /// # Examples
 /// ```no_run
-/// use deflex::cli::session::{CellFile, MeasuredFile, ProgramFiles, identify_path};
+/// use deflex::session::{CellFile, MeasuredFile, ProgramFiles, identify_path};
 ///
 /// let cell = CellFile::read("cell.toml".as_ref())?;
 /// let log = |program: &str, log: &str| {

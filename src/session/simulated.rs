@@ -1,6 +1,6 @@
 use super::{ProgramFiles, Run};
-use crate::cli::report::pretty;
-use crate::cli::setup::Setup;
+use crate::session::report::pretty;
+use crate::session::setup::Setup;
 use deflex::correct::{CutProgress, Cuts, Options, Removal, cut_stock};
 use deflex::program::Program;
 use deflex::report::html::simulation_page;
@@ -20,7 +20,7 @@ const PAGE_TRIANGLES: f64 = 40_000.0;
 ///
 /// # Examples
 /// ```
-/// use deflex::cli::session::Simulated;
+/// use deflex::session::Simulated;
 ///
 /// /// Writes the mesh of the simulated part.
 /// fn write(simulated: &Simulated) -> std::io::Result<()> {
@@ -54,7 +54,7 @@ pub struct Simulated {
 ///
 /// # Examples
 /// ```no_run
-/// use deflex::cli::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
+/// use deflex::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
 /// use std::sync::Arc;
 ///
 /// let run = Run::new(CellFile::read("samples/stock/cell.toml".as_ref())?.into());
@@ -79,7 +79,7 @@ pub fn simulate(
 }
 
 impl Simulated {
-    pub(in crate::cli) fn of(
+    pub(crate) fn of(
         name: &str,
         program: &Program,
         original: Option<&Program>,
@@ -137,7 +137,7 @@ impl Simulated {
     ///
     /// # Examples
     /// ```no_run
-    /// # use deflex::cli::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
+    /// # use deflex::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
     /// # let run = Run::new(CellFile::read("samples/stock/cell.toml".as_ref())?.into());
     /// # let program = ProgramFiles::read(&["samples/stock/part.mod".into()], &[], None)?;
     /// # let progress: std::sync::Arc<SimulationProgress> = std::sync::Arc::new(|_| true);
@@ -154,7 +154,7 @@ impl Simulated {
     ///
     /// # Examples
     /// ```no_run
-    /// # use deflex::cli::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
+    /// # use deflex::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
     /// # let run = Run::new(CellFile::read("samples/stock/cell.toml".as_ref())?.into());
     /// # let program = ProgramFiles::read(&["samples/stock/part.mod".into()], &[], None)?;
     /// # let progress: std::sync::Arc<SimulationProgress> = std::sync::Arc::new(|_| true);
@@ -171,7 +171,7 @@ impl Simulated {
     ///
     /// # Examples
     /// ```no_run
-    /// # use deflex::cli::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
+    /// # use deflex::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
     /// # let run = Run::new(CellFile::read("samples/stock/cell.toml".as_ref())?.into());
     /// # let program = ProgramFiles::read(&["samples/stock/part.mod".into()], &[], None)?;
     /// # let progress: std::sync::Arc<SimulationProgress> = std::sync::Arc::new(|_| true);
@@ -188,7 +188,7 @@ impl Simulated {
     ///
     /// # Examples
     /// ```no_run
-    /// # use deflex::cli::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
+    /// # use deflex::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
     /// # let run = Run::new(CellFile::read("samples/stock/cell.toml".as_ref())?.into());
     /// # let program = ProgramFiles::read(&["samples/stock/part.mod".into()], &[], None)?;
     /// # let progress: std::sync::Arc<SimulationProgress> = std::sync::Arc::new(|_| true);
@@ -207,7 +207,7 @@ impl Simulated {
     ///
     /// # Examples
     /// ```no_run
-    /// # use deflex::cli::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
+    /// # use deflex::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
     /// # let run = Run::new(CellFile::read("samples/stock/cell.toml".as_ref())?.into());
     /// # let program = ProgramFiles::read(&["samples/stock/part.mod".into()], &[], None)?;
     /// # let progress: std::sync::Arc<SimulationProgress> = std::sync::Arc::new(|_| true);
@@ -243,7 +243,7 @@ impl Simulated {
     ///
     /// # Examples
     /// ```no_run
-    /// # use deflex::cli::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
+    /// # use deflex::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
     /// # let run = Run::new(CellFile::read("samples/stock/cell.toml".as_ref())?.into());
     /// # let program = ProgramFiles::read(&["samples/stock/part.mod".into()], &[], None)?;
     /// # let progress: std::sync::Arc<SimulationProgress> = std::sync::Arc::new(|_| true);
@@ -255,7 +255,7 @@ impl Simulated {
         pretty(&self.summary())
     }
 
-    pub(in crate::cli) fn summary(&self) -> Value {
+    pub(crate) fn summary(&self) -> Value {
         let figures = &self.figures;
         let of = |wanted: &str| figures.iter().find(|(name, _)| *name == wanted).map(|(_, figures)| *figures);
         let after = figures.last().map(|(_, figures)| *figures).unwrap_or_default();

@@ -5,13 +5,13 @@
 //! are long. If [`Outputs`] are dropped without [`Outputs::commit`], or the run is interrupted, all temporary files are
 //! removed. If a run is killed, it cannot remove them; the next run that writes to the folder does.
 
-pub(super) mod lock;
+pub(crate) mod lock;
 mod marker;
 mod old;
 mod place;
 mod set;
 mod staging;
-pub(super) mod watch;
+pub(crate) mod watch;
 
 use super::blocks::Blocks;
 use super::file_state::Identity;
@@ -21,11 +21,11 @@ use place::{How, Move, folder_of, resolved};
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, IsTerminal, Read, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 /// All outputs of one run.
 #[derive(Debug, Default)]
-pub(super) struct Outputs {
+pub(crate) struct Outputs {
     // Dropped before `made`, because a folder can be removed only after the files in it.
     staged: Vec<Staged>,
     stdout: Vec<u8>,
@@ -76,7 +76,7 @@ enum Goes {
 
 /// A temporary file, which is removed when this is dropped or when the run is interrupted.
 #[derive(Debug)]
-pub(super) struct Temporary {
+pub(crate) struct Temporary {
     path: PathBuf,
 }
 
@@ -86,17 +86,17 @@ impl Temporary {
     }
 
     /// A temporary file in the system's folder for temporary files.
-    pub(super) fn spool() -> io::Result<(Self, File)> {
+    pub(crate) fn spool() -> io::Result<(Self, File)> {
         Self::create(&std::env::temp_dir())
     }
 
     /// Opens the file at its start.
-    pub(super) fn reopen(&self) -> io::Result<File> {
+    pub(crate) fn reopen(&self) -> io::Result<File> {
         File::open(&self.path)
     }
 
     /// Path of the file.
-    pub(super) fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         &self.path
     }
 }
@@ -110,25 +110,37 @@ impl Drop for Temporary {
     }
 }
 
+/// Prints warnings about outputs on stderr; without it, each is a plain line.
+static PRINT: OnceLock<fn(&[Diagnostic])> = OnceLock::new();
+
+/// Sets how warnings about outputs are printed, once in a process. They do not wait for the end of the run.
+pub(crate) fn warn_by(print: fn(&[Diagnostic])) {
+    let _ = PRINT.set(print);
+}
+
+fn warn(diagnostics: &[Diagnostic]) {
+    match PRINT.get() {
+        Some(print) => print(diagnostics),
+        None => diagnostics.iter().for_each(|diagnostic| {
+            // If stderr is closed, there is no place left to report the failure.
+            let _ = writeln!(io::stderr(), "{diagnostic}");
+        }),
+    }
+}
+
 /// Locked while outputs are renamed: an interruption waits for it.
 static PLACING: Mutex<()> = Mutex::new(());
 
-/// Installs a handler that removes temporary files when the run is interrupted, and then ends the process.
-pub(super) fn clean_up_when_interrupted() {
-    /// Exit code that shells use for a process that SIGINT ended.
-    const INTERRUPTED: i32 = 130;
-    // If no handler can be installed, an interruption leaves temporary files, but no incomplete output.
-    let _ = ctrlc::set_handler(|| {
-        // Stays locked until the process ends, so that no further file is renamed.
-        let _placing = PLACING.lock().unwrap_or_else(PoisonError::into_inner);
-        staging::leave_for_good();
-        #[allow(clippy::exit)] // the other threads hold what their destructors would need
-        std::process::exit(INTERRUPTED);
-    });
+/// Removes the temporary files of a run that is interrupted. No further file is renamed while the returned lock is held, which is until the
+/// process ends.
+pub(crate) fn interrupted() -> MutexGuard<'static, ()> {
+    let placing = PLACING.lock().unwrap_or_else(PoisonError::into_inner);
+    staging::leave_for_good();
+    placing
 }
 
 /// Removes the remaining temporary files when it is dropped at the end of the run.
-pub(super) struct AtTheEnd;
+pub(crate) struct AtTheEnd;
 
 impl Drop for AtTheEnd {
     fn drop(&mut self) {
@@ -138,12 +150,12 @@ impl Drop for AtTheEnd {
 
 impl Outputs {
     /// Outputs of another program of the run, which share the created folders.
-    pub(super) fn sibling(&self) -> Self {
+    pub(crate) fn sibling(&self) -> Self {
         Self { made: Arc::clone(&self.made), ..Self::default() }
     }
 
     /// Stages bytes for a path; `-` is stdout.
-    pub(super) fn add(&mut self, path: &Path, bytes: &[u8]) -> Result<(), Vec<Diagnostic>> {
+    pub(crate) fn add(&mut self, path: &Path, bytes: &[u8]) -> Result<(), Vec<Diagnostic>> {
         if is_stdout(path) {
             stdout_is_open(path)?;
             self.stdout.extend_from_slice(bytes);
@@ -153,12 +165,12 @@ impl Outputs {
     }
 
     /// Adds the summary to the text for stdout. Unlike a result, a summary is lost without harm if stdout is closed.
-    pub(super) fn add_summary(&mut self, text: &str) {
+    pub(crate) fn add_summary(&mut self, text: &str) {
         self.stdout.extend_from_slice(text.as_bytes());
     }
 
     /// Stages an output that is written during the run; `-` is stdout. The caller has to flush the writer at the end.
-    pub(super) fn open(&mut self, path: &Path) -> Result<Blocks, Vec<Diagnostic>> {
+    pub(crate) fn open(&mut self, path: &Path) -> Result<Blocks, Vec<Diagnostic>> {
         self.stage(path).map(Blocks::new)
     }
 
@@ -181,7 +193,7 @@ impl Outputs {
     }
 
     /// Stages a report or a summary if it has a path. It is refused if the target is a program, because reports never replace programs.
-    pub(super) fn add_report<T: AsRef<[u8]>>(
+    pub(crate) fn add_report<T: AsRef<[u8]>>(
         &mut self,
         path: Option<&PathBuf>,
         make: impl FnOnce() -> Result<T, Vec<Diagnostic>>,
@@ -192,13 +204,13 @@ impl Outputs {
     }
 
     /// Stages a report that is written during the run, with the same check.
-    pub(super) fn open_report(&mut self, path: &Path) -> Result<Blocks, Vec<Diagnostic>> {
+    pub(crate) fn open_report(&mut self, path: &Path) -> Result<Blocks, Vec<Diagnostic>> {
         not_a_program(path)?;
         self.open(path)
     }
 
     /// Adds the staged outputs of `other`.
-    pub(super) fn append(&mut self, mut other: Self) -> Result<(), Vec<Diagnostic>> {
+    pub(crate) fn append(&mut self, mut other: Self) -> Result<(), Vec<Diagnostic>> {
         for staged in std::mem::take(&mut other.staged) {
             self.claim(&staged.target, &staged.identity)?;
             self.staged.push(staged);
@@ -209,7 +221,7 @@ impl Outputs {
 
     /// Prints the text for stdout and then renames all files to their targets, unless an input has changed since it was
     /// opened.
-    pub(super) fn commit(mut self) -> Result<(), Vec<Diagnostic>> {
+    pub(crate) fn commit(mut self) -> Result<(), Vec<Diagnostic>> {
         // Some inputs may have been opened after an output was staged.
         self.staged.iter().try_for_each(|staged| not_an_input(&staged.target, &staged.identity))?;
         let files = || self.staged.iter().filter(|staged| staged.goes != Goes::Copied);
@@ -263,30 +275,35 @@ impl Outputs {
 }
 
 /// Writes to stdout. It is not an error if the reader has closed the pipe.
-pub(super) fn print(bytes: &[u8]) -> Result<(), Vec<Diagnostic>> {
+pub(crate) fn print(bytes: &[u8]) -> Result<(), Vec<Diagnostic>> {
     say(bytes).map_err(|error| cannot_write(Path::new("-"), &error))
 }
 
 /// Whether a path stands for stdout.
-pub(super) fn is_stdout(path: &Path) -> bool {
+pub(crate) fn is_stdout(path: &Path) -> bool {
     path.as_os_str() == "-"
 }
 
 /// How many outputs go to stdout.
-pub(super) fn to_stdout<'a>(paths: impl IntoIterator<Item = Option<&'a PathBuf>>) -> usize {
+pub(crate) fn to_stdout<'a>(paths: impl IntoIterator<Item = Option<&'a PathBuf>>) -> usize {
     paths.into_iter().flatten().filter(|path| is_stdout(path)).count()
 }
 
 /// Refuses a result for a closed stdout, because it would be lost.
 fn stdout_is_open(path: &Path) -> Result<(), Vec<Diagnostic>> {
-    if deflex_closed_stdout::was_closed() {
+    #[cfg(feature = "cli")]
+    let was_closed = deflex_closed_stdout::was_closed();
+    // That crate runs a function before `main`, which a program that uses the library may not expect.
+    #[cfg(not(feature = "cli"))]
+    let was_closed = false;
+    if was_closed {
         return Err(refuse(path, "standard output is closed", "name a file, or /dev/null to discard the result"));
     }
     Ok(())
 }
 
 /// An error if more than one result would go to stdout.
-pub(super) fn one_thing(count: usize) -> Result<(), Vec<Diagnostic>> {
+pub(crate) fn one_thing(count: usize) -> Result<(), Vec<Diagnostic>> {
     if count > 1 {
         let message = "more than one result would go to stdout";
         return Err(vec![
@@ -297,7 +314,7 @@ pub(super) fn one_thing(count: usize) -> Result<(), Vec<Diagnostic>> {
 }
 
 /// Whether a path names a regular file, or no file yet. Reports are not named after devices and pipes.
-pub(super) fn is_file_name(path: &Path) -> bool {
+pub(crate) fn is_file_name(path: &Path) -> bool {
     !is_stdout(path) && fs::metadata(path).map_or(true, |metadata| metadata.is_file())
 }
 
@@ -375,14 +392,14 @@ fn not_an_input(path: &Path, identity: &Identity) -> Result<(), Vec<Diagnostic>>
     })
 }
 
-pub(super) fn refuse(path: &Path, why: &str, help: &str) -> Vec<Diagnostic> {
+pub(crate) fn refuse(path: &Path, why: &str, help: &str) -> Vec<Diagnostic> {
     vec![
         Diagnostic::error("io.write", &path.display().to_string(), format!("the file is not written: {why}"))
             .help(help),
     ]
 }
 
-pub(super) fn cannot_write(path: &Path, error: &io::Error) -> Vec<Diagnostic> {
+pub(crate) fn cannot_write(path: &Path, error: &io::Error) -> Vec<Diagnostic> {
     let help = match error.kind() {
         io::ErrorKind::TimedOut => "run again when it has ended, or wait longer with `--lock-timeout SECONDS`",
         _ => "check that the folder exists and that you may write there",

@@ -1,8 +1,7 @@
 //! Parses files into programs, cells and tables.
 
-use super::args::Reading;
-use super::files::{self, all, source, sources};
 use super::job::Job;
+use super::read::{self, all, source, sources};
 use super::text::Text;
 use deflex::cell::Cell;
 use deflex::program::cl::{ClOptions, Units};
@@ -18,7 +17,7 @@ fn without_cell() -> ClOptions {
 }
 
 /// Parses a program for a run with a cell.
-pub(super) fn program(
+pub(crate) fn program(
     job: Job,
     reading: &Context,
     cell: &CellFile,
@@ -40,7 +39,7 @@ pub(super) fn program(
 }
 
 /// Parses a program without a cell: `inspect` and `diff` write no program.
-pub(super) fn program_alone(job: Job, reading: &Context) -> Result<Program, Vec<Diagnostic>> {
+pub(crate) fn program_alone(job: Job, reading: &Context) -> Result<Program, Vec<Diagnostic>> {
     parse(job, reading.sources.clone(), &ReadOptions { cl: &without_cell(), look: true })
 }
 
@@ -52,7 +51,7 @@ fn parse(job: Job, context: Vec<Source>, options: &ReadOptions<'_>) -> Result<Pr
 }
 
 /// Parses a corrected text again, for the round trip of `inspect`.
-pub(super) fn reread(
+pub(crate) fn reread(
     language: Language,
     written: Vec<Source>,
     context: Vec<Source>,
@@ -62,26 +61,22 @@ pub(super) fn reread(
 
 /// Context modules, read once for all programs.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Context {
+pub(crate) struct Context {
     sources: Vec<Source>,
 }
 
 impl Context {
-    pub(super) fn read(reading: &Reading) -> Result<Self, Vec<Diagnostic>> {
-        Self::of(&reading.context)
-    }
-
-    pub(super) fn of(paths: &[PathBuf]) -> Result<Self, Vec<Diagnostic>> {
+    pub(crate) fn of(paths: &[PathBuf]) -> Result<Self, Vec<Diagnostic>> {
         Ok(Self { sources: sources(paths)? })
     }
 
     /// The modules, in the order in which they were given.
-    pub(super) fn sources(&self) -> &[Source] {
+    pub(crate) fn sources(&self) -> &[Source] {
         &self.sources
     }
 
     /// The modules, and declarations of the routines that the cell lists as free of motions.
-    pub(super) fn knowing(&self, cell: &Cell, language: Language) -> Cow<'_, [Source]> {
+    pub(crate) fn knowing(&self, cell: &Cell, language: Language) -> Cow<'_, [Source]> {
         let more = cell.controller.declarations(language);
         if more.is_empty() { Cow::Borrowed(&self.sources) } else { Cow::Owned([self.sources.clone(), more].concat()) }
     }
@@ -91,7 +86,7 @@ impl Context {
 ///
 /// # Examples
 /// ```
-/// use deflex::cli::session::CellFile;
+/// use deflex::session::CellFile;
 ///
 /// let cell = CellFile::read("samples/slot/cell.toml".as_ref())?;
 /// # Ok::<(), deflex::text::Diagnostics>(())
@@ -99,11 +94,11 @@ impl Context {
 #[derive(Debug)]
 pub struct CellFile {
     /// Path as the user typed it.
-    pub(super) name: String,
+    pub(crate) name: String,
     /// Text of the file.
-    pub(super) source: Source,
+    pub(crate) source: Source,
     /// The checked cell.
-    pub(super) cell: Cell,
+    pub(crate) cell: Cell,
 }
 
 impl CellFile {
@@ -114,7 +109,7 @@ impl CellFile {
     ///
     /// # Examples
     /// ```
-    /// use deflex::cli::session::CellFile;
+    /// use deflex::session::CellFile;
     ///
     /// let cell = CellFile::read("samples/slot/cell.toml".as_ref())?;
     /// assert!(cell.cell().arm.robot.model.starts_with("irb6660-205-1.9"));
@@ -131,7 +126,7 @@ impl CellFile {
     ///
     /// # Examples
     /// ```
-    /// use deflex::cli::session::CellFile;
+    /// use deflex::session::CellFile;
     /// use deflex::text::Source;
     ///
     /// let cell = CellFile::parse(Source::new("cell.toml", "[robot]\nmodel = \"kr240-r2900-2\"\n"))?;
@@ -149,7 +144,7 @@ impl CellFile {
         })?;
         // Meshes are named relative to the cell file.
         let folder = Path::new(&source.name).parent().unwrap_or(Path::new(""));
-        cell.take_meshes(|name| files::source(&folder.join(name)))?;
+        cell.take_meshes(|name| read::source(&folder.join(name)))?;
         Ok(Self { name: source.name.clone(), cell, source })
     }
 
@@ -157,7 +152,7 @@ impl CellFile {
     ///
     /// # Examples
     /// ```
-    /// use deflex::cli::session::CellFile;
+    /// use deflex::session::CellFile;
     ///
     /// let cell = CellFile::read("samples/slot/cell.toml".as_ref())?;
     /// assert!(cell.cell().arm.robot.model.starts_with("irb6660"));
@@ -172,7 +167,7 @@ impl CellFile {
     ///
     /// # Examples
     /// ```
-    /// use deflex::cli::session::CellFile;
+    /// use deflex::session::CellFile;
     ///
     /// let cell = CellFile::read("samples/slot/cell.toml".as_ref())?;
     /// assert!(cell.source().name.ends_with("cell.toml"));
@@ -184,12 +179,12 @@ impl CellFile {
     }
 
     /// Name and hash of the file, which results made from it state.
-    pub(super) fn origin(&self) -> Origin {
+    pub(crate) fn origin(&self) -> Origin {
         Origin::of(&self.name, &self.source.bytes)
     }
 
     /// How CL data are read, with the tool that `--tool` names; `None` if the cell has no `[cl]` table.
-    pub(super) fn cl_options(&self, tool: Option<&str>) -> Option<ClOptions> {
+    pub(crate) fn cl_options(&self, tool: Option<&str>) -> Option<ClOptions> {
         let mut options = self.cell.cl.as_ref()?.options.clone();
         if let Some(tool) = tool {
             options.tool = Some(tool.to_owned());
@@ -199,13 +194,13 @@ impl CellFile {
     }
 
     /// Adds the name of the cell file to messages that lack it.
-    pub(super) fn own(&self, diagnostics: Vec<Diagnostic>) -> Vec<Diagnostic> {
+    pub(crate) fn own(&self, diagnostics: Vec<Diagnostic>) -> Vec<Diagnostic> {
         own(&self.name, diagnostics)
     }
 }
 
 /// Adds the name `name` of a cell file to messages that lack it.
-pub(super) fn own(name: &str, mut diagnostics: Vec<Diagnostic>) -> Vec<Diagnostic> {
+pub(crate) fn own(name: &str, mut diagnostics: Vec<Diagnostic>) -> Vec<Diagnostic> {
     for diagnostic in &mut diagnostics {
         if diagnostic.file.is_empty() && diagnostic.code.starts_with("cell.") {
             name.clone_into(&mut diagnostic.file);

@@ -2,10 +2,10 @@
 //! the run.
 
 use super::{Done, ProgramFiles, Run, noticed};
-use crate::cli::job;
-use crate::cli::lines::quote;
-use crate::cli::report::Noticed;
-use crate::cli::text::Text;
+use crate::session::job;
+use crate::session::lines::quote;
+use crate::session::report::Noticed;
+use crate::session::text::Text;
 use deflex::correct::{LaidOut, Sinks, StreamError, Streamed, compensate_long, post_long, predict_long};
 use deflex::program::InChunks;
 use deflex::report::html::{PathKind, PathTrace};

@@ -1,7 +1,7 @@
 //! The text of a file, which may be in memory or not.
 
-use super::files::source;
 use super::output::watch::watch;
+use super::read::source;
 use deflex::program::{LongText, ModuleNames};
 use deflex::report::Origin;
 use deflex::text::{Diagnostic, Source, cannot_read};
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 /// The text of a program. A long file is read only when its turn comes, so that a batch is never in memory as a whole.
 #[derive(Clone, Debug)]
-pub(super) enum Text {
+pub(crate) enum Text {
     Held(Source),
     File {
         /// Path as the user typed it.
@@ -25,7 +25,7 @@ pub(super) enum Text {
 const HEAD: u64 = 64 * 1024;
 
 impl Text {
-    pub(super) fn of(path: &Path) -> Result<Self, Vec<Diagnostic>> {
+    pub(crate) fn of(path: &Path) -> Result<Self, Vec<Diagnostic>> {
         watch(path);
         let long = |metadata: std::fs::Metadata| metadata.is_file() && metadata.len() > HEAD;
         if std::fs::metadata(path).is_ok_and(long) {
@@ -34,7 +34,7 @@ impl Text {
         source(path).map(Self::Held)
     }
 
-    pub(super) fn name(&self) -> &str {
+    pub(crate) fn name(&self) -> &str {
         match self {
             Self::Held(source) => &source.name,
             Self::File { name, .. } => name,
@@ -42,7 +42,7 @@ impl Text {
     }
 
     /// Length of the text, bytes.
-    pub(super) fn bytes(&self) -> Result<u64, Vec<Diagnostic>> {
+    pub(crate) fn bytes(&self) -> Result<u64, Vec<Diagnostic>> {
         match self {
             Self::Held(source) => Ok(source.bytes.len() as u64),
             Self::File { name, path } => {
@@ -51,7 +51,7 @@ impl Text {
         }
     }
 
-    pub(super) fn read(self) -> Result<Source, Vec<Diagnostic>> {
+    pub(crate) fn read(self) -> Result<Source, Vec<Diagnostic>> {
         match self {
             Self::Held(source) => Ok(source),
             Self::File { name, path } => {
@@ -62,14 +62,14 @@ impl Text {
     }
 
     /// The text, if it is in memory.
-    pub(super) fn source(&self) -> Option<&Source> {
+    pub(crate) fn source(&self) -> Option<&Source> {
         match self {
             Self::Held(source) => Some(source),
             Self::File { .. } => None,
         }
     }
 
-    pub(super) fn origin(&self) -> Result<Origin, Vec<Diagnostic>> {
+    pub(crate) fn origin(&self) -> Result<Origin, Vec<Diagnostic>> {
         match self {
             Self::Held(source) => Ok(Origin::of(&source.name, &source.bytes)),
             Self::File { name, path } => {
@@ -80,7 +80,7 @@ impl Text {
     }
 
     /// The first bytes, which are enough to recognise the language.
-    pub(super) fn head(&self) -> Result<Vec<u8>, Vec<Diagnostic>> {
+    pub(crate) fn head(&self) -> Result<Vec<u8>, Vec<Diagnostic>> {
         match self {
             Self::Held(source) => Ok(source.bytes.clone()),
             Self::File { name, path } => {
@@ -91,7 +91,7 @@ impl Text {
         }
     }
 
-    pub(super) fn names(&self, names: &mut ModuleNames) -> Result<(), Vec<Diagnostic>> {
+    pub(crate) fn names(&self, names: &mut ModuleNames) -> Result<(), Vec<Diagnostic>> {
         let read = match self {
             Self::Held(source) => names.read(&source.bytes[..]),
             Self::File { path, .. } => File::open(path).and_then(|file| names.read(BufReader::new(file))),

@@ -6,8 +6,8 @@
 
 use super::lock;
 use super::place::{self, How, Move};
-use crate::cli::file_state::FileState;
-use crate::cli::message;
+use super::warn;
+use crate::session::file_state::FileState;
 use deflex::report::Origin;
 use deflex::text::{Diagnostic, Severity};
 use serde::{Deserialize, Serialize};
@@ -234,7 +234,7 @@ pub(super) fn recover(here: &Path, id: &str, user: u32) {
         let doubt = Diagnostic::error("io.marker", &of(here, id).display().to_string(), message)
             .severity(Severity::Warning)
             .help("check the files that it names, then delete the marker");
-        message::print(&[doubt], false);
+        warn(&[doubt]);
     }
 }
 
@@ -281,7 +281,7 @@ fn finish(here: &Path, id: &str, user: u32) -> Result<(), Doubt> {
     folders().for_each(|folder| sync_folder(folder));
     unmark(folders(), id);
     let targets = parts.iter().flat_map(|part| part.files.iter().filter_map(|entry| entry.target.within(&part.folder)));
-    message::print(&messages(&targets.collect::<Vec<_>>(), &kept), false);
+    warn(&messages(&targets.collect::<Vec<_>>(), &kept));
     Ok(())
 }
 

@@ -27,7 +27,7 @@ const HEAD_BYTES: usize = 4096;
 
 /// Evidence that a program was written by `compensate`.
 #[derive(Debug, Default)]
-pub(super) struct Again {
+pub(crate) struct Again {
     reports: Vec<(PathBuf, Vec<[f64; 3]>)>,
     /// Positions of the program's targets, from its start, mm.
     places: Vec<[f64; 3]>,
@@ -37,7 +37,7 @@ pub(super) struct Again {
 
 impl Again {
     /// Collects the reports in the folders of a program's files.
-    pub(super) fn in_folders_of<'a>(files: impl IntoIterator<Item = &'a Path>) -> Self {
+    pub(crate) fn in_folders_of<'a>(files: impl IntoIterator<Item = &'a Path>) -> Self {
         let mut found = Self::default();
         let mut folders = std::collections::BTreeSet::new();
         for file in files {
@@ -57,13 +57,13 @@ impl Again {
     }
 
     /// Adds rows of the program's own report.
-    pub(super) fn take(&mut self, rows: &[Row]) {
+    pub(crate) fn take(&mut self, rows: &[Row]) {
         let room = MOST_ROWS - self.places.len().min(MOST_ROWS);
         self.places.extend(rows.iter().take(room).map(|row| row.position_mm));
     }
 
     /// The error for a program that has been corrected already; `None` for any other program.
-    pub(super) fn refusal(&self, name: &str) -> Option<Diagnostic> {
+    pub(crate) fn refusal(&self, name: &str) -> Option<Diagnostic> {
         let help = "give the original program, or add --again to correct this one once more";
         let written = self.reports.iter().find(|(_, written)| self.contains_most(written));
         let why = match written {

@@ -10,19 +10,19 @@ const BLOCK: usize = 64 * 1024;
 /// Collects bytes into blocks and writes them to a file. [`Write::flush`] writes the last, incomplete block, so the
 /// writer must call it.
 #[derive(Debug)]
-pub(super) struct Blocks {
+pub(crate) struct Blocks {
     file: File,
     waiting: Vec<u8>,
 }
 
 impl Blocks {
     /// Begins at the start of the file.
-    pub(super) fn new(file: File) -> Self {
+    pub(crate) fn new(file: File) -> Self {
         Self { file, waiting: Vec::with_capacity(BLOCK) }
     }
 
     /// The file, without the bytes that still wait to be written to it.
-    pub(super) fn emptied(&mut self) -> &mut File {
+    pub(crate) fn emptied(&mut self) -> &mut File {
         self.waiting.clear();
         &mut self.file
     }

@@ -12,7 +12,7 @@ use std::path::Path;
 
 /// The target that each row of a table of forces names, and the line of the row.
 #[derive(Clone, Debug)]
-pub(super) struct ForceFile {
+pub(crate) struct ForceFile {
     file: String,
     /// Number of the target and line of each row that names its target by a number.
     ordinals: Vec<(u32, u32)>,
@@ -62,7 +62,7 @@ fn twice<T: Ord>(file: &str, mut rows: Vec<(T, u32)>, name: impl Fn(&T) -> Strin
 
 /// Targets of a program for which the table of forces has no row.
 #[derive(Debug, Default)]
-pub(super) struct LeftOut {
+pub(crate) struct LeftOut {
     targets: usize,
     count: usize,
     /// Lines of the first of these targets in the program.
@@ -71,7 +71,7 @@ pub(super) struct LeftOut {
 
 impl LeftOut {
     /// Adds rows of the program's report.
-    pub(super) fn take(&mut self, forces: Option<&Forces>, rows: &[Row]) {
+    pub(crate) fn take(&mut self, forces: Option<&Forces>, rows: &[Row]) {
         const LINES: usize = 6;
         let Some(forces) = forces.filter(|forces| forces.forces_given) else { return };
         for row in rows.iter().filter(|row| !matches!(row.status, Status::Kept(_))) {
@@ -86,7 +86,7 @@ impl LeftOut {
     }
 
     /// The warning about these targets of the program `name`; `None` if there are none.
-    pub(super) fn note(&self, name: &str) -> Option<Diagnostic> {
+    pub(crate) fn note(&self, name: &str) -> Option<Diagnostic> {
         let lines = lines_of(&self.lines)?;
         let message = format!(
             "{} of {} targets have no row in the table of forces, so deflex assumes that they do not cut: {lines}",
@@ -101,7 +101,7 @@ impl LeftOut {
 }
 
 impl ForceFile {
-    pub(super) fn read(path: &Path, names: Option<&ColumnNames>) -> Result<(Self, Forces), Vec<Diagnostic>> {
+    pub(crate) fn read(path: &Path, names: Option<&ColumnNames>) -> Result<(Self, Forces), Vec<Diagnostic>> {
         let file = path.display().to_string();
         let input: Box<dyn Read> = if file == "-" {
             Box::new(std::io::stdin().lock())
@@ -113,7 +113,7 @@ impl ForceFile {
     }
 
     /// Reads the forces by target, and the rows that [`ForceFile::check`] needs.
-    pub(super) fn of(
+    pub(crate) fn of(
         file: String,
         input: impl Read,
         names: Option<&ColumnNames>,
@@ -161,7 +161,7 @@ impl ForceFile {
 
     /// Notes about lines that were skipped, and a warning if the forces look as if they were in another unit than
     /// newtons.
-    pub(super) fn doubts(&self) -> impl Iterator<Item = Diagnostic> + '_ {
+    pub(crate) fn doubts(&self) -> impl Iterator<Item = Diagnostic> + '_ {
         self.notes.iter().cloned().chain(self.other_unit())
     }
 
@@ -182,7 +182,7 @@ impl ForceFile {
     }
 
     /// An error if rows belong to no target of a program: then the table was made for another program.
-    pub(super) fn check(&self, program: &Program) -> Result<(), Vec<Diagnostic>> {
+    pub(crate) fn check(&self, program: &Program) -> Result<(), Vec<Diagnostic>> {
         let last = program.targets.last().map_or(0, |target| target.ordinal);
         self.check_targets(last, |name| {
             program.targets.iter().any(|t| t.name.as_ref().is_some_and(|known| known.eq_ignore_ascii_case(name)))
@@ -190,7 +190,7 @@ impl ForceFile {
     }
 
     /// The same check for a program of which only the number of the last target and the names of targets are known.
-    pub(super) fn check_targets(&self, last: u32, named: impl Fn(&str) -> bool) -> Result<(), Vec<Diagnostic>> {
+    pub(crate) fn check_targets(&self, last: u32, named: impl Fn(&str) -> bool) -> Result<(), Vec<Diagnostic>> {
         const MOST_SHOWN: usize = 10; // a wrong table is wrong in every row
         let help = "targets are counted from 1 in the order they run, or named as declared";
         let wrong = |line: u32, message: String| at_line(&self.file, line, message).help(help);

@@ -1,8 +1,8 @@
 use super::{CellFile, Run};
-use crate::cli::files::all;
-use crate::cli::input::{self, Context};
-use crate::cli::job::{Job, Long};
-use crate::cli::text::Text;
+use crate::session::input::{self, Context};
+use crate::session::job::{Job, Long};
+use crate::session::read::all;
+use crate::session::text::Text;
 use deflex::program::{Language, Program};
 use deflex::text::{Diagnostic, Source};
 use std::path::PathBuf;
@@ -11,7 +11,7 @@ use std::path::PathBuf;
 ///
 /// # Examples
 /// ```
-/// use deflex::cli::session::ProgramFiles;
+/// use deflex::session::ProgramFiles;
 ///
 /// let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
 /// println!("{}", program.name());
@@ -34,7 +34,7 @@ impl ProgramFiles {
     ///
     /// # Examples
     /// ```
-    /// use deflex::cli::session::ProgramFiles;
+    /// use deflex::session::ProgramFiles;
     /// use deflex::program::Language;
     ///
     /// let program = ProgramFiles::read(&["samples/blade/blade.aptsource".into()], &[], None)?;
@@ -44,11 +44,11 @@ impl ProgramFiles {
     pub fn read(paths: &[PathBuf], context: &[PathBuf], format: Option<&str>) -> Result<Self, Vec<Diagnostic>> {
         let format = format.map(known).transpose()?;
         let jobs = all(paths.iter().map(|path| Job::of(path, format)))?;
-        let (job, context) = crate::cli::files::both(Job::one(jobs), Context::of(context))?;
+        let (job, context) = crate::session::read::both(Job::one(jobs), Context::of(context))?;
         Self::of(job, context)
     }
 
-    pub(in crate::cli) fn of(job: Job, context: Context) -> Result<Self, Vec<Diagnostic>> {
+    pub(crate) fn of(job: Job, context: Context) -> Result<Self, Vec<Diagnostic>> {
         Ok(Self { job: job.held()?, context })
     }
 
@@ -56,7 +56,7 @@ impl ProgramFiles {
     ///
     /// # Examples
     /// ```
-    /// # use deflex::cli::session::{CellFile, ProgramFiles, Run};
+    /// # use deflex::session::{CellFile, ProgramFiles, Run};
     /// # let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
     /// assert_eq!(program.name(), "samples/slot/slot.mod");
     /// # Ok::<(), deflex::text::Diagnostics>(())
@@ -70,7 +70,7 @@ impl ProgramFiles {
     ///
     /// # Examples
     /// ```
-    /// # use deflex::cli::session::{CellFile, ProgramFiles, Run};
+    /// # use deflex::session::{CellFile, ProgramFiles, Run};
     /// # let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
     /// assert_eq!(program.language(), deflex::program::Language::Rapid);
     /// # Ok::<(), deflex::text::Diagnostics>(())
@@ -84,7 +84,7 @@ impl ProgramFiles {
     ///
     /// # Examples
     /// ```
-    /// # use deflex::cli::session::{CellFile, ProgramFiles, Run};
+    /// # use deflex::session::{CellFile, ProgramFiles, Run};
     /// # let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
     /// assert_eq!(program.sources().len(), 1);
     /// # Ok::<(), deflex::text::Diagnostics>(())
@@ -103,7 +103,7 @@ impl ProgramFiles {
     ///
     /// # Examples
     /// ```
-    /// # use deflex::cli::session::{CellFile, ProgramFiles, Run};
+    /// # use deflex::session::{CellFile, ProgramFiles, Run};
     /// # let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
     /// assert_eq!(program.names().len(), 1);
     /// # Ok::<(), deflex::text::Diagnostics>(())
@@ -117,7 +117,7 @@ impl ProgramFiles {
     ///
     /// # Examples
     /// ```
-    /// # use deflex::cli::session::{CellFile, ProgramFiles, Run};
+    /// # use deflex::session::{CellFile, ProgramFiles, Run};
     /// # let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
     /// assert!(program.companions().is_empty()); // it has no .pgf list
     /// # Ok::<(), deflex::text::Diagnostics>(())
@@ -135,7 +135,7 @@ impl ProgramFiles {
     ///
     /// # Examples
     /// ```
-    /// use deflex::cli::session::{CellFile, ProgramFiles};
+    /// use deflex::session::{CellFile, ProgramFiles};
     ///
     /// let cell = CellFile::read("samples/blade/cell.toml".as_ref())?;
     /// let program = ProgramFiles::read(&["samples/blade/blade.aptsource".into()], &[], None)?.parse(&cell, None)?;
@@ -153,7 +153,7 @@ impl ProgramFiles {
     ///
     /// # Examples
     /// ```
-    /// use deflex::cli::session::ProgramFiles;
+    /// use deflex::session::ProgramFiles;
     ///
     /// let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?.parse_alone()?;
     /// assert_eq!(&*program.tools[0].name, "tMill");

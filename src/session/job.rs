@@ -1,7 +1,6 @@
 //! Finds out which files form one program, and their language. The files are not parsed yet.
 
-use super::args::Reports;
-use super::files::{all, parted, source};
+use super::read::{all, parted, source};
 use super::text::Text;
 use deflex::program::cl::ClOptions;
 use deflex::program::{Language, LongProgram, ModuleNames, detect, group_modules, unknown_marks};
@@ -14,28 +13,28 @@ use std::fs::File;
 use std::path::{Component, Path, PathBuf};
 
 /// A program in one text.
-pub(super) type Long<'a> = LongProgram<'a, &'a Text>;
+pub(crate) type Long<'a> = LongProgram<'a, &'a Text>;
 
 /// Files that form one program, not yet parsed.
 #[derive(Clone, Debug)]
-pub(super) struct Job {
+pub(crate) struct Job {
     /// Name in messages and reports: the paths as the user typed them.
-    pub(super) name: String,
+    pub(crate) name: String,
     /// Texts that are corrected.
-    pub(super) texts: Vec<Text>,
+    pub(crate) texts: Vec<Text>,
     /// Names of the files in an output folder.
-    pub(super) files: Vec<PathBuf>,
+    pub(crate) files: Vec<PathBuf>,
     /// Files that are copied into the output folder without a change: the `.pgf` list.
-    pub(super) companions: Vec<(PathBuf, Vec<u8>)>,
+    pub(crate) companions: Vec<(PathBuf, Vec<u8>)>,
     /// Language of all files.
-    pub(super) language: Language,
+    pub(crate) language: Language,
     /// Whether a `.pgf` list names the modules: they are one program even if they do not use each other.
     listed: bool,
 }
 
 impl Job {
     /// The job of one input file, before files are grouped into programs.
-    pub(super) fn of(path: &Path, format: Option<Language>) -> Result<Self, Vec<Diagnostic>> {
+    pub(crate) fn of(path: &Path, format: Option<Language>) -> Result<Self, Vec<Diagnostic>> {
         if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("pgf")) {
             return Self::listed(path);
         }
@@ -43,7 +42,7 @@ impl Job {
     }
 
     /// The one program that these files form; an error if they are several programs.
-    pub(super) fn one(jobs: Vec<Self>) -> Result<Self, Vec<Diagnostic>> {
+    pub(crate) fn one(jobs: Vec<Self>) -> Result<Self, Vec<Diagnostic>> {
         let jobs = grouped(jobs)?;
         let are_modules = |job: &Self| job.language == jobs[0].language && job.language.about().has_modules;
         if jobs.len() > 1 && !jobs.iter().all(are_modules) {
@@ -57,7 +56,7 @@ impl Job {
     }
 
     /// Reads the texts into memory.
-    pub(super) fn held(mut self) -> Result<Self, Vec<Diagnostic>> {
+    pub(crate) fn held(mut self) -> Result<Self, Vec<Diagnostic>> {
         self.texts = all(self.texts.into_iter().map(|text| text.read().map(Text::Held)))?;
         Ok(self)
     }
@@ -73,13 +72,13 @@ impl Job {
 
     /// The program as one text that can be read in chunks; `None` if it has several files. `context` declares names
     /// that the text does not declare, and CL data are read with `cl`.
-    pub(super) fn long<'a>(&'a self, context: Cow<'a, [Source]>, cl: Option<ClOptions>) -> Option<Long<'a>> {
+    pub(crate) fn long<'a>(&'a self, context: Cow<'a, [Source]>, cl: Option<ClOptions>) -> Option<Long<'a>> {
         let [text] = &self.texts[..] else { return None };
         Some(LongProgram::new(text, self.language, context, cl))
     }
 
     /// Refuses comments that look like a mark for deflex, such as `! deflex air`, and are not one.
-    pub(super) fn marked(&self) -> Result<(), Vec<Diagnostic>> {
+    pub(crate) fn marked(&self) -> Result<(), Vec<Diagnostic>> {
         let marks = |text: &Text| {
             let found = match text {
                 Text::Held(source) => unknown_marks(&source.name, self.language, &source.bytes[..]),
@@ -94,18 +93,13 @@ impl Job {
         all(self.texts.iter().map(marks)).map(drop)
     }
 
-    /// Names and hashes of the files, if a report states them; otherwise empty.
-    pub(super) fn origins_for(&self, reports: &Reports) -> Result<Vec<Origin>, Vec<Diagnostic>> {
-        if reports.json.is_some() || reports.html.is_some() { self.origins() } else { Ok(Vec::new()) }
-    }
-
     /// Names and hashes of the files.
-    pub(super) fn origins(&self) -> Result<Vec<Origin>, Vec<Diagnostic>> {
+    pub(crate) fn origins(&self) -> Result<Vec<Origin>, Vec<Diagnostic>> {
         all(self.texts.iter().map(Text::origin))
     }
 
     /// The job of an input whose text has been opened.
-    pub(super) fn of_text(text: Text, path: &Path, format: Option<Language>) -> Result<Self, Vec<Diagnostic>> {
+    pub(crate) fn of_text(text: Text, path: &Path, format: Option<Language>) -> Result<Self, Vec<Diagnostic>> {
         let head = text.head()?;
         let unknown = || unknown_language(&Source::new(text.name(), head.clone()));
         if head.iter().all(u8::is_ascii_whitespace) {
@@ -189,23 +183,23 @@ fn with_ending(path: &Path, ending: &str) -> Option<PathBuf> {
 }
 
 /// Whether the file is read as part of another: KRL data are read with the `.src` file of the same name.
-pub(super) fn belongs_to_another(path: &Path) -> bool {
+pub(crate) fn belongs_to_another(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("dat")) && with_ending(path, "src").is_some()
 }
 
 /// Groups input files into programs.
-pub(super) fn jobs(inputs: &[PathBuf], format: Option<Language>) -> Result<Vec<Job>, Vec<Diagnostic>> {
+pub(crate) fn jobs(inputs: &[PathBuf], format: Option<Language>) -> Result<Vec<Job>, Vec<Diagnostic>> {
     grouped(all(inputs.iter().map(|path| Job::of(path, format)))?)
 }
 
 /// Groups the input files that can be read, and returns the errors of the others.
-pub(super) fn jobs_that_can_be(inputs: &[PathBuf], format: Option<Language>) -> Result<Looked, Vec<Diagnostic>> {
+pub(crate) fn jobs_that_can_be(inputs: &[PathBuf], format: Option<Language>) -> Result<Looked, Vec<Diagnostic>> {
     let (jobs, failed) = parted(inputs.iter().map(|path| Job::of(path, format)));
     Ok((grouped(jobs)?, failed))
 }
 
 /// Programs, and the errors of inputs that cannot be read.
-pub(super) type Looked = (Vec<Job>, Vec<Diagnostic>);
+pub(crate) type Looked = (Vec<Job>, Vec<Diagnostic>);
 
 fn grouped(mut jobs: Vec<Job>) -> Result<Vec<Job>, Vec<Diagnostic>> {
     // Data files that the user gave in addition to the program to which they belong.

@@ -4,7 +4,7 @@
 //! temporary files are `.deflex-ID-N.tmp`. The system releases the lock when the run ends in any way. Files whose lock
 //! is free therefore belong to a run that was killed, and the next run that writes to the folder removes them.
 
-use crate::cli::message;
+use super::warn;
 use deflex::text::{Diagnostic, Severity};
 use std::fs::{self, File, TryLockError};
 use std::io;
@@ -65,10 +65,10 @@ static TIMEOUT_S: AtomicU64 = AtomicU64::new(DEFAULT_TIMEOUT_S);
 
 /// Default of `--lock-timeout`, s. Renaming outputs takes much less than a second, so a lock that is held for a minute
 /// has another purpose.
-pub(in crate::cli) const DEFAULT_TIMEOUT_S: u64 = 60;
+pub(crate) const DEFAULT_TIMEOUT_S: u64 = 60;
 
 /// Sets the time of `--lock-timeout`, s.
-pub(in crate::cli) fn wait_at_most(seconds: u64) {
+pub(crate) fn wait_at_most(seconds: u64) {
     TIMEOUT_S.store(seconds, Ordering::Relaxed);
 }
 
@@ -99,7 +99,7 @@ pub(super) fn lock_folder(folder: &Path) -> io::Result<Option<File>> {
             Err(TryLockError::WouldBlock) => {
                 if !said && start.elapsed() >= PATIENCE {
                     said = true;
-                    message::print(&[waits(folder, limit)], false);
+                    warn(&[waits(folder, limit)]);
                 }
                 std::thread::sleep(POLL);
             }

@@ -1,8 +1,8 @@
 //! Detects inputs that change during a run. A program is read several times and must have the same bytes each time.
 
 use super::marker;
-use crate::cli::file_state::{FileState, Identity};
-use crate::cli::message;
+use super::warn;
+use crate::session::file_state::{FileState, Identity};
 use deflex::report::Origin;
 use deflex::text::{Diagnostic, Severity};
 use std::collections::BTreeMap;
@@ -42,17 +42,17 @@ fn watched() -> MutexGuard<'static, Option<All>> {
 }
 
 /// Watches all files that are opened from now on.
-pub(in crate::cli) fn start() {
+pub(crate) fn start() {
     *watched() = Some(All { files: BTreeMap::new(), unfinished: BTreeMap::new() });
 }
 
 /// Records the state of a file before it is read. Pipes and devices can be read only once, and are not watched.
-pub(in crate::cli) fn watch(path: &Path) {
+pub(crate) fn watch(path: &Path) {
     let Ok(metadata) = fs::metadata(path) else { return };
     if !metadata.is_file() || watched().as_ref().is_none_or(|all| all.files.contains_key(path)) {
         return;
     }
-    message::print(unfinished(path).as_slice(), false);
+    warn(unfinished(path).as_slice());
     let fresh = |modified: SystemTime| modified.elapsed().map_or(true, |age| age < TICK);
     let hash = metadata.modified().map_or(true, fresh).then(|| hash(path).ok()).flatten();
     let entry = Watched { identity: Identity::of(path), state: FileState::of(&metadata), hash };

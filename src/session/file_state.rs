@@ -7,7 +7,7 @@ use std::time::SystemTime;
 
 /// Properties by which two states of a file can be distinguished without reading it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub(super) struct FileState {
+pub(crate) struct FileState {
     length: u64,
     /// Time of the last change of the content, in nanoseconds from 1970; earlier times are negative.
     modified_ns: Option<i64>,
@@ -16,7 +16,7 @@ pub(super) struct FileState {
 }
 
 impl FileState {
-    pub(super) fn of(metadata: &Metadata) -> Self {
+    pub(crate) fn of(metadata: &Metadata) -> Self {
         #[cfg(unix)]
         let own = {
             use std::os::unix::fs::MetadataExt;
@@ -28,14 +28,14 @@ impl FileState {
     }
 
     /// The state without the properties that change when the file gets a second name.
-    pub(super) fn of_content(metadata: &Metadata) -> Self {
+    pub(crate) fn of_content(metadata: &Metadata) -> Self {
         let mut state = Self::of(metadata);
         state.own[2..].fill(0);
         state
     }
 
     /// Whether both are states of the same file, whose content may have changed in between.
-    pub(super) fn same_file(&self, other: &Self) -> bool {
+    pub(crate) fn same_file(&self, other: &Self) -> bool {
         self.own[..2] == other.own[..2]
     }
 }
@@ -50,7 +50,7 @@ fn nanoseconds(time: SystemTime) -> Option<i64> {
 
 /// Identifies the file to which a path leads. Hard links and symbolic links to one file have the same identity.
 #[derive(Clone, Debug)]
-pub(super) struct Identity {
+pub(crate) struct Identity {
     path: PathBuf,
     /// `None` if the file does not exist yet.
     id: Option<FileId>,
@@ -58,7 +58,7 @@ pub(super) struct Identity {
 
 impl Identity {
     /// The identity of a path, of which as many parts are resolved as exist.
-    pub(super) fn of(path: &Path) -> Self {
+    pub(crate) fn of(path: &Path) -> Self {
         let canonical = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
         Self { path: canonical, id: file_id::get_file_id(path).ok() }
     }

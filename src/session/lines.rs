@@ -10,14 +10,14 @@ const LONGEST: usize = 1000;
 
 /// The text of the wanted lines, counted from 1, as far as the input has them. The input is read once, and only the
 /// wanted lines take memory. Lines end as in [`Source::line_column`]: with CR LF, LF, CR CR LF or a lone CR.
-pub(super) fn read(input: impl BufRead, wanted: &BTreeSet<u32>) -> BTreeMap<u32, String> {
+pub(crate) fn read(input: impl BufRead, wanted: &BTreeSet<u32>) -> BTreeMap<u32, String> {
     let mut reader = Reader { input, line: 1, after_cr: false };
     let text = |line: &u32| Some((*line, Source::new("", reader.line(*line)?).line_at(0).into_owned()));
     wanted.iter().map_while(text).collect()
 }
 
 /// Adds the lines of the program to its page.
-pub(super) fn quote(path: &mut PathTrace, file: impl Read) {
+pub(crate) fn quote(path: &mut PathTrace, file: impl Read) {
     // The path visits lines in running order, so the wanted lines are collected first and then read in one pass.
     let mut wanted = BTreeSet::new();
     path.quote(|_, line| {

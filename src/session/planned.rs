@@ -1,6 +1,6 @@
 use super::{CellFile, ProgramFiles};
-use crate::cli::files::all;
-use crate::cli::report::pretty;
+use crate::session::read::all;
+use crate::session::report::pretty;
 use deflex::identify::{self, Plan, PlanInput, PlanProgram};
 use deflex::report::html::{DrawnArm, plan_page};
 use deflex::report::{Origin, VERSION};
@@ -14,7 +14,7 @@ const OPEN: f64 = 0.05;
 ///
 /// # Examples
 /// ```
-/// use deflex::cli::session::Planned;
+/// use deflex::session::Planned;
 /// use deflex::text::Diagnostics;
 ///
 /// /// Writes the plan for other programs, and its page.
@@ -66,7 +66,7 @@ impl Planned {
 ///
 /// # Examples
 /// ```no_run
-/// use deflex::cli::session::{CellFile, plan};
+/// use deflex::session::{CellFile, plan};
 /// use deflex::identify::{Ask, PlanProgram};
 /// use deflex::program::Language;
 ///

@@ -1,7 +1,8 @@
-//! The commands of deflex with their results in memory, for programs in other languages and notebooks.
+//! The commands of deflex with their results in memory, for programs in other languages and notebooks. The command line uses the same
+//! code for reading and writing files: no other part of the library does.
 //!
 //! ```
-//! use deflex::cli::session::{CellFile, ProgramFiles, Run, compensate};
+//! use deflex::session::{CellFile, ProgramFiles, Run, compensate};
 //! use std::path::{Path, PathBuf};
 //! use std::sync::Arc;
 //!
@@ -15,36 +16,52 @@
 //! # }
 //! ```
 
-mod files;
-mod identified;
-mod long;
-mod planned;
-mod simulated;
-mod write;
+// The command line alone uses some of it.
+#![cfg_attr(not(feature = "cli"), allow(dead_code))]
 
-pub use super::input::CellFile;
+pub(crate) mod again;
+pub(crate) mod blocks;
+pub(crate) mod file_state;
+mod files;
+pub(crate) mod finished;
+pub(crate) mod forces;
+mod identified;
+pub(crate) mod input;
+pub(crate) mod job;
+pub(crate) mod lines;
+mod long;
+pub(crate) mod output;
+mod planned;
+pub(crate) mod read;
+pub(crate) mod report;
+pub(crate) mod setup;
+mod simulated;
+pub(crate) mod text;
+mod write;
+pub(crate) mod written;
+
 pub use files::ProgramFiles;
 pub use identified::{Identified, MeasuredFile, MeasuredRunFiles, identify, identify_path};
+pub use input::CellFile;
 pub use planned::{Planned, plan};
 pub use simulated::{Simulated, SimulationProgress, simulate};
 pub use write::write;
 
-use super::again::Again;
-use super::batch::posted_from;
-use super::compensate::{Written, written};
-use super::forces::ForceFile;
-use super::output::Outputs;
-use super::report::{Noticed, write_joined};
-use super::setup::Setup;
+use again::Again;
 use deflex::correct::{self, Corrected, CutProgress, Options, PostOptions};
 use deflex::program::{Language, Program};
 use deflex::report::html::{PathKind, PathPage, PathTrace};
 use deflex::report::{FileSummary, Origin, Unrounded};
 use deflex::text::{Diagnostic, Source};
+use finished::Finished;
+use forces::ForceFile;
 use long::Long;
+use report::{Noticed, write_joined};
+use setup::Setup;
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use written::{Written, posted_from, written};
 
 /// Receives the number of targets and of program bytes that are done. The run is cancelled when it returns `false`.
 pub type Follow = dyn Fn(usize, u64) -> bool + Send + Sync;
@@ -53,7 +70,7 @@ pub type Follow = dyn Fn(usize, u64) -> bool + Send + Sync;
 ///
 /// # Examples
 /// ```
-/// use deflex::cli::session::{CellFile, Run};
+/// use deflex::session::{CellFile, Run};
 ///
 /// let run = Run::new(CellFile::read("samples/slot/cell.toml".as_ref())?.into());
 /// # Ok::<(), deflex::text::Diagnostics>(())
@@ -78,7 +95,7 @@ impl Run {
     ///
     /// # Examples
     /// ```
-    /// use deflex::cli::session::{CellFile, Run};
+    /// use deflex::session::{CellFile, Run};
     ///
     /// let mut run = Run::new(CellFile::read("samples/slot/cell.toml".as_ref())?.into());
     /// run.again = true; // corrects a program that has been corrected already
@@ -86,8 +103,7 @@ impl Run {
     /// ```
     #[must_use]
     pub fn new(cell: Arc<CellFile>) -> Self {
-        let setup =
-            Setup { cell, forces: None, context: super::input::Context::default(), options: Options::default() };
+        let setup = Setup { cell, forces: None, context: input::Context::default(), options: Options::default() };
         Self { setup, again: false, post: None, follow: None, draws: false, keeps_numbers: false }
     }
 
@@ -96,7 +112,7 @@ impl Run {
     ///
     /// # Examples
     /// ```
-    /// # use deflex::cli::session::{CellFile, Run};
+    /// # use deflex::session::{CellFile, Run};
     /// let mut run = Run::new(CellFile::read("samples/slot/cell.toml".as_ref())?.into());
     /// run.options().subdivide = Some(2e-5); // m: inserts targets, as `--subdivide 0.02` does
     /// # Ok::<(), deflex::text::Diagnostics>(())
@@ -112,7 +128,7 @@ impl Run {
     ///
     /// # Examples
     /// ```
-    /// # use deflex::cli::session::{CellFile, Run};
+    /// # use deflex::session::{CellFile, Run};
     /// let mut run = Run::new(CellFile::read("samples/closed-loop/cell.toml".as_ref())?.into());
     /// run.read_forces("samples/closed-loop/measured.csv".as_ref())?;
     /// # Ok::<(), deflex::text::Diagnostics>(())
@@ -131,7 +147,7 @@ impl Run {
     ///
     /// # Examples
     /// ```
-    /// # use deflex::cli::session::{CellFile, Run};
+    /// # use deflex::session::{CellFile, Run};
     /// use deflex::text::Source;
     ///
     /// let mut run = Run::new(CellFile::read("samples/closed-loop/cell.toml".as_ref())?.into());
@@ -154,7 +170,7 @@ impl Run {
     ///
     /// # Examples
     /// ```
-    /// # use deflex::cli::session::{CellFile, Run};
+    /// # use deflex::session::{CellFile, Run};
     /// let run = Run::new(CellFile::read("samples/slot/cell.toml".as_ref())?.into());
     /// assert_eq!(run.inputs().count(), 1); // the cell
     /// # Ok::<(), deflex::text::Diagnostics>(())
@@ -168,7 +184,7 @@ impl Run {
     ///
     /// # Examples
     /// ```
-    /// # use deflex::cli::session::Run;
+    /// # use deflex::session::Run;
     /// let options = Run::posted_from("blade.aptsource".as_ref());
     /// assert_eq!(options.name, "blade");
     /// ```
@@ -228,7 +244,7 @@ impl Run {
 ///
 /// # Examples
 /// ```
-/// use deflex::cli::session::{CellFile, ProgramFiles, Run, predict};
+/// use deflex::session::{CellFile, ProgramFiles, Run, predict};
 /// use std::sync::Arc;
 ///
 /// let cell = Arc::new(CellFile::read("samples/slot/cell.toml".as_ref())?);
@@ -262,7 +278,7 @@ pub struct Done {
 ///
 /// # Examples
 /// ```
-/// # use deflex::cli::session::{CellFile, ProgramFiles, Run, compensate_page};
+/// # use deflex::session::{CellFile, ProgramFiles, Run, compensate_page};
 /// # let cell = CellFile::read("samples/slot/cell.toml".as_ref())?.into();
 /// # let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
 /// let page = compensate_page(&program, &Run::new(cell))?;
@@ -281,7 +297,7 @@ pub fn compensate_page(program: &ProgramFiles, run: &Run) -> Result<String, Vec<
 ///
 /// # Examples
 /// ```
-/// # use deflex::cli::session::{CellFile, ProgramFiles, Run, predict_page};
+/// # use deflex::session::{CellFile, ProgramFiles, Run, predict_page};
 /// # let cell = CellFile::read("samples/slot/cell.toml".as_ref())?.into();
 /// # let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
 /// let page = predict_page(&program, None, &Run::new(cell))?;
@@ -304,7 +320,7 @@ pub fn predict_page(
 ///
 /// # Examples
 /// ```
-/// # use deflex::cli::session::{CellFile, ProgramFiles, Run, compensate_unrounded};
+/// # use deflex::session::{CellFile, ProgramFiles, Run, compensate_unrounded};
 /// # let cell = CellFile::read("samples/slot/cell.toml".as_ref())?.into();
 /// # let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
 /// let columns = compensate_unrounded(&program, &Run::new(cell))?.columns();
@@ -324,7 +340,7 @@ pub fn compensate_unrounded(program: &ProgramFiles, run: &Run) -> Result<Unround
 ///
 /// # Examples
 /// ```
-/// # use deflex::cli::session::{CellFile, ProgramFiles, Run, predict_unrounded};
+/// # use deflex::session::{CellFile, ProgramFiles, Run, predict_unrounded};
 /// # let cell = CellFile::read("samples/slot/cell.toml".as_ref())?.into();
 /// # let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
 /// let columns = predict_unrounded(&program, None, &Run::new(cell))?.columns();
@@ -347,7 +363,7 @@ pub fn predict_unrounded(
 ///
 /// # Examples
 /// ```
-/// use deflex::cli::session::{CellFile, ProgramFiles, Run, compensate};
+/// use deflex::session::{CellFile, ProgramFiles, Run, compensate};
 /// use std::sync::Arc;
 ///
 /// let cell = Arc::new(CellFile::read("samples/slot/cell.toml".as_ref())?);
@@ -378,7 +394,7 @@ pub fn compensate(program: &ProgramFiles, run: &Run) -> Result<Done, Vec<Diagnos
 ///
 /// # Examples
 /// ```
-/// use deflex::cli::session::{CellFile, ProgramFiles, Run, predict};
+/// use deflex::session::{CellFile, ProgramFiles, Run, predict};
 /// use std::sync::Arc;
 ///
 /// let cell = Arc::new(CellFile::read("samples/slot/cell.toml".as_ref())?);
@@ -449,11 +465,10 @@ fn whole(
     let targets = corrected.rows.len();
     let mut numbers = run.numbers();
     numbers.iter_mut().for_each(|numbers| numbers.take(&corrected.rows));
-    let outputs = Outputs::default();
-    let done = super::run::Done::new((name, kind), program, corrected, outputs, run.path(kind), noticed)?;
+    let done = Finished::new(name, program, corrected, run.path(kind), noticed)?;
     let mut csv = Vec::new();
     // Writing to a Vec cannot fail.
-    let _ = write_joined(done.rows.as_slice(), &mut csv);
+    let _ = write_joined(std::slice::from_ref(&done.rows), &mut csv);
     if let Some(follow) = &run.follow {
         follow(targets, program.sources.iter().map(|source| source.bytes.len() as u64).sum());
     }

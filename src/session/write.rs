@@ -1,7 +1,7 @@
 //! Writes results that are in memory, with the same guarantees as the command.
 
-use super::super::file_state::Identity;
-use super::super::output::{AtTheEnd, Outputs, refuse};
+use super::file_state::Identity;
+use super::output::{AtTheEnd, Outputs, refuse};
 use deflex::text::Diagnostic;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -14,7 +14,7 @@ use std::sync::{Mutex, PoisonError};
 ///
 /// # Examples
 /// ```no_run
-/// use deflex::cli::session::{CellFile, ProgramFiles, Run, compensate, write};
+/// use deflex::session::{CellFile, ProgramFiles, Run, compensate, write};
 ///
 /// let program = ProgramFiles::read(&["part.mod".into()], &[], None)?;
 /// let done = compensate(&program, &Run::new(CellFile::read("cell.toml".as_ref())?.into()))?;
