@@ -233,7 +233,7 @@ impl Configuration {
                 ("KUKA S, T", format!("S {status}, T {turn}  (S 'B{status:03b}', T 'B{turn:06b}')"))
             }
             Some(Language::Ls) => ("FANUC CONFIG", format!("'{}'", self.turns)),
-            _ => {
+            Some(Language::Rapid | Language::Cl | Language::Ur | Language::Jbi) | None => {
                 let Confdata { cf1, cf4, cf6, cfx } = self.quarters;
                 ("ABB confdata", format!("[{cf1},{cf4},{cf6},{cfx}]"))
             }

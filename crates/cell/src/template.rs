@@ -213,7 +213,7 @@ impl Speech {
             Some(Language::Ls) => &FANUC,
             Some(Language::Ur) => &UR,
             Some(Language::Jbi) => &YASKAWA,
-            _ => &RAPID,
+            Some(Language::Rapid | Language::Cl) | None => &RAPID,
         }
     }
 

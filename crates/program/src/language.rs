@@ -16,7 +16,6 @@ use nalgebra::Rotation3;
 /// assert_eq!(detect("part.mod", b"MODULE part\nENDMODULE\n"), Some(Language::Rapid));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[non_exhaustive]
 pub enum Language {
     /// ABB RAPID modules.
     Rapid,
