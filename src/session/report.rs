@@ -51,12 +51,12 @@ impl Rows {
     pub(crate) fn draw(&self, path: &mut PathTrace, rows: &[Row]) {
         let mut rest = rows;
         for (file, count) in &self.files {
-            let (now, behind) = rest.split_at((*count).min(rest.len()));
+            let (now, after) = rest.split_at((*count).min(rest.len()));
             if self.files.len() > 1 {
                 path.continue_in(file);
             }
             path.extend(now);
-            rest = behind;
+            rest = after;
         }
     }
 

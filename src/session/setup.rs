@@ -52,7 +52,7 @@ impl Setup {
         forces.check_targets(streamed.last, |name| streamed.has_target(name))
     }
 
-    /// The options for a program that is held as a whole, with who follows the cut, if the cell has a stock.
+    /// The options for a program that is held as a whole, which report the progress of the cut if the cell has a stock.
     pub(crate) fn options_followed(&self, cut_progress: Option<CutProgress>) -> Cow<'_, Options> {
         match cut_progress.filter(|_| self.cell.cell.stock.is_some()) {
             Some(cut_progress) => Cow::Owned(Options { cut_progress, ..self.options.clone() }),

@@ -7,7 +7,6 @@
 use super::Prepared;
 use super::load::PointLoad;
 use super::segment::{Kind, waypoint_targets};
-use deflex_effects::PartYield;
 use deflex_program::Program;
 use std::sync::Arc;
 
@@ -52,29 +51,24 @@ impl OriginalLoads<'_> {
     pub(super) fn apply(self, moved: &mut Prepared) {
         Arc::make_mut(&mut moved.shared).laws.clone_from(&self.prepared.shared.laws);
         moved.notes.clone_from(&self.prepared.notes);
-        let shares = self.shares(moved);
         let mut from = 0.0;
-        for (i, (point, at)) in moved.points.iter_mut().zip(self.targets).enumerate() {
+        let shares = self.shares(moved);
+        for ((point, at), share) in moved.points.iter_mut().zip(self.targets).zip(shares) {
             let original = &self.prepared.points[at.target];
             (point.load, point.plunges, point.normal) = (original.load, original.plunges, original.normal);
             (point.payload, point.temperature) = (original.payload, original.temperature);
             (point.time, point.cut_length) = (original.time, original.cut_length);
             let [before, end] = [at.segment.0, at.segment.1].map(|waypoint| &self.prepared.points[waypoint]);
-            let share = shares[i];
-            point.part.clone_from(&end.part);
-            if let (Some(before), Some(end)) = (before.part.as_deref(), end.part.as_deref())
-                && share < 1.0
-            {
-                point.part = Some(Arc::new(PartYield::mixed([(before, 1.0 - share), (end, share)])));
-            }
-            let is_circle_point = at.target != at.segment.1;
-            let milled = end.milled.as_ref().filter(|_| !is_circle_point);
-            point.milled = milled.map(|milled| milled.between(from, share));
-            if let Some(force) = end.milled.as_ref().filter(|_| share < 1.0).and_then(|milled| milled.at(share)) {
+            let is_inside = share < 1.0;
+            point.part = if is_inside { before.part_between(end, share) } else { end.part.clone() };
+            if let Some(force) = end.milled.as_ref().filter(|_| is_inside).and_then(|milled| milled.at(share)) {
                 point.load = PointLoad::of_stock(force.programmed);
             }
+            // A circle point is within the segment to the end of its arc, which has the cut of both.
+            let is_circle_point = at.target != at.segment.1;
+            point.milled = end.milled.as_ref().filter(|_| !is_circle_point).map(|milled| milled.between(from, share));
             if !is_circle_point {
-                from = if share < 1.0 { share } else { 0.0 };
+                from = if is_inside { share } else { 0.0 };
             }
         }
     }

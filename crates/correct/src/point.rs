@@ -121,7 +121,8 @@ impl Milled {
         if (from, to) == (0.0, 1.0) {
             return self.clone();
         }
-        let inner = self.forces.iter().filter(|(at, _)| (from..=to).contains(at));
+        // None of them is inside if the two shares are the same, so that nothing is divided by zero.
+        let inner = self.forces.iter().filter(|(at, _)| from < *at && *at < to);
         let inner = inner.map(|(at, force)| ((at - from) / (to - from), *force));
         let ends = [(from, 0.0), (to, 1.0)].map(|(at, share)| self.at(at).map(|force| (share, force)));
         let forces: Vec<_> = ends[0].into_iter().chain(inner).chain(ends[1]).collect();
@@ -310,6 +311,16 @@ impl Point {
         self.load = PointLoad::Constant { force, follows: Follows::WorkObject };
     }
 
+    /// Compliance of the part at a share of the segment from this point to another one.
+    pub(super) fn part_between(&self, to: &Self, share: f64) -> Option<Arc<PartYield>> {
+        match (&self.part, &to.part) {
+            (Some(before), Some(after)) if self.setting == to.setting => {
+                Some(Arc::new(PartYield::mixed([(&**before, 1.0 - share), (&**after, share)])))
+            }
+            (before, after) => after.clone().or_else(|| before.clone()),
+        }
+    }
+
     /// Compliance of the part; `None` if it is not cut here or its compliance is unknown.
     #[doc(hidden)]
     pub fn yielding_part(&self) -> Option<&PartYield> {
@@ -358,4 +369,29 @@ impl Point {
 /// Tool axis, tip to spindle: −z of the TCP frame.
 pub(super) fn tool_axis(pose: &Pose) -> Vector3<f64> {
     -pose.rotation.matrix().column(2)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::float_cmp)] // the numbers are exact in binary
+
+    use super::{FedForce, Milled};
+    use nalgebra::Vector3;
+
+    #[test]
+    fn a_part_of_a_segment_has_the_forces_at_its_own_shares() {
+        let force = |n: f64| FedForce { programmed: Vector3::new(n, 0.0, 0.0), fed: Vector3::zeros() };
+        let forces = [(0.0, force(0.0)), (0.5, force(50.0)), (1.0, force(300.0))].into();
+        let whole = Milled { removed: 8.0, engaged: Some([0.002, 1.0]), forces, ..Milled::default() };
+        let at = |milled: &Milled, share: f64| milled.at(share).unwrap().programmed.x;
+        // From 25 N, over 50 N half way, to the middle between 50 and 300 N.
+        let middle = whole.between(0.25, 0.75);
+        assert_eq!([0.0, 0.25, 0.5, 1.0].map(|share| at(&middle, share)), [25.0, 37.5, 50.0, 175.0]);
+        assert_eq!((middle.removed, middle.engaged), (4.0, None));
+        assert_eq!(whole.between(0.75, 1.0).engaged, Some([0.002, 1.0]));
+        // Two points at the same place.
+        let none = whole.between(0.5, 0.5);
+        assert_eq!([0.0, 1.0].map(|share| at(&none, share)), [50.0, 50.0]);
+        assert_eq!(none.removed, 0.0);
+    }
 }

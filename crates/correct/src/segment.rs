@@ -12,7 +12,6 @@ use super::mount::{Mount, Moved};
 use super::point::{Point, tool_axis};
 use deflex_cutting::Lean;
 use deflex_drive::Track;
-use deflex_effects::PartYield;
 use deflex_equilibrium::{Dragged, Setting};
 use deflex_program::{ArcTurn, Motion, Program, Role};
 use deflex_robot::{Joints, Pose};
@@ -203,12 +202,7 @@ impl<'p> Segment<'p> {
             cut_length: if to.cuts() { between(from.cut_length, to.cut_length) } else { to.cut_length },
             time: between(from.time, to.time),
             load,
-            part: match (&from.part, &to.part) {
-                (Some(before), Some(after)) if from.setting == to.setting => {
-                    Some(Arc::new(PartYield::mixed([(&**before, 1.0 - share), (&**after, share)])))
-                }
-                (before, after) => after.clone().or_else(|| before.clone()),
-            },
+            part: from.part_between(to, share),
             torque: torque_between(from, to, share),
             ..to.clone()
         }
