@@ -58,7 +58,7 @@ pub(super) fn advice(
             problem.orientations
         ));
     }
-    if problem.rows.iter().all(|row| !problem.runs[row.run].points[row.point].cuts()) && !problem.free_device {
+    if problem.rows.iter().all(|row| !problem.runs[row.run].points[row.point].cuts()) && !problem.is_of_robot() {
         all.push("no row carries a cutting force: compliance, curve and force effects cannot be seen; measure loaded rows too".to_owned());
     }
     all

@@ -1,17 +1,46 @@
-//! Computes the final numbers and probabilities from all rows: when the held-out rows have judged the answer, they are
-//! evidence like the others.
+//! The fits to rows that were not in the search: those that were set aside are judged, and the held-out rows, when they
+//! have judged the answer, are evidence like the others.
 
 use super::candidate::Candidate;
 use super::decisions::LIKELIER;
+use super::differences::Reuse;
 use super::engine::Engine;
 use super::found::Posterior;
 use super::search::Search;
 use deflex_effects::{Shape, kind};
+use nalgebra::DVector;
+
+/// Largest number of rows to which the written numbers are fitted again. In a denser table the rows of the search
+/// determine them well enough.
+const FITTED: usize = 4_000;
 
 impl Engine {
+    /// The residuals of the declared and of the extended cell at all rows, also those that were set aside for the
+    /// search, mm. `before` is the residual of the declared cell at the rows of the search. The numbers are fitted again
+    /// if there are not too many rows.
+    pub(super) fn residuals_of_all_rows(&mut self, before: DVector<f64>) -> (DVector<f64>, DVector<f64>) {
+        if self.aside.is_empty() {
+            return (before, self.left_by_cell());
+        }
+        // The columns of the rows of the search are no longer needed.
+        (self.comb, self.reuse) = (None, Reuse::of(0));
+        self.problem.add_again(std::mem::take(&mut self.aside));
+        self.mark_outliers();
+        if self.problem.rows.len() <= FITTED {
+            let map = self.map.take();
+            self.refit();
+            self.map = map.and_then(|map| self.renewed_map(map));
+        }
+        (self.problem.residual(&self.declared), self.left_by_cell())
+    }
+
     /// Fits the chosen numbers to all rows, for the cell that is written, and computes the probabilities of the members
-    /// and of their rivals from all rows. The reported errors remain those of the fit without the held-out rows.
+    /// and of their rivals from all rows. The reported errors remain those of the fit without the held-out rows. Over
+    /// the whole robot, and in a dense table, the fitted rows are enough.
     pub(super) fn take_all_rows(&mut self, posteriors: &mut [Posterior]) {
+        if self.problem.is_of_robot() || self.problem.rows.len() > FITTED {
+            return;
+        }
         let marks: Vec<(bool, bool)> = self.problem.rows.iter().map(|row| (row.held_out, row.outlier)).collect();
         let state = (self.candidates.clone(), self.covariance.clone());
         self.problem.rows.iter_mut().for_each(|row| row.held_out = false);

@@ -35,7 +35,7 @@ pub(super) fn all(arm: &Arm, problem: &Problem, covariances: &[Option<DMatrix<f6
     for (slot, effect) in arm.effects.iter().enumerate() {
         // The frame of the device is fitted in any case, and the frame of the work object looks the same.
         let like_device = kind(effect.kind()).is_some_and(|kind| kind.like_device_frame);
-        if !(effect.parameters().is_empty() || problem.free_device && like_device) {
+        if !(effect.parameters().is_empty() || problem.is_of_robot() && like_device) {
             let covariance = covariances.get(slot).and_then(Option::as_ref);
             found.push(Candidate::new(effect.as_ref(), Home::Declared(slot), 1.0).known_to(covariance));
         }
@@ -44,7 +44,7 @@ pub(super) fn all(arm: &Arm, problem: &Problem, covariances: &[Option<DMatrix<f6
         let declared = arm.effects.iter().any(|effect| effect.kind() == kind.name);
         // For the frame see above; curves over the whole robot are made below.
         let other = kind.like_device_frame || kind.shape == Follows::Curve;
-        if declared || problem.free_device && other {
+        if declared || problem.is_of_robot() && other {
             continue;
         }
         let mut variants = (kind.candidates)(&survey);
@@ -59,7 +59,7 @@ pub(super) fn all(arm: &Arm, problem: &Problem, covariances: &[Option<DMatrix<f6
     }
     // Each candidate has twins with other prior sizes, which have the same columns.
     let sizes = |candidate: &Candidate| match candidate.known {
-        None if problem.free_device => &SIZES_WHOLE[..],
+        None if problem.is_of_robot() => &SIZES_WHOLE[..],
         _ => &SIZES,
     };
     found.iter_mut().for_each(|candidate| candidate.variants *= (sizes(candidate).len() + 1) as f64);
@@ -67,7 +67,7 @@ pub(super) fn all(arm: &Arm, problem: &Problem, covariances: &[Option<DMatrix<f6
     let twins: Vec<Candidate> = found.iter().flat_map(twin).collect();
     found.extend(twins);
     let is_curve = |effect: &dyn Effect| kind(effect.kind()).is_some_and(|kind| kind.shape == Follows::Curve);
-    if problem.free_device && !arm.effects.iter().any(|effect| is_curve(effect.as_ref())) {
+    if problem.is_of_robot() && !arm.effects.iter().any(|effect| is_curve(effect.as_ref())) {
         found.extend(curves(&survey));
     }
     found.extend(faults(&survey, problem));
@@ -206,7 +206,7 @@ pub(super) fn survey(arm: &Arm, problem: &Problem) -> Survey {
         }
         // Curves cover only the range of the fitted rows. For parts the blocks are so small that it makes no
         // difference.
-        if !(row.held_out && problem.free_device) {
+        if !(row.held_out && problem.is_of_robot()) {
             survey.motor_min = survey.motor_min.inf(&row.motor);
             survey.motor_max = survey.motor_max.sup(&row.motor);
         }
@@ -241,7 +241,7 @@ fn clamps(problem: &Problem) -> usize {
 
 /// Clampings and faults that the rows can show; none over the whole robot.
 pub(super) fn faults(survey: &Survey, problem: &Problem) -> Vec<Candidate> {
-    if problem.free_device {
+    if problem.is_of_robot() {
         return Vec::new();
     }
     let mut all = Vec::new();

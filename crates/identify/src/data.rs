@@ -85,6 +85,15 @@ pub(super) struct StockCut {
     pub(super) runs: Vec<usize>,
 }
 
+/// What the rows of a problem were measured on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Extent {
+    /// Parts: the rows belong to programs (`--run`).
+    Part,
+    /// The whole robot: the rows have their own motor angles, and the pose of the instrument is unknown (`--poses`).
+    Robot,
+}
+
 /// The rows of all runs, with all that their predictions depend on except the arm.
 #[derive(Debug)]
 pub(super) struct Problem {
@@ -93,8 +102,7 @@ pub(super) struct Problem {
     pub(super) rows: Vec<Observation>,
     /// Number of scalars of all rows.
     pub(super) scalars: usize,
-    /// Whether the rows have their own motor angles (`--poses`), over the whole robot.
-    pub(super) free_device: bool,
+    pub(super) extent: Extent,
     /// Number of measured orientations that are not used, because the rows of a program are judged by their positions.
     pub(super) orientations: usize,
     /// The unknown part of the instrument of each run.
@@ -185,13 +193,13 @@ const BLOCKS: usize = 16;
 
 impl Problem {
     /// A problem without rows.
-    pub(super) fn empty(free_device: bool) -> Self {
+    pub(super) fn empty(extent: Extent) -> Self {
         Self {
             runs: Vec::new(),
             stocks: Vec::new(),
             rows: Vec::new(),
             scalars: 0,
-            free_device,
+            extent,
             orientations: 0,
             devices: Vec::new(),
             turn_weight: 1.0,
@@ -202,6 +210,11 @@ impl Problem {
             has_cut_length: true,
             presliding: Presliding::default(),
         }
+    }
+
+    /// Whether the rows are poses over the whole robot.
+    pub(super) fn is_of_robot(&self) -> bool {
+        self.extent == Extent::Robot
     }
 
     /// Adds a row.
@@ -552,13 +565,15 @@ impl Problem {
 
     /// Removes rows evenly along each run until about as many are left as a search needs, and returns the removed rows.
     pub(super) fn set_aside(&mut self) -> Vec<Observation> {
-        /// Approximate number of rows on which the search works: from one part, and over the whole robot with its
-        /// hundreds of columns.
-        const SEARCHED_ROWS: [usize; 2] = [1_000, 12_500];
         /// The fractional parts of its multiples are uniformly distributed (Weyl 1916). Every n-th row instead would be
         /// the same few targets of a program that repeats.
         const GOLDEN: f64 = 0.618_033_988_749_894_9;
-        let share = SEARCHED_ROWS[usize::from(self.free_device)] as f64 / self.rows.len() as f64;
+        // Approximate number of rows on which the search works. Over the whole robot there are hundreds of columns.
+        let searched = match self.extent {
+            Extent::Part => 1_000.0,
+            Extent::Robot => 12_500.0,
+        };
+        let share = searched / self.rows.len() as f64;
         if share >= 1.0 {
             return Vec::new();
         }

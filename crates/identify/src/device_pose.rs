@@ -9,6 +9,9 @@ use nalgebra::{DVector, Rotation3, Translation3, UnitQuaternion, Vector3};
 /// Prior sizes of a shift, mm, and of a turn, rad: larger than any error of a registration.
 const FREE: (f64, f64) = (100.0, 0.1);
 
+/// The device of a run, with the pose of its frame in the base if it has one.
+pub(super) type InstrumentPlace = (Device, Option<Pose>);
+
 /// Number of fitted numbers of the instrument of a run.
 pub(super) fn unknowns(problem: &Problem, run: usize) -> usize {
     match problem.devices[run] {
@@ -44,14 +47,14 @@ pub(super) fn column(problem: &Problem, settled: &[Option<Settled>], run: usize,
 }
 
 /// The present pose of the instrument of every run.
-pub(super) fn places(problem: &Problem) -> Vec<(Device, Option<Pose>)> {
+pub(super) fn places(problem: &Problem) -> Vec<InstrumentPlace> {
     let frame = |run: &deflex_correct::Prepared| (!run.points.is_empty()).then(|| run.base_from_wobj(0));
     let place = |(&device, run)| (device, frame(run).filter(|_| matches!(device, Device::Frame { .. })));
     problem.devices.iter().zip(&problem.runs).map(place).collect()
 }
 
 /// Moves the instrument of every run back to a pose from [`places`].
-pub(super) fn restore(problem: &mut Problem, places: &[(Device, Option<Pose>)]) {
+pub(super) fn restore(problem: &mut Problem, places: &[InstrumentPlace]) {
     for (run, (device, frame)) in places.iter().enumerate() {
         problem.devices[run] = *device;
         if let Some(base_from_device) = frame {

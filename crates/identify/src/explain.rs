@@ -2,15 +2,16 @@
 
 use super::advice::{advice, faint_effects, slipped_or_soft};
 use super::cancelled;
-use super::candidate::{Candidate, Home, fitted, with};
+use super::candidate::{Candidate, Home};
+use super::contributions::{Contribution, Uncertain};
 use super::controller;
-use super::data::Observation;
-use super::decisions::{EVEN, MENTIONED, MOST_WANDER, NAMED};
+use super::data::{Extent, Observation};
+use super::decisions::{MOST_WANDER, NAMED};
 use super::engine::Engine;
-use super::found::{Elsewhere, Findings, LeavingOut, Linearised, MAP, Posterior, Ranking, Refused};
+use super::found::{Elsewhere, Findings, Linearised, MAP, Ranking, Refused};
 use super::noise;
 use super::outcome::{
-    Added, Correlate, Coverage, Errors, FittedParameter, Identification, InModel, Ranked, ResidualRow, Unexplained,
+    Added, Advice, Correlate, Coverage, Errors, FittedParameter, Identification, Ranked, ResidualRow, Unexplained,
 };
 use super::pattern::{Pattern, Standing, TYPICAL_MM};
 use super::returns::never_returns;
@@ -18,30 +19,9 @@ use super::score::posterior;
 use super::search::Search;
 use super::separability::{self, Trace};
 use super::ties;
-use deflex_cell::{NewEffect, Uncertainty};
-use deflex_effects::{ParameterOwner, Shape, kind};
-use nalgebra::{DMatrix, DVector};
-
-/// Factor of the variances of fitted numbers, because no model is exact and the shape of the noise is fitted too. It is
-/// calibrated on cells of the shop table so that 95 % of the 95 % intervals contain the true number.
-const WIDER: f64 = 1.5;
-/// The rival of every name while an error remains that is in no list.
-const UNLISTED: &str = "unlisted";
-
-/// An effect that is added.
-struct FittedEffect {
-    parameters: Vec<FittedParameter>,
-    /// Its table of the cell file.
-    table: toml::Table,
-    uncertainty: Uncertainty,
-}
-
-/// The effects that are added.
-struct FittedEffects {
-    effects: Vec<FittedEffect>,
-    /// The uncertainty of the map's heights, known together with the numbers of the effects; `None` without a map.
-    of_map: Option<Uncertainty>,
-}
+use deflex_cell::NewEffect;
+use deflex_effects::{ParameterOwner, Shape};
+use nalgebra::DVector;
 
 impl Engine {
     /// Every kind of effect alone with its best variant, the best kind first, and how well pairs of kinds can be
@@ -115,7 +95,7 @@ impl Engine {
         findings: Findings,
         data_hash: &str,
     ) -> Identification {
-        let Findings { mut posteriors, ranking, unexplained, stages, refit, elsewhere } = findings;
+        let Findings { mut posteriors, ranking, unexplained, stages, elsewhere, refused, doubt } = findings;
         let held_out = |row: &Observation| row.held_out;
         let left_before = self.left_by_declared_as_found(before);
         // The drift of the run is in no cell, and so it is subtracted from both errors.
@@ -123,54 +103,16 @@ impl Engine {
         let left_after = after - &run_drift;
         let errors_before = self.errors(&(left_before - &run_drift), held_out);
         let errors_after = self.errors(&left_after, held_out);
+        let mut provenance = toml::Table::new();
+        let rows = i64::try_from(self.problem.rows.len()).unwrap_or(i64::MAX);
+        provenance.insert("by".into(), concat!("deflex ", env!("CARGO_PKG_VERSION"), " identify").into());
+        provenance.insert("data".into(), data_hash.into());
+        provenance.insert("rows".into(), rows.into());
+        provenance.insert("held_out_rms_before_mm".into(), errors_before.rms_mm.into());
+        provenance.insert("held_out_rms_after_mm".into(), errors_after.rms_mm.into());
         let elsewhere = elsewhere.unwrap_or(Elsewhere { extended: errors_after, wider: 1.0 });
         let unlisted = self.is_unlisted();
-        let (mut added, mut shares_mm) = (Vec::new(), Vec::new());
-        let rows = i64::try_from(self.problem.rows.len()).unwrap_or(i64::MAX);
-        let provenance = || {
-            let mut provenance = toml::Table::new();
-            provenance.insert("by".into(), concat!("deflex ", env!("CARGO_PKG_VERSION"), " identify").into());
-            provenance.insert("data".into(), data_hash.into());
-            provenance.insert("rows".into(), rows.into());
-            provenance.insert("held_out_rms_before_mm".into(), errors_before.rms_mm.into());
-            provenance.insert("held_out_rms_after_mm".into(), errors_after.rms_mm.into());
-            provenance
-        };
-        for (n, &c) in self.chosen.iter().enumerate() {
-            let candidate = &self.candidates[c];
-            if candidate.is_pattern() || !posteriors.iter().any(|(p, _)| *p == c) {
-                continue;
-            }
-            let others = self.chosen.iter().filter(|&&o| o != c).map(|&o| &self.candidates[o]);
-            let others: Vec<(&Home, &[f64])> = others.map(|other| (&other.home, &other.values[..])).collect();
-            let clampings = self.shifted_by(|pattern| pattern.standing() == Standing::Nuisance);
-            let without = self.problem.residual(&with(&self.declared, &others)) - clampings;
-            shares_mm.push(self.errors(&(&without - after), held_out).rms_mm);
-            let found = (self.errors(&without, held_out).rms_mm, errors_after.rms_mm);
-            let (before_mm, after_mm) = stages.get(n).copied().unwrap_or(found);
-            added.push(Added {
-                kind: candidate.kind.clone(),
-                posterior: 0.0,
-                held_out_rms_before_mm: before_mm,
-                held_out_rms_after_mm: after_mm,
-                parameters: Vec::new(),
-                not_told_apart_from: Vec::new(),
-            });
-        }
-        let map = self.map.take();
-        let without = self.left_by_cell();
-        if let Some(map) = map {
-            shares_mm.push(self.errors(&(&without - after), held_out).rms_mm);
-            added.push(Added {
-                kind: MAP.to_owned(),
-                posterior: map.likely,
-                held_out_rms_before_mm: self.errors(&without, held_out).rms_mm,
-                held_out_rms_after_mm: errors_after.rms_mm,
-                parameters: Vec::new(),
-                not_told_apart_from: Vec::new(),
-            });
-            self.map = Some(map);
-        }
+        let explained = self.explained(&posteriors, &stages, after, errors_after.rms_mm);
         let residuals = self.residual_rows(before, after);
         let after_rms_ci95_mm = self.bootstrap(&left_after);
         let run_drift_rms_mm = Some(self.errors(&run_drift, held_out).rms_mm).filter(|rms_mm| *rms_mm > 0.0);
@@ -182,64 +124,19 @@ impl Engine {
         let orientation_noise_deg = self.orientation_noise_deg();
         let outliers = self.problem.rows.iter().filter(|row| row.outlier).map(|row| row.line).collect();
         let held_out_rows = self.problem.rows.iter().filter(|row| row.held_out).count();
-        // Over the whole robot the fitted rows are enough, and `refit` is false.
-        if refit {
-            self.take_all_rows(&mut posteriors);
-        }
-        let transfer_sigma_mm = match self.problem.free_device {
+        self.take_all_rows(&mut posteriors);
+        let transfer_sigma_mm = match self.problem.extent {
             // The held-out rows are spread over the whole robot, so that they represent another program.
-            true => ((elsewhere.extended.rms_mm.powi(2) / axes - noise_mm * noise_mm).max(0.0)).sqrt(),
-            false => self.transfer_sigma_mm(elsewhere.wider),
+            Extent::Robot => ((elsewhere.extended.rms_mm.powi(2) / axes - noise_mm * noise_mm).max(0.0)).sqrt(),
+            Extent::Part => self.transfer_sigma_mm(elsewhere.wider),
         };
-        let named = self.chosen.iter().filter_map(|c| posteriors.iter().find(|(p, _)| p == c));
-        let mut replaced = Vec::new();
-        for (added, (c, (posterior, rivals))) in added.iter_mut().zip(named) {
-            let kind = &self.candidates[*c].kind;
-            if added.kind != *kind {
-                replaced.push(format!(
-                    "all rows together favour `{kind}`, and the fitted rows alone `{}`. The extended cell has the first, and the errors above \
-                     are those of `{}`. Measure once more before you rely on this cell",
-                    added.kind, added.kind
-                ));
-                added.kind.clone_from(kind);
-            }
-            // No name is certain while an error remains that no effect explains.
-            added.posterior = if unlisted { posterior.min(EVEN) } else { *posterior };
-            let is_sure = added.posterior >= NAMED || self.is_whole_arm();
-            let mentioned = rivals.iter().filter(|(_, share)| !is_sure && *share >= MENTIONED);
-            added.not_told_apart_from.extend(mentioned.map(|(kind, _)| kind.clone()));
-            if unlisted {
-                added.not_told_apart_from.push(UNLISTED.to_owned());
-            }
-        }
-        let mut extended: Vec<NewEffect> = Vec::new();
-        let FittedEffects { effects: fitted, of_map } = self.fitted_effects(&posteriors, elsewhere.wider);
-        for (added, FittedEffect { parameters, table, uncertainty }) in added.iter_mut().zip(fitted) {
-            added.parameters = parameters;
-            extended.push(NewEffect { table, uncertainty: Some(uncertainty), provenance: provenance() });
-        }
-        if let Some(map) = self.map.take() {
-            extended.push(NewEffect { table: map.effect.to_table(), uncertainty: of_map, provenance: provenance() });
-        }
-        merge_curves(&mut added, &mut extended, &mut shares_mm);
-        let in_model = |(added, share_rms_mm): (&Added, &f64)| InModel {
-            kind: added.kind.clone(),
-            probability: added.posterior,
-            share_rms_mm: *share_rms_mm,
-            parameters: added.parameters.clone(),
-        };
-        let effects = added.iter().zip(&shares_mm).map(in_model).collect();
-        let mut tables: Vec<NewEffect> = extended.clone();
-        // In the model of the whole arm an effect is named only if the others together cannot replace it. A map is not
-        // a name.
-        let is_named = |added: &Added| match self.is_whole_arm() {
-            true => added.posterior >= NAMED,
-            false => added.kind != MAP,
-        };
-        let mut named = added.iter().map(is_named);
-        tables.retain(|_| named.next().unwrap_or(false));
-        drop(named);
-        added.retain(is_named);
+        let uncertain = Uncertain { wider: elsewhere.wider, unlisted };
+        let contributions = self.contributions(explained, &posteriors, uncertain, &provenance);
+        let effects = contributions.iter().map(Contribution::in_model).collect();
+        let extended: Vec<NewEffect> = contributions.iter().map(|contribution| contribution.entry.clone()).collect();
+        let replaced: Vec<Advice> = contributions.iter().filter_map(Contribution::replaced).collect();
+        let named = contributions.into_iter().filter(|contribution| self.is_named(&contribution.added));
+        let (mut added, tables): (Vec<Added>, Vec<NewEffect>) = named.map(|named| (named.added, named.entry)).unzip();
         ties::add(&mut added, &tables, never_returns(&self.problem));
         let mut advice = advice(&added, &unexplained, &ranking.separability, &self.problem, noise_mm);
         if !extended.is_empty() && errors_after.rms_mm > errors_before.rms_mm {
@@ -257,17 +154,8 @@ impl Engine {
             ));
         }
         advice.extend(replaced);
-        advice.extend(self.doubt.take());
-        advice.extend(self.refused.map(|Refused { leaving_out, extended_mm, declared_mm }| {
-            let rows = match leaving_out {
-                LeavingOut::Stretches => "rows of stretches left out of the fit",
-                LeavingOut::Places => "rows at places, postures and loads left out of the fit",
-            };
-            format!(
-                "no effect is added: with those that were found, the error on {rows} would be {extended_mm:.4} mm instead of \
-                 {declared_mm:.4}. The fitted rows are too few, or unlike the others: measure more rows over the same area"
-            )
-        }));
+        advice.extend(doubt);
+        advice.extend(refused.as_ref().map(Refused::advice));
         advice.extend(controller::corrected_twice(&self.declared, &self.problem, before));
         advice.extend(cancelled::cancelled(&mut self.problem, &self.declared, &self.candidates));
         let mut found = Identification {
@@ -300,6 +188,12 @@ impl Engine {
         found
     }
 
+    /// Whether an effect of the extended cell is named. In the model of the whole arm it is only if the others together
+    /// cannot replace it. A map is not a name.
+    fn is_named(&self, added: &Added) -> bool {
+        if self.is_whole_arm() { added.posterior >= NAMED } else { added.kind != MAP }
+    }
+
     /// Standard deviation of the drift of the noise for each axis, mm.
     fn wander_mm(&self) -> f64 {
         self.sigma * self.shape.drift.sqrt()
@@ -315,64 +209,6 @@ impl Engine {
             (wide + square * row.tail * row.tail, all + square)
         });
         if all > 0.0 { (wide / all).sqrt() } else { 1.0 }
-    }
-
-    /// The effects that are added, in the order of the chosen set, with the uncertainty of all. `wider` is the variance
-    /// that left-out rows show relative to the variance that the fit predicts.
-    fn fitted_effects(&self, posteriors: &[Posterior], wider: f64) -> FittedEffects {
-        let mut at = 0;
-        let mut all = Vec::new();
-        let covariance = self.wider_covariance(wider);
-        let typical: Vec<f64> = self.chosen.iter().flat_map(|&c| self.candidates[c].typical.iter().copied()).collect();
-        let scaled =
-            DMatrix::from_fn(typical.len(), typical.len(), |i, j| covariance[(i, j)] * typical[i] * typical[j]);
-        // The errors of several effects partly cancel, so that only their joint covariance gives the uncertainty of a
-        // prediction. The covariance is factored in typical sizes, because the units of the numbers differ by orders of
-        // magnitude.
-        let is_joint = posteriors.len() > 1 || self.map.is_some();
-        let mut factor = covariance.clone().cholesky().filter(|_| is_joint).map(|factor| factor.l());
-        let of_map = self.map.as_ref().zip(factor.as_mut()).map(|(map, factor)| map.rows_of_factor(factor));
-        for &c in &self.chosen {
-            let candidate = &self.candidates[c];
-            let size = candidate.values.len();
-            let own = at..at + size;
-            at += size;
-            let Some(effect) = fitted(&self.declared, candidate) else { continue };
-            if !posteriors.iter().any(|(p, _)| *p == c) {
-                continue;
-            }
-            let parameter = |(k, p): (usize, deflex_effects::Parameter)| {
-                let half = 1.96 * scaled[(own.start + k, own.start + k)].max(0.0).sqrt();
-                let ci95 = [(p.value - half).max(p.bounds.0), (p.value + half).min(p.bounds.1)];
-                FittedParameter { name: p.name, value: p.value, unit: p.unit, ci95, neutral: p.neutral, owner: p.owner }
-            };
-            let parameters = effect.parameters().into_iter().enumerate().map(parameter).collect();
-            let uncertainty = match &factor {
-                Some(factor) => {
-                    let row = |i: usize| (factor.row(i) * typical[i]).iter().copied().collect();
-                    Uncertainty::Joint(own.map(row).collect())
-                }
-                None => Uncertainty::Own(own.clone().map(|i| own.clone().map(|j| scaled[(i, j)]).collect()).collect()),
-            };
-            all.push(FittedEffect { parameters, table: effect.to_table(), uncertainty });
-        }
-        let rows = |heights: DMatrix<f64>| heights.row_iter().map(|row| row.iter().copied().collect()).collect();
-        FittedEffects { effects: all, of_map: of_map.map(|heights| Uncertainty::Joint(rows(heights))) }
-    }
-
-    /// Posterior covariance of the chosen columns, in typical sizes, if the variance of the data is larger by the
-    /// factor `wider`. Directions that the data do not determine keep the width of their prior.
-    pub(super) fn wider_covariance(&self, wider: f64) -> DMatrix<f64> {
-        // Over the whole robot (`--poses`) there are many rows, and no posterior over sets.
-        if self.problem.free_device || self.chosen.is_empty() {
-            return self.covariance.clone();
-        }
-        let wider = if self.is_whole_arm() { wider.max(1.0) } else { wider.max(self.spread * WIDER) };
-        let prior = Search::new(&self.candidates, &[], &[]).columns(&self.chosen).full_size().precision();
-        let known = self.covariance.clone().cholesky().map(|factor| factor.inverse());
-        let precision = known.map(|known| prior * (1.0 - 1.0 / wider) + known / wider);
-        let covariance = precision.and_then(DMatrix::cholesky).map(|factor| factor.inverse());
-        covariance.unwrap_or_else(|| &self.covariance * wider)
     }
 
     /// Standard deviation of the white noise of measured orientations for each axis, degrees; `None` if no orientation
@@ -532,44 +368,6 @@ impl Engine {
                 whitened: three(&whitened, row, 1.0 / self.sigma),
             })
             .collect()
-    }
-}
-
-/// Joins the curves of single joints to one effect with several curves, as the cell file has it.
-fn merge_curves(added: &mut Vec<Added>, extended: &mut Vec<NewEffect>, shares_mm: &mut Vec<f64>) {
-    let curve = |name: &str| kind(name).is_some_and(|kind| kind.shape == Shape::Curve);
-    let of_curves: Vec<usize> = (0..added.len()).filter(|&i| curve(&added[i].kind)).collect();
-    let Some((&first, rest)) = of_curves.split_first() else { return };
-    for (n, &i) in rest.iter().enumerate() {
-        let (other, table) = (added[i].clone(), extended[i].clone());
-        let renamed = other
-            .parameters
-            .into_iter()
-            .map(|p| FittedParameter { name: p.name.replacen("curves[0]", &format!("curves[{}]", n + 1), 1), ..p });
-        added[first].parameters.extend(renamed);
-        added[first].posterior = added[first].posterior.min(other.posterior);
-        added[first].held_out_rms_before_mm = added[first].held_out_rms_before_mm.max(other.held_out_rms_before_mm);
-        added[first].held_out_rms_after_mm = added[first].held_out_rms_after_mm.min(other.held_out_rms_after_mm);
-        if let (Some(toml::Value::Array(into)), Some(toml::Value::Array(from))) =
-            (extended[first].table.get_mut("curves"), table.table.get("curves"))
-        {
-            into.extend(from.iter().cloned());
-        }
-        match (&mut extended[first].uncertainty, table.uncertainty) {
-            (Some(Uncertainty::Own(into)), Some(Uncertainty::Own(from))) => {
-                let (a, b) = (into.len(), from.len());
-                into.iter_mut().for_each(|row| row.extend(std::iter::repeat_n(0.0, b)));
-                into.extend(from.into_iter().map(|row| std::iter::repeat_n(0.0, a).chain(row).collect()));
-            }
-            (Some(Uncertainty::Joint(into)), Some(Uncertainty::Joint(from))) => into.extend(from),
-            _ => {}
-        }
-        shares_mm[first] = shares_mm[first].hypot(shares_mm[i]);
-    }
-    for &i in rest.iter().rev() {
-        added.remove(i);
-        extended.remove(i);
-        shares_mm.remove(i);
     }
 }
 

@@ -7,6 +7,8 @@ use super::found::Linearised;
 use super::noise;
 use super::score::{Normal, posterior};
 use super::search::Search;
+use deflex_cell::Cell;
+use deflex_text::Diagnostic;
 use nalgebra::{DMatrix, DVector};
 
 /// Largest number of steps of a fit.
@@ -35,10 +37,34 @@ impl Engine {
     pub(super) fn refit(&mut self) {
         for _ in 0..MOST_LOOKALIKES {
             self.descend();
-            if self.problem.free_device || self.is_whole_arm() || !self.try_lookalikes() {
+            if self.problem.is_of_robot() || self.is_whole_arm() || !self.try_lookalikes() {
                 break;
             }
         }
+    }
+
+    /// Cuts the stocks with the fitted arm and fits the chosen numbers again, in turns, until the forces are those that
+    /// act on the fitted arm.
+    pub(super) fn settle_cuts(&mut self, cell: &Cell) -> Result<(), Vec<Diagnostic>> {
+        /// Largest number of cuts.
+        const CUTS: usize = 8;
+        /// Rms change of the rows by the forces, as a share of the noise, at which the cuts end. Only as many rows as
+        /// the inverse square of this share could show a smaller change.
+        const SETTLED: f64 = 0.02;
+        if self.problem.stocks.is_empty() {
+            return Ok(());
+        }
+        for _ in 0..CUTS {
+            let before = self.residual();
+            self.problem.cut_stocks(&self.arm(), cell)?;
+            self.forget_solutions();
+            let moved = (self.residual() - before).norm() / (self.problem.scalars as f64).sqrt();
+            if moved < SETTLED * self.sigma {
+                break;
+            }
+            self.refit();
+        }
+        Ok(())
     }
 
     /// Replaces the numbers of one chosen effect by those of its lookalike with the smallest misfit. Returns whether a
@@ -72,7 +98,7 @@ impl Engine {
         for _ in 0..REFITS {
             let linear = match last.take() {
                 // Over the whole robot there are many columns, which hardly change: the first ones are used to the end.
-                Some(linear) if self.problem.free_device || largest < NEARBY => self.renewed(linear, &chosen),
+                Some(linear) if self.problem.is_of_robot() || largest < NEARBY => self.renewed(linear, &chosen),
                 _ => self.linearise(&chosen, &[self.shape]),
             };
             let moments = &linear.moments[0];

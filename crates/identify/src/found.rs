@@ -1,14 +1,24 @@
 //! The results that the steps of an identification pass to one another.
 
 use super::design::Design;
+use super::device_pose::InstrumentPlace;
 use super::moments::Moments;
-use super::outcome::{Errors, Ranked, Separation, Unexplained};
+use super::outcome::{Advice, Errors, Ranked, Separation, Unexplained};
 use deflex_effects::Effect;
 use nalgebra::{DMatrix, DVector};
 
 /// The index of a chosen candidate, its posterior probability, and the kinds that could replace it with their
 /// probabilities.
 pub(super) type Posterior = (usize, (f64, Vec<(String, f64)>));
+
+/// The effects that were found; they are chosen and fitted.
+pub(super) struct Model {
+    /// In the order of the chosen set.
+    pub(super) posteriors: Vec<Posterior>,
+    pub(super) ranking: Ranking,
+    /// Where the instruments were before the search.
+    pub(super) places: Vec<InstrumentPlace>,
+}
 
 /// The results of the search from which the answer is made.
 pub(super) struct Findings {
@@ -17,10 +27,12 @@ pub(super) struct Findings {
     pub(super) unexplained: Unexplained,
     /// Error of the held-out rows before and after each chosen effect, mm rms; empty except over the whole robot.
     pub(super) stages: Vec<(f64, f64)>,
-    /// Whether the written effects are fitted to all rows.
-    pub(super) refit: bool,
     /// Errors at places, postures and loads that the fit has not seen; `None` over the whole robot.
     pub(super) elsewhere: Option<Elsewhere>,
+    /// Why the effects that were found are not added, if they are not.
+    pub(super) refused: Option<Refused>,
+    /// A sentence about a possible fault of the table.
+    pub(super) doubt: Option<String>,
 }
 
 /// The columns of candidates about the present fit, and their moments.
@@ -79,6 +91,20 @@ pub(super) struct Refused {
     pub(super) leaving_out: LeavingOut,
     pub(super) extended_mm: f64,
     pub(super) declared_mm: f64,
+}
+
+impl Refused {
+    pub(super) fn advice(&self) -> Advice {
+        let rows = match self.leaving_out {
+            LeavingOut::Stretches => "rows of stretches left out of the fit",
+            LeavingOut::Places => "rows at places, postures and loads left out of the fit",
+        };
+        format!(
+            "no effect is added: with those that were found, the error on {rows} would be {:.4} mm instead of {:.4}. The fitted rows are \
+             too few, or unlike the others: measure more rows over the same area",
+            self.extended_mm, self.declared_mm
+        )
+    }
 }
 
 /// Every kind of effect alone, and how well pairs of kinds can be distinguished.

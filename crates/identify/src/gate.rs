@@ -97,9 +97,6 @@ impl Engine {
     /// Adds candidates for a jump at the row of each run where the residual, without the chosen jumps, jumps most.
     /// Returns whether there is a new candidate.
     pub(super) fn add_jumps(&mut self) -> bool {
-        if self.problem.free_device {
-            return false;
-        }
         let is_jump = |pattern: Pattern| matches!(pattern, Pattern::Jump { .. });
         let left = self.residual() - self.shifted_by(|pattern| !is_jump(pattern));
         let mut found = Vec::new();
@@ -191,9 +188,6 @@ impl Engine {
         const FREEDOMS: [f64; 4] = [2.0, 3.0, 5.0, 10.0];
         /// Share of the rows whose width must change for another round.
         const MUCH: f64 = 0.01;
-        if self.problem.free_device {
-            return false;
-        }
         let before: Vec<f64> = self.problem.rows.iter().map(|row| row.tail).collect();
         self.problem.rows.iter_mut().for_each(|row| row.tail = 1.0);
         let left = self.residual() - self.shifted_by(|_| true);

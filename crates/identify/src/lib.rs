@@ -11,6 +11,7 @@ mod cancelled;
 mod candidate;
 mod candidates;
 mod columns;
+mod contributions;
 mod controller;
 mod data;
 mod decisions;
@@ -25,10 +26,13 @@ mod fit;
 mod found;
 mod gate;
 mod gear;
+mod identify;
+mod input;
 mod map;
 mod moments;
 mod noise;
 mod outcome;
+mod part;
 mod pattern;
 mod places;
 mod plan;
@@ -37,6 +41,7 @@ mod poses;
 mod presliding;
 mod probing;
 mod profile;
+mod progress;
 mod reading;
 mod returns;
 mod run_drift;
@@ -53,7 +58,8 @@ mod unseen;
 mod whole;
 mod whole_arm;
 
-pub use engine::{Input, MeasuredRun, Progress, Written, identify};
+pub use identify::identify;
+pub use input::{Input, MeasuredRun, Progress, Written};
 pub use outcome::{
     Added, Advice, Correlate, Coverage, Errors, FittedParameter, Identification, InModel, Ranked, ResidualRow,
     Separation, SetShare, Unexplained,

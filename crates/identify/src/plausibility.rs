@@ -253,9 +253,9 @@ pub(super) fn steps_mm<'a>(rows: impl Iterator<Item = &'a MeasuredRow> + Clone) 
 }
 
 impl Engine {
-    /// Refuses residuals of the declared cell that no robot has. A suspicion about the forces that is not certain is
-    /// kept for the advice.
-    pub(super) fn check_plausibility(&mut self, before: &DVector<f64>) -> Result<(), Vec<Diagnostic>> {
+    /// Refuses residuals of the declared cell that no robot has. Returns a sentence for the advice if the forces look
+    /// wrong, but not certainly.
+    pub(super) fn check_plausibility(&self, before: &DVector<f64>) -> Result<Option<String>, Vec<Diagnostic>> {
         let noise_mm = row_to_row_mm(&self.problem, before);
         if noise_mm > MOST_NOISE_MM {
             let message = format!(
@@ -275,10 +275,9 @@ impl Engine {
         if let Some((what, help)) = self.misread_forces(&unloaded, &bent) {
             return Err(vec![Diagnostic::error("identify.forces", "", bends_as_if(what)).help(help)]);
         }
-        self.doubt = possible.map(|(what, help)| {
+        Ok(possible.map(|(what, help)| {
             format!("{}, or the part lies elsewhere than declared. If the forces are wrong: {help}. A row measured in air would decide", bends_as_if(what))
-        });
-        Ok(())
+        }))
     }
 
     /// What the forces of the table are if they are clearly not the forces on the tool in newtons, and how to correct

@@ -1,7 +1,7 @@
 //! Reads rows that have their own motor angles (`--poses`): checks whether they can be correct, and finds the frame of
 //! the instrument.
 
-use super::data::{Blocks, Problem};
+use super::data::{Blocks, Extent, Problem};
 use super::device::Device;
 use super::reading::{ELSEWHERE_MM, Reading};
 use super::statistics::median;
@@ -53,7 +53,7 @@ impl Problem {
                 Diagnostic::error("identify.tool", "", message).help("declare one [tools.NAME], or give --tool NAME"),
             ]);
         };
-        let mut problem = Self::empty(true);
+        let mut problem = Self::empty(Extent::Robot);
         for table in tables {
             let table = &table;
             let rows = readable(&cell.arm.robot, table)?;

@@ -10,7 +10,7 @@ impl Engine {
     /// fitted rows alone, also at held-out rows. It is zero for parts, and if the noise has no drift.
     pub(super) fn run_drift(&self, left: &DVector<f64>) -> DVector<f64> {
         let mut drift = DVector::zeros(left.len());
-        if !self.problem.free_device || self.shape.drift <= 0.0 {
+        if !self.problem.is_of_robot() || self.shape.drift <= 0.0 {
             return drift;
         }
         let mut fitted = vec![false; left.len()];

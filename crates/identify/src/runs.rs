@@ -1,9 +1,9 @@
 //! Reads rows that were measured on a program: finds the target or place of each, and checks whether the table belongs
 //! to the program.
 
-use super::data::{Blocks, Problem, StockCut};
+use super::data::{Blocks, Extent, Problem, StockCut};
 use super::device::Device;
-use super::engine::MeasuredRun;
+use super::input::MeasuredRun;
 use super::places::{Path, Placed, misplaced};
 use super::plausibility::{MatchedRow, check_points, steps_mm};
 use super::probing::Probing;
@@ -19,7 +19,7 @@ use std::collections::BTreeMap;
 impl Problem {
     /// The problem of programs with what was measured on them. Each clamping of a table is a run of its own.
     pub(super) fn of_runs(cell: &Cell, runs: Vec<MeasuredRun>) -> Result<Self, Vec<Diagnostic>> {
-        let mut problem = Self::empty(false);
+        let mut problem = Self::empty(Extent::Part);
         problem.units = std::sync::Arc::clone(&cell.units);
         let rows = || runs.iter().flat_map(|run| &run.table.rows);
         let declared = rows().all(|row| row.sigma_mm.is_some());

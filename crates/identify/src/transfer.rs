@@ -6,7 +6,7 @@
 //! the effects, widened as the left-out rows require, gives the uncertainty of the prediction there.
 
 use super::candidate::Home;
-use super::data::{Observation, Problem};
+use super::data::{Extent, Observation, Problem};
 use super::engine::Engine;
 use super::reading::Reading;
 use deflex_correct::{Prepared, SIGMA_STEP};
@@ -63,7 +63,7 @@ impl Engine {
 
     /// The rows of the measured programs, moved next to their places.
     fn next_to_the_program(&self) -> Problem {
-        let mut moved = Problem { units: Arc::clone(&self.problem.units), ..Problem::empty(false) };
+        let mut moved = Problem { units: Arc::clone(&self.problem.units), ..Problem::empty(Extent::Part) };
         for (run, prepared) in self.problem.runs.iter().enumerate() {
             let rows: Vec<&Observation> = self.problem.rows.iter().filter(|row| row.run == run).collect();
             let rows: Vec<&Observation> =

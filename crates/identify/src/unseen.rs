@@ -135,7 +135,7 @@ impl Engine {
     /// Errors of the extended cell at places, postures and loads that its fit has not seen. `None` over the whole
     /// robot, where the held-out rows are already at such places.
     pub(super) fn elsewhere(&mut self) -> Option<Elsewhere> {
-        if self.problem.free_device {
+        if self.problem.is_of_robot() {
             return None;
         }
         let (linear, columns) = self.linear_of_chosen();

@@ -11,18 +11,56 @@ use super::columns::Columns;
 use super::decisions::{FLEXIBLE, GAIN_A_SCALAR, PRICE};
 use super::device_pose;
 use super::engine::Engine;
-use super::found::{Choice, Linearised};
+use super::found::{Choice, Linearised, Model, Ranking};
+use super::input::Progress;
+use super::part::CHOOSING_ROUNDS;
+use super::progress::{CHOSEN, SOUGHT, reached, within};
 use super::search::{MOST_MEMBERS, Search};
 use super::smooth::{ConditionalEvidence, Curve};
 use deflex_effects::Stage;
+use deflex_text::Diagnostic;
 use nalgebra::DVector;
 
 /// Largest number of turns of curves and effects.
 const SWEEPS: usize = 8;
+/// New outliers are few if they are at most one row in this many: of ten thousand rows a few are outliers in every
+/// round.
+const FEW: usize = 500;
 
 impl Engine {
+    /// Searches the effects that poses over the whole robot show, and fits them.
+    pub(super) fn model_of_robot(&mut self, progress: &Progress<'_>) -> Result<Model, Vec<Diagnostic>> {
+        let places = device_pose::places(&self.problem);
+        let wanted: Vec<usize> = (0..self.candidates.len()).collect();
+        let mut ranking = Ranking::default();
+        for round in 0..CHOOSING_ROUNDS {
+            let shapes = self.shapes_about();
+            reached(progress, within(SOUGHT, CHOSEN, round, CHOOSING_ROUNDS))?;
+            let now = self.linearise(&wanted, &shapes);
+            reached(progress, within(SOUGHT, CHOSEN, 2 * round + 1, 2 * CHOOSING_ROUNDS))?;
+            let Choice { set, sigma, shape } = self.choose_in_stages(&now);
+            if round == 0 {
+                let search = Search::new(&self.candidates, &now.moments, &now.always);
+                ranking = self.ranking(&search, &now);
+            }
+            (self.sigma, self.shape) = (sigma, shapes[shape]);
+            let same = self.families(&set) == self.families(&self.chosen);
+            self.choose(set);
+            let outliers = self.mark_outliers() > self.problem.rows.len() / FEW;
+            if !self.weigh_turns() && !outliers && same {
+                break;
+            }
+        }
+        reached(progress, CHOSEN)?;
+        self.drop_without_gain();
+        // Every member has gained far more than its price.
+        let effects = self.chosen.iter().filter(|&&c| !self.candidates[c].is_pattern());
+        let posteriors = effects.map(|&c| (c, (1.0, Vec::new()))).collect();
+        Ok(Model { posteriors, ranking, places })
+    }
+
     /// Chooses the set, and sets the smoothness of every curve in it. Its members are in the order of their stages.
-    pub(super) fn choose_in_stages(&mut self, linear: &Linearised) -> Choice {
+    fn choose_in_stages(&mut self, linear: &Linearised) -> Choice {
         let count = linear.moments.first().map_or(0, |moments| moments.count);
         let least = GAIN_A_SCALAR * count as f64;
         let mut choice = self.choose_without_curves(linear, least);
@@ -142,7 +180,7 @@ impl Engine {
     /// Drops, one by one, the members without which the log posterior falls by less than [`PRICE`] nats, while the
     /// numbers of the others are kept: the bounds of their numbers exclude those that would help (a gap is not
     /// negative), or a later stage explains the same.
-    pub(super) fn drop_without_gain(&mut self) {
+    fn drop_without_gain(&mut self) {
         loop {
             let linear = self.linearise(&[], &[self.shape]);
             let here = self.misfit(&linear);

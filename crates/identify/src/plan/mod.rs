@@ -15,6 +15,7 @@ mod write;
 
 use super::candidate::{Candidate, with};
 use super::candidates;
+use super::identify::LEAST_ROWS;
 use criterion::Criterion;
 use deflex_cell::{Cell, PlanSection};
 use deflex_correct::{millimetres_and_degrees, named_tool};
@@ -29,8 +30,6 @@ use pool::Spot;
 use serde::Serialize;
 use sheet::{Bench, Row, Sheet};
 
-/// Fewest rows of a plan: `identify` holds some of them out and fits the others.
-pub(super) const LEAST_ROWS: usize = 8;
 /// Speeds of the TCP into a row, m/s. Two speeds distinguish errors that grow with the speed.
 const SPEEDS: [f64; 2] = [0.02, 0.06];
 /// Largest number of variants of a kind: a few of dozens of time constants represent all of them.

@@ -4,7 +4,7 @@
 use super::Frames;
 use super::pool::Spot;
 use crate::candidate::Candidate;
-use crate::data::{Blocks, Problem};
+use crate::data::{Blocks, Extent, Problem};
 use crate::design::Design;
 use crate::device::Device;
 use crate::differences::Reuse;
@@ -87,7 +87,7 @@ impl Bench<'_> {
     pub(super) fn problem(&self, sheet: &Sheet, which: &[usize]) -> Problem {
         let points = self.points(sheet);
         let blocks = Blocks::of(&vec![None; points.len()]);
-        let mut problem = Problem::empty(false);
+        let mut problem = Problem::empty(Extent::Part);
         for &i in which {
             let point = &points[i];
             let place_mm = point.wobj_from_tcp.translation.vector * 1e3;
