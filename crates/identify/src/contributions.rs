@@ -268,3 +268,55 @@ fn join_curve(first: &mut Contribution, other: Contribution, curves: usize) {
         _ => {}
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use deflex_effects::ParameterOwner;
+
+    /// An effect of a kind with one number and this error without it, mm.
+    fn contribution(kind: &str, name: &str, without_mm: f64) -> Contribution {
+        let owner = ParameterOwner::Effect;
+        let parameter =
+            FittedParameter { name: name.to_owned(), value: 1.0, unit: "rad", ci95: [0.0, 2.0], neutral: 0.0, owner };
+        let mut table = toml::Table::new();
+        table.insert("curves".to_owned(), toml::Value::Array(vec![name.into()]));
+        Contribution {
+            added: Added {
+                kind: kind.to_owned(),
+                posterior: 1.0 - without_mm,
+                held_out_rms_before_mm: without_mm,
+                held_out_rms_after_mm: without_mm / 2.0,
+                parameters: vec![parameter],
+                not_told_apart_from: Vec::new(),
+            },
+            entry: NewEffect {
+                table,
+                uncertainty: Some(Uncertainty::Own(vec![vec![without_mm]])),
+                provenance: toml::Table::new(),
+            },
+            explained: Explained { kind: kind.to_owned(), without_mm, with_mm: 0.0, share_mm: without_mm },
+        }
+    }
+
+    #[test]
+    fn curves_of_several_joints_are_one_effect_at_the_place_of_the_first() {
+        let [a, b, c] = [0.3, 0.4, 0.5].map(|mm| contribution("joint_error_curve", "curves[0].error_rad[0]", mm));
+        let other = contribution("zero_offset", "offset_rad[0]", 0.2);
+        let joined = with_curves_joined(vec![a, other, b, c]);
+        assert_eq!(
+            joined.iter().map(|one| &one.added.kind[..]).collect::<Vec<_>>(),
+            ["joint_error_curve", "zero_offset"]
+        );
+        let Added { posterior, held_out_rms_before_mm, held_out_rms_after_mm, parameters, .. } = &joined[0].added;
+        assert_eq!((*posterior, *held_out_rms_before_mm, *held_out_rms_after_mm), (0.5, 0.5, 0.15));
+        let names: Vec<&str> = parameters.iter().map(|p| &p.name[..]).collect();
+        assert_eq!(names, ["curves[0].error_rad[0]", "curves[1].error_rad[0]", "curves[2].error_rad[0]"]);
+        // The covariance of independent curves has a block for each.
+        let Some(Uncertainty::Own(rows)) = &joined[0].entry.uncertainty else { panic!("no covariance") };
+        assert_eq!(*rows, [vec![0.3, 0.0, 0.0], vec![0.0, 0.4, 0.0], vec![0.0, 0.0, 0.5]]);
+        assert_eq!(joined[0].entry.table["curves"].as_array().map(Vec::len), Some(3));
+        // Shares of independent curves add as squares: 0.09 + 0.16 + 0.25.
+        assert!((joined[0].explained.share_mm - 0.5f64.sqrt()).abs() < 1e-12);
+    }
+}
