@@ -87,15 +87,16 @@ impl Engine {
     }
 
     /// The answer. `before` and `after` are the residuals of the declared and of the extended cell, mm; `after` is
-    /// without the clampings.
+    /// without the clampings. `doubt` is a sentence about a possible fault of the table.
     pub(super) fn outcome(
         &mut self,
         before: &DVector<f64>,
         after: &DVector<f64>,
         findings: Findings,
+        doubt: Option<Advice>,
         data_hash: &str,
     ) -> Identification {
-        let Findings { mut posteriors, ranking, unexplained, stages, elsewhere, refused, doubt } = findings;
+        let Findings { mut posteriors, ranking, unexplained, stages, elsewhere, refused } = findings;
         let held_out = |row: &Observation| row.held_out;
         let left_before = self.left_by_declared_as_found(before);
         // The drift of the run is in no cell, and so it is subtracted from both errors.

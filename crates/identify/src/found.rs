@@ -31,8 +31,6 @@ pub(super) struct Findings {
     pub(super) elsewhere: Option<Elsewhere>,
     /// Why the effects that were found are not added, if they are not.
     pub(super) refused: Option<Refused>,
-    /// A sentence about a possible fault of the table.
-    pub(super) doubt: Option<String>,
 }
 
 /// The columns of candidates about the present fit, and their moments.

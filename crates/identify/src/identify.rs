@@ -73,9 +73,9 @@ pub fn identify(input: Input<'_>) -> Result<Identification, Vec<Diagnostic>> {
         Extent::Part => (engine.check_plausibility(&before)?, engine.model_of_part(cell, progress)?),
         Extent::Robot => (None, engine.model_of_robot(progress)?),
     };
-    let findings = Findings { doubt, ..engine.judge(cell, model, written, progress)? };
+    let findings = engine.judge(cell, model, written, progress)?;
     let (before, after) = engine.residuals_of_all_rows(before);
-    Ok(engine.outcome(&before, &after, findings, data_hash))
+    Ok(engine.outcome(&before, &after, findings, doubt, data_hash))
 }
 
 impl Engine {
@@ -108,6 +108,6 @@ impl Engine {
         self.map = map;
         let elsewhere = self.elsewhere();
         let stages = if whole_robot { self.stage_errors() } else { Vec::new() };
-        Ok(Findings { posteriors, ranking, unexplained, stages, elsewhere, refused, doubt: None })
+        Ok(Findings { posteriors, ranking, unexplained, stages, elsewhere, refused })
     }
 }

@@ -5,6 +5,7 @@
 
 use super::data::Problem;
 use super::engine::Engine;
+use super::outcome::Advice;
 use super::reading::{ELSEWHERE_MM, Reading};
 use super::statistics::{TO_SIGMA, median};
 use deflex_correct::Prepared;
@@ -255,7 +256,7 @@ pub(super) fn steps_mm<'a>(rows: impl Iterator<Item = &'a MeasuredRow> + Clone) 
 impl Engine {
     /// Refuses residuals of the declared cell that no robot has. Returns a sentence for the advice if the forces look
     /// wrong, but not certainly.
-    pub(super) fn check_plausibility(&self, before: &DVector<f64>) -> Result<Option<String>, Vec<Diagnostic>> {
+    pub(super) fn check_plausibility(&self, before: &DVector<f64>) -> Result<Option<Advice>, Vec<Diagnostic>> {
         let noise_mm = row_to_row_mm(&self.problem, before);
         if noise_mm > MOST_NOISE_MM {
             let message = format!(

@@ -269,14 +269,14 @@ impl<'a> Runner<'a> {
         self.may_have_moved(id, &self.symbols.routine(id).body);
         let (bytes, theirs) = (self.bytes(scope.source as usize), self.bytes(id.file));
         let routine = self.symbols.routine(id);
-        let paired = given.paired(bytes, routine, theirs);
         for argument in given.given() {
             let value = self.evaluate(scope, argument);
             self.numbers.pin_value(&value);
         }
         let changed = |param: &Param| param.by_reference && own.contains(&*Upper::new(&theirs[param.name.range()]));
-        let paired_with = paired.paired.iter().filter(|given| changed(&routine.params[given.parameter]));
-        for argument in paired_with.filter_map(|given| given.value).chain(paired.others) {
+        let given = given.given_to(routine, bytes, theirs);
+        let to_changed = given.to_parameters.iter().filter(|given| changed(&routine.params[given.parameter]));
+        for argument in to_changed.filter_map(|given| given.value).chain(given.others) {
             self.forget_argument(scope, argument, Reason::Computed);
         }
     }

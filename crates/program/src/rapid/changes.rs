@@ -393,14 +393,16 @@ impl<'s, 'a> Scan<'s, 'a> {
     /// Adds a call of a routine in the files.
     fn call(&mut self, callee: RoutineId, arguments: &Arguments) {
         let routine = self.symbols.routine(callee);
-        let paired = arguments.paired(self.bytes, routine, &self.symbols.sources[callee.file].bytes);
+        let arguments = arguments.given_to(routine, self.bytes, &self.symbols.sources[callee.file].bytes);
         let mut given = Vec::new();
-        for argument in paired.paired.iter().filter(|argument| routine.params[argument.parameter].by_reference) {
+        for argument in
+            arguments.to_parameters.iter().filter(|argument| routine.params[argument.parameter].by_reference)
+        {
             if let Some(name) = argument.value.and_then(Expression::variable) {
                 given.push((argument.parameter, self.find(&self.bytes[name.range()])));
             }
         }
-        paired.others.into_iter().for_each(|argument| self.change(argument));
+        arguments.others.into_iter().for_each(|argument| self.change(argument));
         self.out.calls.push(Handed { callee, given });
     }
 

@@ -24,16 +24,17 @@ pub(super) enum Bound {
     Value(Value, Span, bool),
 }
 
-/// The arguments of a call, with the parameters that they are for.
-pub(super) struct PairedArguments<'e> {
-    /// Required ones first, then optional ones in the order of the call.
-    pub(super) paired: Vec<PairedArgument<'e>>,
+/// The arguments of a call, sorted by what they are given to.
+pub(super) struct GivenArguments<'e> {
+    /// Those of required parameters first, then those of optional ones in the order of the call.
+    pub(super) to_parameters: Vec<ParameterArgument<'e>>,
     /// Arguments that the routine has no parameter for: those of one that is declared by its name alone (`[controller] harmless`), which may
     /// read and change them.
     pub(super) others: Vec<&'e Expression>,
 }
 
-pub(super) struct PairedArgument<'e> {
+/// The argument of a parameter.
+pub(super) struct ParameterArgument<'e> {
     /// The index of the parameter.
     pub(super) parameter: usize,
     /// `None` for an optional argument without a value.
@@ -43,12 +44,12 @@ pub(super) struct PairedArgument<'e> {
 impl Arguments {
     /// Pairs the arguments of a call with the parameters of a routine; `bytes` is the text around the call, and `theirs` that around the
     /// routine.
-    pub(super) fn paired<'e>(&'e self, bytes: &[u8], routine: &Routine, theirs: &[u8]) -> PairedArguments<'e> {
+    pub(super) fn given_to<'e>(&'e self, routine: &Routine, bytes: &[u8], theirs: &[u8]) -> GivenArguments<'e> {
         let mut required = routine.params.iter().enumerate().filter(|(_, param)| !param.optional);
-        let (mut paired, mut others) = (Vec::new(), Vec::new());
+        let (mut to_parameters, mut others) = (Vec::new(), Vec::new());
         for argument in &self.positional {
             match required.next() {
-                Some((parameter, _)) => paired.push(PairedArgument { parameter, value: Some(argument) }),
+                Some((parameter, _)) => to_parameters.push(ParameterArgument { parameter, value: Some(argument) }),
                 None => others.push(argument),
             }
         }
@@ -56,11 +57,11 @@ impl Arguments {
             let name = &bytes[argument.name.range()];
             let value = argument.value.as_ref();
             match routine.params.iter().position(|param| theirs[param.name.range()].eq_ignore_ascii_case(name)) {
-                Some(parameter) => paired.push(PairedArgument { parameter, value }),
+                Some(parameter) => to_parameters.push(ParameterArgument { parameter, value }),
                 None => others.extend(value),
             }
         }
-        PairedArguments { paired, others }
+        GivenArguments { to_parameters, others }
     }
 }
 
@@ -68,16 +69,16 @@ impl<'a> Runner<'a> {
     /// The bindings that a call gives to the parameters of a routine, by their number.
     pub(super) fn arguments(&mut self, scope: Scope, id: RoutineId, given: &'a Arguments) -> Vec<(usize, Bound)> {
         let routine = self.symbols.routine(id);
-        let paired = given.paired(self.bytes(scope.source as usize), routine, self.bytes(id.file));
+        let given = given.given_to(routine, self.bytes(scope.source as usize), self.bytes(id.file));
         let mut bound = Vec::new();
-        for PairedArgument { parameter, value } in paired.paired {
-            let given = match value {
+        for ParameterArgument { parameter, value } in given.to_parameters {
+            let binding = match value {
                 Some(value) => self.bind(scope, &routine.params[parameter], value),
                 None => Bound::Value(Value::Bool(true), Span::default(), true),
             };
-            bound.push((parameter, given));
+            bound.push((parameter, binding));
         }
-        for argument in paired.others {
+        for argument in given.others {
             let value = self.evaluate(scope, argument);
             self.numbers.pin_value(&value);
             self.forget_argument(scope, argument, Reason::Computed);
