@@ -4,6 +4,9 @@
 //! rows → residual → columns of the candidates → whitening → evidence of sets → fit of the best set → (again)
 //!      → gate: does an unlisted error remain? → errors before and after, on rows that no fit has seen
 //! ```
+//!
+//! `identify.rs` has these steps in their order. The search is `part.rs` for the rows of programs, and `whole.rs` for
+//! poses over the whole robot.
 
 mod advice;
 mod all_rows;

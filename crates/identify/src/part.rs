@@ -20,7 +20,7 @@ pub(super) const CHOOSING_ROUNDS: usize = 6;
 /// Largest number of rounds of the search for gear harmonics, before flexible candidates are allowed.
 const GEAR_ROUNDS: usize = 4;
 
-/// The end of the search of sets.
+/// The result of the search of sets; the set itself is the chosen one.
 #[derive(Default)]
 struct BestSet {
     posteriors: Vec<Posterior>,
@@ -37,7 +37,7 @@ impl Engine {
         self.choose_presliding();
         let BestSet { mut posteriors, ranking, whole_arm } = self.best_set(cell, progress)?;
         reached(progress, CHOSEN)?;
-        if let Some(members) = whole_arm.or_else(|| self.whole_arm_behind_faults()) {
+        if let Some(members) = whole_arm.or_else(|| self.whole_arm_instead_of_fault()) {
             posteriors = self.take_whole_arm(&members);
         } else {
             self.prune();
@@ -141,7 +141,7 @@ impl Engine {
 
     /// The members of the model of the whole arm, if the set leaves an error that no effect explains, or if this model
     /// explains the rows better than a fault of the forces does.
-    fn whole_arm_behind_faults(&mut self) -> Option<Members> {
+    fn whole_arm_instead_of_fault(&mut self) -> Option<Members> {
         if !self.is_unlisted() && !self.forces_are_wrong() {
             return None;
         }
