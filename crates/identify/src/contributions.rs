@@ -73,19 +73,15 @@ impl Contribution {
     }
 }
 
-/// The numbers of an effect of the extended cell.
-struct FittedEffect {
+/// An effect of the extended cell with its present numbers.
+struct Fitted {
+    kind: String,
+    posterior: f64,
+    not_told_apart_from: Vec<String>,
     parameters: Vec<FittedParameter>,
     /// Its table of the cell file.
     table: toml::Table,
     uncertainty: Option<Uncertainty>,
-}
-
-/// The numbers of all effects of the extended cell.
-struct FittedEffects {
-    effects: Vec<FittedEffect>,
-    /// The uncertainty of the map's heights, known together with the numbers of the effects; `None` without a map.
-    of_map: Option<Uncertainty>,
 }
 
 impl Engine {
@@ -132,33 +128,18 @@ impl Engine {
         &self,
         explained: Vec<Explained>,
         posteriors: &[Posterior],
-        Uncertain { wider, unlisted }: Uncertain,
+        uncertain: Uncertain,
         provenance: &toml::Table,
     ) -> Vec<Contribution> {
-        let named = self.chosen.iter().filter_map(|c| posteriors.iter().find(|(p, _)| p == c));
-        let FittedEffects { effects, of_map } = self.fitted_effects(posteriors, wider);
-        let of_effect = |((c, (posterior, rivals)), fitted): (&Posterior, FittedEffect)| {
-            // No name is certain while an error remains that no effect explains.
-            let posterior = if unlisted { posterior.min(EVEN) } else { *posterior };
-            let is_sure = posterior >= NAMED || self.is_whole_arm();
-            let mentioned = rivals.iter().filter(|(_, share)| !is_sure && *share >= MENTIONED);
-            let rivals = mentioned.map(|(kind, _)| kind.clone());
-            let rivals = rivals.chain(unlisted.then(|| UNLISTED.to_owned())).collect();
-            (self.candidates[*c].kind.clone(), posterior, rivals, fitted)
-        };
-        let of_map = self.map.iter().map(|map| {
-            let (table, uncertainty) = (map.effect.to_table(), of_map.clone());
-            (MAP.to_owned(), map.likely, Vec::new(), FittedEffect { parameters: Vec::new(), table, uncertainty })
-        });
-        let all = named.zip(effects).map(of_effect).chain(of_map).zip(explained);
-        let all = all.map(|((kind, posterior, not_told_apart_from, fitted), explained)| Contribution {
+        let all = self.fitted_effects(posteriors, uncertain).into_iter().zip(explained);
+        let all = all.map(|(fitted, explained)| Contribution {
             added: Added {
-                kind,
-                posterior,
+                kind: fitted.kind,
+                posterior: fitted.posterior,
                 held_out_rms_before_mm: explained.without_mm,
                 held_out_rms_after_mm: explained.with_mm,
                 parameters: fitted.parameters,
-                not_told_apart_from,
+                not_told_apart_from: fitted.not_told_apart_from,
             },
             entry: NewEffect { table: fitted.table, uncertainty: fitted.uncertainty, provenance: provenance.clone() },
             explained,
@@ -166,9 +147,8 @@ impl Engine {
         with_curves_joined(all.collect())
     }
 
-    /// The effects that are added, in the order of the chosen set, with the uncertainty of all. `wider` is the variance
-    /// that left-out rows show relative to the variance that the fit predicts.
-    fn fitted_effects(&self, posteriors: &[Posterior], wider: f64) -> FittedEffects {
+    /// The effects of the extended cell with their uncertainty, in the order of the chosen set, and the map.
+    fn fitted_effects(&self, posteriors: &[Posterior], Uncertain { wider, unlisted }: Uncertain) -> Vec<Fitted> {
         let mut at = 0;
         let mut all = Vec::new();
         let covariance = self.wider_covariance(wider);
@@ -187,9 +167,12 @@ impl Engine {
             let own = at..at + size;
             at += size;
             let Some(effect) = fitted(&self.declared, candidate) else { continue };
-            if !posteriors.iter().any(|(p, _)| *p == c) {
-                continue;
-            }
+            let Some((_, (posterior, rivals))) = posteriors.iter().find(|(p, _)| *p == c) else { continue };
+            // No name is certain while an error remains that no effect explains.
+            let posterior = if unlisted { posterior.min(EVEN) } else { *posterior };
+            let is_sure = posterior >= NAMED || self.is_whole_arm();
+            let mentioned = rivals.iter().filter(|(_, share)| !is_sure && *share >= MENTIONED);
+            let rivals = mentioned.map(|(kind, _)| kind.clone());
             let parameter = |(k, p): (usize, deflex_effects::Parameter)| {
                 let half = 1.96 * scaled[(own.start + k, own.start + k)].max(0.0).sqrt();
                 let ci95 = [(p.value - half).max(p.bounds.0), (p.value + half).min(p.bounds.1)];
@@ -203,10 +186,25 @@ impl Engine {
                 }
                 None => Uncertainty::Own(own.clone().map(|i| own.clone().map(|j| scaled[(i, j)]).collect()).collect()),
             };
-            all.push(FittedEffect { parameters, table: effect.to_table(), uncertainty: Some(uncertainty) });
+            all.push(Fitted {
+                kind: candidate.kind.clone(),
+                posterior,
+                not_told_apart_from: rivals.chain(unlisted.then(|| UNLISTED.to_owned())).collect(),
+                parameters,
+                table: effect.to_table(),
+                uncertainty: Some(uncertainty),
+            });
         }
         let rows = |heights: DMatrix<f64>| heights.row_iter().map(|row| row.iter().copied().collect()).collect();
-        FittedEffects { effects: all, of_map: of_map.map(|heights| Uncertainty::Joint(rows(heights))) }
+        all.extend(self.map.iter().map(|map| Fitted {
+            kind: MAP.to_owned(),
+            posterior: map.likely,
+            not_told_apart_from: Vec::new(),
+            parameters: Vec::new(),
+            table: map.effect.to_table(),
+            uncertainty: of_map.clone().map(|heights| Uncertainty::Joint(rows(heights))),
+        }));
+        all
     }
 
     /// Posterior covariance of the chosen columns, in typical sizes, if the variance of the data is larger by the

@@ -565,13 +565,16 @@ impl Problem {
 
     /// Removes rows evenly along each run until about as many are left as a search needs, and returns the removed rows.
     pub(super) fn set_aside(&mut self) -> Vec<Observation> {
+        /// Approximate number of rows of a part on which the search works.
+        const SEARCHED_OF_PART: f64 = 1_000.0;
+        /// The same over the whole robot, where there are hundreds of columns.
+        const SEARCHED_OF_ROBOT: f64 = 12_500.0;
         /// The fractional parts of its multiples are uniformly distributed (Weyl 1916). Every n-th row instead would be
         /// the same few targets of a program that repeats.
         const GOLDEN: f64 = 0.618_033_988_749_894_9;
-        // Approximate number of rows on which the search works. Over the whole robot there are hundreds of columns.
         let searched = match self.extent {
-            Extent::Part => 1_000.0,
-            Extent::Robot => 12_500.0,
+            Extent::Part => SEARCHED_OF_PART,
+            Extent::Robot => SEARCHED_OF_ROBOT,
         };
         let share = searched / self.rows.len() as f64;
         if share >= 1.0 {

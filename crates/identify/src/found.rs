@@ -1,7 +1,6 @@
 //! The results that the steps of an identification pass to one another.
 
 use super::design::Design;
-use super::device_pose::InstrumentPlace;
 use super::moments::Moments;
 use super::outcome::{Advice, Errors, Ranked, Separation, Unexplained};
 use deflex_effects::Effect;
@@ -16,8 +15,6 @@ pub(super) struct Model {
     /// In the order of the chosen set.
     pub(super) posteriors: Vec<Posterior>,
     pub(super) ranking: Ranking,
-    /// Where the instruments were before the search.
-    pub(super) places: Vec<InstrumentPlace>,
 }
 
 /// The results of the search from which the answer is made.

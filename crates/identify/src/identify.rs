@@ -4,7 +4,7 @@
 use super::candidate::with;
 use super::data::{Extent, Problem};
 use super::decisions::NAMED;
-use super::device_pose;
+use super::device_pose::{self, InstrumentPlace};
 use super::engine::Engine;
 use super::found::{Findings, Model};
 use super::input::{Input, Progress, Written};
@@ -69,26 +69,28 @@ pub fn identify(input: Input<'_>) -> Result<Identification, Vec<Diagnostic>> {
     }
     let mut engine = Engine::new(declared, problem, &cell.covariances);
     let before = if engine.aside.is_empty() { before } else { engine.problem.residual(&engine.declared) };
+    let places = device_pose::places(&engine.problem);
     let (doubt, model) = match engine.problem.extent {
         Extent::Part => (engine.check_plausibility(&before)?, engine.model_of_part(cell, progress)?),
         Extent::Robot => (None, engine.model_of_robot(progress)?),
     };
-    let findings = engine.judge(cell, model, written, progress)?;
+    let findings = engine.judge(cell, model, &places, written, progress)?;
     let (before, after) = engine.residuals_of_all_rows(before);
     Ok(engine.outcome(&before, &after, findings, doubt, data_hash))
 }
 
 impl Engine {
     /// Judges the model: takes its effects back if they make left-out rows worse, adds the map of the discrepancy, and
-    /// computes the errors at places that the fit has not seen.
+    /// computes the errors at places that the fit has not seen. `places` are those of the instruments before the search.
     fn judge(
         &mut self,
         cell: &Cell,
         model: Model,
+        places: &[InstrumentPlace],
         written: Written,
         progress: &Progress<'_>,
     ) -> Result<Findings, Vec<Diagnostic>> {
-        let Model { mut posteriors, ranking, places } = model;
+        let Model { mut posteriors, ranking } = model;
         if written == Written::NamedAlone {
             self.withdraw_unless(&mut posteriors, |_, share, _| share >= NAMED);
         }
@@ -99,7 +101,7 @@ impl Engine {
         if refused.is_some() {
             posteriors.clear();
             self.remove_all_effects();
-            device_pose::restore(&mut self.problem, &places);
+            device_pose::restore(&mut self.problem, places);
         }
         let has_map = written == Written::WholeModel && !whole_robot && !self.forces_are_wrong();
         let map = if has_map { self.field_map(&posteriors) } else { None };

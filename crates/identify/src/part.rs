@@ -5,7 +5,6 @@
 //! model of the whole arm replaces the set if its evidence is larger.
 
 use super::candidate::Candidate;
-use super::device_pose;
 use super::engine::{Engine, is_inflexible};
 use super::found::{Members, Model, Posterior, Ranking};
 use super::input::Progress;
@@ -32,7 +31,6 @@ struct BestSet {
 impl Engine {
     /// Searches the effects that the rows of measured parts show, and fits them.
     pub(super) fn model_of_part(&mut self, cell: &Cell, progress: &Progress<'_>) -> Result<Model, Vec<Diagnostic>> {
-        let places = device_pose::places(&self.problem);
         self.find_gear_harmonics(cell, progress)?;
         self.choose_presliding();
         let BestSet { mut posteriors, ranking, whole_arm } = self.best_set(cell, progress)?;
@@ -50,7 +48,7 @@ impl Engine {
         if self.forces_are_wrong() {
             self.withdraw_all(&mut posteriors);
         }
-        Ok(Model { posteriors, ranking, places })
+        Ok(Model { posteriors, ranking })
     }
 
     /// Searches gear harmonics without flexible candidates: first with an empty set, then together with other effects.

@@ -30,7 +30,6 @@ const FEW: usize = 500;
 impl Engine {
     /// Searches the effects that poses over the whole robot show, and fits them.
     pub(super) fn model_of_robot(&mut self, progress: &Progress<'_>) -> Result<Model, Vec<Diagnostic>> {
-        let places = device_pose::places(&self.problem);
         let wanted: Vec<usize> = (0..self.candidates.len()).collect();
         let mut ranking = Ranking::default();
         for round in 0..CHOOSING_ROUNDS {
@@ -56,7 +55,7 @@ impl Engine {
         // Every member has gained far more than its price.
         let effects = self.chosen.iter().filter(|&&c| !self.candidates[c].is_pattern());
         let posteriors = effects.map(|&c| (c, (1.0, Vec::new()))).collect();
-        Ok(Model { posteriors, ranking, places })
+        Ok(Model { posteriors, ranking })
     }
 
     /// Chooses the set, and sets the smoothness of every curve in it. Its members are in the order of their stages.
