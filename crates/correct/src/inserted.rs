@@ -10,6 +10,7 @@ use super::solve::{Last, Solver, controller_motor};
 use deflex_equilibrium::{Arm, Dragged, WarmStart};
 use deflex_program::{Program, Role};
 use deflex_robot::{Joints, Pose};
+use nalgebra::Vector3;
 
 /// An inserted target is at its point of the path when it moves by less than this, m.
 const SETTLED: f64 = 1e-9;
@@ -28,16 +29,28 @@ pub(super) struct Inserted {
     pub(super) role: Role,
 }
 
-/// Puts inserted targets on the path. `at` gives the point of each at its share of the segment.
+/// Puts inserted targets on the path. `at` gives the point of each at its share of the segment. Each segment gets as many rounds as its own
+/// targets need, so that a program gives the same figures in chunks as in one piece.
 pub(super) fn place(
     inserted: &mut [Inserted],
     (prepared, segments): (&Prepared, &[Option<Segment<'_>>]),
     arm: &Arm,
     at: impl Fn(&Inserted) -> Point,
 ) {
+    let mut open: Vec<&mut [Inserted]> = inserted.chunk_by_mut(|a, b| a.before == b.before).collect();
     for _ in 0..MOST_STEPS {
-        let batch = prepared.with_points(inserted.iter().map(&at).collect());
-        if !nearest(inserted, &batch, segments, arm) {
+        let batch = prepared.with_points(open.iter().flat_map(|own| own.iter()).map(&at).collect());
+        let solver = Solver::new(arm, &batch, Parallelism::Threads);
+        let predicted = solver.forward(|k| batch.points[k].as_programmed(), |_| WarmStart::default());
+        let mut landed = batch.points.iter().zip(&predicted).map(|(point, predicted)| {
+            let shift = predicted.as_ref().ok()?.shift;
+            Some(point.reference.translation.vector + shift)
+        });
+        open.retain_mut(|own| {
+            let landed: Vec<_> = landed.by_ref().take(own.len()).collect();
+            nearest(own, &landed, segments)
+        });
+        if open.is_empty() {
             break;
         }
     }
@@ -49,33 +62,24 @@ pub(super) fn settle(
     (points, segments): (&mut Prepared, &[Option<Segment<'_>>]),
     arm: &Arm,
 ) {
-    for _ in 0..MOST_STEPS {
-        let batch = inserted.iter().map(|inserted| points.points[inserted.target].clone()).collect();
-        let moved = nearest(inserted, &points.with_points(batch), segments, arm);
-        for inserted in inserted.iter() {
-            if let Some(segment) = &segments[inserted.before] {
-                points.points[inserted.target].reference = segment.track.pose(inserted.share);
-            }
-        }
-        if !moved {
-            break;
-        }
+    let referred = |points: &Prepared, inserted: &Inserted| {
+        let point = points.points[inserted.target].clone();
+        let segment = segments[inserted.before].as_ref();
+        Point { reference: segment.map_or(point.reference, |segment| segment.track.pose(inserted.share)), ..point }
+    };
+    place(inserted, (points, segments), arm, |inserted| referred(points, inserted));
+    for inserted in inserted {
+        points.points[inserted.target] = referred(points, inserted);
     }
 }
 
-/// Moves inserted targets to the point of the path that is nearest to the position of the tool. Returns whether any has moved.
-fn nearest(inserted: &mut [Inserted], batch: &Prepared, segments: &[Option<Segment<'_>>], arm: &Arm) -> bool {
-    let solver = Solver::new(arm, batch, Parallelism::Threads);
-    let predicted = solver.forward(|k| batch.points[k].as_programmed(), |_| WarmStart::default());
-    let (mut moved, mut least, mut segment) = (false, 0.0, None);
-    for (k, predicted) in predicted.iter().enumerate() {
-        let inserted = &mut inserted[k];
-        if segment.replace(inserted.before) != Some(inserted.before) {
-            least = 0.0;
-        }
-        let (Some(segment), Ok(predicted)) = (&segments[inserted.before], predicted) else { continue };
-        let place = batch.points[k].reference.translation.vector + predicted.shift;
-        let share = segment.track.nearest(&place).max(least);
+/// Moves the targets on one segment to the points of the path that are nearest to where the loaded tool has landed (m, work object axes;
+/// `None` without an equilibrium), and keeps their order. Returns whether any has moved.
+fn nearest(inserted: &mut [Inserted], landed: &[Option<Vector3<f64>>], segments: &[Option<Segment<'_>>]) -> bool {
+    let (mut moved, mut least) = (false, 0.0);
+    for (inserted, landed) in inserted.iter_mut().zip(landed) {
+        let (Some(segment), Some(landed)) = (&segments[inserted.before], landed) else { continue };
+        let share = segment.track.nearest(landed).max(least);
         moved |= (share - inserted.share).abs() * segment.track.length() > SETTLED;
         (inserted.share, least) = (share, share);
     }
