@@ -118,22 +118,8 @@ fn a_hundred_thousand_targets_stay_small_and_say_what_is_left_out() {
 
 /// Words; what is blank without a stock or a turn that was chosen; and the joints, which a page has as `axis_1_deg`, with the feed.
 const NOT_DRAWN: [&str; 16] = [
-    "name",
-    "status",
-    "depth_mm",
-    "engaged_deg",
-    "removed_mm3",
-    "spin_deg",
-    "reason",
-    "q1_deg",
-    "q2_deg",
-    "q3_deg",
-    "q4_deg",
-    "q5_deg",
-    "q6_deg",
-    "tool",
-    "wobj",
-    "feed_mm_s",
+    "name", "status", "depth_mm", "engaged_deg", "removed_mm3", "spin_deg", "reason", "q1_deg", "q2_deg", "q3_deg",
+    "q4_deg", "q5_deg", "q6_deg", "tool", "wobj", "feed_mm_s",
 ];
 
 #[test]

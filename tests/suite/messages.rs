@@ -8,25 +8,9 @@ const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 /// Quoted words of the sources that look like codes: keys of the cell file and names of files.
 const NO_CODES: [&str; 19] = [
-    "cell.unknown-",
-    "cl.harmless",
-    "cl.point",
-    "cl.spin",
-    "cl.third-vector",
-    "cl.tools",
-    "cl.units",
-    "cut.force",
-    "cut.frame",
-    "plan.csv",
-    "plan.effects",
-    "plan.instrument",
-    "plan.tool",
-    "plan.wobj",
-    "poses.csv",
-    "report.csv",
-    "robot.kinematics",
-    "robot.model",
-    "stock.stl",
+    "cell.unknown-", "cl.harmless", "cl.point", "cl.spin", "cl.third-vector", "cl.tools", "cl.units", "cut.force",
+    "cut.frame", "plan.csv", "plan.effects", "plan.instrument", "plan.tool", "plan.wobj", "poses.csv", "report.csv",
+    "robot.kinematics", "robot.model", "stock.stl",
 ];
 
 fn is_code(word: &str) -> bool {

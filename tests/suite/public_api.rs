@@ -76,33 +76,12 @@ fn types_are_there_and_can_be_shared_between_threads() {
     all!(Covered, Box<dyn Effect>, Kind, Need, Parameter, ToolFrame, Arm, Command, Equilibrium, EquilibriumError);
     all!(Added, Correlate, Coverage, Errors, FittedParameter, Identification, Ranked, ResidualRow, Separation);
     all!(
-        Unexplained,
-        MeasuredRow,
-        Table,
-        TargetRef,
-        Change,
-        Conf,
-        Confdata,
-        Config,
-        Editable,
-        Goal,
-        Insert,
-        Kept,
-        Language,
-        Mark,
-        Motion
+        Unexplained, MeasuredRow, Table, TargetRef, Change, Conf, Confdata, Config, Editable, Goal, Insert, Kept,
+        Language, Mark, Motion
     );
     all!(Program, RewriteOptions, Rewritten, Role, RoundTrip, Target, Tool, ToolData, Wobj, WobjData);
     all!(
-        PathKind,
-        PathTrace,
-        CheckFile,
-        Difference,
-        FileSummary,
-        InsertedTarget,
-        InspectFile,
-        InspectFiles,
-        MovedTarget
+        PathKind, PathTrace, CheckFile, Difference, FileSummary, InsertedTarget, InspectFile, InspectFiles, MovedTarget
     );
     all!(Builtin, DhRow, Limits, Unreachable, Diagnostic, Edit, Severity, Source, Span);
     assert_eq!((KINDS.len(), BUILTIN.len()), (27, 382), "kinds and robots are only added to: raise this number then");

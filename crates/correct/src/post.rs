@@ -132,11 +132,9 @@ impl Outline {
                 }
                 (None, Some(source)) if self.early.is_none() => {
                     let message = "this move has no feed";
-                    self.early = Some(Diagnostic::error("post.feed", &source.name, message).on_line(
-                        source,
-                        target.span,
-                        target.line,
-                    ));
+                    self.early = Some(
+                        Diagnostic::error("post.feed", &source.name, message).on_line(source, target.span, target.line),
+                    );
                 }
                 _ => {}
             }

@@ -120,13 +120,7 @@ impl Engine {
     pub(super) fn linearise(&mut self, wanted: &[usize], shapes: &[noise::Shape]) -> Linearised {
         let base = self.residual();
         let (design, always) = Design::new(
-            &self.declared,
-            &self.problem,
-            &mut self.candidates,
-            &self.chosen,
-            wanted,
-            &base,
-            &mut self.reuse,
+            &self.declared, &self.problem, &mut self.candidates, &self.chosen, wanted, &base, &mut self.reuse,
         );
         let data = self.pseudo(&design, base, wanted);
         let moments = self.moments(&design, &data, shapes, None);

@@ -91,45 +91,16 @@ mod tests {
     #[test]
     fn names_stay_inside_the_folder_and_read_as_no_option() {
         let good = [
-            "part.mod",
-            "backup/SYSPAR/MOC.cfg",
-            "Teil 1 (neu).src",
-            "schräge Fläche.csv",
-            "a..b",
-            "company.mod",
+            "part.mod", "backup/SYSPAR/MOC.cfg", "Teil 1 (neu).src", "schräge Fläche.csv", "a..b", "company.mod",
             "comma,x.toml",
         ];
         for name in good {
             assert!(Name::try_from(name.to_owned()).is_ok(), "{name}");
         }
         let bad = [
-            "",
-            ".",
-            "..",
-            "../x",
-            "a/../b",
-            "a//b",
-            "/etc/passwd",
-            "a/",
-            "C:\\x",
-            "c:x",
-            "a\\b",
-            "-o",
-            "a/-o",
-            "--cell",
-            ".hidden",
-            ".deflex-1",
-            "a\0b",
-            "a\nb",
-            "NUL",
-            "nul.mod",
-            "COM1.txt",
-            "lpt9",
-            "x.",
-            "x ",
-            "a\u{202e}b",
-            "a?b",
-            "a/b/c/d/e/f/g/h/i",
+            "", ".", "..", "../x", "a/../b", "a//b", "/etc/passwd", "a/", "C:\\x", "c:x", "a\\b", "-o", "a/-o",
+            "--cell", ".hidden", ".deflex-1", "a\0b", "a\nb", "NUL", "nul.mod", "COM1.txt", "lpt9", "x.", "x ",
+            "a\u{202e}b", "a?b", "a/b/c/d/e/f/g/h/i",
         ];
         for name in bad {
             assert!(Name::try_from(name.to_owned()).is_err(), "{name:?}");

@@ -247,16 +247,8 @@ fn the_key_of_the_browsers_address_works_once() {
 fn no_name_leads_out_of_the_folder() {
     let window = Window::open();
     for name in [
-        "../secret",
-        "..%2fsecret",
-        "%2e%2e/secret",
-        "a/../../secret",
-        "/etc/passwd",
-        "%2fetc%2fpasswd",
-        "..%5csecret",
-        "C:%5csecret",
-        "%00",
-        "",
+        "../secret", "..%2fsecret", "%2e%2e/secret", "a/../../secret", "/etc/passwd", "%2fetc%2fpasswd", "..%5csecret",
+        "C:%5csecret", "%00", "",
     ] {
         for method in ["GET", "PUT"] {
             let answer = window.call(method, &format!("/api/file?name={name}"), "");

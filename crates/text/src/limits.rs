@@ -115,17 +115,8 @@ pub const ARRAY_ROWS: Bound =
 
 /// All bounds, in the order of the table in `docs/limits-and-safety.md`.
 pub const ALL: [Bound; 11] = [
-    STOCK_LINES,
-    RUN_MOTIONS,
-    STL_TRIANGLES,
-    STL_REACH_MM,
-    UNITS,
-    FRAMES,
-    COLUMNS,
-    MEASURED_ROWS,
-    URDF_JOINTS,
-    FILE_BYTES,
-    ARRAY_ROWS,
+    STOCK_LINES, RUN_MOTIONS, STL_TRIANGLES, STL_REACH_MM, UNITS, FRAMES, COLUMNS, MEASURED_ROWS, URDF_JOINTS,
+    FILE_BYTES, ARRAY_ROWS,
 ];
 
 #[cfg(test)]

@@ -131,14 +131,7 @@ fn sarif_keeps_to_its_schema() {
     bench.write("with blank.mod", PROGRAM.replace("[[100,0,0]", "[[9000,0,0]"));
     let output = super::bench::deflex(bench.path("").as_path())
         .args([
-            "check",
-            "part.mod",
-            "with blank.mod",
-            "--cell",
-            "cell.toml",
-            "--max-error",
-            "0.05",
-            "--output-format",
+            "check", "part.mod", "with blank.mod", "--cell", "cell.toml", "--max-error", "0.05", "--output-format",
             "sarif",
         ])
         .output()

@@ -12,21 +12,8 @@ const RUN: &str = "compensate part.mod --cell cell.toml -o out.mod --report out.
 
 /// A batch: programs, their reports, all in one report, a summary and a page.
 const BATCH: &[&str] = &[
-    "compensate",
-    "a.mod",
-    "b.mod",
-    "c.mod",
-    "--cell",
-    "cell.toml",
-    "--out-dir",
-    "out",
-    "--report",
-    "all.csv",
-    "--json",
-    "all.json",
-    "--html",
-    "all.html",
-    "--quiet",
+    "compensate", "a.mod", "b.mod", "c.mod", "--cell", "cell.toml", "--out-dir", "out", "--report", "all.csv",
+    "--json", "all.json", "--html", "all.html", "--quiet",
 ];
 const FOLDERS: [&str; 2] = ["", "out"];
 
@@ -60,19 +47,8 @@ fn ended(bench: &Bench, arguments: &[&str]) -> ExitStatus {
 /// A simulation, whose points, page, mesh and figures are one set. Its page goes into a file that has another name too, whose
 /// content is replaced in place.
 const SIMULATION: &[&str] = &[
-    "simulate",
-    "a.mod",
-    "--cell",
-    "stock.toml",
-    "--stl",
-    "out/part.stl",
-    "--report",
-    "all.csv",
-    "--json",
-    "all.json",
-    "--html",
-    "all.html",
-    "--quiet",
+    "simulate", "a.mod", "--cell", "stock.toml", "--stl", "out/part.stl", "--report", "all.csv", "--json", "all.json",
+    "--html", "all.html", "--quiet",
 ];
 
 /// A stock that the cutter of the program goes through, coarse enough to be cut in no time, and forces of another feed each.

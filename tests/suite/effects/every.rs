@@ -417,12 +417,7 @@ fn candidates_follow_the_data_and_do_nothing_yet() {
     (survey.time, survey.temperature) = (None, None);
     let left = names(&survey);
     for name in [
-        "joint_stiffness",
-        "hysteresis",
-        "tool_compliance",
-        "force_scale",
-        "tool_wear",
-        "tracking_lag",
+        "joint_stiffness", "hysteresis", "tool_compliance", "force_scale", "tool_wear", "tracking_lag",
         "thermal_growth",
     ] {
         assert!(!left.contains(&name), "{name} is a candidate without its data: look at `KIND.candidates`");

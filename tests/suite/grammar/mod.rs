@@ -112,17 +112,8 @@ fn without_card_numbers(text: &[u8]) -> Vec<u8> {
 
 /// Reasons that say that a text is not understood, where one of the grammar is.
 const NOT_UNDERSTOOD: [&str; 11] = [
-    "jbi.syntax",
-    "ur.syntax",
-    "rapid.truncated",
-    "rapid.no-module",
-    "rapid.not-read",
-    "krl.truncated",
-    "krl.no-routine",
-    "ls.truncated",
-    "ls.no-section",
-    "ls.not-read",
-    "cl.not-cl",
+    "jbi.syntax", "ur.syntax", "rapid.truncated", "rapid.no-module", "rapid.not-read", "krl.truncated",
+    "krl.no-routine", "ls.truncated", "ls.no-section", "ls.not-read", "cl.not-cl",
 ];
 
 fn reads(known: &Known, seed: u64) -> Result<(), TestCaseError> {

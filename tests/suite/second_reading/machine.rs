@@ -142,14 +142,8 @@ pub struct Machine<'a> {
 /// ERRNO of a name: any injective map will do.
 pub fn error_number(name: &str) -> Option<i32> {
     const NAMES: [&str; 8] = [
-        "ERR_DIVZERO",
-        "ERR_WHLSEARCH",
-        "ERR_WAIT_MAXTIME",
-        "ERR_OUTOFBND",
-        "ERR_REFUNKPRC",
-        "ERR_SIGSUPSEARCH",
-        "ERR_TP_MAXTIME",
-        "ERR_PATH_STOP",
+        "ERR_DIVZERO", "ERR_WHLSEARCH", "ERR_WAIT_MAXTIME", "ERR_OUTOFBND", "ERR_REFUNKPRC", "ERR_SIGSUPSEARCH",
+        "ERR_TP_MAXTIME", "ERR_PATH_STOP",
     ];
     NAMES.iter().position(|known| *known == name).map(|i| 1000 + i as i32)
 }

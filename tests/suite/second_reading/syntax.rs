@@ -6,26 +6,8 @@ use std::rc::Rc;
 
 /// Words that begin no call.
 const RESERVED: [&str; 20] = [
-    "ENDIF",
-    "ENDFOR",
-    "ENDWHILE",
-    "ENDTEST",
-    "ENDPROC",
-    "ENDFUNC",
-    "ENDTRAP",
-    "ENDMODULE",
-    "ELSE",
-    "ELSEIF",
-    "CASE",
-    "DEFAULT",
-    "THEN",
-    "DO",
-    "PROC",
-    "FUNC",
-    "TRAP",
-    "VAR",
-    "CONST",
-    "PERS",
+    "ENDIF", "ENDFOR", "ENDWHILE", "ENDTEST", "ENDPROC", "ENDFUNC", "ENDTRAP", "ENDMODULE", "ELSE", "ELSEIF", "CASE",
+    "DEFAULT", "THEN", "DO", "PROC", "FUNC", "TRAP", "VAR", "CONST", "PERS",
 ];
 
 pub fn module(text: &str) -> Result<Module, String> {

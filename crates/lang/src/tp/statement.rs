@@ -94,29 +94,9 @@ pub enum Frame {
 
 /// First words of statements without an effect on motions, in upper case.
 const PLAIN: [&str; 23] = [
-    "WAIT",
-    "WARTE",
-    "MESSAGE",
-    "PAUSE",
-    "OVERRIDE",
-    "JOINT_MAX_SPEED",
-    "LINEAR_MAX_SPEED",
-    "PAYLOAD",
-    "TRAGLST",
-    "UALM",
-    "RSR",
-    "COL",
-    "SKIP",
-    "OFFSET",
-    "TOOL_OFFSET",
-    "VOFFSET",
-    "LOCK",
-    "UNLOCK",
-    "ACC",
-    "ARC",
-    "SPOT",
-    "PALLETIZING",
-    "FB",
+    "WAIT", "WARTE", "MESSAGE", "PAUSE", "OVERRIDE", "JOINT_MAX_SPEED", "LINEAR_MAX_SPEED", "PAYLOAD", "TRAGLST",
+    "UALM", "RSR", "COL", "SKIP", "OFFSET", "TOOL_OFFSET", "VOFFSET", "LOCK", "UNLOCK", "ACC", "ARC", "SPOT",
+    "PALLETIZING", "FB",
 ];
 
 /// Data whose assignment has no effect on motions; an index follows the name.

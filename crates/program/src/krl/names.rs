@@ -32,21 +32,8 @@ pub(super) const APPROXIMATE: [&[u8]; 6] = [b"WITH", b"C_DIS", b"C_VEL", b"C_ORI
 
 /// Statements that change no data and move nothing.
 pub(super) const HARMLESS_STATEMENTS: [&[u8]; 15] = [
-    b"WAIT",
-    b"HALT",
-    b"CONTINUE",
-    b"BRAKE",
-    b"RESUME",
-    b"INTERRUPT",
-    b"GLOBAL",
-    b"PULSE",
-    b"ANOUT",
-    b"CONFIRM",
-    b"TIME_BLOCK",
-    b"CONST_VEL",
-    b"STOP",
-    b"SYNC",
-    b"ON_ERROR_PROCEED",
+    b"WAIT", b"HALT", b"CONTINUE", b"BRAKE", b"RESUME", b"INTERRUPT", b"GLOBAL", b"PULSE", b"ANOUT", b"CONFIRM",
+    b"TIME_BLOCK", b"CONST_VEL", b"STOP", b"SYNC", b"ON_ERROR_PROCEED",
 ];
 
 /// Words of the language that may be before a bracket without a call.
@@ -73,15 +60,7 @@ pub(super) const KEEPS_APPROXIMATION: [&[u8]; 7] =
 
 /// Commands of BAS that change neither where the robot goes nor its speed along a path.
 pub(super) const HARMLESS_COMMANDS: [&[u8]; 10] = [
-    b"VEL_PTP",
-    b"ACC_PTP",
-    b"ACC_CP",
-    b"ACC_GLUE",
-    b"VEL_GLUE",
-    b"PTP_DAT",
-    b"OUT_SYNC",
-    b"OUT_ASYNC",
-    b"OV_PRO",
+    b"VEL_PTP", b"ACC_PTP", b"ACC_CP", b"ACC_GLUE", b"VEL_GLUE", b"PTP_DAT", b"OUT_SYNC", b"OUT_ASYNC", b"OV_PRO",
     b"GROUP",
 ];
 

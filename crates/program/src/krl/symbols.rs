@@ -199,19 +199,8 @@ impl<'a> Symbols<'a> {
     /// The settings of motions, which `WITH` can set for a single one.
     pub(super) fn modal(&self) -> [Id; MODAL] {
         [
-            self.base,
-            self.tool,
-            self.base_name,
-            self.tool_name,
-            self.load,
-            self.speed,
-            self.approximation,
-            self.mode,
-            self.orientation,
-            self.ignored_axes,
-            self.asynchronous_axes,
-            self.circle_type,
-            self.circle_mode,
+            self.base, self.tool, self.base_name, self.tool_name, self.load, self.speed, self.approximation, self.mode,
+            self.orientation, self.ignored_axes, self.asynchronous_axes, self.circle_type, self.circle_mode,
         ]
     }
 

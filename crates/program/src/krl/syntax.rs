@@ -22,22 +22,8 @@ const STATEMENTS: [&[u8]; 5] = [b"TRIGGER", b"GOTO", b"RETURN", b"ANIN", b"ASYCA
 
 /// Types of the system.
 const TYPES: [&[u8]; 16] = [
-    b"INT",
-    b"REAL",
-    b"BOOL",
-    b"CHAR",
-    b"FRAME",
-    b"POS",
-    b"E6POS",
-    b"AXIS",
-    b"E6AXIS",
-    b"LOAD",
-    b"FDAT",
-    b"LDAT",
-    b"PDAT",
-    b"CP",
-    b"INERTIA",
-    b"SPL_VELOCITY",
+    b"INT", b"REAL", b"BOOL", b"CHAR", b"FRAME", b"POS", b"E6POS", b"AXIS", b"E6AXIS", b"LOAD", b"FDAT", b"LDAT",
+    b"PDAT", b"CP", b"INERTIA", b"SPL_VELOCITY",
 ];
 
 /// The statements of a block, the word that ended it, and the text after that word.

@@ -128,12 +128,7 @@ impl Generator {
             );
             choices.extend(
                 [
-                    "BAS(#BASE,n1)",
-                    "BAS(#INITMOV,0)",
-                    "$BASE.X=50.0",
-                    "fB.X=25.0",
-                    "fB = XP2",
-                    "$IPO_MODE=#TCP",
+                    "BAS(#BASE,n1)", "BAS(#INITMOV,0)", "$BASE.X=50.0", "fB.X=25.0", "fB = XP2", "$IPO_MODE=#TCP",
                     "$IPO_MODE=#BASE",
                 ]
                 .map(String::from),
@@ -288,15 +283,8 @@ impl Generator {
             }
             18 | 19 if self.has(LOOPS) && deeper => {
                 let head = self.pick(&[
-                    "FOR i=1 TO 2",
-                    "FOR i=1 TO n1",
-                    "FOR i=3 TO 1 STEP -1",
-                    "FOR n1=1 TO 2",
-                    "WHILE $IN[4]",
-                    "WHILE n1<3",
-                    "REPEAT",
-                    "LOOP",
-                    "WHILE b1",
+                    "FOR i=1 TO 2", "FOR i=1 TO n1", "FOR i=3 TO 1 STEP -1", "FOR n1=1 TO 2", "WHILE $IN[4]",
+                    "WHILE n1<3", "REPEAT", "LOOP", "WHILE b1",
                 ]);
                 self.line(head);
                 if head.starts_with("FOR i") && self.below(3) == 0 {
@@ -328,16 +316,8 @@ impl Generator {
             }
             22 | 23 if self.has(CALLS) => {
                 let own = [
-                    "s1()",
-                    "s2(XP1, 5.0)",
-                    "s2(gP[1], r1)",
-                    "s2(gX, 2.0)",
-                    "s3(2, XP2)",
-                    "s3(n1, gX)",
-                    "b()",
-                    "s4(n1)",
-                    "s4(XP3.X)",
-                    "s5(XP1, XP1)",
+                    "s1()", "s2(XP1, 5.0)", "s2(gP[1], r1)", "s2(gX, 2.0)", "s3(2, XP2)", "s3(n1, gX)", "b()",
+                    "s4(n1)", "s4(XP3.X)", "s5(XP1, XP1)",
                 ];
                 let text = if self.in_main { self.pick(&own) } else { self.pick(&["s1()", "s3(1, XP4)", "s4(gN)"]) };
                 // No routine calls itself unless that is what is looked for.

@@ -281,16 +281,7 @@ impl Generator {
             }
         }
         if self.any(&[
-            "displacement",
-            "branches",
-            "loops",
-            "goto",
-            "handler",
-            "trap",
-            "late",
-            "callbyvar",
-            "sync",
-            "functions",
+            "displacement", "branches", "loops", "goto", "handler", "trap", "late", "callbyvar", "sync", "functions",
             "return",
         ]) {
             options.push(format!("PDispSet {SHIFT};"));
