@@ -31,16 +31,6 @@ impl ProgramFiles {
     ///
     /// # Errors
     /// Files that cannot be read or whose language is unknown; several files that are not RAPID modules.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::session::ProgramFiles;
-    /// use deflex::program::Language;
-    ///
-    /// let program = ProgramFiles::read(&["samples/blade/blade.aptsource".into()], &[], None)?;
-    /// assert_eq!(program.language(), Language::Cl);
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     pub fn read(paths: &[PathBuf], context: &[PathBuf], format: Option<&str>) -> Result<Self, Vec<Diagnostic>> {
         let format = format.map(known).transpose()?;
         let jobs = all(paths.iter().map(|path| Job::of(path, format)))?;
@@ -53,14 +43,6 @@ impl ProgramFiles {
     }
 
     /// Name of the program in messages and reports: the paths as they were given.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::session::{CellFile, ProgramFiles, Run};
-    /// # let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
-    /// assert_eq!(program.name(), "samples/slot/slot.mod");
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn name(&self) -> &str {
         &self.job.name

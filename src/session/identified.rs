@@ -34,14 +34,6 @@ impl MeasuredFile {
     ///
     /// # Errors
     /// The file cannot be read.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::session::MeasuredFile;
-    ///
-    /// let measured = MeasuredFile::read("samples/closed-loop/measured.csv".as_ref())?;
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     pub fn read(path: &Path) -> Result<Self, Vec<Diagnostic>> {
         crate::session::read::source(path).map(Self::of)
     }

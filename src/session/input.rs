@@ -106,15 +106,6 @@ impl CellFile {
     ///
     /// # Errors
     /// The file cannot be read, or is not a valid cell: see [`Cell::read`].
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::session::CellFile;
-    ///
-    /// let cell = CellFile::read("samples/slot/cell.toml".as_ref())?;
-    /// assert!(cell.cell().arm.robot.model.starts_with("irb6660-205-1.9"));
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     pub fn read(path: &Path) -> Result<Self, Vec<Diagnostic>> {
         Self::parse(source(path)?)
     }

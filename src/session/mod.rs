@@ -92,15 +92,6 @@ pub struct Run {
 
 impl Run {
     /// A run with this cell and the default options of the command.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::session::{CellFile, Run};
-    ///
-    /// let mut run = Run::new(CellFile::read("samples/slot/cell.toml".as_ref())?.into());
-    /// run.again = true; // corrects a program that has been corrected already
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn new(cell: Arc<CellFile>) -> Self {
         let setup = Setup { cell, forces: None, context: input::Context::default(), options: Options::default() };

@@ -168,17 +168,6 @@ impl Simulated {
     }
 
     /// The binary STL that `--stl` writes.
-    ///
-    /// # Examples
-    /// ```no_run
-    /// # use deflex::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
-    /// # let run = Run::new(CellFile::read("samples/stock/cell.toml".as_ref())?.into());
-    /// # let program = ProgramFiles::read(&["samples/stock/part.mod".into()], &[], None)?;
-    /// # let progress: std::sync::Arc<SimulationProgress> = std::sync::Arc::new(|_| true);
-    /// # let part = simulate(&program, None, &run, &progress)?;
-    /// std::fs::write("part.stl", part.stl())?;
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn stl(&self) -> Vec<u8> {
         stl(&self.removal().stock.surface(map_cell(&self.programmed.stock)))

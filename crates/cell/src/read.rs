@@ -30,21 +30,6 @@ impl Cell {
     ///
     /// # Errors
     /// All errors of the file, each at its key. Messages about unknown keys and words name the most similar known one.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_cell::Cell;
-    /// use deflex_text::Source;
-    ///
-    /// let text = "[robot]\nmodel = \"irb6660-205-1.9\"\n\
-    ///             [robot.stiffness]\njoint_nm_per_rad = [8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4]\n";
-    /// let cell = Cell::read(&Source::new("cell.toml", text))?;
-    /// assert_eq!(cell.arm.effects[0].kind(), "joint_stiffness");
-    ///
-    /// let errors = Cell::read(&Source::new("cell.toml", "[robot]\nmodl = \"irb6660-205-1.9\"\n")).unwrap_err();
-    /// assert_eq!(errors[0].help.as_deref(), Some("did you mean `model`?"));
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     pub fn read(source: &Source) -> Result<Self, Vec<Diagnostic>> {
         let text = match std::str::from_utf8(&source.bytes) {
             Ok(text) => text,

@@ -1,6 +1,6 @@
 //! A look-ahead of the ordered pass, eight targets at once: everything that does not depend on the decisions of the pass.
 
-use super::carried::{Carried, RunWith};
+use super::carried::{Carried, SettingAndTool};
 use super::mount::Stand;
 use super::point::Point;
 use super::spin;
@@ -64,7 +64,7 @@ impl Ahead {
     pub(super) fn look(
         &mut self,
         robot: Option<&BatchArm<'_>>,
-        (targets, settings, stands): (&[Target], &[RunWith], &[Stand]),
+        (targets, settings, stands): (&[Target], &[SettingAndTool], &[Stand]),
         carried: &Carried<'_>,
         before: Option<&Point>,
     ) {

@@ -85,13 +85,6 @@ impl WayFault {
     }
 
     /// Its name in findings.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_correct::WayFault;
-    ///
-    /// assert_eq!(WayFault::Singular.code(), "singular");
-    /// ```
     #[must_use]
     pub fn code(self) -> &'static str {
         match self {

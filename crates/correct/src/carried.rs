@@ -128,7 +128,7 @@ pub(super) struct Chosen {
 
 /// Setting and tool of a target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct RunWith {
+pub(super) struct SettingAndTool {
     /// Index of its setting.
     pub(super) setting: u32,
     /// Index of its tool among the [`Laws`].

@@ -65,13 +65,6 @@ pub struct KeptCount {
 
 impl KeptReason {
     /// A fixed phrase, which reports count.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_correct::KeptReason;
-    ///
-    /// assert!(KeptReason::PredecessorUnknown.text().starts_with("the path to it begins"));
-    /// ```
     #[must_use]
     pub const fn text(self) -> &'static str {
         match self {

@@ -227,20 +227,6 @@ impl Prepared {
     ///
     /// # Errors
     /// Tools or work objects are not declared, targets are out of reach, forces are missing: every reason that was found.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_correct::{Options, Prepared};
-    /// use deflex_cell::Cell;
-    /// use deflex_program::rapid;
-    /// use deflex_text::Source;
-    ///
-    /// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// let prepared = Prepared::new(&program, &cell, &Options::default())?;
-    /// assert!(prepared.points.iter().all(|point| point.time >= 0.0));
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     pub fn new(program: &Program, cell: &Cell, options: &Options) -> Result<Self, Vec<Diagnostic>> {
         Self::of(Context::whole(program, cell, options))
     }

@@ -2,7 +2,7 @@
 
 use super::KeptReason;
 use super::ahead::{Ahead, Approach};
-use super::carried::{Carried, Chosen, Free, RunWith};
+use super::carried::{Carried, Chosen, Free, SettingAndTool};
 use super::context::Context;
 use super::frames::{self, WobjFrame, pose};
 use super::load::PointLoad;
@@ -67,7 +67,7 @@ pub(super) fn prepare(context: Context<'_>, carried: &mut Carried<'_>) -> Result
     };
     // The program's indices of tool and work object, and the setting for both.
     let mut last = None;
-    let mut run_with = |carried: &mut Carried<'_>, target: &Target| match last {
+    let mut setting_and_tool = |carried: &mut Carried<'_>, target: &Target| match last {
         Some((tool, wobj, known)) if (tool, wobj) == (target.tool, target.wobj) => known,
         _ => {
             let frame = wobj_of(target).unwrap_or(WobjFrame::fixed(IDENTITY));
@@ -78,21 +78,21 @@ pub(super) fn prepare(context: Context<'_>, carried: &mut Carried<'_>) -> Result
             } else {
                 Mount::new(cell, frame, tool)
             });
-            let known = RunWith { setting, tool: carried.laws.tool(name) };
+            let known = SettingAndTool { setting, tool: carried.laws.tool(name) };
             last = Some((target.tool, target.wobj, known));
             known
         }
     };
     for (block, targets) in program.targets.chunks(WIDTH).enumerate() {
-        let settings: SmallVec<[RunWith; WIDTH]> =
-            targets.iter().map(|target| run_with(walk.carried, target)).collect();
+        let settings: SmallVec<[SettingAndTool; WIDTH]> =
+            targets.iter().map(|target| setting_and_tool(walk.carried, target)).collect();
         let stands: SmallVec<[Stand; WIDTH]> = targets
             .iter()
             .zip(&settings)
             .enumerate()
-            .map(|(lane, (target, run_with))| {
+            .map(|(lane, (target, setting_and_tool))| {
                 let why = wobj_of(target).err().or(misfit(target));
-                walk.stand((block * WIDTH + lane, target), *run_with, why)
+                walk.stand((block * WIDTH + lane, target), *setting_and_tool, why)
             })
             .collect();
         let Walk { ahead, many, carried, points, errors, .. } = &mut walk;
@@ -232,7 +232,7 @@ impl Walk<'_, '_> {
     fn stand(
         &mut self,
         (i, target): (usize, &Target),
-        RunWith { setting, .. }: RunWith,
+        SettingAndTool { setting, .. }: SettingAndTool,
         wobj: Option<KeptReason>,
     ) -> Stand {
         let apart = is_entered_elsewhere(target);
@@ -273,7 +273,7 @@ impl Walk<'_, '_> {
     }
 
     /// Adds a target whose pose is unknown.
-    fn pass_over(&mut self, target: &Target, why: KeptReason, RunWith { setting, tool }: RunWith) {
+    fn pass_over(&mut self, target: &Target, why: KeptReason, SettingAndTool { setting, tool }: SettingAndTool) {
         if self.cell.stock.is_some() && self.carried.laws.may_cut(target, tool) {
             let message = format!("it cannot be computed what this move cuts from the stock: {why}");
             let help = format!("mark it `{}`, or leave [stock] out", self.program.language.mark(Mark::Air));
@@ -299,10 +299,10 @@ impl Walk<'_, '_> {
         self.points.push(point);
     }
 
-    fn step(&mut self, (i, lane): (usize, usize), target: &Target, run_with: RunWith, stand: &Stand) {
-        let RunWith { setting, tool } = run_with;
+    fn step(&mut self, (i, lane): (usize, usize), target: &Target, setting_and_tool: SettingAndTool, stand: &Stand) {
+        let SettingAndTool { setting, tool } = setting_and_tool;
         if let Some(why) = stand.unsolved {
-            return self.pass_over(target, why, run_with);
+            return self.pass_over(target, why, setting_and_tool);
         }
         if !self.ahead.knows_approaches() {
             let chord = self.chord(i, target, setting, stand);
@@ -332,7 +332,7 @@ impl Walk<'_, '_> {
         };
         let on_arc = match self.on_arc(i, setting, stand, &wobj_from_tcp) {
             Ok(on_arc) => on_arc,
-            Err(why) => return self.pass_over(target, why.into(), run_with),
+            Err(why) => return self.pass_over(target, why.into(), setting_and_tool),
         };
         let wobj_from_tcp = on_arc.unwrap_or(wobj_from_tcp);
         let run_at = *stand.setting(self.mount(setting));
@@ -396,7 +396,7 @@ impl Walk<'_, '_> {
                 target,
                 KeptReason::PredecessorUnknown,
                 (wobj_from_tcp, Dragged { motor, twist: Joints::zeros(), travel }),
-                run_with,
+                setting_and_tool,
                 stand,
             );
         }
@@ -516,7 +516,7 @@ impl Walk<'_, '_> {
         target: &Target,
         why: KeptReason,
         (wobj_from_tcp, dragged): (Pose, Dragged),
-        RunWith { setting, tool }: RunWith,
+        SettingAndTool { setting, tool }: SettingAndTool,
         stand: &Stand,
     ) {
         if self.cell.stock.is_some() && self.carried.laws.may_cut(target, tool) {

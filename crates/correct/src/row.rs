@@ -431,21 +431,6 @@ pub struct Summary {
 
 impl Summary {
     /// Counts rows.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cell::Cell;
-    /// # use deflex_program::rapid;
-    /// # use deflex_text::Source;
-    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
-    /// use deflex_correct::Summary;
-    ///
-    /// let summary = Summary::of(&corrected.rows);
-    /// println!("{summary:?}");
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn of(rows: &[Row]) -> Self {
         let mut tally = Tally::default();

@@ -146,17 +146,6 @@ pub struct CuttingError {
 
 impl Cutter {
     /// Half the diameter, m.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cutting::{Cutter, Engagement, Milling, Mode, materials};
-    /// # use nalgebra::Vector3;
-    /// # let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
-    /// # let engagement = Engagement { mode: Mode::Slot, depth: 1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
-    /// # let material = materials::find("ni-al-bronze").expect("a material");
-    /// # let milling = Milling::new(cutter, engagement, material.coefficients).expect("a possible cut");
-    /// assert_eq!(cutter.radius(), 0.0125); // m
-    /// ```
     pub fn radius(&self) -> f64 {
         0.5 * self.diameter
     }

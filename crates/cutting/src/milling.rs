@@ -92,18 +92,6 @@ pub struct ForceParts {
 
 impl ForceParts {
     /// The force at a feed per tooth (m), N.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cutting::{Cutter, Engagement, Milling, Mode, materials};
-    /// # use nalgebra::Vector3;
-    /// # let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
-    /// # let engagement = Engagement { mode: Mode::Slot, depth: 1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
-    /// # let material = materials::find("ni-al-bronze").expect("a material");
-    /// # let milling = Milling::new(cutter, engagement, material.coefficients).expect("a possible cut");
-    /// let parts = milling.force_parts(&Vector3::zeros(), &milling.axis_in_feed());
-    /// assert!(parts.at(0.0).norm() > 0.0); // without a chip the edges still rub
-    /// ```
     pub fn at(&self, feed_per_tooth: f64) -> Vector3<f64> {
         self.edge + self.cutting * feed_per_tooth
     }
@@ -115,20 +103,6 @@ impl Milling {
     /// # Errors
     /// The first field that is not finite, out of range or at odds with the others; a tool that
     /// leans back so far that its flat bottom would cut (heel cutting).
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_cutting::{Cutter, Engagement, Milling, Mode, materials};
-    /// use nalgebra::Vector3;
-    ///
-    /// let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
-    /// let engagement =
-    ///     Engagement { mode: Mode::Slot, depth: 1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
-    /// let material = materials::find("ni-al-bronze").expect("a material");
-    /// let milling = Milling::new(cutter, engagement, material.coefficients).expect("a possible cut");
-    /// let force = milling.mean_force(&Vector3::zeros(), &milling.axis_in_feed());
-    /// assert!(force.norm() > 50.0); // N
-    /// ```
     pub fn new(mut cutter: Cutter, engagement: Engagement, coefficients: Coefficients) -> Result<Self, CuttingError> {
         if (cutter.corner_radius - cutter.radius()).abs() <= BALL * cutter.radius() {
             cutter.corner_radius = cutter.radius();
@@ -160,17 +134,6 @@ impl Milling {
     }
 
     /// The cutter.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cutting::{Cutter, Engagement, Milling, Mode, materials};
-    /// # use nalgebra::Vector3;
-    /// # let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
-    /// # let engagement = Engagement { mode: Mode::Slot, depth: 1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
-    /// # let material = materials::find("ni-al-bronze").expect("a material");
-    /// # let milling = Milling::new(cutter, engagement, material.coefficients).expect("a possible cut");
-    /// assert_eq!(milling.cutter().teeth, 3);
-    /// ```
     pub fn cutter(&self) -> &Cutter {
         &self.cutter
     }

@@ -96,19 +96,6 @@ pub(super) struct TablePoint {
 impl ForceTable {
     /// Builds the table, compares it with the integral between its nodes, and narrows its range until the error is far
     /// below [`TABLE_BOUND`]. If no range is accurate enough, every call computes the integral.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cutting::{Cutter, Engagement, Milling, Mode, materials};
-    /// use deflex_cutting::{ForceTable, TABLE_BOUND};
-    ///
-    /// # let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
-    /// # let engagement = Engagement { mode: Mode::Slot, depth: 1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
-    /// # let material = materials::find("ni-al-bronze").expect("a material");
-    /// # let milling = Milling::new(cutter, engagement, material.coefficients).expect("a possible cut");
-    /// let table = ForceTable::new(milling);
-    /// assert!(table.measured_error().is_none_or(|error| error < TABLE_BOUND));
-    /// ```
     pub fn new(milling: Milling) -> Self {
         let tries = |share: f64| {
             let more = ranges_towards_more(milling.engagement().depth);
@@ -160,18 +147,6 @@ impl ForceTable {
     }
 
     /// Largest relative error of the force that was found during construction; `None` if there is no table.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cutting::{Cutter, Engagement, Milling, Mode, materials};
-    /// # use nalgebra::Vector3;
-    /// # let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
-    /// # let engagement = Engagement { mode: Mode::Slot, depth: 1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
-    /// # let material = materials::find("ni-al-bronze").expect("a material");
-    /// # let milling = Milling::new(cutter, engagement, material.coefficients).expect("a possible cut");
-    /// # let table = std::sync::Arc::new(deflex_cutting::ForceTable::new(milling));
-    /// assert!(table.measured_error().is_none_or(|error| error < deflex_cutting::TABLE_BOUND));
-    /// ```
     pub fn measured_error(&self) -> Option<f64> {
         self.grid.as_ref().map(|grid| grid.error)
     }

@@ -32,14 +32,6 @@ impl Presliding {
     }
 
     /// The same angles, except for that of one joint, counted from 0.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_effects::Presliding;
-    ///
-    /// let angles = Presliding::alike(1e-3).with(1, 2e-3);
-    /// assert_eq!((angles.of(0), angles.of(1)), (1e-3, 2e-3)); // rad
-    /// ```
     #[must_use]
     pub fn with(mut self, joint: usize, angle_rad: f64) -> Self {
         self.0[joint] = angle_rad;
@@ -47,13 +39,6 @@ impl Presliding {
     }
 
     /// The angle of a joint, counted from 0, rad.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_effects::Presliding;
-    ///
-    /// assert_eq!(Presliding::alike(2e-3).of(0), 2e-3); // rad
-    /// ```
     pub fn of(&self, joint: usize) -> f64 {
         self.0[joint]
     }

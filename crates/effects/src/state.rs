@@ -356,15 +356,6 @@ pub struct UnitAt {
 
 impl UnitAt {
     /// A unit by its name; upper and lower case are the same.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_effects::UnitAt;
-    /// use deflex_robot::Pose;
-    ///
-    /// let table = UnitAt::new("STN1", Pose::identity(), true, false); // it carries the part
-    /// println!("{table:?}");
-    /// ```
     #[must_use]
     pub fn new(name: &str, wobj_from_unit: Pose, part: bool, robot: bool) -> Self {
         Self { key: unit_key(name), wobj_from_unit, part, robot }

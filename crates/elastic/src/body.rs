@@ -119,16 +119,6 @@ impl Body {
     ///
     /// # Errors
     /// No material, a clamp that touches none, or a body that is free to move.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_elastic::{Body, Clamp, Grid, HoldError, Material, Solid};
-    ///
-    /// let bar = Solid::of(Grid::over([0.0; 3], [8.0, 4.0, 4.0], 1.0), |_| 1.0);
-    /// let away = Clamp { bounds: [[50.0; 3], [60.0; 3]], stiffness: [f64::INFINITY; 3] };
-    /// let held = Body::new(&bar, Material { e: 71_000.0, nu: 0.33 }, &[away]);
-    /// assert!(matches!(held, Err(HoldError::Untouched(0))));
-    /// ```
     pub fn new(solid: &Solid, material: Material, clamps: &[Clamp]) -> Result<Self, HoldError> {
         let Held { cells, holds } = hold(solid, clamps)?;
         let Stiffnesses { cells: fine, shares, pulled } = stiffnesses(solid, material, &cells, &holds, clamps.len());

@@ -238,7 +238,7 @@ impl<'a> Batch<'a> {
         let mut known = [false; WIDTH];
         for lane in 0..count {
             if let Some((setting, motor)) = given(lane) {
-                block.run_with(lane, setting);
+                block.set_setting(lane, setting);
                 set(at, lane, &motor);
                 known[lane] = true;
             }

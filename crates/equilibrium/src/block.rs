@@ -30,7 +30,7 @@ pub struct Site<'a> {
     pub cutting: Cutting<'a>,
     /// Whether the tool leans by the angles of the cutting law, so that [`ForceLaw::rest`] is the force at the wanted pose.
     pub leaned: bool,
-    /// See [`Situation`].
+    /// This field and those after it have the meaning of the fields of [`Situation`] with the same name.
     pub normal: Vector3<f64>,
     pub velocity: Vector3<f64>,
     pub cut_length: f64,
@@ -114,7 +114,7 @@ pub(super) struct Block<'a, R: Number> {
 impl<'a, R: Number> Block<'a, R> {
     /// Sets the site of a lane.
     pub(super) fn set(&mut self, lane: usize, site: &Site<'a>) {
-        self.run_with(lane, site.setting);
+        self.set_setting(lane, site.setting);
         self.wanted.set(lane, site.wobj_from_tcp);
         let own = &mut self.site;
         own.wanted.set(lane, &site.wobj_from_tcp.translation.vector);
@@ -168,7 +168,7 @@ impl<'a, R: Number> Block<'a, R> {
     }
 
     /// Sets the setting of a lane.
-    pub(super) fn run_with(&mut self, lane: usize, setting: &'a Setting) {
+    pub(super) fn set_setting(&mut self, lane: usize, setting: &'a Setting) {
         if self.settings[lane].is_some_and(|here| std::ptr::eq(here, setting)) {
             return;
         }

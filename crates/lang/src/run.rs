@@ -186,7 +186,7 @@ struct Runner<'a> {
     /// Whether loops with known conditions are followed round by round.
     unrolls: bool,
     /// Whether motions are recorded. They are not while the states of a region are still being joined.
-    notes: bool,
+    is_recording: bool,
     in_thread: bool,
     thread_moves: bool,
     volatile: BTreeMap<Slot, Reason>,
@@ -219,7 +219,7 @@ impl<'a> Runner<'a> {
             flow,
             dialect,
             unrolls,
-            notes: true,
+            is_recording: true,
             in_thread: false,
             thread_moves: false,
             volatile: program.volatile.iter().copied().collect(),
@@ -254,7 +254,7 @@ impl<'a> Runner<'a> {
             if self.program.variables_outlive_runs && is_routine(&entry) {
                 store = begins.clone();
             } else if is_routine(&entry) && (several || !self.out.motions.is_empty()) {
-                // Whatever has run before it.
+                // Any other routine may have run before it, so that no global is known.
                 store = fresh.clone();
                 (0..globals).for_each(|at| store.lose(Slot::Global(at as u32), Reason::Argument));
                 store.set(Switch::Shift, Content::Nothing.into());
@@ -465,7 +465,7 @@ impl<'a> Runner<'a> {
             let all = via.iter().chain([&to]);
             all.for_each(|value| self.use_up(&value.all_reads()));
         }
-        if self.notes {
+        if self.is_recording {
             self.last = Some(site);
             let (path, in_thread) = (motion.path, self.in_thread);
             let number = |value: &Option<Value>| value.as_ref().and_then(Value::number);
@@ -516,7 +516,7 @@ impl<'a> Runner<'a> {
         }
         effects.writes.into_iter().for_each(|slot| store.lose(slot, Reason::Recursion));
         store.stands = Stands::Unknown;
-        if effects.moves && self.notes {
+        if effects.moves && self.is_recording {
             let switches = Arc::new(Switch::ALL.map(|switch| self.read(switch.slot(), store)));
             self.out.motions.push(Moved {
                 place: self.program.functions[id.0 as usize].place,
@@ -703,8 +703,8 @@ impl<'a> Machine for Runner<'a> {
         a == b
     }
 
-    fn notes(&mut self) -> &mut bool {
-        &mut self.notes
+    fn is_recording(&mut self) -> &mut bool {
+        &mut self.is_recording
     }
 
     fn mark(&self) -> (usize, Option<u32>) {

@@ -84,7 +84,7 @@ pub enum Meeting {
 ///     fn is_same(&self, a: &u32, b: &u32) -> bool {
 ///         a == b
 ///     }
-///     fn notes(&mut self) -> &mut bool {
+///     fn is_recording(&mut self) -> &mut bool {
 ///         &mut self.records
 ///     }
 ///     fn mark(&self) {}
@@ -133,7 +133,7 @@ pub trait Machine {
     fn is_same(&self, a: &Self::State, b: &Self::State) -> bool;
 
     /// Whether results are recorded. They are not while states are still being joined.
-    fn notes(&mut self) -> &mut bool;
+    fn is_recording(&mut self) -> &mut bool;
 
     /// A marker for the results so far.
     fn mark(&self) -> Self::Mark;
@@ -169,7 +169,7 @@ pub trait Machine {
 /// #     fn join(&mut self, _: &mut u32, _: &u32, _: Meeting) -> bool { false }
 /// #     fn lose_place(&self, _: &mut u32) {}
 /// #     fn is_same(&self, a: &u32, b: &u32) -> bool { a == b }
-/// #     fn notes(&mut self) -> &mut bool { Box::leak(Box::new(true)) }
+/// #     fn is_recording(&mut self) -> &mut bool { Box::leak(Box::new(true)) }
 /// #     fn mark(&self) {}
 /// #     fn back_to(&mut self, (): ()) {}
 /// #     fn is_too_much(&self, (): ()) -> bool { false }
@@ -392,13 +392,13 @@ impl<M: Machine> Walk<'_, M> {
 
     /// Follows all paths from some nodes to the end of the region. Returns the states there.
     fn region(&mut self, mut region: Region, mut states: States<M>) -> Result<States<M>, Stop> {
-        let (mark, notes) = (self.machine.mark(), *self.machine.notes());
+        let (mark, is_recording) = (self.machine.mark(), *self.machine.is_recording());
         loop {
-            *self.machine.notes() = false;
+            *self.machine.is_recording() = false;
             self.grow(&mut region, &mut states)?;
-            *self.machine.notes() = notes;
+            *self.machine.is_recording() = is_recording;
             region.is_other = false;
-            if notes {
+            if is_recording {
                 for (node, state) in &states {
                     if !self.is_end(&region, *node) {
                         self.ways(*node, &mut region, state.clone())?;

@@ -128,15 +128,6 @@ impl Forces {
     }
 
     /// The row of a motion.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_measured::Table;
-    /// # use deflex_text::Source;
-    /// let forces = Table::read(&Source::new("forces.csv", "target,fx_n,fy_n,fz_n\np10,0,0,90\n"))?.forces();
-    /// assert!(forces.of(3, Some("p10")).is_some() && forces.of(4, Some("p20")).is_none());
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn of(&self, ordinal: u32, name: Option<&str>) -> Option<ForceRow> {
         let row = match &self.by_ordinal {

@@ -38,14 +38,6 @@ impl ColumnNames {
     ///
     /// # Errors
     /// The text is not such a list, or names an unknown column.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_measured::ColumnNames;
-    ///
-    /// assert!(ColumnNames::parse("target=Punkt Nr,x_mm=X Ist").is_ok());
-    /// assert!(ColumnNames::parse("target").is_err());
-    /// ```
     pub fn parse(text: &str) -> Result<Self, Vec<Diagnostic>> {
         let bad = |message: String, help: String| vec![Diagnostic::error("usage.columns", "", message).help(help)];
         let mut renamed: Vec<(usize, String)> = Vec::new();

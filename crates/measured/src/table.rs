@@ -135,16 +135,6 @@ impl Table {
     /// # Errors
     /// Unknown columns (with the most similar known one), cells that are not finite numbers, and incomplete groups of
     /// columns.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_measured::Table;
-    /// use deflex_text::Source;
-    ///
-    /// let table = Table::read(&Source::new("measured.csv", "target,x_mm,y_mm,z_mm\n1,10.02,0.01,-0.13\n"))?;
-    /// assert_eq!(table.rows[0].position_mm, Some([10.02, 0.01, -0.13]));
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     pub fn read(source: &Source) -> Result<Self, Vec<Diagnostic>> {
         Self::read_named(source, None)
     }

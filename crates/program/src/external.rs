@@ -42,14 +42,6 @@ impl AxisName {
     const RAPID: [&str; EXTERNAL_AXES] = ["eax_a", "eax_b", "eax_c", "eax_d", "eax_e", "eax_f"];
 
     /// Reads `eax_a`, `E1`, `gp2_j1`, `gp2_e1`, `gp2`, in upper or lower case.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_program::AxisName;
-    ///
-    /// assert_eq!(AxisName::read("eax_a"), Some(AxisName::External(0)));
-    /// assert_eq!(AxisName::read("axis 7"), None);
-    /// ```
     #[must_use]
     pub fn read(text: &str) -> Option<Self> {
         let lower = text.to_ascii_lowercase();

@@ -374,14 +374,6 @@ pub struct Insert {
 
 impl Insert {
     /// A line to a pose (mm, scalar first) before a target, with this room (mm) around it.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_program::Insert;
-    ///
-    /// let insert = Insert::line(3, ([10.0, 0.0, -2.0], [0.0, 1.0, 0.0, 0.0]), 5.0);
-    /// assert_eq!(insert.before, 3); // index of the target
-    /// ```
     #[must_use]
     pub fn line(before: usize, (position_mm, quat): ([f64; 3], [f64; 4]), room_mm: f64) -> Self {
         Self { before, position_mm, quat, conf: None, via: None, external: None, room_mm }

@@ -173,14 +173,6 @@ impl Judgement {
 
 impl CheckFile {
     /// The check of the program at `path`.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_report::{CheckFile, Judgement};
-    ///
-    /// let file = CheckFile::new("part.mod", Judgement::default(), (vec![], 0)); // no findings
-    /// assert_eq!(file.count(), 0);
-    /// ```
     #[must_use]
     pub fn new(path: impl Into<String>, judgement: Judgement, (findings, more): (Vec<Diagnostic>, usize)) -> Self {
         Self { path: path.into(), judgement, findings, more, sources: Vec::new() }

@@ -100,16 +100,6 @@ pub struct OtherDifference {
 
 impl Difference {
     /// Whether the programs are the same.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_program::rapid;
-    /// # use deflex_text::Source;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// let found = deflex_report::difference(&program, &program);
-    /// assert!(found.is_empty());
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.moved.is_empty() && self.inserted.is_empty() && self.other.is_empty()

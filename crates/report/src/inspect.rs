@@ -209,18 +209,6 @@ pub struct KeptLine {
 
 impl InspectFile {
     /// A program that was read, and what its round trip showed.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_program::rapid;
-    /// # use deflex_text::Source;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// use deflex_program::round_trip;
-    ///
-    /// let file = deflex_report::InspectFile::read("slot.mod", &program, &round_trip(&program, rapid::read));
-    /// assert_eq!(file.motion_targets, 81);
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn read(path: &str, program: &Program, proof: &RoundTrip) -> Self {
         // The names of CL input are the cell's, not the file's.

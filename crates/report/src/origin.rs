@@ -26,14 +26,6 @@ pub struct Origin {
 
 impl Origin {
     /// From the content of a file in memory.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_report::Origin;
-    ///
-    /// let origin = Origin::of("cell.toml", b"[robot]\n");
-    /// assert_eq!(origin.sha256.len(), 64);
-    /// ```
     #[must_use]
     pub fn of(path: &str, bytes: &[u8]) -> Self {
         Self { path: path.to_owned(), sha256: hexadecimal(&Sha256::digest(bytes)) }

@@ -91,21 +91,6 @@ pub struct FailureLine {
 
 impl FileSummary {
     /// The summary of a run.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_correct::{Options, compensate};
-    /// use deflex_report::{FileSummary, html::PathKind, summary_line};
-    /// use deflex_cell::Cell;
-    /// use deflex_program::rapid;
-    /// use deflex_text::Source;
-    ///
-    /// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// let summary = FileSummary::new("slot.mod", &compensate(&program, &cell, &Options::default())?);
-    /// assert!(summary_line(&summary, PathKind::Compensate).contains("corrected"));
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn new(path: &str, corrected: &Corrected) -> Self {
         let sum = Summary::of(&corrected.rows).with_inserted(corrected.inserted);
@@ -140,22 +125,6 @@ impl FileSummary {
     }
 
     /// The summary from counts that were collected in parts.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cell::Cell;
-    /// # use deflex_program::rapid;
-    /// # use deflex_text::Source;
-    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
-    /// use deflex_correct::Summary;
-    /// use deflex_report::FileSummary;
-    ///
-    /// let summary = FileSummary::of("slot.mod", &Summary::of(&corrected.rows), &[]);
-    /// assert_eq!(summary.counts.targets, 81);
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn of(path: &str, sum: &Summary, failures: &[Diagnostic]) -> Self {
         Self {

@@ -23,14 +23,6 @@ impl Robot {
     }
 
     /// Flange pose (tool0 in the base) at motor angles (rad) of the nominal geometry.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_robot::Builtin;
-    /// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// let flange = robot.forward(&robot.motor_from_axes_deg(&[0.0; 6]));
-    /// assert!((flange.translation.x - 1.393).abs() < 1e-9 && (flange.translation.z - 1.7945).abs() < 1e-9); // m
-    /// ```
     #[must_use]
     pub fn forward(&self, motor: &Joints) -> Pose {
         *self.frames(motor).base_from_flange()

@@ -95,39 +95,18 @@ pub struct Links {
 
 impl Links {
     /// The links of these rows.
-    ///
-    /// # Examples
-    /// ```
-    /// # let robot = deflex_robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// let links = deflex_robot::Links::new(*robot.links.rows());
-    /// assert_eq!(links.rows(), robot.links.rows());
-    /// ```
     #[must_use]
     pub fn new(rows: [DhRow; 6]) -> Self {
         Self { rows, alpha: rows.map(|row| SinCos::of(row.alpha)) }
     }
 
     /// The rows.
-    ///
-    /// # Examples
-    /// ```
-    /// # let robot = deflex_robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// assert_eq!(robot.links.rows().len(), 6);
-    /// ```
     #[must_use]
     pub fn rows(&self) -> &[DhRow; 6] {
         &self.rows
     }
 
     /// The chain at **serial** joint angles, rad.
-    ///
-    /// # Examples
-    /// ```
-    /// # let robot = deflex_robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// let motor = robot.motor_from_axes_deg(&[0.0; 6]);
-    /// let frames = robot.links.chain(&robot.serial_from_motor(&motor));
-    /// assert_eq!(*frames.base_from_flange(), robot.forward(&motor));
-    /// ```
     #[must_use]
     pub fn chain(&self, serial: &Joints) -> Frames {
         let rows = self.numbers::<f64>();

@@ -232,13 +232,6 @@ impl Robot {
     }
 
     /// Motor angles (rad) from angles as the controller counts them, degrees.
-    ///
-    /// # Examples
-    /// ```
-    /// # let robot = deflex_robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// let motor = robot.motor_from_axes_deg(&[0.0, 0.0, 0.0, 0.0, 90.0, 0.0]);
-    /// assert!((motor[4].abs() - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
-    /// ```
     #[must_use]
     pub fn motor_from_axes_deg(&self, axes_deg: &[f64; 6]) -> Joints {
         let mut motor = Joints::from(axes_deg.map(f64::to_radians));

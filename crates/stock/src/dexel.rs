@@ -49,15 +49,6 @@ impl Stock {
     }
 
     /// A blank that nothing has cut, with lines at a spacing (m).
-    ///
-    /// # Examples
-    /// ```
-    /// use nalgebra::Vector3;
-    /// use deflex_stock::{Blank, Stock};
-    ///
-    /// let block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
-    /// assert!((block.volume() - 5e-4).abs() < 1e-5); // m³
-    /// ```
     #[must_use]
     pub fn new(blank: Blank, spacing: f64) -> Self {
         let lattice = Lattice::new(blank, spacing);
@@ -101,14 +92,6 @@ impl Stock {
     }
 
     /// Volume of the remaining material, m³, summed over all lines.
-    ///
-    /// # Examples
-    /// ```
-    /// # use nalgebra::Vector3;
-    /// # use deflex_stock::{Blank, Solid, Stock, ToolPose};
-    /// # let mut block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
-    /// assert!((block.volume() - 5e-4).abs() < 1e-5); // m³
-    /// ```
     #[must_use]
     pub fn volume(&self) -> f64 {
         let [columns, rows] = self.lattice.lines;

@@ -35,13 +35,6 @@ impl Solid {
     }
 
     /// Radius of the flat bottom, m.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_stock::Solid;
-    ///
-    /// assert!((Solid { radius: 5e-3, corner: 1e-3 }.flat() - 4e-3).abs() < 1e-12); // m
-    /// ```
     #[must_use]
     pub fn flat(&self) -> f64 {
         self.radius - self.corner

@@ -53,14 +53,6 @@ pub struct Diagnostic {
 
 impl Diagnostic {
     /// An error about a whole file, or about none if `file` is empty.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_text::Diagnostic;
-    ///
-    /// let error = Diagnostic::error("cell.value", "cell.toml", "mass_kg is -3").help("give a mass above 0");
-    /// assert_eq!(error.to_string(), "cell.toml: error: mass_kg is -3 [cell.value]");
-    /// ```
     #[must_use]
     pub fn error(code: &'static str, file: &str, message: impl Into<String>) -> Self {
         Self {
@@ -105,14 +97,6 @@ impl Diagnostic {
     }
 
     /// Adds what to do.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_text::Diagnostic;
-    ///
-    /// let found = Diagnostic::error("a.code", "part.mod", "what is wrong").help("what to do");
-    /// assert_eq!(found.help.as_deref(), Some("what to do"));
-    /// ```
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(readable(help.into()));

@@ -39,14 +39,6 @@ pub struct LineColumn {
 
 impl Source {
     /// A whole file.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_text::Source;
-    ///
-    /// let source = Source::new("part.mod", "MODULE M\n  MoveL p1;\n");
-    /// assert_eq!((source.line_column(11).line, source.line_column(11).column), (2, 3));
-    /// ```
     #[must_use]
     pub fn new(name: impl Into<String>, bytes: impl Into<Vec<u8>>) -> Self {
         Self { name: name.into(), bytes: bytes.into(), lines_before: 0 }

@@ -18,17 +18,6 @@ pub struct CutProgress(Option<Arc<Receiver>>);
 
 impl CutProgress {
     /// A receiver that calls this function.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_correct::{CutProgress, Options};
-    ///
-    /// let progress = CutProgress::new(|share| {
-    ///     eprintln!("{:.0} %", 100.0 * share);
-    ///     true // goes on
-    /// });
-    /// let options = Options { cut_progress: progress, ..Options::default() };
-    /// ```
     pub fn new(receiver: impl Fn(f64) -> bool + Send + Sync + 'static) -> Self {
         Self(Some(Arc::new(receiver)))
     }

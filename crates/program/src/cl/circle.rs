@@ -26,9 +26,9 @@ impl Reader {
         };
         let count = numbers.count() - usize::from(s.has(b"TIMES"));
         let (clockwise, sense) = if s.has(b"CLOCKWISE") || s.has(b"CLW") {
-            (true, Known::Said)
+            (true, Known::Stated)
         } else if s.has(b"COUNTERCLOCKWISE") || s.has(b"CCLW") {
-            (false, Known::Said)
+            (false, Known::Stated)
         } else if self.dialect.prints_circles_of_its_own() {
             (self.dialect.clockwise(count), Known::Dialect)
         } else {
@@ -49,7 +49,7 @@ impl Reader {
         let axis = scale([i, j, k], if angle < 0.0 { -1.0 } else { 1.0 });
         let turns = (angle.abs() / 360.0).ceil();
         let circle = Circle { centre: [x, y, z], axis, radius: Some(r), turns };
-        self.open_arc(PendingArc { circle, centres: [Some(xyz_of(s)), None], record, sense: Known::Said })
+        self.open_arc(PendingArc { circle, centres: [Some(xyz_of(s)), None], record, sense: Known::Stated })
     }
 
     fn open_arc(&mut self, arc: PendingArc) -> Outcome {
@@ -99,7 +99,7 @@ impl Reader {
         let axis = tangent.zip(self.modal.position).map(|(tangent, start)| cross(sub(start, centre), tangent));
         // Without a start or its direction it is no arc, but its centre still moves with its end.
         let circle = Circle { centre, axis: axis.unwrap_or([0.0; 3]), radius: Some(radius), turns: 1.0 };
-        self.pending = Some(PendingArc { circle, centres, record, sense: Known::Said });
+        self.pending = Some(PendingArc { circle, centres, record, sense: Known::Stated });
         self.arrive(record, xyz, end, true);
         Ok(())
     }
@@ -122,7 +122,7 @@ impl Reader {
                 for i in 1..chords {
                     self.push(pending.record, arc.point(part(i, chords)), on_way);
                 }
-                if pending.sense != Known::Said && pending.circle.turns <= 1.0 && !ahead {
+                if pending.sense != Known::Stated && pending.circle.turns <= 1.0 && !ahead {
                     self.checked = Some(Checked { arc: pending, start, end });
                     if self.modal.fed.is_some_and(|feed| arc.turns_back(feed)) {
                         self.refuse(pending.record, refusal::ARC_TANGENT);
@@ -153,14 +153,14 @@ impl Reader {
     /// The direction of an arc whose points are listed: the points decide, and not its axis.
     pub(super) fn sense_of_list(&mut self, points: &[[f64; 3]]) {
         let (Some(arc), Some(start)) = (self.pending, self.modal.position) else { return };
-        if arc.sense == Known::Said || arc.circle.turns > 1.0 {
+        if arc.sense == Known::Stated || arc.circle.turns > 1.0 {
             return;
         }
         match arc.circle.sense(start, points) {
             Sense::AsSaid | Sense::Unknown => {}
             Sense::Reversed => {
                 self.say("cl.arc-sense", "the direction of arcs is taken from the points that follow them");
-                self.pending = Some(PendingArc { circle: arc.circle.reversed(), sense: Known::Said, ..arc });
+                self.pending = Some(PendingArc { circle: arc.circle.reversed(), sense: Known::Stated, ..arc });
             }
             Sense::Neither => self.refuse(arc.record, refusal::ARC_SENSE),
         }

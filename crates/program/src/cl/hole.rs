@@ -43,7 +43,7 @@ enum Style {
 
 /// The values of a `CYCLE`.
 #[derive(Default)]
-struct Said {
+struct CycleWords {
     depth: Option<f64>,
     clear: Option<f64>,
     rapto: Option<f64>,
@@ -90,20 +90,20 @@ impl Reader {
         if style == Style::Mill {
             return Ok(None);
         }
-        let said = self.words_of_cycle(s.bytes, rest, style)?;
-        let depth = said.depth.map(f64::abs).filter(|d| *d > 0.0).ok_or(refusal::CYCLE_FORM)?;
+        let stated = self.words_of_cycle(s.bytes, rest, style)?;
+        let depth = stated.depth.map(f64::abs).filter(|d| *d > 0.0).ok_or(refusal::CYCLE_FORM)?;
         // Creo counts RAPTO from the clearance towards the part, the others from the part.
-        let (approach, clear) = match (said.clear, said.rapto) {
+        let (approach, clear) = match (stated.clear, stated.rapto) {
             (Some(clear), Some(rapto)) if self.dialect == Dialect::Creo => (clear, clear - rapto),
             (Some(clear), Some(rapto)) => (clear.max(rapto), clear.max(rapto)),
             (Some(height), None) | (None, Some(height)) => (height, height),
             (None, None) => return Err(refusal::CYCLE_FORM),
         };
         // No CAM system intends rapid travel into the part.
-        if approach < 0.0 || clear < 0.0 || said.retract.is_some_and(|r| r < 0.0) || said.dwell < 0.0 {
+        if approach < 0.0 || clear < 0.0 || stated.retract.is_some_and(|r| r < 0.0) || stated.dwell < 0.0 {
             return Err(refusal::CYCLE_FORM);
         }
-        let peck = match (style, &said.pecks[..]) {
+        let peck = match (style, &stated.pecks[..]) {
             (Style::Deep | Style::BreakChips, [first, rest @ ..]) => {
                 Some((*first, rest.last().copied().unwrap_or(*first)))
             }
@@ -111,7 +111,7 @@ impl Reader {
             _ => None,
         };
         // An explicit 0 leaves it to the machine (Creo): the height from which the tool came.
-        let retract = match said.retract {
+        let retract = match stated.retract {
             Some(height) if height > 0.0 => Some(height.max(clear)),
             Some(_) => None,
             None => Some(approach),
@@ -124,14 +124,14 @@ impl Reader {
             pecks: pecks(depth, peck)?,
             breaks_chips: style == Style::BreakChips,
             feeds_out: style == Style::FeedOut,
-            feed: said.feed,
-            dwell: said.dwell,
+            feed: stated.feed,
+            dwell: stated.dwell,
         }))
     }
 
     /// Reads keywords with their numbers, and numbers by their order.
-    fn words_of_cycle(&self, bytes: &[u8], tokens: &[&Token], style: Style) -> Result<Said, Refusal> {
-        let mut said = Said::default();
+    fn words_of_cycle(&self, bytes: &[u8], tokens: &[&Token], style: Style) -> Result<CycleWords, Refusal> {
+        let mut stated = CycleWords::default();
         let mut numbers: Vec<f64> = Vec::new();
         let mut unit: Option<(Vec<u8>, usize)> = None;
         let mut tokens = tokens.iter().peekable();
@@ -149,25 +149,25 @@ impl Reader {
                 number.map(|t| t.value).ok_or(refusal::CYCLE_FORM)
             };
             match word.as_slice() {
-                b"DEPTH" | b"FEDTO" => said.depth = Some(value()?),
-                b"CLEAR" => said.clear = Some(value()?),
-                b"RAPTO" => said.rapto = Some(value()?),
+                b"DEPTH" | b"FEDTO" => stated.depth = Some(value()?),
+                b"CLEAR" => stated.clear = Some(value()?),
+                b"RAPTO" => stated.rapto = Some(value()?),
                 b"RTRCTO" | b"RETURN" => {
                     // `AUTO` and `MANUAL` come with or without a height (NX).
-                    said.retract = value().ok().or(said.retract);
+                    stated.retract = value().ok().or(stated.retract);
                     while tokens.next_if(|t| is_mode_of_retraction(bytes, t)).is_some() {}
                 }
                 b"STEP" | b"INCR" | b"1STPECK" | b"SUBPECK" => {
-                    said.pecks.push(value()?);
+                    stated.pecks.push(value()?);
                     while let Some(more) = tokens.next_if(|t| t.kind == TokenKind::Number && word == b"STEP") {
-                        said.pecks.push(more.value);
+                        stated.pecks.push(more.value);
                     }
                 }
                 b"DWELL" => {
-                    said.dwell = value()?;
+                    stated.dwell = value()?;
                     if tokens.next_if(|t| bytes[t.span.range()].eq_ignore_ascii_case(b"REV")).is_some() {
                         let rpm = self.modal.rpm().ok_or(Reason::DwellWithoutSpindle)?;
-                        said.dwell *= 60.0 / rpm;
+                        stated.dwell *= 60.0 / rpm;
                     }
                 }
                 _ if feed_unit(&word, self.mm_per_unit()).is_some() && unit.is_none() => {
@@ -179,26 +179,26 @@ impl Reader {
         let feed = |unit: &[u8], value: f64| feed_unit(unit, self.mm_per_unit()).map(|unit| unit.feed(value));
         match (unit, &numbers[..]) {
             // Couplets: the remaining number is the feed after its unit.
-            (Some((unit, 0)), &[value]) if said.depth.is_some() => said.feed = feed(&unit, value),
-            (None, []) if said.depth.is_some() => {}
+            (Some((unit, 0)), &[value]) if stated.depth.is_some() => stated.feed = feed(&unit, value),
+            (None, []) if stated.depth.is_some() => {}
             // Depth, unit, feed[, clearance].
-            (Some((unit, 1)), &[depth, value, ref more @ ..]) if said.depth.is_none() => {
-                said.depth = Some(depth);
-                said.feed = feed(&unit, value);
-                clearance_and_peck(&mut said, more, style)?;
+            (Some((unit, 1)), &[depth, value, ref more @ ..]) if stated.depth.is_none() => {
+                stated.depth = Some(depth);
+                stated.feed = feed(&unit, value);
+                clearance_and_peck(&mut stated, more, style)?;
             }
             // Depth, feed, unit, clearance[, peck]. CATIA has more numbers before the unit, in an order that the file does not state.
-            (Some((unit, 2)), &[depth, value, ref more @ ..]) if said.depth.is_none() => {
-                said.depth = Some(depth);
-                said.feed = feed(&unit, value);
-                clearance_and_peck(&mut said, more, style)?;
+            (Some((unit, 2)), &[depth, value, ref more @ ..]) if stated.depth.is_none() => {
+                stated.depth = Some(depth);
+                stated.feed = feed(&unit, value);
+                clearance_and_peck(&mut stated, more, style)?;
             }
             _ => return Err(refusal::CYCLE_FORM),
         }
-        if said.feed.is_some_and(|feed| !feed.is_positive()) {
+        if stated.feed.is_some_and(|feed| !feed.is_positive()) {
             return Err(refusal::NO_FEED);
         }
-        Ok(said)
+        Ok(stated)
     }
 
     /// Adds the motions at a hole whose mouth is at a printed position, with the tool axis of the modal state.
@@ -274,13 +274,13 @@ impl Reader {
 }
 
 /// Numbers after depth and feed.
-fn clearance_and_peck(said: &mut Said, numbers: &[f64], style: Style) -> Outcome {
+fn clearance_and_peck(stated: &mut CycleWords, numbers: &[f64], style: Style) -> Outcome {
     match *numbers {
         [] => {}
-        [clear] if said.clear.is_none() => said.clear = Some(clear),
-        [clear, peck] if said.clear.is_none() && matches!(style, Style::Deep | Style::BreakChips) => {
-            said.clear = Some(clear);
-            said.pecks.push(peck);
+        [clear] if stated.clear.is_none() => stated.clear = Some(clear),
+        [clear, peck] if stated.clear.is_none() && matches!(style, Style::Deep | Style::BreakChips) => {
+            stated.clear = Some(clear);
+            stated.pecks.push(peck);
         }
         _ => return Err(refusal::CYCLE_FORM),
     }

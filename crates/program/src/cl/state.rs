@@ -18,7 +18,7 @@ pub(super) struct PendingArc {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Known {
     /// The text states it.
-    Said,
+    Stated,
     /// The convention of the system that wrote the file.
     Dialect,
     /// A guess: the convention of most CAM systems.

@@ -98,7 +98,8 @@ impl<R: Read> Chunks<R> {
     /// Reads the head of a file. The whole file is scanned for external axes that are at zero in the first lines and move later. `None` if
     /// the file does not begin like such a program. A chunk has about `chunk` bytes.
     ///
-    /// # Errors `file` cannot be read.
+    /// # Errors
+    /// The file cannot be read.
     pub fn of_file(name: &str, mut file: R, context: &[Source], chunk: usize) -> io::Result<Option<Self>>
     where
         R: Seek,

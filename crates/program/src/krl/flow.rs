@@ -57,8 +57,8 @@ impl<'a> Machine for Runner<'a> {
         a == b
     }
 
-    fn notes(&mut self) -> &mut bool {
-        &mut self.notes
+    fn is_recording(&mut self) -> &mut bool {
+        &mut self.is_recording
     }
 
     fn mark(&self) -> ResultSizes {

@@ -39,7 +39,7 @@ impl Runner<'_> {
             }
             _ => return Err(Reason::Tool),
         };
-        if !self.notes {
+        if !self.is_recording {
             return Ok(0);
         }
         let is_new = !self.tools.iter().any(|known| known.is(&tool));
@@ -73,7 +73,7 @@ impl Runner<'_> {
             }
             _ => return Err(Reason::Base),
         };
-        if !self.notes {
+        if !self.is_recording {
             return Ok(0);
         }
         intern(&mut self.wobjs, &wobj, |known| known.is(&wobj)).ok_or(Reason::TooManyFrames)

@@ -31,7 +31,7 @@ impl Position {
 impl Runner<'_> {
     /// Records a motion that is not followed, because its start is unknown.
     pub(super) fn relative(&mut self, to: &[Expression], span: Span, reason: Reason) {
-        self.motions += u32::from(self.notes);
+        self.motions += u32::from(self.is_recording);
         for to in to {
             let value = self.evaluate(to);
             self.use_axes_of(&value);
@@ -62,8 +62,8 @@ impl Runner<'_> {
     /// Follows one executed motion.
     pub(super) fn motion(&mut self, of: &Move, span: Span) {
         let motion = of.motion;
-        self.motions += u32::from(self.notes);
-        self.arcs += usize::from(self.notes && motion == Motion::Circular);
+        self.motions += u32::from(self.is_recording);
+        self.arcs += usize::from(self.is_recording && motion == Motion::Circular);
         if of.is_curve {
             self.tell_curve(span);
         }
@@ -397,7 +397,7 @@ impl Runner<'_> {
         target.predecessor = self.predecessor();
         let here = self.site(target.span);
         self.state.values.insert(self.symbols.stands, Value::Number(here, None));
-        if self.notes {
+        if self.is_recording {
             self.last = Some(here);
             self.targets.push(target);
             self.sites.push(site);

@@ -37,7 +37,7 @@ impl Frame {
 }
 
 /// The value of a parameter at the end of a routine.
-pub(super) struct Left {
+pub(super) struct ParameterAtEnd {
     pub(super) value: Value,
     /// Whether a TRIGGER may still change it.
     pub(super) is_triggered: bool,
@@ -59,7 +59,7 @@ pub(super) struct Runner<'a> {
     pub(super) state: ModalState,
     pub(super) frames: Vec<Frame>,
     /// Whether targets are recorded. They are not while the state at the start of any round of a loop is being found.
-    pub(super) notes: bool,
+    pub(super) is_recording: bool,
     /// Number of the running chain of calls.
     context: u32,
     contexts: HashMap<(u32, usize), u32>,
@@ -95,7 +95,7 @@ pub(super) struct Runner<'a> {
     pub(super) used_axes: [bool; 6],
     pub(super) motions: u32,
     pub(super) arcs: usize,
-    /// Motions without a target, by reason.
+    /// Motions that run and whose target is unknown, in running order.
     pub(super) unknown: Vec<UnknownMotion>,
     pub(super) kept: Vec<Kept>,
     seen: HashSet<(usize, Span, Reason)>,
@@ -112,7 +112,7 @@ impl<'a> Runner<'a> {
             symbols: Symbols::new(sources, files),
             routines: Rc::new(routines(files)),
             written,
-            notes: true,
+            is_recording: true,
             most_steps: STEPS + STEPS_PER_BYTE * bytes,
             most_targets: TARGETS + TARGETS_PER_BYTE * bytes,
             lines: sources.iter().map(LineIndex::new).collect(),
@@ -165,7 +165,12 @@ impl<'a> Runner<'a> {
     }
 
     /// Runs a routine with values for its parameters, of which some may change under another name.
-    pub(super) fn enter(&mut self, id: RoutineId, values: &[Value], aliased: &[bool]) -> Result<Vec<Left>, Stop> {
+    pub(super) fn enter(
+        &mut self,
+        id: RoutineId,
+        values: &[Value],
+        aliased: &[bool],
+    ) -> Result<Vec<ParameterAtEnd>, Stop> {
         self.entered.insert(id);
         self.steps += (self.state.values.len() + self.volatile.len()) / VALUES_PER_STEP;
         let routine = self.symbols.routine(id);
@@ -193,7 +198,7 @@ impl<'a> Runner<'a> {
         }
         self.frames.push(Frame { routine: id, names });
         let ended = self.walk(id);
-        let left = |id: &Id| Left { value: self.value(*id), is_triggered: self.state.loose.contains(id) };
+        let left = |id: &Id| ParameterAtEnd { value: self.value(*id), is_triggered: self.state.loose.contains(id) };
         let out = own.iter().map(left).collect();
         // The routine's own data do not outlive it.
         let locals: HashSet<Id> = self.frames.pop().into_iter().flat_map(|frame| frame.names.into_values()).collect();
@@ -247,7 +252,7 @@ impl<'a> Runner<'a> {
     }
 
     fn note(&mut self, kept: Kept) {
-        if self.notes && kept.source < self.written && self.seen.insert((kept.source, kept.span, kept.reason)) {
+        if self.is_recording && kept.source < self.written && self.seen.insert((kept.source, kept.span, kept.reason)) {
             let line = self.lines[kept.source].line(kept.span.start) as usize;
             self.kept.push(Kept { line, ..kept });
         }
@@ -255,7 +260,7 @@ impl<'a> Runner<'a> {
 
     /// Records a motion with an unknown target.
     pub(super) fn keep_motion(&mut self, span: Span, reason: Reason) {
-        if !self.notes {
+        if !self.is_recording {
             return;
         }
         let line = self.lines[self.here()].line(span.start);

@@ -51,12 +51,12 @@ impl PostWriter {
         for (part, (points, axes)) in parts.enumerate() {
             let mut text =
                 if count > 1 { self.file(&format!("{name}_{}", part + 1)) } else { std::mem::take(&mut main) };
-            let mut said = Said::default();
+            let mut in_force = InForce::default();
             text.extend_from_slice(b"$IPO_MODE = #BASE\r\n");
             for (i, point) in points.iter().enumerate() {
                 let here = place.after(std::slice::from_ref(point));
                 let next = points.get(i + 1);
-                self.krl_motion(&mut text, &here, point, next, &axes[i], &mut said);
+                self.krl_motion(&mut text, &here, point, next, &axes[i], &mut in_force);
                 place = here;
             }
             if count > 1 {
@@ -86,24 +86,24 @@ impl PostWriter {
         point: &PostedPoint,
         next: Option<&PostedPoint>,
         axes_deg: &[f64; 6],
-        said: &mut Said,
+        in_force: &mut InForce,
     ) {
         lines(text, point.lines.as_deref().unwrap_or_default());
-        if said.tool != Some(point.tool) {
+        if in_force.tool != Some(point.tool) {
             if let Some((name, data)) = self.plan.tools.get(usize::from(point.tool)) {
                 tool(text, name, data);
             }
-            said.tool = Some(point.tool);
+            in_force.tool = Some(point.tool);
         }
-        if said.base != Some(point.wobj) {
+        if in_force.base != Some(point.wobj) {
             if let Some((name, data)) = self.plan.wobjs.get(usize::from(point.wobj)) {
                 base(text, name, data);
             }
-            said.base = Some(point.wobj);
+            in_force.base = Some(point.wobj);
         }
-        if said.mark != point.mark {
+        if in_force.mark != point.mark {
             point.mark.iter().for_each(|mark| lines(text, &format!("; {}", mark.comment())));
-            said.mark = point.mark;
+            in_force.mark = point.mark;
         }
         if place.is_first() || point.joint {
             text.extend_from_slice(b"PTP {");
@@ -114,18 +114,18 @@ impl PostWriter {
         }
         let speed = 1e-3 * self.speed_mm_s(point);
         #[allow(clippy::float_cmp)] // exactly the same number
-        if said.speed != Some(speed) {
+        if in_force.speed != Some(speed) {
             text.extend_from_slice(b"$VEL.CP = ");
             write_fixed(text, speed, SPEED);
             text.extend_from_slice(b"\r\n");
-            said.speed = Some(speed);
+            in_force.speed = Some(speed);
         }
         let zone = next.and_then(|next| radius(self.zone_at(place, point, Some(next))));
-        if let Some(zone) = zone.filter(|zone| said.zone != Some(*zone)) {
+        if let Some(zone) = zone.filter(|zone| in_force.zone != Some(*zone)) {
             text.extend_from_slice(b"$APO.CDIS = ");
             write_fixed(text, zone, 1);
             text.extend_from_slice(b"\r\n");
-            said.zone = Some(zone);
+            in_force.zone = Some(zone);
         }
         text.extend_from_slice(b"LIN ");
         frame(text, &point.position_mm, point.quat);
@@ -140,7 +140,7 @@ impl PostWriter {
 
 /// The state that the file has set so far.
 #[derive(Default)]
-struct Said {
+struct InForce {
     tool: Option<u16>,
     base: Option<u16>,
     mark: Option<Mark>,
@@ -284,11 +284,11 @@ mod tests {
         assert_eq!(&*program.wobjs[0].name, "BASE_DATA[4]");
         let data = program.tools[0].data.unwrap();
         assert_eq!((data.tcp_mm, data.mass_kg, data.cog_mm), ([1.0, 2.0, 310.0], 12.0, [0.0, 0.0, 80.0]));
-        let said = String::from_utf8(text.clone()).unwrap();
+        let in_force = String::from_utf8(text.clone()).unwrap();
         assert!(
-            said.contains("\r\nrOff()\r\nEND\r\n")
-                && said.contains("$APO.CDIS = ")
-                && said.matches("C_DIS").count() == 3
+            in_force.contains("\r\nrOff()\r\nEND\r\n")
+                && in_force.contains("$APO.CDIS = ")
+                && in_force.matches("C_DIS").count() == 3
         );
     }
 

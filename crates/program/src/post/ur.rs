@@ -57,19 +57,19 @@ impl PostWriter {
             pose(&mut text, &data.uframe_mm, data.uframe_quat);
             text.push(b'\n');
         }
-        let (mut place, mut said) = (WriterPosition::default(), Said::default());
+        let (mut place, mut in_force) = (WriterPosition::default(), InForce::default());
         for (i, point) in points.iter().enumerate() {
             let here = place.after(std::slice::from_ref(point));
             lines(&mut text, point.lines.as_deref().unwrap_or_default());
-            if said.tool != Some(point.tool) {
+            if in_force.tool != Some(point.tool) {
                 if let Some((_, data)) = self.plan.tools.get(usize::from(point.tool)) {
                     tool(&mut text, data);
                 }
-                said.tool = Some(point.tool);
+                in_force.tool = Some(point.tool);
             }
-            if said.mark != point.mark {
+            if in_force.mark != point.mark {
                 point.mark.iter().for_each(|mark| lines(&mut text, &format!("# {}", mark.comment())));
-                said.mark = point.mark;
+                in_force.mark = point.mark;
             }
             if here.is_first() || point.joint {
                 text.extend_from_slice(b"  movej([");
@@ -96,7 +96,7 @@ impl PostWriter {
 
 /// The state that the program has set so far.
 #[derive(Default)]
-struct Said {
+struct InForce {
     tool: Option<u16>,
     mark: Option<Mark>,
 }

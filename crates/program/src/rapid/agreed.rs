@@ -31,7 +31,7 @@ pub(super) enum Agreement {
     /// It is being determined.
     Open(Arc<WantedValues>),
     /// It is known.
-    FoundTarget(Arc<Agreed>),
+    Known(Arc<Agreed>),
 }
 
 /// The wanted values of motions, by the first target of equal ones.
@@ -90,7 +90,7 @@ impl Again {
                 wanted.add(&writer, &self.alike, changes);
                 &nothing
             }
-            Agreement::FoundTarget(agreed) => {
+            Agreement::Known(agreed) => {
                 agreed.keep(&mut writer, changes);
                 &agreed.settled
             }

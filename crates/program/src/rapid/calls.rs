@@ -3,11 +3,11 @@
 use super::eval::Scope;
 use super::expression::{Arguments, Call, Expression, ExpressionKind};
 use super::known::RoutineId;
-use super::layers::Left;
+use super::layers::EndState;
 use super::memory::note;
 use super::parameters::Bound;
-use super::runner::{Flow, Frame, Mode, Runner};
-use super::state::{Switch, Switches};
+use super::runner::{Continuation, Frame, Mode, Runner};
+use super::state::{OnOff, Switches};
 use super::symbols::{Content, Upper};
 use super::tree::{Param, Statement, statements};
 use super::value::Value;
@@ -51,7 +51,7 @@ impl<'a> Runner<'a> {
     }
 
     /// A call of a procedure that is in the files.
-    pub(super) fn enter(&mut self, scope: Scope, id: RoutineId, given: &'a Arguments, span: Span) -> Flow {
+    pub(super) fn enter(&mut self, scope: Scope, id: RoutineId, given: &'a Arguments, span: Span) -> Continuation {
         self.counters.events += 1;
         // Under an unknown condition, a procedure that calls itself has no end; nor does one that was found to have none.
         let may_end = self.layers.len() <= self.frames.len() && !self.reached.endless.contains(&id);
@@ -61,7 +61,7 @@ impl<'a> Runner<'a> {
             self.keep_here(span, reason);
             self.reached.endless.insert(id);
             self.not_followed(scope, id, given);
-            return Flow::Next;
+            return Continuation::Next;
         }
         let before = self.symbols.variables.len();
         let failures = self.errors.failures;
@@ -72,7 +72,7 @@ impl<'a> Runner<'a> {
             self.take()
         });
         let flow = match self.call(id, &bound) {
-            None => Flow::Next,
+            None => Continuation::Next,
             Some((normal, raised)) => {
                 let is_skipped = skipped.is_some();
                 let normal = match (normal, skipped) {
@@ -97,9 +97,9 @@ impl<'a> Runner<'a> {
         &mut self,
         id: RoutineId,
         bound: &[(usize, Bound)],
-        normal: Option<Left>,
-        raised: Option<Left>,
-    ) -> Flow {
+        normal: Option<EndState>,
+        raised: Option<EndState>,
+    ) -> Continuation {
         let mut joined = normal;
         if let Some(raised) = raised {
             if self.handler().is_some_and(|handler| handler.again) {
@@ -119,7 +119,7 @@ impl<'a> Runner<'a> {
             self.apply(raised);
             let flow = self.raise();
             let left = self.take();
-            if flow == Flow::Next {
+            if flow == Continuation::Next {
                 joined = Some(match joined {
                     Some(joined) => self.join(joined, left),
                     None => left,
@@ -129,14 +129,20 @@ impl<'a> Runner<'a> {
         match joined {
             Some(left) => {
                 self.apply(left);
-                Flow::Next
+                Continuation::Next
             }
-            None => Flow::Gone,
+            None => Continuation::Elsewhere,
         }
     }
 
     /// A call of a procedure by a computed name.
-    pub(super) fn enter_late(&mut self, scope: Scope, name: &'a Expression, call: &'a Call, span: Span) -> Flow {
+    pub(super) fn enter_late(
+        &mut self,
+        scope: Scope,
+        name: &'a Expression,
+        call: &'a Call,
+        span: Span,
+    ) -> Continuation {
         let Value::Text(name) = self.evaluate(scope, name) else {
             return self.enter_any(scope, call, span, b"");
         };
@@ -145,13 +151,13 @@ impl<'a> Runner<'a> {
             None => {
                 self.keep_here(span, Reason::ProcedureMissing);
                 self.unknown_procedure(scope, call, span);
-                Flow::Next
+                Continuation::Next
             }
         }
     }
 
     /// `CallByVar Name, Number`: a call of the procedure whose name is the text followed by the number.
-    pub(super) fn enter_by_variable(&mut self, scope: Scope, call: &'a Call, span: Span) -> Flow {
+    pub(super) fn enter_by_variable(&mut self, scope: Scope, call: &'a Call, span: Span) -> Continuation {
         static NONE: LazyLock<Arguments> = LazyLock::new(Arguments::default);
         let known: Vec<Value> =
             call.arguments.positional.iter().map(|argument| self.evaluate(scope, argument)).collect();
@@ -165,13 +171,13 @@ impl<'a> Runner<'a> {
             Some(id) => self.enter(scope, id, &NONE, span),
             None => {
                 self.unknown_procedure(scope, call, span);
-                Flow::Next
+                Continuation::Next
             }
         }
     }
 
     /// A call of a procedure that is chosen at run time: any one whose name has this beginning, in the files or not.
-    fn enter_any(&mut self, scope: Scope, call: &'a Call, span: Span, begins: &[u8]) -> Flow {
+    fn enter_any(&mut self, scope: Scope, call: &'a Call, span: Span, begins: &[u8]) -> Continuation {
         self.keep_here(span, Reason::ProcedureChosen);
         self.reached.called_late.push(begins.to_ascii_uppercase().into());
         self.unknown_call(scope, &call.arguments);
@@ -181,7 +187,7 @@ impl<'a> Runner<'a> {
             "which procedure is called here is known only at run time: what it could change is not known after it",
             Severity::Warning,
         );
-        Flow::Next
+        Continuation::Next
     }
 
     /// Whether a call that chooses its procedure at run time may choose this one.
@@ -229,12 +235,12 @@ impl<'a> Runner<'a> {
              after it"
         );
         let source = scope.source;
-        if self.mode == Mode::Real && self.said.reported.insert((usize::from(source), span, "rapid.undeclared")) {
+        if self.mode == Mode::Real && self.messages.reported.insert((usize::from(source), span, "rapid.undeclared")) {
             let named = |d: &Diagnostic| d.code == "rapid.undeclared" && d.message == message;
-            if !self.said.diagnostics.iter().any(named) {
+            if !self.messages.diagnostics.iter().any(named) {
                 let told = Diagnostic::error("rapid.undeclared", "", message)
                     .at(&self.symbols.sources[usize::from(source)], span);
-                self.said.diagnostics.push(
+                self.messages.diagnostics.push(
                     told.severity(Severity::Warning)
                         .help("give the module that declares it with --context, or as an input; or, where it changes neither frames nor positions, name it in `[controller] harmless` of the cell"),
                 );
@@ -289,20 +295,20 @@ impl<'a> Runner<'a> {
     }
 
     /// Runs a routine that nothing in the files calls.
-    pub(super) fn start(&mut self, id: RoutineId) -> Flow {
+    pub(super) fn start(&mut self, id: RoutineId) -> Continuation {
         self.position.stands = Some(0);
         match self.call(id, &[]) {
-            None => Flow::Next,
+            None => Continuation::Next,
             Some((Some(left), _)) => {
                 self.apply(left);
-                Flow::Next
+                Continuation::Next
             }
-            Some((None, _)) => Flow::Gone,
+            Some((None, _)) => Continuation::Elsewhere,
         }
     }
 
     /// Runs a routine. Returns the states at its end and after an error; `None` if it can only end normally.
-    fn call(&mut self, id: RoutineId, arguments: &[(usize, Bound)]) -> Option<(Option<Left>, Option<Left>)> {
+    fn call(&mut self, id: RoutineId, arguments: &[(usize, Bound)]) -> Option<(Option<EndState>, Option<EndState>)> {
         match self.mode {
             Mode::Real => drop(self.reached.entered.insert(id)),
             Mode::Aside => drop(self.reached.entered_aside.insert(id)),
@@ -329,23 +335,23 @@ impl<'a> Runner<'a> {
         self.errors.guards -= usize::from(routine.error.is_some());
         let frame = self.frames.pop();
         if let Some(returned) = frame.as_ref().and_then(|frame| frame.returns_from)
-            && (flow != Flow::Next || returned != self.position.stands)
+            && (flow != Continuation::Next || returned != self.position.stands)
         {
-            self.position.stands = if flow == Flow::Next { None } else { returned };
+            self.position.stands = if flow == Continuation::Next { None } else { returned };
         }
         if jumps {
             self.position.stands = None;
         }
         self.counters.epoch += 1;
         let (returns, raises) = frame.map_or((Vec::new(), Vec::new()), |frame| (frame.returns, frame.raises));
-        if flow == Flow::Next && returns.is_empty() && raises.is_empty() {
+        if flow == Continuation::Next && returns.is_empty() && raises.is_empty() {
             self.symbols.variables.truncate(kept);
             self.commit();
             return None;
         }
         self.symbols.variables.truncate(kept);
         let end = self.take();
-        let ends = returns.into_iter().chain((flow == Flow::Next).then_some(end));
+        let ends = returns.into_iter().chain((flow == Continuation::Next).then_some(end));
         let normal = ends.reduce(|a, b| self.join(a, b));
         let raised = raises.into_iter().reduce(|a, b| self.join(a, b));
         Some((normal, raised))
@@ -374,8 +380,8 @@ impl<'a> Runner<'a> {
         let off = changes.switches_off;
         let mut switches = changes.switches;
         switches |= Switches {
-            displacement: off.displacement && self.state.displacement != Switch::Off,
-            soft: off.soft && self.state.soft != Switch::Off,
+            displacement: off.displacement && self.state.displacement != OnOff::Off,
+            soft: off.soft && self.state.soft != OnOff::Off,
             axes: off.axes,
             ..Switches::NONE
         };
@@ -399,7 +405,7 @@ impl<'a> Runner<'a> {
     }
 
     /// Records that the running routine may return here with this state.
-    pub(super) fn note_return(&mut self, left: Left) {
+    pub(super) fn note_return(&mut self, left: EndState) {
         let stands = self.position.stands;
         if let Some(frame) = self.frames.last_mut() {
             note(&mut frame.returns, left);

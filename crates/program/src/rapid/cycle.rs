@@ -2,7 +2,7 @@
 
 use super::known::RoutineId;
 use super::runner::Runner;
-use super::state::{Begun, Switch};
+use super::state::{Begun, OnOff};
 use super::symbols::Content;
 use super::tree::Storage;
 use super::value::{Value, unit};
@@ -61,7 +61,7 @@ impl Runner<'_> {
                 self.tell_cycle(usize::from(data.source), declared.statement, &message);
             }
         }
-        if self.state.displacement != Switch::Off && moved_before_displacement == Some(true) {
+        if self.state.displacement != OnOff::Off && moved_before_displacement == Some(true) {
             let message =
                 "at the end of `main`, program displacement may be on, and its first motions expect it to be off";
             self.tell_cycle(main.file, self.symbols.routine(main).name, message);
@@ -71,7 +71,7 @@ impl Runner<'_> {
     fn tell_cycle(&mut self, source: usize, span: Span, message: &str) {
         let note = Diagnostic::error("rapid.next-cycle", "", message).at(&self.symbols.sources[source], span);
         let help = "set it before the first motion: otherwise the next cycle drives these motions to other places than the correction assumes";
-        self.said.diagnostics.push(note.severity(Severity::Note).help(help));
+        self.messages.diagnostics.push(note.severity(Severity::Note).help(help));
     }
 }
 

@@ -4,7 +4,7 @@ use super::expression::Expression;
 use super::known::RoutineId;
 use super::memory::note;
 use super::motion;
-use super::runner::{Flow, Runner};
+use super::runner::{Continuation, Runner};
 use super::tree::{Statement, StatementKind, any, statements};
 use crate::Reason;
 
@@ -31,9 +31,9 @@ impl<'a> Runner<'a> {
     }
 
     /// An error at this statement: goes to the routine's own handler, or to its caller.
-    pub(super) fn raise(&mut self) -> Flow {
+    pub(super) fn raise(&mut self) -> Continuation {
         self.counters.events += 1;
-        let Some(layer) = self.frames.last().map(|frame| frame.layer) else { return Flow::Gone };
+        let Some(layer) = self.frames.last().map(|frame| frame.layer) else { return Continuation::Elsewhere };
         let handler = self.handler();
         self.open();
         self.run_handler();
@@ -50,9 +50,9 @@ impl<'a> Runner<'a> {
         }
         if handler.is_some_and(|handler| handler.goes_on) {
             self.run_handler();
-            return Flow::Next;
+            return Continuation::Next;
         }
-        Flow::Gone
+        Continuation::Elsewhere
     }
 
     /// Makes everything unknown that the ERROR handler of the running routine may change.

@@ -140,7 +140,7 @@ impl<'a> FirstRun<'a> {
     pub fn answered(self, options: &RewriteOptions) -> io::Result<(ExecutedChunks, Answer)> {
         let none = || io::Error::other("the program has no layout");
         let agreed = Arc::new(self.wanted.agreed(&self.program.like, options).ok_or_else(none)?);
-        Ok((self.program.run(Agreement::FoundTarget(Arc::clone(&agreed))), Answer(agreed)))
+        Ok((self.program.run(Agreement::Known(Arc::clone(&agreed))), Answer(agreed)))
     }
 }
 

@@ -2,9 +2,9 @@
 
 use super::eval::Scope;
 use super::expression::{Arguments, Expression, ExpressionKind};
-use super::layers::Left;
+use super::layers::EndState;
 use super::run::MOTIONS;
-use super::runner::{Flow, Mode, Runner};
+use super::runner::{Continuation, Mode, Runner};
 use super::state::Switches;
 use super::symbols::{Content, Upper};
 use super::tree::{For, If, Statement, StatementKind, Test, While, any};
@@ -35,7 +35,7 @@ struct Marker {
 }
 
 impl<'a> Runner<'a> {
-    pub(super) fn condition(&mut self, of: &'a If, at: Span) -> Flow {
+    pub(super) fn condition(&mut self, of: &'a If, at: Span) -> Continuation {
         let failures = self.errors.failures;
         for (i, arm) in of.arms.iter().enumerate() {
             match self.evaluate(self.scope(), &arm.condition).bool() {
@@ -60,9 +60,9 @@ impl<'a> Runner<'a> {
     }
 
     /// Runs every branch from the state before them all, because any may be the one that runs.
-    pub(super) fn branches(&mut self, branches: impl Iterator<Item = &'a [Statement]>) -> Flow {
+    pub(super) fn branches(&mut self, branches: impl Iterator<Item = &'a [Statement]>) -> Continuation {
         self.counters.events += 1;
-        let mut joined: Option<Left> = None;
+        let mut joined: Option<EndState> = None;
         let (before, mut behind) = (self.position.standing.clone(), BTreeSet::new());
         let (stood, mut stands) = (self.position.stands, None);
         for branch in branches {
@@ -72,7 +72,7 @@ impl<'a> Runner<'a> {
             let flow = self.block(branch);
             let left = self.take();
             behind.append(&mut self.position.standing);
-            if flow == Flow::Next {
+            if flow == Continuation::Next {
                 let here = self.position.stands;
                 stands = Some(stands.map_or(here, |known: Option<u32>| known.filter(|_| known == here)));
                 joined = Some(match joined {
@@ -86,9 +86,9 @@ impl<'a> Runner<'a> {
         match joined {
             Some(left) => {
                 self.apply(left);
-                Flow::Next
+                Continuation::Next
             }
-            None => Flow::Gone,
+            None => Continuation::Elsewhere,
         }
     }
 
@@ -97,7 +97,7 @@ impl<'a> Runner<'a> {
         any(block, &|statement| matches!(statement, StatementKind::Goto(_)))
     }
 
-    pub(super) fn counted(&mut self, of: &'a For, at: Span) -> Flow {
+    pub(super) fn counted(&mut self, of: &'a For, at: Span) -> Continuation {
         self.counters.events += 1;
         let scope = self.scope();
         let [from, to] = [&of.from, &of.to].map(|bound| self.evaluate(scope, bound).num());
@@ -142,10 +142,10 @@ impl<'a> Runner<'a> {
         flow
     }
 
-    fn count(&mut self, counter: usize, rounds: Rounds, body: &'a [Statement], at: Span) -> Flow {
+    fn count(&mut self, counter: usize, rounds: Rounds, body: &'a [Statement], at: Span) -> Continuation {
         let Rounds { from, to, step } = rounds;
         if step == 0.0 {
-            return Flow::Next;
+            return Continuation::Next;
         }
         let (mut value, mut done, began) = (from, 0.0, self.counters.motions);
         while if step > 0.0 { value <= to } else { value >= to } {
@@ -155,7 +155,7 @@ impl<'a> Runner<'a> {
                 return self.give_up(at);
             }
             let flow = self.block(body);
-            if flow != Flow::Next {
+            if flow != Continuation::Next {
                 return flow;
             }
             value += step;
@@ -165,10 +165,10 @@ impl<'a> Runner<'a> {
                 return self.give_up(at);
             }
         }
-        Flow::Next
+        Continuation::Next
     }
 
-    pub(super) fn repeat(&mut self, of: &'a While, at: Span) -> Flow {
+    pub(super) fn repeat(&mut self, of: &'a While, at: Span) -> Continuation {
         let While { condition, body } = of;
         self.counters.events += 1;
         let number = self.counters.loops;
@@ -182,12 +182,12 @@ impl<'a> Runner<'a> {
         let endless = known == Some(true) && !self.depends(scope, condition, body);
         while !endless && rounds < MAX_ROUNDS && !Self::jumps(body) {
             match known {
-                Some(false) => return Flow::Next,
+                Some(false) => return Continuation::Next,
                 None => break,
                 Some(true) => {
                     let changes = self.counters.changes;
                     let flow = self.block(body);
-                    if flow != Flow::Next {
+                    if flow != Continuation::Next {
                         return flow;
                     }
                     // After a round without changes of data, the loop never ends.
@@ -210,8 +210,8 @@ impl<'a> Runner<'a> {
     }
 
     /// An unknown number of rounds: runs one, from the state in which any round may begin.
-    fn rounds(&mut self, body: &'a [Statement]) -> Flow {
-        let Some(routine) = self.frames.last().map(|frame| frame.routine) else { return Flow::Next };
+    fn rounds(&mut self, body: &'a [Statement]) -> Continuation {
+        let Some(routine) = self.frames.last().map(|frame| frame.routine) else { return Continuation::Next };
         self.counters.events += 1;
         let changes = self.symbols.changed_in(routine, body);
         self.forget(&changes, Reason::Loop);
@@ -233,12 +233,12 @@ impl<'a> Runner<'a> {
             self.hold_where_it_stands();
         }
         self.position.standing.append(&mut before);
-        if flow == Flow::Next {
-            let none = Left { changed: BTreeMap::new(), state: self.state };
+        if flow == Continuation::Next {
+            let none = EndState { changed: BTreeMap::new(), state: self.state };
             let left = self.join(left, none);
             self.apply(left);
         }
-        Flow::Next
+        Continuation::Next
     }
 
     /// Finds the switches at the beginning of any round of a loop.
@@ -252,7 +252,7 @@ impl<'a> Runner<'a> {
             self.open();
             let flow = self.quietly(Mode::Dry, |this| this.block(body));
             let left = self.take();
-            let joined = if flow == Flow::Next { self.state.join(left.state) } else { self.state };
+            let joined = if flow == Continuation::Next { self.state.join(left.state) } else { self.state };
             if joined == self.state {
                 break;
             }
@@ -309,7 +309,7 @@ impl<'a> Runner<'a> {
         (self.counters.motions, self.counters.arcs) = (marker.motions, marker.arcs);
     }
 
-    pub(super) fn choice(&mut self, of: &'a Test, at: Span) -> Flow {
+    pub(super) fn choice(&mut self, of: &'a Test, at: Span) -> Continuation {
         self.counters.events += 1;
         let scope = self.scope();
         let failures = self.errors.failures;

@@ -62,7 +62,7 @@ pub(super) struct Emitter {
     /// Targets in a chunk.
     pub(super) chunk: usize,
     pub(super) alike: Vec<u32>,
-    /// The loop whose rounds are not followed.
+    /// The loop that the run before gave up, by number: nothing in it is sent until its rounds are run as one.
     pub(super) muted: Option<u64>,
     pub(super) first: bool,
     /// Whether it differed from the run before.

@@ -3,8 +3,8 @@
 use super::eval::Scope;
 use super::expression::{Arguments, Call, Expression};
 use super::predefined::Instruction;
-use super::runner::{Flow, Runner};
-use super::state::{ArcMode, Switch, Switches, Velocity};
+use super::runner::{Continuation, Runner};
+use super::state::{ArcMode, OnOff, Switches, Velocity};
 use super::symbols::Upper;
 use super::value::Value;
 use crate::{ArcTurn, Editable, Reason};
@@ -12,7 +12,7 @@ use deflex_text::Span;
 
 impl<'a> Runner<'a> {
     /// A predefined instruction that does not move to a robtarget.
-    pub(super) fn instruction(&mut self, scope: Scope, call: &'a Call, known: Instruction, span: Span) -> Flow {
+    pub(super) fn instruction(&mut self, scope: Scope, call: &'a Call, known: Instruction, span: Span) -> Continuation {
         let (bytes, arguments) = (self.bytes(scope.source as usize), &call.arguments);
         // A robtarget used here must not be edited; its numbers count as used.
         for argument in arguments.given() {
@@ -20,7 +20,7 @@ impl<'a> Runner<'a> {
             self.numbers.pin_value(&value);
         }
         if known == Instruction::Nothing || known == Instruction::Options && arguments.optional.is_empty() {
-            return Flow::Next;
+            return Continuation::Next;
         }
         // The head of a program, which every chunk repeats, may set speeds, loads and turns on arcs, and activate units.
         let in_head =
@@ -52,21 +52,21 @@ impl<'a> Runner<'a> {
                     self.hold_where_it_stands();
                 }
                 self.displaces();
-                self.state.displacement = Switch::On;
+                self.state.displacement = OnOff::On;
                 self.state.lose(self.others_switch());
             }
             Instruction::DisplacementOff => {
                 self.displaces();
-                self.state.displacement = Switch::Off;
+                self.state.displacement = OnOff::Off;
                 self.state.lose(self.others_switch());
             }
             Instruction::SoftOn | Instruction::SoftOff => {
-                self.state.soft = if known == Instruction::SoftOn { Switch::On } else { Switch::Off };
+                self.state.soft = if known == Instruction::SoftOn { OnOff::On } else { OnOff::Off };
                 self.state.lose(self.others_switch());
             }
             Instruction::Load => {
                 let none = arguments.positional.first().is_some_and(|load| self.is_no_load(scope, load));
-                self.state.load = if none { Switch::Off } else { Switch::On };
+                self.state.load = if none { OnOff::Off } else { OnOff::On };
                 self.state.lose(self.others_switch());
             }
             Instruction::Velocity => {
@@ -99,10 +99,10 @@ impl<'a> Runner<'a> {
                 self.position.stands = None;
                 self.keep_here(span, Reason::ExternalAxesOnly);
             }
-            Instruction::Ends => return Flow::Gone,
+            Instruction::Ends => return Continuation::Elsewhere,
             Instruction::Raises => return self.raise(),
         }
-        Flow::Next
+        Continuation::Next
     }
 
     /// An instruction measures from the robot's present position, so the target there must not be edited.

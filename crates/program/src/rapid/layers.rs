@@ -15,7 +15,7 @@ pub(super) struct Layer<'a> {
 
 /// The state that a branch leaves.
 #[derive(Clone, Debug)]
-pub(super) struct Left {
+pub(super) struct EndState {
     pub(super) changed: BTreeMap<usize, Value>,
     pub(super) state: ModalState,
 }

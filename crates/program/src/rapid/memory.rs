@@ -3,7 +3,7 @@
 
 use super::expression::Expression;
 use super::known::Changes;
-use super::layers::{Layer, Left};
+use super::layers::{EndState, Layer};
 use super::runner::Runner;
 use super::state::ModalState;
 use super::symbols::{Content, Upper};
@@ -48,8 +48,8 @@ impl Runner<'_> {
     }
 
     /// Ends a branch and undoes its changes.
-    pub(super) fn take(&mut self) -> Left {
-        let mut left = Left { changed: BTreeMap::new(), state: self.state };
+    pub(super) fn take(&mut self) -> EndState {
+        let mut left = EndState { changed: BTreeMap::new(), state: self.state };
         let Some(layer) = self.layers.pop() else { return left };
         for (at, old) in layer.old {
             if let Some(variable) = self.symbols.variables.get_mut(at)
@@ -78,7 +78,7 @@ impl Runner<'_> {
     }
 
     /// The changes since a layer began; the layer stays open.
-    pub(super) fn since(&self, layer: usize) -> Left {
+    pub(super) fn since(&self, layer: usize) -> EndState {
         let layers = self.layers.get(layer..).unwrap_or_default();
         let most = layers.first().map_or(0, |layer| layer.variables);
         let keys: BTreeSet<usize> =
@@ -87,11 +87,11 @@ impl Runner<'_> {
             Content::Is(value) => Some((at, value.clone())),
             _ => None,
         };
-        Left { changed: keys.into_iter().filter_map(value).collect(), state: self.state }
+        EndState { changed: keys.into_iter().filter_map(value).collect(), state: self.state }
     }
 
     /// Continues from the state that a branch left.
-    pub(super) fn apply(&mut self, left: Left) {
+    pub(super) fn apply(&mut self, left: EndState) {
         for (at, value) in left.changed {
             self.set(at, value);
         }
@@ -99,7 +99,7 @@ impl Runner<'_> {
     }
 
     /// Joins the states that two branches leave; the state before them is in force.
-    pub(super) fn join(&mut self, a: Left, b: Left) -> Left {
+    pub(super) fn join(&mut self, a: EndState, b: EndState) -> EndState {
         let keys: BTreeSet<usize> = a.changed.keys().chain(b.changed.keys()).copied().collect();
         let state = a.state.join(b.state);
         let mut changed = BTreeMap::new();
@@ -111,7 +111,7 @@ impl Runner<'_> {
             let value = self.joined(&a, &b);
             changed.insert(at, value);
         }
-        Left { changed, state }
+        EndState { changed, state }
     }
 
     /// The value of data that hold one value or the other.
@@ -212,7 +212,7 @@ impl Runner<'_> {
 }
 
 /// Notes a further state; too many are joined into one, in which differing values are unknown.
-pub(super) fn note(states: &mut Vec<Left>, left: Left) {
+pub(super) fn note(states: &mut Vec<EndState>, left: EndState) {
     states.push(left);
     if states.len() > MOST_RETURNS {
         let mut all = states.drain(..);
@@ -227,6 +227,6 @@ pub(super) fn note(states: &mut Vec<Left>, left: Left) {
             changed.values_mut().for_each(|value| *value = Value::Unknown(Reason::Computed));
         }
         drop(all);
-        states.push(Left { changed, state });
+        states.push(EndState { changed, state });
     }
 }

@@ -8,7 +8,7 @@ use super::expression::{Arguments, Call, Expression, ExpressionKind};
 use super::known::Changes;
 use super::motion::{Shape, ToolAt, Zone};
 use super::runner::{Mode, Runner};
-use super::state::{ArcMode, Switch, Switches};
+use super::state::{ArcMode, OnOff, Switches};
 use super::value::{Pose, SourceSpan, Value, unit};
 use super::{Offset, TargetInText};
 use crate::{Editable, Goal, Motion, Predecessor, Reason, Role, Target, ToolData};
@@ -66,7 +66,7 @@ impl<'a> Runner<'a> {
         let own_load = given.has(bytes, b"TLoad");
         let own_load = own_load && given.named(bytes, b"TLoad").is_none_or(|load| !self.is_no_load(scope, load));
         let feed_mm_s = self.speed(scope, given, shape.to + 1);
-        let line = self.said.lines[scope.source as usize].line(span.start);
+        let line = self.messages.lines[scope.source as usize].line(span.start);
         let target = Target {
             ordinal: self.counters.motions,
             role: Role::End,
@@ -80,7 +80,7 @@ impl<'a> Runner<'a> {
             mark: self.state.mark,
             editable: Editable::No(Reason::Joints),
             located: true,
-            extra_load: self.state.load != Switch::Off || own_load,
+            extra_load: self.state.load != OnOff::Off || own_load,
             external: None,
             name: None,
             source: scope.source,
@@ -269,12 +269,12 @@ impl<'a> Runner<'a> {
         let misfit =
             tool.is_none_or(|t: ToolData| t.robhold) == holds_part || wobj.is_some_and(|w| w.robhold && !w.fixed);
         match self.state.displacement {
-            Switch::On => Some(Reason::DisplacementActive),
-            Switch::Unknown => Some(Reason::DisplacementUnknown),
-            Switch::Off if self.state.soft == Switch::On => Some(Reason::SoftServoActive),
-            Switch::Off if self.state.soft == Switch::Unknown => Some(Reason::SoftServoUnknown),
-            Switch::Off if misfit => Some(Reason::BothHeld),
-            Switch::Off => self.axes_unknown(&pose.written.external),
+            OnOff::On => Some(Reason::DisplacementActive),
+            OnOff::Unknown => Some(Reason::DisplacementUnknown),
+            OnOff::Off if self.state.soft == OnOff::On => Some(Reason::SoftServoActive),
+            OnOff::Off if self.state.soft == OnOff::Unknown => Some(Reason::SoftServoUnknown),
+            OnOff::Off if misfit => Some(Reason::BothHeld),
+            OnOff::Off => self.axes_unknown(&pose.written.external),
         }
     }
 

@@ -41,7 +41,7 @@ impl Runner<'_> {
             }
         }
         self.keep_what_is_refused();
-        self.said.kept.sort_by_key(|k| (k.source, k.span.start));
+        self.messages.kept.sort_by_key(|k| (k.source, k.span.start));
         let layout = Layout {
             literals: Arc::new(self.numbers.literals),
             sites: self.found.sites,
@@ -57,9 +57,9 @@ impl Runner<'_> {
             wobjs: self.used.wobjs,
             targets: self.found.targets,
             unknown: self.found.unknown,
-            kept: self.said.kept,
+            kept: self.messages.kept,
             arcs: self.counters.arcs,
-            diagnostics: self.said.diagnostics,
+            diagnostics: self.messages.diagnostics,
             layout,
         }
     }

@@ -7,7 +7,7 @@ use super::known::RoutineId;
 use super::motion;
 use super::outcome::Outcome;
 use super::predefined;
-use super::runner::{Flow, Mode, Runner};
+use super::runner::{Continuation, Mode, Runner};
 use super::tree::{Assignment, File, RoutineKind, Statement, StatementKind};
 use crate::{Kept, Reason, UnknownMotion};
 use deflex_text::limits::RUN_MOTIONS;
@@ -100,7 +100,7 @@ impl<'a> Runner<'a> {
         done
     }
 
-    pub(super) fn block(&mut self, block: &'a [Statement]) -> Flow {
+    pub(super) fn block(&mut self, block: &'a [Statement]) -> Continuation {
         for statement in block {
             self.budget.spend(1);
             if self.budget.is_spent()
@@ -114,7 +114,7 @@ impl<'a> Runner<'a> {
                 StatementKind::Assign(assignment) => {
                     self.begin_statement(at);
                     self.assignment(assignment);
-                    Flow::Next
+                    Continuation::Next
                 }
                 StatementKind::Call(call) => {
                     self.begin_statement(at);
@@ -123,7 +123,7 @@ impl<'a> Runner<'a> {
                 StatementKind::Mark(mark) => {
                     self.state.mark = Some(*mark);
                     self.state.mark_unknown = self.jumping.marks;
-                    Flow::Next
+                    Continuation::Next
                 }
                 StatementKind::If(of) => self.condition(of, at),
                 StatementKind::For(of) => self.counted(of, at),
@@ -135,14 +135,14 @@ impl<'a> Runner<'a> {
                         self.numbers.pin_value(&value);
                     }
                     self.leave();
-                    Flow::Gone
+                    Continuation::Elsewhere
                 }
                 StatementKind::Raise => self.raise(),
                 // These belong to handlers, which are not run; elsewhere they are errors.
-                StatementKind::Exit | StatementKind::Retry | StatementKind::TryNext => Flow::Gone,
+                StatementKind::Exit | StatementKind::Retry | StatementKind::TryNext => Continuation::Elsewhere,
                 StatementKind::Connect(_) => {
                     self.counters.events += 1;
-                    Flow::Next
+                    Continuation::Next
                 }
                 StatementKind::Goto(label) => {
                     self.note(
@@ -151,24 +151,24 @@ impl<'a> Runner<'a> {
                         "GOTO is not followed: statements are taken in the order of the text, and what the routine \
                          changes is not known in it",
                     );
-                    Flow::Next
+                    Continuation::Next
                 }
             };
             // In a routine with labels, a jump may reach the next statement.
-            if flow == Flow::Gone && !self.frames.last().is_some_and(|frame| frame.jumps) {
+            if flow == Continuation::Elsewhere && !self.frames.last().is_some_and(|frame| frame.jumps) {
                 return flow;
             }
         }
-        Flow::Next
+        Continuation::Next
     }
 
     /// Ends the run at a statement of the running routine.
-    pub(super) fn give_up(&mut self, at: Span) -> Flow {
+    pub(super) fn give_up(&mut self, at: Span) -> Continuation {
         if !self.budget.has_ended() {
             // Reported once: everything still running ends at its next step.
             self.budget.end();
             if self.reached.looking_aside {
-                return Flow::Gone;
+                return Continuation::Elsewhere;
             }
             let (targets, steps) = (self.budget.most_targets, self.budget.most_steps);
             let message = match self.gathering {
@@ -180,16 +180,16 @@ impl<'a> Runner<'a> {
             };
             let error = Diagnostic::error("rapid.endless", "", message)
                 .at(&self.symbols.sources[self.scope().source as usize], at);
-            self.said.diagnostics.push(error.help(RUN_MOTIONS.help));
+            self.messages.diagnostics.push(error.help(RUN_MOTIONS.help));
         }
-        Flow::Gone
+        Continuation::Elsewhere
     }
 
     /// Refuses the program because no controller would run it.
     pub(super) fn refuse(&mut self, source: u16, span: Span, code: &'static str, message: &str, help: &str) {
-        if self.mode == Mode::Real && self.said.reported.insert((usize::from(source), span, code)) {
+        if self.mode == Mode::Real && self.messages.reported.insert((usize::from(source), span, code)) {
             let error = Diagnostic::error(code, "", message).at(&self.symbols.sources[usize::from(source)], span);
-            self.said.diagnostics.push(error.help(help));
+            self.messages.diagnostics.push(error.help(help));
         }
     }
 
@@ -199,9 +199,9 @@ impl<'a> Runner<'a> {
 
     pub(super) fn tell(&mut self, span: Span, code: &'static str, message: &str, severity: Severity) {
         let source = self.scope().source as usize;
-        if self.mode == Mode::Real && self.said.reported.insert((source, span, code)) {
+        if self.mode == Mode::Real && self.messages.reported.insert((source, span, code)) {
             let told = Diagnostic::error(code, "", message).at(&self.symbols.sources[source], span);
-            self.said.diagnostics.push(told.severity(severity));
+            self.messages.diagnostics.push(told.severity(severity));
         }
     }
 
@@ -215,7 +215,7 @@ impl<'a> Runner<'a> {
         let fault = matches!(reason, Reason::NotANumber | Reason::Aggregate | Reason::NotUnit);
         let source = self.scope().source;
         self.keep_as(source as usize, span, reason, fault);
-        let line = self.said.lines[source as usize].line(span.start);
+        let line = self.messages.lines[source as usize].line(span.start);
         self.miss(UnknownMotion { ordinal: self.counters.motions, reason, source, span, line });
     }
 
@@ -231,10 +231,10 @@ impl<'a> Runner<'a> {
     }
 
     fn keep_as(&mut self, source: usize, span: Span, reason: Reason, fault: bool) {
-        if source < self.written && self.said.seen.insert((source, span, reason)) {
-            let line = self.said.lines[source].line(span.start);
+        if source < self.written && self.messages.seen.insert((source, span, reason)) {
+            let line = self.messages.lines[source].line(span.start);
             let help = "";
-            self.said.kept.push(Kept { source, span, line: line as usize, reason, fault, help });
+            self.messages.kept.push(Kept { source, span, line: line as usize, reason, fault, help });
         }
     }
 
@@ -261,13 +261,13 @@ impl<'a> Runner<'a> {
     }
 
     /// A statement that calls a procedure or an instruction.
-    fn procedure(&mut self, call: &'a Call, at: Span) -> Flow {
+    fn procedure(&mut self, call: &'a Call, at: Span) -> Continuation {
         let scope = self.scope();
         let (bytes, arguments) = (self.bytes(scope.source as usize), &call.arguments);
         if arguments.is_cut {
             self.keep_here(at, Reason::NotUnderstood);
             self.unknown_call(scope, arguments);
-            return Flow::Next;
+            return Continuation::Next;
         }
         if let Some(name) = &call.late {
             return self.enter_late(scope, name, call, at);
@@ -299,15 +299,15 @@ impl<'a> Runner<'a> {
                 if self.skipped_since(failures) {
                     self.position.stands = None;
                 }
-                Flow::Next
+                Continuation::Next
             }
             (None, Some(instruction)) => self.instruction(scope, call, instruction, at),
             (None, None) => {
                 self.unknown_procedure(scope, call, at);
-                Flow::Next
+                Continuation::Next
             }
         };
-        if fails && flow == Flow::Next {
+        if fails && flow == Continuation::Next {
             self.may_be_handled(true);
         }
         flow

@@ -2,7 +2,7 @@
 
 use super::gathering::Gathering;
 use super::known::RoutineId;
-use super::layers::{Layer, Left};
+use super::layers::{EndState, Layer};
 use super::literal::Literal;
 use super::ran::{Ran, Use};
 use super::state::{Begun, ModalState, Switches};
@@ -21,12 +21,14 @@ const STEPS_PER_BYTE: usize = 4;
 /// Most targets in all, with loops expanded, in addition to those per byte: a file of one line must not fill the memory.
 const TARGETS: usize = 200_000;
 const TARGETS_PER_BYTE: usize = 1;
-/// Whether the next statement is run.
+
+/// Where the program continues after a statement.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Flow {
+pub(super) enum Continuation {
+    /// At the next statement.
     Next,
-    /// The program continues elsewhere, with the state that was noted for that point.
-    Gone,
+    /// At another place, with the end state that was recorded for it.
+    Elsewhere,
 }
 
 /// A routine that is being run.
@@ -37,9 +39,9 @@ pub(super) struct Frame {
     /// The layer that began with it.
     pub(super) layer: usize,
     /// States at which it returns before its end.
-    pub(super) returns: Vec<Left>,
+    pub(super) returns: Vec<EndState>,
     /// States at which it passes an error to its caller.
-    pub(super) raises: Vec<Left>,
+    pub(super) raises: Vec<EndState>,
     /// It contains a GOTO.
     pub(super) jumps: bool,
     /// The modal state at the last noted error.
@@ -53,7 +55,7 @@ pub(super) struct Frame {
 pub(super) enum Mode {
     /// The targets of the program.
     Real,
-    /// The data that routines would use that nothing runs.
+    /// A routine that the program never calls: only the data that it would use are recorded.
     Aside,
     /// Only the state after it.
     Dry,
@@ -78,7 +80,7 @@ pub(super) struct Runner<'a> {
     pub(super) before_all: BTreeMap<usize, Content<'a>>,
     pub(super) state: ModalState,
     pub(super) mode: Mode,
-    /// States that calling routines with a GOTO may switch on at any of their statements.
+    /// Modal states (displacement, soft servo, …) that may be on at any statement, because a calling routine contains a GOTO.
     pub(super) jumping: Switches,
     /// Number of nested loops that are run only for the state at the start of a round.
     pub(super) dry: usize,
@@ -92,7 +94,7 @@ pub(super) struct Runner<'a> {
     pub(super) used: UsedFrames,
     pub(super) found: Found,
     pub(super) gathering: Gathering,
-    pub(super) said: Said,
+    pub(super) messages: Messages,
     pub(super) begun: Begun,
 }
 
@@ -241,7 +243,7 @@ pub(super) struct Found {
 
 /// Messages to the user.
 #[derive(Default)]
-pub(super) struct Said {
+pub(super) struct Messages {
     pub(super) kept: Vec<Kept>,
     /// Statements that were kept, with the reason.
     pub(super) seen: HashSet<(usize, Span, Reason)>,
@@ -286,7 +288,7 @@ impl<'a> Runner<'a> {
             used: UsedFrames::default(),
             found: Found::default(),
             gathering: Gathering::All,
-            said: Said { lines: sources.iter().map(LineIndex::new).collect(), ..Said::default() },
+            messages: Messages { lines: sources.iter().map(LineIndex::new).collect(), ..Messages::default() },
             begun: Begun::default(),
         };
         for (source, file) in files.iter().enumerate().take(written) {

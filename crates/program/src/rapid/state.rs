@@ -7,14 +7,14 @@ use std::ops::BitOrAssign;
 
 /// Whether a mode is switched on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Switch {
+pub(super) enum OnOff {
     #[default]
     Off,
     On,
     Unknown,
 }
 
-impl Switch {
+impl OnOff {
     fn join(self, other: Self) -> Self {
         if self == other { self } else { Self::Unknown }
     }
@@ -107,12 +107,12 @@ pub(super) struct ModalState {
     pub(super) mark: Option<Mark>,
     /// The mark in force is known only at run time.
     pub(super) mark_unknown: bool,
-    pub(super) displacement: Switch,
+    pub(super) displacement: OnOff,
     pub(super) axes: Axes,
     /// Whether axes yield (`SoftAct`).
-    pub(super) soft: Switch,
+    pub(super) soft: OnOff,
     /// Whether the robot grips a load other than `load0` (`GripLoad`).
-    pub(super) load: Switch,
+    pub(super) load: OnOff,
     /// `None` if known only at run time.
     pub(super) velocity: Option<Velocity>,
     pub(super) arcs: ArcMode,
@@ -123,10 +123,10 @@ impl Default for ModalState {
         Self {
             mark: None,
             mark_unknown: false,
-            displacement: Switch::Off,
+            displacement: OnOff::Off,
             axes: Axes::default(),
-            soft: Switch::Off,
-            load: Switch::Off,
+            soft: OnOff::Off,
+            load: OnOff::Off,
             velocity: Some(Velocity::AS_PROGRAMMED),
             arcs: ArcMode::default(),
         }
@@ -151,16 +151,16 @@ impl ModalState {
     pub(super) fn lose(&mut self, switches: Switches) {
         let Switches { displacement, axes, marks, soft, load, velocity, arcs } = switches;
         if displacement {
-            self.displacement = Switch::Unknown;
+            self.displacement = OnOff::Unknown;
         }
         if axes {
             self.axes = Axes::UNKNOWN;
         }
         if soft {
-            self.soft = Switch::Unknown;
+            self.soft = OnOff::Unknown;
         }
         if load {
-            self.load = Switch::Unknown;
+            self.load = OnOff::Unknown;
         }
         if velocity {
             self.velocity = None;

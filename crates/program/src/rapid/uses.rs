@@ -198,7 +198,7 @@ impl<'a> Runner<'a> {
             let source = &self.symbols.sources[id.file];
             let note = Diagnostic::error("rapid.trap-moves", "", message).at(source, self.symbols.routine(id).name);
             let help = "let it move back to the interrupted position (StorePath, CRobT, RestoPath) before the program continues";
-            self.said.diagnostics.push(note.severity(Severity::Note).help(help));
+            self.messages.diagnostics.push(note.severity(Severity::Note).help(help));
         }
     }
 
@@ -240,7 +240,7 @@ impl<'a> Runner<'a> {
                 let name = String::from_utf8_lossy(self.routine_name(id)).into_owned();
                 let message = format!("{} of `{name}` left as they are: {reason}", motions(idle.len()));
                 let note = Diagnostic::error("rapid.not-run", "", message).at(&self.symbols.sources[id.file], *first);
-                self.said.diagnostics.push(note.severity(Severity::Note));
+                self.messages.diagnostics.push(note.severity(Severity::Note));
                 idle.iter().for_each(|span| self.keep(id.file, *span, reason));
             }
         }

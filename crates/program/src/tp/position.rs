@@ -1,7 +1,7 @@
 //! Reads `/POS`: the positions as written, and the places of their numbers.
 
 use crate::{AxisName, EXTERNAL_AXES, Reason};
-use crate::{Config as Said, GroupAxis};
+use crate::{Config, GroupAxis};
 use deflex_lang::tp::lex::{Parsed, blanks, number_token, spaced, value_of, word};
 use deflex_text::Span;
 use nom::Parser;
@@ -52,7 +52,7 @@ pub(super) struct Pose {
     /// Their tokens, sign included.
     pub(super) tokens: [Span; 6],
     /// Posture and turns, if they can be read.
-    pub(super) config: Option<Config>,
+    pub(super) config: Option<WrittenConfig>,
 }
 
 /// Number of a frame or a tool.
@@ -66,9 +66,9 @@ pub(super) enum Number {
 
 /// `CONFIG` with the places of its turn numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Config {
+pub(super) struct WrittenConfig {
     /// The configuration.
-    pub(super) config: Said,
+    pub(super) config: Config,
     /// Tokens of the turn numbers.
     pub(super) tokens: [Span; 3],
 }
@@ -276,11 +276,11 @@ fn body(items: &[Item<'_>]) -> Body {
 }
 
 /// `'N U T, 0, 0, 0'`, under its English or its German name.
-fn config(items: &[Item<'_>]) -> Option<Config> {
+fn config(items: &[Item<'_>]) -> Option<WrittenConfig> {
     let found = numbers(items, ["CONFIG"]).or_else(|| numbers(items, ["KONFIG"]));
     let Some([Value::Text { text, at }]) = found else { return None };
     let base = Base(text);
-    let mut config = Said { posture: 0, turns: [0; 3] };
+    let mut config = Config { posture: 0, turns: [0; 3] };
     let mut tokens = [Span::default(); 3];
     let (mut rest, mut letters) = (text, 0);
     while let Ok((behind, letter)) = spaced(take(1_usize)).parse(rest) as Parsed<'_, &[u8]> {
@@ -313,7 +313,7 @@ fn config(items: &[Item<'_>]) -> Option<Config> {
         tokens[i] = Span { start: at.start + place.start, end: at.start + place.end };
         rest = behind;
     }
-    rest.is_empty().then_some(Config { config, tokens })
+    rest.is_empty().then_some(WrittenConfig { config, tokens })
 }
 
 /// Axes of other motion groups, each once; the pose of another arm counts as its whole group.
@@ -359,7 +359,7 @@ mod tests {
         assert_eq!(pose.tokens.map(text), [&b"1111.865"[..], b".000", b"-.500", b"-70.737", b"11.951", b"-35.487"]);
         assert_eq!(pose.frames, [Number::Known(1), Number::Selected]);
         let config = pose.config.unwrap();
-        assert_eq!(config.config, Said { posture: 7, turns: [1, -1, 0] });
+        assert_eq!(config.config, Config { posture: 7, turns: [1, -1, 0] });
         assert_eq!(config.tokens.map(text), [&b"1"[..], b"-1", b"0"]);
         let (rest, second) = next(TEXT, rest).unwrap();
         let second = second.unwrap();

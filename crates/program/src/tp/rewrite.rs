@@ -1,7 +1,7 @@
 //! Writes corrected poses into the numbers of `/POS`: only signs and digits change. Points between targets are [inserted](super::insert).
 
 use super::Layout;
-use super::position::{Body, Config as Written, Pose};
+use super::position::{Body, Pose, WrittenConfig};
 use super::written::{DECIMALS, nearest, single};
 use super::{arcs, insert};
 use crate::orientation::{from_zyx_deg, halfway, quaternion, rotation, zyx_deg};
@@ -179,7 +179,7 @@ impl Writer<'_> {
     }
 
     /// New turn numbers. The letters of CONFIG are never edited, so a position that needs other letters is kept.
-    fn turns(&self, print: &mut Print, written: Written, posture: i32, turns: [i32; 3]) -> Result<(), Reason> {
+    fn turns(&self, print: &mut Print, written: WrittenConfig, posture: i32, turns: [i32; 3]) -> Result<(), Reason> {
         if posture != written.config.posture {
             return Err(Reason::ConfigChanges);
         }

@@ -144,21 +144,6 @@ pub struct PathTrace {
 
 impl PathTrace {
     /// An empty path, one of `programs` on a page.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cell::Cell;
-    /// # use deflex_program::rapid;
-    /// # use deflex_text::Source;
-    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
-    /// use deflex_report::html::{PathKind, PathTrace};
-    ///
-    /// let mut trace = PathTrace::new(PathKind::Compensate, 1);
-    /// trace.extend(&corrected.rows);
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn new(kind: PathKind, programs: usize) -> Self {
         let channels = match kind {
@@ -182,21 +167,6 @@ impl PathTrace {
     }
 
     /// Adds rows in running order.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cell::Cell;
-    /// # use deflex_program::rapid;
-    /// # use deflex_text::Source;
-    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
-    /// use deflex_report::html::{PathKind, PathTrace};
-    ///
-    /// let mut trace = PathTrace::new(PathKind::Compensate, 1);
-    /// corrected.rows.chunks(20).for_each(|rows| trace.extend(rows));
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     pub fn extend(&mut self, rows: &[Row]) {
         for row in rows {
             self.parts[self.at].1.push(Sample {
@@ -281,32 +251,6 @@ pub struct PathPage<'a> {
 
 impl PathPage<'_> {
     /// The page.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cell::Cell;
-    /// # use deflex_program::rapid;
-    /// # use deflex_text::Source;
-    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
-    /// use deflex_correct::Summary;
-    /// use deflex_report::html::{PathKind, PathPage, PathTrace};
-    /// use deflex_report::{FileSummary, Origin};
-    ///
-    /// let mut trace = PathTrace::new(PathKind::Compensate, 1);
-    /// trace.extend(&corrected.rows);
-    /// let summary = FileSummary::of("slot.mod", &Summary::of(&corrected.rows), &[]);
-    /// let page = PathPage {
-    ///     kind: PathKind::Compensate,
-    ///     cell: &Origin::of("cell.toml", b""),
-    ///     programs: &[(summary, trace)],
-    ///     scene: Some(&cell),
-    ///     tolerance_mm: None,
-    /// };
-    /// assert!(page.html().starts_with("<!DOCTYPE html>"));
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn html(&self) -> String {
         let corrects = self.kind == PathKind::Compensate;
