@@ -4,7 +4,8 @@ use super::second_reading::compare::CELL;
 use super::second_reading::generate;
 use deflex::cell::Cell;
 use deflex::correct::{Options, Sinks, StreamError, compensate, compensate_executed, predict, predict_chunks};
-use deflex::program::{AnyChunks, rapid};
+use deflex::program::AnyChunks;
+use deflex::program::rapid::{self, Executed};
 use deflex::report::{CSV_HEADER, csv_rows, write_csv};
 use deflex::text::{Diagnostic, Source, apply};
 use std::io::Cursor;
@@ -137,9 +138,9 @@ fn a_run_is_predicted_as_the_whole_is() {
     let whole = predict(&program, &cell, &Options::default(), None).unwrap();
     let mut expected = Vec::new();
     write_csv(&whole.rows, &mut expected).unwrap();
-    let chunks: AnyChunks<Cursor<Vec<u8>>> = AnyChunks::executed(sources(std::slice::from_ref(&text)).remove(0), &[])
-        .unwrap()
-        .expect("more motions than are held");
+    let executed = Executed::read(sources(std::slice::from_ref(&text)), Vec::new()).unwrap();
+    let executed = executed.expect("more motions than are held");
+    let chunks: AnyChunks<Cursor<Vec<u8>>> = AnyChunks::Executed(executed.chunks());
     let mut report = CSV_HEADER.as_bytes().to_vec();
     let mut sinks =
         Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };

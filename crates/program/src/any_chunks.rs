@@ -1,10 +1,10 @@
 //! The chunks of a long program in any language, for every way of reading them.
 
 use super::chunk::{Next, StreamableChunk};
-use super::cl::{self, ClOptions};
+use super::cl;
 use super::krl;
 use super::rapid::{self, Names};
-use deflex_text::{Diagnostic, Source};
+use deflex_text::Diagnostic;
 use std::io::{self, Read, Seek};
 
 /// A chunk that was taken. Any thread may read it.
@@ -70,47 +70,6 @@ pub enum AnyChunks<R> {
 }
 
 impl<R: Read + Seek> AnyChunks<R> {
-    /// RAPID with inline targets in one procedure; `None` if `input` begins in another way.
-    ///
-    /// # Errors
-    /// `input` cannot be read.
-    pub fn inline(name: &str, input: R, context: &[Source]) -> io::Result<Option<Self>> {
-        Ok(rapid::Chunks::of_file(name, input, context)?.map(|chunks| Self::Inline(Box::new(chunks))))
-    }
-
-    /// RAPID of which an index is held; see [`rapid::Declared::new`].
-    ///
-    /// # Errors
-    /// An input cannot be read.
-    pub fn indexed(name: &str, body: R, file: R, context: &[Source]) -> io::Result<Option<Self>> {
-        Ok(rapid::Declared::new(name, body, file, context)?.map(|chunks| Self::Indexed(Box::new(chunks))))
-    }
-
-    /// RAPID that runs through more motions than can be held; see [`rapid::Executed::read`].
-    ///
-    /// # Errors
-    /// As [`rapid::read`].
-    pub fn executed(source: Source, context: &[Source]) -> Result<Option<Self>, Vec<Diagnostic>> {
-        let program = rapid::Executed::read(vec![source], context.to_vec())?;
-        Ok(program.map(|program| Self::Executed(program.chunks())))
-    }
-
-    /// CL; `None` if only the whole can be read.
-    ///
-    /// # Errors
-    /// `input` cannot be read.
-    pub fn cl(name: &str, input: R, options: &ClOptions) -> io::Result<Option<Self>> {
-        Ok(cl::Chunks::new(name, input, options)?.map(|chunks| Self::Cl(Box::new(chunks))))
-    }
-
-    /// KRL; `None` if only the whole can be read.
-    ///
-    /// # Errors
-    /// `input` cannot be read.
-    pub fn krl(name: &str, input: R, context: &[Source]) -> io::Result<Option<Self>> {
-        Ok(krl::Chunks::of_file(name, input, context, krl::CHUNK)?.map(|chunks| Self::Krl(Box::new(chunks))))
-    }
-
     /// Names of the targets of its motions, if they have any.
     #[must_use]
     pub fn names(&self) -> Option<Names> {
@@ -120,15 +79,23 @@ impl<R: Read + Seek> AnyChunks<R> {
             Self::Inline(_) | Self::Cl(_) | Self::Krl(_) => None,
         }
     }
-}
 
-impl<R: Read + Seek> AnyChunks<R> {
     fn reader(&self) -> &dyn ChunkReader {
         match self {
             Self::Inline(chunks) => &**chunks,
             Self::Indexed(chunks) => &**chunks,
             Self::Cl(chunks) => &**chunks,
             Self::Krl(chunks) => &**chunks,
+            Self::Executed(chunks) => chunks,
+        }
+    }
+
+    fn reader_mut(&mut self) -> &mut dyn ChunkReader {
+        match self {
+            Self::Inline(chunks) => &mut **chunks,
+            Self::Indexed(chunks) => &mut **chunks,
+            Self::Cl(chunks) => &mut **chunks,
+            Self::Krl(chunks) => &mut **chunks,
             Self::Executed(chunks) => chunks,
         }
     }
@@ -190,13 +157,7 @@ impl<R: Read + Seek> ChunkReader for AnyChunks<R> {
     }
 
     fn take(&mut self) -> io::Result<Next<UnreadChunk>> {
-        match self {
-            Self::Inline(chunks) => ChunkReader::take(&mut **chunks),
-            Self::Indexed(chunks) => ChunkReader::take(&mut **chunks),
-            Self::Cl(chunks) => ChunkReader::take(&mut **chunks),
-            Self::Krl(chunks) => ChunkReader::take(&mut **chunks),
-            Self::Executed(chunks) => ChunkReader::take(chunks),
-        }
+        self.reader_mut().take()
     }
 
     fn warnings(&self) -> Vec<Diagnostic> {

@@ -15,6 +15,7 @@ mod detect;
 mod external;
 mod front_end;
 pub mod jbi;
+mod kept;
 pub mod krl;
 mod language;
 mod long;

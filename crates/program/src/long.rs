@@ -1,8 +1,10 @@
 //! Long programs: chooses how their text is read a chunk at a time; no caller sees the choice.
 
 use super::any_chunks::AnyChunks;
-use super::cl::ClOptions;
+use super::cl::{self, ClOptions};
+use super::krl;
 use super::language::Language;
+use super::rapid;
 use deflex_text::{Diagnostic, Source, cannot_read};
 use std::borrow::Cow;
 use std::io::{Read, Seek};
@@ -99,18 +101,31 @@ impl<'a, T: LongText> LongProgram<'a, T> {
     fn chunks(&self, reading: Reading) -> Result<Option<AnyChunks<T::Reader>>, Vec<Diagnostic>> {
         let (name, context) = (self.text.name(), &self.context[..]);
         let open = || self.text.open();
-        let chunks = match (self.language, reading) {
-            (Language::Rapid, Reading::InOrder) => AnyChunks::inline(name, open()?, context),
-            (Language::Rapid, Reading::Indexed) => AnyChunks::indexed(name, open()?, open()?, context),
-            (Language::Rapid, Reading::Executed) => return AnyChunks::executed(self.text.whole()?, context),
-            (Language::Krl, Reading::InOrder) => AnyChunks::krl(name, open()?, context),
-            (Language::Cl, Reading::InOrder) => match &self.cl {
-                Some(options) => AnyChunks::cl(name, open()?, options),
-                None => Ok(None),
-            },
-            _ => Ok(None),
-        };
-        chunks.map_err(|error| cannot_read(name, &error))
+        let unreadable = |error| cannot_read(name, &error);
+        Ok(match (self.language, reading) {
+            (Language::Rapid, Reading::InOrder) => {
+                let chunks = rapid::Chunks::of_file(name, open()?, context).map_err(unreadable)?;
+                chunks.map(|chunks| AnyChunks::Inline(Box::new(chunks)))
+            }
+            (Language::Rapid, Reading::Indexed) => {
+                let chunks = rapid::Declared::new(name, open()?, open()?, context).map_err(unreadable)?;
+                chunks.map(|chunks| AnyChunks::Indexed(Box::new(chunks)))
+            }
+            (Language::Rapid, Reading::Executed) => {
+                let program = rapid::Executed::read(vec![self.text.whole()?], context.to_vec())?;
+                program.map(|program| AnyChunks::Executed(program.chunks()))
+            }
+            (Language::Krl, Reading::InOrder) => {
+                let chunks = krl::Chunks::of_file(name, open()?, context, krl::CHUNK).map_err(unreadable)?;
+                chunks.map(|chunks| AnyChunks::Krl(Box::new(chunks)))
+            }
+            (Language::Cl, Reading::InOrder) => {
+                let Some(options) = &self.cl else { return Ok(None) };
+                let chunks = cl::Chunks::new(name, open()?, options).map_err(unreadable)?;
+                chunks.map(|chunks| AnyChunks::Cl(Box::new(chunks)))
+            }
+            _ => None,
+        })
     }
 }
 

@@ -43,7 +43,7 @@ mod tests;
 
 pub use chunks::{CHUNK, Chunk, Chunks};
 
-use super::{Kept, Language, Program, Reason};
+use super::{Language, Program, Reason};
 use deflex_text::{Diagnostic, Severity, Source, Span};
 use run::{PositionTokens, Runner};
 use tree::File;
@@ -120,9 +120,7 @@ fn read_cut(mut sources: Vec<Source>, context: Vec<Source>, look: bool) -> Resul
             errors.push(error.help("give a .src with its .dat in the same folder"));
         } else if let Some(at) = file.cut {
             if look {
-                let line = source.line_column(at.range().start).line;
-                let reason = Reason::FileEndsInBlock;
-                cuts.push(Kept { source: index, span: at, line, reason, fault: true, help: "" });
+                cuts.push((index, at));
             } else {
                 let message =
                     "what begins here is not closed: expected END, ENDDAT, ENDIF, ENDFOR, ENDWHILE, ENDLOOP, …";
@@ -142,8 +140,7 @@ fn read_cut(mut sources: Vec<Source>, context: Vec<Source>, look: bool) -> Resul
         diagnostics.sort_by_key(|d| d.severity != Severity::Error);
         return Err(diagnostics);
     }
-    kept.append(&mut cuts);
-    kept.sort_by_key(|kept| (kept.source, kept.span.start));
+    cuts.into_iter().for_each(|(file, at)| kept.refuse(file, at, Reason::FileEndsInBlock));
     let literal_targets = files.iter().take(written).map(File::positions).sum();
     Ok(Program {
         written,
@@ -154,7 +151,7 @@ fn read_cut(mut sources: Vec<Source>, context: Vec<Source>, look: bool) -> Resul
         targets,
         unknown,
         actions: Vec::new(),
-        kept,
+        kept: kept.in_order(),
         literal_targets,
         arcs,
         cutter: None,

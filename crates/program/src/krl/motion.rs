@@ -229,6 +229,8 @@ impl Runner<'_> {
 
     /// The target of a motion at the running statement, with the mark that is in force.
     fn target_here(&self, goal: Goal, [tool, wobj]: [u16; 2], span: Span) -> Target {
+        #[allow(clippy::cast_possible_truncation)]
+        let source = self.here() as u16;
         Target {
             ordinal: self.motions,
             role: Role::End,
@@ -245,10 +247,9 @@ impl Runner<'_> {
             extra_load: false,
             external: None,
             name: None,
-            #[allow(clippy::cast_possible_truncation)]
-            source: self.here() as u16,
+            source,
             span,
-            line: self.lines[self.here()].line(span.start),
+            line: self.kept.line(source, span),
             predecessor: Predecessor::Previous,
             arc_turn: None,
         }

@@ -6,10 +6,11 @@ use super::steps::{Routines, VALUES_PER_STEP, routines};
 use super::symbols::{Id, RoutineId, Symbols};
 use super::tree::{File, Loop, Routine, Statement, StatementKind};
 use super::value::{Name, Selector, Value, upper};
-use crate::{Kept, Mark, Reason, Target, Tool, UnknownMotion, Wobj};
+use crate::kept::KeptStatements;
+use crate::{Mark, Reason, Target, Tool, UnknownMotion, Wobj};
 use deflex_lang::ir::SourceSpan;
 use deflex_lang::walk::Stop;
-use deflex_text::{Diagnostic, LineIndex, Severity, Source, Span, decode};
+use deflex_text::{Diagnostic, Severity, Source, Span, decode};
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::rc::Rc;
 
@@ -97,12 +98,10 @@ pub(super) struct Runner<'a> {
     pub(super) arcs: usize,
     /// Motions that run and whose target is unknown, in running order.
     pub(super) unknown: Vec<UnknownMotion>,
-    pub(super) kept: Vec<Kept>,
-    seen: HashSet<(usize, Span, Reason)>,
+    pub(super) kept: KeptStatements,
     /// Texts of the messages so far; each is given once.
     said: BTreeSet<String>,
     pub(super) diagnostics: Vec<Diagnostic>,
-    pub(super) lines: Vec<LineIndex>,
 }
 
 impl<'a> Runner<'a> {
@@ -115,7 +114,7 @@ impl<'a> Runner<'a> {
             is_recording: true,
             most_steps: STEPS + STEPS_PER_BYTE * bytes,
             most_targets: TARGETS + TARGETS_PER_BYTE * bytes,
-            lines: sources.iter().map(LineIndex::new).collect(),
+            kept: KeptStatements::new(sources, written),
             ..Self::default()
         };
         for (source, file) in files.iter().enumerate().take(written) {
@@ -243,31 +242,26 @@ impl<'a> Runner<'a> {
     }
 
     pub(super) fn keep(&mut self, source: usize, span: Span, reason: Reason) {
-        self.note(Kept { source, span, line: 0, reason, fault: false, help: "" });
+        if self.is_recording {
+            self.kept.keep(source, span, reason);
+        }
     }
 
     /// Records something that a controller does not load. No program will be written.
     pub(super) fn refuse(&mut self, span: Span, reason: Reason) {
-        self.note(Kept { source: self.here(), span, line: 0, reason, fault: true, help: "" });
-    }
-
-    fn note(&mut self, kept: Kept) {
-        if self.is_recording && kept.source < self.written && self.seen.insert((kept.source, kept.span, kept.reason)) {
-            let line = self.lines[kept.source].line(kept.span.start) as usize;
-            self.kept.push(Kept { line, ..kept });
+        if self.is_recording {
+            self.kept.refuse(self.here(), span, reason);
         }
     }
 
     /// Records a motion with an unknown target.
     pub(super) fn keep_motion(&mut self, span: Span, reason: Reason) {
-        if !self.is_recording {
-            return;
+        if self.is_recording {
+            let here = self.here();
+            #[allow(clippy::cast_possible_truncation)] // as a target has it
+            self.unknown.push(self.kept.unknown_motion(self.motions, here as u16, span, reason));
+            self.kept.keep(here, span, reason);
         }
-        let line = self.lines[self.here()].line(span.start);
-        #[allow(clippy::cast_possible_truncation)] // as a target has it
-        let source = self.here() as u16;
-        self.unknown.push(UnknownMotion { ordinal: self.motions, reason, source, span, line });
-        self.keep(self.here(), span, reason);
     }
 
     /// Adds a message at a place of a file, unless it was given already.

@@ -1,9 +1,10 @@
 //! Makes targets of the motions of a run.
 
 use super::{Layout, PoseSource, Style};
+use crate::kept::KeptStatements;
 use crate::{
-    ArcTurn, Conf, Editable, Goal, Kept, Language, Mark, Motion, Passing, Predecessor, Program, Reason, Role, Target,
-    Tool, ToolData, UnknownMotion, Wobj,
+    ArcTurn, Conf, Editable, Goal, Language, Mark, Motion, Passing, Predecessor, Program, Reason, Role, Target, Tool,
+    ToolData, UnknownMotion, Wobj,
 };
 use deflex_lang::dialect::Dialect;
 use deflex_lang::ir::{self, Path, SourceSpan, Switch};
@@ -81,7 +82,6 @@ fn build(
     let edits = editable(&outcome, &[]);
     let mut builder = Builder {
         style,
-        sources: &sources,
         tools: Vec::new(),
         wobjs: Vec::new(),
         set: Vec::new(),
@@ -89,7 +89,7 @@ fn build(
         sites: Vec::new(),
         passings: Vec::new(),
         unknown: Vec::new(),
-        kept: Vec::new(),
+        kept: KeptStatements::new(&sources, sources.len()),
         arcs: Vec::new(),
         ordinal: 0,
         last: None,
@@ -101,13 +101,12 @@ fn build(
         }
     }
     for place in &program.not_understood {
-        builder.keep(*place, Reason::NotUnderstood);
+        builder.kept.keep(place.source.into(), place.span, Reason::NotUnderstood);
     }
     let mut diagnostics = (lowering.warnings)(&sources[..written]);
     diagnostics.extend(not_given(program, &sources, style.dialect));
     diagnostics.extend(builder.without_mass(lowering.language));
-    let Builder { tools, wobjs, targets, sites, passings, unknown, mut kept, arcs, ordinal, .. } = builder;
-    kept.sort_by_key(|kept| (kept.source, kept.span));
+    let Builder { tools, wobjs, targets, sites, passings, unknown, kept, arcs, ordinal, .. } = builder;
     let dialect = (lowering.dialect)(&sources[..written]);
     let motions = ordinal as usize;
     let layout = Layout { style, tokens: program.tokens.clone(), sites, arcs, passings, motions };
@@ -116,7 +115,7 @@ fn build(
         wobjs,
         targets,
         unknown,
-        kept,
+        kept: kept.in_order(),
         literal_targets: literals(program, written),
         arcs: layout.arcs.len(),
         diagnostics,
@@ -182,9 +181,8 @@ fn not_given(program: &ir::Program, sources: &[Source], dialect: &dyn Dialect) -
     Some(warning.severity(Severity::Warning).help(help))
 }
 
-struct Builder<'a> {
+struct Builder {
     style: &'static Style,
-    sources: &'a [Source],
     tools: Vec<Tool>,
     wobjs: Vec<Wobj>,
     /// The values to which each tool was set.
@@ -193,7 +191,7 @@ struct Builder<'a> {
     sites: Vec<Option<PoseSource>>,
     passings: Vec<Passing>,
     unknown: Vec<UnknownMotion>,
-    kept: Vec<Kept>,
+    kept: KeptStatements,
     /// Targets of each circle.
     arcs: Vec<Range<usize>>,
     ordinal: u32,
@@ -201,7 +199,7 @@ struct Builder<'a> {
     last: Option<usize>,
 }
 
-impl Builder<'_> {
+impl Builder {
     /// Adds a motion. Returns whether it has a target.
     fn motion(&mut self, motion: &Moved, edit: Edit, follows: bool) -> bool {
         self.ordinal += 1;
@@ -209,9 +207,8 @@ impl Builder<'_> {
             Ok(()) => true,
             Err(reason) => {
                 let SourceSpan { source, span } = motion.place;
-                let line = self.line(motion.place);
-                self.unknown.push(UnknownMotion { ordinal: self.ordinal, reason, source, span, line });
-                self.keep(motion.place, reason);
+                self.unknown.push(self.kept.unknown_motion(self.ordinal, source, span, reason));
+                self.kept.keep(source.into(), span, reason);
                 false
             }
         }
@@ -286,7 +283,7 @@ impl Builder<'_> {
             name: None,
             source: motion.place.source,
             span: motion.place.span,
-            line: self.line(motion.place),
+            line: self.kept.line(motion.place.source, motion.place.span),
             predecessor: match motion.from {
                 PathStart::Start => Predecessor::Start,
                 PathStart::Previous if follows => Predecessor::Previous,
@@ -310,7 +307,7 @@ impl Builder<'_> {
             self.arcs.push(first..self.targets.len());
         }
         if let (Editable::No(why), false) = (editable, path == Motion::AbsoluteJoint) {
-            self.keep(motion.place, why);
+            self.kept.keep(motion.place.source.into(), motion.place.span, why);
         }
         Ok(())
     }
@@ -398,24 +395,7 @@ impl Builder<'_> {
             format!("{} programs say it with set_payload; it counts only with a `gravity` effect", language.name());
         Some(Diagnostic::error("program.no-mass", "", message).severity(Severity::Note).help(help))
     }
-
-    fn line(&self, place: SourceSpan) -> u32 {
-        let source = &self.sources[usize::from(place.source)];
-        u32::try_from(source.line_column(place.span.start as usize).line).unwrap_or(u32::MAX)
-    }
-
-    fn keep(&mut self, place: SourceSpan, reason: Reason) {
-        let (source, span) = (usize::from(place.source), Span { start: place.span.start, end: place.span.end });
-        let line = self.line(place) as usize;
-        let known = |kept: &Kept| (kept.source, kept.span, kept.reason) == (source, span, reason);
-        if !self.kept.iter().rev().take(KEPT_NEAR).any(known) {
-            self.kept.push(Kept { source, span, line, reason, fault: false, help: "" });
-        }
-    }
 }
-
-/// Number of earlier kept statements among which a repeated one is searched for: rounds of a loop repeat them.
-const KEPT_NEAR: usize = 64;
 
 fn content_of(pose: &Pose) -> Content {
     Content::Pose(Arc::new(Pose::constant(pose.pose())))

@@ -2,9 +2,9 @@
 
 use super::TargetInText;
 use super::lex::{Cursor, Key, LexemeKind, key};
-use super::value::SourceSpan;
 use super::writer::{Print, Writer};
 use crate::{Change, Editable, Reason};
+use deflex_lang::ir::SourceSpan;
 use deflex_text::{Edit, Source, Span};
 use std::collections::HashMap;
 

@@ -7,8 +7,9 @@ use super::expression::{Expression, ExpressionKind, Operation, Operator, Part, P
 use super::literal::Literal;
 use super::runner::Runner;
 use super::symbols::Upper;
-use super::value::{self, Pose, SourceSpan, Value};
+use super::value::{self, Pose, Value};
 use crate::Reason;
+use deflex_lang::ir::SourceSpan;
 use deflex_text::Span;
 use operators::apply;
 pub(super) use operators::equal;

@@ -1,9 +1,9 @@
 //! The treatment of a run's targets: all are stored, or equal motions are stored once, or they are sent in chunks.
 
 use super::agreed::Agreement;
-use super::value::SourceSpan;
 use crate::chunk::StreamableChunk;
 use crate::{Editable, Program, Role};
+use deflex_lang::ir::SourceSpan;
 use smallvec::SmallVec;
 use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;

@@ -7,10 +7,11 @@ use super::motion::{self, ToolAt, Zone};
 use super::syntax::Reader;
 use super::tree::StatementKind;
 use super::value::quarters;
-use super::value::{SourceSpan, unit};
+use super::value::unit;
 use super::writer::{Writer, single};
 use super::{Layout, TargetInText};
 use crate::{Conf, Goal, Insert, Motion, Passing, Program, Reason, Role, Target};
+use deflex_lang::ir::SourceSpan;
 use deflex_text::{Edit, Span, number};
 
 /// Zones for a point that the controller flies by, with the radius of their TCP path, mm.

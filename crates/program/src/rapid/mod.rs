@@ -81,12 +81,13 @@ use rewrite::rewrite;
 
 use super::front_end::FrontEnd;
 use super::{Change, Insert, Kept, Language, Passing, Program, Reason, RewriteOptions, Rewritten};
+use deflex_lang::ir::SourceSpan;
 use deflex_text::{Diagnostic, Edit, Severity, Source, Span};
 use lex::{Cursor, LexemeKind};
 use literal::Literal;
 use std::collections::HashSet;
 use std::sync::Arc;
-use value::{OffsetStep, SourceSpan};
+use value::OffsetStep;
 
 /// The positions of the number tokens of robtargets.
 #[derive(Debug, Default)]

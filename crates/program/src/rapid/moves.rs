@@ -9,9 +9,10 @@ use super::known::Changes;
 use super::motion::{Shape, ToolAt, Zone};
 use super::runner::{Mode, Runner};
 use super::state::{ArcMode, OnOff, Switches};
-use super::value::{Pose, SourceSpan, Value, unit};
+use super::value::{Pose, Value, unit};
 use super::{Offset, TargetInText};
 use crate::{Editable, Goal, Motion, Predecessor, Reason, Role, Target, ToolData};
+use deflex_lang::ir::SourceSpan;
 use deflex_text::{Span, decode};
 use std::rc::Rc;
 use std::sync::Arc;
@@ -66,7 +67,7 @@ impl<'a> Runner<'a> {
         let own_load = given.has(bytes, b"TLoad");
         let own_load = own_load && given.named(bytes, b"TLoad").is_none_or(|load| !self.is_no_load(scope, load));
         let feed_mm_s = self.speed(scope, given, shape.to + 1);
-        let line = self.messages.lines[scope.source as usize].line(span.start);
+        let line = self.messages.kept.line(scope.source, span);
         let target = Target {
             ordinal: self.counters.motions,
             role: Role::End,

@@ -2,9 +2,9 @@
 
 use super::runner::Runner;
 use super::tree::{File, RoutineKind, StatementKind};
-use super::value::SourceSpan;
 use super::{Layout, TargetInText};
 use crate::{Editable, Goal, Kept, Motion, Reason, Role, Target, Tool, UnknownMotion, Wobj};
+use deflex_lang::ir::SourceSpan;
 use deflex_text::Diagnostic;
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -41,7 +41,6 @@ impl Runner<'_> {
             }
         }
         self.keep_what_is_refused();
-        self.messages.kept.sort_by_key(|k| (k.source, k.span.start));
         let layout = Layout {
             literals: Arc::new(self.numbers.literals),
             sites: self.found.sites,
@@ -57,7 +56,7 @@ impl Runner<'_> {
             wobjs: self.used.wobjs,
             targets: self.found.targets,
             unknown: self.found.unknown,
-            kept: self.messages.kept,
+            kept: self.messages.kept.in_order(),
             arcs: self.counters.arcs,
             diagnostics: self.messages.diagnostics,
             layout,
@@ -137,7 +136,7 @@ impl Runner<'_> {
             let target = &self.found.targets[i];
             if let (Editable::No(reason), true) = (target.editable, target.motion != Motion::AbsoluteJoint) {
                 let (source, span) = (target.source as usize, target.span);
-                self.keep(source, span, reason);
+                self.messages.kept.keep(source, span, reason);
             }
         }
     }

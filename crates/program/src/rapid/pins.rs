@@ -5,7 +5,8 @@ use super::expression::{Expression, ExpressionKind};
 use super::literal::Literal;
 use super::runner::{Found, Numbers};
 use super::tree::File;
-use super::value::{Pose, SourceSpan, Value};
+use super::value::{Pose, Value};
+use deflex_lang::ir::SourceSpan;
 
 impl Numbers {
     pub(super) fn of(files: &[File]) -> Self {

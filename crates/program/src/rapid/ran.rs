@@ -1,6 +1,6 @@
 //! The statements that were run, and the targets of motions that were not.
 
-use super::value::SourceSpan;
+use deflex_lang::ir::SourceSpan;
 use deflex_text::Source;
 
 /// The statements that were run: one bit for each byte at which a statement may begin.

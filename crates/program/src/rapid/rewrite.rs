@@ -1,10 +1,11 @@
 //! Writes corrected poses back into number tokens: only sign and digits change.
 
-use super::value::{OffsetStep, SourceSpan, rotate, unit};
+use super::value::{OffsetStep, rotate, unit};
 use super::writer::{Pose, Print, Writer, single};
 use super::{Layout, Offset, TargetInText, clone, insert, own};
 use crate::token::{New, signed};
 use crate::{Change, Editable, Goal, Insert, Program, Reason, RewriteOptions, Rewritten, Role};
+use deflex_lang::ir::SourceSpan;
 use deflex_text::{Content, Edit, Token};
 use std::collections::{BTreeSet, HashMap, HashSet};
 

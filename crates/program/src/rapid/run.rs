@@ -9,7 +9,7 @@ use super::outcome::Outcome;
 use super::predefined;
 use super::runner::{Continuation, Mode, Runner};
 use super::tree::{Assignment, File, RoutineKind, Statement, StatementKind};
-use crate::{Kept, Reason, UnknownMotion};
+use crate::Reason;
 use deflex_text::limits::RUN_MOTIONS;
 use deflex_text::{Diagnostic, Severity, Span};
 
@@ -212,29 +212,20 @@ impl<'a> Runner<'a> {
             return;
         }
         // No controller loads this.
-        let fault = matches!(reason, Reason::NotANumber | Reason::Aggregate | Reason::NotUnit);
-        let source = self.scope().source;
-        self.keep_as(source as usize, span, reason, fault);
-        let line = self.messages.lines[source as usize].line(span.start);
-        self.miss(UnknownMotion { ordinal: self.counters.motions, reason, source, span, line });
+        let is_fault = matches!(reason, Reason::NotANumber | Reason::Aggregate | Reason::NotUnit);
+        let (source, kept) = (self.scope().source, &mut self.messages.kept);
+        match is_fault {
+            true => kept.refuse(source.into(), span, reason),
+            false => kept.keep(source.into(), span, reason),
+        }
+        let motion = kept.unknown_motion(self.counters.motions, source, span, reason);
+        self.miss(motion);
     }
 
     /// Keeps a statement of the running routine.
     pub(super) fn keep_here(&mut self, span: Span, reason: Reason) {
         if self.mode == Mode::Real {
-            self.keep(self.scope().source as usize, span, reason);
-        }
-    }
-
-    pub(super) fn keep(&mut self, source: usize, span: Span, reason: Reason) {
-        self.keep_as(source, span, reason, false);
-    }
-
-    fn keep_as(&mut self, source: usize, span: Span, reason: Reason, fault: bool) {
-        if source < self.written && self.messages.seen.insert((source, span, reason)) {
-            let line = self.messages.lines[source].line(span.start);
-            let help = "";
-            self.messages.kept.push(Kept { source, span, line: line as usize, reason, fault, help });
+            self.messages.kept.keep(self.scope().source.into(), span, reason);
         }
     }
 

@@ -8,10 +8,11 @@ use super::ran::{Ran, Use};
 use super::state::{Begun, ModalState, Switches};
 use super::symbols::{Content, Names, Symbols};
 use super::tree::File;
-use super::value::SourceSpan;
 use super::{Offset, TargetInText};
-use crate::{ExternalAxes, InactiveUnit, Kept, Reason, Target, Tool, UnknownMotion, Wobj};
-use deflex_text::{Diagnostic, LineIndex, Source, Span};
+use crate::kept::KeptStatements;
+use crate::{ExternalAxes, InactiveUnit, Target, Tool, UnknownMotion, Wobj};
+use deflex_lang::ir::SourceSpan;
+use deflex_text::{Diagnostic, Source, Span};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::sync::Arc;
 
@@ -244,13 +245,10 @@ pub(super) struct Found {
 /// Messages to the user.
 #[derive(Default)]
 pub(super) struct Messages {
-    pub(super) kept: Vec<Kept>,
-    /// Statements that were kept, with the reason.
-    pub(super) seen: HashSet<(usize, Span, Reason)>,
+    pub(super) kept: KeptStatements,
     /// Diagnostics that were reported, by code.
     pub(super) reported: HashSet<(usize, Span, &'static str)>,
     pub(super) diagnostics: Vec<Diagnostic>,
-    pub(super) lines: Vec<LineIndex>,
 }
 
 impl<'a> Runner<'a> {
@@ -288,12 +286,12 @@ impl<'a> Runner<'a> {
             used: UsedFrames::default(),
             found: Found::default(),
             gathering: Gathering::All,
-            messages: Messages { lines: sources.iter().map(LineIndex::new).collect(), ..Messages::default() },
+            messages: Messages { kept: KeptStatements::new(sources, written), ..Messages::default() },
             begun: Begun::default(),
         };
         for (source, file) in files.iter().enumerate().take(written) {
             for &(span, reason) in &file.odd {
-                runner.keep(source, span, reason);
+                runner.messages.kept.keep(source, span, reason);
             }
         }
         runner.state.mark = files.iter().take(written).find_map(|f| f.mark);

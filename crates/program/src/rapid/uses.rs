@@ -241,7 +241,7 @@ impl<'a> Runner<'a> {
                 let message = format!("{} of `{name}` left as they are: {reason}", motions(idle.len()));
                 let note = Diagnostic::error("rapid.not-run", "", message).at(&self.symbols.sources[id.file], *first);
                 self.messages.diagnostics.push(note.severity(Severity::Note));
-                idle.iter().for_each(|span| self.keep(id.file, *span, reason));
+                idle.iter().for_each(|span| self.messages.kept.keep(id.file, *span, reason));
             }
         }
     }

@@ -2,19 +2,13 @@
 
 use super::literal::{self, Literal, UNUSED_AXIS, Written};
 use crate::{Conf, Reason, ToolData, WobjData};
+use deflex_lang::ir::SourceSpan;
 use deflex_text::Span;
 use std::rc::Rc;
 
 /// Largest deviation of |q|² from 1 that counts as rounding of the printed text: a length of 1 ± 0.001. ABB's page on `orient`
 /// asks for a sum of squares of 1; with three decimals, the fewest that posts print, it stays within this.
 pub(super) const MAX_NORM_ERROR: f64 = 2e-3;
-
-/// A span in one of the sources.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) struct SourceSpan {
-    pub(crate) source: u16,
-    pub(crate) span: Span,
-}
 
 #[derive(Clone, Debug)]
 pub(super) enum Value {

@@ -2,10 +2,11 @@
 
 use super::Layout;
 use super::literal::Literal;
-use super::value::{SourceSpan, quarters, unit};
+use super::value::{quarters, unit};
 use crate::EXTERNAL_AXES;
 use crate::token::{New, signed};
 use crate::{Change, Editable, Goal, Program, Reason, RewriteOptions};
+use deflex_lang::ir::SourceSpan;
 use deflex_text::{Content, Edit, Span, Token};
 use std::collections::{BTreeSet, HashSet};
 

@@ -1,9 +1,11 @@
 //! Builds the targets of a run.
 
 use super::position::Position;
+use crate::kept::KeptStatements;
 use crate::{AxisName, EXTERNAL_AXES, Reason};
-use crate::{Editable, Kept, Role, Target, Tool, UnknownMotion, Wobj};
+use crate::{Editable, Role, Target, Tool, UnknownMotion, Wobj};
 use deflex_lang::tp::{Code, Held, Motion, Point};
+use deflex_text::Source;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
@@ -61,7 +63,7 @@ pub(super) struct Built {
     pub(super) sites: Vec<EditablePosition>,
     pub(super) tools: Vec<Tool>,
     pub(super) wobjs: Vec<Wobj>,
-    pub(super) kept: Vec<Kept>,
+    pub(super) kept: KeptStatements,
     pub(super) motions: usize,
     pub(super) arcs: usize,
     /// The targets of each arc.
@@ -92,7 +94,7 @@ pub(super) struct Builder<'a> {
 }
 
 impl<'a> Builder<'a> {
-    pub(super) fn new(code: &'a Code<'a>, positions: &'a [Position]) -> Self {
+    pub(super) fn new(source: &Source, code: &'a Code<'a>, positions: &'a [Position]) -> Self {
         let mut numbers = BTreeMap::new();
         for (at, position) in positions.iter().enumerate() {
             numbers.entry(position.number).and_modify(|(_, twice)| *twice = true).or_insert((at, false));
@@ -113,7 +115,7 @@ impl<'a> Builder<'a> {
                 .map(|axis| axis.axis)
                 .collect(),
             last: None,
-            built: Built::default(),
+            built: Built { kept: KeptStatements::new(std::slice::from_ref(source), 1), ..Built::default() },
         }
     }
 }

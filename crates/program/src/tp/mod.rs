@@ -17,7 +17,7 @@ mod targets;
 mod written;
 
 use super::front_end::{FrontEnd, stops_at};
-use super::{Change, Insert, Kept, Language, Passing, Program, Reason, RewriteOptions, Rewritten, lowered};
+use super::{Change, Insert, Language, Passing, Program, Reason, RewriteOptions, Rewritten, lowered};
 use deflex_lang::run::run;
 use deflex_lang::tp::{Calls, Code, StatementKind, lines, lower, runs};
 use deflex_text::{Diagnostic, Edit, Severity, Source, Span};
@@ -125,18 +125,11 @@ pub fn read(mut sources: Vec<Source>, context: Vec<Source>) -> Result<Program, V
     let places: Vec<_> = positions.iter().map(|position| (position.number, position.span)).collect();
     let (lowered, tp) = lower(&code, &places, &calls, follows(&source.bytes[sections.head.clone()]));
     let Ok(outcome) = run(&lowered, &tp) else { return Err(lowered::endless(source).into()) };
-    let built = builder::Builder::new(&code, &positions).build(&outcome);
+    let built = builder::Builder::new(source, &code, &positions).build(&outcome);
     let mut diagnostics: Vec<Diagnostic> = not_read(source, &odd).into_iter().collect();
     diagnostics.extend(not_given(source, &code, &calls));
     let mut kept = built.kept;
-    kept.extend(odd.iter().map(|span| Kept {
-        source: 0,
-        span: *span,
-        line: source.line_column(span.start as usize).line,
-        reason: Reason::PositionUnread,
-        fault: false,
-        help: "",
-    }));
+    odd.iter().for_each(|span| kept.keep(0, *span, Reason::PositionUnread));
     let literal_targets = positions.iter().filter(|position| matches!(position.body, Body::Pose(_))).count();
     let dialect = dialect::of(source, sections.head);
     let layout =
@@ -146,7 +139,7 @@ pub fn read(mut sources: Vec<Source>, context: Vec<Source>) -> Result<Program, V
         wobjs: built.wobjs,
         targets: built.targets,
         unknown: built.unknown,
-        kept,
+        kept: kept.in_order(),
         literal_targets,
         arcs: built.arcs,
         diagnostics,

@@ -7,8 +7,8 @@ use crate::EXTERNAL_AXES;
 use crate::lowered::intern;
 use crate::orientation::{from_zyx_deg, quaternion};
 use crate::{
-    Conf, Editable, ExternalAxes, Goal, GroupAxis, Kept, Mark, Motion as Path, Predecessor, Reason, Role, Target, Tool,
-    ToolData, UnknownMotion, Wobj, WobjData,
+    Conf, Editable, ExternalAxes, Goal, GroupAxis, Mark, Motion as Path, Predecessor, Reason, Role, Target, Tool,
+    ToolData, Wobj, WobjData,
 };
 use deflex_lang::ir;
 use deflex_lang::run::{Outcome, PathStart};
@@ -210,23 +210,14 @@ impl<'a> Builder<'a> {
 
     /// Records a motion with an unknown end.
     fn unknown(&mut self, at: usize, why: Reason) {
-        let (line, most) = (&self.code.lines[at], u32::MAX);
-        self.built.unknown.push(UnknownMotion {
-            ordinal: u32::try_from(self.built.motions).unwrap_or(most),
-            reason: why,
-            source: 0,
-            span: line.span,
-            line: u32::try_from(line.line).unwrap_or(most),
-        });
+        let ordinal = u32::try_from(self.built.motions).unwrap_or(u32::MAX);
+        let motion = self.built.kept.unknown_motion(ordinal, 0, self.code.lines[at].span, why);
+        self.built.unknown.push(motion);
         self.keep(at, why);
     }
 
     fn keep(&mut self, at: usize, reason: Reason) {
-        let line = &self.code.lines[at];
-        let known = self.built.kept.iter().any(|kept| kept.span == line.span && kept.reason == reason);
-        if !known {
-            self.built.kept.push(Kept { source: 0, span: line.span, line: line.line, reason, fault: false, help: "" });
-        }
+        self.built.kept.keep(0, self.code.lines[at].span, reason);
     }
 
     /// Keeps the targets whose numbers must not be edited because of other uses.
@@ -269,7 +260,6 @@ impl<'a> Builder<'a> {
             })
             .collect();
         kept.into_iter().for_each(|(at, why)| self.keep(at, why));
-        self.built.kept.sort_by_key(|kept| kept.span);
     }
 }
 
