@@ -1,22 +1,15 @@
 //! The page of `diff`.
 
 use super::markup::{Document, STAGE, Table, Tile, decimals, escape, mm, section, tiles};
-use super::trace::{Channel, MOST_STRETCHES, Sample, Trace};
+use super::trace::{Channels, MOST_STRETCHES, Sample, Trace};
 use crate::summary::grouped;
 use crate::{Difference, Origin};
 use deflex_program::{Goal, Program, Role};
 use serde_json::json;
 
-const CHANNELS: &[Channel] = &[
-    Channel { key: "x_mm", decimals: 4 },
-    Channel { key: "y_mm", decimals: 4 },
-    Channel { key: "z_mm", decimals: 4 },
-    Channel { key: "shift_x_mm", decimals: 6 },
-    Channel { key: "shift_y_mm", decimals: 6 },
-    Channel { key: "shift_z_mm", decimals: 6 },
-    Channel { key: "shift_mm", decimals: 6 },
-    Channel { key: "turn_deg", decimals: 6 },
-    Channel { key: "step_mm", decimals: 6 },
+const CHANNELS: Channels = &[
+    (4, &["x_mm", "y_mm", "z_mm"]),
+    (6, &["shift_x_mm", "shift_y_mm", "shift_z_mm", "shift_mm", "turn_deg", "step_mm"]),
 ];
 
 /// The page of the differences between `original` and the program called `corrected`.
@@ -85,7 +78,7 @@ pub fn diff_page(original: &Program, corrected: &str, found: &Difference) -> Str
 
 /// Targets of the first program that have a position of their own: joint targets have none without a cell.
 fn trace(original: &Program, found: &Difference) -> Trace {
-    let mut trace = Trace::new(CHANNELS, MOST_STRETCHES);
+    let mut trace = Trace::new(&[CHANNELS], MOST_STRETCHES);
     let mut moved = found.moved.iter().peekable();
     for (i, target) in original.targets.iter().enumerate() {
         let change = moved.next_if(|moved| moved.index == i);

@@ -1,28 +1,23 @@
 //! The page of `identify`.
 
 use super::markup::{Document, Table, Tile, bar, decimals, escape, further_pairs, list, section, tiles};
-use super::trace::{Channel, MOST_STRETCHES, Sample, Trace};
+use super::trace::{Channels, MOST_STRETCHES, Sample, Trace};
 use crate::identification::{elsewhere, named_parameter, nearby, significant};
 use crate::{Origin, identify_answer};
 use deflex_identify::{Identification, ResidualRow, Separation, SetShare};
 use serde_json::json;
 use std::fmt::Write;
 
-const CHANNELS: &[Channel] = &[
-    Channel { key: "run", decimals: 0 },
-    Channel { key: "block", decimals: 0 },
-    Channel { key: "held_out", decimals: 0 },
-    Channel { key: "x_mm", decimals: 4 },
-    Channel { key: "y_mm", decimals: 4 },
-    Channel { key: "z_mm", decimals: 4 },
-    Channel { key: "prefit_x_mm", decimals: 6 },
-    Channel { key: "prefit_y_mm", decimals: 6 },
-    Channel { key: "prefit_z_mm", decimals: 6 },
-    Channel { key: "prefit_mm", decimals: 6 },
-    Channel { key: "postfit_x_mm", decimals: 6 },
-    Channel { key: "postfit_y_mm", decimals: 6 },
-    Channel { key: "postfit_z_mm", decimals: 6 },
-    Channel { key: "postfit_mm", decimals: 6 },
+const CHANNELS: Channels = &[
+    (0, &["run", "block", "held_out"]),
+    (4, &["x_mm", "y_mm", "z_mm"]),
+    (
+        6,
+        &[
+            "prefit_x_mm", "prefit_y_mm", "prefit_z_mm", "prefit_mm", "postfit_x_mm", "postfit_y_mm", "postfit_z_mm",
+            "postfit_mm",
+        ],
+    ),
 ];
 
 /// The page of what was found about a cell, from programs and measured files.
@@ -273,7 +268,7 @@ fn left(found: &Identification) -> String {
 }
 
 fn trace(rows: &[ResidualRow]) -> Trace {
-    let mut trace = Trace::new(CHANNELS, MOST_STRETCHES);
+    let mut trace = Trace::new(&[CHANNELS], MOST_STRETCHES);
     let norm = |v: &[f64; 3]| v.iter().filter(|v| v.is_finite()).map(|v| v * v).sum::<f64>().sqrt();
     for (i, row) in rows.iter().enumerate() {
         let (before, after) = (norm(&row.prefit_mm), norm(&row.postfit_mm));

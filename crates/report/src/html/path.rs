@@ -2,7 +2,7 @@
 
 use super::markup::{Document, STAGE, Table, Tile, decimals, escape, mm, section, tiles};
 use super::scene;
-use super::trace::{Channel, MOST_STRETCHES, Sample, Trace};
+use super::trace::{Channels, MOST_STRETCHES, Sample, Trace, channels};
 use crate::summary::{FailureLine, PathKind, grouped, parts_text};
 use crate::{FileSummary, Origin, kept_text};
 use deflex_cell::Cell;
@@ -10,79 +10,43 @@ use deflex_correct::{KeptCount, Row, Status};
 use serde_json::json;
 use std::collections::BTreeSet;
 
-/// Columns of a report row and of the arm's posture there, in the order of [`values`].
-const CHANNELS: &[Channel] = &[
-    Channel { key: "x_mm", decimals: 4 },
-    Channel { key: "y_mm", decimals: 4 },
-    Channel { key: "z_mm", decimals: 4 },
-    Channel { key: "error_x_mm", decimals: 6 },
-    Channel { key: "error_y_mm", decimals: 6 },
-    Channel { key: "error_z_mm", decimals: 6 },
-    Channel { key: "error_mm", decimals: 6 },
-    Channel { key: "error_rx_deg", decimals: 7 },
-    Channel { key: "error_ry_deg", decimals: 7 },
-    Channel { key: "error_rz_deg", decimals: 7 },
-    Channel { key: "error_normal_mm", decimals: 6 },
-    Channel { key: "fx_n", decimals: 3 },
-    Channel { key: "fy_n", decimals: 3 },
-    Channel { key: "fz_n", decimals: 3 },
-    Channel { key: "sigma_mm", decimals: 6 },
-    Channel { key: "stiffness_normal_n_per_mm", decimals: 1 },
-    Channel { key: "stiffness_least_n_per_mm", decimals: 1 },
-    Channel { key: "stiffness_most_n_per_mm", decimals: 1 },
-    Channel { key: "remaining_path_mm", decimals: 6 },
-    Channel { key: "error_part_mm", decimals: 6 },
-    Channel { key: "spin_deg", decimals: 4 },
-    Channel { key: "axis_1_deg", decimals: 3 },
-    Channel { key: "axis_2_deg", decimals: 3 },
-    Channel { key: "axis_3_deg", decimals: 3 },
-    Channel { key: "axis_4_deg", decimals: 3 },
-    Channel { key: "axis_5_deg", decimals: 3 },
-    Channel { key: "axis_6_deg", decimals: 3 },
-    Channel { key: "limit_margin_deg", decimals: 3 },
-    Channel { key: "singular_margin_deg", decimals: 3 },
-    Channel { key: "base_x_mm", decimals: 3 },
-    Channel { key: "base_y_mm", decimals: 3 },
-    Channel { key: "base_z_mm", decimals: 3 },
-    Channel { key: "base_rx_deg", decimals: 6 },
-    Channel { key: "base_ry_deg", decimals: 6 },
-    Channel { key: "base_rz_deg", decimals: 6 },
-    Channel { key: "eax_a", decimals: 3 },
-    Channel { key: "eax_b", decimals: 3 },
-    Channel { key: "eax_c", decimals: 3 },
-    Channel { key: "eax_d", decimals: 3 },
-    Channel { key: "eax_e", decimals: 3 },
-    Channel { key: "eax_f", decimals: 3 },
-    Channel { key: "table_x_mm", decimals: 3 },
-    Channel { key: "table_y_mm", decimals: 3 },
-    Channel { key: "table_z_mm", decimals: 3 },
-    Channel { key: "table_i", decimals: 6 },
-    Channel { key: "table_j", decimals: 6 },
-    Channel { key: "table_k", decimals: 6 },
-    Channel { key: "circle_x_mm", decimals: 4 },
-    Channel { key: "circle_y_mm", decimals: 4 },
-    Channel { key: "circle_z_mm", decimals: 4 },
-    Channel { key: "correction_x_mm", decimals: 6 },
-    Channel { key: "correction_y_mm", decimals: 6 },
-    Channel { key: "correction_z_mm", decimals: 6 },
-    Channel { key: "correction_mm", decimals: 6 },
-    Channel { key: "correction_rx_deg", decimals: 7 },
-    Channel { key: "correction_ry_deg", decimals: 7 },
-    Channel { key: "correction_rz_deg", decimals: 7 },
-    Channel { key: "remaining_x_mm", decimals: 6 },
-    Channel { key: "remaining_y_mm", decimals: 6 },
-    Channel { key: "remaining_z_mm", decimals: 6 },
-    Channel { key: "remaining_mm", decimals: 6 },
+/// Columns of a report row, in the order of [`values`].
+const COMMON: Channels = &[
+    (4, &["x_mm", "y_mm", "z_mm"]),
+    (6, &["error_x_mm", "error_y_mm", "error_z_mm", "error_mm"]),
+    (7, &["error_rx_deg", "error_ry_deg", "error_rz_deg"]),
+    (6, &["error_normal_mm"]),
+    (3, &["fx_n", "fy_n", "fz_n"]),
+    (6, &["sigma_mm"]),
+    (1, &["stiffness_normal_n_per_mm", "stiffness_least_n_per_mm", "stiffness_most_n_per_mm"]),
+    (6, &["remaining_path_mm", "error_part_mm"]),
+    (4, &["spin_deg"]),
 ];
 
-/// Number of columns of the arm's posture.
-const STANCE: usize = 29;
+/// Columns of the arm's posture.
+const STANCE: Channels = &[
+    (
+        3,
+        &[
+            "axis_1_deg", "axis_2_deg", "axis_3_deg", "axis_4_deg", "axis_5_deg", "axis_6_deg", "limit_margin_deg",
+            "singular_margin_deg", "base_x_mm", "base_y_mm", "base_z_mm",
+        ],
+    ),
+    (6, &["base_rx_deg", "base_ry_deg", "base_rz_deg"]),
+    (3, &["eax_a", "eax_b", "eax_c", "eax_d", "eax_e", "eax_f", "table_x_mm", "table_y_mm", "table_z_mm"]),
+    (6, &["table_i", "table_j", "table_k"]),
+    (4, &["circle_x_mm", "circle_y_mm", "circle_z_mm"]),
+];
 
-/// Number of columns that only a correction has.
-const CORRECTED: usize = 11;
+/// Columns that only a correction has.
+const CORRECTED: Channels = &[
+    (6, &["correction_x_mm", "correction_y_mm", "correction_z_mm", "correction_mm"]),
+    (7, &["correction_rx_deg", "correction_ry_deg", "correction_rz_deg"]),
+    (6, &["remaining_x_mm", "remaining_y_mm", "remaining_z_mm", "remaining_mm"]),
+];
 
 fn values(row: &Row, kind: PathKind) -> Vec<f64> {
-    let mut values = Vec::with_capacity(CHANNELS.len());
+    let mut values = Vec::new();
     values.extend(row.position_mm);
     values.extend(row.error_mm);
     values.push(row.error_norm_mm());
@@ -104,7 +68,7 @@ fn values(row: &Row, kind: PathKind) -> Vec<f64> {
             values.extend(stance.table.unwrap_or([f64::NAN; 6]));
             values.extend(stance.circle_point.unwrap_or([f64::NAN; 3]));
         }
-        None => values.extend([f64::NAN; STANCE]),
+        None => values.extend(channels(STANCE).map(|_| f64::NAN)),
     }
     if kind == PathKind::Compensate {
         values.extend(row.correction_mm);
@@ -146,9 +110,9 @@ impl PathTrace {
     /// An empty path, one of `programs` on a page.
     #[must_use]
     pub fn new(kind: PathKind, programs: usize) -> Self {
-        let channels = match kind {
-            PathKind::Compensate => CHANNELS,
-            PathKind::Predict | PathKind::Check => &CHANNELS[..CHANNELS.len() - CORRECTED],
+        let channels: &[Channels] = match kind {
+            PathKind::Compensate => &[COMMON, STANCE, CORRECTED],
+            PathKind::Predict | PathKind::Check => &[COMMON, STANCE],
         };
         Self { kind, parts: vec![(None, Trace::new(channels, MOST_STRETCHES / programs.max(1)))], at: 0 }
     }

@@ -2,7 +2,7 @@
 
 use super::markup::{Document, STAGE, Table, Tile, bar, decimals, escape, further_pairs, list, section, tiles};
 use super::scene;
-use super::trace::{Channel, MOST_STRETCHES, Sample, Trace};
+use super::trace::{Channels, MOST_STRETCHES, Sample, Trace};
 use crate::Origin;
 use deflex_cell::Cell;
 use deflex_identify::Plan;
@@ -10,24 +10,18 @@ use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 /// What the picture of a plan shows of each row: the place, the load, and the posture of the arm.
-const CHANNELS: &[Channel] = &[
-    Channel { key: "x_mm", decimals: 4 },
-    Channel { key: "y_mm", decimals: 4 },
-    Channel { key: "z_mm", decimals: 4 },
-    Channel { key: "time_s", decimals: 0 },
-    Channel { key: "load_n", decimals: 1 },
-    Channel { key: "axis_1_deg", decimals: 3 },
-    Channel { key: "axis_2_deg", decimals: 3 },
-    Channel { key: "axis_3_deg", decimals: 3 },
-    Channel { key: "axis_4_deg", decimals: 3 },
-    Channel { key: "axis_5_deg", decimals: 3 },
-    Channel { key: "axis_6_deg", decimals: 3 },
-    Channel { key: "base_x_mm", decimals: 3 },
-    Channel { key: "base_y_mm", decimals: 3 },
-    Channel { key: "base_z_mm", decimals: 3 },
-    Channel { key: "base_rx_deg", decimals: 6 },
-    Channel { key: "base_ry_deg", decimals: 6 },
-    Channel { key: "base_rz_deg", decimals: 6 },
+const CHANNELS: Channels = &[
+    (4, &["x_mm", "y_mm", "z_mm"]),
+    (0, &["time_s"]),
+    (1, &["load_n"]),
+    (
+        3,
+        &[
+            "axis_1_deg", "axis_2_deg", "axis_3_deg", "axis_4_deg", "axis_5_deg", "axis_6_deg", "base_x_mm",
+            "base_y_mm", "base_z_mm",
+        ],
+    ),
+    (6, &["base_rx_deg", "base_ry_deg", "base_rz_deg"]),
 ];
 
 /// The arm of a cell, ready to be drawn.
@@ -97,7 +91,7 @@ pub fn plan_page(plan: &Plan, name: &str, cell: &Origin, DrawnArm(scene): &Drawn
 
 /// The rows in their order, with the posture of the arm at each.
 fn postures(plan: &Plan) -> Trace {
-    let mut trace = Trace::new(CHANNELS, MOST_STRETCHES);
+    let mut trace = Trace::new(&[CHANNELS], MOST_STRETCHES);
     for row in &plan.rows {
         let load = Vector3::from(row.load_n).norm();
         let values =

@@ -5,13 +5,20 @@ use deflex_text::number::write_fixed;
 use serde_json::{Value, json};
 use std::sync::Arc;
 
-/// One column of numbers with as many decimals as in the CSV report, so that a page shows the same digits.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Columns of numbers: the number of decimals, which is that of the CSV report, so that a page shows the same digits, and
+/// the names of the columns.
+pub(super) type Channels = &'static [(usize, &'static [&'static str])];
+
+/// One column of numbers.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Channel {
-    /// Name of the CSV column.
-    pub(super) key: &'static str,
-    /// Decimals.
-    pub(super) decimals: usize,
+    key: &'static str,
+    decimals: usize,
+}
+
+/// The columns one by one.
+pub(super) fn channels(channels: Channels) -> impl Iterator<Item = Channel> {
+    channels.iter().flat_map(|(decimals, keys)| keys.iter().map(|key| Channel { key, decimals: *decimals }))
 }
 
 /// One target as it is put into a [`Trace`].
@@ -62,7 +69,7 @@ const QUOTED: usize = 160;
 /// stretches, and what is kept depends on the samples alone.
 #[derive(Clone, Debug)]
 pub(super) struct Trace {
-    channels: &'static [Channel],
+    channels: Arc<[Channel]>,
     most: usize,
     /// Number of samples in a stretch.
     stride: usize,
@@ -105,14 +112,17 @@ impl Stretch {
 
 impl Trace {
     /// An empty path that keeps at most `most` stretches (at least 2, an even number).
-    pub(super) fn new(channels: &'static [Channel], most: usize) -> Self {
-        let most = most.max(2).next_multiple_of(2);
+    pub(super) fn new(all: &[Channels], most: usize) -> Self {
+        Self::of(all.iter().copied().flat_map(channels).collect(), most.max(2).next_multiple_of(2))
+    }
+
+    fn of(channels: Arc<[Channel]>, most: usize) -> Self {
         Self { channels, most, stride: 1, count: 0, stretches: Vec::new(), last: None, quotes: Vec::new() }
     }
 
     /// An empty path with the same channels and limits.
     pub(super) fn emptied(&self) -> Self {
-        Self::new(self.channels, self.most)
+        Self::of(Arc::clone(&self.channels), self.most)
     }
 
     /// Adds the next sample.
@@ -265,10 +275,10 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const CHANNELS: &[Channel] = &[Channel { key: "error_mm", decimals: 6 }];
+    const CHANNELS: Channels = &[(6, &["error_mm"])];
 
     fn trace(values: &[f64], most: usize) -> Trace {
-        let mut trace = Trace::new(CHANNELS, most);
+        let mut trace = Trace::new(&[CHANNELS], most);
         for (i, &value) in values.iter().enumerate() {
             let target = i as u32 + 1;
             let values = vec![value];
