@@ -40,7 +40,9 @@ pub(super) fn run(args: &Check) -> Outcome {
     {
         cell.cell.limits.max_correction = 1e-3 * most;
     }
-    one_thing(1 + args.reports.to_stdout())?;
+    // The verdicts in words make room for a report on stdout.
+    let has_report = args.reports.to_stdout() > 0;
+    one_thing(args.reports.to_stdout() + usize::from(!has_report || form != Form::Text))?;
     let originals = Originals::new(args.against.as_deref(), &jobs, kind)?;
     let mut outputs = Outputs::default();
     let batch = Batch {
@@ -72,7 +74,9 @@ pub(super) fn run(args: &Check) -> Outcome {
         Form::Sarif => pretty(&sarif(&files))?,
         Form::Text => check_text(&files),
     };
-    outputs.add_summary(&text);
+    if !has_report {
+        outputs.add_summary(&text);
+    }
     outputs.add_report(args.reports.json.as_ref(), || pretty(&answer_json(&setup, &files)))?;
     if let Some(path) = args.reports.report.as_ref().filter(|_| !rows.is_empty()) {
         report::joined(&mut outputs, path, &rows)?;
@@ -83,6 +87,9 @@ pub(super) fn run(args: &Check) -> Outcome {
     outputs.add_report(args.reports.html.as_ref(), || Ok(page.html()))?;
     outputs.commit()?;
     message::print(&setup.cell.own(said), args.common.quiet);
+    if has_report && !args.common.quiet {
+        message::say(&[text]);
+    }
     if !failed.is_empty() {
         return Err(failed);
     }

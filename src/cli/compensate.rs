@@ -12,7 +12,7 @@ use crate::session::job::Job;
 use crate::session::output::{Outputs, cannot_write, is_stdout, one_thing};
 use crate::session::read::{both, other_ending};
 use crate::session::written::{Written, written};
-use deflex::correct;
+use deflex::correct::{self, RAPID_MM_S};
 use deflex::program::Language;
 use deflex::report::html::{PathKind, PathTrace};
 use deflex::text::{Diagnostic, Severity};
@@ -28,6 +28,7 @@ pub(super) fn run(args: &Compensate) -> Outcome {
     setup.options.allow_clones = args.allow_clones;
     setup.options.post = Some(args.post);
     one_stdout(args, &jobs)?;
+    only_for_cl(args, &jobs)?;
     let outputs = Outputs::default();
     let batch = Batch {
         args,
@@ -103,6 +104,23 @@ impl Batch<'_> {
         }
         Ok(done)
     }
+}
+
+/// An error if an option for CL data is given, and no input has any.
+fn only_for_cl(args: &Compensate, jobs: &[Job]) -> Result<(), Vec<Diagnostic>> {
+    if jobs.is_empty() || jobs.iter().any(|job| job.language == Language::Cl) {
+        return Ok(());
+    }
+    let given = [
+        ("--post", args.post != Language::Rapid),
+        ("--max-targets", args.max_targets.is_some()),
+        ("--feed", args.feed.is_some()),
+        ("--rapid-speed", args.rapid_speed.total_cmp(&RAPID_MM_S).is_ne()),
+    ];
+    let Some((option, _)) = given.into_iter().find(|(_, is_given)| *is_given) else { return Ok(()) };
+    let message = format!("{option} is for CL data, and none are given");
+    let help = "leave it out: a robot program is corrected in its own language";
+    Err(vec![Diagnostic::error("usage.cl", "", message).help(help)])
 }
 
 /// An error if two results would go to stdout, or if several programs have no output folder.

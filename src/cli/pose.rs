@@ -153,7 +153,11 @@ impl Frames<'_> {
         let axes_deg: [f64; 6] =
             axes_deg.try_into().ok().filter(|deg: &[f64; 6]| deg.iter().all(|angle| angle.is_finite())).ok_or_else(
                 || {
-                    Diagnostic::error("pose.joints", "", format!("--joints has {} angles, expected 6", axes_deg.len()))
+                    let message = match axes_deg.iter().find(|angle| !angle.is_finite()) {
+                        Some(angle) => format!("--joints has the angle {angle}, expected a number"),
+                        None => format!("--joints has {} angles, expected 6", axes_deg.len()),
+                    };
+                    Diagnostic::error("pose.joints", "", message)
                         .help("six axis angles in degrees, as the pendant shows them, with commas between")
                 },
             )?;

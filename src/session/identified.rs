@@ -6,7 +6,7 @@ use deflex::cell::extended;
 use deflex::correct::{Course, Options, Prepared};
 use deflex::drive::{DriveError, FittedLaw, Log, LogError, WayOfTurning, Waypoint, arc_turn, fit_law};
 use deflex::identify::{self, Identification, Input, MeasuredRun, Progress, Written};
-use deflex::measured::{ColumnNames, Table};
+use deflex::measured::{ColumnNames, Forces, Table};
 use deflex::program::{ArcTurn, Program, Role};
 use deflex::report::html::identification_page;
 use deflex::report::{Origin, VERSION};
@@ -209,6 +209,12 @@ pub fn identify(
     written: Written,
     progress: &Progress<'_>,
 ) -> Result<Identified, Vec<Diagnostic>> {
+    if let Some(tool) = tool.filter(|_| poses.is_empty() && runs.iter().all(|run| run.program.language().is_edited())) {
+        let message = format!("--tool {tool} has no effect: it is for --poses and for CL data, and none are given");
+        return Err(vec![
+            Diagnostic::error("usage.tool", "", message).help("leave it out: the program names its tools"),
+        ]);
+    }
     let parsed = all(runs.iter().map(|run| run.parse(cell, tool)));
     let (parsed, tables) = both(parsed, all(poses.iter().map(|poses| poses.table(cell))))?;
     let read = parsed.iter().map(|run| &run.table).chain(&tables);
@@ -259,7 +265,7 @@ pub fn identify_path(
     };
     // The log has the angles of the motors. Forces deflect the arm, but do not change the path along which the
     // controller leads the motors.
-    let options = Options { tool: tool.map(str::to_owned), ..Options::default() };
+    let options = Options { tool: tool.map(str::to_owned), forces: Some(Forces::none()), ..Options::default() };
     let mut read = all(logs.iter().map(read))?;
     let course = |(program, _): &(Program, Log)| {
         let prepared = Prepared::new(program, &cell.cell, &options).map_err(|errors| cell.own(errors))?;
@@ -312,6 +318,11 @@ fn log_error(error: LogError, logs: &[(ProgramFiles, MeasuredFile)]) -> Diagnost
             )
         }
         LogError::Path(i, DriveError::TooLong) => format!("`{}` runs for more than a day", logs[*i].0.name()),
+        LogError::Slow { log, share } => format!(
+            "the robot drives at {:.0} % of the speed in `{}`, and takes longer than any acceleration explains",
+            100.0 * share,
+            logs[*log].0.name()
+        ),
     };
     let (at, help) = match error {
         LogError::OneLog => (0, "give a second log: --log PROGRAM LOG.csv --log PROGRAM LOG2.csv"),
@@ -319,6 +330,7 @@ fn log_error(error: LogError, logs: &[(ProgramFiles, MeasuredFile)]) -> Diagnost
             (i, "check that the log is of this program, of this robot, and in degrees as the pendant shows them")
         }
         LogError::Path(i, _) => (i, "check the cell's robot, tool and work object"),
+        LogError::Slow { log, .. } => (log, "record the axes with the speed override at 100 %"),
     };
     Diagnostic::error("log.program", file(at), message).help(help)
 }

@@ -134,10 +134,8 @@ impl<'a> Collected<'a> {
                 Vector3::zeros()
             };
             if above(&shift, limits.max_correction) {
-                let [shift, most] = [shift.norm(), limits.max_correction].map(|m| 1e3 * m);
-                let message = format!("correction of {shift:.3} mm, more than max_correction_mm = {most}");
-                let help = "check stiffness (its unit is N·m/rad) and forces of the cell; raise `[limits] max_correction_mm` if it is meant";
-                self.refuse(i, "limits.max-correction", message, help);
+                let (code, message, help) = too_large(shift.norm(), limits.max_correction);
+                self.refuse(i, code, message, help);
             }
             let step = last.map_or_else(Vector3::zeros, |last| shift - last);
             if above(&step, limits.max_step) {
@@ -210,4 +208,12 @@ pub(super) fn fill_paths(rows: &mut [Row], segments: impl Iterator<Item = RowSeg
 pub(super) fn points_of(rows: &[Row], program: &Program) -> Vec<Option<usize>> {
     let mut ends = program.targets.iter().enumerate().filter(|(_, target)| target.is_end());
     rows.iter().map(|row| ends.find(|(_, target)| target.ordinal == row.target).map(|(i, _)| i)).collect()
+}
+
+/// Code, message and help for a correction that is larger than the limit, m.
+pub(super) fn too_large(shift: f64, limit: f64) -> (&'static str, String, &'static str) {
+    let [shift, most] = [shift, limit].map(|m| 1e3 * m);
+    let message = format!("correction of {shift:.3} mm, more than max_correction_mm = {most}");
+    let help = "check stiffness (its unit is N·m/rad) and forces of the cell; raise `[limits] max_correction_mm` if it is meant";
+    ("limits.max-correction", message, help)
 }

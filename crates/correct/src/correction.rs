@@ -11,7 +11,7 @@ use super::segment::Start;
 use super::solve::{self, CorrectionMode, First, Last, Reached, Solved, Solver};
 use super::{KeptReason, Prepared, frames, segment, subdivide};
 use deflex_equilibrium::{Dragged, EquilibriumError, InverseSolution, WarmStart};
-use deflex_program::{Change, Conf, Editable, Goal, Insert, Program, RewriteOptions, Rewritten, Target};
+use deflex_program::{Change, Conf, Editable, Goal, Insert, Program, Reason, RewriteOptions, Rewritten, Target};
 use deflex_robot::{
     AxisName, EXTERNAL_AXES, External, Joints, Unreachable, conf_is, conf_like, confdata_of, turn_between,
 };
@@ -93,22 +93,43 @@ pub(super) fn solve(
         (nodes, vias) = (found.nodes, found.vias);
     }
     drop(solver);
+    let mut before = Vec::with_capacity(vias.len());
     for (via, point, command) in vias {
         let turned_by_arc = prepared.points[via].turned_by_arc;
-        (prepared.points[via], solved[via]) = (Point { turned_by_arc, ..point }, Ok(command));
+        let point = std::mem::replace(&mut prepared.points[via], Point { turned_by_arc, ..point });
+        before.push((via, point, std::mem::replace(&mut solved[via], Ok(command))));
+    }
+    let is_edited = program.language.is_edited();
+    let mut not_inserted: Vec<(usize, Reason)> = Vec::new();
+    let (changes, inserts, mut rewritten) = loop {
+        let inserts = subdivide::inserts(program, cell, prepared, &nodes);
+        let changed = |(i, solved): (usize, &Result<Solved, _>)| {
+            change(context, prepared, i, solved.as_ref().ok().filter(|_| modes[i] != CorrectionMode::Keep)?, modes[i])
+        };
+        let changes: Vec<Option<Change>> = solved.iter().enumerate().map(changed).collect();
+        let rewritten = is_edited.then(|| {
+            let rewrite = RewriteOptions { allow_clones: options.allow_clones, ..RewriteOptions::default() };
+            program.rewrite(&changes, &inserts, &rewrite)
+        });
+        // An arc of which a point cannot be written is not divided: its circle point stays at its place on the whole arc.
+        let is_whole = |via: usize| rewritten.as_ref().is_some_and(|rewritten| rewritten.misses_part_of_arc(via));
+        let (whole, divided) = before.into_iter().partition(|(via, ..)| is_whole(*via));
+        before = divided;
+        if whole.is_empty() {
+            break (changes, inserts, rewritten);
+        }
+        for (via, point, command) in whole {
+            let refused = rewritten.iter().flat_map(|rewritten| &rewritten.not_inserted);
+            not_inserted.extend(refused.filter(|(i, _)| *i == via + 1));
+            nodes.retain(|node| node.before != via + 1);
+            (prepared.points[via], solved[via]) = (point, command);
+        }
+    };
+    if let Some(rewritten) = &mut rewritten {
+        rewritten.not_inserted.extend(not_inserted);
+        rewritten.not_inserted.sort_unstable();
     }
     let prepared = &*prepared;
-
-    let inserts = subdivide::inserts(program, cell, prepared, &nodes);
-    let changed = |(i, solved): (usize, &Result<Solved, _>)| {
-        change(context, prepared, i, solved.as_ref().ok().filter(|_| modes[i] != CorrectionMode::Keep)?, modes[i])
-    };
-    let changes: Vec<Option<Change>> = solved.iter().enumerate().map(changed).collect();
-    let is_edited = program.language.is_edited();
-    let mut rewritten = is_edited.then(|| {
-        let rewrite = RewriteOptions { allow_clones: options.allow_clones, ..RewriteOptions::default() };
-        program.rewrite(&changes, &inserts, &rewrite)
-    });
     if let Some(refused) = rewritten.as_ref().and_then(|rewritten| axes_left(program, &changes, rewritten)) {
         return Err(Unsolved::Refused(vec![refused]));
     }

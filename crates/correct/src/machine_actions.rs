@@ -68,7 +68,7 @@ impl MachineActions {
         for ActionGroup { kind, first, count, needed, without_speed } in &self.0 {
             let times = if *count > 1 { format!(" ({count} times)") } else { String::new() };
             let Some(key) = kind.template() else {
-                let message = format!("{} is written as WaitTime{times}", first.message);
+                let message = format!("{} is written as a wait{times}", first.message);
                 notes.push(Diagnostic { message, ..first.clone() }.severity(Severity::Note));
                 continue;
             };

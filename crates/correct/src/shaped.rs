@@ -4,6 +4,7 @@
 //! path, and the program is written with it. That program is then corrected for the deflection of the arm like any other. The
 //! final text is judged: the driven path of the loaded arm is compared with the path of the original program.
 
+use super::collected::too_large;
 use super::context::Context;
 use super::corrected::DrivenSummary;
 use super::course::Course;
@@ -173,6 +174,7 @@ impl Given<'_> {
             program.passing_edits(&wanted).into_iter().map(|edit| edit.is_some())
         };
         let (stops, smaller) = (wanted(Passing::Stop), wanted(Passing::Zone(SMALLEST_ZONE_MM)));
+        let refused = program.insertions_refused(&course.targets);
         let moves = |i: usize| {
             let target = &program.targets[i];
             !fixed.contains(&i)
@@ -183,18 +185,16 @@ impl Given<'_> {
             .targets
             .iter()
             .zip(course.counting(prepared))
-            .zip(stops.zip(smaller))
-            .map(|((&i, counts), (stop, smaller))| Freedom {
-                end: moves(i),
-                via: i.checked_sub(1).is_some_and(moves),
+            .zip(stops.zip(smaller).zip(refused))
+            .map(|((&i, counts), ((stop, smaller), refused))| Freedom {
+                // Nothing holds the end of a motion whose path does not count: it could go anywhere.
+                end: counts && moves(i),
+                via: counts && i.checked_sub(1).is_some_and(moves),
                 smaller_zone: smaller.then_some(1e-3 * SMALLEST_ZONE_MM),
                 stop,
                 // A point on a segment that does not count could lead the tool anywhere.
                 added_zone: self.added_zone(i).filter(|_| {
-                    counts
-                        && self.options.subdivide.is_some()
-                        && !closed.contains(&i)
-                        && program.insertion_refused(i).is_none()
+                    counts && self.options.subdivide.is_some() && !closed.contains(&i) && refused.is_none()
                 }),
                 counts,
             })
@@ -354,6 +354,16 @@ impl Given<'_> {
             }
             (row.target, row.line) = (target.ordinal, target.line);
             rows.push(row);
+        }
+        let most = self.cell.limits.max_correction;
+        for row in rows.iter().filter(|row| row.is_solved() && 1e-3 * row.correction_norm_mm() > most) {
+            let Some(target) = program.targets.iter().find(|target| target.is_end() && target.ordinal == row.target)
+            else {
+                continue;
+            };
+            let (code, message, help) = too_large(1e-3 * row.correction_norm_mm(), most);
+            let message = format!("target {}: {message}", row.target);
+            corrected.failures.push(program.error_at(target, code, message).help(help));
         }
         corrected.rows = rows;
         corrected.inserted += inserted;

@@ -103,8 +103,6 @@ pub(super) fn subdivide(
     }
     let mut subdivision = Subdivision { nodes: Vec::new(), vias: Vec::new() };
     plans.into_iter().for_each(|plan| plan.finish(&mut subdivision));
-    // Where no target is inserted, the circle point stays at the middle of the arc.
-    subdivision.vias.retain(|(via, ..)| program.insertion_refused(via + 1).is_none());
     subdivision
 }
 

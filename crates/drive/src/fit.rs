@@ -147,7 +147,7 @@ fn arc_turn_word<S: Serializer>(turn: &Option<ArcTurn>, to: S) -> Result<S::Ok, 
 }
 
 /// Why no law was found.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 #[doc(hidden)]
 pub enum LogError {
     /// There is only one log: none can be held out.
@@ -156,7 +156,19 @@ pub enum LogError {
     OtherProgram(usize),
     /// The program of the log with this index cannot be followed.
     Path(usize, DriveError),
+    /// The robot was slower than the program says: its speed was overridden.
+    Slow {
+        /// The index of the log.
+        log: usize,
+        /// Its speed over the programmed one.
+        share: f64,
+    },
 }
+
+/// Share of the programmed speed that a run at 100 % keeps at least somewhere: controllers keep it within some per cent.
+const KEPT_SPEED: f64 = 0.95;
+/// Acceleration along the path and across it below those of all controllers, m/s²: a sixteenth of that of an IRB 6640.
+const SLOW: f64 = 0.5;
 
 /// A run of a program, cut into places.
 struct Run<'a> {
@@ -185,6 +197,11 @@ pub fn fit_law(robot: &Robot, logs: &[(&[Waypoint], &Log)]) -> Result<FittedLaw,
     for (i, (waypoints, log)) in logs.iter().enumerate() {
         let samples = log.of_program(robot, waypoints, NEAR).ok_or(LogError::OtherProgram(i))?;
         runs.push((i, Run::new(robot, waypoints, samples).ok_or(LogError::OtherProgram(i))?));
+    }
+    for (log, run) in &runs {
+        if let Some(share) = run.override_share(robot).map_err(|error| LogError::Path(*log, error))? {
+            return Err(LogError::Slow { log: *log, share });
+        }
     }
     let count = runs.len();
     let (held, fitted): (Vec<_>, Vec<_>) = runs.into_iter().partition(|(i, _)| is_held_out(*i, count));
@@ -318,6 +335,26 @@ impl<'a> Run<'a> {
         run.first().zip(run.last()).map_or(0.0, |(first, last)| last.time - first.time)
     }
 
+    /// Largest share of the programmed speed that the run keeps, if it keeps none, and takes longer than with the smallest accelerations of a
+    /// controller: the speed of the robot was overridden.
+    fn override_share(&self, robot: &Robot) -> Result<Option<f64>, DriveError> {
+        let feed = self.waypoints.iter().skip(1).map(|waypoint| waypoint.feed).fold(0.0, f64::max);
+        let mut speeds: Vec<f64> = self
+            .places
+            .windows(2)
+            .filter(|places| places[1].time > places[0].time)
+            .map(|places| (places[1].at - places[0].at).norm() / (places[1].time - places[0].time))
+            .collect();
+        speeds.sort_by(f64::total_cmp);
+        let share = speeds.get(speeds.len() * 9 / 10).map_or(1.0, |speed| speed / feed);
+        if share > KEPT_SPEED {
+            return Ok(None);
+        }
+        let slow = PathLaw { acceleration: SLOW, corner_acceleration: SLOW, ..PathLaw::TYPICAL };
+        let possible = self.seconds_of(robot, &drive(robot, &slow, self.waypoints)?);
+        Ok((self.seconds * KEPT_SPEED > possible).then_some(share))
+    }
+
     /// Compares the run with the path of a law, or with the programmed one.
     fn compare(&self, robot: &Robot, law: Option<&PathLaw>) -> Result<Compared, DriveError> {
         let tool = self.waypoints.last().map_or_else(deflex_robot::Pose::identity, |last| last.flange_from_tcp);
@@ -445,11 +482,14 @@ impl Line {
     }
 }
 
+/// Most standard deviations of a number from its prior mean: a factor of 150 on [`PathLaw::TYPICAL`], beyond all controllers.
+const MOST_SIGMAS: f64 = 5.0;
+
 /// The law as numbers about zero, each over its prior's standard deviation: logarithms of factors on [`PathLaw::TYPICAL`], then
 /// the numbers of the axes.
 fn law_of(numbers: &DVector<f64>, of_axes: OfAxes) -> PathLaw {
     let typical = PathLaw::TYPICAL;
-    let factor = |i: usize| (LAW_SIGMA * numbers[i]).exp();
+    let factor = |i: usize| (LAW_SIGMA * numbers[i].clamp(-MOST_SIGMAS, MOST_SIGMAS)).exp();
     PathLaw {
         zone_share: typical.zone_share * factor(0),
         smoothing: [typical.smoothing[0] * factor(1), typical.smoothing[1] * factor(2)],

@@ -400,7 +400,7 @@ impl Shaper<'_> {
             DriveError::TooLong => DriveError::TooLong,
         };
         let route = Route::new(self.robot, self.law, &command).map_err(of_programmed)?;
-        let times = speed::times(self.law, &route)?;
+        let (route, times) = speed::timed(self.law, &route)?;
         let samples = Timeline::of(self.law, &route, &times).samples();
         let hats: Vec<[f64; 3]> = layout.nodes.iter().map(|node| node.hat).collect();
         let responses = smoothing::responses(self.law, &route, &times, &hats);

@@ -2,15 +2,23 @@
 
 use super::route::{Knot, Route};
 use super::{DriveError, LONGEST_S, PathLaw};
+use smallvec::{SmallVec, smallvec};
 
-/// The time (s) at each knot of a route; at a stop the route rests until the axes have come to rest.
+/// Least length of a part of the way between two knots, as a share of it.
+const NO_PART: f64 = 1e-9;
+
+/// A route with further knots where the motion begins or ends to accelerate between two knots, and the time (s) at each knot. At a stop the
+/// route rests until the axes have come to rest.
 ///
 /// # Errors
 /// It takes longer than [`LONGEST_S`].
-pub(super) fn times(law: &PathLaw, route: &Route) -> Result<Vec<f64>, DriveError> {
-    let (mut clock, mut times) = (Clock::new(law), Vec::with_capacity(route.knots.len()));
-    clock.end(route.knots.iter().copied(), &mut |_, time| times.push(time))?;
-    Ok(times)
+pub(super) fn timed(law: &PathLaw, route: &Route) -> Result<(Route, Vec<f64>), DriveError> {
+    let (mut clock, mut knots, mut times) = (Clock::new(law), Vec::new(), Vec::new());
+    clock.end(route.knots.iter().copied(), &mut |knot, time| {
+        knots.push(knot);
+        times.push(time);
+    })?;
+    Ok((Route { knots }, times))
 }
 
 /// Finds the times of knots that come one after the other. How fast the route passes a knot depends on the speed limits after it, up to
@@ -30,6 +38,7 @@ pub(super) struct Clock {
 /// A knot with its time.
 #[derive(Clone, Copy, Debug)]
 struct Timed {
+    knot: Knot,
     /// Time, s.
     time: f64,
     /// Square of the speed, m²/s², and what the limits up to it alone allow.
@@ -121,21 +130,64 @@ impl Clock {
             }
             square = if i > 0 { self.brake(i, square) } else { square };
         }
+        let acceleration = self.law.acceleration;
         for (knot, square) in self.open.drain(..count).zip(self.squares.drain(..count)) {
-            let time = self.before.map_or(0.0, |before| {
-                let (from, to) = (before.square.sqrt(), square.sqrt());
-                // With an infinite acceleration, the arm has the speed limit of a stretch from its start to its end.
-                let mean = if self.law.acceleration.is_infinite() { knot.speed } else { 0.5 * (from + to) };
-                let time = before.time + knot.length / mean;
-                if before.rests { time + self.law.settling() } else { time }
-            });
+            let mut time = 0.0;
+            if let Some(before) = self.before {
+                time = before.time + if before.rests { self.law.settling() } else { 0.0 };
+                let parts = parts(acceleration, [before.square, square], &knot);
+                let mut gone = 0.0;
+                for (n, (length, lasts)) in parts.iter().enumerate() {
+                    time += lasts;
+                    gone += length;
+                    if n + 1 < parts.len() {
+                        known(between(&before.knot, &knot, gone / knot.length, *length), time);
+                    }
+                }
+                // The parts before the knot have knots of their own.
+                let own = parts.last().map_or(knot.length, |(length, _)| *length);
+                known(Knot { length: own, ..knot }, time);
+            } else {
+                known(knot, time);
+            }
             if time > LONGEST_S {
                 return Err(DriveError::TooLong);
             }
             let rests = knot.stops && self.before.is_some();
-            self.before = Some(Timed { time, square, reached, rests });
-            known(knot, time);
+            self.before = Some(Timed { knot, time, square, reached, rests });
         }
         Ok(())
+    }
+}
+
+/// Lengths (m) and durations (s) of the parts of the way to a knot on which the acceleration is the same: the motion accelerates up to the
+/// speed limit, keeps it, and brakes to the speed at the knot. `squares` are those of the speed at the start and at the end, m²/s².
+fn parts(acceleration: f64, squares: [f64; 2], knot: &Knot) -> SmallVec<[(f64, f64); 3]> {
+    // With an infinite acceleration, the arm has the speed limit of a stretch from its start to its end.
+    if acceleration.is_infinite() {
+        return smallvec![(knot.length, knot.length / knot.speed)];
+    }
+    let [from, to] = squares.map(f64::sqrt);
+    let peak = (knot.speed * knot.speed).min(0.5 * (squares[0] + squares[1]) + acceleration * knot.length).sqrt();
+    let ways = squares.map(|square| 0.5 * (peak * peak - square) / acceleration);
+    let even = knot.length - ways[0] - ways[1];
+    // Rounding alone makes no part.
+    let least = NO_PART * knot.length;
+    if ways.iter().chain([&even]).filter(|way| **way > least).count() < 2 {
+        return smallvec![(knot.length, 2.0 * knot.length / (from + to))];
+    }
+    let all = [(ways[0], (peak - from) / acceleration), (even, even / peak), (ways[1], (peak - to) / acceleration)];
+    all.into_iter().filter(|(length, _)| *length > least).collect()
+}
+
+/// A knot at a share of the way from one knot to another, at the end of a part of a length (m).
+fn between(from: &Knot, to: &Knot, share: f64, length: f64) -> Knot {
+    Knot {
+        motor: from.motor.lerp(&to.motor, share),
+        place: from.place.lerp(&to.place, share),
+        progress: from.progress + share * (to.progress - from.progress),
+        length,
+        stops: false,
+        ..*to
     }
 }

@@ -128,8 +128,9 @@ impl Joint {
         if holds(held) || step(held).abs() <= TRAVEL_THRESHOLD {
             return held;
         }
-        let other = if held == 0.0 { programmed } else { -held };
-        [other, -other].into_iter().find(|&sign| sign != 0.0 && holds(sign)).unwrap_or(programmed)
+        // A joint that has not moved before, and that the program does not move, may be moved by the correction alone.
+        let first = [-held, programmed, free.signum()].into_iter().find(|sign| *sign != 0.0).unwrap_or_default();
+        [first, -first].into_iter().find(|&sign| sign != 0.0 && holds(sign)).unwrap_or(programmed)
     }
 
     /// The travel z(x) that builds up over the step x of its own command: x = free + z(x) · lost.
@@ -180,6 +181,13 @@ mod tests {
     fn sharp_friction_is_the_sign_and_is_kept_through_stops() {
         assert_abs_diff_eq!(driven(0.0, -1e-3, 0.0), -1.0);
         assert_abs_diff_eq!(driven(-1.0, 1e-8, 0.0), -1.0);
+    }
+
+    /// A joint that has never moved, in a program that does not move it: the correction of 1e-4 rad moves it, and takes up the gap.
+    #[test]
+    fn a_joint_that_only_the_correction_moves_takes_up_its_gap() {
+        let of = |free: f64| Joint { held: 0.0, programmed: 0.0, free, lost: 2e-4 }.direction();
+        assert_eq!([of(1e-4), of(-1e-4), of(1e-8)], [1.0, -1.0, 0.0]);
     }
 
     #[test]

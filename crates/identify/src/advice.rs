@@ -90,3 +90,13 @@ pub(super) fn faint_effects(found: &Identification) -> Option<String> {
         )
     })
 }
+
+/// A sentence if the extended cell is worse than the declared one on the held-out rows.
+pub(super) fn worse_on_held_out(found: &Identification) -> Option<String> {
+    let (before, after) = (found.before.rms_mm, found.after.rms_mm);
+    (!found.extended.is_empty() && after > before).then(|| {
+        format!(
+            "on the rows that no fit has seen, the extended cell leaves {after:.3} mm, and the declared one {before:.3} mm: keep the declared cell, and measure again"
+        )
+    })
+}

@@ -1,6 +1,6 @@
 //! The state of an identification: the rows, the candidates with their present numbers, the chosen set and the noise.
 
-use super::candidate::{Candidate, Home, twins, with};
+use super::candidate::{Candidate, Home, fitted, twins, with};
 use super::candidates;
 use super::columns::Columns;
 use super::data::{Observation, Problem};
@@ -14,9 +14,10 @@ use super::noise;
 use super::outcome::SetShare;
 use super::score::{Score, posterior, score};
 use super::search::Search;
+use super::statistics::median;
 use deflex_effects::Shape;
 use deflex_equilibrium::Arm;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Vector3};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
@@ -82,6 +83,29 @@ impl Engine {
         };
         engine.set_presliding(presliding);
         engine
+    }
+
+    /// Makes the prior size of the work object's frame large enough for the constant part of the residual of the
+    /// declared cell (mm): a frame can be taught anywhere, and no other effect moves all rows alike.
+    pub(super) fn widen_frame(&mut self, before: &DVector<f64>) {
+        /// Largest constant part, in prior sizes: beyond three, other effects would be more probable than the frame.
+        const MOST_SIZES: f64 = 3.0;
+        let measured = |axis: usize| {
+            let rows = self.problem.rows.iter().filter(move |row| row.reading.len() == 3 && row.reading.has(axis));
+            rows.map(move |row| before[row.offset + axis]).collect()
+        };
+        let least = Vector3::from_fn(|axis, _| median(measured(axis))).norm() / MOST_SIZES;
+        for candidate in &mut self.candidates {
+            if !candidate.law().is_some_and(|law| law.like_device_frame) {
+                continue;
+            }
+            let Some(effect) = fitted(&self.declared, candidate) else { continue };
+            for (typical, parameter) in candidate.typical.iter_mut().zip(effect.parameters()) {
+                if parameter.unit == "mm" {
+                    *typical = typical.max(least);
+                }
+            }
+        }
     }
 
     /// The arm with the chosen effects and the map.

@@ -1,6 +1,6 @@
 //! Makes the answer from the chosen effects: errors, intervals, rivals, unexplained errors, and advice.
 
-use super::advice::{advice, faint_effects, slipped_or_soft};
+use super::advice::{advice, faint_effects, slipped_or_soft, worse_on_held_out};
 use super::cancelled;
 use super::candidate::{Candidate, Home};
 use super::contributions::{Contribution, Uncertain};
@@ -186,6 +186,7 @@ impl Engine {
         };
         found.advice.extend(slipped_or_soft(&found));
         found.advice.extend(faint_effects(&found));
+        found.advice.extend(worse_on_held_out(&found));
         found
     }
 

@@ -69,6 +69,7 @@ pub fn identify(input: Input<'_>) -> Result<Identification, Vec<Diagnostic>> {
     }
     let mut engine = Engine::new(declared, problem, &cell.covariances);
     let before = if engine.aside.is_empty() { before } else { engine.problem.residual(&engine.declared) };
+    engine.widen_frame(&before);
     let places = device_pose::places(&engine.problem);
     let (doubt, model) = match engine.problem.extent {
         Extent::Part => (engine.check_plausibility(&before)?, engine.model_of_part(cell, progress)?),

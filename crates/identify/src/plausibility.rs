@@ -308,7 +308,10 @@ impl Engine {
             return None;
         }
         if factor < AGAINST {
-            return Some(("had the opposite sign", "fx_n, fy_n, fz_n act on the tool: turn their signs"));
+            return Some((
+                "had the opposite sign",
+                "fx_n, fy_n, fz_n act on the tool: turn their signs, unless those of the measured errors are wrong",
+            ));
         }
         let unit = UNITS.iter().find(|(unit, _)| (factor / unit - 1.0).abs() < CLOSE);
         unit.map(|(_, words)| (*words, "fx_n, fy_n, fz_n are newtons: convert them"))

@@ -8,7 +8,7 @@ use super::places::{Path, Placed, misplaced};
 use super::plausibility::{MatchedRow, check_points, steps_mm};
 use super::probing::Probing;
 use super::reading::Reading;
-use deflex_cell::Cell;
+use deflex_cell::{Cell, CutForce};
 use deflex_correct::{Options, Point, Prepared};
 use deflex_measured::{Forces, MeasuredRow, Table, TargetRef};
 use deflex_program::{Motion, Program, Role, Target};
@@ -21,6 +21,13 @@ impl Problem {
     pub(super) fn of_runs(cell: &Cell, runs: Vec<MeasuredRun>) -> Result<Self, Vec<Diagnostic>> {
         let mut problem = Self::empty(Extent::Part);
         problem.units = std::sync::Arc::clone(&cell.units);
+        let twice = runs.iter().enumerate().find_map(|(i, run)| {
+            let first = runs[..i].iter().find(|first| is_same_table(&first.table, &run.table))?;
+            Some(run.table.row_error(1, format!("the rows are those of `{}`, number by number", first.table.file)))
+        });
+        if let Some(twice) = twice {
+            return Err(vec![twice.help("give each measured file once")]);
+        }
         let rows = || runs.iter().flat_map(|run| &run.table.rows);
         let declared = rows().all(|row| row.sigma_mm.is_some());
         problem.steps_mm = steps_mm(rows());
@@ -53,7 +60,16 @@ impl Problem {
         let covariates = covariates.clone().any(|row| row.time.or(row.temperature).or(row.payload).is_some());
         let mut forces = table.forces();
         forces.forces_given = has_force;
-        let options = Options { forces: (has_force || covariates).then_some(forces), ..Options::default() };
+        if let Some(row) = table.rows.iter().find(|row| has_force && row.force_n.is_none()) {
+            let count = table.rows.iter().filter(|row| row.force_n.is_none()).count();
+            let message = format!("this row has no force, and others have ({count} of {} rows)", table.rows.len());
+            let help = "write 0 where no force acted, and leave out the rows whose force is not known";
+            return Err(vec![table.row_error(row.line, message).help(help)]);
+        }
+        // Without a force, a table with times or temperatures is no table of forces.
+        let is_table = cell.cut.as_ref().is_some_and(|cut| matches!(cut.force, CutForce::Table));
+        let forces = (has_force || covariates && !is_table).then_some(forces);
+        let options = Options { forces, ..Options::default() };
         let mut prepared = match original {
             Some(original) => Prepared::judged_by(original, program, cell, &options)?,
             None => Prepared::new(program, cell, &options)?,
@@ -117,6 +133,14 @@ impl Problem {
         self.devices.push(Device::Known);
         self.find_fixed_point(run, table)
     }
+}
+
+/// Whether two tables have the same measured numbers in the same order.
+fn is_same_table(a: &Table, b: &Table) -> bool {
+    let numbers = |table: &Table| -> Vec<_> {
+        table.rows.iter().map(|row| (row.axes_mm, row.normal_mm, row.distance_mm, row.force_n)).collect()
+    };
+    numbers(a) == numbers(b)
 }
 
 /// Whether a table has a force for each motion that may cut: for lines and arcs that are not faster than the fastest cut.

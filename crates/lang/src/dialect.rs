@@ -45,6 +45,12 @@ pub trait Dialect {
     /// Tokens on which the arguments depend, but not the value, count as used for another purpose.
     fn call(&self, builtin: u16, arguments: &Arguments<'_>, store: &mut Store) -> Value;
 
+    /// Whether a routine of the language itself depends on the numbers in its arguments. The length of a list does not.
+    fn uses_numbers(&self, builtin: u16) -> bool {
+        let _ = builtin;
+        true
+    }
+
     /// The switches that a routine that is not given is assumed not to change (`docs/soundness.md`).
     fn left_by_foreign(&self) -> &[Switch];
 

@@ -632,7 +632,8 @@ impl<'a> Runner<'a> {
             Callee::Builtin(builtin) => {
                 let value = self.dialect.call(builtin, &Arguments(&values), store);
                 let kept = value.all_reads();
-                for lost in given().flat_map(|value| value.all_reads().tokens().to_vec()) {
+                let uses = self.dialect.uses_numbers(builtin);
+                for lost in given().filter(|_| uses).flat_map(|value| value.all_reads().tokens().to_vec()) {
                     if kept.tokens().binary_search(&lost).is_err() {
                         self.use_up(&Reads::One(lost));
                     }

@@ -90,10 +90,16 @@ impl ColumnNames {
     }
 }
 
+/// The column that was meant by a name: the same with its unit, or the nearest one.
+fn meant<'a>(name: &str, known: impl IntoIterator<Item = &'a str> + Clone) -> Option<&'a str> {
+    let has_unit = |known: &&str| known.strip_prefix(name).is_some_and(|unit| unit.starts_with('_'));
+    known.clone().into_iter().find(has_unit).filter(|_| !name.is_empty()).or_else(|| nearest(name, known))
+}
+
 /// The column with a standard name; otherwise the help text.
 fn known(name: &str) -> Result<usize, String> {
     COLUMNS.iter().position(|known| *known == name && !name.is_empty()).ok_or_else(|| {
-        let meant = nearest(name, COLUMNS.iter().copied().filter(|name| !name.is_empty()));
+        let meant = meant(name, COLUMNS.iter().copied().filter(|name| !name.is_empty()));
         meant.map_or_else(|| "see docs/formats.md".to_owned(), |near| format!("did you mean `{near}`?"))
     })
 }
@@ -195,12 +201,12 @@ pub(super) fn places(
             (None, _) if given.is_some() => {}
             (None, What::Forces) => {
                 let wanted = FORCE_COLUMNS.map(|column| COLUMNS[column]).into_iter().filter(missing);
-                if let Some(near) = nearest(name, wanted).filter(|_| !name.is_empty()) {
+                if let Some(near) = meant(name, wanted).filter(|_| !name.is_empty()) {
                     let help = format!("did you mean `{near}`?");
                     errors.push(wrong(format!("unknown column `{name}`"), help));
                 }
             }
-            (None, What::All) => match nearest(name, COLUMNS).filter(|near| !near.is_empty()) {
+            (None, What::All) => match meant(name, COLUMNS).filter(|near| !near.is_empty()) {
                 Some(near) => {
                     let help = format!("did you mean `{near}`?");
                     errors.push(wrong(format!("unknown column `{name}`"), help));

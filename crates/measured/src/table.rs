@@ -250,6 +250,14 @@ impl<R: Read> Rows<R> {
         const FIRST: (usize, u64) = (200, 1 << 16);
         let mut input = BufReader::new(LineFeeds::new(input));
         let mut lines: Vec<Vec<u8>> = Vec::new();
+        // The byte order mark of UTF-16 and the first letter: spreadsheets call the format "Unicode text".
+        let begins = input.fill_buf().map_err(|error| {
+            vec![wrong(file, 1, format!("not a CSV file: {error}"), "expected a header row".into())]
+        })?;
+        if begins.starts_with(&[0xFF, 0xFE]) || begins.starts_with(&[0xFE, 0xFF]) {
+            let message = "the file is UTF-16 (\"Unicode text\"), expected UTF-8".to_owned();
+            return Err(vec![wrong(file, 1, message, "save it as CSV, UTF-8".into())]);
+        }
         let mut start = input.by_ref().take(FIRST.1);
         let unread = |line: u64, reason: String| {
             vec![wrong(file, line, format!("not a CSV file: {reason}"), "expected a header row".into())]

@@ -6,7 +6,7 @@ use std::ops::Range;
 
 /// Writes the programs of a language.
 pub(super) trait FrontEnd {
-    /// See [`Program::rewrite`].
+    /// See [`Program::rewrite`]; no insert is refused by [`Program::insertions_refused`].
     fn rewrite(
         &self,
         program: &Program,
@@ -15,9 +15,9 @@ pub(super) trait FrontEnd {
         options: &RewriteOptions,
     ) -> Rewritten;
 
-    /// See [`Program::insertion_refused`].
-    fn insertion_refused(&self, _program: &Program, _before: usize) -> Option<Reason> {
-        None
+    /// The part of [`Program::insertions_refused`] that depends on the language.
+    fn insertions_refused(&self, _program: &Program, before: &[usize]) -> Vec<Option<Reason>> {
+        vec![None; before.len()]
     }
 
     /// See [`Program::removal`].

@@ -54,6 +54,7 @@ pub use target::{
 };
 
 use deflex_text::{Diagnostic, Edit, Source, Span, applied};
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// A program as read: one or several sources with shared names.
@@ -438,6 +439,17 @@ pub struct Rewritten {
     pub kept: Vec<(usize, Reason)>,
 }
 
+impl Rewritten {
+    /// Whether the circle point of this index, the end of its arc, or a point inserted on the arc could not be written.
+    #[must_use]
+    #[doc(hidden)]
+    pub fn misses_part_of_arc(&self, via: usize) -> bool {
+        let is_kept = |i: usize| self.kept.binary_search_by_key(&i, |(kept, _)| *kept).is_ok();
+        let inserted = self.before.iter().zip(&self.inserted);
+        is_kept(via) || is_kept(via + 1) || inserted.into_iter().any(|(i, written)| *i == via + 1 && written.is_none())
+    }
+}
+
 impl Program {
     /// A program of these files without targets.
     pub(crate) fn empty(
@@ -596,11 +608,33 @@ impl Program {
         }
     }
 
-    /// Why nothing can be inserted before a target, if its statement already decides that; [`Program::rewrite`] refuses others.
+    /// For each of these targets, why nothing can be inserted before it, if its statement and the way to it decide that;
+    /// [`Program::rewrite`] also refuses inserts for which there is no room.
     #[must_use]
     #[doc(hidden)]
-    pub fn insertion_refused(&self, before: usize) -> Option<Reason> {
-        self.layout.front_end().insertion_refused(self, before)
+    pub fn insertions_refused(&self, before: &[usize]) -> Vec<Option<Reason>> {
+        let wanted: BTreeSet<(u16, Span)> =
+            before.iter().map(|i| &self.targets[*i]).map(|t| (t.source, t.span)).collect();
+        let mut runs: BTreeMap<(u16, Span), usize> = BTreeMap::new();
+        for target in self.targets.iter().filter(|target| target.is_end()) {
+            if wanted.contains(&(target.source, target.span)) {
+                *runs.entry((target.source, target.span)).or_default() += 1;
+            }
+        }
+        let refused = self.layout.front_end().insertions_refused(self, before);
+        let all = before.iter().zip(refused).map(|(&i, refused)| {
+            let target = &self.targets[i];
+            // The way to an arc begins before its circle point.
+            let first =
+                i.checked_sub(1).map(|via| &self.targets[via]).filter(|via| via.role == Role::Via).unwrap_or(target);
+            match () {
+                () if usize::from(target.source) >= self.written => Some(Reason::InContextFile),
+                () if runs[&(target.source, target.span)] > 1 => Some(Reason::RunsAgain),
+                () if first.predecessor != Predecessor::Previous => Some(Reason::PathStartUnknown),
+                () => refused,
+            }
+        });
+        all.collect()
     }
 
     /// Edits of a source that remove inserted instructions with these spans.
@@ -693,7 +727,17 @@ impl Program {
     #[must_use]
     pub fn rewrite(&self, changes: &[Option<Change>], inserts: &[Insert], options: &RewriteOptions) -> Rewritten {
         debug_assert_eq!(changes.len(), self.targets.len());
-        let rewritten = self.layout.front_end().rewrite(self, changes, inserts, options);
-        Rewritten { before: inserts.iter().map(|insert| insert.before).collect(), ..rewritten }
+        let before: Vec<usize> = inserts.iter().map(|insert| insert.before).collect();
+        let refused = if inserts.is_empty() { Vec::new() } else { self.insertions_refused(&before) };
+        let allowed: Vec<Insert> =
+            inserts.iter().zip(&refused).filter(|(_, why)| why.is_none()).map(|(insert, _)| insert.clone()).collect();
+        let mut rewritten = self.layout.front_end().rewrite(self, changes, &allowed, options);
+        let mut written = std::mem::take(&mut rewritten.inserted).into_iter();
+        rewritten.inserted =
+            refused.iter().map(|why| if why.is_some() { None } else { written.next().flatten() }).collect();
+        rewritten.not_inserted.extend(before.iter().zip(refused).filter_map(|(i, why)| Some((*i, why?))));
+        rewritten.not_inserted.sort_unstable();
+        rewritten.not_inserted.dedup();
+        Rewritten { before, ..rewritten }
     }
 }

@@ -50,7 +50,14 @@ pub fn identify_answer(found: &Identification) -> String {
                 set.probability,
                 found.after.rms_mm
             ),
-            None => format!("no effect found: the declared cell explains the rows to {:.3} mm", found.after.rms_mm),
+            None => {
+                let but = if is_down_to_noise(found) {
+                    ""
+                } else {
+                    ", which is more than their noise: they are too few to say why"
+                };
+                format!("no effect found: the declared cell explains the rows to {:.3} mm{but}", found.after.rms_mm)
+            }
         });
     } else {
         parts.push(sure.join(" and "));
@@ -60,6 +67,13 @@ pub fn identify_answer(found: &Identification) -> String {
         }
     }
     parts.join("; ")
+}
+
+/// Whether the cell leaves no more than noise on the held-out rows.
+pub(crate) fn is_down_to_noise(found: &Identification) -> bool {
+    /// Factor on the noise floor: of ten held-out rows, the rms of three normal numbers each stays within it with a probability of 98 %.
+    const WITHIN: f64 = 1.3;
+    found.after.rms_mm <= WITHIN * found.noise_floor_rms_mm
 }
 
 /// An effect with the axes in which it acts, and the effects from which the rows cannot distinguish it.
@@ -185,6 +199,9 @@ pub fn identify_text(found: &Identification) -> String {
             true => "\nNothing is added to the cell.\n",
             false if !found.faint().is_empty() => {
                 "\nNothing is added: the effects that may act are too small in these rows to be named.\n"
+            }
+            false if !is_down_to_noise(found) => {
+                "\nNothing is added: the rows are too few to say why the declared cell does not explain them.\n"
             }
             false => "\nNothing is added: the declared cell explains the data down to the noise.\n",
         });

@@ -83,6 +83,8 @@ const COLLISION: f64 = 0.05e-9;
 /// Spacing of the lines without `resolution_mm`: this share of the smallest cutter's diameter, within a range, m.
 const RESOLUTION_SHARE: f64 = 0.025;
 const RESOLUTION: std::ops::RangeInclusive<f64> = 0.1e-3..=1e-3;
+/// Largest spacing, as a share of the smallest cutter's diameter: with fewer than eight lines across the cutter, a cut can fall between them.
+const COARSEST_SHARE: f64 = 0.125;
 
 /// Cuts the cell's stock with the programmed path, and puts the forces that follow from it into the points. A program whose points were moved
 /// on purpose has the forces of its original, which has cut the stock.
@@ -184,6 +186,12 @@ fn spacing(blank: &Blank, said: Option<f64>, smallest: f64) -> Result<f64, Vec<D
         |from: f64| std::iter::successors(Some(from), |at| Some(1.2 * at)).take(400).find(|at| fits(*at).is_none());
     let chosen = (RESOLUTION_SHARE * smallest).clamp(*RESOLUTION.start(), *RESOLUTION.end());
     let wanted = said.unwrap_or(chosen);
+    if let Some(said) = said.filter(|said| *said > COARSEST_SHARE * smallest) {
+        let message = format!("lines {} mm apart miss the cut of a cutter of {} mm", 1e3 * said, 1e3 * smallest);
+        let help =
+            format!("resolution_mm is at most {:.3} for this cutter; leave it out", 1e3 * COARSEST_SHARE * smallest);
+        return Err(Diagnostic::error("stock.resolution", "", message).help(help).into());
+    }
     let (Some(over), least) = (fits(wanted), coarser(wanted)) else { return Ok(wanted) };
     match (said, least) {
         (None, Some(least)) => Ok(least),
@@ -490,7 +498,7 @@ impl Walk<'_> {
         let why = if chosen { ", which follows from the smallest cutter" } else { "" };
         let share = if self.peak > 0.0 { 100.0 * self.bound / self.peak } else { 0.0 };
         let message = format!(
-            "stock: computed with lines {:.3} mm apart{why}; this spacing leaves the cutting force uncertain by {:.1} N ({share:.1} % of the largest force)",
+            "stock: computed with lines {:.3} mm apart{why}; the rim of the engaged surface leaves the cutting force uncertain by {:.1} N ({share:.1} % of the largest force)",
             1e3 * resolution,
             self.bound
         );

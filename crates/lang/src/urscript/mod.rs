@@ -61,6 +61,10 @@ impl Dialect for UrScript {
         pose.translation.vector.iter().chain(turn.iter()).copied().collect()
     }
 
+    fn uses_numbers(&self, builtin: u16) -> bool {
+        !matches!(builtins::of(builtin), Builtin::Length)
+    }
+
     fn call(&self, builtin: u16, arguments: &Arguments<'_>, store: &mut Store) -> Value {
         let unknown = |reason| Value::unknown(reason).reading(arguments.values());
         let given = |name: &str, at: usize| arguments.get(name, at);

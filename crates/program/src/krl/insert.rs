@@ -4,6 +4,8 @@ use super::Layout;
 use super::lex::{Cursor, lines};
 use super::names::APPROXIMATE;
 use super::numbers::{ANGLE_DECIMALS, POSITION_DECIMALS, bytes, near};
+use super::syntax::simple;
+use super::tree::StatementKind;
 use super::value::{EXTERNAL, POSE, upper};
 use crate::orientation::{quaternion_of_zyx_deg, rotation, zyx_deg};
 use crate::token::signed;
@@ -13,12 +15,8 @@ use std::ops::Range;
 
 /// Writes the inserts into `out`. Returns each as the controller will store it; `None` if it could not be written.
 pub(super) fn write(program: &Program, layout: &Layout, inserts: &[Insert], out: &mut Rewritten) {
-    if inserts.is_empty() {
-        return;
-    }
-    let barred: Vec<Barred> = program.sources.iter().take(program.written).map(Barred::of).collect();
     for insert in inserts {
-        match line(program, layout, insert, &barred) {
+        match line(program, layout, insert) {
             Ok((source, at, text, pose)) => {
                 let edits = &mut out.edits[source];
                 // Several points before one statement, in their order: one edit.
@@ -34,7 +32,6 @@ pub(super) fn write(program: &Program, layout: &Layout, inserts: &[Insert], out:
             }
         }
     }
-    out.not_inserted.dedup();
 }
 
 /// Places where nothing may be inserted.
@@ -43,40 +40,50 @@ struct Barred {
     splines: Vec<Range<usize>>,
     /// Folds of inline forms.
     forms: Vec<Range<usize>>,
-    /// Starts of statements after a TRIGGER.
-    triggered: Vec<u32>,
+    /// Starts of motions to which a statement before them refers.
+    referred_to: Vec<(u32, Reason)>,
+    /// A TRIGGER whose motion is not in the text after it.
+    is_trigger_open: bool,
 }
 
 impl Barred {
     fn of(source: &Source) -> Self {
-        let (mut splines, mut triggered, mut open, mut is_after_trigger) = (Vec::new(), Vec::new(), None, false);
+        let mut barred =
+            Self { splines: Vec::new(), forms: forms(&source.bytes), referred_to: Vec::new(), is_trigger_open: false };
+        let (mut open, mut referring) = (None, None);
         for line in lines(&source.bytes).filter(|line| !line.code.is_empty()) {
             let cursor = Cursor::new(&source.bytes, 0, line.code);
             match &upper(cursor.text(cursor.peek()))[..] {
                 b"SPLINE" | b"PTP_SPLINE" => open = Some(line.code.range().start),
-                b"ENDSPLINE" => splines.extend(open.take().map(|start| start..line.code.range().end)),
-                b"TRIGGER" => {
-                    is_after_trigger = true;
-                    continue;
-                }
+                b"ENDSPLINE" => barred.splines.extend(open.take().map(|start| start..line.code.range().end)),
                 _ => {}
             }
-            if std::mem::take(&mut is_after_trigger) {
-                triggered.push(line.code.start);
+            match simple(cursor) {
+                StatementKind::Trigger(_) => referring = Some(Reason::Triggered),
+                StatementKind::Proceed => referring = referring.or(Some(Reason::Proceeds)),
+                StatementKind::Move(_) | StatementKind::Relative(..) => {
+                    barred.referred_to.extend(referring.take().map(|why| (line.code.start, why)));
+                }
+                // Between a TRIGGER and its motion. ON_ERROR_PROCEED is for the very next statement.
+                StatementKind::Assign(_) | StatementKind::Harmless(_) => {
+                    referring = referring.filter(|why| *why == Reason::Triggered);
+                }
+                _ => barred.is_trigger_open |= referring.take() == Some(Reason::Triggered),
             }
         }
-        Self { splines, forms: forms(&source.bytes), triggered }
+        barred
     }
 
     fn why(&self, target: &Target) -> Option<Reason> {
         let at = target.span.range().start;
         let within = |ranges: &[Range<usize>]| ranges.iter().any(|range| range.contains(&at));
+        let referred_to = self.referred_to.binary_search_by_key(&target.span.start, |(start, _)| *start);
         match () {
             () if within(&self.splines) => Some(Reason::InSpline),
             // Forms go to named points alone.
             () if target.name.is_some() && within(&self.forms) => Some(Reason::InInlineForm),
-            () if self.triggered.contains(&target.span.start) => Some(Reason::Triggered),
-            () => None,
+            () if self.is_trigger_open => Some(Reason::Triggered),
+            () => referred_to.ok().map(|at| self.referred_to[at].1),
         }
     }
 }
@@ -127,43 +134,53 @@ pub(super) fn without_approximation(program: &Program, wanted: &[(usize, Passing
     wanted.iter().map(edit).collect()
 }
 
+/// See [`Program::insertions_refused`].
+pub(super) fn refused(program: &Program, layout: &Layout, before: &[usize]) -> Vec<Option<Reason>> {
+    let barred: Vec<Barred> = program.sources.iter().take(program.written).map(Barred::of).collect();
+    let why = |i: &usize| {
+        let target = &program.targets[*i];
+        let source = usize::from(target.source);
+        let word = Cursor::new(&program.sources[source].bytes, 0, target.span).next();
+        match () {
+            () if !matches!(target.motion, Motion::Linear | Motion::Circular) || target.role != Role::End => {
+                Some(Reason::OnlyLinesAndArcs)
+            }
+            () if target.editable != Editable::Pose => Some(Reason::LeavesComponents),
+            () if !layout.sites[*i].tokens[3..].iter().all(Option::is_some) => Some(Reason::LeavesComponents),
+            () if form(&program.sources[source].bytes[word.span().range()]).is_none() => Some(Reason::Motion),
+            () => barred.get(source)?.why(target),
+        }
+    };
+    before.iter().map(why).collect()
+}
+
+/// How an inserted line and an arc begin, for a motion with this word.
+fn form(word: &[u8]) -> Option<[&'static [u8]; 2]> {
+    match &upper(word)[..] {
+        b"LIN" | b"CIRC" => Some([b"LIN {", b"CIRC {"]),
+        b"SLIN" | b"SCIRC" => Some([b"SLIN {", b"SCIRC {"]),
+        _ => None,
+    }
+}
+
 type Written = (usize, Span, Vec<u8>, ([f64; 3], [f64; 4]));
 
-fn line(program: &Program, layout: &Layout, insert: &Insert, barred: &[Barred]) -> Result<Written, Reason> {
+fn line(program: &Program, layout: &Layout, insert: &Insert) -> Result<Written, Reason> {
     let target = program.targets.get(insert.before).ok_or(Reason::NoSuchTarget)?;
     let source = usize::from(target.source);
     let text = program.sources[source].bytes.get(target.span.range()).ok_or(Reason::NoSuchStatement)?;
-    let barred = barred.get(source).ok_or(Reason::InContextFile)?;
-    if !matches!(target.motion, Motion::Linear | Motion::Circular) || target.role != Role::End {
-        return Err(Reason::OnlyLinesAndArcs);
-    }
-    if let Some(why) = barred.why(target) {
-        return Err(why);
-    }
     let site = &layout.sites[insert.before];
     let [_, _, _, Some(a), Some(b), Some(c)] = site.tokens else {
         return Err(Reason::LeavesComponents);
     };
-    if target.editable != Editable::Pose {
-        return Err(Reason::LeavesComponents);
-    }
-    let same = |other: &&Target| (other.source, other.span, other.role) == (target.source, target.span, Role::End);
-    if program.targets.iter().filter(same).take(2).count() != 1 {
-        return Err(Reason::RunsAgain);
-    }
     let mut cursor = Cursor::new(&program.sources[source].bytes, 0, target.span);
     let word = cursor.next();
-    let spline = match &upper(cursor.text(word))[..] {
-        b"LIN" | b"CIRC" => false,
-        b"SLIN" | b"SCIRC" => true,
-        _ => return Err(Reason::Motion),
-    };
+    let names = form(cursor.text(word)).ok_or(Reason::Motion)?;
     // The inserted point is passed in the same way as the end of the motion.
     let (point, _) = cursor.until(&APPROXIMATE);
     let after = text.get(point.range().end - target.span.range().start..).unwrap_or_default();
     let old = [a, b, c].map(|place| signed(bytes(program, place)).unwrap_or(0.0));
     let mut content = Vec::new();
-    let names: [&[u8]; 2] = if spline { [b"SLIN {", b"SCIRC {"] } else { [b"LIN {", b"CIRC {"] };
     content.extend_from_slice(names[usize::from(insert.via.is_some())]);
     if let Some((position_mm, _)) = insert.via {
         // Its angles count for nothing.

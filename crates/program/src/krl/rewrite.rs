@@ -36,6 +36,10 @@ impl FrontEnd for Layout {
         }
     }
 
+    fn insertions_refused(&self, program: &Program, before: &[usize]) -> Vec<Option<Reason>> {
+        insert::refused(program, self, before)
+    }
+
     fn passing_edits(&self, program: &Program, wanted: &[(usize, Passing)]) -> Vec<Option<Edit>> {
         insert::without_approximation(program, wanted)
     }

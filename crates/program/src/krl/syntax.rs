@@ -377,7 +377,7 @@ fn assignment(to: Path, value: Expression, at: Span) -> Statement {
 }
 
 /// A statement that fits on its line.
-fn simple(mut cursor: Cursor<'_>) -> StatementKind {
+pub(super) fn simple(mut cursor: Cursor<'_>) -> StatementKind {
     let start = cursor;
     let word = upper(cursor.text(cursor.peek()));
     if let Some(motion) = names::motion(&word) {

@@ -11,6 +11,10 @@ pub(super) fn refusal(program: &Program, layout: &Layout, before: usize) -> Opti
     if target.motion != Motion::Linear || target.role != Role::End {
         return Some(Reason::OnlyLines);
     }
+    // The time of the whole motion would be the time of each part.
+    if target.feed_mm_s.is_none() {
+        return Some(Reason::NoOwnSpeed);
+    }
     let within = |at: usize| {
         let affine = layout.sites[before].as_ref()?.affine[at]?;
         let place = layout.place(affine.token);
@@ -54,16 +58,12 @@ pub(super) fn write(
             }
         }
     }
-    out.not_inserted.dedup();
     out.edits.iter_mut().for_each(|edits| edits.sort_by_key(|edit| edit.span));
 }
 
 type Written = (Vec<u8>, ([f64; 3], [f64; 4]));
 
 fn statement(program: &Program, layout: &Layout, insert: &Insert, options: &RewriteOptions) -> Result<Written, Reason> {
-    if let Some(why) = refusal(program, layout, insert.before) {
-        return Err(why);
-    }
     if insert.via.is_some() {
         return Err(Reason::OnlyLines);
     }

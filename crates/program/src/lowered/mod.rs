@@ -117,8 +117,8 @@ impl FrontEnd for Layout {
         stops_at(program, wanted, self.style.passes, self.style.stops)
     }
 
-    fn insertion_refused(&self, program: &Program, before: usize) -> Option<Reason> {
-        insert::refusal(program, self, before)
+    fn insertions_refused(&self, program: &Program, before: &[usize]) -> Vec<Option<Reason>> {
+        before.iter().map(|i| insert::refusal(program, self, *i)).collect()
     }
 
     fn motion_targets(&self, _: &Program) -> usize {

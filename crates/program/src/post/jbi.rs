@@ -8,6 +8,7 @@ use crate::jbi::DECIMALS;
 use crate::orientation::{from_zyx_deg, quaternion, rotation, zyx_deg};
 use deflex_text::Diagnostic;
 use deflex_text::number::{printed, write_fixed};
+use std::collections::BTreeSet;
 
 /// Most points of a job if the options give no number: a job has at most 9,999 lines (Yaskawa, *DX200 Instructions*), some of which are
 /// marks and calls.
@@ -51,8 +52,9 @@ fn jobs(post: &PostWriter, points: &[PostedPoint], axes_deg: &[[f64; 6]], end: &
     let name = identifier(&plan.name, ENDING).to_ascii_uppercase();
     let most = plan.max_points.unwrap_or(MOST_POINTS).max(1);
     let title: String = plan.plain_title().map(|line| format!("'{line}\n")).collect();
+    let mut place = WriterPosition::default();
     if points.len() <= most {
-        let text = job(post, &name, &title, points, axes_deg, end);
+        let text = job(post, &mut place, (&name, &title), points, axes_deg, end);
         return Ok(vec![(format!("{name}.JBI"), text)]);
     }
     let (mut main, mut files) = (title, Vec::new());
@@ -60,24 +62,24 @@ fn jobs(post: &PostWriter, points: &[PostedPoint], axes_deg: &[[f64; 6]], end: &
         let part_name = format!("{name}_{}", i + 1);
         main += &format!("CALL JOB:{part_name}\n");
         let last = if (i + 1) * most >= points.len() { end } else { "" };
-        files.push((format!("{part_name}.JBI"), job(post, &part_name, "", part, axes, last)));
+        files.push((format!("{part_name}.JBI"), job(post, &mut place, (&part_name, ""), part, axes, last)));
     }
-    files.insert(0, (format!("{name}.JBI"), whole(&name, 0, "", &main)));
+    files.insert(0, (format!("{name}.JBI"), whole(&name, 0, "", None, &main)));
     Ok(files)
 }
 
-/// Points as a job.
+/// Points as a job with a name and a title, from a position in the program on.
 fn job(
     post: &PostWriter,
-    name: &str,
-    title: &str,
+    place: &mut WriterPosition,
+    (name, title): (&str, &str),
     points: &[PostedPoint],
     axes_deg: &[[f64; 6]],
     end: &str,
 ) -> Vec<u8> {
     let plan = post.plan();
     let (mut positions, mut lines) = (String::new(), title.to_owned());
-    let (mut place, mut group, mut mark) = (WriterPosition::default(), String::new(), None);
+    let (mut group, mut mark, mut frames) = (String::new(), None, BTreeSet::new());
     for (i, (point, axes)) in points.iter().zip(axes_deg).enumerate() {
         let here = place.after(std::slice::from_ref(point));
         point.lines.iter().flat_map(|text| text.lines()).for_each(|line| lines.extend([line, "\n"]));
@@ -88,6 +90,7 @@ fn job(
         let number = |named: Option<&str>, prefix| named.and_then(|name| names::number(name, prefix));
         let tool = number(plan.tools.get(usize::from(point.tool)).map(|tool| &*tool.0), "TOOL").unwrap_or(0);
         let user = number(plan.wobjs.get(usize::from(point.wobj)).map(|wobj| &*wobj.0), "USER");
+        frames.insert(user);
         let frame = user.map_or("///POSTYPE ROBOT\n".to_owned(), |user| format!("///USER {user}\n///POSTYPE USER\n"));
         let now = format!("///TOOL {tool}\n{frame}///RECTAN\n///RCONF {}\n", posture(point, axes));
         if now != group {
@@ -96,24 +99,35 @@ fn job(
         }
         position(&mut positions, i, point);
         // The path to the first point is unknown: a joint motion, not a straight line.
-        if i == 0 || point.joint {
+        if here.is_first() || point.joint {
             lines += &format!("MOVJ C{i:05} VJ={JOINT_PERCENT} PL=0\n");
         } else {
             let (speed, corner) = (post.speed_mm_s(point), post.corner_mm(&here, point, points.get(i + 1)));
             let passes = corner.map_or("PL=0".to_owned(), |radius| format!("CR={radius:.1}"));
             lines += &format!("MOVL C{i:05} V={:.1} {passes}\n", speed.max(0.1));
         }
-        place = here;
+        *place = here;
     }
     end.lines().for_each(|line| lines.extend([line, "\n"]));
-    whole(name, points.len(), &positions, &lines)
+    // A job states one frame; where its points have several, each group of them states its own.
+    let frame = match frames.into_iter().collect::<Vec<_>>()[..] {
+        [Some(user)] => Some(format!("USER {user}")),
+        [None] => Some("ROBOT".to_owned()),
+        _ => None,
+    };
+    whole(name, points.len(), &positions, frame.as_deref(), &lines)
 }
 
-/// A job with its head. Its date is fixed: the same input gives the same bytes.
-fn whole(name: &str, count: usize, positions: &str, lines: &str) -> Vec<u8> {
+/// A job with its head. Its date is fixed: the same input gives the same bytes. A job with positions in one frame is a relative job, which
+/// names it (attribute RJ; Yaskawa's knowledge base, *Inform Header Fields*).
+fn whole(name: &str, count: usize, positions: &str, frame: Option<&str>, lines: &str) -> Vec<u8> {
+    let (relative, frame) = match frame {
+        Some(frame) => (",RJ", format!("////FRAME {frame}\n")),
+        None => ("", String::new()),
+    };
     let text = format!(
         "/JOB\n//NAME {name}\n//POS\n///NPOS {count},0,0,0,0,0\n{positions}//INST\n///DATE 2000/01/01 00:00\n\
-         ///ATTR SC,RW\n///GROUP1 RB1\nNOP\n{lines}END\n"
+         ///ATTR SC,RW{relative}\n{frame}///GROUP1 RB1\nNOP\n{lines}END\n"
     );
     text.replace('\n', "\r\n").into_bytes()
 }

@@ -92,12 +92,16 @@ impl Writer<'_> {
             let point = &self.points[at];
             let number = at - from + 1;
             let now = (self.wobjs[usize::from(point.wobj)], self.tools[usize::from(point.tool)]);
-            if frames != Some(now) {
+            let selects =
+                |line: &str| ["CALL", "UFRAME", "UTOOL"].iter().any(|word| line.to_ascii_uppercase().contains(word));
+            let is_changed = point.lines.iter().flat_map(|text| text.lines()).any(selects);
+            point.lines.iter().flat_map(|text| text.lines()).for_each(|line| lines.instruction(line));
+            // A program that is called here, such as a change of the tool, may select others.
+            if frames != Some(now) || is_changed {
                 lines.add(&format!("  UFRAME_NUM={}", now.0));
                 lines.add(&format!("  UTOOL_NUM={}", now.1));
                 frames = Some(now);
             }
-            point.lines.iter().flat_map(|text| text.lines()).for_each(|line| lines.instruction(line));
             if mark != point.mark {
                 point.mark.iter().for_each(|mark| lines.add(&format!("  !{}", mark.comment())));
                 mark = point.mark;

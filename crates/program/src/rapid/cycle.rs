@@ -68,6 +68,36 @@ impl Runner<'_> {
         }
     }
 
+    /// Warns of tools, work objects and displacement that the motions of a routine without a caller use as declared, and that another
+    /// such routine changes.
+    pub(super) fn tell_other_entries(&mut self, id: RoutineId, entries: &[RoutineId]) {
+        let Begun { declared, used, moved_before_displacement } = std::mem::take(&mut self.begun);
+        let name = |id: RoutineId| String::from_utf8_lossy(self.routine_name(id)).into_owned();
+        let others = || entries.iter().copied().filter(|other| *other != id);
+        let mut changed = Vec::new();
+        for (at, _) in used.into_iter().chain(declared).filter(|(at, began)| self.moved_in(*at, began)) {
+            if let Some(other) = others().find(|other| self.symbols.changed_by(*other).data.contains(&at)) {
+                changed.push((format!("the value of `{}` in the text", self.symbols.variables[at].name), other));
+            }
+        }
+        if moved_before_displacement != Some(false)
+            && let Some(other) = others().find(|other| self.symbols.changed_by(*other).switches.displacement)
+        {
+            changed.push(("program displacement switched off".to_owned(), other));
+        }
+        let messages: Vec<String> = changed
+            .into_iter()
+            .map(|(what, other)| format!("`{}` is corrected for {what}, and `{}` changes it", name(id), name(other)))
+            .collect();
+        let (bytes, at) = (&self.symbols.sources[id.file], self.symbols.routine(id).name);
+        for message in messages {
+            let warning = Diagnostic::error("rapid.no-caller", "", message).at(bytes, at).severity(Severity::Warning);
+            self.messages.diagnostics.push(
+                warning.help("give the module that calls these routines as an input, or with --context: the order of the calls decides"),
+            );
+        }
+    }
+
     fn tell_cycle(&mut self, source: usize, span: Span, message: &str) {
         let note = Diagnostic::error("rapid.next-cycle", "", message).at(&self.symbols.sources[source], span);
         let help = "set it before the first motion: otherwise the next cycle drives these motions to other places than the correction assumes";

@@ -263,12 +263,23 @@ impl<'a> Runner<'a> {
 
     /// Whether a block may change a name in an expression, or the expression calls a function.
     fn depends(&self, scope: Scope, expression: &Expression, body: &[Statement]) -> bool {
+        let bytes = self.bytes(scope.source as usize);
+        let (mut is_fixed, truth) = (true, [&b"TRUE"[..], b"FALSE"]);
+        expression.each(&mut |part: &Expression| match part.kind {
+            ExpressionKind::Call(_) => is_fixed = false,
+            ExpressionKind::Name => {
+                is_fixed &= truth.iter().any(|word| word.eq_ignore_ascii_case(&bytes[part.span.range()]));
+            }
+            _ => {}
+        });
+        if is_fixed {
+            return false;
+        }
         let Some(frame) = self.frames.last() else { return true };
         let changes = self.symbols.changed_in(frame.routine, body);
         if changes.anything || self.symbols.routine(frame.routine).error.is_some() {
             return true;
         }
-        let bytes = self.bytes(scope.source as usize);
         let mut depends = false;
         expression.each(&mut |part: &Expression| match part.kind {
             ExpressionKind::Call(_) => depends = true,

@@ -1,16 +1,16 @@
 //! Inserted points between two targets: each becomes a motion before the instruction, in the layout of the file.
 
 use super::clone::layout_at;
-use super::expression::{Arguments, Expression};
+use super::expression::{Arguments, Call, Expression};
 use super::lex::{Cursor, LexemeKind};
-use super::motion::{self, ToolAt, Zone};
+use super::motion::{self, Shape, ToolAt, Zone};
 use super::syntax::Reader;
 use super::tree::StatementKind;
 use super::value::quarters;
 use super::value::unit;
 use super::writer::{Writer, single};
 use super::{Layout, TargetInText};
-use crate::{Conf, Goal, Insert, Motion, Passing, Program, Reason, Role, Target};
+use crate::{Conf, Goal, Insert, Motion, Passing, Program, Reason, Target};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Edit, Span, number};
 
@@ -41,7 +41,6 @@ pub(super) fn write(writer: &mut Writer<'_>, inserts: &[Insert]) -> Vec<Option<(
             }
         }
     }
-    writer.not_inserted.dedup();
     poses
 }
 
@@ -64,49 +63,74 @@ fn numbers(writer: &Writer<'_>, (position_mm, quat): ([f64; 3], [f64; 4])) -> (V
     (text, ([x, y, z], unit([q1, q2, q3, q4])))
 }
 
+/// The motion before which a point is inserted, and that the inserted motion resembles.
+struct Like<'p> {
+    target: &'p Target,
+    call: Box<Call>,
+    shape: Shape,
+    /// Position of the tool among its arguments.
+    tool_at: usize,
+}
+
+fn like(program: &Program, before: usize) -> Result<Like<'_>, Reason> {
+    let target = program.targets.get(before).ok_or(Reason::NoSuchTarget)?;
+    let bytes = &program.sources[usize::from(target.source)].bytes;
+    if !matches!(target.motion, Motion::Linear | Motion::Circular) {
+        return Err(Reason::OnlyLinesAndArcs);
+    }
+    let StatementKind::Call(call) = Reader::new(bytes, target.span, &[], 0).statement() else {
+        return Err(Reason::Motion);
+    };
+    let shape = motion::shape(&bytes[call.name.range()]).ok_or(Reason::ZoneUnknown)?;
+    let tool_at = match shape.tool {
+        ToolAt::Index(at) => at,
+        ToolAt::Last => call.arguments.positional.len().checked_sub(1).ok_or(Reason::Motion)?,
+    };
+    Ok(Like { target, call, shape, tool_at })
+}
+
+/// Why nothing can be inserted before a target.
+pub(super) fn refusal(program: &Program, layout: &Layout, before: usize) -> Option<Reason> {
+    let Like { target, call, shape, .. } = match like(program, before) {
+        Ok(like) => like,
+        Err(why) => return Some(why),
+    };
+    let source = &program.sources[usize::from(target.source)];
+    let start = target.span.start as usize;
+    let line = source.bytes[..start].iter().rposition(|b| matches!(b, b'\n' | b'\r')).map_or(0, |end| end + 1);
+    let is_first = line + layout_at(source, target.span.start).0.len() == start;
+    match () {
+        () if layout.after_compact_if.contains(&(target.source, target.span.start)) => Some(Reason::CompactIf),
+        () if !shape.is_only_motion => Some(Reason::ProcessMotion),
+        () if call.arguments.has(&source.bytes, b"T") => Some(Reason::OwnTime),
+        () if !is_first => Some(Reason::NotAtLineStart),
+        () => None,
+    }
+}
+
+/// Copies an optional argument with its value, also in the form `\Name?parameter`, which passes on whether there is one.
+fn copy_named(call: &Call, bytes: &[u8], name: &[u8], out: &mut Vec<u8>) {
+    if let Some(value) = call.arguments.named(bytes, name) {
+        let is_conditional = bytes[..value.span.range().start].trim_ascii_end().ends_with(b"?");
+        out.push(b'\\');
+        out.extend_from_slice(name);
+        out.extend_from_slice(if is_conditional { b"?" } else { b":=" });
+        out.extend_from_slice(&bytes[value.span.range()]);
+    }
+}
+
 fn instruction(
     writer: &mut Writer<'_>,
     insert: &Insert,
     via: Option<&[u8]>,
     numbers: &[u8],
 ) -> Result<(usize, Edit), Reason> {
-    let target = writer.program.targets.get(insert.before).ok_or(Reason::NoSuchTarget)?;
-    let source = &writer.program.sources[target.source as usize];
+    let Like { target, call, shape, tool_at } = like(writer.program, insert.before)?;
+    let source = &writer.program.sources[usize::from(target.source)];
     let bytes = &source.bytes;
-    if target.source as usize >= writer.program.written {
-        return Err(Reason::InContextFile);
-    }
-    if !matches!(target.motion, Motion::Linear | Motion::Circular) {
-        return Err(Reason::OnlyLinesAndArcs);
-    }
-    let same = |t: &&crate::Target| t.source == target.source && t.span == target.span;
-    let same = |t: &&crate::Target| same(t) && t.role == Role::End;
-    let near = writer.program.targets[insert.before.saturating_sub(1)..].iter().take(3).filter(same).count();
-    if near != 1 || writer.program.targets.iter().filter(same).take(2).count() != 1 {
-        return Err(Reason::RunsAgain);
-    }
-    let StatementKind::Call(call) = Reader::new(bytes, target.span, &[], 0).statement() else {
-        return Err(Reason::Motion);
-    };
-    let Some(shape) = motion::shape(&bytes[call.name.range()]) else {
-        return Err(Reason::ZoneUnknown);
-    };
-    if call.arguments.has(bytes, b"T") {
-        return Err(Reason::OwnTime);
-    }
-    let arguments = &call.arguments.positional;
-    let tool_at = match shape.tool {
-        ToolAt::Index(at) => at,
-        ToolAt::Last => arguments.len() - 1,
-    };
     let text = |argument: &Expression| &bytes[argument.span.range()];
-    let argument = |at: usize| arguments.get(at).map(text).ok_or(Reason::Motion);
+    let argument = |at: usize| call.arguments.positional.get(at).map(text).ok_or(Reason::Motion);
     let (indent, line_end) = layout_at(source, target.span.start);
-    let line =
-        bytes[..target.span.start as usize].iter().rposition(|b| matches!(b, b'\n' | b'\r')).map_or(0, |p| p + 1);
-    if line + indent.len() != target.span.start as usize {
-        return Err(Reason::NotAtLineStart);
-    }
     let (conf, axes) = rest(writer.layout, writer, insert.before, insert.conf, &target.goal);
     let axes = insert.external.map_or(axes, |external| external_axes(&external, writer.options.position_decimals));
     let mut content = if via.is_some() { b"MoveC ".to_vec() } else { b"MoveL ".to_vec() };
@@ -116,23 +140,14 @@ fn instruction(
         }
     }
     content.extend_from_slice(argument(shape.to + 1)?);
-    if let Some(speed) = call.arguments.named(bytes, b"V") {
-        content.extend_from_slice(b"\\V:=");
-        content.extend_from_slice(text(speed));
-    }
+    copy_named(&call, bytes, b"V", &mut content);
     content.push(b',');
     let own = if shape.zone == Zone::BeforeTool && tool_at > 0 { argument(tool_at - 1)? } else { b"fine" };
     content.extend_from_slice(fly_by(own, insert.room_mm));
     content.push(b',');
     content.extend_from_slice(argument(tool_at)?);
-    if let Some(wobj) = call.arguments.named(bytes, b"WObj") {
-        content.extend_from_slice(b"\\WObj:=");
-        content.extend_from_slice(text(wobj));
-    }
-    if let Some(load) = call.arguments.named(bytes, b"TLoad") {
-        content.extend_from_slice(b"\\TLoad:=");
-        content.extend_from_slice(text(load));
-    }
+    copy_named(&call, bytes, b"WObj", &mut content);
+    copy_named(&call, bytes, b"TLoad", &mut content);
     content.push(b';');
     content.extend_from_slice(line_end);
     content.extend_from_slice(indent);

@@ -85,7 +85,7 @@ use deflex_lang::ir::SourceSpan;
 use deflex_text::{Diagnostic, Edit, Severity, Source, Span};
 use lex::{Cursor, LexemeKind};
 use literal::Literal;
-use std::collections::HashSet;
+use std::collections::{BTreeSet, HashSet};
 use std::sync::Arc;
 use value::OffsetStep;
 
@@ -103,6 +103,8 @@ pub(crate) struct Layout {
     streamable: bool,
     /// As `streamable`, but targets may also be declared by name.
     plain: bool,
+    /// Files and starts of the statements that are the body of a compact IF.
+    after_compact_if: BTreeSet<(u16, u32)>,
     /// The mark in force after the last statement.
     mark_behind: Option<super::Mark>,
     /// In a chunk of a program that is run again for each chunk: the motions that its own repeat.
@@ -139,6 +141,10 @@ impl FrontEnd for Layout {
             Some(again) => again.rewrite(program, self, changes, options),
             None => rewrite(program, self, changes, inserts, options),
         }
+    }
+
+    fn insertions_refused(&self, program: &Program, before: &[usize]) -> Vec<Option<Reason>> {
+        before.iter().map(|i| insert::refusal(program, self, *i)).collect()
     }
 
     fn writes_axes(&self, program: &Program) -> Vec<bool> {

@@ -15,6 +15,8 @@ pub(super) struct Shape {
     pub(super) zone: Zone,
     /// The instruction only moves: no signal, trigger, search, or procedure during the motion that could fail.
     pub(super) plain: bool,
+    /// Whether nothing happens on the way that depends on where the motion begins: a signal at its end is no such thing.
+    pub(super) is_only_motion: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,6 +47,7 @@ pub(super) fn shape(name: &[u8]) -> Option<Shape> {
             tool: ToolAt::Index(3),
             zone,
             plain: true,
+            is_only_motion: true,
         });
     }
     // A name is the family, the kind of motion, and what else the instruction does.
@@ -86,6 +89,7 @@ pub(super) fn shape(name: &[u8]) -> Option<Shape> {
         _ => ToolAt::Last,
     };
     let zone = if *family == b"SEARCH" { Zone::Absent } else { Zone::BeforeTool };
-    let plain = *family == b"MOVE" && rest.is_empty();
-    Some(Shape { motion, via: circular.then_some(*first), to, tool, zone, plain })
+    let is_only_motion = *family == b"MOVE";
+    let plain = is_only_motion && rest.is_empty();
+    Some(Shape { motion, via: circular.then_some(*first), to, tool, zone, plain, is_only_motion })
 }

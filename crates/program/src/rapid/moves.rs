@@ -22,7 +22,7 @@ impl<'a> Runner<'a> {
     pub(super) fn motion(&mut self, scope: Scope, call: &'a Call, shape: Shape, span: Span) {
         let (given, arguments) = (&call.arguments, &call.arguments.positional);
         let Some(to) = arguments.get(shape.to) else {
-            return self.keep_here(span, Reason::MotionWithoutTarget);
+            return self.unread_motion(span, Reason::MotionWithoutTarget);
         };
         let tool_at = match shape.tool {
             ToolAt::Index(at) => Some(at),
@@ -32,7 +32,7 @@ impl<'a> Runner<'a> {
             .filter(|at| *at > shape.to + 1 || *at > shape.to && shape.zone == Zone::Absent)
             .and_then(|at| Some((at, arguments.get(at)?)))
         else {
-            return self.keep_here(span, Reason::MotionWithoutTool);
+            return self.unread_motion(span, Reason::MotionWithoutTool);
         };
         let via = shape.via.and_then(|at| arguments.get(at));
         if self.mode == Mode::Real {

@@ -48,6 +48,10 @@ impl Runner<'_> {
             motions: self.counters.motions as usize,
             streamable,
             plain,
+            after_compact_if: (0..)
+                .zip(files)
+                .flat_map(|(source, file)| file.after_compact_if.iter().map(move |start| (source, *start)))
+                .collect(),
             mark_behind: self.state.mark,
             again: None,
         };

@@ -73,32 +73,36 @@ impl Instruction {
 
 /// Instructions that change neither data nor frames.
 pub(super) const NOTHING: &[&str] = &[
-    "AccSet", "ActEventBuffer", "AliasIOReset", "Break", "CamFlush", "CheckProgRef", "ClearIOBuff", "ClearPath",
-    "Close", "CloseDir", "ConfJ", "ConfL", "CopyFile", "CornerPathWarning", "DeactEventBuffer", "DitherAct",
-    "DitherDeact", "EraseModule", "ErrLog", "ErrWrite", "HollowWristReset", "IDelete", "IDisable", "IEnable",
-    "InvertDO", "IODisable", "IOEnable", "ISleep", "IWatch", "Load", "MakeDir", "MechUnitLoad", "MotionProcessModeSet",
-    "MotionSup", "PathAccLim", "PathLengthReset", "PathLengthStart", "PathLengthStop", "PathRecStart", "PathRecStop",
-    "PathResol", "PulseDO", "RemoveDir", "RemoveFile", "RenameFile", "Reset", "ResetPPMoved", "ResetRetryCount",
-    "RestoPath", "Rewind", "Save", "SCWrite", "Set", "SetAO", "SetDO", "SetGO", "SingArea", "SkipWarn", "SocketBind",
-    "SocketClose", "SocketConnect", "SocketListen", "SocketSend", "SocketSendTo", "SpeedLimAxis", "SpeedLimCheckPoint",
-    "SpyStart", "SpyStop", "StartMove", "StartMoveRetry", "Stop", "StopMove", "StopMoveReset", "StorePath",
-    "SyncMoveOff", "SyncMoveOn", "SyncMoveResume", "SyncMoveSuspend", "SyncMoveUndo", "SystemStopAction",
-    "TestSignDefine", "TestSignReset", "TextTabInstall", "TPErase", "TPShow", "TPWrite", "TuneReset", "TuneServo",
-    "UIMsgWrite", "UIShow", "UnLoad", "WaitRob", "WaitSyncTask", "WaitTime", "WorldAccLim", "Write", "WriteAnyBin",
-    "WriteBin", "WriteBlock", "WriteStrBin", "WriteVar", "WriteVarArr", "WZDisable", "WZEnable",
+    "AccSet", "ActEventBuffer", "AliasIOReset", "Break", "CamFlush", "CamRequestImage", "CamSetProgramMode",
+    "CheckProgRef", "ClearIOBuff", "ClearPath", "Close", "CloseDir", "ConfJ", "ConfL", "CopyFile", "CornerPathWarning",
+    "CorrClear", "CorrDiscon", "CorrWrite", "DeactEventBuffer", "DitherAct", "DitherDeact", "EGMReset", "EraseModule",
+    "ErrLog", "ErrWrite", "HollowWristReset", "IDelete", "IDisable", "IEnable", "InvertDO", "IODisable", "IOEnable",
+    "ISleep", "IWatch", "Load", "MakeDir", "MechUnitLoad", "MotionProcessModeSet", "MotionSup", "PathAccLim",
+    "PathLengthReset", "PathLengthStart", "PathLengthStop", "PathRecStart", "PathRecStop", "PathResol", "PulseDO",
+    "RemoveDir", "RemoveFile", "RenameFile", "Reset", "ResetPPMoved", "ResetRetryCount", "RestoPath", "Rewind",
+    "RMQEmptyQueue", "Save", "SCWrite", "Set", "SetAO", "SetDO", "SetGO", "SetSysData", "SiConnect", "SingArea",
+    "SkipWarn", "SocketBind", "SocketClose", "SocketConnect", "SocketListen", "SocketSend", "SocketSendTo",
+    "SpeedLimAxis", "SpeedLimCheckPoint", "SpyStart", "SpyStop", "StartMove", "StartMoveRetry", "Stop", "StopMove",
+    "StopMoveReset", "StorePath", "SyncMoveOff", "SyncMoveOn", "SyncMoveResume", "SyncMoveSuspend", "SyncMoveUndo",
+    "SystemStopAction", "TestSignDefine", "TestSignReset", "TextTabInstall", "TPErase", "TPShow", "TPWrite",
+    "TuneReset", "TuneServo", "UIMsgWrite", "UIShow", "UnLoad", "WaitRob", "WaitSyncTask", "WaitTime", "WorldAccLim",
+    "Write", "WriteAnyBin", "WriteBin", "WriteBlock", "WriteStrBin", "WriteVar", "WriteVarArr", "WZDisable",
+    "WZEnable",
 ];
 
 /// Instructions that change data in their arguments, and no other data.
 pub(super) const ARGUMENTS: &[&str] = &[
-    "AliasIO", "BitClear", "BitSet", "BookErrNo", "CancelLoad", "ClearRawBytes", "ClkReset", "ClkStart", "ClkStop",
-    "CopyRawBytes", "FitCircle", "GetDataVal", "GetJointData", "GetSysData", "GetTrapData", "ICap", "IError", "IPers",
-    "ISignalAI", "ISignalAO", "ISignalDI", "ISignalDO", "ISignalGI", "ISignalGO", "ITimer", "IVarValue", "LoadId",
-    "MToolRotCalib", "MToolTCPCalib", "Open", "OpenDir", "PackDNHeader", "PackRawBytes", "ReadAnyBin", "ReadBlock",
-    "ReadCfgData", "ReadErrData", "ReadRawBytes", "ReadVarArr", "SetDataSearch", "SocketAccept", "SocketCreate",
-    "SocketReceive", "SocketReceiveFrom", "StartLoad", "SToolRotCalib", "SToolTCPCalib", "TPReadDnum", "TPReadFK",
-    "TPReadNum", "TriggCheckIO", "TriggDataCopy", "TriggDataReset", "TriggEquip", "TriggInt", "TriggIO", "TriggRampAO",
-    "TriggSpeed", "TryInt", "UnpackRawBytes", "WaitLoad", "WaitTestAndSet", "WriteRawBytes", "WZBoxDef", "WZCylDef",
-    "WZDOSet", "WZFree", "WZHomeJointDef", "WZLimJointDef", "WZLimSup", "WZSphDef",
+    "AliasIO", "BitClear", "BitSet", "BookErrNo", "CamGetResult", "CancelLoad", "ClearRawBytes", "ClkReset",
+    "ClkStart", "ClkStop", "CopyRawBytes", "CorrCon", "EGMGetId", "FitCircle", "GetDataVal", "GetJointData",
+    "GetSysData", "GetTrapData", "ICap", "IError", "IPers", "IRMQMessage", "ISignalAI", "ISignalAO", "ISignalDI",
+    "ISignalDO", "ISignalGI", "ISignalGO", "ITimer", "IVarValue", "LoadId", "MToolRotCalib", "MToolTCPCalib", "Open",
+    "OpenDir", "PackDNHeader", "PackRawBytes", "ReadAnyBin", "ReadBlock", "ReadCfgData", "ReadErrData", "ReadRawBytes",
+    "ReadVarArr", "RMQFindSlot", "RMQGetMessage", "RMQGetMsgData", "RMQGetMsgHeader", "RMQReadWait", "RMQSendMessage",
+    "RMQSendWait", "SetDataSearch", "SocketAccept", "SocketCreate", "SocketReceive", "SocketReceiveFrom", "StartLoad",
+    "SToolRotCalib", "SToolTCPCalib", "TPReadDnum", "TPReadFK", "TPReadNum", "TriggCheckIO", "TriggDataCopy",
+    "TriggDataReset", "TriggEquip", "TriggInt", "TriggIO", "TriggRampAO", "TriggSpeed", "TriggStopProc", "TryInt",
+    "UnpackRawBytes", "WaitLoad", "WaitTestAndSet", "WriteRawBytes", "WZBoxDef", "WZCylDef", "WZDOSet", "WZFree",
+    "WZHomeJointDef", "WZLimJointDef", "WZLimSup", "WZSphDef",
 ];
 
 /// Instructions that change data in optional arguments, and no other data.

@@ -4,6 +4,7 @@ use super::eval::Scope;
 use super::expression::{Call, ExpressionKind};
 use super::gathering::Gathering;
 use super::known::RoutineId;
+use super::lex::{Cursor, LexemeKind};
 use super::motion;
 use super::outcome::Outcome;
 use super::predefined;
@@ -48,7 +49,7 @@ impl<'a> Runner<'a> {
         if self.counters.motions == 0 {
             let others: Vec<RoutineId> = self.uncalled(&procs).into_iter().filter(|id| Some(*id) != main).collect();
             // Each entry point starts with the data of the text, not with those that another one left.
-            for (before, id) in others.into_iter().enumerate() {
+            for (before, &id) in others.iter().enumerate() {
                 // Nothing has run before the first one: a chunk begins with its given state.
                 if before > 0 {
                     self.begin_again();
@@ -57,12 +58,18 @@ impl<'a> Runner<'a> {
                 if self.may_be_called_late(id) {
                     self.forget_what_routines_change();
                 }
+                self.begin_cycle();
+                let motions = self.counters.motions;
                 self.start(id);
+                if self.counters.motions > motions {
+                    self.tell_other_entries(id, &others);
+                }
                 if self.budget.is_spent() {
                     break;
                 }
             }
         }
+        self.miss_unread_motions();
         procs
     }
 
@@ -203,6 +210,29 @@ impl<'a> Runner<'a> {
             let told = Diagnostic::error(code, "", message).at(&self.symbols.sources[source], span);
             self.messages.diagnostics.push(told.severity(severity));
         }
+    }
+
+    /// Counts the motions whose statements are not understood, so that a program is not judged without them.
+    fn miss_unread_motions(&mut self) {
+        for (source, file) in (0..).zip(self.symbols.files).take(self.written) {
+            for &(span, reason) in &file.odd {
+                let bytes = self.bytes(usize::from(source));
+                let word = Cursor::new(bytes, span).accept(LexemeKind::Word);
+                if word.is_some_and(|word| motion::shape(&bytes[word.span().range()]).is_some()) {
+                    self.counters.motions += 1;
+                    let motion = self.messages.kept.unknown_motion(self.counters.motions, source, span, reason);
+                    self.miss(motion);
+                }
+            }
+        }
+    }
+
+    /// Counts and keeps a motion whose arguments are incomplete.
+    pub(super) fn unread_motion(&mut self, span: Span, reason: Reason) {
+        if self.mode == Mode::Real {
+            self.counters.motions += 1;
+        }
+        self.keep_motion(span, reason);
     }
 
     /// Keeps a motion whose target is unknown.

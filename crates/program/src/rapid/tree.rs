@@ -14,6 +14,8 @@ pub(super) struct File {
     pub(super) odd: Vec<(Span, Reason)>,
     /// The last mark before the first routine: in force from the start.
     pub(super) mark: Option<Mark>,
+    /// Starts of the statements that are the body of a compact IF, in the order of the text.
+    pub(super) after_compact_if: Vec<u32>,
     /// The file ends inside a module: its last lexeme.
     pub(super) cut: Option<Span>,
 }

@@ -157,8 +157,6 @@ struct Writer<'a> {
     options: &'a RewriteOptions,
     lines: Vec<Line<'a>>,
     inner: Vec<bool>,
-    /// How often each statement runs.
-    runs: BTreeMap<Span, usize>,
     /// Largest number of a position.
     largest: usize,
     /// Number of statements, including the inserted ones.
@@ -171,21 +169,14 @@ impl<'a> Writer<'a> {
     fn new(program: &'a Program, layout: &'a Layout, options: &'a RewriteOptions) -> Self {
         let bytes = &program.sources[0].bytes;
         let (lines, inner) = counted(bytes);
-        let mut runs = BTreeMap::new();
-        for target in program.targets.iter().filter(|target| target.is_end()) {
-            *runs.entry(target.span).or_insert(0) += 1;
-        }
         let (count, largest) = (lines.len(), largest(bytes, &lines, layout));
-        Self { program, layout, options, lines, inner, runs, largest, count, text: Vec::new() }
+        Self { program, layout, options, lines, inner, largest, count, text: Vec::new() }
     }
 
     /// Adds the positions of all motions that are inserted before a target, or none. Returns the form of the motions, the numbers of their
     /// circle points and ends, and the poses as the controller will store them.
     fn positions(&mut self, before: usize, inserts: &[Insert]) -> Result<Written<'a>, Reason> {
         let like = statement(self.program, self.layout, before)?;
-        if self.runs.get(&self.program.targets[before].span) != Some(&1) {
-            return Err(Reason::RunsAgain);
-        }
         let points = inserts.len() + inserts.iter().filter(|insert| insert.via.is_some()).count();
         if self.largest + points > MOST_POINTS {
             return Err(Reason::NoPositionNumbers);

@@ -73,8 +73,8 @@ impl FrontEnd for Layout {
         stops_at(program, wanted, passes, b"FINE")
     }
 
-    fn insertion_refused(&self, program: &Program, before: usize) -> Option<Reason> {
-        insert::refusal(program, self, before)
+    fn insertions_refused(&self, program: &Program, before: &[usize]) -> Vec<Option<Reason>> {
+        before.iter().map(|i| insert::refusal(program, self, *i)).collect()
     }
 
     fn removal(&self, program: &Program, _: usize, spans: &[Span]) -> Vec<Edit> {

@@ -2,7 +2,7 @@
 
 use super::markup::{Document, Table, Tile, bar, decimals, escape, further_pairs, list, section, tiles};
 use super::trace::{Channels, MOST_STRETCHES, Sample, Trace};
-use crate::identification::{elsewhere, named_parameter, nearby, significant};
+use crate::identification::{elsewhere, is_down_to_noise, named_parameter, nearby, significant};
 use crate::{Origin, identify_answer};
 use deflex_identify::{Identification, ResidualRow, Separation, SetShare};
 use serde_json::json;
@@ -108,6 +108,9 @@ fn added(found: &Identification) -> String {
             true => "<p>Nothing.</p>\n".to_owned(),
             false if !found.faint().is_empty() => {
                 "<p>Nothing: what may act is too faint on these rows to be named.</p>\n".to_owned()
+            }
+            false if !is_down_to_noise(found) => {
+                "<p>Nothing: the rows are too few to say why the declared cell does not explain them.</p>\n".to_owned()
             }
             false => "<p>Nothing: the declared cell explains the data down to the noise.</p>\n".to_owned(),
         };

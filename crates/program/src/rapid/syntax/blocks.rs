@@ -107,6 +107,8 @@ impl Parser<'_> {
             return Ok(Some(branch(arms, otherwise)));
         }
         let start = self.cursor.peek();
+        #[allow(clippy::cast_possible_truncation)] // no file is larger than 4 GiB
+        self.file.after_compact_if.push(start.start as u32);
         let inner = match self.key_of(start) {
             Some(k @ (Key::Return | Key::Exit | Key::Raise | Key::Retry | Key::TryNext | Key::Goto)) => {
                 self.cursor.pass(start);
