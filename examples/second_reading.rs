@@ -71,7 +71,11 @@ fn random(count: u64, first: u64, shown: usize) -> ExitCode {
     const INPUTS: std::ops::Range<u64> = 0..4;
     let bench = Bench::new();
     let seeds: Vec<u64> = (first..first + count).collect();
-    let options = |seed: u64| Options { allow_clones: seed % 4 == 3, ..Options::default() };
+    let options = |seed: u64| Options {
+        allow_clones: seed % 4 == 3,
+        subdivide: (seed % 4 == 1).then_some(2e-5),
+        ..Options::default()
+    };
     let judge = |modules: &[String], seed: u64| bench.judge(modules, INPUTS, &options(seed));
     let verdicts = spread(&seeds, |&seed| judge(&program(seed), seed));
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();

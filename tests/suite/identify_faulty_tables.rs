@@ -112,7 +112,7 @@ fn late(rows: &mut Rows, by: isize) {
 }
 
 /// Faults that are refused, whatever else is in the table.
-const REFUSED: [(&str, Fault); 22] = [
+const REFUSED: [(&str, Fault); 23] = [
     ("metres", |rows, _| points(rows, |p| p.map(|v| 1e-3 * v))),
     ("inches", |rows, _| points(rows, |p| p.map(|v| v / 25.4))),
     ("x and y swapped", |rows, _| points(rows, |[x, y, z]| [y, x, z])),
@@ -161,6 +161,7 @@ const REFUSED: [(&str, Fault); 22] = [
         points(rows, |p| p);
     }),
     ("forces in kilonewtons", |rows, _| forces(rows, |f| f.map(|v| 1e-3 * v))),
+    ("forces missing in a stretch", |rows, draw| stretch(rows, draw).iter_mut().for_each(|row| row.force_n = None)),
 ];
 
 /// Faults that are reported in addition to the fitted effects.
@@ -240,4 +241,36 @@ fn faulty_tables_are_refused_or_the_fault_is_said() {
         }
     }
     assert!(unsaid.is_empty(), "fitted in silence: {unsaid:#?}");
+}
+
+#[test]
+fn a_table_that_is_given_twice_is_refused() {
+    let Measured { cell, program, table } = Measured::of("planned_white_force_scale-15");
+    let read = || rapid::read(vec![program.clone()], Vec::new()).unwrap();
+    let runs = vec![(read(), table.clone()).into(), (read(), table).into()];
+    let input = Input {
+        cell: &cell,
+        runs,
+        poses: vec![],
+        tool: None,
+        data_hash: "test",
+        written: Default::default(),
+        progress: &|_| true,
+    };
+    let error = identify(input).unwrap_err().swap_remove(0);
+    assert!(error.message.contains("number by number"), "{error}");
+}
+
+/// A work object that was taught 20 mm beside its place is that, and no weight of the arm.
+#[test]
+fn a_constant_offset_is_the_work_object_frame_however_large_it_is() {
+    let measured = Measured::of("designed_wander_none-20");
+    let mut table = measured.table.clone();
+    points(&mut table.rows, |p| plus(p, [4.0, -7.0, 18.0]));
+    let found = measured.identified(table).unwrap();
+    assert_eq!(found.added.iter().map(|added| &added.kind[..]).collect::<Vec<_>>(), ["work_object_frame"]);
+    assert!(found.after.rms_mm < 2.0 * found.noise_floor_rms_mm, "{:?}", found.after);
+    // Its axes are those of the base, and not those of the table.
+    let shift: f64 = found.added[0].parameters[..3].iter().map(|parameter| parameter.value.powi(2)).sum();
+    assert!((shift.sqrt() - 389f64.sqrt()).abs() < 0.3, "{:?}", found.added);
 }

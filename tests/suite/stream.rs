@@ -287,7 +287,7 @@ fn a_prediction_along_the_driven_path_is_the_same_in_chunks() {
     let mut rows = Vec::new();
     write_csv(&expected.rows, &mut rows).unwrap();
     for threads in [1, 3] {
-        let chunks = rapid::Chunks::of_file("part.mod", Cursor::new(text.as_bytes()), &[]).unwrap().unwrap();
+        let chunks = Chunks::new("part.mod", Cursor::new(text.as_bytes()), &[]).unwrap().unwrap();
         let chunks = AnyChunks::Inline(Box::new(chunks));
         let mut report = CSV_HEADER.as_bytes().to_vec();
         let mut sinks =

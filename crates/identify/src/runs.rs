@@ -8,7 +8,7 @@ use super::places::{Path, Placed, misplaced};
 use super::plausibility::{MatchedRow, check_points, steps_mm};
 use super::probing::Probing;
 use super::reading::Reading;
-use deflex_cell::{Cell, CutForce};
+use deflex_cell::Cell;
 use deflex_correct::{Options, Point, Prepared};
 use deflex_measured::{Forces, MeasuredRow, Table, TargetRef};
 use deflex_program::{Motion, Program, Role, Target};
@@ -66,10 +66,7 @@ impl Problem {
             let help = "write 0 where no force acted, and leave out the rows whose force is not known";
             return Err(vec![table.row_error(row.line, message).help(help)]);
         }
-        // Without a force, a table with times or temperatures is no table of forces.
-        let is_table = cell.cut.as_ref().is_some_and(|cut| matches!(cut.force, CutForce::Table));
-        let forces = (has_force || covariates && !is_table).then_some(forces);
-        let options = Options { forces, ..Options::default() };
+        let options = Options { forces: (has_force || covariates).then_some(forces), ..Options::default() };
         let mut prepared = match original {
             Some(original) => Prepared::judged_by(original, program, cell, &options)?,
             None => Prepared::new(program, cell, &options)?,

@@ -629,9 +629,10 @@ impl Program {
                 i.checked_sub(1).map(|via| &self.targets[via]).filter(|via| via.role == Role::Via).unwrap_or(target);
             match () {
                 () if usize::from(target.source) >= self.written => Some(Reason::InContextFile),
+                () if refused.is_some() => refused,
                 () if runs[&(target.source, target.span)] > 1 => Some(Reason::RunsAgain),
                 () if first.predecessor != Predecessor::Previous => Some(Reason::PathStartUnknown),
-                () => refused,
+                () => None,
             }
         });
         all.collect()

@@ -227,9 +227,9 @@ fn statements_that_cannot_be_read_are_told_before_they_are_missed() {
     for command in ["compensate part.mod --cell cell.toml -o out.mod", "predict part.mod --cell cell.toml"] {
         let said = bench.run(command).exits(0).stderr;
         assert!(said.contains("missing semicolon") && said.contains("part.mod:7:5"), "{said}");
-        assert!(said.contains("3 targets: "), "{said}");
+        assert!(said.contains("4 targets: ") && said.contains("missing semicolon (1)"), "{said}");
     }
-    let said = bench.run("check part.mod --cell cell.toml --max-error 1").exits(0).stderr;
+    let said = bench.run("check part.mod --cell cell.toml --max-error 1").exits(1).stderr;
     assert!(said.contains("missing semicolon"), "{said}");
 }
 
@@ -260,4 +260,28 @@ fn files_in_each_others_place_are_recognised() {
     assert!(said("predict part.mod --cell cell.toml --forces forces.csv").contains("has a decimal point"));
     bench.write("forces.csv", "target,fx,fy,fz\n1,2,3,4\n");
     assert!(said("predict part.mod --cell cell.toml --forces forces.csv").contains("did you mean `fx_n`?"));
+}
+
+#[test]
+fn options_without_an_effect_are_refused() {
+    let bench = Bench::new();
+    for (command, said) in [
+        ("compensate part.mod --cell cell.toml -o out.mod --post krl", "--post is for CL data"),
+        ("compensate part.mod --cell cell.toml -o out.mod --max-targets 5", "--max-targets is for CL data"),
+        ("identify --run part.mod m.csv --cell cell.toml --tool tMill", "--tool tMill has no effect"),
+    ] {
+        bench.write("m.csv", "target,x_mm,y_mm,z_mm\n2,0,0,0\n");
+        let refused = bench.run(command).exits(2).stderr;
+        assert!(refused.contains(said), "{refused}");
+    }
+}
+
+#[test]
+fn a_table_in_utf_16_is_refused_with_its_name() {
+    let bench = Bench::new();
+    let text: Vec<u8> =
+        "\u{feff}target,fx_n,fy_n,fz_n\r\n2,0,0,90\r\n".encode_utf16().flat_map(u16::to_le_bytes).collect();
+    bench.write("f.csv", text);
+    let refused = bench.run("predict part.mod --cell cell.toml --forces f.csv").exits(2).stderr;
+    assert!(refused.contains("UTF-16") && refused.contains("save it as CSV, UTF-8"), "{refused}");
 }

@@ -31,6 +31,9 @@ fn a_stock_of_more_lines_than_fit_says_which_spacing_does() {
         bench.write("cell.toml", cell_with_stock(&keys));
         refused(&bench, "simulate part.mod --cell cell.toml", &["lines of the stock", "resolution_mm", least]);
     }
+    // A cut falls between lines that are farther apart than the cutter is wide.
+    bench.write("cell.toml", cell_with_stock(&format!("box_mm = {part}\nresolution_mm = 1000")));
+    refused(&bench, "simulate part.mod --cell cell.toml", &["lines 1000 mm apart", "resolution_mm is at most"]);
     // What deflex chooses by itself fits.
     bench.write("cell.toml", cell_with_stock(&format!("box_mm = {part}")));
     bench.run("simulate part.mod --cell cell.toml --json out.json").exits(0);

@@ -28,7 +28,7 @@ fn two_tools_are_posted_with_the_cells_own_routines() {
     bench.write("post.toml", cell(post));
     let ran = bench.run("compensate two.apt --cell post.toml -o a.mod").exits(0);
     assert!(
-        ran.stderr.contains("home") && ran.stderr.contains("WaitTime"),
+        ran.stderr.contains("home") && ran.stderr.contains("a delay is written as a wait"),
         "what is not a template is said: {}",
         ran.stderr
     );

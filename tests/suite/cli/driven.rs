@@ -343,7 +343,8 @@ fn inserted_targets_leave_each_force_at_its_own_target() {
     bench.run(judge).exits(0);
     let judged: Value = serde_json::from_str(&bench.read("r.json")).unwrap();
     let judged = judged["files"][0]["driven_path"]["programmed"]["max_mm"].as_f64().unwrap();
-    assert!((judged - largest).abs() < 0.005, "{judged} and {largest} mm");
+    // Where the force changes depends on which of the targets near the corner counts as the corner.
+    assert!((judged - largest).abs() < 0.05, "{judged} and {largest} mm");
 }
 
 #[test]
@@ -635,4 +636,63 @@ fn init_prints_what_is_known_of_the_path_of_each_maker() {
             Cell::read(&Source::new("cell.toml", path.clone())).unwrap_or_else(|error| panic!("{path}{error:?}"));
         assert!(read.controller.path.unwrap().law.zone_share > 0.5);
     }
+}
+
+/// The end of a motion that does not count has no path to keep: only the limits of the cell would hold it.
+#[test]
+fn the_approach_stays_and_the_limits_hold_for_the_whole_correction() {
+    let bench = Bench::new();
+    let cut = CELL.replace(
+        "force = \"none\"",
+        "force = \"constant\"\nforce_n = [0, 0, 0.001]\nframe = \"wobj\"\nmax_cutting_feed_mm_s = 60",
+    );
+    let cell = format!("{cut}[robot.stiffness]\njoint_nm_per_rad = [1e6, 1e6, 1e6, 1e6, 1e6, 1e6]\n{LAW}");
+    bench.write("cell.toml", &cell);
+    let text = program("v50", "z1");
+    let approach = "    MoveJ [[1100.0,-15.0,930],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v500,z0,tMill;\n";
+    let approached = text.replacen("    MoveL", &format!("{approach}    MoveL"), 1);
+    bench.write("p.mod", &approached);
+    bench.run("compensate p.mod --cell cell.toml -o out.mod --max-path-error 0.05 --subdivide 0.05").exits(0);
+    assert!(bench.read("out.mod").contains("MoveJ [[1100.0,-15.0,930]"), "{}", bench.read("out.mod"));
+    // The corner is moved by more than this.
+    bench.write("narrow.toml", format!("[limits]\nmax_correction_mm = 0.02\n{cell}"));
+    let refused = bench
+        .run("compensate p.mod --cell narrow.toml -o none.mod --max-path-error 0.2 --subdivide 0.2")
+        .exits(2)
+        .stderr;
+    assert!(refused.contains("limits.max-correction"), "{refused}");
+}
+
+/// 50 mm at 10 mm/s with 8 m/s² from rest to rest: 50 / 10 + 0.01 / 8 s, also if the line is one of 2 mm.
+#[test]
+fn a_motion_accelerates_as_the_law_says_however_long_its_line_is() {
+    let bench = Bench::new();
+    bench.write("cell.toml", format!("{CELL}[controller.path]\nzone_share = 1.0\nacceleration_mm_s2 = 8000.0\n"));
+    let text =
+        program("v10", "fine").replace("1200.0,100.0,900", "1200.0,50.0,900").replace("1100.0,0.0", "1150.0,0.0");
+    bench.write("p.mod", text);
+    bench.run("predict p.mod --cell cell.toml --json out.json --report out.csv").exits(0);
+    let json: Value = serde_json::from_str(&bench.read("out.json")).unwrap();
+    let seconds = json["files"][0]["driven_path"]["programmed"]["run_time_s"].as_f64().unwrap();
+    assert!((seconds - 2.0 * (5.0 + 0.01 / 8.0)).abs() < 0.01, "{seconds}");
+}
+
+/// An override of the speed is no law of the controller.
+#[test]
+fn a_log_that_is_slower_than_any_law_allows_is_refused() {
+    let bench = Bench::new();
+    bench.write("cell.toml", CELL);
+    let text = program("v50", "z1");
+    bench.write("p.mod", &text);
+    let quick = log(&text, &PathLaw::TYPICAL);
+    let slow = quick.lines().map(|line| match line.split_once(',') {
+        Some((time, rest)) if !time.starts_with('t') => format!("{:.3},{rest}\n", 2.0 * time.parse::<f64>().unwrap()),
+        _ => format!("{line}\n"),
+    });
+    bench.write("l.csv", slow.collect::<String>());
+    let refused = bench.run("identify --cell cell.toml --log p.mod l.csv --log p.mod l.csv").exits(2).stderr;
+    assert!(
+        refused.contains("drives at 50 % of the speed") && refused.contains("speed override at 100 %"),
+        "{refused}"
+    );
 }

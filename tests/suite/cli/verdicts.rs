@@ -307,7 +307,7 @@ fn counts_add_up_and_nothing_unjudged_passes() {
         }
     }
     assert!(
-        unjudged > 50 && inserted > 50 && kept > unjudged,
+        unjudged > 50 && inserted > 40 && kept > unjudged,
         "{unjudged} not judged, {inserted} inserted, {kept} kept"
     );
 }
@@ -344,4 +344,14 @@ fn an_inserted_exit_point_is_not_the_end_of_the_cut() {
     let at = report.headers().unwrap().iter().position(|name| name == "correction_z_mm").unwrap();
     let row = report.records().map(Result::unwrap).find(|row| &row[0] == "4").unwrap();
     assert!((moved["shift_mm"][2].as_f64().unwrap() - row[at].parse::<f64>().unwrap()).abs() < 1e-3, "{moved}");
+}
+
+/// A report on stdout takes the place of the verdicts, which go to stderr.
+#[test]
+fn a_report_of_check_may_go_to_stdout() {
+    let bench = Bench::new();
+    let ran = bench.run("check part.mod --cell cell.toml --max-error 5 --json -").exits(0);
+    let json: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+    assert!(json["passed"].as_bool().unwrap() && ran.stderr.contains("3 judged"), "{}", ran.stderr);
+    bench.run("check part.mod --cell cell.toml --max-error 5 --json - --output-format junit").exits(2);
 }

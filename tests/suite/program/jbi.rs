@@ -260,6 +260,15 @@ fn cl_data_are_posted_as_inform() {
         assert!((quat.iter().zip(posted.quat).map(|(a, b)| a * b).sum::<f64>().abs() - 1.0).abs() < 1e-10);
         assert_eq!(target.editable, Editable::Pose);
     }
+    // Positions in one frame: a relative job, which names it.
+    assert!(String::from_utf8_lossy(bytes).contains("\r\n///ATTR SC,RW,RJ\r\n////FRAME USER 1\r\n"));
+    // A part begins where the part before ends, and the path between both is a line.
+    let split = PostOptions { max_targets: Some(2), ..options.clone() };
+    let parts = post(&program, &cell, &corrected, &split).unwrap().files;
+    let instructions = |at: usize| String::from_utf8_lossy(&parts[at].1).into_owned();
+    assert_eq!(parts.len(), 3);
+    assert_eq!((instructions(1).matches("MOVJ").count(), instructions(2).matches("MOVJ").count()), (1, 0));
+    assert_eq!(instructions(2).matches("MOVL").count(), 2);
     // A controller knows frames by their numbers.
     let named = ROBOT.replace("TOOL 1", "mill") + &more.replace("TOOL 1", "mill");
     let other = Cell::read(&Source::new("cell.toml", named)).unwrap();

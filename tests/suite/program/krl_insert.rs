@@ -22,7 +22,8 @@ fn inserted(program: &Program, before: usize) -> (String, Option<&'static str>) 
     (String::from_utf8(out).unwrap(), why)
 }
 
-const BEGIN: &str = "$BASE=BASE_DATA[1]\n$TOOL=TOOL_DATA[1]\n$VEL.CP=0.1\n";
+/// Frames, and the point at which the way to the next motion begins.
+const BEGIN: &str = "$BASE=BASE_DATA[1]\n$TOOL=TOOL_DATA[1]\n$VEL.CP=0.1\nLIN {X 0,Y 0,Z 0,A 0,B 0,C 0}\n";
 
 #[test]
 fn lines_between_keep_the_layout() {
@@ -35,10 +36,10 @@ fn lines_between_keep_the_layout() {
     ] {
         for end in ["\n", "\r\n"] {
             let text = format!("DEF a()\n{BEGIN}{statement}\nEND\n").replace('\n', end);
-            let at = text.to_ascii_uppercase().find("LIN {").unwrap();
+            let at = text.to_ascii_uppercase().rfind("LIN {").unwrap();
             let indent = &text[text[..at].rfind('\n').unwrap() + 1..at];
             let line = format!("{new}{word}{end}{indent}");
-            let (out, why) = inserted(&read(&text), 0);
+            let (out, why) = inserted(&read(&text), 1);
             assert_eq!((out, why), (format!("{}{line}{line}{}", &text[..at], &text[at..]), None));
         }
     }
@@ -47,7 +48,7 @@ fn lines_between_keep_the_layout() {
 #[test]
 fn splines_keep_their_words() {
     let text = format!("DEF a()\n{BEGIN}SLIN {{X 1,Y 2,Z 3,A 0,B 0,C 0}} WITH $VEL.CP=0.2 C_SPL\nEND\n");
-    let (out, why) = inserted(&read(&text), 0);
+    let (out, why) = inserted(&read(&text), 1);
     assert_eq!(why, None);
     assert!(
         out.contains("SLIN {X 5.000,Y 6.250,Z -0.500,A 0.00000,B 0.00000,C 0.00000} WITH $VEL.CP=0.2 C_SPL\n"),
@@ -61,17 +62,29 @@ fn where_a_line_between_would_be_wrong_none_is_written() {
     for (statements, before, reason) in [
         (
             format!("SPLINE\nSPL {{X 1,Y 2,Z 3,A 0,B 0,C 0}}\nS{full}\nENDSPLINE"),
-            1,
+            2,
             "in a spline block: a point between would make it another curve",
         ),
-        (format!("{full}\nLIN {{X 4}}"), 1, "its position takes components from the motion before"),
+        (format!("{full}\nLIN {{X 4}}"), 2, "its position takes components from the motion before"),
         (
             format!("TRIGGER WHEN DISTANCE=1 DELAY=0 DO $OUT[1]=TRUE\n{full}"),
-            0,
+            1,
             "a TRIGGER before it refers to this motion",
         ),
-        (format!("FOR i=1 TO 2\n{full}\nENDFOR"), 1, "the motion runs more than once, and so would an inserted point"),
-        ("PTP {X 1,Y 2,Z 3,A 0,B 0,C 0}".into(), 0, "only lines and arcs can be subdivided"),
+        // The output switches at the end of the next motion, and not of an inserted one.
+        (
+            format!("TRIGGER WHEN DISTANCE=1 DELAY=0 DO $OUT[1]=TRUE\n$VEL.CP=0.02\n{full}"),
+            1,
+            "a TRIGGER before it refers to this motion",
+        ),
+        (format!("ON_ERROR_PROCEED\n{full}"), 1, "ON_ERROR_PROCEED before it is for this statement alone"),
+        (
+            format!("IF $IN[1] THEN\nLIN {{X 9,Y 2,Z 3,A 0,B 0,C 0}}\nENDIF\n{full}"),
+            2,
+            "the path to it begins at a point that is known only at run time",
+        ),
+        (format!("FOR i=1 TO 2\n{full}\nENDFOR"), 2, "the motion runs more than once, and so would an inserted point"),
+        ("PTP {X 1,Y 2,Z 3,A 0,B 0,C 0}".into(), 1, "only lines and arcs can be subdivided"),
     ] {
         let text = format!("DEF a()\nDECL INT i\n{BEGIN}{statements}\nEND\n");
         let (out, why) = inserted(&read(&text), before);
@@ -82,12 +95,12 @@ fn where_a_line_between_would_be_wrong_none_is_written() {
     );
     let data = "DEFDAT a\nDECL E6POS XP1={X 1,Y 2,Z 3,A 0,B 0,C 0}\nENDDAT\n";
     let program = krl::read(vec![Source::new("a.src", &form[..]), Source::new("a.dat", data)], Vec::new()).unwrap();
-    let why = inserted(&program, 0).1;
+    let why = inserted(&program, 1).1;
     assert_eq!(why, Some("in an inline form, which the controller would rewrite without the inserted point"));
     // The same without the form: before the statement, not in the data list.
     let plain = form.replace(";%{PE}%R 8.3", "");
     let program = krl::read(vec![Source::new("a.src", plain), Source::new("a.dat", data)], Vec::new()).unwrap();
-    let (out, why) = inserted(&program, 0);
+    let (out, why) = inserted(&program, 1);
     assert!(why.is_none() && out.contains("C 0.00000} C_DIS C_DIS\nLIN XP1 C_DIS C_DIS"), "{out}");
 }
 

@@ -3,7 +3,7 @@
 use deflex::cell::Cell;
 use deflex::correct::{Options, Status, compensate};
 use deflex::program::Predecessor::{self, Previous, Start, Unknown};
-use deflex::program::{Program, krl, rapid, tp};
+use deflex::program::{Insert, Program, RewriteOptions, krl, rapid, tp};
 use deflex::text::Source;
 
 fn rapid_program(body: &str, more: &str) -> Program {
@@ -83,4 +83,63 @@ fn a_target_of_unknown_way_stays_where_the_force_follows_it() {
     assert_eq!(kept("frame = \"wobj\""), [true, true, true, true].map(|_| false));
     let with_feed = kept("frame = \"feed\"");
     assert!(with_feed[2], "{with_feed:?}");
+}
+
+/// Why a point can be inserted before no motion, or only before some: between the motions of the text lies the path of only one run.
+#[test]
+fn nothing_is_inserted_on_a_path_that_some_runs_do_not_take() {
+    const START: Option<&str> = Some("the path to it begins at a point that is known only at run time");
+    const AGAIN: Option<&str> = Some("the motion runs more than once, and so would an inserted point");
+    const COMPACT: Option<&str> = Some("the condition before it is for one instruction");
+    const PROCESS: Option<&str> = Some("motion during which the controller does more than move");
+    let cases: [(&str, &[Option<&str>]); 8] = [
+        ("MoveL a@MoveL b@MoveC c,a@", &[START, None, None]),
+        ("MoveL a@WHILE di1=0 DO\nMoveL b@MoveL c@ENDWHILE\nMoveL a@", &[START, START, None, START]),
+        ("MoveL a@IF di1=1 THEN\nMoveL b@ENDIF\nMoveL c@MoveL a@", &[START, None, START, None]),
+        ("MoveL a@IF di1=1\nMoveL b@MoveL c@", &[START, COMPACT, START]),
+        ("MoveL a@FOR i FROM 1 TO 2 DO\nMoveL b@MoveL c@ENDFOR\n", &[START, AGAIN, AGAIN, AGAIN, AGAIN]),
+        ("MoveL a@TriggL b,v50,t1,fine,tCell\\WObj:=wCell;\nMoveL c@", &[START, PROCESS, None]),
+        ("MoveL a@ArcL b,v50,s1,w1,fine,tCell\\WObj:=wCell;\nMoveL c@", &[START, PROCESS, None]),
+        ("MoveL a@MoveLDO b,v50,fine,tCell\\WObj:=wCell,do1,1;\nMoveL c@", &[START, None, None]),
+    ];
+    for (body, expected) in cases {
+        let program = rapid_program(body, "");
+        let ends: Vec<usize> = (0..program.targets.len()).filter(|i| program.targets[*i].is_end()).collect();
+        let refused = program.insertions_refused(&ends);
+        assert_eq!(refused.iter().map(|why| why.map(|why| why.text())).collect::<Vec<_>>(), expected, "{body}");
+    }
+}
+
+#[test]
+fn an_inserted_motion_passes_on_whether_there_is_an_argument() {
+    let text = "MODULE M\nPROC main()\ncut;\nENDPROC\nPROC cut(\\PERS wobjdata w \\num s)\n\
+                MoveL [[0,0,0],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,fine,tCell\\WObj?w;\n\
+                MoveL [[99,0,0],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50 \\V?s,fine,tCell \\WObj ? w;\nENDPROC\nENDMODULE\n";
+    let program = rapid::read(vec![Source::new("m.mod", text)], Vec::new()).unwrap();
+    let insert = Insert::line(1, ([50.0, 0.0, 0.5], [0.0, 1.0, 0.0, 0.0]), 9.0);
+    let rewritten = program.rewrite(&[None, None], &[insert], &RewriteOptions::default());
+    assert_eq!(rewritten.not_inserted, []);
+    let inserted = String::from_utf8(rewritten.edits[0][0].content.to_vec()).unwrap();
+    assert!(inserted.contains("],v50\\V?s,z1,tCell\\WObj?w;"), "{inserted}");
+}
+
+/// The circle point of an arc moves to the middle of its last part only if the arc is divided.
+#[test]
+fn the_circle_point_stays_where_the_arc_is_not_divided() {
+    use crate::second_reading::compare::CELL;
+    let cell = Cell::read(&Source::new("cell.toml", CELL)).unwrap();
+    let options = Options { subdivide: Some(1e-5), ..Options::default() };
+    let arc = "MoveC [[150,150,0],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],[[300,0,0],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],";
+    let moved = |body: &str| {
+        let program = rapid_program(body, "");
+        let corrected = compensate(&program, &cell, &options).unwrap();
+        assert!(corrected.failures.is_empty(), "{:?}", corrected.failures);
+        let rewritten = corrected.rewritten.unwrap();
+        (rewritten.inserted.iter().flatten().count(), rewritten.written[1].0[0] - 150.0)
+    };
+    let (count, by) = moved(&format!("MoveL a@{arc}v50,fine,tCell\\WObj:=wCell;\n"));
+    assert!(count > 0 && by.abs() > 50.0, "{count} {by}");
+    // The arc has a time of its own.
+    let (count, by) = moved(&format!("MoveL a@{arc}v50\\T:=4,fine,tCell\\WObj:=wCell;\n"));
+    assert!(count == 0 && by.abs() < 5.0, "{count} {by}");
 }

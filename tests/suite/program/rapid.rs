@@ -337,3 +337,53 @@ fn a_file_that_is_cut_off_may_be_looked_at() {
     assert_eq!((program.targets.len(), program.literal_targets), (1, 1));
     assert!(program.kept.iter().any(|kept| kept.reason == Reason::FileEndsInModule && kept.line == 3));
 }
+
+/// The main loop of a production program: it counts parts, and retries what fails.
+#[test]
+fn an_endless_loop_with_a_counter_is_taken_once() {
+    let move_to = |x: u32| format!("MoveL [[{x},0,0],[1,0,0,0],[0,0,0,0],{EXT}],v20,z1,t1;\n");
+    for (before, after, handler) in
+        [("nParts:=nParts+1;\n", "", "ERROR\nRETRY;\n"), ("", "nParts:=nParts+1;\nIF nParts>100 nParts:=0;\n", "")]
+    {
+        let body = format!("WHILE TRUE DO\n{before}{}{}{after}ENDWHILE\n{handler}", move_to(0), move_to(10));
+        let program = read(&module("VAR num nParts:=0;", &body));
+        assert_eq!(positions(&program), [[0., 0., 0.], [10., 0., 0.]]);
+        assert!(program.diagnostics.iter().all(|d| d.code != "rapid.endless"), "{:?}", program.diagnostics);
+    }
+}
+
+/// A program is not judged without the motions that could not be read.
+#[test]
+fn a_motion_that_is_not_read_counts_as_one_of_unknown_target() {
+    let whole = format!("MoveL [[0,0,0],[1,0,0,0],[0,0,0,0],{EXT}],v20,z1,t1;\n");
+    for broken in [whole.replace(",z1,t1", ",z1"), whole.replace("]],", "],"), "MoveL;\n".to_owned()] {
+        let program = read(&module("", &format!("{whole}{broken}{whole}")));
+        assert_eq!((program.targets.len(), program.unknown.len()), (2, 1), "{broken}");
+    }
+}
+
+#[test]
+fn routines_without_a_caller_that_change_what_others_use_are_named() {
+    let cut =
+        format!("PROC cut()\nIF n=1 THEN\nMoveL [[0,0,0],[1,0,0,0],[0,0,0,0],{EXT}],v20,z1,t1;\nENDIF\nENDPROC\n");
+    let warned = |other: &str| {
+        let text = format!("MODULE M\nVAR num n:=1;\n{cut}{other}ENDMODULE\n");
+        let program = read(&text);
+        program
+            .diagnostics
+            .iter()
+            .filter(|d| d.code == "rapid.no-caller")
+            .map(|d| d.message.clone())
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(
+        warned("PROC two()\nn:=2;\nENDPROC\n"),
+        ["`cut` is corrected for the value of `n` in the text, and `two` changes it"]
+    );
+    assert_eq!(
+        warned("PROC shift()\nPDispSet [[0,0,5],[1,0,0,0]];\nENDPROC\n"),
+        ["`cut` is corrected for program displacement switched off, and `shift` changes it"]
+    );
+    // A caller says in which order they run.
+    assert_eq!(warned("PROC two()\nn:=1;\nENDPROC\nPROC main()\ntwo;\ncut;\nENDPROC\n"), Vec::<String>::new());
+}

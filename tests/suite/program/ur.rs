@@ -266,3 +266,36 @@ fn cl_data_are_posted_as_urscript() {
     let split = PostOptions { max_targets: Some(2), ..options };
     assert_eq!(post(&program, &cell, &corrected, &split).unwrap_err()[0].code, "post.split");
 }
+
+#[test]
+fn a_point_between_is_refused_where_the_copied_statement_would_be_wrong() {
+    let path = |body: &str| format!("def m():\n set_tcp(p[0,0,0.1,0,0,0])\n movel(p[0.5,0,0.2,0,3.14,0])\n{body}end\n");
+    let to = "movel(p[0.5,0.3,0.2,0,3.14,0]";
+    for (body, reason) in [
+        (
+            format!(" i = 0\n while i < 2:\n  {to})\n  movel(p[0.6,0.3,0.2,0,3.14,0])\n  i = i + 1\n end\n"),
+            Reason::RunsAgain,
+        ),
+        (format!(" if get_digital_in(1):\n  movel(p[0.6,0,0.2,0,3.14,0])\n end\n {to})\n"), Reason::PathStartUnknown),
+        (format!(" {to}, t=3)\n"), Reason::NoOwnSpeed),
+        (format!(" {to}, 1.2, 0.02, 3)\n"), Reason::NoOwnSpeed),
+    ] {
+        let program = read(&path(&body));
+        let last = program.targets.iter().rposition(|target| {
+            (target.span.end - target.span.start) as usize >= to.len() && {
+                program.sources[0].bytes[target.span.range()].starts_with(to.as_bytes())
+            }
+        });
+        assert_eq!(program.insertions_refused(&[last.unwrap()]), [Some(reason)], "{body}");
+    }
+    assert_eq!(read(&path(&format!(" {to}, v=0.02)\n"))).insertions_refused(&[1]), [None]);
+}
+
+#[test]
+fn the_length_of_a_list_does_not_depend_on_its_numbers() {
+    let text = "def m():\n set_tcp(p[0,0,0.1,0,0,0])\n local all = [p[0.5,0,0.2,0,3.14,0], p[0.6,0,0.2,0,3.14,0]]\n local i = 0\n \
+                while i < length(all):\n  movel(all[i])\n  i = i + 1\n end\nend\n";
+    for program in [read(text), read(&text.replace("length(", "get_list_length("))] {
+        assert!(program.targets.iter().all(|target| target.editable == Editable::Pose), "{:?}", program.targets);
+    }
+}

@@ -135,6 +135,7 @@ impl Bench {
             Err(why) => return Verdict::Wrong(format!("the corrected program does not read: {why}")),
         };
         let same_lines = texts.iter().zip(&written).all(|(a, b)| a.lines().count() == b.lines().count());
+        let inserted = inserted_lines(&program, &corrected);
         let told = Told::new(&program, &corrected);
         let (mut most, mut left) = (0, Vec::new());
         for seed in seeds {
@@ -147,12 +148,24 @@ impl Bench {
             }
             let mut after = Machine::new(&modules, &self.cell_file, Oracle::again(seed, &before.oracle));
             let ended_after = after.run();
-            if ended != ended_after || before.motions.len() != after.motions.len() {
-                let now = (after.motions.len(), ended_after);
+            let is_inserted = |motion: &&Motion| inserted.contains(&(motion.module, motion.line));
+            let own: Vec<&Motion> = after.motions.iter().filter(|motion| !is_inserted(motion)).collect();
+            if ended != ended_after || before.motions.len() != own.len() {
+                let now = (own.len(), ended_after);
                 return Verdict::Wrong(format!("runs differently: {} {ended:?}, now {now:?}", before.motions.len()));
             }
-            let pairs: Vec<_> = before.motions.iter().zip(&after.motions).collect();
-            match self.compare(&pairs, same_lines, &told) {
+            let (mut divided, mut at) = (BTreeSet::new(), 0);
+            for motion in &after.motions {
+                if !is_inserted(&motion) {
+                    at += 1;
+                } else if let Err(why) = is_on_the_way(motion, &before.motions, at) {
+                    return Verdict::Wrong(format!("{why} (seed {seed})"));
+                } else {
+                    divided.insert(at);
+                }
+            }
+            let pairs: Vec<_> = before.motions.iter().zip(own).collect();
+            match self.compare(&pairs, same_lines, (&told, &divided)) {
                 Ok(seen) => {
                     most = most.max(seen.corrected);
                     left.extend(seen.left);
@@ -165,7 +178,13 @@ impl Bench {
         Verdict::Right { corrected: most, left }
     }
 
-    fn compare(&self, pairs: &[(&Motion, &Motion)], same_lines: bool, told: &Told) -> Result<Seen, String> {
+    /// `divided` has the motions with inserted points before them.
+    fn compare(
+        &self,
+        pairs: &[(&Motion, &Motion)],
+        same_lines: bool,
+        (told, divided): (&Told, &BTreeSet<usize>),
+    ) -> Result<Seen, String> {
         let originals: Vec<&Motion> = pairs.iter().map(|(before, _)| *before).collect();
         let wanted = self.answers(&originals, Correct::Pose);
         let mut seen = Seen::default();
@@ -183,6 +202,10 @@ impl Bench {
                     _ => return Err(format!("{what}: joint target is another")),
                 }
             };
+            // The circle point of an arc that is divided is that of its last part.
+            let skipped = if divided.contains(&i) { old.len() - 1 } else { 0 };
+            let (old, new) = (&old[skipped..], &new[skipped..]);
+            let wanted = wanted.as_ref().map(|wanted| &wanted[skipped.min(wanted.len())..]);
             let (from, to) = (before.base()?, after.base()?);
             let moved = old.iter().zip(new).any(|(a, b)| a != b);
             let close = |a: &Frame, b: &Frame| {
@@ -212,7 +235,7 @@ impl Bench {
             let as_wanted = |wanted: &[Frame]| wanted.iter().zip(&there).all(|(w, p)| close(w, p));
             let position = || self.answers(&originals[i..=i], Correct::Position).remove(0);
             let right = as_wanted(wanted)
-                || position().is_some_and(|wanted| as_wanted(&wanted))
+                || position().is_some_and(|wanted| as_wanted(&wanted[skipped.min(wanted.len())..]))
                 || before.shifted && self.lands(before, after);
             if !right {
                 let (mm, rad) = wanted[wanted.len() - 1].apart(&there[there.len() - 1]);
@@ -283,6 +306,51 @@ impl Bench {
         };
         machine.motions.iter().map(poses).collect()
     }
+}
+
+/// Modules and lines of the motions that a correction has inserted.
+fn inserted_lines(program: &Program, corrected: &Corrected) -> BTreeSet<(usize, u32)> {
+    let mut lines = BTreeSet::new();
+    let edits = corrected.rewritten.as_ref().map_or(&[][..], |rewritten| &rewritten.edits[..]);
+    for (module, (source, edits)) in program.sources.iter().zip(edits).enumerate() {
+        let mut more = 0;
+        for edit in edits.iter().filter(|edit| edit.span.start == edit.span.end) {
+            let before = source.bytes[..edit.span.start as usize].iter().filter(|byte| **byte == b'\n').count();
+            let count = edit.content.iter().filter(|byte| **byte == b'\n').count();
+            let first = before + more + 1;
+            lines.extend((first..first + count).map(|line| (module, line as u32)));
+            more += count;
+        }
+    }
+    lines
+}
+
+/// Whether an inserted motion lies near the way from one motion of the original to the next one, `at`, in this very run.
+fn is_on_the_way(inserted: &Motion, originals: &[Motion], at: usize) -> Result<(), String> {
+    /// Corrections of this cell are smaller, mm.
+    const NEAR_MM: f64 = 15.0;
+    let what = format!("line {} is inserted", inserted.line);
+    let (Some(next), Some(from)) = (originals.get(at), at.checked_sub(1)) else {
+        return Err(format!("{what} where no motion follows, or none comes before"));
+    };
+    let place = |motion: &Motion| -> Result<Option<[f64; 3]>, String> {
+        let base = motion.base()?;
+        Ok(match &motion.goal {
+            Goal::Poses(poses, ..) => poses.last().map(|pose| base.then(pose).p),
+            Goal::Joints(_) => None,
+        })
+    };
+    // The TCP of another tool begins elsewhere.
+    if next.kind.contains('C') || originals[from].tool != next.tool {
+        return Ok(());
+    }
+    let (Some(a), Some(b), Some(p)) = (place(&originals[from])?, place(next)?, place(inserted)?) else { return Ok(()) };
+    let way: [f64; 3] = std::array::from_fn(|i| b[i] - a[i]);
+    let square: f64 = way.iter().map(|x| x * x).sum();
+    let along: f64 = (0..3).map(|i| (p[i] - a[i]) * way[i]).sum();
+    let share = if square > 0.0 { (along / square).clamp(0.0, 1.0) } else { 0.0 };
+    let off = (0..3).map(|i| (p[i] - a[i] - share * way[i]).powi(2)).sum::<f64>().sqrt();
+    if off > NEAR_MM { Err(format!("{what} {off:.1} mm from the path of this run")) } else { Ok(()) }
 }
 
 #[derive(Default)]

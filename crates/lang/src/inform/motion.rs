@@ -35,7 +35,8 @@ pub(super) fn has_plain_circles(lines: &[Line<'_>]) -> bool {
                 }
             }
         }
-        if points > 3 || points > 0 && code.iter().any(|lexeme| lexeme.is("FPT")) {
+        // FPT ends the arc at its point: at the third one it says what follows anyway.
+        if points > 3 || matches!(points, 1 | 2) && code.iter().any(|lexeme| lexeme.is("FPT")) {
             return false;
         }
     }

@@ -1,13 +1,15 @@
 //! The next cycle: after its end, `main` begins again with the data and the displacement that it left.
 
+use super::expression::Expression;
 use super::known::RoutineId;
 use super::runner::Runner;
 use super::state::{Begun, OnOff};
-use super::symbols::Content;
-use super::tree::Storage;
+use super::symbols::{Content, Upper};
+use super::tree::{Storage, statements};
 use super::value::{Value, unit};
 use crate::{ToolData, WobjData};
 use deflex_text::{Diagnostic, Severity, Span};
+use std::collections::BTreeSet;
 
 impl Runner<'_> {
     /// Records the state before `main` runs.
@@ -68,34 +70,56 @@ impl Runner<'_> {
         }
     }
 
-    /// Warns of tools, work objects and displacement that the motions of a routine without a caller use as declared, and that another
-    /// such routine changes.
+    /// Warns of data that a routine without a caller uses, and of a displacement, where another such routine changes them: the calls of
+    /// both are not in the files, and their order decides.
     pub(super) fn tell_other_entries(&mut self, id: RoutineId, entries: &[RoutineId]) {
-        let Begun { declared, used, moved_before_displacement } = std::mem::take(&mut self.begun);
-        let name = |id: RoutineId| String::from_utf8_lossy(self.routine_name(id)).into_owned();
-        let others = || entries.iter().copied().filter(|other| *other != id);
-        let mut changed = Vec::new();
-        for (at, _) in used.into_iter().chain(declared).filter(|(at, began)| self.moved_in(*at, began)) {
-            if let Some(other) = others().find(|other| self.symbols.changed_by(*other).data.contains(&at)) {
-                changed.push((format!("the value of `{}` in the text", self.symbols.variables[at].name), other));
+        let own = self.symbols.changed_by(id);
+        let mut changed: Vec<(String, RoutineId)> = Vec::new();
+        for other in entries.iter().copied().filter(|other| *other != id) {
+            let changes = self.symbols.changed_by(other);
+            let used = self.data_named_in(id).into_iter().filter(|at| changes.data.contains(at));
+            changed.extend(
+                used.map(|at| (format!("the value of `{}` in the text", self.symbols.variables[at].name), other)),
+            );
+            if changes.switches.displacement && !own.switches.displacement {
+                changed.push(("program displacement switched off".to_owned(), other));
             }
         }
-        if moved_before_displacement != Some(false)
-            && let Some(other) = others().find(|other| self.symbols.changed_by(*other).switches.displacement)
-        {
-            changed.push(("program displacement switched off".to_owned(), other));
+        changed.sort();
+        changed.dedup_by(|a, b| a.0 == b.0);
+        let name = |id: RoutineId| String::from_utf8_lossy(self.routine_name(id)).into_owned();
+        let (source, at) = (&self.symbols.sources[id.file], self.symbols.routine(id).name);
+        let warning = |(what, other): (String, RoutineId)| {
+            let message = format!("`{}` is corrected for {what}, and `{}` changes it", name(id), name(other));
+            let help = "give the module that calls these routines as an input, or with --context: the order of the calls decides";
+            Diagnostic::error("rapid.no-caller", "", message).at(source, at).severity(Severity::Warning).help(help)
+        };
+        let warnings: Vec<Diagnostic> = changed.into_iter().map(warning).collect();
+        self.messages.diagnostics.extend(warnings);
+    }
+
+    /// Data that the statements of a routine, and of those that it calls, name.
+    fn data_named_in(&self, id: RoutineId) -> BTreeSet<usize> {
+        let (mut data, mut routines) = (BTreeSet::new(), vec![id]);
+        let mut at = 0;
+        while let Some(&id) = routines.get(at) {
+            at += 1;
+            let (bytes, module) = (self.bytes(id.file), self.symbols.module_of(id));
+            let body = &self.symbols.routine(id).body;
+            for statement in statements(body) {
+                statement.each(&mut |part: &Expression| {
+                    if part.is_name() {
+                        data.extend(self.symbols.find_data(module, &Upper::new(&bytes[part.span.range()])));
+                    }
+                });
+            }
+            for callee in self.calls(id, body) {
+                if !routines.contains(&callee) {
+                    routines.push(callee);
+                }
+            }
         }
-        let messages: Vec<String> = changed
-            .into_iter()
-            .map(|(what, other)| format!("`{}` is corrected for {what}, and `{}` changes it", name(id), name(other)))
-            .collect();
-        let (bytes, at) = (&self.symbols.sources[id.file], self.symbols.routine(id).name);
-        for message in messages {
-            let warning = Diagnostic::error("rapid.no-caller", "", message).at(bytes, at).severity(Severity::Warning);
-            self.messages.diagnostics.push(
-                warning.help("give the module that calls these routines as an input, or with --context: the order of the calls decides"),
-            );
-        }
+        data
     }
 
     fn tell_cycle(&mut self, source: usize, span: Span, message: &str) {

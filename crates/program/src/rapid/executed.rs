@@ -95,7 +95,8 @@ impl Executed {
 
     /// Its targets in chunks, if nothing will be written.
     #[must_use]
-    pub(crate) fn chunks(&self) -> ExecutedChunks {
+    #[doc(hidden)]
+    pub fn chunks(&self) -> ExecutedChunks {
         self.run(Agreement::None)
     }
 

@@ -1,5 +1,6 @@
 //! Runs the program: follows calls, loops and branches as far as they are known when reading.
 
+use super::changes::is_synchronised;
 use super::eval::Scope;
 use super::expression::{Call, ExpressionKind};
 use super::gathering::Gathering;
@@ -58,7 +59,6 @@ impl<'a> Runner<'a> {
                 if self.may_be_called_late(id) {
                     self.forget_what_routines_change();
                 }
-                self.begin_cycle();
                 let motions = self.counters.motions;
                 self.start(id);
                 if self.counters.motions > motions {
@@ -317,7 +317,8 @@ impl<'a> Runner<'a> {
         let flow = match (shape, known) {
             (Some(shape), _) => {
                 self.motion(scope, call, shape, at);
-                if self.skipped_since(failures) {
+                // The procedure of a `MoveLSync` may have moved the arm from there.
+                if self.skipped_since(failures) || is_synchronised(name) {
                     self.position.stands = None;
                 }
                 Continuation::Next
