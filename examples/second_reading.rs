@@ -10,7 +10,7 @@ mod second_reading;
 use deflex::correct::Options;
 use second_reading::cl;
 use second_reading::cl_table::CUTS;
-use second_reading::compare::{Bench, Verdict, spread};
+use second_reading::compare::{Bench, Verdict, options_for, spread};
 use second_reading::generate::program;
 use second_reading::minimise::{minimised, whole};
 use second_reading::table::cases;
@@ -71,12 +71,7 @@ fn random(count: u64, first: u64, shown: usize) -> ExitCode {
     const INPUTS: std::ops::Range<u64> = 0..4;
     let bench = Bench::new();
     let seeds: Vec<u64> = (first..first + count).collect();
-    let options = |seed: u64| Options {
-        allow_clones: seed % 4 == 3,
-        subdivide: (seed % 4 == 1).then_some(2e-5),
-        ..Options::default()
-    };
-    let judge = |modules: &[String], seed: u64| bench.judge(modules, INPUTS, &options(seed));
+    let judge = |modules: &[String], seed: u64| bench.judge(modules, INPUTS, &options_for(modules, seed));
     let verdicts = spread(&seeds, |&seed| judge(&program(seed), seed));
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     let mut refusals: BTreeMap<String, usize> = BTreeMap::new();

@@ -308,6 +308,17 @@ impl Bench {
     }
 }
 
+/// The options with which a generated program is corrected: some with clones, some with inserted targets. Further motions are further
+/// moments for a trap, so that a program with a trap would run differently.
+pub fn options_for(modules: &[String], seed: u64) -> Options {
+    let has_trap = modules.iter().any(|module| module.contains("TRAP"));
+    Options {
+        allow_clones: seed % 4 == 3,
+        subdivide: (seed % 4 == 1 && !has_trap).then_some(2e-5),
+        ..Options::default()
+    }
+}
+
 /// Modules and lines of the motions that a correction has inserted.
 fn inserted_lines(program: &Program, corrected: &Corrected) -> BTreeSet<(usize, u32)> {
     let mut lines = BTreeSet::new();

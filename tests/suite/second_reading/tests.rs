@@ -1,7 +1,6 @@
 use super::cl;
 use super::cl_table::CUTS;
-use super::compare::spread;
-use super::compare::{Bench, Verdict};
+use super::compare::{Bench, Verdict, options_for, spread};
 use super::generate::program;
 use super::known::LEFT;
 use super::table::cases;
@@ -43,9 +42,8 @@ fn generated_programs_are_corrected_or_left_and_said_to_be() {
     let bench = Bench::new();
     let seeds: Vec<u64> = (0..PROGRAMS).collect();
     let verdicts = spread(&seeds, |&seed| {
-        let options =
-            Options { allow_clones: seed % 4 == 3, subdivide: (seed % 4 == 1).then_some(2e-5), ..Options::default() };
-        bench.judge(&program(seed), 0..2, &options)
+        let modules = program(seed);
+        bench.judge(&modules, 0..2, &options_for(&modules, seed))
     });
     let (mut wrong, mut corrected, mut refused) = (Vec::new(), 0, 0);
     for (seed, verdict) in seeds.iter().zip(verdicts) {
