@@ -187,7 +187,7 @@ mod tests {
     #[test]
     fn a_joint_that_only_the_correction_moves_takes_up_its_gap() {
         let of = |free: f64| Joint { held: 0.0, programmed: 0.0, free, lost: 2e-4 }.direction();
-        assert_eq!([of(1e-4), of(-1e-4), of(1e-8)], [1.0, -1.0, 0.0]);
+        assert_abs_diff_eq!([of(1e-4), of(-1e-4), of(1e-8)][..], [1.0, -1.0, 0.0][..]);
     }
 
     #[test]
