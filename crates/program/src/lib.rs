@@ -616,10 +616,10 @@ impl Program {
         let wanted: BTreeSet<(u16, Span)> =
             before.iter().map(|i| &self.targets[*i]).map(|t| (t.source, t.span)).collect();
         let mut runs: BTreeMap<(u16, Span), usize> = BTreeMap::new();
-        for target in self.targets.iter().filter(|target| target.is_end()) {
-            if wanted.contains(&(target.source, target.span)) {
-                *runs.entry((target.source, target.span)).or_default() += 1;
-            }
+        let known = self.targets.iter().filter(|target| target.is_end()).map(|target| (target.source, target.span));
+        let unknown = self.unknown.iter().map(|motion| (motion.source, motion.span));
+        for statement in known.chain(unknown).filter(|statement| wanted.contains(statement)) {
+            *runs.entry(statement).or_default() += 1;
         }
         let refused = self.layout.front_end().insertions_refused(self, before);
         let all = before.iter().zip(refused).map(|(&i, refused)| {

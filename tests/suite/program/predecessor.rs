@@ -11,6 +11,7 @@ fn rapid_program(body: &str, more: &str) -> Program {
                 LOCAL CONST robtarget a:=[[0,0,0],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n\
                 LOCAL CONST robtarget b:=[[50,0,0],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n\
                 LOCAL CONST robtarget c:=[[50,50,0],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n\
+                LOCAL CONST robtarget d{1}:=[[[50,0,0],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]];\n\
                 LOCAL VAR robtarget q;\nLOCAL VAR num n;\n";
     let body = body.replace('@', ",v50,fine,tCell\\WObj:=wCell;\n");
     let more = more.replace('@', ",v50,fine,tCell\\WObj:=wCell;\n");
@@ -92,12 +93,14 @@ fn nothing_is_inserted_on_a_path_that_some_runs_do_not_take() {
     const AGAIN: Option<&str> = Some("the motion runs more than once, and so would an inserted point");
     const COMPACT: Option<&str> = Some("the condition before it is for one instruction");
     const PROCESS: Option<&str> = Some("motion during which the controller does more than move");
-    let cases: [(&str, &[Option<&str>]); 8] = [
+    let cases: [(&str, &[Option<&str>]); 9] = [
         ("MoveL a@MoveL b@MoveC c,a@", &[START, None, None]),
         ("MoveL a@WHILE di1=0 DO\nMoveL b@MoveL c@ENDWHILE\nMoveL a@", &[START, START, None, START]),
         ("MoveL a@IF di1=1 THEN\nMoveL b@ENDIF\nMoveL c@MoveL a@", &[START, None, START, None]),
         ("MoveL a@IF di1=1\nMoveL b@MoveL c@", &[START, COMPACT, START]),
         ("MoveL a@FOR i FROM 1 TO 2 DO\nMoveL b@MoveL c@ENDFOR\n", &[START, AGAIN, AGAIN, AGAIN, AGAIN]),
+        // The second round ends with an error: there is no second element.
+        ("MoveL a@FOR i FROM 1 TO 2 DO\nMoveL d{i}@ENDFOR\n", &[START, AGAIN]),
         ("MoveL a@TriggL b,v50,t1,fine,tCell\\WObj:=wCell;\nMoveL c@", &[START, PROCESS, None]),
         ("MoveL a@ArcL b,v50,s1,w1,fine,tCell\\WObj:=wCell;\nMoveL c@", &[START, PROCESS, None]),
         ("MoveL a@MoveLDO b,v50,fine,tCell\\WObj:=wCell,do1,1;\nMoveL c@", &[START, None, None]),
