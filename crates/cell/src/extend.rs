@@ -70,7 +70,8 @@ pub fn extended(text: &str, effects: &[NewEffect]) -> Result<String, Vec<Diagnos
     Ok(document.to_string())
 }
 
-/// The text of a cell file in which `[controller.path]` states a law. Comments and all other text are kept.
+/// The text of a cell file in which `[controller.path]` states a law. Comments and all other text are kept, and so is the law of the cell
+/// if the found one predicts logs no better than the programmed path does.
 ///
 /// # Errors
 /// The text is not TOML.
@@ -99,6 +100,9 @@ pub fn with_path_law(text: &str, found: &FittedLaw) -> Result<String, Vec<Diagno
     let Some(controller) = controller.as_table_like_mut() else { return Ok(document.to_string()) };
     if let Some(turn) = found.arc_turn {
         controller.insert("arc_turn", Item::Value(turn.word().into()));
+    }
+    if !found.is_better() {
+        return Ok(document.to_string());
     }
     let path = controller.entry("path").or_insert(Item::Table(Table::new()));
     if let Some(path) = path.as_table_like_mut() {

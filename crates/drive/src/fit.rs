@@ -140,6 +140,13 @@ impl FittedLaw {
         let (before, after) = (self.before.rms_mm, self.after.rms_mm);
         if before > 0.0 { (after / before).min(1.0) } else { 0.0 }
     }
+
+    /// Whether the law predicts the held-out logs better than the programmed path does. A law that does not is not for use.
+    #[must_use]
+    #[doc(hidden)]
+    pub fn is_better(&self) -> bool {
+        self.after.rms_mm < self.before.rms_mm
+    }
 }
 
 fn arc_turn_word<S: Serializer>(turn: &Option<ArcTurn>, to: S) -> Result<S::Ok, S::Error> {

@@ -76,6 +76,23 @@ fn logs_give_the_law_and_the_law_gives_the_path() {
     assert!(should > 1.0 && (is - should).abs() < 0.1 * should, "{is} for {should} mm");
 }
 
+/// The first of two logs is held out. It is of a controller that hardly leaves the programmed path, the other one is not.
+#[test]
+fn a_law_that_predicts_no_better_than_the_program_is_not_written() {
+    let bench = Bench::new();
+    bench.write("cell.toml", CELL);
+    let exact = PathLaw { zone_share: 0.01, smoothing: [0.001, 0.001], ..PathLaw::TYPICAL };
+    for (name, law) in [("exact", &exact), ("rounding", &PathLaw::TYPICAL)] {
+        let text = program("v200", "z10");
+        bench.write(&format!("{name}.mod"), &text);
+        bench.write(&format!("{name}.csv"), log(&text, law));
+    }
+    let logs = "--log exact.mod exact.csv --log rounding.mod rounding.csv";
+    let ran = bench.run(&format!("identify --cell cell.toml -o found.toml {logs}")).exits(0);
+    assert!(ran.stdout.contains("the cell does not get this law"), "{}", ran.stdout);
+    assert_eq!(bench.read("found.toml"), CELL);
+}
+
 /// A quarter of a circle on which the tool tilts by 0.4 rad about x. The orientation of the circle point is on no way between the two.
 fn arc(speed: &str, mode: &str) -> String {
     let to = |x: f64, y: f64, q: &str| format!("[[{x:.2},{y:.2},900],[{q}],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]");
