@@ -60,7 +60,7 @@ impl<'a> Runner<'a> {
             let reason = if ring { Reason::RoutineCallsItself } else { Reason::CallsTooDeep };
             self.keep_here(span, reason);
             self.reached.endless.insert(id);
-            self.not_followed(scope, id, given);
+            self.not_followed(scope, id, given, Reason::ByRecursiveRoutine);
             return Continuation::Next;
         }
         let before = self.symbols.variables.len();
@@ -264,13 +264,13 @@ impl<'a> Runner<'a> {
         self.state.lose(Switches::FOREIGN);
     }
 
-    /// Makes everything unknown that a routine changes which is not followed.
-    pub(super) fn not_followed(&mut self, scope: Scope, id: RoutineId, given: &'a Arguments) {
+    /// Makes everything unknown that a routine changes which is not followed; the reason names the kind of routine.
+    pub(super) fn not_followed(&mut self, scope: Scope, id: RoutineId, given: &'a Arguments, reason: Reason) {
         self.counters.events += 1;
         let changes = self.symbols.changed_by(id).clone();
         let own = changes.own.clone();
         let here = super::known::Changes { own: Default::default(), ..changes };
-        self.forget(&here, Reason::ByRecursiveRoutine);
+        self.forget(&here, reason);
         self.state.lose(here.switches);
         self.may_have_moved(id, &self.symbols.routine(id).body);
         let (bytes, theirs) = (self.bytes(scope.source as usize), self.bytes(id.file));

@@ -23,7 +23,7 @@ impl<'a> Runner<'a> {
         }
         if let Some(id) = routine {
             values.iter().for_each(|v| self.numbers.pin_value(v));
-            self.not_followed(scope, id, arguments);
+            self.not_followed(scope, id, arguments, Reason::ByFunction);
             self.expression_may_fail();
             return Value::Unknown(Reason::Computed);
         }
