@@ -29,11 +29,15 @@ impl Measured {
     }
 
     fn identified(&self, table: Table) -> Result<Identification, Vec<Diagnostic>> {
-        let program = rapid::read(vec![self.program.clone()], Vec::new()).unwrap();
-        let runs = vec![(program, table).into()];
+        self.identified_runs(vec![table])
+    }
+
+    /// The identification from several runs of the program.
+    fn identified_runs(&self, tables: Vec<Table>) -> Result<Identification, Vec<Diagnostic>> {
+        let program = || rapid::read(vec![self.program.clone()], Vec::new()).unwrap();
         identify(Input {
             cell: &self.cell,
-            runs,
+            runs: tables.into_iter().map(|table| (program(), table).into()).collect(),
             poses: vec![],
             tool: None,
             data_hash: "test",
@@ -245,23 +249,12 @@ fn faulty_tables_are_refused_or_the_fault_is_said() {
 
 #[test]
 fn a_table_that_is_given_twice_is_refused() {
-    let Measured { cell, program, table } = Measured::of("planned_white_force_scale-15");
-    let read = || rapid::read(vec![program.clone()], Vec::new()).unwrap();
-    let runs = vec![(read(), table.clone()).into(), (read(), table).into()];
-    let input = Input {
-        cell: &cell,
-        runs,
-        poses: vec![],
-        tool: None,
-        data_hash: "test",
-        written: Default::default(),
-        progress: &|_| true,
-    };
-    let error = identify(input).unwrap_err().swap_remove(0);
+    let measured = Measured::of("planned_white_force_scale-15");
+    let error = measured.identified_runs(vec![measured.table.clone(); 2]).unwrap_err().swap_remove(0);
     assert!(error.message.contains("number by number"), "{error}");
 }
 
-/// A work object that was taught 20 mm beside its place is that, and no weight of the arm.
+/// A work object that was taught 20 mm away from its place is that, and no weight of the arm.
 #[test]
 fn a_constant_offset_is_the_work_object_frame_however_large_it_is() {
     let measured = Measured::of("designed_wander_none-20");

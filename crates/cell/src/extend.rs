@@ -101,9 +101,7 @@ pub fn with_path_law(text: &str, found: &FittedLaw) -> Result<String, Vec<Diagno
     if let Some(turn) = found.arc_turn {
         controller.insert("arc_turn", Item::Value(turn.word().into()));
     }
-    if !found.is_better() {
-        return Ok(document.to_string());
-    }
+    let Some(error_share) = found.error_share() else { return Ok(document.to_string()) };
     let path = controller.entry("path").or_insert(Item::Table(Table::new()));
     if let Some(path) = path.as_table_like_mut() {
         // Four digits are more than a log can determine.
@@ -115,7 +113,7 @@ pub fn with_path_law(text: &str, found: &FittedLaw) -> Result<String, Vec<Diagno
         path.insert("acceleration_mm_s2", Item::Value(float(rounded(1e3 * law.acceleration))));
         path.insert("corner_acceleration_mm_s2", Item::Value(float(rounded(1e3 * law.corner_acceleration))));
         path.insert("lag_s", numbers(law.lag.as_slice()));
-        path.insert("error_share", Item::Value(float(rounded(found.error_share()))));
+        path.insert("error_share", Item::Value(float(rounded(error_share))));
     }
     Ok(document.to_string())
 }

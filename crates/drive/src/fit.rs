@@ -133,19 +133,13 @@ pub struct FittedLaw {
 }
 
 impl FittedLaw {
-    /// Share of the distance between driven and programmed path that the law does not explain in the held-out logs, 0 to 1.
+    /// Share of the distance between driven and programmed path that the law does not explain in the held-out logs, 0 to 1; `None` if the
+    /// law predicts these logs no better than the programmed path does, and is not for use.
     #[must_use]
     #[doc(hidden)]
-    pub fn error_share(&self) -> f64 {
+    pub fn error_share(&self) -> Option<f64> {
         let (before, after) = (self.before.rms_mm, self.after.rms_mm);
-        if before > 0.0 { (after / before).min(1.0) } else { 0.0 }
-    }
-
-    /// Whether the law predicts the held-out logs better than the programmed path does. A law that does not is not for use.
-    #[must_use]
-    #[doc(hidden)]
-    pub fn is_better(&self) -> bool {
-        self.after.rms_mm < self.before.rms_mm
+        (after < before).then(|| after / before)
     }
 }
 

@@ -83,7 +83,7 @@ pub fn path_law_text(found: &FittedLaw) -> String {
     } else {
         let _ = writeln!(text, "  lag of axes 1 to 6: {} ms", list(&(law.lag * 1e3), 1));
     }
-    if !found.is_better() {
+    if found.error_share().is_none() {
         let _ = writeln!(
             text,
             "  the cell does not get this law: the programmed path predicts the logs at least as well. Are all logs of one robot and one state of it?"

@@ -207,8 +207,8 @@ impl<'a> Runner<'a> {
     pub(super) fn tell(&mut self, span: Span, code: &'static str, message: &str, severity: Severity) {
         let source = self.scope().source as usize;
         if self.mode == Mode::Real && self.messages.reported.insert((source, span, code)) {
-            let told = Diagnostic::error(code, "", message).at(&self.symbols.sources[source], span);
-            self.messages.diagnostics.push(told.severity(severity));
+            let diagnostic = Diagnostic::error(code, "", message).at(&self.symbols.sources[source], span);
+            self.messages.diagnostics.push(diagnostic.severity(severity));
         }
     }
 
