@@ -291,6 +291,8 @@ impl<S: Copy, T: Copy> Flow<S, T> {
 ///         round.step("mill");
 ///         round.branch("part is done", |then| then.leave(), |_| {});
 ///     });
+///     routine.choose([("first shift", "greet"), ("night", "dim")], "wait", |path, step| path.step(step));
+///     routine.branch("emergency", |then| then.halt(), |_| {});
 ///     routine.jump(b"away");
 ///     routine.label(b"away");
 ///     routine.returns("home");
@@ -331,6 +333,20 @@ impl<'n, S, T> Builder<'n, S, T> {
         self.nodes[branch] = Node::Branch { test, yes: branch + 1, no: self.nodes.len() };
         otherwise(self);
         self.nodes[end_of_then] = Node::Jump(self.nodes.len());
+    }
+
+    /// Adds a branch with a test for each path but the last one, which runs if no test is true.
+    pub fn choose<P>(&mut self, paths: impl IntoIterator<Item = (T, P)>, otherwise: P, lay: impl Fn(&mut Self, P)) {
+        let mut ends = Vec::new();
+        for (test, path) in paths {
+            let branch = self.gap();
+            lay(self, path);
+            ends.push(self.gap());
+            self.nodes[branch] = Node::Branch { test, yes: branch + 1, no: self.nodes.len() };
+        }
+        lay(self, otherwise);
+        let end = self.nodes.len();
+        ends.into_iter().for_each(|gap| self.nodes[gap] = Node::Jump(end));
     }
 
     /// Adds a loop, which [`Self::leave`] leaves.
@@ -386,7 +402,7 @@ impl<'n, S, T> Builder<'n, S, T> {
     }
 
     /// Ends the program.
-    pub(crate) fn halt(&mut self) {
+    pub fn halt(&mut self) {
         self.nodes.push(Node::Halt);
     }
 }

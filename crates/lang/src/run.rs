@@ -708,7 +708,7 @@ impl<'a> Machine for Runner<'a> {
         &mut self.is_recording
     }
 
-    fn mark(&self) -> (usize, Option<u32>) {
+    fn mark(&mut self) -> (usize, Option<u32>) {
         (self.out.motions.len(), self.last)
     }
 

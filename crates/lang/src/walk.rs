@@ -87,7 +87,7 @@ pub enum Meeting {
 ///     fn is_recording(&mut self) -> &mut bool {
 ///         &mut self.records
 ///     }
-///     fn mark(&self) {}
+///     fn mark(&mut self) {}
 ///     fn back_to(&mut self, (): ()) {}
 ///     fn is_too_much(&self, (): ()) -> bool {
 ///         false
@@ -136,7 +136,7 @@ pub trait Machine {
     fn is_recording(&mut self) -> &mut bool;
 
     /// A marker for the results so far.
-    fn mark(&self) -> Self::Mark;
+    fn mark(&mut self) -> Self::Mark;
 
     /// Discards the results since a marker.
     fn back_to(&mut self, mark: Self::Mark);
@@ -170,7 +170,7 @@ pub trait Machine {
 /// #     fn lose_place(&self, _: &mut u32) {}
 /// #     fn is_same(&self, a: &u32, b: &u32) -> bool { a == b }
 /// #     fn is_recording(&mut self) -> &mut bool { Box::leak(Box::new(true)) }
-/// #     fn mark(&self) {}
+/// #     fn mark(&mut self) {}
 /// #     fn back_to(&mut self, (): ()) {}
 /// #     fn is_too_much(&self, (): ()) -> bool { false }
 /// # }

@@ -61,7 +61,7 @@ impl<'a> Machine for Runner<'a> {
         &mut self.is_recording
     }
 
-    fn mark(&self) -> ResultSizes {
+    fn mark(&mut self) -> ResultSizes {
         let (targets, motions, arcs, unknown) = (self.targets.len(), self.motions, self.arcs, self.unknown.len());
         ResultSizes { targets, motions, arcs, unknown, last: self.last, steps: self.steps }
     }

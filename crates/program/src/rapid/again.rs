@@ -16,10 +16,10 @@ use std::sync::Arc;
 impl Runner<'_> {
     /// Ends a motion, whose targets are the last ones.
     pub(super) fn gather(&mut self) {
+        self.budget.give_back(STEPS_PER_MOTION);
         if matches!(self.gathering, Gathering::All) {
             return;
         }
-        self.budget.give_back(STEPS_PER_MOTION);
         let end = self.found.targets.len() - 1;
         let from = if end > 0 && self.found.targets[end - 1].role == Role::Via { end - 1 } else { end };
         let motion: Motion = (from..=end).map(|i| self.alike(i)).collect();
@@ -32,18 +32,13 @@ impl Runner<'_> {
         let drops = match &mut self.gathering {
             Gathering::All => false,
             Gathering::Distinct(distinct) => match distinct.known.get(&motion) {
-                Some(known) => {
-                    self.position.standing.clear();
-                    self.position.standing.insert(*known as usize + end - from);
-                    true
-                }
+                Some(_) => true,
                 None => {
                     distinct.known.insert(motion, from as u32);
                     false
                 }
             },
             Gathering::Chunks(emitter) => {
-                self.position.standing.clear();
                 let known = emitter.found.known.get(&motion).filter(|_| emitter.muted.is_none());
                 if let Some(known) = known {
                     for (target, like) in self.found.targets[from..].iter_mut().zip(*known..) {

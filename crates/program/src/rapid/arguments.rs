@@ -34,6 +34,9 @@ impl<'a> Runner<'a> {
         });
         let key = frame_key(&name, &numbers);
         let data = data.map(|data| ToolData { tcp_quat: unit(data.tcp_quat), ..data });
+        if !self.is_recording {
+            return Ok(0);
+        }
         let index = number(&mut self.used.tools, &mut self.used.tool_numbers, key, self.mode, Tool { name, data })?;
         let Some(index) = index else {
             self.refuse(scope.source, argument.span, "rapid.frames", MANY_FRAMES, "split the program");
@@ -78,6 +81,9 @@ impl<'a> Runner<'a> {
             oframe_quat: unit(data.oframe_quat),
             ..data
         });
+        if !self.is_recording {
+            return Ok(0);
+        }
         let index = number(
             &mut self.used.wobjs,
             &mut self.used.wobj_numbers,
@@ -96,7 +102,7 @@ impl<'a> Runner<'a> {
     /// The cached value of an argument: a plain name keeps its meaning until something is assigned or called.
     fn cached(&self, argument: Option<&Expression>, place: SourceSpan, index: u16) -> Cached {
         let is_plain = argument.is_none_or(Expression::is_name);
-        Cached { place: Some(place).filter(|_| is_plain), epoch: self.counters.epoch, index }
+        Cached { place: Some(place).filter(|_| is_plain), version: self.state.version, index }
     }
 
     /// Warns why a frame is unknown, once for each place.
@@ -108,7 +114,7 @@ impl<'a> Runner<'a> {
 
     /// Whether an argument reads like the last one, and nothing was assigned or called in between.
     pub(super) fn fresh(&self, cached: Cached, place: SourceSpan) -> bool {
-        cached.epoch == self.counters.epoch
+        cached.version == self.state.version
             && cached.place.is_some_and(|last| {
                 let text = |p: SourceSpan| &self.bytes(p.source as usize)[p.span.range()];
                 last.source == place.source && text(last) == text(place)
@@ -126,6 +132,7 @@ impl<'a> Runner<'a> {
         if let Some(at) = self.find(scope, &key) {
             let variable = &self.symbols.variables[at];
             let (name, foreign) = (Arc::clone(&variable.name), variable.foreign);
+            self.uses_frame(at);
             let assigned = foreign && self.symbols.foreign_assigned.contains(&*Upper::new(name.as_bytes()));
             return (name, self.content(at), !foreign || assigned);
         }
@@ -146,7 +153,7 @@ impl<'a> Runner<'a> {
         } else {
             self.speeddata(scope, arguments.positional.get(speed)?)
         };
-        programmed.zip(self.state.velocity).map(|(programmed, velocity)| velocity.of(programmed))
+        programmed.zip(self.state.modal.velocity).map(|(programmed, velocity)| velocity.of(programmed))
     }
 
     /// The TCP speed of a speeddata, mm/s.
@@ -155,7 +162,7 @@ impl<'a> Runner<'a> {
         if !self.fresh(self.used.last_speed.0, place) {
             let value = self.evaluate(scope, argument);
             let speed = value.list().and_then(|items| items.first()?.num()).filter(|v| *v > 0.0);
-            self.used.last_speed = (Cached { place: Some(place), epoch: self.counters.epoch, index: 0 }, speed);
+            self.used.last_speed = (self.cached(Some(argument), place, 0), speed);
         }
         self.used.last_speed.1
     }

@@ -29,14 +29,14 @@ impl<'a> Runner<'a> {
     pub(super) fn axes_instruction(&mut self, scope: Scope, arguments: &'a Arguments, known: Instruction) {
         let bytes = self.bytes(scope.source as usize);
         let first = arguments.positional.first();
-        let axes = self.state.axes;
+        let axes = self.state.modal.axes;
         match known {
-            Instruction::AxisOffsetOff => self.state.axes.offset = self.only_here(Some([0.0; EXTERNAL_AXES])),
+            Instruction::AxisOffsetOff => self.state.modal.axes.offset = self.only_here(Some([0.0; EXTERNAL_AXES])),
             Instruction::AxisOffsetSet => {
                 let set = first.and_then(|offset| self.evaluate(scope, offset).external());
                 // 9E9 is no length.
                 let set = set.filter(|offset| offset.iter().all(|v| *v < UNUSED_AXIS));
-                self.state.axes.offset = self.only_here(set);
+                self.state.modal.axes.offset = self.only_here(set);
             }
             Instruction::AxisOffsetOn => {
                 let target = |this: &mut Self, target: &'a Expression| {
@@ -62,7 +62,7 @@ impl<'a> Runner<'a> {
                     }
                     Some(offset)
                 });
-                self.state.axes.offset = self.only_here(offset);
+                self.state.modal.axes.offset = self.only_here(offset);
             }
             Instruction::UnitOn | Instruction::UnitOff => {
                 let name = first.and_then(|name| self.unit_name(scope, name));
@@ -85,15 +85,15 @@ impl<'a> Runner<'a> {
                     });
                     u32::try_from(at).unwrap_or(u32::MAX)
                 });
-                self.state.axes.inactive = inactive.filter(|_| self.only_here(Some(())).is_some());
-                self.counters.events += u64::from(self.state.axes.inactive != Axes::default().inactive);
+                self.state.modal.axes.inactive = inactive.filter(|_| self.only_here(Some(())).is_some());
+                self.counters.events += u64::from(self.state.modal.axes.inactive != Axes::default().inactive);
             }
             _ => {
                 let value = first.map(|to| self.evaluate(scope, to));
                 let external = value.map_or([f64::NAN; EXTERNAL_AXES], |value| value.joints_external());
                 let plain = arguments.has(bytes, b"NoEOffs");
                 self.axes_go_to(&external, plain);
-                self.units.axes_moved |= self.mode == Mode::Real;
+                self.units.axes_moved |= self.is_real();
             }
         }
     }
@@ -114,12 +114,10 @@ impl<'a> Runner<'a> {
     /// Sets the positions of the axes after a motion: 9E9 if not in use, NaN if unknown.
     pub(super) fn axes_go_to(&mut self, external: &External, without_offset: bool) {
         // Code that runs at any other moment may move them, too.
-        let alone = self.mode == Mode::Real
-            && self.symbols.known.aside.is_empty()
-            && !self.frames.iter().any(|frame| frame.jumps);
-        let offset = if without_offset { Some([0.0; EXTERNAL_AXES]) } else { self.state.axes.offset };
+        let alone = self.mode == Mode::Real && self.symbols.known.aside.is_empty();
+        let offset = if without_offset { Some([0.0; EXTERNAL_AXES]) } else { self.state.modal.axes.offset };
         for axis in 0..EXTERNAL_AXES {
-            let position = &mut self.state.axes.positions[axis];
+            let position = &mut self.state.modal.axes.positions[axis];
             if !alone || external[axis].is_nan() {
                 *position = None;
             } else if external[axis] < UNUSED_AXIS {
@@ -130,7 +128,7 @@ impl<'a> Runner<'a> {
 
     /// Why the positions of external axes are unknown; `None` if they are known.
     pub(super) fn axes_unknown(&self, external: &External) -> Option<Reason> {
-        let Axes { offset, inactive, .. } = self.state.axes;
+        let Axes { offset, inactive, .. } = self.state.modal.axes;
         let in_use = axes_in_use(external);
         if external.iter().any(|v| v.is_nan()) {
             Some(Reason::ExternalAxesComputed)
@@ -150,7 +148,7 @@ impl<'a> Runner<'a> {
         role: Role,
         without_offset: bool,
     ) -> Option<Arc<ExternalAxes>> {
-        let Axes { offset, inactive, .. } = self.state.axes;
+        let Axes { offset, inactive, .. } = self.state.modal.axes;
         let inactive = &self.units.inactive[inactive.unwrap_or(0) as usize];
         let moved_alone = self.units.axes_moved;
         // The segment of an arc begins before its circle point.

@@ -3,26 +3,39 @@
 use super::eval::Scope;
 use super::expression::{Arguments, Call, Expression, ExpressionKind};
 use super::known::RoutineId;
-use super::layers::EndState;
-use super::memory::note;
 use super::parameters::Bound;
-use super::runner::{Continuation, Frame, Mode, Runner};
-use super::state::{OnOff, Switches};
-use super::symbols::{Content, Upper};
+use super::runner::{Frame, Mode, Runner};
+use super::state::{Stands, State, Switches};
+use super::symbols::Upper;
 use super::tree::{Param, Statement, statements};
 use super::value::Value;
 use crate::Reason;
+use deflex_lang::ir::SourceSpan;
+use deflex_lang::walk::Stop;
 use deflex_text::{Diagnostic, Severity, Span};
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::sync::LazyLock;
 
 /// Deepest calls that are followed: a procedure that calls itself has no end for the reader.
 const MAX_CALLS: usize = 48;
-/// The known values before a routine with labels was entered.
-struct Loosened {
-    /// Data, each with the reason why it was unknown.
-    data: Vec<(usize, Option<Reason>)>,
-    jumping: Switches,
+
+/// A call that was run.
+struct Called<'c> {
+    id: RoutineId,
+    bound: &'c [(usize, Bound)],
+    /// Variables from this number on do not outlive it.
+    first: usize,
+    /// The state before it, if the calling routine has an error handler.
+    entered: Option<State>,
+    /// Whether an argument may have failed, after which TRYNEXT continues without the call.
+    is_skipped: bool,
+}
+
+/// The states in which a call may end.
+struct Ended {
+    normal: Option<State>,
+    /// After an error that the routine does not handle.
+    raised: Option<State>,
 }
 
 impl<'a> Runner<'a> {
@@ -51,88 +64,72 @@ impl<'a> Runner<'a> {
     }
 
     /// A call of a procedure that is in the files.
-    pub(super) fn enter(&mut self, scope: Scope, id: RoutineId, given: &'a Arguments, span: Span) -> Continuation {
+    pub(super) fn enter(&mut self, scope: Scope, id: RoutineId, given: &'a Arguments, span: Span) -> Result<(), Stop> {
         self.counters.events += 1;
         // Under an unknown condition, a procedure that calls itself has no end; nor does one that was found to have none.
-        let may_end = self.layers.len() <= self.frames.len() && !self.reached.endless.contains(&id);
-        let ring = !may_end && self.frames.iter().any(|f| f.routine == id);
-        if self.frames.len() >= MAX_CALLS || ring {
-            let reason = if ring { Reason::RoutineCallsItself } else { Reason::CallsTooDeep };
+        let may_be_endless = !self.is_recording || self.reached.endless.contains(&id);
+        let is_ring = may_be_endless && self.frames.iter().any(|frame| frame.routine == id);
+        if self.frames.len() >= MAX_CALLS || is_ring {
+            let reason = if is_ring { Reason::RoutineCallsItself } else { Reason::CallsTooDeep };
             self.keep_here(span, reason);
             self.reached.endless.insert(id);
             self.not_followed(scope, id, given, Reason::ByRecursiveRoutine);
-            return Continuation::Next;
+            return Ok(());
         }
         let before = self.symbols.variables.len();
         let failures = self.errors.failures;
         let bound = self.arguments(scope, id, given);
-        // After an argument that fails, TRYNEXT continues without the call.
-        let skipped = self.skipped_since(failures).then(|| {
-            self.open();
-            self.take()
-        });
-        let flow = match self.call(id, &bound) {
-            None => Continuation::Next,
-            Some((normal, raised)) => {
-                let is_skipped = skipped.is_some();
-                let normal = match (normal, skipped) {
-                    (Some(normal), Some(skipped)) => Some(self.join(normal, skipped)),
-                    (normal, skipped) => normal.or(skipped),
-                };
-                if is_skipped
-                    || raised.is_some() && self.handler().is_some_and(|handler| handler.goes_on || handler.again)
-                {
-                    self.position.stands = None;
-                }
-                self.after_call(id, &bound, normal, raised)
-            }
-        };
+        let is_skipped = self.skipped_since(failures);
+        let place = SourceSpan { source: scope.source, span };
+        let (next, around) = (self.chains.len() as u32 + 1, self.calls);
+        self.calls = *self.chains.entry((around, place)).or_insert(next);
+        let entered = self.handler().map(|_| self.state.clone());
+        let ended = self.call(id, &bound, before);
+        let called = Called { id, bound: &bound, first: before, entered, is_skipped };
+        let goes_on = ended.and_then(|ended| self.after_call(called, ended));
+        self.calls = around;
         self.symbols.variables.truncate(before);
-        self.counters.epoch += 1;
-        flow
+        self.state.forget_from(before);
+        self.touch();
+        goes_on
     }
 
-    /// Continues after a call that may have ended normally or with an error.
-    fn after_call(
-        &mut self,
-        id: RoutineId,
-        bound: &[(usize, Bound)],
-        normal: Option<EndState>,
-        raised: Option<EndState>,
-    ) -> Continuation {
-        let mut joined = normal;
-        if let Some(raised) = raised {
-            if self.handler().is_some_and(|handler| handler.again) {
-                self.open();
-                let mut again = raised.clone();
-                again.state = again.state.join(self.state);
-                again.changed.values_mut().for_each(|value| *value = Value::Unknown(Reason::ByRetriedProcedure));
-                self.apply(again);
-                self.run_handler();
-                if let Some((Some(normal), _)) = self.quietly(Mode::Aside, |this| this.call(id, bound)) {
-                    self.apply(normal);
+    /// Continues after a call.
+    fn after_call(&mut self, call: Called<'_>, ended: Ended) -> Result<(), Stop> {
+        let Called { id, bound, first, entered, is_skipped } = call;
+        let Ended { normal: mut joined, raised } = ended;
+        let handler = self.handler().filter(|handler| handler.goes_on || handler.again);
+        let is_handled = raised.is_some() && handler.is_some();
+        if let (Some(raised), Some(entered)) = (&raised, entered.as_ref().filter(|_| handler.is_some_and(|h| h.again))) {
+            let mut again = raised.clone();
+            again.modal = again.modal.join(entered.modal);
+            for (at, value) in &mut again.values {
+                if !value.is(&self.value_in(entered, *at)) {
+                    *value = Value::Unknown(Reason::ByRetriedProcedure);
                 }
-                let left = self.take();
-                joined = joined.map(|joined| self.join(joined, left));
             }
-            self.open();
-            self.apply(raised);
-            let flow = self.raise();
-            let left = self.take();
-            if flow == Continuation::Next {
-                joined = Some(match joined {
-                    Some(joined) => self.join(joined, left),
-                    None => left,
-                });
+            self.state = again;
+            self.touch();
+            self.run_handler();
+            if let Some(normal) = self.aside(|this| this.call(id, bound, first))?.normal {
+                self.add_state(&mut joined, normal);
             }
         }
-        match joined {
-            Some(left) => {
-                self.apply(left);
-                Continuation::Next
+        if let Some(raised) = raised {
+            self.state = raised;
+            if self.raise() {
+                let left = std::mem::take(&mut self.state);
+                self.add_state(&mut joined, left);
             }
-            None => Continuation::Elsewhere,
         }
+        if let Some(entered) = entered.filter(|_| is_skipped) {
+            self.add_state(&mut joined, entered);
+        }
+        self.state = joined.ok_or(Stop::Ends)?;
+        if is_handled || is_skipped {
+            self.state.stands = Stands::Unknown;
+        }
+        Ok(())
     }
 
     /// A call of a procedure by a computed name.
@@ -142,7 +139,7 @@ impl<'a> Runner<'a> {
         name: &'a Expression,
         call: &'a Call,
         span: Span,
-    ) -> Continuation {
+    ) -> Result<(), Stop> {
         let Value::Text(name) = self.evaluate(scope, name) else {
             return self.enter_any(scope, call, span, b"");
         };
@@ -151,13 +148,13 @@ impl<'a> Runner<'a> {
             None => {
                 self.keep_here(span, Reason::ProcedureMissing);
                 self.unknown_procedure(scope, call, span);
-                Continuation::Next
+                Ok(())
             }
         }
     }
 
     /// `CallByVar Name, Number`: a call of the procedure whose name is the text followed by the number.
-    pub(super) fn enter_by_variable(&mut self, scope: Scope, call: &'a Call, span: Span) -> Continuation {
+    pub(super) fn enter_by_variable(&mut self, scope: Scope, call: &'a Call, span: Span) -> Result<(), Stop> {
         static NONE: LazyLock<Arguments> = LazyLock::new(Arguments::default);
         let known: Vec<Value> =
             call.arguments.positional.iter().map(|argument| self.evaluate(scope, argument)).collect();
@@ -171,13 +168,13 @@ impl<'a> Runner<'a> {
             Some(id) => self.enter(scope, id, &NONE, span),
             None => {
                 self.unknown_procedure(scope, call, span);
-                Continuation::Next
+                Ok(())
             }
         }
     }
 
     /// A call of a procedure that is chosen at run time: any one whose name has this beginning, in the files or not.
-    fn enter_any(&mut self, scope: Scope, call: &'a Call, span: Span, begins: &[u8]) -> Continuation {
+    fn enter_any(&mut self, scope: Scope, call: &'a Call, span: Span, begins: &[u8]) -> Result<(), Stop> {
         self.keep_here(span, Reason::ProcedureChosen);
         self.reached.called_late.push(begins.to_ascii_uppercase().into());
         self.unknown_call(scope, &call.arguments);
@@ -187,7 +184,7 @@ impl<'a> Runner<'a> {
             "which procedure is called here is known only at run time: what it could change is not known after it",
             Severity::Warning,
         );
-        Continuation::Next
+        Ok(())
     }
 
     /// Whether a call that chooses its procedure at run time may choose this one.
@@ -212,7 +209,7 @@ impl<'a> Runner<'a> {
             self.numbers.pin_value(&value);
         }
         if targets {
-            if self.mode == Mode::Real {
+            if self.is_real() {
                 self.counters.motions += 1;
             }
             self.keep_motion(span, Reason::GivenAway);
@@ -235,7 +232,7 @@ impl<'a> Runner<'a> {
              after it"
         );
         let source = scope.source;
-        if self.mode == Mode::Real && self.messages.reported.insert((usize::from(source), span, "rapid.undeclared")) {
+        if self.is_real() && self.messages.reported.insert((usize::from(source), span, "rapid.undeclared")) {
             let named = |d: &Diagnostic| d.code == "rapid.undeclared" && d.message == message;
             if !self.messages.diagnostics.iter().any(named) {
                 let told = Diagnostic::error("rapid.undeclared", "", message)
@@ -251,7 +248,7 @@ impl<'a> Runner<'a> {
     /// Makes everything unknown that an unknown routine could change.
     pub(super) fn unknown_call(&mut self, scope: Scope, given: &'a Arguments) {
         self.counters.events += 1;
-        self.position.stands = None;
+        self.state.stands = Stands::Unknown;
         let everything = self.symbols.everything();
         for &at in everything.iter() {
             self.forget_data(at, Reason::Foreign);
@@ -261,7 +258,7 @@ impl<'a> Runner<'a> {
             self.numbers.pin_value(&value);
             self.forget_argument(scope, argument, Reason::Foreign);
         }
-        self.state.lose(Switches::FOREIGN);
+        self.state.modal.lose(Switches::FOREIGN);
     }
 
     /// Makes everything unknown that a routine changes which is not followed; the reason names the kind of routine.
@@ -271,7 +268,7 @@ impl<'a> Runner<'a> {
         let own = changes.own.clone();
         let here = super::known::Changes { own: Default::default(), ..changes };
         self.forget(&here, reason);
-        self.state.lose(here.switches);
+        self.state.modal.lose(here.switches);
         self.may_have_moved(id, &self.symbols.routine(id).body);
         let (bytes, theirs) = (self.bytes(scope.source as usize), self.bytes(id.file));
         let routine = self.symbols.routine(id);
@@ -294,122 +291,69 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Runs a routine that nothing in the files calls.
-    pub(super) fn start(&mut self, id: RoutineId) -> Continuation {
-        self.position.stands = Some(0);
-        match self.call(id, &[]) {
-            None => Continuation::Next,
-            Some((Some(left), _)) => {
-                self.apply(left);
-                Continuation::Next
-            }
-            Some((None, _)) => Continuation::Elsewhere,
-        }
+    /// Runs a routine that nothing in the files calls. If it does not end, the state stays as it was.
+    pub(super) fn start(&mut self, id: RoutineId) {
+        self.state.stands = Stands::Start;
+        let before = self.state.clone();
+        let ended = self.call(id, &[], self.symbols.variables.len());
+        self.state = ended.ok().and_then(|ended| ended.normal).unwrap_or(before);
     }
 
-    /// Runs a routine. Returns the states at its end and after an error; `None` if it can only end normally.
-    fn call(&mut self, id: RoutineId, arguments: &[(usize, Bound)]) -> Option<(Option<EndState>, Option<EndState>)> {
-        match self.mode {
-            Mode::Real => drop(self.reached.entered.insert(id)),
-            Mode::Aside => drop(self.reached.entered_aside.insert(id)),
-            Mode::Dry => {}
+    /// Runs a routine from the present state. Variables from the number `first` on do not outlive the call.
+    fn call(&mut self, id: RoutineId, arguments: &[(usize, Bound)], first: usize) -> Result<Ended, Stop> {
+        if self.is_recording {
+            let entered = match self.mode {
+                Mode::Real => &mut self.reached.entered,
+                Mode::Aside => &mut self.reached.entered_aside,
+            };
+            entered.insert(id);
         }
-        let kept = self.symbols.variables.len();
-        let layer = self.layers.len();
-        self.open();
+        let before = self.symbols.variables.len();
         let names = self.own_names(id, arguments);
-        let routine = self.symbols.routine(id);
-        let jumps = Self::jumps(&routine.body);
-        let (module, noted) = (self.symbols.module_of(id), None);
-        let (returns, raises) = (Vec::new(), Vec::new());
-        if jumps || self.frames.last().is_some_and(|caller| caller.jumps) {
-            self.position.stands = None;
-        }
-        let returns_from = None;
-        self.frames.push(Frame { routine: id, module, names, layer, returns, raises, jumps, noted, returns_from });
-        self.counters.epoch += 1;
-        self.errors.guards += usize::from(routine.error.is_some());
-        let loosened = jumps.then(|| self.loosen(id));
-        let flow = self.block(&routine.body);
-        loosened.into_iter().for_each(|loosened| self.tighten(loosened));
-        self.errors.guards -= usize::from(routine.error.is_some());
-        let frame = self.frames.pop();
-        if let Some(returned) = frame.as_ref().and_then(|frame| frame.returns_from)
-            && (flow != Continuation::Next || returned != self.position.stands)
-        {
-            self.position.stands = if flow == Continuation::Next { None } else { returned };
-        }
-        if jumps {
-            self.position.stands = None;
-        }
-        self.counters.epoch += 1;
-        let (returns, raises) = frame.map_or((Vec::new(), Vec::new()), |frame| (frame.returns, frame.raises));
-        if flow == Continuation::Next && returns.is_empty() && raises.is_empty() {
-            self.symbols.variables.truncate(kept);
-            self.commit();
-            return None;
-        }
-        self.symbols.variables.truncate(kept);
-        let end = self.take();
-        let ends = returns.into_iter().chain((flow == Continuation::Next).then_some(end));
-        let normal = ends.reduce(|a, b| self.join(a, b));
-        let raised = raises.into_iter().reduce(|a, b| self.join(a, b));
-        Some((normal, raised))
-    }
-
-    /// Prepares a routine with labels, which may run any statement after any other: everything that it changes is unknown in all of it.
-    fn loosen(&mut self, id: RoutineId) -> Loosened {
-        let changes = self.symbols.changed_by(id).clone();
-        let mut all: Vec<usize> = changes.data.iter().copied().collect();
-        if changes.anything {
-            all.extend(self.symbols.everything().iter());
-        }
-        let own = changes.own.iter().filter_map(|name| self.frames.last()?.names.get(name).copied());
-        all.extend(own.map(|at| match &self.symbols.variables[at].content {
-            Content::Part(part) => part.of,
-            _ => at,
-        }));
-        let mut before = Vec::new();
-        for at in all {
-            self.forget_data(at, Reason::Jumps);
-            before.push((at, self.symbols.variables[at].volatile));
-            self.symbols.variables[at].volatile.get_or_insert(Reason::Jumps);
-        }
-        let loosened = Loosened { data: before, jumping: self.jumping };
-        // A switch that is on may stay on: the jump may skip the statement that switches it off.
-        let off = changes.switches_off;
-        let mut switches = changes.switches;
-        switches |= Switches {
-            displacement: off.displacement && self.state.displacement != OnOff::Off,
-            soft: off.soft && self.state.soft != OnOff::Off,
-            axes: off.axes,
-            ..Switches::NONE
+        let (module, guards) = (self.symbols.module_of(id), usize::from(self.symbols.routine(id).error.is_some()));
+        let (loops, within, returned, raised, noted) = (HashMap::new(), None, None, None, None);
+        self.frames.push(Frame { routine: id, module, names, loops, within, returned, raised, noted });
+        self.state.version = self.next_version();
+        self.errors.guards += guards;
+        let state = std::mem::take(&mut self.state);
+        let end = self.walk(id, state);
+        self.errors.guards -= guards;
+        let (returned, raised) = self.frames.pop().map_or((None, None), |frame| (frame.returned, frame.raised));
+        let mut normal = match end {
+            Ok(state) => Some(state),
+            Err(Stop::Ends) => None,
+            Err(Stop::TooLong) => return Err(Stop::TooLong),
         };
-        self.jumping |= switches;
-        self.state.lose(switches);
-        loosened
+        let version = self.next_version();
+        let without_own = |mut state: State| {
+            state.forget_from(first);
+            State { version, ..state }
+        };
+        normal = normal.map(without_own);
+        if let Some(returned) = returned.map(without_own) {
+            self.add_state(&mut normal, returned);
+        }
+        self.symbols.variables.truncate(before);
+        Ok(Ended { normal, raised: raised.map(without_own) })
     }
 
-    fn tighten(&mut self, loosened: Loosened) {
-        self.jumping = loosened.jumping;
-        for (at, why) in loosened.data {
-            self.symbols.variables[at].volatile = why;
+    /// Records that the handler of the running routine returns in this state.
+    pub(super) fn note_return(&mut self, left: State) {
+        if let Some(mut known) = self.frames.last_mut().map(|frame| frame.returned.take()) {
+            self.add_state(&mut known, left);
+            if let Some(frame) = self.frames.last_mut() {
+                frame.returned = known;
+            }
         }
     }
 
-    /// The routine returns here.
-    pub(super) fn leave(&mut self) {
-        let Some(layer) = self.frames.last().map(|frame| frame.layer) else { return };
-        let left = self.since(layer);
-        self.note_return(left);
-    }
-
-    /// Records that the running routine may return here with this state.
-    pub(super) fn note_return(&mut self, left: EndState) {
-        let stands = self.position.stands;
-        if let Some(frame) = self.frames.last_mut() {
-            note(&mut frame.returns, left);
-            frame.returns_from = Some(frame.returns_from.map_or(stands, |known| known.filter(|_| known == stands)));
+    /// Records that the running routine passes an error to its caller in this state.
+    pub(super) fn note_error(&mut self, left: State) {
+        if let Some(mut known) = self.frames.last_mut().map(|frame| frame.raised.take()) {
+            self.add_state(&mut known, left);
+            if let Some(frame) = self.frames.last_mut() {
+                frame.raised = known;
+            }
         }
     }
 }

@@ -49,7 +49,6 @@ impl Changes {
         foreign: BTreeSet::new(),
         anything: false,
         switches: Switches::NONE,
-        switches_off: Switches::NONE,
     };
 
     /// The possible changes of an unknown routine.
@@ -72,12 +71,11 @@ impl Changes {
         self.foreign.extend(callee.foreign.iter().cloned());
         self.anything |= callee.anything;
         self.switches |= callee.switches;
-        self.switches_off |= callee.switches_off;
         before != (self.data.len(), self.own.len(), self.foreign.len(), self.flags())
     }
 
-    fn flags(&self) -> (bool, Switches, Switches) {
-        (self.anything, self.switches, self.switches_off)
+    fn flags(&self) -> (bool, Switches) {
+        (self.anything, self.switches)
     }
 }
 
@@ -383,10 +381,15 @@ impl<'s, 'a> Scan<'s, 'a> {
                 let literal = literal.filter(|_| name.eq_ignore_ascii_case(b"SetDataVal"));
                 self.out.changes.data.extend(self.symbols.data_named(literal));
             }
-            Some(Instruction::DisplacementOff) => self.out.changes.switches_off.displacement = true,
-            Some(Instruction::SoftOff) => self.out.changes.switches_off.soft = true,
-            Some(Instruction::AxisOffsetOff) => self.out.changes.switches_off.axes = true,
-            Some(Instruction::Nothing | Instruction::Moves | Instruction::Ends | Instruction::Raises) => {}
+            Some(
+                Instruction::Nothing
+                | Instruction::Moves
+                | Instruction::Ends
+                | Instruction::Raises
+                | Instruction::DisplacementOff
+                | Instruction::SoftOff
+                | Instruction::AxisOffsetOff,
+            ) => {}
         }
     }
 

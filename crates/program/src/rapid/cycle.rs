@@ -23,34 +23,24 @@ impl Runner<'_> {
         self.begun.declared = frames.into_iter().map(|at| (at, self.content(at))).collect();
     }
 
-    /// Records that a variable will be assigned.
-    pub(super) fn assigns(&mut self, at: usize) {
-        // After a branch it may be as it was.
-        let in_every_run = self.layers.len() == self.frames.len();
-        if in_every_run && let Some(began) = self.begun.declared.remove(&at) {
-            self.begun.used.extend(self.moved_in(at, &began).then_some((at, began)));
+    /// Records that a motion or a parameter takes its tool or work object from a variable.
+    pub(super) fn uses_frame(&mut self, at: usize) {
+        if self.is_real() && self.begun.declared.contains_key(&at) && !self.state.values.contains_key(&at) {
+            self.begun.used.insert(at);
         }
     }
 
     /// Records that program displacement will be switched.
     pub(super) fn displaces(&mut self) {
-        self.begun.moved_before_displacement.get_or_insert(self.counters.motions > 0);
-    }
-
-    /// Whether a motion has used a tool or work object of this name and value.
-    fn moved_in(&self, at: usize, value: &Value) -> bool {
-        let name = &self.symbols.variables[at].name;
-        let (tool, wobj) = (tool_of(value), wobj_of(value));
-        let alike = |used: &str| used.eq_ignore_ascii_case(name);
-        tool.is_some() && self.used.tools.iter().any(|used| alike(&used.name) && used.data == tool)
-            || wobj.is_some() && self.used.wobjs.iter().any(|used| alike(&used.name) && used.data == wobj)
+        if self.is_real() {
+            self.begun.moved_before_displacement.get_or_insert(self.counters.motions > 0);
+        }
     }
 
     /// Warns of tools, work objects and displacement that a motion uses as declared, and that differ in the next cycle.
     pub(super) fn tell_next_cycle(&mut self, main: RoutineId) {
-        let Begun { declared, mut used, moved_before_displacement } = std::mem::take(&mut self.begun);
-        used.extend(declared.into_iter().filter(|(at, began)| self.moved_in(*at, began)));
-        for (at, began) in used {
+        let Begun { declared, used, moved_before_displacement } = std::mem::take(&mut self.begun);
+        for (at, began) in declared.into_iter().filter(|(at, _)| used.contains(at)) {
             let ends = self.content(at);
             let data = &self.symbols.variables[at];
             if let Some(declared) = data.declared
@@ -63,7 +53,7 @@ impl Runner<'_> {
                 self.tell_cycle(usize::from(data.source), declared.statement, &message);
             }
         }
-        if self.state.displacement != OnOff::Off && moved_before_displacement == Some(true) {
+        if self.state.modal.displacement != OnOff::Off && moved_before_displacement == Some(true) {
             let message =
                 "at the end of `main`, program displacement may be on, and its first motions expect it to be off";
             self.tell_cycle(main.file, self.symbols.routine(main).name, message);

@@ -16,12 +16,21 @@ const PARTS_PER_STEP: usize = 16;
 impl<'a> Runner<'a> {
     /// The variable of a name.
     pub(super) fn find(&self, scope: Scope, key: &[u8]) -> Option<usize> {
-        let local = self.frames.last().filter(|_| scope.local).and_then(|f| f.names.get(key)).copied();
+        let frame = self.frames.last().filter(|_| scope.local);
+        let local = frame.and_then(|frame| self.loop_variable(key).or_else(|| frame.names.get(key).copied()));
         local.or_else(|| self.symbols.find_data(scope.module, key))
     }
 
     /// The present value of a variable.
     pub(super) fn content(&mut self, at: usize) -> Value {
+        if let Some(value) = self.state.values.get(&at) {
+            return value.clone();
+        }
+        self.initial(at)
+    }
+
+    /// The value of a variable before anything changes it.
+    pub(super) fn initial(&mut self, at: usize) -> Value {
         let variable = &self.symbols.variables[at];
         let initial = match &variable.content {
             Content::Is(value) => return value.clone(),
@@ -105,8 +114,7 @@ impl<'a> Runner<'a> {
     pub(super) fn assign(&mut self, scope: Scope, to: &'a Expression, expression: &'a Expression) {
         let value = self.evaluate(scope, expression);
         self.numbers.pin_value(&value);
-        (self.counters.epoch, self.counters.changes, self.counters.events) =
-            (self.counters.epoch + 1, self.counters.changes + 1, self.counters.events + 1);
+        self.touch();
         let Some(parts) = value.parts() else {
             self.refuse(
                 scope.source,

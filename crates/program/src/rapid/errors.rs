@@ -2,9 +2,9 @@
 
 use super::expression::Expression;
 use super::known::RoutineId;
-use super::memory::note;
 use super::motion;
-use super::runner::{Continuation, Runner};
+use super::runner::Runner;
+use super::state::Stands;
 use super::tree::{Statement, StatementKind, any, statements};
 use crate::Reason;
 
@@ -30,29 +30,25 @@ impl<'a> Runner<'a> {
         })
     }
 
-    /// An error at this statement: goes to the routine's own handler, or to its caller.
-    pub(super) fn raise(&mut self) -> Continuation {
+    /// An error at this statement: goes to the routine's own handler, or to its caller. Returns whether the handler continues after it.
+    pub(super) fn raise(&mut self) -> bool {
         self.counters.events += 1;
-        let Some(layer) = self.frames.last().map(|frame| frame.layer) else { return Continuation::Elsewhere };
         let handler = self.handler();
-        self.open();
+        let before = self.state.clone();
         self.run_handler();
-        let left = self.since(layer);
-        self.take();
-        if let Some(frame) = self.frames.last_mut()
-            && handler.is_none_or(|handler| handler.hands_on)
-        {
-            note(&mut frame.raises, left.clone());
+        let left = std::mem::replace(&mut self.state, before);
+        if handler.is_none_or(|handler| handler.hands_on) {
+            self.note_error(left.clone());
         }
         // A handler that comes to its end returns.
         if handler.is_some() {
             self.note_return(left);
         }
-        if handler.is_some_and(|handler| handler.goes_on) {
+        let goes_on = handler.is_some_and(|handler| handler.goes_on);
+        if goes_on {
             self.run_handler();
-            return Continuation::Next;
         }
-        Continuation::Elsewhere
+        goes_on
     }
 
     /// Makes everything unknown that the ERROR handler of the running routine may change.
@@ -64,7 +60,7 @@ impl<'a> Runner<'a> {
         }
         let changes = self.symbols.changed_in(id, routine.on_error());
         self.forget(&changes, Reason::ByErrorHandler);
-        self.state.lose(changes.switches);
+        self.state.modal.lose(changes.switches);
         self.may_have_moved(id, routine.on_error());
     }
 
@@ -101,8 +97,8 @@ impl<'a> Runner<'a> {
                     || self.symbols.find_routine(module, name).is_some()
             })
         };
-        if self.position.stands.is_some() && statements(block).into_iter().any(moves) {
-            self.position.stands = None;
+        if self.state.stands != Stands::Unknown && statements(block).into_iter().any(moves) {
+            self.state.stands = Stands::Unknown;
         }
     }
 
@@ -135,13 +131,13 @@ impl<'a> Runner<'a> {
     /// Records that the next statement may fail and go to a handler; not twice in the same state.
     pub(super) fn may_fail(&mut self) {
         let Some(frame) = self.frames.last() else { return };
-        let now = Some((self.counters.epoch, self.state));
+        let now = Some((self.state.version, self.state.modal));
         if frame.noted == now {
             return;
         }
-        self.open();
-        let _ = self.raise();
-        self.take();
+        let before = self.state.clone();
+        self.raise();
+        self.state = before;
         if let Some(frame) = self.frames.last_mut() {
             frame.noted = now;
         }

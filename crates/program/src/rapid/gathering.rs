@@ -5,7 +5,7 @@ use crate::chunk::StreamableChunk;
 use crate::{Editable, Program, Role};
 use deflex_lang::ir::SourceSpan;
 use smallvec::SmallVec;
-use std::collections::{BTreeSet, HashMap};
+use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::mpsc::SyncSender;
 
@@ -48,8 +48,8 @@ pub(super) struct OffsetBy {
 pub(super) struct Distinct {
     /// The first target of each motion among the stored ones.
     pub(super) known: HashMap<Motion, u32>,
-    /// Loops whose rounds turned out to be unknown.
-    pub(super) given_up: BTreeSet<u64>,
+    /// How often the results since a marker were discarded, by number of the marker.
+    pub(super) given_up: HashMap<u64, u32>,
 }
 
 /// Sends the targets of a run in chunks.
@@ -62,8 +62,8 @@ pub(super) struct Emitter {
     /// Targets in a chunk.
     pub(super) chunk: usize,
     pub(super) alike: Vec<u32>,
-    /// The loop that the run before gave up, by number: nothing in it is sent until its rounds are run as one.
-    pub(super) muted: Option<u64>,
+    /// A marker since which the run before discarded its results, and how often it still has to: until then, nothing is sent.
+    pub(super) muted: Option<(u64, u32)>,
     pub(super) first: bool,
     /// Whether it differed from the run before.
     pub(super) is_broken: bool,
@@ -82,25 +82,29 @@ impl Emitter {
 }
 
 impl Gathering {
-    /// A loop begins.
-    pub(super) fn enter_loop(&mut self, number: u64) {
+    /// A marker is set.
+    pub(super) fn mark(&mut self, number: u64) {
         if let Self::Chunks(emitter) = self
             && emitter.muted.is_none()
-            && emitter.found.given_up.contains(&number)
         {
-            emitter.muted = Some(number);
+            emitter.muted = emitter.found.given_up.get(&number).map(|times| (number, *times));
         }
     }
 
-    /// Records that the rounds of a loop are unknown; `targets` were stored before it.
-    pub(super) fn give_up_loop(&mut self, number: u64, targets: usize) {
+    /// Discards the motions since a marker; `targets` were stored before it.
+    pub(super) fn back_to(&mut self, number: u64, targets: usize) {
         match self {
             Self::All => {}
             Self::Distinct(distinct) => {
-                distinct.given_up.insert(number);
+                *distinct.given_up.entry(number).or_default() += 1;
                 distinct.known.retain(|_, at| (*at as usize) < targets);
             }
-            Self::Chunks(emitter) => emitter.muted = emitter.muted.filter(|muted| *muted != number),
+            Self::Chunks(emitter) => {
+                emitter.muted = emitter.muted.and_then(|(muted, times)| match muted == number {
+                    true => (times > 1).then(|| (muted, times - 1)),
+                    false => Some((muted, times)),
+                });
+            }
         }
     }
 }

@@ -3,16 +3,17 @@
 use super::eval::Scope;
 use super::expression::{Arguments, Call, Expression};
 use super::predefined::Instruction;
-use super::runner::{Continuation, Runner};
-use super::state::{ArcMode, OnOff, Switches, Velocity};
+use super::runner::Runner;
+use super::state::{ArcMode, OnOff, Stands, Switches, Velocity};
 use super::symbols::Upper;
 use super::value::Value;
-use crate::{ArcTurn, Editable, Reason};
+use crate::{ArcTurn, Reason};
+use deflex_lang::walk::Stop;
 use deflex_text::Span;
 
 impl<'a> Runner<'a> {
     /// A predefined instruction that does not move to a robtarget.
-    pub(super) fn instruction(&mut self, scope: Scope, call: &'a Call, known: Instruction, span: Span) -> Continuation {
+    pub(super) fn instruction(&mut self, scope: Scope, call: &'a Call, known: Instruction, span: Span) -> Result<(), Stop> {
         let (bytes, arguments) = (self.bytes(scope.source as usize), &call.arguments);
         // A robtarget used here must not be edited; its numbers count as used.
         for argument in arguments.given() {
@@ -20,7 +21,7 @@ impl<'a> Runner<'a> {
             self.numbers.pin_value(&value);
         }
         if known == Instruction::Nothing || known == Instruction::Options && arguments.optional.is_empty() {
-            return Continuation::Next;
+            return Ok(());
         }
         // The head of a program, which every chunk repeats, may set speeds, loads and turns on arcs, and activate units.
         let in_head =
@@ -52,30 +53,30 @@ impl<'a> Runner<'a> {
                     self.hold_where_it_stands();
                 }
                 self.displaces();
-                self.state.displacement = OnOff::On;
-                self.state.lose(self.others_switch());
+                self.state.modal.displacement = OnOff::On;
+                self.state.modal.lose(self.others_switch());
             }
             Instruction::DisplacementOff => {
                 self.displaces();
-                self.state.displacement = OnOff::Off;
-                self.state.lose(self.others_switch());
+                self.state.modal.displacement = OnOff::Off;
+                self.state.modal.lose(self.others_switch());
             }
             Instruction::SoftOn | Instruction::SoftOff => {
-                self.state.soft = if known == Instruction::SoftOn { OnOff::On } else { OnOff::Off };
-                self.state.lose(self.others_switch());
+                self.state.modal.soft = if known == Instruction::SoftOn { OnOff::On } else { OnOff::Off };
+                self.state.modal.lose(self.others_switch());
             }
             Instruction::Load => {
                 let none = arguments.positional.first().is_some_and(|load| self.is_no_load(scope, load));
-                self.state.load = if none { OnOff::Off } else { OnOff::On };
-                self.state.lose(self.others_switch());
+                self.state.modal.load = if none { OnOff::Off } else { OnOff::On };
+                self.state.modal.lose(self.others_switch());
             }
             Instruction::Velocity => {
-                self.state.velocity = self.velocity(scope, arguments);
-                self.state.lose(self.others_switch());
+                self.state.modal.velocity = self.velocity(scope, arguments);
+                self.state.modal.lose(self.others_switch());
             }
             Instruction::ArcMode => {
-                self.state.arcs = arc_mode(bytes, arguments);
-                self.state.lose(self.others_switch());
+                self.state.modal.arcs = arc_mode(bytes, arguments);
+                self.state.modal.lose(self.others_switch());
             }
             Instruction::AxisOffsetSet
             | Instruction::AxisOffsetOn
@@ -96,31 +97,27 @@ impl<'a> Runner<'a> {
                 named.into_iter().for_each(|at| self.forget_data(at, Reason::Computed));
             }
             Instruction::Moves => {
-                self.position.stands = None;
+                self.state.stands = Stands::Unknown;
                 self.keep_here(span, Reason::ExternalAxesOnly);
             }
-            Instruction::Ends => return Continuation::Elsewhere,
-            Instruction::Raises => return self.raise(),
+            Instruction::Ends => return Err(Stop::Ends),
+            Instruction::Raises if self.raise() => {}
+            Instruction::Raises => return Err(Stop::Ends),
         }
-        Continuation::Next
+        Ok(())
     }
 
     /// An instruction measures from the robot's present position, so the target there must not be edited.
     pub(super) fn hold_where_it_stands(&mut self) {
-        for at in std::mem::take(&mut self.position.standing) {
-            if let Some(target) = self.found.targets.get_mut(at)
-                && !matches!(target.editable, Editable::No(_))
-            {
-                target.editable = Editable::No(Reason::DisplacementCounts);
-            }
+        if self.is_recording {
+            self.found.counted_from.extend(&self.state.standing);
         }
+        self.state.standing.clear();
     }
 
     /// The state that traps and handlers may switch at any moment.
     pub(super) fn others_switch(&self) -> Switches {
-        let mut others = Switches { marks: false, ..self.symbols.known.at_any_moment.switches };
-        others |= self.jumping;
-        others
+        Switches { marks: false, ..self.symbols.known.at_any_moment.switches }
     }
 
     /// The factor and limit on programmed speeds after `VelSet`; `None` if its numbers are unknown, and after `SpeedRefresh`.

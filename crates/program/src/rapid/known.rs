@@ -28,8 +28,6 @@ pub(super) struct Changes {
     pub(super) anything: bool,
     /// States, in addition to data, that they may switch.
     pub(super) switches: Switches,
-    /// States that they switch off, unless a jump may leave them on.
-    pub(super) switches_off: Switches,
 }
 
 /// The changes of each routine, and those that may happen at any moment.

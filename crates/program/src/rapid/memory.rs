@@ -1,121 +1,85 @@
-//! The values of data, branch by branch. Before the next branch runs, the changes of the last are undone; at the end, the states
-//! that the branches leave are joined.
+//! The values of data: their changes, and the state where two paths meet.
 
 use super::expression::Expression;
 use super::known::Changes;
-use super::layers::{EndState, Layer};
+use super::literal::Written;
 use super::runner::Runner;
-use super::state::ModalState;
+use super::state::{ModalState, Stands, State, Switches};
 use super::symbols::{Content, Upper};
-use super::value::Value;
+use super::value::{Pose, Value};
 use crate::Reason;
-use std::collections::{BTreeMap, BTreeSet};
-
-/// Most returns of one routine that are kept apart; further ones are joined.
-const MOST_RETURNS: usize = 8;
+use std::collections::BTreeSet;
+use std::rc::Rc;
 
 impl Runner<'_> {
     /// Changes a variable.
     pub(super) fn set(&mut self, at: usize, value: Value) {
-        self.assigns(at);
-        (self.counters.epoch, self.counters.events) = (self.counters.epoch + 1, self.counters.events + 1);
         let variable = &mut self.symbols.variables[at];
         variable.foreign = false;
         let value = variable.volatile.map_or(value, Value::Unknown);
-        let same = matches!(&variable.content, Content::Is(old) if old.is(&value));
-        self.counters.changes += u64::from(!same);
-        let old = std::mem::replace(&mut variable.content, Content::Is(value));
-        match self.layers.last_mut() {
-            Some(layer) if at < layer.variables => drop(layer.old.entry(at).or_insert(old)),
-            None if at < self.symbols.data => drop(self.before_all.entry(at).or_insert(old)),
-            _ => {}
-        }
+        self.state.values.insert(at, value);
+        self.touch();
     }
 
-    /// Undoes all changes so far: data have the values of the text.
-    pub(super) fn begin_again(&mut self) {
-        for (at, old) in std::mem::take(&mut self.before_all) {
-            self.symbols.variables[at].content = old;
-        }
-        self.state = ModalState::default();
-        (self.counters.epoch, self.counters.events) = (self.counters.epoch + 1, self.counters.events + 1);
+    /// Records that names may have other meanings from here on.
+    pub(super) fn touch(&mut self) {
+        self.counters.events += 1;
+        self.state.version = self.next_version();
     }
 
-    /// Begins a branch.
-    pub(super) fn open(&mut self) {
-        let (old, variables) = (BTreeMap::new(), self.symbols.variables.len());
-        self.layers.push(Layer { old, state: self.state, variables });
+    pub(super) fn next_version(&mut self) -> u64 {
+        self.counters.versions += 1;
+        self.counters.versions
     }
 
-    /// Ends a branch and undoes its changes.
-    pub(super) fn take(&mut self) -> EndState {
-        let mut left = EndState { changed: BTreeMap::new(), state: self.state };
-        let Some(layer) = self.layers.pop() else { return left };
-        for (at, old) in layer.old {
-            if let Some(variable) = self.symbols.variables.get_mut(at)
-                && let Content::Is(value) = std::mem::replace(&mut variable.content, old)
-            {
-                left.changed.insert(at, value);
-            }
-        }
-        self.state = layer.state;
-        self.counters.epoch += 1;
-        left
+    /// The state in which an operator may start the program: data have the values of the text.
+    pub(super) fn begin(&mut self) {
+        let mut modal = ModalState { mark: self.mark_at_start, ..ModalState::default() };
+        modal.lose(Switches { marks: false, ..self.symbols.known.at_any_moment.switches });
+        self.state = State { modal, version: self.next_version(), ..State::default() };
     }
 
-    /// Ends a branch without alternative and keeps its changes.
-    pub(super) fn commit(&mut self) {
-        let Some(layer) = self.layers.pop() else { return };
-        let (below, most) = match self.layers.last_mut() {
-            Some(below) => (&mut below.old, below.variables),
-            None => (&mut self.before_all, self.symbols.data),
-        };
-        for (at, old) in layer.old {
-            if at < most {
-                below.entry(at).or_insert(old);
-            }
-        }
-    }
-
-    /// The changes since a layer began; the layer stays open.
-    pub(super) fn since(&self, layer: usize) -> EndState {
-        let layers = self.layers.get(layer..).unwrap_or_default();
-        let most = layers.first().map_or(0, |layer| layer.variables);
-        let keys: BTreeSet<usize> =
-            layers.iter().flat_map(|layer| layer.old.keys().copied()).filter(|at| *at < most).collect();
-        let value = |at: usize| match &self.symbols.variables[at].content {
-            Content::Is(value) => Some((at, value.clone())),
-            _ => None,
-        };
-        EndState { changed: keys.into_iter().filter_map(value).collect(), state: self.state }
-    }
-
-    /// Continues from the state that a branch left.
-    pub(super) fn apply(&mut self, left: EndState) {
-        for (at, value) in left.changed {
-            self.set(at, value);
-        }
-        self.state = left.state;
-    }
-
-    /// Joins the states that two branches leave; the state before them is in force.
-    pub(super) fn join(&mut self, a: EndState, b: EndState) -> EndState {
-        let keys: BTreeSet<usize> = a.changed.keys().chain(b.changed.keys()).copied().collect();
-        let state = a.state.join(b.state);
-        let mut changed = BTreeMap::new();
+    /// Joins a state with that of another path. Returns whether anything is less known than before.
+    pub(super) fn join_states(&mut self, known: &mut State, other: &State, why: Reason) -> bool {
+        let mut is_less = false;
+        let keys: BTreeSet<usize> = known.values.keys().chain(other.values.keys()).copied().collect();
         for at in keys {
-            let [a, b] = [&a, &b].map(|left| match left.changed.get(&at) {
-                Some(value) => value.clone(),
-                None => self.content(at),
-            });
-            let value = self.joined(&a, &b);
-            changed.insert(at, value);
+            let (own, others) = (self.value_in(known, at), self.value_in(other, at));
+            if own.is(&others) {
+                continue;
+            }
+            let joined = self.joined(&own, &others, why);
+            is_less |= !own.is(&joined);
+            known.values.insert(at, joined);
         }
-        EndState { changed, state }
+        let modal = known.modal.join(other.modal);
+        is_less |= modal != known.modal;
+        known.modal = modal;
+        if known.stands != other.stands {
+            is_less |= known.stands != Stands::Unknown;
+            known.stands = Stands::Unknown;
+        }
+        let before = known.standing.len();
+        known.standing.extend(&other.standing);
+        known.version = self.next_version();
+        is_less || known.standing.len() > before
+    }
+
+    /// Adds the state of another path to those so far.
+    pub(super) fn add_state(&mut self, known: &mut Option<State>, other: State) {
+        match known {
+            Some(known) => drop(self.join_states(known, &other, Reason::Branches)),
+            None => *known = Some(other),
+        }
+    }
+
+    /// The value of a variable in a state.
+    pub(super) fn value_in(&mut self, state: &State, at: usize) -> Value {
+        state.values.get(&at).cloned().unwrap_or_else(|| self.initial(at))
     }
 
     /// The value of data that hold one value or the other.
-    fn joined(&mut self, a: &Value, b: &Value) -> Value {
+    fn joined(&mut self, a: &Value, b: &Value, why: Reason) -> Value {
         match (a, b) {
             (Value::Unknown(why), _) | (_, Value::Unknown(why)) => {
                 self.numbers.pin_value(a);
@@ -124,21 +88,18 @@ impl Runner<'_> {
             }
             #[allow(clippy::float_cmp)] // the very number
             (Value::Num(a, _), Value::Num(b, _)) if a == b => Value::Num(*a, None),
-            (Value::Bool(a), Value::Bool(b)) if a == b => Value::Bool(*a),
-            (Value::Text(a), Value::Text(b)) if a == b => Value::Text(std::rc::Rc::clone(a)),
             (Value::List(a, _), Value::List(b, _)) if a.len() == b.len() => {
-                let items: Vec<Value> = a.iter().zip(b.iter()).map(|(a, b)| self.joined(a, b)).collect();
+                let items: Vec<Value> = a.iter().zip(b.iter()).map(|(a, b)| self.joined(a, b, why)).collect();
                 Value::List(items.into(), None)
             }
-            (Value::Target(a), Value::Target(b))
-                if a.root == b.root && a.written == b.written && a.steps == b.steps =>
-            {
-                Value::Target(std::rc::Rc::clone(a))
+            (Value::Target(a), Value::Target(b)) if a.is_at(b) => {
+                Value::Target(Rc::clone(if a.fixed.is_some() { a } else { b }))
             }
+            _ if a.is(b) => a.clone(),
             _ => {
                 self.numbers.pin_value(a);
                 self.numbers.pin_value(b);
-                Value::Unknown(Reason::Branches)
+                Value::Unknown(why)
             }
         }
     }
@@ -165,18 +126,15 @@ impl Runner<'_> {
     pub(super) fn forget_data(&mut self, at: usize, why: Reason) {
         let at = match &self.symbols.variables[at].content {
             Content::Part(part) => part.of,
-            Content::Is(Value::Unknown(_)) => {
-                // The value already is unknown, yet this counts as a change.
-                (self.counters.epoch, self.counters.events) = (self.counters.epoch + 1, self.counters.events + 1);
-                return;
-            }
             _ => at,
         };
-        self.pin_declared(at);
-        let old = match &self.symbols.variables[at].content {
-            Content::Is(value) => value.clone(),
+        let old = match (self.state.values.get(&at), &self.symbols.variables[at].content) {
+            // The value already is unknown, yet this counts as a change.
+            (Some(Value::Unknown(_)), _) | (None, Content::Is(Value::Unknown(_))) => return self.touch(),
+            (Some(value), _) | (None, Content::Is(value)) => value.clone(),
             _ => Value::Unknown(why),
         };
+        self.pin_declared(at);
         self.numbers.pin_value(&old);
         self.set(at, Value::Unknown(why));
     }
@@ -211,22 +169,51 @@ impl Runner<'_> {
     }
 }
 
-/// Notes a further state; too many are joined into one, in which differing values are unknown.
-pub(super) fn note(states: &mut Vec<EndState>, left: EndState) {
-    states.push(left);
-    if states.len() > MOST_RETURNS {
-        let mut all = states.drain(..);
-        let Some(first) = all.next() else { return };
-        let mut changed: BTreeMap<usize, Value> = first.changed;
-        let mut state = first.state;
-        for other in all.by_ref() {
-            state = state.join(other.state);
-            for at in other.changed.keys() {
-                changed.insert(*at, Value::Unknown(Reason::Computed));
+impl Value {
+    /// Whether two values are identical, with their origin in the text. Numbers are compared bit by bit, so that no number is a value that
+    /// is equal to itself.
+    pub(super) fn is(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Unknown(a), Self::Unknown(b)) => a == b,
+            (Self::Num(a, from), Self::Num(b, other)) => a.to_bits() == b.to_bits() && from == other,
+            (Self::Bool(a), Self::Bool(b)) => a == b,
+            (Self::Text(a), Self::Text(b)) => a == b,
+            (Self::List(a, from), Self::List(b, other)) => {
+                Rc::ptr_eq(a, b)
+                    || from == other && a.len() == b.len() && a.iter().zip(b.iter()).all(|(a, b)| a.is(b))
             }
-            changed.values_mut().for_each(|value| *value = Value::Unknown(Reason::Computed));
+            (Self::Target(a), Self::Target(b)) => Rc::ptr_eq(a, b) || a.is_at(b) && a.fixed == b.fixed,
+            _ => false,
         }
-        drop(all);
-        states.push(EndState { changed, state });
+    }
+}
+
+impl Pose {
+    /// Whether two poses have the same numbers, from the same origin.
+    fn is_at(&self, other: &Self) -> bool {
+        let bits = |pose: &Self| {
+            let Written { position_mm: [x, y, z], quat: [q1, q2, q3, q4], external: [a, b, c, d, e, f], .. } = pose.written;
+            [x, y, z, q1, q2, q3, q4, a, b, c, d, e, f].map(f64::to_bits)
+        };
+        self.root == other.root
+            && self.steps == other.steps
+            && self.written.conf == other.written.conf
+            && bits(self) == bits(other)
+    }
+}
+
+impl State {
+    /// Forgets the values of variables from this number on, which no longer exist.
+    pub(super) fn forget_from(&mut self, first: usize) {
+        drop(self.values.split_off(&first));
+    }
+
+    /// Whether two states are identical, so that everything after them is.
+    pub(super) fn is(&self, other: &Self) -> bool {
+        self.modal == other.modal
+            && self.stands == other.stands
+            && self.standing == other.standing
+            && self.values.len() == other.values.len()
+            && self.values.iter().zip(&other.values).all(|((at, a), (other, b))| at == other && a.is(b))
     }
 }

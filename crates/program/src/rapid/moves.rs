@@ -7,13 +7,14 @@ use super::eval::Scope;
 use super::expression::{Arguments, Call, Expression, ExpressionKind};
 use super::known::Changes;
 use super::motion::{Shape, ToolAt, Zone};
-use super::runner::{Mode, Runner};
-use super::state::{ArcMode, OnOff, Switches};
+use super::runner::Runner;
+use super::state::{ArcMode, OnOff, Standing, Stands, Switches};
 use super::value::{Pose, Value, unit};
 use super::{Offset, TargetInText};
 use crate::{Editable, Goal, Motion, Predecessor, Reason, Role, Target, ToolData};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Span, decode};
+use std::collections::BTreeSet;
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -35,7 +36,7 @@ impl<'a> Runner<'a> {
             return self.unread_motion(span, Reason::MotionWithoutTool);
         };
         let via = shape.via.and_then(|at| arguments.get(at));
-        if self.mode == Mode::Real {
+        if self.is_real() {
             self.counters.motions += 1;
             self.counters.arcs += usize::from(shape.motion == Motion::Circular);
         }
@@ -44,15 +45,6 @@ impl<'a> Runner<'a> {
         let synchronised = is_synchronised(&bytes[call.name.range()]).then(|| arguments.get(shape.to + 4));
         if let Some(procedure) = synchronised {
             self.run_on_the_way(scope, procedure);
-        }
-        if self.mode != Mode::Real {
-            self.state.axes.lose_positions();
-            self.position.stands = None;
-        }
-        if self.mode == Mode::Dry {
-            // Only its calls and its result matter.
-            self.evaluate(scope, to);
-            return self.found_by_search(scope, arguments, shape);
         }
         let shifted = given.has(bytes, b"Corr");
         let frames = if shifted { Err(Reason::PathShifted) } else { self.frames_of(scope, given, tool) };
@@ -78,17 +70,17 @@ impl<'a> Runner<'a> {
             feed_mm_s,
             spindle_rpm: None,
             rapid: false,
-            mark: self.state.mark,
+            mark: self.state.modal.mark,
             editable: Editable::No(Reason::Joints),
             located: true,
-            extra_load: self.state.load != OnOff::Off || own_load,
+            extra_load: self.state.modal.load != OnOff::Off || own_load,
             external: None,
             name: None,
             source: scope.source,
             span,
             line,
             predecessor: Predecessor::Previous,
-            arc_turn: match self.state.arcs {
+            arc_turn: match self.state.modal.arcs {
                 ArcMode::Stated(turn) => Some(turn),
                 ArcMode::Unstated | ArcMode::ByWrist | ArcMode::Unknown => None,
             },
@@ -100,6 +92,9 @@ impl<'a> Runner<'a> {
             let Some(deg) = value.joints() else {
                 return self.keep_motion(span, Reason::JointsComputed);
             };
+            if !self.is_real() {
+                return self.arrive(&target, None);
+            }
             let external_axes = self.external_axes(&external, Role::End, plain);
             let located = self.axes_unknown(&external).is_none();
             let target = Target { goal: Goal::Joints { deg }, external: external_axes, located, ..target };
@@ -147,7 +142,7 @@ impl<'a> Runner<'a> {
         }
         let at_any_moment = &mut self.symbols.known.at_any_moment;
         at_any_moment.switches |= changes.switches;
-        self.state.lose(Switches { marks: false, ..changes.switches });
+        self.state.modal.lose(Switches { marks: false, ..changes.switches });
     }
 
     /// Tool and work object of a motion, or the reason for which they are unknown.
@@ -163,7 +158,7 @@ impl<'a> Runner<'a> {
             && let Some(point) = arguments.get(shape.via.unwrap_or(shape.to).wrapping_sub(1))
         {
             self.counters.events += 1;
-            self.position.stands = None;
+            self.state.stands = Stands::Unknown;
             self.forget_argument(scope, point, Reason::Computed);
         }
     }
@@ -200,8 +195,12 @@ impl<'a> Runner<'a> {
     /// Adds one robtarget of a motion as a target.
     fn point(&mut self, scope: Scope, pose: &Pose, argument: &Expression, mut target: Target) {
         let written = &pose.written;
-        if self.mode != Mode::Real {
-            return self.use_aside(&target, pose);
+        if !self.is_real() {
+            if self.is_recording {
+                self.use_aside(&target, pose);
+            }
+            self.axes_go_to(&written.external, false);
+            return self.arrive(&target, pose.root);
         }
         target.goal = Goal::Pose { position_mm: written.position_mm, quat: unit(written.quat), conf: written.conf };
         let bytes = self.bytes(scope.source as usize);
@@ -228,21 +227,21 @@ impl<'a> Runner<'a> {
         self.push(target, site);
     }
 
-    pub(super) fn push(&mut self, mut target: Target, site: TargetInText) {
-        if self.mode != Mode::Real {
-            return;
-        }
-        self.position.standing.clear();
-        self.position.standing.insert(self.found.targets.len());
-        let jumps = self.frames.last().is_some_and(|frame| frame.jumps);
-        target.predecessor = match self.position.stands {
+    /// The robot arrives at a target.
+    fn arrive(&mut self, target: &Target, root: Option<u32>) {
+        self.state.stands = Stands::At(self.site(target.span));
+        self.state.standing = BTreeSet::from([Standing { source: target.source, start: target.span.start, root }]);
+    }
+
+    fn push(&mut self, mut target: Target, site: TargetInText) {
+        target.predecessor = match (self.state.stands, self.found.last) {
             // The position before the first motion is unknown.
-            _ if self.position.last == 0 => Predecessor::Start,
-            Some(0) => Predecessor::Start,
-            Some(last) if last == self.position.last && !jumps => Predecessor::Previous,
+            (Stands::Start, _) | (_, None) => Predecessor::Start,
+            (Stands::At(site), Some(last)) if site == last => Predecessor::Previous,
             _ => Predecessor::Unknown,
         };
-        (self.position.stands, self.position.last) = (Some(target.ordinal), target.ordinal);
+        self.arrive(&target, self.found.root(&site));
+        self.found.last = Some(self.site(target.span));
         let ends = target.is_end();
         self.found.targets.push(target);
         self.found.sites.push(site);
@@ -269,11 +268,11 @@ impl<'a> Runner<'a> {
         let holds_part = wobj.is_some_and(|w| w.robhold);
         let misfit =
             tool.is_none_or(|t: ToolData| t.robhold) == holds_part || wobj.is_some_and(|w| w.robhold && !w.fixed);
-        match self.state.displacement {
+        match self.state.modal.displacement {
             OnOff::On => Some(Reason::DisplacementActive),
             OnOff::Unknown => Some(Reason::DisplacementUnknown),
-            OnOff::Off if self.state.soft == OnOff::On => Some(Reason::SoftServoActive),
-            OnOff::Off if self.state.soft == OnOff::Unknown => Some(Reason::SoftServoUnknown),
+            OnOff::Off if self.state.modal.soft == OnOff::On => Some(Reason::SoftServoActive),
+            OnOff::Off if self.state.modal.soft == OnOff::Unknown => Some(Reason::SoftServoUnknown),
             OnOff::Off if misfit => Some(Reason::BothHeld),
             OnOff::Off => self.axes_unknown(&pose.written.external),
         }
@@ -282,9 +281,9 @@ impl<'a> Runner<'a> {
     pub(super) fn editable(&self, target: &Target, pose: &Pose) -> Editable {
         let reason = if let Some(why) = self.unlocated(target, pose) {
             Some(why)
-        } else if self.state.mark_unknown {
+        } else if self.state.modal.mark_unknown {
             Some(Reason::MarkUnknown)
-        } else if let (Motion::Circular, Some(why)) = (target.motion, self.state.arcs.unfollowed()) {
+        } else if let (Motion::Circular, Some(why)) = (target.motion, self.state.modal.arcs.unfollowed()) {
             Some(why)
         } else if let Some(why) = pose.fixed {
             Some(why)

@@ -1,6 +1,7 @@
 //! The outcome of a run: the targets that may be edited after all, and whether the program can be cut anywhere.
 
 use super::runner::Runner;
+use super::state::Standing;
 use super::tree::{File, RoutineKind, StatementKind};
 use super::{Layout, TargetInText};
 use crate::{Editable, Goal, Kept, Motion, Reason, Role, Target, Tool, UnknownMotion, Wobj};
@@ -24,6 +25,7 @@ pub(super) struct Outcome {
 impl Runner<'_> {
     /// Ends the run.
     pub(super) fn finish(mut self, files: &[File]) -> Outcome {
+        self.refuse_what_is_counted_from();
         self.hold_what_runs_aside();
         self.hold_what_is_used_otherwise();
         self.hold_what_is_not_always_assembled();
@@ -52,7 +54,7 @@ impl Runner<'_> {
                 .zip(files)
                 .flat_map(|(source, file)| file.after_compact_if.iter().map(move |start| (source, *start)))
                 .collect(),
-            mark_behind: self.state.mark,
+            mark_behind: self.state.modal.mark,
             again: None,
         };
         Outcome {
@@ -70,6 +72,22 @@ impl Runner<'_> {
     /// Number of targets that must not be edited.
     fn refused(&self) -> usize {
         self.found.targets.iter().filter(|target| matches!(target.editable, Editable::No(_))).count()
+    }
+
+    /// Refuses the targets from whose positions a displacement is counted.
+    fn refuse_what_is_counted_from(&mut self) {
+        for (target, site) in self.found.targets.iter_mut().zip(&self.found.sites) {
+            let (source, start) = (target.source, target.span.start);
+            let root = match site {
+                TargetInText::None => None,
+                TargetInText::Literal { literal, .. } => Some(*literal),
+                TargetInText::Offset(at) => Some(self.found.offsets[*at as usize].root),
+            };
+            let is_counted = self.found.counted_from.contains(&Standing { source, start, root });
+            if is_counted && target.is_end() && !matches!(target.editable, Editable::No(_)) {
+                target.editable = Editable::No(Reason::DisplacementCounts);
+            }
+        }
     }
 
     /// Refuses the other point of an arc when one is refused: moving one point alone makes another arc.

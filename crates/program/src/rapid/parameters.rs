@@ -177,6 +177,7 @@ impl<'a> Runner<'a> {
         };
         match named {
             Some(Some(at)) => {
+                self.uses_frame(at);
                 // A value passed through several routines keeps the name of its declaration.
                 Bound::Variable(self.copied(value, at, scope, argument.span))
             }

@@ -9,9 +9,11 @@ use super::lex::{Cursor, LexemeKind};
 use super::motion;
 use super::outcome::Outcome;
 use super::predefined;
-use super::runner::{Continuation, Mode, Runner};
+use super::runner::{Mode, Runner};
+use super::state::Stands;
 use super::tree::{Assignment, File, RoutineKind, Statement, StatementKind};
 use crate::Reason;
+use deflex_lang::walk::Stop;
 use deflex_text::limits::RUN_MOTIONS;
 use deflex_text::{Diagnostic, Severity, Span};
 
@@ -53,7 +55,7 @@ impl<'a> Runner<'a> {
             for (before, &id) in others.iter().enumerate() {
                 // Nothing has run before the first one: a chunk begins with its given state.
                 if before > 0 {
-                    self.begin_again();
+                    self.begin();
                 }
                 // `main` may have called it at any moment.
                 if self.may_be_called_late(id) {
@@ -98,85 +100,53 @@ impl<'a> Runner<'a> {
         &sources[source].bytes
     }
 
-    /// Runs something only for the state after it, or for the data that it uses.
-    pub(super) fn quietly<T>(&mut self, mode: Mode, run: impl FnOnce(&mut Self) -> T) -> T {
-        let before = self.mode;
-        self.mode = before.max(mode);
+    /// Runs something only for the state after it and for the data that it uses.
+    pub(super) fn aside<T>(&mut self, run: impl FnOnce(&mut Self) -> T) -> T {
+        let before = std::mem::replace(&mut self.mode, Mode::Aside);
         let done = run(self);
         self.mode = before;
         done
     }
 
-    pub(super) fn block(&mut self, block: &'a [Statement]) -> Continuation {
-        for statement in block {
-            self.budget.spend(1);
-            if self.budget.is_spent()
-                || self.found.targets.len() > self.budget.most_targets
-                || self.counters.motions > MOTIONS
-            {
-                return self.give_up(statement.at);
+    /// Counts a step at a place of the running routine.
+    pub(super) fn count(&mut self, at: Span) -> Result<(), Stop> {
+        self.budget.spend(1);
+        let is_too_long = self.budget.is_spent()
+            || self.found.targets.len() > self.budget.most_targets
+            || self.counters.motions > MOTIONS;
+        if is_too_long { Err(self.give_up(at)) } else { Ok(()) }
+    }
+
+    /// Runs a statement that does not decide which one runs next.
+    pub(super) fn statement(&mut self, statement: &'a Statement) -> Result<(), Stop> {
+        let at = statement.at;
+        self.count(at)?;
+        match &statement.kind {
+            StatementKind::Assign(assignment) => {
+                self.begin_statement(at);
+                self.assignment(assignment);
             }
-            let at = statement.at;
-            let flow = match &statement.kind {
-                StatementKind::Assign(assignment) => {
-                    self.begin_statement(at);
-                    self.assignment(assignment);
-                    Continuation::Next
-                }
-                StatementKind::Call(call) => {
-                    self.begin_statement(at);
-                    self.procedure(call, at)
-                }
-                StatementKind::Mark(mark) => {
-                    self.state.mark = Some(*mark);
-                    self.state.mark_unknown = self.jumping.marks;
-                    Continuation::Next
-                }
-                StatementKind::If(of) => self.condition(of, at),
-                StatementKind::For(of) => self.counted(of, at),
-                StatementKind::While(of) => self.repeat(of, at),
-                StatementKind::Test(of) => self.choice(of, at),
-                StatementKind::Return(value) => {
-                    if let Some(value) = value {
-                        let value = self.evaluate(self.scope(), value);
-                        self.numbers.pin_value(&value);
-                    }
-                    self.leave();
-                    Continuation::Elsewhere
-                }
-                StatementKind::Raise => self.raise(),
-                // These belong to handlers, which are not run; elsewhere they are errors.
-                StatementKind::Exit | StatementKind::Retry | StatementKind::TryNext => Continuation::Elsewhere,
-                StatementKind::Connect(_) => {
-                    self.counters.events += 1;
-                    Continuation::Next
-                }
-                StatementKind::Goto(label) => {
-                    self.note(
-                        *label,
-                        "rapid.goto",
-                        "GOTO is not followed: statements are taken in the order of the text, and what the routine \
-                         changes is not known in it",
-                    );
-                    Continuation::Next
-                }
-            };
-            // In a routine with labels, a jump may reach the next statement.
-            if flow == Continuation::Elsewhere && !self.frames.last().is_some_and(|frame| frame.jumps) {
-                return flow;
+            StatementKind::Call(call) => {
+                self.begin_statement(at);
+                return self.procedure(call, at);
             }
+            StatementKind::Mark(mark) => (self.state.modal.mark, self.state.modal.mark_unknown) = (Some(*mark), false),
+            StatementKind::Return(Some(value)) => {
+                let value = self.evaluate(self.scope(), value);
+                self.numbers.pin_value(&value);
+            }
+            StatementKind::Connect(_) => self.counters.events += 1,
+            _ => {}
         }
-        Continuation::Next
+        Ok(())
     }
 
     /// Ends the run at a statement of the running routine.
-    pub(super) fn give_up(&mut self, at: Span) -> Continuation {
-        if !self.budget.has_ended() {
-            // Reported once: everything still running ends at its next step.
-            self.budget.end();
-            if self.reached.looking_aside {
-                return Continuation::Elsewhere;
-            }
+    fn give_up(&mut self, at: Span) -> Stop {
+        // Reported once: everything still running ends at its next step.
+        let has_ended = self.budget.has_ended();
+        self.budget.end();
+        if !has_ended && !self.reached.looking_aside {
             let (targets, steps) = (self.budget.most_targets, self.budget.most_steps);
             let message = match self.gathering {
                 Gathering::All => format!("the program runs through more than {targets} targets or {steps} statements"),
@@ -189,12 +159,12 @@ impl<'a> Runner<'a> {
                 .at(&self.symbols.sources[self.scope().source as usize], at);
             self.messages.diagnostics.push(error.help(RUN_MOTIONS.help));
         }
-        Continuation::Elsewhere
+        Stop::TooLong
     }
 
     /// Refuses the program because no controller would run it.
     pub(super) fn refuse(&mut self, source: u16, span: Span, code: &'static str, message: &str, help: &str) {
-        if self.mode == Mode::Real && self.messages.reported.insert((usize::from(source), span, code)) {
+        if self.is_real() && self.messages.reported.insert((usize::from(source), span, code)) {
             let error = Diagnostic::error(code, "", message).at(&self.symbols.sources[usize::from(source)], span);
             self.messages.diagnostics.push(error.help(help));
         }
@@ -206,7 +176,7 @@ impl<'a> Runner<'a> {
 
     pub(super) fn tell(&mut self, span: Span, code: &'static str, message: &str, severity: Severity) {
         let source = self.scope().source as usize;
-        if self.mode == Mode::Real && self.messages.reported.insert((source, span, code)) {
+        if self.is_real() && self.messages.reported.insert((source, span, code)) {
             let diagnostic = Diagnostic::error(code, "", message).at(&self.symbols.sources[source], span);
             self.messages.diagnostics.push(diagnostic.severity(severity));
         }
@@ -229,7 +199,7 @@ impl<'a> Runner<'a> {
 
     /// Counts and keeps a motion whose arguments are incomplete.
     pub(super) fn unread_motion(&mut self, span: Span, reason: Reason) {
-        if self.mode == Mode::Real {
+        if self.is_real() {
             self.counters.motions += 1;
         }
         self.keep_motion(span, reason);
@@ -237,8 +207,9 @@ impl<'a> Runner<'a> {
 
     /// Keeps a motion whose target is unknown.
     pub(super) fn keep_motion(&mut self, span: Span, reason: Reason) {
-        self.position.stands = None;
-        if self.mode != Mode::Real {
+        self.state.stands = Stands::Unknown;
+        self.state.modal.axes.lose_positions();
+        if !self.is_real() {
             return;
         }
         // No controller loads this.
@@ -254,7 +225,7 @@ impl<'a> Runner<'a> {
 
     /// Keeps a statement of the running routine.
     pub(super) fn keep_here(&mut self, span: Span, reason: Reason) {
-        if self.mode == Mode::Real {
+        if self.is_real() {
             self.messages.kept.keep(self.scope().source.into(), span, reason);
         }
     }
@@ -262,7 +233,7 @@ impl<'a> Runner<'a> {
     /// Counts an assignment or a call, and records that it is run.
     fn begin_statement(&mut self, at: Span) {
         self.budget.spend(at.len() / BYTES_PER_STEP);
-        if self.mode == Mode::Real {
+        if self.is_real() {
             self.reached.ran.add(self.scope().source, at.start);
         }
     }
@@ -282,13 +253,13 @@ impl<'a> Runner<'a> {
     }
 
     /// A statement that calls a procedure or an instruction.
-    fn procedure(&mut self, call: &'a Call, at: Span) -> Continuation {
+    fn procedure(&mut self, call: &'a Call, at: Span) -> Result<(), Stop> {
         let scope = self.scope();
         let (bytes, arguments) = (self.bytes(scope.source as usize), &call.arguments);
         if arguments.is_cut {
             self.keep_here(at, Reason::NotUnderstood);
             self.unknown_call(scope, arguments);
-            return Continuation::Next;
+            return Ok(());
         }
         if let Some(name) = &call.late {
             return self.enter_late(scope, name, call, at);
@@ -314,24 +285,20 @@ impl<'a> Runner<'a> {
             self.may_fail();
             self.may_be_handled(false);
         }
-        let flow = match (shape, known) {
+        match (shape, known) {
             (Some(shape), _) => {
                 self.motion(scope, call, shape, at);
                 // The procedure of a `MoveLSync` may have moved the arm from there.
                 if self.skipped_since(failures) || is_synchronised(name) {
-                    self.position.stands = None;
+                    self.state.stands = Stands::Unknown;
                 }
-                Continuation::Next
             }
-            (None, Some(instruction)) => self.instruction(scope, call, instruction, at),
-            (None, None) => {
-                self.unknown_procedure(scope, call, at);
-                Continuation::Next
-            }
-        };
-        if fails && flow == Continuation::Next {
+            (None, Some(instruction)) => self.instruction(scope, call, instruction, at)?,
+            (None, None) => self.unknown_procedure(scope, call, at),
+        }
+        if fails {
             self.may_be_handled(true);
         }
-        flow
+        Ok(())
     }
 }

@@ -2,18 +2,19 @@
 
 use super::gathering::Gathering;
 use super::known::RoutineId;
-use super::layers::{EndState, Layer};
 use super::literal::Literal;
 use super::ran::{Ran, Use};
-use super::state::{Begun, ModalState, Switches};
-use super::symbols::{Content, Names, Symbols};
+use super::state::{Begun, ModalState, Site, Standing, State};
+use super::steps::Routines;
+use super::symbols::{Names, Symbols};
 use super::tree::File;
 use super::{Offset, TargetInText};
 use crate::kept::KeptStatements;
-use crate::{ExternalAxes, InactiveUnit, Target, Tool, UnknownMotion, Wobj};
+use crate::{ExternalAxes, InactiveUnit, Mark, Target, Tool, UnknownMotion, Wobj};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Diagnostic, Source, Span};
-use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
+use std::rc::Rc;
 use std::sync::Arc;
 
 /// Most statements run in all, in addition to those per byte of the program.
@@ -23,32 +24,21 @@ const STEPS_PER_BYTE: usize = 4;
 const TARGETS: usize = 200_000;
 const TARGETS_PER_BYTE: usize = 1;
 
-/// Where the program continues after a statement.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Continuation {
-    /// At the next statement.
-    Next,
-    /// At another place, with the end state that was recorded for it.
-    Elsewhere,
-}
-
 /// A routine that is being run.
 pub(super) struct Frame {
     pub(super) routine: RoutineId,
     pub(super) module: usize,
     pub(super) names: Names,
-    /// The layer that began with it.
-    pub(super) layer: usize,
-    /// States at which it returns before its end.
-    pub(super) returns: Vec<EndState>,
-    /// States at which it passes an error to its caller.
-    pub(super) raises: Vec<EndState>,
-    /// It contains a GOTO.
-    pub(super) jumps: bool,
-    /// The modal state at the last noted error.
+    /// The variables of its FOR loops, by number of the loop.
+    pub(super) loops: HashMap<usize, [usize; 3]>,
+    /// The innermost FOR loop around the running statement.
+    pub(super) within: Option<usize>,
+    /// The state in which its handler returns.
+    pub(super) returned: Option<State>,
+    /// The state in which it passes an error to its caller.
+    pub(super) raised: Option<State>,
+    /// The version and modal state at the last error that was recorded.
     pub(super) noted: Option<(u64, ModalState)>,
-    /// The robot's position where it returns before its end; `None` before the first such statement.
-    pub(super) returns_from: Option<Option<u32>>,
 }
 
 /// What a run is for.
@@ -58,15 +48,13 @@ pub(super) enum Mode {
     Real,
     /// A routine that the program never calls: only the data that it would use are recorded.
     Aside,
-    /// Only the state after it.
-    Dry,
 }
 
 /// The last tool or work object argument and its meaning, valid while no name can have changed.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Cached {
     pub(super) place: Option<SourceSpan>,
-    pub(super) epoch: u64,
+    pub(super) version: u64,
     pub(super) index: u16,
 }
 
@@ -75,18 +63,18 @@ pub(super) struct Runner<'a> {
     pub(super) symbols: Symbols<'a>,
     /// Files that will be written; those after them give declarations only.
     pub(super) written: usize,
+    pub(super) routines: Rc<Routines<'a>>,
     pub(super) frames: Vec<Frame>,
-    pub(super) layers: Vec<Layer<'a>>,
-    /// The values, before any routine ran, of data that a routine has changed.
-    pub(super) before_all: BTreeMap<usize, Content<'a>>,
-    pub(super) state: ModalState,
+    /// The number of the running chain of calls, and of all chains so far by the chain of the caller and the place of the call.
+    pub(super) calls: u32,
+    pub(super) chains: HashMap<(u32, SourceSpan), u32>,
+    pub(super) state: State,
     pub(super) mode: Mode,
-    /// Modal states (displacement, soft servo, …) that may be on at any statement, because a calling routine contains a GOTO.
-    pub(super) jumping: Switches,
-    /// Number of nested loops that are run only for the state at the start of a round.
-    pub(super) dry: usize,
+    /// Whether results are recorded. They are not while the states where paths meet are being found.
+    pub(super) is_recording: bool,
+    /// The mark before the first routine.
+    pub(super) mark_at_start: Option<Mark>,
     pub(super) errors: Errors,
-    pub(super) position: Position,
     pub(super) units: Units,
     pub(super) budget: Budget,
     pub(super) counters: Counters,
@@ -108,16 +96,6 @@ pub(super) struct Errors {
     pub(super) guards: usize,
     /// How often an expression in one could have failed.
     pub(super) failures: usize,
-}
-
-/// Where the robot stands.
-pub(super) struct Position {
-    /// Ordinal of the motion at whose end the robot stands, 0 at the start of the routine; `None` if known only at run time.
-    pub(super) stands: Option<u32>,
-    /// Ordinal of the last target.
-    pub(super) last: u32,
-    /// Targets at which the robot may stand.
-    pub(super) standing: BTreeSet<usize>,
 }
 
 /// External axes.
@@ -167,14 +145,12 @@ impl Budget {
 
 /// Counts of what has happened.
 pub(super) struct Counters {
-    /// Changes with which a name could have got another meaning.
-    pub(super) epoch: u64,
-    /// Assignments: a loop without any never ends by itself.
-    pub(super) changes: u64,
+    /// Versions of the state.
+    pub(super) versions: u64,
     /// Statements that are neither motions nor without effect.
     pub(super) events: u64,
-    /// WHILE loops begun, which numbers them.
-    pub(super) loops: u64,
+    /// Markers in the results.
+    pub(super) marks: u64,
     /// Executed motions, and the arcs among them.
     pub(super) motions: u32,
     pub(super) arcs: usize,
@@ -240,6 +216,10 @@ pub(super) struct Found {
     pub(super) offsets: Vec<Offset>,
     /// Motions without a target.
     pub(super) unknown: Vec<UnknownMotion>,
+    /// The place of the last target.
+    pub(super) last: Option<Site>,
+    /// Targets from which a displacement is counted.
+    pub(super) counted_from: BTreeSet<Standing>,
 }
 
 /// Messages to the user.
@@ -254,25 +234,26 @@ pub(super) struct Messages {
 impl<'a> Runner<'a> {
     pub(super) fn new(sources: &'a [Source], files: &'a [File], written: usize) -> Self {
         let bytes: usize = sources.iter().map(|s| s.bytes.len()).sum();
+        let symbols = Symbols::new(sources, files);
         let mut runner = Self {
-            symbols: Symbols::new(sources, files),
+            routines: Rc::new(Routines::new(&symbols)),
+            symbols,
             written,
             frames: Vec::new(),
-            layers: Vec::new(),
-            before_all: BTreeMap::new(),
-            state: ModalState::default(),
+            calls: 0,
+            chains: HashMap::new(),
+            state: State::default(),
             mode: Mode::Real,
-            jumping: Switches::NONE,
-            dry: 0,
+            is_recording: true,
+            mark_at_start: files.iter().take(written).find_map(|file| file.mark),
             errors: Errors::default(),
-            position: Position { stands: Some(0), last: 0, standing: BTreeSet::new() },
             units: Units { inactive: vec![Arc::new([])], external: None, axes_moved: false },
             budget: Budget {
                 steps: 0,
                 most_steps: STEPS + STEPS_PER_BYTE * bytes,
                 most_targets: TARGETS + TARGETS_PER_BYTE * bytes,
             },
-            counters: Counters { epoch: 1, changes: 0, events: 0, loops: 0, motions: 0, arcs: 0 },
+            counters: Counters { versions: 0, events: 0, marks: 0, motions: 0, arcs: 0 },
             reached: Reached {
                 ran: Ran::new(sources),
                 entered: HashSet::new(),
@@ -294,9 +275,7 @@ impl<'a> Runner<'a> {
                 runner.messages.kept.keep(source, span, reason);
             }
         }
-        runner.state.mark = files.iter().take(written).find_map(|f| f.mark);
-        let at_any_moment = runner.symbols.known.at_any_moment.switches;
-        runner.state.lose(Switches { marks: false, ..at_any_moment });
+        runner.begin();
         runner
     }
 }

@@ -2,7 +2,7 @@
 
 use super::value::Value;
 use crate::{ArcTurn, EXTERNAL_AXES, External, Mark, Reason};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::BitOrAssign;
 
 /// Whether a mode is switched on.
@@ -101,6 +101,50 @@ impl Axes {
     }
 }
 
+/// A statement in a chain of calls.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Site {
+    /// The number of the chain.
+    pub(super) calls: u32,
+    pub(super) source: u16,
+    /// Where the statement begins.
+    pub(super) start: u32,
+}
+
+/// Where the robot stands.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Stands {
+    /// Where it was when an operator started the routine.
+    #[default]
+    Start,
+    /// At the end of a motion.
+    At(Site),
+    /// Known only at run time.
+    Unknown,
+}
+
+/// A target at which the robot may stand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub(super) struct Standing {
+    pub(super) source: u16,
+    /// Where the statement of its motion begins.
+    pub(super) start: u32,
+    /// The robtarget in the text from which it is made.
+    pub(super) root: Option<u32>,
+}
+
+/// The state between two steps.
+#[derive(Clone, Debug, Default)]
+pub(super) struct State {
+    /// Values that differ from those at the beginning, by number of the variable.
+    pub(super) values: BTreeMap<usize, Value>,
+    pub(super) modal: ModalState,
+    pub(super) stands: Stands,
+    pub(super) standing: BTreeSet<Standing>,
+    /// States in which a name may have different meanings have different numbers.
+    pub(super) version: u64,
+}
+
 /// The modal state that the previous instructions leave.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ModalState {
@@ -196,8 +240,6 @@ impl Switches {
         Self { displacement: false, axes: false, marks: false, soft: false, load: false, velocity: false, arcs: false };
     /// The parts that an unknown routine may switch; it is assumed to leave speeds, soft servo, loads and turns on arcs alone.
     pub(super) const FOREIGN: Self = Self { displacement: true, axes: true, ..Self::NONE };
-    pub(super) const ALL: Self =
-        Self { displacement: true, axes: true, marks: true, soft: true, load: true, velocity: true, arcs: true };
 }
 
 impl BitOrAssign for Switches {
@@ -216,10 +258,10 @@ impl BitOrAssign for Switches {
 /// The declared values on which `main` relies.
 #[derive(Default)]
 pub(super) struct Begun {
-    /// Tools and work objects that the program assigns, but possibly not before their use.
+    /// Tools and work objects that the program assigns.
     pub(super) declared: BTreeMap<usize, Value>,
-    /// Those that a motion uses before they are assigned.
-    pub(super) used: Vec<(usize, Value)>,
+    /// Those that a motion uses before any path assigns them.
+    pub(super) used: BTreeSet<usize>,
     /// Whether a motion came before the first instruction that switches program displacement.
     pub(super) moved_before_displacement: Option<bool>,
 }

@@ -5,7 +5,7 @@ use super::lex::{Key, Lexeme, LexemeKind, key};
 use super::literal::Literal;
 use super::parser::{Parser, Scan};
 use super::syntax::Reader;
-use super::tree::Statement;
+use super::tree::{Statement, StatementKind};
 use crate::Reason;
 use deflex_text::Span;
 
@@ -19,7 +19,10 @@ impl Parser<'_> {
                 self.cursor.accept(LexemeKind::Mark(b';'));
                 return None;
             }
-            LexemeKind::Word if self.cursor.accept(LexemeKind::Mark(b':')).is_some() => return None,
+            LexemeKind::Word if self.cursor.accept(LexemeKind::Mark(b':')).is_some() => {
+                let name = self.cursor.text(start).to_ascii_uppercase().into();
+                return Some(Statement { kind: StatementKind::Label(name), at: start.span() });
+            }
             _ => {}
         }
         let literals = self.file.literals.len();

@@ -121,8 +121,10 @@ pub(super) enum StatementKind {
     /// In an error handler: go on after the failed statement.
     TryNext,
     Connect(Box<Connect>),
-    /// With the place of the label.
-    Goto(Span),
+    /// With the name of the label, in upper case.
+    Goto(Box<[u8]>),
+    /// With its name, in upper case.
+    Label(Box<[u8]>),
     Mark(Mark),
 }
 
@@ -224,6 +226,7 @@ impl Statement {
             | StatementKind::Retry
             | StatementKind::TryNext
             | StatementKind::Goto(_)
+            | StatementKind::Label(_)
             | StatementKind::Mark(_) => {}
         }
     }

@@ -56,7 +56,7 @@ impl<'a> Runner<'a> {
                 continue;
             }
             self.forget_what_routines_change();
-            self.quietly(Mode::Aside, |this| this.start(id));
+            self.aside(|this| this.start(id));
         }
         if self.budget.is_spent() {
             // The run was not completed: nothing that it may use is edited.
@@ -78,9 +78,9 @@ impl<'a> Runner<'a> {
         }
         let mut anywhere = Switches::NONE;
         self.symbols.all().for_each(|id| anywhere |= self.symbols.changed_by(id).switches);
-        self.state = ModalState { mark: self.state.mark, ..ModalState::default() };
-        self.state.axes.lose_positions();
-        self.state.lose(anywhere);
+        self.state.modal = ModalState { mark: self.state.modal.mark, ..ModalState::default() };
+        self.state.modal.axes.lose_positions();
+        self.state.modal.lose(anywhere);
     }
 
     /// Forbids edits of numbers used by traps, handlers and functions: they may run at any moment, or their motions are not

@@ -94,17 +94,6 @@ pub(super) fn unit(q: [f64; 4]) -> [f64; 4] {
 }
 
 impl Value {
-    /// Whether two simple values are identical; aggregates are never.
-    #[allow(clippy::float_cmp)] // the very number
-    pub(super) fn is(&self, other: &Self) -> bool {
-        match (self, other) {
-            (Self::Unknown(a), Self::Unknown(b)) => a == b,
-            (Self::Num(a, from), Self::Num(b, other)) => a == b && from == other,
-            (Self::Bool(a), Self::Bool(b)) => a == b,
-            _ => false,
-        }
-    }
-
     pub(super) fn num(&self) -> Option<f64> {
         if let Value::Num(value, _) = self { Some(*value) } else { None }
     }

@@ -195,7 +195,7 @@ impl Parser<'_> {
             Key::Exit => StatementKind::Exit,
             Key::Retry => StatementKind::Retry,
             Key::TryNext => StatementKind::TryNext,
-            Key::Goto => StatementKind::Goto(first),
+            Key::Goto => StatementKind::Goto(self.cursor.bytes[first.range()].to_ascii_uppercase().into()),
             Key::Connect => self.connect(rest),
             _ => StatementKind::Raise,
         };
