@@ -116,7 +116,7 @@ reasons! {
     ByBas = "may be set by BAS",
     ByInitialisation = "BAS(#INITMOV) may set it",
     Loop = "changed in a loop whose rounds are known only at run time",
-    Jumps = "changed in a routine with GOTO",
+    WaitedFor = "changed by something that the program waits for",
     // Positions that are not known.
     NotAPosition = "not a position",
     NotACompletePosition = "not a complete position",

@@ -144,6 +144,11 @@ pub trait Machine {
     /// Whether a loop that began at a marker has taken so many steps that its rounds are to be run as one.
     fn is_too_much(&self, since: Self::Mark) -> bool;
 
+    /// Whether a known result of a test can be what a loop counts its rounds by.
+    fn counts_rounds(&self, _: Self::Test) -> bool {
+        true
+    }
+
     /// Whether loops with known tests are followed round by round.
     fn unrolls(&self) -> bool {
         true
@@ -384,7 +389,8 @@ impl<M: Machine> Walk<'_, M> {
                     return Ok(Goes::Either(yes, no));
                 };
                 let (to, other) = if holds { (yes, no) } else { (no, yes) };
-                self.counted.extend(inner.filter(|of| self.is_in(to, Some(*of)) && !self.is_in(other, Some(*of))));
+                let stays = |of: &usize| self.is_in(to, Some(*of)) && !self.is_in(other, Some(*of));
+                self.counted.extend(inner.filter(|of| self.machine.counts_rounds(test) && stays(of)));
                 to
             }
         }))

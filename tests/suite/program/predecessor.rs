@@ -41,7 +41,7 @@ fn rapid_knows_where_each_way_begins() {
         ("MoveL a@n:=f();\nMoveL b@", "FUNC num f()\nRETURN 1;\nENDFUNC\n", &[Start, Previous]),
         ("MoveL a@elsewhere;\nMoveL b@", "", &[Start, Unknown]),
         ("MoveL a@SearchL di1,q,b,v50,tCell;\nMoveL c@", "", &[Start, Previous, Unknown]),
-        ("MoveL a@l:\nMoveL b@IF di1=1 GOTO l;\nMoveL c@", "", &[Start, Unknown, Unknown]),
+        ("MoveL a@l:\nMoveL b@IF di1=1 GOTO l;\nMoveL c@", "", &[Start, Unknown, Previous]),
     ];
     for (body, more, expected) in cases {
         let program = rapid_program(body, more);

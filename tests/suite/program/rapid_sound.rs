@@ -666,6 +666,30 @@ fn offsets_in_procedures_that_nothing_runs_hold_their_base() {
     assert!(matches!(reads("RelTool(p1,0,0,-50)"), Editable::No(_)));
 }
 
+/// Jumps are followed, and a loop keeps what all of its rounds agree on.
+#[test]
+fn jumps_and_unknown_loops_keep_what_all_paths_agree_on() {
+    check("GOTO over;\nPDispSet [[1,0,0],[1,0,0,0]];\nover:\nMoveL p1,v50,fine,t1\\WObj:=w1; ! edit", "");
+    check("n:=1;\nWHILE di1=1 DO\nn:=1;\nMoveL p1,v50,fine,t1\\WObj:=wFix{n}; ! edit\nENDWHILE", "");
+    check("n:=1;\nWHILE di1=1 DO\nMoveL p1,v50,fine,t1\\WObj:=wFix{n}; ! stay\nn:=2;\nENDWHILE", "");
+}
+
+/// What a program waits for, something else changes: the statements after it are reached.
+#[test]
+fn data_that_a_program_waits_for_are_unknown_after_it() {
+    let cases = "TEST n\nCASE 1:\nMoveL p1,v50,fine,t1\\WObj:=w1; ! edit\nDEFAULT:\nMoveL p2,v50,fine,t1\\WObj:=w1; ! edit\nENDTEST";
+    check(&format!("n:=0;\nWHILE n=0 DO\nWaitTime 0.1;\nENDWHILE\n{cases}"), "");
+    check(&format!("n:=0;\nWaitUntil n<>0;\n{cases}"), "");
+    check(&format!("n:=0;\n{}", cases.replace("p1,v50,fine,t1\\WObj:=w1; ! edit", "p1,v50,fine,t1\\WObj:=w1; ! stay")), "");
+}
+
+/// The value of a PERS that the text does not give may be anything.
+#[test]
+fn a_pers_without_a_value_is_unknown() {
+    let text = module("MoveL p1,v50,fine,t1\\WObj:=wFix{nElse+1}; ! stay", "");
+    check_text(&text.replacen("VAR num nIn;", "PERS num nElse;", 1));
+}
+
 /// A program without an end is refused without running through all that is allowed.
 #[test]
 fn a_program_without_an_end_is_refused_soon() {

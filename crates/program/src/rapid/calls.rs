@@ -311,8 +311,17 @@ impl<'a> Runner<'a> {
         let before = self.symbols.variables.len();
         let names = self.own_names(id, arguments);
         let (module, guards) = (self.symbols.module_of(id), usize::from(self.symbols.routine(id).error.is_some()));
-        let (loops, within, returned, raised, noted) = (HashMap::new(), None, None, None, None);
-        self.frames.push(Frame { routine: id, module, names, loops, within, returned, raised, noted });
+        self.frames.push(Frame {
+            routine: id,
+            module,
+            names,
+            loops: HashMap::new(),
+            rounds: HashMap::new(),
+            within: None,
+            returned: None,
+            raised: None,
+            noted: None,
+        });
         self.state.version = self.next_version();
         self.errors.guards += guards;
         let state = std::mem::take(&mut self.state);

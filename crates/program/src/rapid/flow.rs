@@ -2,16 +2,24 @@
 
 use super::eval::Scope;
 use super::expression::{Arguments, Expression, ExpressionKind};
-use super::runner::{Mode, Runner};
+use super::run::MOTIONS;
+use super::runner::{Mode, Runner, RunningLoop};
 use super::state::{Site, Stands, State};
 use super::steps::{Action, Decision, Step, Test, VALUES_PER_STEP};
 use super::symbols::Upper;
-use super::tree::{Statement, StatementKind};
+use super::tree::{Statement, StatementKind, Storage};
 use super::value::Value;
 use crate::Reason;
 use deflex_lang::walk::{Machine, Meeting, Stop, walk};
 use deflex_text::Span;
 use std::rc::Rc;
+
+/// Most rounds of a WHILE; with more, its end counts as known only at run time.
+const MAX_ROUNDS: u32 = 100_000;
+/// Number of motions after which the number of all motions is estimated from the rounds so far.
+const LOOK_AHEAD: u32 = 100_000;
+/// Factor of that estimate over the bound at which a loop is given up: rounds may become shorter.
+const MARGIN: f64 = 4.0;
 
 /// A position in the results so far.
 #[derive(Clone, Copy)]
@@ -39,10 +47,7 @@ impl<'a> Machine for Runner<'a> {
                 this.begin_loop(of);
                 Ok(())
             }
-            Action::NextRound(of) => {
-                this.next_round(of);
-                Ok(())
-            }
+            Action::NextRound(of) => this.next_round(of, step.at),
         })
     }
 
@@ -101,6 +106,10 @@ impl<'a> Machine for Runner<'a> {
         self.gathering.back_to(marker.number, marker.targets);
     }
 
+    fn counts_rounds(&self, test: Test<'a>) -> bool {
+        !matches!(test.what, Decision::Runs(_) | Decision::Continues)
+    }
+
     fn is_too_much(&self, since: Marker) -> bool {
         self.budget.steps.saturating_sub(since.steps) > self.budget.most_steps / 4
     }
@@ -145,12 +154,21 @@ impl<'a> Runner<'a> {
             Decision::Round(of) => (
                 self.has_round(of),
                 "rapid.loop",
-                "loop bounds are known only at run time: the loop is taken once",
+                "how often this loop runs is known only at run time: it is taken once",
             ),
             Decision::While(of) => {
                 let holds = self.evaluate(scope, &of.condition).bool();
+                let rounds = self.frames.last_mut().map(|frame| frame.rounds.entry(std::ptr::from_ref(of)).or_default());
+                let rounds = rounds.map_or(0, |rounds| {
+                    *rounds = if holds == Some(true) { *rounds + 1 } else { 0 };
+                    *rounds
+                });
                 // A condition that nothing in the loop changes never ends it.
-                let holds = holds.filter(|goes_on| !goes_on || self.depends(scope, &of.condition, &of.body));
+                let is_steady = holds == Some(true) && !self.depends(scope, &of.condition, &of.body);
+                if is_steady {
+                    self.wait_for(scope, &of.condition);
+                }
+                let holds = holds.filter(|goes_on| !goes_on || !is_steady && rounds <= MAX_ROUNDS);
                 (holds, "rapid.loop", "how often this loop runs is known only at run time: it is taken once")
             }
         };
@@ -209,13 +227,17 @@ impl<'a> Runner<'a> {
             let value = known.map_or(Value::Unknown(Reason::Loop), |known| Value::Num(known[at], None));
             self.state.values.insert(variable, value);
         }
+        let (from, motions) = (from.unwrap_or_default(), self.counters.motions);
+        if let Some(frame) = self.frames.last_mut() {
+            frame.loops.insert(of, RunningLoop { variables, from, motions });
+        }
         self.touch();
     }
 
     /// The variable of a FOR loop of the running routine, and those that hold its last value and its step.
     fn loop_variables(&mut self, of: usize) -> [usize; 3] {
         if let Some(known) = self.frames.last().and_then(|frame| frame.loops.get(&of)) {
-            return *known;
+            return known.variables;
         }
         let (scope, name) = (self.scope(), self.routines.loops[of].of.variable);
         let bytes = self.bytes(scope.source as usize);
@@ -224,7 +246,7 @@ impl<'a> Runner<'a> {
             self.new_variable(bytes, scope.source as usize, scope.module, name, name, value)
         });
         if let Some(frame) = self.frames.last_mut() {
-            frame.loops.insert(of, variables);
+            frame.loops.insert(of, RunningLoop { variables, from: 0.0, motions: 0 });
         }
         variables
     }
@@ -234,7 +256,7 @@ impl<'a> Runner<'a> {
         let frame = self.frames.last()?;
         let mut around = std::iter::successors(frame.within, |of| self.routines.loops[*of].outer);
         let of = around.find(|of| *self.routines.loops[*of].name == *name)?;
-        frame.loops.get(&of).map(|[variable, ..]| *variable)
+        frame.loops.get(&of).map(|running| running.variables[0])
     }
 
     fn rounds(&mut self, of: usize) -> Option<Rounds> {
@@ -247,12 +269,35 @@ impl<'a> Runner<'a> {
         Some(if step > 0.0 { from <= to } else { step < 0.0 && from >= to })
     }
 
-    fn next_round(&mut self, of: usize) {
-        let value = self.rounds(of).map_or(Value::Unknown(Reason::Loop), |rounds| {
-            Value::Num(rounds.from + rounds.step, None)
-        });
+    fn next_round(&mut self, of: usize, at: Span) -> Result<(), Stop> {
         let [variable, ..] = self.loop_variables(of);
-        self.state.values.insert(variable, value);
+        let Some(Rounds { from: before, to, step }) = self.rounds(of) else {
+            self.state.values.insert(variable, Value::Unknown(Reason::Loop));
+            return Ok(());
+        };
+        self.state.values.insert(variable, Value::Num(before + step, None));
+        let began = self.frames.last().and_then(|frame| frame.loops.get(&of)).copied();
+        if let Some(RunningLoop { from, motions, .. }) = began.filter(|_| self.is_recording) {
+            let (moved, done) = (self.counters.motions.saturating_sub(motions), (before - from) / step + 1.0);
+            let all = f64::from(moved) / done * ((to - from) / step + 1.0);
+            if moved > LOOK_AHEAD && all > MARGIN * f64::from(MOTIONS) {
+                return Err(self.give_up(at));
+            }
+        }
+        Ok(())
+    }
+
+    /// The program waits until a condition holds: if it does not hold yet, something else changes the data that it names.
+    pub(super) fn wait_for(&mut self, scope: Scope, condition: &Expression) {
+        let (bytes, mut named) = (self.bytes(scope.source as usize), Vec::new());
+        condition.each(&mut |part: &Expression| {
+            if part.is_name() {
+                named.extend(self.find(scope, &Upper::new(&bytes[part.span.range()])));
+            }
+        });
+        for at in named.into_iter().filter(|at| self.symbols.variables[*at].storage != Storage::Const).collect::<Vec<_>>() {
+            self.forget_data(at, Reason::WaitedFor);
+        }
     }
 
     /// Whether a block may change a name in an expression, or the expression calls a function.

@@ -20,6 +20,12 @@ impl<'a> Runner<'a> {
             let value = self.evaluate(scope, argument);
             self.numbers.pin_value(&value);
         }
+        if bytes[call.name.range()].eq_ignore_ascii_case(b"WaitUntil")
+            && let Some(condition) = arguments.positional.first()
+            && self.evaluate(scope, condition).bool() != Some(true)
+        {
+            self.wait_for(scope, condition);
+        }
         if known == Instruction::Nothing || known == Instruction::Options && arguments.optional.is_empty() {
             return Ok(());
         }

@@ -142,7 +142,7 @@ impl<'a> Runner<'a> {
     }
 
     /// Ends the run at a statement of the running routine.
-    fn give_up(&mut self, at: Span) -> Stop {
+    pub(super) fn give_up(&mut self, at: Span) -> Stop {
         // Reported once: everything still running ends at its next step.
         let has_ended = self.budget.has_ended();
         self.budget.end();

@@ -7,7 +7,7 @@ use super::ran::{Ran, Use};
 use super::state::{Begun, ModalState, Site, Standing, State};
 use super::steps::Routines;
 use super::symbols::{Names, Symbols};
-use super::tree::File;
+use super::tree::{File, While};
 use super::{Offset, TargetInText};
 use crate::kept::KeptStatements;
 use crate::{ExternalAxes, InactiveUnit, Mark, Target, Tool, UnknownMotion, Wobj};
@@ -29,8 +29,10 @@ pub(super) struct Frame {
     pub(super) routine: RoutineId,
     pub(super) module: usize,
     pub(super) names: Names,
-    /// The variables of its FOR loops, by number of the loop.
-    pub(super) loops: HashMap<usize, [usize; 3]>,
+    /// Its FOR loops, by number of the loop.
+    pub(super) loops: HashMap<usize, RunningLoop>,
+    /// Rounds of its WHILE loops so far, by address.
+    pub(super) rounds: HashMap<*const While, u32>,
     /// The innermost FOR loop around the running statement.
     pub(super) within: Option<usize>,
     /// The state in which its handler returns.
@@ -39,6 +41,16 @@ pub(super) struct Frame {
     pub(super) raised: Option<State>,
     /// The version and modal state at the last error that was recorded.
     pub(super) noted: Option<(u64, ModalState)>,
+}
+
+/// A FOR loop of a running routine.
+#[derive(Clone, Copy)]
+pub(super) struct RunningLoop {
+    /// Its variable, and those that hold its last value and its step.
+    pub(super) variables: [usize; 3],
+    /// Its first value, and the number of motions before it.
+    pub(super) from: f64,
+    pub(super) motions: u32,
 }
 
 /// What a run is for.

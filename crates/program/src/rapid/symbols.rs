@@ -220,6 +220,8 @@ impl<'a> Symbols<'a> {
 pub(super) fn declared<'a>(bytes: &[u8], file: usize, module: usize, data: &'a Data) -> Variable<'a> {
     let kind = Upper::new(&bytes[data.kind.range()]);
     let unset = || match &*kind {
+        // Another task may declare its value.
+        _ if data.storage == Storage::Pers => Value::Unknown(Reason::Unset),
         b"NUM" | b"DNUM" if !data.is_array => Value::Num(0.0, None),
         b"BOOL" if !data.is_array => Value::Bool(false),
         b"STRING" if !data.is_array => Value::Text(Rc::from(&b""[..])),
