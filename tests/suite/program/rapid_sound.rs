@@ -666,6 +666,16 @@ fn offsets_in_procedures_that_nothing_runs_hold_their_base() {
     assert!(matches!(reads("RelTool(p1,0,0,-50)"), Editable::No(_)));
 }
 
+/// A speed that the counter of a loop selects is that of its round.
+#[test]
+fn each_round_has_its_own_speed() {
+    let text = module("FOR i FROM 1 TO 3 DO\nMoveL p1,vArr{i},fine,t1\\WObj:=w1;\nENDFOR", "");
+    let speeds = "VAR speeddata vArr{3}:=[[10,500,5000,1000],[20,500,5000,1000],[30,500,5000,1000]];";
+    let program = read(&text.replacen("VAR num nIn;", speeds, 1));
+    let feeds: Vec<_> = program.targets.iter().map(|target| target.feed_mm_s).collect();
+    assert_eq!(feeds, [Some(10.0), Some(20.0), Some(30.0)]);
+}
+
 /// Jumps are followed, and a loop keeps what all of its rounds agree on.
 #[test]
 fn jumps_and_unknown_loops_keep_what_all_paths_agree_on() {
@@ -680,7 +690,10 @@ fn data_that_a_program_waits_for_are_unknown_after_it() {
     let cases = "TEST n\nCASE 1:\nMoveL p1,v50,fine,t1\\WObj:=w1; ! edit\nDEFAULT:\nMoveL p2,v50,fine,t1\\WObj:=w1; ! edit\nENDTEST";
     check(&format!("n:=0;\nWHILE n=0 DO\nWaitTime 0.1;\nENDWHILE\n{cases}"), "");
     check(&format!("n:=0;\nWaitUntil n<>0;\n{cases}"), "");
-    check(&format!("n:=0;\n{}", cases.replace("p1,v50,fine,t1\\WObj:=w1; ! edit", "p1,v50,fine,t1\\WObj:=w1; ! stay")), "");
+    check(
+        &format!("n:=0;\n{}", cases.replace("p1,v50,fine,t1\\WObj:=w1; ! edit", "p1,v50,fine,t1\\WObj:=w1; ! stay")),
+        "",
+    );
 }
 
 /// The value of a PERS that the text does not give may be anything.

@@ -100,7 +100,8 @@ impl<'a> Runner<'a> {
         let Ended { normal: mut joined, raised } = ended;
         let handler = self.handler().filter(|handler| handler.goes_on || handler.again);
         let is_handled = raised.is_some() && handler.is_some();
-        if let (Some(raised), Some(entered)) = (&raised, entered.as_ref().filter(|_| handler.is_some_and(|h| h.again))) {
+        if let (Some(raised), Some(entered)) = (&raised, entered.as_ref().filter(|_| handler.is_some_and(|h| h.again)))
+        {
             let mut again = raised.clone();
             again.modal = again.modal.join(entered.modal);
             for (at, value) in &mut again.values {
@@ -315,7 +316,7 @@ impl<'a> Runner<'a> {
             routine: id,
             module,
             names,
-            loops: HashMap::new(),
+            loops: Vec::new(),
             rounds: HashMap::new(),
             within: None,
             returned: None,
@@ -346,24 +347,11 @@ impl<'a> Runner<'a> {
         Ok(Ended { normal, raised: raised.map(without_own) })
     }
 
-    /// Records that the handler of the running routine returns in this state.
-    pub(super) fn note_return(&mut self, left: State) {
-        if let Some(mut known) = self.frames.last_mut().map(|frame| frame.returned.take()) {
-            self.add_state(&mut known, left);
-            if let Some(frame) = self.frames.last_mut() {
-                frame.returned = known;
-            }
-        }
-    }
-
-    /// Records that the running routine passes an error to its caller in this state.
-    pub(super) fn note_error(&mut self, left: State) {
-        if let Some(mut known) = self.frames.last_mut().map(|frame| frame.raised.take()) {
-            self.add_state(&mut known, left);
-            if let Some(frame) = self.frames.last_mut() {
-                frame.raised = known;
-            }
-        }
+    /// Adds a state in which the running routine ends: `kind` is that of returns or that of errors.
+    pub(super) fn note_end(&mut self, kind: fn(&mut Frame) -> &mut Option<State>, left: State) {
+        let Some(mut known) = self.frames.last_mut().map(|frame| kind(frame).take()) else { return };
+        self.add_state(&mut known, left);
+        self.frames.last_mut().into_iter().for_each(|frame| *kind(frame) = known.take());
     }
 }
 

@@ -38,11 +38,11 @@ impl<'a> Runner<'a> {
         self.run_handler();
         let left = std::mem::replace(&mut self.state, before);
         if handler.is_none_or(|handler| handler.hands_on) {
-            self.note_error(left.clone());
+            self.note_end(|frame| &mut frame.raised, left.clone());
         }
         // A handler that comes to its end returns.
         if handler.is_some() {
-            self.note_return(left);
+            self.note_end(|frame| &mut frame.returned, left);
         }
         let goes_on = handler.is_some_and(|handler| handler.goes_on);
         if goes_on {

@@ -158,7 +158,8 @@ impl<'a> Runner<'a> {
             ),
             Decision::While(of) => {
                 let holds = self.evaluate(scope, &of.condition).bool();
-                let rounds = self.frames.last_mut().map(|frame| frame.rounds.entry(std::ptr::from_ref(of)).or_default());
+                let rounds =
+                    self.frames.last_mut().map(|frame| frame.rounds.entry(std::ptr::from_ref(of)).or_default());
                 let rounds = rounds.map_or(0, |rounds| {
                     *rounds = if holds == Some(true) { *rounds + 1 } else { 0 };
                     *rounds
@@ -227,16 +228,17 @@ impl<'a> Runner<'a> {
             let value = known.map_or(Value::Unknown(Reason::Loop), |known| Value::Num(known[at], None));
             self.state.values.insert(variable, value);
         }
-        let (from, motions) = (from.unwrap_or_default(), self.counters.motions);
-        if let Some(frame) = self.frames.last_mut() {
-            frame.loops.insert(of, RunningLoop { variables, from, motions });
+        let motions = self.counters.motions;
+        let running = self.frames.last_mut().and_then(|frame| frame.loops.iter_mut().find(|running| running.of == of));
+        if let Some(running) = running {
+            (running.from, running.motions) = (from.unwrap_or_default(), motions);
         }
         self.touch();
     }
 
     /// The variable of a FOR loop of the running routine, and those that hold its last value and its step.
     fn loop_variables(&mut self, of: usize) -> [usize; 3] {
-        if let Some(known) = self.frames.last().and_then(|frame| frame.loops.get(&of)) {
+        if let Some(known) = self.running_loop(of) {
             return known.variables;
         }
         let (scope, name) = (self.scope(), self.routines.loops[of].of.variable);
@@ -246,7 +248,7 @@ impl<'a> Runner<'a> {
             self.new_variable(bytes, scope.source as usize, scope.module, name, name, value)
         });
         if let Some(frame) = self.frames.last_mut() {
-            frame.loops.insert(of, RunningLoop { variables, from: 0.0, motions: 0 });
+            frame.loops.push(RunningLoop { of, variables, from: 0.0, motions: 0 });
         }
         variables
     }
@@ -256,7 +258,11 @@ impl<'a> Runner<'a> {
         let frame = self.frames.last()?;
         let mut around = std::iter::successors(frame.within, |of| self.routines.loops[*of].outer);
         let of = around.find(|of| *self.routines.loops[*of].name == *name)?;
-        frame.loops.get(&of).map(|running| running.variables[0])
+        self.running_loop(of).map(|running| running.variables[0])
+    }
+
+    fn running_loop(&self, of: usize) -> Option<RunningLoop> {
+        self.frames.last()?.loops.iter().find(|running| running.of == of).copied()
     }
 
     fn rounds(&mut self, of: usize) -> Option<Rounds> {
@@ -276,8 +282,7 @@ impl<'a> Runner<'a> {
             return Ok(());
         };
         self.state.values.insert(variable, Value::Num(before + step, None));
-        let began = self.frames.last().and_then(|frame| frame.loops.get(&of)).copied();
-        if let Some(RunningLoop { from, motions, .. }) = began.filter(|_| self.is_recording) {
+        if let Some(RunningLoop { from, motions, .. }) = self.running_loop(of).filter(|_| self.is_recording) {
             let (moved, done) = (self.counters.motions.saturating_sub(motions), (before - from) / step + 1.0);
             let all = f64::from(moved) / done * ((to - from) / step + 1.0);
             if moved > LOOK_AHEAD && all > MARGIN * f64::from(MOTIONS) {
@@ -295,7 +300,9 @@ impl<'a> Runner<'a> {
                 named.extend(self.find(scope, &Upper::new(&bytes[part.span.range()])));
             }
         });
-        for at in named.into_iter().filter(|at| self.symbols.variables[*at].storage != Storage::Const).collect::<Vec<_>>() {
+        for at in
+            named.into_iter().filter(|at| self.symbols.variables[*at].storage != Storage::Const).collect::<Vec<_>>()
+        {
             self.forget_data(at, Reason::WaitedFor);
         }
     }

@@ -13,7 +13,13 @@ use deflex_text::Span;
 
 impl<'a> Runner<'a> {
     /// A predefined instruction that does not move to a robtarget.
-    pub(super) fn instruction(&mut self, scope: Scope, call: &'a Call, known: Instruction, span: Span) -> Result<(), Stop> {
+    pub(super) fn instruction(
+        &mut self,
+        scope: Scope,
+        call: &'a Call,
+        known: Instruction,
+        span: Span,
+    ) -> Result<(), Stop> {
         let (bytes, arguments) = (self.bytes(scope.source as usize), &call.arguments);
         // A robtarget used here must not be edited; its numbers count as used.
         for argument in arguments.given() {

@@ -179,8 +179,7 @@ impl Value {
             (Self::Bool(a), Self::Bool(b)) => a == b,
             (Self::Text(a), Self::Text(b)) => a == b,
             (Self::List(a, from), Self::List(b, other)) => {
-                Rc::ptr_eq(a, b)
-                    || from == other && a.len() == b.len() && a.iter().zip(b.iter()).all(|(a, b)| a.is(b))
+                Rc::ptr_eq(a, b) || from == other && a.len() == b.len() && a.iter().zip(b.iter()).all(|(a, b)| a.is(b))
             }
             (Self::Target(a), Self::Target(b)) => Rc::ptr_eq(a, b) || a.is_at(b) && a.fixed == b.fixed,
             _ => false,
@@ -192,7 +191,8 @@ impl Pose {
     /// Whether two poses have the same numbers, from the same origin.
     fn is_at(&self, other: &Self) -> bool {
         let bits = |pose: &Self| {
-            let Written { position_mm: [x, y, z], quat: [q1, q2, q3, q4], external: [a, b, c, d, e, f], .. } = pose.written;
+            let Written { position_mm: [x, y, z], quat: [q1, q2, q3, q4], external: [a, b, c, d, e, f], .. } =
+                pose.written;
             [x, y, z, q1, q2, q3, q4, a, b, c, d, e, f].map(f64::to_bits)
         };
         self.root == other.root

@@ -5,7 +5,8 @@
 //! 1. `lex` splits bytes into lexemes.
 //! 2. `syntax` finds blocks and reads each statement once, into the tree of `tree` and `expression`. What it does not understand stays as it
 //!    is and affects no other statement.
-//! 3. `run` follows the program as it runs, with the values of `eval`.
+//! 3. `steps` lays the statements out as a graph, which `deflex_lang::walk` follows; `flow` and `run` give each step its effect, with the values
+//!    of `eval`.
 //! 4. The run gives targets and the positions of their number tokens (`Layout`).
 //! 5. `rewrite` turns corrections into edits.
 //!
@@ -59,8 +60,8 @@ mod runner;
 mod sample;
 mod shape;
 mod state;
-mod steps;
 mod statement;
+mod steps;
 mod streamable;
 mod symbols;
 mod syntax;

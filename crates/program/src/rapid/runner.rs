@@ -29,8 +29,8 @@ pub(super) struct Frame {
     pub(super) routine: RoutineId,
     pub(super) module: usize,
     pub(super) names: Names,
-    /// Its FOR loops, by number of the loop.
-    pub(super) loops: HashMap<usize, RunningLoop>,
+    /// Its FOR loops so far.
+    pub(super) loops: Vec<RunningLoop>,
     /// Rounds of its WHILE loops so far, by address.
     pub(super) rounds: HashMap<*const While, u32>,
     /// The innermost FOR loop around the running statement.
@@ -46,6 +46,8 @@ pub(super) struct Frame {
 /// A FOR loop of a running routine.
 #[derive(Clone, Copy)]
 pub(super) struct RunningLoop {
+    /// The number of the loop.
+    pub(super) of: usize,
     /// Its variable, and those that hold its last value and its step.
     pub(super) variables: [usize; 3],
     /// Its first value, and the number of motions before it.
