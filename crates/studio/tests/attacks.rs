@@ -420,8 +420,9 @@ fn a_run_has_the_arguments_that_are_shown_and_no_shell_reads_them() {
 #[cfg(unix)]
 fn a_run_is_interrupted_as_a_user_would_and_the_number_of_runs_is_bounded() {
     let outside = tempfile::tempdir().unwrap();
-    let program =
-        script(outside.path(), "trap 'echo cleaned; exit 130' INT; echo go >&2; while :; do sleep 0.05; done");
+    // A shell handles a signal at once while it waits, and not before the end of a command in the foreground.
+    let waits = "trap 'kill $!; echo cleaned; exit 130' INT; sleep 600 >/dev/null 2>&1 & echo go >&2; wait";
+    let program = script(outside.path(), waits);
     let window = Window::with(program);
     fs::write(window.at("a.mod"), "").unwrap();
     let run = json!({ "command": "inspect", "programs": ["a.mod"] });

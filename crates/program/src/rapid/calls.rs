@@ -232,17 +232,15 @@ impl<'a> Runner<'a> {
             "`{name}` is not in the files: what it could change (frames, tools, displacement, its arguments) is not known \
              after it"
         );
-        let source = scope.source;
-        if self.is_real() && self.messages.reported.insert((usize::from(source), span, "rapid.undeclared")) {
-            let named = |d: &Diagnostic| d.code == "rapid.undeclared" && d.message == message;
-            if !self.messages.diagnostics.iter().any(named) {
-                let told = Diagnostic::error("rapid.undeclared", "", message)
-                    .at(&self.symbols.sources[usize::from(source)], span);
-                self.messages.diagnostics.push(
-                    told.severity(Severity::Warning)
-                        .help("give the module that declares it with --context, or as an input; or, where it changes neither frames nor positions, name it in `[controller] harmless` of the cell"),
-                );
-            }
+        let place = (usize::from(scope.source), span, "rapid.undeclared");
+        if !self.is_real() || !self.messages.reported.insert(place) {
+            return;
+        }
+        let is_named = |other: &Diagnostic| other.code == "rapid.undeclared" && other.message == message;
+        if !self.messages.diagnostics.iter().any(is_named) {
+            let help = "give the module that declares it with --context, or as an input; or, where it changes neither frames nor positions, name it in `[controller] harmless` of the cell";
+            let warning = Diagnostic::error("rapid.undeclared", "", message).at(&self.symbols.sources[place.0], span);
+            self.messages.diagnostics.push(warning.severity(Severity::Warning).help(help));
         }
     }
 

@@ -134,7 +134,7 @@ impl<'a> Runner<'a> {
     }
 
     fn decide(&mut self, test: Test<'a>) -> Option<bool> {
-        let scope = self.scope();
+        let (scope, failures) = (self.scope(), self.errors.failures);
         let (holds, code, message) = match test.what {
             Decision::Runs(statement) => return self.runs(scope, statement),
             Decision::Continues => return Some(self.raise()),
@@ -169,7 +169,9 @@ impl<'a> Runner<'a> {
                 if is_steady {
                     self.wait_for(scope, &of.condition);
                 }
-                let holds = holds.filter(|goes_on| !goes_on || !is_steady && rounds <= MAX_ROUNDS);
+                // After a condition that fails, TRYNEXT continues without the loop.
+                let is_known = !is_steady && rounds <= MAX_ROUNDS && !self.skipped_since(failures);
+                let holds = holds.filter(|goes_on| !goes_on || is_known);
                 (holds, "rapid.loop", "how often this loop runs is known only at run time: it is taken once")
             }
         };
