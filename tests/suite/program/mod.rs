@@ -21,3 +21,4 @@ mod tp_hard;
 mod tp_insert;
 mod tp_sound;
 mod ur;
+mod waits;

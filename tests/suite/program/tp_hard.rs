@@ -426,6 +426,7 @@ const HARD: &[Hard] = &[
         what: "what stands behind END is not run",
         statements: "L P[1] 10mm/sec FINE\nEND\nL P[2] 10mm/sec FINE",
         edited: &[1],
+        kept: &[(3, "motion that nothing reaches")],
         ..PLAIN
     },
     Hard {

@@ -504,7 +504,7 @@ fn hand_made_cases() {
             "whether this motion cuts is known only at run time",
         ),
         (format!("PR[1]=P[1]\nL P[1] 5{FINE}"), "position that another instruction reads or changes"),
-        (format!("JMP LBL[1]\nL P[1] 5{FINE}\nLBL[1]\nL P[2] 5{FINE}"), "+"),
+        (format!("JMP LBL[1]\nL P[1] 5{FINE}\nLBL[1]\nL P[2] 5{FINE}"), "+; motion that nothing reaches"),
         (format!("L P[7] 5{FINE}"), "position that is not in /POS"),
         (format!("TRACK TAST[1]\nL P[1] 5{FINE}"), "path is moved at run time (tracking)"),
         (format!("UFRAME_NUM=1\nMONITOR W\nUFRAME_NUM=1\nL P[4] 5{FINE}"), "user frame selected at run time"),

@@ -274,7 +274,7 @@ impl<'a> Lowering<'a> {
                 vec![self.set(register, value)]
             }
             Written::Jump(label) => self.jump(label, None),
-            Written::Timeout(label) => self.jump(label, Some(self.unknown())),
+            Written::Wait(condition, label) => self.wait(condition, *label),
             Written::Call(_) | Written::Macro | Written::Displace(_) | Written::RedefineAny => {
                 self.effects(self.calls.of_statement(kind))
             }
@@ -330,6 +330,25 @@ impl<'a> Lowering<'a> {
             kinds.extend(self.jump(label, Some(self.unknown())));
         }
         kinds
+    }
+
+    /// A wait: if its condition does not hold yet, something else changes the registers that it names.
+    fn wait(&mut self, text: &[u8], label: Option<&[u8]>) -> Vec<StatementKind> {
+        let holds = expression(text, self.place);
+        let mut registers = Vec::new();
+        holds.each(&mut |part| {
+            if let Is::Call(Callee::Builtin(builtin::REGISTER), arguments) = &part.kind {
+                registers.extend(arguments.first().map(|number| number.value.clone()));
+            }
+        });
+        let lost = registers.into_iter().map(|number| self.does(builtin::SET, vec![number, self.waited_for()]));
+        let lost: Vec<StatementKind> = lost.collect();
+        let mut kinds = Vec::new();
+        if !lost.is_empty() {
+            kinds.push(guard(self.not(holds), lost, self.place));
+        }
+        let timeout = label.map(|label| self.jump(label, Some(self.unknown())));
+        kinds.into_iter().chain(timeout.into_iter().flatten()).collect()
     }
 
     /// A case of a `SELECT`: its statement, and after all cases; or the next case.
@@ -439,6 +458,10 @@ impl<'a> Lowering<'a> {
 
     fn read(&self, slot: u32) -> Expression {
         Expression { kind: Is::Read(Slot::Global(slot)), place: self.place }
+    }
+
+    fn waited_for(&self) -> Expression {
+        Expression::unknown(Reason::WaitedFor, Vec::new(), self.place)
     }
 
     fn unknown(&self) -> Expression {

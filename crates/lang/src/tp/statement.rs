@@ -60,8 +60,8 @@ pub enum StatementKind<'a> {
     Call(&'a [u8]),
     /// A program runs in parallel from here on, or may run at any moment, by its name; empty if the name is known only at run time.
     Concurrent(&'a [u8]),
-    /// `WAIT …,TIMEOUT,LBL[…]`
-    Timeout(&'a [u8]),
+    /// `WAIT …`: the condition, and the label of `TIMEOUT,LBL[…]`.
+    Wait(&'a [u8], Option<&'a [u8]>),
     /// Paths are shifted at run time from here on, for this reason.
     Displace(Reason),
     /// `$MNUFRAME[…]=…`: values of frames or tools by their system variables.
@@ -93,10 +93,9 @@ pub enum Frame {
 }
 
 /// First words of statements without an effect on motions, in upper case.
-const PLAIN: [&str; 23] = [
-    "WAIT", "WARTE", "MESSAGE", "PAUSE", "OVERRIDE", "JOINT_MAX_SPEED", "LINEAR_MAX_SPEED", "PAYLOAD", "TRAGLST",
-    "UALM", "RSR", "COL", "SKIP", "OFFSET", "TOOL_OFFSET", "VOFFSET", "LOCK", "UNLOCK", "ACC", "ARC", "SPOT",
-    "PALLETIZING", "FB",
+const PLAIN: [&str; 21] = [
+    "MESSAGE", "PAUSE", "OVERRIDE", "JOINT_MAX_SPEED", "LINEAR_MAX_SPEED", "PAYLOAD", "TRAGLST", "UALM", "RSR", "COL",
+    "SKIP", "OFFSET", "TOOL_OFFSET", "VOFFSET", "LOCK", "UNLOCK", "ACC", "ARC", "SPOT", "PALLETIZING", "FB",
 ];
 
 /// Data whose assignment has no effect on motions; an index follows the name.
@@ -154,7 +153,7 @@ fn of(text: &[u8], nested: bool) -> StatementKind<'_> {
         b"UTOOL_NUM" | b"WKZ_NUM" => selected(Frame::Tool, rest),
         b"UFRAME" => redefined(Frame::User, rest),
         b"UTOOL" => redefined(Frame::Tool, rest),
-        b"WAIT" if contains(&text.to_ascii_uppercase(), b"TIMEOUT") => timeout(text),
+        b"WAIT" | b"WARTE" => wait(trimmed),
         b"TRACK" | b"TOUCH" | b"DPM" | b"LINE" | b"FORCE" | b"WEAVE" | b"SEARCH" | b"MP" => {
             StatementKind::Displace(Reason::Tracking)
         }
@@ -359,13 +358,15 @@ pub(super) fn after_condition(text: &[u8]) -> &[u8] {
     b",?[]"
 }
 
-/// `WAIT DI[1]=ON TIMEOUT,LBL[3]`
-fn timeout(text: &[u8]) -> StatementKind<'_> {
-    let upper = text.to_ascii_uppercase();
-    let at = memchr::memmem::rfind(&upper, b"TIMEOUT").map_or(text.len(), |at| at + 7);
-    match (spaced(tag(",")), tag_no_case("LBL")).parse(&text[at..]) as Parsed<'_, _> {
-        Ok((rest, _)) => labelled(rest, StatementKind::Timeout),
-        Err(_) => StatementKind::Plain,
+/// `DI[1]=ON TIMEOUT,LBL[3]`, `.50(sec)`
+fn wait(rest: &[u8]) -> StatementKind<'_> {
+    let upper = rest.to_ascii_uppercase();
+    let Some(at) = memchr::memmem::rfind(&upper, b"TIMEOUT") else { return StatementKind::Wait(rest, None) };
+    let condition = rest[..at].trim_ascii_end();
+    let condition = condition.strip_suffix(b",").unwrap_or(condition);
+    match (spaced(tag(",")), tag_no_case("LBL")).parse(&rest[at + 7..]) as Parsed<'_, _> {
+        Ok((rest, _)) => labelled(rest, |label| StatementKind::Wait(condition, Some(label))),
+        Err(_) => StatementKind::Wait(condition, None),
     }
 }
 
@@ -447,7 +448,7 @@ mod tests {
         assert_eq!(case(b"(-1),CALL SUB(1,2)"), (&b"(-1)"[..], StatementKind::Call(b"SUB")));
         assert_eq!(is("=2,CALL B"), StatementKind::Case(b"2,CALL B"));
         assert_eq!(is("ELSE,JMP LBL[1]"), StatementKind::ElseCase(b"JMP LBL[1]"));
-        assert_eq!(is("WAIT DI[1]=ON TIMEOUT,LBL[4]"), StatementKind::Timeout(b"4"));
+        assert_eq!(is("WAIT DI[1]=ON TIMEOUT,LBL[4]"), StatementKind::Wait(b"DI[1]=ON", Some(b"4")));
         assert_eq!(is("IF DI[1]=ON,CALL LATHEN"), StatementKind::When(b"DI[1]=ON,CALL LATHEN"));
         assert_eq!(is("RUN SUB1"), StatementKind::Concurrent(b"SUB1"));
         assert_eq!(is("ERROR_PROG=SUB1"), StatementKind::Concurrent(b"SUB1"));

@@ -112,6 +112,10 @@ impl<'a> Runner<'a> {
                 return run.for_each(|run| self.collect_statement(run, scope, changes));
             }
             StatementKind::Interrupt(_) => return,
+            StatementKind::WaitFor(_) => {
+                let names = statement.names().into_iter().filter(|name| name.first() != Some(&b'$'));
+                names.for_each(|name| self.changed(name, scope, changes));
+            }
             StatementKind::Mark(_) => drop(changes.ids.insert(self.symbols.mark)),
             StatementKind::NotUnderstood(_) => {
                 changes.anything = true;
@@ -182,6 +186,17 @@ impl<'a> Runner<'a> {
         if tool {
             changes.ids.extend([symbols.tool, symbols.tool_name]);
         }
+    }
+
+    /// The program waits until a condition holds: if it does not hold yet, something else changes the data that it names.
+    pub(super) fn wait_for(&mut self, condition: &Expression) {
+        let mut names = Vec::new();
+        condition.each(&mut |part| {
+            names.extend(if let ExpressionPart::Path(path) = part { Some(&path.name) } else { None });
+        });
+        let own = names.into_iter().filter(|name| name.first() != Some(&b'$'));
+        let changes = Changes { ids: own.map(|name| self.resolve(name)).collect(), ..Changes::default() };
+        self.forget(&changes, Reason::WaitedFor);
     }
 
     /// Makes all data unknown that may have changed.

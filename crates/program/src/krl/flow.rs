@@ -96,7 +96,11 @@ impl<'a> Runner<'a> {
                 self.steps += 1;
                 let holds = self.evaluate(&of.condition).bool().map(|holds| holds != of.is_until);
                 // A condition that nothing in the loop changes never ends it.
-                holds.filter(|goes_on| !goes_on || !self.is_steady(of))
+                let is_steady = holds == Some(true) && self.is_steady(of);
+                if is_steady {
+                    self.wait_for(&of.condition);
+                }
+                holds.filter(|_| !is_steady)
             }
         })
     }

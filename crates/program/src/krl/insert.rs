@@ -65,7 +65,7 @@ impl Barred {
                     barred.referred_to.extend(referring.take().map(|why| (line.code.start, why)));
                 }
                 // Between a TRIGGER and its motion. ON_ERROR_PROCEED is for the very next statement.
-                StatementKind::Assign(_) | StatementKind::Harmless(_) => {
+                StatementKind::Assign(_) | StatementKind::Harmless(_) | StatementKind::WaitFor(_) => {
                     referring = referring.filter(|why| *why == Reason::Triggered);
                 }
                 _ => barred.is_trigger_open |= referring.take() == Some(Reason::Triggered),

@@ -320,6 +320,12 @@ impl<'a> Runner<'a> {
             StatementKind::Harmless(parts) | StatementKind::Return(parts) => {
                 parts.iter().for_each(|part| drop(self.evaluate(part)));
             }
+            StatementKind::WaitFor(parts) => {
+                let values: Vec<Value> = parts.iter().map(|part| self.evaluate(part)).collect();
+                if !matches!(&values[..], [value] if value.bool() == Some(true)) {
+                    parts.iter().for_each(|part| self.wait_for(part));
+                }
+            }
             StatementKind::SplineBegins(with) => {
                 let before: Vec<Value> = self.with(with).into();
                 let saved = before.into_iter().enumerate().map(|(at, value)| (at as i64, value)).collect();

@@ -415,7 +415,13 @@ pub(super) fn simple(mut cursor: Cursor<'_>) -> StatementKind {
     }
     cursor = start;
     if names::HARMLESS_STATEMENTS.contains(&&word[..]) {
-        return StatementKind::Harmless(cursor.parts(LexemeKind::End));
+        let waits = word[..] == *b"WAIT" && {
+            let mut after = cursor;
+            after.next();
+            after.accept_word(b"FOR")
+        };
+        let kind = if waits { StatementKind::WaitFor } else { StatementKind::Harmless };
+        return kind(cursor.parts(LexemeKind::End));
     }
     match cursor.call().filter(|_| cursor.is_done()) {
         Some(call) => StatementKind::Call(Box::new(call)),

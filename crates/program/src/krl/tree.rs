@@ -77,6 +77,8 @@ pub(super) enum StatementKind {
     Interrupt(Box<Started>),
     /// A statement that changes no data and moves nothing, with the expressions that it reads.
     Harmless(Vec<Expression>),
+    /// `WAIT FOR`: the condition, in one part if it is understood as a whole.
+    WaitFor(Vec<Expression>),
     /// RESUME
     Resume,
     /// `ON_ERROR_PROCEED`
@@ -202,6 +204,7 @@ impl Statement {
             }
             StatementKind::Relative(_, parts)
             | StatementKind::Harmless(parts)
+            | StatementKind::WaitFor(parts)
             | StatementKind::Return(parts)
             | StatementKind::NotUnderstood(parts) => all.extend(parts),
             StatementKind::Trigger(started) | StatementKind::Interrupt(started) => all.extend(&started.when),

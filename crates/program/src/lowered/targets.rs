@@ -100,6 +100,10 @@ fn build(
             builder.last = Some(i);
         }
     }
+    let ran: BTreeSet<SourceSpan> = outcome.motions.iter().map(|motion| motion.place).collect();
+    for place in motions(program).filter(|place| usize::from(place.source) < written && !ran.contains(place)) {
+        builder.kept.keep(place.source.into(), place.span, Reason::NotReached);
+    }
     for place in &program.not_understood {
         builder.kept.keep(place.source.into(), place.span, Reason::NotUnderstood);
     }
@@ -121,6 +125,17 @@ fn build(
         diagnostics,
         ..Program::empty(lowering.language, dialect, (sources.into(), written), crate::Layout::Lowered(layout))
     })
+}
+
+/// The places of all motions in the text.
+fn motions(program: &ir::Program) -> impl Iterator<Item = SourceSpan> {
+    let mut places = Vec::new();
+    for statement in program.functions.iter().flat_map(|function| &function.body) {
+        statement.each(&mut |statement| {
+            places.extend(matches!(statement.kind, ir::StatementKind::Move(_)).then_some(statement.place));
+        });
+    }
+    places.into_iter()
 }
 
 /// Whether a negative number may follow this text: not directly after an operator.

@@ -54,7 +54,7 @@ impl<'a> Builder<'a> {
         }
         self.hold_what_others_use(outcome);
         self.keep_halves_of_arcs();
-        self.say_what_is_kept();
+        self.say_what_is_kept(outcome);
         self.built
     }
 
@@ -246,7 +246,7 @@ impl<'a> Builder<'a> {
         }
     }
 
-    fn say_what_is_kept(&mut self) {
+    fn say_what_is_kept(&mut self, outcome: &Outcome) {
         let spans: BTreeMap<_, _> = self.code.lines.iter().enumerate().map(|(at, line)| (line.span, at)).collect();
         let kept: BTreeSet<_> = self
             .built
@@ -260,6 +260,12 @@ impl<'a> Builder<'a> {
             })
             .collect();
         kept.into_iter().for_each(|(at, why)| self.keep(at, why));
+        let ran: BTreeSet<_> = outcome.motions.iter().map(|moved| moved.place.span).collect();
+        for at in 0..self.code.lines.len() {
+            if matches!(self.code.kinds[at], StatementKind::Motion(_)) && !ran.contains(&self.code.lines[at].span) {
+                self.keep(at, Reason::NotReached);
+            }
+        }
     }
 }
 
