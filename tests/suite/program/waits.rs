@@ -1,6 +1,6 @@
 //! What a program waits for, something else changes. Motions that nothing reaches are said.
 
-use deflex::program::{Program, Reason, krl, tp, ur};
+use deflex::program::{Program, Reason, jbi, krl, tp, ur};
 use deflex::text::Source;
 
 /// The lines that are kept, with their reasons.
@@ -58,6 +58,25 @@ fn tp_does_not_know_what_it_waited_for() {
         assert!(kept(&program).iter().any(|(line, _)| *line == first), "{wait}: {:?}", kept(&program));
         assert!(lines(&program).contains(&(second as u32)), "{wait}: {:?}", lines(&program));
     }
+}
+
+#[test]
+fn inform_does_not_know_what_it_waited_for() {
+    let read = |wait: &str| {
+        let position = |x: u32| format!("{x}.000,0.000,500.000,180.0000,0.0000,0.0000");
+        let text = format!(
+            "/JOB\n//NAME P\n//POS\n///NPOS 2,0,0,0,0,0\n///TOOL 1\n///POSTYPE BASE\n///RECTAN\n///RCONF 1,0,0,0,0,0,0,0\n\
+             C00000={}\nC00001={}\n//INST\n///DATE 2026/01/02 03:04\n///ATTR SC,RW\n///GROUP1 RB1\nNOP\nSET B000 1\n{wait}\n\
+             JUMP *END IF B000=1\nMOVL C00000 V=50.0\n*END\nMOVL C00001 V=50.0\nEND\n",
+            position(900),
+            position(950)
+        );
+        jbi::read(vec![Source::new("p.jbi", text)], Vec::new()).unwrap()
+    };
+    let waits = read("WAIT B000=2");
+    assert_eq!((lines(&waits), kept(&waits)), (vec![19, 21], vec![]));
+    let waits = read("WAIT IN#(1)=ON T=1.00");
+    assert_eq!((lines(&waits), kept(&waits)), (vec![21], vec![(19, Reason::NotReached)]));
 }
 
 #[test]

@@ -199,6 +199,15 @@ impl<'a, 'n> Parser<'a, 'n> {
                 }
             }
             b"PWAIT" | b"TSYNC" => Some(self.instruction(Does::Nothing, word.text, start)),
+            b"WAIT" => {
+                // If the variable does not have the value yet, something else changes it.
+                let waited_for = self.target();
+                let rest = self.rest(Reason::Input);
+                Some(vec![match waited_for {
+                    Some(variables) => variables.lost([rest], Reason::WaitedFor),
+                    None => StatementKind::Evaluate(rest),
+                }])
+            }
             b"SET" => self.set(|_, value| value),
             b"INC" => self.set(|old, _| old.with(Binary::Add, 1.0)),
             b"DEC" => self.set(|old, _| old.with(Binary::Subtract, 1.0)),
