@@ -144,7 +144,7 @@ pub trait Machine {
     /// Whether a loop that began at a marker has taken so many steps that its rounds are to be run as one.
     fn is_too_much(&self, since: Self::Mark) -> bool;
 
-    /// Whether a known result of a test can be what a loop counts its rounds by.
+    /// Whether a loop may count its rounds by this test.
     fn counts_rounds(&self, _: Self::Test) -> bool {
         true
     }

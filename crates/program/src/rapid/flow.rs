@@ -25,7 +25,7 @@ const MARGIN: f64 = 4.0;
 #[derive(Clone, Copy)]
 pub(super) struct Marker {
     number: u64,
-    pub(super) targets: usize,
+    targets: usize,
     offsets: usize,
     motions: u32,
     arcs: usize,

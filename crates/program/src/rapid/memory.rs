@@ -170,8 +170,8 @@ impl Runner<'_> {
 }
 
 impl Value {
-    /// Whether two values are identical, with their origin in the text. Numbers are compared bit by bit, so that no number is a value that
-    /// is equal to itself.
+    /// Whether two values are identical, with their origin in the text. Numbers are compared bit by bit, because NaN does not equal itself and
+    /// a loop would never be found to repeat.
     pub(super) fn is(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Unknown(a), Self::Unknown(b)) => a == b,

@@ -76,14 +76,11 @@ impl Runner<'_> {
 
     /// Refuses the targets from whose positions a displacement is counted.
     fn refuse_what_is_counted_from(&mut self) {
-        for (target, site) in self.found.targets.iter_mut().zip(&self.found.sites) {
-            let (source, start) = (target.source, target.span.start);
-            let root = match site {
-                TargetInText::None => None,
-                TargetInText::Literal { literal, .. } => Some(*literal),
-                TargetInText::Offset(at) => Some(self.found.offsets[*at as usize].root),
-            };
-            let is_counted = self.found.counted_from.contains(&Standing { source, start, root });
+        for i in 0..self.found.targets.len() {
+            let root = self.found.root(&self.found.sites[i]);
+            let target = &mut self.found.targets[i];
+            let standing = Standing { source: target.source, start: target.span.start, root };
+            let is_counted = self.found.counted_from.contains(&standing);
             if is_counted && target.is_end() && !matches!(target.editable, Editable::No(_)) {
                 target.editable = Editable::No(Reason::DisplacementCounts);
             }
