@@ -358,12 +358,7 @@ impl<'s, 'a> Scan<'s, 'a> {
 
     fn instruction(&mut self, name: &[u8], arguments: &Arguments) {
         if name.eq_ignore_ascii_case(b"WaitUntil") {
-            let mut named = Vec::new();
-            let condition = arguments.positional.first();
-            condition.into_iter().for_each(|condition| {
-                condition.each(&mut |part: &Expression| named.extend(part.is_name().then_some(part.span)));
-            });
-            for name in named {
+            for name in arguments.positional.first().map_or_else(Vec::new, Expression::names) {
                 let found = self.find(&self.bytes[name.range()]);
                 self.out.changes.add(&found);
             }

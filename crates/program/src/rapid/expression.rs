@@ -154,6 +154,13 @@ impl Expression {
         matches!(self.kind, ExpressionKind::Name)
     }
 
+    /// The places of all names in it.
+    pub(super) fn names(&self) -> Vec<Span> {
+        let mut names = Vec::new();
+        self.each(&mut |part: &Self| names.extend(part.is_name().then_some(part.span)));
+        names
+    }
+
     /// The name of the variable that it is, or of which it is a part: something that a called routine can change.
     pub(super) fn variable(&self) -> Option<Span> {
         match &self.kind {

@@ -296,16 +296,12 @@ impl<'a> Runner<'a> {
 
     /// The program waits until a condition holds: if it does not hold yet, something else changes the data that it names.
     pub(super) fn wait_for(&mut self, scope: Scope, condition: &Expression) {
-        let (bytes, mut named) = (self.bytes(scope.source as usize), Vec::new());
-        condition.each(&mut |part: &Expression| {
-            if part.is_name() {
-                named.extend(self.find(scope, &Upper::new(&bytes[part.span.range()])));
+        let bytes = self.bytes(scope.source as usize);
+        for name in condition.names() {
+            let found = self.find(scope, &Upper::new(&bytes[name.range()]));
+            if let Some(at) = found.filter(|at| self.symbols.variables[*at].storage != Storage::Const) {
+                self.forget_data(at, Reason::WaitedFor);
             }
-        });
-        for at in
-            named.into_iter().filter(|at| self.symbols.variables[*at].storage != Storage::Const).collect::<Vec<_>>()
-        {
-            self.forget_data(at, Reason::WaitedFor);
         }
     }
 
