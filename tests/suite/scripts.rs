@@ -26,8 +26,10 @@ impl Copy {
         std::fs::write(copy.path("Cargo.toml"), "[package]\nname = \"deflex\"\nedition = \"2024\"\n").unwrap();
         let deflex = format!("#!/bin/sh\necho \"$0 $1\" >>'{}'\n", copy.path("called").display());
         let cargo = format!(
-            "#!/bin/sh\n[ \"$1\" != build ] && exec '{}' \"$@\"\necho 'Compiling' >&2\ncase \" $* \" in *' --quiet '*) exit 9;; esac\n\
-             mkdir -p \"$CARGO_TARGET_DIR/release\"\ncat >\"$CARGO_TARGET_DIR/release/deflex\" <<'END'\n{deflex}END\nchmod +x \"$CARGO_TARGET_DIR/release/deflex\"\n",
+            "#!/bin/sh\n[ \"$1\" != build ] && exec '{}' \"$@\"\necho 'Compiling' >&2\n\
+             case \" $* \" in *' --quiet '*) exit 9;; *' --release '*) profile=release;; *) profile=debug;; esac\n\
+             mkdir -p \"$CARGO_TARGET_DIR/$profile\"\ncat >\"$CARGO_TARGET_DIR/$profile/deflex\" <<'END'\n{deflex}END\n\
+             chmod +x \"$CARGO_TARGET_DIR/$profile/deflex\"\n",
             env!("CARGO")
         );
         copy.tool("cargo", &cargo);
@@ -76,5 +78,5 @@ fn instructions_are_counted_of_what_cargo_built() {
     copy.tool("valgrind", &valgrind);
     let (output, called) = copy.run("benches/instructions");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    assert!(called.starts_with(&format!("{} compensate", copy.path("elsewhere/release/deflex").display())), "{called}");
+    assert!(called.starts_with(&format!("{} compensate", copy.path("elsewhere/debug/deflex").display())), "{called}");
 }

@@ -1,6 +1,27 @@
 use super::real::{Mask, Real, dispatch};
 use std::ops::{Add, BitAnd, Div, Mul, Neg, Sub};
 
+/// An array with one element for each lane. Loops and closures would give the same code, after a compilation that takes several times as
+/// long: kernels have thousands of these operations, and the compiler would unroll each.
+macro_rules! lanes {
+    ($i:ident => $of:expr) => {
+        [
+            lanes!(@ $i 0 $of),
+            lanes!(@ $i 1 $of),
+            lanes!(@ $i 2 $of),
+            lanes!(@ $i 3 $of),
+            lanes!(@ $i 4 $of),
+            lanes!(@ $i 5 $of),
+            lanes!(@ $i 6 $of),
+            lanes!(@ $i 7 $of),
+        ]
+    };
+    (@ $i:ident $n:literal $of:expr) => {{
+        const $i: usize = $n;
+        $of
+    }};
+}
+
 /// Numbers in one value: two registers of AVX2, or one of AVX-512.
 pub const WIDTH: usize = 8;
 
@@ -37,35 +58,6 @@ impl Default for Lanes {
     }
 }
 
-impl Lanes {
-    #[inline(always)]
-    pub(super) fn map(self, f: impl Fn(f64) -> f64) -> Self {
-        let mut out = self;
-        for lane in &mut out.0 {
-            *lane = f(*lane);
-        }
-        out
-    }
-
-    #[inline(always)]
-    fn zip(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
-        let mut out = self;
-        for (lane, other) in out.0.iter_mut().zip(other.0) {
-            *lane = f(*lane, other);
-        }
-        out
-    }
-
-    #[inline(always)]
-    pub(super) fn test(self, other: Self, f: impl Fn(f64, f64) -> bool) -> LaneMask {
-        let mut out = [0; WIDTH];
-        for i in 0..WIDTH {
-            out[i] = if f(self.0[i], other.0[i]) { u64::MAX } else { 0 };
-        }
-        LaneMask(out)
-    }
-}
-
 impl Real for Lanes {
     type Mask = LaneMask;
     const WIDTH: usize = WIDTH;
@@ -91,38 +83,41 @@ impl Real for Lanes {
 
     #[inline(always)]
     fn sqrt(self) -> Self {
-        self.map(f64::sqrt)
+        Self(lanes!(I => self.0[I].sqrt()))
     }
 
     #[inline(always)]
     fn abs(self) -> Self {
-        self.map(f64::abs)
+        Self(lanes!(I => self.0[I].abs()))
     }
 
     #[inline(always)]
     fn floor(self) -> Self {
-        self.map(f64::floor)
+        Self(lanes!(I => self.0[I].floor()))
     }
 
     #[inline(always)]
     fn lt(self, other: impl Into<Self>) -> LaneMask {
-        self.test(other.into(), |a, b| a < b)
+        let other = other.into();
+        LaneMask(lanes!(I => all_bits(self.0[I] < other.0[I])))
     }
 
     #[inline(always)]
     #[allow(clippy::float_cmp)] // the very number is meant
     fn eq(self, other: impl Into<Self>) -> LaneMask {
-        self.test(other.into(), |a, b| a == b)
+        let other = other.into();
+        LaneMask(lanes!(I => all_bits(self.0[I] == other.0[I])))
     }
 
     #[inline(always)]
     fn ge(self, other: impl Into<Self>) -> LaneMask {
-        self.test(other.into(), |a, b| a >= b)
+        let other = other.into();
+        LaneMask(lanes!(I => all_bits(self.0[I] >= other.0[I])))
     }
 
     #[inline(always)]
     fn bit(self, bit: u32) -> LaneMask {
-        LaneMask::of_bits(self, bit)
+        LaneMask(lanes!(I => (self.0[I].to_bits() >> bit & 1).wrapping_neg()))
     }
 
     #[inline(always)]
@@ -138,26 +133,16 @@ impl From<f64> for Lanes {
     }
 }
 
-impl LaneMask {
-    /// Lanes in which a bit of the number's binary representation is set.
-    #[inline(always)]
-    pub(super) fn of_bits(numbers: Lanes, bit: u32) -> Self {
-        let mut out = [0; WIDTH];
-        for (out, number) in out.iter_mut().zip(numbers.0) {
-            *out = (number.to_bits() >> bit & 1).wrapping_neg();
-        }
-        Self(out)
-    }
+/// A lane of a mask.
+#[inline(always)]
+fn all_bits(set: bool) -> u64 {
+    if set { u64::MAX } else { 0 }
 }
 
 impl Mask<Lanes> for LaneMask {
     #[inline(always)]
     fn of(mut wanted: impl FnMut(usize) -> bool) -> Self {
-        let mut out = [0; WIDTH];
-        for (lane, out) in out.iter_mut().enumerate() {
-            *out = if wanted(lane) { u64::MAX } else { 0 };
-        }
-        Self(out)
+        Self(lanes!(I => all_bits(wanted(I))))
     }
 
     fn next(self) -> Option<usize> {
@@ -166,38 +151,23 @@ impl Mask<Lanes> for LaneMask {
 
     #[inline(always)]
     fn select(self, yes: Lanes, no: Lanes) -> Lanes {
-        let mut out = no;
-        for i in 0..WIDTH {
-            out.0[i] = f64::from_bits(yes.0[i].to_bits() & self.0[i] | no.0[i].to_bits() & !self.0[i]);
-        }
-        out
+        Lanes(lanes!(I => f64::from_bits(yes.0[I].to_bits() & self.0[I] | no.0[I].to_bits() & !self.0[I])))
     }
 
     #[inline(always)]
     fn or(self, other: Self) -> Self {
-        let mut out = self;
-        for i in 0..WIDTH {
-            out.0[i] |= other.0[i];
-        }
-        out
+        Self(lanes!(I => self.0[I] | other.0[I]))
     }
 
     #[inline(always)]
     fn not(self) -> Self {
-        let mut out = self;
-        for lane in &mut out.0 {
-            *lane = !*lane;
-        }
-        out
+        Self(lanes!(I => !self.0[I]))
     }
 
     #[inline(always)]
     fn any(self) -> bool {
-        let mut any = 0;
-        for lane in self.0 {
-            any |= lane;
-        }
-        any != 0
+        let [a, b, c, d, e, f, g, h] = self.0;
+        a | b | c | d | e | f | g | h != 0
     }
 
     #[inline(always)]
@@ -209,17 +179,13 @@ impl Mask<Lanes> for LaneMask {
     #[inline(always)]
     fn set(&mut self, lane: usize, value: bool) {
         debug_assert!(lane < WIDTH);
-        self.0[lane % WIDTH] = if value { u64::MAX } else { 0 };
+        self.0[lane % WIDTH] = all_bits(value);
     }
 
     #[inline(always)]
     fn negate(self, value: Lanes) -> Lanes {
         const SIGN: u64 = 1 << 63;
-        let mut out = value;
-        for i in 0..WIDTH {
-            out.0[i] = f64::from_bits(value.0[i].to_bits() ^ self.0[i] & SIGN);
-        }
-        out
+        Lanes(lanes!(I => f64::from_bits(value.0[I].to_bits() ^ self.0[I] & SIGN)))
     }
 }
 
@@ -228,11 +194,7 @@ impl BitAnd for LaneMask {
 
     #[inline(always)]
     fn bitand(self, other: Self) -> Self {
-        let mut out = self;
-        for i in 0..WIDTH {
-            out.0[i] &= other.0[i];
-        }
-        out
+        Self(lanes!(I => self.0[I] & other.0[I]))
     }
 }
 
@@ -243,7 +205,7 @@ macro_rules! arithmetic {
 
             #[inline(always)]
             fn $name(self, other: Self) -> Self {
-                self.zip(other, |a, b| a $sign b)
+                Self(lanes!(I => self.0[I] $sign other.0[I]))
             }
         }
 
@@ -252,7 +214,7 @@ macro_rules! arithmetic {
 
             #[inline(always)]
             fn $name(self, other: f64) -> Self {
-                self.map(|a| a $sign other)
+                Self(lanes!(I => self.0[I] $sign other))
             }
         }
     )*};
@@ -265,6 +227,6 @@ impl Neg for Lanes {
 
     #[inline(always)]
     fn neg(self) -> Self {
-        self.map(|a| -a)
+        Self(lanes!(I => -self.0[I]))
     }
 }
