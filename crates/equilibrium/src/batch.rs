@@ -6,7 +6,7 @@ use super::Arm;
 use super::block::{Setting, Site};
 use super::command::{Feedback, InverseSolution};
 use super::evaluation::{self, Evaluation};
-use super::forward::Forward;
+use super::forward::{Forward, Rules};
 use super::inverse::{self, Inverse};
 use super::model::Model;
 use super::predict::{EXACT, Equilibrium, PRINTED, PredictedPose, WarmStart, Workspace};
@@ -152,14 +152,36 @@ impl<'a> Batch<'a> {
         wanted: impl Fn(usize) -> (Site<'s>, &'m Joints, &'m Joints),
         mut put: impl FnMut(usize, InverseSolution, Option<Pose>, PredictedPose),
     ) {
-        let model = &self.model;
-        let Room { workspace, at: nominal_motor, feedback, nominal, predicted_poses, .. } = room;
         for lane in 0..count {
             let (site, at, travel) = wanted(lane);
-            workspace.block.set(lane, &site);
-            set(nominal_motor, lane, at);
-            set(&mut workspace.inverse.travel, lane, travel);
+            room.workspace.block.set(lane, &site);
+            set(&mut room.at, lane, at);
+            set(&mut room.workspace.inverse.travel, lane, travel);
         }
+        let valid = self.solve_commands(room, count);
+        let Room { workspace, feedback, nominal, predicted_poses, .. } = room;
+        let inverse = &workspace.inverse;
+        for lane in 0..count {
+            let lost = one(&inverse.lost, lane);
+            let feedback = Feedback {
+                under: one(&inverse.under.joints, lane),
+                yielding: one(&feedback.yielding, lane),
+                mixing: feedback.mixing.lane(lane),
+                lift: feedback.lift.lane(lane),
+            };
+            let (motor, free) = (one(&inverse.motor, lane), one(&inverse.free, lane));
+            if let Some(predicted) = predicted_poses.predicted(workspace, lane).filter(|_| valid.lane(lane)) {
+                let nominal = (lost == Joints::zeros()).then(|| nominal.lane(lane));
+                put(lane, InverseSolution { motor, free, lost, feedback }, nominal, predicted);
+            }
+        }
+    }
+
+    /// The computation of [`Batch::aim`], and the lanes that have a command. Like those of the other public functions, it has no type
+    /// parameters: it is compiled here alone, and not again in each crate that gives closures.
+    fn solve_commands(&self, room: &mut Room<'_>, count: usize) -> LaneMask {
+        let model = &self.model;
+        let Room { workspace, at: nominal_motor, feedback, nominal, predicted_poses, .. } = room;
         let Workspace { block, at, forward, inverse } = workspace;
         block.first(count);
         (inverse.motor, inverse.wanted, inverse.at_reference) = (*nominal_motor, block.wanted, true);
@@ -209,21 +231,7 @@ impl<'a> Batch<'a> {
         forward.begin(model, block, at);
         forward.run(model, block, at, (valid, BATCH_ROUNDS, PRINTED));
         predicted_poses.take(model, workspace);
-        let inverse = &workspace.inverse;
-        for lane in 0..count {
-            let lost = one(&inverse.lost, lane);
-            let feedback = Feedback {
-                under: one(&inverse.under.joints, lane),
-                yielding: one(&feedback.yielding, lane),
-                mixing: feedback.mixing.lane(lane),
-                lift: feedback.lift.lane(lane),
-            };
-            let (motor, free) = (one(&inverse.motor, lane), one(&inverse.free, lane));
-            if let Some(predicted) = predicted_poses.predicted(workspace, lane).filter(|_| valid.lane(lane)) {
-                let nominal = (lost == Joints::zeros()).then(|| nominal.lane(lane));
-                put(lane, InverseSolution { motor, free, lost, feedback }, nominal, predicted);
-            }
-        }
+        valid
     }
 
     /// The TCP of the nominal arm in the work object, for up to eight motor angles (rad); lanes for which `given` returns `None` are skipped.
@@ -234,15 +242,23 @@ impl<'a> Batch<'a> {
         given: impl Fn(usize) -> Option<(&'s Setting, Joints)>,
         mut put: impl FnMut(usize, Joints, Pose),
     ) {
-        let Room { workspace: Workspace { block, .. }, nominal, at, .. } = room;
         let mut known = [false; WIDTH];
         for lane in 0..count {
             if let Some((setting, motor)) = given(lane) {
-                block.set_setting(lane, setting);
-                set(at, lane, &motor);
+                room.workspace.block.set_setting(lane, setting);
+                set(&mut room.at, lane, &motor);
                 known[lane] = true;
             }
         }
+        self.place_nominal(room);
+        for lane in (0..count).filter(|lane| known[*lane]) {
+            put(lane, one(&room.at, lane), room.nominal.lane(lane));
+        }
+    }
+
+    /// The computation of [`Batch::nominal`].
+    fn place_nominal(&self, room: &mut Room<'_>) {
+        let Room { workspace: Workspace { block, .. }, nominal, at, .. } = room;
         widest!(<'a, 'b, 's> (
             model: &'a Model<'b> = &self.model,
             block: &'a super::block::Block<'s, Lanes> = block,
@@ -251,9 +267,6 @@ impl<'a> Batch<'a> {
         ) {
             *nominal = evaluation::nominal(model, block, motor);
         });
-        for lane in (0..count).filter(|lane| known[*lane]) {
-            put(lane, one(at, lane), nominal.lane(lane));
-        }
     }
 
     /// [`Arm::land`] for up to eight commands; `put` receives those that converge.
@@ -264,10 +277,8 @@ impl<'a> Batch<'a> {
         given: impl Fn(usize) -> Given<'s, 'm>,
         mut put: impl FnMut(usize, PredictedPose),
     ) {
-        let model = &self.model;
-        let Room { workspace, predicted_poses, .. } = room;
-        let Workspace { block, at, forward, .. } = workspace;
-        forward.under.clear(model.parts);
+        let Workspace { block, forward, .. } = &mut room.workspace;
+        forward.under.clear(self.model.parts);
         for lane in 0..count {
             let Given { site, motor, travel, near } = given(lane);
             block.set(lane, &site);
@@ -278,16 +289,23 @@ impl<'a> Batch<'a> {
             forward.left.set(lane, near.left);
             forward.gain.set(lane, near.gain);
         }
-        block.first(count);
-        at.set_offsets(model, block);
-        forward.begin(model, block, at);
-        forward.run(model, block, at, (LaneMask::first(count), BATCH_ROUNDS, PRINTED));
-        predicted_poses.take(model, workspace);
+        self.settle_from(room, count, BATCH_ROUNDS, PRINTED);
+        room.predicted_poses.take(&self.model, &mut room.workspace);
         for lane in 0..count {
-            if let Some(predicted) = predicted_poses.predicted(workspace, lane) {
+            if let Some(predicted) = room.predicted_poses.predicted(&room.workspace, lane) {
                 put(lane, predicted);
             }
         }
+    }
+
+    /// Solves the commands of the first `count` lanes from the deflections that the room has, in at most `most` iterations.
+    fn settle_from(&self, room: &mut Room<'_>, count: usize, most: usize, rules: Rules) {
+        let model = &self.model;
+        let Workspace { block, at, forward, .. } = &mut room.workspace;
+        block.first(count);
+        at.set_offsets(model, block);
+        forward.begin(model, block, at);
+        forward.run(model, block, at, (LaneMask::first(count), most, rules));
     }
 
     /// [`Arm::predict`] for up to eight commands (motor angles, rad, and directions of travel), with the same bits. `put` receives those that
@@ -301,20 +319,17 @@ impl<'a> Batch<'a> {
     ) {
         /// Twice as many iterations as arms take that converge.
         const SETTLING_ROUNDS: usize = 20;
-        let model = &self.model;
-        let Workspace { block, at, forward, .. } = &mut room.workspace;
+        let Workspace { block, forward, .. } = &mut room.workspace;
         for lane in 0..count {
             let (site, motor, travel) = given(lane);
             block.set(lane, &site);
             set(&mut block.site.commanded, lane, motor);
             set(&mut forward.travel, lane, travel);
         }
-        block.first(count);
-        forward.under.clear(model.parts);
+        forward.under.clear(self.model.parts);
         forward.mixing = Lanes::default();
-        at.set_offsets(model, block);
-        forward.begin(model, block, at);
-        forward.run(model, block, at, (LaneMask::first(count), SETTLING_ROUNDS, EXACT));
+        self.settle_from(room, count, SETTLING_ROUNDS, EXACT);
+        let Workspace { at, forward, .. } = &room.workspace;
         let seen = at.wobj_from_tcp();
         for lane in (0..count).filter(|&lane| forward.done.lane(lane)) {
             let (under, mixing) = (forward.under.lane(lane), forward.mixing.lane(lane));
@@ -327,6 +342,13 @@ impl<'a> Batch<'a> {
     /// A fixed number of iterations from the known equilibrium of another arm. They leave a thousandth of the difference of the two arms,
     /// which is enough for derivatives.
     pub fn resolve_from_nearby(&self, room: &mut Room<'_>, mut put: impl FnMut(usize, Pose)) {
+        self.iterate_from_nearby(room);
+        let seen = room.workspace.at.wobj_from_tcp();
+        (0..room.count).for_each(|lane| put(lane, seen.lane(lane)));
+    }
+
+    /// The computation of [`Batch::resolve_from_nearby`].
+    fn iterate_from_nearby(&self, room: &mut Room<'_>) {
         const DIFFERENCE_ROUNDS: usize = 2;
         let model = &self.model;
         let Workspace { block, at, forward, .. } = &mut room.workspace;
@@ -339,8 +361,6 @@ impl<'a> Batch<'a> {
             forward.round(0, model, block, at, EXACT);
         }
         forward.place(model, block, at, EXACT);
-        let seen = at.wobj_from_tcp();
-        (0..room.count).for_each(|lane| put(lane, seen.lane(lane)));
     }
 }
 

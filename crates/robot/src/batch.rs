@@ -86,6 +86,12 @@ impl BatchSolutions {
         for lane in 0..count {
             self.from.set_axes(lane, from(lane));
         }
+        self.compute_turns();
+    }
+
+    /// The computation of [`BatchSolutions::turn_from`]. It has no type parameters, so it is compiled here alone, and not again in each crate
+    /// that gives a closure.
+    fn compute_turns(&mut self) {
         widest!(<'a> (found: &'a mut BatchSolutions = self) {
             (found.turn, found.small) = turns_between(&found.from, &found.wobj_from_tcp);
         });
@@ -134,6 +140,11 @@ impl<'a> BatchArm<'a> {
             return;
         }
         found.set(count, &place);
+        self.solve_written(found);
+    }
+
+    /// The computation of [`BatchArm::find`], compiled here alone.
+    fn solve_written(&self, found: &mut BatchSolutions) {
         widest!(<'a> (robot: &'a BatchArm<'a> = self, found: &'a mut BatchSolutions = found) {
             found.wobj_from_tcp = Frame::of_quaternion(found.position_mm * Lanes::of(1e-3), found.quat);
             found.inverse(robot);

@@ -357,18 +357,21 @@ impl<'s, 'a> Scan<'s, 'a> {
     }
 
     fn instruction(&mut self, name: &[u8], arguments: &Arguments) {
-        if name.eq_ignore_ascii_case(b"WaitUntil") {
+        let known = predefined::instruction(name);
+        if known == Some(Instruction::Waits) {
             for name in arguments.positional.first().map_or_else(Vec::new, Expression::names) {
                 let found = self.find(&self.bytes[name.range()]);
                 self.out.changes.add(&found);
             }
         }
-        match predefined::instruction(name) {
+        match known {
             None => self.unknown(arguments),
             Some(Instruction::Arguments | Instruction::Steps) => {
                 arguments.given().for_each(|argument| self.change(argument));
             }
-            Some(Instruction::Options) => arguments.optional_values().for_each(|argument| self.change(argument)),
+            Some(Instruction::Options | Instruction::Waits) => {
+                arguments.optional_values().for_each(|argument| self.change(argument))
+            }
             Some(Instruction::DisplacementOn) => self.out.changes.switches.displacement = true,
             Some(Instruction::SoftOn) => self.out.changes.switches.soft = true,
             Some(Instruction::Load) => self.out.changes.switches.load = true,

@@ -26,13 +26,14 @@ impl<'a> Runner<'a> {
             let value = self.evaluate(scope, argument);
             self.numbers.pin_value(&value);
         }
-        if bytes[call.name.range()].eq_ignore_ascii_case(b"WaitUntil")
+        if known == Instruction::Waits
             && let Some(condition) = arguments.positional.first()
             && self.evaluate(scope, condition).bool() != Some(true)
         {
             self.wait_for(scope, condition);
         }
-        if known == Instruction::Nothing || known == Instruction::Options && arguments.optional.is_empty() {
+        let only_options = matches!(known, Instruction::Options | Instruction::Waits);
+        if known == Instruction::Nothing || only_options && arguments.optional.is_empty() {
             return Ok(());
         }
         // The head of a program, which every chunk repeats, may set speeds, loads and turns on arcs, and activate units.
@@ -54,7 +55,7 @@ impl<'a> Runner<'a> {
                     self.forget_argument(scope, argument, Reason::Computed);
                 }
             }
-            Instruction::Options => {
+            Instruction::Options | Instruction::Waits => {
                 for argument in arguments.optional_values() {
                     self.forget_argument(scope, argument, Reason::Computed);
                 }

@@ -13,6 +13,8 @@ pub(super) enum Instruction {
     Arguments,
     /// The data that its optional arguments name (`\\TimeFlag`), and no other.
     Options,
+    /// The same, after its condition holds: if it does not hold yet, something else changes the data that it names.
+    Waits,
     /// Its first argument, by a number: `Incr`, `Decr`, `Add`, `Clear`.
     Steps,
     /// Switches program displacement on.
@@ -106,8 +108,7 @@ pub(super) const ARGUMENTS: &[&str] = &[
 ];
 
 /// Instructions that change data in optional arguments, and no other data.
-pub(super) const OPTIONS: &[&str] =
-    &["UIMsgBox", "WaitAI", "WaitAO", "WaitDI", "WaitDO", "WaitGI", "WaitGO", "WaitUntil"];
+pub(super) const OPTIONS: &[&str] = &["UIMsgBox", "WaitAI", "WaitAO", "WaitDI", "WaitDO", "WaitGI", "WaitGO"];
 
 /// Instructions with an effect of their own.
 const OWN: &[(&str, Instruction)] = &[
@@ -137,6 +138,7 @@ const OWN: &[(&str, Instruction)] = &[
     ("SoftDeact", Instruction::SoftOff),
     ("SpeedRefresh", Instruction::Velocity),
     ("VelSet", Instruction::Velocity),
+    ("WaitUntil", Instruction::Waits),
 ];
 
 /// Functions that change nothing.
@@ -204,9 +206,11 @@ pub(super) fn instruction(name: &[u8]) -> Option<Instruction> {
 pub(super) fn harmless(statement: &[u8]) -> bool {
     let name = &statement[..statement.iter().position(|b| !b.is_ascii_alphanumeric()).unwrap_or(statement.len())];
     // A unit is active until it is deactivated, so activating it again changes nothing.
-    has(NOTHING, name)
-        || has(OPTIONS, name) && !statement.contains(&b'\\')
-        || instruction(name) == Some(Instruction::UnitOn)
+    match instruction(name) {
+        Some(Instruction::Nothing | Instruction::UnitOn) => true,
+        Some(Instruction::Options | Instruction::Waits) => !statement.contains(&b'\\'),
+        _ => false,
+    }
 }
 
 /// What a predefined function may change in addition to its value.
