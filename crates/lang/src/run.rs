@@ -10,7 +10,7 @@ use crate::ir::{
     Statement, StatementKind, Switch, TokenId, Unary,
 };
 use crate::reason::Reason;
-use crate::store::{Stands, Store};
+use crate::store::{Stands, Store, Values};
 use crate::value::{Affine, Content, Number, Pose, Reads, Value, is_whole};
 use crate::walk::{Machine, Meeting, Stop, walk};
 use std::collections::{BTreeMap, BTreeSet};
@@ -314,14 +314,15 @@ impl<'a> Runner<'a> {
             }
         }
         // The names in a default value are those of the routine.
-        let locals = vec![Value::unknown(Reason::Unset); function.locals as usize];
+        let locals = Values::unset(function.locals as usize);
         let saved = (std::mem::replace(&mut store.locals, locals), store.result.take(), self.context, self.node);
         for (at, parameter) in function.parameters.iter().enumerate() {
-            store.locals[at] = match (Arguments(arguments).get(&parameter.name, at), &parameter.default) {
+            let value = match (Arguments(arguments).get(&parameter.name, at), &parameter.default) {
                 (Some(value), _) => value.clone(),
                 (None, Some(default)) => self.evaluate(default, store)?,
                 (None, None) => Value::unknown(Reason::Argument),
             };
+            *store.get_mut(Slot::Local(at as u32)) = value;
         }
         self.context = self.site();
         self.calls.push(id);

@@ -3,6 +3,7 @@
 use crate::ir::{Slot, Switch};
 use crate::reason::Reason;
 use crate::value::{Content, Value};
+use std::sync::Arc;
 
 /// Where the arm is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -16,11 +17,59 @@ pub(crate) enum Stands {
     Unknown,
 }
 
+/// Values of variables. Stores of different paths share them, a few at a time, until one of the stores changes them: a run copies and
+/// compares its store at each branch whose condition is unknown, and few variables differ there.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Values(Vec<Arc<[Value]>>);
+
+impl Values {
+    /// Number of values that are shared together.
+    const TOGETHER: usize = 16;
+
+    /// Variables that are unset.
+    pub(crate) fn unset(count: usize) -> Self {
+        let values = vec![Value::unknown(Reason::Unset); count];
+        Self(values.chunks(Self::TOGETHER).map(Arc::from).collect())
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.0.iter().map(|values| values.len()).sum()
+    }
+
+    fn get(&self, at: u32) -> &Value {
+        let at = at as usize;
+        &self.0[at / Self::TOGETHER][at % Self::TOGETHER]
+    }
+
+    fn get_mut(&mut self, at: u32) -> &mut Value {
+        let at = at as usize;
+        &mut Arc::make_mut(&mut self.0[at / Self::TOGETHER])[at % Self::TOGETHER]
+    }
+
+    fn join(&mut self, others: &Self) {
+        for (own, others) in self.0.iter_mut().zip(&others.0).filter(|(own, others)| !Arc::ptr_eq(own, others)) {
+            for (at, other) in others.iter().enumerate() {
+                if own[at] != *other {
+                    let joined = own[at].join(other);
+                    Arc::make_mut(own)[at] = joined;
+                }
+            }
+        }
+    }
+}
+
+impl PartialEq for Values {
+    fn eq(&self, others: &Self) -> bool {
+        let is_same = |(own, others): (&Arc<[Value]>, &Arc<[Value]>)| Arc::ptr_eq(own, others) || own == others;
+        self.0.len() == others.0.len() && self.0.iter().zip(&others.0).all(is_same)
+    }
+}
+
 /// The values of all variables, as far as they are known.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Store {
-    pub(crate) globals: Vec<Value>,
-    pub(crate) locals: Vec<Value>,
+    pub(crate) globals: Values,
+    pub(crate) locals: Values,
     pub(crate) stands: Stands,
     /// The value that the routine returns.
     pub(crate) result: Option<Value>,
@@ -29,7 +78,7 @@ pub struct Store {
 impl Store {
     /// A store in which all variables are unset and the switches are as the controller has them.
     pub(crate) fn new(globals: usize) -> Self {
-        let mut store = Self { globals: vec![Value::unknown(Reason::Unset); globals], ..Self::default() };
+        let mut store = Self { globals: Values::unset(globals), ..Self::default() };
         for switch in Switch::ALL {
             store.set(switch, Content::Nothing.into());
         }
@@ -40,15 +89,15 @@ impl Store {
     #[must_use]
     pub fn get(&self, slot: Slot) -> &Value {
         match slot {
-            Slot::Global(at) => &self.globals[at as usize],
-            Slot::Local(at) => &self.locals[at as usize],
+            Slot::Global(at) => self.globals.get(at),
+            Slot::Local(at) => self.locals.get(at),
         }
     }
 
     pub(crate) fn get_mut(&mut self, slot: Slot) -> &mut Value {
         match slot {
-            Slot::Global(at) => &mut self.globals[at as usize],
-            Slot::Local(at) => &mut self.locals[at as usize],
+            Slot::Global(at) => self.globals.get_mut(at),
+            Slot::Local(at) => self.locals.get_mut(at),
         }
     }
 
@@ -70,15 +119,8 @@ impl Store {
 
     /// Joins the values with those of another path.
     pub(crate) fn join(&mut self, other: &Self) {
-        let both = |own: &mut Vec<Value>, others: &[Value]| {
-            for (own, other) in own.iter_mut().zip(others) {
-                if own != other {
-                    *own = own.join(other);
-                }
-            }
-        };
-        both(&mut self.globals, &other.globals);
-        both(&mut self.locals, &other.locals);
+        self.globals.join(&other.globals);
+        self.locals.join(&other.locals);
         if self.stands != other.stands {
             self.stands = Stands::Unknown;
         }
