@@ -20,8 +20,8 @@ pub(super) struct ColumnBlock<'a> {
     moments: &'a Moments,
     pub(super) preceding: &'a Columns,
     columns: &'a Columns,
-    /// Products of these columns with one another, scaled by the prior sizes: the lower triangle, row by row.
-    products: Vec<f64>,
+    /// Products of these columns with one another, scaled by the prior sizes. The upper triangle is zero.
+    products: DMatrix<f64>,
     /// Prior precision of these columns, in prior sizes.
     prior: DMatrix<f64>,
     /// Prior means, in prior sizes.
@@ -31,11 +31,10 @@ pub(super) struct ColumnBlock<'a> {
 impl<'a> ColumnBlock<'a> {
     pub(super) fn new(moments: &'a Moments, preceding: &'a Columns, columns: &'a Columns) -> Self {
         let list = &columns.list;
-        let mut products = Vec::with_capacity(list.len() * (list.len() + 1) / 2);
-        for (i, &(a, s)) in list.iter().enumerate() {
-            let gram = moments.gram.column(a);
-            products.extend(list[..=i].iter().map(|&(b, t)| gram[b] * s * t));
-        }
+        let products = DMatrix::from_fn(list.len(), list.len(), |i, j| {
+            let ((a, s), (b, t)) = (list[i], list[j]);
+            if i < j { 0.0 } else { moments.gram[(a, b)] * s * t }
+        });
         let prior = columns.precision();
         let mut prior_means = vec![0.0; list.len()];
         columns.means.iter().for_each(|&(i, mean)| prior_means[i] += mean);
@@ -48,8 +47,8 @@ impl<'a> ColumnBlock<'a> {
 pub(super) struct Factor {
     /// For each row its entries in the preceding columns: a solved column and the prior size that scales it.
     off_diagonal: Vec<(Rc<SolvedColumn>, f64)>,
-    /// The diagonal block: the lower triangle, row by row.
-    rows: Vec<f64>,
+    /// The diagonal block, column by column. Its upper triangle is not used.
+    diagonal: Vec<f64>,
     /// These rows of L⁻¹ times the right-hand side.
     whitened: Vec<f64>,
     /// Half of the contribution of these rows to the log determinant of the matrix.
@@ -76,73 +75,50 @@ impl Factor {
         let ColumnBlock { moments, columns, products, prior, prior_means, .. } = block;
         let off_diagonal: Vec<(Rc<SolvedColumn>, f64)> =
             columns.list.iter().map(|&(column, size)| (self.solved(block, precision, column), size)).collect();
-        let mut next = Self { off_diagonal, rows: Vec::with_capacity(products.len()), ..Self::default() };
-        let (mut rest, mut complete) = (&products[..], true);
-        for (i, &(column, size)) in columns.list.iter().enumerate() {
-            let (row, others) = rest.split_at(i + 1);
-            rest = others;
-            let right = moments.cross[column] * size * precision + prior_means[i];
-            widest!(<'a> (
-                factor: &'a mut Factor = &mut next,
-                whitened: &'a [f64] = &self.whitened,
-                complete: &'a mut bool = &mut complete,
-                row: &'a [f64] = row,
-                prior: &'a DMatrix<f64> = prior,
-                precision: f64 = precision,
-                right: f64 = right,
-            ) {
-                *complete = factor.append(whitened, row, prior, precision, right);
-            });
-            if !complete {
-                return None;
+        let right = |(&(column, size), mean): (&(usize, f64), &f64)| moments.cross[column] * size * precision + mean;
+        let mut whitened: Vec<f64> = columns.list.iter().zip(prior_means).map(right).collect();
+        let mut diagonal: Vec<f64> = (products * precision + prior).data.into();
+        let mut complete = true;
+        widest!(<'a> (
+            off_diagonal: &'a [(Rc<SolvedColumn>, f64)] = &off_diagonal,
+            preceding: &'a [f64] = &self.whitened,
+            diagonal: &'a mut [f64] = &mut diagonal,
+            whitened: &'a mut [f64] = &mut whitened,
+            complete: &'a mut bool = &mut complete,
+        ) {
+            let size = whitened.len();
+            for j in 0..size {
+                let (left, scale) = &off_diagonal[j];
+                whitened[j] -= scale * dot(&left.row, preceding);
+                for i in j..size {
+                    let (other, other_scale) = &off_diagonal[i];
+                    diagonal[j * size + i] -= scale * other_scale * dot(&left.row, &other.row);
+                }
             }
-        }
-        Some(next)
-    }
-
-    /// Appends a row to the factor and to the whitened right-hand side. `row` has the products of its column with the
-    /// columns of this factor up to itself, `whitened` is that of the preceding factor. Returns whether the matrix is
-    /// still positive definite.
-    #[inline(always)]
-    fn append(&mut self, whitened: &[f64], row: &[f64], prior: &DMatrix<f64>, precision: f64, right: f64) -> bool {
-        let (i, from) = (row.len() - 1, self.rows.len());
-        let (left, size) = &self.off_diagonal[i];
-        for j in 0..=i {
-            let (other, other_size) = &self.off_diagonal[j];
-            let preceding = size * other_size * dot(&left.row, &other.row);
-            self.rows.push(row[j] * precision + prior[(i, j)] - preceding);
-        }
-        let (above, own) = self.rows.split_at_mut(from);
-        let mut at = 0;
-        for j in 0..i {
-            own[j] = (own[j] - dot(&own[..j], &above[at..at + j])) / above[at + j];
-            at += j + 1;
-        }
-        let square = own[i] - dot(&own[..i], &own[..i]);
-        if square.is_nan() || square <= 0.0 {
-            return false;
-        }
-        own[i] = square.sqrt();
-        self.half_log_det += 0.5 * square.ln();
-        self.whitened.push((right - size * dot(&left.row, whitened) - dot(&own[..i], &self.whitened)) / own[i]);
-        true
+            *complete = factorize(diagonal, size);
+            substitute(diagonal, whitened);
+        });
+        let size = whitened.len();
+        let half_log_det = (0..size).map(|i| diagonal[i * size + i].ln()).sum();
+        complete.then(|| Self { off_diagonal, diagonal, whitened, half_log_det, ..Self::default() })
     }
 
     /// A column solved against this factor, which must be that of the columns that precede the block.
     fn solved(&self, block: &ColumnBlock, precision: f64, column: usize) -> Rc<SolvedColumn> {
         let solve = || {
             let gram = block.moments.gram.column(column);
-            let mut row: Vec<f64> = block.preceding.list.iter().map(|&(b, t)| gram[b] * t * precision).collect();
-            widest!(<'a> (row: &'a mut [f64] = &mut row, rows: &'a [f64] = &self.rows) {
-                let mut at = 0;
-                for j in 0..row.len() {
-                    row[j] = (row[j] - dot(&row[..j], &rows[at..at + j])) / rows[at + j];
-                    at += j + 1;
-                }
-            });
-            Rc::new(SolvedColumn { row, on_units: OnceCell::new() })
+            let row = block.preceding.list.iter().map(|&(b, t)| gram[b] * t * precision).collect();
+            Rc::new(SolvedColumn { row: self.substituted(row), on_units: OnceCell::new() })
         };
         Rc::clone(self.solved.borrow_mut().entry(column).or_insert_with(solve))
+    }
+
+    /// The inverse of the diagonal block times a vector.
+    fn substituted(&self, mut right: Vec<f64>) -> Vec<f64> {
+        widest!(<'a> (diagonal: &'a [f64] = &self.diagonal, right: &'a mut [f64] = &mut right) {
+            substitute(diagonal, right);
+        });
+        right
     }
 
     /// Squared norm of these rows of L⁻¹ times the right-hand side.
@@ -154,12 +130,8 @@ impl Factor {
     /// columns. `preceding` gives, for each row, the product of its entries in the preceding columns with what is
     /// already solved there.
     fn solve(&self, preceding: impl Fn(usize) -> f64, unit: Option<usize>) -> Vec<f64> {
-        let mut solved: Vec<f64> = Vec::with_capacity(self.whitened.len());
-        for (j, row) in triangle(&self.rows).enumerate() {
-            let right = if unit == Some(j) { 1.0 } else { 0.0 };
-            solved.push((right - preceding(j) - dot(&row[..j], &solved)) / row[j]);
-        }
-        solved
+        let right = |j| if unit == Some(j) { 1.0 - preceding(j) } else { -preceding(j) };
+        self.substituted((0..self.whitened.len()).map(right).collect())
     }
 
     /// L⁻¹ times the unit vector of each bounded number of the columns.
@@ -168,14 +140,47 @@ impl Factor {
     }
 }
 
-/// The rows of a packed lower triangle, each up to the diagonal.
-fn triangle(rows: &[f64]) -> impl Iterator<Item = &[f64]> {
-    let mut rest = rows;
-    (1..).map_while(move |length| {
-        let (row, others) = rest.split_at_checked(length)?;
-        rest = others;
-        Some(row)
-    })
+/// Replaces the lower triangle of a symmetric matrix, column by column, by its Cholesky factor. Returns whether the
+/// matrix is positive definite.
+#[inline(always)]
+fn factorize(matrix: &mut [f64], size: usize) -> bool {
+    for j in 0..size {
+        let (before, rest) = matrix.split_at_mut(j * size);
+        let own = &mut rest[j..size];
+        for k in 0..j {
+            let column = &before[k * size + j..(k + 1) * size];
+            subtract(own, column[0], column);
+        }
+        let square = own[0];
+        if square.is_nan() || square <= 0.0 {
+            return false;
+        }
+        let inverse = square.sqrt().recip();
+        for i in 0..own.len() {
+            own[i] *= inverse;
+        }
+    }
+    true
+}
+
+/// Replaces a vector by the inverse of a lower triangle, column by column, times the vector.
+#[inline(always)]
+fn substitute(triangle: &[f64], right: &mut [f64]) {
+    let size = right.len();
+    for k in 0..size {
+        let column = &triangle[k * size + k..(k + 1) * size];
+        let (first, rest) = right[k..].split_at_mut(1);
+        first[0] /= column[0];
+        subtract(rest, first[0], &column[1..]);
+    }
+}
+
+/// Subtracts a multiple of one vector from another.
+#[inline(always)]
+fn subtract(from: &mut [f64], scale: f64, vector: &[f64]) {
+    for i in 0..from.len().min(vector.len()) {
+        from[i] -= scale * vector[i];
+    }
 }
 
 /// What the bounds of the numbers add to the log evidence, nats: for each bounded number the log probability of its

@@ -8,6 +8,11 @@
 use crate::flow::{Flow, Node};
 use std::collections::{BTreeMap, BTreeSet};
 
+/// Most rounds of a loop that are followed one by one although an unknown test may have left it in each of them. A known
+/// test is to end such a loop, but it may be one that never does. Programs count a few thousand rows of a part, and so
+/// many rounds take less than a second.
+const MAX_UNCERTAIN_ROUNDS: u32 = 10_000;
+
 /// Why a run stops.
 ///
 /// # Examples
@@ -253,8 +258,8 @@ impl<M: Machine> Walk<'_, M> {
     fn follow(&mut self, from: usize, within: Option<usize>, mut state: M::State) -> Result<Option<States<M>>, Stop> {
         let (mut out, mut rounds, mut node) = (BTreeMap::new(), Rounds { count: 0, saved: None }, from);
         let begun = self.machine.mark();
-        // Whether a test that is not known may have left the loop in this round.
-        let mut may_have_left = false;
+        // Whether a test that is not known may have left the loop in this round, and the number of such rounds.
+        let (mut may_have_left, mut uncertain) = (false, 0);
         loop {
             if !self.is_in(node, within) || node == self.exit {
                 self.meet(&mut out, node, state, Meeting::Branches);
@@ -263,7 +268,8 @@ impl<M: Machine> Walk<'_, M> {
             if within.is_some() && self.flow.loop_headed(node) == within {
                 let is_counted = within.is_some_and(|of| self.counted.remove(&of));
                 let is_endless = self.repeats(&mut rounds, &state) || self.machine.is_too_much(begun);
-                if may_have_left && !is_counted || is_endless {
+                uncertain += u32::from(may_have_left);
+                if may_have_left && !is_counted || is_endless || uncertain > MAX_UNCERTAIN_ROUNDS {
                     return Ok(None);
                 }
                 may_have_left = false;
