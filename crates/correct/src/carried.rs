@@ -21,6 +21,8 @@ pub(super) struct Carried<'a> {
     pub(super) started: StartedFrom,
     /// Nominal joints of the target before, which choose the branch.
     pub(super) near: Option<Joints>,
+    /// What is unknown of the travel of each joint: see [`Arm::unknown_travel`](deflex_equilibrium::Arm::unknown_travel).
+    pub(super) unknown_travel: Joints,
     /// The last point of the chunks before.
     pub(super) before: Option<Point>,
     /// Last direction of the TCP's x axis (CL data), kept where the spin rule gives none.
@@ -76,6 +78,7 @@ impl<'a> Carried<'a> {
             places: HashMap::new(),
             started: StartedFrom::NearestHome,
             near: None,
+            unknown_travel: Joints::zeros(),
             before: None,
             spun: None,
             unsprung: false,

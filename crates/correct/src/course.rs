@@ -4,7 +4,7 @@ use super::context::Context;
 use super::deviation::Commanded;
 use super::segment::{Kind, waypoint_targets};
 use super::solve::controller_motor;
-use super::{KeptReason, Prepared, RAPID_MM_S, frames};
+use super::{Prepared, RAPID_MM_S, frames};
 use deflex_cell::Cell;
 use deflex_drive::{DriveError, Lead, PathLaw, SAMPLE_S, Waypoint, drive};
 use deflex_program::{Passing, Program, Target};
@@ -173,7 +173,7 @@ impl Course {
         for i in waypoint_targets(program) {
             let (target, point) = (&program.targets[i], &prepared.points[i]);
             let refuse = |message: &str, help: &str| vec![program.error_at(target, "path.target", message).help(help)];
-            if let Some(why) = point.unsolved.filter(|why| *why != KeptReason::PredecessorUnknown) {
+            if let Some(why) = point.unsolved.filter(|_| !point.is_located()) {
                 let message = format!("the path cannot be followed beyond this target: {why}");
                 return Err(refuse(&message, "the path that a controller drives needs every target of the program"));
             }

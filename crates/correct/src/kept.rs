@@ -20,6 +20,8 @@ pub enum KeptReason {
     Program(Reason),
     /// The cutting force and lost motion depend on the point where the path to the target begins, which is not known.
     PredecessorUnknown,
+    /// The speed decides whether the motion cuts, and is known only at run time.
+    CutUnknown,
     /// An external axis moves that no `[[unit]]` of the cell declares.
     AxisWithoutUnit,
     /// An axis of this motion group (2 to 9) moves that no `[[unit]]` of the cell declares.
@@ -70,6 +72,7 @@ impl KeptReason {
         match self {
             Self::Program(reason) => reason.text(),
             Self::PredecessorUnknown => "the path to it begins at a point that is known only at run time",
+            Self::CutUnknown => "its speed, which decides whether it cuts, is known only at run time",
             Self::AxisWithoutUnit => "external axis in use without a [[unit]] in the cell",
             Self::GroupWithoutUnit(group) => match group {
                 2 => "motion group 2 in use without a [[unit]] in the cell (axis = \"gp2_j1\", …)",
@@ -103,6 +106,10 @@ impl KeptReason {
                     "put a motion that does not cut, to a known target, before it, or mark it `{}`",
                     language.mark(Mark::Air)
                 ));
+            }
+            Self::CutUnknown => {
+                let [cut, air] = [Mark::Cut, Mark::Air].map(|mark| language.mark(mark));
+                return Some(format!("mark the motion `{cut}` or `{air}`"));
             }
             Self::AxisWithoutUnit => {
                 "declare what the axis moves: [[unit]] with its name, axis, kind and what it carries"

@@ -33,8 +33,8 @@ impl MachineActions {
             let needed = match kind {
                 // The first tool is mounted when the program starts.
                 ActionKind::ToolChange { .. } => points_before + before > 0 && next.is_some(),
-                // After a home position, rapid travel may begin anywhere; a cut may not.
-                ActionKind::Home => next.is_some_and(|next| !next.rapid),
+                // Without it the motion after it, rapid travel too, would begin where the cut ended.
+                ActionKind::Home => next.is_some(),
                 _ => false,
             };
             let without_speed = matches!(kind, ActionKind::SpindleOn { rpm: None, .. });

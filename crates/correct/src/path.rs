@@ -5,6 +5,7 @@ use super::ahead::{Ahead, Approach};
 use super::carried::{Carried, Chosen, Free, SettingAndTool};
 use super::context::Context;
 use super::frames::{self, WobjFrame, pose};
+use super::laws::Laws;
 use super::load::PointLoad;
 use super::mount::{Mount, Moved, Stand, is_entered_elsewhere};
 use super::point::{Point, tool_axis};
@@ -359,6 +360,8 @@ impl Walk<'_, '_> {
             }
         };
         let travel = self.travel_to(&motor);
+        let starts_unknown = self.starts_unknown(target);
+        self.follow_unknown_travel(starts_unknown, &motor);
         self.carried.near = Some(motor);
         let previous = self.points.last().or(self.carried.before.as_ref());
 
@@ -389,16 +392,19 @@ impl Walk<'_, '_> {
                 _ => None,
             })
         });
-        let unlocated =
-            target.predecessor == Predecessor::Previous && previous.is_some_and(|previous| !previous.is_located());
-        if (unlocated || target.predecessor == Predecessor::Unknown) && self.rests_on_predecessor(target) {
-            return self.leave(
-                target,
-                KeptReason::PredecessorUnknown,
-                (wobj_from_tcp, Dragged { motor, twist: Joints::zeros(), travel }),
-                setting_and_tool,
-                stand,
-            );
+        // CL data without a feed are not known better at run time: such a motion counts as air.
+        let is_cut_unknown = self.program.language != Language::Cl
+            && Laws::is_cut_unknown(self.cell, target)
+            && !self.options.has_force_table(self.cell);
+        let unknown = if is_cut_unknown {
+            Some(KeptReason::CutUnknown)
+        } else {
+            let is_unknown = self.depends_on_unknown(target, starts_unknown, frame.is_some());
+            is_unknown.then_some(KeptReason::PredecessorUnknown)
+        };
+        if let Some(why) = unknown {
+            let dragged = Dragged { motor, twist: Joints::zeros(), travel };
+            return self.leave(target, why, (wobj_from_tcp, dragged), setting_and_tool, stand);
         }
         let load = match self.carried.laws.load(
             (target, tool),
@@ -504,13 +510,41 @@ impl Walk<'_, '_> {
         self.carried.near.map_or(held, |near| direction(&near, motor, &held))
     }
 
-    /// Whether the force or the error at a target depends on the start of the segment to it.
-    fn rests_on_predecessor(&self, target: &Target) -> bool {
-        let table = self.options.has_force_table(self.cell);
-        self.carried.laws.follows_the_way(target, table) || self.cell.arm.follows_travel()
+    /// Whether the segment to a target begins at an unknown point.
+    fn starts_unknown(&self, target: &Target) -> bool {
+        match target.predecessor {
+            Predecessor::Previous => self.last().is_some_and(|last| !last.is_located()),
+            Predecessor::Start => false,
+            _ => true,
+        }
     }
 
-    /// Adds a target that is kept because the start of its segment is unknown; its pose is known.
+    /// Updates what is unknown of the travel, after a motion to these motor angles.
+    fn follow_unknown_travel(&mut self, starts_unknown: bool, motor: &Joints) {
+        let (arm, known) = (&self.cell.arm, Joints::zeros());
+        self.carried.unknown_travel = match self.carried.near {
+            _ if starts_unknown => arm.unknown_travel(&Joints::repeat(2.0), &known),
+            Some(near) if self.carried.unknown_travel != known => {
+                arm.unknown_travel(&self.carried.unknown_travel, &(motor - near))
+            }
+            _ => return,
+        };
+    }
+
+    /// Whether the force or the error at a target depends on motions before it that are unknown.
+    fn depends_on_unknown(&self, target: &Target, starts_unknown: bool, has_frame: bool) -> bool {
+        /// Largest unknown part of the travel: 0.1 µm for a gap of 1e-4 rad at an arm of 1 m, less than programs print.
+        const UNKNOWN_TRAVEL: f64 = 1e-3;
+        let arm = &self.cell.arm;
+        let follows_the_way = self.carried.laws.follows_the_way(target, self.options.has_force_table(self.cell));
+        // A cut along the tool axis takes its directions from the cut before it, which is not computed if that was kept.
+        let frame_is_unknown = !has_frame && self.last().is_some_and(|last| last.unsolved.is_some());
+        starts_unknown && (follows_the_way || arm.follows_travel() || arm.follows_speed())
+            || frame_is_unknown && follows_the_way
+            || self.carried.unknown_travel.amax() > UNKNOWN_TRAVEL
+    }
+
+    /// Adds a target that is kept although its pose is known.
     fn leave(
         &mut self,
         target: &Target,
@@ -567,7 +601,7 @@ impl Walk<'_, '_> {
             let from = previous.moved.as_ref();
             let before = from.map_or(&self.mount(previous.setting).setting, |moved| &moved.setting);
             if let Some(now) = self.mount(setting).at(from) {
-                if before.held || now.held {
+                if before.held || now.held || before.tool != now.tool {
                     let flange = before.base_from_flange(&previous.wobj_from_tcp);
                     return here - now.wobj_from_tcp(&flange).translation.vector;
                 }
@@ -576,8 +610,8 @@ impl Walk<'_, '_> {
                 return here - into.vector;
             }
         }
-        let same = |t: &&Target| t.wobj == target.wobj;
-        let out = targets[i + 1..].iter().take_while(same).filter_map(at).map(|next| next - here);
+        let follows = |t: &&Target| t.wobj == target.wobj && t.predecessor == Predecessor::Previous;
+        let out = targets[i + 1..].iter().take_while(follows).filter_map(at).map(|next| next - here);
         out.into_iter().find(|chord| chord.norm() > CHORD).unwrap_or_else(Vector3::zeros)
     }
 

@@ -302,7 +302,7 @@ impl Point {
 
     /// Whether the pose of the target is known.
     pub(super) fn is_located(&self) -> bool {
-        self.unsolved.is_none_or(|why| why == KeptReason::PredecessorUnknown)
+        self.unsolved.is_none_or(|why| matches!(why, KeptReason::PredecessorUnknown | KeptReason::CutUnknown))
     }
 
     /// Sets a measured force, N, in base axes while the point's work object is the base.

@@ -273,8 +273,13 @@ pub(super) fn settle_travel(arm: &Arm, prepared: &Prepared, first: &[First], las
         .iter()
         .zip(&prepared.points)
         .map(|(first, point)| {
-            let Ok(command) = first.aim() else { return point.travel };
             let twist = point.twist();
+            let Ok(command) = first.aim() else {
+                // A target that is kept is reached by its own numbers. Before the first known target the angles are not numbers.
+                let (motor, travel) = (point.motor, point.travel);
+                *last = motor.iter().all(|angle| angle.is_finite()).then_some(Dragged { motor, twist, travel });
+                return travel;
+            };
             let travel = match *last {
                 Some(from) => {
                     let (free, lost, programmed) = (&command.free, &command.lost, &point.travel);

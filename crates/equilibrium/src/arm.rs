@@ -1,4 +1,4 @@
-use deflex_effects::{Cutting, Effect, Load, Parts, Situation};
+use deflex_effects::{Cutting, Effect, Load, Need, Parts, Situation};
 use deflex_lanes::Vector;
 use deflex_robot::kinematics::Chain;
 use deflex_robot::{Joints, Robot};
@@ -39,6 +39,13 @@ impl Arm {
     #[doc(hidden)]
     pub fn follows_travel(&self) -> bool {
         self.effects.iter().any(|effect| effect.presliding().is_some())
+    }
+
+    /// Whether any effect depends on the velocity of the programmed motion.
+    #[must_use]
+    #[doc(hidden)]
+    pub fn follows_speed(&self) -> bool {
+        self.effects.iter().any(|effect| effect.needs().contains(&Need::Speed))
     }
 
     /// Whether any effect depends on the cutting forces at the targets before: gears that creep, and friction with a presliding angle.

@@ -5,7 +5,7 @@
 //! force: a force that comes or goes turns friction too. Without one, travel is the direction of the commanded motion.
 
 use super::arm::Arm;
-use deflex_effects::Presliding;
+use deflex_effects::{ParameterOwner, Presliding};
 use deflex_robot::Joints;
 
 /// Commanded motions smaller than this count as a stop, rad (`docs/effects.md`).
@@ -52,6 +52,23 @@ impl Arm {
             };
             if is_sharp { joint.direction() } else { joint.built_up(widths.of(i)) }
         })
+    }
+
+    /// What is still unknown of each joint's travel after a motion by `step`, rad: 2 if it may have any sign, and 0 if it is known.
+    /// `unknown` is that before the motion. Joints without friction count as known.
+    #[doc(hidden)]
+    pub fn unknown_travel(&self, unknown: &Joints, step: &Joints) -> Joints {
+        let (widths, mut after) = (self.presliding(), Joints::zeros());
+        for effect in self.effects.iter().filter(|effect| effect.presliding().is_some()) {
+            for parameter in effect.parameters().iter().filter(|parameter| parameter.value != 0.0) {
+                if let ParameterOwner::Axis(axis) = parameter.owner {
+                    // The difference between the largest and the smallest travel that are possible.
+                    let i = axis - 1;
+                    after[i] = driven(unknown[i], step[i], widths.of(i)) - driven(0.0, step[i], widths.of(i));
+                }
+            }
+        }
+        after
     }
 
     /// Angles over which friction builds up after each joint has reversed, the same for all effects of the arm.

@@ -32,7 +32,7 @@ pub use effects::Calls;
 pub use expression::count;
 pub use lower::{Held, lower};
 pub use motion::{Lasting, Motion, Point, lasting};
-pub use statement::{Frame, StatementKind, kind, positions_named, runs};
+pub use statement::{Frame, NamedPosition, StatementKind, kind, positions_named, runs};
 
 /// Numbers of the routines to which programs are lowered.
 mod builtin {

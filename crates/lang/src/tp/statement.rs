@@ -383,7 +383,25 @@ pub(super) fn case(text: &[u8]) -> (&[u8], StatementKind<'_>) {
     (&text[..at], guarded(&text[at..]))
 }
 
-/// Indices, as written, of the positions that a statement names, without those to which it moves.
+/// A position that a statement names and does not move to.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::tp::{kind, lines, positions_named};
+///
+/// let text = b"1:P[4]=LPOS ;\n";
+/// let lines = lines::statements(text, 0..text.len());
+/// assert!(positions_named(&lines[0], &kind(&lines[0]))[0].is_assigned);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NamedPosition<'a> {
+    /// Its index as written.
+    pub index: &'a [u8],
+    /// Whether the statement gives it, or one of its elements, a value.
+    pub is_assigned: bool,
+}
+
+/// The positions that a statement names, without those to which it moves.
 ///
 /// # Examples
 /// ```
@@ -391,10 +409,11 @@ pub(super) fn case(text: &[u8]) -> (&[u8], StatementKind<'_>) {
 ///
 /// let text = b"1:PR[1]=P[4] ;\n";
 /// let lines = lines::statements(text, 0..text.len());
-/// assert_eq!(positions_named(&lines[0], &kind(&lines[0])), [b"4"]);
+/// let named = positions_named(&lines[0], &kind(&lines[0]));
+/// assert_eq!((named[0].index, named[0].is_assigned), (&b"4"[..], false));
 /// ```
 #[must_use]
-pub fn positions_named<'a>(line: &'a Line<'_>, kind: &StatementKind<'_>) -> Vec<&'a [u8]> {
+pub fn positions_named<'a>(line: &'a Line<'_>, kind: &StatementKind<'_>) -> Vec<NamedPosition<'a>> {
     let text = &line.text[..];
     if matches!(kind, StatementKind::Mark(_))
         || text.starts_with(b"!")
@@ -415,11 +434,12 @@ pub fn positions_named<'a>(line: &'a Line<'_>, kind: &StatementKind<'_>) -> Vec<
     for at in memchr::memmem::find_iter(&text.to_ascii_uppercase(), b"P[") {
         let letter =
             at.checked_sub(1).is_some_and(|before| text[before].is_ascii_alphanumeric() || text[before] == b'_');
-        if let (false, Ok((_, within))) = (letter, brackets(&text[at + 1..])) {
+        if let (false, Ok((rest, within))) = (letter, brackets(&text[at + 1..])) {
             if skip > 0 {
                 skip -= 1
             } else {
-                found.push(index(within).split(|b| *b == b',').next().unwrap_or_default())
+                let index = index(within).split(|b| *b == b',').next().unwrap_or_default();
+                found.push(NamedPosition { index, is_assigned: rest.trim_ascii_start().starts_with(b"=") });
             }
         }
     }
@@ -477,17 +497,20 @@ mod tests {
     }
 
     #[test]
-    fn positions_beside_those_moved_to_are_found() {
+    fn positions_that_a_statement_names_are_found() {
         let named = |text: &'static str| {
             let line = Line { text: text.as_bytes().into(), span: crate::Span::default(), line: 1 };
             let kind = of(text.as_bytes(), true);
-            positions_named(&line, &kind).into_iter().map(<[u8]>::to_vec).collect::<Vec<_>>()
+            let named = positions_named(&line, &kind);
+            named.into_iter().map(|named| (named.index.to_vec(), named.is_assigned)).collect::<Vec<_>>()
         };
-        assert_eq!(named("PR[1]=P[2:a]"), [b"2"]);
-        assert_eq!(named("P[R[1],3]=5"), [b"R[1]"]);
-        assert_eq!(named("L P[1] 5mm/sec FINE"), [b""; 0]);
-        assert_eq!(named("L P[1] 5mm/sec FINE TB .1sec,CALL X(P[4])"), [b"4"]);
-        assert_eq!(named("!P[1]"), [b""; 0]);
-        assert_eq!(named("UP[1]=0"), [b""; 0]);
+        let index = |text: &str, is_assigned| vec![(text.as_bytes().to_vec(), is_assigned)];
+        assert_eq!(named("PR[1]=P[2:a]"), index("2", false));
+        assert_eq!(named("P[2:a] = PR[1]"), index("2", true));
+        assert_eq!(named("P[R[1],3]=5"), index("R[1]", true));
+        assert_eq!(named("L P[1] 5mm/sec FINE"), []);
+        assert_eq!(named("L P[1] 5mm/sec FINE TB .1sec,CALL X(P[4])"), index("4", false));
+        assert_eq!(named("!P[1]"), []);
+        assert_eq!(named("UP[1]=0"), []);
     }
 }

@@ -70,6 +70,11 @@ impl Machine {
         self.waiting.push((kind, record));
     }
 
+    /// Whether the machine goes to its home position before the next position.
+    pub(super) fn goes_home(&self) -> bool {
+        self.waiting.iter().any(|(kind, _)| *kind == ActionKind::Home)
+    }
+
     pub(super) fn stop(&mut self, record: Record) {
         self.wait(ActionKind::Stop, record);
     }

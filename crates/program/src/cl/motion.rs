@@ -298,6 +298,7 @@ impl Reader {
     }
 
     pub(super) fn push(&mut self, record: Record, printed: [f64; 3], step: TargetProperties) {
+        let predecessor = if self.machine.goes_home() { Predecessor::Unknown } else { Predecessor::Previous };
         if self.machine.is_waiting() {
             self.take_in_hand(record);
         }
@@ -338,7 +339,7 @@ impl Reader {
             source: 0,
             span: record.span,
             line: u32::try_from(record.line).unwrap_or(u32::MAX),
-            predecessor: Predecessor::Previous,
+            predecessor,
             arc_turn: None,
         });
     }

@@ -2,6 +2,7 @@
 
 use super::expression::Expression;
 use super::run::{PositionTokens, Runner};
+use super::symbols::AT_START;
 use super::tree::Move;
 use super::value::{AXES, EXTERNAL, Name, POSE, Value};
 use crate::orientation::{from_zyx_deg, halfway, quaternion, quaternion_of_zyx_deg};
@@ -387,10 +388,10 @@ impl Runner<'_> {
     fn predecessor(&self) -> Predecessor {
         // The motion at whose end the robot stands, and the one before in the order of the text.
         let stands = self.value(self.symbols.stands).number().filter(|_| !self.is_volatile(self.symbols.position));
-        match self.last {
-            None => Predecessor::Start,
+        match stands {
+            Some(_) if stands == Some(AT_START) => Predecessor::Start,
             Some(_) if stands == self.last => Predecessor::Previous,
-            Some(_) => Predecessor::Unknown,
+            _ => Predecessor::Unknown,
         }
     }
 

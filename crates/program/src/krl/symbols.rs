@@ -11,6 +11,9 @@ use std::rc::Rc;
 /// Number of a variable.
 pub(super) type Id = usize;
 
+/// The place of the robot before the first motion, among the places of statements, which are not negative.
+pub(super) const AT_START: f64 = -1.0;
+
 /// A routine by its file and its place there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(super) struct RoutineId {
@@ -109,7 +112,7 @@ impl<'a> Symbols<'a> {
         symbols.tool_name = symbols.global(b" TOOL", own("$TOOL"));
         symbols.position = symbols.global(b" POSITION", Value::unknown(Reason::PositionBefore));
         symbols.turned = symbols.global(b" TURNED", Value::unknown(Reason::OrientationBefore));
-        symbols.stands = symbols.global(b" STANDS", Value::unknown(Reason::MotionBefore));
+        symbols.stands = symbols.global(b" STANDS", Value::Number(AT_START, None));
         symbols.mark = symbols.global(b" MARK", Value::Bool(false));
         symbols.spline = symbols.global(b" SPLINE", Value::unknown(Reason::Unset));
         symbols

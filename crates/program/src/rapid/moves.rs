@@ -235,8 +235,7 @@ impl<'a> Runner<'a> {
 
     fn push(&mut self, mut target: Target, site: TargetInText) {
         target.predecessor = match (self.state.stands, self.found.last) {
-            // The position before the first motion is unknown.
-            (Stands::Start, _) | (_, None) => Predecessor::Start,
+            (Stands::Start, _) => Predecessor::Start,
             (Stands::At(site), Some(last)) if site == last => Predecessor::Previous,
             _ => Predecessor::Unknown,
         };

@@ -68,7 +68,7 @@ impl Builder<'_> {
         for visit in &visits[..run] {
             self.built.motions += 1;
             match self.point(visit, Role::End) {
-                Ok(point) => points.push((visit.run, point)),
+                Ok(point) => points.push((*visit, point)),
                 Err(why) => self.lose(visit, why),
             }
         }
@@ -84,9 +84,9 @@ impl Builder<'_> {
             Some(poses) => self.arc(points, &poses),
             None => {
                 let why = if count < FEWEST_MOTIONS { Reason::FewArcs } else { Reason::Arc };
-                for (run, (mut target, site)) in points {
+                for (visit, (mut target, site)) in points {
                     refuse(&mut target, why);
-                    self.push(run, (target, site));
+                    self.push(&visit, (target, site));
                 }
             }
         }
@@ -94,11 +94,11 @@ impl Builder<'_> {
     }
 
     /// Targets of consecutive `A` motions whose points are all known, with a circle point on the path to each except the first.
-    fn arc(&mut self, points: Vec<(usize, (Target, EditablePosition))>, poses: &[([f64; 3], [f64; 4])]) {
+    fn arc(&mut self, points: Vec<(Visit<'_>, (Target, EditablePosition))>, poses: &[([f64; 3], [f64; 4])]) {
         let first = self.built.targets.len();
         // There is a circle point between two points.
         let index = |k: usize| first + 2 * k;
-        for (k, (run, (mut target, site))) in points.into_iter().enumerate() {
+        for (k, (visit, (mut target, site))) in points.into_iter().enumerate() {
             if let Some(before) = k.checked_sub(1) {
                 let start = before.saturating_sub(1);
                 let first_half = k == 1;
@@ -112,9 +112,9 @@ impl Builder<'_> {
                 target.motion = Path::Circular;
                 self.built.arcs += 1;
                 let via = Target { role: Role::Via, goal, name: None, ..target.clone() };
-                self.push(run, (via, None));
+                self.push(&visit, (via, None));
             }
-            self.push(run, (target, site));
+            self.push(&visit, (target, site));
         }
         self.built.points.push(first..self.built.targets.len());
     }

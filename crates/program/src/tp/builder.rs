@@ -84,6 +84,8 @@ pub(super) struct Builder<'a> {
     pub(super) frozen: BTreeMap<usize, Reason>,
     /// The reason why no position may be edited.
     pub(super) all_frozen: Option<Reason>,
+    /// Numbers of the positions to which the program assigns values; `None` if a number is known only at run time.
+    pub(super) assigned: BTreeSet<Option<u32>>,
     /// External axes that are not zero in some position.
     pub(super) axes: [bool; EXTERNAL_AXES],
     /// Axes of other motion groups that are not zero in some position.
@@ -105,6 +107,7 @@ impl<'a> Builder<'a> {
             numbers,
             frozen: BTreeMap::new(),
             all_frozen: None,
+            assigned: BTreeSet::new(),
             axes: std::array::from_fn(|i| {
                 positions.iter().any(|position| position.external[i].is_some_and(|value| value != 0.0))
             }),

@@ -25,8 +25,12 @@ impl<'a> Builder<'a> {
     pub(super) fn build(mut self, outcome: &Outcome) -> Built {
         let code = self.code;
         for (line, kind) in code.lines.iter().zip(&code.kinds) {
-            for index in tp::positions_named(line, kind) {
-                self.freeze(tp::count(index), Reason::PositionNamed);
+            for named in tp::positions_named(line, kind) {
+                let number = tp::count(named.index);
+                self.freeze(number, Reason::PositionNamed);
+                if named.is_assigned {
+                    self.assigned.insert(number);
+                }
             }
         }
         let visits: Vec<Visit<'_>> = outcome
@@ -84,7 +88,7 @@ impl<'a> Builder<'a> {
         match points {
             Ok(points) => {
                 let first = self.built.targets.len();
-                points.into_iter().for_each(|point| self.push(visit.run, point));
+                points.into_iter().for_each(|point| self.push(visit, point));
                 if visit.motion.via.is_some() {
                     self.built.points.push(first..self.built.targets.len());
                 }
@@ -93,17 +97,16 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// The start of the segment to a point of a motion.
-    fn predecessor(&self, visit: &Visit<'_>, role: Role) -> Predecessor {
-        let Some(last) = self.last else { return Predecessor::Start };
-        let behind_via = role == Role::End && visit.motion.via.is_some();
-        let stands = visit.held.0.from == PathStart::Previous && last + 1 == visit.run;
-        if behind_via || stands { Predecessor::Previous } else { Predecessor::Unknown }
-    }
-
-    /// Adds a point of a motion, given by its index among the executed ones.
-    pub(super) fn push(&mut self, run: usize, (target, site): (Target, EditablePosition)) {
-        self.last = Some(run);
+    /// Adds a point of a motion.
+    pub(super) fn push(&mut self, visit: &Visit<'_>, (mut target, site): (Target, EditablePosition)) {
+        target.predecessor = match visit.held.0.from {
+            // The end of an arc comes after its circle point.
+            _ if self.last == Some(visit.run) => Predecessor::Previous,
+            PathStart::Start => Predecessor::Start,
+            PathStart::Previous if self.last.is_some_and(|last| last + 1 == visit.run) => Predecessor::Previous,
+            PathStart::Previous | PathStart::Unknown => Predecessor::Unknown,
+        };
+        self.last = Some(visit.run);
         self.built.targets.push(target);
         self.built.sites.push(site);
     }
@@ -119,7 +122,12 @@ impl<'a> Builder<'a> {
     /// The target for a point of a motion; `Err` has the reason if its place is unknown.
     pub(super) fn point(&mut self, visit: &Visit<'_>, role: Role) -> Result<(Target, EditablePosition), Reason> {
         let motion = visit.motion;
-        let known = self.position(visit.number(role)?)?;
+        let number = visit.number(role)?;
+        let known = self.position(number)?;
+        // The program may have given it another value, in this cycle or in the one before.
+        if self.assigned.contains(&number) || self.assigned.contains(&None) {
+            return Err(Reason::PositionNamed);
+        }
         let position = &self.positions[known];
         let spline = motion.moved.filter(|_| stays_at_its_point(motion));
         if let Some(why) = motion.moved.filter(|_| spline.is_none()) {
@@ -170,7 +178,7 @@ impl<'a> Builder<'a> {
             source: 0,
             span: line.span,
             line: u32::try_from(line.line).unwrap_or(u32::MAX),
-            predecessor: self.predecessor(visit, role),
+            predecessor: Predecessor::Unknown,
             arc_turn: None,
         };
         Ok((target, site))
