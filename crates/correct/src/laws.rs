@@ -274,6 +274,11 @@ impl<'a> Laws<'a> {
         follows && !has_table && self.cuts(target)
     }
 
+    /// Whether a cut along the tool axis has the feed frame of the cut before it.
+    pub(super) fn keeps_frame(&self) -> bool {
+        matches!(self.cell.cut.as_ref().map(|cut| &cut.force), Some(CutForce::Mechanistic))
+    }
+
     /// Whether the force of a motion is given in axes that depend on the feed direction.
     pub(super) fn in_feed_frame(&self, (target, tool): (&Target, usize), has_table: bool) -> bool {
         self.follows_the_way(target, has_table) && !self.follows_stock(tool)

@@ -475,7 +475,14 @@ impl Walk<'_, '_> {
             return Ok(None);
         }
         let pose = self.pose_on_arc(end, (setting, stand), here, turn);
-        if turn == ArcTurn::Fixed { pose.map(Some).ok_or(Reason::Tangent) } else { Ok(pose) }
+        let starts_known =
+            program.targets[i].predecessor == Predecessor::Previous && self.last().is_some_and(Point::is_located);
+        match turn {
+            ArcTurn::Fixed => pose.map(Some).ok_or(Reason::Tangent),
+            // The tool turns from an orientation that is not known.
+            _ if !starts_known => Err(Reason::PathStartUnknown),
+            _ => Ok(pose),
+        }
     }
 
     /// The pose on the arc to target `end`, at the circle point or at the end; `None` if the start of the arc is unknown.
@@ -538,7 +545,8 @@ impl Walk<'_, '_> {
         let arm = &self.cell.arm;
         let follows_the_way = self.carried.laws.follows_the_way(target, self.options.has_force_table(self.cell));
         // A cut along the tool axis takes its directions from the cut before it, which is not computed if that was kept.
-        let frame_is_unknown = !has_frame && self.last().is_some_and(|last| last.unsolved.is_some());
+        let frame_is_unknown =
+            !has_frame && self.carried.laws.keeps_frame() && self.last().is_some_and(|last| last.unsolved.is_some());
         starts_unknown && (follows_the_way || arm.follows_travel() || arm.follows_speed())
             || frame_is_unknown && follows_the_way
             || self.carried.unknown_travel.amax() > UNKNOWN_TRAVEL

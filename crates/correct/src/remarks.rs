@@ -56,8 +56,7 @@ fn doubtful_cuts(Context { program, cell, options, .. }: Context<'_>, prepared: 
                 Language::Cl => ("no FEDRAT gives a feed here", "counts as air"),
                 _ => ("the speed is known only at run time", "is kept"),
             };
-            let message =
-                format!("{why}: `max_cutting_feed_mm_s` cannot decide whether this motion cuts, and it {so}");
+            let message = format!("{why}: `max_cutting_feed_mm_s` cannot decide whether this motion cuts, and it {so}");
             let [cut, air] = [Mark::Cut, Mark::Air].map(|mark| program.language.mark(mark));
             let said = program.error_at(target, "cut.unknown-speed", message).severity(Severity::Warning);
             repeated.say(said.help(format!("mark the motion `{cut}` or `{air}`")));

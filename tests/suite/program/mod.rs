@@ -20,5 +20,6 @@ mod tp;
 mod tp_hard;
 mod tp_insert;
 mod tp_sound;
+mod unknown_before;
 mod ur;
 mod waits;

@@ -25,11 +25,13 @@ fn predecessors(program: &Program) -> Vec<Predecessor> {
 
 #[test]
 fn rapid_knows_where_each_way_begins() {
-    let cases: [(&str, &str, &[Predecessor]); 15] = [
+    let cases: [(&str, &str, &[Predecessor]); 16] = [
         ("MoveL a@MoveL b@MoveC c,a@", "", &[Start, Previous, Previous, Previous]),
         // A motion that is not known comes before.
         ("MoveL a@MoveL q@MoveL b@MoveL c@", "", &[Start, Unknown, Previous]),
-        ("MoveL q@MoveL b@MoveL c@", "", &[Start, Previous]),
+        ("MoveL q@MoveL b@MoveL c@", "", &[Unknown, Previous]),
+        // The second round begins where the first one ended.
+        ("WHILE di1=1 DO\nMoveL b@MoveL c@ENDWHILE\n", "", &[Unknown, Previous]),
         ("MoveL a@IF di1=1 THEN\nMoveL b@ENDIF\nMoveL c@MoveL a@", "", &[Start, Previous, Unknown, Previous]),
         ("MoveL a@IF di1=1 THEN\nMoveL b@ELSE\nMoveL c@ENDIF\n", "", &[Start, Previous, Unknown]),
         ("MoveL a@IF di1=1 THEN\nn:=1;\nENDIF\nMoveL c@", "", &[Start, Previous]),
@@ -56,6 +58,9 @@ fn krl_and_tp_know_it_too() {
     let body = format!("{}IF $IN[1] THEN\n{}ELSE\n{}ENDIF\n{}{}", lin(1), lin(2), lin(3), lin(4), lin(5));
     let program = krl::read(vec![Source::new("p.src", format!("{head}{body}END\n"))], Vec::new()).unwrap();
     assert_eq!(predecessors(&program), [Start, Previous, Unknown, Unknown, Previous]);
+    let body = format!("LOOP\n{}{}ENDLOOP\n", lin(1), lin(2));
+    let program = krl::read(vec![Source::new("p.src", format!("{head}{body}END\n"))], Vec::new()).unwrap();
+    assert_eq!(predecessors(&program), [Unknown, Previous]);
 
     let text = "/PROG P\n/ATTR\n/MN\n1:L P[1] 50mm/sec FINE ;\n2:IF DI[1]=ON,JMP LBL[1] ;\n3:L P[2] 50mm/sec FINE ;\n4:LBL[1] ;\n\
                 5:L P[3] 50mm/sec FINE ;\n6:CALL X ;\n7:L P[1] 50mm/sec FINE ;\n/POS\n";
@@ -65,9 +70,20 @@ fn krl_and_tp_know_it_too() {
              W = 180.0 deg, P = 0.0 deg, R = 0.0 deg\n}};\n"
         )
     };
-    let text = format!("{text}{}{}{}/END\n", pose(1), pose(2), pose(3));
-    let program = tp::read(vec![Source::new("p.ls", text)], Vec::new()).unwrap();
-    assert_eq!(predecessors(&program), [Start, Previous, Unknown, Unknown]);
+    let poses = format!("{}{}{}/END\n", pose(1), pose(2), pose(3));
+    let read = |text: &str| tp::read(vec![Source::new("p.ls", format!("{text}{poses}"))], Vec::new()).unwrap();
+    assert_eq!(predecessors(&read(text)), [Start, Previous, Unknown, Unknown]);
+    let text =
+        "/PROG P\n/ATTR\n/MN\n1:L PR[1] 50mm/sec FINE ;\n2:L P[1] 50mm/sec FINE ;\n3:L P[2] 50mm/sec FINE ;\n/POS\n";
+    assert_eq!(predecessors(&read(text)), [Unknown, Previous]);
+    // The program gives a position another value: nothing is known of where the motion goes.
+    let text = "/PROG P\n/ATTR\n/MN\n1:L P[1] 50mm/sec FINE ;\n2:L P[2] 50mm/sec FINE ;\n3:L P[3] 50mm/sec FINE ;\n4:P[2]=LPOS ;\n/POS\n";
+    let program = read(text);
+    assert_eq!((predecessors(&program), program.unknown.len()), (vec![Start, Unknown], 1));
+    // The points of `A` motions follow one another.
+    let text =
+        "/PROG P\n/ATTR\n/MN\n1:A P[1] 50mm/sec FINE ;\n2:A P[2] 50mm/sec FINE ;\n3:A P[3] 50mm/sec FINE ;\n/POS\n";
+    assert_eq!(predecessors(&read(text)), [Start, Previous, Previous, Previous, Previous]);
 }
 
 /// A force that follows the feed is not known where the way in is not; one in axes of the work object is.

@@ -198,15 +198,24 @@ impl<'a> Lowering<'a> {
         let registers = extent(&all, &[builtin::REGISTER, builtin::SET], REGISTERS);
         let [tool, register] = [FRAMES + users, FRAMES + users + tools];
         let tp = Tp { frames: [FRAMES..tool, tool..register], registers: register..register + registers };
+        // A cycle begins with the frames that the one before left.
+        let set: BTreeSet<u32> = (self.code.kinds.iter())
+            .flat_map(|kind| self.calls.of_statement(kind))
+            .filter_map(|effect| match effect {
+                Effect::Redefine(frame, Some(number)) => Some(tp.frames[frame as usize].start + number),
+                Effect::Redefine(frame, None) => Some(ANY[frame as usize]),
+                _ => None,
+            })
+            .collect();
         // The values before the first statement.
         let unknown = |reason| Expression::unknown(reason, Vec::new(), SourceSpan::default());
-        let no = || Expression { kind: Is::Truth(false), place: SourceSpan::default() };
+        let truth = |holds| Expression { kind: Is::Truth(holds), place: SourceSpan::default() };
         let mut begins = vec![
             (Switch::Frame.slot(), unknown(Reason::FrameSelected)),
             (Switch::Tool.slot(), unknown(Reason::ToolSelected)),
         ];
-        let unset = [CONCURRENT, ANY[0], ANY[1]].into_iter().chain(FRAMES..register);
-        begins.extend(unset.map(|slot| (Slot::Global(slot), no())));
+        let slots = [CONCURRENT, ANY[0], ANY[1]].into_iter().chain(FRAMES..register);
+        begins.extend(slots.map(|slot| (Slot::Global(slot), truth(set.contains(&slot)))));
         begins.extend(displaced.map(|why| (Switch::Shift.slot(), unknown(why))));
         if self.counts {
             begins.push((Slot::Global(POSITIONS), table(positions)));

@@ -120,14 +120,20 @@ impl Dialect for UrScript {
                 Content::Nothing.into()
             }
             Builtin::SetPayload => {
-                let both: Option<Vec<Value>> =
-                    [given("m", 0), given("cog", 1)].into_iter().map(Option::<&_>::cloned).collect();
-                let known = both.filter(|both| both[0].number().is_some() && both[1].numbers().is_some());
-                // Without a centre of gravity, or a mass, the other one is what it was before.
-                store.set(
-                    Switch::Load,
-                    known.map_or_else(|| Content::Nothing.into(), |both| Content::List(both.into()).into()),
-                );
+                // A mass or a centre of gravity that is not given stays what it was. Further arguments are the inertia and a time.
+                let before = match &store.get(Switch::Load.slot()).content {
+                    Content::List(both) => both.to_vec(),
+                    _ => Vec::new(),
+                };
+                let given: Vec<&Value> = arguments.values().take(2).collect();
+                let is_known = given.iter().all(|value| value.number().is_some() || value.numbers().is_some());
+                let all = || given.iter().copied().chain(&before);
+                let mass = all().find(|value| value.number().is_some());
+                let cog = all().find(|value| value.numbers().is_some());
+                let both = mass.zip(cog).filter(|_| is_known);
+                let load =
+                    both.map_or(Content::Nothing, |(mass, cog)| Content::List([mass, cog].map(Clone::clone).into()));
+                store.set(Switch::Load, load.into());
                 Content::Nothing.into()
             }
             Builtin::Shifts => {

@@ -49,8 +49,8 @@ impl<'a> Runner<'a> {
         self.forget_what_lasts();
     }
 
-    /// Numbers and switches of data lists that the program assigns are unknown at the start, because they keep their values from the last
-    /// run.
+    /// Data of data lists that the program assigns are unknown at the start, because they keep their values from the last run. The tables
+    /// of frames are those of the controller.
     fn forget_what_lasts(&mut self) {
         let mut changes = Changes::default();
         // The effects of the routines in BAS.SRC are known.
@@ -59,9 +59,8 @@ impl<'a> Runner<'a> {
         }
         for id in changes.ids.into_iter().filter(|id| !self.symbols.is_own_state(*id)).collect::<Vec<_>>() {
             let value = &self.symbols.start[id];
-            if matches!(value, Value::Number(..) | Value::Bool(_) | Value::Constant(_)) {
-                let value = value.clone().forgotten(Reason::LastRun);
-                self.symbols.start[id] = value;
+            if !matches!(value, Value::Unknown(..)) && !self.symbols.is_table(id) {
+                self.symbols.start[id] = value.clone().all_forgotten(Reason::LastRun);
             }
         }
     }

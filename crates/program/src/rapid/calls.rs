@@ -42,12 +42,9 @@ impl<'a> Runner<'a> {
     /// Routines that a block calls by name.
     pub(super) fn calls(&self, id: RoutineId, block: &'a [Statement]) -> impl Iterator<Item = RoutineId> {
         let (bytes, module) = (self.bytes(id.file), self.symbols.module_of(id));
-        statements(block).into_iter().filter_map(Statement::call).filter_map(move |call| {
-            let name = match &call.late {
-                Some(name) => name.routine_named(bytes)?,
-                None => &bytes[call.name.range()],
-            };
-            self.symbols.find_routine(module, name)
+        statements(block).into_iter().filter_map(Statement::call).filter_map(move |call| match &call.late {
+            Some(name) => self.symbols.find_routine_in_text(module, name.text_literal(bytes)?),
+            None => self.symbols.find_routine(module, &bytes[call.name.range()]),
         })
     }
 
@@ -144,7 +141,7 @@ impl<'a> Runner<'a> {
         let Value::Text(name) = self.evaluate(scope, name) else {
             return self.enter_any(scope, call, span, b"");
         };
-        match self.symbols.find_routine(scope.module, without_module(&name)) {
+        match self.symbols.find_routine_in_text(scope.module, &name) {
             Some(id) => self.enter(scope, id, &call.arguments, span),
             None => {
                 self.keep_here(span, Reason::ProcedureMissing);
@@ -354,14 +351,9 @@ impl<'a> Runner<'a> {
 }
 
 impl Expression {
-    /// The routine that it names as a text literal: `"name"` or `"module:name"`.
-    pub(super) fn routine_named<'b>(&self, bytes: &'b [u8]) -> Option<&'b [u8]> {
+    /// The text of a literal: `"name"` or `"module:name"` where it names a routine.
+    pub(super) fn text_literal<'b>(&self, bytes: &'b [u8]) -> Option<&'b [u8]> {
         let text = bytes[self.span.range()].strip_prefix(b"\"")?.strip_suffix(b"\"")?;
-        matches!(self.kind, ExpressionKind::Text).then(|| without_module(text))
+        matches!(self.kind, ExpressionKind::Text).then_some(text)
     }
-}
-
-/// The name of a routine in a text `name` or `module:name`.
-pub(super) fn without_module(text: &[u8]) -> &[u8] {
-    text.rsplit(|b| *b == b':').next().unwrap_or_default()
 }

@@ -347,7 +347,7 @@ impl<'s, 'a> Scan<'s, 'a> {
 
     /// The routine that a text literal names.
     fn routine_named(&self, name: &Expression) -> Option<RoutineId> {
-        self.symbols.find_routine(self.symbols.module_of(self.id), name.routine_named(self.bytes)?)
+        self.symbols.find_routine_in_text(self.symbols.module_of(self.id), name.text_literal(self.bytes)?)
     }
 
     fn unknown(&mut self, arguments: &Arguments) {

@@ -1,7 +1,6 @@
 //! Executed motions: their targets, tools, work objects and speeds, and which of their numbers may be edited.
 
 use super::arguments::is_unit;
-use super::calls::without_module;
 use super::changes::is_synchronised;
 use super::eval::Scope;
 use super::expression::{Arguments, Call, Expression, ExpressionKind};
@@ -130,7 +129,7 @@ impl<'a> Runner<'a> {
         self.counters.events += 1;
         let name = procedure.map(|name| self.evaluate(scope, name));
         let id = match &name {
-            Some(Value::Text(name)) => self.symbols.find_routine(scope.module, without_module(name)),
+            Some(Value::Text(name)) => self.symbols.find_routine_in_text(scope.module, name),
             _ => None,
         };
         let changes = id.map(|id| self.symbols.changed_by(id).clone()).unwrap_or_else(Changes::anything);

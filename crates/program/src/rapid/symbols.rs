@@ -92,6 +92,8 @@ pub(super) struct Symbols<'a> {
     pub(super) routines: HashMap<Box<[u8]>, RoutineId>,
     /// LOCAL routines of each module.
     pub(super) local_routines: Vec<HashMap<Box<[u8]>, RoutineId>>,
+    /// Modules by their name in upper case.
+    modules: HashMap<Box<[u8]>, usize>,
     /// For each file, the number of modules in the files before.
     pub(super) first_module: Vec<usize>,
     pub(super) variables: Vec<Variable<'a>>,
@@ -118,6 +120,7 @@ impl<'a> Symbols<'a> {
             local: Vec::new(),
             routines: HashMap::new(),
             local_routines: Vec::new(),
+            modules: HashMap::new(),
             first_module: Vec::new(),
             variables: Vec::new(),
             data: 0,
@@ -131,6 +134,7 @@ impl<'a> Symbols<'a> {
             symbols.first_module.push(symbols.local.len());
             for (m, module) in file.modules.iter().enumerate() {
                 let id = symbols.local.len();
+                symbols.modules.entry(Box::from(&*Upper::new(&bytes[module.name.range()]))).or_insert(id);
                 symbols.local.push(Names::new());
                 symbols.local_routines.push(HashMap::new());
                 for data in &module.data {
@@ -179,6 +183,13 @@ impl<'a> Symbols<'a> {
         let key = Upper::new(name);
         let local = self.local_routines.get(module).filter(|l| !l.is_empty()).and_then(|l| l.get(&*key));
         local.or_else(|| self.routines.get(&*key)).copied()
+    }
+
+    /// The routine that a text `name` or `module:name` means in `module`.
+    pub(super) fn find_routine_in_text(&self, module: usize, text: &[u8]) -> Option<RoutineId> {
+        let Some(colon) = text.iter().rposition(|byte| *byte == b':') else { return self.find_routine(module, text) };
+        let named = *self.modules.get(&*Upper::new(&text[..colon]))?;
+        self.find_routine(named, &text[colon + 1..]).filter(|id| self.module_of(*id) == named)
     }
 
     /// The data that a name means in `module`.

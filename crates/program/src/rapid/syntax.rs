@@ -66,8 +66,8 @@ impl Parser<'_> {
             match self.key_of(lexeme) {
                 Some(Key::Module) => {
                     self.cursor.pass(lexeme);
-                    self.module_head();
-                    let module = self.module()?;
+                    let name = self.module_head();
+                    let module = self.module(name)?;
                     if self.cursor.peek().kind == LexemeKind::End && !self.ended {
                         let last = self.cursor.behind;
                         self.file.cut = Some(Span::new(last.saturating_sub(1), last));
@@ -79,7 +79,7 @@ impl Parser<'_> {
                 Some(
                     Key::Proc | Key::Func | Key::Trap | Key::Local | Key::Task | Key::Var | Key::Pers | Key::Const,
                 ) => {
-                    let module = self.module()?;
+                    let module = self.module(Span::default())?;
                     self.file.modules.push(module);
                 }
                 Some(Key::EndModule) => self.cursor.pass(lexeme),
@@ -93,9 +93,10 @@ impl Parser<'_> {
         }
     }
 
-    /// The name, which may begin with a digit, and `(SYSMODULE, NOSTEPIN …)`.
-    fn module_head(&mut self) {
+    /// The name, which may begin with a digit, and `(SYSMODULE, NOSTEPIN …)`. Returns the span of the name.
+    fn module_head(&mut self) -> Span {
         self.cursor.skip();
+        let start = self.cursor.at;
         while self.cursor.at < self.cursor.end {
             let byte = self.cursor.bytes[self.cursor.at];
             if super::lex::is_space(byte) || matches!(byte, b'(' | b'!' | b';') {
@@ -103,13 +104,15 @@ impl Parser<'_> {
             }
             self.cursor.at += 1;
         }
+        let name = Span::new(start, self.cursor.at);
         if self.cursor.accept(LexemeKind::Mark(b'(')).is_some() {
             while !matches!(self.cursor.next().kind, LexemeKind::Mark(b')') | LexemeKind::End) {}
         }
+        name
     }
 
-    fn module(&mut self) -> Result<Module, TooDeep> {
-        let mut module = Module::default();
+    fn module(&mut self, name: Span) -> Result<Module, TooDeep> {
+        let mut module = Module { name, ..Module::default() };
         self.ended = false;
         loop {
             let start = self.cursor.peek();

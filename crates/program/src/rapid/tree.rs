@@ -22,6 +22,8 @@ pub(super) struct File {
 
 #[derive(Debug, Default)]
 pub(super) struct Module {
+    /// Its name; empty for routines and data without a module.
+    pub(super) name: Span,
     pub(super) data: Vec<Data>,
     pub(super) records: Vec<Record>,
     pub(super) routines: Vec<Routine>,
