@@ -15,7 +15,7 @@ use super::travel::CHORD;
 use super::{Options, Prepared};
 use deflex_cell::Cell;
 use deflex_drive::Track;
-use deflex_effects::{Parts, ToolFrame};
+use deflex_effects::{Need, Parts, ToolFrame};
 use deflex_equilibrium::{Dragged, Setting, direction};
 use deflex_lanes::WIDTH;
 use deflex_program::{ArcTurn, Editable, Goal, Language, Mark, Motion, Predecessor, Program, Reason, Role, Target};
@@ -547,7 +547,7 @@ impl Walk<'_, '_> {
         // A cut along the tool axis takes its directions from the cut before it, which is not computed if that was kept.
         let frame_is_unknown =
             !has_frame && self.carried.laws.keeps_frame() && self.last().is_some_and(|last| last.unsolved.is_some());
-        starts_unknown && (follows_the_way || arm.follows_travel() || arm.follows_speed())
+        starts_unknown && (follows_the_way || arm.follows_travel() || arm.needs(Need::Speed))
             || frame_is_unknown && follows_the_way
             || self.carried.unknown_travel.amax() > UNKNOWN_TRAVEL
     }

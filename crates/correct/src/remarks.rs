@@ -6,7 +6,8 @@ use super::correction::Correction;
 use super::laws::Laws;
 use super::messages::Repeated;
 use super::{KeptReason, Prepared};
-use deflex_program::{Language, Mark, Target};
+use deflex_effects::Need;
+use deflex_program::{Language, Mark, Predecessor, Target};
 use deflex_robot::StartedFrom;
 use deflex_text::{Diagnostic, Severity, Span};
 
@@ -41,6 +42,7 @@ pub(super) fn repeated(context: Context<'_>, prepared: &Prepared) -> Repeated {
     let mut repeated = Repeated::default();
     doubtful_cuts(context, prepared, &mut repeated);
     unweighed_loads(context, &mut repeated);
+    uncertain_sums(context, &mut repeated);
     unsolved(context, prepared, &mut repeated);
     repeated
 }
@@ -83,6 +85,21 @@ fn unweighed_loads(Context { program, cell, .. }: Context<'_>, repeated: &mut Re
                        the tooldata";
         let said = program.error_at(target, "rapid.load", message).severity(Severity::Warning);
         repeated.say(said.help("give the tool's tooldata the whole load where it holds for all of the program"));
+    }
+}
+
+/// Warns that wear, creep or heat is not known where it is not known which motions come before.
+fn uncertain_sums(Context { program, cell, .. }: Context<'_>, repeated: &mut Repeated) {
+    let arm = &cell.arm;
+    if !(arm.needs(Need::CutLength) || arm.needs(Need::Time) || arm.follows_load()) {
+        return;
+    }
+    let is_uncertain = |target: &&Target| target.is_end() && target.predecessor == Predecessor::Unknown;
+    for target in program.targets.iter().filter(is_uncertain) {
+        let message = "which motions come before this one is known only at run time, and an effect of the cell grows with \
+                       the length cut or with time: each motion counts once";
+        let said = program.error_at(target, "effect.uncertain-sum", message).severity(Severity::Warning);
+        repeated.say(said.help("write loops with known numbers of rounds, or leave the effect out of the cell"));
     }
 }
 

@@ -41,11 +41,11 @@ impl Arm {
         self.effects.iter().any(|effect| effect.presliding().is_some())
     }
 
-    /// Whether any effect depends on the velocity of the programmed motion.
+    /// Whether any effect needs this.
     #[must_use]
     #[doc(hidden)]
-    pub fn follows_speed(&self) -> bool {
-        self.effects.iter().any(|effect| effect.needs().contains(&Need::Speed))
+    pub fn needs(&self, need: Need) -> bool {
+        self.effects.iter().any(|effect| effect.needs().contains(&need))
     }
 
     /// Whether any effect depends on the cutting forces at the targets before: gears that creep, and friction with a presliding angle.

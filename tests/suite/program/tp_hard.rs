@@ -113,17 +113,16 @@ const HARD: &[Hard] = &[
         ..PLAIN
     },
     Hard {
+        // The first motion has these values in the next cycle.
         what: "values of a frame set by a position register",
         statements: "L P[1] 10mm/sec FINE\nUFRAME[1]=PR[3]\nL P[2] 10mm/sec FINE\nUFRAME[2]=PR[3]",
-        edited: &[1],
-        kept: &[(3, REDEFINED)],
+        kept: &[(1, REDEFINED), (3, REDEFINED)],
         ..PLAIN
     },
     Hard {
         what: "the same by a system variable, of whichever frame",
         statements: "L P[1] 10mm/sec FINE\n$MNUFRAME[1,1]=PR[3]\nL P[2] 10mm/sec FINE",
-        edited: &[1],
-        kept: &[(3, REDEFINED)],
+        kept: &[(1, REDEFINED), (3, REDEFINED)],
         ..PLAIN
     },
     Hard {
@@ -543,7 +542,7 @@ fn frames_that_called_programs_set_hold_no_longer() {
         let hard = Hard { what: called, statements: "L P[1] 10mm/sec FINE\nCALL OTHER\nL P[2] 10mm/sec FINE", ..PLAIN };
         let program = read(&hard, &[&other, SUB1, SUB2]);
         let kept: Vec<_> = program.kept.iter().map(|kept| (kept.line, kept.reason.text())).collect();
-        assert_eq!(kept, [(6, REDEFINED)], "{called}");
+        assert_eq!(kept, [(4, REDEFINED), (6, REDEFINED)], "{called}");
         // The same in the program itself.
         let own = format!("L P[3] 10mm/sec FINE\n{}\nL P[2] 10mm/sec FINE", called.replace("\n-", "\n "));
         let hard = Hard { what: called, statements: "", ..PLAIN };

@@ -57,11 +57,16 @@ impl<'a> Runner<'a> {
         for id in self.symbols.all().filter(|id| !self.symbols.is_bas(id.file)).collect::<Vec<_>>() {
             self.changes_of(id, &mut changes);
         }
-        for id in changes.ids.into_iter().filter(|id| !self.symbols.is_own_state(*id)).collect::<Vec<_>>() {
-            let value = &self.symbols.start[id];
-            if !matches!(value, Value::Unknown(..)) && !self.symbols.is_table(id) {
-                self.symbols.start[id] = value.clone().all_forgotten(Reason::LastRun);
-            }
+        let lasts = |id: Id| !self.symbols.is_own_state(id) && !self.symbols.is_table(id);
+        let wholes: Vec<Id> = changes.ids.iter().copied().filter(|id| lasts(*id)).collect();
+        let parts: Vec<_> = changes.components.into_iter().filter(|(id, _)| lasts(*id)).collect();
+        for id in wholes {
+            let value = self.symbols.start[id].clone();
+            self.symbols.start[id] = value.parts_forgotten(Reason::LastRun);
+        }
+        for (id, component) in parts {
+            let value = self.symbols.start[id].clone();
+            self.symbols.start[id] = value.component_forgotten(&component, Reason::LastRun);
         }
     }
 
@@ -240,7 +245,7 @@ impl<'a> Runner<'a> {
         let ended = self.enter(id, &values, &aliased);
         if let (Err(Stop::Ends), Some(before)) = (&ended, before) {
             self.state = before;
-            self.state.loosen(changes.ids.iter().copied());
+            self.state.loosen(changes.all_ids());
         }
         let left = match ended {
             Err(Stop::Ends) if self.resumes => Vec::new(),

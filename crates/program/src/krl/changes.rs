@@ -1,6 +1,6 @@
 //! Finds the data that statements could change, without running the statements.
 
-use super::expression::{Call, Expression, ExpressionPart, Path, Setting};
+use super::expression::{Call, Expression, ExpressionPart, Path, PathStep, Setting};
 use super::names;
 use super::run::Runner;
 use super::state::Changes;
@@ -67,11 +67,18 @@ impl<'a> Runner<'a> {
     }
 
     fn changed(&mut self, name: &Name, scope: &Scope<'_>, changes: &mut Changes) {
-        if let Some(id) = scope.own.and_then(|own| own.get(name)) {
-            changes.ids.insert(*id);
-        } else if !scope.hidden.contains(name) {
-            changes.ids.insert(self.symbols.find(scope.file, name));
-        }
+        changes.ids.extend(self.found(name, scope));
+        self.frames_follow(name, changes);
+    }
+
+    /// The variable of a name; `None` for data of a routine that is not followed.
+    fn found(&mut self, name: &Name, scope: &Scope<'_>) -> Option<Id> {
+        let own = scope.own.and_then(|own| own.get(name)).copied();
+        own.or_else(|| (!scope.hidden.contains(name)).then(|| self.symbols.find(scope.file, name)))
+    }
+
+    /// Adds base and tool if they depend on the variable of this name.
+    fn frames_follow(&self, name: &Name, changes: &mut Changes) {
         // Base and tool also change when the frame changes from which they are counted.
         let (base, tool) = match &name[..] {
             b"$BASE" | b"$ROBROOT" | b"$ERSYSROOT" => (true, false),
@@ -126,8 +133,20 @@ impl<'a> Runner<'a> {
         let is_assignment = matches!(statement.kind, StatementKind::Assign(_));
         for Setting { to, .. } in statement.settings() {
             // Settings of the controller in WITH are restored after the statement.
-            if is_assignment || to.name.first() != Some(&b'$') {
-                self.changed(&to.name, scope, changes);
+            if !is_assignment && to.name.first() == Some(&b'$') {
+                continue;
+            }
+            let component = to.steps.iter().find_map(|step| match step {
+                PathStep::Component(name, _) => Some(name),
+                PathStep::Index(_) => None,
+            });
+            match component {
+                Some(component) => {
+                    let part = self.found(&to.name, scope).map(|id| (id, component.clone()));
+                    changes.components.extend(part);
+                    self.frames_follow(&to.name, changes);
+                }
+                None => self.changed(&to.name, scope, changes),
             }
         }
         for call in statement.calls() {
@@ -161,19 +180,23 @@ impl<'a> Runner<'a> {
             }
             return;
         }
-        let is_given_away = match self.symbols.find_routine(scope.file, &call.name) {
+        // A copy is all that a parameter with `:IN` gets.
+        let lent: Vec<&Name> = match self.symbols.find_routine(scope.file, &call.name) {
             Some(id) => {
                 self.changes_of(id, changes);
-                true
+                let params = &self.symbols.routine(id).params;
+                call.variables()
+                    .filter(|(at, _)| params.get(*at).is_none_or(|param| param.is_out))
+                    .map(|(_, name)| name)
+                    .collect()
             }
             None => {
                 let starts = matches!(first, Some(Expression::Known(value)) if value.index() == Some(1));
-                self.add_system(&call.name, starts || scope.is_handler, changes)
+                let is_given_away = self.add_system(&call.name, starts || scope.is_handler, changes);
+                call.variables().filter(|_| is_given_away).map(|(_, name)| name).collect()
             }
         };
-        if is_given_away {
-            call.variables().for_each(|name| self.changed(name, scope, changes));
-        }
+        lent.into_iter().for_each(|name| self.changed(name, scope, changes));
     }
 
     /// Adds a change of base or tool, which also changes the frame of the position before.
@@ -214,7 +237,7 @@ impl<'a> Runner<'a> {
     /// The variables that may have changed.
     pub(super) fn changed_ids(&self, changes: &Changes) -> BTreeSet<Id> {
         let all = if changes.anything { self.symbols.visible() } else { Vec::new() };
-        changes.ids.iter().copied().chain(all).collect()
+        changes.all_ids().chain(all).collect()
     }
 
     /// Whether the value of an expression may depend on the changes.

@@ -158,10 +158,12 @@ impl Call {
         Span::new(end - self.name.len(), end)
     }
 
-    /// Names of the variables among the arguments.
-    pub(super) fn variables(&self) -> impl Iterator<Item = &Name> {
-        let given = self.arguments.iter().flatten();
-        given.filter_map(|given| if let Expression::Path(path) = given { Some(&path.name) } else { None })
+    /// Names of the variables among the arguments, with the place of each argument.
+    pub(super) fn variables(&self) -> impl Iterator<Item = (usize, &Name)> {
+        self.arguments.iter().enumerate().filter_map(|(at, given)| match given {
+            Some(Expression::Path(path)) => Some((at, &path.name)),
+            _ => None,
+        })
     }
 }
 

@@ -1,7 +1,7 @@
 //! The state at a place of the program: the values of data that differ from their start values, by number.
 
 use super::symbols::{Id, RoutineId};
-use super::value::Value;
+use super::value::{Name, Value};
 use crate::Reason;
 use deflex_lang::ir::SourceSpan;
 use std::collections::{BTreeMap, BTreeSet, HashSet};
@@ -10,11 +10,21 @@ use std::rc::Rc;
 /// The changes that some statements could make.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Changes {
+    /// Data that may change as a whole.
     pub(super) ids: BTreeSet<Id>,
+    /// Components that may change of records, or of the records in arrays.
+    pub(super) components: BTreeSet<(Id, Name)>,
     /// Whether everything may change that other files see, including base and tool.
     pub(super) anything: bool,
     /// Routines that were scanned.
     pub(super) through: BTreeSet<RoutineId>,
+}
+
+impl Changes {
+    /// The data that may change, as a whole or in part.
+    pub(super) fn all_ids(&self) -> impl Iterator<Item = Id> {
+        self.ids.iter().copied().chain(self.components.iter().map(|(id, _)| *id))
+    }
 }
 
 /// The state of the run. Data without a value here have their start values.

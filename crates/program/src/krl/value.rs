@@ -233,6 +233,45 @@ impl Value {
         Self::Array(items)
     }
 
+    /// The same for each number in it, so that what a further assignment leaves out stays unknown.
+    pub(super) fn parts_forgotten(self, why: Reason) -> Self {
+        let forget = |part: &mut Self| *part = std::mem::replace(part, Self::Bool(false)).parts_forgotten(why);
+        match self {
+            Self::Array(mut items) => {
+                Rc::make_mut(&mut items).values_mut().for_each(forget);
+                Self::Array(items)
+            }
+            Self::Record(mut parts) => {
+                Rc::make_mut(&mut parts).iter_mut().for_each(|(_, part)| forget(part));
+                Self::Record(parts)
+            }
+            unknown @ Self::Unknown(..) => unknown,
+            known => known.forgotten(why),
+        }
+    }
+
+    /// The same for one component of a record, or of all records in an array.
+    pub(super) fn component_forgotten(self, component: &Name, why: Reason) -> Self {
+        match self {
+            Self::Array(mut items) => {
+                for item in Rc::make_mut(&mut items).values_mut() {
+                    *item = std::mem::replace(item, Self::Bool(false)).component_forgotten(component, why);
+                }
+                Self::Array(items)
+            }
+            Self::Record(mut parts) => {
+                let own = Rc::make_mut(&mut parts);
+                match own.iter_mut().find(|(name, _)| name == component) {
+                    Some((_, value)) => *value = std::mem::replace(value, Self::Bool(false)).forgotten(why),
+                    // The last run has added it.
+                    None => own.push((component.clone(), Self::unknown(why))),
+                }
+                Self::Record(parts)
+            }
+            other => other,
+        }
+    }
+
     /// Numbers of components; `None` if one is missing or unknown.
     pub(super) fn numbers<const N: usize>(&self, names: [&[u8]; N]) -> Option<[f64; N]> {
         let mut out = [0.0; N];
