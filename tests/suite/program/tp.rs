@@ -378,3 +378,17 @@ fn posted_cl_data_are_programs_that_read_back() {
         |bytes: &Vec<u8>| tp::read(vec![Source::new("p.ls", bytes.clone())], Vec::new()).unwrap().targets.len();
     assert_eq!(parts[1..].iter().map(|(_, bytes)| read_back(bytes)).collect::<Vec<_>>(), [5, 5, 3]);
 }
+
+/// A speed in a register is that of the register where it is known.
+#[test]
+fn a_speed_in_a_register_is_followed() {
+    let pose = "GP1:\nUF : 1, UT : 1, CONFIG : 'N U T, 0, 0, 0',\nX = 1.0 mm, Y = 0.0 mm, Z = 0.0 mm,\n\
+                W = 180.0 deg, P = 0.0 deg, R = 0.0 deg\n";
+    let text = format!(
+        "/PROG P\n/ATTR\n/MN\n1:R[1]=20 ;\n2:L P[1] R[1]mm/sec FINE ;\n3:R[1]=30 ;\n4:L P[1] R[1]cm/min FINE ;\n\
+         5:R[1]=AI[1] ;\n6:L P[1] R[1]mm/sec FINE ;\n/POS\nP[1]{{\n{pose}}};\n/END\n"
+    );
+    let program = tp::read(vec![Source::new("p.ls", text)], Vec::new()).unwrap();
+    let feeds: Vec<Option<f64>> = program.targets.iter().map(|target| target.feed_mm_s).collect();
+    assert_eq!(feeds, [Some(20.0), Some(5.0), None]);
+}

@@ -3,7 +3,7 @@
 use super::code::Code;
 use super::effects::{Calls, Effect};
 use super::expression::{self, condition, expression};
-use super::motion::{Motion, Point};
+use super::motion::{Motion, Point, Speed};
 use super::statement::{self, Frame, StatementKind as Written};
 use super::{ANY, CONCURRENT, FRAMES, POSITIONS, STANDS, Tp, builtin};
 use crate::Span;
@@ -317,7 +317,10 @@ impl<'a> Lowering<'a> {
             path: motion.path,
             via: motion.via.map(position),
             to: Some(position(motion.end)),
-            speed: None,
+            speed: match motion.speed {
+                Some(Speed::Register { text, .. }) => Some(expression(text, self.place)),
+                Some(Speed::Number(_)) | None => None,
+            },
             blend: None,
             others: counts.into_iter().collect(),
         };

@@ -31,7 +31,7 @@ pub use code::Code;
 pub use effects::Calls;
 pub use expression::count;
 pub use lower::{Held, lower};
-pub use motion::{Lasting, Motion, Point, lasting};
+pub use motion::{Lasting, Motion, Point, Speed, lasting};
 pub use statement::{Frame, NamedPosition, StatementKind, kind, positions_named, runs};
 
 /// Numbers of the routines to which programs are lowered.

@@ -19,7 +19,7 @@ use std::ops::Range;
 /// let text = b"1:L P[1] 10mm/sec FINE ;\n";
 /// let lines = lines::statements(text, 0..text.len());
 /// let StatementKind::Motion(motion) = kind(&lines[0]) else { panic!("a motion") };
-/// assert_eq!(motion.feed_mm_s, Some(10.0));
+/// assert_eq!(motion.speed, Some(deflex_lang::tp::Speed::Number(10.0)));
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion<'a> {
@@ -29,8 +29,8 @@ pub struct Motion<'a> {
     pub via: Option<Point<'a>>,
     /// Its end.
     pub end: Point<'a>,
-    /// Speed of the TCP, mm/s, if it is written as a number in such a unit.
-    pub feed_mm_s: Option<f64>,
+    /// Speed of the TCP, if it is written in such a unit.
+    pub speed: Option<Speed<'a>>,
     /// Why the motion does not end at its point, or not with this robot alone.
     pub moved: Option<Reason>,
     /// Whether its path is a line or an arc in the frame that another motion group carries (`COORD`).
@@ -53,6 +53,30 @@ impl Motion<'_> {
     pub(crate) fn counts_on(&self) -> bool {
         self.moved == Some(Reason::Increment)
     }
+}
+
+/// The speed of the TCP in a motion.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::tp::{Speed, StatementKind, kind, lines};
+///
+/// let text = b"1:L P[1] R[4]cm/min FINE ;\n";
+/// let lines = lines::statements(text, 0..text.len());
+/// let StatementKind::Motion(motion) = kind(&lines[0]) else { panic!("a motion") };
+/// assert_eq!(motion.speed, Some(Speed::Register { text: b"R[4]", unit_mm_s: 10.0 / 60.0 }));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Speed<'a> {
+    /// mm/s
+    Number(f64),
+    /// The number in a register, times the unit.
+    Register {
+        /// The register as written.
+        text: &'a [u8],
+        /// The unit, mm/s.
+        unit_mm_s: f64,
+    },
 }
 
 /// The end of a motion.
@@ -82,7 +106,7 @@ pub(super) fn motion(text: &[u8]) -> Option<Motion<'_>> {
         'C' => point(rest).ok().map(|(rest, point)| (rest, Some(point)))?,
         _ => (rest, None),
     };
-    let (rest, feed_mm_s) = speed(rest).unwrap_or((rest, None));
+    let (rest, speed) = speed(rest).unwrap_or((rest, None));
     let (via, end) = second.map_or((None, first), |second| (Some(first), second));
     let path = match letter.to_ascii_uppercase() {
         'J' => Path::Joint,
@@ -98,7 +122,7 @@ pub(super) fn motion(text: &[u8]) -> Option<Motion<'_>> {
         path,
         via,
         end,
-        feed_mm_s,
+        speed,
         moved,
         coordinated: false,
         runs_others: false,
@@ -128,11 +152,11 @@ fn point(input: &[u8]) -> Parsed<'_, Point<'_>> {
 const INCH: f64 = 25.4;
 const MINUTE: f64 = 60.0;
 
-/// `500mm/sec`, `R[1]cm/min`, `100%`, `max_speed`: the speed in mm/s, if it is a path speed that is written as a number.
-fn speed(input: &[u8]) -> Parsed<'_, Option<f64>> {
-    let number = map(number_token, value_of);
-    let register = map((word, brackets), |_| None);
-    let (rest, value) = spaced(alt((number, register))).parse(input)?;
+/// `500mm/sec`, `R[1]cm/min`, `100%`, `max_speed`: the speed, if it is a path speed.
+fn speed(input: &[u8]) -> Parsed<'_, Option<Speed<'_>>> {
+    let number = map(number_token, |token| value_of(token).map(Speed::Number));
+    let register = map(recognize((word, brackets)), |text| Some(Speed::Register { text, unit_mm_s: 1.0 }));
+    let (rest, speed) = spaced(alt((number, register))).parse(input)?;
     let mut unit = alt((
         map(alt((tag_no_case("mm/sec"), tag_no_case("mm/sek"))), |_| Some(1.0)),
         map(tag_no_case("cm/min"), |_| Some(10.0 / MINUTE)),
@@ -144,7 +168,11 @@ fn speed(input: &[u8]) -> Parsed<'_, Option<f64>> {
         map(recognize((word, opt((tag("/"), word)))), |_| None),
     ));
     let (rest, unit) = unit.parse(rest)?;
-    Ok((rest, value.zip(unit).map(|(value, unit)| value * unit).filter(|speed| *speed > 0.0)))
+    let in_unit = |(speed, unit)| match speed {
+        Speed::Number(value) => Some(Speed::Number(value * unit)).filter(|_| value > 0.0),
+        Speed::Register { text, .. } => Some(Speed::Register { text, unit_mm_s: unit }),
+    };
+    Ok((rest, speed.zip(unit).and_then(in_unit)))
 }
 
 /// The meaning of a motion option.
@@ -381,7 +409,6 @@ mod tests {
             ("L P[1] 90cm/min CNT50", Some(15.0)),
             ("L P[1] 60.0inch/min CNT50", Some(25.4)),
             ("L P[1] 1500mm/sek CNT0 ACC100", Some(1500.0)),
-            ("L P[1] R[1:v]mm/sec FINE", None),
             ("L P[1] 2.5sec FINE", None),
             ("L P[1] 300msec FINE", None),
             ("L P[1] 50deg/sec FINE", None),
@@ -389,8 +416,10 @@ mod tests {
             ("J P[1] 100% CNT100", None),
         ] {
             let read = read(text);
-            assert_eq!((read.feed_mm_s, read.moved), (feed, None), "{text}");
+            assert_eq!((read.speed, read.moved), (feed.map(Speed::Number), None), "{text}");
         }
+        let register = Speed::Register { text: b"R[1:v]", unit_mm_s: 10.0 / 60.0 };
+        assert_eq!(read("L P[1] R[1:v]cm/min FINE").speed, Some(register));
     }
 
     #[test]

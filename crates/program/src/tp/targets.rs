@@ -12,7 +12,7 @@ use crate::{
 };
 use deflex_lang::ir;
 use deflex_lang::run::{Outcome, PathStart};
-use deflex_lang::tp::{self, Frame, Held, Motion, StatementKind};
+use deflex_lang::tp::{self, Frame, Held, Motion, Speed, StatementKind};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -166,7 +166,13 @@ impl<'a> Builder<'a> {
             goal,
             tool,
             wobj,
-            feed_mm_s: motion.feed_mm_s,
+            feed_mm_s: match motion.speed {
+                Some(Speed::Number(mm_s)) => Some(mm_s),
+                Some(Speed::Register { unit_mm_s, .. }) => {
+                    visit.held.0.speed.map(|number| number * unit_mm_s).filter(|mm_s| *mm_s > 0.0)
+                }
+                None => None,
+            },
             spindle_rpm: None,
             rapid: false,
             mark,
