@@ -465,7 +465,7 @@ ENDMODULE
   },
   async "a plan's postures in their order"() {
     const cell = join(root, "tests/fixtures/faint/cell.toml");
-    deflex("plan", "--cell", cell, "--rows", "40", "-q", "-o", at("plan.mod"), "--json", at("plan.json"), "--html", at("plan.html"));
+    deflex("plan", "--cell", cell, "--rows", "12", "-q", "-o", at("plan.mod"), "--json", at("plan.json"), "--html", at("plan.html"));
     const page = await open("plan");
     const { rows } = json("plan.json");
     const shown = await page.evaluate(() => {

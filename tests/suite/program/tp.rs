@@ -392,3 +392,25 @@ fn a_speed_in_a_register_is_followed() {
     let feeds: Vec<Option<f64>> = program.targets.iter().map(|target| target.feed_mm_s).collect();
     assert_eq!(feeds, [Some(20.0), Some(5.0), None]);
 }
+
+/// A bound in a register that the loop leaves alone is known.
+#[test]
+fn a_loop_to_the_number_in_a_register_is_followed() {
+    let pose = |n: u32| {
+        format!(
+            "P[{n}]{{\nGP1:\nUF : 1, UT : 1, CONFIG : 'N U T, 0, 0, 0',\nX = {n}.0 mm, Y = 0.0 mm, Z = 0.0 mm,\n\
+             W = 180.0 deg, P = 0.0 deg, R = 0.0 deg\n}};\n"
+        )
+    };
+    let count = |body: &str| {
+        let text = format!(
+            "/PROG P\n/ATTR\n/MN\n1:R[2]=3 ;\n2:FOR R[1]=1 TO R[2] ;\n3:L P[R[1]] 20mm/sec FINE ;\n{body}5:ENDFOR ;\n\
+             /POS\n{}{}{}/END\n",
+            pose(1),
+            pose(2),
+            pose(3)
+        );
+        tp::read(vec![Source::new("p.ls", text)], Vec::new()).unwrap().targets.len()
+    };
+    assert_eq!((count(""), count("4:R[3]=R[2] ;\n"), count("4:R[2]=R[3] ;\n"), count("4:CALL X ;\n")), (3, 3, 0, 0));
+}

@@ -70,6 +70,19 @@ fn an_effect_of_speed_needs_the_start_of_the_segment() {
     assert_eq!(rows.iter().map(is_kept).collect::<Vec<_>>(), [false, true, true, false]);
 }
 
+/// A plunge has the force of the cut before it. That of a cut that is kept is not computed.
+#[test]
+fn a_plunge_after_a_kept_cut_is_kept() {
+    let (arm, _) = CELL.split_once("[cut]").unwrap();
+    let cut = "[cut]\nforce = \"mechanistic\"\n[cut.cutter]\ndiameter_mm = 16.0\ncorner_radius_mm = 0.0\nteeth = 3\n\
+               helix_deg = 30.0\nspindle_rpm = 6000\n[cut.engagement]\nmode = \"slot\"\ndepth_mm = 3.0\nwidth_mm = 16.0\n\
+               lead_deg = 0.0\ntilt_deg = 0.0\n[cut.coefficients]\nmaterial = \"al7075\"\n";
+    let cell = cell(&(arm.to_owned() + cut));
+    let body = lines(&[[0.0, 0.0, 0.0], [50.0, 0.0, 0.0]]) + SOMEWHERE;
+    let rows = rows(&(body + &lines(&[[50.0, 80.0, 0.0], [50.0, 80.0, -20.0], [90.0, 80.0, -20.0]])), &cell);
+    assert_eq!(rows.iter().map(is_kept).collect::<Vec<_>>(), [false, false, true, true, true, false]);
+}
+
 /// The speed decides whether a motion cuts: with a speed that is known only at run time, that is not known.
 #[test]
 fn a_motion_that_may_cut_is_kept() {

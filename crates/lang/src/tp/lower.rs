@@ -8,13 +8,14 @@ use super::statement::{self, Frame, StatementKind as Written};
 use super::{ANY, CONCURRENT, FRAMES, POSITIONS, STANDS, Tp, builtin};
 use crate::Span;
 use crate::ir::{
-    self, Binary, Callee, Expression, ExpressionKind as Is, Function, FunctionId, Program, Slot, SourceSpan, Statement,
-    StatementKind, Switch, TokenId, Unary,
+    self, Argument, Binary, Callee, Expression, ExpressionKind as Is, Function, FunctionId, Program, Slot, SourceSpan,
+    Statement, StatementKind, Switch, TokenId, Unary,
 };
 use crate::reason::Reason;
 use crate::run::{self, Moved};
 use crate::value::{Content, Value, is_whole};
 use std::collections::BTreeSet;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Number of registers that are followed if the text computes their numbers: as many as a controller has by default.
@@ -387,18 +388,39 @@ impl<'a> Lowering<'a> {
         let Written::For(register, _, to, down) = &self.code.kinds[start] else { return vec![self.anywhere()] };
         let counter = || Expression::builtin(builtin::REGISTER, vec![expression(register, self.place)], self.place);
         let step = if *down { Binary::Subtract } else { Binary::Add };
-        // A bound in a register may have been changed on the way.
-        let mut last = expression(to, self.place);
-        let mut is_fixed = true;
-        last.each(&mut |part| is_fixed &= !matches!(part.kind, Is::Call(Callee::Builtin(builtin::REGISTER), _)));
-        if !is_fixed {
-            last = self.unknown();
-        }
+        let last = Some(expression(to, self.place)).filter(|last| self.is_fixed(last, register, start + 1..at));
+        let last = last.unwrap_or_else(|| self.unknown());
         let enters = self.within(counter(), last, *down);
         let next = self.set(register, counter().with(step, 1.0));
         // The manuals do not say which value the counter has after the loop.
         let lost = self.set(register, self.unknown());
         vec![next, self.go(start + 1, Some(enters)), StatementKind::Label(over(at)), lost]
+    }
+
+    /// Whether the bound of a loop is the same in each round. A bound in a register is if the statements of the loop run one after
+    /// the other and do not change it, and if it is not the counter: the manuals do not say when the controller reads it.
+    fn is_fixed(&self, bound: &Expression, counter: &[u8], body: Range<usize>) -> bool {
+        let mut registers = Vec::new();
+        bound.each(&mut |part| {
+            if let Is::Call(Callee::Builtin(builtin::REGISTER), of) = &part.kind {
+                registers.push(match of[..] {
+                    [Argument { value: Expression { kind: Is::Constant(number), .. }, .. }] => {
+                        expression::counted(number)
+                    }
+                    _ => None,
+                });
+            }
+        });
+        let is_other = |register: &[u8]| expression::count(register).is_some_and(|set| !registers.contains(&Some(set)));
+        let keeps = |kind: &Written<'_>| match kind {
+            Written::Motion(motion) => motion.skip.is_none() && motion.calls.is_empty() && !motion.runs_others,
+            Written::Register(register, _) | Written::For(register, ..) => is_other(register),
+            Written::If(_) | Written::Else | Written::EndIf | Written::EndFor => true,
+            Written::Select(..) | Written::Mark(_) | Written::Plain => true,
+            _ => false,
+        };
+        registers.is_empty()
+            || !registers.contains(&None) && is_other(counter) && self.code.kinds[body].iter().all(keeps)
     }
 
     /// Whether a count has not passed its end.
