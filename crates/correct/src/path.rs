@@ -392,7 +392,7 @@ impl Walk<'_, '_> {
                 _ => None,
             })
         });
-        // CL data without a feed are not known better at run time: such a motion counts as air.
+        // CL data without a feed have none at run time either: such a motion counts as air.
         let is_cut_unknown = self.program.language != Language::Cl
             && Laws::is_cut_unknown(self.cell, target)
             && !self.options.has_force_table(self.cell);
@@ -526,7 +526,7 @@ impl Walk<'_, '_> {
         }
     }
 
-    /// Updates what is unknown of the travel, after a motion to these motor angles.
+    /// Updates what is unknown of the travel of the joints, for a motion to these motor angles.
     fn follow_unknown_travel(&mut self, starts_unknown: bool, motor: &Joints) {
         let (arm, known) = (&self.cell.arm, Joints::zeros());
         self.carried.unknown_travel = match self.carried.near {

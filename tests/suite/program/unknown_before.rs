@@ -105,7 +105,7 @@ fn an_arc_with_an_unknown_start_is_kept() {
     assert!(is_kept(&rows[2]), "{rows:?}");
 }
 
-/// A counter that no known test compares does not make a loop longer than the program is worth.
+/// The known test in the loop never ends it, and the counter makes each round another state: the rounds are joined.
 #[test]
 fn a_loop_that_no_known_test_ends_is_read_at_once() {
     let body = format!("WHILE di1=1 DO\n{}IF bDry RETURN;\nn:=n+1;\nENDWHILE\n", lines(&[[0.0, 0.0, 0.0]]));
