@@ -231,7 +231,7 @@ fn program(lines: &[Line], ends: &str) -> String {
 const SOME_CHUNKS: std::ops::Range<usize> = 3 * CHUNK / 140..5 * CHUNK / 140;
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
 
     #[test]
     fn any_straight_program_gives_the_same_in_chunks(

@@ -278,7 +278,7 @@ fn beyond_ends(way: &[[f64; 6]], axis: usize) -> (f64, f64) {
 #[test]
 fn a_limit_that_is_passed_between_targets_is_found_whatever_the_length() {
     const STEPS: usize = 2000;
-    // Enough to see which ways have a bulge at all: few have, and the fine steps are dear.
+    // Enough to find the paths on which an axis turns back. Few have such a place, and the fine steps take most of the time.
     const COARSE_STEPS: usize = 100;
     let mut tally = [0; 6];
     for seed in 0..720 {

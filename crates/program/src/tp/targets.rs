@@ -184,6 +184,7 @@ impl<'a> Builder<'a> {
             source: 0,
             span: line.span,
             line: u32::try_from(line.line).unwrap_or(u32::MAX),
+            // `push` sets it: the points before are not added yet.
             predecessor: Predecessor::Unknown,
             arc_turn: None,
         };
