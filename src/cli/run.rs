@@ -11,8 +11,8 @@ use crate::session::output::Outputs;
 use crate::session::read::parted;
 use crate::session::report::{Noticed, Rows};
 use crate::session::setup::Setup;
-use deflex::correct::Corrected;
-use deflex::program::Program;
+use deflex::correct::{Corrected, KeptCount, KeptReason};
+use deflex::program::{Program, Reason};
 use deflex::report::html::{PathKind, PathPage, PathTrace};
 use deflex::report::{Digest, FileSummary, Origin};
 use deflex::text::{Diagnostic, Severity, printable_line};
@@ -140,6 +140,7 @@ fn corrected_nothing(summary: &FileSummary) -> Option<Diagnostic> {
         return None;
     }
     let reasons: Vec<String> = summary.counts.kept.iter().map(deflex::report::kept_text).collect();
+    let is_shared = |kept: &KeptCount| kept.reason == KeptReason::Program(Reason::SharedTarget);
     let (severity, why, help) = match reasons.is_empty() {
         true => {
             (Severity::Note, "no target needs a correction".to_owned(), "check `[cut]` of the cell, if one should cut")
@@ -147,7 +148,10 @@ fn corrected_nothing(summary: &FileSummary) -> Option<Diagnostic> {
         false => (
             Severity::Warning,
             format!("kept: {}", reasons.join(", ")),
-            "column `reason` of the report says why; `deflex inspect` names the lines",
+            match summary.counts.kept.iter().any(is_shared) {
+                true => "`--allow-clones` gives each motion a declaration of its own; `deflex inspect` names the lines",
+                false => "column `reason` of the report says why; `deflex inspect` names the lines",
+            },
         ),
     };
     let said = Diagnostic::error("compensate.nothing", &summary.path, format!("nothing was corrected; {why}"));

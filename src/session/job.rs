@@ -9,6 +9,7 @@ use deflex::text::{Diagnostic, Source, Span, cannot_read};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::BTreeSet;
+use std::ffi::OsString;
 use std::fs::File;
 use std::path::{Component, Path, PathBuf};
 
@@ -175,11 +176,19 @@ fn file_name(path: &Path) -> PathBuf {
     PathBuf::from(path.file_name().unwrap_or(path.as_os_str()))
 }
 
-/// The file with the same name and another ending in lower or upper case, if it exists.
+/// The file with the same name and another ending, if it exists. Upper and lower case count as the same, as on the controller.
 fn with_ending(path: &Path, ending: &str) -> Option<PathBuf> {
+    if path.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending)) {
+        return None;
+    }
     let others = [ending.to_ascii_lowercase(), ending.to_ascii_uppercase()].map(|ending| path.with_extension(ending));
-    let own = path.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending));
-    others.into_iter().find(|other| !own && other.is_file())
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let same = |name: &OsString| others[0].file_name().is_some_and(|wanted| name.eq_ignore_ascii_case(wanted));
+    let in_folder = || {
+        let names = std::fs::read_dir(folder).ok()?.flatten().map(|entry| entry.file_name());
+        names.filter(same).min().map(|name| path.with_file_name(name))
+    };
+    others.iter().find(|other| other.is_file()).cloned().or_else(in_folder)
 }
 
 /// Whether the file is read as part of another: KRL data are read with the `.src` file of the same name.

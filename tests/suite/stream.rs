@@ -5,7 +5,7 @@ use deflex::correct::{
     Options, Sinks, StreamError, Streamed, choose_turns, compensate, compensate_chunks, predict, predict_chunks,
 };
 use deflex::program::AnyChunks;
-use deflex::program::rapid::{self, CHUNK, Chunks};
+use deflex::program::rapid::{self, Chunks};
 use deflex::report::html::PathKind;
 use deflex::report::{CSV_HEADER, FileSummary, csv_rows, summary_line, write_csv};
 use deflex::text::{Diagnostic, Source, apply};
@@ -100,16 +100,23 @@ fn whole(text: &str, cell: &Cell, options: &Options) -> Came {
     Ok((bytes, report, format!("{said} {:?}", corrected.driven), corrected.notes))
 }
 
+/// Bytes of a chunk in these tests: a quarter of what the command line reads at once, so that a short program has several chunks.
+const CHUNK: usize = rapid::CHUNK / 4;
+
+/// The program in chunks of [`CHUNK`] bytes; `None` where it is not straight.
+fn in_chunks(text: &str) -> Option<Chunks<Cursor<&[u8]>>> {
+    Chunks::sized("part.mod", Cursor::new(text.as_bytes()), &[], CHUNK).unwrap()
+}
+
 /// `None` where the program is not straight.
 fn streamed(text: &str, cell: &Cell, options: &Options, threads: usize) -> Option<Came> {
-    let chunks = || Chunks::new("part.mod", text.as_bytes(), &[]).unwrap();
-    let turns = if options.free_spin { choose_turns(chunks()?, cell, options) } else { Ok(None) };
+    let turns = if options.free_spin { choose_turns(in_chunks(text)?, cell, options) } else { Ok(None) };
     let options = &match turns {
         Ok(turns) => Options { turns, ..options.clone() },
         Err(StreamError::Refused(refused)) => return Some(Err(refused)),
         Err(_) => return None,
     };
-    let chunks = chunks()?;
+    let chunks = in_chunks(text)?;
     let (mut program, mut report) = (Vec::new(), CSV_HEADER.as_bytes().to_vec());
     let mut sinks =
         Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
@@ -287,8 +294,7 @@ fn a_prediction_along_the_driven_path_is_the_same_in_chunks() {
     let mut rows = Vec::new();
     write_csv(&expected.rows, &mut rows).unwrap();
     for threads in [1, 3] {
-        let chunks = Chunks::new("part.mod", Cursor::new(text.as_bytes()), &[]).unwrap().unwrap();
-        let chunks = AnyChunks::Inline(Box::new(chunks));
+        let chunks = AnyChunks::Inline(Box::new(in_chunks(&text).unwrap()));
         let mut report = CSV_HEADER.as_bytes().to_vec();
         let mut sinks =
             Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
@@ -414,7 +420,7 @@ fn free_turns_are_chosen_over_all_chunks() {
     assert_eq!(came, refused(whole(&nowhere, &cell, &options)));
     // Unless the turns are chosen already, they can only be chosen along the whole.
     let mut sinks = Sinks { report: &mut Vec::new(), rows: &|_| Vec::new(), each: &mut |_| (), progress: &|_, _| () };
-    let chunks = Chunks::new("part.mod", text.as_bytes(), &[]).unwrap().unwrap();
+    let chunks = in_chunks(&text).unwrap();
     let came = compensate_chunks(chunks, &cell, &options, 1, &mut Vec::new(), &mut sinks);
     assert!(matches!(came, Err(StreamError::NotStreamable)));
 }

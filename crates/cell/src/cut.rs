@@ -192,6 +192,14 @@ impl Cell {
         let own = self.tool_milling.get(&tool.to_ascii_uppercase()).unwrap_or(&none);
         own.over(shared)
     }
+
+    /// The cutter of a tool, upper or lower case, or that of `[cut]`; `None` if neither is declared.
+    #[must_use]
+    #[doc(hidden)]
+    pub fn cutter(&self, tool: &str) -> Option<Cutter> {
+        let own = self.tool_milling.get(&tool.to_ascii_uppercase()).and_then(|own| own.cutter);
+        own.or_else(|| self.cut.as_ref()?.milling.cutter)
+    }
 }
 
 impl MillingParts {
@@ -250,7 +258,12 @@ pub(super) fn cut(check: &mut Check, raw: &raw::Cut, tools: &BTreeMap<String, Mi
     if let Some(feed) = raw.max_cutting_feed_mm_s {
         check.positive("cut.max_cutting_feed_mm_s", &[feed]);
     }
-    let milling = if force == CutForce::Mechanistic { mechanistic(check, raw, tools) } else { MillingParts::default() };
+    if force == CutForce::Mechanistic && tools.is_empty() {
+        need_all_parts(check, raw);
+    }
+    // Other forces do not need them, but the cutter removes material from a stock.
+    let milled_by = (raw.material.as_deref(), raw.coefficients.as_ref());
+    let milling = milling_parts(check, "cut", raw.cutter.as_ref(), raw.engagement.as_ref(), milled_by);
     let own = tools.iter().map(|(name, own)| (format!("tools.{name}"), own));
     for (key, parts) in own.chain([("cut".to_owned(), &MillingParts::default())]) {
         // Checks the parts together. Missing parts are an error only when a tool needs them, and each part alone was
@@ -268,22 +281,18 @@ pub(super) fn cut(check: &mut Check, raw: &raw::Cut, tools: &BTreeMap<String, Mi
     Some(Cut { force, max_cutting_feed: raw.max_cutting_feed_mm_s.map(|feed| 1e-3 * feed), milling })
 }
 
-fn mechanistic(check: &mut Check, raw: &raw::Cut, tools: &BTreeMap<String, MillingParts>) -> MillingParts {
-    if tools.is_empty() {
-        // No tool declares parts of its own, so all of them have to be in `[cut]`.
-        let why = "force = \"mechanistic\" needs it";
-        check.need("cut", "cutter", raw.cutter.as_ref(), why);
-        check.need("cut", "engagement", raw.engagement.as_ref(), why);
-        if raw.coefficients.is_none() && raw.material.is_none() {
-            check.error(
-                "cut",
-                "[cut.coefficients] is missing: force = \"mechanistic\" needs it",
-                "give the six coefficients, or material = \"al7075\"",
-            );
-        }
+/// Without a tool that declares parts of its own, all parts have to be in `[cut]`.
+fn need_all_parts(check: &mut Check, raw: &raw::Cut) {
+    let why = "force = \"mechanistic\" needs it";
+    check.need("cut", "cutter", raw.cutter.as_ref(), why);
+    check.need("cut", "engagement", raw.engagement.as_ref(), why);
+    if raw.coefficients.is_none() && raw.material.is_none() {
+        check.error(
+            "cut",
+            "[cut.coefficients] is missing: force = \"mechanistic\" needs it",
+            "give the six coefficients, or material = \"al7075\"",
+        );
     }
-    let (cutter, engagement) = (raw.cutter.as_ref(), raw.engagement.as_ref());
-    milling_parts(check, "cut", cutter, engagement, (raw.material.as_deref(), raw.coefficients.as_ref()))
 }
 
 /// Adds an error about a part that is wrong in every mode.

@@ -20,7 +20,7 @@ pub enum KeptReason {
     Program(Reason),
     /// The cutting force and lost motion depend on the point where the path to the target begins, which is not known.
     PredecessorUnknown,
-    /// The speed decides whether the motion cuts, and is known only at run time.
+    /// Whether the motion cuts, or the force of its cut, depends on the speed, which is known only at run time.
     CutUnknown,
     /// An external axis moves that no `[[unit]]` of the cell declares.
     AxisWithoutUnit,
@@ -72,7 +72,7 @@ impl KeptReason {
         match self {
             Self::Program(reason) => reason.text(),
             Self::PredecessorUnknown => "the path to it begins at a point that is known only at run time",
-            Self::CutUnknown => "its speed, which decides whether it cuts, is known only at run time",
+            Self::CutUnknown => "its cut depends on its speed, which is known only at run time",
             Self::AxisWithoutUnit => "external axis in use without a [[unit]] in the cell",
             Self::GroupWithoutUnit(group) => match group {
                 2 => "motion group 2 in use without a [[unit]] in the cell (axis = \"gp2_j1\", …)",
@@ -109,7 +109,9 @@ impl KeptReason {
             }
             Self::CutUnknown => {
                 let [cut, air] = [Mark::Cut, Mark::Air].map(|mark| language.mark(mark));
-                return Some(format!("mark the motion `{cut}` or `{air}`"));
+                return Some(format!(
+                    "mark the motion `{air}`, or mark it `{cut}` and give feed_per_tooth_mm where the cell declares its engagement"
+                ));
             }
             Self::AxisWithoutUnit => {
                 "declare what the axis moves: [[unit]] with its name, axis, kind and what it carries"

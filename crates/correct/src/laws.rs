@@ -160,7 +160,7 @@ impl<'a> Laws<'a> {
         &mut self,
         (target, tool): (&Target, usize),
         given: Option<Vector3<f64>>,
-        (frame, leaned): (Option<&Rotation3<f64>>, bool),
+        (frame, leaned, held): (Option<&Rotation3<f64>>, bool, Option<PointLoad>),
         wobj_from_tcp: &Pose,
         has_table: bool,
     ) -> Result<PointLoad, Refusal> {
@@ -189,7 +189,7 @@ impl<'a> Laws<'a> {
                 (ForceFrame::Wobj, _) => constant(*force, Follows::WorkObject),
                 (ForceFrame::Tool, _) => constant(wobj_from_tcp.rotation * force, Follows::Tool),
                 (ForceFrame::Feed, Some(frame)) => constant(frame * force, Follows::Feed(*force)),
-                (ForceFrame::Feed, None) => PointLoad::Air,
+                (ForceFrame::Feed, None) => held.unwrap_or(PointLoad::Air),
             }),
             // Computed when the stock is cut.
             Some(CutForce::Mechanistic) if self.follows_stock(tool) => {
@@ -219,16 +219,19 @@ impl<'a> Laws<'a> {
         if self.cell.stock.is_none() {
             return Ok(None);
         }
-        let Ok(milling) = self.cell.milling(&self.tools[tool].0) else { return Ok(None) };
+        let name = &self.tools[tool].0;
+        let Some(cutter) = self.cell.cutter(name) else { return Ok(None) };
         let cuts = self.cuts(target);
         let feed_per_tooth = if cuts && !has_table && self.follows_stock(tool) {
             Some(self.feed_per_tooth(target, tool)?)
         } else {
             None
         };
+        // A force that does not follow from the stock needs no coefficients.
+        let coefficients = self.cell.milling(name).map(|milling| milling.coefficients).unwrap_or_default();
         let known = self.tools[tool].1.front;
         let front = known.unwrap_or_else(|| {
-            self.fronts.push(Arc::new(Front::new(&milling.cutter, &milling.coefficients)));
+            self.fronts.push(Arc::new(Front::new(&cutter, &coefficients)));
             u32::try_from(self.fronts.len() - 1).unwrap_or(u32::MAX)
         });
         self.tools[tool].1.front = Some(front);
@@ -264,7 +267,7 @@ impl<'a> Laws<'a> {
 
     /// Whether a motion may cut the material through which a tool moves.
     pub(super) fn may_cut(&self, target: &Target, tool: usize) -> bool {
-        self.cuts(target) && self.cell.milling(&self.tools[tool].0).is_ok()
+        self.cuts(target) && self.cell.cutter(&self.tools[tool].0).is_some()
     }
 
     /// Whether the force at a target depends on the direction of its segment.
@@ -274,18 +277,21 @@ impl<'a> Laws<'a> {
         follows && !has_table && self.cuts(target)
     }
 
-    /// Whether a cut along the tool axis has the feed frame of the cut before it.
-    pub(super) fn keeps_frame(&self) -> bool {
-        matches!(self.cell.cut.as_ref().map(|cut| &cut.force), Some(CutForce::Mechanistic))
-    }
-
     /// Whether the force of a motion is given in axes that depend on the feed direction.
     pub(super) fn in_feed_frame(&self, (target, tool): (&Target, usize), has_table: bool) -> bool {
         self.follows_the_way(target, has_table) && !self.follows_stock(tool)
     }
 
-    /// Whether the speed decides if a motion cuts, and that speed is known only at run time.
-    pub(super) fn is_cut_unknown(cell: &Cell, target: &Target) -> bool {
+    /// Whether a motion cuts, or its force, depends on its speed, and that speed is known only at run time.
+    pub(super) fn is_cut_unknown(&self, target: &Target, tool: usize) -> bool {
+        let milling = self.tools[tool].1.milling.as_ref();
+        let is_computed = self.cell.cut.as_ref().is_some_and(|cut| cut.force == CutForce::Mechanistic)
+            && milling.is_some_and(|milling| milling.feed_per_tooth.is_none());
+        is_computed && target.feed_mm_s.is_none() && self.cuts(target) || Self::lacks_speed(self.cell, target)
+    }
+
+    /// Whether the speed decides if a motion cuts, and the program does not state it.
+    pub(super) fn lacks_speed(cell: &Cell, target: &Target) -> bool {
         let limited = cell.cut.as_ref().is_some_and(|cut| cut.max_cutting_feed.is_some());
         let may_cut = !target.rapid && !matches!(target.motion, Motion::Joint | Motion::AbsoluteJoint);
         limited && may_cut && target.mark.is_none() && target.feed_mm_s.is_none()

@@ -29,6 +29,11 @@ impl PointLoad {
         if force == Vector3::zeros() { Self::Air } else { Self::Constant { force, follows: Follows::WorkObject } }
     }
 
+    /// Whether the force turns with the feed direction.
+    pub(super) fn turns_with_feed(&self) -> bool {
+        matches!(self, Self::Law { .. } | Self::Constant { follows: Follows::Feed(_), .. })
+    }
+
     /// Whether a load differs so little from another that the deflection between them can be interpolated: by a fiftieth of the force, for
     /// which the second order is 0.02 %.
     pub(super) fn is_near(&self, other: &Self) -> bool {

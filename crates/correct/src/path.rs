@@ -5,21 +5,23 @@ use super::ahead::{Ahead, Approach};
 use super::carried::{Carried, Chosen, Free, SettingAndTool};
 use super::context::Context;
 use super::frames::{self, WobjFrame, pose};
-use super::laws::Laws;
 use super::load::PointLoad;
 use super::mount::{Mount, Moved, Stand, is_entered_elsewhere};
 use super::point::{Point, tool_axis};
 use super::segment::Kind;
+use super::solve::controller_motor;
 use super::spin;
 use super::travel::CHORD;
 use super::{Options, Prepared};
 use deflex_cell::Cell;
 use deflex_drive::Track;
 use deflex_effects::{Need, Parts, ToolFrame};
-use deflex_equilibrium::{Dragged, Setting, direction};
+use deflex_equilibrium::{Dragged, Setting, direction, turning};
 use deflex_lanes::WIDTH;
 use deflex_program::{ArcTurn, Editable, Goal, Language, Mark, Motion, Predecessor, Program, Reason, Role, Target};
-use deflex_robot::{BatchArm, BatchSolutions, EXTERNAL_AXES, External, Joints, Pose, StartedFrom, WrittenTarget};
+use deflex_robot::{
+    BatchArm, BatchSolutions, EXTERNAL_AXES, External, Joints, Pose, StartedFrom, WrittenTarget, is_close,
+};
 use deflex_text::Diagnostic;
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 use smallvec::SmallVec;
@@ -289,7 +291,7 @@ impl Walk<'_, '_> {
                     self.carried.started = StartedFrom::JointTarget;
                 }
                 let motor = self.cell.arm.robot.motor_from_axes_deg(&deg);
-                travel = self.travel_to(&motor);
+                travel = self.travel_to(&motor, None);
                 self.carried.near = Some(motor);
                 IDENTITY
             }
@@ -359,7 +361,8 @@ impl Walk<'_, '_> {
                 );
             }
         };
-        let travel = self.travel_to(&motor);
+        let bend = self.bend(i, (setting, stand), &wobj_from_tcp, &motor);
+        let travel = self.travel_to(&motor, bend.as_deref());
         let starts_unknown = self.starts_unknown(target);
         self.follow_unknown_travel(starts_unknown, &motor);
         self.carried.near = Some(motor);
@@ -386,20 +389,20 @@ impl Walk<'_, '_> {
             (None, _) => feed_frame,
         };
         let leaned = feed_frame.is_some() && printed.is_none();
-        let frame = feed_frame.or_else(|| {
-            joined.and_then(|p| match p.load {
-                PointLoad::Law { wobj_from_feed, .. } => Some(wobj_from_feed),
-                _ => None,
-            })
+        // A motion without a feed direction, such as a plunge along the tool axis, has the force of the cut before it.
+        let held = joined.map(|previous| previous.load).filter(PointLoad::turns_with_feed);
+        let frame = feed_frame.or(match held {
+            Some(PointLoad::Law { wobj_from_feed, .. }) => Some(wobj_from_feed),
+            _ => None,
         });
         // CL data without a feed have none at run time either: such a motion counts as air.
         let is_cut_unknown = self.program.language != Language::Cl
-            && Laws::is_cut_unknown(self.cell, target)
+            && self.carried.laws.is_cut_unknown(target, tool)
             && !self.options.has_force_table(self.cell);
         let unknown = if is_cut_unknown {
             Some(KeptReason::CutUnknown)
         } else {
-            let is_unknown = self.depends_on_unknown(target, starts_unknown, frame.is_some());
+            let is_unknown = self.depends_on_unknown(target, starts_unknown, frame.is_some() || held.is_some());
             is_unknown.then_some(KeptReason::PredecessorUnknown)
         };
         if let Some(why) = unknown {
@@ -409,7 +412,7 @@ impl Walk<'_, '_> {
         let load = match self.carried.laws.load(
             (target, tool),
             row.and_then(|r| r.force),
-            (frame.as_ref(), leaned),
+            (frame.as_ref(), leaned, held),
             &wobj_from_tcp,
             self.options.has_force_table(self.cell),
         ) {
@@ -431,6 +434,7 @@ impl Walk<'_, '_> {
             reference: wobj_from_tcp,
             motor,
             travel,
+            bend,
             normal: match (printed, self.carried.laws.has_engagement(tool), frame) {
                 (Some(normal), ..) => normal,
                 (None, true, Some(frame)) => frame.matrix().column(2).into(),
@@ -486,18 +490,16 @@ impl Walk<'_, '_> {
     }
 
     /// The pose on the arc to target `end`, at the circle point or at the end; `None` if the start of the arc is unknown.
-    fn pose_on_arc(&self, end: usize, (setting, stand): (u32, &Stand), here: &Pose, turn: ArcTurn) -> Option<Pose> {
+    fn pose_on_arc(&self, end: usize, place: (u32, &Stand), here: &Pose, turn: ArcTurn) -> Option<Pose> {
+        let (arc, share) = self.arc_to(end, place, here, turn)?;
+        Some(Pose { rotation: arc.pose(share).rotation, ..*here })
+    }
+
+    /// The arc to target `end`, and the share of it at the circle point or at the end, whichever is `here`; `None` if its start is unknown.
+    fn arc_to(&self, end: usize, place: (u32, &Stand), here: &Pose, turn: ArcTurn) -> Option<(Track, f64)> {
         let [via, to] = [end - 1, end].map(|i| &self.program.targets[i]);
         let is_end = self.points.len() == end;
-        let before = self.points[..self.points.len() - usize::from(is_end)].last().or(self.carried.before.as_ref());
-        let before = before.filter(|before| before.is_located() && !stand.apart)?;
-        // The work object where the arc begins.
-        let now = self.mount(setting).at(before.moved.as_ref())?;
-        let was = before.moved.as_ref().map_or(&self.mount(before.setting).setting, |moved| &moved.setting);
-        let start = match *was == now || before.setting == setting {
-            true => before.wobj_from_tcp,
-            false => now.wobj_from_tcp(&was.base_from_flange(&before.wobj_from_tcp)),
-        };
+        let start = self.start(self.points[..self.points.len() - usize::from(is_end)].last(), place)?;
         let [circle, to_pose] = match (is_end, to.goal) {
             (true, _) => [self.points.last()?.wobj_from_tcp, *here],
             (false, Goal::Pose { position_mm, quat, .. }) => [*here, pose(position_mm, quat)],
@@ -507,14 +509,56 @@ impl Walk<'_, '_> {
         let arc = if self.program.language.about().chooses_turn { arc } else { arc.by_shorter_turn() };
         let share = if is_end { arc.via().map(|_| 1.0) } else { arc.via() };
         let known = share.filter(|_| via.predecessor == Predecessor::Previous)?;
-        Some(Pose { rotation: arc.pose(known).rotation, ..*here })
+        Some((arc, known))
+    }
+
+    /// The path to a target that is known to be `here`, and the share of it at the target: less than 1 at a circle point. `None` for joint
+    /// motions, and if the start of the path is unknown.
+    fn track_to(&self, i: usize, place: (u32, &Stand), here: &Pose) -> Option<(Track, f64)> {
+        let turn = |end: usize| arc_turn(self.program, self.cell, &self.program.targets[end]);
+        match Kind::of(self.program, i) {
+            Kind::Joint => None,
+            Kind::Line => Some((Track::line(&self.start(self.points.last(), place)?, here), 1.0)),
+            Kind::Arc => self.arc_to(i, place, here, turn(i)),
+            Kind::Point => self.arc_to(i + 1, place, here, turn(i + 1)),
+        }
+    }
+
+    /// The pose of a point, or of the last point of the chunk before, in the work object in force; `None` if it is unknown.
+    fn start(&self, point: Option<&Point>, (setting, stand): (u32, &Stand)) -> Option<Pose> {
+        let before = point.or(self.carried.before.as_ref());
+        let before = before.filter(|before| before.is_located() && !stand.apart)?;
+        // The work object where the path begins.
+        let now = self.mount(setting).at(before.moved.as_ref())?;
+        let was = before.moved.as_ref().map_or(&self.mount(before.setting).setting, |moved| &moved.setting);
+        Some(match *was == now || before.setting == setting {
+            true => before.wobj_from_tcp,
+            false => now.wobj_from_tcp(&was.base_from_flange(&before.wobj_from_tcp)),
+        })
     }
 
     /// Travel of a programmed motion to these motor angles, rad, with sharp friction: [`Prepared::follow_loads`] computes the travel of other
     /// friction when the forces are known.
-    fn travel_to(&self, motor: &Joints) -> Joints {
+    fn travel_to(&self, motor: &Joints, bend: Option<&Joints>) -> Joints {
         let held = self.last().map_or_else(Joints::zeros, |previous| previous.travel);
-        self.carried.near.map_or(held, |near| direction(&near, motor, &held))
+        let from = |near| near + bend.copied().unwrap_or_default();
+        self.carried.near.map_or(held, |near| direction(&from(near), motor, &held))
+    }
+
+    /// How the joints bend on the path to a target, rad; see [`Point::bend`].
+    fn bend(&self, i: usize, place: (u32, &Stand), here: &Pose, motor: &Joints) -> Option<Box<Joints>> {
+        /// Share of the path over which the direction at its end is determined.
+        const LAST: f64 = 1.0 / 256.0;
+        let (arm, (setting, stand)) = (&self.cell.arm, place);
+        if !arm.follows_travel() || self.program.targets[i].predecessor != Predecessor::Previous {
+            return None;
+        }
+        let near = self.carried.near?;
+        let (track, share) = self.track_to(i, place, here)?;
+        let pose = track.pose(share * (1.0 - LAST));
+        let before = controller_motor(&arm.robot, stand.setting(self.mount(setting)), &pose, motor)?;
+        let bend = motor - (motor - before) / LAST - near;
+        turning(&near, motor, &bend).is_some().then(|| Box::new(bend))
     }
 
     /// Whether the segment to a target begins at an unknown point.
@@ -545,8 +589,7 @@ impl Walk<'_, '_> {
         let arm = &self.cell.arm;
         let follows_the_way = self.carried.laws.follows_the_way(target, self.options.has_force_table(self.cell));
         // A cut along the tool axis takes its directions from the cut before it, which is not computed if that was kept.
-        let frame_is_unknown =
-            !has_frame && self.carried.laws.keeps_frame() && self.last().is_some_and(|last| last.unsolved.is_some());
+        let frame_is_unknown = !has_frame && self.last().is_some_and(|last| last.unsolved.is_some());
         starts_unknown && (follows_the_way || arm.follows_travel() || arm.needs(Need::Speed))
             || frame_is_unknown && follows_the_way
             || self.carried.unknown_travel.amax() > UNKNOWN_TRAVEL
@@ -633,14 +676,17 @@ impl Walk<'_, '_> {
             Goal::Axis { .. } | Goal::Joints { .. } => return None,
         };
         // The path may have changed its branch meanwhile.
-        self.ahead.motor(lane, near).or_else(|| {
-            let Setting { base_from_wobj, tool, .. } = setting;
-            let place =
-                WrittenTarget { base_from_wobj, position_mm, quat, flange_from_tcp: &tool.flange_from_tcp, near };
-            let mut found = BatchSolutions::default();
-            robot.find(1, |_| place, &mut found);
-            found.nearest(0, near)
-        })
+        self.ahead
+            .motor(lane, near)
+            .or_else(|| {
+                let Setting { base_from_wobj, tool, .. } = setting;
+                let place =
+                    WrittenTarget { base_from_wobj, position_mm, quat, flange_from_tcp: &tool.flange_from_tcp, near };
+                let mut found = BatchSolutions::default();
+                robot.find(1, |_| place, &mut found);
+                found.nearest(0, near)
+            })
+            .filter(|motor| is_close(motor, near))
     }
 
     /// Motor angles nearest to known ones at a pose.
@@ -656,7 +702,7 @@ impl Walk<'_, '_> {
         self.cell.arm.robot.inverse_near(&setting.base_from_flange(wobj_from_tcp), near)
     }
 
-    /// Motor angles at a pose: joint motions go to their configuration, linear motions to the nearest angles.
+    /// Motor angles at a pose: joint motions go to their configuration, linear motions to the angles that the line leads to.
     fn joints(
         &mut self,
         target: &Target,
@@ -680,9 +726,12 @@ impl Walk<'_, '_> {
             self.carried.started = start.how;
             return Ok(start.motor);
         };
-        match (target.motion, conf) {
-            (Motion::Joint, Some(conf)) => robot.inverse_conf(base_from_flange, conf, &near),
-            _ => robot.inverse_near(base_from_flange, &near),
+        match target.motion {
+            Motion::Joint => robot.inverse_conf(base_from_flange, conf, &near),
+            _ if target.predecessor != Predecessor::Previous => robot.inverse_near(base_from_flange, &near),
+            // A stationary tool stands still while the flange moves.
+            _ if setting.held => robot.inverse_along(&Pose::identity(), base_from_flange, &near),
+            _ => robot.inverse_along(&setting.tool.flange_from_tcp, base_from_flange, &near),
         }
     }
 }

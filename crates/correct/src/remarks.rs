@@ -53,7 +53,7 @@ fn doubtful_cuts(Context { program, cell, options, .. }: Context<'_>, prepared: 
         return;
     }
     for (target, point) in program.targets.iter().zip(&prepared.points).filter(|(target, _)| target.is_end()) {
-        if Laws::is_cut_unknown(cell, target) {
+        if Laws::lacks_speed(cell, target) {
             let (why, so) = match program.language {
                 Language::Cl => ("no FEDRAT gives a feed here", "counts as air"),
                 _ => ("the speed is known only at run time", "is kept"),

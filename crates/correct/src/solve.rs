@@ -281,8 +281,11 @@ pub(super) fn settle_travel(arm: &Arm, prepared: &Prepared, first: &[First], las
                 return travel;
             };
             let travel = match *last {
-                Some(from) => {
+                Some(mut from) => {
                     let (free, lost, programmed) = (&command.free, &command.lost, &point.travel);
+                    if let Some(bend) = point.bend.as_deref() {
+                        from = arm.turned_back(&from, free, bend, &twist);
+                    }
                     arm.settled_travel(&from, Settling { free, lost, twist: &twist, programmed })
                 }
                 None => Joints::zeros(),

@@ -107,7 +107,7 @@ pub struct Engagement {
 /// // 2250 N/mm² and 4.6 N/mm along the motion of the tooth, and so on.
 /// let coefficients = Coefficients { ktc: 2.25e9, krc: 9e8, kac: 7.9e8, kte: 4600.0, kre: 6.4e4, kae: 6000.0 };
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Coefficients {
     /// Cutting, tangential: against the tooth's motion.
     pub ktc: f64,

@@ -230,8 +230,8 @@ impl<'r> Router<'r> {
         let law = &self.law;
         let room = 0.5 * segment.length.min(next.length);
         let Some(radius) = segment.zone else { return };
-        // A controller limits a zone to half of the shorter segment, and rounds within a share of that.
-        segment.radius = law.zone_share * radius.min(room);
+        // A controller limits a zone to half of the shorter segment, and rounds within a share of that. Two roundings never overlap.
+        segment.radius = (law.zone_share * radius.min(room)).min(room);
         let is_even = segment.speed.total_cmp(&next.speed).is_eq();
         let keeps = is_even && law.corner_speed(segment.turns_to(next), segment.radius) >= segment.speed;
         (segment.changes[1], next.changes[0]) = (!keeps, !keeps);

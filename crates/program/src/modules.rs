@@ -131,7 +131,7 @@ impl ModuleNames {
     }
 }
 
-/// Words outside of strings and of comments, which begin with `comment`.
+/// Words outside of comments, which begin with `comment`, and strings that are one word.
 fn words_of(bytes: &[u8], comment: Option<u8>) -> impl Iterator<Item = &[u8]> {
     let mut at = 0;
     std::iter::from_fn(move || {
@@ -140,7 +140,17 @@ fn words_of(bytes: &[u8], comment: Option<u8>) -> impl Iterator<Item = &[u8]> {
                 b if Some(b) == comment => {
                     at += bytes[at..].iter().position(|b| matches!(b, b'\n' | b'\r')).unwrap_or(bytes.len() - at)
                 }
-                b'"' => at += 2 + bytes[at + 1..].iter().position(|&b| b == b'"').unwrap_or(bytes.len() - at - 1),
+                b'"' => {
+                    let start = at + 1;
+                    let len = bytes[start..].iter().position(|&b| b == b'"').unwrap_or(bytes.len() - start);
+                    at = start + len + 1;
+                    // A text may name a routine: `%"Part_1"%` calls it.
+                    let text = &bytes[start..start + len];
+                    let is_word = |b: &u8| b.is_ascii_alphanumeric() || *b == b'_';
+                    if text.first().is_some_and(u8::is_ascii_alphabetic) && text.iter().all(is_word) {
+                        return Some(text);
+                    }
+                }
                 b if b.is_ascii_alphabetic() => {
                     let word = |b: &u8| b.is_ascii_alphanumeric() || *b == b'_';
                     let end = at + bytes[at..].iter().position(|b| !word(b)).unwrap_or(bytes.len() - at);

@@ -180,7 +180,7 @@ mod tests {
             let conf = Conf::Status(found);
             let flange = robot.forward(&motor);
             let near = crate::Joints::zeros();
-            assert!((robot.inverse_conf(&flange, conf, &near).unwrap() - motor).amax() < 1e-9, "{deg:?}");
+            assert!((robot.inverse_conf(&flange, Some(conf), &near).unwrap() - motor).amax() < 1e-9, "{deg:?}");
         }
     }
 

@@ -1,6 +1,6 @@
 use super::closed_form::{Branch, Solutions, wrap};
 use super::{Joints, LimitViolation, Links, Pose, Robot, turn_between};
-use nalgebra::{Vector3, Vector6};
+use nalgebra::{Rotation3, Vector3, Vector6};
 use std::f64::consts::TAU;
 
 /// Why no motor angles reach a pose.
@@ -31,6 +31,14 @@ pub enum Unreachable {
     /// The pose can be reached only beyond an axis limit.
     #[error(transparent)]
     Limit(#[from] LimitViolation),
+}
+
+/// Whether no axis turns by more than an eighth of a turn between two sets of motor angles (rad). Two solutions of a wrist differ by half a
+/// turn of its first axis, so that the one that is reached is then the nearer one.
+#[must_use]
+#[doc(hidden)]
+pub fn is_close(motor: &Joints, near: &Joints) -> bool {
+    (motor - near).amax() < TAU / 8.0
 }
 
 impl Robot {
@@ -115,6 +123,56 @@ impl Robot {
             .map(|motor| self.nearest_turns(motor, near))
             .min_by(|a, b| (a - near).norm_squared().total_cmp(&(b - near).norm_squared()))
             .ok_or(Unreachable::OutOfReach { by_mm: 0.0 })
+    }
+
+    /// The motor angles (rad) that a linear motion of the TCP from `near` ends at. Of several solutions it is the one that the arm reaches
+    /// on the line: if an axis turns far on the way, another solution may be nearer to `near`. Where the arm cannot follow the line, or the
+    /// line ends beyond an axis limit, it is [`Robot::inverse_near`].
+    ///
+    /// # Errors
+    /// The pose is out of reach, or the solution exceeds an axis limit.
+    ///
+    /// # Examples
+    /// ```
+    /// # use deflex_robot::{Builtin, Joints, Pose};
+    /// use nalgebra::Isometry;
+    ///
+    /// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+    /// let motor = Joints::new(0.1, 0.2, 0.3, 0.4, 0.5, 0.6);
+    /// let found = robot.inverse_along(&Isometry::identity(), &robot.forward(&motor), &motor.add_scalar(0.01)).expect("within reach");
+    /// assert!((found - motor).amax() < 1e-9);
+    /// ```
+    pub fn inverse_along(
+        &self,
+        flange_from_tcp: &Pose,
+        base_from_flange: &Pose,
+        near: &Joints,
+    ) -> Result<Joints, Unreachable> {
+        /// Share of the line below which its steps are not halved: there the arm passes a singular posture.
+        const SHORTEST: f64 = 1.0 / 1024.0;
+        let nearest = self.inverse_near(base_from_flange, near);
+        if nearest.is_ok_and(|motor| is_close(&motor, near)) {
+            return nearest;
+        }
+        let [from, to] = [&self.forward(near), base_from_flange].map(|flange| flange * flange_from_tcp);
+        let (shift, turn) =
+            (to.translation.vector - from.translation.vector, turn_between(&from.rotation, &to.rotation));
+        let flange = |share: f64| {
+            let rotation = Rotation3::new(turn * share) * from.rotation;
+            Pose::from_parts((from.translation.vector + shift * share).into(), rotation) * flange_from_tcp.inverse()
+        };
+        let (mut motor, mut at, mut step) = (*near, 0.0, 0.5);
+        while at < 1.0 {
+            let next = f64::min(at + step, 1.0);
+            match self.inverse_near_unlimited(&flange(next), &motor) {
+                Ok(found) if is_close(&found, &motor) || step < SHORTEST => {
+                    (motor, at, step) = (found, next, 2.0 * step)
+                }
+                Err(_) if step < SHORTEST => return nearest,
+                _ => step *= 0.5,
+            }
+        }
+        if self.limit_violation(&motor).is_some() { nearest } else { Ok(motor) }
     }
 
     /// Index of the branch of motor angles (rad), which is their [cfx](Branch::cfx); `None` without an explicit
@@ -277,6 +335,54 @@ mod tests {
             let motor = Joints::from_fn(|i, _| robot.limits.min[i] + shares[i] * (robot.limits.max[i] - robot.limits.min[i]));
             proptest::prop_assert_eq!(robot.posture(&motor), robot.posture_plain(&motor));
         }
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn the_end_of_a_line_is_that_of_small_steps(
+            shares in proptest::array::uniform12(0.1_f64..0.9),
+            tip in proptest::array::uniform3(-0.3_f64..0.3),
+        ) {
+            const STEPS: u16 = 2000;
+            let robot = BUILTIN[0].robot();
+            let limits = &robot.limits;
+            let joints = |k: usize| Joints::from_fn(|i, _| limits.min[i] + shares[k + i] * (limits.max[i] - limits.min[i]));
+            let flange_from_tcp = Pose::from_parts(Vector3::from(tip).into(), Rotation3::identity());
+            let [from, to] = [0, 6].map(|k| robot.forward(&joints(k)) * flange_from_tcp);
+            let turn = turn_between(&from.rotation, &to.rotation);
+            let mut motor = joints(0);
+            for step in 1..=STEPS {
+                let share = f64::from(step) / f64::from(STEPS);
+                let at = from.translation.vector.lerp(&to.translation.vector, share);
+                let pose = Pose::from_parts(at.into(), Rotation3::new(turn * share) * from.rotation);
+                let Ok(next) = robot.inverse_near_unlimited(&(pose * flange_from_tcp.inverse()), &motor) else {
+                    return Err(proptest::test_runner::TestCaseError::reject("the line leaves the reach of the arm"));
+                };
+                // Otherwise the line passes a singular posture.
+                proptest::prop_assume!((next - motor).amax() < 0.02);
+                motor = next;
+            }
+            proptest::prop_assume!(robot.limit_violation(&motor).is_none());
+            let found = robot.inverse_along(&flange_from_tcp, &robot.forward(&motor), &joints(0)).unwrap();
+            proptest::prop_assert!((found - motor).amax() < 1e-6, "{found} instead of {motor}");
+        }
+    }
+
+    #[test]
+    fn a_joint_motion_of_an_arm_without_a_closed_form_goes_to_the_nearest_of_all_solutions() {
+        let robot = crate::Builtin::named("ur10e").unwrap().robot();
+        let motor = deg([11.4, -100.0, 113.3, -40.0, 60.0, 20.0]);
+        let pose = robot.forward(&motor);
+        let mut differs = 0;
+        for k in 0..40 {
+            let near = Joints::from_fn(|i, _| motor[i] + 1.6 * f64::from((7 * k + 11 * i as i32) % 21 - 10) / 10.0);
+            let found = robot.inverse_conf(&pose, None, &near).unwrap();
+            let far = |motor: &Joints| (robot.nearest_turns(motor, &near) - near).norm();
+            let least = robot.inverse_all(&pose).unwrap().iter().map(far).fold(f64::INFINITY, f64::min);
+            assert!(far(&found) < least + 1e-6, "{found} {least}");
+            differs += usize::from(robot.inverse_near(&pose, &near).is_ok_and(|newton| far(&newton) > least + 1e-3));
+        }
+        assert!(differs > 0);
     }
 
     #[test]

@@ -37,7 +37,7 @@ pub use excursion::Excursion;
 pub use forward::NUDGE;
 #[cfg(test)]
 pub(crate) use inverse::pose_gap;
-pub use inverse::{Unreachable, polish};
+pub use inverse::{Unreachable, is_close, polish};
 pub use limits::{LimitViolation, LimitedAngle};
 pub use links::{DhRow, Frames, Links};
 pub use model::{Axes, Limits, Robot, gravity_at};

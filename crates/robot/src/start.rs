@@ -1,5 +1,5 @@
 use super::configuration::{branch_index, turned_to};
-use super::{Branch, Joints, Pose, Robot, Unreachable, conf_is};
+use super::{Branch, Joints, Pose, Robot, Unreachable, conf_is, is_close};
 use deflex_program::Conf;
 
 /// The motor angles at the first target of a program, and how they were chosen.
@@ -73,30 +73,50 @@ impl Robot {
         Ok(Start { motor, how: StartedFrom::NearestHome })
     }
 
-    /// Motor angles (rad) of a joint motion to a pose with a configuration: those of the branch that it names, if it
-    /// fits one, else those nearest to `near`.
+    /// Motor angles (rad) of a joint motion to a pose: those of the solution that a configuration names, if one fits it, else those
+    /// nearest to `near`.
     ///
     /// # Errors
     /// The pose is out of reach, or beyond an axis limit.
     #[doc(hidden)]
-    pub fn inverse_conf(&self, base_from_flange: &Pose, conf: Conf, near: &Joints) -> Result<Joints, Unreachable> {
-        match self.branch_of_conf(base_from_flange, conf, near) {
+    pub fn inverse_conf(
+        &self,
+        base_from_flange: &Pose,
+        conf: Option<Conf>,
+        near: &Joints,
+    ) -> Result<Joints, Unreachable> {
+        match conf.and_then(|conf| self.branch_of_conf(base_from_flange, conf, near)) {
             Some(motor) => Ok(motor),
-            None => self.inverse_near(base_from_flange, near),
+            None => self.nearest_of_all(base_from_flange, near),
         }
     }
 
-    /// The branch that a configuration names, if its quarter turns fit the branch and it is within the limits.
+    /// The nearest of all solutions within the limits. Newton's method from `near` may find another one, because a joint motion is long.
+    fn nearest_of_all(&self, base_from_flange: &Pose, near: &Joints) -> Result<Joints, Unreachable> {
+        let far = |motor: &Joints| (motor - near).norm_squared();
+        let nearest = self.inverse_near(base_from_flange, near);
+        if self.has_closed_form() || nearest.is_ok_and(|motor| is_close(&motor, near)) {
+            return nearest;
+        }
+        let all = self.inverse_all(base_from_flange)?.into_iter().map(|motor| self.nearest_turns(&motor, near));
+        all.chain(nearest).min_by(|a, b| far(a).total_cmp(&far(b))).ok_or(Unreachable::OutOfReach { by_mm: 0.0 })
+    }
+
+    /// The solution that a configuration names, if its turns fit the solution and it is within the limits.
     fn branch_of_conf(&self, base_from_flange: &Pose, conf: Conf, near: &Joints) -> Option<Joints> {
         if let Conf::Near(angles) = conf {
             let near = self.motor_from_axes_deg(&angles.map(|angle| 1e-4 * f64::from(angle)));
-            return self.inverse_near(base_from_flange, &near).ok();
+            return self.nearest_of_all(base_from_flange, &near).ok();
+        }
+        // Both are compared within a whole turn.
+        let fits = |motor: Joints| {
+            let turned = turned_to(&motor, conf);
+            (conf_is(self, &turned, conf) && self.limit_violation(&turned).is_none()).then_some(turned)
+        };
+        if !self.has_closed_form() {
+            return self.inverse_all(base_from_flange).ok()?.into_iter().find_map(fits);
         }
         let index = branch_index(self, conf).filter(|index| *index < Branch::ALL.len())?;
-        let motor = self.inverse(base_from_flange, near).ok()?[index]?;
-        let turned = turned_to(&motor, conf);
-        // Both are compared within a whole turn.
-        let fits = conf_is(self, &turned, conf);
-        (fits && self.limit_violation(&turned).is_none()).then_some(turned)
+        fits(self.inverse(base_from_flange, near).ok()?[index]?)
     }
 }

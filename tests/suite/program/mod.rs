@@ -1,6 +1,7 @@
 //! Programs read, written and round-tripped.
 
 mod assumptions;
+mod callers;
 mod cl;
 mod cl_corpus;
 mod cl_sound;

@@ -79,7 +79,8 @@ pub fn value_of(token: &[u8]) -> Option<f64> {
     std::str::from_utf8(token).ok()?.parse().ok().filter(|value: &f64| value.is_finite())
 }
 
-/// `[…]`: the text inside, with balanced brackets.
+/// `[…]`: the text inside, with balanced brackets. The second byte of a Japanese character (Shift-JIS) in a comment may look like a bracket; it
+/// counts as text.
 ///
 /// # Examples
 /// ```
@@ -87,9 +88,12 @@ pub fn value_of(token: &[u8]) -> Option<f64> {
 /// ```
 pub fn brackets(input: &[u8]) -> Parsed<'_, &[u8]> {
     let (rest, _) = tag("[").parse(input)?;
-    let mut depth = 1_usize;
+    let (mut depth, mut is_second) = (1_usize, false);
     for (at, byte) in rest.iter().enumerate() {
+        // No Latin letter has the code of a first byte.
+        is_second = !is_second && matches!(at.checked_sub(1).map(|before| rest[before]), Some(0x81..=0x9F));
         match byte {
+            _ if is_second => {}
             b'[' => depth += 1,
             b']' => depth -= 1,
             _ => {}

@@ -434,13 +434,17 @@ pub fn positions_named<'a>(line: &'a Line<'_>, kind: &StatementKind<'_>) -> Vec<
     for at in memchr::memmem::find_iter(&text.to_ascii_uppercase(), b"P[") {
         let letter =
             at.checked_sub(1).is_some_and(|before| text[before].is_ascii_alphanumeric() || text[before] == b'_');
-        if let (false, Ok((rest, within))) = (letter, brackets(&text[at + 1..])) {
-            if skip > 0 {
-                skip -= 1
-            } else {
+        if letter {
+            continue;
+        }
+        match brackets(&text[at + 1..]) {
+            Ok(_) if skip > 0 => skip -= 1,
+            Ok((rest, within)) => {
                 let index = index(within).split(|b| *b == b',').next().unwrap_or_default();
                 found.push(NamedPosition { index, is_assigned: rest.trim_ascii_start().starts_with(b"=") });
             }
+            // Without the end of its index it may be any position.
+            Err(_) => found.push(NamedPosition { index: b"R[0]", is_assigned: false }),
         }
     }
     found

@@ -91,6 +91,13 @@ impl Dialect for UrScript {
                     if near.is_some() != angles.is_some() {
                         return unknown(reason(near));
                     }
+                    // The pose is that of this TCP, and not of the tool in force.
+                    let tcp = given("tcp", 4);
+                    let poses =
+                        tcp.map(|tcp| [tcp, store.get(Switch::Tool.slot())].map(|tool| tool.pose().map(Pose::pose)));
+                    if poses.is_some_and(|[tcp, tool]| tcp.is_none() || tcp != tool) {
+                        return unknown(Reason::Tool);
+                    }
                     let content = Content::AxesOf(Arc::clone(pose), angles.map(Into::into));
                     Value { content, reads: reads.clone() }.reading(near)
                 }

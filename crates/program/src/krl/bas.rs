@@ -80,6 +80,9 @@ impl<'a> Runner<'a> {
             b"BASE" => self.set_base(&number),
             b"TOOL" => self.set_tool(&number),
             b"VEL_CP" => self.set_speed(number),
+            b"OV_PRO" => {
+                self.state.values.insert(self.symbols.override_percent, number);
+            }
             b"FRAMES" | b"PTP_PARAMS" | b"PARAMS" => self.frames_of_act(),
             b"CP_PARAMS" => {
                 self.frames_of_act();

@@ -167,6 +167,8 @@ impl<'a> Runner<'a> {
             }
             if command == b"VEL_CP" {
                 changes.ids.insert(self.symbols.speed);
+            } else if command == b"OV_PRO" {
+                changes.ids.insert(self.symbols.override_percent);
             } else if command == b"CP_DAT" {
                 changes.ids.extend([self.symbols.speed, self.symbols.orientation, self.symbols.circle_type]);
             } else if !names::HARMLESS_COMMANDS.contains(&command) {
@@ -257,6 +259,11 @@ impl<'a> Runner<'a> {
 
     /// Scans the routines that interrupts start. They may run at any moment, so the data that they change are never known.
     pub(super) fn expect_interrupts(&mut self) {
+        // What a file imports may change under another name.
+        let files: &'a [File] = self.symbols.files;
+        let imports = files.iter().flat_map(|file| &file.imports);
+        let imported: Vec<Id> = imports.filter_map(|(module, name)| self.symbols.imported(module, name)).collect();
+        self.volatile.extend(imported);
         for id in self.symbols.all() {
             for statement in self.symbols.routine(id).statements() {
                 let StatementKind::Interrupt(started) = &statement.kind else { continue };

@@ -138,6 +138,9 @@ impl<'a> Runner<'a> {
         if path.name.first() == Some(&b'$') && !names::SETTLED.contains(&&path.name[..]) {
             return Value::unknown(Reason::SystemValue);
         }
+        if self.symbols.is_signal(path.id) {
+            return Value::unknown(Reason::SystemValue);
+        }
         let whole = self.value(path.id);
         if self.is_volatile(path.id) {
             self.pin(&whole);

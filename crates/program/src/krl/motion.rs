@@ -137,7 +137,11 @@ impl Runner<'_> {
         };
         let feed = match motion {
             Motion::Joint => None,
-            _ => self.value(self.symbols.speed).component(b"CP").and_then(Value::number).map(|v| 1e3 * v),
+            _ => {
+                let speed = self.value(self.symbols.speed).component(b"CP").and_then(Value::number);
+                let percent = self.value(self.symbols.override_percent).number();
+                speed.zip(percent).map(|(speed, percent)| 1e3 * speed * (percent / 100.0))
+            }
         };
         let (conf, posture) = match [b"S", b"T"].map(|name| end.component(name)) {
             _ if motion != Motion::Joint => (None, false),

@@ -47,8 +47,8 @@ pub(super) const SETTLED: [&[u8]; 9] =
     [b"$BASE", b"$TOOL", b"$LOAD", b"$VEL", b"$APO", b"$IPO_MODE", b"$ORI_TYPE", b"$NULLFRAME", b"$WORLD"];
 
 /// System data that change the meaning of motions; deflex models them itself.
-pub(super) const MODELLED_SYSTEM_VARIABLES: [&[u8]; 4] =
-    [b"$EX_AX_IGNORE", b"$ASYNC_AXIS", b"$CIRC_TYPE", b"$CIRC_MODE"];
+pub(super) const MODELLED_SYSTEM_VARIABLES: [&[u8]; 5] =
+    [b"$EX_AX_IGNORE", b"$ASYNC_AXIS", b"$CIRC_TYPE", b"$CIRC_MODE", b"$OV_PRO"];
 
 /// Switches with which BAS corrects a base or a tool by an additional frame; `BAS (#INITMOV,0)` resets them.
 pub(super) const CORRECTIONS: [[&[u8]; 2]; 2] =
@@ -59,10 +59,8 @@ pub(super) const KEEPS_APPROXIMATION: [&[u8]; 7] =
     [b"BASE", b"TOOL", b"VEL_CP", b"VEL_PTP", b"ACC_CP", b"ACC_PTP", b"OV_PRO"];
 
 /// Commands of BAS that change neither where the robot goes nor its speed along a path.
-pub(super) const HARMLESS_COMMANDS: [&[u8]; 10] = [
-    b"VEL_PTP", b"ACC_PTP", b"ACC_CP", b"ACC_GLUE", b"VEL_GLUE", b"PTP_DAT", b"OUT_SYNC", b"OUT_ASYNC", b"OV_PRO",
-    b"GROUP",
-];
+pub(super) const HARMLESS_COMMANDS: [&[u8]; 9] =
+    [b"VEL_PTP", b"ACC_PTP", b"ACC_CP", b"ACC_GLUE", b"VEL_GLUE", b"PTP_DAT", b"OUT_SYNC", b"OUT_ASYNC", b"GROUP"];
 
 /// Functions of inline forms that return a frame of a table, a speed, or the control of the orientation.
 pub(super) fn is_frame_function(name: &[u8]) -> bool {

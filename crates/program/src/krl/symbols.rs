@@ -47,6 +47,8 @@ pub(super) struct Symbols<'a> {
     /// `$EX_AX_IGNORE`, `$ASYNC_AXIS`: external axes, one bit each, that do not go to the programmed positions.
     pub(super) ignored_axes: Id,
     pub(super) asynchronous_axes: Id,
+    /// `$OV_PRO`, by which the controller multiplies every speed, per cent.
+    pub(super) override_percent: Id,
     /// `$CIRC_TYPE`, `$CIRC_MODE`: how the orientation turns on an arc.
     pub(super) circle_type: Id,
     pub(super) circle_mode: Id,
@@ -89,6 +91,7 @@ impl<'a> Symbols<'a> {
         symbols.tool = symbols.global(b"$TOOL", own("$TOOL"));
         symbols.load = symbols.global(b"$LOAD", Value::unknown(Reason::Unset));
         symbols.speed = symbols.global(b"$VEL", Value::unknown(Reason::Unset));
+        symbols.override_percent = symbols.global(b"$OV_PRO", Value::Number(100.0, None));
         symbols.approximation = symbols.global(b"$APO", Value::unknown(Reason::Unset));
         symbols.mode = symbols.global(b"$IPO_MODE", Value::constant(b"BASE"));
         symbols.orientation = symbols.global(b"$ORI_TYPE", Value::constant(b"VAR"));
@@ -163,9 +166,24 @@ impl<'a> Symbols<'a> {
         self.types.get(&id) == Some(&Type::Whole)
     }
 
-    /// Whether its number may be written with decimals: it is a REAL, or a component of a position.
+    /// Whether it is an input or an output of the controller (SIGNAL): `$OUT[…]=` and the periphery change it too.
+    pub(super) fn is_signal(&self, id: Id) -> bool {
+        self.types.get(&id) == Some(&Type::Signal)
+    }
+
+    /// The variable that another file imports under a name of its own.
+    pub(super) fn imported(&self, module: &Name, name: &Name) -> Option<Id> {
+        self.modules.get(module)?.get(name).copied()
+    }
+
+    /// Whether its number may be written with decimals: it is a REAL, or a component of a position. In data of a STRUC, a component is
+    /// whole if any STRUC declares an INT of its name.
     pub(super) fn is_real(&self, id: Id, steps: &[Selector]) -> bool {
+        let is_structure = self.types.get(&id) == Some(&Type::Structure);
         match steps.last() {
+            Some(Selector::Component(name)) if is_structure && self.files.iter().any(|f| f.whole.contains(name)) => {
+                false
+            }
             Some(Selector::Component(name)) => {
                 POSE.iter().chain(&AXES).chain(&EXTERNAL).any(|known| name[..] == **known)
             }
@@ -209,7 +227,8 @@ impl<'a> Symbols<'a> {
 
     /// Whether a variable describes the state of the run, and is not data of the program.
     pub(super) fn is_own_state(&self, id: Id) -> bool {
-        self.modal().contains(&id) || [self.position, self.turned, self.stands, self.mark, self.spline].contains(&id)
+        let others = [self.override_percent, self.position, self.turned, self.stands, self.mark, self.spline];
+        self.modal().contains(&id) || others.contains(&id)
     }
 
     /// Whether it is a table, of which the controller has the elements that no statement sets.
@@ -248,16 +267,28 @@ impl<'a> Symbols<'a> {
         files.iter().enumerate().flat_map(|(file, f)| (0..f.routines.len()).map(move |at| RoutineId { file, at }))
     }
 
-    /// The first routines of the written files that no other routine calls; if each is called, all first routines.
+    /// The first routines that no other routine calls: those of the written files, and those of context files that call a routine of a
+    /// written file, directly or through others. If each is called, all first routines of the written files.
     pub(super) fn roots(&self, written: usize) -> Vec<RoutineId> {
-        let mut called = BTreeSet::new();
+        let mut calls: HashMap<RoutineId, BTreeSet<RoutineId>> = HashMap::new();
         for id in self.all() {
-            let calls = self.routine(id).statements().into_iter().flat_map(Statement::calls);
-            called.extend(calls.filter_map(|call| self.find_routine(id.file, &call.name)).filter(|other| *other != id));
+            let of = self.routine(id).statements().into_iter().flat_map(Statement::calls);
+            let of = of.filter_map(|call| self.find_routine(id.file, &call.name)).filter(|other| *other != id);
+            calls.insert(id, of.collect());
         }
-        let firsts =
-            || (0..written).filter(|f| !self.files[*f].routines.is_empty()).map(|file| RoutineId { file, at: 0 });
-        let free: Vec<RoutineId> = firsts().filter(|id| !called.contains(id)).collect();
-        if free.is_empty() { firsts().collect() } else { free }
+        let called: BTreeSet<RoutineId> = calls.values().flatten().copied().collect();
+        let reaches_written = |from: RoutineId| {
+            let (mut found, mut open) = (BTreeSet::new(), vec![from]);
+            while let Some(id) = open.pop() {
+                open.extend(calls.get(&id).into_iter().flatten().filter(|called| found.insert(**called)));
+            }
+            found.into_iter().any(|id| id.file < written)
+        };
+        let firsts = |until: usize| {
+            (0..until).filter(|f| !self.files[*f].routines.is_empty()).map(|file| RoutineId { file, at: 0 })
+        };
+        let is_root = |id: &RoutineId| !called.contains(id) && (id.file < written || reaches_written(*id));
+        let free: Vec<RoutineId> = firsts(self.files.len()).filter(is_root).collect();
+        if free.is_empty() { firsts(written).collect() } else { free }
     }
 }

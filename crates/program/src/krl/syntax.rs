@@ -166,10 +166,19 @@ impl<'a> Parser<'a> {
         if !is_declared && (moves() || is_statement()) {
             return None;
         }
-        // Types, routines and signals of other files have no value of their own.
-        if [&b"STRUC"[..], b"ENUM", b"EXT", b"EXTFCT", b"EXTP", b"EXTFCTP", b"IMPORT", b"SIGNAL"].iter().any(|k| is(k))
-        {
+        // Types and routines of other files have no value of their own.
+        match &name[..] {
+            b"STRUC" => self.structure(cursor),
+            b"IMPORT" => self.import(cursor),
+            _ => {}
+        }
+        if [&b"STRUC"[..], b"ENUM", b"EXT", b"EXTFCT", b"EXTP", b"EXTFCTP", b"IMPORT"].iter().any(|k| is(k)) {
             return Some(Vec::new());
+        }
+        if is(b"SIGNAL") {
+            let word = cursor.accept(LexemeKind::Word)?;
+            let (kind, name) = (Some(Type::Signal), upper(cursor.text(word)));
+            return Some(vec![Data { kind, name, is_global, is_constant: false, is_array: false, value: None }]);
         }
         // `CHAR[16] name` is read too.
         let dims = is_declared && cursor.accept_brackets();
@@ -192,6 +201,37 @@ impl<'a> Parser<'a> {
             }
         }
         Some(found)
+    }
+
+    /// `STRUC name INT a,b, REAL c`: notes the components that are whole numbers.
+    fn structure(&mut self, mut cursor: Cursor<'a>) {
+        cursor.next();
+        let mut is_whole = false;
+        while let Some(first) = cursor.accept(LexemeKind::Word) {
+            let second = cursor.accept(LexemeKind::Word);
+            if second.is_some() {
+                is_whole = cursor.text(first).eq_ignore_ascii_case(b"INT");
+            }
+            if is_whole {
+                self.file.whole.push(upper(cursor.text(second.unwrap_or(first))));
+            }
+            cursor.accept_brackets();
+            cursor.accept_mark(b',');
+        }
+    }
+
+    /// `IMPORT type name IS /R1/module..name`: the last two words are those of the other file.
+    fn import(&mut self, mut cursor: Cursor<'a>) {
+        let mut words = Vec::new();
+        while !cursor.is_done() {
+            let lexeme = cursor.next();
+            if lexeme.kind == LexemeKind::Word {
+                words.push(upper(cursor.text(lexeme)));
+            }
+        }
+        if let [.., module, name] = &words[..] {
+            self.file.imports.push((module.clone(), name.clone()));
+        }
     }
 
     /// Reads statements up to one of these words. Returns which of them it was, and the text after it.
@@ -402,7 +442,8 @@ pub(super) fn simple(mut cursor: Cursor<'_>) -> StatementKind {
         }
         b"INTERRUPT" | b"GLOBAL" if cursor.depth == 0 => {
             cursor.accept_word(b"GLOBAL");
-            let declares = cursor.accept_word(b"INTERRUPT") && cursor.accept_word(b"DECL");
+            // Some versions have options between these words (WITH BRAKE).
+            let declares = { cursor }.until(&[b"DECL"]).1.is_some();
             let off = |mut cursor: Cursor<'_>| Started { when: cursor.parts(LexemeKind::End), run: None };
             return StatementKind::Interrupt(Box::new(if declares { started(cursor) } else { off(cursor) }));
         }
@@ -480,7 +521,8 @@ fn marked(line: Line) -> Option<Statement> {
 
 fn type_of(word: &[u8]) -> Option<Type> {
     let known = [(&b"INT"[..], Type::Whole), (b"REAL", Type::Real), (b"FRAME", Type::Frame), (b"POS", Type::Pos)];
-    known.into_iter().find(|(name, _)| word.eq_ignore_ascii_case(name)).map(|(_, of)| of)
+    let own = || TYPES.iter().all(|known| !word.eq_ignore_ascii_case(known)).then_some(Type::Structure);
+    known.into_iter().find(|(name, _)| word.eq_ignore_ascii_case(name)).map(|(_, of)| of).or_else(own)
 }
 
 /// A module's or routine's name; some begin with a digit.

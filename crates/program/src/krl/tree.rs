@@ -14,6 +14,10 @@ pub(super) struct File {
     pub(super) data: Vec<Data>,
     /// Elements that a data list sets, in text order, with their places: `Points[1]={X 1,…}`.
     pub(super) values: Vec<(Setting, Span)>,
+    /// Components that a STRUC declares as INT.
+    pub(super) whole: Vec<Name>,
+    /// Data of other files that this one imports: the module and the name there.
+    pub(super) imports: Vec<(Name, Name)>,
     /// Statements that are not understood, with the reason.
     pub(super) odd: Vec<(Span, Reason)>,
     /// The last mark before the first routine, which is in force from the start.
@@ -58,6 +62,10 @@ pub(super) enum Type {
     Real,
     Frame,
     Pos,
+    /// A STRUC of the program, or an ENUM.
+    Structure,
+    /// SIGNAL
+    Signal,
 }
 
 #[derive(Debug)]

@@ -2,7 +2,7 @@
 
 use super::plan::PostPlan;
 use super::statements::Statements;
-use super::zone::{FINE, zone};
+use super::zone::{FINE, is_nearly_straight, zone};
 use super::{PostedPoint, names};
 use crate::orientation::{from_zyx_deg, quaternion, rotation, zyx_deg};
 use crate::tp::MOST_POINTS;
@@ -132,12 +132,12 @@ impl Writer<'_> {
         if point.stop || enters || at + 1 == to || next.lines.is_some() || next.joint {
             return "FINE";
         }
-        let ways = [before.position_mm, point.position_mm, next.position_mm];
+        let [q, p, n] = [before.position_mm, point.position_mm, next.position_mm];
         // The rounding of CNT depends on arm and speed: if RAPID's smallest zone would be too large, the motion stops.
-        match zone(ways[0], ways[1], ways[2], point.rapid, self.plan.corner_tolerance_mm) {
+        match zone(q, p, n, point.rapid, self.plan.corner_tolerance_mm) {
             FINE => "FINE",
-            b"z0" => "CNT0",
-            _ => "CNT100",
+            _ if is_nearly_straight(q, p, n, self.plan.corner_tolerance_mm) => "CNT100",
+            _ => "CNT0",
         }
     }
 }

@@ -38,14 +38,12 @@ pub(super) fn zone(
     rapid: bool,
     corner_tolerance_mm: f64,
 ) -> &'static [u8] {
-    let (a, b) = (minus(at, before), minus(after, at));
-    let (la, lb) = (length(a), length(b));
-    let half = la.min(lb) / 2.0;
-    let cos = if half > 0.0 { ((a[0] * b[0] + a[1] * b[1] + a[2] * b[2]) / (la * lb)).clamp(-1.0, 1.0) } else { 1.0 };
-    let half_sine = ((1.0 - cos) / 2.0).sqrt(); // sin(θ/2)
+    let half = length(minus(at, before)).min(length(minus(after, at))) / 2.0;
+    let half_sine = half_sine(before, at, after);
     let largest = if rapid { LARGEST_RAPID_MM } else { LARGEST_CUTTING_MM };
     let fits = |radius: f64| radius <= largest && radius <= half;
-    let near = |radius: f64| rapid || radius.min(half) * half_sine / 2.0 <= corner_tolerance_mm;
+    // Rapid travel too: a retraction begins in the material, where the tool must not leave the programmed path.
+    let near = |radius: f64| radius.min(half) * half_sine / 2.0 <= corner_tolerance_mm;
     let best = ZONES.iter().rev().find(|(_, r)| fits(*r) && near(*r));
     match best {
         Some((name, _)) => name,
@@ -53,6 +51,22 @@ pub(super) fn zone(
         None if near(ZONES[0].1) => ZONES[0].0,
         None => FINE,
     }
+}
+
+/// Whether the path continues so straight at a point that a zone of 1 mm would stay within the tolerance, however near the next point is.
+pub(super) fn is_nearly_straight(before: [f64; 3], at: [f64; 3], after: [f64; 3], corner_tolerance_mm: f64) -> bool {
+    half_sine(before, at, after) / 2.0 <= corner_tolerance_mm
+}
+
+/// sin(θ/2) for the turning angle θ of the path at a point; 0 where a way has no length.
+fn half_sine(before: [f64; 3], at: [f64; 3], after: [f64; 3]) -> f64 {
+    let (a, b) = (minus(at, before), minus(after, at));
+    let lengths = length(a) * length(b);
+    if lengths == 0.0 {
+        return 0.0;
+    }
+    let cos = ((a[0] * b[0] + a[1] * b[1] + a[2] * b[2]) / lengths).clamp(-1.0, 1.0);
+    ((1.0 - cos) / 2.0).sqrt()
 }
 
 /// Radius of a predefined zone, mm; `None` for a stop.
@@ -91,6 +105,7 @@ mod tests {
         assert_eq!(at_turn(30.0, 50.0, false), b"z0"); // 0.039 mm
         assert_eq!(at_turn(10.0, 50.0, false), b"z1"); // 0.044 mm
         assert_eq!(at_turn(90.0, 0.2, false), b"z0"); // no more than 0.1/2·sin 45° = 0.035 mm
-        assert_eq!(at_turn(90.0, 50.0, true), b"z20");
+        assert_eq!(at_turn(90.0, 50.0, true), FINE); // a retraction may begin in a hole
+        assert_eq!(at_turn(1.0, 50.0, true), b"z20"); // 20/2·sin 0.5° = 0.087 mm without the limit of the tolerance
     }
 }

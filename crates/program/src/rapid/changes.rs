@@ -393,6 +393,7 @@ impl<'s, 'a> Scan<'s, 'a> {
             Some(
                 Instruction::Nothing
                 | Instruction::Moves
+                | Instruction::ClearsPath
                 | Instruction::Ends
                 | Instruction::Raises
                 | Instruction::DisplacementOff

@@ -5,7 +5,7 @@ use super::known::RoutineId;
 use super::motion;
 use super::runner::Runner;
 use super::state::Stands;
-use super::tree::{Statement, StatementKind, any, statements};
+use super::tree::{Routine, Statement, StatementKind, any, statements};
 use crate::Reason;
 
 /// What an ERROR handler may do with an error.
@@ -40,8 +40,15 @@ impl<'a> Runner<'a> {
         if handler.is_none_or(|handler| handler.hands_on) {
             self.note_end(|frame| &mut frame.raised, left.clone());
         }
-        // A handler that comes to its end returns.
-        if handler.is_some() {
+        // A handler that comes to its end returns; one that ends with TRYNEXT, RETRY or RAISE does not come to it.
+        let routine = self.frames.last().map(|frame| self.symbols.routine(frame.routine));
+        let ends =
+            |s: &Statement| matches!(s.kind, StatementKind::TryNext | StatementKind::Retry | StatementKind::Raise);
+        let returns = |routine: &Routine| {
+            !routine.on_error().last().is_some_and(ends)
+                || any(routine.on_error(), &|s| matches!(s, StatementKind::Return(_)))
+        };
+        if handler.is_some() && routine.is_some_and(returns) {
             self.note_end(|frame| &mut frame.returned, left);
         }
         let goes_on = handler.is_some_and(|handler| handler.goes_on);

@@ -113,6 +113,7 @@ impl<'a> Runner<'a> {
                 self.state.stands = Stands::Unknown;
                 self.keep_here(span, Reason::ExternalAxesOnly);
             }
+            Instruction::ClearsPath => self.state.stands = Stands::Unknown,
             Instruction::Ends => return Err(Stop::Ends),
             Instruction::Raises if self.raise() => {}
             Instruction::Raises => return Err(Stop::Ends),

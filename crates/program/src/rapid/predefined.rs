@@ -47,6 +47,8 @@ pub(super) enum Instruction {
     DataByName,
     /// Moves, but to no robtarget that the program states.
     Moves,
+    /// Forgets the motions that have not ended: the robot stands somewhere on its way.
+    ClearsPath,
     /// Ends the cycle.
     Ends,
     /// Raises an error.
@@ -76,20 +78,19 @@ impl Instruction {
 /// Instructions that change neither data nor frames.
 pub(super) const NOTHING: &[&str] = &[
     "AccSet", "ActEventBuffer", "AliasIOReset", "Break", "CamFlush", "CamRequestImage", "CamSetProgramMode",
-    "CheckProgRef", "ClearIOBuff", "ClearPath", "Close", "CloseDir", "ConfJ", "ConfL", "CopyFile", "CornerPathWarning",
-    "CorrClear", "CorrDiscon", "CorrWrite", "DeactEventBuffer", "DitherAct", "DitherDeact", "EGMReset", "EraseModule",
-    "ErrLog", "ErrWrite", "HollowWristReset", "IDelete", "IDisable", "IEnable", "InvertDO", "IODisable", "IOEnable",
-    "ISleep", "IWatch", "Load", "MakeDir", "MechUnitLoad", "MotionProcessModeSet", "MotionSup", "PathAccLim",
-    "PathLengthReset", "PathLengthStart", "PathLengthStop", "PathRecStart", "PathRecStop", "PathResol", "PulseDO",
-    "RemoveDir", "RemoveFile", "RenameFile", "Reset", "ResetPPMoved", "ResetRetryCount", "RestoPath", "Rewind",
-    "RMQEmptyQueue", "Save", "SCWrite", "Set", "SetAO", "SetDO", "SetGO", "SetSysData", "SiConnect", "SingArea",
-    "SkipWarn", "SocketBind", "SocketClose", "SocketConnect", "SocketListen", "SocketSend", "SocketSendTo",
-    "SpeedLimAxis", "SpeedLimCheckPoint", "SpyStart", "SpyStop", "StartMove", "StartMoveRetry", "Stop", "StopMove",
-    "StopMoveReset", "StorePath", "SyncMoveOff", "SyncMoveOn", "SyncMoveResume", "SyncMoveSuspend", "SyncMoveUndo",
-    "SystemStopAction", "TestSignDefine", "TestSignReset", "TextTabInstall", "TPErase", "TPShow", "TPWrite",
-    "TuneReset", "TuneServo", "UIMsgWrite", "UIShow", "UnLoad", "WaitRob", "WaitSyncTask", "WaitTime", "WorldAccLim",
-    "Write", "WriteAnyBin", "WriteBin", "WriteBlock", "WriteStrBin", "WriteVar", "WriteVarArr", "WZDisable",
-    "WZEnable",
+    "CheckProgRef", "ClearIOBuff", "Close", "CloseDir", "ConfJ", "ConfL", "CopyFile", "CornerPathWarning", "CorrClear",
+    "CorrDiscon", "CorrWrite", "DeactEventBuffer", "DitherAct", "DitherDeact", "EGMReset", "EraseModule", "ErrLog",
+    "ErrWrite", "HollowWristReset", "IDelete", "IDisable", "IEnable", "InvertDO", "IODisable", "IOEnable", "ISleep",
+    "IWatch", "Load", "MakeDir", "MechUnitLoad", "MotionProcessModeSet", "MotionSup", "PathAccLim", "PathLengthReset",
+    "PathLengthStart", "PathLengthStop", "PathRecStart", "PathRecStop", "PathResol", "PulseDO", "RemoveDir",
+    "RemoveFile", "RenameFile", "Reset", "ResetPPMoved", "ResetRetryCount", "RestoPath", "Rewind", "RMQEmptyQueue",
+    "Save", "SCWrite", "Set", "SetAO", "SetDO", "SetGO", "SetSysData", "SiConnect", "SingArea", "SkipWarn",
+    "SocketBind", "SocketClose", "SocketConnect", "SocketListen", "SocketSend", "SocketSendTo", "SpeedLimAxis",
+    "SpeedLimCheckPoint", "SpyStart", "SpyStop", "StartMove", "StartMoveRetry", "Stop", "StopMove", "StopMoveReset",
+    "StorePath", "SyncMoveOff", "SyncMoveOn", "SyncMoveResume", "SyncMoveSuspend", "SyncMoveUndo", "SystemStopAction",
+    "TestSignDefine", "TestSignReset", "TextTabInstall", "TPErase", "TPShow", "TPWrite", "TuneReset", "TuneServo",
+    "UIMsgWrite", "UIShow", "UnLoad", "WaitRob", "WaitSyncTask", "WaitTime", "WorldAccLim", "Write", "WriteAnyBin",
+    "WriteBin", "WriteBlock", "WriteStrBin", "WriteVar", "WriteVarArr", "WZDisable", "WZEnable",
 ];
 
 /// Instructions that change data in their arguments, and no other data.
@@ -116,6 +117,7 @@ const OWN: &[(&str, Instruction)] = &[
     ("Add", Instruction::Steps),
     ("CirPathMode", Instruction::ArcMode),
     ("Clear", Instruction::Steps),
+    ("ClearPath", Instruction::ClearsPath),
     ("DeactUnit", Instruction::UnitOff),
     ("Decr", Instruction::Steps),
     ("EOffsOff", Instruction::AxisOffsetOff),

@@ -16,6 +16,7 @@ use crate::Reason;
 use deflex_lang::walk::Stop;
 use deflex_text::limits::RUN_MOTIONS;
 use deflex_text::{Diagnostic, Severity, Span};
+use std::collections::BTreeSet;
 
 /// Each further so many bytes of a statement count as one more step, because long statements take longer.
 const BYTES_PER_STEP: usize = 256;
@@ -75,10 +76,18 @@ impl<'a> Runner<'a> {
         procs
     }
 
-    /// Procedures of the program itself, in the order of the text.
+    /// Procedures of the program itself, and those of the context that call them, in the order of the text.
     fn procedures(&self) -> Vec<RoutineId> {
-        let own = |id: &RoutineId| id.file < self.written && self.symbols.routine(*id).kind == RoutineKind::Proc;
-        self.symbols.all().filter(own).collect()
+        let procs = || self.symbols.all().filter(|id| self.symbols.routine(*id).kind == RoutineKind::Proc);
+        let mut found: BTreeSet<RoutineId> = procs().filter(|id| id.file < self.written).collect();
+        loop {
+            let calls = |id: &RoutineId| self.calls(*id, &self.symbols.routine(*id).body).any(|of| found.contains(&of));
+            let callers: Vec<RoutineId> = procs().filter(|id| !found.contains(id) && calls(id)).collect();
+            if callers.is_empty() {
+                return found.into_iter().collect();
+            }
+            found.extend(callers);
+        }
     }
 
     pub(super) fn routine_name(&self, id: RoutineId) -> &'a [u8] {
