@@ -293,8 +293,6 @@ pub struct Kept {
     pub reason: Reason,
     /// Whether the motion is not what the text states: a NaN, or in CL data a motion that is not read.
     pub fault: bool,
-    /// What to do; empty if there is nothing special to do.
-    pub help: &'static str,
 }
 
 /// An executed motion whose target is known only at run time.
@@ -704,7 +702,7 @@ impl Program {
         let (code, help) = self.language.fault();
         let fault = |kept: &Kept| {
             let source = &self.sources[kept.source];
-            let help = if kept.help.is_empty() { help } else { kept.help };
+            let help = cl::help(kept.reason).unwrap_or(help);
             Diagnostic::error(code, &source.name, kept.reason.text()).at(source, kept.span).help(help)
         };
         self.kept.iter().filter(|kept| kept.fault).map(fault).collect()

@@ -1,9 +1,9 @@
 //! Tool, spindle, coolant, stops: actions of the machine between positions.
 
 use super::lex::Record;
-use super::refusal::{self, Outcome};
+use super::refusal::Outcome;
 use super::statement::Statement;
-use crate::{Action, ActionKind, CutterInfo};
+use crate::{Action, ActionKind, CutterInfo, Reason};
 use std::sync::Arc;
 
 /// The mounted tool, and the actions before the next position.
@@ -100,7 +100,7 @@ impl Machine {
         let number = s.number_items().iter().next().map(|t| t.value).filter(|_| offset);
         let before = self.offset.filter(|_| self.used.is_some());
         if before.zip(number).is_some_and(|(before, number)| (before - number).abs() > 0.5) {
-            return Err(refusal::OFFSET);
+            return Err(Reason::MachineOffset);
         }
         self.offset = number.or(self.offset);
         Ok(())

@@ -1,9 +1,8 @@
 //! Modal data, which stay from one statement to the next.
 
-use super::refusal;
 use super::refusal::Outcome;
 use super::statement::Statement;
-use crate::{CutterInfo, Mark};
+use crate::{CutterInfo, Mark, Reason};
 use deflex_text::Span;
 
 /// Millimetres in an inch.
@@ -154,24 +153,24 @@ impl Modal {
         for word in statement.words().map(<[u8]>::to_ascii_uppercase) {
             let unit = feed_unit(&word, mm_per_unit);
             if matches!(word.as_slice(), b"INVERS" | b"INVERSE") {
-                return Err(refusal::INVERSE_TIME);
+                return Err(Reason::InverseTime);
             }
             if unit.is_none() || said.is_some() {
-                return Err(refusal::FEED_UNIT);
+                return Err(Reason::FeedUnit);
             }
             said = unit;
         }
-        let [value] = statement.number_items().only().ok_or(refusal::NO_FEED)?;
+        let [value] = statement.number_items().only().ok_or(Reason::NoFeed)?;
         let default = FeedUnit::PerMinute(mm_per_unit);
         let unit = match (said, self.feed_unit) {
             (Some(unit), _) => unit,
-            (None, Some(last)) if last != default => return Err(refusal::FEED_UNIT_LOST),
+            (None, Some(last)) if last != default => return Err(Reason::FeedUnitLost),
             (None, _) => default,
         };
         self.feed_unit = said.or(self.feed_unit);
         let feed = unit.feed(value);
         if !feed.is_positive() {
-            return Err(refusal::NO_FEED);
+            return Err(Reason::NoFeed);
         }
         self.feed = feed;
         Ok(())

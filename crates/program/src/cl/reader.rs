@@ -5,7 +5,6 @@ use super::frame::Frame;
 use super::lex::Record;
 use super::machine::Machine;
 use super::modal::Modal;
-use super::refusal::Refusal;
 use super::state::{Checked, Cycle, MatrixRows, PendingArc};
 use super::units::unit_at_start;
 use super::{ClOptions, Layout, Point};
@@ -149,11 +148,11 @@ impl Reader {
 
     /// Lists a statement that passes.
     pub(super) fn list(&mut self, record: Record, reason: Reason) {
-        self.kept.push(kept(record, reason.into(), false));
+        self.kept.push(kept(record, reason, false));
     }
 
     /// Refuses a statement: no program may be written from the file.
-    pub(super) fn refuse(&mut self, record: Record, why: Refusal) {
+    pub(super) fn refuse(&mut self, record: Record, why: Reason) {
         self.kept.push(kept(record, why, true));
     }
 
@@ -169,6 +168,6 @@ impl Reader {
     }
 }
 
-fn kept(record: Record, why: Refusal, fault: bool) -> Kept {
-    Kept { source: 0, span: record.span, line: record.line, reason: why.reason, fault, help: why.help }
+fn kept(record: Record, reason: Reason, fault: bool) -> Kept {
+    Kept { source: 0, span: record.span, line: record.line, reason, fault }
 }

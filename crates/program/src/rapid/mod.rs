@@ -288,7 +288,7 @@ fn parsed(
                 if let Some(last) = file.cut.filter(|_| cut == Cut::Looked) {
                     let line = source.line_column(last.range().start).line;
                     let reason = Reason::FileEndsInModule;
-                    cuts.push(Kept { source: index.into(), span: last, line, reason, fault: true, help: "" });
+                    cuts.push(Kept { source: index.into(), span: last, line, reason, fault: true });
                 } else if let Some(last) = file.cut {
                     let message = "the file ends inside a module: expected ENDMODULE";
                     let error = Diagnostic::error("rapid.truncated", &source.name, message).at(source, last);
