@@ -1,4 +1,5 @@
 use crate::{AxisName, EXTERNAL_AXES, External, Reason};
+use deflex_lang::ir::SourceSpan;
 use deflex_text::Span;
 use std::sync::Arc;
 
@@ -83,6 +84,39 @@ pub enum Predecessor {
 }
 
 impl Target {
+    /// The end of a motion with this tool and work object, at a statement and its line.
+    pub(crate) fn new(
+        ordinal: u32,
+        motion: Motion,
+        goal: Goal,
+        [tool, wobj]: [u16; 2],
+        place: SourceSpan,
+        line: u32,
+    ) -> Self {
+        Self {
+            ordinal,
+            role: Role::End,
+            motion,
+            goal,
+            tool,
+            wobj,
+            feed_mm_s: None,
+            spindle_rpm: None,
+            rapid: false,
+            mark: None,
+            editable: Editable::Pose,
+            located: true,
+            extra_load: false,
+            external: None,
+            name: None,
+            source: place.source,
+            span: place.span,
+            line,
+            predecessor: Predecessor::Previous,
+            arc_turn: None,
+        }
+    }
+
     /// Whether it ends an executed motion: one report row.
     ///
     /// # Examples

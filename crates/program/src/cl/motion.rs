@@ -10,7 +10,8 @@ use super::refusal::Outcome;
 use super::state::PendingArc;
 use super::statement::{Numbers, Statement};
 use super::vector::{add, dot, norm, scale, sub, unit};
-use crate::{Editable, Goal, Motion, Predecessor, Reason, Role, Target};
+use crate::{Goal, Motion, Predecessor, Reason, Role, Target};
+use deflex_lang::ir::SourceSpan;
 use deflex_text::number;
 
 /// A printed axis shorter or longer than this is no unit vector; four printed digits give 0.9998.
@@ -316,27 +317,18 @@ impl Reader {
             self.layout.starts.push(StartSlot { first: self.targets.len(), xyz, frame });
         }
         self.layout.slots.push(slot);
+        let goal = Goal::Axis { position_mm, axis, normal };
+        let place = SourceSpan { source: 0, span: record.span };
+        let (frames, line) = ([self.machine.tool(), 0], u32::try_from(record.line).unwrap_or(u32::MAX));
         self.targets.push(Target {
-            ordinal: self.ordinal + ahead,
             role,
-            motion: Motion::Linear,
-            goal: Goal::Axis { position_mm, axis, normal },
-            tool: self.machine.tool(),
-            wobj: 0,
             feed_mm_s,
             spindle_rpm: self.modal.rpm(),
             rapid,
             mark: self.modal.mark,
-            editable: Editable::Pose,
-            located: true,
-            extra_load: false,
             external: self.options.external.clone(),
-            name: None,
-            source: 0,
-            span: record.span,
-            line: u32::try_from(record.line).unwrap_or(u32::MAX),
             predecessor,
-            arc_turn: None,
+            ..Target::new(self.ordinal + ahead, Motion::Linear, goal, frames, place, line)
         });
     }
 

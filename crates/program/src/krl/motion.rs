@@ -229,31 +229,12 @@ impl Runner<'_> {
     }
 
     /// The target of a motion at the running statement, with the mark that is in force.
-    fn target_here(&self, goal: Goal, [tool, wobj]: [u16; 2], span: Span) -> Target {
+    fn target_here(&self, goal: Goal, frames: [u16; 2], span: Span) -> Target {
         #[allow(clippy::cast_possible_truncation)]
-        let source = self.here() as u16;
-        Target {
-            ordinal: self.motions,
-            role: Role::End,
-            motion: Motion::AbsoluteJoint,
-            goal,
-            tool,
-            wobj,
-            feed_mm_s: None,
-            spindle_rpm: None,
-            rapid: false,
-            mark: self.mark().0,
-            editable: Editable::No(Reason::Joints),
-            located: true,
-            extra_load: false,
-            external: None,
-            name: None,
-            source,
-            span,
-            line: self.kept.line(source, span),
-            predecessor: Predecessor::Previous,
-            arc_turn: None,
-        }
+        let place = SourceSpan { source: self.here() as u16, span };
+        let line = self.kept.line(place.source, span);
+        let target = Target::new(self.motions, Motion::AbsoluteJoint, goal, frames, place, line);
+        Target { mark: self.mark().0, editable: Editable::No(Reason::Joints), ..target }
     }
 
     fn go_to_joints(&mut self, motion: Motion, deg: [f64; 6], end: &Value, span: Span) -> Result<(), Reason> {

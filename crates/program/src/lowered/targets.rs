@@ -267,7 +267,7 @@ impl Builder {
             }
             _ => None,
         };
-        let (tool, wobj) = self.frames(motion)?;
+        let frames = self.frames(motion)?;
         let first = self.targets.len();
         let mark = match &switch(Switch::Mark).content {
             Content::Text(word) if **word == *b"air" => Some(Mark::Air),
@@ -280,31 +280,19 @@ impl Builder {
             Edit::No(why) => Editable::No(why),
         };
         let is_path = matches!(path, Motion::Linear | Motion::Circular);
+        let line = self.kept.line(motion.place.source, motion.place.span);
         let end = Target {
-            ordinal: self.ordinal,
-            role: Role::End,
-            motion: path,
-            goal: to,
-            tool,
-            wobj,
             feed_mm_s: motion.speed.filter(|_| is_path).map(|speed| speed * self.style.mm),
-            spindle_rpm: None,
-            rapid: false,
             mark,
             editable,
-            located: true,
             extra_load: switch(Switch::Load).reason().is_some(),
-            external: None,
-            name: None,
-            source: motion.place.source,
-            span: motion.place.span,
-            line: self.kept.line(motion.place.source, motion.place.span),
             predecessor: match motion.from {
                 PathStart::Start => Predecessor::Start,
                 PathStart::Previous if follows => Predecessor::Previous,
                 PathStart::Previous | PathStart::Unknown => Predecessor::Unknown,
             },
             arc_turn: (motion.path == Path::Tangent).then_some(ArcTurn::Fixed),
+            ..Target::new(self.ordinal, path, to, frames, motion.place, line)
         };
         if let Some(goal) = via {
             let via = Target { role: Role::Via, goal, ..end.clone() };
@@ -355,11 +343,11 @@ impl Builder {
     }
 
     /// Indices of tool and work object.
-    fn frames(&mut self, motion: &Moved) -> Result<(u16, u16), Reason> {
+    fn frames(&mut self, motion: &Moved) -> Result<[u16; 2], Reason> {
         if let Some(given) = motion.to.pose().and_then(|pose| pose.given.as_ref()) {
             let tool = intern(&mut self.tools, Tool { name: Arc::clone(&given.tool), data: None });
             let wobj = Wobj { name: Arc::clone(&given.frame), data: None, unit: None };
-            return Ok((tool, intern(&mut self.wobjs, wobj)));
+            return Ok([tool, intern(&mut self.wobjs, wobj)]);
         }
         let [tool, load, frame] =
             [Switch::Tool, Switch::Load, Switch::Frame].map(|switch| &motion.switches[switch as usize]);
@@ -382,7 +370,7 @@ impl Builder {
             }
         };
         let name = named(frame).map_or_else(|| self.style.frame.into(), Arc::from);
-        Ok((tool, intern(&mut self.wobjs, Wobj { name, data: None, unit: None })))
+        Ok([tool, intern(&mut self.wobjs, Wobj { name, data: None, unit: None })])
     }
 
     fn tool_data(&self, pose: &Pose, load: &Value) -> ToolData {

@@ -151,7 +151,7 @@ impl<'a> Builder<'a> {
             Ok(Some(b"cut")) => Some(Mark::Cut),
             _ => None,
         };
-        let [wobj, tool] = self.frames(frames, visit.held)?;
+        let frames = self.frames(frames, visit.held)?;
         let path = match (motion.path, &goal) {
             (ir::Path::Joint, Goal::Joints { .. }) => Path::AbsoluteJoint,
             (ir::Path::Joint, _) => Path::Joint,
@@ -159,13 +159,12 @@ impl<'a> Builder<'a> {
             _ => Path::Linear,
         };
         let line = &self.code.lines[visit.at];
+        let ordinal = u32::try_from(self.built.motions).unwrap_or(u32::MAX);
+        let (place, number) =
+            (ir::SourceSpan { source: 0, span: line.span }, u32::try_from(line.line).unwrap_or(u32::MAX));
+        // `push` sets the predecessor: the points before are not added yet.
         let target = Target {
-            ordinal: u32::try_from(self.built.motions).unwrap_or(u32::MAX),
             role,
-            motion: path,
-            goal,
-            tool,
-            wobj,
             feed_mm_s: match motion.speed {
                 Some(Speed::Number(mm_s)) => Some(mm_s),
                 Some(Speed::Register { unit_mm_s, .. }) => {
@@ -173,20 +172,11 @@ impl<'a> Builder<'a> {
                 }
                 None => None,
             },
-            spindle_rpm: None,
-            rapid: false,
             mark,
             editable: why.map_or(Editable::Pose, Editable::No),
-            located: true,
-            extra_load: false,
             external: self.external(position, motion),
             name: Some(format!("P[{}]", position.number).into()),
-            source: 0,
-            span: line.span,
-            line: u32::try_from(line.line).unwrap_or(u32::MAX),
-            // `push` sets it: the points before are not added yet.
-            predecessor: Predecessor::Unknown,
-            arc_turn: None,
+            ..Target::new(ordinal, path, goal, frames, place, number)
         };
         Ok((target, site))
     }
@@ -203,7 +193,7 @@ impl<'a> Builder<'a> {
         Some(Arc::new(ExternalAxes { written, at_rest, groups, coordinated, ..ExternalAxes::default() }))
     }
 
-    /// Indices of work object and tool.
+    /// Indices of tool and work object.
     fn frames(&mut self, recorded: [Number; 2], held: Held<'_>) -> Result<[u16; 2], Reason> {
         let mut numbers = [0; 2];
         for (i, frame) in [Frame::User, Frame::Tool].into_iter().enumerate() {
@@ -220,7 +210,7 @@ impl<'a> Builder<'a> {
         let wobj =
             Wobj { name: format!("UF {}", numbers[0]).into(), data: (numbers[0] == 0).then_some(WORLD), unit: None };
         let tool = Tool { name: format!("UT {}", numbers[1]).into(), data: (numbers[1] == 0).then_some(FLANGE) };
-        Ok([intern(&mut self.built.wobjs, wobj), intern(&mut self.built.tools, tool)])
+        Ok([intern(&mut self.built.tools, tool), intern(&mut self.built.wobjs, wobj)])
     }
 
     /// Records a motion with an unknown end.
