@@ -186,6 +186,15 @@ pub struct ToolData {
     pub cog_mm: [f64; 3],
 }
 
+/// No rotation.
+pub(crate) const NO_TURN: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
+
+impl ToolData {
+    /// The flange of the robot.
+    pub(crate) const FLANGE: Self =
+        Self { robhold: true, tcp_mm: [0.0; 3], tcp_quat: NO_TURN, mass_kg: 0.0, cog_mm: [0.0; 3] };
+}
+
 /// The shape of a cutter in a CL file.
 ///
 /// # Examples
@@ -266,6 +275,18 @@ pub struct WobjData {
     pub oframe_mm: [f64; 3],
     /// Its orientation, scalar first, unit norm.
     pub oframe_quat: [f64; 4],
+}
+
+impl WobjData {
+    /// The world.
+    pub(crate) const WORLD: Self = Self {
+        robhold: false,
+        fixed: true,
+        uframe_mm: [0.0; 3],
+        uframe_quat: NO_TURN,
+        oframe_mm: [0.0; 3],
+        oframe_quat: NO_TURN,
+    };
 }
 
 /// A statement that is not changed, with the reason.

@@ -61,14 +61,7 @@ impl Runner<'_> {
             Value::Own(name) => Wobj { name: (&**name).into(), data: None, unit: None },
             Value::Record(_) => {
                 let (uframe_mm, uframe_quat) = value.frame().ok_or(Reason::Base)?;
-                let data = WobjData {
-                    robhold: false,
-                    fixed: true,
-                    uframe_mm,
-                    uframe_quat,
-                    oframe_mm: [0.0; 3],
-                    oframe_quat: [1.0, 0.0, 0.0, 0.0],
-                };
+                let data = WobjData { uframe_mm, uframe_quat, ..WobjData::WORLD };
                 Wobj { name: self.name(self.symbols.base_name), data: Some(data), unit: None }
             }
             _ => return Err(Reason::Base),

@@ -4,7 +4,7 @@ use super::value::{OffsetStep, rotate, unit};
 use super::writer::{Pose, Print, Writer, single};
 use super::{Layout, Offset, TargetInText, clone, insert, own};
 use crate::token::{New, signed};
-use crate::{Change, Editable, Goal, Insert, Program, Reason, RewriteOptions, Rewritten, Role};
+use crate::{Change, Editable, Goal, Insert, NO_TURN, Program, Reason, RewriteOptions, Rewritten, Role};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Content, Edit, Token};
 use std::collections::{BTreeSet, HashMap, HashSet};
@@ -307,8 +307,8 @@ impl Writer<'_> {
             }
             TargetInText::None => match self.program.targets[i].goal {
                 Goal::Pose { position_mm, quat, .. } => (position_mm, quat),
-                Goal::Axis { position_mm, .. } => (position_mm, super::value::NO_TURN),
-                Goal::Joints { .. } => return ([0.0; 3], super::value::NO_TURN),
+                Goal::Axis { position_mm, .. } => (position_mm, NO_TURN),
+                Goal::Joints { .. } => return ([0.0; 3], NO_TURN),
             },
         };
         (position.map(single), quat)

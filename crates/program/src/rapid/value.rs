@@ -60,9 +60,6 @@ impl OffsetStep {
     }
 }
 
-/// The quaternion of no rotation.
-pub(super) const NO_TURN: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
-
 /// Hamilton product, scalar first.
 pub(super) fn multiply(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
     [

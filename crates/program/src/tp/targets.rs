@@ -207,9 +207,13 @@ impl<'a> Builder<'a> {
                 return Err(REDEFINED[i]);
             }
         }
-        let wobj =
-            Wobj { name: format!("UF {}", numbers[0]).into(), data: (numbers[0] == 0).then_some(WORLD), unit: None };
-        let tool = Tool { name: format!("UT {}", numbers[1]).into(), data: (numbers[1] == 0).then_some(FLANGE) };
+        let wobj = Wobj {
+            name: format!("UF {}", numbers[0]).into(),
+            data: (numbers[0] == 0).then_some(WobjData::WORLD),
+            unit: None,
+        };
+        let tool =
+            Tool { name: format!("UT {}", numbers[1]).into(), data: (numbers[1] == 0).then_some(ToolData::FLANGE) };
         Ok([intern(&mut self.built.tools, tool), intern(&mut self.built.wobjs, wobj)])
     }
 
@@ -288,19 +292,3 @@ fn goal(pose: &Pose) -> Goal {
         conf: pose.config.map(|config| Conf::Turns(config.config)),
     }
 }
-
-const UNTURNED: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
-
-/// User frame 0.
-const WORLD: WobjData = WobjData {
-    robhold: false,
-    fixed: true,
-    uframe_mm: [0.0; 3],
-    uframe_quat: UNTURNED,
-    oframe_mm: [0.0; 3],
-    oframe_quat: UNTURNED,
-};
-
-/// Tool 0: the flange.
-const FLANGE: ToolData =
-    ToolData { robhold: true, tcp_mm: [0.0; 3], tcp_quat: UNTURNED, mass_kg: 0.0, cog_mm: [0.0; 3] };
