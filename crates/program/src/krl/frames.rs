@@ -2,7 +2,7 @@
 
 use super::like::intern;
 use super::run::Runner;
-use super::symbols::Id;
+use super::symbols::{BASE, BASE_NAME, Id, LOAD, TOOL, TOOL_NAME};
 use super::value::Value;
 use crate::{Reason, Tool, ToolData, Wobj, WobjData};
 use deflex_text::{Diagnostic, Severity};
@@ -17,15 +17,15 @@ impl Runner<'_> {
     }
 
     pub(super) fn tool_index(&mut self) -> Result<u16, Reason> {
-        let value = self.value(self.symbols.tool);
-        if self.is_volatile(self.symbols.tool) {
+        let value = self.value(TOOL);
+        if self.is_volatile(TOOL) {
             return Err(Reason::ToolAnyMoment);
         }
         let tool = match &value {
             Value::Own(name) => Tool { name: (&**name).into(), data: None },
             Value::Record(_) => {
                 let (tcp_mm, tcp_quat) = value.frame().ok_or(Reason::Tool)?;
-                let load = self.value(self.symbols.load);
+                let load = self.value(LOAD);
                 let mass = load.component(b"M").and_then(Value::number).filter(|mass| *mass >= 0.0);
                 let cog = load.component(b"CM").and_then(|cm| cm.numbers([b"X", b"Y", b"Z"]));
                 let data = ToolData {
@@ -35,7 +35,7 @@ impl Runner<'_> {
                     mass_kg: mass.unwrap_or(0.0),
                     cog_mm: cog.unwrap_or([0.0; 3]),
                 };
-                Tool { name: self.name(self.symbols.tool_name), data: Some(data) }
+                Tool { name: self.name(TOOL_NAME), data: Some(data) }
             }
             _ => return Err(Reason::Tool),
         };
@@ -53,8 +53,8 @@ impl Runner<'_> {
     }
 
     pub(super) fn wobj_index(&mut self) -> Result<u16, Reason> {
-        let value = self.value(self.symbols.base);
-        if self.is_volatile(self.symbols.base) {
+        let value = self.value(BASE);
+        if self.is_volatile(BASE) {
             return Err(Reason::BaseAnyMoment);
         }
         let wobj = match &value {
@@ -62,7 +62,7 @@ impl Runner<'_> {
             Value::Record(_) => {
                 let (uframe_mm, uframe_quat) = value.frame().ok_or(Reason::Base)?;
                 let data = WobjData { uframe_mm, uframe_quat, ..WobjData::WORLD };
-                Wobj { name: self.name(self.symbols.base_name), data: Some(data), unit: None }
+                Wobj { name: self.name(BASE_NAME), data: Some(data), unit: None }
             }
             _ => return Err(Reason::Base),
         };
