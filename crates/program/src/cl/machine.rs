@@ -7,7 +7,7 @@ use crate::{Action, ActionKind, CutterInfo, Reason};
 use std::sync::Arc;
 
 /// The mounted tool, and the actions before the next position.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Machine {
     /// Names of the cell's tools in the order of their first use; targets have indices into them.
     pub(super) tools: Vec<String>,
@@ -31,26 +31,6 @@ pub(super) struct Machine {
 }
 
 impl Machine {
-    pub(super) fn new() -> Self {
-        Self {
-            tools: Vec::new(),
-            index: None,
-            number: None,
-            name: None,
-            used: None,
-            used_cutter: None,
-            named: None,
-            cutter_named: None,
-            waiting: Vec::new(),
-            offset: None,
-        }
-    }
-
-    /// Names of the cell's tools in the order of their first use.
-    pub(super) fn tools(&self) -> &[String] {
-        &self.tools
-    }
-
     /// Index of the mounted tool.
     pub(super) fn tool(&self) -> u16 {
         self.index.unwrap_or(0)

@@ -15,8 +15,9 @@ const SECONDS: f64 = 60.0;
 const METRE_MM: f64 = 1000.0;
 
 /// A programmed feed.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) enum Feed {
+    #[default]
     Unknown,
     /// Feed for each minute, mm/min.
     PerMinute(f64),
@@ -85,8 +86,9 @@ pub(super) fn feed_unit(word: &[u8], mm_per_unit: f64) -> Option<FeedUnit> {
 }
 
 /// A programmed spindle speed.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 enum Spindle {
+    #[default]
     Off,
     Rpm(f64),
     /// Speed of the edge, mm/min.
@@ -97,7 +99,7 @@ enum Spindle {
 pub(super) type Xyz = [Span; 3];
 
 /// The state that one statement leaves to the next.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Modal {
     /// Position of the tool as printed; unknown before the first position and after a motion that is not read.
     pub(super) position: Option<[f64; 3]>,
@@ -124,28 +126,12 @@ pub(super) struct Modal {
     last_spindle: Spindle,
 }
 
-impl Default for Modal {
-    fn default() -> Self {
-        Self {
-            position: None,
-            from: None,
-            axis: [0.0, 0.0, 1.0],
-            fed: None,
-            normal: None,
-            tangent: None,
-            rapid: false,
-            mark: None,
-            cutter: None,
-            rotary: [0.0; 3],
-            feed: Feed::Unknown,
-            feed_unit: None,
-            spindle: Spindle::Off,
-            last_spindle: Spindle::Off,
-        }
-    }
-}
-
 impl Modal {
+    /// The state at the start of a file, in which the tool axis is z.
+    pub(super) fn upright() -> Self {
+        Self { axis: [0.0, 0.0, 1.0], ..Self::default() }
+    }
+
     /// `FEDRAT/`: value and unit in either order; without a unit, that of the last feed, or for each minute in the file's unit of length.
     pub(super) fn read_feed(&mut self, statement: &Statement, mm_per_unit: f64) -> Outcome {
         self.feed = Feed::Unknown;
