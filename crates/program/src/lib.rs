@@ -289,6 +289,15 @@ impl WobjData {
     };
 }
 
+/// The index of a tool or a work object in the list of a program, to which it is added if it is new.
+pub(crate) fn intern<T: Clone>(known: &mut Vec<T>, wanted: &T, is: impl Fn(&T, &T) -> bool) -> Option<u16> {
+    let at = known.iter().rposition(|known| is(known, wanted)).unwrap_or_else(|| {
+        known.push(wanted.clone());
+        known.len() - 1
+    });
+    u16::try_from(at).ok()
+}
+
 /// A statement that is not changed, with the reason.
 ///
 /// # Examples
@@ -458,7 +467,33 @@ pub struct Rewritten {
     pub kept: Vec<(usize, Reason)>,
 }
 
+/// An inserted motion.
+pub(crate) struct Inserted {
+    pub(crate) source: usize,
+    /// The start of the statement that it precedes, without bytes.
+    pub(crate) at: Span,
+    pub(crate) text: Vec<u8>,
+    /// Position (mm) and orientation in the controller's precision.
+    pub(crate) pose: ([f64; 3], [f64; 4]),
+}
+
 impl Rewritten {
+    /// Adds the motion for an insert before a target, or the reason why it cannot be written.
+    pub(crate) fn insert(&mut self, before: usize, written: Result<Inserted, Reason>) {
+        self.inserted.push(written.as_ref().ok().map(|inserted| inserted.pose));
+        match written {
+            Ok(Inserted { source, at, text, .. }) => {
+                let edits = &mut self.edits[source];
+                // Several points before one statement, in their order: one edit.
+                match edits.iter_mut().find(|edit| edit.span == at) {
+                    Some(edit) => edit.content.extend_from_slice(&text),
+                    None => edits.push(Edit { span: at, content: text.into() }),
+                }
+            }
+            Err(why) => self.not_inserted.push((before, why)),
+        }
+    }
+
     /// Whether the circle point of this index, the end of its arc, or a point inserted on the arc could not be written.
     #[must_use]
     #[doc(hidden)]

@@ -1,10 +1,9 @@
 //! Tools and bases that motions use.
 
-use super::like::intern;
 use super::run::Runner;
 use super::symbols::{BASE, BASE_NAME, Id, LOAD, TOOL, TOOL_NAME};
 use super::value::Value;
-use crate::{Reason, Tool, ToolData, Wobj, WobjData};
+use crate::{Reason, Tool, ToolData, Wobj, WobjData, intern};
 use deflex_text::{Diagnostic, Severity};
 use std::sync::Arc;
 
@@ -49,7 +48,7 @@ impl Runner<'_> {
             let help = "assign $LOAD, give $config.dat with --context, or name the tool by its number and declare it in the cell";
             self.diagnostics.push(warning.severity(Severity::Warning).help(help));
         }
-        intern(&mut self.tools, &tool, |known| known.is(&tool)).ok_or(Reason::TooManyFrames)
+        intern(&mut self.tools, &tool, Tool::is).ok_or(Reason::TooManyFrames)
     }
 
     pub(super) fn wobj_index(&mut self) -> Result<u16, Reason> {
@@ -69,6 +68,6 @@ impl Runner<'_> {
         if !self.is_recording {
             return Ok(0);
         }
-        intern(&mut self.wobjs, &wobj, |known| known.is(&wobj)).ok_or(Reason::TooManyFrames)
+        intern(&mut self.wobjs, &wobj, Wobj::is).ok_or(Reason::TooManyFrames)
     }
 }

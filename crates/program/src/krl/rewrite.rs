@@ -97,7 +97,9 @@ impl FrontEnd for Layout {
                 }
             }
         }
-        insert::write(program, self, inserts, &mut out);
+        for insert in inserts {
+            out.insert(insert.before, insert::line(program, self, insert));
+        }
         for edits in &mut out.edits {
             edits.sort_by_key(|edit| (edit.span.start, edit.span.end));
         }

@@ -105,7 +105,10 @@ impl FrontEnd for Layout {
         options: &RewriteOptions,
     ) -> Rewritten {
         let mut out = rewrite::rewrite(program, self, changes, options);
-        insert::write(program, self, inserts, options, &mut out);
+        for insert in inserts {
+            out.insert(insert.before, insert::statement(program, self, insert, options));
+        }
+        out.edits.iter_mut().for_each(|edits| edits.sort_by_key(|edit| edit.span));
         out
     }
 

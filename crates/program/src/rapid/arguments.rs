@@ -201,12 +201,3 @@ pub(super) fn number<T>(
     numbers.insert(key, number);
     Ok(Some(number))
 }
-
-/// The index of a value in a short list, to which it is added if it is missing.
-pub(super) fn index<T>(all: &mut Vec<T>, one: T, same: impl Fn(&T, &T) -> bool) -> u16 {
-    let at = all.iter().position(|known| same(known, &one)).unwrap_or_else(|| {
-        all.push(one);
-        all.len() - 1
-    });
-    u16::try_from(at).unwrap_or(u16::MAX)
-}

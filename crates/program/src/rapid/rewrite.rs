@@ -135,13 +135,14 @@ impl Writer<'_> {
     }
 
     fn done(mut self, written: Vec<Pose>, inserts: &[Insert]) -> Rewritten {
-        let inserted = insert::write(&mut self, inserts);
-        for edits in &mut self.edits {
-            edits.sort_by_key(|e| (e.span.start, e.span.end));
-        }
         self.kept.sort_unstable();
-        let Self { edits, kept, not_inserted, .. } = self;
-        Rewritten { edits, written, inserted, kept, not_inserted, ..Rewritten::default() }
+        let (edits, kept) = (std::mem::take(&mut self.edits), std::mem::take(&mut self.kept));
+        let mut out = Rewritten { edits, written, kept, ..Rewritten::default() };
+        for insert in inserts {
+            out.insert(insert.before, insert::instruction(&self, insert));
+        }
+        out.edits.iter_mut().for_each(|edits| edits.sort_by_key(|edit| edit.span));
+        out
     }
 
     /// The new numbers of each literal, on which all its users agree; clones if they do not.

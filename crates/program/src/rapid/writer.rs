@@ -33,7 +33,6 @@ pub(super) struct Writer<'a> {
     /// Literals, and offsets by their first number, that stay because another target depends on them.
     pub(super) frozen: BTreeSet<u32>,
     pub(super) frozen_offsets: HashSet<SourceSpan>,
-    pub(super) not_inserted: Vec<(usize, Reason)>,
 }
 
 impl<'a> Writer<'a> {
@@ -46,7 +45,6 @@ impl<'a> Writer<'a> {
             kept: Vec::new(),
             frozen: BTreeSet::new(),
             frozen_offsets: HashSet::new(),
-            not_inserted: Vec::new(),
         }
     }
 
