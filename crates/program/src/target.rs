@@ -1,5 +1,7 @@
-use crate::{AxisName, EXTERNAL_AXES, External, Reason};
+use crate::{AxisName, EXTERNAL_AXES, External};
 use deflex_lang::ir::SourceSpan;
+pub use deflex_lang::run::Predecessor;
+pub use deflex_lang::shared::Editable;
 use deflex_text::Span;
 use std::sync::Arc;
 
@@ -57,30 +59,6 @@ pub struct Target {
     pub predecessor: Predecessor,
     /// How the controller turns the tool on the arc to it; `None` if the program does not state it.
     pub arc_turn: Option<ArcTurn>,
-}
-
-/// The start of the segment to a point, in every run.
-///
-/// # Examples
-/// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-/// use deflex_program::Predecessor;
-///
-/// assert_eq!(program.targets[1].predecessor, Predecessor::Previous);
-/// # Ok::<(), deflex_text::Diagnostics>(())
-/// ```
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Predecessor {
-    /// At the point before it.
-    #[default]
-    Previous,
-    /// The position of the robot when an operator starts the routine.
-    Start,
-    /// A point that is known only at run time: another branch, another round of a loop, or an unknown motion comes before.
-    Unknown,
 }
 
 impl Target {
@@ -518,26 +496,4 @@ impl Mark {
             Self::Cut => "deflex cut",
         }
     }
-}
-
-/// The parts of a target that may be edited in the text.
-///
-/// # Examples
-/// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-/// use deflex_program::Editable;
-///
-/// assert!(program.targets.iter().all(|target| target.editable == Editable::Pose));
-/// # Ok::<(), deflex_text::Diagnostics>(())
-/// ```
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Editable {
-    /// Position and orientation.
-    Pose,
-    /// Position only (literal `Offs` or `RelTool` arguments).
-    Position,
-    /// Nothing, for this reason.
-    No(Reason),
 }

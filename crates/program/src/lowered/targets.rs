@@ -8,8 +8,8 @@ use crate::{
 };
 use deflex_lang::dialect::Dialect;
 use deflex_lang::ir::{self, Path, SourceSpan, Switch};
-use deflex_lang::run::{Moved, PathStart, run};
-use deflex_lang::shared::{Edit, editable};
+use deflex_lang::run::{Moved, run};
+use deflex_lang::shared::editable;
 use deflex_lang::value::{Content, Pose, Value};
 use deflex_text::{Diagnostic, Severity, Source, Span};
 use std::collections::BTreeSet;
@@ -79,7 +79,7 @@ fn build(
             outcome.used.insert(ir::TokenId(at as u32), Reason::Computed);
         }
     }
-    let edits = editable(&outcome, &[]);
+    let edits = editable(&outcome);
     let mut builder = Builder {
         style,
         tools: Vec::new(),
@@ -216,9 +216,9 @@ struct Builder {
 
 impl Builder {
     /// Adds a motion. Returns whether it has a target.
-    fn motion(&mut self, motion: &Moved, edit: Edit, follows: bool) -> bool {
+    fn motion(&mut self, motion: &Moved, editable: Editable, follows: bool) -> bool {
         self.ordinal += 1;
-        match self.points(motion, edit, follows) {
+        match self.points(motion, editable, follows) {
             Ok(()) => true,
             Err(reason) => {
                 let SourceSpan { source, span } = motion.place;
@@ -229,7 +229,7 @@ impl Builder {
         }
     }
 
-    fn points(&mut self, motion: &Moved, edit: Edit, follows: bool) -> Result<(), Reason> {
+    fn points(&mut self, motion: &Moved, editable: Editable, follows: bool) -> Result<(), Reason> {
         let switch = |switch: Switch| &motion.switches[switch as usize];
         if motion.in_thread {
             return Err(Reason::InThread);
@@ -274,11 +274,6 @@ impl Builder {
             Content::Text(word) if **word == *b"cut" => Some(Mark::Cut),
             _ => None,
         };
-        let editable = match edit {
-            Edit::Pose => Editable::Pose,
-            Edit::Position => Editable::Position,
-            Edit::No(why) => Editable::No(why),
-        };
         let is_path = matches!(path, Motion::Linear | Motion::Circular);
         let line = self.kept.line(motion.place.source, motion.place.span);
         let end = Target {
@@ -287,9 +282,8 @@ impl Builder {
             editable,
             extra_load: switch(Switch::Load).reason().is_some(),
             predecessor: match motion.from {
-                PathStart::Start => Predecessor::Start,
-                PathStart::Previous if follows => Predecessor::Previous,
-                PathStart::Previous | PathStart::Unknown => Predecessor::Unknown,
+                Predecessor::Previous if !follows => Predecessor::Unknown,
+                from => from,
             },
             arc_turn: (motion.path == Path::Tangent).then_some(ArcTurn::Fixed),
             ..Target::new(self.ordinal, path, to, frames, motion.place, line)

@@ -11,7 +11,7 @@ use crate::{
     ToolData, Wobj, WobjData,
 };
 use deflex_lang::ir;
-use deflex_lang::run::{Outcome, PathStart};
+use deflex_lang::run::Outcome;
 use deflex_lang::tp::{self, Frame, Held, Motion, Speed, StatementKind};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -102,9 +102,8 @@ impl<'a> Builder<'a> {
         target.predecessor = match visit.held.0.from {
             // The end of an arc comes after its circle point.
             _ if self.last == Some(visit.run) => Predecessor::Previous,
-            PathStart::Start => Predecessor::Start,
-            PathStart::Previous if self.last.is_some_and(|last| last + 1 == visit.run) => Predecessor::Previous,
-            PathStart::Previous | PathStart::Unknown => Predecessor::Unknown,
+            Predecessor::Previous if self.last.is_none_or(|last| last + 1 != visit.run) => Predecessor::Unknown,
+            from => from,
         };
         self.last = Some(visit.run);
         self.built.targets.push(target);
