@@ -18,6 +18,7 @@ pub mod jbi;
 mod kept;
 pub mod krl;
 mod language;
+mod lexeme;
 mod long;
 mod lowered;
 mod marks;
