@@ -8,7 +8,7 @@ use super::syntax::simple;
 use super::tree::StatementKind;
 use super::value::{EXTERNAL, POSE, upper};
 use crate::orientation::{quaternion_of_zyx_deg, rotation, zyx_deg};
-use crate::token::signed;
+use crate::token::{signed, single};
 use crate::{Editable, Insert, Inserted, Motion, Passing, Program, Reason, Role, Target};
 use deflex_text::{Edit, Source, Span, number};
 use std::ops::Range;
@@ -196,8 +196,7 @@ fn put<'n>(out: &mut Vec<u8>, components: impl Iterator<Item = (&'n &'n [u8], f6
         out.push(b' ');
         let from = out.len();
         number::write_fixed(out, value, decimals);
-        #[allow(clippy::cast_possible_truncation)] // as the controller holds it
-        held.push(f64::from(number::read(&out[from..]).unwrap_or(value) as f32));
+        held.push(single(number::read(&out[from..]).unwrap_or(value)));
     }
     held
 }

@@ -5,7 +5,7 @@ use super::run::PositionTokens;
 use super::{Layout, insert, names};
 use crate::front_end::FrontEnd;
 use crate::orientation::{quaternion_of_zyx_deg, rotation, zyx_deg};
-use crate::token::{New, signed};
+use crate::token::{New, signed, single};
 use crate::{Change, Goal, Insert, NO_TURN, Passing, Program, Reason, RewriteOptions, Rewritten, Role};
 use deflex_lang::shared::agree;
 use deflex_text::{Content, Edit, Span, Token};
@@ -189,8 +189,6 @@ fn new_tokens_of(program: &Program, site: &PositionTokens, i: usize, change: Opt
 /// Position and orientation as the controller will store them.
 fn written(program: &Program, site: &PositionTokens, i: usize, own: &NewTokens) -> ([f64; 3], [f64; 4]) {
     let Goal::Pose { position_mm, quat, .. } = program.targets[i].goal else { return ([0.0; 3], NO_TURN) };
-    #[allow(clippy::cast_possible_truncation)]
-    let single = |value: f64| f64::from(value as f32);
     let value = |axis: usize| {
         let stands = || site.tokens[axis].and_then(|place| signed(bytes(program, place)));
         own.values[axis].or_else(stands).map(single)

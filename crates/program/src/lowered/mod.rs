@@ -128,9 +128,3 @@ impl FrontEnd for Layout {
         self.motions
     }
 }
-
-/// The precision of controllers whose reals are IEEE singles.
-#[allow(clippy::cast_possible_truncation)]
-pub(super) fn single(_: usize, value: f64) -> f64 {
-    f64::from(value as f32)
-}

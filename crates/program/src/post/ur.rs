@@ -5,6 +5,7 @@ use super::statements::Statements;
 use super::template::decimal;
 use super::writer::{PostWriter, PostedPoint, WriterPosition};
 use crate::orientation::{quaternion, rotation, rotation_vector};
+use crate::token::single;
 use crate::{Mark, ToolData};
 use deflex_text::number::{printed, write_fixed};
 use nalgebra::Rotation3;
@@ -34,8 +35,7 @@ pub(crate) const STATEMENTS: Statements = Statements {
 
 /// A pose (mm, scalar first) that is printed as `p[…]`, in the controller's precision.
 pub(crate) fn held_pose(mm: [f64; 3], quat: [f64; 4]) -> ([f64; 3], [f64; 4]) {
-    #[allow(clippy::cast_possible_truncation)]
-    let held = |value: f64, decimals: usize| f64::from(printed(value, decimals) as f32);
+    let held = |value: f64, decimals: usize| single(printed(value, decimals));
     let turn = rotation_vector(&rotation(quat)).map(|value| held(value, RAD));
     (mm.map(|mm| 1e3 * held(1e-3 * mm, M)), quaternion(&Rotation3::new(turn)))
 }

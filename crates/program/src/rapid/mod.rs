@@ -89,6 +89,7 @@ use literal::Literal;
 use std::collections::{BTreeSet, HashSet};
 use std::sync::Arc;
 use value::OffsetStep;
+pub(crate) use value::SPEEDS;
 
 /// The positions of the number tokens of robtargets.
 #[derive(Debug, Default)]

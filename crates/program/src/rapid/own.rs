@@ -3,8 +3,8 @@
 
 use super::TargetInText;
 use super::literal::{Literal, POSE};
-use super::writer::{Pose, Writer, single, toward};
-use crate::token::MAX_DECIMALS;
+use super::writer::{Pose, Writer, toward};
+use crate::token::{MAX_DECIMALS, single};
 use crate::{Change, Editable, Goal, RewriteOptions};
 use deflex_text::number::{Fixed, Leading, Numbers, Printed, read_leading};
 use deflex_text::{Content, Edit, Span};

@@ -1,9 +1,9 @@
 //! Writes corrected poses back into number tokens: only sign and digits change.
 
 use super::value::{OffsetStep, rotate, unit};
-use super::writer::{Pose, Print, Writer, single};
+use super::writer::{Pose, Print, Writer};
 use super::{Layout, Offset, TargetInText, clone, insert, own};
-use crate::token::{New, signed};
+use crate::token::{New, signed, single};
 use crate::{Change, Editable, Goal, Insert, NO_TURN, Program, Reason, RewriteOptions, Rewritten, Role};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Content, Edit, Token};

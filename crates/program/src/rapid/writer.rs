@@ -4,7 +4,7 @@ use super::Layout;
 use super::literal::Literal;
 use super::value::{quarters, unit};
 use crate::EXTERNAL_AXES;
-use crate::token::{New, signed};
+use crate::token::{New, signed, single};
 use crate::{Change, Editable, Goal, Program, Reason, RewriteOptions};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Content, Edit, Span, Token};
@@ -150,10 +150,4 @@ pub(super) fn toward(wanted: [f64; 4], quat: [f64; 4]) -> [f64; 4] {
     let wanted = unit(wanted);
     let against = wanted.iter().zip(&quat).map(|(a, b)| a * b).sum::<f64>() < 0.0;
     if against { wanted.map(|c| -c) } else { wanted }
-}
-
-/// The controller's `num` is an IEEE single.
-#[allow(clippy::cast_possible_truncation)]
-pub(super) fn single(value: f64) -> f64 {
-    f64::from(value as f32)
 }

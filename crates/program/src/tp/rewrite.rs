@@ -2,10 +2,10 @@
 
 use super::Layout;
 use super::position::{Body, Pose, WrittenConfig};
-use super::written::{DECIMALS, nearest, single};
+use super::written::{DECIMALS, nearest};
 use super::{arcs, insert};
 use crate::orientation::{from_zyx_deg, halfway, quaternion, rotation, zyx_deg};
-use crate::token::New;
+use crate::token::{New, single};
 use crate::{Change, Conf, Editable, Goal, Insert, NO_TURN, Program, Reason, RewriteOptions, Rewritten};
 use deflex_text::{Content, Edit, Span, Token};
 use std::collections::BTreeSet;
