@@ -625,7 +625,7 @@ impl Program {
             if BRANCHES.iter().any(|known| is(&known)) {
                 return None;
             }
-            found = found.or_else(|| self.language.waits().iter().find(is).copied());
+            found = found.or_else(|| self.language.about().waits.iter().find(is).copied());
         }
         found
     }
@@ -756,7 +756,7 @@ impl Program {
     /// ```
     #[must_use]
     pub fn faults(&self) -> Vec<Diagnostic> {
-        let (code, help) = self.language.fault();
+        let (code, help) = self.language.about().fault;
         let fault = |kept: &Kept| {
             let source = &self.sources[kept.source];
             let help = cl::help(kept.reason).unwrap_or(help);
