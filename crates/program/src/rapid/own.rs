@@ -83,9 +83,7 @@ impl Writer<'_> {
                 }
                 (_, _, change) => (None, change),
             };
-            if change.is_some_and(|change| self.differs(i, change)) {
-                self.kept.push((i, self.reason(i)));
-            }
+            self.keep(i, change, |writer| writer.reason(i));
             written.push(pose.unwrap_or_else(|| self.written(i, &[], &nothing, &nowhere)));
         }
         written

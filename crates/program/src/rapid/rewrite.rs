@@ -152,8 +152,8 @@ impl Writer<'_> {
         let mut disputed: Vec<u32> = Vec::new();
         for (i, (site, change)) in self.layout.sites.iter().zip(changes).enumerate() {
             let TargetInText::Literal { literal, .. } = *site else {
-                if matches!(site, TargetInText::None) && change.as_ref().is_some_and(|c| self.differs(i, c)) {
-                    self.kept.push((i, self.reason(i)));
+                if matches!(site, TargetInText::None) {
+                    self.keep(i, change.as_ref(), |writer| writer.reason(i));
                 }
                 continue;
             };
@@ -161,16 +161,12 @@ impl Writer<'_> {
                 (Editable::Pose, Some(change)) => self.print(i, &self.layout.literals[literal as usize], change),
                 (Editable::Pose, None) => Print::default(),
                 (_, change) => {
-                    if change.as_ref().is_some_and(|c| self.differs(i, c)) {
-                        self.kept.push((i, self.reason(i)));
-                    }
+                    self.keep(i, change.as_ref(), |writer| writer.reason(i));
                     continue;
                 }
             };
             if self.frozen.contains(&literal) {
-                if change.as_ref().is_some_and(|c| self.differs(i, c)) {
-                    self.kept.push((i, Reason::MovesKept));
-                }
+                self.keep(i, change.as_ref(), |_| Reason::MovesKept);
                 continue;
             }
             let slot = literal as usize;
@@ -208,9 +204,7 @@ impl Writer<'_> {
             let Some(offset) = self.layout.offset(&self.layout.sites[i]) else { continue };
             let change = &changes[i];
             if self.program.targets[i].editable != Editable::Position {
-                if change.as_ref().is_some_and(|c| self.differs(i, c)) {
-                    self.kept.push((i, self.reason(i)));
-                }
+                self.keep(i, change.as_ref(), |writer| writer.reason(i));
                 continue;
             }
             let Goal::Pose { position_mm, .. } = self.program.targets[i].goal else { continue };

@@ -67,6 +67,13 @@ impl<'a> Writer<'a> {
         change.differs(goal) || change.conf.is_some() && change.conf != conf || change.external.is_some()
     }
 
+    /// Records that a target keeps its pose, if it has a change that differs from the text.
+    pub(super) fn keep(&mut self, i: usize, change: Option<&Change>, why: impl Fn(&Self) -> Reason) {
+        if change.is_some_and(|change| self.differs(i, change)) {
+            self.kept.push((i, why(self)));
+        }
+    }
+
     /// The new tokens of a literal for the change of one user.
     pub(super) fn print(&self, i: usize, literal: &Literal, change: &Change) -> Print {
         let mut print = Print::default();
