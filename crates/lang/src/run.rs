@@ -61,7 +61,7 @@ pub struct Moved {
     /// The value of each [`Switch`].
     pub switches: Arc<[Value; Switch::ALL.len()]>,
     /// The start of its path.
-    pub from: PathStart,
+    pub from: Predecessor,
     /// Whether a thread executes it.
     pub in_thread: bool,
 }
@@ -73,13 +73,14 @@ pub struct Moved {
 /// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
 /// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
 /// # let outcome = deflex_lang::run::run(&program, &deflex_lang::urscript::UrScript).unwrap();
-/// assert_eq!(outcome.motions[0].from, deflex_lang::run::PathStart::Start);
+/// assert_eq!(outcome.motions[0].from, deflex_lang::run::Predecessor::Start);
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PathStart {
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Predecessor {
     /// Where the arm was when the program began.
     Start,
-    /// At the end of the previous motion of the outcome.
+    /// At the end of the motion before it.
+    #[default]
     Previous,
     /// Known only at run time.
     Unknown,
@@ -447,10 +448,10 @@ impl<'a> Runner<'a> {
         }
         let site = self.site();
         let from = match store.stands {
-            _ if self.thread_moves || self.in_thread => PathStart::Unknown,
-            Stands::Start => PathStart::Start,
-            Stands::At(before) if self.last == Some(before) => PathStart::Previous,
-            Stands::At(_) | Stands::Unknown => PathStart::Unknown,
+            _ if self.thread_moves || self.in_thread => Predecessor::Unknown,
+            Stands::Start => Predecessor::Start,
+            Stands::At(before) if self.last == Some(before) => Predecessor::Previous,
+            Stands::At(_) | Stands::Unknown => Predecessor::Unknown,
         };
         let switches = Switch::ALL.map(|switch| self.read(switch.slot(), store));
         if *self.switches != switches {
@@ -527,7 +528,7 @@ impl<'a> Runner<'a> {
                 speed: None,
                 blend: None,
                 switches,
-                from: PathStart::Unknown,
+                from: Predecessor::Unknown,
                 in_thread: self.in_thread,
             });
             self.last = None;

@@ -6,23 +6,23 @@ use crate::run::{Moved, Outcome};
 use crate::value::{Content, Pose, Value};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Which numbers of a point may be edited in the text.
+/// The numbers of a point that may be edited in the text.
 ///
 /// # Examples
 /// ```
 /// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
 /// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
 /// # let outcome = deflex_lang::run::run(&program, &deflex_lang::urscript::UrScript).unwrap();
-/// use deflex_lang::shared::{Edit, editable};
+/// use deflex_lang::shared::{Editable, editable};
 ///
-/// match editable(&outcome, &[])[0] {
-///     Edit::Pose => println!("all numbers may be edited"),
-///     Edit::Position => println!("the numbers of the position may be edited"),
-///     Edit::No(reason) => println!("not edited: {}", reason.text()),
+/// match editable(&outcome)[0] {
+///     Editable::Pose => println!("all numbers may be edited"),
+///     Editable::Position => println!("the numbers of the position may be edited"),
+///     Editable::No(reason) => println!("not edited: {}", reason.text()),
 /// }
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Edit {
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Editable {
     /// All of its numbers.
     Pose,
     /// Those of its position.
@@ -36,20 +36,18 @@ const POSITION: usize = 3;
 
 /// Which numbers of each motion may be edited; a circle and its circle point are edited together.
 ///
-/// `arcs` are groups of consecutive motions that are edited together or not at all.
-///
 /// # Examples
 /// ```
 /// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
 /// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
 /// # let outcome = deflex_lang::run::run(&program, &deflex_lang::urscript::UrScript).unwrap();
-/// use deflex_lang::shared::{Edit, editable};
+/// use deflex_lang::shared::{Editable, editable};
 ///
-/// assert_eq!(editable(&outcome, &[]), [Edit::Pose]);
+/// assert_eq!(editable(&outcome), [Editable::Pose]);
 /// ```
 #[must_use]
-pub fn editable(outcome: &Outcome, arcs: &[std::ops::Range<usize>]) -> Vec<Edit> {
-    let mut edits: Vec<Edit> = outcome.motions.iter().map(own).collect();
+pub fn editable(outcome: &Outcome) -> Vec<Editable> {
+    let mut edits: Vec<Editable> = outcome.motions.iter().map(own).collect();
     let mut used = outcome.used.clone();
     // What a pose depends on apart from the tokens that are edited.
     for motion in &outcome.motions {
@@ -82,18 +80,15 @@ pub fn editable(outcome: &Outcome, arcs: &[std::ops::Range<usize>]) -> Vec<Edit>
         }
     }
     let edited: Vec<Vec<TokenId>> = outcome.motions.iter().map(edited_tokens).collect();
-    let arc_of = |i: usize| arcs.iter().find(|arc| arc.contains(&i)).cloned().unwrap_or(i..i + 1);
     loop {
         let mut changed = false;
         for i in 0..edits.len() {
-            let refused = |edit: &Edit| matches!(edit, Edit::No(_));
-            if !refused(&edits[i]) {
-                let why = edited[i].iter().find_map(|token| used.get(token));
-                let arc = arc_of(i).any(|other| refused(&edits[other])).then_some(&Reason::Arc);
-                if let Some(why) = why.or(arc) {
-                    edits[i] = Edit::No(*why);
-                    changed = true;
-                }
+            let refused = |edit: &Editable| matches!(edit, Editable::No(_));
+            if !refused(&edits[i])
+                && let Some(why) = edited[i].iter().find_map(|token| used.get(token))
+            {
+                edits[i] = Editable::No(*why);
+                changed = true;
             }
             if refused(&edits[i]) {
                 for token in tokens(&outcome.motions[i]) {
@@ -133,44 +128,44 @@ fn edited_tokens(motion: &Moved) -> Vec<TokenId> {
 }
 
 /// Which numbers of a motion could be edited if nothing else used them.
-fn own(motion: &Moved) -> Edit {
+fn own(motion: &Moved) -> Editable {
     let switch = |switch: Switch| &motion.switches[switch as usize];
     if motion.in_thread {
-        return Edit::No(Reason::InThread);
+        return Editable::No(Reason::InThread);
     }
     if let Path::Unknown(why) | Path::Other(why) = motion.path {
-        return Edit::No(why);
+        return Editable::No(why);
     }
     // The controller does not use the orientation of a tool that is fixed to the tangent.
-    let mut edit = if motion.path == Path::Tangent { Edit::Position } else { Edit::Pose };
+    let mut edit = if motion.path == Path::Tangent { Editable::Position } else { Editable::Pose };
     for value in points(motion) {
         let this = match &value.content {
-            Content::Unknown(why) => Edit::No(*why),
+            Content::Unknown(why) => Editable::No(*why),
             Content::Pose(pose) | Content::AxesOf(pose, _) => match pose.affine_numbers() {
-                all if all > POSITION && all == pose.numbers.len() => Edit::Pose,
-                some if some >= POSITION => Edit::Position,
-                _ => Edit::No(Reason::Computed),
+                all if all > POSITION && all == pose.numbers.len() => Editable::Pose,
+                some if some >= POSITION => Editable::Position,
+                _ => Editable::No(Reason::Computed),
             },
-            Content::List(_) => Edit::No(Reason::Joints),
-            _ => Edit::No(Reason::Computed),
+            Content::List(_) => Editable::No(Reason::Joints),
+            _ => Editable::No(Reason::Computed),
         };
         edit = match (edit, this) {
-            (Edit::No(why), _) | (_, Edit::No(why)) => Edit::No(why),
-            (Edit::Pose, Edit::Pose) => Edit::Pose,
-            _ => Edit::Position,
+            (Editable::No(why), _) | (_, Editable::No(why)) => Editable::No(why),
+            (Editable::Pose, Editable::Pose) => Editable::Pose,
+            _ => Editable::Position,
         };
     }
-    if let Edit::No(_) = edit {
+    if let Editable::No(_) = edit {
         return edit;
     }
     for (of, why) in [(Switch::Tool, Reason::Tool), (Switch::Frame, Reason::Frame)] {
         if switch(of).reason().is_some() {
-            return Edit::No(why);
+            return Editable::No(why);
         }
     }
     let rest = [Switch::Shift, Switch::Load, Switch::Mark];
     if let Some(why) = rest.into_iter().find_map(|of| switch(of).reason()) {
-        return Edit::No(why);
+        return Editable::No(why);
     }
     edit
 }

@@ -3,14 +3,14 @@
 use deflex_lang::Reason;
 use deflex_lang::inform::{Inform, read};
 use deflex_lang::ir::{Path, Program, Switch};
-use deflex_lang::run::{Moved, PathStart, run};
-use deflex_lang::shared::{Edit, editable};
+use deflex_lang::run::{Moved, Predecessor, run};
+use deflex_lang::shared::{Editable, editable};
 
 struct Ran {
     text: Vec<u8>,
     program: Program,
     motions: Vec<Moved>,
-    edits: Vec<Edit>,
+    edits: Vec<Editable>,
 }
 
 /// A job with eight teaching positions in user frame 1, the number of each its x, and position variables 100 to 103 in robot coordinates.
@@ -30,7 +30,7 @@ fn ran_all(texts: &[String]) -> Ran {
     let sources: Vec<&[u8]> = texts.iter().map(|text| text.as_bytes()).collect();
     let program = read(&sources, 1).unwrap_or_else(|fault| panic!("{fault:?}"));
     let outcome = run(&program, &Inform).expect("it ends");
-    let edits = editable(&outcome, &[]);
+    let edits = editable(&outcome);
     Ran { text: texts[0].clone().into(), program, motions: outcome.motions, edits }
 }
 
@@ -46,7 +46,7 @@ impl Ran {
     }
 
     fn reasons(&self) -> Vec<Option<Reason>> {
-        let why = |edit: &Edit| if let Edit::No(why) = edit { Some(*why) } else { None };
+        let why = |edit: &Editable| if let Editable::No(why) = edit { Some(*why) } else { None };
         self.edits.iter().map(why).collect()
     }
 
@@ -65,7 +65,7 @@ impl Ran {
 fn a_position_has_its_own_tool_and_frame() {
     let ran = ran("MOVJ P100 VJ=25.00\nMOVL C00001 V=100.0 PL=0\nMOVL C1 V=12.5\nMOVL C00003 V=1.0 CR=5.0 //end\n");
     assert_eq!(ran.xs(), [100.0, 1.0, 1.0, 3.0].map(Some));
-    assert_eq!(ran.edits, [Edit::Pose; 4]);
+    assert_eq!(ran.edits, [Editable::Pose; 4]);
     assert_eq!(ran.tokens(), ["100.000", "1.000", "1.000", "3.000"]);
     let given = |at: usize| {
         let given = ran.motions[at].to.pose().unwrap().given.clone().unwrap();
@@ -75,8 +75,8 @@ fn a_position_has_its_own_tool_and_frame() {
     assert_eq!(given(1), ("TOOL 3".to_owned(), "USER 1".to_owned()));
     assert_eq!(ran.motions.iter().map(|m| m.speed).collect::<Vec<_>>(), [None, Some(100.0), Some(12.5), Some(1.0)]);
     assert_eq!(ran.motions.iter().map(|m| m.blend).collect::<Vec<_>>(), [None, Some(0.0), None, Some(5.0)]);
-    assert_eq!((ran.motions[0].path, ran.motions[0].from), (Path::Joint, PathStart::Start));
-    assert_eq!((ran.motions[1].path, ran.motions[1].from), (Path::Linear, PathStart::Previous));
+    assert_eq!((ran.motions[0].path, ran.motions[0].from), (Path::Joint, Predecessor::Start));
+    assert_eq!((ran.motions[1].path, ran.motions[1].from), (Path::Linear, Predecessor::Previous));
     // Rx = 180, Rz = -90: x of the tool is -y of the frame, its z is -z.
     let turn = ran.motions[1].to.pose().unwrap().pose().rotation.to_rotation_matrix();
     let expected = nalgebra::Matrix3::new(0.0, -1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, -1.0);
@@ -99,7 +99,7 @@ fn a_variable_that_is_written_is_known_from_there_on() {
     assert_eq!(ran.reasons()[1], Some(Reason::Variable));
     // The third shares the other numbers of P102 with the fourth, and each has its own x.
     assert_eq!(ran.tokens_of(2), "2500");
-    assert_eq!(ran.edits[0], Edit::Pose);
+    assert_eq!(ran.edits[0], Editable::Pose);
 }
 
 impl Ran {
@@ -141,7 +141,7 @@ fn counted_loops_run_each_round_and_unknown_ones_are_joined() {
     assert_eq!(asked.xs(), [1.0, 2.0, 3.0].map(Some));
     assert_eq!(
         asked.motions.iter().map(|motion| motion.from).collect::<Vec<_>>(),
-        [PathStart::Unknown, PathStart::Previous, PathStart::Unknown]
+        [Predecessor::Unknown, Predecessor::Previous, Predecessor::Unknown]
     );
     let endless = ran("*A\nMOVL C00001 V=1.0\nMOVL C00002 V=1.0\nJUMP *A\n");
     assert_eq!(endless.xs(), [1.0, 2.0].map(Some));
@@ -183,7 +183,7 @@ fn a_circle_is_three_points_in_a_row() {
     assert_eq!(circle.motions[2].path, Path::Circular);
     let via = circle.motions[2].via.as_ref().expect("a point on the way");
     assert!((via.pose().expect("a pose").pose().translation.x - 3.0).abs() < 1e-12);
-    assert_eq!(circle.edits, [Edit::Pose; 4]);
+    assert_eq!(circle.edits, [Editable::Pose; 4]);
     let four = ran("MOVL C0 V=1.0\nMOVC C1 V=1.0\nMOVC C2 V=1.0\nMOVC C3 V=1.0\nMOVC C4 V=1.0\n");
     assert_eq!(four.reasons()[1..], [Some(Reason::Circles); 4]);
     let jumped = ran("MOVL C0 V=1.0\n*A\nMOVC C1 V=1.0\nMOVC C2 V=1.0\nMOVC C3 V=1.0\nJUMP *A\n");

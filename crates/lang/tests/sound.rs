@@ -9,7 +9,7 @@ mod random;
 
 use deflex_lang::ir::{Switch, TokenId};
 use deflex_lang::run::run;
-use deflex_lang::shared::{Edit, agree, editable};
+use deflex_lang::shared::{Editable, agree, editable};
 use deflex_lang::urscript::{UrScript, read};
 use nalgebra::{Isometry3, Point3, Vector3};
 use random::Random;
@@ -708,7 +708,7 @@ fn hold(seed: u64, seen: &mut Seen) {
     let shown = &text.text;
     let lowered = read(&[shown.as_bytes()], 1).unwrap_or_else(|fault| panic!("{seed}: {fault:?}\n{shown}"));
     let outcome = run(&lowered, &UrScript).unwrap_or_else(|_| panic!("{seed}: too long\n{shown}"));
-    let edits = editable(&outcome, &[]);
+    let edits = editable(&outcome);
     let literal_of: BTreeMap<TokenId, usize> = lowered
         .tokens
         .iter()
@@ -724,7 +724,7 @@ fn hold(seed: u64, seen: &mut Seen) {
         let tool = motion.switches[Switch::Tool as usize].pose().map(|tool| place(&tool.pose()));
         let mut new = was;
         let mut texts: Vec<(TokenId, Option<i64>)> = Vec::new();
-        if !matches!(edit, Edit::No(_)) {
+        if !matches!(edit, Editable::No(_)) {
             // What is wanted depends on the first token, or on the statement: users of a number agree, or do not.
             let key = if seed.is_multiple_of(4) { line as u32 } else { pose.affine(0).map_or(0, |a| a.token.0) };
             let shift = Vector3::new(0.01 + f64::from(key % 7) * 1e-3, -0.02, 0.005);
@@ -739,7 +739,7 @@ fn hold(seed: u64, seen: &mut Seen) {
             new[..3].copy_from_slice(moved.as_slice());
         }
         wishes.push(texts);
-        wanted.push(Wish { line, was, wanted: new, tool, edited: !matches!(edit, Edit::No(_)) });
+        wanted.push(Wish { line, was, wanted: new, tool, edited: !matches!(edit, Editable::No(_)) });
     }
     let mut literals = program.literals.clone();
     for ((wish, texts), agreed) in wanted.iter_mut().zip(&wishes).zip(agree(&wishes)) {

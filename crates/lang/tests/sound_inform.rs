@@ -12,7 +12,7 @@ mod random;
 use deflex_lang::inform::{Inform, read};
 use deflex_lang::ir::{Path, TokenId};
 use deflex_lang::run::run;
-use deflex_lang::shared::{Edit, agree, editable};
+use deflex_lang::shared::{Editable, agree, editable};
 use random::Random;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
@@ -599,7 +599,7 @@ fn hold(seed: u64, seen: &mut Seen) {
     let lowered = read(&sources, 3).unwrap_or_else(|fault| panic!("{seed}: {fault:?}\n{shown}"));
     assert_eq!(lowered.not_understood, [], "{seed}\n{shown}");
     let outcome = run(&lowered, &Inform).unwrap_or_else(|_| panic!("{seed}: too long\n{shown}"));
-    let edits = editable(&outcome, &[]);
+    let edits = editable(&outcome);
     let line_of = |source: u16, at: u32| {
         let file = usize::from(source);
         (file, texts[file][..at as usize].matches('\n').count())
@@ -607,7 +607,7 @@ fn hold(seed: u64, seen: &mut Seen) {
     let (mut wishes, mut wanted, mut by_line) = (Vec::new(), Vec::new(), BTreeSet::new());
     for (motion, edit) in outcome.motions.iter().zip(&edits) {
         let line = line_of(motion.place.source, motion.place.span.start);
-        let edited = !matches!(edit, Edit::No(_));
+        let edited = !matches!(edit, Editable::No(_));
         let is_circle = motion.path == Path::Circular;
         // The point on the way stands in the line before.
         let via = motion.via.iter().map(|via| (via, (line.0, line.1 - 1)));

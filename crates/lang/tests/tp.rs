@@ -1,7 +1,7 @@
 //! FANUC TP by hand: which positions its motions go to, and what is in force there.
 
 use deflex_lang::dialect::Dialect;
-use deflex_lang::run::{Outcome, PathStart, run};
+use deflex_lang::run::{Outcome, Predecessor, run};
 use deflex_lang::tp::{Calls, Code, Frame, Held, lines, lower};
 use deflex_lang::{Reason, Span};
 
@@ -68,7 +68,10 @@ fn a_loop_that_may_go_on_is_one_round() {
     let statements = "LBL[1]\nL P[1] 5mm/sec FINE\nIF DI[1]=ON,DO[1]=ON\nL P[2] 5mm/sec FINE\nIF DI[2]=ON,JMP LBL[1]\nL P[3] 5mm/sec FINE";
     let outcome = outcome(statements, &[]);
     let found: Vec<_> = outcome.motions.iter().map(|moved| (Held(moved).end(), moved.from)).collect();
-    assert_eq!(found, [(Some(1), PathStart::Unknown), (Some(2), PathStart::Previous), (Some(3), PathStart::Previous)]);
+    assert_eq!(
+        found,
+        [(Some(1), Predecessor::Unknown), (Some(2), Predecessor::Previous), (Some(3), Predecessor::Previous)]
+    );
 }
 
 /// On ways of which it is not known which one runs, motions count in the order of the text, wherever jumps lead.

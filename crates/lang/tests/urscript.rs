@@ -2,21 +2,21 @@
 
 use deflex_lang::Reason;
 use deflex_lang::ir::{Path, Program};
-use deflex_lang::run::{Moved, PathStart, run};
-use deflex_lang::shared::{Edit, editable};
+use deflex_lang::run::{Moved, Predecessor, run};
+use deflex_lang::shared::{Editable, editable};
 use deflex_lang::urscript::{UrScript, read};
 
 struct Ran {
     text: Vec<u8>,
     program: Program,
     motions: Vec<Moved>,
-    edits: Vec<Edit>,
+    edits: Vec<Editable>,
 }
 
 fn ran(text: &str) -> Ran {
     let program = read(&[text.as_bytes()], 1).unwrap_or_else(|fault| panic!("{fault:?}"));
     let outcome = run(&program, &UrScript).expect("it ends");
-    let edits = editable(&outcome, &[]);
+    let edits = editable(&outcome);
     Ran { text: text.into(), program, motions: outcome.motions, edits }
 }
 
@@ -45,10 +45,10 @@ fn a_pose_in_a_frame_is_edited_in_its_own_numbers() {
          \x20 movej([0,-1.5,1.5,-1.5,-1.5,0],1.2,0.75,0,0)\n\
          \x20 movel(pose_trans(ref_frame,p[.5,-0.2,0.3,0,3.14,0]),1.2,speed_ms,0,0.001)\nend\nProg()\n");
     assert_eq!(ran.xs(), [None, Some(0.6)]);
-    assert_eq!(ran.edits, [Edit::No(Reason::Joints), Edit::Pose]);
+    assert_eq!(ran.edits, [Editable::No(Reason::Joints), Editable::Pose]);
     assert_eq!(ran.motions[1].speed, Some(0.25));
     assert_eq!(ran.motions[1].blend, Some(0.001));
-    assert_eq!((ran.motions[0].from, ran.motions[1].from), (PathStart::Start, PathStart::Previous));
+    assert_eq!((ran.motions[0].from, ran.motions[1].from), (Predecessor::Start, Predecessor::Previous));
     let x = ran.motions[1].to.pose().unwrap().affine(0).unwrap();
     assert_eq!(&ran.text[ran.program.tokens[x.token.0 as usize].span.range()], b".5");
 }
@@ -56,7 +56,7 @@ fn a_pose_in_a_frame_is_edited_in_its_own_numbers() {
 #[test]
 fn a_frame_that_is_moved_to_as_well_stays() {
     let ran = ran("f = p[0.1,0,0,0,0,0]\nmovel(f)\nmovel(pose_trans(f, p[0.2,0,0,0,0,0]))\n");
-    assert_eq!(ran.edits, [Edit::No(Reason::Shared), Edit::Pose]);
+    assert_eq!(ran.edits, [Editable::No(Reason::Shared), Editable::Pose]);
 }
 
 #[test]
@@ -65,10 +65,10 @@ fn both_branches_of_an_unknown_condition_run_and_are_joined() {
         "def f():\n a = p[1,0,0,0,0,0]\n b = p[2,0,0,0,0,0]\n c = p[3,0,0,0,0,0]\n if get_digital_in(0):\n  movel(a)\n  c = b\n else:\n  movel(p[4,0,0,0,0,0])\n end\n movel(c)\nend\n",
     );
     assert_eq!(ran.xs(), [Some(1.0), Some(4.0), None]);
-    assert_eq!(ran.edits, [Edit::Pose, Edit::Pose, Edit::No(Reason::Branches)]);
+    assert_eq!(ran.edits, [Editable::Pose, Editable::Pose, Editable::No(Reason::Branches)]);
     assert_eq!(
         ran.motions.iter().map(|m| m.from).collect::<Vec<_>>(),
-        [PathStart::Start, PathStart::Start, PathStart::Unknown]
+        [Predecessor::Start, Predecessor::Start, Predecessor::Unknown]
     );
 }
 
@@ -78,8 +78,8 @@ fn a_counted_loop_runs_each_round_and_a_main_loop_once() {
     assert_eq!(ran_.xs(), [Some(0.0), Some(0.1), Some(0.2)]);
     let ran_ = ran("def m():\n while True:\n  movel(p[1,0,0,0,0,0])\n  movel(p[2,0,0,0,0,0])\n end\nend\n");
     assert_eq!(ran_.xs(), [Some(1.0), Some(2.0)]);
-    assert_eq!(ran_.edits, [Edit::Pose, Edit::Pose]);
-    assert_eq!((ran_.motions[0].from, ran_.motions[1].from), (PathStart::Unknown, PathStart::Previous));
+    assert_eq!(ran_.edits, [Editable::Pose, Editable::Pose]);
+    assert_eq!((ran_.motions[0].from, ran_.motions[1].from), (Predecessor::Unknown, Predecessor::Previous));
 }
 
 #[test]
@@ -107,7 +107,7 @@ fn a_routine_gets_its_arguments_and_what_threads_write_is_unknown() {
         "global n = 0\nthread t():\n while True:\n  n = n + 1\n  sync()\n end\nend\nh = run t()\ndef go(to, up=0.1):\n movel(pose_trans(to, p[0,0,up,0,0,0]))\n movel(to, v=0.1)\nend\ngo(p[1,0,0,0,0,0])\nif n == 0:\n go(p[2,0,0,0,0,0], 0.2)\nend\nmovel(p[n,0,0,0,0,0])\n",
     );
     assert_eq!(ran.xs(), [Some(1.0), Some(1.0), Some(2.0), Some(2.0), None]);
-    assert_eq!(ran.edits[4], Edit::No(Reason::Thread));
+    assert_eq!(ran.edits[4], Editable::No(Reason::Thread));
 }
 
 #[test]
@@ -122,14 +122,14 @@ fn a_routine_that_is_not_given_may_change_globals_and_the_tool() {
         "global g = p[1,0,0,0,0,0]\nset_tcp(p[0,0,0.1,0,0,0])\nmovel(g)\ngripper_open()\nmovel(p[2,0,0,0,0,0])\nset_tcp(p[0,0,0.1,0,0,0])\nmovel(p[3,0,0,0,0,0])\nmovel(g)\n",
     );
     assert_eq!(ran.program.foreign.len(), 1);
-    assert!(matches!(ran.edits[0], Edit::No(Reason::Shared)));
-    assert_eq!(ran.edits[1..], [Edit::No(Reason::Tool), Edit::Pose, Edit::No(Reason::Foreign)]);
+    assert!(matches!(ran.edits[0], Editable::No(Reason::Shared)));
+    assert_eq!(ran.edits[1..], [Editable::No(Reason::Tool), Editable::Pose, Editable::No(Reason::Foreign)]);
 }
 
 #[test]
 fn names_of_enclosing_routines_are_not_followed() {
     let ran = ran("def a():\n x = p[1,0,0,0,0,0]\n def b():\n  movel(x)\n end\n b()\n movel(p[2,0,0,0,0,0])\nend\n");
-    assert_eq!(ran.edits, [Edit::No(Reason::Scope), Edit::Pose]);
+    assert_eq!(ran.edits, [Editable::No(Reason::Scope), Editable::Pose]);
 }
 
 #[test]
@@ -137,21 +137,21 @@ fn numbers_keep_the_token_and_the_step_that_they_come_by() {
     let ran = ran("x = 0.5\nq = p[x, 0.2, 0.3, 0, 0, 0]\nq[0] = x + 0.25\nmovel(q)\n");
     assert_eq!(ran.xs(), [Some(0.75)]);
     // Both tokens decide the sum: neither is edited.
-    assert_eq!(ran.edits, [Edit::No(Reason::Computed)]);
+    assert_eq!(ran.edits, [Editable::No(Reason::Computed)]);
     let ran = self::ran("x = 500\nmovel(p[x / 1000, 0.2, -(0.3), 0, 0, d2r(180)])\n");
-    assert_eq!(ran.edits, [Edit::No(Reason::Rounding)]);
+    assert_eq!(ran.edits, [Editable::No(Reason::Rounding)]);
     let ran = self::ran("x = 0.5\nmovel(p[x * 2 - 1.5, -(0.2), 0.3, 0, 0, d2r(180)])\n");
     // The sum is edited in its last summand; the other numbers of it are then fixed.
-    assert_eq!((ran.xs(), &ran.edits[..]), (vec![Some(-0.5)], &[Edit::Pose][..]));
+    assert_eq!((ran.xs(), &ran.edits[..]), (vec![Some(-0.5)], &[Editable::Pose][..]));
     let ran = self::ran("movel(p[0.5, -(0.2), - 0.3, 0, 0, d2r(180)])\n");
-    assert_eq!(ran.edits, [Edit::Pose]);
+    assert_eq!(ran.edits, [Editable::Pose]);
 }
 
 #[test]
 fn a_line_that_is_not_understood_may_do_anything() {
     let ran = ran("def f():\n x = p[1,0,0,0,0,0]\n x += 1 2\n movel(x)\nend\n");
     assert_eq!(ran.program.not_understood.len(), 1);
-    assert_eq!(ran.edits, [Edit::No(Reason::NotUnderstood)]);
+    assert_eq!(ran.edits, [Editable::No(Reason::NotUnderstood)]);
 }
 
 #[test]
@@ -159,7 +159,7 @@ fn an_inverse_keeps_the_pose_and_a_circle_has_its_way_point() {
     let ran = ran(
         "w_p=p[.1,.2,.3,0,3.1,0]\nw_q=[0,-1,1,0,0,0]\nmovej(get_inverse_kin(w_p, qnear=w_q), a=1.4, v=1.0)\nmovec(p[1,0,0,0,0,0],p[2,0,0,0,0,0],a=1,v=.1,r=0)\nmovec(p[1,0,0,0,0,0],p[3,0,0,0,0,0],mode=1)\nmovec(p[1,0,0,0,0,0],p[4,0,0,0,0,0],mode=w_q[0])\n",
     );
-    assert_eq!(ran.edits, [Edit::Pose, Edit::Pose, Edit::Position, Edit::No(Reason::Tangent)]);
+    assert_eq!(ran.edits, [Editable::Pose, Editable::Pose, Editable::Position, Editable::No(Reason::Tangent)]);
     assert_eq!(ran.motions[2].path, Path::Tangent);
     assert_eq!(ran.motions[0].path, Path::Joint);
     assert!(ran.motions[1].via.is_some());

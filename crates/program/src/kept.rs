@@ -26,12 +26,12 @@ impl KeptStatements {
 
     /// Keeps a statement.
     pub(crate) fn keep(&mut self, source: usize, span: Span, reason: Reason) {
-        self.add(Kept { source, span, line: 0, reason, fault: false, help: "" });
+        self.add(Kept { source, span, line: 0, reason, fault: false });
     }
 
     /// Records a statement that no controller loads, so that no program is written.
     pub(crate) fn refuse(&mut self, source: usize, span: Span, reason: Reason) {
-        self.add(Kept { source, span, line: 0, reason, fault: true, help: "" });
+        self.add(Kept { source, span, line: 0, reason, fault: true });
     }
 
     fn add(&mut self, kept: Kept) {

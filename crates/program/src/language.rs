@@ -43,14 +43,14 @@ pub struct About {
     /// The maker of the robots whose controllers run it.
     pub maker: &'static str,
     /// Code and help for a statement that a controller does not load or cannot run as its text states.
-    fault: (&'static str, &'static str),
+    pub(super) fault: (&'static str, &'static str),
     /// The character that begins a comment; CL data have a statement for it.
     comment: Option<u8>,
     /// A character that ends a statement, and a comment with it.
     pub(super) comment_end: Option<u8>,
     /// Words of statements at which a program waits, in upper case: the controller does not know the motion after one of them in time to
     /// round the corner before it. Empty if no manual says so.
-    waits: &'static [&'static str],
+    pub(super) waits: &'static [&'static str],
     /// The name of the work object that is the robot's base; cells need not declare it.
     robot_base: Option<&'static str>,
     /// The beginnings of the names of tools and of work objects, if only its controllers have them.
@@ -144,11 +144,6 @@ impl Language {
         self != Self::Cl
     }
 
-    /// Code and help of what a controller does not load or could not run as its text says.
-    pub(super) fn fault(self) -> (&'static str, &'static str) {
-        self.about().fault
-    }
-
     /// The comment that marks a stretch, as this language writes it: `! deflex air`.
     ///
     /// # Examples
@@ -159,13 +154,9 @@ impl Language {
     /// ```
     #[must_use]
     pub fn mark(self, mark: Mark) -> String {
-        let word = match mark {
-            Mark::Air => "air",
-            Mark::Cut => "cut",
-        };
         match self.comment() {
-            Some(comment) => format!("{} deflex {word}", char::from(comment)),
-            None => format!("PPRINT/DEFLEX {}", word.to_ascii_uppercase()),
+            Some(comment) => format!("{} {}", char::from(comment), mark.comment()),
+            None => format!("PPRINT/{}", mark.comment().to_ascii_uppercase()),
         }
     }
 
@@ -173,11 +164,6 @@ impl Language {
     #[doc(hidden)]
     pub fn robot_base(self) -> Option<&'static str> {
         self.about().robot_base
-    }
-
-    /// Words of statements at which a program waits, upper case: see [`About::waits`].
-    pub(crate) fn waits(self) -> &'static [&'static str] {
-        self.about().waits
     }
 
     /// The character that begins a comment; CL data have a statement for it.

@@ -18,6 +18,7 @@ pub mod jbi;
 mod kept;
 pub mod krl;
 mod language;
+mod lexeme;
 mod long;
 mod lowered;
 mod marks;
@@ -186,6 +187,15 @@ pub struct ToolData {
     pub cog_mm: [f64; 3],
 }
 
+/// No rotation.
+pub(crate) const NO_TURN: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
+
+impl ToolData {
+    /// The flange of the robot.
+    pub(crate) const FLANGE: Self =
+        Self { robhold: true, tcp_mm: [0.0; 3], tcp_quat: NO_TURN, mass_kg: 0.0, cog_mm: [0.0; 3] };
+}
+
 /// The shape of a cutter in a CL file.
 ///
 /// # Examples
@@ -268,6 +278,27 @@ pub struct WobjData {
     pub oframe_quat: [f64; 4],
 }
 
+impl WobjData {
+    /// The world.
+    pub(crate) const WORLD: Self = Self {
+        robhold: false,
+        fixed: true,
+        uframe_mm: [0.0; 3],
+        uframe_quat: NO_TURN,
+        oframe_mm: [0.0; 3],
+        oframe_quat: NO_TURN,
+    };
+}
+
+/// The index of a tool or a work object in the list of a program, to which it is added if it is new.
+pub(crate) fn intern<T: Clone>(known: &mut Vec<T>, wanted: &T, is: impl Fn(&T, &T) -> bool) -> Option<u16> {
+    let at = known.iter().rposition(|known| is(known, wanted)).unwrap_or_else(|| {
+        known.push(wanted.clone());
+        known.len() - 1
+    });
+    u16::try_from(at).ok()
+}
+
 /// A statement that is not changed, with the reason.
 ///
 /// # Examples
@@ -293,8 +324,6 @@ pub struct Kept {
     pub reason: Reason,
     /// Whether the motion is not what the text states: a NaN, or in CL data a motion that is not read.
     pub fault: bool,
-    /// What to do; empty if there is nothing special to do.
-    pub help: &'static str,
 }
 
 /// An executed motion whose target is known only at run time.
@@ -439,7 +468,33 @@ pub struct Rewritten {
     pub kept: Vec<(usize, Reason)>,
 }
 
+/// An inserted motion.
+pub(crate) struct Inserted {
+    pub(crate) source: usize,
+    /// The start of the statement that it precedes, without bytes.
+    pub(crate) at: Span,
+    pub(crate) text: Vec<u8>,
+    /// Position (mm) and orientation in the controller's precision.
+    pub(crate) pose: ([f64; 3], [f64; 4]),
+}
+
 impl Rewritten {
+    /// Adds the motion for an insert before a target, or the reason why it cannot be written.
+    pub(crate) fn insert(&mut self, before: usize, written: Result<Inserted, Reason>) {
+        self.inserted.push(written.as_ref().ok().map(|inserted| inserted.pose));
+        match written {
+            Ok(Inserted { source, at, text, .. }) => {
+                let edits = &mut self.edits[source];
+                // Several points before one statement, in their order: one edit.
+                match edits.iter_mut().find(|edit| edit.span == at) {
+                    Some(edit) => edit.content.extend_from_slice(&text),
+                    None => edits.push(Edit { span: at, content: text.into() }),
+                }
+            }
+            Err(why) => self.not_inserted.push((before, why)),
+        }
+    }
+
     /// Whether the circle point of this index, the end of its arc, or a point inserted on the arc could not be written.
     #[must_use]
     #[doc(hidden)]
@@ -570,7 +625,7 @@ impl Program {
             if BRANCHES.iter().any(|known| is(&known)) {
                 return None;
             }
-            found = found.or_else(|| self.language.waits().iter().find(is).copied());
+            found = found.or_else(|| self.language.about().waits.iter().find(is).copied());
         }
         found
     }
@@ -701,10 +756,10 @@ impl Program {
     /// ```
     #[must_use]
     pub fn faults(&self) -> Vec<Diagnostic> {
-        let (code, help) = self.language.fault();
+        let (code, help) = self.language.about().fault;
         let fault = |kept: &Kept| {
             let source = &self.sources[kept.source];
-            let help = if kept.help.is_empty() { help } else { kept.help };
+            let help = cl::help(kept.reason).unwrap_or(help);
             Diagnostic::error(code, &source.name, kept.reason.text()).at(source, kept.span).help(help)
         };
         self.kept.iter().filter(|kept| kept.fault).map(fault).collect()

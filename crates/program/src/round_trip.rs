@@ -1,6 +1,5 @@
 //! Checks that a program survives a write: without changes the bytes stay, and a shift of all targets is read back.
 
-use super::cl::AMBIGUOUS_LIST;
 use super::{Change, Editable, Goal, Program, Reason, RewriteOptions, Role, Target};
 use deflex_text::{Diagnostic, Source};
 use std::collections::BTreeSet;
@@ -148,7 +147,7 @@ fn before(program: &Program, line: usize) -> &[Target] {
 /// not written, and the path after it differs.
 fn first_ambiguous(program: &Program, again: &Program) -> Option<usize> {
     let lines = |program: &Program| -> BTreeSet<usize> {
-        let refused = program.kept.iter().filter(|kept| kept.reason == AMBIGUOUS_LIST.reason);
+        let refused = program.kept.iter().filter(|kept| kept.reason == Reason::AmbiguousList);
         refused.map(|kept| kept.line).collect()
     };
     lines(program).symmetric_difference(&lines(again)).next().copied()

@@ -1,4 +1,7 @@
-use crate::{AxisName, EXTERNAL_AXES, External, Reason};
+use crate::{AxisName, EXTERNAL_AXES, External};
+use deflex_lang::ir::SourceSpan;
+pub use deflex_lang::run::Predecessor;
+pub use deflex_lang::shared::Editable;
 use deflex_text::Span;
 use std::sync::Arc;
 
@@ -58,31 +61,40 @@ pub struct Target {
     pub arc_turn: Option<ArcTurn>,
 }
 
-/// The start of the segment to a point, in every run.
-///
-/// # Examples
-/// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-/// use deflex_program::Predecessor;
-///
-/// assert_eq!(program.targets[1].predecessor, Predecessor::Previous);
-/// # Ok::<(), deflex_text::Diagnostics>(())
-/// ```
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Predecessor {
-    /// At the point before it.
-    #[default]
-    Previous,
-    /// The position of the robot when an operator starts the routine.
-    Start,
-    /// A point that is known only at run time: another branch, another round of a loop, or an unknown motion comes before.
-    Unknown,
-}
-
 impl Target {
+    /// The end of a motion with this tool and work object, at a statement and its line.
+    pub(crate) fn new(
+        ordinal: u32,
+        motion: Motion,
+        goal: Goal,
+        [tool, wobj]: [u16; 2],
+        place: SourceSpan,
+        line: u32,
+    ) -> Self {
+        Self {
+            ordinal,
+            role: Role::End,
+            motion,
+            goal,
+            tool,
+            wobj,
+            feed_mm_s: None,
+            spindle_rpm: None,
+            rapid: false,
+            mark: None,
+            editable: Editable::Pose,
+            located: true,
+            extra_load: false,
+            external: None,
+            name: None,
+            source: place.source,
+            span: place.span,
+            line,
+            predecessor: Predecessor::Previous,
+            arc_turn: None,
+        }
+    }
+
     /// Whether it ends an executed motion: one report row.
     ///
     /// # Examples
@@ -484,26 +496,4 @@ impl Mark {
             Self::Cut => "deflex cut",
         }
     }
-}
-
-/// The parts of a target that may be edited in the text.
-///
-/// # Examples
-/// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-/// use deflex_program::Editable;
-///
-/// assert!(program.targets.iter().all(|target| target.editable == Editable::Pose));
-/// # Ok::<(), deflex_text::Diagnostics>(())
-/// ```
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Editable {
-    /// Position and orientation.
-    Pose,
-    /// Position only (literal `Offs` or `RelTool` arguments).
-    Position,
-    /// Nothing, for this reason.
-    No(Reason),
 }

@@ -5,6 +5,12 @@ use deflex_text::{Token, number};
 /// Most printed decimals: single precision has no more for any quaternion.
 pub(crate) const MAX_DECIMALS: usize = 15;
 
+/// A number as a controller stores it whose numbers are IEEE singles.
+#[allow(clippy::cast_possible_truncation)]
+pub(crate) fn single(value: f64) -> f64 {
+    f64::from(value as f32)
+}
+
 /// The value of a token with its sign; blanks between them are allowed.
 pub(crate) fn signed(token: &[u8]) -> Option<f64> {
     let (negative, rest) = match token {

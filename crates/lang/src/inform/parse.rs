@@ -16,7 +16,21 @@ use crate::ir::{
 use crate::reason::Reason;
 use std::collections::BTreeMap;
 
-pub(super) fn read(sources: &[&[u8]], written: usize) -> Result<Program, Fault> {
+/// Reads jobs; `sources` beyond the first `written` are only called.
+///
+/// # Errors
+/// A file is no job, a job has no name, or its blocks do not close.
+///
+/// ```
+/// let job = b"/JOB\n//NAME A\n//POS\n///NPOS 1,0,0,0,0,0\n///TOOL 1\n///USER 2\n///POSTYPE USER\n///RECTAN\n\
+///     C00000=10.000,20.000,-1.500,180.0000,0.0000,0.0000\n//INST\nNOP\nMOVL C00000 V=25.0 PL=0\nEND\n";
+/// let program = deflex_lang::inform::read(&[job], 1).unwrap();
+/// let outcome = deflex_lang::run::run(&program, &deflex_lang::inform::Inform).unwrap();
+/// let pose = outcome.motions[0].to.pose().unwrap();
+/// assert_eq!(&*pose.given.as_ref().unwrap().frame, "USER 2");
+/// assert_eq!(pose.pose().translation.z, -1.5);
+/// ```
+pub fn read(sources: &[&[u8]], written: usize) -> Result<Program, Fault> {
     let mut program = Program::default();
     program.functions.resize_with(sources.len(), Function::default);
     let (mut jobs, mut names, mut loaded) = (Vec::new(), BTreeMap::<&[u8], Vec<FunctionId>>::new(), BTreeMap::new());

@@ -8,7 +8,7 @@ mod lex;
 mod parse;
 
 use crate::dialect::{Arguments, Dialect};
-use crate::ir::{Fault, Program, Slot, Switch};
+use crate::ir::{Slot, Switch};
 use crate::reason::Reason;
 use crate::store::Store;
 use crate::value::{Affine, Content, Number, Pose, Value};
@@ -16,6 +16,8 @@ use builtins::Builtin;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use std::f64::consts::PI;
 use std::sync::Arc;
+
+pub use parse::read;
 
 /// The semantics of URScript.
 ///
@@ -28,20 +30,6 @@ use std::sync::Arc;
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct UrScript;
-
-/// Reads a program; `sources` beyond the first `written` only define routines.
-///
-/// # Errors
-/// The text is not URScript: its blocks do not close, or a line begins an unknown kind of block.
-///
-/// # Examples
-/// ```
-/// let program = deflex_lang::urscript::read(&[b"movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], v=0.025)\n"], 1).unwrap();
-/// assert_eq!(program.tokens.len(), 7);
-/// ```
-pub fn read(sources: &[&[u8]], written: usize) -> Result<Program, Fault> {
-    parse::read(sources, written)
-}
 
 impl Dialect for UrScript {
     fn pose(&self, numbers: &[f64]) -> Option<Isometry3<f64>> {

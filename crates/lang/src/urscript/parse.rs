@@ -26,7 +26,17 @@ struct Names<'a> {
     unclear: BTreeSet<&'a [u8]>,
 }
 
-pub(super) fn read(sources: &[&[u8]], written: usize) -> Result<Program, Fault> {
+/// Reads a program; `sources` beyond the first `written` only define routines.
+///
+/// # Errors
+/// The text is not URScript: its blocks do not close, or a line begins an unknown kind of block.
+///
+/// # Examples
+/// ```
+/// let program = deflex_lang::urscript::read(&[b"movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], v=0.025)\n"], 1).unwrap();
+/// assert_eq!(program.tokens.len(), 7);
+/// ```
+pub fn read(sources: &[&[u8]], written: usize) -> Result<Program, Fault> {
     let all: Vec<Vec<Lexeme<'_>>> = sources.iter().map(|bytes| lexemes(bytes)).collect();
     let mut unclear = BTreeSet::new();
     loop {
@@ -35,11 +45,10 @@ pub(super) fn read(sources: &[&[u8]], written: usize) -> Result<Program, Fault> 
         for (source, lexemes) in all.iter().enumerate() {
             parser.file(source, lexemes)?;
         }
-        let found = parser.unclear();
-        if found.is_subset(&names.unclear) {
+        if parser.own.clashes.is_subset(&names.unclear) {
             return Ok(parser.program(written));
         }
-        unclear = names.unclear.union(&found).copied().collect();
+        unclear = names.unclear.union(&parser.own.clashes).copied().collect();
     }
 }
 
@@ -137,11 +146,6 @@ impl<'a, 'n> Parser<'a, 'n> {
         let function = &mut self.program.functions[source];
         (function.body, function.locals) = (body, scope.locals.len() as u32);
         Ok(())
-    }
-
-    /// Names without a declaration that enclosing routines have too.
-    fn unclear(&self) -> BTreeSet<&'a [u8]> {
-        self.own.clashes.clone()
     }
 
     fn program(mut self, written: usize) -> Program {

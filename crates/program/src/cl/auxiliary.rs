@@ -2,7 +2,7 @@
 
 use super::lex::{Record, TokenKind};
 use super::reader::Reader;
-use super::refusal::{self, Outcome, Refusal};
+use super::refusal::Outcome;
 use super::statement::Statement;
 use crate::{ActionKind, CutterInfo, Reason};
 use std::sync::Arc;
@@ -18,7 +18,7 @@ impl Reader {
         let first =
             s.items.iter().find(|t| is_id(t.kind) || t.kind == TokenKind::Word && !tool(&s.bytes[t.span.range()]));
         let number = first.filter(|t| is_id(t.kind)).map(|t| id(&s.bytes[t.span.range()], t.value, t.kind));
-        let number: Arc<str> = number.ok_or(refusal::NO_TOOL_NUMBER)?.into();
+        let number: Arc<str> = number.ok_or(Reason::NoToolNumber)?.into();
         if self.machine.number.as_ref() != Some(&number) {
             self.machine.number = Some(number.clone());
             self.machine.named = Some(record);
@@ -72,7 +72,7 @@ impl Reader {
             let other = machine.used_cutter.zip(self.modal.cutter).is_some_and(|(used, now)| !same(&used, &now));
             machine.used_cutter = self.modal.cutter;
             if other && !changed && !self.options.any_tool {
-                self.refuse(record, refusal::SECOND_CUTTER);
+                self.refuse(record, Reason::SecondCutter);
             }
         }
         self.machine.used.get_or_insert_default();
@@ -80,7 +80,7 @@ impl Reader {
             match self.options.tool.clone() {
                 Some(tool) => self.hold(&tool),
                 None => {
-                    self.refuse(at, refusal::NO_TOOL);
+                    self.refuse(at, Reason::NoTool);
                     self.hold("tool0")
                 }
             };
@@ -89,7 +89,7 @@ impl Reader {
     }
 
     /// Finds the cell's tool. Returns whether it differs from that at the last position.
-    fn change_tool(&mut self, record: Record) -> Result<bool, Refusal> {
+    fn change_tool(&mut self, record: Record) -> Result<bool, Reason> {
         let ids = [self.machine.number.clone(), self.machine.name.clone()];
         let mapped = ids.iter().flatten().find_map(|id| Some((id.clone(), self.options.tool_of(id)?.to_owned())));
         let now = ids.into_iter().flatten().next();
@@ -101,9 +101,9 @@ impl Reader {
             _ if self.options.any_tool => return Ok(changed),
             Some(mapped) => mapped,
             // The cell has one tool, which stands for one tool of the program.
-            None if self.options.tools.is_empty() && second => return Err(refusal::SECOND_TOOL),
+            None if self.options.tools.is_empty() && second => return Err(Reason::SecondTool),
             None if self.options.tools.is_empty() => return Ok(false),
-            None if self.machine.number.is_some() || changed => return Err(refusal::UNMAPPED_TOOL),
+            None if self.machine.number.is_some() || changed => return Err(Reason::UnmappedTool),
             None => return Ok(false),
         };
         let other = self.hold(&tool);
@@ -151,7 +151,7 @@ impl Reader {
     /// `DELAY/s`, `DELAY/n,REV`.
     pub(super) fn delay(&mut self, record: Record, s: &Statement) -> Outcome {
         let Some(time) = s.number_items().iter().next().map(|t| t.value).filter(|t| *t >= 0.0) else {
-            return Err(Reason::DelayWithoutTime.into());
+            return Err(Reason::DelayWithoutTime);
         };
         let seconds = match s.has(b"REV") {
             true => 60.0 * time / self.modal.rpm().ok_or(Reason::DelayWithoutSpindle)?,

@@ -5,7 +5,7 @@ use super::layout::{GroupSlot, Slot};
 use super::lex::Record;
 use super::motion::{TargetProperties, xyz_of};
 use super::reader::Reader;
-use super::refusal::{self, Outcome};
+use super::refusal::Outcome;
 use super::state::{Checked, Known, PendingArc};
 use super::statement::Statement;
 use super::vector::{add, cross, dot, norm, scale, sub, unit};
@@ -22,7 +22,7 @@ impl Reader {
         let turns = if s.has(b"TIMES") { numbers.iter().last().map_or(1.0, |t| t.value) } else { 1.0 };
         let Some([x, y, z, i, j, k]) = numbers.first() else {
             self.pending = None;
-            return Err(Reason::CircleWithoutCentre.into());
+            return Err(Reason::CircleWithoutCentre);
         };
         let count = numbers.count() - usize::from(s.has(b"TIMES"));
         let (clockwise, sense) = if s.has(b"CLOCKWISE") || s.has(b"CLW") {
@@ -43,7 +43,7 @@ impl Reader {
     /// `MOVARC/c,n,r,ANGLE,a`: right-handed; whole turns beyond the first are counted from the angle.
     pub(super) fn movarc(&mut self, record: Record, s: &Statement) -> Outcome {
         let Some([x, y, z, i, j, k, r]) = s.number_items().first() else {
-            return Err(Reason::ArcWithoutCentre.into());
+            return Err(Reason::ArcWithoutCentre);
         };
         let angle = s.number_items().iter().nth(7).map_or(0.0, |t| t.value);
         let axis = scale([i, j, k], if angle < 0.0 { -1.0 } else { 1.0 });
@@ -55,7 +55,7 @@ impl Reader {
     fn open_arc(&mut self, arc: PendingArc) -> Outcome {
         self.checked = None;
         if let Some(before) = self.pending.replace(arc) {
-            self.refuse(before.record, Reason::ArcWithoutEnd.into());
+            self.refuse(before.record, Reason::ArcWithoutEnd);
         }
         Ok(())
     }
@@ -67,7 +67,7 @@ impl Reader {
         let Some(round) = circle.or(cylinder) else {
             self.source_word(record);
             self.modal.position = None;
-            return Err(Reason::SymbolicGeometry.into());
+            return Err(Reason::SymbolicGeometry);
         };
         let line = s.nested(b"LINE");
         let radius = match cylinder {
@@ -78,17 +78,17 @@ impl Reader {
             (round.first::<3>(), radius, line, line.and_then(|l| l.first::<6>()))
         else {
             self.modal.position = None;
-            return Err(Reason::ArcWithoutLine.into());
+            return Err(Reason::ArcWithoutLine);
         };
         if round.iter().any(|number| line.iter().any(|other| other.span == number.span)) {
             self.modal.position = None;
-            return Err(Reason::ArcLineNotApart.into());
+            return Err(Reason::ArcLineNotApart);
         }
         let (from, to) = ([ends[0], ends[1], ends[2]], [ends[3], ends[4], ends[5]]);
         // An end is projected onto the circle along its line: from a large distance, a shift of it would be lost.
         if !sub(to, from).iter().all(|along| along.abs() <= FAR * radius.abs()) {
             self.modal.position = None;
-            return Err(Reason::ArcEndsFarOff.into());
+            return Err(Reason::ArcEndsFarOff);
         }
         self.ensure_units(record, s)?;
         let end = on_circle(centre, radius, from, to);
@@ -125,11 +125,11 @@ impl Reader {
                 if pending.sense != Known::Stated && pending.circle.turns <= 1.0 && !ahead {
                     self.checked = Some(Checked { arc: pending, start, end });
                     if self.modal.fed.is_some_and(|feed| arc.turns_back(feed)) {
-                        self.refuse(pending.record, refusal::ARC_TANGENT);
+                        self.refuse(pending.record, Reason::ArcTangent);
                     }
                 }
             }
-            Err(reason) => self.refuse(pending.record, reason.into()),
+            Err(reason) => self.refuse(pending.record, reason),
         }
         group
     }
@@ -146,7 +146,7 @@ impl Reader {
         // If the system is known, only points like those of an arc in the opposite direction contradict it.
         let like_an_arc = || arc.circle.reversed().steps(start, &[end, next]);
         if contradicts && (arc.sense == Known::Guessed || like_an_arc()) {
-            self.refuse(arc.record, refusal::ARC_SENSE);
+            self.refuse(arc.record, Reason::ArcSense);
         }
     }
 
@@ -162,7 +162,7 @@ impl Reader {
                 self.say("cl.arc-sense", "the direction of arcs is taken from the points that follow them");
                 self.pending = Some(PendingArc { circle: arc.circle.reversed(), sense: Known::Stated, ..arc });
             }
-            Sense::Neither => self.refuse(arc.record, refusal::ARC_SENSE),
+            Sense::Neither => self.refuse(arc.record, Reason::ArcSense),
         }
     }
 }

@@ -41,7 +41,7 @@ impl Reader {
                 }
                 match Frame::from_rows(self.matrix.values, self.mm_per_unit()) {
                     Some(frame) => self.set_frame(frame, self.dialect.positions_follow_frame()),
-                    None => self.refuse(record, Reason::MatrixNoRotation.into()),
+                    None => self.refuse(record, Reason::MatrixNoRotation),
                 }
             }
             _ if self.matrix.rows > 0 => self.matrix.open = false,

@@ -1,7 +1,7 @@
 //! The system that wrote the file, and the conventions that follow from it.
 
 /// CAM systems that are distinguished, because their arcs, axes or frames differ.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Dialect {
     Nx,
     Makino,
@@ -10,6 +10,7 @@ pub(super) enum Dialect {
     SolidWorks,
     CamWorks,
     Autodesk,
+    #[default]
     Unknown,
 }
 

@@ -11,7 +11,7 @@ use super::lex::{Record, Token, TokenKind};
 use super::modal::{Feed, Xyz, feed_unit};
 use super::motion::TargetProperties;
 use super::reader::Reader;
-use super::refusal::{self, Outcome, Refusal};
+use super::refusal::Outcome;
 use super::state::Hole;
 use super::statement::Statement;
 use super::vector::{add, dot, norm, scale, sub};
@@ -65,7 +65,7 @@ impl Reader {
             [] if s.items.is_empty() => return Ok(()),
             [b"OFF" | b"NOMORE" | b"INIT"] => return Ok(()),
             [b"ON"] => {
-                self.cycle.active = Some(self.cycle.last.clone().ok_or(refusal::CYCLE_BEFORE)?);
+                self.cycle.active = Some(self.cycle.last.clone().ok_or(Reason::CycleBefore)?);
                 return Ok(());
             }
             _ => {}
@@ -84,30 +84,30 @@ impl Reader {
     }
 
     /// The cycle that a statement defines; none for plain positions.
-    fn hole(&self, s: &Statement) -> Result<Option<Hole>, Refusal> {
+    fn hole(&self, s: &Statement) -> Result<Option<Hole>, Reason> {
         let tokens: Vec<&Token> = s.items.iter().filter(|t| t.kind != TokenKind::Comma).collect();
         let (style, rest) = style(s.bytes, &tokens)?;
         if style == Style::Mill {
             return Ok(None);
         }
         let stated = self.words_of_cycle(s.bytes, rest, style)?;
-        let depth = stated.depth.map(f64::abs).filter(|d| *d > 0.0).ok_or(refusal::CYCLE_FORM)?;
+        let depth = stated.depth.map(f64::abs).filter(|d| *d > 0.0).ok_or(Reason::CycleForm)?;
         // Creo counts RAPTO from the clearance towards the part, the others from the part.
         let (approach, clear) = match (stated.clear, stated.rapto) {
             (Some(clear), Some(rapto)) if self.dialect == Dialect::Creo => (clear, clear - rapto),
             (Some(clear), Some(rapto)) => (clear.max(rapto), clear.max(rapto)),
             (Some(height), None) | (None, Some(height)) => (height, height),
-            (None, None) => return Err(refusal::CYCLE_FORM),
+            (None, None) => return Err(Reason::CycleForm),
         };
         // No CAM system intends rapid travel into the part.
         if approach < 0.0 || clear < 0.0 || stated.retract.is_some_and(|r| r < 0.0) || stated.dwell < 0.0 {
-            return Err(refusal::CYCLE_FORM);
+            return Err(Reason::CycleForm);
         }
         let peck = match (style, &stated.pecks[..]) {
             (Style::Deep | Style::BreakChips, [first, rest @ ..]) => {
                 Some((*first, rest.last().copied().unwrap_or(*first)))
             }
-            (Style::Deep | Style::BreakChips, []) => return Err(refusal::CYCLE_FORM),
+            (Style::Deep | Style::BreakChips, []) => return Err(Reason::CycleForm),
             _ => None,
         };
         // An explicit 0 leaves it to the machine (Creo): the height from which the tool came.
@@ -130,7 +130,7 @@ impl Reader {
     }
 
     /// Reads keywords with their numbers, and numbers by their order.
-    fn words_of_cycle(&self, bytes: &[u8], tokens: &[&Token], style: Style) -> Result<CycleWords, Refusal> {
+    fn words_of_cycle(&self, bytes: &[u8], tokens: &[&Token], style: Style) -> Result<CycleWords, Reason> {
         let mut stated = CycleWords::default();
         let mut numbers: Vec<f64> = Vec::new();
         let mut unit: Option<(Vec<u8>, usize)> = None;
@@ -141,12 +141,12 @@ impl Reader {
                 continue;
             }
             if token.kind != TokenKind::Word {
-                return Err(refusal::CYCLE_FORM);
+                return Err(Reason::CycleForm);
             }
             let word = bytes[token.span.range()].to_ascii_uppercase();
-            let mut value = || -> Result<f64, Refusal> {
+            let mut value = || -> Result<f64, Reason> {
                 let number = tokens.next_if(|t| t.kind == TokenKind::Number);
-                number.map(|t| t.value).ok_or(refusal::CYCLE_FORM)
+                number.map(|t| t.value).ok_or(Reason::CycleForm)
             };
             match word.as_slice() {
                 b"DEPTH" | b"FEDTO" => stated.depth = Some(value()?),
@@ -173,7 +173,7 @@ impl Reader {
                 _ if feed_unit(&word, self.mm_per_unit()).is_some() && unit.is_none() => {
                     unit = Some((word, numbers.len()));
                 }
-                _ => return Err(refusal::CYCLE_FORM),
+                _ => return Err(Reason::CycleForm),
             }
         }
         let feed = |unit: &[u8], value: f64| feed_unit(unit, self.mm_per_unit()).map(|unit| unit.feed(value));
@@ -181,22 +181,16 @@ impl Reader {
             // Couplets: the remaining number is the feed after its unit.
             (Some((unit, 0)), &[value]) if stated.depth.is_some() => stated.feed = feed(&unit, value),
             (None, []) if stated.depth.is_some() => {}
-            // Depth, unit, feed[, clearance].
-            (Some((unit, 1)), &[depth, value, ref more @ ..]) if stated.depth.is_none() => {
+            // Depth, unit, feed[, clearance], or depth, feed, unit, clearance[, peck]. CATIA has more numbers before the unit, in an order that the file does not state.
+            (Some((unit, 1 | 2)), &[depth, value, ref more @ ..]) if stated.depth.is_none() => {
                 stated.depth = Some(depth);
                 stated.feed = feed(&unit, value);
                 clearance_and_peck(&mut stated, more, style)?;
             }
-            // Depth, feed, unit, clearance[, peck]. CATIA has more numbers before the unit, in an order that the file does not state.
-            (Some((unit, 2)), &[depth, value, ref more @ ..]) if stated.depth.is_none() => {
-                stated.depth = Some(depth);
-                stated.feed = feed(&unit, value);
-                clearance_and_peck(&mut stated, more, style)?;
-            }
-            _ => return Err(refusal::CYCLE_FORM),
+            _ => return Err(Reason::CycleForm),
         }
         if stated.feed.is_some_and(|feed| !feed.is_positive()) {
-            return Err(refusal::NO_FEED);
+            return Err(Reason::NoFeed);
         }
         Ok(stated)
     }
@@ -209,7 +203,7 @@ impl Reader {
             None => self.modal.feed_mm_s(),
         };
         if feed_mm_s.is_none() {
-            self.refuse(record, refusal::CYCLE_FEED);
+            self.refuse(record, Reason::CycleFeed);
         }
         self.modal.rapid = false;
         self.ordinal += 1;
@@ -282,7 +276,7 @@ fn clearance_and_peck(stated: &mut CycleWords, numbers: &[f64], style: Style) ->
             stated.clear = Some(clear);
             stated.pecks.push(peck);
         }
-        _ => return Err(refusal::CYCLE_FORM),
+        _ => return Err(Reason::CycleForm),
     }
     Ok(())
 }
@@ -293,7 +287,7 @@ fn is_mode_of_retraction(bytes: &[u8], token: &Token) -> bool {
 }
 
 /// Reads the words of the style. Returns the remaining items, which have the lengths.
-fn style<'t, 's>(bytes: &[u8], tokens: &'t [&'s Token]) -> Result<(Style, &'t [&'s Token]), Refusal> {
+fn style<'t, 's>(bytes: &[u8], tokens: &'t [&'s Token]) -> Result<(Style, &'t [&'s Token]), Reason> {
     let mut style = None;
     for (i, token) in tokens.iter().enumerate() {
         let word = bytes[token.span.range()].to_ascii_uppercase();
@@ -303,24 +297,24 @@ fn style<'t, 's>(bytes: &[u8], tokens: &'t [&'s Token]) -> Result<(Style, &'t [&
             b"BRKCHP" | b"CHPBRK" => Style::BreakChips,
             b"REAM" | b"BORE" => Style::FeedOut,
             b"MILL" => Style::Mill,
-            b"TAP" | b"RTAP" | b"MAGTAP" => return Err(refusal::TAP),
-            b"THRU" | b"BOREOR" | b"BOREBK" | b"BACK" | b"BORBK" => return Err(refusal::CYCLE_KIND),
-            _ => return Ok((style.ok_or(refusal::CYCLE_FORM)?, &tokens[i..])),
+            b"TAP" | b"RTAP" | b"MAGTAP" => return Err(Reason::Tapping),
+            b"THRU" | b"BOREOR" | b"BOREBK" | b"BACK" | b"BORBK" => return Err(Reason::CycleKind),
+            _ => return Ok((style.ok_or(Reason::CycleForm)?, &tokens[i..])),
         };
         // `DRILL,DEEP`: the second word is the style (NX).
         style = match style {
             None | Some(Style::Drill) => Some(more),
-            Some(_) => return Err(refusal::CYCLE_FORM),
+            Some(_) => return Err(Reason::CycleForm),
         };
     }
-    Ok((style.ok_or(refusal::CYCLE_FORM)?, &[]))
+    Ok((style.ok_or(Reason::CycleForm)?, &[]))
 }
 
 /// Depths of pecks, rising: a first peck, then equal ones.
-fn pecks(depth: f64, peck: Option<(f64, f64)>) -> Result<Vec<f64>, Refusal> {
+fn pecks(depth: f64, peck: Option<(f64, f64)>) -> Result<Vec<f64>, Reason> {
     let Some((first, further)) = peck else { return Ok(vec![depth]) };
     if !(first > 0.0 && further > 0.0) {
-        return Err(refusal::CYCLE_FORM);
+        return Err(Reason::CycleForm);
     }
     let mut depths = Vec::new();
     let mut next = first;
@@ -328,7 +322,7 @@ fn pecks(depth: f64, peck: Option<(f64, f64)>) -> Result<Vec<f64>, Refusal> {
         depths.push(next);
         next += further;
         if depths.len() > MOST_PECKS {
-            return Err(refusal::CYCLE_FORM);
+            return Err(Reason::CycleForm);
         }
     }
     depths.push(depth);

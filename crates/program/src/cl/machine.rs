@@ -1,13 +1,13 @@
 //! Tool, spindle, coolant, stops: actions of the machine between positions.
 
 use super::lex::Record;
-use super::refusal::{self, Outcome};
+use super::refusal::Outcome;
 use super::statement::Statement;
-use crate::{Action, ActionKind, CutterInfo};
+use crate::{Action, ActionKind, CutterInfo, Reason};
 use std::sync::Arc;
 
 /// The mounted tool, and the actions before the next position.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Machine {
     /// Names of the cell's tools in the order of their first use; targets have indices into them.
     pub(super) tools: Vec<String>,
@@ -31,26 +31,6 @@ pub(super) struct Machine {
 }
 
 impl Machine {
-    pub(super) fn new() -> Self {
-        Self {
-            tools: Vec::new(),
-            index: None,
-            number: None,
-            name: None,
-            used: None,
-            used_cutter: None,
-            named: None,
-            cutter_named: None,
-            waiting: Vec::new(),
-            offset: None,
-        }
-    }
-
-    /// Names of the cell's tools in the order of their first use.
-    pub(super) fn tools(&self) -> &[String] {
-        &self.tools
-    }
-
     /// Index of the mounted tool.
     pub(super) fn tool(&self) -> u16 {
         self.index.unwrap_or(0)
@@ -100,7 +80,7 @@ impl Machine {
         let number = s.number_items().iter().next().map(|t| t.value).filter(|_| offset);
         let before = self.offset.filter(|_| self.used.is_some());
         if before.zip(number).is_some_and(|(before, number)| (before - number).abs() > 0.5) {
-            return Err(refusal::OFFSET);
+            return Err(Reason::MachineOffset);
         }
         self.offset = number.or(self.offset);
         Ok(())

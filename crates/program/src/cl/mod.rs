@@ -43,7 +43,7 @@ mod words;
 pub use chunks::Chunks;
 pub use corrected::{CorrectedPoint, write};
 pub(crate) use layout::Layout;
-pub(crate) use refusal::AMBIGUOUS_LIST;
+pub(crate) use refusal::help;
 pub use words::may_be_declared_harmless;
 
 use super::{ExternalAxes, Program};

@@ -1,9 +1,8 @@
 //! Modal data, which stay from one statement to the next.
 
-use super::refusal;
 use super::refusal::Outcome;
 use super::statement::Statement;
-use crate::{CutterInfo, Mark};
+use crate::{CutterInfo, Mark, Reason};
 use deflex_text::Span;
 
 /// Millimetres in an inch.
@@ -16,8 +15,9 @@ const SECONDS: f64 = 60.0;
 const METRE_MM: f64 = 1000.0;
 
 /// A programmed feed.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) enum Feed {
+    #[default]
     Unknown,
     /// Feed for each minute, mm/min.
     PerMinute(f64),
@@ -86,8 +86,9 @@ pub(super) fn feed_unit(word: &[u8], mm_per_unit: f64) -> Option<FeedUnit> {
 }
 
 /// A programmed spindle speed.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 enum Spindle {
+    #[default]
     Off,
     Rpm(f64),
     /// Speed of the edge, mm/min.
@@ -98,7 +99,7 @@ enum Spindle {
 pub(super) type Xyz = [Span; 3];
 
 /// The state that one statement leaves to the next.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Modal {
     /// Position of the tool as printed; unknown before the first position and after a motion that is not read.
     pub(super) position: Option<[f64; 3]>,
@@ -125,28 +126,12 @@ pub(super) struct Modal {
     last_spindle: Spindle,
 }
 
-impl Default for Modal {
-    fn default() -> Self {
-        Self {
-            position: None,
-            from: None,
-            axis: [0.0, 0.0, 1.0],
-            fed: None,
-            normal: None,
-            tangent: None,
-            rapid: false,
-            mark: None,
-            cutter: None,
-            rotary: [0.0; 3],
-            feed: Feed::Unknown,
-            feed_unit: None,
-            spindle: Spindle::Off,
-            last_spindle: Spindle::Off,
-        }
-    }
-}
-
 impl Modal {
+    /// The state at the start of a file, in which the tool axis is z.
+    pub(super) fn upright() -> Self {
+        Self { axis: [0.0, 0.0, 1.0], ..Self::default() }
+    }
+
     /// `FEDRAT/`: value and unit in either order; without a unit, that of the last feed, or for each minute in the file's unit of length.
     pub(super) fn read_feed(&mut self, statement: &Statement, mm_per_unit: f64) -> Outcome {
         self.feed = Feed::Unknown;
@@ -154,24 +139,24 @@ impl Modal {
         for word in statement.words().map(<[u8]>::to_ascii_uppercase) {
             let unit = feed_unit(&word, mm_per_unit);
             if matches!(word.as_slice(), b"INVERS" | b"INVERSE") {
-                return Err(refusal::INVERSE_TIME);
+                return Err(Reason::InverseTime);
             }
             if unit.is_none() || said.is_some() {
-                return Err(refusal::FEED_UNIT);
+                return Err(Reason::FeedUnit);
             }
             said = unit;
         }
-        let [value] = statement.number_items().only().ok_or(refusal::NO_FEED)?;
+        let [value] = statement.number_items().only().ok_or(Reason::NoFeed)?;
         let default = FeedUnit::PerMinute(mm_per_unit);
         let unit = match (said, self.feed_unit) {
             (Some(unit), _) => unit,
-            (None, Some(last)) if last != default => return Err(refusal::FEED_UNIT_LOST),
+            (None, Some(last)) if last != default => return Err(Reason::FeedUnitLost),
             (None, _) => default,
         };
         self.feed_unit = said.or(self.feed_unit);
         let feed = unit.feed(value);
         if !feed.is_positive() {
-            return Err(refusal::NO_FEED);
+            return Err(Reason::NoFeed);
         }
         self.feed = feed;
         Ok(())

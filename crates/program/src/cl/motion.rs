@@ -6,11 +6,12 @@ use super::layout::{Slot, StartSlot};
 use super::lex::{Record, TokenKind};
 use super::modal::Xyz;
 use super::reader::Reader;
-use super::refusal::{self, Outcome};
+use super::refusal::Outcome;
 use super::state::PendingArc;
 use super::statement::{Numbers, Statement};
 use super::vector::{add, dot, norm, scale, sub, unit};
-use crate::{Editable, Goal, Motion, Predecessor, Reason, Role, Target};
+use crate::{Goal, Motion, Predecessor, Reason, Role, Target};
+use deflex_lang::ir::SourceSpan;
 use deflex_text::number;
 
 /// A printed axis shorter or longer than this is no unit vector; four printed digits give 0.9998.
@@ -40,12 +41,14 @@ impl Reader {
     /// `GOTO/x,y,z[,i,j,k[,u,v,w]]`, or several positions (Creo).
     pub(super) fn goto(&mut self, record: Record, s: &Statement) -> Outcome {
         let read = self.position(record, s);
+        self.lose_position_after(read)
+    }
+
+    /// After a refused statement, the machine still moves, to an unknown position.
+    fn lose_position_after(&mut self, read: Outcome) -> Outcome {
         if read.is_err() {
-            // The machine still moves, to an unknown position.
-            self.modal.position = None;
-            self.modal.rapid = false;
-            self.pending = None;
-            self.checked = None;
+            (self.modal.position, self.modal.rapid) = (None, false);
+            (self.pending, self.checked) = (None, None);
         }
         read
     }
@@ -55,14 +58,14 @@ impl Reader {
             if s.items.first().is_some_and(|t| t.kind == TokenKind::Word && is_name(&s.bytes[t.span.range()])) {
                 self.source_word(record);
             }
-            return Err(Reason::PositionNotNumbers.into());
+            return Err(Reason::PositionNotNumbers);
         };
         let triples = triples(&numbers);
         match numbers.count() {
-            0..3 => return Err(Reason::PositionNotThree.into()),
-            n if n % 3 != 0 => return Err(Reason::PositionCount.into()),
+            0..3 => return Err(Reason::PositionNotThree),
+            n if n % 3 != 0 => return Err(Reason::PositionCount),
             _ if s.items.windows(2).any(|two| two.iter().all(|item| item.kind == TokenKind::Comma)) => {
-                return Err(Reason::PositionLeavesOut.into());
+                return Err(Reason::PositionLeavesOut);
             }
             _ => {}
         }
@@ -84,14 +87,14 @@ impl Reader {
             return Ok(());
         }
         if self.cycle.is_active() {
-            return Err(refusal::CYCLE_FORM);
+            return Err(Reason::CycleForm);
         }
         self.several(record, &places);
         Ok(())
     }
 
     /// Distinguishes positions and tool axes among the triples.
-    fn places(&self, triples: &[Triple]) -> Result<Vec<RecordStart>, refusal::Refusal> {
+    fn places(&self, triples: &[Triple]) -> Result<Vec<RecordStart>, Reason> {
         let plain = || triples.iter().map(|triple| (*triple, None)).collect();
         let with_axes = || triples.chunks_exact(2).map(|pair| (pair[0], axis(pair[1].1))).collect();
         // A further point of an arc lies on its circle.
@@ -102,17 +105,17 @@ impl Reader {
         match *triples {
             [_] => Ok(plain()),
             [_, (_, second)] => match (self.pending.is_some(), is_unit(second), on_arc(second)) {
-                (true, true, true) => Err(refusal::AMBIGUOUS_LIST),
+                (true, true, true) => Err(Reason::AmbiguousList),
                 (true, false, _) => Ok(plain()),
                 _ if axis(second).is_some() => Ok(with_axes()),
-                _ => Err(Reason::ToolAxisNotUnit.into()),
+                _ => Err(Reason::ToolAxisNotUnit),
             },
             [point, (_, second), (_, third)] => match (is_unit(second), is_unit(third)) {
-                (true, true) if on_arc(second) && on_arc(third) => Err(refusal::AMBIGUOUS_LIST),
+                (true, true) if on_arc(second) && on_arc(third) => Err(Reason::AmbiguousList),
                 (true, true) => Ok(vec![(point, axis(second))]),
                 (false, false) => Ok(plain()),
                 _ if self.pending.is_some() && on_arc(second) && on_arc(third) => Ok(plain()),
-                _ => Err(refusal::AMBIGUOUS_LIST),
+                _ => Err(Reason::AmbiguousList),
             },
             _ => {
                 let units = |from: usize, step: usize| {
@@ -124,12 +127,12 @@ impl Reader {
                 let paired = triples.len().is_multiple_of(2) && listed && units(1, 2).all(|is| is);
                 match (on_circle(1), paired && on_circle(2)) {
                     // Points of a circle of radius 1 about the origin all have unit length.
-                    (true, true) if !units(0, 1).all(|is| is) => Err(refusal::AMBIGUOUS_LIST),
+                    (true, true) if !units(0, 1).all(|is| is) => Err(Reason::AmbiguousList),
                     (true, _) => Ok(plain()),
                     (false, true) => Ok(with_axes()),
                     (false, false) if !units(1, 1).any(|is| is) => Ok(plain()),
                     (false, false) if paired => Ok(with_axes()),
-                    (false, false) => Err(refusal::AMBIGUOUS_LIST),
+                    (false, false) => Err(Reason::AmbiguousList),
                 }
             }
         }
@@ -162,7 +165,7 @@ impl Reader {
     /// A position under a cycle.
     fn hole_at(&mut self, record: Record, (xyz, position): Triple, axis_before: [f64; 3]) {
         if let Some(arc) = self.pending.take() {
-            self.refuse(arc.record, refusal::CYCLE_FORM);
+            self.refuse(arc.record, Reason::CycleForm);
         }
         self.checked = None;
         match self.cycle.hole() {
@@ -228,20 +231,14 @@ impl Reader {
     /// `GODLTA/dx,dy,dz[,i,j,k]`, or `GODLTA/d` along the tool axis.
     pub(super) fn godlta(&mut self, record: Record, s: &Statement) -> Outcome {
         let read = self.increment(record, s);
-        if read.is_err() {
-            self.modal.position = None;
-            self.modal.rapid = false;
-            self.pending = None;
-            self.checked = None;
-        }
-        read
+        self.lose_position_after(read)
     }
 
     fn increment(&mut self, record: Record, s: &Statement) -> Outcome {
         let numbers = s.numbers().ok_or(Reason::IncrementNotNumbers)?;
         let start = self.modal.position.ok_or(Reason::IncrementFromUnknown)?;
         if self.cycle.is_active() {
-            return Err(refusal::CYCLE_FORM);
+            return Err(Reason::CycleForm);
         }
         self.ensure_units(record, s)?;
         let (step, slot) = match (numbers.count(), &triples(&numbers)[..]) {
@@ -255,10 +252,10 @@ impl Reader {
                 }
                 (*step, Slot::Step { xyz: *xyz, frame: self.frame })
             }
-            _ => return Err(Reason::IncrementCount.into()),
+            _ => return Err(Reason::IncrementCount),
         };
         if self.pending.is_some() && matches!(slot, Slot::AlongAxis { .. }) {
-            return Err(Reason::ArcAlongAxis.into());
+            return Err(Reason::ArcAlongAxis);
         }
         self.literal_targets += 1;
         self.arrive_in(record, add(start, step), slot, true, |group, frame| Slot::StepEnd { frame, group });
@@ -268,7 +265,7 @@ impl Reader {
     pub(super) fn from(&mut self, s: &Statement) -> Outcome {
         let numbers = s.number_items();
         let Some([x, y, z]) = numbers.first::<3>() else {
-            return if s.items.is_empty() { Ok(()) } else { Err(Reason::StartNotNumbers.into()) };
+            return if s.items.is_empty() { Ok(()) } else { Err(Reason::StartNotNumbers) };
         };
         if let Some(axis) = numbers.first::<6>().and_then(|v| axis([v[3], v[4], v[5]])) {
             self.modal.axis = axis;
@@ -304,10 +301,10 @@ impl Reader {
         }
         let TargetProperties { role, ahead, slot, rapid, feed_mm_s } = step;
         if self.finished {
-            self.refuse(record, refusal::BEHIND_END);
+            self.refuse(record, Reason::AfterFini);
         }
         if !rapid && feed_mm_s.is_none() && self.modal.lacks_spindle() {
-            self.refuse(record, refusal::FEED_WITHOUT_SPINDLE);
+            self.refuse(record, Reason::FeedWithoutSpindle);
         }
         let frame = &self.layout.frames[self.frame as usize];
         let turned = |v: [f64; 3]| unit(frame.turn(v)).unwrap_or(v);
@@ -320,27 +317,18 @@ impl Reader {
             self.layout.starts.push(StartSlot { first: self.targets.len(), xyz, frame });
         }
         self.layout.slots.push(slot);
+        let goal = Goal::Axis { position_mm, axis, normal };
+        let place = SourceSpan { source: 0, span: record.span };
+        let (frames, line) = ([self.machine.tool(), 0], u32::try_from(record.line).unwrap_or(u32::MAX));
         self.targets.push(Target {
-            ordinal: self.ordinal + ahead,
             role,
-            motion: Motion::Linear,
-            goal: Goal::Axis { position_mm, axis, normal },
-            tool: self.machine.tool(),
-            wobj: 0,
             feed_mm_s,
             spindle_rpm: self.modal.rpm(),
             rapid,
             mark: self.modal.mark,
-            editable: Editable::Pose,
-            located: true,
-            extra_load: false,
             external: self.options.external.clone(),
-            name: None,
-            source: 0,
-            span: record.span,
-            line: u32::try_from(record.line).unwrap_or(u32::MAX),
             predecessor,
-            arc_turn: None,
+            ..Target::new(self.ordinal + ahead, Motion::Linear, goal, frames, place, line)
         });
     }
 

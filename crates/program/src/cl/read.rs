@@ -2,7 +2,7 @@
 
 use super::lex::{Lexer, Record, RecordKind, Token, TokenKind};
 use super::reader::Reader;
-use super::refusal::{self, Outcome};
+use super::refusal::Outcome;
 use super::statement::Statement;
 use super::words::{self, Class, Meaning, Word, decides_motion, looks_like_motion};
 use crate::Reason;
@@ -36,7 +36,7 @@ impl Reader {
     /// Ends the reading: there are no more records.
     pub(super) fn end(&mut self) {
         if let Some(arc) = self.pending.take() {
-            self.refuse(arc.record, Reason::ArcWithoutEnd.into());
+            self.refuse(arc.record, Reason::ArcWithoutEnd);
         }
         self.checked = None;
         self.machine.end(self.targets.len(), &mut self.actions);
@@ -50,7 +50,7 @@ impl Reader {
             return match tokens.iter().all(|t| matches!(t.kind, TokenKind::Number | TokenKind::Comma))
                 && numbers >= POSITION
             {
-                true => self.refuse(record, refusal::LOOSE_NUMBERS),
+                true => self.refuse(record, Reason::LooseNumbers),
                 false => self.list(record, Reason::NoStatement),
             };
         };
@@ -68,15 +68,15 @@ impl Reader {
             // Three numbers alone look like a position.
             let like_position = statement.numbers().is_some_and(|numbers| numbers.count() >= 3);
             return match (looks_like_motion(statement.major), like_position) {
-                (true, _) => self.refuse(record, refusal::UNKNOWN_MOTION),
-                (false, true) => self.refuse(record, refusal::UNKNOWN_NUMBERS),
+                (true, _) => self.refuse(record, Reason::WordMayMove),
+                (false, true) => self.refuse(record, Reason::WordMayBePosition),
                 (false, false) => self.list(record, Reason::UnknownStatement),
             };
         };
         if let Err(why) = self.statement(record, &statement, word) {
             match decides_motion(word.class) || word.class == Class::Cuts {
                 true => self.refuse(record, why),
-                false => self.list(record, why.reason),
+                false => self.list(record, why),
             }
         }
     }
@@ -120,7 +120,7 @@ impl Reader {
             Meaning::Csys => return self.csys(s),
             Meaning::Origin => return self.origin(s),
             Meaning::TrnTyp => self.local = s.has(b"LOCAL"),
-            Meaning::Rotary if self.modal.turn_table(s) => return Err(refusal::TURNED),
+            Meaning::Rotary if self.modal.turn_table(s) => return Err(Reason::Rotary),
             Meaning::Rotary => {}
             Meaning::Transform => return transform(s),
             Meaning::Mode => return mode(s),
@@ -130,13 +130,13 @@ impl Reader {
             Meaning::Head => return head(s),
             Meaning::Code => return self.code(record, s, word.name),
             Meaning::Synonym => return self.synonym(record, s),
-            Meaning::Refused(why) => return Err(why.into()),
+            Meaning::Refused(why) => return Err(why),
             Meaning::Listed(reason) => self.list(record, reason),
             Meaning::Finish => self.finished = true,
             Meaning::Passes => {}
             Meaning::Source => {
                 self.source_word(record);
-                return Err(Reason::SourceStatement.into());
+                return Err(Reason::SourceStatement);
             }
         }
         Ok(())
@@ -150,7 +150,7 @@ impl Reader {
             Some(Meaning::Goto) => self.goto(record, &next),
             Some(Meaning::Godlta) => self.godlta(record, &next),
             Some(Meaning::Passes | Meaning::Finish) => Ok(()),
-            _ => Err(Reason::AfterRapid.into()),
+            _ => Err(Reason::AfterRapid),
         }
     }
 
@@ -162,7 +162,7 @@ impl Reader {
             [10.0, 12.0, 13.0, 16.0, 41.0, 42.0, 43.0, 44.0, 50.0, 51.0, 52.0, 68.0, 91.0, 92.0, 28.0, 30.0];
         let changes = |code: f64| CHANGING.iter().any(|g| (g - code).abs() < 0.5);
         if name == "PREFUN" && s.number_items().iter().any(|t| changes(t.value)) {
-            return Err(refusal::CONTROL_CODE);
+            return Err(Reason::ControlCode);
         }
         self.list(record, Reason::CodeUnwritten);
         Ok(())
@@ -172,7 +172,7 @@ impl Reader {
     fn synonym(&mut self, record: Record, s: &Statement) -> Outcome {
         let renames = |name: &[u8]| words::find(name).is_some_and(|word| decides_motion(word.class));
         if s.words().any(renames) {
-            return Err(refusal::SYNONYM);
+            return Err(Reason::Synonym);
         }
         self.list(record, Reason::SynNames);
         Ok(())
@@ -182,7 +182,7 @@ impl Reader {
 /// `CUTCOM/OFF` ends a compensation that never began.
 fn cutcom(s: &Statement) -> Outcome {
     let ends = s.has(b"OFF") || s.has(b"NOMORE") || s.items.is_empty();
-    if ends { Ok(()) } else { Err(refusal::CUTTER_COMPENSATION) }
+    if ends { Ok(()) } else { Err(Reason::RadiusCompensation) }
 }
 
 /// `TRACUT/NOMORE`, `TRANS/0,0,0` and the like change nothing.
@@ -195,16 +195,16 @@ fn transform(s: &Statement) -> Outcome {
         _ => numbers.iter().all(|v| v.abs() <= 0.0),
     };
     let ends = s.has(b"NOMORE") || s.has(b"OFF") || s.items.is_empty();
-    if ends || !numbers.is_empty() && moves_nothing { Ok(()) } else { Err(refusal::TRANSFORM) }
+    if ends || !numbers.is_empty() && moves_nothing { Ok(()) } else { Err(Reason::Transformation) }
 }
 
 /// `MODE/INCR` makes increments of positions.
 fn mode(s: &Statement) -> Outcome {
-    if s.has(b"INCR") || s.has(b"INC") || s.has(b"INCREM") { Err(refusal::INCREMENTAL) } else { Ok(()) }
+    if s.has(b"INCR") || s.has(b"INC") || s.has(b"INCREM") { Err(Reason::Increments) } else { Ok(()) }
 }
 
 /// `HEAD/1` is the only head.
 fn head(s: &Statement) -> Outcome {
     let first = s.number_items().iter().all(|t| (t.value - 1.0).abs() < 0.5);
-    if first { Ok(()) } else { Err(refusal::SECOND_HEAD) }
+    if first { Ok(()) } else { Err(Reason::SecondHead) }
 }

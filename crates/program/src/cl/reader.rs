@@ -5,7 +5,6 @@ use super::frame::Frame;
 use super::lex::Record;
 use super::machine::Machine;
 use super::modal::Modal;
-use super::refusal::Refusal;
 use super::state::{Checked, Cycle, MatrixRows, PendingArc};
 use super::units::unit_at_start;
 use super::{ClOptions, Layout, Point};
@@ -13,7 +12,7 @@ use crate::{Action, CutterInfo, Kept, Language, Program, Reason, Target, Tool, W
 use deflex_text::{Diagnostic, Severity, Source, Span};
 
 /// The results of the reading, and the state between records.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Reader {
     pub(super) options: ClOptions,
     pub(super) dialect: Dialect,
@@ -63,35 +62,15 @@ impl Reader {
     pub(super) fn new(head: &[u8], options: &ClOptions) -> Self {
         let units = unit_at_start(head, options);
         let layout = Layout { frames: vec![Frame::identity(units.unwrap_or(1.0))], ..Layout::default() };
+        let (options, dialect) = (options.clone(), Dialect::detect(head));
         Self {
-            options: options.clone(),
-            dialect: Dialect::detect(head),
-            modal: Modal::default(),
-            machine: Machine::new(),
-            cycle: Cycle::default(),
-            pending: None,
-            checked: None,
+            options,
+            dialect,
+            modal: Modal::upright(),
             units,
-            frame: 0,
-            base: None,
             setup_axis: [0.0, 0.0, 1.0],
-            local: false,
-            matrix: MatrixRows::default(),
-            ordinal: 0,
-            targets: Vec::new(),
-            actions: Vec::new(),
-            kept: Vec::new(),
             layout,
-            literal_targets: 0,
-            arcs: 0,
-            cutter: None,
-            source_words: 0,
-            first_source_word: None,
-            understood: 0,
-            finished: false,
-            no_unit: None,
-            said: Vec::new(),
-            reported: Vec::new(),
+            ..Self::default()
         }
     }
 
@@ -102,12 +81,12 @@ impl Reader {
             Point::Tip => 0.0,
             Point::Centre => self.options.corner_radius_of(tool),
         };
-        self.layout.raised_mm = self.machine.tools().iter().map(raised).collect();
+        self.layout.raised_mm = self.machine.tools.iter().map(raised).collect();
         let layout = Layout { frames: self.layout.frames.clone(), cards: self.layout.cards, ..Layout::default() };
         let tool = |name: &String| Tool { name: name.as_str().into(), data: None };
         let layout = crate::Layout::Cl(std::mem::replace(&mut self.layout, layout));
         Program {
-            tools: self.machine.tools().iter().map(tool).collect(),
+            tools: self.machine.tools.iter().map(tool).collect(),
             wobjs: vec![Wobj { name: self.options.wobj.as_str().into(), data: None, unit: None }],
             targets: std::mem::take(&mut self.targets),
             actions: std::mem::take(&mut self.actions),
@@ -149,11 +128,11 @@ impl Reader {
 
     /// Lists a statement that passes.
     pub(super) fn list(&mut self, record: Record, reason: Reason) {
-        self.kept.push(kept(record, reason.into(), false));
+        self.kept.push(kept(record, reason, false));
     }
 
     /// Refuses a statement: no program may be written from the file.
-    pub(super) fn refuse(&mut self, record: Record, why: Refusal) {
+    pub(super) fn refuse(&mut self, record: Record, why: Reason) {
         self.kept.push(kept(record, why, true));
     }
 
@@ -169,6 +148,6 @@ impl Reader {
     }
 }
 
-fn kept(record: Record, why: Refusal, fault: bool) -> Kept {
-    Kept { source: 0, span: record.span, line: record.line, reason: why.reason, fault, help: why.help }
+fn kept(record: Record, reason: Reason, fault: bool) -> Kept {
+    Kept { source: 0, span: record.span, line: record.line, reason, fault }
 }

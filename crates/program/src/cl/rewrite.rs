@@ -6,7 +6,7 @@ use super::modal::Xyz;
 use super::number::number;
 use super::vector::{add, norm, scale, sub};
 use crate::front_end::FrontEnd;
-use crate::{Change, Goal, Insert, Program, Reason, RewriteOptions, Rewritten};
+use crate::{Change, Goal, Insert, NO_TURN, Program, Reason, RewriteOptions, Rewritten};
 use deflex_text::{Content, Edit, Source, Span, number as text_number};
 
 /// Corrections that differ by less than this are equal, mm: below the last printed digit.
@@ -50,7 +50,7 @@ impl FrontEnd for Layout {
                     out.kept.push((at, reason));
                 }
             }
-            out.written.push((add(position_mm, moved[at]), [1.0, 0.0, 0.0, 0.0]));
+            out.written.push((add(position_mm, moved[at]), NO_TURN));
         }
         out.inserted = vec![None; inserts.len()];
         writer.edits.sort_by_key(|e| e.span);

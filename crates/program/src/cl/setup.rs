@@ -46,7 +46,7 @@ impl Reader {
             }
             None => {
                 self.no_unit = Some(record.span);
-                Err(Reason::NoUnit.into())
+                Err(Reason::NoUnit)
             }
         }
     }
@@ -68,7 +68,7 @@ impl Reader {
                 self.set_frame(frame, self.dialect.positions_follow_frame() || self.dialect == Dialect::Unknown);
                 Ok(())
             }
-            _ => Err(Reason::MsysNoFrame.into()),
+            _ => Err(Reason::MsysNoFrame),
         }
     }
 
@@ -80,12 +80,12 @@ impl Reader {
                 self.set_frame(frame, self.local);
                 Ok(())
             }
-            _ => Err(Reason::CsysNoFrame.into()),
+            _ => Err(Reason::CsysNoFrame),
         }
     }
 
     pub(super) fn origin(&mut self, s: &Statement) -> Outcome {
-        let Some(origin) = s.number_items().first::<3>() else { return Err(Reason::OriginNotNumbers.into()) };
+        let Some(origin) = s.number_items().first::<3>() else { return Err(Reason::OriginNotNumbers) };
         let mm = self.mm_per_unit();
         let (x, z) = match s.number_items().first::<9>() {
             Some(m) => ([m[3], m[4], m[5]], [m[6], m[7], m[8]]),
@@ -99,7 +99,7 @@ impl Reader {
                 Ok(())
             }
             // It depends on the post-processor whether positions follow a second origin.
-            _ => Err(Reason::SecondOrigin.into()),
+            _ => Err(Reason::SecondOrigin),
         }
     }
 

@@ -6,7 +6,9 @@ use super::expression::{Expression, Setting};
 use super::names;
 use super::run::Runner;
 use super::state::Changes;
-use super::symbols::{Id, MODAL};
+use super::symbols::{
+    APPROXIMATION, BASE, CIRCLE_TYPE, Id, LOAD, MODAL, MODE, ORIENTATION, OVERRIDE, POSITION, SPEED, TOOL,
+};
 use super::value::{Selector, Value, upper};
 use crate::Reason;
 use deflex_text::{Diagnostic, Severity};
@@ -74,14 +76,14 @@ impl<'a> Runner<'a> {
         let number = arguments.get(1).map_or(Value::unknown(Reason::Computed), |a| a.value.clone());
         self.pin(&number);
         if !names::KEEPS_APPROXIMATION.contains(&&command[..]) {
-            self.set(self.symbols.approximation, b"CDIS", Value::unknown(Reason::Computed));
+            self.set(APPROXIMATION, b"CDIS", Value::unknown(Reason::Computed));
         }
         match &command[..] {
             b"BASE" => self.set_base(&number),
             b"TOOL" => self.set_tool(&number),
             b"VEL_CP" => self.set_speed(number),
             b"OV_PRO" => {
-                self.state.values.insert(self.symbols.override_percent, number);
+                self.state.values.insert(OVERRIDE, number);
             }
             b"FRAMES" | b"PTP_PARAMS" | b"PARAMS" => self.frames_of_act(),
             b"CP_PARAMS" => {
@@ -95,7 +97,7 @@ impl<'a> Runner<'a> {
                 self.set_speed(act.part(b"VEL"));
                 let distance = act.part(b"APO_DIST");
                 self.pin(&distance);
-                self.set(self.symbols.approximation, b"CDIS", distance);
+                self.set(APPROXIMATION, b"CDIS", distance);
                 self.orientation_of_act();
             }
             b"INITMOV" => {
@@ -104,11 +106,7 @@ impl<'a> Runner<'a> {
                     self.state.values.insert(id, Value::Bool(false));
                 }
                 // Base and tool stay as they are only if the program has not set them before.
-                let names = [
-                    (self.symbols.base, self.symbols.base_name, "$BASE"),
-                    (self.symbols.tool, self.symbols.tool_name, "$TOOL"),
-                ];
-                for (id, _, own) in names {
+                for (id, own) in [(BASE, "$BASE"), (TOOL, "$TOOL")] {
                     if !matches!(self.value(id), Value::Own(name) if &*name == own) {
                         let value = Value::unknown(Reason::ByInitialisation);
                         self.state.values.insert(id, value);
@@ -117,8 +115,8 @@ impl<'a> Runner<'a> {
                 }
                 self.leave_frame();
                 self.set_speed(Value::unknown(Reason::Computed));
-                self.state.values.insert(self.symbols.orientation, Value::constant(b"VAR"));
-                self.state.values.insert(self.symbols.circle_type, Value::constant(b"BASE"));
+                self.state.values.insert(ORIENTATION, Value::constant(b"VAR"));
+                self.state.values.insert(CIRCLE_TYPE, Value::constant(b"BASE"));
             }
             known if names::HARMLESS_COMMANDS.contains(&known) => {}
             _ => self.frames_unknown(),
@@ -126,29 +124,26 @@ impl<'a> Runner<'a> {
     }
 
     pub(super) fn frames_unknown(&mut self) {
-        let symbols = &self.symbols;
-        let [base, tool, load, speed] = [symbols.base, symbols.tool, symbols.load, symbols.speed];
-        let turns = [symbols.orientation, symbols.circle_type];
-        let ids = [base, tool, load, speed, symbols.approximation, symbols.mode, turns[0], turns[1], symbols.position];
+        let ids = [BASE, TOOL, LOAD, SPEED, APPROXIMATION, MODE, ORIENTATION, CIRCLE_TYPE, POSITION];
         self.forget(&Changes { ids: ids.into(), ..Changes::default() }, Reason::ByBas);
     }
 
     pub(super) fn set_base(&mut self, number: &Value) {
         let value = self.table(b"BASE_DATA", number);
-        self.state.values.insert(self.symbols.base, value);
-        self.name_frame(self.symbols.base, Self::table_name("BASE_DATA", number));
+        self.state.values.insert(BASE, value);
+        self.name_frame(BASE, Self::table_name("BASE_DATA", number));
     }
 
     pub(super) fn set_tool(&mut self, number: &Value) {
         let value = self.table(b"TOOL_DATA", number);
         let load = self.table(b"LOAD_DATA", number);
-        self.state.values.insert(self.symbols.tool, value);
-        self.state.values.insert(self.symbols.load, load);
-        self.name_frame(self.symbols.tool, Self::table_name("TOOL_DATA", number));
+        self.state.values.insert(TOOL, value);
+        self.state.values.insert(LOAD, load);
+        self.name_frame(TOOL, Self::table_name("TOOL_DATA", number));
     }
 
     pub(super) fn set_speed(&mut self, value: Value) {
-        self.set(self.symbols.speed, b"CP", value);
+        self.set(SPEED, b"CP", value);
     }
 
     /// Sets a component of a record.
@@ -165,7 +160,7 @@ impl<'a> Runner<'a> {
         self.tell_frames_elsewhere(&act);
         self.set_tool(&act.part(b"TOOL_NO"));
         self.set_base(&act.part(b"BASE_NO"));
-        self.state.values.insert(self.symbols.mode, act.part(b"IPO_FRAME"));
+        self.state.values.insert(MODE, act.part(b"IPO_FRAME"));
     }
 
     /// Notes once that no file has the numbers of tool and base. Those of `FHOME`, for example, are in `$config.dat`.
@@ -186,7 +181,7 @@ impl<'a> Runner<'a> {
         let id = self.symbols.find(self.here(), &upper(b"LDAT_ACT"));
         let act = self.settled(id);
         let is_set = self.state.values.contains_key(&id) || self.is_volatile(id);
-        for (to, part) in [(self.symbols.orientation, &b"ORI_TYP"[..]), (self.symbols.circle_type, b"CIRC_TYP")] {
+        for (to, part) in [(ORIENTATION, &b"ORI_TYP"[..]), (CIRCLE_TYPE, b"CIRC_TYP")] {
             let kind = match act {
                 Value::Record(_) => act.component(part).cloned(),
                 _ => is_set.then(|| Value::unknown(Reason::Computed)),
@@ -199,7 +194,7 @@ impl<'a> Runner<'a> {
 
     /// Applies the settings of `WITH` for one motion. Returns the values before.
     pub(super) fn with(&mut self, settings: &[Setting]) -> [Value; MODAL] {
-        let before = self.symbols.modal().map(|id| self.value(id));
+        let before = std::array::from_fn(|id| self.value(id));
         for Setting { to, value } in settings {
             let place = self.place(to);
             let name = match value {
@@ -224,13 +219,9 @@ impl<'a> Runner<'a> {
 
     /// Restores the settings that `WITH` has changed. The position stays that at the end of the motion.
     pub(super) fn restore(&mut self, before: &[Value; MODAL]) {
-        let symbols = &self.symbols;
-        let held = || symbols.modal().into_iter().zip(before);
-        if held().any(|(id, was)| [symbols.base, symbols.tool].contains(&id) && *was != self.value(id)) {
+        if [BASE, TOOL].into_iter().any(|id| before[id] != self.value(id)) {
             self.leave_frame();
         }
-        for (id, value) in self.symbols.modal().into_iter().zip(before) {
-            self.state.values.insert(id, value.clone());
-        }
+        self.state.values.extend(before.iter().cloned().enumerate());
     }
 }

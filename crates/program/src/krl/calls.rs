@@ -5,7 +5,7 @@ use super::expression::{Call, Expression, Setting};
 use super::names;
 use super::run::{MAX_CALLS, Runner};
 use super::state::Changes;
-use super::symbols::{Id, RoutineId};
+use super::symbols::{APPROXIMATION, BASE, BASE_NAME, Id, POSITION, RoutineId, STANDS, Symbols, TOOL, TOOL_NAME};
 use super::tree::{Param, Started, Statement, StatementKind};
 use super::value::Value;
 use crate::Reason;
@@ -57,23 +57,21 @@ impl<'a> Runner<'a> {
         for id in self.symbols.all().filter(|id| !self.symbols.is_bas(id.file)).collect::<Vec<_>>() {
             self.changes_of(id, &mut changes);
         }
-        let lasts = |id: Id| !self.symbols.is_own_state(id) && !self.symbols.is_table(id);
+        let lasts = |id: Id| !Symbols::is_own_state(id) && !self.symbols.is_table(id);
         let wholes: Vec<Id> = changes.ids.iter().copied().filter(|id| lasts(*id)).collect();
         let parts: Vec<_> = changes.components.into_iter().filter(|(id, _)| lasts(*id)).collect();
         for id in wholes {
-            let value = self.symbols.start[id].clone();
-            self.symbols.start[id] = value.parts_forgotten(Reason::LastRun);
+            self.symbols.start[id].forget_parts(Reason::LastRun);
         }
         for (id, component) in parts {
-            let value = self.symbols.start[id].clone();
-            self.symbols.start[id] = value.component_forgotten(&component, Reason::LastRun);
+            self.symbols.start[id].forget_component(&component, Reason::LastRun);
         }
     }
 
     /// `name … = expression`
     pub(super) fn assignment(&mut self, Setting { to, value }: &Setting) {
         let place = self.place(to);
-        let is_frame = place.id == self.symbols.base || place.id == self.symbols.tool;
+        let is_frame = place.id == BASE || place.id == TOOL;
         let source = if is_frame { self.label(value) } else { None };
         let value = self.expression(value);
         self.assign(&place, value, source);
@@ -86,17 +84,17 @@ impl<'a> Runner<'a> {
         if path.name.first() == Some(&b'$') && !is_followed {
             self.pin(&value);
             if matches!(&path.name[..], b"$ROBROOT" | b"$ERSYSROOT") {
-                self.state.loosen([self.symbols.base]);
+                self.state.loosen([BASE]);
             }
             return;
         }
         if matches!(&path.name[..], b"$NULLFRAME" | b"$WORLD") {
-            self.state.loosen([self.symbols.base, self.symbols.tool]);
+            self.state.loosen([BASE, TOOL]);
         }
-        let is_frame = path.id == self.symbols.base || path.id == self.symbols.tool;
+        let is_frame = path.id == BASE || path.id == TOOL;
         // The numbers of a frame or a zone must not be edited. Neither must numbers in data that handlers read, or that may change at any
         // moment, because deflex does not follow all uses of such data.
-        let is_read = is_frame || path.id == self.symbols.approximation;
+        let is_read = is_frame || path.id == APPROXIMATION;
         if is_read || self.is_volatile(path.id) || self.read_at_any_moment.contains(&path.id) {
             self.pin(&value);
         }
@@ -119,8 +117,7 @@ impl<'a> Runner<'a> {
 
     /// Records that another base or tool is in force, and its name.
     pub(super) fn name_frame(&mut self, id: Id, name: Option<String>) {
-        let (names, own) =
-            if id == self.symbols.base { (self.symbols.base_name, "$BASE") } else { (self.symbols.tool_name, "$TOOL") };
+        let (names, own) = if id == BASE { (BASE_NAME, "$BASE") } else { (TOOL_NAME, "$TOOL") };
         let name = Value::Own(name.as_deref().unwrap_or(own).into());
         self.state.values.insert(names, name);
         self.leave_frame();
@@ -129,7 +126,7 @@ impl<'a> Runner<'a> {
     /// Makes the last position unknown, because its numbers are different in another frame. They still depend on those of the motion
     /// before.
     pub(super) fn leave_frame(&mut self) {
-        self.lose(self.symbols.position, Reason::BeforeInOtherFrame);
+        self.lose(POSITION, Reason::BeforeInOtherFrame);
     }
 
     pub(super) fn arguments<'e>(&mut self, call: &'e Call) -> Vec<Argument<'e>> {
@@ -181,7 +178,7 @@ impl<'a> Runner<'a> {
 
     /// Applies the changes of a routine that is not followed. Its first motion may take components from the motion before.
     fn run_unfollowed(&mut self, changes: &Changes, why: Reason) {
-        if changes.ids.contains(&self.symbols.stands) {
+        if changes.ids.contains(&STANDS) {
             self.hold_position_before();
         }
         self.forget(changes, why);

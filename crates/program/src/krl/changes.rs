@@ -4,7 +4,10 @@ use super::expression::{Call, Expression, ExpressionPart, Path, PathStep, Settin
 use super::names;
 use super::run::Runner;
 use super::state::Changes;
-use super::symbols::{Id, RoutineId};
+use super::symbols::{
+    APPROXIMATION, BASE, BASE_NAME, CIRCLE_TYPE, Id, LOAD, MARK, MODE, ORIENTATION, OVERRIDE, POSITION, RoutineId,
+    SPEED, STANDS, TOOL, TOOL_NAME, TURNED,
+};
 use super::system::{System, system};
 use super::tree::{File, Statement, StatementKind, walk};
 use super::value::{Name, POSE, Value, upper};
@@ -22,6 +25,11 @@ struct Scope<'n> {
     /// Whether an interrupt starts the statement.
     is_handler: bool,
 }
+
+/// The data that change with base and tool: the position before, which is in their frame, too.
+const BASE_CHANGES: &[Id] = &[BASE, BASE_NAME, POSITION];
+const TOOL_CHANGES: &[Id] = &[TOOL, TOOL_NAME, POSITION];
+const FRAMES_CHANGE: &[Id] = &[BASE, BASE_NAME, TOOL, TOOL_NAME, POSITION];
 
 /// Number of statements that are scanned in about the time in which one is run.
 const STATEMENTS_PER_STEP: usize = 8;
@@ -68,7 +76,7 @@ impl<'a> Runner<'a> {
 
     fn changed(&mut self, name: &Name, scope: &Scope<'_>, changes: &mut Changes) {
         changes.ids.extend(self.found(name, scope));
-        self.frames_follow(name, changes);
+        Self::frames_follow(name, changes);
     }
 
     /// The variable of a name; `None` for data of a routine that is not followed.
@@ -78,15 +86,14 @@ impl<'a> Runner<'a> {
     }
 
     /// Adds base and tool if they depend on the variable of this name.
-    fn frames_follow(&self, name: &Name, changes: &mut Changes) {
+    fn frames_follow(name: &Name, changes: &mut Changes) {
         // Base and tool also change when the frame changes from which they are counted.
-        let (base, tool) = match &name[..] {
-            b"$BASE" | b"$ROBROOT" | b"$ERSYSROOT" => (true, false),
-            b"$TOOL" => (false, true),
-            b"$NULLFRAME" | b"$WORLD" => (true, true),
-            _ => return,
-        };
-        self.frames_change(changes, base, tool);
+        changes.ids.extend(match &name[..] {
+            b"$BASE" | b"$ROBROOT" | b"$ERSYSROOT" => BASE_CHANGES,
+            b"$TOOL" => TOOL_CHANGES,
+            b"$NULLFRAME" | b"$WORLD" => FRAMES_CHANGE,
+            _ => &[],
+        });
     }
 
     /// Adds the data that a routine may change of which no file has the text. `starts` is true if its first argument is 1, or if an
@@ -111,7 +118,7 @@ impl<'a> Runner<'a> {
 
     fn collect_statement(&mut self, statement: &'a Statement, scope: &Scope<'_>, changes: &mut Changes) {
         if statement.is_motion() {
-            changes.ids.extend([self.symbols.position, self.symbols.turned, self.symbols.stands]);
+            changes.ids.extend([POSITION, TURNED, STANDS]);
         }
         match &statement.kind {
             StatementKind::Trigger(started) => {
@@ -123,7 +130,7 @@ impl<'a> Runner<'a> {
                 let names = statement.names().into_iter().filter(|name| name.first() != Some(&b'$'));
                 names.for_each(|name| self.changed(name, scope, changes));
             }
-            StatementKind::Mark(_) => drop(changes.ids.insert(self.symbols.mark)),
+            StatementKind::Mark(_) => drop(changes.ids.insert(MARK)),
             StatementKind::NotUnderstood(_) => {
                 changes.anything = true;
                 statement.names().into_iter().for_each(|name| self.changed(name, scope, changes));
@@ -144,7 +151,7 @@ impl<'a> Runner<'a> {
                 Some(component) => {
                     let part = self.found(&to.name, scope).map(|id| (id, component.clone()));
                     changes.components.extend(part);
-                    self.frames_follow(&to.name, changes);
+                    Self::frames_follow(&to.name, changes);
                 }
                 None => self.changed(&to.name, scope, changes),
             }
@@ -161,21 +168,22 @@ impl<'a> Runner<'a> {
                 Some(Expression::Known(Value::Constant(command))) => command,
                 _ => b"",
             };
-            let (base, tool) = (command != b"TOOL", command != b"BASE");
             if !names::KEEPS_APPROXIMATION.contains(&command) {
-                changes.ids.insert(self.symbols.approximation);
+                changes.ids.insert(APPROXIMATION);
             }
             if command == b"VEL_CP" {
-                changes.ids.insert(self.symbols.speed);
+                changes.ids.insert(SPEED);
             } else if command == b"OV_PRO" {
-                changes.ids.insert(self.symbols.override_percent);
+                changes.ids.insert(OVERRIDE);
             } else if command == b"CP_DAT" {
-                changes.ids.extend([self.symbols.speed, self.symbols.orientation, self.symbols.circle_type]);
+                changes.ids.extend([SPEED, ORIENTATION, CIRCLE_TYPE]);
             } else if !names::HARMLESS_COMMANDS.contains(&command) {
-                self.frames_change(changes, base, tool);
-                let [load, speed] = [self.symbols.load, self.symbols.speed];
-                changes.ids.extend([load, speed, self.symbols.mode]);
-                changes.ids.extend([self.symbols.orientation, self.symbols.circle_type]);
+                changes.ids.extend(match command {
+                    b"BASE" => BASE_CHANGES,
+                    b"TOOL" => TOOL_CHANGES,
+                    _ => FRAMES_CHANGE,
+                });
+                changes.ids.extend([LOAD, SPEED, MODE, ORIENTATION, CIRCLE_TYPE]);
                 if command == b"INITMOV" {
                     names::CORRECTIONS.iter().flatten().for_each(|name| self.changed(&upper(name), scope, changes));
                 }
@@ -201,18 +209,6 @@ impl<'a> Runner<'a> {
         lent.into_iter().for_each(|name| self.changed(name, scope, changes));
     }
 
-    /// Adds a change of base or tool, which also changes the frame of the position before.
-    fn frames_change(&self, changes: &mut Changes, base: bool, tool: bool) {
-        let symbols = &self.symbols;
-        changes.ids.insert(symbols.position);
-        if base {
-            changes.ids.extend([symbols.base, symbols.base_name]);
-        }
-        if tool {
-            changes.ids.extend([symbols.tool, symbols.tool_name]);
-        }
-    }
-
     /// The program waits until a condition holds: if it does not hold yet, something else changes the data that it names.
     pub(super) fn wait_for(&mut self, condition: &Expression) {
         let mut names = Vec::new();
@@ -228,7 +224,8 @@ impl<'a> Runner<'a> {
     pub(super) fn forget(&mut self, changes: &Changes, why: Reason) {
         for id in self.changed_ids(changes) {
             if self.symbols.is_table(id) {
-                let value = self.value(id).all_forgotten(why);
+                let mut value = self.value(id);
+                value.forget_all(why);
                 self.state.values.insert(id, value);
             } else {
                 self.lose(id, why);

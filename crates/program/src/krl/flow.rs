@@ -3,7 +3,7 @@
 use super::run::Runner;
 use super::state::ModalState;
 use super::steps::{Row, Test, VALUES_PER_STEP};
-use super::symbols::RoutineId;
+use super::symbols::{RoutineId, STANDS};
 use super::tree::Loop;
 use super::value::Value;
 use crate::Reason;
@@ -46,11 +46,11 @@ impl<'a> Machine for Runner<'a> {
             Meeting::Branches => Reason::Branches,
             Meeting::Rounds => Reason::Loop,
         };
-        known.join(other, &self.symbols.start, self.symbols.position, why, &mut self.pinned)
+        known.join(other, &self.symbols.start, why, &mut self.pinned)
     }
 
     fn lose_place(&self, state: &mut ModalState) {
-        state.values.insert(self.symbols.stands, Value::unknown(Reason::MotionBefore));
+        state.values.insert(STANDS, Value::unknown(Reason::MotionBefore));
     }
 
     fn is_same(&self, a: &ModalState, b: &ModalState) -> bool {

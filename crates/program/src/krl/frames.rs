@@ -1,10 +1,9 @@
 //! Tools and bases that motions use.
 
-use super::like::intern;
 use super::run::Runner;
-use super::symbols::Id;
+use super::symbols::{BASE, BASE_NAME, Id, LOAD, TOOL, TOOL_NAME};
 use super::value::Value;
-use crate::{Reason, Tool, ToolData, Wobj, WobjData};
+use crate::{Reason, Tool, ToolData, Wobj, WobjData, intern};
 use deflex_text::{Diagnostic, Severity};
 use std::sync::Arc;
 
@@ -17,15 +16,15 @@ impl Runner<'_> {
     }
 
     pub(super) fn tool_index(&mut self) -> Result<u16, Reason> {
-        let value = self.value(self.symbols.tool);
-        if self.is_volatile(self.symbols.tool) {
+        let value = self.value(TOOL);
+        if self.is_volatile(TOOL) {
             return Err(Reason::ToolAnyMoment);
         }
         let tool = match &value {
             Value::Own(name) => Tool { name: (&**name).into(), data: None },
             Value::Record(_) => {
                 let (tcp_mm, tcp_quat) = value.frame().ok_or(Reason::Tool)?;
-                let load = self.value(self.symbols.load);
+                let load = self.value(LOAD);
                 let mass = load.component(b"M").and_then(Value::number).filter(|mass| *mass >= 0.0);
                 let cog = load.component(b"CM").and_then(|cm| cm.numbers([b"X", b"Y", b"Z"]));
                 let data = ToolData {
@@ -35,7 +34,7 @@ impl Runner<'_> {
                     mass_kg: mass.unwrap_or(0.0),
                     cog_mm: cog.unwrap_or([0.0; 3]),
                 };
-                Tool { name: self.name(self.symbols.tool_name), data: Some(data) }
+                Tool { name: self.name(TOOL_NAME), data: Some(data) }
             }
             _ => return Err(Reason::Tool),
         };
@@ -49,33 +48,26 @@ impl Runner<'_> {
             let help = "assign $LOAD, give $config.dat with --context, or name the tool by its number and declare it in the cell";
             self.diagnostics.push(warning.severity(Severity::Warning).help(help));
         }
-        intern(&mut self.tools, &tool, |known| known.is(&tool)).ok_or(Reason::TooManyFrames)
+        intern(&mut self.tools, &tool, Tool::is).ok_or(Reason::TooManyFrames)
     }
 
     pub(super) fn wobj_index(&mut self) -> Result<u16, Reason> {
-        let value = self.value(self.symbols.base);
-        if self.is_volatile(self.symbols.base) {
+        let value = self.value(BASE);
+        if self.is_volatile(BASE) {
             return Err(Reason::BaseAnyMoment);
         }
         let wobj = match &value {
             Value::Own(name) => Wobj { name: (&**name).into(), data: None, unit: None },
             Value::Record(_) => {
                 let (uframe_mm, uframe_quat) = value.frame().ok_or(Reason::Base)?;
-                let data = WobjData {
-                    robhold: false,
-                    fixed: true,
-                    uframe_mm,
-                    uframe_quat,
-                    oframe_mm: [0.0; 3],
-                    oframe_quat: [1.0, 0.0, 0.0, 0.0],
-                };
-                Wobj { name: self.name(self.symbols.base_name), data: Some(data), unit: None }
+                let data = WobjData { uframe_mm, uframe_quat, ..WobjData::WORLD };
+                Wobj { name: self.name(BASE_NAME), data: Some(data), unit: None }
             }
             _ => return Err(Reason::Base),
         };
         if !self.is_recording {
             return Ok(0);
         }
-        intern(&mut self.wobjs, &wobj, |known| known.is(&wobj)).ok_or(Reason::TooManyFrames)
+        intern(&mut self.wobjs, &wobj, Wobj::is).ok_or(Reason::TooManyFrames)
     }
 }

@@ -8,31 +8,10 @@ use super::syntax::simple;
 use super::tree::StatementKind;
 use super::value::{EXTERNAL, POSE, upper};
 use crate::orientation::{quaternion_of_zyx_deg, rotation, zyx_deg};
-use crate::token::signed;
-use crate::{Editable, Insert, Motion, Passing, Program, Reason, Rewritten, Role, Target};
+use crate::token::{signed, single};
+use crate::{Editable, Insert, Inserted, Motion, Passing, Program, Reason, Role, Target};
 use deflex_text::{Edit, Source, Span, number};
 use std::ops::Range;
-
-/// Writes the inserts into `out`. Returns each as the controller will store it; `None` if it could not be written.
-pub(super) fn write(program: &Program, layout: &Layout, inserts: &[Insert], out: &mut Rewritten) {
-    for insert in inserts {
-        match line(program, layout, insert) {
-            Ok((source, at, text, pose)) => {
-                let edits = &mut out.edits[source];
-                // Several points before one statement, in their order: one edit.
-                match edits.iter_mut().find(|edit| edit.span == at) {
-                    Some(edit) => edit.content.extend_from_slice(&text),
-                    None => edits.push(Edit { span: at, content: text.into() }),
-                }
-                out.inserted.push(Some(pose));
-            }
-            Err(why) => {
-                out.inserted.push(None);
-                out.not_inserted.push((insert.before, why));
-            }
-        }
-    }
-}
 
 /// Places where nothing may be inserted.
 struct Barred {
@@ -163,9 +142,8 @@ fn form(word: &[u8]) -> Option<[&'static [u8]; 2]> {
     }
 }
 
-type Written = (usize, Span, Vec<u8>, ([f64; 3], [f64; 4]));
-
-fn line(program: &Program, layout: &Layout, insert: &Insert) -> Result<Written, Reason> {
+/// The motion for an insert.
+pub(super) fn line(program: &Program, layout: &Layout, insert: &Insert) -> Result<Inserted, Reason> {
     let target = program.targets.get(insert.before).ok_or(Reason::NoSuchTarget)?;
     let source = usize::from(target.source);
     let text = program.sources[source].bytes.get(target.span.range()).ok_or(Reason::NoSuchStatement)?;
@@ -203,7 +181,8 @@ fn line(program: &Program, layout: &Layout, insert: &Insert) -> Result<Written, 
     content.extend_from_slice(indent);
     let held = |numbers: Vec<f64>| std::array::from_fn(|i| numbers[i]);
     let pose = (held(position), quaternion_of_zyx_deg(held(angles)));
-    Ok((source, Span { start: target.span.start, end: target.span.start }, content, pose))
+    let at = Span { start: target.span.start, end: target.span.start };
+    Ok(Inserted { source, at, text: content, pose })
 }
 
 /// Writes `X 1.000,Y 2.000` after a brace or other components. Returns the numbers in single precision.
@@ -217,8 +196,7 @@ fn put<'n>(out: &mut Vec<u8>, components: impl Iterator<Item = (&'n &'n [u8], f6
         out.push(b' ');
         let from = out.len();
         number::write_fixed(out, value, decimals);
-        #[allow(clippy::cast_possible_truncation)] // as the controller holds it
-        held.push(f64::from(number::read(&out[from..]).unwrap_or(value) as f32));
+        held.push(single(number::read(&out[from..]).unwrap_or(value)));
     }
     held
 }

@@ -1,12 +1,12 @@
 //! Splits the text into lexemes, one line at a time, because a statement ends with its line.
 
 use crate::Mark;
+use crate::lexeme::{self, Bytes, Found, decimal};
 use deflex_text::Span;
-use nom::branch::alt;
-use nom::bytes::complete::{tag, take_till, take_while, take_while_m_n};
+use nom::Parser;
+use nom::bytes::complete::{take_till, take_while};
 use nom::character::complete::one_of;
-use nom::combinator::{opt, recognize};
-use nom::{IResult, Parser};
+use nom::combinator::recognize;
 
 /// The kind of a lexeme.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,22 +35,7 @@ pub(super) enum LexemeKind {
     End,
 }
 
-/// A lexeme with its place.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Lexeme {
-    pub(super) kind: LexemeKind,
-    pub(super) start: usize,
-    pub(super) end: usize,
-}
-
-impl Lexeme {
-    pub(super) fn span(self) -> Span {
-        Span::new(self.start, self.end)
-    }
-}
-
-type Bytes<'a> = &'a [u8];
-type Found<'a> = IResult<Bytes<'a>, Bytes<'a>, ()>;
+pub(super) type Lexeme = lexeme::Lexeme<LexemeKind>;
 
 /// Blank within a line.
 fn is_blank(byte: u8) -> bool {
@@ -59,17 +44,6 @@ fn is_blank(byte: u8) -> bool {
 
 fn is_word(byte: u8) -> bool {
     byte.is_ascii_alphanumeric() || matches!(byte, b'_' | b'$') || byte >= 0xC0
-}
-
-fn digits(input: Bytes<'_>) -> Found<'_> {
-    take_while_m_n(1, usize::MAX, |b: u8| b.is_ascii_digit()).parse(input)
-}
-
-/// `12`, `1.5`, `5.`, `.5`, `1.5E-3`: without a sign.
-fn number(input: Bytes<'_>) -> Found<'_> {
-    let exponent = recognize((one_of("eE"), opt(one_of("+-")), digits));
-    let whole = recognize((digits, opt((tag("."), opt(digits)))));
-    recognize((alt((whole, recognize((tag("."), digits)))), opt(exponent))).parse(input)
 }
 
 /// The text up to the same quote on the line.
@@ -84,8 +58,8 @@ fn lexeme(input: Bytes<'_>) -> (LexemeKind, usize) {
     let taken =
         |kind: LexemeKind, found: Found<'_>| found.map_or((LexemeKind::Junk, 1), |(_, part)| (kind, part.len()));
     match first {
-        b'0'..=b'9' => taken(LexemeKind::Number, number(input)),
-        b'.' if input.get(1).is_some_and(u8::is_ascii_digit) => taken(LexemeKind::Number, number(input)),
+        b'0'..=b'9' => taken(LexemeKind::Number, decimal(input)),
+        b'.' if input.get(1).is_some_and(u8::is_ascii_digit) => taken(LexemeKind::Number, decimal(input)),
         _ if is_word(first) => taken(LexemeKind::Word, take_while(is_word).parse(input)),
         b'"' => taken(LexemeKind::Text, quoted(input)),
         b'\'' => taken(LexemeKind::Bits, quoted(input)),

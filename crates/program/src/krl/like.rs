@@ -9,7 +9,7 @@ use super::tree::{Statement, StatementKind};
 use super::value::{EXTERNAL, POSE, upper};
 use crate::EXTERNAL_AXES;
 use crate::orientation::quaternion_of_zyx_deg;
-use crate::{Editable, ExternalAxes, Goal, Mark, Motion, Program, Role, Target, Tool, Wobj};
+use crate::{Editable, ExternalAxes, Goal, Mark, Motion, Program, Role, Target, Tool, Wobj, intern};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Diagnostic, Source, Span, number};
 use std::sync::Arc;
@@ -305,10 +305,7 @@ impl Like {
 
     /// Numbers of its tool and its base among those of a program.
     pub(super) fn frames(&self, tools: &mut Vec<Tool>, wobjs: &mut Vec<Wobj>) -> Option<[u16; 2]> {
-        Some([
-            intern(tools, &self.tool, |known| known.is(&self.tool))?,
-            intern(wobjs, &self.wobj, |known| known.is(&self.wobj))?,
-        ])
+        Some([intern(tools, &self.tool, Tool::is)?, intern(wobjs, &self.wobj, Wobj::is)?])
     }
 
     /// Reads a line of this kind, without blanks at its ends, that begins at this offset.
@@ -419,15 +416,6 @@ pub(super) fn line_ends(text: &[u8]) -> usize {
 
 fn blanks(text: &[u8]) -> usize {
     text.iter().take_while(|byte| byte.is_ascii_whitespace()).count()
-}
-
-/// The index of a tool or a base in the list of a program, to which it is added if it is new.
-pub(super) fn intern<T: Clone>(known: &mut Vec<T>, wanted: &T, is: impl Fn(&T) -> bool) -> Option<u16> {
-    let at = known.iter().rposition(is).unwrap_or_else(|| {
-        known.push(wanted.clone());
-        known.len() - 1
-    });
-    u16::try_from(at).ok()
 }
 
 /// The places of the numbers of a KRL program; `None` for a program in another language.

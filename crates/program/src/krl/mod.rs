@@ -142,22 +142,19 @@ fn read_cut(mut sources: Vec<Source>, context: Vec<Source>, look: bool) -> Resul
     }
     cuts.into_iter().for_each(|(file, at)| kept.refuse(file, at, Reason::FileEndsInBlock));
     let literal_targets = files.iter().take(written).map(File::positions).sum();
+    let (kept, dialect) = (kept.in_order(), dialect(&sources[..written]));
+    let layout = super::Layout::Krl(Layout { sites, motions: motions as usize });
+    let files = (sources.into(), written);
     Ok(Program {
-        written,
-        language: Language::Krl,
-        dialect: dialect(&sources[..written]),
         tools,
         wobjs,
         targets,
         unknown,
-        actions: Vec::new(),
-        kept: kept.in_order(),
+        kept,
         literal_targets,
         arcs,
-        cutter: None,
         diagnostics,
-        layout: super::Layout::Krl(Layout { sites, motions: motions as usize }),
-        sources: sources.into(),
+        ..Program::empty(Language::Krl, dialect, files, layout)
     })
 }
 

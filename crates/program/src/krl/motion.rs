@@ -2,7 +2,10 @@
 
 use super::expression::Expression;
 use super::run::{PositionTokens, Runner};
-use super::symbols::AT_START;
+use super::symbols::{
+    APPROXIMATION, ASYNCHRONOUS_AXES, AT_START, BASE, CIRCLE_MODE, CIRCLE_TYPE, IGNORED_AXES, MARK, MODE, ORIENTATION,
+    OVERRIDE, POSITION, SPEED, STANDS, TOOL, TURNED,
+};
 use super::tree::Move;
 use super::value::{AXES, EXTERNAL, Name, POSE, Value};
 use crate::orientation::{from_zyx_deg, halfway, quaternion, quaternion_of_zyx_deg};
@@ -55,7 +58,7 @@ impl Runner<'_> {
     }
 
     fn lose_position(&mut self, why: Reason) {
-        for id in [self.symbols.position, self.symbols.turned, self.symbols.stands] {
+        for id in [POSITION, TURNED, STANDS] {
             self.state.values.insert(id, Value::unknown(why));
         }
     }
@@ -138,8 +141,8 @@ impl Runner<'_> {
         let feed = match motion {
             Motion::Joint => None,
             _ => {
-                let speed = self.value(self.symbols.speed).component(b"CP").and_then(Value::number);
-                let percent = self.value(self.symbols.override_percent).number();
+                let speed = self.value(SPEED).component(b"CP").and_then(Value::number);
+                let percent = self.value(OVERRIDE).number();
                 speed.zip(percent).map(|(speed, percent)| 1e3 * speed * (percent / 100.0))
             }
         };
@@ -181,9 +184,9 @@ impl Runner<'_> {
         let external = to.external.each_ref().map(|axis| axis.as_ref().and_then(Value::number));
         let named = EXTERNAL.into_iter().zip(to.external.clone()).filter_map(|(name, axis)| Some((name, axis?)));
         let record = Value::record(POSE.into_iter().zip(numbers).chain(named));
-        self.state.values.insert(self.symbols.position, record);
+        self.state.values.insert(POSITION, record);
         self.note_orientation(&to, turns.is_ok());
-        let approximation_mm = self.value(self.symbols.approximation).component(b"CDIS").and_then(Value::number);
+        let approximation_mm = self.value(APPROXIMATION).component(b"CDIS").and_then(Value::number);
         self.push(target, PositionTokens { tokens: to.places, approximation_mm }, external);
         Ok(())
     }
@@ -192,22 +195,21 @@ impl Runner<'_> {
     fn note_orientation(&mut self, to: &Position, is_known: bool) {
         let turned = if is_known {
             let angles = POSE[3..].iter().zip(&to.numbers[3..]).map(|(name, v)| (*name, Value::Number(*v, None)));
-            let frames = [(&b"BASE"[..], self.symbols.base), (b"TOOL", self.symbols.tool)];
+            let frames = [(&b"BASE"[..], BASE), (b"TOOL", TOOL)];
             let frames = frames.map(|(name, id)| (name, self.value(id)));
             Value::record(angles.chain(frames))
         } else {
             Value::unknown(Reason::OrientationDisregarded)
         };
-        self.state.values.insert(self.symbols.turned, turned);
+        self.state.values.insert(TURNED, turned);
     }
 
     /// The orientation before a motion, in the motion's base and of its tool; `None` if it is unknown.
     fn orientation_before(&self) -> Option<[f64; 4]> {
-        let turned = self.settled(self.symbols.turned);
+        let turned = self.settled(TURNED);
         let same = |name: &[u8], id| turned.component(name).is_some_and(|frame| *frame == self.value(id));
         let [a, b, c] = turned.numbers([b"A", b"B", b"C"])?;
-        (same(b"BASE", self.symbols.base) && same(b"TOOL", self.symbols.tool))
-            .then(|| quaternion(&from_zyx_deg([a, b, c])))
+        (same(b"BASE", BASE) && same(b"TOOL", TOOL)).then(|| quaternion(&from_zyx_deg([a, b, c])))
     }
 
     /// Adds the auxiliary point of a circle. The controller ignores its angles: the orientation turns from that before the arc to that at its
@@ -233,31 +235,12 @@ impl Runner<'_> {
     }
 
     /// The target of a motion at the running statement, with the mark that is in force.
-    fn target_here(&self, goal: Goal, [tool, wobj]: [u16; 2], span: Span) -> Target {
+    fn target_here(&self, goal: Goal, frames: [u16; 2], span: Span) -> Target {
         #[allow(clippy::cast_possible_truncation)]
-        let source = self.here() as u16;
-        Target {
-            ordinal: self.motions,
-            role: Role::End,
-            motion: Motion::AbsoluteJoint,
-            goal,
-            tool,
-            wobj,
-            feed_mm_s: None,
-            spindle_rpm: None,
-            rapid: false,
-            mark: self.mark().0,
-            editable: Editable::No(Reason::Joints),
-            located: true,
-            extra_load: false,
-            external: None,
-            name: None,
-            source,
-            span,
-            line: self.kept.line(source, span),
-            predecessor: Predecessor::Previous,
-            arc_turn: None,
-        }
+        let place = SourceSpan { source: self.here() as u16, span };
+        let line = self.kept.line(place.source, span);
+        let target = Target::new(self.motions, Motion::AbsoluteJoint, goal, frames, place, line);
+        Target { mark: self.mark().0, editable: Editable::No(Reason::Joints), ..target }
     }
 
     fn go_to_joints(&mut self, motion: Motion, deg: [f64; 6], end: &Value, span: Span) -> Result<(), Reason> {
@@ -268,8 +251,8 @@ impl Runner<'_> {
         let target = self.target_here(Goal::Joints { deg }, [tool, wobj], span);
         let record = Value::record(EXTERNAL.into_iter().filter_map(|name| Some((name, end.component(name)?.clone()))));
         let at = EXTERNAL.map(|name| end.component(name).and_then(Value::number));
-        self.state.values.insert(self.symbols.position, record);
-        self.state.values.insert(self.symbols.turned, Value::unknown(Reason::BeforeOnAxes));
+        self.state.values.insert(POSITION, record);
+        self.state.values.insert(TURNED, Value::unknown(Reason::BeforeOnAxes));
         self.push(target, PositionTokens::default(), at);
         Ok(())
     }
@@ -282,7 +265,7 @@ impl Runner<'_> {
             }
             return Err(why(value));
         };
-        let before = self.settled(self.symbols.position);
+        let before = self.settled(POSITION);
         let mut found = Position { numbers: [0.0; 6], places: [None; 6], external: Default::default() };
         for (i, name) in POSE.iter().enumerate() {
             let own = value.component(name);
@@ -308,7 +291,7 @@ impl Runner<'_> {
 
     /// An unknown component may be that of any motion before.
     pub(super) fn hold_position_before(&mut self) {
-        let before = self.value(self.symbols.position);
+        let before = self.value(POSITION);
         self.pin(&before);
     }
 
@@ -317,7 +300,7 @@ impl Runner<'_> {
         if to.external.iter().flatten().any(|axis| axis.number().is_none()) {
             return Some(Reason::ExternalAxisUnknown);
         }
-        match self.settled(self.symbols.mode) {
+        match self.settled(MODE) {
             Value::Constant(mode) if &mode[..] == b"BASE" => None,
             Value::Constant(_) => Some(Reason::RobotHoldsPart),
             _ => Some(Reason::InterpolationUnknown),
@@ -328,10 +311,10 @@ impl Runner<'_> {
     /// which makes no difference if it is that of the start. KUKA System Software, *Operating and Programming Instructions for System
     /// Integrators*, orientation control of LIN and CIRC.
     fn turns(&self, to: &Position) -> Result<bool, Reason> {
-        let Value::Constant(kind) = self.settled(self.symbols.orientation) else {
+        let Value::Constant(kind) = self.settled(ORIENTATION) else {
             return Err(Reason::OrientationTypeUnknown);
         };
-        let before = self.settled(self.symbols.position).numbers([b"A", b"B", b"C"]);
+        let before = self.settled(POSITION).numbers([b"A", b"B", b"C"]);
         match &kind[..] {
             b"VAR" | b"JOINT" => Ok(true),
             b"CONSTANT" if before.is_some_and(|before| before[..] == to.numbers[3..]) => Ok(false),
@@ -345,10 +328,7 @@ impl Runner<'_> {
     /// `$ASYNC_AXIS` leaves it to `ASYPTP` and to the operator. KUKA System Software 8, *Operating and Programming Instructions
     /// for System Integrators*, and *System Variables*.
     fn leave_axes(&self, to: &mut Position) -> Option<Reason> {
-        let rules = [
-            (self.symbols.ignored_axes, Reason::IgnoredAxis),
-            (self.symbols.asynchronous_axes, Reason::AsynchronousAxis),
-        ];
+        let rules = [(IGNORED_AXES, Reason::IgnoredAxis), (ASYNCHRONOUS_AXES, Reason::AsynchronousAxis)];
         let mut found = None;
         for (id, reason) in rules {
             let bits = self.settled(id).index();
@@ -366,10 +346,10 @@ impl Runner<'_> {
     /// `$ORI_TYPE` is #VAR. `$CIRC_MODE`, which refines it for SCIRC, must not be set. KUKA System Software, *Operating and Programming
     /// Instructions for System Integrators*, orientation control of CIRC and SCIRC.
     fn arc_turn(&self) -> Result<Option<ArcTurn>, Reason> {
-        if !matches!(self.settled(self.symbols.circle_mode), Value::Record(said) if said.is_empty()) {
+        if !matches!(self.settled(CIRCLE_MODE), Value::Record(said) if said.is_empty()) {
             return Err(Reason::ArcModeSet);
         }
-        match &[self.symbols.circle_type, self.symbols.orientation].map(|id| self.settled(id)) {
+        match &[CIRCLE_TYPE, ORIENTATION].map(|id| self.settled(id)) {
             [Value::Constant(kind), _] if &kind[..] == b"BASE" => Ok(None),
             [Value::Constant(kind), Value::Constant(own)] if [&kind[..], &own[..]] == [&b"PATH"[..], b"VAR"] => {
                 Ok(Some(ArcTurn::WithPath))
@@ -381,7 +361,7 @@ impl Runner<'_> {
 
     /// The mark in force, and whether it is known.
     fn mark(&self) -> (Option<Mark>, bool) {
-        match self.settled(self.symbols.mark) {
+        match self.settled(MARK) {
             Value::Bool(_) => (None, true),
             Value::Number(v, _) => (Some(if v > 0.5 { Mark::Cut } else { Mark::Air }), true),
             _ => (None, false),
@@ -391,7 +371,7 @@ impl Runner<'_> {
     /// The start of the segment of the running motion.
     fn predecessor(&self) -> Predecessor {
         // The motion at whose end the robot stands, and the one before in the order of the text.
-        let stands = self.value(self.symbols.stands).number().filter(|_| !self.is_volatile(self.symbols.position));
+        let stands = self.value(STANDS).number().filter(|_| !self.is_volatile(POSITION));
         match stands {
             Some(_) if stands == Some(AT_START) => Predecessor::Start,
             Some(_) if stands == self.last => Predecessor::Previous,
@@ -402,7 +382,7 @@ impl Runner<'_> {
     fn push(&mut self, mut target: Target, site: PositionTokens, external: [Option<f64>; 6]) {
         target.predecessor = self.predecessor();
         let here = self.site(target.span);
-        self.state.values.insert(self.symbols.stands, Value::Number(here, None));
+        self.state.values.insert(STANDS, Value::Number(here, None));
         if self.is_recording {
             self.last = Some(here);
             self.targets.push(target);

@@ -5,8 +5,8 @@ use super::run::PositionTokens;
 use super::{Layout, insert, names};
 use crate::front_end::FrontEnd;
 use crate::orientation::{quaternion_of_zyx_deg, rotation, zyx_deg};
-use crate::token::{New, signed};
-use crate::{Change, Goal, Insert, Passing, Program, Reason, RewriteOptions, Rewritten, Role};
+use crate::token::{New, signed, single};
+use crate::{Change, Goal, Insert, NO_TURN, Passing, Program, Reason, RewriteOptions, Rewritten, Role};
 use deflex_lang::shared::agree;
 use deflex_text::{Content, Edit, Span, Token};
 use std::collections::HashSet;
@@ -97,7 +97,9 @@ impl FrontEnd for Layout {
                 }
             }
         }
-        insert::write(program, self, inserts, &mut out);
+        for insert in inserts {
+            out.insert(insert.before, insert::line(program, self, insert));
+        }
         for edits in &mut out.edits {
             edits.sort_by_key(|edit| (edit.span.start, edit.span.end));
         }
@@ -186,9 +188,7 @@ fn new_tokens_of(program: &Program, site: &PositionTokens, i: usize, change: Opt
 
 /// Position and orientation as the controller will store them.
 fn written(program: &Program, site: &PositionTokens, i: usize, own: &NewTokens) -> ([f64; 3], [f64; 4]) {
-    let Goal::Pose { position_mm, quat, .. } = program.targets[i].goal else { return ([0.0; 3], [1.0, 0.0, 0.0, 0.0]) };
-    #[allow(clippy::cast_possible_truncation)]
-    let single = |value: f64| f64::from(value as f32);
+    let Goal::Pose { position_mm, quat, .. } = program.targets[i].goal else { return ([0.0; 3], NO_TURN) };
     let value = |axis: usize| {
         let stands = || site.tokens[axis].and_then(|place| signed(bytes(program, place)));
         own.values[axis].or_else(stands).map(single)

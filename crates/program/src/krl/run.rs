@@ -3,7 +3,7 @@
 use super::lex::Cursor;
 use super::state::{Changes, ModalState};
 use super::steps::{Routines, VALUES_PER_STEP, routines};
-use super::symbols::{Id, RoutineId, Symbols};
+use super::symbols::{Id, MARK, RoutineId, SPLINE, Symbols};
 use super::tree::{File, Loop, Routine, Statement, StatementKind};
 use super::value::{Name, Selector, Value, upper};
 use crate::kept::KeptStatements;
@@ -159,7 +159,7 @@ impl<'a> Runner<'a> {
     }
 
     fn set_mark(&mut self, mark: Mark) {
-        let id = self.symbols.mark;
+        let id = MARK;
         self.state.values.insert(id, Value::Number(f64::from(u8::from(mark == Mark::Cut)), None));
     }
 
@@ -329,12 +329,12 @@ impl<'a> Runner<'a> {
             StatementKind::SplineBegins(with) => {
                 let before: Vec<Value> = self.with(with).into();
                 let saved = before.into_iter().enumerate().map(|(at, value)| (at as i64, value)).collect();
-                self.state.values.insert(self.symbols.spline, Value::Array(Rc::new(saved)));
+                self.state.values.insert(SPLINE, Value::Array(Rc::new(saved)));
             }
             StatementKind::SplineEnds => {
-                let saved = self.value(self.symbols.spline);
+                let saved = self.value(SPLINE);
                 self.restore(&std::array::from_fn(|at| saved.get(&[Selector::Element(at as i64)])));
-                self.state.values.remove(&self.symbols.spline);
+                self.state.values.remove(&SPLINE);
             }
             StatementKind::NotUnderstood(_) => {
                 self.keep(self.here(), statement.at, Reason::NotUnderstood);

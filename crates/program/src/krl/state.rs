@@ -1,6 +1,6 @@
 //! The state at a place of the program: the values of data that differ from their start values, by number.
 
-use super::symbols::{Id, RoutineId};
+use super::symbols::{Id, POSITION, RoutineId};
 use super::value::{Name, Value};
 use crate::Reason;
 use deflex_lang::ir::SourceSpan;
@@ -45,20 +45,13 @@ impl ModalState {
 
     /// Joins it with the state on another path. Tokens of values that differ go to `lost`, except for those of the last position, which
     /// only a motion without some components uses. Returns whether anything is less known than before.
-    pub(super) fn join(
-        &mut self,
-        other: &Self,
-        start: &[Value],
-        position: Id,
-        why: Reason,
-        lost: &mut HashSet<SourceSpan>,
-    ) -> bool {
+    pub(super) fn join(&mut self, other: &Self, start: &[Value], why: Reason, lost: &mut HashSet<SourceSpan>) -> bool {
         let mut is_less = other.proceeds && !self.proceeds || !self.loose.is_superset(&other.loose);
         let ids: Vec<Id> = self.values.keys().chain(other.values.keys()).copied().collect();
         for id in ids {
             let (own, others) = (self.at(id, start), other.at(id, start));
             if own != others {
-                let joined = if id == position { own.either(others, why, lost) } else { own.join(others, why, lost) };
+                let joined = if id == POSITION { own.either(others, why, lost) } else { own.join(others, why, lost) };
                 is_less |= *own != joined;
                 self.values.insert(id, joined);
             }

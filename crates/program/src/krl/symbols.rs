@@ -11,6 +11,39 @@ use std::rc::Rc;
 /// Number of a variable.
 pub(super) type Id = usize;
 
+/// The settings of motions, which `WITH` can set for a single one, have the first numbers.
+pub(super) const MODAL: usize = 13;
+pub(super) const BASE: Id = 0;
+pub(super) const TOOL: Id = 1;
+/// Names of base and tool, as they were assigned.
+pub(super) const BASE_NAME: Id = 2;
+pub(super) const TOOL_NAME: Id = 3;
+pub(super) const LOAD: Id = 4;
+pub(super) const SPEED: Id = 5;
+/// `$APO`: how far from its end a motion is left.
+pub(super) const APPROXIMATION: Id = 6;
+pub(super) const MODE: Id = 7;
+/// `$ORI_TYPE`.
+pub(super) const ORIENTATION: Id = 8;
+/// `$EX_AX_IGNORE`, `$ASYNC_AXIS`: external axes, one bit each, that do not go to the programmed positions.
+pub(super) const IGNORED_AXES: Id = 9;
+pub(super) const ASYNCHRONOUS_AXES: Id = 10;
+/// `$CIRC_TYPE`, `$CIRC_MODE`: how the orientation turns on an arc.
+pub(super) const CIRCLE_TYPE: Id = 11;
+pub(super) const CIRCLE_MODE: Id = 12;
+/// `$OV_PRO`, by which the controller multiplies every speed, per cent.
+pub(super) const OVERRIDE: Id = 13;
+/// The last position commanded.
+pub(super) const POSITION: Id = 14;
+/// Its orientation, with the base and the tool in which it is counted.
+pub(super) const TURNED: Id = 15;
+/// Place of the motion at whose end the robot stands.
+pub(super) const STANDS: Id = 16;
+/// The mark in force: nothing, 0 for air, 1 for cut.
+pub(super) const MARK: Id = 17;
+/// The settings before a spline.
+pub(super) const SPLINE: Id = 18;
+
 /// The place of the robot before the first motion, among the places of statements, which are not negative.
 pub(super) const AT_START: f64 = -1.0;
 
@@ -35,42 +68,9 @@ pub(super) struct Symbols<'a> {
     /// Names of a `.src` and its `.dat`, by the module's name.
     modules: HashMap<Name, HashMap<Name, Id>>,
     routines: HashMap<Name, RoutineId>,
-    pub(super) base: Id,
-    pub(super) tool: Id,
-    pub(super) load: Id,
-    pub(super) speed: Id,
-    /// `$APO`: how far from its end a motion is left.
-    pub(super) approximation: Id,
-    pub(super) mode: Id,
-    /// `$ORI_TYPE`.
-    pub(super) orientation: Id,
-    /// `$EX_AX_IGNORE`, `$ASYNC_AXIS`: external axes, one bit each, that do not go to the programmed positions.
-    pub(super) ignored_axes: Id,
-    pub(super) asynchronous_axes: Id,
-    /// `$OV_PRO`, by which the controller multiplies every speed, per cent.
-    pub(super) override_percent: Id,
-    /// `$CIRC_TYPE`, `$CIRC_MODE`: how the orientation turns on an arc.
-    pub(super) circle_type: Id,
-    pub(super) circle_mode: Id,
-    /// Names of base and tool, as they were assigned.
-    pub(super) base_name: Id,
-    pub(super) tool_name: Id,
-    /// The last position commanded.
-    pub(super) position: Id,
-    /// Its orientation, with the base and the tool in which it is counted.
-    pub(super) turned: Id,
-    /// Place of the motion at whose end the robot stands.
-    pub(super) stands: Id,
-    /// The mark in force: nothing, 0 for air, 1 for cut.
-    pub(super) mark: Id,
-    /// The settings before a spline.
-    pub(super) spline: Id,
     /// `BASE_DATA`, `TOOL_DATA`, `LOAD_DATA`.
     tables: HashSet<Id>,
 }
-
-/// Number of the settings of motions, see [`Symbols::modal`].
-pub(super) const MODAL: usize = 13;
 
 /// Names of the controller's tables of frames and loads.
 const TABLES: [&[u8]; 3] = [b"BASE_DATA", b"TOOL_DATA", b"LOAD_DATA"];
@@ -87,18 +87,32 @@ impl<'a> Symbols<'a> {
             }
         }
         let own = |name: &str| Value::Own(name.into());
-        symbols.base = symbols.global(b"$BASE", own("$BASE"));
-        symbols.tool = symbols.global(b"$TOOL", own("$TOOL"));
-        symbols.load = symbols.global(b"$LOAD", Value::unknown(Reason::Unset));
-        symbols.speed = symbols.global(b"$VEL", Value::unknown(Reason::Unset));
-        symbols.override_percent = symbols.global(b"$OV_PRO", Value::Number(100.0, None));
-        symbols.approximation = symbols.global(b"$APO", Value::unknown(Reason::Unset));
-        symbols.mode = symbols.global(b"$IPO_MODE", Value::constant(b"BASE"));
-        symbols.orientation = symbols.global(b"$ORI_TYPE", Value::constant(b"VAR"));
-        symbols.ignored_axes = symbols.global(b"$EX_AX_IGNORE", Value::Number(0.0, None));
-        symbols.asynchronous_axes = symbols.global(b"$ASYNC_AXIS", Value::Number(0.0, None));
-        symbols.circle_type = symbols.global(b"$CIRC_TYPE", Value::constant(b"BASE"));
-        symbols.circle_mode = symbols.global(b"$CIRC_MODE", Value::Record(Rc::default()));
+        let unset = || Value::unknown(Reason::Unset);
+        // In the order of their numbers; no program can have the names with a blank.
+        let state = [
+            (&b"$BASE"[..], own("$BASE")),
+            (b"$TOOL", own("$TOOL")),
+            (b" BASE", own("$BASE")),
+            (b" TOOL", own("$TOOL")),
+            (b"$LOAD", unset()),
+            (b"$VEL", unset()),
+            (b"$APO", unset()),
+            (b"$IPO_MODE", Value::constant(b"BASE")),
+            (b"$ORI_TYPE", Value::constant(b"VAR")),
+            (b"$EX_AX_IGNORE", Value::Number(0.0, None)),
+            (b"$ASYNC_AXIS", Value::Number(0.0, None)),
+            (b"$CIRC_TYPE", Value::constant(b"BASE")),
+            (b"$CIRC_MODE", Value::Record(Rc::default())),
+            (b"$OV_PRO", Value::Number(100.0, None)),
+            (b" POSITION", Value::unknown(Reason::PositionBefore)),
+            (b" TURNED", Value::unknown(Reason::OrientationBefore)),
+            (b" STANDS", Value::Number(AT_START, None)),
+            (b" MARK", Value::Bool(false)),
+            (b" SPLINE", unset()),
+        ];
+        for (name, value) in state {
+            symbols.global(name, value);
+        }
         // A routine that is not in the files may change the tables before the program names one of their elements.
         for table in TABLES {
             let id = symbols.global(table, Value::Array(Rc::default()));
@@ -110,14 +124,6 @@ impl<'a> Symbols<'a> {
         for world in [&b"$NULLFRAME"[..], b"$WORLD"] {
             symbols.global(world, pose_record([0.0; 6]));
         }
-        // No program can have these names.
-        symbols.base_name = symbols.global(b" BASE", own("$BASE"));
-        symbols.tool_name = symbols.global(b" TOOL", own("$TOOL"));
-        symbols.position = symbols.global(b" POSITION", Value::unknown(Reason::PositionBefore));
-        symbols.turned = symbols.global(b" TURNED", Value::unknown(Reason::OrientationBefore));
-        symbols.stands = symbols.global(b" STANDS", Value::Number(AT_START, None));
-        symbols.mark = symbols.global(b" MARK", Value::Bool(false));
-        symbols.spline = symbols.global(b" SPLINE", Value::unknown(Reason::Unset));
         symbols
     }
 
@@ -217,18 +223,9 @@ impl<'a> Symbols<'a> {
         self.global(name, Value::unknown(Reason::NameUndeclared))
     }
 
-    /// The settings of motions, which `WITH` can set for a single one.
-    pub(super) fn modal(&self) -> [Id; MODAL] {
-        [
-            self.base, self.tool, self.base_name, self.tool_name, self.load, self.speed, self.approximation, self.mode,
-            self.orientation, self.ignored_axes, self.asynchronous_axes, self.circle_type, self.circle_mode,
-        ]
-    }
-
     /// Whether a variable describes the state of the run, and is not data of the program.
-    pub(super) fn is_own_state(&self, id: Id) -> bool {
-        let others = [self.override_percent, self.position, self.turned, self.stands, self.mark, self.spline];
-        self.modal().contains(&id) || others.contains(&id)
+    pub(super) fn is_own_state(id: Id) -> bool {
+        id <= SPLINE
     }
 
     /// Whether it is a table, of which the controller has the elements that no statement sets.
@@ -242,7 +239,7 @@ impl<'a> Symbols<'a> {
             matches!(&name[..], b"$NULLFRAME" | b"$WORLD") || names::MODELLED_SYSTEM_VARIABLES.contains(&&name[..])
         };
         let open = self.globals.iter().filter(|(name, id)| !kept(name) && !self.constant.contains(id));
-        open.map(|(_, id)| *id).filter(|id| ![self.mark, self.spline].contains(id)).collect()
+        open.map(|(_, id)| *id).filter(|id| ![MARK, SPLINE].contains(id)).collect()
     }
 
     pub(super) fn routine(&self, id: RoutineId) -> &'a Routine {

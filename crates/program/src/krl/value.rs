@@ -147,8 +147,7 @@ impl Value {
             }
             _ => {
                 lost.extend(value.tokens());
-                *self = std::mem::replace(self, Self::Bool(false)).forgotten(Reason::Unset);
-                return;
+                return self.forget(Reason::Unset);
             }
         };
         part.set(rest, value, lost);
@@ -224,51 +223,40 @@ impl Value {
         }
     }
 
+    pub(super) fn forget(&mut self, why: Reason) {
+        *self = std::mem::replace(self, Self::Bool(false)).forgotten(why);
+    }
+
     /// The same for an array, whose elements are known again after they are set.
-    pub(super) fn all_forgotten(self, why: Reason) -> Self {
-        let Self::Array(mut items) = self else { return self.forgotten(why) };
-        let own = Rc::make_mut(&mut items);
-        own.values_mut().for_each(|value| *value = std::mem::replace(value, Self::Bool(false)).forgotten(why));
+    pub(super) fn forget_all(&mut self, why: Reason) {
+        let Self::Array(items) = self else { return self.forget(why) };
+        let own = Rc::make_mut(items);
+        own.values_mut().for_each(|value| value.forget(why));
         own.insert(REST, Self::unknown(why));
-        Self::Array(items)
     }
 
     /// The same for each number in it, so that what a further assignment leaves out stays unknown.
-    pub(super) fn parts_forgotten(self, why: Reason) -> Self {
-        let forget = |part: &mut Self| *part = std::mem::replace(part, Self::Bool(false)).parts_forgotten(why);
+    pub(super) fn forget_parts(&mut self, why: Reason) {
         match self {
-            Self::Array(mut items) => {
-                Rc::make_mut(&mut items).values_mut().for_each(forget);
-                Self::Array(items)
-            }
-            Self::Record(mut parts) => {
-                Rc::make_mut(&mut parts).iter_mut().for_each(|(_, part)| forget(part));
-                Self::Record(parts)
-            }
-            unknown @ Self::Unknown(..) => unknown,
-            known => known.forgotten(why),
+            Self::Array(items) => Rc::make_mut(items).values_mut().for_each(|item| item.forget_parts(why)),
+            Self::Record(parts) => Rc::make_mut(parts).iter_mut().for_each(|(_, part)| part.forget_parts(why)),
+            Self::Unknown(..) => {}
+            known => known.forget(why),
         }
     }
 
     /// The same for one component of a record, or of all records in an array.
-    pub(super) fn component_forgotten(self, component: &Name, why: Reason) -> Self {
+    pub(super) fn forget_component(&mut self, component: &Name, why: Reason) {
         match self {
-            Self::Array(mut items) => {
-                for item in Rc::make_mut(&mut items).values_mut() {
-                    *item = std::mem::replace(item, Self::Bool(false)).component_forgotten(component, why);
-                }
-                Self::Array(items)
+            Self::Array(items) => {
+                Rc::make_mut(items).values_mut().for_each(|item| item.forget_component(component, why));
             }
-            Self::Record(mut parts) => {
-                let own = Rc::make_mut(&mut parts);
-                match own.iter_mut().find(|(name, _)| name == component) {
-                    Some((_, value)) => *value = std::mem::replace(value, Self::Bool(false)).forgotten(why),
-                    // The last run has added it.
-                    None => own.push((component.clone(), Self::unknown(why))),
-                }
-                Self::Record(parts)
-            }
-            other => other,
+            Self::Record(parts) => match Rc::make_mut(parts).iter_mut().find(|(name, _)| name == component) {
+                Some((_, value)) => value.forget(why),
+                // The last run has added it.
+                None => Rc::make_mut(parts).push((component.clone(), Self::unknown(why))),
+            },
+            _ => {}
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::Layout;
 use super::rewrite::print;
-use crate::{Change, Editable, Insert, Motion, Passing, Program, Reason, RewriteOptions, Rewritten, Role};
+use crate::{Change, Editable, Insert, Inserted, Motion, Passing, Program, Reason, RewriteOptions, Role};
 use deflex_text::{Content, Edit, Span};
 
 /// Why nothing can be inserted before a target.
@@ -32,38 +32,13 @@ pub(super) fn refusal(program: &Program, layout: &Layout, before: usize) -> Opti
     (!blank).then_some(Reason::SharesLine)
 }
 
-/// Writes the inserts into `out`, with their poses in the controller's precision if they could be written.
-pub(super) fn write(
+/// The motion for an insert.
+pub(super) fn statement(
     program: &Program,
     layout: &Layout,
-    inserts: &[Insert],
+    insert: &Insert,
     options: &RewriteOptions,
-    out: &mut Rewritten,
-) {
-    for insert in inserts {
-        match statement(program, layout, insert, options) {
-            Ok((text, written)) => {
-                let target = &program.targets[insert.before];
-                let at = Span { start: target.span.start, end: target.span.start };
-                let edits = &mut out.edits[usize::from(target.source)];
-                match edits.iter_mut().find(|edit| edit.span == at) {
-                    Some(edit) => edit.content.extend_from_slice(&text),
-                    None => edits.push(Edit { span: at, content: Content::from_vec(text) }),
-                }
-                out.inserted.push(Some(written));
-            }
-            Err(why) => {
-                out.inserted.push(None);
-                out.not_inserted.push((insert.before, why));
-            }
-        }
-    }
-    out.edits.iter_mut().for_each(|edits| edits.sort_by_key(|edit| edit.span));
-}
-
-type Written = (Vec<u8>, ([f64; 3], [f64; 4]));
-
-fn statement(program: &Program, layout: &Layout, insert: &Insert, options: &RewriteOptions) -> Result<Written, Reason> {
+) -> Result<Inserted, Reason> {
     if insert.via.is_some() {
         return Err(Reason::OnlyLines);
     }
@@ -94,5 +69,6 @@ fn statement(program: &Program, layout: &Layout, insert: &Insert, options: &Rewr
     let ends: &[u8] = if bytes[target.span.end as usize..].starts_with(b"\r\n") { b"\r\n" } else { b"\n" };
     text.extend_from_slice(ends);
     text.extend_from_slice(&bytes[line..start]);
-    Ok((text, printed.written))
+    let at = Span { start: target.span.start, end: target.span.start };
+    Ok(Inserted { source: usize::from(target.source), at, text, pose: printed.written })
 }

@@ -105,7 +105,10 @@ impl FrontEnd for Layout {
         options: &RewriteOptions,
     ) -> Rewritten {
         let mut out = rewrite::rewrite(program, self, changes, options);
-        insert::write(program, self, inserts, options, &mut out);
+        for insert in inserts {
+            out.insert(insert.before, insert::statement(program, self, insert, options));
+        }
+        out.edits.iter_mut().for_each(|edits| edits.sort_by_key(|edit| edit.span));
         out
     }
 
@@ -124,10 +127,4 @@ impl FrontEnd for Layout {
     fn motion_targets(&self, _: &Program) -> usize {
         self.motions
     }
-}
-
-/// The precision of controllers whose reals are IEEE singles.
-#[allow(clippy::cast_possible_truncation)]
-pub(super) fn single(_: usize, value: f64) -> f64 {
-    f64::from(value as f32)
 }

@@ -2,7 +2,7 @@
 
 use super::{Layout, PoseSource};
 use crate::token::New;
-use crate::{Change, Editable, Goal, Program, Reason, RewriteOptions, Rewritten};
+use crate::{Change, Editable, Goal, NO_TURN, Program, Reason, RewriteOptions, Rewritten};
 use deflex_lang::ir::TokenId;
 use deflex_lang::shared::agree;
 use deflex_text::{Content, Edit, Token};
@@ -95,7 +95,7 @@ pub(super) fn rewrite(
 fn held(goal: &Goal) -> ([f64; 3], [f64; 4]) {
     match *goal {
         Goal::Pose { position_mm, quat, .. } => (position_mm, quat),
-        _ => ([0.0; 3], [1.0, 0.0, 0.0, 0.0]),
+        _ => ([0.0; 3], NO_TURN),
     }
 }
 

@@ -8,8 +8,8 @@ use crate::{
 };
 use deflex_lang::dialect::Dialect;
 use deflex_lang::ir::{self, Path, SourceSpan, Switch};
-use deflex_lang::run::{Moved, PathStart, run};
-use deflex_lang::shared::{Edit, editable};
+use deflex_lang::run::{Moved, run};
+use deflex_lang::shared::editable;
 use deflex_lang::value::{Content, Pose, Value};
 use deflex_text::{Diagnostic, Severity, Source, Span};
 use std::collections::BTreeSet;
@@ -79,7 +79,7 @@ fn build(
             outcome.used.insert(ir::TokenId(at as u32), Reason::Computed);
         }
     }
-    let edits = editable(&outcome, &[]);
+    let edits = editable(&outcome);
     let mut builder = Builder {
         style,
         tools: Vec::new(),
@@ -216,9 +216,9 @@ struct Builder {
 
 impl Builder {
     /// Adds a motion. Returns whether it has a target.
-    fn motion(&mut self, motion: &Moved, edit: Edit, follows: bool) -> bool {
+    fn motion(&mut self, motion: &Moved, editable: Editable, follows: bool) -> bool {
         self.ordinal += 1;
-        match self.points(motion, edit, follows) {
+        match self.points(motion, editable, follows) {
             Ok(()) => true,
             Err(reason) => {
                 let SourceSpan { source, span } = motion.place;
@@ -229,7 +229,7 @@ impl Builder {
         }
     }
 
-    fn points(&mut self, motion: &Moved, edit: Edit, follows: bool) -> Result<(), Reason> {
+    fn points(&mut self, motion: &Moved, editable: Editable, follows: bool) -> Result<(), Reason> {
         let switch = |switch: Switch| &motion.switches[switch as usize];
         if motion.in_thread {
             return Err(Reason::InThread);
@@ -267,44 +267,26 @@ impl Builder {
             }
             _ => None,
         };
-        let (tool, wobj) = self.frames(motion)?;
+        let frames = self.frames(motion)?;
         let first = self.targets.len();
         let mark = match &switch(Switch::Mark).content {
             Content::Text(word) if **word == *b"air" => Some(Mark::Air),
             Content::Text(word) if **word == *b"cut" => Some(Mark::Cut),
             _ => None,
         };
-        let editable = match edit {
-            Edit::Pose => Editable::Pose,
-            Edit::Position => Editable::Position,
-            Edit::No(why) => Editable::No(why),
-        };
         let is_path = matches!(path, Motion::Linear | Motion::Circular);
+        let line = self.kept.line(motion.place.source, motion.place.span);
         let end = Target {
-            ordinal: self.ordinal,
-            role: Role::End,
-            motion: path,
-            goal: to,
-            tool,
-            wobj,
             feed_mm_s: motion.speed.filter(|_| is_path).map(|speed| speed * self.style.mm),
-            spindle_rpm: None,
-            rapid: false,
             mark,
             editable,
-            located: true,
             extra_load: switch(Switch::Load).reason().is_some(),
-            external: None,
-            name: None,
-            source: motion.place.source,
-            span: motion.place.span,
-            line: self.kept.line(motion.place.source, motion.place.span),
             predecessor: match motion.from {
-                PathStart::Start => Predecessor::Start,
-                PathStart::Previous if follows => Predecessor::Previous,
-                PathStart::Previous | PathStart::Unknown => Predecessor::Unknown,
+                Predecessor::Previous if !follows => Predecessor::Unknown,
+                from => from,
             },
             arc_turn: (motion.path == Path::Tangent).then_some(ArcTurn::Fixed),
+            ..Target::new(self.ordinal, path, to, frames, motion.place, line)
         };
         if let Some(goal) = via {
             let via = Target { role: Role::Via, goal, ..end.clone() };
@@ -355,11 +337,11 @@ impl Builder {
     }
 
     /// Indices of tool and work object.
-    fn frames(&mut self, motion: &Moved) -> Result<(u16, u16), Reason> {
+    fn frames(&mut self, motion: &Moved) -> Result<[u16; 2], Reason> {
         if let Some(given) = motion.to.pose().and_then(|pose| pose.given.as_ref()) {
             let tool = intern(&mut self.tools, Tool { name: Arc::clone(&given.tool), data: None });
             let wobj = Wobj { name: Arc::clone(&given.frame), data: None, unit: None };
-            return Ok((tool, intern(&mut self.wobjs, wobj)));
+            return Ok([tool, intern(&mut self.wobjs, wobj)]);
         }
         let [tool, load, frame] =
             [Switch::Tool, Switch::Load, Switch::Frame].map(|switch| &motion.switches[switch as usize]);
@@ -382,7 +364,7 @@ impl Builder {
             }
         };
         let name = named(frame).map_or_else(|| self.style.frame.into(), Arc::from);
-        Ok((tool, intern(&mut self.wobjs, Wobj { name, data: None, unit: None })))
+        Ok([tool, intern(&mut self.wobjs, Wobj { name, data: None, unit: None })])
     }
 
     fn tool_data(&self, pose: &Pose, load: &Value) -> ToolData {

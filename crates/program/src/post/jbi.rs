@@ -160,24 +160,9 @@ mod tests {
     use deflex_text::Source;
 
     fn post(max_points: Option<usize>) -> Vec<(String, Vec<u8>)> {
-        let unit = [1.0, 0.0, 0.0, 0.0];
-        let zero = [0.0; 3];
-        let tool = ToolData { robhold: true, tcp_mm: zero, tcp_quat: unit, mass_kg: 2.0, cog_mm: zero };
-        let [robhold, fixed] = [false, true];
-        let wobj = WobjData { robhold, fixed, uframe_mm: zero, uframe_quat: unit, oframe_mm: zero, oframe_quat: unit };
-        let plan = PostPlan {
-            name: "part".to_owned(),
-            title: vec!["from a test".to_owned()],
-            tools: vec![("TOOL 2".to_owned(), tool)],
-            wobjs: vec![("USER 3".to_owned(), wobj)],
-            units: Vec::new(),
-            external: [None; crate::EXTERNAL_AXES],
-            speeds: Vec::new(),
-            points: 4,
-            max_points,
-            rapid_mm_s: 200.0,
-            corner_tolerance_mm: 0.05,
-        };
+        let tool = ToolData { mass_kg: 2.0, ..ToolData::FLANGE };
+        let plan = PostPlan::sample(("TOOL 2", tool), ("USER 3", WobjData::WORLD), 4);
+        let plan = PostPlan { max_points, ..plan };
         let point = |i: u32| {
             let mut point = PostedPoint::sample([10.0 * f64::from(i), 1.0, -2.0], [0.0, 0.6, 0.8, 0.0]);
             (point.rapid, point.mark) = (i == 0, Some(if i == 0 { Mark::Air } else { Mark::Cut }));

@@ -6,7 +6,7 @@ use super::template::decimal;
 use super::writer::{PostWriter, PostedPoint, WriterPosition};
 use super::zone::radius;
 use crate::orientation::{rotation, zyx_deg};
-use crate::{Mark, ToolData, WobjData};
+use crate::{Mark, NO_TURN, ToolData, WobjData};
 use deflex_text::number::write_fixed;
 
 /// Most points of a file: controllers do not load long files. RoboDK's post-processor for the KRC4 splits at the same number of lines.
@@ -196,7 +196,7 @@ fn tool(text: &mut Vec<u8>, name: &str, data: &ToolData) {
     text.extend_from_slice(b"\r\n$LOAD = {M ");
     write_fixed(text, data.mass_kg, MM);
     text.extend_from_slice(b",CM ");
-    frame(text, &data.cog_mm, [1.0, 0.0, 0.0, 0.0]);
+    frame(text, &data.cog_mm, NO_TURN);
     text.extend_from_slice(b",J {X 0.0,Y 0.0,Z 0.0}}\r\n");
 }
 
@@ -225,34 +225,10 @@ mod tests {
     use deflex_text::Source;
 
     fn plan(max_points: Option<usize>) -> PostPlan {
-        let tool = ToolData {
-            robhold: true,
-            tcp_mm: [1.0, 2.0, 310.0],
-            tcp_quat: [0.0, 1.0, 0.0, 0.0],
-            mass_kg: 12.0,
-            cog_mm: [0.0, 0.0, 80.0],
-        };
-        let wobj = WobjData {
-            robhold: false,
-            fixed: true,
-            uframe_mm: [1000.0, 0.0, 500.0],
-            uframe_quat: [1.0, 0.0, 0.0, 0.0],
-            oframe_mm: [0.0; 3],
-            oframe_quat: [1.0, 0.0, 0.0, 0.0],
-        };
-        PostPlan {
-            name: "part".to_owned(),
-            title: vec!["from a test".to_owned()],
-            tools: vec![("tMill".to_owned(), tool)],
-            wobjs: vec![("BASE_DATA[4]".to_owned(), wobj)],
-            units: Vec::new(),
-            external: [None; crate::EXTERNAL_AXES],
-            speeds: Vec::new(),
-            points: 5,
-            max_points,
-            rapid_mm_s: 200.0,
-            corner_tolerance_mm: 0.05,
-        }
+        let (tcp_mm, tcp_quat, cog_mm) = ([1.0, 2.0, 310.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 80.0]);
+        let tool = ToolData { tcp_mm, tcp_quat, cog_mm, mass_kg: 12.0, ..ToolData::FLANGE };
+        let wobj = WobjData { uframe_mm: [1000.0, 0.0, 500.0], ..WobjData::WORLD };
+        PostPlan { max_points, ..PostPlan::sample(("tMill", tool), ("BASE_DATA[4]", wobj), 5) }
     }
 
     fn points() -> Vec<PostedPoint> {

@@ -2,6 +2,7 @@
 
 use super::plan::PostPlan;
 use crate::Language;
+use crate::rapid::SPEEDS;
 use deflex_text::Diagnostic;
 
 /// Longest RAPID identifier.
@@ -72,12 +73,6 @@ pub fn refuse(plan: &PostPlan, language: Language) -> Result<(), Vec<Diagnostic>
     let all: Vec<Diagnostic> = tools.chain(wobjs.map(|(name, _)| refused("work object", wobj, name))).collect();
     if all.is_empty() { Ok(()) } else { Err(all) }
 }
-
-/// TCP speeds of the predefined `v5` … `v7000`, mm/s.
-const SPEEDS: [u32; 25] = [
-    5, 10, 20, 30, 40, 50, 60, 80, 100, 150, 200, 300, 400, 500, 600, 800, 1000, 1500, 2000, 2500, 3000, 4000, 5000,
-    6000, 7000,
-];
 
 /// Speeds that differ by less than this are equal, mm/s: half of the last of four printed decimals.
 pub(super) const SAME_SPEED: f64 = 0.5e-4;

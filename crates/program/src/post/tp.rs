@@ -5,6 +5,7 @@ use super::statements::Statements;
 use super::zone::{FINE, is_nearly_straight, zone};
 use super::{PostedPoint, names};
 use crate::orientation::{from_zyx_deg, quaternion, rotation, zyx_deg};
+use crate::token::single;
 use crate::tp::MOST_POINTS;
 use crate::{Config, Language};
 use deflex_text::Diagnostic;
@@ -35,8 +36,7 @@ pub(crate) const STATEMENTS: Statements = Statements {
 
 /// A pose (mm, scalar first) that is printed as X … R, in the controller's precision.
 pub(crate) fn held_pose(mm: [f64; 3], quat: [f64; 4]) -> ([f64; 3], [f64; 4]) {
-    #[allow(clippy::cast_possible_truncation)]
-    let held = |value: f64| f64::from(printed(value, DECIMALS) as f32);
+    let held = |value: f64| single(printed(value, DECIMALS));
     (mm.map(held), quaternion(&from_zyx_deg(zyx_deg(&rotation(quat)).map(held))))
 }
 

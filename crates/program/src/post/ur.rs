@@ -5,6 +5,7 @@ use super::statements::Statements;
 use super::template::decimal;
 use super::writer::{PostWriter, PostedPoint, WriterPosition};
 use crate::orientation::{quaternion, rotation, rotation_vector};
+use crate::token::single;
 use crate::{Mark, ToolData};
 use deflex_text::number::{printed, write_fixed};
 use nalgebra::Rotation3;
@@ -34,8 +35,7 @@ pub(crate) const STATEMENTS: Statements = Statements {
 
 /// A pose (mm, scalar first) that is printed as `p[…]`, in the controller's precision.
 pub(crate) fn held_pose(mm: [f64; 3], quat: [f64; 4]) -> ([f64; 3], [f64; 4]) {
-    #[allow(clippy::cast_possible_truncation)]
-    let held = |value: f64, decimals: usize| f64::from(printed(value, decimals) as f32);
+    let held = |value: f64, decimals: usize| single(printed(value, decimals));
     let turn = rotation_vector(&rotation(quat)).map(|value| held(value, RAD));
     (mm.map(|mm| 1e3 * held(1e-3 * mm, M)), quaternion(&Rotation3::new(turn)))
 }
@@ -147,34 +147,11 @@ mod tests {
 
     #[test]
     fn what_is_written_is_read_back() {
-        let tool = ToolData {
-            robhold: true,
-            tcp_mm: [1.0, 2.0, 310.0],
-            tcp_quat: [0.0, 1.0, 0.0, 0.0],
-            mass_kg: 2.0,
-            cog_mm: [0.0, 0.0, 80.0],
-        };
-        let wobj = WobjData {
-            robhold: false,
-            fixed: true,
-            uframe_mm: [400.0, 0.0, 100.0],
-            uframe_quat: [0.0, 0.0, 0.0, 1.0],
-            oframe_mm: [0.0; 3],
-            oframe_quat: [1.0, 0.0, 0.0, 0.0],
-        };
-        let plan = PostPlan {
-            name: "part".to_owned(),
-            title: vec!["from a test".to_owned()],
-            tools: vec![("TCP".to_owned(), tool)],
-            wobjs: vec![("wPart".to_owned(), wobj)],
-            units: Vec::new(),
-            external: [None; crate::EXTERNAL_AXES],
-            speeds: Vec::new(),
-            points: 4,
-            max_points: None,
-            rapid_mm_s: 200.0,
-            corner_tolerance_mm: 0.05,
-        };
+        let (tcp_mm, tcp_quat, cog_mm) = ([1.0, 2.0, 310.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 80.0]);
+        let tool = ToolData { tcp_mm, tcp_quat, cog_mm, mass_kg: 2.0, ..ToolData::FLANGE };
+        let (uframe_mm, uframe_quat) = ([400.0, 0.0, 100.0], [0.0, 0.0, 0.0, 1.0]);
+        let wobj = WobjData { uframe_mm, uframe_quat, ..WobjData::WORLD };
+        let plan = PostPlan::sample(("TCP", tool), ("wPart", wobj), 4);
         let point = |i: u32| {
             let mut point = PostedPoint::sample([10.0 * f64::from(i), 1.0, -2.0], [0.0, 0.6, 0.8, 0.0]);
             (point.rapid, point.mark) = (i == 0, Some(if i == 0 { Mark::Air } else { Mark::Cut }));

@@ -46,22 +46,9 @@ impl PostedPoint {
     /// A point for tests.
     pub(super) fn sample(position_mm: [f64; 3], quat: [f64; 4]) -> Self {
         let conf = Confdata { cf1: 0, cf4: -1, cf6: 0, cfx: 1 };
-        let (speed_mm_s, rapid, stop, joint, lines, mark) = (20.0, false, false, false, None, None);
-        Self {
-            position_mm,
-            quat,
-            conf,
-            turns: [0; 3],
-            speed_mm_s,
-            rapid,
-            stop,
-            joint,
-            lines,
-            mark,
-            tool: 0,
-            wobj: 0,
-            external: None,
-        }
+        let (turns, speed_mm_s, rapid, stop, joint) = ([0; 3], 20.0, false, false, false);
+        let (lines, mark, tool, wobj, external) = (None, None, 0, 0, None);
+        Self { position_mm, quat, conf, turns, speed_mm_s, rapid, stop, joint, lines, mark, tool, wobj, external }
     }
 }
 
@@ -311,22 +298,9 @@ mod tests {
     use proptest::prelude::*;
 
     fn plan_and_points(max_points: Option<usize>) -> (PostPlan, [PostedPoint; 5]) {
-        let quat = [0.0, 1.0, 0.0, -0.0];
-        let conf = Confdata { cf1: 0, cf4: -1, cf6: 0, cfx: 1 };
-        let at = |x: f64, speed_mm_s: f64, rapid: bool, mark| PostedPoint {
-            position_mm: [x, -0.000_01, 10.0],
-            quat,
-            conf,
-            turns: [0; 3],
-            speed_mm_s,
-            rapid,
-            stop: false,
-            joint: false,
-            lines: None,
-            mark,
-            tool: 0,
-            wobj: 0,
-            external: None,
+        let at = |x: f64, speed_mm_s: f64, rapid: bool, mark| {
+            let sample = PostedPoint::sample([x, -0.000_01, 10.0], [0.0, 1.0, 0.0, -0.0]);
+            PostedPoint { speed_mm_s, rapid, mark, ..sample }
         };
         let points = [
             at(0.0, 0.0, true, None),
@@ -335,34 +309,16 @@ mod tests {
             at(14.5, 50.0, false, Some(Mark::Cut)),
             at(17.0, 33.0, false, Some(Mark::Cut)),
         ];
-        let tool = ToolData {
-            robhold: true,
-            tcp_mm: [0.0, 0.0, 310.0],
-            tcp_quat: [1.0, 0.0, 0.0, 0.0],
-            mass_kg: 18.0,
-            cog_mm: [0.0, 0.0, 120.0],
-        };
-        let unit = [1.0, 0.0, 0.0, 0.0];
-        let wobj = WobjData {
-            robhold: false,
-            fixed: true,
-            uframe_mm: [1000.0, -400.0, 700.0],
-            uframe_quat: unit,
-            oframe_mm: [0.0; 3],
-            oframe_quat: unit,
-        };
+        let (tcp_mm, cog_mm) = ([0.0, 0.0, 310.0], [0.0, 0.0, 120.0]);
+        let tool = ToolData { tcp_mm, cog_mm, mass_kg: 18.0, ..ToolData::FLANGE };
+        let wobj = WobjData { uframe_mm: [1000.0, -400.0, 700.0], ..WobjData::WORLD };
         let plan = PostPlan {
             name: "2 blade".into(),
             title: vec!["from 2 blade.apt".into()],
-            tools: vec![("tMill".into(), tool)],
-            wobjs: vec![("wPart".into(), wobj)],
-            units: Vec::new(),
-            external: [None; EXTERNAL_AXES],
             speeds: vec![27.432, 50.0],
-            points: points.len(),
             max_points,
             rapid_mm_s: 500.0,
-            corner_tolerance_mm: 0.05,
+            ..PostPlan::sample(("tMill", tool), ("wPart", wobj), points.len())
         };
         (plan, points)
     }

@@ -5,7 +5,7 @@ use super::expression::{Arguments, Expression};
 use super::runner::{Cached, Mode, Runner};
 use super::symbols::Upper;
 use super::value::MAX_NORM_ERROR;
-use super::value::{Value, predefined, unit};
+use super::value::{Value, predefined};
 use crate::{Reason, Tool, ToolData, Wobj, WobjData};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Severity, Span, decode};
@@ -33,7 +33,7 @@ impl<'a> Runner<'a> {
             [&d.tcp_mm[..], &d.tcp_quat, &[d.mass_kg], &d.cog_mm, &[f64::from(u8::from(d.robhold))]].concat()
         });
         let key = frame_key(&name, &numbers);
-        let data = data.map(|data| ToolData { tcp_quat: unit(data.tcp_quat), ..data });
+        let data = data.map(ToolData::normalised);
         if !self.is_recording {
             return Ok(0);
         }
@@ -76,11 +76,7 @@ impl<'a> Runner<'a> {
         let mechanical_unit: Option<Arc<str>> = value.wobj_unit().map(|unit| decode(unit).as_ref().into());
         let mut key = frame_key(&name, &numbers);
         key.extend_from_slice(mechanical_unit.as_deref().unwrap_or("").as_bytes());
-        let data = data.map(|data| WobjData {
-            uframe_quat: unit(data.uframe_quat),
-            oframe_quat: unit(data.oframe_quat),
-            ..data
-        });
+        let data = data.map(WobjData::normalised);
         if !self.is_recording {
             return Ok(0);
         }
@@ -200,13 +196,4 @@ pub(super) fn number<T>(
     all.push(one);
     numbers.insert(key, number);
     Ok(Some(number))
-}
-
-/// The index of a value in a short list, to which it is added if it is missing.
-pub(super) fn index<T>(all: &mut Vec<T>, one: T, same: impl Fn(&T, &T) -> bool) -> u16 {
-    let at = all.iter().position(|known| same(known, &one)).unwrap_or_else(|| {
-        all.push(one);
-        all.len() - 1
-    });
-    u16::try_from(at).unwrap_or(u16::MAX)
 }

@@ -13,7 +13,7 @@ use crate::Reason;
 use deflex_lang::ir::SourceSpan;
 use deflex_lang::walk::Stop;
 use deflex_text::{Diagnostic, Severity, Span};
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 use std::sync::LazyLock;
 
 /// Deepest calls that are followed: a procedure that calls itself has no end for the reader.
@@ -307,17 +307,7 @@ impl<'a> Runner<'a> {
         let before = self.symbols.variables.len();
         let names = self.own_names(id, arguments);
         let (module, guards) = (self.symbols.module_of(id), usize::from(self.symbols.routine(id).error.is_some()));
-        self.frames.push(Frame {
-            routine: id,
-            module,
-            names,
-            loops: Vec::new(),
-            rounds: HashMap::new(),
-            within: None,
-            returned: None,
-            raised: None,
-            noted: None,
-        });
+        self.frames.push(Frame { routine: id, module, names, ..Frame::default() });
         self.state.version = self.next_version();
         self.errors.guards += guards;
         let state = std::mem::take(&mut self.state);

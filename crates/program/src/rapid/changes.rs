@@ -11,6 +11,7 @@ use crate::Reason;
 use std::cell::RefCell;
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::rc::Rc;
+use std::sync::LazyLock;
 
 /// A name in upper case.
 type Name = Box<[u8]>;
@@ -43,17 +44,9 @@ struct Direct {
 }
 
 impl Changes {
-    const NOTHING: Self = Self {
-        data: BTreeSet::new(),
-        own: BTreeSet::new(),
-        foreign: BTreeSet::new(),
-        anything: false,
-        switches: Switches::NONE,
-    };
-
     /// The possible changes of an unknown routine.
     pub(super) fn anything() -> Self {
-        Self { anything: true, switches: Switches::FOREIGN, ..Self::NOTHING }
+        Self { anything: true, switches: Switches::FOREIGN, ..Self::default() }
     }
 
     fn add(&mut self, found: &NameMeaning) {
@@ -199,8 +192,8 @@ impl<'a> Symbols<'a> {
 
     /// The changes of a routine, in its body or its handlers, with its calls.
     pub(super) fn changed_by(&self, id: RoutineId) -> &Changes {
-        static NONE: Changes = Changes::NOTHING;
-        self.known.routines.get(&id).unwrap_or(&NONE)
+        static NONE: LazyLock<Changes> = LazyLock::new(Changes::default);
+        self.known.routines.get(&id).unwrap_or_else(|| &NONE)
     }
 
     /// The changes of a block of a routine, with its calls.

@@ -6,7 +6,7 @@ use super::runner::Runner;
 use super::state::{Begun, OnOff};
 use super::symbols::{Content, Upper};
 use super::tree::{Storage, statements};
-use super::value::{Value, unit};
+use super::value::Value;
 use crate::{ToolData, WobjData};
 use deflex_text::{Diagnostic, Severity, Span};
 use std::collections::BTreeSet;
@@ -40,11 +40,12 @@ impl Runner<'_> {
     /// Warns of tools, work objects and displacement that a motion uses as declared, and that differ in the next cycle.
     pub(super) fn tell_next_cycle(&mut self, main: RoutineId) {
         let Begun { declared, used, moved_before_displacement } = std::mem::take(&mut self.begun);
+        let frames = |value: &Value| (value.tool().map(ToolData::normalised), value.wobj().map(WobjData::normalised));
         for (at, began) in declared.into_iter().filter(|(at, _)| used.contains(at)) {
             let ends = self.content(at);
             let data = &self.symbols.variables[at];
             if let Some(declared) = data.declared
-                && (tool_of(&began), wobj_of(&began)) != (tool_of(&ends), wobj_of(&ends))
+                && frames(&began) != frames(&ends)
             {
                 let message = format!(
                     "at the end of `main`, `{}` differs from the value that its first motions expect",
@@ -117,17 +118,4 @@ impl Runner<'_> {
         let help = "set it before the first motion: otherwise the next cycle drives these motions to other places than the correction assumes";
         self.messages.diagnostics.push(note.severity(Severity::Note).help(help));
     }
-}
-
-/// The tooldata of a value.
-fn tool_of(value: &Value) -> Option<ToolData> {
-    value.tool().map(|data| ToolData { tcp_quat: unit(data.tcp_quat), ..data })
-}
-
-fn wobj_of(value: &Value) -> Option<WobjData> {
-    value.wobj().map(|data| WobjData {
-        uframe_quat: unit(data.uframe_quat),
-        oframe_quat: unit(data.oframe_quat),
-        ..data
-    })
 }

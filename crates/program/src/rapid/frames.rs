@@ -3,8 +3,7 @@
 use super::eval::Scope;
 use super::runner::Runner;
 use super::symbols::Content;
-use super::value::unit;
-use crate::{Tool, ToolData, Wobj, WobjData};
+use crate::{Tool, Wobj, intern};
 use deflex_text::{Source, decode};
 use std::sync::Arc;
 
@@ -18,12 +17,11 @@ pub fn declared_frames(sources: &[Source]) -> (Vec<Tool>, Vec<Wobj>) {
         let Ok(file) = super::syntax::parse(source, 0) else { continue };
         let files = [file];
         let (of_file, objects) = Runner::new(std::slice::from_ref(source), &files, 1).declared();
-        let new = |name: &str, known: &[Tool]| !known.iter().any(|tool| tool.name.eq_ignore_ascii_case(name));
-        of_file.into_iter().for_each(|tool| tools.extend(Some(tool).filter(|tool| new(&tool.name, &tools))));
+        for tool in of_file {
+            intern(&mut tools, &tool, |known, tool| known.name.eq_ignore_ascii_case(&tool.name));
+        }
         for wobj in objects {
-            if !wobjs.iter().any(|known| known.name.eq_ignore_ascii_case(&wobj.name)) {
-                wobjs.push(wobj);
-            }
+            intern(&mut wobjs, &wobj, |known, wobj| known.name.eq_ignore_ascii_case(&wobj.name));
         }
     }
     (tools, wobjs)
@@ -41,15 +39,10 @@ impl Runner<'_> {
             }
             let value = self.evaluate(Scope { source: 0, module, local: false, running: false }, initial);
             if let Some(data) = value.tool() {
-                tools.push(Tool { name, data: Some(ToolData { tcp_quat: unit(data.tcp_quat), ..data }) });
+                tools.push(Tool { name, data: Some(data.normalised()) });
             } else if let Some(data) = value.wobj() {
-                let (uframe_quat, oframe_quat) = (unit(data.uframe_quat), unit(data.oframe_quat));
-                let mechanical_unit = value.wobj_unit().map(|unit| decode(unit).as_ref().into());
-                wobjs.push(Wobj {
-                    name,
-                    data: Some(WobjData { uframe_quat, oframe_quat, ..data }),
-                    unit: mechanical_unit,
-                });
+                let unit = value.wobj_unit().map(|unit| decode(unit).as_ref().into());
+                wobjs.push(Wobj { name, data: Some(data.normalised()), unit });
             }
         }
         (tools, wobjs)

@@ -10,8 +10,10 @@ use std::sync::Arc;
 use std::sync::mpsc::SyncSender;
 
 /// The treatment of a run's targets.
+#[derive(Default)]
 pub(super) enum Gathering {
     /// All are stored.
+    #[default]
     All,
     /// Equal motions are stored once.
     Distinct(Distinct),

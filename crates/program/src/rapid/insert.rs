@@ -1,16 +1,17 @@
 //! Inserted points between two targets: each becomes a motion before the instruction, in the layout of the file.
 
 use super::clone::layout_at;
-use super::expression::{Arguments, Call, Expression};
+use super::expression::{Arguments, Call};
 use super::lex::{Cursor, LexemeKind};
 use super::motion::{self, Shape, ToolAt, Zone};
 use super::syntax::Reader;
 use super::tree::StatementKind;
 use super::value::quarters;
 use super::value::unit;
-use super::writer::{Writer, single};
+use super::writer::Writer;
 use super::{Layout, TargetInText};
-use crate::{Conf, Goal, Insert, Motion, Passing, Program, Reason, Target};
+use crate::token::single;
+use crate::{Conf, Goal, Insert, Inserted, Motion, Passing, Program, Reason, Target};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Edit, Span, number};
 
@@ -18,31 +19,6 @@ use deflex_text::{Edit, Span, number};
 const FLY_BY: [(&[u8], f64); 2] = [(b"z0", 0.3), (b"z1", 1.0)];
 /// External axes for a target that states none.
 const NO_AXES: &[u8] = b"[9E+09,9E+09,9E+09,9E+09,9E+09,9E+09]";
-
-/// Writes the inserts; returns each as the controller will hold it, or `None` if it could not be written.
-pub(super) fn write(writer: &mut Writer<'_>, inserts: &[Insert]) -> Vec<Option<([f64; 3], [f64; 4])>> {
-    let mut poses = Vec::new();
-    for insert in inserts {
-        let (text, pose) = numbers(writer, (insert.position_mm, insert.quat));
-        let via = insert.via.map(|via| numbers(writer, via).0);
-        match instruction(writer, insert, via.as_deref(), &text) {
-            Ok((source, edit)) => {
-                // Several points before one instruction become one edit, in their order.
-                let edits = &mut writer.edits[source];
-                match edits.iter_mut().find(|e| e.span == edit.span) {
-                    Some(other) => other.content.extend_from_slice(&edit.content),
-                    None => edits.push(edit),
-                }
-                poses.push(Some(pose));
-            }
-            Err(reason) => {
-                writer.not_inserted.push((insert.before, reason));
-                poses.push(None);
-            }
-        }
-    }
-    poses
-}
 
 /// `[x,y,z],[q1,q2,q3,q4]` as text, and the pose rounded to single precision.
 fn numbers(writer: &Writer<'_>, (position_mm, quat): ([f64; 3], [f64; 4])) -> (Vec<u8>, ([f64; 3], [f64; 4])) {
@@ -119,23 +95,23 @@ fn copy_named(call: &Call, bytes: &[u8], name: &[u8], out: &mut Vec<u8>) {
     }
 }
 
-fn instruction(
-    writer: &mut Writer<'_>,
-    insert: &Insert,
-    via: Option<&[u8]>,
-    numbers: &[u8],
-) -> Result<(usize, Edit), Reason> {
+/// The motion for an insert.
+pub(super) fn instruction(writer: &Writer<'_>, insert: &Insert) -> Result<Inserted, Reason> {
+    let (text, pose) = numbers(writer, (insert.position_mm, insert.quat));
+    let via = insert.via.map(|via| numbers(writer, via).0);
     let Like { target, call, shape, tool_at } = like(writer.program, insert.before)?;
     let source = &writer.program.sources[usize::from(target.source)];
     let bytes = &source.bytes;
-    let text = |argument: &Expression| &bytes[argument.span.range()];
-    let argument = |at: usize| call.arguments.positional.get(at).map(text).ok_or(Reason::Motion);
+    let argument = |at: usize| {
+        let argument = call.arguments.positional.get(at).ok_or(Reason::Motion)?;
+        Ok::<_, Reason>(&bytes[argument.span.range()])
+    };
     let (indent, line_end) = layout_at(source, target.span.start);
     let (conf, axes) = rest(writer.layout, writer, insert.before, insert.conf, &target.goal);
     let axes = insert.external.map_or(axes, |external| external_axes(&external, writer.options.position_decimals));
     let mut content = if via.is_some() { b"MoveC ".to_vec() } else { b"MoveL ".to_vec() };
-    for numbers in via.into_iter().chain([numbers]) {
-        for part in [b"[", numbers, b",", &conf, b",", &axes, b"],"] {
+    for numbers in via.iter().chain([&text]) {
+        for part in [b"[", &numbers[..], b",", &conf, b",", &axes, b"],"] {
             content.extend_from_slice(part);
         }
     }
@@ -152,7 +128,7 @@ fn instruction(
     content.extend_from_slice(line_end);
     content.extend_from_slice(indent);
     let at = Span { start: target.span.start, end: target.span.start };
-    Ok((target.source as usize, Edit { span: at, content: content.into() }))
+    Ok(Inserted { source: target.source as usize, at, text: content, pose })
 }
 
 /// External axes as text.

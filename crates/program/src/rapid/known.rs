@@ -8,7 +8,7 @@ use std::rc::Rc;
 type Name = Box<[u8]>;
 
 /// A routine by file, module and index in the module.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(super) struct RoutineId {
     pub(super) file: usize,
     pub(super) module: usize,

@@ -1,12 +1,13 @@
 //! Splits bytes into lexemes, in linear time and without allocation; every byte belongs to a lexeme.
 
 use crate::Mark;
+use crate::lexeme::{self, Bytes, Found, decimal};
 use deflex_text::Span;
-use nom::bytes::complete::{take_till, take_while, take_while_m_n};
+use nom::Parser;
+use nom::bytes::complete::{take_till, take_while};
 use nom::character::complete::{char, one_of};
-use nom::combinator::{opt, recognize};
+use nom::combinator::recognize;
 use nom::sequence::preceded;
-use nom::{IResult, Parser};
 
 /// The kind of a lexeme.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,25 +40,10 @@ pub(super) enum LexemeKind {
     End,
 }
 
-/// One lexeme and where it stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Lexeme {
-    pub(super) kind: LexemeKind,
-    pub(super) start: usize,
-    pub(super) end: usize,
-}
+pub(super) type Lexeme = lexeme::Lexeme<LexemeKind>;
 
-impl Lexeme {
-    /// A lexeme outside the text.
-    const NONE: Self = Self { kind: LexemeKind::End, start: usize::MAX, end: usize::MAX };
-
-    pub(super) fn span(self) -> Span {
-        Span::new(self.start, self.end)
-    }
-}
-
-type Bytes<'a> = &'a [u8];
-type Found<'a> = IResult<Bytes<'a>, Bytes<'a>, ()>;
+/// A lexeme outside the text.
+const NONE: Lexeme = Lexeme { kind: LexemeKind::End, start: usize::MAX, end: usize::MAX };
 
 /// Whether a byte is blank to RAPID; NUL and the control characters count too, because real files contain them.
 pub(super) fn is_space(byte: u8) -> bool {
@@ -72,14 +58,6 @@ fn is_word(byte: u8) -> bool {
     byte.is_ascii_alphanumeric() || byte == b'_' || byte >= 0x80
 }
 
-fn digits(input: Bytes<'_>) -> Found<'_> {
-    take_while_m_n(1, usize::MAX, |b: u8| b.is_ascii_digit()).parse(input)
-}
-
-fn exponent(input: Bytes<'_>) -> Found<'_> {
-    recognize((one_of("eE"), opt(one_of("+-")), digits)).parse(input)
-}
-
 /// `12`, `1.5`, `5.`, `.5`, `9E+09`, `0x1F`, `0o17`, `0b101`: without a sign.
 pub(super) fn number(input: Bytes<'_>) -> Found<'_> {
     if let [b'0', b'x' | b'X' | b'o' | b'O' | b'b' | b'B', digit, ..] = input
@@ -87,10 +65,7 @@ pub(super) fn number(input: Bytes<'_>) -> Found<'_> {
     {
         return recognize((char('0'), one_of("xXoObB"), take_while(|b: u8| b.is_ascii_hexdigit()))).parse(input);
     }
-    if input.first() == Some(&b'.') {
-        return recognize((char('.'), digits, opt(exponent))).parse(input);
-    }
-    recognize((digits, opt((char('.'), opt(digits))), opt(exponent))).parse(input)
+    decimal(input)
 }
 
 fn comment(input: Bytes<'_>) -> Found<'_> {
@@ -188,14 +163,7 @@ pub(super) struct Cursor<'a> {
 impl<'a> Cursor<'a> {
     pub(super) fn new(bytes: &'a [u8], span: Span) -> Self {
         let range = span.range();
-        Self {
-            bytes,
-            at: range.start,
-            end: range.end.min(bytes.len()),
-            behind: range.start,
-            mark: None,
-            seen: Lexeme::NONE,
-        }
+        Self { bytes, at: range.start, end: range.end.min(bytes.len()), behind: range.start, mark: None, seen: NONE }
     }
 
     /// Passes blanks and comments.

@@ -89,6 +89,7 @@ use literal::Literal;
 use std::collections::{BTreeSet, HashSet};
 use std::sync::Arc;
 use value::OffsetStep;
+pub(crate) use value::SPEEDS;
 
 /// The positions of the number tokens of robtargets.
 #[derive(Debug, Default)]
@@ -288,7 +289,7 @@ fn parsed(
                 if let Some(last) = file.cut.filter(|_| cut == Cut::Looked) {
                     let line = source.line_column(last.range().start).line;
                     let reason = Reason::FileEndsInModule;
-                    cuts.push(Kept { source: index.into(), span: last, line, reason, fault: true, help: "" });
+                    cuts.push(Kept { source: index.into(), span: last, line, reason, fault: true });
                 } else if let Some(last) = file.cut {
                     let message = "the file ends inside a module: expected ENDMODULE";
                     let error = Diagnostic::error("rapid.truncated", &source.name, message).at(source, last);

@@ -59,30 +59,17 @@ impl<'a> Runner<'a> {
         let own_load = own_load && given.named(bytes, b"TLoad").is_none_or(|load| !self.is_no_load(scope, load));
         let feed_mm_s = self.speed(scope, given, shape.to + 1);
         let line = self.messages.kept.line(scope.source, span);
+        let (joints, place) = (Goal::Joints { deg: [0.0; 6] }, SourceSpan { source: scope.source, span });
         let target = Target {
-            ordinal: self.counters.motions,
-            role: Role::End,
-            motion: shape.motion,
-            goal: Goal::Joints { deg: [0.0; 6] },
-            tool: frames.0,
-            wobj: frames.1,
             feed_mm_s,
-            spindle_rpm: None,
-            rapid: false,
             mark: self.state.modal.mark,
             editable: Editable::No(Reason::Joints),
-            located: true,
             extra_load: self.state.modal.load != OnOff::Off || own_load,
-            external: None,
-            name: None,
-            source: scope.source,
-            span,
-            line,
-            predecessor: Predecessor::Previous,
             arc_turn: match self.state.modal.arcs {
                 ArcMode::Stated(turn) => Some(turn),
                 ArcMode::Unstated | ArcMode::ByWrist | ArcMode::Unknown => None,
             },
+            ..Target::new(self.counters.motions, shape.motion, joints, frames, place, line)
         };
         if shape.motion == Motion::AbsoluteJoint {
             let value = self.evaluate(scope, to);
@@ -145,10 +132,10 @@ impl<'a> Runner<'a> {
     }
 
     /// Tool and work object of a motion, or the reason for which they are unknown.
-    fn frames_of(&mut self, scope: Scope, given: &'a Arguments, tool: &'a Expression) -> Result<(u16, u16), Reason> {
+    fn frames_of(&mut self, scope: Scope, given: &'a Arguments, tool: &'a Expression) -> Result<[u16; 2], Reason> {
         let bytes = self.bytes(scope.source as usize);
         let tool = self.tool_index(scope, tool)?;
-        Ok((tool, self.wobj_index(scope, given.named(bytes, b"WObj"))?))
+        Ok([tool, self.wobj_index(scope, given.named(bytes, b"WObj"))?])
     }
 
     /// The argument SearchPoint, before the targets, receives the position at which the search stopped.

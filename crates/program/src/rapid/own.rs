@@ -3,8 +3,8 @@
 
 use super::TargetInText;
 use super::literal::{Literal, POSE};
-use super::writer::{Pose, Writer, single, toward};
-use crate::token::MAX_DECIMALS;
+use super::writer::{Pose, Writer, toward};
+use crate::token::{MAX_DECIMALS, single};
 use crate::{Change, Editable, Goal, RewriteOptions};
 use deflex_text::number::{Fixed, Leading, Numbers, Printed, read_leading};
 use deflex_text::{Content, Edit, Span};
@@ -83,9 +83,7 @@ impl Writer<'_> {
                 }
                 (_, _, change) => (None, change),
             };
-            if change.is_some_and(|change| self.differs(i, change)) {
-                self.kept.push((i, self.reason(i)));
-            }
+            self.keep(i, change, |writer| writer.reason(i));
             written.push(pose.unwrap_or_else(|| self.written(i, &[], &nothing, &nowhere)));
         }
         written

@@ -4,6 +4,7 @@ use deflex_lang::ir::SourceSpan;
 use deflex_text::Source;
 
 /// The statements that were run: one bit for each byte at which a statement may begin.
+#[derive(Default)]
 pub(super) struct Ran(Vec<Vec<u64>>);
 
 impl Ran {

@@ -1,10 +1,10 @@
 //! Writes corrected poses back into number tokens: only sign and digits change.
 
 use super::value::{OffsetStep, rotate, unit};
-use super::writer::{Pose, Print, Writer, single};
+use super::writer::{Pose, Print, Writer};
 use super::{Layout, Offset, TargetInText, clone, insert, own};
-use crate::token::{New, signed};
-use crate::{Change, Editable, Goal, Insert, Program, Reason, RewriteOptions, Rewritten, Role};
+use crate::token::{New, signed, single};
+use crate::{Change, Editable, Goal, Insert, NO_TURN, Program, Reason, RewriteOptions, Rewritten, Role};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Content, Edit, Token};
 use std::collections::{BTreeSet, HashMap, HashSet};
@@ -135,13 +135,14 @@ impl Writer<'_> {
     }
 
     fn done(mut self, written: Vec<Pose>, inserts: &[Insert]) -> Rewritten {
-        let inserted = insert::write(&mut self, inserts);
-        for edits in &mut self.edits {
-            edits.sort_by_key(|e| (e.span.start, e.span.end));
-        }
         self.kept.sort_unstable();
-        let Self { edits, kept, not_inserted, .. } = self;
-        Rewritten { edits, written, inserted, kept, not_inserted, ..Rewritten::default() }
+        let (edits, kept) = (std::mem::take(&mut self.edits), std::mem::take(&mut self.kept));
+        let mut out = Rewritten { edits, written, kept, ..Rewritten::default() };
+        for insert in inserts {
+            out.insert(insert.before, insert::instruction(&self, insert));
+        }
+        out.edits.iter_mut().for_each(|edits| edits.sort_by_key(|edit| edit.span));
+        out
     }
 
     /// The new numbers of each literal, on which all its users agree; clones if they do not.
@@ -151,8 +152,8 @@ impl Writer<'_> {
         let mut disputed: Vec<u32> = Vec::new();
         for (i, (site, change)) in self.layout.sites.iter().zip(changes).enumerate() {
             let TargetInText::Literal { literal, .. } = *site else {
-                if matches!(site, TargetInText::None) && change.as_ref().is_some_and(|c| self.differs(i, c)) {
-                    self.kept.push((i, self.reason(i)));
+                if matches!(site, TargetInText::None) {
+                    self.keep(i, change.as_ref(), |writer| writer.reason(i));
                 }
                 continue;
             };
@@ -160,16 +161,12 @@ impl Writer<'_> {
                 (Editable::Pose, Some(change)) => self.print(i, &self.layout.literals[literal as usize], change),
                 (Editable::Pose, None) => Print::default(),
                 (_, change) => {
-                    if change.as_ref().is_some_and(|c| self.differs(i, c)) {
-                        self.kept.push((i, self.reason(i)));
-                    }
+                    self.keep(i, change.as_ref(), |writer| writer.reason(i));
                     continue;
                 }
             };
             if self.frozen.contains(&literal) {
-                if change.as_ref().is_some_and(|c| self.differs(i, c)) {
-                    self.kept.push((i, Reason::MovesKept));
-                }
+                self.keep(i, change.as_ref(), |_| Reason::MovesKept);
                 continue;
             }
             let slot = literal as usize;
@@ -207,9 +204,7 @@ impl Writer<'_> {
             let Some(offset) = self.layout.offset(&self.layout.sites[i]) else { continue };
             let change = &changes[i];
             if self.program.targets[i].editable != Editable::Position {
-                if change.as_ref().is_some_and(|c| self.differs(i, c)) {
-                    self.kept.push((i, self.reason(i)));
-                }
+                self.keep(i, change.as_ref(), |writer| writer.reason(i));
                 continue;
             }
             let Goal::Pose { position_mm, .. } = self.program.targets[i].goal else { continue };
@@ -307,8 +302,8 @@ impl Writer<'_> {
             }
             TargetInText::None => match self.program.targets[i].goal {
                 Goal::Pose { position_mm, quat, .. } => (position_mm, quat),
-                Goal::Axis { position_mm, .. } => (position_mm, super::value::NO_TURN),
-                Goal::Joints { .. } => return ([0.0; 3], super::value::NO_TURN),
+                Goal::Axis { position_mm, .. } => (position_mm, NO_TURN),
+                Goal::Joints { .. } => return ([0.0; 3], NO_TURN),
             },
         };
         (position.map(single), quat)

@@ -25,6 +25,7 @@ const TARGETS: usize = 200_000;
 const TARGETS_PER_BYTE: usize = 1;
 
 /// A routine that is being run.
+#[derive(Default)]
 pub(super) struct Frame {
     pub(super) routine: RoutineId,
     pub(super) module: usize,
@@ -56,9 +57,10 @@ pub(super) struct RunningLoop {
 }
 
 /// What a run is for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Mode {
     /// The targets of the program.
+    #[default]
     Real,
     /// A routine that the program never calls: only the data that it would use are recorded.
     Aside,
@@ -73,6 +75,7 @@ pub(super) struct Cached {
 }
 
 /// The run of a program: the state at the present statement, and what was found so far.
+#[derive(Default)]
 pub(super) struct Runner<'a> {
     pub(super) symbols: Symbols<'a>,
     /// Files that will be written; those after them give declarations only.
@@ -113,6 +116,7 @@ pub(super) struct Errors {
 }
 
 /// External axes.
+#[derive(Default)]
 pub(super) struct Units {
     /// Sets of units that were deactivated together, the first empty; [`Axes::inactive`](super::state::Axes::inactive) is an index into them.
     pub(super) inactive: Vec<Arc<[InactiveUnit]>>,
@@ -123,6 +127,7 @@ pub(super) struct Units {
 }
 
 /// The bounds of a run, which end loops whose condition never changes, and what is used of them.
+#[derive(Default)]
 pub(super) struct Budget {
     /// Steps so far: about one for each statement.
     pub(super) steps: usize,
@@ -158,6 +163,7 @@ impl Budget {
 }
 
 /// Counts of what has happened.
+#[derive(Default)]
 pub(super) struct Counters {
     /// Versions of the state.
     pub(super) versions: u64,
@@ -171,6 +177,7 @@ pub(super) struct Counters {
 }
 
 /// Routines and statements that were run.
+#[derive(Default)]
 pub(super) struct Reached {
     pub(super) ran: Ran,
     pub(super) entered: HashSet<RoutineId>,
@@ -253,36 +260,18 @@ impl<'a> Runner<'a> {
             routines: Rc::new(Routines::new(&symbols)),
             symbols,
             written,
-            frames: Vec::new(),
-            calls: 0,
-            chains: HashMap::new(),
-            state: State::default(),
-            mode: Mode::Real,
             is_recording: true,
             mark_at_start: files.iter().take(written).find_map(|file| file.mark),
-            errors: Errors::default(),
-            units: Units { inactive: vec![Arc::new([])], external: None, axes_moved: false },
+            units: Units { inactive: vec![Arc::new([])], ..Units::default() },
             budget: Budget {
                 steps: 0,
                 most_steps: STEPS + STEPS_PER_BYTE * bytes,
                 most_targets: TARGETS + TARGETS_PER_BYTE * bytes,
             },
-            counters: Counters { versions: 0, events: 0, marks: 0, motions: 0, arcs: 0 },
-            reached: Reached {
-                ran: Ran::new(sources),
-                entered: HashSet::new(),
-                endless: BTreeSet::new(),
-                entered_aside: HashSet::new(),
-                looking_aside: false,
-                aside: Vec::new(),
-                called_late: Vec::new(),
-            },
+            reached: Reached { ran: Ran::new(sources), ..Reached::default() },
             numbers: Numbers::of(files),
-            used: UsedFrames::default(),
-            found: Found::default(),
-            gathering: Gathering::All,
             messages: Messages { kept: KeptStatements::new(sources, written), ..Messages::default() },
-            begun: Begun::default(),
+            ..Self::default()
         };
         for (source, file) in files.iter().enumerate().take(written) {
             for &(span, reason) in &file.odd {

@@ -1,7 +1,6 @@
 //! Reads chunks of streamable programs line by line. Lines that differ only in the numbers or the name of their robtarget are of
 //! one kind: [`read_as`](super::read_as) reads the first of each kind, and only numbers or name are read of the others.
 
-use super::arguments::index;
 use super::axes::as_written;
 use super::chunk::Chunk;
 use super::index::{hash, target};
@@ -12,7 +11,7 @@ use super::named::Declarations;
 use super::sample::{FoundTarget, Named, Sample};
 use super::shape::pose;
 use super::{Layout, TargetInText};
-use crate::{ExternalAxes, Language, Mark, Predecessor, Program, Target, Tool, Wobj};
+use crate::{ExternalAxes, Language, Mark, Predecessor, Program, Target, Tool, Wobj, intern};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Source, Span};
 use std::ops::Range;
@@ -268,13 +267,16 @@ impl Read {
             });
             if taken { None } else { learn(chunk, text, declaration, usize::from(before != text)) }
         })?;
-        let motion = meaning.map(|Motion { like, tool, wobj }| Target {
-            tool: index(&mut self.tools, tool, Tool::is),
-            wobj: index(&mut self.wobjs, wobj, Wobj::is),
-            // Read alone, it would be the first target.
-            predecessor: Predecessor::Previous,
-            ..like
-        });
+        let motion = match meaning {
+            Some(Motion { like, tool, wobj }) => Some(Target {
+                tool: intern(&mut self.tools, &tool, Tool::is)?,
+                wobj: intern(&mut self.wobjs, &wobj, Wobj::is)?,
+                // Read alone, it would be the first target.
+                predecessor: Predecessor::Previous,
+                ..like
+            }),
+            None => None,
+        };
         Some(AlikeLines { before, behind, template, motion, last: Last::None })
     }
 

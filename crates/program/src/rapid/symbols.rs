@@ -83,6 +83,7 @@ pub(super) struct Variable<'a> {
 }
 
 /// Everything declared outside routines.
+#[derive(Default)]
 pub(super) struct Symbols<'a> {
     pub(super) sources: &'a [Source],
     pub(super) files: &'a [File],
@@ -113,22 +114,7 @@ pub(super) type Field = (Upper, Arc<[u8]>);
 
 impl<'a> Symbols<'a> {
     pub(super) fn new(sources: &'a [Source], files: &'a [File]) -> Self {
-        let mut symbols = Self {
-            sources,
-            files,
-            global: Names::new(),
-            local: Vec::new(),
-            routines: HashMap::new(),
-            local_routines: Vec::new(),
-            modules: HashMap::new(),
-            first_module: Vec::new(),
-            variables: Vec::new(),
-            data: 0,
-            records: HashMap::new(),
-            known: Known::default(),
-            foreign_assigned: BTreeSet::new(),
-            volatile_own: HashMap::new(),
-        };
+        let mut symbols = Self { sources, files, ..Self::default() };
         for (f, file) in files.iter().enumerate() {
             let bytes = &sources[f].bytes;
             symbols.first_module.push(symbols.local.len());

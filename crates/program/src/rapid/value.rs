@@ -60,9 +60,6 @@ impl OffsetStep {
     }
 }
 
-/// The quaternion of no rotation.
-pub(super) const NO_TURN: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
-
 /// Hamilton product, scalar first.
 pub(super) fn multiply(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
     [
@@ -227,6 +224,20 @@ impl Value {
     }
 }
 
+impl ToolData {
+    /// The same with an orientation of unit length.
+    pub(super) fn normalised(self) -> Self {
+        Self { tcp_quat: unit(self.tcp_quat), ..self }
+    }
+}
+
+impl WobjData {
+    /// The same with orientations of unit length.
+    pub(super) fn normalised(self) -> Self {
+        Self { uframe_quat: unit(self.uframe_quat), oframe_quat: unit(self.oframe_quat), ..self }
+    }
+}
+
 /// Whether external axes are in use, by their values.
 pub(super) fn axes_in_use(external: &[f64; 6]) -> bool {
     external.iter().any(|&v| v < UNUSED_AXIS)
@@ -285,8 +296,8 @@ pub(super) fn predefined(name: &[u8]) -> Option<Value> {
     None
 }
 
-/// RAPID reference, speeddata: v5 … v7000 are `[n, 500, 5000, 1000]`.
-const SPEEDS: [u32; 25] = [
+/// TCP speeds of the predefined speeds, mm/s. RAPID reference, speeddata: v5 … v7000 are `[n, 500, 5000, 1000]`.
+pub(crate) const SPEEDS: [u32; 25] = [
     5, 10, 20, 30, 40, 50, 60, 80, 100, 150, 200, 300, 400, 500, 600, 800, 1000, 1500, 2000, 2500, 3000, 4000, 5000,
     6000, 7000,
 ];

@@ -4,7 +4,7 @@ use super::Layout;
 use super::literal::Literal;
 use super::value::{quarters, unit};
 use crate::EXTERNAL_AXES;
-use crate::token::{New, signed};
+use crate::token::{New, signed, single};
 use crate::{Change, Editable, Goal, Program, Reason, RewriteOptions};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Content, Edit, Span, Token};
@@ -33,7 +33,6 @@ pub(super) struct Writer<'a> {
     /// Literals, and offsets by their first number, that stay because another target depends on them.
     pub(super) frozen: BTreeSet<u32>,
     pub(super) frozen_offsets: HashSet<SourceSpan>,
-    pub(super) not_inserted: Vec<(usize, Reason)>,
 }
 
 impl<'a> Writer<'a> {
@@ -46,7 +45,6 @@ impl<'a> Writer<'a> {
             kept: Vec::new(),
             frozen: BTreeSet::new(),
             frozen_offsets: HashSet::new(),
-            not_inserted: Vec::new(),
         }
     }
 
@@ -67,6 +65,13 @@ impl<'a> Writer<'a> {
         let goal = &self.program.targets[i].goal;
         let conf = if let Goal::Pose { conf, .. } = goal { *conf } else { None };
         change.differs(goal) || change.conf.is_some() && change.conf != conf || change.external.is_some()
+    }
+
+    /// Records that a target keeps its pose, if it has a change that differs from the text.
+    pub(super) fn keep(&mut self, i: usize, change: Option<&Change>, why: impl Fn(&Self) -> Reason) {
+        if change.is_some_and(|change| self.differs(i, change)) {
+            self.kept.push((i, why(self)));
+        }
     }
 
     /// The new tokens of a literal for the change of one user.
@@ -152,10 +157,4 @@ pub(super) fn toward(wanted: [f64; 4], quat: [f64; 4]) -> [f64; 4] {
     let wanted = unit(wanted);
     let against = wanted.iter().zip(&quat).map(|(a, b)| a * b).sum::<f64>() < 0.0;
     if against { wanted.map(|c| -c) } else { wanted }
-}
-
-/// The controller's `num` is an IEEE single.
-#[allow(clippy::cast_possible_truncation)]
-pub(super) fn single(value: f64) -> f64 {
-    f64::from(value as f32)
 }

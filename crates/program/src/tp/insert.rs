@@ -4,10 +4,10 @@
 use super::Layout;
 use super::position::{self, Body, Pose, Position};
 use super::renumber::{Shifts, counted, line_end, line_start, renumber};
-use super::written::{DECIMALS, nearest, single};
+use super::written::{DECIMALS, nearest};
 use crate::EXTERNAL_AXES;
 use crate::orientation::{from_zyx_deg, quaternion, rotation, zyx_deg};
-use crate::token::New;
+use crate::token::{New, single};
 use crate::{Conf, Editable, Insert, Motion, Program, Reason, RewriteOptions, Rewritten, Role, Target};
 use deflex_lang::tp::lex::brackets;
 use deflex_lang::tp::lines::{Line, numbers, sections};

@@ -2,11 +2,11 @@
 
 use super::Layout;
 use super::position::{Body, Pose, WrittenConfig};
-use super::written::{DECIMALS, nearest, single};
+use super::written::{DECIMALS, nearest};
 use super::{arcs, insert};
 use crate::orientation::{from_zyx_deg, halfway, quaternion, rotation, zyx_deg};
-use crate::token::New;
-use crate::{Change, Conf, Editable, Goal, Insert, Program, Reason, RewriteOptions, Rewritten};
+use crate::token::{New, single};
+use crate::{Change, Conf, Editable, Goal, Insert, NO_TURN, Program, Reason, RewriteOptions, Rewritten};
 use deflex_text::{Content, Edit, Span, Token};
 use std::collections::BTreeSet;
 
@@ -193,7 +193,7 @@ impl Writer<'_> {
     /// A target as the controller will store it: the printed numbers in single precision.
     fn written(&self, i: usize, prints: &[Option<Print>]) -> ([f64; 3], [f64; 4]) {
         let Goal::Pose { position_mm, quat, .. } = self.program.targets[i].goal else {
-            return ([0.0; 3], [1.0, 0.0, 0.0, 0.0]);
+            return ([0.0; 3], NO_TURN);
         };
         let Some(site) = self.layout.sites[i] else { return (position_mm, quat) };
         let print = prints[site as usize].as_ref();

@@ -11,7 +11,7 @@ use crate::{
     ToolData, Wobj, WobjData,
 };
 use deflex_lang::ir;
-use deflex_lang::run::{Outcome, PathStart};
+use deflex_lang::run::Outcome;
 use deflex_lang::tp::{self, Frame, Held, Motion, Speed, StatementKind};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -102,9 +102,8 @@ impl<'a> Builder<'a> {
         target.predecessor = match visit.held.0.from {
             // The end of an arc comes after its circle point.
             _ if self.last == Some(visit.run) => Predecessor::Previous,
-            PathStart::Start => Predecessor::Start,
-            PathStart::Previous if self.last.is_some_and(|last| last + 1 == visit.run) => Predecessor::Previous,
-            PathStart::Previous | PathStart::Unknown => Predecessor::Unknown,
+            Predecessor::Previous if self.last.is_none_or(|last| last + 1 != visit.run) => Predecessor::Unknown,
+            from => from,
         };
         self.last = Some(visit.run);
         self.built.targets.push(target);
@@ -151,7 +150,7 @@ impl<'a> Builder<'a> {
             Ok(Some(b"cut")) => Some(Mark::Cut),
             _ => None,
         };
-        let [wobj, tool] = self.frames(frames, visit.held)?;
+        let frames = self.frames(frames, visit.held)?;
         let path = match (motion.path, &goal) {
             (ir::Path::Joint, Goal::Joints { .. }) => Path::AbsoluteJoint,
             (ir::Path::Joint, _) => Path::Joint,
@@ -159,13 +158,12 @@ impl<'a> Builder<'a> {
             _ => Path::Linear,
         };
         let line = &self.code.lines[visit.at];
+        let ordinal = u32::try_from(self.built.motions).unwrap_or(u32::MAX);
+        let (place, number) =
+            (ir::SourceSpan { source: 0, span: line.span }, u32::try_from(line.line).unwrap_or(u32::MAX));
+        // `push` sets the predecessor: the points before are not added yet.
         let target = Target {
-            ordinal: u32::try_from(self.built.motions).unwrap_or(u32::MAX),
             role,
-            motion: path,
-            goal,
-            tool,
-            wobj,
             feed_mm_s: match motion.speed {
                 Some(Speed::Number(mm_s)) => Some(mm_s),
                 Some(Speed::Register { unit_mm_s, .. }) => {
@@ -173,20 +171,11 @@ impl<'a> Builder<'a> {
                 }
                 None => None,
             },
-            spindle_rpm: None,
-            rapid: false,
             mark,
             editable: why.map_or(Editable::Pose, Editable::No),
-            located: true,
-            extra_load: false,
             external: self.external(position, motion),
             name: Some(format!("P[{}]", position.number).into()),
-            source: 0,
-            span: line.span,
-            line: u32::try_from(line.line).unwrap_or(u32::MAX),
-            // `push` sets it: the points before are not added yet.
-            predecessor: Predecessor::Unknown,
-            arc_turn: None,
+            ..Target::new(ordinal, path, goal, frames, place, number)
         };
         Ok((target, site))
     }
@@ -203,7 +192,7 @@ impl<'a> Builder<'a> {
         Some(Arc::new(ExternalAxes { written, at_rest, groups, coordinated, ..ExternalAxes::default() }))
     }
 
-    /// Indices of work object and tool.
+    /// Indices of tool and work object.
     fn frames(&mut self, recorded: [Number; 2], held: Held<'_>) -> Result<[u16; 2], Reason> {
         let mut numbers = [0; 2];
         for (i, frame) in [Frame::User, Frame::Tool].into_iter().enumerate() {
@@ -217,10 +206,14 @@ impl<'a> Builder<'a> {
                 return Err(REDEFINED[i]);
             }
         }
-        let wobj =
-            Wobj { name: format!("UF {}", numbers[0]).into(), data: (numbers[0] == 0).then_some(WORLD), unit: None };
-        let tool = Tool { name: format!("UT {}", numbers[1]).into(), data: (numbers[1] == 0).then_some(FLANGE) };
-        Ok([intern(&mut self.built.wobjs, wobj), intern(&mut self.built.tools, tool)])
+        let wobj = Wobj {
+            name: format!("UF {}", numbers[0]).into(),
+            data: (numbers[0] == 0).then_some(WobjData::WORLD),
+            unit: None,
+        };
+        let tool =
+            Tool { name: format!("UT {}", numbers[1]).into(), data: (numbers[1] == 0).then_some(ToolData::FLANGE) };
+        Ok([intern(&mut self.built.tools, tool), intern(&mut self.built.wobjs, wobj)])
     }
 
     /// Records a motion with an unknown end.
@@ -298,19 +291,3 @@ fn goal(pose: &Pose) -> Goal {
         conf: pose.config.map(|config| Conf::Turns(config.config)),
     }
 }
-
-const UNTURNED: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
-
-/// User frame 0.
-const WORLD: WobjData = WobjData {
-    robhold: false,
-    fixed: true,
-    uframe_mm: [0.0; 3],
-    uframe_quat: UNTURNED,
-    oframe_mm: [0.0; 3],
-    oframe_quat: UNTURNED,
-};
-
-/// Tool 0: the flange.
-const FLANGE: ToolData =
-    ToolData { robhold: true, tcp_mm: [0.0; 3], tcp_quat: UNTURNED, mass_kg: 0.0, cog_mm: [0.0; 3] };

@@ -12,9 +12,3 @@ pub(super) fn nearest(wpr: [f64; 3], before: [f64; 3]) -> [f64; 3] {
     let off = |angles: &[f64; 3]| (0..3).map(|i| within(angles[i] - before[i]).powi(2)).sum::<f64>();
     if off(&other) < off(&wpr) { other } else { wpr }
 }
-
-/// The controller stores numbers in single precision (IEEE).
-#[allow(clippy::cast_possible_truncation)]
-pub(super) fn single(value: f64) -> f64 {
-    f64::from(value as f32)
-}

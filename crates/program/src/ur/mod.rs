@@ -1,6 +1,7 @@
 //! Universal Robots' URScript (`.script`), read by `deflex-lang`.
 
-use super::lowered::{self, Lowering, Style, single};
+use super::lowered::{self, Lowering, Style};
+use super::token::single;
 use super::{Language, Program};
 use deflex_lang::urscript::{self, UrScript};
 use deflex_text::{Diagnostic, Source};
@@ -15,7 +16,7 @@ pub(super) static STYLE: Style = Style {
     deg: 180.0 / PI,
     // 1e-8 rad are 3e-6 mm at 300 mm.
     turn_decimals: 8,
-    held: single,
+    held: |_, value| single(value),
     tool: "TCP",
     frame: "base",
     passes: blend,

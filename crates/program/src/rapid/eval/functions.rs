@@ -4,9 +4,9 @@ use super::super::expression::{Arguments, Call};
 use super::super::predefined;
 use super::super::runner::Runner;
 use super::super::symbols::Upper;
-use super::super::value::{NO_TURN, OffsetStep, Value, multiply};
+use super::super::value::{OffsetStep, Value, multiply};
 use super::Scope;
-use crate::Reason;
+use crate::{NO_TURN, Reason};
 use deflex_text::number::write_fixed;
 use std::rc::Rc;
 

@@ -1,5 +1,6 @@
 //! Tests the line-by-line reader against the full reader.
 
+use super::super::chunk::Chunk;
 use super::super::chunks::Chunks;
 use super::super::declared::Declared;
 use crate::Next;
@@ -149,12 +150,7 @@ proptest! {
             _ => return Ok(()),
         };
         while let Ok(Next::Chunk(chunk)) = chunks.take() {
-            let fast = super::read(&chunk).map(|read| read.into_program(chunk.dialect(), chunk.source.clone()));
-            let plain = chunk.read_plain();
-            // The line-by-line reader leaves the text to the full reader, or gives the same result.
-            if let Some(fast) = fast {
-                prop_assert_eq!(plain.map(|plain| format!("{:?}", plain.program)), Some(format!("{fast:?}")));
-            }
+            reads_like_the_full_reader(chunk);
         }
     }
 }
@@ -166,42 +162,54 @@ proptest! {
     }
 }
 
+/// The line-by-line reader leaves the text to the full reader, or gives the same result.
+fn reads_like_the_full_reader(chunk: Chunk) {
+    let fast = super::read(&chunk).map(|read| read.into_program(chunk.dialect(), chunk.source.clone()));
+    let plain = chunk.read_plain();
+    if let Some(fast) = fast {
+        assert_eq!(plain.map(|plain| format!("{:?}", plain.program)), Some(format!("{fast:?}")));
+    }
+}
+
 fn reads_like_its_statements(text: &str) {
     let file = || Cursor::new(text.as_bytes());
     let Ok(Some(mut chunks)) = Declared::sized("x.mod", file(), file(), &[], 1000) else { return };
     while let Ok(Next::Chunk(chunk)) = chunks.take() {
-        let fast = super::read(&chunk).map(|read| read.into_program(chunk.dialect(), chunk.source.clone()));
-        if let Some(fast) = fast {
-            let plain = chunk.read_plain();
-            assert_eq!(plain.map(|plain| format!("{:?}", plain.program)), Some(format!("{fast:?}")));
-        }
+        reads_like_the_full_reader(chunk);
     }
 }
 
 #[test]
 fn a_target_with_the_name_of_a_speed_teaches_other_chunks_nothing() {
     let names: Vec<String> = ["v50".to_owned()].into_iter().chain((0..60).map(|i| format!("p{i}"))).collect();
-    let target =
-        |name: &String| format!("  CONST robtarget {name}:=[[1,2,3],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n");
-    let data: String = names.iter().map(target).collect();
+    reads_like_its_statements(&program_with(&names));
+}
+
+/// A program that declares these targets and moves to each of them.
+fn program_with(names: &[String]) -> String {
+    let target = |(i, name): (usize, &String)| {
+        format!("  CONST robtarget {name}:=[[{i}.5,2,3],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n")
+    };
+    let data: String = names.iter().enumerate().map(target).collect();
     let lines: String = names.iter().map(|name| format!("    MoveL {name},v50,z1,tA;\n")).collect();
-    reads_like_its_statements(&(HEAD.replace("  PROC", &format!("{data}  PROC")) + &lines + "ENDPROC\nENDMODULE\n"));
+    HEAD.replace("  PROC", &format!("{data}  PROC")) + &lines + "ENDPROC\nENDMODULE\n"
+}
+
+/// How many targets of these chunks their kinds of lines tell.
+fn targets_told(mut take: impl FnMut() -> std::io::Result<Next<Chunk>>) -> usize {
+    let mut count = 0;
+    while let Ok(Next::Chunk(chunk)) = take() {
+        count += super::read(&chunk).unwrap().targets.len();
+    }
+    count
 }
 
 #[test]
 fn a_usual_program_with_declared_targets_is_read_by_its_kinds_of_lines() {
-    let target =
-        |i: usize| format!("  CONST robtarget p{i}:=[[{i}.5,2,3],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n");
-    let data: String = (0..2000).map(target).collect();
-    let lines: String = (0..2000).map(|i| format!("    MoveL p{i},v50,z1,tA;\n")).collect();
-    let text = HEAD.replace("  PROC", &format!("{data}  PROC")) + &lines + "ENDPROC\nENDMODULE\n";
+    let text = program_with(&(0..2000).map(|i| format!("p{i}")).collect::<Vec<_>>());
     let file = || Cursor::new(text.as_bytes());
     let mut chunks = Declared::new("x.mod", file(), file(), &[]).unwrap().unwrap();
-    let mut count = 0;
-    while let Ok(Next::Chunk(chunk)) = chunks.take() {
-        count += super::read(&chunk).unwrap().targets.len();
-    }
-    assert_eq!(count, 2000);
+    assert_eq!(targets_told(|| chunks.take()), 2000);
 }
 
 #[test]
@@ -209,9 +217,5 @@ fn a_usual_program_is_read_by_its_kinds_of_lines() {
     let line = "    MoveL [[1.5,2,3],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,z1,tA;\n";
     let text = format!("{HEAD}  ConfL\\Off;\n  ! deflex cut\n{}ENDPROC\nENDMODULE\n", line.repeat(2000));
     let mut chunks = Chunks::new("x.mod", text.as_bytes(), &[]).unwrap().unwrap();
-    let mut count = 0;
-    while let Ok(Next::Chunk(chunk)) = chunks.take() {
-        count += super::read(&chunk).unwrap().targets.len();
-    }
-    assert_eq!(count, 2000);
+    assert_eq!(targets_told(|| chunks.take()), 2000);
 }
