@@ -17,11 +17,7 @@ use std::collections::BTreeMap;
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
 /// # let prepared = deflex_correct::Prepared::new(&program, &cell, &Default::default())?;
 /// use deflex_correct::Course;
 ///
@@ -77,11 +73,7 @@ impl<T> NotedWaypoints<T> {
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
 /// let path = deflex_correct::loaded_path(&program, &cell, &Default::default())?;
 /// let sample = &path.samples[path.samples.len() / 2];
 /// println!("{:.1} s: {:.3} m/s, {:.0} N", sample.time, sample.feed, sample.force.norm());
@@ -110,11 +102,7 @@ pub struct LoadedSample {
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
 /// let path = deflex_correct::loaded_path(&program, &cell, &Default::default())?;
 /// assert!(!path.samples.is_empty());
 /// # Ok::<(), deflex_text::Diagnostics>(())

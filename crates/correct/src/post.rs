@@ -67,7 +67,6 @@ const CORNER_TOLERANCE_MM: f64 = 0.05;
 /// fn points(chunks: cl::Chunks<std::fs::File>) -> Result<usize, StreamError> {
 ///     Ok(Outline::of_chunks(chunks, |_, _| ())?.points())
 /// }
-/// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct Outline {
@@ -285,7 +284,6 @@ fn post_cl(program: &Program, corrected: &Corrected, options: &PostOptions) -> R
 /// fn files(outline: Outline, cell: &Cell, options: &PostOptions) -> Result<usize, Vec<Diagnostic>> {
 ///     Ok(Poster::new(outline, cell, options)?.files())
 /// }
-/// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
 #[derive(Debug)]
 pub struct Poster {

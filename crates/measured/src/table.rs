@@ -67,6 +67,7 @@ pub struct MeasuredRow {
 ///
 /// let table = Table::read(&Source::new("probe.csv", "target,normal_mm\n1,0.12\n2,0.14\n"))?;
 /// assert_eq!(table.rows.len(), 2);
+/// assert!(table.forces().of(2, None).is_some_and(|row| row.force.is_none()));
 /// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -174,16 +175,6 @@ impl Table {
     }
 
     /// Forces and covariates by target, for `--forces`.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_measured::Table;
-    /// # use deflex_text::Source;
-    /// let table = Table::read(&Source::new("forces.csv", "target,fx_n,fy_n,fz_n\n7,0,0,120\n"))?;
-    /// let row = table.forces().of(7, None).expect("a row for target 7");
-    /// assert_eq!(row.force.map(|force| force.z), Some(120.0));
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn forces(&self) -> Forces {
         self.rows.iter().filter_map(|row| Some((row.target.clone()?, row.force()))).collect()

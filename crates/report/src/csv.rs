@@ -257,11 +257,7 @@ pub fn write_csv(rows: &[Row], out: &mut impl Write) -> io::Result<()> {
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
 /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
 /// let text = deflex_report::csv_rows(&corrected.rows);
 /// assert_eq!(text.iter().filter(|byte| **byte == b'\n').count(), corrected.rows.len());

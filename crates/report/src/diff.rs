@@ -15,9 +15,7 @@ const SAME: f64 = 1e-9;
 ///
 /// # Examples
 /// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, _) = include!("../../../tests/doc/slot.rs");
 /// let difference = deflex_report::difference(&program, &program);
 /// assert!(difference.is_empty() && difference.max_mm == 0.0);
 /// # Ok::<(), deflex_text::Diagnostics>(())
@@ -47,9 +45,7 @@ pub struct Difference {
 ///
 /// # Examples
 /// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, _) = include!("../../../tests/doc/slot.rs");
 /// for moved in deflex_report::difference(&program, &program).moved {
 ///     println!("target {}: {:?} mm", moved.target, moved.shift_mm);
 /// }
@@ -81,9 +77,7 @@ pub struct MovedTarget {
 ///
 /// # Examples
 /// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, _) = include!("../../../tests/doc/slot.rs");
 /// for other in deflex_report::difference(&program, &program).other {
 ///     println!("line {}: {}", other.line, other.what);
 /// }
@@ -376,6 +370,7 @@ fn plain(value: f64) -> String {
 }
 
 /// Four decimals, as programs are written, and no negative zero.
+/// The number with these decimals, and no negative zero.
 fn short(value: f64) -> String {
     decimals(value, 4)
 }
