@@ -463,7 +463,6 @@ mod tests {
         Row {
             target,
             line,
-            name: None,
             status: Status::Ok,
             position_mm: three(0),
             error_mm: three(3),
@@ -482,9 +481,7 @@ mod tests {
             joints_deg: (!target.is_multiple_of(5)).then(|| std::array::from_fn(|axis| values[axis])),
             feed_mm_s: (!line.is_multiple_of(3)).then_some(values[14]),
             error_part_mm: target.is_multiple_of(7).then_some(values[13]),
-            names: None,
-            stiffness: None,
-            stance: None,
+            ..Row::default()
         }
     }
 

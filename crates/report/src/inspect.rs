@@ -21,7 +21,7 @@ const CL_WOBJ: &str = "the part";
 /// assert!(InspectFile::refused("part.mod", None, &[]).refused.is_some());
 /// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct InspectFile {
     /// As the user typed it.
     pub path: String,
@@ -230,21 +230,7 @@ impl InspectFile {
     #[must_use]
     pub fn refused(path: &str, language: Option<Language>, errors: &[Diagnostic]) -> Self {
         let reason = errors.first().map_or_else(|| "not read".to_owned(), |error| error.message.clone());
-        Self {
-            path: path.to_owned(),
-            language: language.map(Language::word),
-            dialect: None,
-            motion_targets: 0,
-            literal_targets: 0,
-            arcs: 0,
-            refused: Some(reason),
-            kept: Vec::new(),
-            round_trip: false,
-            round_trip_fault: None,
-            tools: Vec::new(),
-            wobjs: Vec::new(),
-            reach: Reached::default(),
-        }
+        Self { path: path.to_owned(), language: language.map(Language::word), refused: Some(reason), ..Self::default() }
     }
 }
 
