@@ -185,14 +185,8 @@ impl Course {
             if before.is_none_or(|before| !program.is_worded_like(before, i)) {
                 passing = program.passing(i);
             }
-            let zone = match passing {
-                Passing::Stop => None,
-                Passing::Zone(mm) => Some(1e-3 * mm),
-                Passing::Unstated => {
-                    self.unstated += usize::from(unstated_zone.is_none());
-                    unstated_zone
-                }
-            };
+            let zone = zone_of(passing, unstated_zone);
+            self.unstated += usize::from(passing == Passing::Unstated && unstated_zone.is_none());
             let setting = prepared.setting(i);
             let in_base = |pose: &Pose| setting.base_from_wobj * pose;
             let lead = match Kind::of(program, i) {
@@ -283,11 +277,7 @@ impl Course {
             for node in commanded.nodes[first..].iter().take_while(|node| node.before == i) {
                 let near = course.waypoints.last().map_or(waypoint.motor, |last: &Waypoint| last.motor);
                 let motor = controller_motor(robot, prepared.setting(i), &node.commanded, &near).unwrap_or(near);
-                let zone = match program.inserted_passing(i) {
-                    Passing::Stop => None,
-                    Passing::Zone(mm) => Some(1e-3 * mm),
-                    Passing::Unstated => unstated_zone,
-                };
+                let zone = zone_of(program.inserted_passing(i), unstated_zone);
                 let turn = prepared.points[i].arc_turn;
                 let lead = node.via.map_or(Lead::Line, |via| Lead::Arc { via: base_from_wobj * via, turn });
                 let base_from_tcp = base_from_wobj * node.commanded;
@@ -524,6 +514,15 @@ impl Course {
             Some(0.25 * radius * (after.0 - before.0).norm())
         });
         corners.fold(0.0, f64::max)
+    }
+}
+
+/// The zone (m) in which the robot passes a point; `None` where it comes to rest, or if neither the text nor the cell, in `unstated`, gives one.
+pub(super) fn zone_of(passing: Passing, unstated: Option<f64>) -> Option<f64> {
+    match passing {
+        Passing::Stop => None,
+        Passing::Zone(mm) => Some(1e-3 * mm),
+        Passing::Unstated => unstated,
     }
 }
 

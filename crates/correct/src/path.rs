@@ -275,10 +275,8 @@ impl Walk<'_, '_> {
 
     /// Adds a target whose pose is unknown.
     fn pass_over(&mut self, target: &Target, why: KeptReason, SettingAndTool { setting, tool }: SettingAndTool) {
-        if self.cell.stock.is_some() && self.carried.laws.may_cut(target, tool) {
-            let message = format!("it cannot be computed what this move cuts from the stock: {why}");
-            let help = format!("mark it `{}`, or leave [stock] out", self.program.language.mark(Mark::Air));
-            return self.refuse(target, "cell.stock", &message, &help);
+        if self.may_cut_unknown_stock(target, why, tool) {
+            return;
         }
         let mut travel = self.last().map_or_else(Joints::zeros, |previous| previous.travel);
         let at = match target.goal {
@@ -561,10 +559,8 @@ impl Walk<'_, '_> {
         SettingAndTool { setting, tool }: SettingAndTool,
         stand: &Stand,
     ) {
-        if self.cell.stock.is_some() && self.carried.laws.may_cut(target, tool) {
-            let message = format!("it cannot be computed what this move cuts from the stock: {why}");
-            let help = format!("mark it `{}`, or leave [stock] out", self.program.language.mark(Mark::Air));
-            return self.refuse(target, "cell.stock", &message, &help);
+        if self.may_cut_unknown_stock(target, why, tool) {
+            return;
         }
         let point = Point::unsolved(why, wobj_from_tcp, dragged, setting, self.last());
         self.points.push(Point { moved: stand.moved.clone(), ..point });
@@ -577,6 +573,17 @@ impl Walk<'_, '_> {
             return Some(pose);
         }
         spin::pose(self.ahead.spin(), position_mm, axis, chord, &mut self.carried.spun)
+    }
+
+    /// Refuses a target from which on the stock would not be known, because its move may cut. Returns whether it did.
+    fn may_cut_unknown_stock(&mut self, target: &Target, why: KeptReason, tool: usize) -> bool {
+        let is_refused = self.cell.stock.is_some() && self.carried.laws.may_cut(target, tool);
+        if is_refused {
+            let message = format!("it cannot be computed what this move cuts from the stock: {why}");
+            let help = format!("mark it `{}`, or leave [stock] out", self.program.language.mark(Mark::Air));
+            self.refuse(target, "cell.stock", &message, &help);
+        }
+        is_refused
     }
 
     fn refuse(&mut self, target: &Target, code: &'static str, message: &str, help: &str) {

@@ -473,19 +473,11 @@ mod tests {
 
     fn row(status: Status, error: f64, force: f64) -> Row {
         Row {
-            target: 1,
-            line: 1,
-            name: None,
             status,
-            position_mm: [0.0; 3],
             error_mm: [0.0, error, 0.0],
-            error_deg: [0.0; 3],
             error_normal_mm: error,
-            correction_mm: [0.0; 3],
-            correction_deg: [0.0; 3],
             remaining_mm: [0.0, 0.1 * error, 0.0],
             force_n: [force, 0.0, 0.0],
-            path: None,
             ..Row::default()
         }
     }

@@ -7,7 +7,7 @@
 use super::collected::too_large;
 use super::context::Context;
 use super::corrected::DrivenSummary;
-use super::course::Course;
+use super::course::{Course, zone_of};
 use super::driven::{DrivenSegments, Sampling, driven_segments, loaded_along, original_waypoint};
 use super::line::compensate_in;
 use super::original_loads::{OriginalLoads, OriginalTarget};
@@ -203,11 +203,7 @@ impl Given<'_> {
 
     /// Zone (m) of a point that is inserted before a target; `None` if the arm would come to rest there, or if the zone is not known.
     fn added_zone(&self, before: usize) -> Option<f64> {
-        match self.program.inserted_passing(before) {
-            Passing::Stop => None,
-            Passing::Zone(mm) => Some(1e-3 * mm),
-            Passing::Unstated => self.path.zone,
-        }
+        zone_of(self.program.inserted_passing(before), self.path.zone)
     }
 
     fn refused(&self, error: DriveError) -> Vec<Diagnostic> {
