@@ -196,9 +196,9 @@ pub fn identify(
 ) -> Result<Identified, Vec<Diagnostic>> {
     if let Some(tool) = tool.filter(|_| poses.is_empty() && runs.iter().all(|run| run.program.language().is_edited())) {
         let message = format!("--tool {tool} has no effect: it is for --poses and for CL data, and none are given");
-        return Err(vec![
-            Diagnostic::error("usage.tool", "", message).help("leave it out: the program names its tools"),
-        ]);
+        return Err(Diagnostic::error("usage.tool", "", message)
+            .help("leave it out: the program names its tools")
+            .into());
     }
     let parsed = all(runs.iter().map(|run| run.parse(cell, tool)));
     let (parsed, tables) = both(parsed, all(poses.iter().map(|poses| poses.table(cell))))?;

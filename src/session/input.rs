@@ -30,10 +30,9 @@ pub(crate) fn program(
     let Some(options) = cell.cl_options(tool) else {
         let message =
             format!("[cl] is missing: {} is CL data, whose tool, work object and spin only the cell knows", job.name);
-        return Err(vec![
-            Diagnostic::error("cell.no-cl", &cell.name, message)
-                .help("add [cl] with tool, wobj, units, point and spin"),
-        ]);
+        return Err(Diagnostic::error("cell.no-cl", &cell.name, message)
+            .help("add [cl] with tool, wobj, units, point and spin")
+            .into());
     };
     parse(job, context, &ReadOptions { cl: &options, look: false })
 }
@@ -88,9 +87,9 @@ impl Context {
 /// ```
 /// use deflex::session::CellFile;
 ///
+/// let cell = CellFile::read("samples/slot/cell.toml".as_ref())?;
 /// assert!(cell.cell().arm.robot.model.starts_with("irb6660"));
 /// let same = CellFile::parse(cell.source().clone())?;
-/// let cell = CellFile::read("samples/slot/cell.toml".as_ref())?;
 /// # Ok::<(), deflex::text::Diagnostics>(())
 /// ```
 #[derive(Debug)]

@@ -160,14 +160,11 @@ impl Run {
     /// The options for a program that is held as a whole: `follow` receives the progress of the cut, if the cell has a
     /// stock.
     fn options_followed(&self, program: &ProgramFiles) -> Cow<'_, Options> {
-        let options = &self.setup.options;
-        let Some(follow) = self.follow.clone().filter(|_| self.setup.cell.cell.stock.is_some()) else {
-            return Cow::Borrowed(options);
-        };
         let bytes: usize = program.sources().iter().map(|source| source.bytes.len()).sum();
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a share of the bytes
-        let cut_progress = CutProgress::new(move |share| follow(0, (share * bytes as f64) as u64));
-        Cow::Owned(Options { cut_progress, ..options.clone() })
+        let cut_progress =
+            |follow: Arc<Follow>| CutProgress::new(move |share| follow(0, (share * bytes as f64) as u64));
+        self.setup.options_followed(self.follow.clone().map(cut_progress))
     }
 
     /// A place to keep the unrounded numbers of the report, if they are wanted.
