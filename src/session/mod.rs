@@ -161,7 +161,6 @@ impl Run {
     /// stock.
     fn options_followed(&self, program: &ProgramFiles) -> Cow<'_, Options> {
         let bytes: usize = program.sources().iter().map(|source| source.bytes.len()).sum();
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a share of the bytes
         let cut_progress =
             |follow: Arc<Follow>| CutProgress::new(move |share| follow(0, (share * bytes as f64) as u64));
         self.setup.options_followed(self.follow.clone().map(cut_progress))

@@ -313,9 +313,7 @@ impl Given<'_> {
         let mut more = 0;
         for (waypoint, inserted) in shaped.inserted.iter().enumerate() {
             let target = course.targets[waypoint];
-            #[allow(clippy::cast_possible_truncation)] // far fewer than motions
-            let count = *inserted as u32;
-            more += count;
+            more += *inserted as u32; // far fewer than motions
             ordinals.push((program.targets[target].ordinal + more, waypoint));
         }
         let inserted: usize = shaped.inserted.iter().sum();

@@ -315,7 +315,6 @@ pub(super) fn as_posted(pose: &Pose, post: Option<Language>) -> ([f64; 3], [f64;
     if let Some(held) = post.and_then(|post| post.about().post.held) {
         return held(position, quat);
     }
-    #[allow(clippy::cast_possible_truncation)]
     let round = |value: f64, decimals: usize| f64::from(number::printed(value, decimals) as f32);
     (position.map(|v| round(v, POSTED_DECIMALS.0)), quat.map(|v| round(v, POSTED_DECIMALS.1)))
 }

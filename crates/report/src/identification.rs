@@ -134,7 +134,6 @@ pub(super) fn significant(value: f64) -> String {
     if value == 0.0 || !(1e-3..1e7).contains(&size) {
         return if value == 0.0 { "0".to_owned() } else { format!("{value:.3e}") };
     }
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let decimals = (3.0 - size.log10().floor()).max(0.0) as usize;
     let mut text = Vec::new();
     write_fixed(&mut text, value, decimals);
