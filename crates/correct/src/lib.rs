@@ -46,6 +46,7 @@ mod path;
 mod point;
 mod poses;
 mod post;
+mod refusal;
 mod remarks;
 mod removal;
 mod row;

@@ -9,6 +9,7 @@ use super::laws::Laws;
 use super::load::PointLoad;
 use super::mount::{Mount, Moved, Stand, is_entered_elsewhere};
 use super::point::{Point, tool_axis};
+use super::refusal::Refusal;
 use super::segment::Kind;
 use super::spin;
 use super::travel::CHORD;
@@ -404,22 +405,17 @@ impl Walk<'_, '_> {
             let dragged = Dragged { motor, twist: Joints::zeros(), travel };
             return self.leave(target, why, (wobj_from_tcp, dragged), setting_and_tool, stand);
         }
-        let load = match self.carried.laws.load(
-            (target, tool),
-            row.and_then(|r| r.force),
-            (frame.as_ref(), leaned),
-            &wobj_from_tcp,
-            self.options.has_force_table(self.cell),
-        ) {
+        let table = self.options.has_force_table(self.cell);
+        let (cut, given, axes) = ((target, tool), row.and_then(|r| r.force), (frame.as_ref(), leaned));
+        let load = match self.carried.laws.load(cut, given, axes, &wobj_from_tcp, table) {
             Ok(load) => load,
-            Err((code, message, help)) => return self.refuse(target, code, &message, &help),
+            Err(Refusal { code, message, help }) => return self.refuse(target, code, &message, &help),
         };
-        let through = match self.carried.laws.through((target, tool), self.options.has_force_table(self.cell)) {
+        let through = match self.carried.laws.through(cut, table) {
             Ok(through) => through,
-            Err((code, message, help)) => return self.refuse(target, code, &message, &help),
+            Err(Refusal { code, message, help }) => return self.refuse(target, code, &message, &help),
         };
         let cuts = !matches!(load, PointLoad::Air);
-        let table = self.options.has_force_table(self.cell);
         let plunges = length > CHORD && feed_frame.is_none() && self.carried.laws.in_feed_frame((target, tool), table);
         let point = Point {
             setting,

@@ -11,6 +11,7 @@ use super::course::{Course, zone_of};
 use super::driven::{DrivenSegments, Sampling, driven_segments, loaded_along, original_waypoint};
 use super::line::compensate_in;
 use super::original_loads::{OriginalLoads, OriginalTarget};
+use super::refusal::Refusal;
 use super::{Corrected, Options, Prepared, Row, frames};
 use deflex_cell::{Cell, ControllerPath};
 use deflex_drive::{CommandedMotion, DriveError, Freedom, ShapedCommand, Wanted, shape};
@@ -355,7 +356,7 @@ impl Given<'_> {
             else {
                 continue;
             };
-            let (code, message, help) = too_large(1e-3 * row.correction_norm_mm(), most);
+            let Refusal { code, message, help } = too_large(1e-3 * row.correction_norm_mm(), most);
             let message = format!("target {}: {message}", row.target);
             corrected.failures.push(program.error_at(target, code, message).help(help));
         }
